@@ -1,0 +1,134 @@
+"""Compose `artifacts/params.yaml` from `conf/` and the overrides in `params.yaml`: the only user of Hydra."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import sys
+from pathlib import Path
+from typing import Any
+
+import yaml
+from hydra import compose as hydra_compose
+from hydra import initialize_config_dir
+from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from pydantic import ValidationError
+
+from pipeline.errors import MineError, ParamsError
+from pipeline.params.config import Config
+from pipeline.store.files import write_atomically
+
+CONF = Path("conf")
+ROOT_PARAMS = Path("params.yaml")
+COMPOSED = Path("artifacts/params.yaml")
+
+
+def compose(overrides: list[str]) -> Config:
+    """Compose the configuration and check it.
+
+    Parameters
+    ----------
+    overrides : list of str
+        Hydra overrides: `group=choice` or `section.key=value`.
+
+    Raises
+    ------
+    ParamsError
+        Naming the override, its value and what would be valid.
+    """
+    if not (CONF / "config.yaml").is_file():
+        raise ParamsError(f"{CONF / 'config.yaml'}: missing; run from the project's root")
+    try:
+        with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
+            composed = hydra_compose("config", overrides)
+            values = OmegaConf.to_container(composed, resolve=True)
+    except (HydraException, OmegaConfBaseException, yaml.YAMLError) as error:
+        raise ParamsError(_explain(overrides, error)) from error
+    try:
+        return Config.model_validate(values)
+    except ValidationError as error:
+        raise ParamsError("\n".join(_describe(e) for e in error.errors())) from error
+
+
+def root_overrides() -> list[str]:
+    """Return the overrides that `params.yaml` holds, split as a shell would."""
+    try:
+        text = yaml.safe_load(ROOT_PARAMS.read_text())["overrides"] or ""
+        return shlex.split(text)
+    except FileNotFoundError:
+        raise ParamsError(f"{ROOT_PARAMS}: missing; run from the project's root") from None
+    except (yaml.YAMLError, ValueError, KeyError, TypeError) as error:
+        raise ParamsError(f'{ROOT_PARAMS}: want one line `overrides: "..."` ({error})') from error
+
+
+def composed_section(section: str) -> Any:
+    """Return one stage's parameters as `artifacts/params.yaml` holds them."""
+    try:
+        return getattr(Config.model_validate(yaml.safe_load(COMPOSED.read_text())), section)
+    except FileNotFoundError:
+        raise ParamsError(f"{COMPOSED}: missing; write it with `python -m pipeline.compose`") from None
+    except (yaml.YAMLError, ValidationError) as error:
+        raise ParamsError(f"{COMPOSED}: not a composed configuration ({error}); run `python -m pipeline.compose`") from error
+
+
+def _describe(error: Any) -> str:
+    """Turn one pydantic error into `section.key = value: what is wrong`."""
+    where = ".".join(str(part) for part in error["loc"] if part not in ("stations", "plan", "exact", "coacd", "vhacd"))
+    value = error["input"]
+    shown = f" = {value!r}" if not isinstance(value, dict) else ""
+    return f"{where}{shown}: {error['msg'].removeprefix('Value error, ')}"
+
+
+def _explain(overrides: list[str], error: Exception) -> str:
+    """Say which override Hydra refused, and list the valid choices."""
+    base = OmegaConf.create({})
+    try:
+        with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
+            base = hydra_compose("config", [o for o in overrides if (CONF / o.partition("=")[0].lstrip("+~")).is_dir()])
+    except (HydraException, OmegaConfBaseException, yaml.YAMLError):
+        pass
+    for override in overrides:
+        key, _, value = override.partition("=")
+        key = key.lstrip("+~")
+        if (CONF / key).is_dir():
+            choices = sorted(path.stem for path in (CONF / key).glob("*.yaml"))
+            if value not in choices:
+                return f"{key} = {value}: valid choices are {', '.join(choices)}"
+        elif re.fullmatch(r"[\w.]+", key):
+            problem = _unknown_key(base, key)
+            if problem:
+                return problem
+    return f"overrides {overrides}: {str(error).splitlines()[0]}"
+
+
+def _unknown_key(config: DictConfig, key: str) -> str | None:
+    node: Any = config
+    path: list[str] = []
+    for part in key.split("."):
+        if not isinstance(node, DictConfig):
+            return f"{key}: {'.'.join(path)} is a value, not a section"
+        if part not in node:
+            groups = [] if path else sorted(p.name for p in CONF.iterdir() if p.is_dir())
+            choices = sorted({*map(str, node), *groups})
+            return f"{key}: unknown; {'.'.join(path) or 'the configuration'} has {', '.join(choices)}"
+        node = node[part]
+        path.append(part)
+    return None
+
+
+def main() -> int:
+    """Write the composed configuration; exit code 2 with one message when it is not valid."""
+    try:
+        config = compose(root_overrides())
+        text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)
+        write_atomically(COMPOSED, f"# Composed from conf/ and the overrides in params.yaml; do not edit.\n{text}".encode())
+    except MineError as error:
+        print(f"compose: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Pure plane and solid geometry: arrays and shapely in, arrays and shapely out."""

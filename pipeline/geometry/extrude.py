@@ -1,0 +1,35 @@
+"""Plane parts to solids: prisms for collision, meshes for decomposition."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+import trimesh
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.geometry.partition import triangulate
+from pipeline.types import ConvexParts, Points2, Points3
+
+
+def prism(part: Points2, height_m: float) -> Points3:
+    """Stand a convex polygon (n, 2) up into the (2 n, 3) vertices of a prism from the sill to `height_m`."""
+    floor = np.column_stack([part, np.zeros(len(part))])
+    return np.vstack([floor, floor + [0.0, 0.0, height_m]])
+
+
+def collect_parts(parts: list[Points3]) -> ConvexParts:
+    """Pack vertex arrays into one ragged record."""
+    offsets = np.concatenate([[0], np.cumsum([len(part) for part in parts])]).astype(np.int32)
+    return ConvexParts(np.vstack(parts) if parts else np.empty((0, 3)), offsets)
+
+
+def extrude_polygon(polygon: BaseGeometry, height_m: float) -> trimesh.Trimesh:
+    """Extrude a polygon or multipolygon with holes into a closed mesh from the sill to `height_m`; no vertex is added to it."""
+    points, faces = triangulate(polygon)
+    return trimesh.creation.extrude_triangulation(points, faces, height=height_m)
+
+
+def section_footprint(vertices: Points3) -> Polygon:
+    """Return the convex footprint of a part seen from above, m, mine frame."""
+    return shapely.convex_hull(shapely.multipoints(vertices[:, :2]))

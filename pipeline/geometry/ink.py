@@ -1,0 +1,106 @@
+"""From a plan's pixels to a clean mask of the workings: threshold, annotation, morphology in metres."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from pipeline.errors import GeometryError
+from pipeline.types import Image, Mask
+
+
+def binarise(
+    plan: Image, threshold: int | None, annotation_chroma: int, annotation_margin_px: float, boxes: list
+) -> Mask:
+    """Mark dark, colourless pixels: the workings as the plan shows them, annotation removed, nothing else cleaned.
+
+    Parameters
+    ----------
+    plan : (rows, cols, 3) uint8
+        BGR.
+    threshold : int or None
+        Pixels at or below this grey value are ink; None chooses it by Otsu's method over the pixels that are kept.
+    annotation_chroma : int
+        Pixels whose channels differ by more than this are coloured annotation.
+    annotation_margin_px : float
+        Removed around annotation as well: the fringe of a letter.
+    boxes : list of (col0, row0, col1, row1)
+        Left out altogether: the scale bar.
+
+    Returns
+    -------
+    (rows, cols) bool
+
+    References
+    ----------
+    Otsu 1979, doi:10.1109/TSMC.1979.4310076
+    """
+    grey = cv2.cvtColor(plan, cv2.COLOR_BGR2GRAY)
+    coloured = (plan.max(axis=2) - plan.min(axis=2) > annotation_chroma).astype(np.uint8)
+    coloured = cv2.dilate(coloured, _disc(annotation_margin_px))
+    for col0, row0, col1, row1 in boxes:
+        coloured[max(0, row0) : row1, max(0, col0) : col1] = 1
+    kept = coloured == 0
+    if threshold is None:
+        threshold = int(cv2.threshold(grey[kept].reshape(-1, 1), 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[0])
+    return (grey <= threshold) & kept
+
+
+def clean(raw: Mask, bridge_px: float, despeck_px: float, min_island_px: float) -> Mask:
+    """Bridge gaps, drop specks, keep the largest connected workings and fill holes too small to be pillars.
+
+    Parameters
+    ----------
+    raw : (rows, cols) bool
+    bridge_px, despeck_px : float
+        Radii of the closing and of the opening that follows.
+    min_island_px : float
+        Smaller holes are filled, px2.
+
+    Returns
+    -------
+    (rows, cols) bool
+    """
+    pad = int(np.ceil(max(bridge_px, despeck_px))) + 1  # morphology must not see the border as rock or ink
+    ink = np.pad(raw.astype(np.uint8), pad)
+    ink = cv2.morphologyEx(ink, cv2.MORPH_CLOSE, _disc(bridge_px))
+    ink = cv2.morphologyEx(ink, cv2.MORPH_OPEN, _disc(despeck_px))[pad:-pad, pad:-pad]
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(ink, connectivity=4)
+    if count < 2:
+        return np.zeros(raw.shape, dtype=bool)
+    largest = labels == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()
+    _, labels, stats, _ = cv2.connectedComponentsWithStats((~largest).astype(np.uint8), connectivity=8)
+    rows, cols = raw.shape
+    inside = (stats[:, 0] > 0) & (stats[:, 1] > 0)
+    inside &= (stats[:, 0] + stats[:, 2] < cols) & (stats[:, 1] + stats[:, 3] < rows)
+    small = inside & (stats[:, cv2.CC_STAT_AREA] < min_island_px)
+    small[0] = False  # label 0 is the workings
+    return largest | small[labels]
+
+
+def require_workings(raw: Mask, cleaned: Mask, px_per_m: float, min_tunnel_m2: float, max_ink_share: float) -> None:
+    """Refuse a plan that shows no workings, or more workings than paper.
+
+    Raises
+    ------
+    GeometryError
+        With the measured area or share and the limit.
+    """
+    share = float(raw.mean())
+    if share > max_ink_share:
+        raise GeometryError(
+            f"{100 * share:.1f} % of the plan is dark (contours.max_ink_share = {100 * max_ink_share:g} %); "
+            "is the plan inverted?"
+        )
+    area = float(cleaned.sum()) / px_per_m**2
+    if area < min_tunnel_m2:
+        raise GeometryError(
+            f"no dark region larger than {min_tunnel_m2:g} m2 (largest is {area:.1f} m2 at {px_per_m:.2f} px/m); "
+            "is the plan inverted or its scale wrong?"
+        )
+
+
+def _disc(radius_px: float) -> np.ndarray:
+    reach = int(np.floor(radius_px))
+    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    return (x * x + y * y <= radius_px * radius_px).astype(np.uint8)

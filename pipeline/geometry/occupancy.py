@@ -1,0 +1,150 @@
+"""Where a robot can stand: the occupancy and clearance grid, and a sampler of collision-free poses."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from shapely import Polygon
+from shapely.strtree import STRtree
+
+from pipeline.errors import GeometryError
+from pipeline.geometry.rasterize import fill_polygon
+from pipeline.types import Frame, Occupancy, Points3, Spawn
+
+
+def occupancy_grid(free: Polygon, cell_m: float, world_m: tuple[float, float, float, float]) -> Occupancy:
+    """Rasterise the free space and measure the exact distance to rock at each free cell's centre.
+
+    Parameters
+    ----------
+    free : shapely.Polygon, m, mine frame
+    cell_m : float
+    world_m : (west, south, east, north), m
+        The grid covers this box, rounded outwards to whole cells.
+
+    Returns
+    -------
+    Occupancy
+    """
+    west, south, east, north = world_m
+    cols, rows = int(np.ceil((east - west) / cell_m)), int(np.ceil((north - south) / cell_m))
+    # fill_polygon counts rows from the north; the grid counts them from the south.
+    frame = Frame(1.0 / cell_m, -west / cell_m, rows + south / cell_m, cols, rows)
+    cells = fill_polygon(free, frame)[::-1]
+    row, col = np.nonzero(cells)
+    centres = shapely.points(west + (col + 0.5) * cell_m, south + (row + 0.5) * cell_m)
+    clearance = np.zeros(cells.shape, dtype=np.float32)
+    clearance[row, col] = _distance_to(free, centres)
+    return Occupancy(cells.copy(), clearance, np.array([west, south]), cell_m)
+
+
+def _distance_to(free: Polygon, points: np.ndarray) -> np.ndarray:
+    corners = [np.asarray(ring.coords)[:, :2] for ring in (free.exterior, *free.interiors)]
+    walls = np.concatenate([shapely.linestrings(np.stack([c[:-1], c[1:]], axis=1)) for c in corners])
+    (nearest, _), distance = STRtree(walls).query_nearest(points, return_distance=True, all_matches=False)
+    out = np.empty(len(points))
+    out[nearest] = distance
+    return out
+
+
+def sample_poses(
+    grid: Occupancy,
+    count: int,
+    clearance_m: float,
+    rng: np.random.Generator,
+    centre_m: tuple[float, float] | None = None,
+    radius_m: float = np.inf,
+) -> Points3:
+    """Draw poses that keep at least a stated clearance from rock.
+
+    A point inside a cell is at most its offset from the centre nearer to rock than the centre is, so a draw is kept
+    only when the centre's clearance less that offset suffices: the guarantee is exact, not of the cell's size.
+
+    Parameters
+    ----------
+    grid : Occupancy
+    count : int
+    clearance_m : float
+        Distance from the pose to the nearest rock, at least.
+    rng : numpy.random.Generator
+    centre_m, radius_m : optional, m, mine frame
+        Draw only from cells whose centres lie within `radius_m` of `centre_m`.
+
+    Returns
+    -------
+    (count, 3) float64
+        x, y in m (mine frame) and yaw in rad, uniform in [-pi, pi).
+
+    Raises
+    ------
+    GeometryError
+        If no cell offers the clearance; the message names the largest clearance there is.
+    """
+    row, col = np.nonzero(grid.clearance_m >= clearance_m)
+    centres = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
+    clearance = grid.clearance_m[row, col].astype(float)
+    if centre_m is not None:
+        near = np.linalg.norm(centres - np.asarray(centre_m), axis=1) <= radius_m
+        centres, clearance = centres[near], clearance[near]
+    if not len(centres):
+        where = "" if centre_m is None else f" within {radius_m:g} m of ({centre_m[0]:.1f}, {centre_m[1]:.1f})"
+        raise GeometryError(
+            f"spawn: no cell{where} is {clearance_m:g} m from rock (widest is {grid.clearance_m.max():.2f} m)"
+        )
+    points = np.empty((0, 2))
+    while len(points) < count:
+        pick = rng.integers(len(centres), size=2 * (count - len(points)) + 8)
+        offset = rng.uniform(-0.5, 0.5, size=(len(pick), 2)) * grid.cell_m
+        # float32 rounding of the stored clearance is covered by a hair.
+        kept = clearance[pick] - np.linalg.norm(offset, axis=1) >= clearance_m + 1e-5
+        if not kept.any():  # only cell centres themselves fit
+            kept, offset = np.ones(len(pick), dtype=bool), np.zeros_like(offset)
+        points = np.vstack([points, (centres[pick] + offset)[kept]])
+    return np.column_stack([points[:count], rng.uniform(-np.pi, np.pi, size=count)])
+
+
+def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: float, clearance_m: float) -> Spawn:
+    """Choose the spawn anchor: the roomiest cell within half the radius of the entrance, else within all of it.
+
+    Parameters
+    ----------
+    grid : Occupancy
+    entrance_m : (x, y), m, mine frame
+    radius_m : float
+        Size of the entrance region.
+    clearance_m : float
+        What a spawn pose must keep from rock.
+
+    Raises
+    ------
+    GeometryError
+        If no cell of the region offers the clearance.
+    """
+    row, col = np.nonzero(grid.clearance_m >= clearance_m)
+    centres = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
+    distance = np.linalg.norm(centres - np.asarray(entrance_m), axis=1)
+    room = grid.clearance_m[row, col]
+    for reach in (radius_m / 2, radius_m):
+        near = distance <= reach
+        if near.any():
+            # Of equally roomy cells the nearest, so that the choice does not hang on the grid's order.
+            best = np.lexsort((distance[near], -np.round(room[near], 3)))[0]
+            x, y = centres[near][best]
+            centre = (float(entrance_m[0]), float(entrance_m[1]))
+            return Spawn((float(x), float(y)), float(room[near][best]), centre, radius_m, clearance_m)
+    raise GeometryError(
+        f"spawn: within {radius_m:g} m of the entrance ({entrance_m[0]:.1f}, {entrance_m[1]:.1f}) nothing is "
+        f"{clearance_m:g} m from rock; move survey.entrance_m"
+    )
+
+
+def nav2_map(grid: Occupancy) -> tuple[bytes, str]:
+    """Return the grid as a ROS Nav2 map: the PGM's bytes and the text of its `map.yaml` (flat, untilted mine frame)."""
+    rows, cols = grid.free.shape
+    pixels = np.where(grid.free[::-1], 254, 0).astype(np.uint8)
+    west, south = grid.origin_m
+    yaml = (
+        f"image: map.pgm\nmode: trinary\nresolution: {grid.cell_m:.6g}\norigin: [{west:.6f}, {south:.6f}, 0.0]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
+    )
+    return b"P5\n%d %d\n255\n" % (cols, rows) + pixels.tobytes(), yaml

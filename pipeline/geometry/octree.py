@@ -1,0 +1,176 @@
+"""An octree of the free and occupied volume, and its OctoMap form (`.bt`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+
+from pipeline.errors import InputError
+
+_DEPTH = 16
+_CENTRE = 1 << (_DEPTH - 1)  # OctoMap's key of the coordinate 0
+UNKNOWN, FREE, OCCUPIED, INNER = 0, 1, 2, 3  # OctoMap's two bits for a child: 00, 10, 01, 11 (low bit first)
+
+
+@dataclass(frozen=True)
+class Octree:
+    """A tree of depth 16 over cubes of `resolution_m`; level k holds nodes 2 ** (16 - k) voxels wide.
+
+    `keys[k]` are the sorted node keys of level k, (n, 3) ints (x, y, z); `states[k]` say what each is. A node that is
+    FREE or OCCUPIED is a leaf; space without a node is UNKNOWN. Coordinates are the mine frame's.
+    """
+
+    resolution_m: float
+    keys: list[np.ndarray]
+    states: list[np.ndarray]
+
+    def query(self, points: np.ndarray) -> np.ndarray:
+        """Return the state at each of (n, 3) points, m, mine frame: UNKNOWN, FREE or OCCUPIED."""
+        voxel = np.floor(np.asarray(points) / self.resolution_m).astype(np.int64) + _CENTRE
+        found = np.full(len(voxel), UNKNOWN, dtype=np.uint8)
+        for level in range(_DEPTH + 1):
+            if len(self.keys[level]):
+                codes, wanted = _code(self.keys[level]), _code(voxel >> (_DEPTH - level))
+                at = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
+                state = self.states[level][at]
+                leaf = (codes[at] == wanted) & (state != INNER)
+                found[leaf] = state[leaf]
+        return found
+
+    @property
+    def nodes(self) -> int:
+        """Count all nodes, inner ones and leaves."""
+        return sum(len(k) for k in self.keys)
+
+    def volume_m3(self, state: int) -> float:
+        """Return the volume of all leaves in one state, m3."""
+        widths = [self.resolution_m * 2 ** (_DEPTH - k) for k in range(_DEPTH + 1)]
+        return float(sum(np.count_nonzero(s == state) * w**3 for s, w in zip(self.states, widths, strict=True)))
+
+
+def build_octree(free: np.ndarray, origin_m: np.ndarray, cell_m: float, height_m: float) -> Octree:
+    """Build the octree of workings extruded to a height, closed by one voxel of rock all round, below and above.
+
+    Rock farther in stays unknown, as in a map that a sensor made.
+
+    Parameters
+    ----------
+    free : (rows, cols) bool
+        Free cells, row 0 in the south; all other cells are rock.
+    origin_m : (2,), m, mine frame
+        South-west corner, a whole number of cells from the mine's origin.
+    cell_m : float
+        Edge of a voxel.
+    height_m : float
+        Height of the workings; a voxel is free when its centre lies below it.
+    """
+    layers = max(1, round(height_m / cell_m))
+    padded = np.pad(free, 1)
+    shell = binary_dilation(padded, np.ones((3, 3), dtype=bool))
+    column = np.where(padded, FREE, np.where(shell, OCCUPIED, UNKNOWN)).astype(np.uint8)
+    closed = np.where(shell, OCCUPIED, UNKNOWN).astype(np.uint8)
+    volume = np.stack([closed, *[column] * layers, closed])
+    first = np.array([round(origin_m[0] / cell_m) - 1, round(origin_m[1] / cell_m) - 1, -1]) + _CENTRE
+    return _grow(volume, first, cell_m)
+
+
+def _grow(volume: np.ndarray, first: np.ndarray, cell_m: float) -> Octree:
+    """Merge eight equal leaves to their parent, level by level; `volume` is (z, y, x), `first` the key of its corner."""
+    levels: list[tuple[np.ndarray, np.ndarray]] = []
+    for _ in range(_DEPTH):
+        pad = [(int(first[axis]) & 1, (int(first[axis]) + volume.shape[2 - axis]) & 1) for axis in (2, 1, 0)]
+        volume, first = np.pad(volume, pad), first - (first & 1)
+        nz, ny, nx = (n // 2 for n in volume.shape)
+        eight = volume.reshape(nz, 2, ny, 2, nx, 2)
+        low, high = eight.min(axis=(1, 3, 5)), eight.max(axis=(1, 3, 5))
+        parent = np.where((low == high) & (high != INNER), high, INNER).astype(np.uint8)
+        kept = (parent == INNER).repeat(2, axis=0).repeat(2, axis=1).repeat(2, axis=2) & (volume != UNKNOWN)
+        levels.append((np.argwhere(kept)[:, ::-1] + first, volume[kept]))
+        volume, first = parent, first >> 1
+    levels.append((np.argwhere(volume != UNKNOWN)[:, ::-1] + first, volume[volume != UNKNOWN]))
+    ordered = [(keys[at], states[at]) for keys, states in levels[::-1] for at in (np.argsort(_code(keys)),)]
+    return Octree(cell_m, [keys for keys, _ in ordered], [states for _, states in ordered])
+
+
+def _code(keys: np.ndarray) -> np.ndarray:
+    """Interleave (x, y, z) to a Morton code, x lowest: the order in which OctoMap numbers children."""
+    code = np.zeros(len(keys), dtype=np.int64)
+    for axis in range(3):
+        v = keys[:, axis].astype(np.int64)
+        for shift, pattern in ((32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F)):
+            v = (v | (v << shift)) & pattern
+        v = (v | (v << 4)) & 0x10C30C30C30C30C3
+        v = (v | (v << 2)) & 0x1249249249249249
+        code |= v << axis
+    return code
+
+
+def to_bt(tree: Octree) -> bytes:
+    """Serialise to OctoMap's binary stream: two bits a child, nodes in depth-first order.
+
+    References
+    ----------
+    Hornung et al. 2013, doi:10.1007/s10514-012-9321-0; file format of OctoMap's `OcTree::writeBinary`.
+    """
+    inner_codes, words = [], []
+    for level in range(_DEPTH):
+        inner = tree.keys[level][tree.states[level] == INNER]
+        codes, children = _code(inner), tree.keys[level + 1]
+        child_codes = _code(children)
+        parent = np.searchsorted(codes, child_codes >> 3)
+        word = np.zeros(len(inner), dtype=np.uint16)
+        bits = tree.states[level + 1].astype(np.uint16) << (2 * (child_codes & 7)).astype(np.uint16)
+        np.bitwise_or.at(word, parent, bits)
+        # A depth-first walk visits nodes by the code of their first voxel, a parent before its first child.
+        inner_codes.append((codes << (3 * (_DEPTH - level)), np.full(len(inner), level)))
+        words.append(word)
+    first = np.concatenate([c for c, _ in inner_codes])
+    order = np.lexsort((np.concatenate([k for _, k in inner_codes]), first))
+    header = (
+        f"# Octomap OcTree binary file\nid OcTree\nsize {tree.nodes}\nres {tree.resolution_m:.6g}\ndata\n"
+    )
+    return header.encode() + np.concatenate(words)[order].astype("<u2").tobytes()
+
+
+def from_bt(data: bytes) -> Octree:
+    """Read OctoMap's binary stream.
+
+    Raises
+    ------
+    InputError
+        If the header is not that of an OctoMap binary tree, or the stream is cut short.
+    """
+    head, separator, body = data.partition(b"\ndata\n")
+    fields = dict(line.split(" ", 1) for line in head.decode("ascii", "replace").splitlines()[1:] if " " in line)
+    if not head.startswith(b"# Octomap OcTree binary file") or not separator or fields.get("id") != "OcTree":
+        raise InputError("octree: not an OctoMap binary file (no '# Octomap OcTree binary file' header)")
+    words = np.frombuffer(body[: len(body) // 2 * 2], dtype="<u2")
+    keys: list[list[tuple[int, int, int]]] = [[] for _ in range(_DEPTH + 1)]
+    states: list[list[int]] = [[] for _ in range(_DEPTH + 1)]
+    keys[0].append((0, 0, 0))
+    states[0].append(INNER)
+    stack, read = [(0, (0, 0, 0))], 0
+    while stack:
+        level, (x, y, z) = stack.pop()
+        if read >= len(words) or level >= _DEPTH:
+            raise InputError(f"octree: the stream ends or is too deep at node {read} of {fields.get('size')}")
+        word, inner = int(words[read]), []
+        read += 1
+        for child in range(8):
+            state = (word >> (2 * child)) & 3
+            if state != UNKNOWN:
+                key = (2 * x + (child & 1), 2 * y + (child >> 1 & 1), 2 * z + (child >> 2))
+                keys[level + 1].append(key)
+                states[level + 1].append(state)
+                if state == INNER:
+                    inner.append((level + 1, key))
+        stack.extend(reversed(inner))
+    arrays = [np.array(k, dtype=np.int64).reshape(-1, 3) for k in keys]
+    order = [np.argsort(_code(k)) for k in arrays]
+    return Octree(
+        float(fields["res"]),
+        [k[o] for k, o in zip(arrays, order, strict=True)],
+        [np.array(s, dtype=np.uint8)[o] for s, o in zip(states, order, strict=True)],
+    )

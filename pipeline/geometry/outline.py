@@ -1,0 +1,114 @@
+"""Free-space pixels to a polygon with islands, and its simplification."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import shapely
+from shapely import Polygon
+from shapely.geometry.polygon import orient
+
+from pipeline.errors import GeometryError
+from pipeline.types import Frame, Mask
+
+_SUBPIXELS = 2
+
+
+def trace_outline(free: Mask, frame: Frame) -> Polygon:
+    """Trace the largest free region into a polygon with its islands as holes.
+
+    `cv2.findContours` runs through the centres of the border pixels and so loses half a pixel all round; the mask is
+    doubled first (nothing is then one pixel wide) and the polygon is grown back by half a sub-pixel.
+
+    Parameters
+    ----------
+    free : (rows, cols) bool
+        True where the plan shows workings.
+    frame : Frame
+        The pixel grid of `free`.
+
+    Returns
+    -------
+    shapely.Polygon, m, mine frame
+        Counter-clockwise exterior, clockwise islands.
+
+    Raises
+    ------
+    GeometryError
+        If nothing is free, or the outline touches itself.
+    """
+    doubled = _fill_diagonal_contacts(np.kron(np.pad(free, 1), np.ones((_SUBPIXELS, _SUBPIXELS), dtype=np.uint8)))
+    contours, hierarchy = cv2.findContours(doubled, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    outer = [i for i, contour in enumerate(contours) if hierarchy[0][i][3] < 0 and len(contour) > 2]
+    if not outer:
+        raise GeometryError("outline: the mask holds no free region to trace")
+    largest = max(outer, key=lambda i: cv2.contourArea(contours[i]))
+    holes = [contours[i] for i in range(len(contours)) if hierarchy[0][i][3] == largest and len(contours[i]) > 2]
+    traced = Polygon(contours[largest][:, 0], [hole[:, 0] for hole in holes])
+    if not traced.is_valid:
+        raise GeometryError(f"outline: {shapely.is_valid_reason(traced)} (sub-pixels)")
+    grown = traced.buffer(0.5, join_style="mitre")
+    if not isinstance(grown, Polygon):
+        raise GeometryError(f"outline: the traced region falls into {len(grown.geoms)} parts")
+
+    def to_mine(points: np.ndarray) -> np.ndarray:
+        # Sub-pixel index to image plane: the doubled mask's pixel centre k lies at (k + 0.5) / 2 - 1 (the pad).
+        return frame.to_mine((points + 0.5) / _SUBPIXELS - 1.0)
+
+    return orient(shapely.transform(grown, to_mine))
+
+
+def _fill_diagonal_contacts(mask: np.ndarray) -> np.ndarray:
+    """Fill the corner between free pixels that touch by a corner only, where an outline would cross itself."""
+    out = mask.copy()
+    while True:
+        a, b, c, d = out[:-1, :-1], out[:-1, 1:], out[1:, :-1], out[1:, 1:]
+        falling, rising = (a & d) > (b | c), (b & c) > (a | d)
+        if not (falling.any() or rising.any()):
+            return out
+        rows, cols = np.nonzero(falling | rising)
+        for dr, dc in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            out[rows + dr, cols + dc] = 1
+
+
+def simplify_outline(outline: Polygon, tolerance_m: float) -> Polygon:
+    """Simplify by Douglas-Peucker within a tolerance, keeping the outline simple and its islands apart.
+
+    Parameters
+    ----------
+    outline : shapely.Polygon, m
+    tolerance_m : float
+        No vertex of `outline` ends farther than this from the result. 0 removes collinear vertices only.
+
+    Returns
+    -------
+    shapely.Polygon, m
+        Valid, as many holes as `outline`, every coordinate a multiple of `grid_m(outline)`.
+
+    Raises
+    ------
+    GeometryError
+        If the tolerance would lose an island or break the outline; the message names the tolerance.
+
+    References
+    ----------
+    Douglas & Peucker 1973, doi:10.3138/FM57-6770-U75U-7727; the topology-preserving form is that of JTS and GEOS.
+    """
+    simple = shapely.set_precision(shapely.simplify(outline, tolerance_m, preserve_topology=True), grid_m(outline))
+    if not isinstance(simple, Polygon) or simple.is_empty or not simple.is_valid:
+        raise GeometryError(f"contours.tolerance_m = {tolerance_m}: the outline would break; use a smaller tolerance")
+    if len(simple.interiors) != len(outline.interiors):
+        raise GeometryError(
+            f"contours.tolerance_m = {tolerance_m}: {len(outline.interiors)} islands would become "
+            f"{len(simple.interiors)}; use a smaller tolerance"
+        )
+    return orient(simple)
+
+
+def grid_m(outline: Polygon) -> float:
+    """Return the finest decimal grid on which six digits say every coordinate exactly: 1 mm up to a kilometre.
+
+    MJCF text holds six significant digits; walls on this grid stand in the world exactly where the outline has them.
+    """
+    reach = max(1.0, *(abs(v) for v in outline.bounds))
+    return float(10.0 ** (np.ceil(np.log10(reach * 1.1)) - 6))

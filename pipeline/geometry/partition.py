@@ -1,0 +1,112 @@
+"""An exact convex partition of the rock, so that collision walls stand where the survey has them."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.errors import GeometryError
+from pipeline.types import Points2
+
+
+def rock_around(free: Polygon, margin_m: float, extent_m: tuple[float, float, float, float]) -> list[Polygon]:
+    """Return the rock of the world frame: the plan's extent grown by a margin, minus the free space.
+
+    Parameters
+    ----------
+    free : shapely.Polygon, m, mine frame
+    margin_m : float
+        How far the rock reaches beyond the plan, so that no drift ends in the open.
+    extent_m : (west, south, east, north), m
+
+    Returns
+    -------
+    list of shapely.Polygon, m
+        One polygon that surrounds the workings, and one for each island.
+    """
+    west, south, east, north = extent_m
+    bounds = free.bounds
+    world = shapely.box(
+        min(west, bounds[0]) - margin_m,
+        min(south, bounds[1]) - margin_m,
+        max(east, bounds[2]) + margin_m,
+        max(north, bounds[3]) + margin_m,
+    )
+    rock = world.difference(free)
+    return [rock] if isinstance(rock, Polygon) else list(rock.geoms)
+
+
+def convex_partition(rock: Polygon) -> list[Points2]:
+    """Partition a polygon with holes into convex parts that cover it exactly.
+
+    A constrained Delaunay triangulation, then inessential diagonals removed, longest first.
+
+    Parameters
+    ----------
+    rock : shapely.Polygon, m, mine frame
+        Valid, any number of holes.
+
+    Returns
+    -------
+    list of (n, 2) float64, m
+        Counter-clockwise, disjoint interiors, union equal to `rock`.
+
+    Raises
+    ------
+    GeometryError
+        If `rock` is invalid or empty; the message names the defect and where it is.
+
+    References
+    ----------
+    Hertel & Mehlhorn 1983, FCT, doi:10.1007/3-540-12689-9_105
+    """
+    if rock.is_empty or not rock.is_valid:
+        raise GeometryError(f"convex partition: {shapely.is_valid_reason(rock) if not rock.is_empty else 'no rock'}")
+    points, faces = triangulate(rock)
+    return [points[loop] for loop in _merge_convex(points, faces.tolist())]
+
+
+def triangulate(polygon: BaseGeometry) -> tuple[Points2, np.ndarray]:
+    """Return the points (n, 2) m and counter-clockwise faces (m, 3) of a constrained Delaunay triangulation.
+
+    No point is added: the triangulation's corners are the polygon's own vertices.
+    """
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    corners = shapely.get_coordinates(shapely.get_exterior_ring(triangles)).reshape(-1, 4, 2)[:, :3]
+    points, index = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
+    faces = index.reshape(-1, 3)
+    u, v = points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
+    clockwise = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] < 0
+    faces[clockwise] = faces[clockwise][:, ::-1]
+    return points, faces
+
+
+def _merge_convex(points: np.ndarray, loops: list[list[int]]) -> list[list[int]]:
+    """Join counter-clockwise loops across shared edges while the union stays convex, longest edges first."""
+    owner = {(loop[i - 1], loop[i]): k for k, loop in enumerate(loops) for i in range(len(loop))}
+    xy = points.tolist()
+
+    def turns_left(i: int, j: int, k: int) -> bool:
+        (ax, ay), (bx, by), (cx, cy) = xy[i], xy[j], xy[k]
+        ux, uy, vx, vy = bx - ax, by - ay, cx - bx, cy - by
+        return ux * vy - uy * vx >= -1e-12
+
+    shared = [(-np.hypot(*(points[a] - points[b])), a, b) for a, b in owner if a < b and (b, a) in owner]
+    for _, a, b in sorted(shared):
+        left, right = owner[a, b], owner[b, a]
+        if left == right:
+            continue
+        one, two = loops[left], loops[right]
+        i, j = one.index(b), two.index(a)
+        # one, read from b round to a; two, read from a round to b: joined they drop the edge a-b.
+        head, tail = one[i:] + one[:i], two[j:] + two[:j]
+        if not (turns_left(head[-2], a, tail[1]) and turns_left(tail[-2], b, head[1])):
+            continue
+        merged = head + tail[1:-1]
+        loops[left], loops[right] = merged, []
+        for k in range(len(tail) - 1):
+            owner[tail[k], tail[k + 1]] = left
+        del owner[a, b], owner[b, a]
+    return [loop for loop in loops if loop]

@@ -1,0 +1,1 @@
+"""The stages' parameters: frozen schemas that reject what they do not know; units stand in the names."""

@@ -1,0 +1,54 @@
+"""Stage 3: rock, collision parts, and where a robot can stand."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from pipeline.params.base import Params
+
+
+class ExactParams(Params):
+    """An exact convex partition into prisms."""
+
+    method: Literal["exact"]
+
+
+class CoacdParams(Params):
+    """CoACD on tiles of the rock."""
+
+    method: Literal["coacd"]
+    tiles: int = Field(ge=1, le=10000)
+    threshold: float = Field(ge=0.01, le=1)
+    seed: int = Field(ge=0)
+
+
+class VhacdParams(Params):
+    """V-HACD on tiles of the rock."""
+
+    method: Literal["vhacd"]
+    tiles: int = Field(ge=1, le=10000)
+    resolution: int = Field(ge=10_000, le=100_000_000)
+    max_hulls: int = Field(ge=1, le=1024)
+    volume_error_percent: float = Field(ge=0, le=100)
+
+
+CollisionParams = Annotated[ExactParams | CoacdParams | VhacdParams, Field(discriminator="method")]
+
+
+class SpawnParams(Params):
+    """The entrance region, in which robots start."""
+
+    radius_m: float = Field(gt=0)
+    clearance_m: float = Field(gt=0)
+
+
+class Compile3dParams(Params):
+    """Extrusion, decomposition, occupancy and spawn."""
+
+    height_m: float = Field(gt=0.5, le=50)
+    rock_margin_m: float = Field(gt=0, le=100)
+    grid_cell_m: float = Field(ge=0.05, le=2)
+    collision: CollisionParams
+    spawn: SpawnParams

@@ -1,0 +1,22 @@
+"""The whole configuration: one section a stage."""
+
+from __future__ import annotations
+
+from pipeline.params.base import Params
+from pipeline.params.compile3d import Compile3dParams
+from pipeline.params.contours import ContoursParams
+from pipeline.params.realism import RealismParams
+from pipeline.params.surface import SurfaceParams
+from pipeline.params.survey import SurveyParams
+from pipeline.params.validation import ValidationParams
+
+
+class Config(Params):
+    """Everything a run depends on beside its inputs and its code."""
+
+    survey: SurveyParams
+    contours: ContoursParams
+    compile3d: Compile3dParams
+    surface: SurfaceParams
+    realism: RealismParams
+    validation: ValidationParams

@@ -1,0 +1,32 @@
+"""Stage 2: from the plan's pixels to the free-space polygon and the drift network."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from pipeline.params.base import Params
+
+
+class NetworkParams(Params):
+    """How the drift network is traced."""
+
+    cell_m: float = Field(gt=0.02, le=2)
+    min_leg_m: float = Field(ge=0, le=50)
+    station_spacing_m: float = Field(gt=0, le=100)
+
+
+class ContoursParams(Params):
+    """Binarisation, cleaning, tracing and simplification."""
+
+    threshold: Literal["otsu"] | int = Field("otsu")
+    annotation_chroma: int = Field(ge=1, le=255)
+    annotation_margin_m: float = Field(ge=0, le=5)
+    bridge_m: float = Field(ge=0, le=20)
+    despeck_m: float = Field(ge=0, le=20)
+    min_island_m2: float = Field(ge=0)
+    min_tunnel_m2: float = Field(gt=0)
+    max_ink_share: float = Field(gt=0, lt=1)
+    tolerance_m: float = Field(ge=0, le=50)
+    network: NetworkParams

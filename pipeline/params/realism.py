@@ -1,0 +1,40 @@
+"""Stage 5: slope, ground and light."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from pipeline.params.base import Params
+
+
+class ZoneParams(Params):
+    """One floor zone; zones tile the floor in equal parts from west to east."""
+
+    name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
+    friction: float = Field(gt=0, le=2)
+    rgba: tuple[float, float, float, float]
+
+
+class LightParams(Params):
+    """Spot lights along the drifts."""
+
+    along: Literal["main_drift", "network"]
+    spacing_m: float = Field(gt=0.5)
+    height_m: float = Field(gt=0)
+    pitch_deg: float = Field(ge=0, le=90)
+    cutoff_deg: float = Field(gt=0, le=90)
+    count: int | None = Field(None, ge=1, le=100)
+
+
+class RealismParams(Params):
+    """What is added to the compiled geometry to make the world bundle."""
+
+    tilt_deg: float = Field(ge=-30, le=30)
+    entrance_length_m: float = Field(gt=0)
+    floor_thickness_m: float = Field(gt=0)
+    rock_friction: float = Field(gt=0, le=2)
+    zones: list[ZoneParams] = Field(min_length=1)
+    lights: LightParams
+    preview_width_px: int = Field(ge=64, le=4096)

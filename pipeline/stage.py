@@ -1,0 +1,120 @@
+"""A stage: what it reads, what it writes, which pure function lies between, and how it is run."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pipeline.compose import compose, composed_section, root_overrides
+from pipeline.errors import ArtifactError, MineError
+from pipeline.store.codecs import Bundle, decode, encode
+from pipeline.store.files import recover_folder, replace_folder
+from pipeline.store.hashing import sha256_bytes, sha256_file
+from pipeline.store.manifest import new_manifest, output_sha256
+from pipeline.store.registry import read_registry, verify_input
+
+ARTIFACTS = Path("artifacts")
+
+
+@dataclass(frozen=True)
+class Artifact:
+    """A file (or, for a `Bundle`, a folder) below `artifacts/`, and the type its codec makes of it.
+
+    `volatile` names keys of a JSON artifact that hold timings: they are left out of its hash in the manifest.
+    """
+
+    path: str
+    kind: Any
+    volatile: tuple[str, ...] = ()
+
+    @property
+    def file(self) -> Path:
+        """Return the path relative to the project's root."""
+        return ARTIFACTS / self.path
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage of the pipeline.
+
+    `run(params, **inputs)` gets the section of the configuration that is named like the stage and one decoded
+    artifact for each entry of `reads`; it returns one value for each entry of `writes`. `sources(params)` lists the
+    registered files below `data/` that it uses. `check(params, outputs)` may raise `LimitError` after the artifacts
+    are written.
+    """
+
+    name: str
+    run: Callable[..., Mapping[str, Any]]
+    reads: dict[str, Artifact]
+    writes: dict[str, Artifact]
+    sources: Callable[[Any], list[str]] = field(default=lambda params: [])
+    check: Callable[[Any, Mapping[str, Any]], None] = field(default=lambda params, outputs: None)
+
+    @property
+    def folder(self) -> Path:
+        """Return the folder that holds everything this stage writes."""
+        return ARTIFACTS / self.name
+
+
+def run_stage(stage: Stage, overrides: list[str]) -> None:
+    """Run one stage: parameters, inputs, the pure function, then all outputs and the manifest at once.
+
+    Raises
+    ------
+    MineError
+        With one message; artifacts are then as they were before.
+    """
+    recover_folder(stage.folder)
+    params = (
+        getattr(compose(root_overrides() + overrides), stage.name) if overrides else composed_section(stage.name)
+    )
+    registry = read_registry()
+    inputs = {name: verify_input(Path(name), registry) for name in stage.sources(params)}
+    values = {}
+    for key, artifact in stage.reads.items():
+        values[key] = decode(artifact.file, artifact.kind)
+        inputs |= _hashes(artifact)
+    outputs = stage.run(params, **values)
+    if set(outputs) != set(stage.writes):
+        raise ArtifactError(f"{stage.name}: wrote {sorted(outputs)}, declares {sorted(stage.writes)}")
+    _write_outputs(stage, params, inputs, outputs)
+    stage.check(params, outputs)
+
+
+def _hashes(artifact: Artifact) -> dict[str, str]:
+    if artifact.file.is_dir():
+        return {p.as_posix(): sha256_file(p) for p in sorted(artifact.file.rglob("*")) if p.is_file()}
+    return {artifact.file.as_posix(): output_sha256(artifact.file.read_bytes(), list(artifact.volatile))}
+
+
+def _write_outputs(stage: Stage, params: Any, inputs: dict[str, str], outputs: Mapping[str, Any]) -> None:
+    files: dict[str, bytes] = {}
+    for key, artifact in stage.writes.items():
+        place = Path(artifact.path).relative_to(stage.name)
+        if artifact.kind == Bundle:
+            files |= {(place / name).as_posix(): data for name, data in outputs[key].items()}
+        else:
+            files[place.as_posix()] = encode(place, outputs[key])
+    volatile = {a.file.as_posix(): list(a.volatile) for a in stage.writes.values() if a.volatile}
+    hashes = {
+        (stage.folder / name).as_posix(): output_sha256(data, volatile.get((stage.folder / name).as_posix(), []))
+        for name, data in files.items()
+    }
+    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, hashes, volatile)
+    replace_folder(stage.folder, {**files, "manifest.json": encode(Path("manifest.json"), manifest)})
+
+
+def main(stage: Stage) -> int:
+    """Run a stage from the command line: Hydra overrides as arguments, exit code 2 with one message on bad input."""
+    try:
+        run_stage(stage, sys.argv[1:])
+    except MineError as error:
+        print(f"{stage.name}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"{stage.name}: interrupted; earlier artifacts are kept", file=sys.stderr)
+        return 130
+    return 0

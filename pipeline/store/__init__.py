@@ -1,0 +1,1 @@
+"""Files with proof: hashes, manifests, the input registry and the codecs of every artifact."""

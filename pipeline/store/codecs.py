@@ -1,0 +1,115 @@
+"""How every kind of artifact is written and read: the file's ending and the value's type decide, never pickle."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import shapely
+from pydantic import TypeAdapter, ValidationError
+
+from pipeline.errors import ArtifactError
+from pipeline.types import Areas, Frame, FreeSpace, Mask, Mesh
+
+Meshes = dict[str, Mesh]
+Bundle = dict[str, bytes]
+
+
+def encode(path: Path, value: Any) -> bytes:
+    """Return the bytes that `path`'s ending asks for."""
+    if isinstance(value, bytes):
+        return value
+    if isinstance(value, str):
+        return value.encode()
+    match path.suffix:
+        case ".png":
+            return _encode_png(path, value)
+        case ".json":
+            return (json.dumps(_plain(value), indent=2, allow_nan=False) + "\n").encode()
+        case ".geojson":
+            return _encode_geojson(value)
+        case ".npz":
+            return _encode_npz(value)
+    raise ArtifactError(f"{path}: no codec writes {path.suffix!r} from {type(value).__name__}")
+
+
+def decode(path: Path, kind: Any) -> Any:
+    """Read an artifact as `kind`.
+
+    Raises
+    ------
+    ArtifactError
+        If the file is missing or not of its kind; the message names the file.
+    """
+    if not path.exists():
+        raise ArtifactError(f"{path}: missing; run the stage that writes it (`dvc dag` shows which), or `make all`")
+    if kind in (Path, Bundle):
+        return path
+    try:
+        match path.suffix:
+            case ".png":
+                picture = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
+                if picture is None:
+                    raise ValueError("not a PNG picture")
+                return picture > 127 if kind is Mask else picture
+            case ".json":
+                return json.loads(path.read_text()) if kind is dict else TypeAdapter(kind).validate_json(path.read_bytes())
+            case ".geojson":
+                return _decode_geojson(json.loads(path.read_text()))
+            case ".npz":
+                with np.load(path, allow_pickle=False) as arrays:
+                    return _decode_npz(dict(arrays), kind)
+            case _:
+                return path.read_bytes()
+    except (ValueError, KeyError, TypeError, OSError, ValidationError) as error:
+        raise ArtifactError(f"{path}: not a readable {getattr(kind, '__name__', kind)}: {error}") from error
+
+
+def _plain(value: Any) -> Any:
+    return TypeAdapter(type(value)).dump_python(value, mode="json") if dataclasses.is_dataclass(value) else value
+
+
+def _encode_png(path: Path, picture: np.ndarray) -> bytes:
+    pixels = picture.astype(np.uint8) * 255 if picture.dtype == bool else picture
+    done, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 6])
+    if not done:
+        raise ArtifactError(f"{path}: OpenCV could not encode the picture {picture.shape} {picture.dtype}")
+    return data.tobytes()
+
+
+def _encode_geojson(free: FreeSpace) -> bytes:
+    properties = {k: _plain(v) for k, v in vars(free).items() if k != "polygon"}
+    feature = {"type": "Feature", "geometry": json.loads(shapely.to_geojson(free.polygon)), "properties": properties}
+    note = "local mine frame: metres, x east, y north; not longitude and latitude"
+    collection = {"type": "FeatureCollection", "note": note, "features": [feature]}
+    return (json.dumps(collection, allow_nan=False) + "\n").encode()
+
+
+def _decode_geojson(collection: dict) -> FreeSpace:
+    (feature,) = collection["features"]
+    polygon, facts = shapely.from_geojson(json.dumps(feature["geometry"])), feature["properties"]
+    areas, frame = TypeAdapter(Areas).validate_python(facts["areas"]), TypeAdapter(Frame).validate_python(facts["frame"])
+    return FreeSpace(polygon, areas, float(facts["tolerance_m"]), frame)
+
+
+def _encode_npz(value: Any) -> bytes:
+    arrays = (
+        {f"{name}/{k}": v for name, mesh in value.items() for k, v in vars(mesh).items()}
+        if isinstance(value, dict)
+        else vars(value)
+    )
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **{k: np.asarray(v) for k, v in arrays.items()})
+    return stream.getvalue()
+
+
+def _decode_npz(arrays: dict[str, np.ndarray], kind: Any) -> Any:
+    if kind == Meshes:
+        names = sorted({key.partition("/")[0] for key in arrays})
+        return {n: Mesh(*(arrays[f"{n}/{f.name}"] for f in dataclasses.fields(Mesh))) for n in names}
+    return kind(**{k: v if v.ndim else v.item() for k, v in arrays.items()})

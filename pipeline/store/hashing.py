@@ -1,0 +1,77 @@
+"""sha256 of files, folders and source closures."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from pathlib import Path
+
+from pipeline.errors import ArtifactError
+
+
+def sha256_bytes(data: bytes) -> str:
+    """Return the hex sha256 of bytes."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def sha256_file(path: Path) -> str:
+    """Return the hex sha256 of a file, read in blocks.
+
+    Raises
+    ------
+    ArtifactError
+        If the file is missing.
+    """
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except FileNotFoundError:
+        raise ArtifactError(f"{path}: missing") from None
+
+
+def sha256_named(hashes: dict[str, str]) -> str:
+    """Return one hash for a set of named hashes: sha256 over its sorted lines `sha256  name`, as sha256sum prints."""
+    return sha256_bytes("".join(f"{digest}  {name}\n" for name, digest in sorted(hashes.items())).encode())
+
+
+def import_closure(module_file: Path, root: Path) -> list[Path]:
+    """List a module's own source and that of every project module it imports, directly or not.
+
+    Imports inside functions count too; packages count by their `__init__.py`.
+
+    Parameters
+    ----------
+    module_file : Path
+        A Python file below `root`.
+    root : Path
+        The project; modules found elsewhere are not followed.
+
+    Returns
+    -------
+    list of Path
+        Relative to `root`, sorted.
+    """
+    found: set[Path] = set()
+    queue = [module_file.relative_to(root)]
+    while queue:
+        source = queue.pop()
+        if source in found:
+            continue
+        found.add(source)
+        for name in _imported_names((root / source).read_text()):
+            parts = name.split(".")
+            for depth in range(1, len(parts) + 1):
+                stem = Path(*parts[:depth])
+                queue += [p for p in (stem.with_suffix(".py"), stem / "__init__.py") if (root / p).is_file()]
+    return sorted(found)
+
+
+def _imported_names(source: str) -> set[str]:
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            names.add(node.module)
+            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    return names

@@ -1,0 +1,73 @@
+"""A stage's manifest: what went in, what came out, with which parameters and which code."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from pipeline import __version__
+from pipeline.errors import ArtifactError
+from pipeline.store.hashing import import_closure, sha256_bytes, sha256_file, sha256_named
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """The provenance of one stage's artifacts; file names are relative to the project, hashes are sha256.
+
+    `volatile` names, for an output that holds timings, the keys that were left out of its hash.
+    """
+
+    stage: str
+    version: str
+    code_sha256: str
+    params: dict[str, Any]
+    inputs: dict[str, str]
+    outputs: dict[str, str]
+    volatile: dict[str, list[str]]
+
+
+def code_sha256(stage: str, root: Path) -> str:
+    """Return one hash for the stage's declaration and everything of the project that it imports."""
+    closure = import_closure(root / "stages" / f"{stage}.py", root)
+    return sha256_named({path.as_posix(): sha256_file(root / path) for path in closure})
+
+
+def new_manifest(
+    stage: str, params: dict[str, Any], inputs: dict[str, str], outputs: dict[str, str], volatile: dict[str, list[str]]
+) -> Manifest:
+    """Make the manifest of a stage of the project in the working directory."""
+    return Manifest(stage, __version__, code_sha256(stage, Path.cwd()), params, inputs, outputs, volatile)
+
+
+def read_manifest(path: Path) -> Manifest:
+    """Read a manifest.
+
+    Raises
+    ------
+    ArtifactError
+        If it is missing or not a manifest.
+    """
+    try:
+        return TypeAdapter(Manifest).validate_json(path.read_bytes())
+    except FileNotFoundError:
+        raise ArtifactError(f"{path}: missing; its stage has not run (`make all`)") from None
+    except ValidationError as error:
+        raise ArtifactError(f"{path}: not a manifest: {error.errors()[0]['msg']}") from error
+
+
+def output_sha256(data: bytes, volatile: list[str]) -> str:
+    """Return an output's sha256; for JSON with volatile keys, that of the rest (dots separate nested keys)."""
+    if not volatile:
+        return sha256_bytes(data)
+    record = json.loads(data)
+    for key in volatile:
+        *groups, last = key.split(".")
+        group = record
+        for name in groups:
+            group = group.get(name, {})
+        group.pop(last, None)
+    return sha256_bytes(json.dumps(record, sort_keys=True).encode())

@@ -1,0 +1,87 @@
+"""The registry of inputs: each file's sha256, size, origin and licence, one line each, checked before use."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import InputError
+from pipeline.store.hashing import sha256_file
+
+REGISTRY = Path("data/registry.txt")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of the registry; `name` is the path below `data/`."""
+
+    name: str
+    sha256: str
+    bytes: int
+    origin: str
+    licence: str
+
+
+def read_registry(path: Path = REGISTRY) -> dict[str, Entry]:
+    """Read the registry: tab-separated `name sha256 bytes origin licence`, `#` starts a comment line.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or a line has another form.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: missing; run from the project's root")
+    entries = {}
+    for number, line in enumerate(path.read_text().splitlines(), start=1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        fields = line.split("\t")
+        if len(fields) != 5 or len(fields[1]) != 64 or not fields[2].isdigit():
+            raise InputError(f"{path}:{number}: want name, sha256, bytes, origin, licence separated by tabs")
+        entries[fields[0]] = Entry(fields[0], fields[1], int(fields[2]), fields[3], fields[4])
+    return entries
+
+
+def verify_input(path: Path, entries: dict[str, Entry]) -> str:
+    """Check an input below `data/` against the registry and return its sha256.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, unregistered, or not the registered one; the message says what to do.
+    """
+    name = path.relative_to("data").as_posix()
+    entry = entries.get(name)
+    if entry is None:
+        raise InputError(f"{path}: not in {REGISTRY}; register it with `python -m pipeline register {path}`")
+    if not path.is_file():
+        hint = "fetch it with `make data`" if entry.origin.startswith("https://") else "restore it from git"
+        raise InputError(f"{path}: missing; {hint}")
+    size = path.stat().st_size
+    digest = sha256_file(path)
+    if digest != entry.sha256:
+        raise InputError(
+            f"{path}: sha256 {digest} ({size} bytes) is not the registered {entry.sha256} ({entry.bytes} bytes)"
+        )
+    return digest
+
+
+def register(path: Path, origin: str, licence: str) -> Entry:
+    """Append a file below `data/` to the registry, or refuse if its name stands there with another hash."""
+    try:
+        name = path.relative_to("data").as_posix()
+    except ValueError:
+        raise InputError(f"{path}: inputs live below data/; copy it there first") from None
+    if not path.is_file():
+        raise InputError(f"{path}: missing")
+    if any("\t" in text or "\n" in text for text in (name, origin, licence)):
+        raise InputError(f"{path}: a name, origin or licence with a tab or line break cannot be registered")
+    entry = Entry(name, sha256_file(path), path.stat().st_size, origin, licence)
+    known = read_registry().get(name)
+    if known is not None and known.sha256 != entry.sha256:
+        raise InputError(f"{path}: registered with sha256 {known.sha256}, the file has {entry.sha256}; remove that line first")
+    if known is None:
+        with REGISTRY.open("a") as stream:
+            stream.write("\t".join([name, entry.sha256, str(entry.bytes), origin, licence]) + "\n")
+    return entry

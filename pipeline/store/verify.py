@@ -1,0 +1,120 @@
+"""Walk the chain of manifests from the survey to the world and name the first broken link."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import yaml
+
+from pipeline.errors import ArtifactError, InputError
+from pipeline.store.hashing import sha256_bytes, sha256_file, sha256_named
+from pipeline.store.manifest import Manifest, output_sha256, read_manifest
+from pipeline.store.registry import read_registry, verify_input
+
+
+def verify_chain(artifacts: Path, stages: list[str]) -> int:
+    """Check every link: inputs, parameters, stage to stage, and the world bundle's own hashes.
+
+    Parameters
+    ----------
+    artifacts : Path
+        The folder that holds one folder a stage.
+    stages : list of str
+        In the order in which they run.
+
+    Returns
+    -------
+    int
+        How many files were checked.
+
+    Raises
+    ------
+    ArtifactError, InputError
+        Naming the first link that does not hold.
+    """
+    registry = read_registry()
+    params = _read_params(artifacts / "params.yaml")
+    produced: dict[str, str] = {}
+    for stage in stages:
+        manifest = read_manifest(artifacts / stage / "manifest.json")
+        if manifest.stage != stage:
+            raise ArtifactError(f"{artifacts / stage}/manifest.json: written by stage {manifest.stage!r}")
+        if manifest.params != params.get(stage):
+            raise ArtifactError(f"{artifacts / stage}/manifest.json: made with other params than params.yaml holds")
+        for name, digest in manifest.inputs.items():
+            if name.startswith("data/"):
+                _expect(name, verify_input(Path(name), registry), digest, f"the manifest of {stage}")
+            elif name not in produced:
+                raise ArtifactError(f"{name}: read by {stage}, written by no stage before it")
+            else:
+                _expect(name, produced[name], digest, f"what {stage} read")
+        produced |= _verify_outputs(manifest, artifacts / stage)
+    verify_world(artifacts / "realism" / "world")
+    return len(produced)
+
+
+def _read_params(path: Path) -> dict:
+    try:
+        params = yaml.safe_load(path.read_text())
+    except FileNotFoundError:
+        raise ArtifactError(f"{path}: missing; run `make all`") from None
+    except yaml.YAMLError as error:
+        raise ArtifactError(f"{path}: not YAML: {error}") from error
+    if not isinstance(params, dict):
+        raise ArtifactError(f"{path}: no sections")
+    return params
+
+
+def _verify_outputs(manifest: Manifest, folder: Path) -> dict[str, str]:
+    for name, digest in manifest.outputs.items():
+        path = folder.parent.parent / name
+        if not path.is_file():
+            raise ArtifactError(f"{name}: missing, though {manifest.stage} wrote it")
+        _expect(name, output_sha256(path.read_bytes(), manifest.volatile.get(name, [])), digest, f"the manifest of {manifest.stage}")
+    known = {*manifest.outputs, (folder / "manifest.json").relative_to(folder.parent.parent).as_posix()}
+    for path in sorted(p for p in folder.rglob("*") if p.is_file()):
+        name = path.relative_to(folder.parent.parent).as_posix()
+        if name not in known:
+            raise ArtifactError(f"{name}: no stage wrote it")
+    return manifest.outputs
+
+
+def _expect(name: str, found: str, wanted: str, who: str) -> None:
+    if found != wanted:
+        raise ArtifactError(f"{name}: sha256 {found} differs from {wanted} in {who}")
+
+
+def verify_world(bundle: Path) -> str:
+    """Check a world bundle's files against `world.json` and return the world's hash.
+
+    Raises
+    ------
+    ArtifactError
+        Naming the file that is missing, changed, or not listed.
+    InputError
+        If `world.json` is not a bundle's record.
+    """
+    record_file = bundle / "world.json"
+    if not record_file.is_file():
+        raise ArtifactError(f"{record_file}: missing; not a world bundle")
+    try:
+        record = json.loads(record_file.read_text())
+        listed, world = dict(record["files"]), str(record["world_sha256"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{record_file}: not a world bundle's record ({error})") from error
+    for name, digest in sorted(listed.items()):
+        if Path(name).is_absolute() or ".." in Path(name).parts:
+            raise ArtifactError(f"{record_file}: the file name {name!r} leads out of the bundle")
+        _expect(str(bundle / name), sha256_file(bundle / name), digest, "world.json")
+    for path in sorted(p for p in bundle.rglob("*") if p.is_file() and p != record_file):
+        if path.relative_to(bundle).as_posix() not in listed:
+            raise ArtifactError(f"{path}: not listed in world.json")
+    _expect(str(record_file), world_sha256(record), world, "world.json itself")
+    return world
+
+
+def world_sha256(record: dict) -> str:
+    """Return the hash of a world: over its files' hashes and all else that `world.json` says."""
+    about = {k: v for k, v in record.items() if k != "world_sha256"}
+    return sha256_named({"world.json": sha256_bytes(json.dumps(about, sort_keys=True).encode()), **record["files"]})

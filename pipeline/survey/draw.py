@@ -1,0 +1,107 @@
+"""A station survey drawn the way a published plan looks: grey workings, red letters, a black scale bar."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.errors import InputError
+from pipeline.geometry.rasterize import fill_polygon
+from pipeline.types import Frame, Image
+
+_OVERSAMPLE = 4
+_LETTER_HEIGHT_M = 12.0
+_MAX_PIXELS = 200e6
+
+
+def frame_around(extent_m: tuple[float, float, float, float], px_per_m: float) -> Frame:
+    """Return the pixel grid that covers (west, south, east, north), m, with the mine's origin on a pixel's centre."""
+    west, south, east, north = extent_m
+    left, above = int(np.ceil(-west * px_per_m - 0.5)), int(np.ceil(north * px_per_m - 0.5))
+    right, below = int(np.ceil(east * px_per_m + 0.5)), int(np.ceil(-south * px_per_m + 0.5))
+    if (left + right) * (above + below) > _MAX_PIXELS:
+        raise InputError(
+            f"survey.px_per_m = {px_per_m:g}: the plan would have {left + right} x {above + below} pixels "
+            f"(at most {_MAX_PIXELS:.0f})"
+        )
+    return Frame(px_per_m, left + 0.5, above + 0.5, left + right, above + below)
+
+
+def draw_plan(
+    workings: BaseGeometry,
+    frame: Frame,
+    labels_m: dict[str, tuple[float, float]],
+    bar_length_m: float,
+    ink_grey: int,
+) -> tuple[Image, tuple[int, int, int, int]]:
+    """Draw the plan.
+
+    Parameters
+    ----------
+    workings : shapely geometry, m, mine frame
+    frame : Frame
+    labels_m : dict
+        Text to the centre of its letters, m, mine frame.
+    bar_length_m : float
+        Length of the scale bar; it goes where it touches no workings, bottom left first.
+    ink_grey : int
+        Grey value of the workings.
+
+    Returns
+    -------
+    (rows, cols, 3) uint8
+        BGR, anti-aliased by area.
+    (col0, row0, col1, row1)
+        The box around the scale bar, px.
+
+    Raises
+    ------
+    InputError
+        If no corner has room for the bar.
+    """
+    fine = replace(
+        frame,
+        px_per_m=frame.px_per_m * _OVERSAMPLE,
+        origin_col=frame.origin_col * _OVERSAMPLE,
+        origin_row=frame.origin_row * _OVERSAMPLE,
+        width_px=frame.width_px * _OVERSAMPLE,
+        height_px=frame.height_px * _OVERSAMPLE,
+    )
+    size = (frame.width_px, frame.height_px)
+    cover = cv2.resize(fill_polygon(workings, fine).astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA)
+    grey = 255 - np.round(cover.astype(np.float32) / 255 * (255 - ink_grey)).astype(np.uint8)
+    plan = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+    for text, place in labels_m.items():
+        _draw_label(plan, text, frame, place)
+    box = _draw_bar(plan, cover, round(bar_length_m * frame.px_per_m), frame.px_per_m)
+    return plan, box
+
+
+def _draw_label(plan: np.ndarray, text: str, frame: Frame, place_m: tuple[float, float]) -> None:
+    scale = cv2.getFontScaleFromHeight(cv2.FONT_HERSHEY_SIMPLEX, max(8, round(_LETTER_HEIGHT_M * frame.px_per_m)))
+    thickness = max(1, round(frame.px_per_m * 1.2))
+    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, thickness)
+    col, row = frame.to_image(np.array([place_m]))[0]
+    corner = (round(col - width / 2), round(row + height / 2))
+    cv2.putText(plan, text, corner, cv2.FONT_HERSHEY_SIMPLEX, scale, (0, 0, 255), thickness, cv2.LINE_AA)
+
+
+def _draw_bar(plan: np.ndarray, cover: np.ndarray, length_px: int, px_per_m: float) -> tuple[int, int, int, int]:
+    rows, cols = cover.shape
+    thick, gap = max(3, round(3.0 * px_per_m)), max(4, round(2.0 * px_per_m))
+    width, height = length_px + 2 * gap, thick + 2 * gap
+    for row0 in (rows - height, 0):
+        for col0 in (0, cols - width):
+            if row0 < 0 or col0 < 0:
+                continue
+            area = np.s_[row0 : row0 + height, col0 : col0 + width]
+            if not cover[area].any() and (plan[area] == 255).all():
+                plan[row0 + gap : row0 + gap + thick, col0 + gap : col0 + gap + length_px] = 0
+                return col0, row0, col0 + width, row0 + height
+    raise InputError(
+        f"survey: no corner of the {cols} x {rows} px plan has room for a scale bar of {length_px} px; "
+        "widen survey.margin_m or shorten survey.scale.bar_length_m"
+    )

@@ -1,0 +1,54 @@
+"""The plan's scale from its scale bar."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.types import Image
+
+_MIN_BAR_PX = 20
+
+
+def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:
+    """Measure a horizontal scale bar.
+
+    Parameters
+    ----------
+    picture : (rows, cols, 3) uint8
+        The bar, dark on light, with some light around it and nothing else dark.
+    bar_length_m : float
+        What the bar stands for.
+    name : str
+        Named in errors.
+
+    Returns
+    -------
+    float
+        px/m. Its resolution is one pixel in the bar's length.
+
+    Raises
+    ------
+    InputError
+        If there is no bar, or it stands upright, is broken or too short; the message gives its size in px.
+    """
+    if picture.size == 0:
+        raise InputError(f"{name}: the scale bar's box is empty")
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    threshold, dark = cv2.threshold(grey, 0, 1, cv2.THRESH_BINARY_INV | cv2.THRESH_OTSU)
+    if int(grey.max()) - int(grey.min()) < 64 or threshold == 0 and not dark.any():
+        raise InputError(f"{name}: no scale bar (grey values {grey.min()}-{grey.max()}, want a dark bar on light)")
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(dark)
+    sizes = stats[1:, cv2.CC_STAT_AREA]
+    bar = int(sizes.argmax()) + 1
+    width, height = int(stats[bar, cv2.CC_STAT_WIDTH]), int(stats[bar, cv2.CC_STAT_HEIGHT])
+    if height >= width:
+        raise InputError(f"{name}: the scale bar is {width} px wide and {height} px high; it must lie horizontally")
+    pieces = [i for i in range(1, count) if i != bar and stats[i, cv2.CC_STAT_AREA] > 0.05 * sizes.max()]
+    if pieces:
+        raise InputError(f"{name}: the scale bar is broken into {len(pieces) + 1} pieces (longest {width} px)")
+    if width < _MIN_BAR_PX:
+        raise InputError(f"{name}: the scale bar is {width} px long, at least {_MIN_BAR_PX} are needed")
+    runs = (labels == bar).sum(axis=1)
+    return float(np.median(runs[runs > width / 2])) / bar_length_m

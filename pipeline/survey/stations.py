@@ -1,0 +1,165 @@
+"""Station surveys: legs of stations with the distances to the left and right wall."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import networkx as nx
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.errors import InputError
+from pipeline.types import Points2
+
+_COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]
+
+
+@dataclass(frozen=True)
+class SurveyLeg:
+    """One leg: its stations' names, positions (n, 2) m and wall distances left and right (n, 2) m."""
+
+    name: str
+    stations: list[str]
+    positions_m: Points2
+    walls_m: Points2
+
+
+def read_stations(path: Path) -> list[SurveyLeg]:
+    """Read a station survey and check that it is one.
+
+    Parameters
+    ----------
+    path : Path
+        CSV with the columns leg, station, easting_m, northing_m, left_m, right_m; left and right as seen along the
+        leg. A station that two legs share carries the same name in both.
+
+    Returns
+    -------
+    list of SurveyLeg
+        In the file's order, m, mine frame.
+
+    Raises
+    ------
+    InputError
+        Naming file, line or leg, and the value: missing columns, values that are no numbers, negative widths,
+        stations in two places or twice in a leg, legs of one station, legs that cross without a station, legs that
+        hang together with no other.
+    """
+    rows = _read_rows(path)
+    legs: dict[str, list[tuple[str, tuple[float, ...]]]] = {}
+    places: dict[str, tuple[tuple[float, float], int]] = {}
+    for line, row in rows:
+        values = tuple(_number(path, line, column, row[column]) for column in _COLUMNS[2:])
+        for column, value in zip(_COLUMNS[4:], values[2:], strict=True):
+            if value < 0:
+                raise InputError(f"{path}:{line}: {column} = {value:g} of station {row['station']} is negative")
+        place, first = places.setdefault(row["station"], ((values[0], values[1]), line))
+        if place != (values[0], values[1]):
+            raise InputError(
+                f"{path}:{line}: station {row['station']} at ({values[0]:g}, {values[1]:g}) stands at "
+                f"({place[0]:g}, {place[1]:g}) in line {first}"
+            )
+        leg = legs.setdefault(row["leg"], [])
+        if any(station == row["station"] for station, _ in leg[1:]) or (leg and leg[-1][0] == row["station"]):
+            raise InputError(f"{path}:{line}: station {row['station']} occurs twice in leg {row['leg']}")
+        leg.append((row["station"], values))
+    result = [_leg(path, name, stations) for name, stations in legs.items()]
+    _check_network(path, result)
+    return result
+
+
+def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 text (byte {error.start})") from error
+    reader = csv.DictReader(io.StringIO(text), strict=True)
+    try:
+        missing = [column for column in _COLUMNS if column not in (reader.fieldnames or [])]
+        if missing:
+            raise InputError(f"{path}: no column {', '.join(missing)}; want {','.join(_COLUMNS)}")
+        rows = [(reader.line_num, row) for row in reader]
+    except csv.Error as error:
+        raise InputError(f"{path}:{reader.line_num}: not CSV ({error})") from error
+    if not rows:
+        raise InputError(f"{path}: no stations")
+    return rows
+
+
+def _number(path: Path, line: int, column: str, text: str | None) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        raise InputError(f"{path}:{line}: {column} = {text!r} is not a number") from None
+    if not math.isfinite(value) or abs(value) > 1e6:
+        raise InputError(f"{path}:{line}: {column} = {text} is not within +-1e6 m")
+    return value
+
+
+def _leg(path: Path, name: str, stations: list[tuple[str, tuple[float, ...]]]) -> SurveyLeg:
+    if len(stations) < 2:
+        raise InputError(f"{path}: leg {name} has one station ({stations[0][0]}); a leg needs two")
+    values = np.array([v for _, v in stations])
+    step = np.linalg.norm(np.diff(values[:, :2], axis=0), axis=1)
+    if step.min() == 0:
+        at = int(step.argmin())
+        raise InputError(f"{path}: stations {stations[at][0]} and {stations[at + 1][0]} of leg {name} stand in one place")
+    return SurveyLeg(name, [s for s, _ in stations], values[:, :2], values[:, 2:])
+
+
+def _check_network(path: Path, legs: list[SurveyLeg]) -> None:
+    graph = nx.Graph()
+    for leg in legs:
+        nx.add_path(graph, leg.stations)
+    parts = sorted(nx.connected_components(graph), key=len, reverse=True)
+    if len(parts) > 1:
+        loose = [leg.name for leg in legs if leg.stations[0] not in parts[0]]
+        raise InputError(f"{path}: legs {', '.join(loose)} share no station with leg {_leg_of(legs, parts[0])}")
+    segments = [(leg, a, b) for leg in legs for a, b in pairwise(range(len(leg.stations)))]
+    lines = shapely.linestrings([leg.positions_m[[a, b]] for leg, a, b in segments])
+    for i, j in shapely.STRtree(lines).query(lines, predicate="crosses").T:
+        if i < j:
+            (one, a, b), (two, c, d) = segments[i], segments[j]
+            at = lines[i].intersection(lines[j]).centroid
+            raise InputError(
+                f"{path}: leg {one.name} ({one.stations[a]} to {one.stations[b]}) crosses leg {two.name} "
+                f"({two.stations[c]} to {two.stations[d]}) at ({at.x:.2f}, {at.y:.2f}) without a station"
+            )
+
+
+def _leg_of(legs: list[SurveyLeg], stations: set[str]) -> str:
+    return next(leg.name for leg in legs if leg.stations[0] in stations)
+
+
+def build_workings(legs: list[SurveyLeg]) -> BaseGeometry:
+    """Rebuild the workings in plan: a quad between neighbouring stations, a disc at each station.
+
+    A disc's radius is the smaller wall distance, so it never reaches beyond a wall that was measured.
+
+    Returns
+    -------
+    shapely geometry, m, mine frame
+        May be in parts where a survey narrows to nothing.
+    """
+    shapes: list[BaseGeometry] = []
+    for leg in legs:
+        heading = np.gradient(leg.positions_m, axis=0)
+        heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-12)
+        to_left = np.column_stack([-heading[:, 1], heading[:, 0]])
+        left = leg.positions_m + to_left * leg.walls_m[:, :1]
+        right = leg.positions_m - to_left * leg.walls_m[:, 1:]
+        shapes += [
+            shapely.convex_hull(shapely.multipoints([left[i], left[i + 1], right[i + 1], right[i]]))
+            for i in range(len(left) - 1)
+        ]
+        shapes += list(shapely.buffer(shapely.points(leg.positions_m), leg.walls_m.min(axis=1)))
+    solid = [s for s in shapes if isinstance(s, shapely.Polygon) and not s.is_empty]
+    return shapely.union_all(solid)

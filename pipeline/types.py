@@ -1,0 +1,192 @@
+"""What the stages hand to each other: frozen records, arrays and polygons with their frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, Float32, Float64, Int32, UInt8
+from shapely import Polygon
+
+Image = UInt8[np.ndarray, "rows cols *channels"]
+Mask = Bool[np.ndarray, "rows cols"]
+Points2 = Float64[np.ndarray, "n 2"]
+Points3 = Float64[np.ndarray, "n 3"]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where the plan's pixels lie in the mine frame (metres, x east, y north, z up from the sill).
+
+    A pixel (col, row) covers [col, col + 1) x [row, row + 1) of the image plane; rows grow southwards.
+    `origin_col`, `origin_row` are the image-plane coordinates of the mine frame's origin.
+    """
+
+    px_per_m: float
+    origin_col: float
+    origin_row: float
+    width_px: int
+    height_px: int
+
+    def to_mine(self, image_points: np.ndarray) -> Points2:
+        """Map (n, 2) image-plane points (col, row) to metres in the mine frame."""
+        p = np.asarray(image_points, dtype=np.float64)
+        return np.column_stack([p[:, 0] - self.origin_col, self.origin_row - p[:, 1]]) / self.px_per_m
+
+    def to_image(self, mine_points: np.ndarray) -> Points2:
+        """Map (n, 2) mine-frame points in metres to the image plane (col, row)."""
+        p = np.asarray(mine_points, dtype=np.float64) * self.px_per_m
+        return np.column_stack([p[:, 0] + self.origin_col, self.origin_row - p[:, 1]])
+
+    @property
+    def extent_m(self) -> tuple[float, float, float, float]:
+        """West, south, east and north edge of the plan, m, mine frame."""
+        (west, north), (east, south) = self.to_mine(np.array([[0, 0], [self.width_px, self.height_px]]))
+        return float(west), float(south), float(east), float(north)
+
+    def resampled(self, width_px: int, px_per_m: float) -> Frame:
+        """Return the frame of the same picture redrawn `width_px` wide and read at another scale."""
+        ratio = width_px / self.width_px
+        return Frame(
+            px_per_m, self.origin_col * ratio, self.origin_row * ratio, width_px, round(self.height_px * ratio)
+        )
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The plan's scale in px/m: the one used, and every other reading of it for comparison."""
+
+    px_per_m: float
+    source: str
+    bar_px_per_m: float | None = None
+    poses_px_per_m: float | None = None
+    poses_interval_px_per_m: tuple[float, float] | None = None
+    stated_px_per_m: float | None = None
+    difference_percent: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What stage 1 knows of the plan beside its pixels."""
+
+    name: str
+    kind: str
+    frame: Frame
+    scale: Scale
+    ignore_boxes_px: list[tuple[int, int, int, int]]
+    entrance_m: tuple[float, float] | None
+    labels_m: dict[str, tuple[float, float]]
+    sources: list[str]
+
+
+@dataclass(frozen=True)
+class Areas:
+    """The plan's areas under their own names: tunnel + islands + outside is the plan's frame.
+
+    `traced_tunnel_m2` is the tunnel before simplification.
+    """
+
+    tunnel_m2: float
+    islands_m2: float
+    outside_m2: float
+    islands: int
+    traced_tunnel_m2: float
+
+
+@dataclass(frozen=True)
+class FreeSpace:
+    """The traced workings: one polygon with islands as holes (m, mine frame), within `tolerance_m` of the plan."""
+
+    polygon: Polygon
+    areas: Areas
+    tolerance_m: float
+    frame: Frame
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A drift or crosscut between two nodes, with stations along it (m, mine frame)."""
+
+    name: str
+    start: str
+    end: str
+    length_m: float
+    chainage_m: list[float]
+    stations_m: list[tuple[float, float]]
+    half_width_m: list[float]
+
+
+@dataclass(frozen=True)
+class DriftNetwork:
+    """The drift network as a graph: nodes are junctions and dead ends, edges are legs."""
+
+    nodes_m: dict[str, tuple[float, float]]
+    legs: list[Leg]
+    junctions: list[str]
+    dead_ends: list[str]
+    loops: int
+    components: int
+    total_length_m: float
+    main_drift: list[str]
+    main_drift_m: list[tuple[float, float]]
+    main_drift_length_m: float
+
+
+@dataclass(frozen=True)
+class ConvexParts:
+    """Convex collision parts: part i owns `vertices[offsets[i]:offsets[i + 1]]` (m, mine frame)."""
+
+    vertices: Float64[np.ndarray, "n 3"]
+    offsets: Int32[np.ndarray, " parts_plus_one"]
+
+    def __len__(self) -> int:
+        """Return the number of parts."""
+        return len(self.offsets) - 1
+
+    def __getitem__(self, i: int) -> Points3:
+        """Return the (n, 3) vertices of part `i`."""
+        if not 0 <= i < len(self):
+            raise IndexError(i)
+        return self.vertices[self.offsets[i] : self.offsets[i + 1]]
+
+
+@dataclass(frozen=True)
+class Occupancy:
+    """A 2-D grid over the world frame; cell [i, j] is centred at origin + (j + 0.5, i + 0.5) * cell (m, mine frame).
+
+    `free` says that the cell's centre lies in the workings, `clearance_m` how far that centre is from rock
+    (0 in rock). Row 0 is the south edge.
+    """
+
+    free: Bool[np.ndarray, "rows cols"]
+    clearance_m: Float32[np.ndarray, "rows cols"]
+    origin_m: Float64[np.ndarray, " 2"]
+    cell_m: float
+
+
+@dataclass(frozen=True)
+class Rock:
+    """The rock as a solid: its height above the sill, and the box (west, south, east, north; m, mine frame) it fills."""
+
+    height_m: float
+    world_m: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Spawn:
+    """Where robots start: the anchor, and the region round the entrance to fall back to (m, mine frame)."""
+
+    anchor_m: tuple[float, float]
+    anchor_clearance_m: float
+    centre_m: tuple[float, float]
+    radius_m: float
+    clearance_m: float
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A triangle mesh with one texture coordinate a vertex (m, mine frame; faces wind towards the viewer)."""
+
+    vertices: Float64[np.ndarray, "n 3"]
+    faces: Int32[np.ndarray, "m 3"]
+    texcoords: Float64[np.ndarray, "n 2"]

@@ -1,0 +1,1 @@
+"""The six stages, one declaration each; `python -m stages.NAME [OVERRIDE ...]` runs one."""

@@ -1,0 +1,82 @@
+"""Stage 3: extrude the rock into convex collision parts, and map where a robot can stand (metres, mine frame)."""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from typing import Any
+
+import numpy as np
+from shapely import Polygon
+from tqdm import tqdm
+
+from pipeline.geometry.collision import decomposed_hulls, exact_prisms
+from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
+from pipeline.geometry.octree import build_octree, to_bt
+from pipeline.geometry.partition import rock_around
+from pipeline.params.compile3d import Compile3dParams
+from pipeline.stage import Artifact, Stage, main
+from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Occupancy, Rock, Spawn, Survey
+
+
+def compile_rock(
+    params: Compile3dParams, free_space: FreeSpace, topology: DriftNetwork, survey: Survey
+) -> dict[str, Any]:
+    """Return collision parts, occupancy in three forms, and the spawn region."""
+    free = free_space.polygon
+    rock = rock_around(free, params.rock_margin_m, free_space.frame.extent_m)
+    west, south, east, north = (v for v in np.array([r.bounds for r in rock]).T)
+    world = (west.min(), south.min(), east.max(), north.max())
+    cell = params.grid_cell_m
+    grid = occupancy_grid(free, cell, tuple(np.floor(np.array(world) / cell) * cell))
+    pgm, yaml = nav2_map(grid)
+    entrance = survey.entrance_m or topology.main_drift_m[0]
+    return {
+        "collision": collision_parts(params, rock),
+        "rock": Rock(params.height_m, tuple(float(v) for v in world)),
+        "occupancy": grid,
+        "octree": to_bt(build_octree(grid.free, grid.origin_m, cell, params.height_m)),
+        "map": pgm,
+        "map_yaml": yaml,
+        "spawn": entrance_anchor(grid, entrance, params.spawn.radius_m, params.spawn.clearance_m),
+    }
+
+
+def collision_parts(params: Compile3dParams, rock: list[Polygon]) -> ConvexParts:
+    """Return the rock's collision parts by the configured method."""
+    choice = params.collision
+    if choice.method == "exact":
+        return exact_prisms(rock, params.height_m)
+    # Imported only here: the decomposers are compared alternatives and slow to load.
+    from pipeline.geometry.decompose import coacd_decomposer, vhacd_decomposer
+
+    if choice.method == "coacd":
+        decompose = coacd_decomposer(params.height_m, choice.threshold, choice.seed)
+    else:
+        decompose = vhacd_decomposer(
+            params.height_m, choice.resolution, choice.max_hulls, choice.volume_error_percent
+        )
+    return decomposed_hulls(rock, choice.tiles, decompose, partial(tqdm, desc=choice.method, unit="tile"))
+
+
+STAGE = Stage(
+    name="compile3d",
+    run=compile_rock,
+    reads={
+        "free_space": Artifact("contours/free_space.geojson", FreeSpace),
+        "topology": Artifact("contours/topology.json", DriftNetwork),
+        "survey": Artifact("survey/survey.json", Survey),
+    },
+    writes={
+        "collision": Artifact("compile3d/collision.npz", ConvexParts),
+        "rock": Artifact("compile3d/rock.json", Rock),
+        "occupancy": Artifact("compile3d/occupancy.npz", Occupancy),
+        "octree": Artifact("compile3d/free_space.bt", bytes),
+        "map": Artifact("compile3d/map.pgm", bytes),
+        "map_yaml": Artifact("compile3d/map.yaml", str),
+        "spawn": Artifact("compile3d/spawn.json", Spawn),
+    },
+)
+
+if __name__ == "__main__":
+    sys.exit(main(STAGE))

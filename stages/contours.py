@@ -1,0 +1,77 @@
+"""Stage 2: trace the plan's free space into a polygon with islands, and its drift network (metres, mine frame)."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import shapely
+from shapely import Polygon
+
+from pipeline.errors import GeometryError
+from pipeline.geometry.ink import binarise, clean, require_workings
+from pipeline.geometry.outline import simplify_outline, trace_outline
+from pipeline.geometry.skeleton import require_same_network, trace_network
+from pipeline.params.contours import ContoursParams
+from pipeline.report.graph import network_dot, width_table
+from pipeline.report.plans import draw_contours
+from pipeline.stage import Artifact, Stage, main
+from pipeline.types import Areas, DriftNetwork, FreeSpace, Image, Mask, Survey
+
+
+def trace_free_space(params: ContoursParams, plan: Image, survey: Survey) -> dict[str, Any]:
+    """Return the binarised and the cleaned plan, the free space, its network and their pictures."""
+    frame, scale = survey.frame, survey.frame.px_per_m
+    threshold = None if params.threshold == "otsu" else params.threshold
+    margin = params.annotation_margin_m * scale
+    raw = binarise(plan, threshold, params.annotation_chroma, margin, survey.ignore_boxes_px)
+    cleaned = clean(raw, params.bridge_m * scale, params.despeck_m * scale, params.min_island_m2 * scale**2)
+    try:
+        require_workings(raw, cleaned, scale, params.min_tunnel_m2, params.max_ink_share)
+    except GeometryError as error:
+        raise GeometryError(f"{survey.sources[0]}: {error}") from error
+    traced = trace_outline(cleaned, frame)
+    outline = simplify_outline(traced, params.tolerance_m)
+    grid = params.network.cell_m, params.network.min_leg_m, params.network.station_spacing_m
+    network = trace_network(outline, *grid)
+    before = trace_network(traced, *grid)
+    require_same_network(before, network, outline, params.tolerance_m, params.network.min_leg_m)
+    outer = Polygon(outline.exterior)
+    areas = Areas(
+        tunnel_m2=round(outline.area, 3),
+        islands_m2=round(outer.area - outline.area, 3),
+        outside_m2=round(shapely.box(*frame.extent_m).difference(outer).area, 3),
+        islands=len(outline.interiors),
+        traced_tunnel_m2=round(traced.area, 3),
+    )
+    return {
+        "raw": raw,
+        "cleaned": cleaned,
+        "free_space": FreeSpace(outline, areas, params.tolerance_m, frame),
+        "topology": network,
+        "topology_dot": network_dot(network),
+        "widths": width_table(network),
+        "picture": draw_contours(raw, outline, network, frame),
+    }
+
+
+STAGE = Stage(
+    name="contours",
+    run=trace_free_space,
+    reads={
+        "plan": Artifact("survey/plan.png", Image),
+        "survey": Artifact("survey/survey.json", Survey),
+    },
+    writes={
+        "raw": Artifact("contours/raw.png", Mask),
+        "cleaned": Artifact("contours/cleaned.png", Mask),
+        "free_space": Artifact("contours/free_space.geojson", FreeSpace),
+        "topology": Artifact("contours/topology.json", DriftNetwork),
+        "topology_dot": Artifact("contours/topology.dot", str),
+        "widths": Artifact("contours/widths.csv", str),
+        "picture": Artifact("contours/contours.png", Image),
+    },
+)
+
+if __name__ == "__main__":
+    sys.exit(main(STAGE))

@@ -1,0 +1,23 @@
+"""Stage 1: read the survey, draw or load its plan, and settle the plan's scale."""
+
+from __future__ import annotations
+
+import sys
+
+from pipeline.stage import Artifact, Stage, main
+from pipeline.survey.load import read_survey, sources
+from pipeline.types import Image, Survey
+
+STAGE = Stage(
+    name="survey",
+    run=read_survey,
+    sources=sources,
+    reads={},
+    writes={
+        "plan": Artifact("survey/plan.png", Image),
+        "survey": Artifact("survey/survey.json", Survey),
+    },
+)
+
+if __name__ == "__main__":
+    sys.exit(main(STAGE))
