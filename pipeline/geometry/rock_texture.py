@@ -38,5 +38,5 @@ def rock_texture(
         white = np.fft.rfft2(rng.standard_normal((size_px, size_px)))
         field = np.fft.irfft2(white * frequency**-spectral_exponent, s=(size_px, size_px))
         fields.append(field / field.std())
-    tone = 1.0 + contrast * (fields[0][..., None] + 0.25 * np.stack(fields[1:], axis=-1))
+    tone = 1.0 + contrast * (fields[0][..., None] + 0.08 * np.stack(fields[1:], axis=-1))
     return np.clip(np.round(np.array(rgb[::-1]) * tone), 0, 255).astype(np.uint8)

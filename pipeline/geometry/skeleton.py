@@ -48,18 +48,11 @@ def trace_network(free: Polygon, cell_m: float, min_leg_m: float, station_spacin
     west, south, east, north = free.bounds
     width, height = (int(np.ceil(size / cell_m)) + 4 for size in (east - west, north - south))
     frame = Frame(1.0 / cell_m, 2.0 - west / cell_m, height - 2.0 + south / cell_m, width, height)
-    return network_of_mask(fill_polygon(free, frame), frame, free, min_leg_m, station_spacing_m)
-
-
-def network_of_mask(
-    mask: Mask, frame: Frame, walls: Polygon, min_leg_m: float, station_spacing_m: float
-) -> DriftNetwork:
-    """Trace the drift network of free pixels; `walls` (m, mine frame) gives the widths. See `trace_network`."""
-    pixels = _pixel_graph(skeletonize(mask))
+    pixels = _pixel_graph(skeletonize(fill_polygon(free, frame)))
     if not pixels:
-        raise GeometryError(f"skeleton: no passage is wider than a cell of {1 / frame.px_per_m:.2f} m")
+        raise GeometryError(f"skeleton: no passage is wider than a cell of {cell_m:g} m")
     graph = _contract(pixels, frame)
-    boundary = walls.boundary
+    boundary = free.boundary
     shapely.prepare(boundary)
     _prune_spurs(graph, boundary, min_leg_m)
     return _describe(graph, boundary, station_spacing_m)

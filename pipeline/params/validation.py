@@ -21,9 +21,8 @@ class Limit(Params):
 
 
 class ValidationParams(Params):
-    """Limits by metric name (dots separate groups) and how rays and networks are counted."""
+    """Limits by metric name (dots separate groups) and how networks are traced."""
 
-    ray_height_m: float = Field(gt=0)
     network_cell_m: float = Field(gt=0.02, le=2)
     network_min_leg_m: float = Field(ge=0, le=50)
     limits: dict[str, Limit]

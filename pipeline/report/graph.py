@@ -1,10 +1,10 @@
-"""The drift network as Graphviz text and as a table of widths."""
+"""The drift network as Graphviz text; widths and places as tables."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from pipeline.types import DriftNetwork
+from pipeline.types import DriftNetwork, Points2
 
 
 def network_dot(network: DriftNetwork) -> str:
@@ -27,3 +27,8 @@ def width_table(network: DriftNetwork) -> str:
         for chainage, (x, y), half in zip(leg.chainage_m, leg.stations_m, leg.half_width_m, strict=True):
             rows.append(f"{leg.name},{chainage:g},{x:g},{y:g},{np.round(2 * half, 2):g}")
     return "\n".join(rows) + "\n"
+
+
+def places_table(places_m: Points2) -> str:
+    """Return places, m, mine frame, as CSV: easting_m, northing_m."""
+    return "\n".join(["easting_m,northing_m", *(f"{x:.3f},{y:.3f}" for x, y in places_m)]) + "\n"

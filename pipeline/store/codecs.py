@@ -48,8 +48,10 @@ def decode(path: Path, kind: Any) -> Any:
     """
     if not path.exists():
         raise ArtifactError(f"{path}: missing; run the stage that writes it (`dvc dag` shows which), or `make all`")
-    if kind in (Path, Bundle):
+    if kind == Bundle:
         return path
+    if kind is bytes:
+        return path.read_bytes()
     try:
         match path.suffix:
             case ".png":
@@ -65,7 +67,7 @@ def decode(path: Path, kind: Any) -> Any:
                 with np.load(path, allow_pickle=False) as arrays:
                     return _decode_npz(dict(arrays), kind)
             case _:
-                return path.read_bytes()
+                raise ValueError(f"no codec reads {path.suffix!r}")
     except (ValueError, KeyError, TypeError, OSError, ValidationError) as error:
         raise ArtifactError(f"{path}: not a readable {getattr(kind, '__name__', kind)}: {error}") from error
 

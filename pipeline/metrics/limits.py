@@ -1,0 +1,43 @@
+"""Metrics against their limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pipeline.errors import LimitError
+from pipeline.params.validation import Limit
+
+
+def flatten(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested metrics as one level, names joined by dots."""
+    flat: dict[str, Any] = {}
+    for key, value in metrics.items():
+        flat |= flatten(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
+    return flat
+
+
+def breaches(metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> list[str]:
+    """Return one line for each metric that breaches its limit: name, value, limit."""
+    flat = flatten(metrics)
+    lines = []
+    for name, limit in limits.items():
+        value = flat.get(name)
+        if not isinstance(value, int | float):
+            lines.append(f"{name}: not measured (limit {_say(limit)})")
+        elif (limit.min is not None and not value >= limit.min) or (limit.max is not None and not value <= limit.max):
+            lines.append(f"{name} = {value:.6g}: limit {_say(limit)}")
+    return lines
+
+
+def require_limits(metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> None:
+    """Raise `LimitError` with every breach, if there is one."""
+    lines = breaches(metrics, limits)
+    if lines:
+        raise LimitError("\n  ".join([f"{len(lines)} of {len(limits)} limits breached (conf/validation)", *lines]))
+
+
+def _say(limit: Limit) -> str:
+    return " and ".join(
+        f"{sign} {value:g}" for sign, value in ((">=", limit.min), ("<=", limit.max)) if value is not None
+    )

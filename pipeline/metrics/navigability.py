@@ -1,0 +1,88 @@
+"""Whether every column that the plan calls free is open in the world: one vertical ray a pixel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import mujoco
+import numpy as np
+
+from pipeline.types import Frame, Mask, Points2
+
+
+@dataclass(frozen=True)
+class Navigability:
+    """Blocked columns, counted and located.
+
+    `blocked` are those deeper in the plan's free space than `wall_band_m`: the simplification tolerance and half a pixel's
+    diagonal, by which a wall may stand elsewhere than in the plan. `blocked_at_wall` are the rest.
+    """
+
+    columns: int
+    blocked: int
+    blocked_at_wall: int
+    wall_band_m: float
+    deepest_blocked_m: float
+    blocked_places_m: Points2
+
+
+def cast_columns(
+    model: mujoco.MjModel, T_world_mine: np.ndarray, free: Mask, frame: Frame, height_m: float, tolerance_m: float,
+    floor_group: int, rock_group: int,
+) -> Navigability:  # fmt: skip
+    """Cast a ray down through the rock's height at every free pixel's centre; a column is open when it meets the floor.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+    T_world_mine : (4, 4)
+    free : (rows, cols) bool
+        The plan's free space.
+    frame : Frame
+        Its pixel grid.
+    height_m : float
+        Top of the rock; rays start above it and the back is left out, so that a start is never inside a part.
+    tolerance_m : float
+        By how much a wall was allowed to move.
+    floor_group, rock_group : int
+        Geom groups.
+
+    Returns
+    -------
+    Navigability
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    rows, cols = np.nonzero(free)
+    places = frame.to_mine(np.column_stack([cols, rows]) + 0.5)
+    starts = np.column_stack([places, np.full(len(places), height_m + 0.2)])
+    starts = starts @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
+    down = -T_world_mine[:3, 2].copy()
+    groups = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
+    groups[[floor_group, rock_group]] = 1
+    hit = np.zeros(1, dtype=np.int32)
+    is_floor = np.append(model.geom_group == floor_group, False)  # index -1: no hit
+    open_ = np.empty(len(starts), dtype=bool)
+    for i, start in enumerate(starts):
+        mujoco.mj_ray(model, data, start, down, groups, 1, -1, hit)
+        open_[i] = is_floor[hit[0]]
+    depth = _depth_m(free, frame)[rows, cols]
+    band = tolerance_m + np.sqrt(0.5) / frame.px_per_m
+    blocked = ~open_
+    deep = blocked & (depth > band)
+    return Navigability(
+        columns=len(starts),
+        blocked=int(deep.sum()),
+        blocked_at_wall=int((blocked & ~deep).sum()),
+        wall_band_m=round(float(band), 4),
+        deepest_blocked_m=round(float(depth[blocked].max(initial=0.0)), 4),
+        blocked_places_m=places[deep],
+    )
+
+
+def _depth_m(free: Mask, frame: Frame) -> np.ndarray:
+    """Return each free pixel's distance from the plan's wall, m: from its centre to the edge of the nearest rock pixel."""
+    padded = np.pad(free.astype(np.uint8), 1)
+    distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+    return np.maximum(distance - 0.5, 0.0) / frame.px_per_m

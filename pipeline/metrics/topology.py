@@ -1,0 +1,84 @@
+"""Whether a world's drifts hang together as the plan's do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from pipeline.geometry.outline import trace_outline
+from pipeline.geometry.skeleton import trace_network
+from pipeline.types import DriftNetwork, Frame, Mask
+
+_SMALLEST_PART_M2 = 1.0
+_SAME_FACE_M = 6.0  # a skeleton may end in either corner of a drift's face; the widest drift has 5.9 m
+_STATIONS_M = 3.0
+
+
+@dataclass(frozen=True)
+class TopologyMatch:
+    """Loops, drifts (legs of the network), dead ends and separate parts of plan and world.
+
+    `drifts_lost` counts dead-end drifts of the plan that the world lacks, `drifts_added` those it has beyond the
+    plan's. A stub whose length is within a quarter of the threshold may be traced in one and not in the other; it is
+    neither lost nor added.
+    """
+
+    loops_plan: int
+    loops_world: int
+    loops_difference: int
+    drifts_plan: int
+    drifts_world: int
+    drifts_lost: int
+    drifts_added: int
+    parts_plan: int
+    parts_world: int
+    length_plan_m: float
+    length_world_m: float
+
+
+def compare_topology(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_leg_m: float) -> TopologyMatch:
+    """Trace the drift networks of two masks in the same way and compare them.
+
+    Parameters
+    ----------
+    plan, world : (rows, cols) bool
+        Free pixels of the cleaned plan and of the rendered world.
+    frame : Frame
+    cell_m, min_leg_m : float
+        See `trace_network`.
+    """
+    outlines = [trace_outline(mask, frame) for mask in (plan, world)]
+    one, two = (trace_network(outline, cell_m, min_leg_m, _STATIONS_M) for outline in outlines)
+    sure_one, sure_two = (trace_network(outline, cell_m, 1.25 * min_leg_m, _STATIONS_M) for outline in outlines)
+    any_one, any_two = (trace_network(outline, cell_m, 0.75 * min_leg_m, _STATIONS_M) for outline in outlines)
+    return TopologyMatch(
+        loops_plan=one.loops,
+        loops_world=two.loops,
+        loops_difference=abs(one.loops - two.loops),
+        drifts_plan=len(one.legs),
+        drifts_world=len(two.legs),
+        drifts_lost=_unmatched(sure_one, any_two),
+        drifts_added=_unmatched(sure_two, any_one),
+        parts_plan=_parts(plan, frame),
+        parts_world=_parts(world, frame),
+        length_plan_m=one.total_length_m,
+        length_world_m=two.total_length_m,
+    )
+
+
+def _unmatched(drifts: DriftNetwork, among: DriftNetwork) -> int:
+    """Count the dead ends of one network that have no partner in another: one to one, nearest in sum."""
+    ends = np.array([drifts.nodes_m[name] for name in drifts.dead_ends]).reshape(-1, 1, 2)
+    others = np.array([among.nodes_m[name] for name in among.dead_ends]).reshape(1, -1, 2)
+    distance = np.linalg.norm(ends - others, axis=2)
+    # A pair beyond the gate costs more than any number of pairs within it, so it is never preferred to them.
+    matched = linear_sum_assignment(np.where(distance <= _SAME_FACE_M, distance, 1e6))
+    return len(ends) - int((distance[matched] <= _SAME_FACE_M).sum())
+
+
+def _parts(mask: Mask, frame: Frame) -> int:
+    _, _, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
+    return int((stats[1:, cv2.CC_STAT_AREA] > _SMALLEST_PART_M2 * frame.px_per_m**2).sum())

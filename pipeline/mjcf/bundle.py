@@ -1,0 +1,127 @@
+"""The world bundle: `mine.xml`, its meshes, and everything known of the world, every file under its hash."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from pipeline.errors import ArtifactError
+from pipeline.mjcf.world import MineScene, Zone, build_spec
+from pipeline.store.hashing import sha256_bytes
+from pipeline.store.verify import verify_world, world_sha256
+from pipeline.types import Areas, Frame, Spawn
+
+FORMAT = "minexplore-world/1"
+
+
+@dataclass(frozen=True)
+class WorldRecord:
+    """What `world.json` says: units are m, rad, kg, s throughout."""
+
+    format: str
+    name: str
+    frames: dict[str, str]
+    T_world_mine: list[list[float]]
+    tilt_deg: float
+    gain_m: dict[str, float]
+    height_m: float
+    world_m: tuple[float, float, float, float]
+    plan_frame: Frame
+    areas: Areas
+    zones: list[Zone]
+    rock_friction: float
+    lights: int
+    collision_parts: int
+    loops: int
+    drifts: int
+    spawn: Spawn
+    geom_groups: dict[str, int]
+    files: dict[str, str]
+    world_sha256: str
+
+
+@dataclass(frozen=True)
+class World:
+    """A bundle that was read back: its record, its compiled model, the best of three load times, s, and its size."""
+
+    record: WorldRecord
+    model: mujoco.MjModel
+    load_s: float
+    warnings: int
+    bytes: int
+
+
+def compile_bundle(scene: MineScene) -> dict[str, bytes]:
+    """Write the scene as `mine.xml` with the meshes and textures it names, and check that MuJoCo takes it.
+
+    Raises
+    ------
+    ArtifactError
+        With MuJoCo's own message when it refuses the world.
+    """
+    spec = build_spec(scene)
+    try:
+        spec.compile()
+    except ValueError as error:
+        raise ArtifactError(f"mine.xml: MuJoCo does not compile it: {error}") from error
+    return {"mine.xml": spec.to_xml().encode(), **{name: bytes(data) for name, data in spec.assets.items()}}
+
+
+def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes]:
+    """Add `world.json`: the record, each file's sha256, and the world's hash over both."""
+    facts = TypeAdapter(WorldRecord).dump_python(record, mode="json")
+    facts["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
+    facts["world_sha256"] = world_sha256(facts)
+    return {**files, "world.json": (json.dumps(facts, indent=2, allow_nan=False) + "\n").encode()}
+
+
+def open_bundle(folder: Path) -> World:
+    """Check a bundle's hashes, read its record and load its model.
+
+    Raises
+    ------
+    ArtifactError
+        If a file is missing or changed, the record is not one, or MuJoCo refuses or warns of the model.
+    """
+    verify_world(folder)
+    try:
+        record = TypeAdapter(WorldRecord).validate_json((folder / "world.json").read_bytes())
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ArtifactError(f"{folder / 'world.json'}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+    if record.format != FORMAT:
+        raise ArtifactError(f"{folder / 'world.json'}: format {record.format!r}, this version reads {FORMAT!r}")
+    warned: list[str] = []
+    mujoco.set_mju_user_warning(warned.append)
+    try:
+        seconds = []
+        for _ in range(3):
+            start = time.perf_counter()
+            model = mujoco.MjModel.from_xml_path(str(folder / "mine.xml"))
+            seconds.append(time.perf_counter() - start)
+        mujoco.mj_forward(model, mujoco.MjData(model))
+    except ValueError as error:
+        raise ArtifactError(f"{folder / 'mine.xml'}: MuJoCo does not load it: {error}") from error
+    finally:
+        mujoco.set_mju_user_warning(None)
+    size = sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
+    return World(record, model, min(seconds), len(warned), size)
+
+
+def part_vertices(model: mujoco.MjModel, group: int) -> list[np.ndarray]:
+    """Return the vertices (n, 3), m, mine frame, of every mesh geom of a group, from the compiled model itself."""
+    parts = []
+    for geom in np.flatnonzero((model.geom_group == group) & (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)):
+        mesh = model.geom_dataid[geom]
+        start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+        vertices = model.mesh_vert[start : start + count].astype(np.float64)
+        parts.append(vertices @ rotation.reshape(3, 3).T + model.geom_pos[geom])
+    return parts

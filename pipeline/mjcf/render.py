@@ -1,0 +1,112 @@
+"""Pictures of a compiled world by OSMesa: off screen, on any machine."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+
+import mujoco
+import numpy as np
+
+from pipeline.errors import ArtifactError
+from pipeline.mjcf.world import GROUND_GROUP, ROCK_GROUP
+from pipeline.types import Frame, Image, Mask
+
+_OPENGL_LIGHTS = 7  # OpenGL's eight less the headlight
+_CAMERA_HEIGHT_M = 50.0
+
+
+def render_camera(
+    model: mujoco.MjModel, camera: str, width: int, height: int, groups: Iterable[int], spots: bool = True
+) -> Image:
+    """Render one of the world's cameras.
+
+    OpenGL lights a scene by eight lights at most; of the world's spot lights those nearest to the camera are lit.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+    camera : str
+    width, height : int
+        px.
+    groups : iterable of int
+        Geom groups that are shown.
+    spots : bool
+        Light the spots; without them the headlight alone.
+
+    Returns
+    -------
+    (height, width, 3) uint8, BGR
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    distance = np.linalg.norm(data.light_xpos - data.cam_xpos[model.camera(camera).id], axis=1)
+    lit = model.light_active.copy()
+    model.light_active[:] = 0
+    if spots:
+        model.light_active[np.argsort(distance, kind="stable")[:_OPENGL_LIGHTS]] = 1
+    model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+    try:
+        with _Renderer(model, height, width) as renderer:
+            renderer.update_scene(data, camera, _options(groups))
+            return renderer.render()[..., ::-1].copy()
+    finally:
+        model.light_active[:] = lit
+
+
+def render_free_space(model: mujoco.MjModel, T_world_mine: np.ndarray, frame: Frame, z_top_m: float) -> Mask:
+    """Look straight down onto the world, mine frame, one pixel of the plan at a time, and mark where the floor shows.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+        Floor geoms in group 0, rock in group 3.
+    T_world_mine : (4, 4)
+        Where the mine frame is said to lie.
+    frame : Frame
+        The plan's pixel grid.
+    z_top_m : float
+        Top of the rock, m, mine frame.
+
+    Returns
+    -------
+    (height_px, width_px) bool
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    west, south, east, north = frame.extent_m
+    model.vis.global_.offwidth, model.vis.global_.offheight = frame.width_px, frame.height_px
+    model.vis.quality.offsamples = 0  # a pixel shows one geom
+    with _Renderer(model, frame.height_px, frame.width_px) as renderer:
+        renderer.enable_segmentation_rendering()
+        renderer.update_scene(data, mujoco.MjvCamera(), _options((GROUND_GROUP, ROCK_GROUP)))
+        place = T_world_mine @ [(west + east) / 2, (south + north) / 2, z_top_m + _CAMERA_HEIGHT_M, 1.0]
+        for camera in renderer.scene.camera:
+            camera.pos, camera.forward, camera.up = place[:3], -T_world_mine[:3, 2], T_world_mine[:3, 1]
+            camera.orthographic = 1
+            camera.frustum_center, camera.frustum_width = 0.0, 0.0
+            camera.frustum_bottom, camera.frustum_top = -(north - south) / 2, (north - south) / 2
+            camera.frustum_near, camera.frustum_far = 1.0, 2 * _CAMERA_HEIGHT_M + z_top_m
+        seen = renderer.render()[..., 0]
+    floor = np.flatnonzero(model.geom_group == GROUND_GROUP)
+    return np.isin(seen, floor)
+
+
+def _options(groups: Iterable[int]) -> mujoco.MjvOption:
+    option = mujoco.MjvOption()
+    option.geomgroup[:] = 0
+    option.geomgroup[list(groups)] = 1
+    return option
+
+
+class _Renderer(mujoco.Renderer):
+    """A renderer that says what is missing when OSMesa is, and is closed by `with`."""
+
+    def __init__(self, model: mujoco.MjModel, height: int, width: int) -> None:
+        try:
+            super().__init__(model, height, width, max_geom=2 * model.ngeom + 1000)
+        except (AttributeError, ImportError, RuntimeError, mujoco.FatalError) as error:
+            backend = os.environ["MUJOCO_GL"]
+            raise ArtifactError(
+                f"rendering: no OpenGL context by MUJOCO_GL={backend} ({error}); `make setup` installs libosmesa6"
+            ) from error

@@ -1,0 +1,249 @@
+"""Build the world as an `MjSpec`: one tilted body that carries rock, floor zones, back, visible rock, lights, cameras."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from pipeline.store.codecs import encode
+from pipeline.types import ConvexParts, Image, Mesh, Rock
+
+# MuJoCo's viewers show groups 0-2 and hide the rest.
+GROUND_GROUP, SURFACE_GROUP, ROCK_GROUP, BACK_GROUP = 0, 2, 3, 4
+_THICKNESS_M = 0.5
+_VISIBLE_PIECES = ("sill_chamfer", "walls", "back")  # the flat sill is left out: the floor zones are its picture
+
+
+@dataclass(frozen=True)
+class Zone:
+    """One floor zone: a box of the floor with its sliding friction; extents are full sizes (m, mine frame)."""
+
+    name: str
+    friction: float
+    rgba: tuple[float, float, float, float]
+    west_m: float
+    east_m: float
+    south_m: float
+    north_m: float
+
+    @property
+    def geom(self) -> str:
+        """Return the name of the zone's geom."""
+        return f"floor_{self.name}"
+
+
+@dataclass(frozen=True)
+class SpotLight:
+    """A spot light: place and direction (unit vector) in the mine frame, cut-off in degrees."""
+
+    place_m: tuple[float, float, float]
+    direction: tuple[float, float, float]
+    cutoff_deg: float
+
+
+@dataclass(frozen=True)
+class MineScene:
+    """All that a world consists of, in the mine frame."""
+
+    name: str
+    rock: Rock
+    parts: ConvexParts
+    rock_friction: float
+    zones: list[Zone]
+    lights: list[SpotLight]
+    surface: dict[str, Mesh]
+    texture: Image
+    anchor_m: tuple[float, float]
+    heading_rad: float
+    T_world_mine: np.ndarray
+
+
+def tile_zones(
+    zones: list[tuple[str, float, tuple[float, float, float, float]]], world_m: tuple[float, float, float, float]
+) -> list[Zone]:
+    """Tile a box (west, south, east, north; m) with zones (name, friction, rgba) of equal width (to 0.1 m) from west to east."""
+    west, south, east, north = world_m
+    edges = np.linspace(west, east, len(zones) + 1).round(1)  # a half extent then has few enough digits for MJCF text
+    return [
+        Zone(name, friction, rgba, float(edges[i]), float(edges[i + 1]), south, north)
+        for i, (name, friction, rgba) in enumerate(zones)
+    ]
+
+
+def place_lights(
+    lines_m: list[np.ndarray], spacing_m: float, height_m: float, pitch_deg: float, cutoff_deg: float, count: int | None
+) -> list[SpotLight]:
+    """Hang spot lights at even distances along lines, each looking along its line and slightly down.
+
+    Parameters
+    ----------
+    lines_m : list of (n, 2), m, mine frame
+    spacing_m : float
+        Distance along the line; the first and last light stand half the remainder from its ends.
+    height_m : float
+        Above the sill.
+    pitch_deg : float
+        Below the horizontal.
+    cutoff_deg : float
+        MuJoCo's `cutoff`: the angle between the axis and the cone's edge.
+    count : int, optional
+        At most this many on each line, centred on it.
+    """
+    down = math.radians(pitch_deg)
+    lights = []
+    for line in lines_m:
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        n = int(along[-1] // spacing_m) + 1
+        n = n if count is None else min(n, count)
+        for at in (along[-1] - (n - 1) * spacing_m) / 2 + spacing_m * np.arange(n):
+            x, y = (float(np.interp(at, along, line[:, k])) for k in (0, 1))
+            ahead = [np.interp(min(at + 2.0, along[-1]), along, line[:, k]) for k in (0, 1)]
+            behind = [np.interp(max(at - 2.0, 0.0), along, line[:, k]) for k in (0, 1)]
+            heading = math.atan2(ahead[1] - behind[1], ahead[0] - behind[0])
+            direction = (math.cos(heading) * math.cos(down), math.sin(heading) * math.cos(down), -math.sin(down))
+            lights.append(SpotLight((round(x, 3), round(y, 3), height_m), direction, cutoff_deg))
+    return lights
+
+
+def tilt_about_centre(tilt_deg: float, world_m: tuple[float, float, float, float]) -> np.ndarray:
+    """Return T_world_mine (4, 4): the box's centre becomes the world's origin, then a rotation about Y by the tilt.
+
+    A positive tilt lowers the east.
+    """
+    a = math.radians(tilt_deg)
+    rotation = np.array([[math.cos(a), 0, math.sin(a)], [0, 1, 0], [-math.sin(a), 0, math.cos(a)]])
+    west, south, east, north = world_m
+    transform = np.eye(4)
+    transform[:3, :3] = rotation
+    transform[:3, 3] = -rotation @ np.array([(west + east) / 2, (south + north) / 2, 0.0])
+    return transform
+
+
+def build_spec(scene: MineScene) -> mujoco.MjSpec:
+    """Build the world.
+
+    Returns
+    -------
+    mujoco.MjSpec
+        Asset files are named `meshes/*.msh` and `textures/rock.png`; `spec.assets` holds their bytes.
+    """
+    spec = mujoco.MjSpec()
+    spec.modelname = scene.name
+    _set_view(spec, scene)
+    mine = spec.worldbody.add_body(name="mine")
+    tilt = math.atan2(scene.T_world_mine[0, 2], scene.T_world_mine[0, 0])
+    mine.quat = [math.cos(tilt / 2), 0.0, math.sin(tilt / 2), 0.0]
+    mine.pos = scene.T_world_mine[:3, 3]
+    _add_rock_class(spec, scene.rock_friction)
+    _add_rock(spec, mine, scene.parts)
+    _add_ground(spec, mine, scene)
+    _add_surface(spec, mine, scene.surface)
+    spec.assets = {**_mesh_files(scene.surface), "textures/rock.png": encode(Path("rock.png"), scene.texture)}
+    for i, light in enumerate(scene.lights):
+        mine.add_light(
+            name=f"spot_{i:02d}", pos=light.place_m, dir=light.direction, type=mujoco.mjtLightType.mjLIGHT_SPOT,
+            cutoff=light.cutoff_deg, exponent=8.0, castshadow=False, attenuation=[1.0, 0.0, 0.004],
+            diffuse=[1.0, 0.93, 0.8], specular=[0.1, 0.1, 0.1],
+        )  # fmt: skip
+    _add_cameras(mine, scene)
+    return spec
+
+
+def _set_view(spec: mujoco.MjSpec, scene: MineScene) -> None:
+    # Clipping planes scale with the extent; one of a drift's size keeps both a wall at arm's length and the far end.
+    spec.stat.extent = 10.0
+    spec.stat.center = (scene.T_world_mine @ [*scene.anchor_m, 0.5, 1.0])[:3].round(3)
+    spec.visual.map.znear = 0.005
+    spec.visual.map.zfar = 200.0
+    spec.visual.headlight.ambient = [0.3, 0.3, 0.3]
+    spec.visual.headlight.diffuse = [0.45, 0.45, 0.45]
+    spec.visual.headlight.specular = [0.0, 0.0, 0.0]
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
+
+
+def _add_rock_class(spec: mujoco.MjSpec, friction: float) -> None:
+    spec.add_texture(name="rock", type=mujoco.mjtTexture.mjTEXTURE_2D, file="textures/rock.png")
+    rock = spec.add_material(name="rock", specular=0.0, shininess=0.0)
+    rock.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "rock"
+    solid = spec.add_default("rock", spec.default)
+    solid.geom.group, solid.geom.material = ROCK_GROUP, "rock"
+    solid.geom.friction = [friction, 0.005, 0.0001]
+    visible = spec.add_default("surface", spec.default)
+    visible.geom.type, visible.geom.group, visible.geom.material = mujoco.mjtGeom.mjGEOM_MESH, SURFACE_GROUP, "rock"
+    visible.geom.contype, visible.geom.conaffinity = 0, 0
+
+
+def _add_rock(spec: mujoco.MjSpec, mine: mujoco.MjsBody, parts: ConvexParts) -> None:
+    """Add each convex part as a mesh about its own centre: MuJoCo keeps mesh vertices in 32 bits, a place in 64."""
+    digits = max(0, 6 - math.ceil(math.log10(max(10.0, float(np.abs(parts.vertices).max()) * 1.1))))
+    for i in range(len(parts)):
+        vertices = parts[i]
+        centre = ((vertices.min(axis=0) + vertices.max(axis=0)) / 2).round(digits)
+        name = f"rock_{i:04d}"
+        spec.add_mesh(name=name, uservert=(vertices - centre).ravel().tolist())
+        mine.add_geom(spec.find_default("rock"), name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, pos=centre)
+
+
+def _add_ground(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> None:
+    for zone in scene.zones:
+        centre = [(zone.west_m + zone.east_m) / 2, (zone.south_m + zone.north_m) / 2, -_THICKNESS_M / 2]
+        size = [(zone.east_m - zone.west_m) / 2, (zone.north_m - zone.south_m) / 2, _THICKNESS_M / 2]
+        # Without priority MuJoCo takes the larger friction of the two geoms, and a rubber wheel would not feel water.
+        mine.add_geom(
+            name=zone.geom, type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, size=size, rgba=zone.rgba, priority=1,
+            friction=[zone.friction, 0.005, 0.0001], group=GROUND_GROUP,
+        )  # fmt: skip
+    west, south, east, north = scene.rock.world_m
+    mine.add_geom(
+        spec.find_default("rock"), name="back", type=mujoco.mjtGeom.mjGEOM_BOX, group=BACK_GROUP,
+        pos=[(west + east) / 2, (south + north) / 2, scene.rock.height_m + _THICKNESS_M / 2],
+        size=[(east - west) / 2, (north - south) / 2, _THICKNESS_M / 2],
+    )  # fmt: skip
+
+
+def _add_surface(spec: mujoco.MjSpec, mine: mujoco.MjsBody, surface: dict[str, Mesh]) -> None:
+    for name in surface:
+        if name in _VISIBLE_PIECES:
+            # An open sheet has no volume; its inertia, never used, is that of a shell.
+            spec.add_mesh(name=name, file=f"meshes/{name}.msh", inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+            mine.add_geom(spec.find_default("surface"), name=f"surface_{name}", meshname=name)
+
+
+def _mesh_files(surface: dict[str, Mesh]) -> dict[str, bytes]:
+    return {f"meshes/{name}.msh": _msh(mesh) for name, mesh in surface.items() if name in _VISIBLE_PIECES}
+
+
+def _msh(mesh: Mesh) -> bytes:
+    """Return MuJoCo's binary mesh: counts, then positions, normals (none), texture coordinates, faces."""
+    head = np.array([len(mesh.vertices), 0, len(mesh.texcoords), len(mesh.faces)], dtype="<i4")
+    # Pictures count rows downwards, texture coordinates upwards.
+    flipped = np.column_stack([mesh.texcoords[:, 0], 1.0 - mesh.texcoords[:, 1]])
+    arrays = (mesh.vertices.astype("<f4"), flipped.astype("<f4"), mesh.faces.astype("<i4"))
+    return head.tobytes() + b"".join(a.tobytes() for a in arrays)
+
+
+def _add_cameras(mine: mujoco.MjsBody, scene: MineScene) -> None:
+    west, south, east, north = scene.rock.world_m
+    c, s = math.cos(scene.heading_rad), math.sin(scene.heading_rad)
+    mine.add_camera(
+        name="entrance", pos=[*scene.anchor_m, 1.2], quat=_looking((s, -c, 0.0), (0.0, 0.0, 1.0)), fovy=70.0
+    )
+    # The whole mine from above, a little from the south; the back faces down and so does not hide the drifts.
+    pitch, fovy = math.radians(60.0), 30.0
+    reach = max((east - west) / 16 * 9, north - south) / 2 / math.tan(math.radians(fovy / 2)) * 1.05
+    centre = np.array([(west + east) / 2, (south + north) / 2, 0.0])
+    up = (0.0, math.sin(pitch), math.cos(pitch))
+    place = centre + reach * np.array([0.0, -math.cos(pitch), math.sin(pitch)])
+    mine.add_camera(name="overview", pos=place.round(2), quat=_looking((1.0, 0.0, 0.0), up), fovy=fovy)
+
+
+def _looking(right: tuple[float, float, float], up: tuple[float, float, float]) -> np.ndarray:
+    """Return the quaternion of a camera with these axes; it looks along up x right."""
+    axes = np.column_stack([right, up, np.cross(right, up)])
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, axes.ravel())
+    return quat

@@ -1,0 +1,34 @@
+"""Stage 5: tilt the mine, lay the floor zones, hang the lights, and seal the world bundle."""
+
+from __future__ import annotations
+
+import sys
+
+from pipeline.mjcf.assemble import assemble_world
+from pipeline.stage import Artifact, Stage, main
+from pipeline.store.codecs import Bundle, Meshes
+from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, Rock, Spawn, Survey
+
+STAGE = Stage(
+    name="realism",
+    run=assemble_world,
+    reads={
+        "survey": Artifact("survey/survey.json", Survey),
+        "free_space": Artifact("contours/free_space.geojson", FreeSpace),
+        "topology": Artifact("contours/topology.json", DriftNetwork),
+        "rock": Artifact("compile3d/rock.json", Rock),
+        "collision": Artifact("compile3d/collision.npz", ConvexParts),
+        "spawn": Artifact("compile3d/spawn.json", Spawn),
+        "meshes": Artifact("surface/meshes.npz", Meshes),
+        "texture": Artifact("surface/rock.png", Image),
+        # These travel with the world as they are.
+        "occupancy_npz": Artifact("compile3d/occupancy.npz", bytes),
+        "free_space_bt": Artifact("compile3d/free_space.bt", bytes),
+        "map_pgm": Artifact("compile3d/map.pgm", bytes),
+        "map_yaml": Artifact("compile3d/map.yaml", bytes),
+    },
+    writes={"world": Artifact("realism/world", Bundle)},
+)
+
+if __name__ == "__main__":
+    sys.exit(main(STAGE))
