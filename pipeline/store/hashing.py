@@ -58,6 +58,7 @@ def import_closure(module_file: Path, root: Path) -> list[Path]:
         if source in found:
             continue
         found.add(source)
+        queue += [p / "__init__.py" for p in source.parents if (root / p / "__init__.py").is_file()]
         for name in _imported_names((root / source).read_text()):
             parts = name.split(".")
             for depth in range(1, len(parts) + 1):

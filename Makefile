@@ -1,0 +1,65 @@
+# Thin aliases; `dvc.yaml` is the pipeline. `make all OVERRIDES="survey=plan contours.tolerance_m=0.3"` changes a run.
+SHELL := /bin/sh
+export PATH := $(CURDIR)/.venv/bin:$(PATH)
+export OVERRIDES ?=
+PY := .venv/bin/python
+STAGES := survey contours compile3d surface realism validation
+
+.DEFAULT_GOAL := help
+.PHONY: help setup all test test-slow check report verify data dag accept lock clean compare-collision compare-paper $(STAGES)
+
+help:            ## show this list
+	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile | expand -t 22
+	@echo '  $(STAGES)' | sed 's/ /, /g; s/^, , /  /'
+	@echo '                      up to and including one stage; add OVERRIDES="group=choice section.key=value"'
+
+setup:           ## make .venv from the lock, install missing system libraries; silent when done
+	@sh requirements/setup.sh
+
+all: setup       ## the whole pipeline (dvc repro)
+	@$(PY) -m pipeline set-overrides
+	@dvc repro
+
+$(STAGES): setup
+	@$(PY) -m pipeline set-overrides
+	@dvc repro $@
+
+test: setup      ## all tests but the slow ones
+	@$(PY) -m pytest -n 2 -m "not slow" tests
+
+test-slow: setup ## the slow tests
+	@$(PY) -m pytest -m slow tests
+
+check: setup     ## lint, types, import contracts, dvc.yaml up to date
+	@ruff check . && ruff format --check . && mypy && lint-imports && $(PY) -m stages | cmp - dvc.yaml
+
+report: all      ## write docs/results.md from the present metrics
+	@$(PY) -m pipeline table
+
+verify: setup    ## walk the manifests from the survey to the world
+	@$(PY) -m pipeline verify
+
+data: setup      ## fetch the published plan and sweeps into data/raw (MIRROR=address-or-folder to take them from)
+	@$(PY) -m pipeline.survey.fetch $(if $(MIRROR),--mirror "$(MIRROR)")
+
+compare-collision: setup  ## exact prisms, CoACD and V-HACD side by side on the same plan
+	@$(PY) -m benchmarks.compare_collision
+
+compare-paper: setup      ## the paper's preset beside the default
+	@$(PY) -m benchmarks.compare_paper
+
+accept: setup    ## accept the present metrics as the regression gate's baseline
+	@$(PY) -m pipeline accept
+
+dag: setup       ## write dvc.yaml from the stages' declarations
+	@$(PY) -m stages > .dvc.yaml.new && mv .dvc.yaml.new dvc.yaml
+
+lock: setup      ## renew requirements/*.txt from pyproject.toml
+	@uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header \
+	  pyproject.toml --group dev -o requirements/dev.txt
+	@uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header \
+	  --group bootstrap -o requirements/bootstrap.txt
+
+clean:           ## remove artifacts and caches, keep .venv and data
+	@rm -rf artifacts/params.yaml artifacts/*/ .dvc/cache .dvc/tmp .pytest_cache .mypy_cache .ruff_cache .hypothesis dvc_plots
+	@find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +

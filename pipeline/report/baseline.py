@@ -1,0 +1,84 @@
+"""The regression gate's baseline, and the results table: figures in prose come from these files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from pipeline.errors import ArtifactError
+from pipeline.metrics.limits import flatten
+from pipeline.store.files import write_atomically
+
+METRICS = Path("artifacts/validation/metrics.json")
+BASELINE = Path("tests/baseline.json")
+RESULTS = Path("docs/results.md")
+_GATED = ("iou.", "texture.")
+IOU_DROP, TEXTURE_DROP = 0.002, 0.01
+
+_ROWS = [
+    ("IoU, free space, rendered, vs cleaned plan", "iou.free_space_vs_cleaned", ".4f", ">= 0.990", "0.9538"),
+    ("IoU, free space, vs raw binarised plan", "iou.free_space_vs_raw", ".4f", ">= 0.970", "-"),
+    ("IoU, rock", "iou.rock", ".4f", "", "-"),
+    ("free columns tested", "navigability.columns", ",d", "", "-"),
+    ("blocked columns", "navigability.blocked", "d", "0", '"none"'),
+    ("columns that simplification moved into the wall", "navigability.blocked_at_wall", ",d", "", "-"),
+    ("the deepest of those, m from the plan's wall", "navigability.deepest_blocked_m", ".3f", "", "-"),
+    ("loops, plan / world", ("topology.loops_plan", "topology.loops_world"), "d", "equal", "1"),
+    ("drifts lost / added", ("topology.drifts_lost", "topology.drifts_added"), "d", "0 / 0", "-"),
+    ("tunnel, m2", "areas.tunnel_m2", ",.0f", "", "104,423"),
+    ("islands, m2", "areas.islands_m2", ",.0f", "", "14,577"),
+    ("outside, m2", "areas.outside_m2", ",.0f", "", "-"),
+    ("convex collision parts", "collision.parts", "d", "<= 800", "1,186"),
+    ("collision in the free space, m2", "collision.intrusion_m2", ".4f", "< 0.01", "-"),
+    ("rock without collision, m2", "collision.missing_m2", ".4f", "< 0.01", "-"),
+    ("bundle, MB", "world.bytes", "MB", "<= 10", "about 800"),
+    ("MjModel load, s", "world.load_s", ".3f", "<= 0.5", "< 10"),
+]
+
+
+def read_metrics(path: Path = METRICS) -> dict[str, float]:
+    """Return flat metrics, or raise `ArtifactError` if the file is missing or no JSON."""
+    try:
+        return flatten(json.loads(path.read_text()))
+    except FileNotFoundError:
+        raise ArtifactError(f"{path}: missing; run `make all` first") from None
+    except ValueError as error:
+        raise ArtifactError(f"{path}: not JSON: {error}") from error
+
+
+def gated(metrics: dict[str, float]) -> dict[str, float]:
+    """Return the metrics that the gate compares: IoU and texture scores."""
+    return {k: v for k, v in metrics.items() if k.startswith(_GATED)}
+
+
+def regressions(metrics: dict[str, float], baseline: dict[str, float]) -> list[str]:
+    """Return one line for each gated metric that fell by more than its allowance, or is gone."""
+    lines = []
+    for name, before in baseline.items():
+        allowed = TEXTURE_DROP if name.startswith("texture.") else IOU_DROP
+        now = metrics.get(name)
+        if now is None or now < before - allowed:
+            lines.append(f"{name}: {now} fell by more than {allowed} from {before}")
+    return lines
+
+
+def accept_baseline() -> str:
+    """Write the present gated metrics to the baseline and say what changed."""
+    now = gated(read_metrics())
+    before = json.loads(BASELINE.read_text()) if BASELINE.is_file() else {}
+    write_atomically(BASELINE, (json.dumps(now, indent=2) + "\n").encode())
+    return "\n".join(f"{name}: {before.get(name, '-')} -> {value}" for name, value in now.items())
+
+
+def write_results() -> str:
+    """Write the results table as Markdown and return it."""
+    metrics = read_metrics()
+    lines = ["| figure | measured | limit | paper |", "|---|---|---|---|"]
+    for title, names, form, limit, paper in _ROWS:
+        values = [metrics[name] for name in ([names] if isinstance(names, str) else names)]
+        shown = " / ".join(f"{v / 1e6:.2f}" if form == "MB" else format(v, form) for v in values)
+        lines.append(f"| {title} | {shown} | {limit} | {paper} |")
+    text = "\n".join(lines) + "\n"
+    header = "# Results\n\nThe embedded survey, as measured by `make all`; written by `make report`.\n\n"
+    write_atomically(RESULTS, (header + text).encode())
+    return text

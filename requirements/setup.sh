@@ -1,0 +1,59 @@
+#!/bin/sh
+# Make .venv from the lock and install the system libraries that are missing. Silent when there is nothing to do.
+set -eu
+lock=requirements/dev.txt
+stamp=.venv/.installed
+
+# --- system libraries: soname package ------------------------------------------------------------------------------
+missing=""
+cache=$(PATH="$PATH:/sbin:/usr/sbin" ldconfig -p 2>/dev/null || true)
+while read -r soname package; do
+    case "$cache" in *"$soname"*) ;; *) missing="$missing $package" ;; esac
+done <<EOF
+libOSMesa.so libosmesa6
+libusb-1.0.so.0 libusb-1.0-0
+libgomp.so.1 libgomp1
+libGL.so.1 libgl1
+libEGL.so.1 libegl1
+libX11.so.6 libx11-6
+EOF
+command -v git >/dev/null 2>&1 || missing="$missing git"
+if [ -n "$missing" ]; then
+    if ! command -v apt-get >/dev/null 2>&1; then
+        echo "setup: please install:$missing (this system has no apt-get)" >&2
+        exit 2
+    fi
+    root=""
+    [ "$(id -u)" -eq 0 ] || root="sudo"
+    echo "setup: installing$missing" >&2
+    $root apt-get update -qq
+    # shellcheck disable=SC2086
+    DEBIAN_FRONTEND=noninteractive $root apt-get install -y -qq --no-install-recommends $missing >/dev/null
+fi
+
+# --- Python packages -----------------------------------------------------------------------------------------------
+[ -f "$stamp" ] && cmp -s "$lock" "$stamp" && exit 0
+
+works() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' >/dev/null 2>&1; }
+python=""
+for candidate in ${PYTHON:-} python3 python3.13 python3.12 python3.11; do
+    if works "$candidate"; then python=$candidate && break; fi
+done
+if [ -z "$python" ]; then
+    echo "setup: no Python 3.11, 3.12 or 3.13 found; install one or name it: make setup PYTHON=/path/to/python" >&2
+    exit 2
+fi
+echo "setup: installing Python packages into .venv ($("$python" --version))" >&2
+if ! works .venv/bin/python; then
+    rm -rf .venv
+    "$python" -m venv .venv 2>/dev/null || {
+        rm -rf .venv
+        root=""
+        [ "$(id -u)" -eq 0 ] || root="sudo"
+        $root apt-get update -qq && DEBIAN_FRONTEND=noninteractive $root apt-get install -y -qq python3-venv >/dev/null
+        "$python" -m venv .venv
+    }
+fi
+.venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/bootstrap.txt
+.venv/bin/uv pip sync --quiet --require-hashes --python .venv/bin/python "$lock" requirements/bootstrap.txt
+cp "$lock" "$stamp"

@@ -1,0 +1,73 @@
+"""Print `dvc.yaml` from the stages' declarations: `python -m stages > dvc.yaml` (`make dag`; a test compares)."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pipeline.stage import ARTIFACTS, Stage
+from pipeline.store.hashing import import_closure
+
+STAGES = ("survey", "contours", "compile3d", "surface", "realism", "validation")
+_HEADER = """\
+# The only DAG. Written by `make dag` from the stages' declarations and their imports (DVC does not follow imports);
+# `persist` keeps earlier artifacts until a stage has new ones whole.
+"""
+_PLOTS: list[dict[str, Any]] = [
+    {"artifacts/contours/contours.png": None},
+    {"artifacts/validation/agreement.png": None},
+    {"artifacts/contours/widths.csv": {
+        "x": "easting_m", "y": "width_m", "template": "scatter", "title": "Clear width of the drifts"}},
+]  # fmt: skip
+
+
+def load_stages() -> list[Stage]:
+    """Return the six stages in the order in which they run."""
+    return [import_module(f"stages.{name}").STAGE for name in STAGES]
+
+
+def render_dag(root: Path) -> str:
+    """Return the text of `dvc.yaml` for the project at `root`."""
+    compose = {
+        "desc": "Compose the parameters from conf/ and the overrides in params.yaml",
+        "cmd": "python -m pipeline.compose",
+        "deps": ["conf", *_closure(root, "pipeline/compose.py")],
+        "params": ["overrides"],
+        "outs": [_kept("artifacts/params.yaml")],
+    }
+    stages: dict[str, Any] = {"compose": compose}
+    for stage in load_stages():
+        stages[stage.name] = _stage_entry(stage, root)
+    plots = [next(iter(p)) if next(iter(p.values())) is None else p for p in _PLOTS]
+    return _HEADER + yaml.safe_dump({"stages": stages, "plots": plots}, sort_keys=False, width=120)
+
+
+def _stage_entry(stage: Stage, root: Path) -> dict[str, Any]:
+    doc = sys.modules[f"stages.{stage.name}"].__doc__ or ""
+    outs = [artifact.file.as_posix() for artifact in stage.writes.values()]
+    metrics = [path for path in outs if path.endswith("/metrics.json")]
+    inputs = [artifact.file.as_posix() for artifact in stage.reads.values()]
+    entry = {
+        "desc": doc.splitlines()[0],
+        "cmd": f"python -m stages.{stage.name}",
+        "deps": ["data"] * (stage.name == "survey") + inputs + _closure(root, f"stages/{stage.name}.py"),
+        "params": [{(ARTIFACTS / "params.yaml").as_posix(): [stage.name]}],
+        "outs": [_kept(p) for p in [*outs, (stage.folder / "manifest.json").as_posix()] if p not in metrics],
+    }
+    return {**entry, "metrics": [_kept(p) for p in metrics]} if metrics else entry
+
+
+def _closure(root: Path, module: str) -> list[str]:
+    return [path.as_posix() for path in import_closure(root / module, root)]
+
+
+def _kept(path: str) -> dict[str, Any]:
+    return {path: {"persist": True}}
+
+
+if __name__ == "__main__":
+    sys.stdout.write(render_dag(Path.cwd()))
