@@ -12,7 +12,7 @@ from pipeline.errors import MineError
 
 
 def set_overrides() -> None:
-    """Write `$OVERRIDES` to `params.yaml`, from where `dvc repro` takes them; leave the file alone if it says so already."""
+    """Write `$OVERRIDES` to `params.yaml`, where `dvc repro` finds them; touch the file only to change it."""
     text = f"overrides: {json.dumps(os.environ.get('OVERRIDES', ''))}\n"
     path = Path("params.yaml")
     if not path.is_file() or path.read_text() != text:

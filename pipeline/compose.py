@@ -70,7 +70,9 @@ def composed_section(section: str) -> Any:
     except FileNotFoundError:
         raise ParamsError(f"{COMPOSED}: missing; write it with `python -m pipeline.compose`") from None
     except (yaml.YAMLError, ValidationError) as error:
-        raise ParamsError(f"{COMPOSED}: not a composed configuration ({error}); run `python -m pipeline.compose`") from error
+        raise ParamsError(
+            f"{COMPOSED}: not a composed configuration ({error}); run `python -m pipeline.compose`"
+        ) from error
 
 
 def _describe(error: Any) -> str:
@@ -123,7 +125,9 @@ def main() -> int:
     try:
         config = compose(root_overrides())
         text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)
-        write_atomically(COMPOSED, f"# Composed from conf/ and the overrides in params.yaml; do not edit.\n{text}".encode())
+        write_atomically(
+            COMPOSED, f"# Composed from conf/ and the overrides in params.yaml; do not edit.\n{text}".encode()
+        )
     except MineError as error:
         print(f"compose: {error}", file=sys.stderr)
         return 2

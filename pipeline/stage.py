@@ -12,7 +12,7 @@ from pipeline.compose import compose, composed_section, root_overrides
 from pipeline.errors import ArtifactError, MineError
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import recover_folder, replace_folder
-from pipeline.store.hashing import sha256_bytes, sha256_file
+from pipeline.store.hashing import sha256_file
 from pipeline.store.manifest import new_manifest, output_sha256
 from pipeline.store.registry import read_registry, verify_input
 
@@ -68,9 +68,7 @@ def run_stage(stage: Stage, overrides: list[str]) -> None:
         With one message; artifacts are then as they were before.
     """
     recover_folder(stage.folder)
-    params = (
-        getattr(compose(root_overrides() + overrides), stage.name) if overrides else composed_section(stage.name)
-    )
+    params = getattr(compose(root_overrides() + overrides), stage.name) if overrides else composed_section(stage.name)
     registry = read_registry()
     inputs = {name: verify_input(Path(name), registry) for name in stage.sources(params)}
     values = {}

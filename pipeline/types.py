@@ -152,7 +152,7 @@ class ConvexParts:
 
 @dataclass(frozen=True)
 class Occupancy:
-    """A 2-D grid over the world frame; cell [i, j] is centred at origin + (j + 0.5, i + 0.5) * cell (m, mine frame).
+    """A 2-D grid over the world frame; cell [i, j] is centred at origin + (j + 0.5, i + 0.5) * cell (m, mine).
 
     `free` says that the cell's centre lies in the workings, `clearance_m` how far that centre is from rock
     (0 in rock). Row 0 is the south edge.
@@ -166,7 +166,7 @@ class Occupancy:
 
 @dataclass(frozen=True)
 class Rock:
-    """The rock as a solid: its height above the sill, and the box (west, south, east, north; m, mine frame) it fills."""
+    """The rock as a solid: its height above the sill, and the box it fills (west, south, east, north; m)."""
 
     height_m: float
     world_m: tuple[float, float, float, float]

@@ -6,14 +6,13 @@ import sys
 from functools import partial
 from typing import Any
 
-import numpy as np
 from shapely import Polygon
 from tqdm import tqdm
 
 from pipeline.geometry.collision import decomposed_hulls, exact_prisms
 from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.octree import build_octree, to_bt
-from pipeline.geometry.partition import rock_around
+from pipeline.geometry.partition import rock_around, world_box
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.stage import Artifact, Stage, main
 from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Occupancy, Rock, Spawn, Survey
@@ -24,16 +23,15 @@ def compile_rock(
 ) -> dict[str, Any]:
     """Return collision parts, occupancy in three forms, and the spawn region."""
     free = free_space.polygon
-    rock = rock_around(free, params.rock_margin_m, free_space.frame.extent_m)
-    west, south, east, north = (v for v in np.array([r.bounds for r in rock]).T)
-    world = (west.min(), south.min(), east.max(), north.max())
+    world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
+    rock = rock_around(free, world)
     cell = params.grid_cell_m
-    grid = occupancy_grid(free, cell, tuple(np.floor(np.array(world) / cell) * cell))
+    grid = occupancy_grid(free, cell, world)
     pgm, yaml = nav2_map(grid)
     entrance = survey.entrance_m or topology.main_drift_m[0]
     return {
         "collision": collision_parts(params, rock),
-        "rock": Rock(params.height_m, tuple(float(v) for v in world)),
+        "rock": Rock(params.height_m, world),
         "occupancy": grid,
         "octree": to_bt(build_octree(grid.free, grid.origin_m, cell, params.height_m)),
         "map": pgm,
@@ -53,9 +51,7 @@ def collision_parts(params: Compile3dParams, rock: list[Polygon]) -> ConvexParts
     if choice.method == "coacd":
         decompose = coacd_decomposer(params.height_m, choice.threshold, choice.seed)
     else:
-        decompose = vhacd_decomposer(
-            params.height_m, choice.resolution, choice.max_hulls, choice.volume_error_percent
-        )
+        decompose = vhacd_decomposer(params.height_m, choice.resolution, choice.max_hulls, choice.volume_error_percent)
     return decomposed_hulls(rock, choice.tiles, decompose, partial(tqdm, desc=choice.method, unit="tile"))
 
 

@@ -27,9 +27,7 @@ from pipeline.store.codecs import Bundle, decode
 from pipeline.types import FreeSpace, Image, Mask, Survey
 
 
-def validate_world(
-    params: ValidationParams, world: Path, cleaned: Mask, raw: Mask, survey: Survey
-) -> dict[str, Any]:
+def validate_world(params: ValidationParams, world: Path, cleaned: Mask, raw: Mask, survey: Survey) -> dict[str, Any]:
     """Return the metrics, the agreement picture and the places of blocked columns."""
     opened = open_bundle(world)
     record, frame = opened.record, survey.frame
@@ -50,9 +48,7 @@ def validate_world(
             "rock": round(intersection_over_union(~seen, ~cleaned), 6),
         },
         "navigability": _counts(columns),
-        "topology": vars(
-            compare_topology(cleaned, seen, frame, params.network_cell_m, params.network_min_leg_m)
-        ),
+        "topology": vars(compare_topology(cleaned, seen, frame, params.network_cell_m, params.network_min_leg_m)),
         "areas": {**vars(record.areas), "tunnel_pixels_m2": round(float(cleaned.sum()) / frame.px_per_m**2, 3)},
         "collision": {"parts": len(parts), "intrusion_m2": round(intrusion, 6), "missing_m2": round(missing, 6)},
         "scale": {k: v for k, v in vars(survey.scale).items() if isinstance(v, float)},

@@ -6,14 +6,17 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 import shapely
+from scipy.spatial import ConvexHull, QhullError
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.decompose import Decomposer, tile_rock
 from pipeline.geometry.extrude import collect_parts, prism, section_footprint
 from pipeline.geometry.partition import convex_partition
-from pipeline.types import ConvexParts
+from pipeline.types import ConvexParts, Points3
+
+Decomposer = Callable[[BaseGeometry], list[Points3]]
+_FLAT_M3 = 1e-6
 
 Progress = Callable[[list[BaseGeometry]], Iterable[BaseGeometry]]
 
@@ -21,6 +24,35 @@ Progress = Callable[[list[BaseGeometry]], Iterable[BaseGeometry]]
 def exact_prisms(rock: Iterable[Polygon], height_m: float) -> ConvexParts:
     """Partition the rock exactly and stand each part up as a prism; see `convex_partition`."""
     return collect_parts([prism(part, height_m) for polygon in rock for part in convex_partition(polygon)])
+
+
+def tile_rock(rock: Iterable[Polygon], tiles: int) -> list[BaseGeometry]:
+    """Cut the rock by a regular grid into the given number of tiles, as square as may be.
+
+    Parameters
+    ----------
+    rock : iterable of shapely.Polygon, m, mine frame
+    tiles : int
+        Cells of the grid. A tile is in several pieces where a drift crosses it.
+
+    Returns
+    -------
+    list of shapely geometries, m
+        One polygon or multipolygon a tile, row by row from the south-west; tiles without rock are left out.
+    """
+    whole = shapely.union_all(list(rock))
+    west, south, east, north = whole.bounds
+    shapes = [(tiles // rows, rows) for rows in range(1, tiles + 1) if tiles % rows == 0]
+    cols, rows = min(shapes, key=lambda s: abs(np.log((east - west) / s[0] / ((north - south) / s[1]))))
+    xs, ys = np.linspace(west, east, cols + 1), np.linspace(south, north, rows + 1)
+    cells: list[BaseGeometry] = []
+    for j in range(rows):
+        for i in range(cols):
+            cut = whole.intersection(shapely.box(xs[i], ys[j], xs[i + 1], ys[j + 1]))
+            solid = shapely.union_all([p for p in shapely.get_parts(cut) if isinstance(p, Polygon)])
+            if not solid.is_empty:
+                cells.append(solid)
+    return cells
 
 
 def decomposed_hulls(
@@ -46,8 +78,16 @@ def decomposed_hulls(
         parts = decompose(tile)
         if not parts:
             raise GeometryError(f"decomposition: no hull for the tile at {tile.bounds}")
-        hulls += parts
+        hulls += [part for part in parts if _has_volume(part)]
     return collect_parts(hulls)
+
+
+def _has_volume(hull: Points3) -> bool:
+    """Say whether a hull is solid: V-HACD returns a flat one now and then, which no physics engine takes."""
+    try:
+        return ConvexHull(hull).volume > _FLAT_M3
+    except QhullError:
+        return False
 
 
 def footprint_errors(parts: Iterable[np.ndarray], free: Polygon, world: Polygon) -> tuple[float, float]:

@@ -20,13 +20,14 @@ def occupancy_grid(free: Polygon, cell_m: float, world_m: tuple[float, float, fl
     free : shapely.Polygon, m, mine frame
     cell_m : float
     world_m : (west, south, east, north), m
-        The grid covers this box, rounded outwards to whole cells.
+        The grid covers this box; its south-west corner is a whole number of cells from the origin.
 
     Returns
     -------
     Occupancy
     """
-    west, south, east, north = world_m
+    _, _, east, north = world_m
+    west, south = (float(np.floor(v / cell_m) * cell_m) for v in world_m[:2])
     cols, rows = int(np.ceil((east - west) / cell_m)), int(np.ceil((north - south) / cell_m))
     # fill_polygon counts rows from the north; the grid counts them from the south.
     frame = Frame(1.0 / cell_m, -west / cell_m, rows + south / cell_m, cols, rows)

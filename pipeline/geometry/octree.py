@@ -77,7 +77,7 @@ def build_octree(free: np.ndarray, origin_m: np.ndarray, cell_m: float, height_m
 
 
 def _grow(volume: np.ndarray, first: np.ndarray, cell_m: float) -> Octree:
-    """Merge eight equal leaves to their parent, level by level; `volume` is (z, y, x), `first` the key of its corner."""
+    """Merge eight equal leaves to their parent, level by level; `volume` is (z, y, x), `first` its corner's key."""
     levels: list[tuple[np.ndarray, np.ndarray]] = []
     for _ in range(_DEPTH):
         pad = [(int(first[axis]) & 1, (int(first[axis]) + volume.shape[2 - axis]) & 1) for axis in (2, 1, 0)]
@@ -128,9 +128,7 @@ def to_bt(tree: Octree) -> bytes:
         words.append(word)
     first = np.concatenate([c for c, _ in inner_codes])
     order = np.lexsort((np.concatenate([k for _, k in inner_codes]), first))
-    header = (
-        f"# Octomap OcTree binary file\nid OcTree\nsize {tree.nodes}\nres {tree.resolution_m:.6g}\ndata\n"
-    )
+    header = f"# Octomap OcTree binary file\nid OcTree\nsize {tree.nodes}\nres {tree.resolution_m:.6g}\ndata\n"
     return header.encode() + np.concatenate(words)[order].astype("<u2").tobytes()
 
 

@@ -10,40 +10,31 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.errors import GeometryError
 from pipeline.types import Points2
 
+Box = tuple[float, float, float, float]
 
-def rock_around(free: Polygon, margin_m: float, extent_m: tuple[float, float, float, float]) -> list[Polygon]:
-    """Return the rock of the world frame: the plan's extent grown by a margin, minus the free space.
 
-    Parameters
-    ----------
-    free : shapely.Polygon, m, mine frame
-    margin_m : float
-        How far the rock reaches beyond the plan, so that no drift ends in the open.
-    extent_m : (west, south, east, north), m
+def world_box(free: Polygon, margin_m: float, extent_m: Box) -> Box:
+    """Return the box (west, south, east, north; m) that rock and workings fill together.
 
-    Returns
-    -------
-    list of shapely.Polygon, m
-        One polygon that surrounds the workings, and one for each island.
+    It is the plan's extent grown by a margin, so that no drift ends in the open, in whole decimetres, which MJCF text
+    says exactly.
     """
-    west, south, east, north = extent_m
-    bounds = free.bounds
-    # Whole decimetres: MJCF text says them exactly.
-    world = shapely.box(
-        np.floor(10 * (min(west, bounds[0]) - margin_m)) / 10,
-        np.floor(10 * (min(south, bounds[1]) - margin_m)) / 10,
-        np.ceil(10 * (max(east, bounds[2]) + margin_m)) / 10,
-        np.ceil(10 * (max(north, bounds[3]) + margin_m)) / 10,
-    )
-    rock = world.difference(free)
-    return [rock] if isinstance(rock, Polygon) else list(rock.geoms)
+    (w, s, e, n), (west, south, east, north) = extent_m, free.bounds
+    low = np.floor(10 * (np.minimum([w, s], [west, south]) - margin_m)) / 10
+    high = np.ceil(10 * (np.maximum([e, n], [east, north]) + margin_m)) / 10
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def rock_around(free: Polygon, world_m: Box) -> list[Polygon]:
+    """Return the rock of a box (west, south, east, north; m): one polygon round the workings, one for each island."""
+    return [part for part in shapely.get_parts(shapely.box(*world_m).difference(free)) if isinstance(part, Polygon)]
 
 
 def convex_partition(rock: Polygon) -> list[Points2]:
     """Partition a polygon with holes into convex parts that cover it exactly.
 
-    A constrained Delaunay triangulation, then inessential diagonals removed, shortest first (on the published plan that leaves 5 % fewer
-    parts than longest first and 4 % fewer than a random order).
+    A constrained Delaunay triangulation, then inessential diagonals removed, shortest first: on the published plan that
+    leaves 5 % fewer parts than longest first and 4 % fewer than a random order.
 
     Parameters
     ----------

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Collection, Iterable
 
 import networkx as nx
 import numpy as np
 import shapely
 from scipy.ndimage import gaussian_filter1d
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 from skimage.morphology import skeletonize
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.types import DriftNetwork, Frame, Leg, Mask
+
+Pixel = tuple[int, int]
 
 _SMOOTHING_CELLS = 3.0  # a skeleton walks in king's moves; unsmoothed its length is up to 8 % too long
 
@@ -76,14 +80,14 @@ def _pixel_graph(skeleton: Mask) -> nx.Graph:
 def _contract(pixels: nx.Graph, frame: Frame) -> nx.MultiGraph:
     """Contract pixel chains to legs: nodes carry `xy` (m), edges their `path` ((n, 2) m, from the lower node id)."""
     junctions = pixels.subgraph([p for p, degree in pixels.degree if degree > 2])
-    owner: dict[tuple[int, int], int] = {}
+    owner: dict[Pixel, int] = {}
     graph: nx.MultiGraph = nx.MultiGraph()
 
-    def centre(cells) -> np.ndarray:
+    def centre(cells: Iterable[Pixel]) -> np.ndarray:
         rc = np.array(sorted(cells), dtype=float)
         return frame.to_mine(rc[:, ::-1] + 0.5).mean(axis=0)
 
-    def add_node(cells) -> None:
+    def add_node(cells: Collection[Pixel]) -> None:
         owner.update(dict.fromkeys(cells, len(graph)))
         graph.add_node(len(graph), xy=centre(cells))
 
@@ -120,7 +124,7 @@ def _add_leg(graph: nx.MultiGraph, first: int, last: int, path: np.ndarray) -> N
     graph.add_edge(first, last, path=smooth, length=length)
 
 
-def _prune_spurs(graph: nx.MultiGraph, boundary, min_leg_m: float) -> None:
+def _prune_spurs(graph: nx.MultiGraph, boundary: BaseGeometry, min_leg_m: float) -> None:
     """Drop dead-end legs that hardly leave the drift they start in, shortest first, and join what they split."""
     while True:
         spurs = []
@@ -154,7 +158,7 @@ def _join_through(graph: nx.MultiGraph, node: int) -> None:
     graph.add_edge(first, last, path=path, length=float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()))
 
 
-def _describe(graph: nx.MultiGraph, boundary, spacing_m: float) -> DriftNetwork:
+def _describe(graph: nx.MultiGraph, boundary: BaseGeometry, spacing_m: float) -> DriftNetwork:
     order = sorted(graph, key=lambda n: tuple(np.round(graph.nodes[n]["xy"], 3)))
     dead = [n for n in order if graph.degree(n) == 1]
     names = {n: f"E{i:02d}" for i, n in enumerate(dead)}
@@ -183,7 +187,7 @@ def _cm(value: float) -> float:
     return round(float(value), 2)
 
 
-def _leg(name: str, names: dict, edge: tuple, boundary, spacing_m: float) -> Leg:
+def _leg(name: str, names: dict, edge: tuple, boundary: BaseGeometry, spacing_m: float) -> Leg:
     first, last, leg = edge
     chainage, points = resample(leg["path"], spacing_m)
     return Leg(
@@ -207,7 +211,11 @@ def resample(path: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray
 def _main_drift(graph: nx.MultiGraph) -> tuple[list[int], np.ndarray]:
     """Return the longest of the shortest routes between two nodes, from west to east, and its line."""
     best = max(
-        ((lengths[b], a, b) for a, lengths in nx.all_pairs_dijkstra_path_length(graph, weight="length") for b in lengths),
+        (
+            (lengths[b], a, b)
+            for a, lengths in nx.all_pairs_dijkstra_path_length(graph, weight="length")
+            for b in lengths
+        ),
         key=lambda item: (round(item[0], 6), -item[1]),
     )
     _, a, b = best

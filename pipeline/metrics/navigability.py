@@ -15,8 +15,8 @@ from pipeline.types import Frame, Mask, Points2
 class Navigability:
     """Blocked columns, counted and located.
 
-    `blocked` are those deeper in the plan's free space than `wall_band_m`: the simplification tolerance and half a pixel's
-    diagonal, by which a wall may stand elsewhere than in the plan. `blocked_at_wall` are the rest.
+    `blocked` are those deeper in the plan's free space than `wall_band_m`: the simplification tolerance and half a
+    pixel's diagonal, by which a wall may stand elsewhere than in the plan. `blocked_at_wall` are the rest.
     """
 
     columns: int
@@ -82,7 +82,7 @@ def cast_columns(
 
 
 def _depth_m(free: Mask, frame: Frame) -> np.ndarray:
-    """Return each free pixel's distance from the plan's wall, m: from its centre to the edge of the nearest rock pixel."""
+    """Return each free pixel's distance from the plan's wall, m: its centre to the nearest rock pixel's edge."""
     padded = np.pad(free.astype(np.uint8), 1)
     distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
     return np.maximum(distance - 0.5, 0.0) / frame.px_per_m

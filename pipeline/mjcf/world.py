@@ -1,4 +1,4 @@
-"""Build the world as an `MjSpec`: one tilted body that carries rock, floor zones, back, visible rock, lights, cameras."""
+"""The world as an `MjSpec`: one tilted body that carries rock, floor zones, back, visible rock, lights and cameras."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class MineScene:
 def tile_zones(
     zones: list[tuple[str, float, tuple[float, float, float, float]]], world_m: tuple[float, float, float, float]
 ) -> list[Zone]:
-    """Tile a box (west, south, east, north; m) with zones (name, friction, rgba) of equal width (to 0.1 m) from west to east."""
+    """Tile a box (west, south, east, north; m) with zones (name, friction, rgba) from the west, equally wide to 0.1 m."""
     west, south, east, north = world_m
     edges = np.linspace(west, east, len(zones) + 1).round(1)  # a half extent then has few enough digits for MJCF text
     return [

@@ -46,7 +46,7 @@ class _SurveyParams(Params):
     scale: ScaleParams
     poses: PosesParams | None = None
     entrance_m: PointM | None = None
-    labels_m: dict[str, PointM] = {}
+    labels_m: dict[str, PointM] = Field(default_factory=dict)
     resample_width_px: int | None = Field(None, ge=64, le=20000)
 
     @model_validator(mode="after")
@@ -74,7 +74,9 @@ class PlanSurveyParams(_SurveyParams):
 
     kind: Literal["plan"]
     image: DataFile
-    origin_px: tuple[float, float] | None = Field(None, description="pixel (col, row) whose centre is the mine's origin")
+    origin_px: tuple[float, float] | None = Field(
+        None, description="pixel (col, row) whose centre is the mine's origin"
+    )
     max_megapixels: float = Field(gt=0)
 
 

@@ -60,7 +60,9 @@ def decode(path: Path, kind: Any) -> Any:
                     raise ValueError("not a PNG picture")
                 return picture > 127 if kind is Mask else picture
             case ".json":
-                return json.loads(path.read_text()) if kind is dict else TypeAdapter(kind).validate_json(path.read_bytes())
+                return (
+                    json.loads(path.read_text()) if kind is dict else TypeAdapter(kind).validate_json(path.read_bytes())
+                )
             case ".geojson":
                 return _decode_geojson(json.loads(path.read_text()))
             case ".npz":
@@ -95,7 +97,10 @@ def _encode_geojson(free: FreeSpace) -> bytes:
 def _decode_geojson(collection: dict) -> FreeSpace:
     (feature,) = collection["features"]
     polygon, facts = shapely.from_geojson(json.dumps(feature["geometry"])), feature["properties"]
-    areas, frame = TypeAdapter(Areas).validate_python(facts["areas"]), TypeAdapter(Frame).validate_python(facts["frame"])
+    areas, frame = (
+        TypeAdapter(Areas).validate_python(facts["areas"]),
+        TypeAdapter(Frame).validate_python(facts["frame"]),
+    )
     return FreeSpace(polygon, areas, float(facts["tolerance_m"]), frame)
 
 
@@ -106,7 +111,7 @@ def _encode_npz(value: Any) -> bytes:
         else vars(value)
     )
     stream = io.BytesIO()
-    np.savez_compressed(stream, **{k: np.asarray(v) for k, v in arrays.items()})
+    np.savez_compressed(stream, allow_pickle=False, **{k: np.asarray(v) for k, v in arrays.items()})
     return stream.getvalue()
 
 

@@ -19,7 +19,9 @@ def _disk_errors(path: Path) -> Iterator[None]:
     except OSError as error:
         free = shutil.disk_usage(path.parent if path.parent.exists() else Path()).free
         reason = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else error.strerror
-        raise ArtifactError(f"{path}: cannot be written, {reason} ({free} bytes free); earlier artifacts are kept") from error
+        raise ArtifactError(
+            f"{path}: cannot be written, {reason} ({free} bytes free); earlier artifacts are kept"
+        ) from error
 
 
 def write_atomically(path: Path, data: bytes) -> None:

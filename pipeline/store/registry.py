@@ -80,7 +80,9 @@ def register(path: Path, origin: str, licence: str) -> Entry:
     entry = Entry(name, sha256_file(path), path.stat().st_size, origin, licence)
     known = read_registry().get(name)
     if known is not None and known.sha256 != entry.sha256:
-        raise InputError(f"{path}: registered with sha256 {known.sha256}, the file has {entry.sha256}; remove that line first")
+        raise InputError(
+            f"{path}: registered with sha256 {known.sha256}, the file has {entry.sha256}; remove that line first"
+        )
     if known is None:
         with REGISTRY.open("a") as stream:
             stream.write("\t".join([name, entry.sha256, str(entry.bytes), origin, licence]) + "\n")

@@ -71,7 +71,12 @@ def _verify_outputs(manifest: Manifest, folder: Path) -> dict[str, str]:
         path = folder.parent.parent / name
         if not path.is_file():
             raise ArtifactError(f"{name}: missing, though {manifest.stage} wrote it")
-        _expect(name, output_sha256(path.read_bytes(), manifest.volatile.get(name, [])), digest, f"the manifest of {manifest.stage}")
+        _expect(
+            name,
+            output_sha256(path.read_bytes(), manifest.volatile.get(name, [])),
+            digest,
+            f"the manifest of {manifest.stage}",
+        )
     known = {*manifest.outputs, (folder / "manifest.json").relative_to(folder.parent.parent).as_posix()}
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):
         name = path.relative_to(folder.parent.parent).as_posix()

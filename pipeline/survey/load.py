@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 
 from pipeline.errors import InputError
-from pipeline.params.survey import PlanSurveyParams, StationSurveyParams
+from pipeline.params.survey import PlanSurveyParams, PosesParams, StationSurveyParams
 from pipeline.survey.draw import draw_plan, frame_around
 from pipeline.survey.image import read_image
 from pipeline.survey.poses import PoseScale, read_poses, read_sweep, scale_from_poses
@@ -29,7 +29,7 @@ def read_survey(params: Params) -> dict[str, Any]:
         If an input is unusable or gives no scale; the message names file, value and limit.
     """
     plan, frame, boxes, bar = draw_stations(params) if params.kind == "stations" else read_plan(params)
-    poses = None if params.poses is None else _scale_of_poses(params, plan, frame)
+    poses = None if params.poses is None else _scale_of_poses(params.poses, plan, frame)
     wide, width = plan.shape[1], params.resample_width_px or plan.shape[1]
     scale = _settle_scale(params, bar, poses, width / wide)
     frame = frame.resampled(width, scale.px_per_m)
@@ -75,8 +75,7 @@ def read_plan(params: PlanSurveyParams) -> tuple[Image, Frame, list[Box], float 
     return plan, Frame(1.0, col + 0.5, row + 0.5, plan.shape[1], plan.shape[0]), boxes, bar
 
 
-def _scale_of_poses(params: Params, plan: Image, frame: Frame) -> PoseScale:
-    poses = params.poses
+def _scale_of_poses(poses: PosesParams, plan: Image, frame: Frame) -> PoseScale:
     sweeps = {
         name: read_sweep(Path(file), poses.max_range_m, poses.max_range_var_m2) for name, file in poses.sweeps.items()
     }
@@ -85,7 +84,7 @@ def _scale_of_poses(params: Params, plan: Image, frame: Frame) -> PoseScale:
 
 
 def _settle_scale(params: Params, bar: float | None, poses: PoseScale | None, shrink: float) -> Scale:
-    """Choose the scale that the parameters ask for and compare the other readings with it, in px/m of the final picture."""
+    """Choose the scale that is asked for and compare the other readings with it, in px/m of the final picture."""
     readings = {
         "bar": None if bar is None else bar * shrink,
         "poses": None if poses is None else poses.px_per_m * shrink,

@@ -36,8 +36,8 @@ def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:
     if picture.size == 0:
         raise InputError(f"{name}: the scale bar's box is empty")
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
-    threshold, dark = cv2.threshold(grey, 0, 1, cv2.THRESH_BINARY_INV | cv2.THRESH_OTSU)
-    if int(grey.max()) - int(grey.min()) < 64 or threshold == 0 and not dark.any():
+    _, dark = cv2.threshold(grey, 0, 1, cv2.THRESH_BINARY_INV | cv2.THRESH_OTSU)
+    if int(grey.max()) - int(grey.min()) < 64 or not dark.any():
         raise InputError(f"{name}: no scale bar (grey values {grey.min()}-{grey.max()}, want a dark bar on light)")
     count, labels, stats, _ = cv2.connectedComponentsWithStats(dark)
     sizes = stats[1:, cv2.CC_STAT_AREA]

@@ -111,12 +111,14 @@ def _leg(path: Path, name: str, stations: list[tuple[str, tuple[float, ...]]]) -
     step = np.linalg.norm(np.diff(values[:, :2], axis=0), axis=1)
     if step.min() == 0:
         at = int(step.argmin())
-        raise InputError(f"{path}: stations {stations[at][0]} and {stations[at + 1][0]} of leg {name} stand in one place")
+        raise InputError(
+            f"{path}: stations {stations[at][0]} and {stations[at + 1][0]} of leg {name} stand in one place"
+        )
     return SurveyLeg(name, [s for s, _ in stations], values[:, :2], values[:, 2:])
 
 
 def _check_network(path: Path, legs: list[SurveyLeg]) -> None:
-    graph = nx.Graph()
+    graph: nx.Graph = nx.Graph()
     for leg in legs:
         nx.add_path(graph, leg.stations)
     parts = sorted(nx.connected_components(graph), key=len, reverse=True)

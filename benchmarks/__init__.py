@@ -1,0 +1,1 @@
+"""Comparisons, each against its reference in the same run; their tables are written to `docs/`."""
