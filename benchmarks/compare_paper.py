@@ -85,15 +85,15 @@ def main() -> int:
         for title, keys in tqdm(_CHOICES.items(), unit="world", disable=not sys.stderr.isatty()):
             folder = RUNS / "".join(c if c.isalnum() else "_" for c in title)
             metrics = run_pipeline(folder, overrides_for(keys))
-            rows.append(
-                f"| {title} | " + " | ".join(format(metrics[n], f) for n, f in _COLUMNS.values()) + " |"
-            )
+            rows.append(f"| {title} | " + " | ".join(format(metrics[n], f) for n, f in _COLUMNS.values()) + " |")
     except MineError as error:
         print(f"compare-paper: {error}", file=sys.stderr)
         return 2
-    rows.append("| *paper, as printed* | 0.9538 | 1,186 | 104,423 | 14,577 | - | - | \"none\" | - | 33 | < 10 |")
+    rows.append('| *paper, as printed* | 0.9538 | 1,186 | 104,423 | 14,577 | - | - | "none" | - | 33 | < 10 |')
     text = "\n".join(rows) + "\n"
-    head = "# The paper's choices beside the default\n\nWritten by `make compare-paper`; each row changes one choice.\n\n"
+    head = (
+        "# The paper's choices beside the default\n\nWritten by `make compare-paper`; each row changes one choice.\n\n"
+    )
     write_atomically(TABLE, (head + text).encode())
     print(text, end="")
     return 0

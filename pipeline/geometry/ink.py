@@ -62,9 +62,8 @@ def clean(raw: Mask, bridge_px: float, despeck_px: float, min_island_px: float) 
     (rows, cols) bool
     """
     pad = int(np.ceil(max(bridge_px, despeck_px))) + 1  # morphology must not see the border as rock or ink
-    ink = np.pad(raw.astype(np.uint8), pad)
-    ink = cv2.morphologyEx(ink, cv2.MORPH_CLOSE, _disc(bridge_px))
-    ink = cv2.morphologyEx(ink, cv2.MORPH_OPEN, _disc(despeck_px))[pad:-pad, pad:-pad]
+    bridged = cv2.morphologyEx(np.pad(raw.astype(np.uint8), pad), cv2.MORPH_CLOSE, _disc(bridge_px))
+    ink = _open(bridged, despeck_px)[pad:-pad, pad:-pad]
     count, labels, stats, _ = cv2.connectedComponentsWithStats(ink, connectivity=4)
     if count < 2:
         return np.zeros(raw.shape, dtype=bool)
@@ -76,6 +75,14 @@ def clean(raw: Mask, bridge_px: float, despeck_px: float, min_island_px: float) 
     small = inside & (stats[:, cv2.CC_STAT_AREA] < min_island_px)
     small[0] = False  # label 0 is the workings
     return largest | small[labels]
+
+
+def _open(mask: np.ndarray, radius_px: float) -> np.ndarray:
+    """Open a mask by a disc without rounding its corners: what lies within a right angle's reach is given back."""
+    if radius_px < 1.0:  # a disc of one pixel changes nothing
+        return mask
+    opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, _disc(radius_px))
+    return mask & cv2.dilate(opened, _disc((np.sqrt(2.0) - 1.0) * radius_px + 0.5))
 
 
 def require_workings(raw: Mask, cleaned: Mask, px_per_m: float, min_tunnel_m2: float, max_ink_share: float) -> None:

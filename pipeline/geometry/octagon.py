@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.partition import triangulate
@@ -46,6 +47,7 @@ def octagonal_bore(
         raise GeometryError(
             f"octagon: chamfers of {sill_chamfer_m:g} m and {back_chamfer_m:g} m do not fit into {height_m:g} m"
         )
+    free = orient(free)
     top_m = height_m - back_chamfer_m
     sill, flat = _sloping_cap(free, sill_chamfer_m)
     back, _ = _sloping_cap(free, back_chamfer_m)

@@ -47,12 +47,13 @@ def trace_network(free: Polygon, cell_m: float, min_leg_m: float, station_spacin
 
     References
     ----------
-    Zhang & Suen 1984, doi:10.1145/357994.358023 (thinning, by scikit-image)
+    Lee, Kashyap & Chu 1994, doi:10.1006/cgip.1994.1042 (thinning, by scikit-image; it keeps holes and parts, which
+    Zhang and Suen's does not always)
     """
     west, south, east, north = free.bounds
     width, height = (int(np.ceil(size / cell_m)) + 4 for size in (east - west, north - south))
     frame = Frame(1.0 / cell_m, 2.0 - west / cell_m, height - 2.0 + south / cell_m, width, height)
-    pixels = _pixel_graph(skeletonize(fill_polygon(free, frame)))
+    pixels = _pixel_graph(skeletonize(fill_polygon(free, frame), method="lee") > 0)
     if not pixels:
         raise GeometryError(f"skeleton: no passage is wider than a cell of {cell_m:g} m")
     graph = _contract(pixels, frame)

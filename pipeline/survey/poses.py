@@ -17,7 +17,8 @@ from pipeline.types import Image
 
 _ROBUST_M = 0.3  # wall distances beyond this count less: plan and scan differ where the drift was cluttered
 _CAPTURE_M = 8.0  # a return farther than this from any wall says nothing more
-_MAX_ERROR_M = 1.0  # surveyed headings are good to about 2 deg: 0.5 m at 15 m
+_CAP_M = 1.0  # in the error that scales are compared by; what lies beyond is no wall of the plan
+_MAX_ERROR_M = 0.6  # surveyed headings are good to about 2 deg: 0.5 m at 15 m
 _ALONG_PX = (-60, -30, 0, 30, 60)  # starts along the drift, whose straight walls leave that direction loose
 _SCALE_STEP = 0.005
 _MAX_POINTS = 400
@@ -36,7 +37,7 @@ def read_sweep(path: Path, max_range_m: float, max_range_var_m2: float) -> np.nd
     A bin with a large range variance averages over a near and a far surface and lies on neither.
     """
     rows = _read_columns(path, ("theta_mu", "range_mu", "range_var"))
-    polar = np.array([[_finite(path, value) for value in row] for row in rows])
+    polar = np.array([[_finite(path, value) for value in row] for row in rows]).reshape(-1, 3)
     kept = polar[(polar[:, 1] > 0) & (polar[:, 1] <= max_range_m) & (polar[:, 2] <= max_range_var_m2)]
     if len(kept) < 30:
         raise InputError(
@@ -65,9 +66,9 @@ def scale_from_poses(
 ) -> PoseScale:
     """Fit one similarity from the survey's frame to the plan so that the sweeps' returns lie on its walls.
 
-    A scale's error is the mean over the sweeps of their median distance to the walls. A long straight drift holds a
-    scan loosely along its axis, so other scales fit nearly as well: the interval of scales whose error is within a
-    quarter of the best is part of the answer.
+    A scale's error is the returns' mean distance to the walls, capped at `_CAP_M`, with equal weight to each sweep. A
+    long straight drift holds a scan loosely along its axis, so other scales fit nearly as well: the interval of scales
+    whose error is within a tenth of the best is part of the answer.
 
     Parameters
     ----------
@@ -105,7 +106,7 @@ def scale_from_poses(
             for along in _ALONG_PX
         ]  # fmt: skip
         reached = [np.split(reach_m(fit.x, scale), ends) for fit in fits]
-        return min(float(np.mean([np.median(sweep) for sweep in sweeps_m])) for sweeps_m in reached)
+        return min(float(np.mean([np.minimum(sweep, _CAP_M).mean() for sweep in sweeps_m])) for sweeps_m in reached)
 
     low, high = scale_range_px_per_m
     scales = np.linspace(low, high, max(5, round((high - low) / (_SCALE_STEP * low))))
@@ -116,7 +117,7 @@ def scale_from_poses(
             f"poses: no scale inside {low:g}-{high:g} px/m lays the sweeps onto the plan's walls "
             f"(best {scales[best]:.2f} px/m, error {errors[best]:.2f} m, at most {_MAX_ERROR_M} m)"
         )
-    near = scales[errors <= 1.25 * errors[best]]
+    near = scales[errors <= 1.1 * errors[best]]
     return PoseScale(float(scales[best]), float(near[0]), float(near[-1]), float(errors[best]))
 
 

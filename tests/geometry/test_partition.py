@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely import Polygon
+from shapely.geometry.polygon import orient
+
+from pipeline.errors import GeometryError
+from pipeline.geometry.partition import convex_partition, rock_around, triangulate, world_box
+from tests.conftest import RING, STRAIGHT, TEE, random_mine
+
+
+def rock_of(mine):
+    return rock_around(mine, world_box(mine, 2.0, mine.bounds))
+
+
+@pytest.mark.parametrize("mine", [STRAIGHT, RING, TEE], ids=["straight", "ring", "tee"])
+def test_the_partition_covers_the_rock_exactly(mine):
+    rock = rock_of(mine)
+    parts = [Polygon(part) for polygon in rock for part in convex_partition(polygon)]
+    assert sum(p.area for p in parts) == pytest.approx(sum(r.area for r in rock), abs=1e-9)
+    assert shapely.union_all(parts).intersection(mine).area == pytest.approx(0, abs=1e-9)
+
+
+def test_a_ring_of_rock_round_one_rectangle_takes_four_parts():
+    assert len(convex_partition(rock_of(STRAIGHT)[0])) == 4
+
+
+def test_an_island_that_is_convex_stays_whole():
+    island, outer = sorted(rock_of(RING), key=lambda r: -r.bounds[0])
+    assert len(convex_partition(island)) == 1
+    assert len(convex_partition(outer)) == 4
+
+
+@given(seed=st.integers(0, 10_000), drifts=st.integers(1, 8))
+@settings(deadline=None, max_examples=60)
+def test_parts_of_a_random_mine_are_convex_disjoint_and_complete(seed, drifts):
+    mine = random_mine(np.random.default_rng(seed), drifts).simplify(0.2)
+    for polygon in rock_of(mine):
+        parts = convex_partition(polygon)
+        for part in parts:
+            u, v = np.roll(part, -1, axis=0) - part, np.roll(part, -2, axis=0) - np.roll(part, -1, axis=0)
+            assert (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] >= -1e-9).all()
+        areas = [Polygon(part).area for part in parts]
+        assert sum(areas) == pytest.approx(polygon.area, rel=1e-9)
+        assert shapely.union_all([Polygon(part) for part in parts]).area == pytest.approx(polygon.area, rel=1e-9)
+
+
+@given(seed=st.integers(0, 10_000))
+@settings(deadline=None, max_examples=20)
+def test_no_more_parts_than_hertel_and_mehlhorn_promise(seed):
+    # At most two diagonals stay at a reflex vertex; each adds one part, a hole's bridge takes one away again.
+    rock = orient(rock_of(random_mine(np.random.default_rng(seed), 6).simplify(0.1))[0])
+    reflex = 0
+    for ring in (rock.exterior, *rock.interiors):
+        xy = np.asarray(ring.coords)[:-1]
+        u, v = xy - np.roll(xy, 1, axis=0), np.roll(xy, -1, axis=0) - xy
+        reflex += int((u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] < 0).sum())
+    assert len(convex_partition(rock)) <= 2 * reflex + 1 - len(rock.interiors)
+    assert len(convex_partition(rock)) < len(triangulate(rock)[1])
+
+
+def test_invalid_rock_is_refused_with_its_defect():
+    with pytest.raises(GeometryError, match="Self-intersection"):
+        convex_partition(Polygon([(0, 0), (1, 1), (1, 0), (0, 1)]))
+
+
+def test_the_world_box_contains_plan_and_workings_with_a_margin_in_decimetres():
+    box = world_box(shapely.box(-3.33, 0, 50, 5), 2.0, (0.0, -1.0, 40.0, 6.0))
+    assert box == (-5.4, -3.0, 52.0, 8.0)

@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.errors import GeometryError
+from pipeline.geometry.skeleton import resample, trace_network
+from tests.conftest import RING, STRAIGHT, TEE, random_mine
+
+
+def network(mine, cell=0.25):
+    return trace_network(mine, cell, 2.0, 3.0)
+
+
+def test_a_straight_drift_is_one_leg_with_two_dead_ends():
+    n = network(STRAIGHT)
+    assert (len(n.legs), len(n.dead_ends), len(n.junctions), n.loops, n.components) == (1, 2, 0, 0, 1)
+    # Thinning stops half a width short of a face, or runs into one of its corners.
+    assert 95 - 1 <= n.total_length_m <= 101
+    assert max(n.legs[0].half_width_m) == pytest.approx(2.5, abs=0.13)
+
+
+def test_a_ring_drift_is_one_loop_of_the_centre_lines_length():
+    n = network(RING)
+    assert (n.loops, n.components, n.dead_ends) == (1, 1, [])
+    assert n.total_length_m == pytest.approx(2 * (54 + 34), rel=0.03)
+
+
+def test_a_t_junction_has_three_legs_that_meet():
+    n = network(TEE)
+    assert (len(n.legs), len(n.dead_ends), len(n.junctions), n.loops) == (3, 3, 1, 0)
+    assert np.linalg.norm(np.array(n.nodes_m[n.junctions[0]]) - [40.5, 2.5]) < 1.5
+
+
+def test_the_main_drift_of_a_t_junction_is_the_longest_way_through():
+    n = network(TEE)
+    assert n.main_drift_length_m == pytest.approx(77, abs=4)
+    assert n.main_drift_m[0][0] < n.main_drift_m[-1][0]
+
+
+@given(seed=st.integers(0, 10_000), drifts=st.integers(1, 8))
+@settings(deadline=None, max_examples=40)
+def test_loops_of_a_random_mine_equal_its_islands_and_it_hangs_together(seed, drifts):
+    # Cracks and islands thinner than a cell are no part of the question: stage 2 closes them before it traces.
+    mine = random_mine(np.random.default_rng(seed), drifts).buffer(0.5).buffer(-0.5)
+    islands = [hole for hole in mine.interiors if shapely.Polygon(hole).area > 1.0]
+    n = network(shapely.Polygon(mine.exterior, islands))
+    assert n.components == 1
+    assert n.loops == len(islands)
+
+
+def test_resampled_stations_are_evenly_spaced_and_keep_the_ends():
+    chainage, points = resample(np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 5.0]]), 3.0)
+    assert chainage.tolist() == pytest.approx(np.linspace(0, 15, 6).tolist())
+    assert points[0].tolist() == [0, 0]
+    assert points[-1].tolist() == [10, 5]
+
+
+def test_workings_thinner_than_a_cell_are_refused():
+    with pytest.raises(GeometryError, match="no passage is wider"):
+        network(shapely.box(0.05, 0.05, 10, 0.1), cell=2.0)

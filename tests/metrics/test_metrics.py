@@ -1,0 +1,109 @@
+import mujoco
+import numpy as np
+import pytest
+import shapely
+
+from pipeline.errors import LimitError
+from pipeline.geometry.rasterize import fill_polygon
+from pipeline.metrics.iou import intersection_over_union
+from pipeline.metrics.limits import breaches, require_limits
+from pipeline.metrics.navigability import cast_columns
+from pipeline.metrics.topology import compare_topology
+from pipeline.mjcf.bundle import open_bundle
+from pipeline.params.validation import Limit
+from pipeline.report.baseline import regressions
+from tests.conftest import RING, TEE, BuiltMine, frame_for
+
+
+def test_iou_of_overlapping_squares_is_known():
+    one, two = np.zeros((10, 10), dtype=bool), np.zeros((10, 10), dtype=bool)
+    one[:4, :4] = two[2:6, 2:6] = True
+    assert intersection_over_union(one, two) == 4 / 28
+    assert intersection_over_union(one, one) == 1
+    assert intersection_over_union(one & two, np.zeros_like(one)) == 0
+    assert intersection_over_union(np.zeros_like(one), np.zeros_like(one)) == 1
+
+
+def columns_of(built: BuiltMine, model: mujoco.MjModel, free=None):
+    record = open_bundle(built.bundle).record
+    return cast_columns(
+        model, np.array(record.T_world_mine), built.cleaned if free is None else free, built.frame, 3.5, 0.2,
+        record.geom_groups["floor"], record.geom_groups["rock"],
+    )  # fmt: skip
+
+
+def test_every_column_of_a_faithful_world_is_open(tee: BuiltMine):
+    found = columns_of(tee, open_bundle(tee.bundle).model)
+    assert found.columns == tee.cleaned.sum()
+    assert found.blocked == 0
+    assert found.blocked_at_wall <= 4
+
+
+def test_a_boulder_in_a_drift_is_counted_and_located(tee: BuiltMine):
+    spec = mujoco.MjSpec.from_file(str(tee.bundle / "mine.xml"))
+    spec.body("mine").add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.5, 0.5, 0.5], pos=[20, 2.5, 0.5], group=3)
+    found = columns_of(tee, spec.compile())
+    assert found.blocked == 8 * 8  # one square metre at 8 px/m
+    assert found.blocked_places_m.mean(axis=0) == pytest.approx([20, 2.5], abs=0.01)
+    assert found.deepest_blocked_m == pytest.approx(2.5, abs=0.2)
+
+
+def test_a_hole_in_the_floor_blocks_its_columns(tee: BuiltMine):
+    spec = mujoco.MjSpec.from_file(str(tee.bundle / "mine.xml"))
+    spec.delete(spec.geom("floor_mud"))
+    assert columns_of(tee, spec.compile()).blocked > 1000
+
+
+def test_rock_that_the_plan_calls_free_is_blocked(tee: BuiltMine):
+    free = tee.cleaned.copy()
+    free[:10, :10] = True  # a corner of the plan, all rock
+    found = columns_of(tee, open_bundle(tee.bundle).model, free)
+    assert found.blocked + found.blocked_at_wall == pytest.approx(100, abs=4)
+    assert found.blocked > 30
+
+
+def masks(plan, world):
+    frame = frame_for(plan)
+    return fill_polygon(plan, frame), fill_polygon(world, frame), frame
+
+
+def test_equal_networks_match_and_a_blocked_ring_loses_its_loop():
+    same = compare_topology(*masks(RING, RING), 0.25, 2.0)
+    assert (same.loops_plan, same.loops_world, same.loops_difference) == (1, 1, 0)
+    cut = RING.difference(shapely.box(25, -1, 26, 7))
+    found = compare_topology(*masks(RING, cut), 0.25, 2.0)
+    assert (found.loops_plan, found.loops_world, found.loops_difference) == (1, 0, 1)
+
+
+def test_a_lost_and_an_added_drift_are_told_apart():
+    gone = shapely.box(0, 0, 80, 5)
+    lost = compare_topology(*masks(TEE, gone), 0.25, 2.0)
+    assert (lost.drifts_lost, lost.drifts_added) == (1, 0)
+    added = compare_topology(*masks(TEE, shapely.union_all([TEE, shapely.box(10, 5, 14, 20)])), 0.25, 2.0)
+    assert (added.drifts_lost, added.drifts_added) == (0, 1)
+
+
+def test_workings_that_fell_apart_are_counted_as_parts():
+    apart = TEE.difference(shapely.box(20, -1, 22, 6))
+    found = compare_topology(*masks(TEE, apart), 0.25, 2.0)
+    assert (found.parts_plan, found.parts_world) == (1, 2)
+
+
+LIMITS = {"iou.a": Limit(min=0.99), "blocked": Limit(max=0)}
+
+
+def test_metrics_within_limits_pass_and_breaches_name_metric_value_and_limit():
+    require_limits({"iou": {"a": 0.99}, "blocked": 0}, LIMITS)
+    with pytest.raises(LimitError, match=r"iou\.a = 0\.98: limit >= 0\.99"):
+        require_limits({"iou": {"a": 0.98}, "blocked": 0}, LIMITS)
+    assert breaches({"iou": {"a": float("nan")}, "blocked": 3}, LIMITS) == [
+        "iou.a = nan: limit >= 0.99", "blocked = 3: limit <= 0",
+    ]  # fmt: skip
+    assert breaches({"blocked": 0}, LIMITS) == ["iou.a: not measured (limit >= 0.99)"]
+
+
+def test_the_gate_fails_for_more_than_its_allowance_and_for_a_metric_that_is_gone():
+    before = {"iou.a": 0.991, "texture.published.overall": 0.95}
+    assert regressions({"iou.a": 0.9891, "texture.published.overall": 0.941}, before) == []
+    assert len(regressions({"iou.a": 0.9889, "texture.published.overall": 0.939}, before)) == 2
+    assert len(regressions({"iou.a": 1.0}, before)) == 1

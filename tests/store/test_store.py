@@ -1,0 +1,158 @@
+import json
+import os
+
+import numpy as np
+import pytest
+import shapely
+
+from pipeline.errors import ArtifactError, InputError
+from pipeline.store.codecs import Meshes, decode, encode
+from pipeline.store.files import recover_folder, replace_folder, write_atomically
+from pipeline.store.hashing import import_closure, sha256_bytes, sha256_named
+from pipeline.store.manifest import output_sha256
+from pipeline.store.registry import read_registry, register, verify_input
+from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Mask, Mesh, Occupancy, Survey
+from tests.conftest import ROOT, BuiltMine
+
+
+def round_trip(tmp_path, name, value, kind):
+    path = tmp_path / name
+    path.write_bytes(encode(path, value))
+    return decode(path, kind)
+
+
+def test_every_kind_of_artifact_survives_writing_and_reading(tmp_path, tee: BuiltMine):
+    assert round_trip(tmp_path, "a.json", tee.survey, Survey) == tee.survey
+    assert round_trip(tmp_path, "b.json", tee.network, DriftNetwork) == tee.network
+    free = round_trip(tmp_path, "c.geojson", tee.free_space, FreeSpace)
+    assert shapely.equals_exact(free.polygon, tee.free_space.polygon)
+    assert (free.areas, free.frame, free.tolerance_m) == (
+        tee.free_space.areas, tee.free_space.frame, tee.free_space.tolerance_m,
+    )  # fmt: skip
+    assert (round_trip(tmp_path, "d.png", tee.cleaned, Mask) == tee.cleaned).all()
+    parts = round_trip(tmp_path, "e.npz", tee.compiled["collision"], ConvexParts)
+    assert (parts.vertices == tee.compiled["collision"].vertices).all()
+    grid = round_trip(tmp_path, "f.npz", tee.compiled["occupancy"], Occupancy)
+    assert grid.cell_m == tee.compiled["occupancy"].cell_m
+    assert (grid.clearance_m == tee.compiled["occupancy"].clearance_m).all()
+    meshes = round_trip(tmp_path, "g.npz", tee.surface["meshes"], Meshes)
+    assert set(meshes) == set(tee.surface["meshes"])
+    assert isinstance(meshes["walls"], Mesh)
+    assert (meshes["walls"].faces == tee.surface["meshes"]["walls"].faces).all()
+
+
+def test_a_broken_artifact_is_named_and_a_pickle_is_never_opened(tmp_path):
+    for name, data in {"a.json": b"{", "b.png": b"x", "c.npz": b"PK", "d.geojson": b"[]"}.items():
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(ArtifactError, match=name):
+            decode(tmp_path / name, Mask if name == "b.png" else ConvexParts if name == "c.npz" else Survey)
+    np.savez(tmp_path / "p.npz", vertices=np.array([print], dtype=object), offsets=np.zeros(1, np.int32))
+    with pytest.raises(ArtifactError, match=r"p\.npz"):
+        decode(tmp_path / "p.npz", ConvexParts)
+
+
+def test_not_a_number_is_never_written_to_json(tmp_path):
+    with pytest.raises(ValueError, match="not JSON compliant|Out of range"):
+        encode(tmp_path / "x.json", {"a": float("nan")})
+
+
+def test_a_folder_is_replaced_whole_or_stays_as_it_was(tmp_path, monkeypatch):
+    folder = tmp_path / "stage"
+    replace_folder(folder, {"a.txt": b"old", "sub/b.txt": b"old"})
+    written = []
+    real = os.fsync
+
+    def full_disk(descriptor):
+        written.append(descriptor)
+        if len(written) > 1:
+            raise OSError(28, "No space left on device")
+        real(descriptor)
+
+    monkeypatch.setattr(os, "fsync", full_disk)
+    with pytest.raises(ArtifactError, match="the disk is full"):
+        replace_folder(folder, {"a.txt": b"new", "c.txt": b"new"})
+    assert {p.name: p.read_bytes() for p in folder.rglob("*.txt")} == {"a.txt": b"old", "b.txt": b"old"}
+    assert [p.name for p in tmp_path.iterdir()] == ["stage"]
+
+
+def test_what_a_killed_run_leaves_is_put_right(tmp_path):
+    folder, old, partial = tmp_path / "stage", tmp_path / ".stage.old", tmp_path / ".stage.partial"
+    old.mkdir()
+    (old / "a.txt").write_text("earlier")
+    partial.mkdir()
+    recover_folder(folder)
+    assert (folder / "a.txt").read_text() == "earlier"
+    assert not old.exists()
+    assert not partial.exists()
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
+    path = tmp_path / "params.yaml"
+    write_atomically(path, b"old")
+
+    def full_disk(descriptor):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full_disk)
+    with pytest.raises(ArtifactError, match=r"params\.yaml: cannot be written, the disk is full"):
+        write_atomically(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_volatile_keys_do_not_change_a_hash_and_others_do():
+    one = json.dumps({"world": {"load_s": 1.0, "bytes": 5}}).encode()
+    two = json.dumps({"world": {"load_s": 2.0, "bytes": 5}}).encode()
+    three = json.dumps({"world": {"load_s": 1.0, "bytes": 6}}).encode()
+    key = ["world.load_s"]
+    assert output_sha256(one, key) == output_sha256(two, key) != output_sha256(three, key)
+    assert output_sha256(one, []) == sha256_bytes(one)
+
+
+def test_a_named_hash_is_what_sha256sum_would_say_of_its_listing():
+    assert sha256_named({"b": "2", "a": "1"}) == sha256_bytes(b"1  a\n2  b\n")
+
+
+def test_the_import_closure_follows_imports_inside_functions_and_packages():
+    closure = {p.as_posix() for p in import_closure(ROOT / "stages/compile3d.py", ROOT)}
+    assert {"stages/__init__.py", "pipeline/geometry/decompose.py", "pipeline/types.py"} <= closure
+    assert "pipeline/mjcf/world.py" not in closure
+
+
+@pytest.fixture
+def registry_folder(tmp_path, monkeypatch):
+    (tmp_path / "data" / "raw").mkdir(parents=True)
+    (tmp_path / "data" / "registry.txt").write_text("# name\tsha256\n")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_registered_file_verifies_until_it_changes(registry_folder):
+    from pathlib import Path
+
+    path = Path("data/raw/plan.png")
+    path.write_bytes(b"plan")
+    register(path, "my mine", "CC0")
+    assert verify_input(path, read_registry()) == sha256_bytes(b"plan")
+    register(path, "my mine", "CC0")
+    assert len(read_registry()) == 1
+    path.write_bytes(b"other")
+    with pytest.raises(InputError, match=r"plan\.png: sha256 .* \(5 bytes\) is not the registered .* \(4 bytes\)"):
+        verify_input(path, read_registry())
+    with pytest.raises(InputError, match="remove that line first"):
+        register(path, "my mine", "CC0")
+    path.unlink()
+    with pytest.raises(InputError, match="missing; restore it from git"):
+        verify_input(path, read_registry())
+
+
+def test_an_unregistered_file_and_a_broken_registry_are_named(registry_folder):
+    from pathlib import Path
+
+    with pytest.raises(InputError, match="python -m pipeline register"):
+        verify_input(Path("data/raw/x.png"), read_registry())
+    with pytest.raises(InputError, match="below data/"):
+        register(Path("elsewhere.png"), "-", "-")
+    Path("data/registry.txt").write_text("one two\n")
+    with pytest.raises(InputError, match=r"registry\.txt:1"):
+        read_registry()

@@ -1,0 +1,79 @@
+import pytest
+import yaml
+
+from pipeline.compose import compose
+from pipeline.errors import ParamsError
+from tests.conftest import ROOT
+
+
+@pytest.fixture(autouse=True)
+def _in_the_project(monkeypatch):
+    monkeypatch.chdir(ROOT)
+
+
+def test_the_default_is_the_embedded_survey_with_exact_prisms():
+    config = compose([])
+    assert (config.survey.kind, config.compile3d.collision.method) == ("stations", "exact")
+
+
+def test_an_override_changes_one_value_and_nothing_else():
+    before, after = (compose(o).model_dump() for o in ([], ["contours.tolerance_m=0.3"]))
+    assert after["contours"].pop("tolerance_m") == 0.3
+    before["contours"].pop("tolerance_m")
+    assert before == after
+
+
+@pytest.mark.parametrize("method", ["exact", "coacd", "vhacd"])
+def test_collision_methods_are_a_choice_of_their_own(method):
+    assert compose([f"collision={method}"]).compile3d.collision.method == method
+
+
+def test_the_papers_preset_makes_all_its_choices_and_brings_its_own_limits():
+    config = compose(["preset=paper"])
+    assert config.survey.resample_width_px == 948
+    assert config.survey.scale.px_per_m == 1.36
+    collision = config.compile3d.collision
+    assert (collision.method, collision.tiles, collision.max_hulls, collision.resolution) == (
+        "vhacd",
+        70,
+        32,
+        1_000_000,
+    )
+    assert config.realism.lights.count == 33
+    assert len(config.realism.zones) == 3
+    default = compose([]).validation.limits
+    assert default["iou.free_space_vs_cleaned"].min == 0.990
+    assert config.validation.limits["iou.free_space_vs_cleaned"].min < 0.990
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("contours.tolerance_m=-1", r"contours\.tolerance_m = -1: .*greater than or equal to 0"),
+        ("contours.tolerance_m=much", r"contours\.tolerance_m = 'much'"),
+        ("contours.tolerance_m=nan", r"contours\.tolerance_m = nan: .*finite"),
+        ("contours.tolerence_m=1", r"contours\.tolerence_m: unknown; contours has .*tolerance_m"),
+        ("contour.tolerance_m=1", r"unknown; the configuration has .*contours"),
+        ("survey=cave", r"survey = cave: valid choices are plan, stations"),
+        ("collision=vhcd", r"collision = vhcd: valid choices are coacd, exact, vhacd"),
+        ("survey.scale.source=guess", r"survey\.scale\.source = 'guess': .*'bar', 'stated' or 'poses'"),
+        ("survey.scale.source=stated", "scale.source=stated needs scale.px_per_m"),
+        ("survey.stations=/etc/passwd", "not below data/"),
+        ("survey.stations=data/../x.csv", "not below data/"),
+        ("realism.lights.count=101", r"realism\.lights\.count = 101: .*less than or equal to 100"),
+        ("nonsense", "nonsense"),
+        ("contours.tolerance_m=", r"contours\.tolerance_m"),
+        ("+contours.new=1", r"contours\.new = 1: Extra inputs"),
+    ],
+)
+def test_a_wrong_override_is_named_with_its_value_and_the_valid_choices(override, message):
+    with pytest.raises(ParamsError, match=message):
+        compose([override])
+
+
+def test_configuration_text_is_data_and_never_code():
+    with pytest.raises(ParamsError):
+        compose(["+contours._target_=os.system"])
+    tag = "contours.tolerance_m: !!python/object/apply:os.system ['true']"
+    with pytest.raises(yaml.YAMLError):
+        yaml.safe_load(tag)

@@ -1,0 +1,55 @@
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import yaml
+
+from stages.__main__ import load_stages, render_dag
+from tests.conftest import ROOT
+
+
+def test_dvc_yaml_names_every_module_that_a_stage_imports():
+    # One text for one set of declarations: deps, outs and import closures cannot drift apart.
+    assert (ROOT / "dvc.yaml").read_text() == render_dag(ROOT), "run `make dag`"
+
+
+def test_every_stage_reads_only_what_a_stage_before_it_writes():
+    written: set[str] = set()
+    for stage in load_stages():
+        assert {a.path for a in stage.reads.values()} <= written, stage.name
+        outs = {a.path for a in stage.writes.values()}
+        assert all(path.startswith(f"{stage.name}/") for path in outs)
+        assert not outs & written
+        written |= outs
+
+
+def test_rooms_import_each_other_in_one_direction_only():
+    done = subprocess.run([Path(sys.prefix) / "bin" / "lint-imports"], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
+def test_locks_hold_hashes_and_no_index_address():
+    for lock in sorted((ROOT / "requirements").glob("*.txt")):
+        text = lock.read_text()
+        assert not re.search(r"https?://|--(extra-)?index-url|--find-links", text), lock.name
+        pinned = re.findall(r"^[A-Za-z0-9._-]+==", text, flags=re.M)
+        assert pinned
+        blocks = re.split(r"^(?=[A-Za-z0-9._-]+==)", text, flags=re.M)[1:]
+        assert all("--hash=sha256:" in block for block in blocks), lock.name
+
+
+def test_ci_calls_the_two_commands_of_the_readme_and_the_workflow_too():
+    script = (ROOT / ".ci" / "run").read_text()
+    workflow = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())
+    runs = [step.get("run") for job in workflow["jobs"].values() for step in job["steps"]]
+    for command in ("make all", "make test"):
+        assert command in script.splitlines()
+        assert command in runs
+        assert f"\n{command}" in (ROOT / "README.md").read_text()
+
+
+def test_nothing_of_unclear_licence_is_tracked():
+    tracked = subprocess.run(["git", "ls-files", "data"], cwd=ROOT, capture_output=True, text=True).stdout.split()
+    allowed = {"data/registry.txt", "data/README.md", "data/raw/.gitignore", "data/chilean_mine/stations.csv"}
+    assert set(tracked) <= allowed
