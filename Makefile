@@ -6,7 +6,7 @@ PY := .venv/bin/python
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test test-slow check report verify data dag accept lock clean compare-collision compare-paper $(STAGES)
+.PHONY: help setup all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper $(STAGES)
 
 help:            ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile | expand -t 22
@@ -47,6 +47,9 @@ compare-collision: setup  ## exact prisms, CoACD and V-HACD side by side on the 
 
 compare-paper: setup      ## the paper's preset beside the default
 	@$(PY) -m benchmarks.compare_paper
+
+bench: setup     ## time the pipeline and each stage in a copy of the project
+	@$(PY) -m benchmarks.time_pipeline
 
 accept: setup    ## accept the present metrics as the regression gate's baseline
 	@$(PY) -m pipeline accept

@@ -65,7 +65,7 @@ class MineScene:
 def tile_zones(
     zones: list[tuple[str, float, tuple[float, float, float, float]]], world_m: tuple[float, float, float, float]
 ) -> list[Zone]:
-    """Tile a box (west, south, east, north; m) with zones (name, friction, rgba) from the west, equally wide to 0.1 m."""
+    """Tile a box (west, south, east, north; m) from the west with zones (name, friction, rgba), alike to 0.1 m."""
     west, south, east, north = world_m
     edges = np.linspace(west, east, len(zones) + 1).round(1)  # a half extent then has few enough digits for MJCF text
     return [

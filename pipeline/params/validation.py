@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from pydantic import Field, model_validator
+from typing import Any
+
+from pydantic import Field, field_validator, model_validator
 
 from pipeline.params.base import Params
 
@@ -21,8 +23,24 @@ class Limit(Params):
 
 
 class ValidationParams(Params):
-    """Limits by metric name (dots separate groups) and how networks are traced."""
+    """Limits by metric name and how networks are traced.
+
+    In `conf/` the limits are nested as the metrics are; here a name joins its groups by dots.
+    """
 
     network_cell_m: float = Field(gt=0.02, le=2)
     network_min_leg_m: float = Field(ge=0, le=50)
     limits: dict[str, Limit]
+
+    @field_validator("limits", mode="before")
+    @classmethod
+    def _join_groups(cls, value: Any) -> Any:
+        return _flatten(value) if isinstance(value, dict) else value
+
+
+def _flatten(groups: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in groups.items():
+        nested = isinstance(value, dict) and not set(value) <= {"min", "max"}
+        flat |= _flatten(value, f"{prefix}{key}.") if nested else {f"{prefix}{key}": value}
+    return flat

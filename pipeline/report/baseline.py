@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import cv2
+
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten
 from pipeline.store.files import write_atomically
@@ -12,6 +14,10 @@ from pipeline.store.files import write_atomically
 METRICS = Path("artifacts/validation/metrics.json")
 BASELINE = Path("tests/baseline.json")
 RESULTS = Path("docs/results.md")
+PREVIEW = Path("artifacts/realism/world/preview.png")
+README = Path("README.md")
+_OPEN, _CLOSE = "<!-- results -->", "<!-- /results -->"
+_PICTURE_WIDTH = 1200
 _GATED = ("iou.", "texture.")
 IOU_DROP, TEXTURE_DROP = 0.002, 0.01
 
@@ -71,7 +77,15 @@ def accept_baseline() -> str:
 
 
 def write_results() -> str:
-    """Write the results table as Markdown and return it."""
+    """Write the results table to `docs/` and into the README, and the world's picture; return the table."""
+    picture = cv2.imread(str(PREVIEW))
+    if picture is None:
+        raise ArtifactError(f"{PREVIEW}: missing; run `make all` first")
+    size = (_PICTURE_WIDTH, round(picture.shape[0] * _PICTURE_WIDTH / picture.shape[1]))
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    write_atomically(
+        RESULTS.with_name("world.jpg"), cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
+    )
     metrics = read_metrics()
     lines = ["| figure | measured | limit | paper |", "|---|---|---|---|"]
     for title, names, form, limit, paper in _ROWS:
@@ -81,4 +95,6 @@ def write_results() -> str:
     text = "\n".join(lines) + "\n"
     header = "# Results\n\nThe embedded survey, as measured by `make all`; written by `make report`.\n\n"
     write_atomically(RESULTS, (header + text).encode())
+    before, _, rest = README.read_text().partition(_OPEN)
+    write_atomically(README, (before + _OPEN + "\n" + text + _CLOSE + rest.partition(_CLOSE)[2]).encode())
     return text

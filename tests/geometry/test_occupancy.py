@@ -54,7 +54,7 @@ def test_the_anchor_is_the_roomiest_place_near_the_entrance():
     spawn = entrance_anchor(grid, (40.5, 2.5), 15.0, 0.5)
     # In the junction's throat the nearest rock is the far wall or a corner: more room than mid-drift.
     assert spawn.anchor_clearance_m > 2.5
-    with pytest.raises(GeometryError, match="move survey.entrance_m"):
+    with pytest.raises(GeometryError, match=r"move survey\.entrance_m"):
         entrance_anchor(grid, (0.0, 44.0), 3.0, 0.5)
 
 

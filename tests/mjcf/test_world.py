@@ -1,3 +1,4 @@
+import itertools
 import math
 import shutil
 import zipfile
@@ -76,7 +77,7 @@ def test_three_zones_tile_the_floor_in_thirds_with_their_frictions(tee: BuiltMin
     zones = world.record.zones
     assert [(z.name, z.friction) for z in zones] == [("dry", 1.0), ("mud", 0.55), ("water", 0.25)]
     assert (zones[0].west_m, zones[-1].east_m) == (west, east)
-    for left, right in zip(zones, zones[1:], strict=False):
+    for left, right in itertools.pairwise(zones):
         assert left.east_m == right.west_m
     for zone in zones:
         geom = world.model.geom(f"floor_{zone.name}")
@@ -124,7 +125,7 @@ def test_zones_of_any_number_tile_without_gap():
     zones = tile_zones([(f"z{i}", 1.0, (0, 0, 0, 1)) for i in range(7)], (-3.3, 0.0, 96.6, 10.0))
     assert zones[0].west_m == -3.3
     assert zones[-1].east_m == 96.6
-    assert all(a.east_m == b.west_m for a, b in zip(zones, zones[1:], strict=False))
+    assert all(a.east_m == b.west_m for a, b in itertools.pairwise(zones))
 
 
 def test_lights_hang_every_twenty_metres_and_look_along_the_drift_and_down():

@@ -52,7 +52,7 @@ def test_a_broken_artifact_is_named_and_a_pickle_is_never_opened(tmp_path):
 
 
 def test_not_a_number_is_never_written_to_json(tmp_path):
-    with pytest.raises(ValueError, match="not JSON compliant|Out of range"):
+    with pytest.raises(ValueError, match=r"not JSON compliant|Out of range"):
         encode(tmp_path / "x.json", {"a": float("nan")})
 
 

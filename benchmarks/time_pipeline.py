@@ -1,0 +1,54 @@
+"""How long `dvc repro` takes from clean and when nothing changed, and each stage by itself, in a copy of the project."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from pipeline.store.files import write_atomically
+from stages.__main__ import STAGES
+
+TABLE = Path("docs/timings.md")
+
+
+def main() -> int:
+    """Time the runs, print the table and write it to `docs/`."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-co", "--exclude-standard"], capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    with tempfile.TemporaryDirectory() as folder:
+        for name in listed:
+            place = Path(folder) / name
+            if Path(name).is_file() and name != "dvc.lock":
+                place.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(name, place)
+        rows = [
+            ("whole pipeline from clean", _seconds(folder, "dvc", "repro")),
+            ("again, nothing changed", _seconds(folder, "dvc", "repro")),
+        ]
+        rows += [(f"stage {stage}", _seconds(folder, sys.executable, "-m", f"stages.{stage}")) for stage in STAGES]
+    lines = ["| what | seconds |", "|---|---|", *(f"| {title} | {seconds:.1f} |" for title, seconds in rows)]
+    text = "\n".join(lines) + "\n"
+    head = f"# Timings\n\nWritten by `make bench` on {os.cpu_count()} cores; wall time, set-up not included.\n\n"
+    write_atomically(TABLE, (head + text).encode())
+    print(text, end="")
+    return 0
+
+
+def _seconds(folder: str, *command: str) -> float:
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
+    start = time.perf_counter()
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f"{' '.join(command)}: {done.stderr}")
+    return time.perf_counter() - start
+
+
+if __name__ == "__main__":
+    sys.exit(main())

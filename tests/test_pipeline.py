@@ -1,0 +1,344 @@
+"""The whole pipeline, run as a user runs it."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from pipeline.report.baseline import BASELINE, gated, read_metrics, regressions
+from stages.__main__ import STAGES
+from tests.conftest import ROOT, TINY_STATIONS, Project
+
+
+def message_of(done):
+    """Return the one message of a refused command."""
+    assert done.returncode == 2, (done.returncode, done.stderr)
+    assert "Traceback" not in done.stderr
+    return done.stderr.strip()
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """Return the embedded survey taken through all six stages."""
+    project = Project(tmp_path_factory.mktemp("built") / "mine", tiny=False)
+    project.stages(*STAGES)
+    return project
+
+
+def metrics_of(project):
+    return json.loads((project.folder / "artifacts/validation/metrics.json").read_text())
+
+
+def test_the_embedded_survey_reaches_its_figures(built):
+    m = metrics_of(built)
+    assert m["iou"]["free_space_vs_cleaned"] >= 0.990
+    assert m["iou"]["free_space_vs_raw"] >= 0.970
+    assert m["navigability"]["blocked"] == 0
+    assert m["navigability"]["deepest_blocked_m"] <= 0.21 + 0.1
+    assert m["topology"]["loops_plan"] == m["topology"]["loops_world"] == 1
+    assert m["topology"]["drifts_lost"] == m["topology"]["drifts_added"] == 0
+    assert m["collision"]["intrusion_m2"] < 0.01
+    assert m["collision"]["missing_m2"] < 0.01
+    assert m["collision"]["parts"] <= 800
+    assert m["world"]["bytes"] <= 10e6
+    assert m["world"]["load_s"] <= 0.5
+    assert m["areas"]["tunnel_m2"] == pytest.approx(9376, rel=0.005)
+    frame = 5329 * 1400 / 7.82**2
+    assert m["areas"]["tunnel_m2"] + m["areas"]["islands_m2"] + m["areas"]["outside_m2"] == pytest.approx(
+        frame, abs=0.1
+    )
+
+
+def test_iou_and_texture_scores_did_not_fall_since_the_accepted_baseline(built):
+    metrics = read_metrics(built.folder / "artifacts/validation/metrics.json")
+    baseline = json.loads((ROOT / BASELINE).read_text())
+    assert set(baseline) == set(gated(metrics))
+    assert regressions(metrics, baseline) == []
+
+
+def test_two_clean_builds_give_identical_bytes(built, tmp_path):
+    again = Project(tmp_path / "again", tiny=False)
+    again.stages(*STAGES)
+    one, two = built.hashes(), again.hashes()
+    assert set(one) == set(two)
+    differing = [name for name in one if one[name] != two[name]]
+    # Only the load time may differ, and it is no part of the manifest's hash.
+    assert set(differing) <= {"validation/metrics.json"}
+    assert one["realism/world/world.json"] == two["realism/world/world.json"]
+
+
+def test_the_chain_of_manifests_holds_and_names_the_first_broken_link(built, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(built.folder, folder, symlinks=True)
+    project = Project.__new__(Project)
+    project.folder = folder
+
+    def verify():
+        return project.run(sys.executable, "-m", "pipeline", "verify")
+
+    assert verify().returncode == 0
+    mine = folder / "artifacts/realism/world/mine.xml"
+    text = mine.read_text()
+    mine.write_text(text.replace('friction="0.25', '"friction="0.95'.replace('"f', "f", 1)))
+    assert "artifacts/realism/world/mine.xml" in message_of(verify())
+    mine.write_text(text)
+    plan = folder / "artifacts/survey/plan.png"
+    plan.write_bytes(plan.read_bytes() + b"x")
+    assert message_of(verify()).startswith("verify: artifacts/survey/plan.png")
+    plan.unlink()
+    assert "artifacts/survey/plan.png: missing" in message_of(verify())
+
+
+def test_a_manifest_that_was_made_from_another_input_breaks_the_chain(traced_project, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(traced_project.folder, folder, symlinks=True)
+    project = Project.__new__(Project)
+    project.folder = folder
+    project.stage("survey", "survey.ink_grey=60").check_returncode()
+    text = (folder / "artifacts/params.yaml").read_text().replace("ink_grey: 40", "ink_grey: 60")
+    (folder / "artifacts/params.yaml").write_text(text)
+    done = project.run(sys.executable, "-m", "pipeline", "verify")
+    assert "artifacts/survey/plan.png" in message_of(done)
+    assert "what contours read" in done.stderr
+
+
+def test_dvc_repro_runs_everything_once_then_nothing_and_an_experiment_only_what_changed(project):
+    assert "Running stage 'validation'" in project.run("dvc", "repro", check=True).stdout
+    start = time.perf_counter()
+    second = project.run("dvc", "repro", check=True)
+    assert "Running stage" not in second.stdout
+    assert time.perf_counter() - start < 10  # 2 s on an idle machine
+    project.run("git", "add", "-A", check=True)
+    project.run("git", "-c", "user.name=t", "-c", "user.email=t@e.org", "commit", "-qm", "run", check=True)
+    before = metrics_of(project)["iou"]["free_space_vs_cleaned"]
+
+    experiment = project.run("dvc", "exp", "run", "-S", "overrides='contours.tolerance_m=0.3'")
+    assert experiment.returncode == 0, experiment.stderr
+    assert "Running stage 'survey'" not in experiment.stdout
+    params = yaml.safe_load((project.folder / "artifacts/params.yaml").read_text())
+    assert params["contours"]["tolerance_m"] == 0.3
+    manifest = json.loads((project.folder / "artifacts/contours/manifest.json").read_text())
+    assert manifest["params"]["tolerance_m"] == 0.3
+    assert metrics_of(project)["iou"]["free_space_vs_cleaned"] != before
+    difference = project.run("dvc", "metrics", "diff", check=True).stdout
+    assert "iou.free_space_vs_cleaned" in difference
+    assert "iou.free_space_vs_cleaned" in project.run("dvc", "metrics", "show", check=True).stdout
+    assert "validation" in project.run("dvc", "dag", check=True).stdout
+    project.run("dvc", "plots", "show", check=True)
+
+
+def test_make_all_takes_overrides_and_returns_to_the_default(project):
+    # `setup` is replaced: the copy uses the environment that the tests run in.
+    (project.folder / "requirements" / "setup.sh").write_text("exit 0\n")
+    done = project.run("make", "all", OVERRIDES="survey.ink_grey=60 contours.tolerance_m=0.1")
+    assert done.returncode == 0, done.stderr
+    params = yaml.safe_load((project.folder / "artifacts/params.yaml").read_text())
+    assert (params["survey"]["ink_grey"], params["contours"]["tolerance_m"]) == (60, 0.1)
+    done = project.run("make", "contours", OVERRIDES="")
+    assert done.returncode == 0, done.stderr
+    assert yaml.safe_load((project.folder / "artifacts/params.yaml").read_text())["survey"]["ink_grey"] == 40
+
+
+def test_one_stage_runs_alone_with_overrides(traced_project, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(traced_project.folder, folder, symlinks=True)
+    project = Project.__new__(Project)
+    project.folder = folder
+    project.stage("contours", "contours.tolerance_m=0.3").check_returncode()
+    manifest = json.loads((folder / "artifacts/contours/manifest.json").read_text())
+    assert manifest["params"]["tolerance_m"] == 0.3
+    free = json.loads((folder / "artifacts/contours/free_space.geojson").read_text())
+    assert free["features"][0]["properties"]["tolerance_m"] == 0.3
+
+
+def test_the_tiny_survey_has_the_areas_of_its_stations(traced_project):
+    facts = json.loads((traced_project.folder / "artifacts/contours/free_space.geojson").read_text())
+    # 60 m and 30 m of 5 m, less the overlap, and half a disc at each of the three ends.
+    expected = 60 * 5 + 27.5 * 5 + 3 * np.pi * 2.5**2 / 2
+    assert facts["features"][0]["properties"]["areas"]["tunnel_m2"] == pytest.approx(expected, rel=0.01)
+
+
+# --- bad input: exit code 2, one message, earlier artifacts as they were -------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("stage", "override", "message"),
+    [
+        ("contours", "contours.tolerance_m=-1", "contours.tolerance_m = -1"),
+        ("contours", "contours.tolerence=1", "contours.tolerence: unknown; contours has"),
+        ("contours", "survey=cave", "valid choices are plan, stations"),
+        ("contours", "contours.tolerance_m=20", "contours.tolerance_m = 20"),
+        ("contours", "contours.threshold=254 contours.max_ink_share=0.01", "is the plan inverted?"),
+        ("contours", "contours.min_tunnel_m2=5000", "no dark region larger than 5000 m2"),
+        ("survey", "survey.stations=data/chilean_mine/none.csv", "none.csv: not in data/registry.txt"),
+        ("survey", "survey=plan", "data/raw/plan.jpg: missing; fetch it with `make data`"),
+        ("survey", "survey.px_per_m=99 survey.margin_m=500", "at most 200000000"),
+        ("compile3d", "compile3d.spawn.clearance_m=9", "nothing is 9 m from rock"),
+        ("surface", "surface.back_chamfer_m=3.4", "do not fit into 3.5 m"),
+        ("realism", "", "compile3d/"),
+    ],
+)
+def test_bad_input_ends_with_one_message_and_keeps_what_was_there(traced_project, stage, override, message):
+    if stage == "surface":
+        traced_project.stage("compile3d").check_returncode()
+    before = traced_project.hashes()
+    text = message_of(traced_project.stage(stage, *override.split()))
+    assert message in text
+    if stage == "surface":
+        shutil.rmtree(traced_project.folder / "artifacts/compile3d")
+        before = {k: v for k, v in before.items() if not k.startswith("compile3d")}
+    assert traced_project.hashes() == before
+
+
+def test_a_changed_input_is_refused_with_both_hashes(project):
+    project.stages("survey")
+    before = project.hashes()
+    path = project.folder / "data/chilean_mine/tiny.csv"
+    path.write_text(TINY_STATIONS + " \n")
+    text = message_of(project.stage("survey"))
+    assert "data/chilean_mine/tiny.csv: sha256" in text
+    assert "is not the registered" in text
+    assert project.hashes() == before
+
+
+def test_a_survey_with_a_fault_names_file_line_and_value(project):
+    project.use_stations(TINY_STATIONS.replace("A,a1,10,0,2.5,2.5", "A,a1,10,0,-2.5,2.5"))
+    project.run(sys.executable, "-m", "pipeline.compose", check=True)
+    assert "data/chilean_mine/tiny.csv:3: left_m = -2.5" in message_of(project.stage("survey"))
+    assert not (project.folder / "artifacts/survey").exists()
+
+
+def plan_project(project, picture, *overrides):
+    """Make `picture` the plan of a project and return the survey stage's result."""
+    path = project.folder / "data/plan.png"
+    path.write_bytes(picture if isinstance(picture, bytes) else cv2.imencode(".png", picture)[1].tobytes())
+    project.run(sys.executable, "-m", "pipeline", "register", "data/plan.png", check=True)
+    base = ["survey=plan", "survey.image=data/plan.png", "survey.poses=null", "survey.scale.bar_image=null"]
+    base += ["survey.origin_px=null", "survey.entrance_m=null"]
+    (project.folder / "params.yaml").write_text(json.dumps({"overrides": " ".join([*base, *overrides])}))
+    done = project.run(sys.executable, "-m", "pipeline.compose")
+    return done if done.returncode else project.stage("survey")
+
+
+def drift_picture():
+    picture = np.full((160, 900, 3), 255, np.uint8)
+    picture[60:100, 20:880] = 30
+    picture[140:146, 40:240] = 0  # a bar of 200 px
+    return picture
+
+
+def test_a_plan_with_its_bar_in_a_box_is_measured_and_the_bar_is_no_drift(project):
+    done = plan_project(
+        project, drift_picture(), "survey.scale.bar_box_px=[30,130,260,156]", "survey.scale.bar_length_m=25"
+    )
+    assert done.returncode == 0, done.stderr
+    survey = json.loads((project.folder / "artifacts/survey/survey.json").read_text())
+    assert survey["frame"]["px_per_m"] == 8.0
+    project.stage("contours").check_returncode()
+    facts = json.loads((project.folder / "artifacts/contours/free_space.geojson").read_text())
+    assert facts["features"][0]["properties"]["areas"]["tunnel_m2"] == pytest.approx(860 * 40 / 64, rel=0.002)
+
+
+@pytest.mark.parametrize(
+    ("picture", "overrides", "message"),
+    [
+        (b"", (), "data/plan.png: empty file"),
+        (b"GIF89a nonsense", (), "data/plan.png: not an image"),
+        (np.zeros((99, 99, 3), np.uint8), (), "data/plan.png: the image is all black"),
+        (np.full((99, 99, 3), 255, np.uint8), (), "data/plan.png: the image is all white"),
+        (drift_picture(), ("survey.scale.bar_box_px=null",), "no bar to measure"),
+        (drift_picture(), ("survey.scale.bar_box_px=[0,0,2000,10]",), "not inside 900 x 160 px"),
+        (drift_picture(), ("survey.scale.bar_box_px=[400,5,600,40]",), "no scale bar"),
+        (drift_picture(), ("survey.scale.bar_box_px=[45,130,50,156]",), "lie horizontally"),
+    ],
+    ids=["empty", "nonsense", "black", "white", "no-bar", "outside", "absent", "cut"],
+)
+def test_a_plan_or_bar_that_cannot_be_used_is_refused(project, picture, overrides, message):
+    assert message in message_of(plan_project(project, picture, *overrides))
+    assert not (project.folder / "artifacts/survey").exists()
+
+
+def test_an_inverted_plan_is_asked_about_by_name(project):
+    done = plan_project(project, 255 - drift_picture(), "survey.scale.source=stated", "survey.scale.px_per_m=8")
+    assert done.returncode == 0, done.stderr
+    text = message_of(project.stage("contours"))
+    assert "data/plan.png" in text
+    assert "is the plan inverted?" in text
+
+
+def test_a_full_disk_is_said_and_keeps_what_was_there(traced_project, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(traced_project.folder, folder, symlinks=True)
+    project = Project.__new__(Project)
+    project.folder = folder
+    before = project.hashes()
+    # A limit on the size of any file stands in for a disk that fills while the stage writes.
+    done = subprocess.run(
+        ["bash", "-c", f"trap '' XFSZ; ulimit -f 4; {sys.executable} -m stages.contours"],
+        cwd=folder, capture_output=True, text=True, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+    )  # fmt: skip
+    assert "cannot be written" in message_of(done)
+    assert project.hashes() == before
+    assert not list((folder / "artifacts").glob(".*partial"))
+
+
+def test_a_killed_stage_leaves_the_old_artifacts_and_the_next_run_recovers(traced_project, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(traced_project.folder, folder, symlinks=True)
+    project = Project.__new__(Project)
+    project.folder = folder
+    before = project.hashes()
+    process = subprocess.Popen([sys.executable, "-m", "stages.contours", "contours.tolerance_m=0.3"], cwd=folder)
+    time.sleep(0.7)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert project.hashes() == before
+    (folder / "artifacts/.contours.partial").mkdir()
+    (folder / "artifacts/.contours.partial/free_space.geojson").write_text("half")
+    project.stage("contours", "contours.tolerance_m=0.3").check_returncode()
+    assert not (folder / "artifacts/.contours.partial").exists()
+    assert json.loads((folder / "artifacts/contours/manifest.json").read_text())["params"]["tolerance_m"] == 0.3
+
+
+def test_a_breached_limit_fails_the_stage_and_names_metric_value_and_limit(built, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(built.folder, folder, symlinks=True)
+    project = Project.__new__(Project)
+    project.folder = folder
+    text = message_of(project.stage("validation", "validation.limits.collision.parts.max=10"))
+    assert "collision.parts = " in text
+    assert "limit <= 10" in text
+
+
+# --- the published plan --------------------------------------------------------------------------------------------
+
+
+def test_the_published_plan_reaches_the_same_figures(shared_mine, tmp_path):
+    project = Project(tmp_path / "mine", tiny=False)
+    command = [sys.executable, "-m", "pipeline.survey.fetch", "--mirror", str(shared_mine)]
+    assert project.run(*command).returncode == 0
+    (project.folder / "params.yaml").write_text('overrides: "survey=plan"\n')
+    project.stages(*STAGES)
+    m = metrics_of(project)
+    assert m["iou"]["free_space_vs_cleaned"] >= 0.990
+    assert m["iou"]["free_space_vs_raw"] >= 0.970
+    assert m["navigability"]["blocked"] == 0
+    assert m["topology"]["loops_plan"] == m["topology"]["loops_world"] == 1
+    assert m["topology"]["drifts_lost"] == m["topology"]["drifts_added"] == 0
+    assert max(m["collision"]["intrusion_m2"], m["collision"]["missing_m2"]) < 0.01
+    assert m["collision"]["parts"] <= 800
+    assert m["world"]["load_s"] <= 0.5
+    # The pixel counts of the published plan: about 9,420 m2 of tunnel cleaned harder, a 13,490 m2 island.
+    assert m["areas"]["tunnel_m2"] == pytest.approx(9420, rel=0.025)
+    assert m["areas"]["islands_m2"] == pytest.approx(13490, rel=0.01)
+    survey = json.loads((project.folder / "artifacts/survey/survey.json").read_text())
+    assert survey["scale"]["px_per_m"] == pytest.approx(7.82)
+    assert abs(survey["scale"]["difference_percent"]["poses"]) < 3

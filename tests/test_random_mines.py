@@ -1,0 +1,44 @@
+"""Random mines through stages 2 to 6 in memory: valid, connected, loops kept, walls exact."""
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pipeline.geometry.collision import footprint_errors
+from pipeline.metrics.iou import intersection_over_union
+from pipeline.metrics.topology import compare_topology
+from pipeline.mjcf.bundle import open_bundle, part_vertices
+from pipeline.mjcf.render import render_free_space
+from tests.conftest import BuiltMine, random_mine
+
+
+def check_mine(seed, drifts, config, folder):
+    built = BuiltMine(random_mine(np.random.default_rng(seed), drifts), config, folder)
+    world = open_bundle(built.bundle)
+    assert built.free_space.polygon.is_valid
+    seen = render_free_space(world.model, np.array(world.record.T_world_mine), built.frame, 3.5)
+    # Walls may stand off by the tolerance; on average they must do far better than half of it.
+    polygon, tolerance_m = built.free_space.polygon, config.contours.tolerance_m
+    assert intersection_over_union(seen, built.cleaned) >= 1 - 0.5 * tolerance_m * polygon.length / polygon.area
+    match = compare_topology(built.cleaned, seen, built.frame, 0.25, 2.0)
+    assert match.loops_difference == 0
+    assert match.parts_world == 1
+    assert match.drifts_lost == match.drifts_added == 0
+    assert built.network.loops == built.free_space.areas.islands
+    parts = part_vertices(world.model, world.record.geom_groups["rock"])
+    errors = footprint_errors(parts, built.free_space.polygon, shapely.box(*world.record.world_m))
+    assert max(errors) < 0.01
+
+
+@given(seed=st.integers(0, 100_000), drifts=st.integers(1, 6))
+@settings(deadline=None, max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_random_mine_becomes_a_world_that_agrees_with_it(seed, drifts, config, tmp_path_factory):
+    check_mine(seed, drifts, config, tmp_path_factory.mktemp("mine"))
+
+
+@pytest.mark.slow
+def test_two_hundred_random_mines_become_worlds_that_agree_with_them(config, tmp_path_factory):
+    for seed in range(200):
+        check_mine(seed, 1 + seed % 8, config, tmp_path_factory.mktemp("mine"))
