@@ -1,4 +1,4 @@
-"""How long `dvc repro` takes from clean and when nothing changed, and each stage by itself, in a copy of the project."""
+"""Time `dvc repro` from clean and with nothing changed, and each stage by itself, in a copy of the project."""
 
 from __future__ import annotations
 
