@@ -102,6 +102,8 @@ def _options(groups: Iterable[int]) -> mujoco.MjvOption:
 class _Renderer(mujoco.Renderer):
     """A renderer that says what is missing when OSMesa is, and is closed by `with`."""
 
+    _gl_context = _mjr_context = None  # so that `close` finds them when the constructor fails
+
     def __init__(self, model: mujoco.MjModel, height: int, width: int) -> None:
         try:
             super().__init__(model, height, width, max_geom=2 * model.ngeom + 1000)

@@ -67,8 +67,8 @@ def main() -> int:
     parser.add_argument("--mirror", help="address or folder to take the files from, by their registered names")
     try:
         entries = read_registry()
-        for path in fetch_raw(entries, Path("data"), parser.parse_args().mirror or None):
-            print(f"{path}  {verify_input(path, entries)[:12]}  {path.stat().st_size} bytes")
+        for path in fetch_raw(entries, Path("data"), parser.parse_args().mirror):
+            print(f"{path}  {verify_input(path, entries)[:12]}  {path.stat().st_size} bytes", flush=True)
     except MineError as error:
         print(f"data: {error}", file=sys.stderr)
         return 2
