@@ -46,7 +46,7 @@ fi
 echo "setup: installing Python packages into .venv ($("$python" --version))" >&2
 if ! works .venv/bin/python; then
     rm -rf .venv
-    "$python" -m venv .venv 2>/dev/null || {
+    "$python" -m venv .venv >/dev/null 2>&1 || {
         rm -rf .venv
         root=""
         [ "$(id -u)" -eq 0 ] || root="sudo"
