@@ -118,7 +118,7 @@ class Leg:
 
 @dataclass(frozen=True)
 class DriftNetwork:
-    """The drift network as a graph: nodes are junctions and dead ends, edges are legs."""
+    """The drift network as a graph: nodes are junctions and dead ends, edges are legs; thinned in cells of `cell_m`."""
 
     nodes_m: dict[str, tuple[float, float]]
     legs: list[Leg]
@@ -130,6 +130,7 @@ class DriftNetwork:
     main_drift: list[str]
     main_drift_m: list[tuple[float, float]]
     main_drift_length_m: float
+    cell_m: float
 
 
 @dataclass(frozen=True)

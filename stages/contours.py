@@ -11,7 +11,7 @@ from shapely import Polygon
 from pipeline.errors import GeometryError
 from pipeline.geometry.ink import binarise, clean, require_workings
 from pipeline.geometry.outline import simplify_outline, trace_outline
-from pipeline.geometry.skeleton import require_same_network, trace_network
+from pipeline.geometry.skeleton import require_same_network, trace_alike
 from pipeline.params.contours import ContoursParams
 from pipeline.report.graph import network_dot, width_table
 from pipeline.report.plans import draw_contours
@@ -33,8 +33,7 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey) -> dic
     traced = trace_outline(cleaned, frame)
     outline = simplify_outline(traced, params.tolerance_m)
     grid = params.network.cell_m, params.network.min_leg_m, params.network.station_spacing_m
-    network = trace_network(outline, *grid)
-    before = trace_network(traced, *grid)
+    before, network = trace_alike([traced, outline], *grid)
     require_same_network(before, network, outline, params.tolerance_m, params.network.min_leg_m)
     outer = Polygon(outline.exterior)
     areas = Areas(

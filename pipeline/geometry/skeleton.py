@@ -19,6 +19,8 @@ from pipeline.types import DriftNetwork, Frame, Leg, Mask
 
 Pixel = tuple[int, int]
 
+_REFINEMENTS = 3
+
 _SMOOTHING_CELLS = 3.0  # a skeleton walks in king's moves; unsmoothed its length is up to 8 % too long
 
 
@@ -29,7 +31,8 @@ def trace_network(free: Polygon, cell_m: float, min_leg_m: float, station_spacin
     ----------
     free : shapely.Polygon, m, mine frame
     cell_m : float
-        Cell of the grid that is thinned; passages narrower than it are lost.
+        Cell of the grid that is thinned. It is halved, up to three times, until the skeleton has one loop for each
+        island and hangs together, as the polygon does.
     min_leg_m : float
         A dead-end leg counts when it reaches this far beyond the walls of the drift it leaves.
     station_spacing_m : float
@@ -38,29 +41,54 @@ def trace_network(free: Polygon, cell_m: float, min_leg_m: float, station_spacin
     Returns
     -------
     DriftNetwork
-        `loops` is the graph's cycle rank; for connected workings it equals the number of islands.
+        `loops` is the graph's cycle rank; it equals the number of islands.
 
     Raises
     ------
     GeometryError
-        If the workings are too narrow for `cell_m` to leave a skeleton.
+        If a passage or a pillar is too thin even for the finest cells.
 
     References
     ----------
     Lee, Kashyap & Chu 1994, doi:10.1006/cgip.1994.1042 (thinning, by scikit-image; it keeps holes and parts, which
     Zhang and Suen's does not always)
     """
-    west, south, east, north = free.bounds
-    width, height = (int(np.ceil(size / cell_m)) + 4 for size in (east - west, north - south))
-    frame = Frame(1.0 / cell_m, 2.0 - west / cell_m, height - 2.0 + south / cell_m, width, height)
-    pixels = _pixel_graph(skeletonize(fill_polygon(free, frame), method="lee") > 0)
-    if not pixels:
-        raise GeometryError(f"skeleton: no passage is wider than a cell of {cell_m:g} m")
+    for finer in range(_REFINEMENTS + 1):
+        pixels, frame = _thin(free, cell_m / 2**finer)
+        parts = nx.number_connected_components(pixels)
+        loops = pixels.number_of_edges() - pixels.number_of_nodes() + parts
+        if (loops, parts) == (len(free.interiors), 1):
+            break
+    else:
+        raise GeometryError(
+            f"skeleton: {len(free.interiors)} islands in one part, but {loops} loops in {parts} parts at cells of "
+            f"{1 / frame.px_per_m:.3g} m; some passage or pillar is thinner"
+        )
     graph = _contract(pixels, frame)
     boundary = free.boundary
     shapely.prepare(boundary)
     _prune_spurs(graph, boundary, min_leg_m)
-    return _describe(graph, boundary, station_spacing_m)
+    return _describe(graph, boundary, station_spacing_m, 1 / frame.px_per_m)
+
+
+def trace_alike(
+    outlines: list[Polygon], cell_m: float, min_leg_m: float, station_spacing_m: float
+) -> list[DriftNetwork]:
+    """Trace several outlines in cells of one size, the finest that any of them needs, so that they can be compared."""
+    networks = [trace_network(outline, cell_m, min_leg_m, station_spacing_m) for outline in outlines]
+    finest = min(network.cell_m for network in networks)
+    return [
+        network if network.cell_m == finest else trace_network(outline, finest, min_leg_m, station_spacing_m)
+        for network, outline in zip(networks, outlines, strict=True)
+    ]
+
+
+def _thin(free: Polygon, cell_m: float) -> tuple[nx.Graph, Frame]:
+    """Rasterise and thin a polygon; return the skeleton's pixels as a graph and their grid."""
+    west, south, east, north = free.bounds
+    width, height = (int(np.ceil(size / cell_m)) + 4 for size in (east - west, north - south))
+    frame = Frame(1.0 / cell_m, 2.0 - west / cell_m, height - 2.0 + south / cell_m, width, height)
+    return _pixel_graph(skeletonize(fill_polygon(free, frame), method="lee") > 0), frame
 
 
 def _pixel_graph(skeleton: Mask) -> nx.Graph:
@@ -159,7 +187,7 @@ def _join_through(graph: nx.MultiGraph, node: int) -> None:
     graph.add_edge(first, last, path=path, length=float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()))
 
 
-def _describe(graph: nx.MultiGraph, boundary: BaseGeometry, spacing_m: float) -> DriftNetwork:
+def _describe(graph: nx.MultiGraph, boundary: BaseGeometry, spacing_m: float, cell_m: float) -> DriftNetwork:
     order = sorted(graph, key=lambda n: tuple(np.round(graph.nodes[n]["xy"], 3)))
     dead = [n for n in order if graph.degree(n) == 1]
     names = {n: f"E{i:02d}" for i, n in enumerate(dead)}
@@ -181,6 +209,7 @@ def _describe(graph: nx.MultiGraph, boundary: BaseGeometry, spacing_m: float) ->
         main_drift=[names[n] for n in route],
         main_drift_m=[(_cm(x), _cm(y)) for x, y in line],
         main_drift_length_m=_cm(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()),
+        cell_m=cell_m,
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from pipeline.geometry.outline import trace_outline
-from pipeline.geometry.skeleton import trace_network
+from pipeline.geometry.skeleton import trace_alike
 from pipeline.types import DriftNetwork, Frame, Mask
 
 _SMALLEST_PART_M2 = 1.0
@@ -51,9 +51,9 @@ def compare_topology(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_l
         See `trace_network`.
     """
     outlines = [trace_outline(mask, frame) for mask in (plan, world)]
-    one, two = (trace_network(outline, cell_m, min_leg_m, _STATIONS_M) for outline in outlines)
-    sure_one, sure_two = (trace_network(outline, cell_m, 1.25 * min_leg_m, _STATIONS_M) for outline in outlines)
-    any_one, any_two = (trace_network(outline, cell_m, 0.75 * min_leg_m, _STATIONS_M) for outline in outlines)
+    one, two = trace_alike(outlines, cell_m, min_leg_m, _STATIONS_M)
+    sure_one, sure_two = trace_alike(outlines, one.cell_m, 1.25 * min_leg_m, _STATIONS_M)
+    any_one, any_two = trace_alike(outlines, one.cell_m, 0.75 * min_leg_m, _STATIONS_M)
     return TopologyMatch(
         loops_plan=one.loops,
         loops_world=two.loops,
