@@ -32,7 +32,7 @@ def check_mine(seed, drifts, config, folder):
     assert max(errors) < 0.01
 
 
-@given(seed=st.integers(0, 100_000), drifts=st.integers(1, 6))
+@given(seed=st.integers(0, 100_000), drifts=st.integers(2, 6))
 @settings(deadline=None, max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_random_mine_becomes_a_world_that_agrees_with_it(seed, drifts, config, tmp_path_factory):
     check_mine(seed, drifts, config, tmp_path_factory.mktemp("mine"))
@@ -41,4 +41,4 @@ def test_a_random_mine_becomes_a_world_that_agrees_with_it(seed, drifts, config,
 @pytest.mark.slow
 def test_two_hundred_random_mines_become_worlds_that_agree_with_them(config, tmp_path_factory):
     for seed in range(200):
-        check_mine(seed, 1 + seed % 8, config, tmp_path_factory.mktemp("mine"))
+        check_mine(seed, 2 + seed % 7, config, tmp_path_factory.mktemp("mine"))

@@ -9,7 +9,8 @@ import cv2
 import mujoco
 import numpy as np
 
-from pipeline.mjcf.bundle import FORMAT, WorldRecord, compile_bundle, seal_bundle
+from minexplore.bundle import FORMAT
+from pipeline.mjcf.bundle import WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.render import render_camera
 from pipeline.mjcf.world import (
     BACK_GROUP,

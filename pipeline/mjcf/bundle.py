@@ -11,13 +11,12 @@ import mujoco
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from minexplore.bundle import world_sha256
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.world import MineScene, Zone, build_spec
 from pipeline.store.hashing import sha256_bytes
-from pipeline.store.verify import verify_world, world_sha256
+from pipeline.store.verify import verify_world
 from pipeline.types import Areas, Frame, Spawn
-
-FORMAT = "minexplore-world/1"
 
 
 @dataclass(frozen=True)
@@ -95,8 +94,6 @@ def open_bundle(folder: Path) -> World:
     except ValidationError as error:
         first = error.errors()[0]
         raise ArtifactError(f"{folder / 'world.json'}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
-    if record.format != FORMAT:
-        raise ArtifactError(f"{folder / 'world.json'}: format {record.format!r}, this version reads {FORMAT!r}")
     warned: list[str] = []
     mujoco.set_mju_user_warning(warned.append)
     try:

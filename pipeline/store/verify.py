@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import yaml
 
-from pipeline.errors import ArtifactError, InputError
-from pipeline.store.hashing import sha256_bytes, sha256_file, sha256_named
+from minexplore.bundle import BundleError, read_bundle
+from pipeline.errors import ArtifactError
 from pipeline.store.manifest import Manifest, output_sha256, read_manifest
 from pipeline.store.registry import read_registry, verify_input
 
@@ -97,29 +96,8 @@ def verify_world(bundle: Path) -> str:
     ------
     ArtifactError
         Naming the file that is missing, changed, or not listed.
-    InputError
-        If `world.json` is not a bundle's record.
     """
-    record_file = bundle / "world.json"
-    if not record_file.is_file():
-        raise ArtifactError(f"{record_file}: missing; not a world bundle")
     try:
-        record = json.loads(record_file.read_text())
-        listed, world = dict(record["files"]), str(record["world_sha256"])
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{record_file}: not a world bundle's record ({error})") from error
-    for name, digest in sorted(listed.items()):
-        if Path(name).is_absolute() or ".." in Path(name).parts:
-            raise ArtifactError(f"{record_file}: the file name {name!r} leads out of the bundle")
-        _expect(str(bundle / name), sha256_file(bundle / name), digest, "world.json")
-    for path in sorted(p for p in bundle.rglob("*") if p.is_file() and p != record_file):
-        if path.relative_to(bundle).as_posix() not in listed:
-            raise ArtifactError(f"{path}: not listed in world.json")
-    _expect(str(record_file), world_sha256(record), world, "world.json itself")
-    return world
-
-
-def world_sha256(record: dict) -> str:
-    """Return the hash of a world: over its files' hashes and all else that `world.json` says."""
-    about = {k: v for k, v in record.items() if k != "world_sha256"}
-    return sha256_named({"world.json": sha256_bytes(json.dumps(about, sort_keys=True).encode()), **record["files"]})
+        return str(read_bundle(bundle)["world_sha256"])
+    except BundleError as error:
+        raise ArtifactError(str(error)) from error

@@ -1,0 +1,95 @@
+"""A differential-drive robot: a disc on two driven wheels and two castors, in MJCF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+ROBOT_GROUP = 1
+_ROCK_BIT, _FLOOR_BIT, _ROBOT_BIT = 1, 2, 4
+
+
+@dataclass(frozen=True)
+class RobotParams:
+    """The robot's measures; where the paper is silent they are those of a Clearpath Husky A200.
+
+    `radius_m` is the paper's authors' disc. `mass_kg`, `wheel_radius_m` are the Husky's data sheet, `wheel_base_m` its
+    wheel separation in the dataset. `wheel_torque_nm` is what each side needs on the sheet's steepest grade of 45 deg:
+    m g sin(45 deg) r / 2. `wheel_friction_nm` is the drive train's dry friction, which holds the robot on a slope.
+    """
+
+    radius_m: float = 0.35
+    height_m: float = 0.24
+    ground_clearance_m: float = 0.13
+    mass_kg: float = 50.0
+    wheel_radius_m: float = 0.1651
+    wheel_base_m: float = 0.545
+    wheel_torque_nm: float = 30.0
+    wheel_gain_nms: float = 200.0
+    wheel_friction_nm: float = 4.0
+    sensor_height_m: float = 0.5
+
+    def wheel_speeds(self, forward_mps: float, turn_radps: float) -> tuple[float, float]:
+        """Return left and right wheel speeds, rad/s, of a twist."""
+        half = turn_radps * self.wheel_base_m / 2
+        return (forward_mps - half) / self.wheel_radius_m, (forward_mps + half) / self.wheel_radius_m
+
+
+def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
+    """Add a robot to a world: body, free joint, two wheels with velocity servos, castors, and a sensor site.
+
+    The chassis touches rock and other robots, wheels and castors the floor: the disc is wider than the wheels, and no
+    pair is tested that cannot meet.
+    """
+    body = spec.worldbody.add_body(name=name)
+    body.add_freejoint(name=f"{name}_free")
+    middle = params.ground_clearance_m + params.height_m / 2 - params.wheel_radius_m
+    body.add_geom(
+        name=f"{name}_chassis", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[params.radius_m, params.height_m / 2, 0],
+        pos=[0, 0, middle], mass=params.mass_kg * 0.8, group=ROBOT_GROUP, contype=_ROBOT_BIT,
+        conaffinity=_ROCK_BIT | _ROBOT_BIT, friction=[0.5, 0.005, 0.0001], rgba=[0.85, 0.65, 0.1, 1],
+    )  # fmt: skip
+    for side, y in (("left", params.wheel_base_m / 2), ("right", -params.wheel_base_m / 2)):
+        wheel = body.add_body(name=f"{name}_{side}", pos=[0, y, 0])
+        wheel.add_joint(
+            name=f"{name}_{side}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=0.05,
+            frictionloss=params.wheel_friction_nm,
+        )  # fmt: skip
+        wheel.add_geom(
+            name=f"{name}_{side}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[params.wheel_radius_m, 0, 0],
+            mass=params.mass_kg * 0.1, group=ROBOT_GROUP, contype=0, conaffinity=_FLOOR_BIT,
+            friction=[1.0, 0.005, 0.0001], rgba=[0.1, 0.1, 0.1, 1],
+        )  # fmt: skip
+        motor = spec.add_actuator(
+            name=f"{name}_{side}", target=f"{name}_{side}", trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            forcerange=[-params.wheel_torque_nm, params.wheel_torque_nm], forcelimited=True,
+        )  # fmt: skip
+        motor.set_to_velocity(kv=params.wheel_gain_nms)
+    castor = 0.05
+    for end, x in (("front", params.radius_m - castor), ("rear", castor - params.radius_m)):
+        body.add_geom(
+            name=f"{name}_{end}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[castor, 0, 0],
+            pos=[x, 0, castor - params.wheel_radius_m + 0.002], mass=0.1, group=ROBOT_GROUP, contype=0,
+            conaffinity=_FLOOR_BIT, priority=2, friction=[0.0, 0.0, 0.0], rgba=[0.1, 0.1, 0.1, 1],
+        )  # fmt: skip
+    body.add_site(name=f"{name}_lidar", pos=[0, 0, params.sensor_height_m - params.wheel_radius_m], group=5)
+
+
+def separate_contacts(spec: mujoco.MjSpec) -> None:
+    """Give floor and rock geoms the contact bits that robots expect."""
+    for geom in spec.geoms:
+        if geom.name.startswith("floor_"):
+            geom.contype, geom.conaffinity = _FLOOR_BIT, 0
+        elif geom.name.startswith(("rock_", "back")):
+            geom.contype, geom.conaffinity = _ROCK_BIT, 0
+
+
+def stand(T_world_mine: np.ndarray, params: RobotParams, x: float, y: float, yaw: float) -> np.ndarray:
+    """Return the free joint's seven numbers for a robot that stands at a pose of the mine frame (m, rad)."""
+    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1.0]])
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, (T_world_mine[:3, :3] @ turn).ravel())
+    place = T_world_mine @ [x, y, params.wheel_radius_m, 1.0]
+    return np.concatenate([place[:3], quat])

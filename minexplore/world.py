@@ -1,0 +1,64 @@
+"""A world as a robot needs it: the MJCF, where it can stand, and which ground is where."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from minexplore.bundle import read_bundle
+
+
+@dataclass(frozen=True)
+class Ground:
+    """One floor zone: what it does to a command, and where it lies (m, mine frame)."""
+
+    name: str
+    geom: str
+    west_m: float
+    east_m: float
+
+
+@dataclass(frozen=True)
+class World:
+    """A bundle that was checked and read.
+
+    `clearance_m[i, j]` is the distance to rock at origin + (j + 0.5, i + 0.5) * cell, 0 in rock (m, mine frame).
+    """
+
+    folder: Path
+    record: dict[str, Any]
+    T_world_mine: np.ndarray
+    clearance_m: np.ndarray
+    origin_m: np.ndarray
+    cell_m: float
+    grounds: list[Ground]
+
+    def spec(self) -> mujoco.MjSpec:
+        """Return the world's MJCF to attach robots to."""
+        return mujoco.MjSpec.from_file(str(self.folder / "mine.xml"))
+
+    def ground_at(self, east_m: float) -> int:
+        """Return the index of the zone at an easting; beyond the ends, the nearest."""
+        edges = [ground.east_m for ground in self.grounds[:-1]]
+        return int(np.searchsorted(edges, east_m, side="right"))
+
+
+def load_world(folder: str | Path) -> World:
+    """Check a bundle and read it.
+
+    Raises
+    ------
+    BundleError
+        If the bundle does not hold; see `read_bundle`.
+    """
+    folder = Path(folder)
+    record = read_bundle(folder)
+    with np.load(io.BytesIO((folder / "occupancy.npz").read_bytes()), allow_pickle=False) as grid:
+        clearance, origin, cell = grid["clearance_m"], grid["origin_m"], float(grid["cell_m"])
+    grounds = [Ground(z["name"], f"floor_{z['name']}", z["west_m"], z["east_m"]) for z in record["zones"]]
+    return World(folder, record, np.array(record["T_world_mine"]), clearance, origin, cell, grounds)
