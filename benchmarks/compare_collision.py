@@ -19,6 +19,7 @@ from pipeline.geometry.partition import rock_around, world_box
 from pipeline.store.codecs import decode
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import sha256_bytes
+from pipeline.store.manifest import code_sha256
 from pipeline.types import ConvexParts, FreeSpace, Spawn
 from stages.compile3d import collision_parts
 
@@ -91,13 +92,14 @@ def main() -> int:
     try:
         source = Path("artifacts/contours/free_space.geojson")
         free_space, spawn = decode(source, FreeSpace), decode(Path("artifacts/compile3d/spawn.json"), Spawn)
-        key = sha256_bytes(source.read_bytes())
+        params = [compose([*root_overrides(), f"collision={m}"]).compile3d.model_dump_json() for m in METHODS]
+        key = sha256_bytes(source.read_bytes() + "".join([*params, code_sha256("compile3d", Path.cwd())]).encode())
         kept = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
-        results = kept["results"] if kept.get("free_space") == key else {}
+        results = kept["results"] if kept.get("key") == key else {}
         for method in METHODS:
             if method not in results:  # an interrupted run goes on with the next method
                 results[method] = measure_method(method, free_space, spawn)
-                write_atomically(RESULTS, json.dumps({"free_space": key, "results": results}, indent=2).encode())
+                write_atomically(RESULTS, json.dumps({"key": key, "results": results}, indent=2).encode())
     except MineError as error:
         print(f"compare-collision: {error}", file=sys.stderr)
         return 2

@@ -17,6 +17,7 @@ from pipeline.metrics.limits import flatten
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.manifest import code_sha256
+from pipeline.store.registry import REGISTRY
 from stages.__main__ import STAGES
 
 RUNS = Path("artifacts/benchmarks/paper")
@@ -61,7 +62,8 @@ def overrides_for(keys: list[str]) -> dict:
 def run_pipeline(folder: Path, config: dict) -> dict[str, float]:
     """Run the six stages in a folder of their own and return the flat metrics; finished runs are not repeated."""
     params = yaml.safe_dump(config, sort_keys=False)
-    key = sha256_bytes((params + "".join(code_sha256(stage, Path.cwd()) for stage in STAGES)).encode())
+    code = [code_sha256(stage, Path.cwd()) for stage in STAGES]
+    key = sha256_bytes("".join([params, REGISTRY.read_text(), *code]).encode())
     metrics, stamp = folder / "artifacts/validation/metrics.json", folder / "done"
     if not (stamp.is_file() and stamp.read_text() == key):
         write_atomically(folder / "artifacts/params.yaml", params.encode())

@@ -14,6 +14,7 @@ from pipeline.store.files import write_atomically
 from stages.__main__ import STAGES
 
 TABLE = Path("docs/timings.md")
+_LIMITS = {"compile3d": 5.0}
 
 
 def main() -> int:
@@ -27,17 +28,24 @@ def main() -> int:
             if Path(name).is_file() and name != "dvc.lock":
                 place.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(name, place)
-        rows = [
-            ("whole pipeline from clean", _seconds(folder, "dvc", "repro")),
-            ("again, nothing changed", _seconds(folder, "dvc", "repro")),
+        timed: list[tuple[str, float, float | None]] = [
+            ("whole pipeline from clean", _seconds(folder, "dvc", "repro"), 90.0)
         ]
-        rows += [(f"stage {stage}", _seconds(folder, sys.executable, "-m", f"stages.{stage}")) for stage in STAGES]
-    lines = ["| what | seconds |", "|---|---|", *(f"| {title} | {seconds:.1f} |" for title, seconds in rows)]
+        timed += [("again, nothing changed", _seconds(folder, "dvc", "repro"), 3.0)]
+        for stage in STAGES:
+            timed += [(f"stage {stage}", _seconds(folder, sys.executable, "-m", f"stages.{stage}"), _LIMITS.get(stage))]
+    lines = ["| what | seconds | limit |", "|---|---|---|"]
+    lines += [
+        f"| {title} | {seconds:.1f} | {'' if limit is None else f'{limit:g}'} |" for title, seconds, limit in timed
+    ]
     text = "\n".join(lines) + "\n"
     head = f"# Timings\n\nWritten by `make bench` on {os.cpu_count()} cores; wall time, set-up not included.\n\n"
     write_atomically(TABLE, (head + text).encode())
     print(text, end="")
-    return 0
+    slow = [title for title, seconds, limit in timed if limit is not None and seconds > limit]
+    if slow:
+        print(f"bench: over the limit: {', '.join(slow)}", file=sys.stderr)
+    return 2 if slow else 0
 
 
 def _seconds(folder: str, *command: str) -> float:

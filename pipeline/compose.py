@@ -23,6 +23,7 @@ from pipeline.store.files import write_atomically
 CONF = Path("conf")
 ROOT_PARAMS = Path("params.yaml")
 COMPOSED = Path("artifacts/params.yaml")
+_REFUSALS = (HydraException, OmegaConfBaseException, yaml.YAMLError)
 
 
 def compose(overrides: list[str]) -> Config:
@@ -44,7 +45,7 @@ def compose(overrides: list[str]) -> Config:
         with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
             composed = hydra_compose("config", overrides)
             values = OmegaConf.to_container(composed, resolve=True)
-    except (HydraException, OmegaConfBaseException, yaml.YAMLError) as error:
+    except (*_REFUSALS, ValueError, TypeError) as error:
         raise ParamsError(_explain(overrides, error)) from error
     try:
         return Config.model_validate(values)
@@ -56,6 +57,8 @@ def root_overrides() -> list[str]:
     """Return the overrides that `params.yaml` holds, split as a shell would."""
     try:
         text = yaml.safe_load(ROOT_PARAMS.read_text())["overrides"] or ""
+        if not isinstance(text, str):
+            raise TypeError(f"overrides is a {type(text).__name__}")
         return shlex.split(text)
     except FileNotFoundError:
         raise ParamsError(f"{ROOT_PARAMS}: missing; run from the project's root") from None
@@ -89,7 +92,7 @@ def _explain(overrides: list[str], error: Exception) -> str:
     try:
         with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
             base = hydra_compose("config", [o for o in overrides if (CONF / o.partition("=")[0].lstrip("+~")).is_dir()])
-    except (HydraException, OmegaConfBaseException, yaml.YAMLError):
+    except (*_REFUSALS, ValueError, TypeError):
         pass
     for override in overrides:
         key, _, value = override.partition("=")

@@ -83,7 +83,8 @@ class Survey:
 class Areas:
     """The plan's areas under their own names: tunnel + islands + outside is the plan's frame.
 
-    `traced_tunnel_m2` is the tunnel before simplification.
+    `traced_tunnel_m2` is the tunnel before simplification, `unconnected_m2` the ink in pieces of 1 m2 and more that are
+    connected to nothing and therefore no part of the workings.
     """
 
     tunnel_m2: float
@@ -91,6 +92,7 @@ class Areas:
     outside_m2: float
     islands: int
     traced_tunnel_m2: float
+    unconnected_m2: float
 
 
 @dataclass(frozen=True)

@@ -5,18 +5,19 @@ from __future__ import annotations
 import sys
 from typing import Any
 
+import numpy as np
 import shapely
 from shapely import Polygon
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.ink import binarise, clean, require_workings
+from pipeline.geometry.ink import binarise, clean, left_out, require_workings
 from pipeline.geometry.outline import simplify_outline, trace_outline
 from pipeline.geometry.skeleton import require_same_network, trace_alike
 from pipeline.params.contours import ContoursParams
 from pipeline.report.graph import network_dot, width_table
 from pipeline.report.plans import draw_contours
 from pipeline.stage import Artifact, Stage, main
-from pipeline.types import Areas, DriftNetwork, FreeSpace, Image, Mask, Survey
+from pipeline.types import Areas, DriftNetwork, Frame, FreeSpace, Image, Mask, Survey
 
 
 def trace_free_space(params: ContoursParams, plan: Image, survey: Survey) -> dict[str, Any]:
@@ -42,6 +43,7 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey) -> dic
         outside_m2=round(shapely.box(*frame.extent_m).difference(outer).area, 3),
         islands=len(outline.interiors),
         traced_tunnel_m2=round(traced.area, 3),
+        unconnected_m2=round(_unconnected_m2(raw, cleaned, frame), 3),
     )
     return {
         "raw": raw,
@@ -52,6 +54,20 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey) -> dic
         "widths": width_table(network),
         "picture": draw_contours(raw, outline, network, frame),
     }
+
+
+def _unconnected_m2(raw: Mask, cleaned: Mask, frame: Frame) -> float:
+    """Return the area of the ink that is connected to nothing, and say where it is: a drift may be missing."""
+    pieces = left_out(raw, cleaned, frame.px_per_m**2)
+    if not pieces:
+        return 0.0
+    area, (x, y) = sum(p[0] for p in pieces) / frame.px_per_m**2, frame.to_mine(np.array([pieces[0][1:]]))[0]
+    print(
+        f"contours: {area:.1f} m2 of ink in {len(pieces)} pieces hang together with nothing and are left out (the "
+        f"largest, {pieces[0][0] / frame.px_per_m**2:.1f} m2, at ({x:.1f}, {y:.1f})); contours.bridge_m closes gaps",
+        file=sys.stderr,
+    )
+    return area
 
 
 STAGE = Stage(

@@ -20,7 +20,7 @@ from pipeline.metrics.topology import compare_topology
 from pipeline.mjcf.bundle import World, open_bundle, part_vertices
 from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
-from pipeline.report.graph import places_table
+from pipeline.report.graph import blocked_table
 from pipeline.report.plans import draw_agreement
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, decode
@@ -57,12 +57,12 @@ def validate_world(params: ValidationParams, world: Path, cleaned: Mask, raw: Ma
     return {
         "metrics": metrics,
         "agreement": draw_agreement(cleaned, seen),
-        "blocked": places_table(columns.blocked_places_m),
+        "blocked": blocked_table(columns.blocked_places_m, columns.blocked_depths_m, columns.wall_band_m),
     }
 
 
 def _counts(columns: Navigability) -> dict[str, Any]:
-    return {k: v for k, v in dataclasses.asdict(columns).items() if k != "blocked_places_m"}
+    return {k: v for k, v in dataclasses.asdict(columns).items() if not isinstance(v, np.ndarray)}
 
 
 def _facts(world: World) -> dict[str, Any]:

@@ -49,11 +49,6 @@ def test_ci_calls_the_two_commands_of_the_readme_and_the_workflow_too():
         assert f"\n{command}" in (ROOT / "README.md").read_text()
 
 
-def test_the_readmes_table_is_the_one_that_make_report_wrote():
-    table = (ROOT / "docs/results.md").read_text().partition("\n| figure")[2]
-    assert table.strip() in (ROOT / "README.md").read_text()
-
-
 def test_nothing_of_unclear_licence_is_tracked():
     tracked = subprocess.run(["git", "ls-files", "data"], cwd=ROOT, capture_output=True, text=True).stdout.split()
     allowed = {"data/registry.txt", "data/README.md", "data/raw/.gitignore", "data/chilean_mine/stations.csv"}

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import yaml
 
-from pipeline.report.baseline import BASELINE, gated, read_metrics, regressions
+from pipeline.report.baseline import BASELINE, gated, read_metrics, regressions, results_table
 from stages.__main__ import STAGES
 from tests.conftest import ROOT, TINY_STATIONS, Project
 
@@ -64,6 +64,13 @@ def test_iou_and_texture_scores_did_not_fall_since_the_accepted_baseline(built):
     assert regressions(metrics, baseline) == []
 
 
+def test_the_readmes_table_shows_what_is_measured(built):
+    table = results_table(read_metrics(built.folder / "artifacts/validation/metrics.json")).splitlines()
+    steady = [line for line in table if not line.startswith("| MjModel load")]
+    for text in ((ROOT / "README.md").read_text(), (ROOT / "docs/results.md").read_text()):
+        assert [line for line in steady if line not in text] == [], "run `make report`"
+
+
 def test_two_clean_builds_give_identical_bytes(built, tmp_path):
     again = Project(tmp_path / "again", tiny=False)
     again.stages(*STAGES)
@@ -112,10 +119,12 @@ def test_a_manifest_that_was_made_from_another_input_breaks_the_chain(traced_pro
 
 def test_dvc_repro_runs_everything_once_then_nothing_and_an_experiment_only_what_changed(project):
     assert "Running stage 'validation'" in project.run("dvc", "repro", check=True).stdout
-    start = time.perf_counter()
-    second = project.run("dvc", "repro", check=True)
-    assert "Running stage" not in second.stdout
-    assert time.perf_counter() - start < 10  # 2 s on an idle machine
+    seconds = []
+    for _ in range(3):
+        start = time.perf_counter()
+        assert "Running stage" not in project.run("dvc", "repro", check=True).stdout
+        seconds.append(time.perf_counter() - start)
+    assert min(seconds) < 3.0
     project.run("git", "add", "-A", check=True)
     project.run("git", "-c", "user.name=t", "-c", "user.email=t@e.org", "commit", "-qm", "run", check=True)
     before = metrics_of(project)["iou"]["free_space_vs_cleaned"]
@@ -180,7 +189,7 @@ def test_the_tiny_survey_has_the_areas_of_its_stations(traced_project):
         ("contours", "contours.min_tunnel_m2=5000", "no dark region larger than 5000 m2"),
         ("survey", "survey.stations=data/chilean_mine/none.csv", "none.csv: not in data/registry.txt"),
         ("survey", "survey=plan", "data/raw/plan.jpg: missing; fetch it with `make data`"),
-        ("survey", "survey.px_per_m=99 survey.margin_m=500", "at most 200000000"),
+        ("survey", "survey.px_per_m=99 survey.margin_m=500", "at most 64000000"),
         ("compile3d", "compile3d.spawn.clearance_m=9", "nothing is 9 m from rock"),
         ("surface", "surface.back_chamfer_m=3.4", "do not fit into 3.5 m"),
         ("realism", "", "compile3d/"),
@@ -296,15 +305,29 @@ def test_a_killed_stage_leaves_the_old_artifacts_and_the_next_run_recovers(trace
     project = Project.__new__(Project)
     project.folder = folder
     before = project.hashes()
-    process = subprocess.Popen([sys.executable, "-m", "stages.contours", "contours.tolerance_m=0.3"], cwd=folder)
-    time.sleep(0.7)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    assert project.hashes() == before
-    (folder / "artifacts/.contours.partial").mkdir()
-    (folder / "artifacts/.contours.partial/free_space.geojson").write_text("half")
+    # Killed while the third file is written, then between the two renames that put the new folder in place.
+    for moment in ("os.fsync", "pathlib.Path.rename"):
+        script = (
+            "import os, pathlib, signal\n"
+            f"real, calls = {moment}, []\n"
+            "def kill(*args):\n"
+            "    calls.append(1)\n"
+            f"    if len(calls) == {3 if moment == 'os.fsync' else 2}: os.kill(os.getpid(), signal.SIGKILL)\n"
+            "    return real(*args)\n"
+            f"{moment} = kill\n"
+            "from pipeline.stage import run_stage\n"
+            "from stages.contours import STAGE\n"
+            "run_stage(STAGE, ['contours.tolerance_m=0.3'])\n"
+        )
+        killed = subprocess.run([sys.executable, "-c", script], cwd=folder, capture_output=True, text=True)
+        assert killed.returncode == -signal.SIGKILL, killed.stderr
+        left = {p.name for p in (folder / "artifacts").iterdir() if p.name.startswith(".contours")}
+        assert left == ({".contours.partial"} if moment == "os.fsync" else {".contours.partial", ".contours.old"})
+        # A run that is refused puts the earlier artifacts right and changes nothing else.
+        message_of(project.stage("contours", "contours.min_tunnel_m2=5000"))
+        assert project.hashes() == before
     project.stage("contours", "contours.tolerance_m=0.3").check_returncode()
-    assert not (folder / "artifacts/.contours.partial").exists()
+    assert not [p for p in (folder / "artifacts").iterdir() if p.name.startswith(".contours")]
     assert json.loads((folder / "artifacts/contours/manifest.json").read_text())["params"]["tolerance_m"] == 0.3
 
 
@@ -342,3 +365,111 @@ def test_the_published_plan_reaches_the_same_figures(shared_mine, tmp_path):
     survey = json.loads((project.folder / "artifacts/survey/survey.json").read_text())
     assert survey["scale"]["px_per_m"] == pytest.approx(7.82)
     assert abs(survey["scale"]["difference_percent"]["poses"]) < 3
+
+
+# --- what an outside reader tried ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def copied(traced_project, tmp_path):
+    """Return a private copy of the project whose first two stages have run."""
+    shutil.copytree(traced_project.folder, tmp_path / "copy", symlinks=True)
+    project = Project.__new__(Project)
+    project.folder = tmp_path / "copy"
+    return project
+
+
+def test_stations_beyond_a_stated_frame_are_refused_not_cut(copied):
+    text = message_of(copied.stage("survey", "survey.frame_m=[-20,-20,40,40]"))
+    assert "beyond survey.frame_m = [-20.0, -20.0, 40.0, 40.0]" in text
+
+
+def test_ink_that_hangs_together_with_nothing_is_said_and_counted(project):
+    picture = drift_picture()
+    picture[20:40, 600:700] = 30
+    options = ("survey.scale.bar_box_px=[30,130,260,156]", "survey.scale.bar_length_m=25")
+    assert plan_project(project, picture, *options).returncode == 0
+    done = project.stage("contours")
+    assert done.returncode == 0
+    assert "31.2 m2 of ink in 1 pieces hang together with nothing" in done.stderr
+    facts = json.loads((project.folder / "artifacts/contours/free_space.geojson").read_text())
+    assert facts["features"][0]["properties"]["areas"]["unconnected_m2"] == pytest.approx(20 * 100 / 64)
+
+
+def test_a_transparent_plan_lies_on_white_paper(project):
+    opaque = drift_picture()
+    alpha = np.where(opaque.min(axis=2) < 255, 255, 0).astype(np.uint8)
+    clear = np.dstack([np.where(alpha[..., None] > 0, opaque, 0), alpha])
+    options = ("survey.scale.bar_box_px=[30,130,260,156]", "survey.scale.bar_length_m=25")
+    assert plan_project(project, clear, *options).returncode == 0
+    project.stage("contours").check_returncode()
+    facts = json.loads((project.folder / "artifacts/contours/free_space.geojson").read_text())
+    assert facts["features"][0]["properties"]["areas"]["tunnel_m2"] == pytest.approx(860 * 40 / 64, rel=0.002)
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("survey=1", "survey = 1: valid choices are plan, stations"),
+        ("survey.frame_m=[10,0,-10,5]", "want west < east and south < north"),
+        ("contours.threshold=999", "contours.threshold"),
+        ("surface.texture.rgb=[999,-4,0]", "surface.texture.rgb"),
+        ("survey=plan survey.poses.scale_range_px_per_m=[0,1]", "want 0 < low < high"),
+    ],
+)
+def test_an_override_out_of_range_is_one_line(copied, override, message):
+    assert message in message_of(copied.stage("contours", *override.split()))
+
+
+@pytest.mark.parametrize("text", ["overrides: [a, b]\n", "overrides: 5\n", "other: 1\n", "overrides: 'a\n"])
+def test_a_root_file_that_is_no_line_of_overrides_is_refused(copied, text):
+    (copied.folder / "params.yaml").write_text(text)
+    assert "params.yaml" in message_of(copied.run(sys.executable, "-m", "pipeline.compose"))
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("survey/plan.png", b""),
+        ("survey/survey.json", b"{"),
+        (
+            "contours/free_space.geojson",
+            b'{"features": [{"geometry": {"type": "Polygon", "coordinates": [[[0, 0], [1, 0]]]}}]}',
+        ),
+    ],
+)
+def test_a_broken_artifact_is_named_by_the_stage_that_reads_it(copied, name, data):
+    (copied.folder / "artifacts" / name).write_bytes(data)
+    stage = "compile3d" if name.startswith("contours") else "contours"
+    assert f"artifacts/{name}" in message_of(copied.stage(stage))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: m.update(inputs={}), "names no input from"),
+        (lambda m: m.update(code_sha256="0" * 64), "made by other code"),
+        (lambda m: m.update(stage="survey"), "written by stage 'survey'"),
+        (lambda m: m["params"].update(height_m=9.0), "made with other params"),
+    ],
+)
+def test_a_manifest_that_was_edited_breaks_the_chain(built, tmp_path, change, message):
+    shutil.copytree(built.folder, tmp_path / "copy", symlinks=True)
+    project = Project.__new__(Project)
+    project.folder = tmp_path / "copy"
+    path = project.folder / "artifacts/compile3d/manifest.json"
+    manifest = json.loads(path.read_text())
+    change(manifest)
+    path.write_text(json.dumps(manifest))
+    text = message_of(project.run(sys.executable, "-m", "pipeline", "verify"))
+    assert "compile3d/manifest.json" in text
+    assert message in text
+
+
+@pytest.mark.parametrize("data", [b"rubbish", b'{"world": 5}'])
+def test_tampered_metrics_are_named_whatever_they_hold(built, tmp_path, data):
+    shutil.copytree(built.folder, tmp_path / "copy", symlinks=True)
+    project = Project.__new__(Project)
+    project.folder = tmp_path / "copy"
+    (project.folder / "artifacts/validation/metrics.json").write_bytes(data)
+    assert "validation/metrics.json" in message_of(project.run(sys.executable, "-m", "pipeline", "verify"))

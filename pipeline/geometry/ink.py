@@ -77,6 +77,17 @@ def clean(raw: Mask, bridge_px: float, despeck_px: float, min_island_px: float) 
     return largest | small[labels]
 
 
+def left_out(raw: Mask, cleaned: Mask, min_px: float) -> list[tuple[float, float, float]]:
+    """Return the ink that cleaning left out because it is connected to nothing: area px2, column, row; largest first.
+
+    Pieces smaller than `min_px` are specks and not listed.
+    """
+    near = cv2.dilate(cleaned.astype(np.uint8), _disc(2.0))
+    _, _, stats, middle = cv2.connectedComponentsWithStats((raw & (near == 0)).astype(np.uint8), connectivity=8)
+    pieces = [(float(s[cv2.CC_STAT_AREA]), float(x), float(y)) for s, (x, y) in zip(stats[1:], middle[1:], strict=True)]
+    return sorted((p for p in pieces if p[0] >= min_px), reverse=True)
+
+
 def _open(mask: np.ndarray, radius_px: float) -> np.ndarray:
     """Open a mask by a disc without rounding its corners: what lies within a right angle's reach is given back."""
     if radius_px < 1.0:  # a disc of one pixel changes nothing

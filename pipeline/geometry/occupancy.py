@@ -81,7 +81,9 @@ def sample_poses(
     GeometryError
         If no cell offers the clearance; the message names the largest clearance there is.
     """
-    row, col = np.nonzero(grid.clearance_m >= clearance_m)
+    if clearance_m < 0:
+        raise GeometryError(f"spawn: clearance_m = {clearance_m:g} is negative")
+    row, col = np.nonzero(grid.free & (grid.clearance_m >= clearance_m))
     centres = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
     clearance = grid.clearance_m[row, col].astype(float)
     if centre_m is not None:
@@ -121,7 +123,7 @@ def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: 
     GeometryError
         If no cell of the region offers the clearance.
     """
-    row, col = np.nonzero(grid.clearance_m >= clearance_m)
+    row, col = np.nonzero(grid.free & (grid.clearance_m >= clearance_m))
     centres = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
     distance = np.linalg.norm(centres - np.asarray(entrance_m), axis=1)
     room = grid.clearance_m[row, col]

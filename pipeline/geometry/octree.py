@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from pipeline.errors import InputError
+from pipeline.errors import GeometryError, InputError
 
 _DEPTH = 16
 _CENTRE = 1 << (_DEPTH - 1)  # OctoMap's key of the coordinate 0
@@ -73,6 +73,12 @@ def build_octree(free: np.ndarray, origin_m: np.ndarray, cell_m: float, height_m
     closed = np.where(shell, OCCUPIED, UNKNOWN).astype(np.uint8)
     volume = np.stack([closed, *[column] * layers, closed])
     first = np.array([round(origin_m[0] / cell_m) - 1, round(origin_m[1] / cell_m) - 1, -1]) + _CENTRE
+    last = first + volume.shape[::-1]
+    if first.min() < 0 or last.max() > 2 * _CENTRE:
+        raise GeometryError(
+            f"octree: the workings reach beyond +-{_CENTRE * cell_m:g} m, as far as 16 levels of {cell_m:g} m count; "
+            "use a larger compile3d.grid_cell_m"
+        )
     return _grow(volume, first, cell_m)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import mujoco
 import numpy as np
+from jaxtyping import Float64
 
 from pipeline.types import Frame, Mask, Points2
 
@@ -17,14 +18,17 @@ class Navigability:
 
     `blocked` are those deeper in the plan's free space than `wall_band_m`: the simplification tolerance and half a
     pixel's diagonal, by which a wall may stand elsewhere than in the plan. `blocked_at_wall` are the rest.
+    Places and depths are those of all of them.
     """
 
     columns: int
     blocked: int
     blocked_at_wall: int
+    blocked_at_wall_share: float
     wall_band_m: float
     deepest_blocked_m: float
     blocked_places_m: Points2
+    blocked_depths_m: Float64[np.ndarray, " n"]
 
 
 def cast_columns(
@@ -75,9 +79,11 @@ def cast_columns(
         columns=len(starts),
         blocked=int(deep.sum()),
         blocked_at_wall=int((blocked & ~deep).sum()),
+        blocked_at_wall_share=round(float((blocked & ~deep).mean()), 6),
         wall_band_m=round(float(band), 4),
         deepest_blocked_m=round(float(depth[blocked].max(initial=0.0)), 4),
-        blocked_places_m=places[deep],
+        blocked_places_m=places[blocked],
+        blocked_depths_m=depth[blocked],
     )
 
 

@@ -53,6 +53,7 @@ def assemble_world(
         rock=rock,
         parts=collision,
         rock_friction=params.rock_friction,
+        floor_thickness_m=params.floor_thickness_m,
         zones=tile_zones([(z.name, z.friction, z.rgba) for z in params.zones], rock.world_m),
         lights=_lights(params, topology),
         surface=meshes,

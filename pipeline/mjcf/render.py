@@ -110,5 +110,6 @@ class _Renderer(mujoco.Renderer):
         except (AttributeError, ImportError, RuntimeError, mujoco.FatalError) as error:
             backend = os.environ["MUJOCO_GL"]
             raise ArtifactError(
-                f"rendering: no OpenGL context by MUJOCO_GL={backend} ({error}); `make setup` installs libosmesa6"
+                f"rendering: no OpenGL context of {width} x {height} px by MUJOCO_GL={backend} ({error}); "
+                "`make setup` installs libosmesa6"
             ) from error

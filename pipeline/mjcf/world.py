@@ -14,7 +14,6 @@ from pipeline.types import ConvexParts, Image, Mesh, Rock
 
 # MuJoCo's viewers show groups 0-2 and hide the rest.
 GROUND_GROUP, SURFACE_GROUP, ROCK_GROUP, BACK_GROUP = 0, 2, 3, 4
-_THICKNESS_M = 0.5
 _VISIBLE_PIECES = ("sill_chamfer", "walls", "back")  # the flat sill is left out: the floor zones are its picture
 
 
@@ -53,6 +52,7 @@ class MineScene:
     rock: Rock
     parts: ConvexParts
     rock_friction: float
+    floor_thickness_m: float
     zones: list[Zone]
     lights: list[SpotLight]
     surface: dict[str, Mesh]
@@ -190,8 +190,8 @@ def _add_rock(spec: mujoco.MjSpec, mine: mujoco.MjsBody, parts: ConvexParts) -> 
 
 def _add_ground(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> None:
     for zone in scene.zones:
-        centre = [(zone.west_m + zone.east_m) / 2, (zone.south_m + zone.north_m) / 2, -_THICKNESS_M / 2]
-        size = [(zone.east_m - zone.west_m) / 2, (zone.north_m - zone.south_m) / 2, _THICKNESS_M / 2]
+        centre = [(zone.west_m + zone.east_m) / 2, (zone.south_m + zone.north_m) / 2, -scene.floor_thickness_m / 2]
+        size = [(zone.east_m - zone.west_m) / 2, (zone.north_m - zone.south_m) / 2, scene.floor_thickness_m / 2]
         # Without priority MuJoCo takes the larger friction of the two geoms, and a rubber wheel would not feel water.
         mine.add_geom(
             name=zone.geom, type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, size=size, rgba=zone.rgba, priority=1,
@@ -200,8 +200,8 @@ def _add_ground(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> 
     west, south, east, north = scene.rock.world_m
     mine.add_geom(
         spec.find_default("rock"), name="back", type=mujoco.mjtGeom.mjGEOM_BOX, group=BACK_GROUP,
-        pos=[(west + east) / 2, (south + north) / 2, scene.rock.height_m + _THICKNESS_M / 2],
-        size=[(east - west) / 2, (north - south) / 2, _THICKNESS_M / 2],
+        pos=[(west + east) / 2, (south + north) / 2, scene.rock.height_m + scene.floor_thickness_m / 2],
+        size=[(east - west) / 2, (north - south) / 2, scene.floor_thickness_m / 2],
     )  # fmt: skip
 
 

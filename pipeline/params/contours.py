@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -20,7 +20,7 @@ class NetworkParams(Params):
 class ContoursParams(Params):
     """Binarisation, cleaning, tracing and simplification."""
 
-    threshold: Literal["otsu"] | int = Field("otsu")
+    threshold: Literal["otsu"] | Annotated[int, Field(ge=1, le=254)]
     annotation_chroma: int = Field(ge=1, le=255)
     annotation_margin_m: float = Field(ge=0, le=5)
     bridge_m: float = Field(ge=0, le=20)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from pipeline.params.base import Params
+
+Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class ZoneParams(Params):
@@ -14,7 +16,7 @@ class ZoneParams(Params):
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
     friction: float = Field(gt=0, le=2)
-    rgba: tuple[float, float, float, float]
+    rgba: tuple[Share, Share, Share, Share]
 
 
 class LightParams(Params):

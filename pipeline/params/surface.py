@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pydantic import Field
 
 from pipeline.params.base import Params
+
+Channel = Annotated[int, Field(ge=0, le=255)]
 
 
 class TextureParams(Params):
@@ -14,7 +18,7 @@ class TextureParams(Params):
     repeat_m: float = Field(gt=0)
     spectral_exponent: float = Field(ge=0, le=4)
     contrast: float = Field(ge=0, le=1)
-    rgb: tuple[int, int, int]
+    rgb: tuple[Channel, Channel, Channel]
     seed: int = Field(ge=0)
 
 

@@ -21,6 +21,22 @@ DataFile = Annotated[str, AfterValidator(_inside_project)]
 PointM = tuple[float, float]
 
 
+def _boxed(box: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    if not (box[0] < box[2] and box[1] < box[3]):
+        raise ValueError("want west < east and south < north")
+    return box
+
+
+def _rising(limits: tuple[float, float]) -> tuple[float, float]:
+    if not 0 < limits[0] < limits[1]:
+        raise ValueError("want 0 < low < high")
+    return limits
+
+
+BoxM = Annotated[tuple[float, float, float, float], AfterValidator(_boxed)]
+ScaleRange = Annotated[tuple[float, float], AfterValidator(_rising)]
+
+
 class ScaleParams(Params):
     """How metres are read off the plan."""
 
@@ -36,7 +52,7 @@ class PosesParams(Params):
 
     file: DataFile
     sweeps: dict[str, DataFile] = Field(description="pose number -> sweep file")
-    scale_range_px_per_m: tuple[float, float]
+    scale_range_px_per_m: ScaleRange
     max_range_m: float = Field(gt=0)
     max_range_var_m2: float = Field(gt=0)
 
@@ -64,7 +80,7 @@ class StationSurveyParams(_SurveyParams):
     kind: Literal["stations"]
     stations: DataFile
     px_per_m: float = Field(gt=0, le=100)
-    frame_m: tuple[float, float, float, float] | None = Field(None, description="west, south, east, north")
+    frame_m: BoxM | None = Field(None, description="west, south, east, north")
     margin_m: float = Field(ge=1)
     ink_grey: int = Field(ge=0, le=255)
 

@@ -86,15 +86,19 @@ def write_results() -> str:
     write_atomically(
         RESULTS.with_name("world.jpg"), cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
     )
-    metrics = read_metrics()
-    lines = ["| figure | measured | limit | paper |", "|---|---|---|---|"]
-    for title, names, form, limit, paper in _ROWS:
-        values = [metrics[name] for name in ([names] if isinstance(names, str) else names)]
-        shown = " / ".join(f"{v / 1e6:.2f}" if form == "MB" else format(v, form) for v in values)
-        lines.append(f"| {title} | {shown} | {limit} | {paper} |")
-    text = "\n".join(lines) + "\n"
+    text = results_table(read_metrics())
     header = "# Results\n\nThe embedded survey, as measured by `make all`; written by `make report`.\n\n"
     write_atomically(RESULTS, (header + text).encode())
     before, _, rest = README.read_text().partition(_OPEN)
     write_atomically(README, (before + _OPEN + "\n" + text + _CLOSE + rest.partition(_CLOSE)[2]).encode())
     return text
+
+
+def results_table(metrics: dict[str, float]) -> str:
+    """Return flat metrics as the Markdown table of the README."""
+    lines = ["| figure | measured | limit | paper |", "|---|---|---|---|"]
+    for title, names, form, limit, paper in _ROWS:
+        values = [metrics[name] for name in ([names] if isinstance(names, str) else names)]
+        shown = " / ".join(f"{v / 1e6:.2f}" if form == "MB" else format(v, form) for v in values)
+        lines.append(f"| {title} | {shown} | {limit} | {paper} |")
+    return "\n".join(lines) + "\n"

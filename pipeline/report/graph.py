@@ -29,6 +29,10 @@ def width_table(network: DriftNetwork) -> str:
     return "\n".join(rows) + "\n"
 
 
-def places_table(places_m: Points2) -> str:
-    """Return places, m, mine frame, as CSV: easting_m, northing_m."""
-    return "\n".join(["easting_m,northing_m", *(f"{x:.3f},{y:.3f}" for x, y in places_m)]) + "\n"
+def blocked_table(places_m: Points2, depths_m: np.ndarray, wall_band_m: float) -> str:
+    """Return blocked columns as CSV, the deepest first: easting_m, northing_m, depth_m, at_wall (0 or 1)."""
+    order = np.lexsort((places_m[:, 1], places_m[:, 0], -np.round(depths_m, 4)))
+    rows = ["easting_m,northing_m,depth_m,at_wall"]
+    for (x, y), depth in zip(places_m[order], depths_m[order], strict=True):
+        rows.append(f"{x:.3f},{y:.3f},{depth:.4f},{int(depth <= wall_band_m)}")
+    return "\n".join(rows) + "\n"

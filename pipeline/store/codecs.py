@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,11 @@ from pydantic import TypeAdapter, ValidationError
 
 from pipeline.errors import ArtifactError
 from pipeline.types import Areas, Frame, FreeSpace, Mask, Mesh
+
+_UNREADABLE = (
+    ValueError, KeyError, TypeError, OSError, EOFError,
+    ValidationError, cv2.error, zipfile.BadZipFile, shapely.GEOSException,
+)  # fmt: skip
 
 Meshes = dict[str, Mesh]
 Bundle = dict[str, bytes]
@@ -70,7 +76,7 @@ def decode(path: Path, kind: Any) -> Any:
                     return _decode_npz(dict(arrays), kind)
             case _:
                 raise ValueError(f"no codec reads {path.suffix!r}")
-    except (ValueError, KeyError, TypeError, OSError, ValidationError) as error:
+    except _UNREADABLE as error:
         raise ArtifactError(f"{path}: not a readable {getattr(kind, '__name__', kind)}: {error}") from error
 
 

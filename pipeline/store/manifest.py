@@ -61,13 +61,17 @@ def read_manifest(path: Path) -> Manifest:
 
 def output_sha256(data: bytes, volatile: list[str]) -> str:
     """Return an output's sha256; for JSON with volatile keys, that of the rest (dots separate nested keys)."""
-    if not volatile:
+    try:
+        record = json.loads(data) if volatile else None
+    except ValueError:
+        record = None
+    if not isinstance(record, dict):
         return sha256_bytes(data)
-    record = json.loads(data)
     for key in volatile:
         *groups, last = key.split(".")
-        group = record
+        group: Any = record
         for name in groups:
-            group = group.get(name, {})
-        group.pop(last, None)
+            group = group.get(name) if isinstance(group, dict) else None
+        if isinstance(group, dict):
+            group.pop(last, None)
     return sha256_bytes(json.dumps(record, sort_keys=True).encode())

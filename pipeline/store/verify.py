@@ -8,19 +8,17 @@ import yaml
 
 from minexplore.bundle import BundleError, read_bundle
 from pipeline.errors import ArtifactError
-from pipeline.store.manifest import Manifest, output_sha256, read_manifest
+from pipeline.store.manifest import Manifest, code_sha256, output_sha256, read_manifest
 from pipeline.store.registry import read_registry, verify_input
 
 
-def verify_chain(artifacts: Path, stages: list[str]) -> int:
-    """Check every link: inputs, parameters, stage to stage, and the world bundle's own hashes.
+def verify_chain(root: Path) -> int:
+    """Check every link: inputs, parameters, code, stage to stage, and the world bundle's own hashes.
 
     Parameters
     ----------
-    artifacts : Path
-        The folder that holds one folder a stage.
-    stages : list of str
-        In the order in which they run.
+    root : Path
+        The project; `dvc.yaml` says which stage reads what.
 
     Returns
     -------
@@ -32,15 +30,22 @@ def verify_chain(artifacts: Path, stages: list[str]) -> int:
     ArtifactError, InputError
         Naming the first link that does not hold.
     """
-    registry = read_registry()
-    params = _read_params(artifacts / "params.yaml")
+    stages, artifacts = _read_yaml(root / "dvc.yaml")["stages"], root / "artifacts"
+    registry, params = read_registry(), _read_yaml(artifacts / "params.yaml")
     produced: dict[str, str] = {}
-    for stage in stages:
+    for stage in (name for name in stages if name != "compose"):
         manifest = read_manifest(artifacts / stage / "manifest.json")
+        where = f"{artifacts / stage / 'manifest.json'}"
         if manifest.stage != stage:
-            raise ArtifactError(f"{artifacts / stage}/manifest.json: written by stage {manifest.stage!r}")
+            raise ArtifactError(f"{where}: written by stage {manifest.stage!r}")
         if manifest.params != params.get(stage):
-            raise ArtifactError(f"{artifacts / stage}/manifest.json: made with other params than params.yaml holds")
+            raise ArtifactError(f"{where}: made with other params than {artifacts / 'params.yaml'} holds")
+        if manifest.code_sha256 != code_sha256(stage, root):
+            raise ArtifactError(f"{where}: made by other code than the project's (`make all` makes it anew)")
+        reads = [dep for dep in stages[stage]["deps"] if dep.startswith("artifacts/") or dep == "data"]
+        for dep in reads:
+            if not any(name == dep or name.startswith(f"{dep}/") for name in manifest.inputs):
+                raise ArtifactError(f"{where}: names no input from {dep}, which {stage} reads")
         for name, digest in manifest.inputs.items():
             if name.startswith("data/"):
                 _expect(name, verify_input(Path(name), registry), digest, f"the manifest of {stage}")
@@ -53,16 +58,16 @@ def verify_chain(artifacts: Path, stages: list[str]) -> int:
     return len(produced)
 
 
-def _read_params(path: Path) -> dict:
+def _read_yaml(path: Path) -> dict:
     try:
-        params = yaml.safe_load(path.read_text())
+        content = yaml.safe_load(path.read_text())
     except FileNotFoundError:
-        raise ArtifactError(f"{path}: missing; run `make all`") from None
+        raise ArtifactError(f"{path}: missing; run `make all` in the project's root") from None
     except yaml.YAMLError as error:
         raise ArtifactError(f"{path}: not YAML: {error}") from error
-    if not isinstance(params, dict):
+    if not isinstance(content, dict):
         raise ArtifactError(f"{path}: no sections")
-    return params
+    return content
 
 
 def _verify_outputs(manifest: Manifest, folder: Path) -> dict[str, str]:

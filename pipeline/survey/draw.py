@@ -10,11 +10,12 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.survey.image import MAX_SIDE_PX
 from pipeline.types import Frame, Image
 
 _OVERSAMPLE = 4
 _LETTER_HEIGHT_M = 12.0
-_MAX_PIXELS = 200e6
+_MAX_PIXELS = 64e6  # sixteen times as many are filled to draw them
 
 
 def frame_around(extent_m: tuple[float, float, float, float], px_per_m: float) -> Frame:
@@ -22,10 +23,10 @@ def frame_around(extent_m: tuple[float, float, float, float], px_per_m: float) -
     west, south, east, north = extent_m
     left, above = int(np.ceil(-west * px_per_m - 0.5)), int(np.ceil(north * px_per_m - 0.5))
     right, below = int(np.ceil(east * px_per_m + 0.5)), int(np.ceil(-south * px_per_m + 0.5))
-    if (left + right) * (above + below) > _MAX_PIXELS:
+    if (left + right) * (above + below) > _MAX_PIXELS or max(left + right, above + below) > MAX_SIDE_PX:
         raise InputError(
             f"survey.px_per_m = {px_per_m:g}: the plan would have {left + right} x {above + below} pixels "
-            f"(at most {_MAX_PIXELS:.0f})"
+            f"(at most {_MAX_PIXELS:.0f}, {MAX_SIDE_PX} a side)"
         )
     return Frame(px_per_m, left + 0.5, above + 0.5, left + right, above + below)
 

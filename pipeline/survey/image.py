@@ -10,6 +10,8 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.types import Image
 
+MAX_SIDE_PX = 16_384  # OSMesa's largest framebuffer, in which stage 6 looks at the world
+
 
 def read_image(path: Path, max_megapixels: float) -> Image:
     """Read an image file as BGR.
@@ -34,15 +36,34 @@ def read_image(path: Path, max_megapixels: float) -> Image:
     if not data.size:
         raise InputError(f"{path}: empty file")
     try:
-        picture = cv2.imdecode(data, cv2.IMREAD_COLOR)
+        picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     except cv2.error as error:  # OpenCV's own limits on width, height and pixels
         raise InputError(f"{path}: not decoded by OpenCV ({error.err or error})") from error
     if picture is None:
         raise InputError(f"{path}: not an image that OpenCV can read ({data.size} bytes)")
+    if max(picture.shape[:2]) > MAX_SIDE_PX:
+        raise InputError(
+            f"{path}: {picture.shape[1]} x {picture.shape[0]} px, at most {MAX_SIDE_PX} px a side are rendered"
+        )
     megapixels = picture.shape[0] * picture.shape[1] / 1e6
     if megapixels > max_megapixels:
         raise InputError(f"{path}: {megapixels:.1f} megapixels, at most {max_megapixels:g} (survey.max_megapixels)")
+    picture = _on_paper(picture)
     if (picture == picture[0, 0]).all():
         colour = {0: "black", 765: "white"}.get(int(picture[0, 0].astype(int).sum()), "of one colour")
         raise InputError(f"{path}: the image is all {colour}; there is nothing to trace")
+    return picture
+
+
+def _on_paper(picture: np.ndarray) -> Image:
+    """Return any decoded picture as 8-bit BGR: 16 bits scaled down, grey tripled, transparency laid on white paper."""
+    if picture.dtype == np.uint16:
+        picture = (picture // 257).astype(np.uint8)
+    elif picture.dtype != np.uint8:
+        picture = np.clip(np.round(picture.astype(np.float64) * 255), 0, 255).astype(np.uint8)
+    if picture.ndim == 2:
+        return cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+    if picture.shape[2] == 4:
+        opaque = picture[..., 3:].astype(np.float64) / 255
+        return np.round(picture[..., :3] * opaque + 255 * (1 - opaque)).astype(np.uint8)
     return picture

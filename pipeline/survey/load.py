@@ -51,7 +51,13 @@ def draw_stations(params: StationSurveyParams) -> tuple[Image, Frame, list[Box],
         raise InputError(f"{params.stations}: the stations' walls enclose no area")
     west, south, east, north = workings.bounds
     m = params.margin_m
-    frame = frame_around(params.frame_m or (west - m, south - m, east + m, north + m), params.px_per_m)
+    extent = params.frame_m or (west - m, south - m, east + m, north + m)
+    if not (extent[0] <= west and extent[1] <= south and east <= extent[2] and north <= extent[3]):
+        raise InputError(
+            f"{params.stations}: the workings reach from ({west:.1f}, {south:.1f}) to ({east:.1f}, {north:.1f}) m, "
+            f"beyond survey.frame_m = {list(extent)}; survey.frame_m=null fits the frame to them"
+        )
+    frame = frame_around(extent, params.px_per_m)
     plan, box = draw_plan(workings, frame, params.labels_m, params.scale.bar_length_m, params.ink_grey)
     bar = measure_bar(plan[box[1] : box[3], box[0] : box[2]], params.scale.bar_length_m, "the drawn plan's scale bar")
     return plan, frame, [box], bar

@@ -9,6 +9,8 @@ from pipeline.errors import InputError
 from pipeline.types import Image
 
 _MIN_BAR_PX = 20
+_SPECK_PX = 5  # JPEG leaves smaller ones
+_FILLED = 0.85  # of its bounding box; a bar that slants by more than its thickness fills less
 
 
 def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:
@@ -42,12 +44,24 @@ def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:
     count, labels, stats, _ = cv2.connectedComponentsWithStats(dark)
     sizes = stats[1:, cv2.CC_STAT_AREA]
     bar = int(sizes.argmax()) + 1
-    width, height = int(stats[bar, cv2.CC_STAT_WIDTH]), int(stats[bar, cv2.CC_STAT_HEIGHT])
+    left, top, width, height, area = (int(v) for v in stats[bar])
     if height >= width:
         raise InputError(f"{name}: the scale bar is {width} px wide and {height} px high; it must lie horizontally")
-    pieces = [i for i in range(1, count) if i != bar and stats[i, cv2.CC_STAT_AREA] > 0.05 * sizes.max()]
-    if pieces:
-        raise InputError(f"{name}: the scale bar is broken into {len(pieces) + 1} pieces (longest {width} px)")
+    if left == 0 or top == 0 or left + width == dark.shape[1] or top + height == dark.shape[0]:
+        raise InputError(
+            f"{name}: the scale bar ({width} x {height} px) is cut by the edge; leave some light around it"
+        )
+    beside = [
+        i for i in range(1, count)
+        if i != bar and stats[i, 1] < top + height and stats[i, 1] + stats[i, 3] > top and stats[i, 4] >= _SPECK_PX
+    ]  # fmt: skip
+    if beside:
+        raise InputError(f"{name}: the scale bar is broken into {len(beside) + 1} pieces (longest {width} px)")
+    if area < _FILLED * width * height:
+        raise InputError(
+            f"{name}: the dark region of {width} x {height} px is no straight bar (it fills "
+            f"{100 * area / width / height:.0f} % of its box, at least {100 * _FILLED:.0f} % are needed)"
+        )
     if width < _MIN_BAR_PX:
         raise InputError(f"{name}: the scale bar is {width} px long, at least {_MIN_BAR_PX} are needed")
     runs = (labels == bar).sum(axis=1)

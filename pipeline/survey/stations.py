@@ -17,6 +17,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.errors import InputError
 from pipeline.types import Points2
 
+_REACH_M = 10_000.0  # the world's text and its octree count from the origin; map coordinates would cost their precision
 _COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]
 
 
@@ -99,8 +100,10 @@ def _number(path: Path, line: int, column: str, text: str | None) -> float:
         value = float(text or "")
     except ValueError:
         raise InputError(f"{path}:{line}: {column} = {text!r} is not a number") from None
-    if not math.isfinite(value) or abs(value) > 1e6:
-        raise InputError(f"{path}:{line}: {column} = {text} is not within +-1e6 m")
+    if not math.isfinite(value) or abs(value) > _REACH_M:
+        raise InputError(
+            f"{path}:{line}: {column} = {text} is not within +-{_REACH_M:g} m; state coordinates from a local origin"
+        )
     return value
 
 

@@ -49,6 +49,14 @@ def test_a_clearance_nobody_offers_is_refused_with_the_widest():
         sample_poses(grid, 1, 3.0, np.random.default_rng(0))
 
 
+def test_no_clearance_is_still_no_rock_and_less_than_none_is_refused():
+    grid = occupancy_grid(TEE, 0.25, (-4.0, -4.0, 84.0, 44.0))
+    poses = sample_poses(grid, 500, 0.0, np.random.default_rng(0))
+    assert shapely.contains(TEE, shapely.points(poses[:, :2])).all()
+    with pytest.raises(GeometryError, match="-1 is negative"):
+        sample_poses(grid, 5, -1.0, np.random.default_rng(0))
+
+
 def test_the_anchor_is_the_roomiest_place_near_the_entrance():
     grid = occupancy_grid(TEE, 0.25, (-4.0, -4.0, 84.0, 44.0))
     spawn = entrance_anchor(grid, (40.5, 2.5), 15.0, 0.5)
