@@ -15,12 +15,14 @@ from scipy.optimize import least_squares
 from pipeline.errors import InputError
 from pipeline.types import Image
 
-_ROBUST_M = 0.3  # wall distances beyond this count less: plan and scan differ where the drift was cluttered
-_CAPTURE_M = 8.0  # a return farther than this from any wall says nothing more
-_CAP_M = 1.0  # in the error that scales are compared by; what lies beyond is no wall of the plan
-_MAX_ERROR_M = 0.6  # surveyed headings are good to about 2 deg: 0.5 m at 15 m
+_ROBUST_M = 0.3
+_CAPTURE_M = 4.0  # a return farther than this from any wall says nothing more
+_MAX_ERROR_M = 0.6
+_POSE_SIGMA = np.array([0.7, 0.7, 0.02])  # m, m, rad: how far off a surveyed pose may be
+_PRIOR_WEIGHT = 5.0
+_SWEEP_WEIGHT = 200.0
 _ALONG_PX = (-60, -30, 0, 30, 60)  # starts along the drift, whose straight walls leave that direction loose
-_SCALE_STEP = 0.005
+_SCALE_STEP = 0.0065
 _MAX_POINTS = 400
 _INK_CHROMA = 40
 
@@ -66,9 +68,9 @@ def scale_from_poses(
 ) -> PoseScale:
     """Fit one similarity from the survey's frame to the plan so that the sweeps' returns lie on its walls.
 
-    A scale's error is the returns' mean distance to the walls, capped at `_CAP_M`, with equal weight to each sweep. A
-    long straight drift holds a scan loosely along its axis, so other scales fit nearly as well: the interval of scales
-    whose error is within a tenth of the best is part of the answer.
+    Each sweep may shift and turn a little by itself, as surveyed poses are off by decimetres and a degree or two; a
+    prior holds these corrections small. A long straight drift holds a scan loosely along its axis, so neighbouring
+    scales fit nearly as well: the interval of scales whose cost is within a tenth of the best is part of the answer.
 
     Parameters
     ----------
@@ -87,38 +89,52 @@ def scale_from_poses(
     InputError
         If a sweep has no pose, or no scale in the range lays the returns onto walls.
     """
-    each = [_in_survey_frame(poses, name, sweep) for name, sweep in sorted(sweeps.items())]
-    points, ends = np.vstack(each), np.cumsum([len(sweep) for sweep in each])[:-1]
+    missing = sorted(set(sweeps) - set(poses))
+    if missing:
+        raise InputError(f"poses: sweep {missing[0]} has no pose (poses: {', '.join(sorted(poses))})")
+    scans = [(np.array(poses[name]), _thinned(sweep)) for name, sweep in sorted(sweeps.items())]
     to_wall = _distance_to_walls(plan)
-
-    def reach_m(place: np.ndarray, scale: float) -> np.ndarray:
-        turn, col, row = place
-        x, y = points.T * scale
-        u, v = col + x * math.cos(turn) - y * math.sin(turn), row - x * math.sin(turn) - y * math.cos(turn)
-        return np.minimum(map_coordinates(to_wall, [v - 0.5, u - 0.5], order=1, mode="nearest") / scale, _CAPTURE_M)
-
-    def error_m(scale: float) -> float:
-        fits = [
-            least_squares(
-                reach_m, [0.0, origin_px[0] + along, origin_px[1]], args=(scale,),
-                loss="soft_l1", f_scale=_ROBUST_M, x_scale=[0.005, 5, 5], max_nfev=40,
-            )
-            for along in _ALONG_PX
-        ]  # fmt: skip
-        reached = [np.split(reach_m(fit.x, scale), ends) for fit in fits]
-        return min(float(np.mean([np.minimum(sweep, _CAP_M).mean() for sweep in sweeps_m])) for sweeps_m in reached)
-
     low, high = scale_range_px_per_m
-    scales = np.linspace(low, high, max(5, round((high - low) / (_SCALE_STEP * low))))
-    errors = np.array([error_m(scale) for scale in scales])
-    best = int(errors.argmin())
-    if best in (0, len(scales) - 1) or errors[best] > _MAX_ERROR_M:
+    scales = np.linspace(low, high, max(5, round((high - low) / (_SCALE_STEP * low)) + 1))
+    fits = [_fit_at(scale, scans, to_wall, origin_px) for scale in scales]
+    costs = np.array([cost for cost, _ in fits])
+    best = int(costs.argmin())
+    if best in (0, len(scales) - 1) or fits[best][1] > _MAX_ERROR_M:
         raise InputError(
             f"poses: no scale inside {low:g}-{high:g} px/m lays the sweeps onto the plan's walls "
-            f"(best {scales[best]:.2f} px/m, error {errors[best]:.2f} m, at most {_MAX_ERROR_M} m)"
+            f"(best {scales[best]:.2f} px/m, error {fits[best][1]:.2f} m, at most {_MAX_ERROR_M} m)"
         )
-    near = scales[errors <= 1.1 * errors[best]]
-    return PoseScale(float(scales[best]), float(near[0]), float(near[-1]), float(errors[best]))
+    near = scales[costs <= 1.1 * costs[best]]
+    return PoseScale(float(scales[best]), float(near[0]), float(near[-1]), fits[best][1])
+
+
+def _fit_at(scale: float, scans: list, to_wall: np.ndarray, origin_px: tuple[float, float]) -> tuple[float, float]:
+    """Return the least cost at one scale, and the mean over the sweeps of their median distance to a wall, m."""
+
+    def reached_m(q: np.ndarray) -> list[np.ndarray]:
+        turn, col, row = q[:3]
+        c, s = math.cos(turn) * scale, math.sin(turn) * scale
+        reached = []
+        for ((x, y, heading), scan), (dx, dy, dturn) in zip(scans, q[3:].reshape(-1, 3), strict=True):
+            ch, sh = math.cos(heading + dturn), math.sin(heading + dturn)
+            px, py = (scan @ np.array([[ch, sh], [-sh, ch]]) + [x + dx, y + dy]).T
+            at = [row - px * s - py * c - 0.5, col + px * c - py * s - 0.5]
+            reached.append(np.minimum(map_coordinates(to_wall, at, order=1, mode="nearest") / scale, _CAPTURE_M))
+        return reached
+
+    def residuals(q: np.ndarray) -> np.ndarray:
+        # Cauchy's loss: plan and scan differ where the drift was cluttered. Every sweep weighs the same.
+        walls = [np.sqrt(np.log1p((r / _ROBUST_M) ** 2) * (_SWEEP_WEIGHT / len(r))) for r in reached_m(q)]
+        return np.concatenate([*walls, _PRIOR_WEIGHT * (q[3:].reshape(-1, 3) / _POSE_SIGMA).ravel()])
+
+    size = np.concatenate([[0.005, 5.0, 5.0], np.tile([0.5, 0.5, 0.01], len(scans))])
+    starts = [np.concatenate([[0.0, origin_px[0] + d, origin_px[1]], np.zeros(3 * len(scans))]) for d in _ALONG_PX]
+    best = min((least_squares(residuals, q, x_scale=size, max_nfev=60) for q in starts), key=lambda fit: fit.cost)
+    return float(best.cost), float(np.mean([np.median(r) for r in reached_m(best.x)]))
+
+
+def _thinned(sweep: np.ndarray) -> np.ndarray:
+    return sweep[:: max(1, len(sweep) // _MAX_POINTS)]
 
 
 def _distance_to_walls(plan: Image) -> np.ndarray:
@@ -132,15 +148,6 @@ def _distance_to_walls(plan: Image) -> np.ndarray:
         raise InputError("poses: the plan shows no dark region to lay the sweeps onto")
     light = (labels != 1 + stats[1:, cv2.CC_STAT_AREA].argmax()).astype(np.uint8)
     return cv2.distanceTransform(light, cv2.DIST_L2, 5) + cv2.distanceTransform(1 - light, cv2.DIST_L2, 5) - 0.5
-
-
-def _in_survey_frame(poses: dict, name: str, sweep: np.ndarray) -> np.ndarray:
-    if name not in poses:
-        raise InputError(f"poses: sweep {name} has no pose (poses: {', '.join(sorted(poses))})")
-    x, y, heading = poses[name]
-    thinned = sweep[:: max(1, len(sweep) // _MAX_POINTS)]
-    c, s = math.cos(heading), math.sin(heading)
-    return thinned @ np.array([[c, s], [-s, c]]) + [x, y]
 
 
 def _read_columns(path: Path, columns: tuple[str, ...]) -> list[list[str]]:
