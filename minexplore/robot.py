@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-ROBOT_GROUP = 1
+ROBOT_GROUP, _HIDDEN_GROUP = 1, 5
 _ROCK_BIT, _FLOOR_BIT, _ROBOT_BIT = 1, 2, 4
 
 
@@ -15,8 +16,8 @@ _ROCK_BIT, _FLOOR_BIT, _ROBOT_BIT = 1, 2, 4
 class RobotParams:
     """The robot's measures; where the paper is silent they are those of a Clearpath Husky A200.
 
-    `radius_m` is the paper's authors' disc. `mass_kg`, `wheel_radius_m` are the Husky's data sheet, `wheel_base_m` its
-    wheel separation in the dataset. `wheel_torque_nm` is what each side needs on the sheet's steepest grade of 45 deg:
+    `radius_m` is the paper's authors' disc. `mass_kg`, `wheel_radius_m`, `wheel_width_m` are the Husky's data sheet,
+    `wheel_base_m` its wheel separation in the dataset. `wheel_torque_nm` is what each side needs on the sheet's steepest grade of 45 deg:
     m g sin(45 deg) r / 2. `wheel_friction_nm` is the drive train's dry friction, which holds the robot on a slope.
     """
 
@@ -26,6 +27,7 @@ class RobotParams:
     mass_kg: float = 50.0
     wheel_radius_m: float = 0.1651
     wheel_base_m: float = 0.545
+    wheel_width_m: float = 0.1143
     wheel_torque_nm: float = 30.0
     wheel_gain_nms: float = 200.0
     wheel_friction_nm: float = 4.0
@@ -57,10 +59,16 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
             name=f"{name}_{side}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=0.05,
             frictionloss=params.wheel_friction_nm,
         )  # fmt: skip
+        # A sphere touches the floor where a thin wheel would, by an analytic test; what is seen is the wheel.
         wheel.add_geom(
             name=f"{name}_{side}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[params.wheel_radius_m, 0, 0],
-            mass=params.mass_kg * 0.1, group=ROBOT_GROUP, contype=0, conaffinity=_FLOOR_BIT,
-            friction=[1.0, 0.005, 0.0001], rgba=[0.1, 0.1, 0.1, 1],
+            mass=params.mass_kg * 0.1, group=_HIDDEN_GROUP, contype=0, conaffinity=_FLOOR_BIT,
+            friction=[1.0, 0.005, 0.0001],
+        )  # fmt: skip
+        wheel.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[params.wheel_radius_m, params.wheel_width_m / 2, 0],
+            quat=[math.sqrt(0.5), math.sqrt(0.5), 0, 0], mass=0, group=ROBOT_GROUP, contype=0, conaffinity=0,
+            rgba=[0.1, 0.1, 0.1, 1],
         )  # fmt: skip
         motor = spec.add_actuator(
             name=f"{name}_{side}", target=f"{name}_{side}", trntype=mujoco.mjtTrn.mjTRN_JOINT,
