@@ -67,7 +67,7 @@ def run_pipeline(folder: Path, config: dict) -> dict[str, float]:
     metrics, stamp = folder / "artifacts/validation/metrics.json", folder / "done"
     if not (stamp.is_file() and stamp.read_text() == key):
         write_atomically(folder / "artifacts/params.yaml", params.encode())
-        for name in ("conf", "data", "pipeline", "stages"):
+        for name in ("conf", "data", "minexplore", "pipeline", "stages"):
             link = folder / name
             if not link.exists():
                 link.symlink_to(Path(os.path.relpath(name, folder)))
