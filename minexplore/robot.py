@@ -19,7 +19,7 @@ class RobotParams:
     `radius_m` is the paper's authors' disc. `mass_kg`, `wheel_radius_m`, `wheel_width_m` are the Husky's data sheet,
     `wheel_base_m` its wheel separation in the dataset. `wheel_torque_nm` is what each side needs on the sheet's
     steepest grade of 45 deg: m g sin(45 deg) r / 2. `wheel_friction_nm`, the drive train's dry friction, is an
-    assumption: enough to hold the robot on a slope of 9 deg by itself.
+    assumption: enough to hold the robot on a slope of 5.6 deg by itself.
     """
 
     radius_m: float = 0.35

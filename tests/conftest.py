@@ -21,6 +21,7 @@ from pipeline.mjcf.assemble import assemble_world
 from pipeline.params.config import Config
 from pipeline.store.codecs import encode
 from pipeline.types import DriftNetwork, Frame, FreeSpace, Scale, Survey
+from stages.__main__ import STAGES
 from stages.compile3d import compile_rock
 from stages.contours import trace_free_space
 from stages.surface import model_surface
@@ -161,6 +162,13 @@ class Project:
         lines += ["labels_m: {A: [10, 8]}", "scale: {source: bar, bar_length_m: 20.0}"]
         conf.write_text("\n".join(lines) + "\n")
 
+    def copy(self, folder: Path) -> Project:
+        """Return a private copy, artifacts included."""
+        shutil.copytree(self.folder, folder, symlinks=True)
+        other = Project.__new__(Project)
+        other.folder = folder
+        return other
+
     def run(self, *command: str, check: bool = False, **env: str) -> subprocess.CompletedProcess:
         """Run a command in the project with its own imports and the environment's tools first on the path."""
         variables = {**os.environ, "PATH": f"{Path(sys.prefix) / 'bin'}:{os.environ['PATH']}", **env}
@@ -197,6 +205,21 @@ def traced_project(tmp_path_factory: pytest.TempPathFactory) -> Project:
     project = Project(tmp_path_factory.mktemp("traced") / "mine", tiny=True)
     project.stages("survey", "contours")
     return project
+
+
+@pytest.fixture(scope="session")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """Return the embedded survey taken through all six stages; tests work on copies."""
+    project = Project(tmp_path_factory.mktemp("built") / "mine", tiny=False)
+    project.stages(*STAGES)
+    return project
+
+
+def message_of(done: subprocess.CompletedProcess) -> str:
+    """Return the one message of a refused command."""
+    assert done.returncode == 2, (done.returncode, done.stderr)
+    assert "Traceback" not in done.stderr
+    return done.stderr.strip()
 
 
 def random_mine(rng: np.random.Generator, drifts: int) -> Polygon:

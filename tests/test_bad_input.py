@@ -1,0 +1,268 @@
+"""Bad input, run as a user runs it: exit code 2, one message, earlier artifacts as they were."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.conftest import TINY_STATIONS, message_of
+
+
+@pytest.mark.parametrize(
+    ("stage", "override", "message"),
+    [
+        ("contours", "contours.tolerance_m=-1", "contours.tolerance_m = -1"),
+        ("contours", "contours.tolerence=1", "contours.tolerence: unknown; contours has"),
+        ("contours", "survey=cave", "valid choices are plan, stations"),
+        ("contours", "contours.tolerance_m=20", "contours.tolerance_m = 20"),
+        ("contours", "contours.threshold=254 contours.max_ink_share=0.01", "is the plan inverted?"),
+        ("contours", "contours.min_tunnel_m2=5000", "no dark region larger than 5000 m2"),
+        ("survey", "survey.stations=data/chilean_mine/none.csv", "none.csv: not in data/registry.txt"),
+        ("survey", "survey=plan", "data/raw/plan.jpg: missing; fetch it with `make data`"),
+        ("survey", "survey.px_per_m=99 survey.margin_m=500", "at most 64000000"),
+        ("compile3d", "compile3d.spawn.clearance_m=9", "nothing is 9 m from rock"),
+        ("surface", "surface.back_chamfer_m=3.4", "do not fit into 3.5 m"),
+        ("realism", "", "compile3d/"),
+    ],
+)
+def test_bad_input_ends_with_one_message_and_keeps_what_was_there(traced_project, stage, override, message):
+    if stage == "surface":
+        traced_project.stage("compile3d").check_returncode()
+    before = traced_project.hashes()
+    text = message_of(traced_project.stage(stage, *override.split()))
+    assert message in text
+    if stage == "surface":
+        shutil.rmtree(traced_project.folder / "artifacts/compile3d")
+        before = {k: v for k, v in before.items() if not k.startswith("compile3d")}
+    assert traced_project.hashes() == before
+
+
+def test_a_changed_input_is_refused_with_both_hashes(project):
+    project.stages("survey")
+    before = project.hashes()
+    path = project.folder / "data/chilean_mine/tiny.csv"
+    path.write_text(TINY_STATIONS + " \n")
+    text = message_of(project.stage("survey"))
+    assert "data/chilean_mine/tiny.csv: sha256" in text
+    assert "is not the registered" in text
+    assert project.hashes() == before
+
+
+def test_a_survey_with_a_fault_names_file_line_and_value(project):
+    project.use_stations(TINY_STATIONS.replace("A,a1,10,0,2.5,2.5", "A,a1,10,0,-2.5,2.5"))
+    project.run(sys.executable, "-m", "pipeline.compose", check=True)
+    assert "data/chilean_mine/tiny.csv:3: left_m = -2.5" in message_of(project.stage("survey"))
+    assert not (project.folder / "artifacts/survey").exists()
+
+
+def plan_project(project, picture, *overrides):
+    """Make `picture` the plan of a project and return the survey stage's result."""
+    path = project.folder / "data/plan.png"
+    path.write_bytes(picture if isinstance(picture, bytes) else cv2.imencode(".png", picture)[1].tobytes())
+    project.run(sys.executable, "-m", "pipeline", "register", "data/plan.png", check=True)
+    base = ["survey=plan", "survey.image=data/plan.png", "survey.poses=null", "survey.scale.bar_image=null"]
+    base += ["survey.origin_px=null", "survey.entrance_m=null"]
+    (project.folder / "params.yaml").write_text(json.dumps({"overrides": " ".join([*base, *overrides])}))
+    done = project.run(sys.executable, "-m", "pipeline.compose")
+    return done if done.returncode else project.stage("survey")
+
+
+def drift_picture():
+    picture = np.full((160, 900, 3), 255, np.uint8)
+    picture[60:100, 20:880] = 30
+    picture[140:146, 40:240] = 0  # a bar of 200 px
+    return picture
+
+
+def test_a_plan_with_its_bar_in_a_box_is_measured_and_the_bar_is_no_drift(project):
+    done = plan_project(
+        project, drift_picture(), "survey.scale.bar_box_px=[30,130,260,156]", "survey.scale.bar_length_m=25"
+    )
+    assert done.returncode == 0, done.stderr
+    survey = json.loads((project.folder / "artifacts/survey/survey.json").read_text())
+    assert survey["frame"]["px_per_m"] == 8.0
+    project.stage("contours").check_returncode()
+    facts = json.loads((project.folder / "artifacts/contours/free_space.geojson").read_text())
+    assert facts["features"][0]["properties"]["areas"]["tunnel_m2"] == pytest.approx(860 * 40 / 64, rel=0.002)
+
+
+@pytest.mark.parametrize(
+    ("picture", "overrides", "message"),
+    [
+        (b"", (), "data/plan.png: empty file"),
+        (b"GIF89a nonsense", (), "data/plan.png: not an image"),
+        (np.zeros((99, 99, 3), np.uint8), (), "data/plan.png: the image is all black"),
+        (np.full((99, 99, 3), 255, np.uint8), (), "data/plan.png: the image is all white"),
+        (drift_picture(), ("survey.scale.bar_box_px=null",), "no bar to measure"),
+        (drift_picture(), ("survey.scale.bar_box_px=[0,0,2000,10]",), "not inside 900 x 160 px"),
+        (drift_picture(), ("survey.scale.bar_box_px=[400,5,600,40]",), "no scale bar"),
+        (drift_picture(), ("survey.scale.bar_box_px=[45,130,50,156]",), "lie horizontally"),
+    ],
+    ids=["empty", "nonsense", "black", "white", "no-bar", "outside", "absent", "cut"],
+)
+def test_a_plan_or_bar_that_cannot_be_used_is_refused(project, picture, overrides, message):
+    assert message in message_of(plan_project(project, picture, *overrides))
+    assert not (project.folder / "artifacts/survey").exists()
+
+
+def test_an_inverted_plan_is_asked_about_by_name(project):
+    done = plan_project(project, 255 - drift_picture(), "survey.scale.source=stated", "survey.scale.px_per_m=8")
+    assert done.returncode == 0, done.stderr
+    text = message_of(project.stage("contours"))
+    assert "data/plan.png" in text
+    assert "is the plan inverted?" in text
+
+
+def test_a_full_disk_is_said_and_keeps_what_was_there(traced_project, tmp_path):
+    project = traced_project.copy(tmp_path / "copy")
+    folder = project.folder
+    before = project.hashes()
+    # A limit on the size of any file stands in for a disk that fills while the stage writes.
+    done = subprocess.run(
+        ["bash", "-c", f"trap '' XFSZ; ulimit -f 4; {sys.executable} -m stages.contours"],
+        cwd=folder, capture_output=True, text=True, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+    )  # fmt: skip
+    assert "cannot be written" in message_of(done)
+    assert project.hashes() == before
+    assert not list((folder / "artifacts").glob(".*partial"))
+
+
+def test_a_killed_stage_leaves_the_old_artifacts_and_the_next_run_recovers(traced_project, tmp_path):
+    project = traced_project.copy(tmp_path / "copy")
+    folder = project.folder
+    before = project.hashes()
+    # Killed while the third file is written, then between the two renames that put the new folder in place.
+    for moment in ("os.fsync", "pathlib.Path.rename"):
+        script = (
+            "import os, pathlib, signal\n"
+            f"real, calls = {moment}, []\n"
+            "def kill(*args):\n"
+            "    calls.append(1)\n"
+            f"    if len(calls) == {3 if moment == 'os.fsync' else 2}: os.kill(os.getpid(), signal.SIGKILL)\n"
+            "    return real(*args)\n"
+            f"{moment} = kill\n"
+            "from pipeline.stage import run_stage\n"
+            "from stages.contours import STAGE\n"
+            "run_stage(STAGE, ['contours.tolerance_m=0.3'])\n"
+        )
+        killed = subprocess.run([sys.executable, "-c", script], cwd=folder, capture_output=True, text=True)
+        assert killed.returncode == -signal.SIGKILL, killed.stderr
+        left = {p.name for p in (folder / "artifacts").iterdir() if p.name.startswith(".contours")}
+        assert left == ({".contours.partial"} if moment == "os.fsync" else {".contours.partial", ".contours.old"})
+        # A run that is refused puts the earlier artifacts right and changes nothing else.
+        message_of(project.stage("contours", "contours.min_tunnel_m2=5000"))
+        assert project.hashes() == before
+    project.stage("contours", "contours.tolerance_m=0.3").check_returncode()
+    assert not [p for p in (folder / "artifacts").iterdir() if p.name.startswith(".contours")]
+    assert json.loads((folder / "artifacts/contours/manifest.json").read_text())["params"]["tolerance_m"] == 0.3
+
+
+def test_a_breached_limit_fails_the_stage_and_names_metric_value_and_limit(built, tmp_path):
+    project = built.copy(tmp_path / "copy")
+    text = message_of(project.stage("validation", "validation.limits.collision.parts.max=10"))
+    assert "collision.parts = " in text
+    assert "limit <= 10" in text
+
+
+@pytest.fixture
+def copied(traced_project, tmp_path):
+    """Return a private copy of the project whose first two stages have run."""
+    return traced_project.copy(tmp_path / "copy")
+
+
+def test_stations_beyond_a_stated_frame_are_refused_not_cut(copied):
+    text = message_of(copied.stage("survey", "survey.frame_m=[-20,-20,40,40]"))
+    assert "beyond survey.frame_m = [-20.0, -20.0, 40.0, 40.0]" in text
+
+
+def test_ink_that_hangs_together_with_nothing_is_said_and_counted(project):
+    picture = drift_picture()
+    picture[20:40, 600:700] = 30
+    options = ("survey.scale.bar_box_px=[30,130,260,156]", "survey.scale.bar_length_m=25")
+    assert plan_project(project, picture, *options).returncode == 0
+    done = project.stage("contours")
+    assert done.returncode == 0
+    assert "31.2 m2 of ink in 1 pieces hang together with nothing" in done.stderr
+    facts = json.loads((project.folder / "artifacts/contours/free_space.geojson").read_text())
+    assert facts["features"][0]["properties"]["areas"]["unconnected_m2"] == pytest.approx(20 * 100 / 64)
+
+
+def test_a_transparent_plan_lies_on_white_paper(project):
+    opaque = drift_picture()
+    alpha = np.where(opaque.min(axis=2) < 255, 255, 0).astype(np.uint8)
+    clear = np.dstack([np.where(alpha[..., None] > 0, opaque, 0), alpha])
+    options = ("survey.scale.bar_box_px=[30,130,260,156]", "survey.scale.bar_length_m=25")
+    assert plan_project(project, clear, *options).returncode == 0
+    project.stage("contours").check_returncode()
+    facts = json.loads((project.folder / "artifacts/contours/free_space.geojson").read_text())
+    assert facts["features"][0]["properties"]["areas"]["tunnel_m2"] == pytest.approx(860 * 40 / 64, rel=0.002)
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("survey=1", "survey = 1: valid choices are plan, stations"),
+        ("survey.frame_m=[10,0,-10,5]", "want west < east and south < north"),
+        ("contours.threshold=999", "contours.threshold"),
+        ("surface.texture.rgb=[999,-4,0]", "surface.texture.rgb"),
+        ("survey=plan survey.poses.scale_range_px_per_m=[0,1]", "want 0 < low < high"),
+    ],
+)
+def test_an_override_out_of_range_is_one_line(copied, override, message):
+    assert message in message_of(copied.stage("contours", *override.split()))
+
+
+@pytest.mark.parametrize("text", ["overrides: [a, b]\n", "overrides: 5\n", "other: 1\n", "overrides: 'a\n"])
+def test_a_root_file_that_is_no_line_of_overrides_is_refused(copied, text):
+    (copied.folder / "params.yaml").write_text(text)
+    assert "params.yaml" in message_of(copied.run(sys.executable, "-m", "pipeline.compose"))
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("survey/plan.png", b""),
+        ("survey/survey.json", b"{"),
+        (
+            "contours/free_space.geojson",
+            b'{"features": [{"geometry": {"type": "Polygon", "coordinates": [[[0, 0], [1, 0]]]}}]}',
+        ),
+    ],
+)
+def test_a_broken_artifact_is_named_by_the_stage_that_reads_it(copied, name, data):
+    (copied.folder / "artifacts" / name).write_bytes(data)
+    stage = "compile3d" if name.startswith("contours") else "contours"
+    assert f"artifacts/{name}" in message_of(copied.stage(stage))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: m.update(inputs={}), "names no input from"),
+        (lambda m: m.update(code_sha256="0" * 64), "made by other code"),
+        (lambda m: m.update(stage="survey"), "written by stage 'survey'"),
+        (lambda m: m["params"].update(height_m=9.0), "made with other params"),
+    ],
+)
+def test_a_manifest_that_was_edited_breaks_the_chain(built, tmp_path, change, message):
+    project = built.copy(tmp_path / "copy")
+    path = project.folder / "artifacts/compile3d/manifest.json"
+    manifest = json.loads(path.read_text())
+    change(manifest)
+    path.write_text(json.dumps(manifest))
+    text = message_of(project.run(sys.executable, "-m", "pipeline", "verify"))
+    assert "compile3d/manifest.json" in text
+    assert message in text
+
+
+@pytest.mark.parametrize("data", [b"rubbish", b'{"world": 5}'])
+def test_tampered_metrics_are_named_whatever_they_hold(built, tmp_path, data):
+    project = built.copy(tmp_path / "copy")
+    (project.folder / "artifacts/validation/metrics.json").write_bytes(data)
+    assert "validation/metrics.json" in message_of(project.run(sys.executable, "-m", "pipeline", "verify"))
