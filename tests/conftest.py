@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import cv2
+import hypothesis
 import numpy as np
 import pytest
 import shapely
@@ -25,6 +26,11 @@ from stages.__main__ import STAGES
 from stages.compile3d import compile_rock
 from stages.contours import trace_free_space
 from stages.surface import model_surface
+
+# The same examples on every run, so that a red test is a change of the code; HYPOTHESIS_PROFILE=explore draws others.
+hypothesis.settings.register_profile("steady", derandomize=True)
+hypothesis.settings.register_profile("explore", derandomize=False)
+hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared" / "data"

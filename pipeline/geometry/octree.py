@@ -153,9 +153,11 @@ def from_bt(data: bytes) -> Octree:
     words = np.frombuffer(body[: len(body) // 2 * 2], dtype="<u2")
     keys: list[list[tuple[int, int, int]]] = [[] for _ in range(_DEPTH + 1)]
     states: list[list[int]] = [[] for _ in range(_DEPTH + 1)]
-    keys[0].append((0, 0, 0))
-    states[0].append(INNER)
-    stack, read = [(0, (0, 0, 0))], 0
+    stack, read = [], 0
+    if len(words) or fields.get("size") != "0":  # a tree of unknown space only has no root
+        keys[0].append((0, 0, 0))
+        states[0].append(INNER)
+        stack.append((0, (0, 0, 0)))
     while stack:
         level, (x, y, z) = stack.pop()
         if read >= len(words) or level >= _DEPTH:

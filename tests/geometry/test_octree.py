@@ -36,6 +36,12 @@ def test_the_tree_answers_as_the_grid_it_was_built_from_and_survives_a_round_tri
     assert all((a == b).all() for a, b in zip(tree.states, again.states, strict=True))
 
 
+def test_a_tree_of_unknown_space_only_survives_a_round_trip():
+    tree = build_octree(np.zeros((2, 3), dtype=bool), np.array([0.0, 0.0]), 0.5, 2.0)
+    assert tree.nodes == 0
+    assert from_bt(to_bt(tree)).nodes == 0
+
+
 def test_the_stream_is_octomaps_for_a_tree_written_by_hand():
     # One free voxel at the origin's positive corner: 15 nodes that have only child 0 (after the root's child 7),
     # the last with the free leaf. OctoMap writes inner children as bits 11, free as 10 (low bit first).
