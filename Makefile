@@ -6,7 +6,7 @@ PY := .venv/bin/python
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper $(STAGES)
+.PHONY: help setup all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness $(STAGES)
 
 help:            ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile | expand -t 22
@@ -47,6 +47,12 @@ compare-collision: setup  ## exact prisms, CoACD and V-HACD side by side on the 
 
 compare-paper: setup      ## the paper's preset beside the default
 	@$(PY) -m benchmarks.compare_paper
+
+search-texture: setup     ## search the overlay's noise for the texture scores: the trade-off behind the default
+	@$(PY) -m benchmarks.search_texture
+
+roughness: setup          ## measure the sweeps below data/raw again (`make data` fetches them)
+	@$(PY) -m pipeline roughness data/raw/sweep_*.csv --out data/chilean_mine/roughness.json
 
 bench: setup     ## time the pipeline and each stage in a copy of the project
 	@$(PY) -m benchmarks.time_pipeline

@@ -35,6 +35,23 @@ def register(path: Path, origin: str, licence: str) -> None:
     print(f"data/{entry.name}  {entry.sha256}  {entry.bytes} bytes")
 
 
+def roughness(sweeps: list[Path], out: Path) -> None:
+    """Measure the walls in planar sweeps by the default's gates and write the figures as JSON."""
+    from pipeline.compose import compose
+    from pipeline.metrics.roughness import roughness_of_sweeps
+    from pipeline.rock import roughness_json
+    from pipeline.store.codecs import encode
+    from pipeline.store.files import write_atomically
+    from pipeline.survey.poses import read_sweep
+
+    gate = compose([]).surface.sweeps
+    read = {path.stem: read_sweep(path, gate.max_range_m, gate.max_range_var_m2) for path in sweeps}
+    measured = roughness_of_sweeps(read, gate.max_gap_m, gate.window_m, gate.footprint_m)
+    write_atomically(out, encode(out, roughness_json(measured)))
+    for window, rq, p90 in zip(measured.window_m, measured.rq_m, measured.rq_p90_m, strict=True):
+        print(f"{window:4.1f} m: median {1000 * rq:6.1f} mm, 90th percentile {1000 * p90:6.1f} mm")
+
+
 def accept() -> None:
     """Accept the present metrics as the baseline that the regression gate compares with."""
     from pipeline.report.baseline import accept_baseline
@@ -61,6 +78,10 @@ def main() -> int:
     add.add_argument("--origin", default="unknown")
     add.add_argument("--licence", default="none stated")
     add.set_defaults(run=lambda a: register(a.path, a.origin, a.licence))
+    rough = commands.add_parser("roughness", help=roughness.__doc__)
+    rough.add_argument("sweeps", type=Path, nargs="+")
+    rough.add_argument("--out", type=Path, required=True)
+    rough.set_defaults(run=lambda a: roughness(a.sweeps, a.out))
     arguments = parser.parse_args()
     try:
         arguments.run(arguments)

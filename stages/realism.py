@@ -21,6 +21,7 @@ STAGE = Stage(
         "spawn": Artifact("compile3d/spawn.json", Spawn),
         "meshes": Artifact("surface/meshes.npz", Meshes),
         "texture": Artifact("surface/rock.png", Image),
+        "overlay": Artifact("surface/overlay", Bundle),
         # These travel with the world as they are.
         "occupancy_npz": Artifact("compile3d/occupancy.npz", bytes),
         "free_space_bt": Artifact("compile3d/free_space.bt", bytes),

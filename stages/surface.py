@@ -1,4 +1,4 @@
-"""Stage 4: the visible rock, an octagonal bore as a visual-only shell with a rock material (metres, mine frame)."""
+"""Stage 4: the visible rock, an octagonal bore and over it rock as rough as measured, to be seen only (mine frame)."""
 
 from __future__ import annotations
 
@@ -8,39 +8,57 @@ from typing import Any
 import numpy as np
 
 from pipeline.geometry.octagon import octagonal_bore
+from pipeline.geometry.overlay import closed_shell
 from pipeline.geometry.rock_texture import rock_texture
-from pipeline.geometry.shell import ShellReport, check_shell
+from pipeline.geometry.shell import ShellReport, check_shell, joined
 from pipeline.params.surface import SurfaceParams
+from pipeline.report.rock import draw_sections, draw_spectra
+from pipeline.rock import RoughnessReport, amplitude_table, build_rock, chunk_files, measure_sources, rock_sources
 from pipeline.stage import Artifact, Stage, main
-from pipeline.store.codecs import Meshes
+from pipeline.store.codecs import Bundle, Meshes
 from pipeline.types import FreeSpace, Image, Rock
 
 
 def model_surface(params: SurfaceParams, free_space: FreeSpace, rock: Rock) -> dict[str, Any]:
-    """Return the base layer's meshes, the rock texture and the shell's report."""
+    """Return both layers, the rock texture, and what is known of the rock's roughness."""
     look = params.texture
-    meshes = octagonal_bore(
+    base = octagonal_bore(
         free_space.polygon, rock.height_m, params.sill_chamfer_m, params.back_chamfer_m, look.repeat_m
     )
-    rng = np.random.default_rng(look.seed)
+    check_shell(*joined(base))
+    sources = measure_sources(params)
+    overlay, report = build_rock(params, free_space.polygon, rock.height_m, sources)
     return {
-        "meshes": meshes,
-        "texture": rock_texture(look.size_px, look.spectral_exponent, look.contrast, look.rgb, rng),
-        "shell": check_shell(meshes),
+        "meshes": base,
+        "overlay": chunk_files(overlay, params.overlay.tile_m, look.repeat_m),
+        "texture": rock_texture(
+            look.size_px, look.spectral_exponent, look.contrast, look.rgb, np.random.default_rng(look.seed)
+        ),
+        "shell": check_shell(*closed_shell(overlay)),
+        "roughness": report,
+        "spectra": draw_spectra(report),
+        "sections": draw_sections(overlay, base, rock.height_m),
+        "amplitude": amplitude_table(overlay),
     }
 
 
 STAGE = Stage(
     name="surface",
     run=model_surface,
+    sources=rock_sources,
     reads={
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
         "rock": Artifact("compile3d/rock.json", Rock),
     },
     writes={
         "meshes": Artifact("surface/meshes.npz", Meshes),
+        "overlay": Artifact("surface/overlay", Bundle),
         "texture": Artifact("surface/rock.png", Image),
         "shell": Artifact("surface/shell.json", ShellReport),
+        "roughness": Artifact("surface/roughness.json", RoughnessReport),
+        "spectra": Artifact("surface/roughness.png", Image),
+        "sections": Artifact("surface/sections.png", Image),
+        "amplitude": Artifact("surface/amplitude.csv", str),
     },
 )
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from pipeline.evidence import TextureReport, report_texture, report_walls, texture_metrics
 from pipeline.geometry.collision import footprint_errors
 from pipeline.metrics.iou import intersection_over_union
 from pipeline.metrics.limits import require_limits
@@ -22,9 +23,11 @@ from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
 from pipeline.report.graph import blocked_table
 from pipeline.report.plans import draw_agreement
+from pipeline.report.texture import draw_heat, draw_texture
+from pipeline.report.views import draw_views
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, decode
-from pipeline.types import FreeSpace, Image, Mask, Survey
+from pipeline.types import DriftNetwork, FreeSpace, Image, Mask, Survey
 
 
 def validate_world(params: ValidationParams, world: Path, cleaned: Mask, raw: Mask, survey: Survey) -> dict[str, Any]:
@@ -33,6 +36,7 @@ def validate_world(params: ValidationParams, world: Path, cleaned: Mask, raw: Ma
     record, frame = opened.record, survey.frame
     T_world_mine, groups = np.array(record.T_world_mine), record.geom_groups
     free_space = decode(world / "free_space.geojson", FreeSpace)
+    network = decode(world / "topology.json", DriftNetwork)
     seen = render_free_space(opened.model, T_world_mine, frame, record.height_m)
     columns = cast_columns(
         opened.model, T_world_mine, cleaned, frame, record.height_m, free_space.tolerance_m,
@@ -41,6 +45,8 @@ def validate_world(params: ValidationParams, world: Path, cleaned: Mask, raw: Ma
     box = shapely.box(*record.world_m)
     parts = part_vertices(opened.model, groups["rock"])
     intrusion, missing = footprint_errors(parts, free_space.polygon, box)
+    texture = report_texture(opened.model, free_space.polygon, network, params.texture)
+    walls = report_walls(opened.model, free_space.polygon, network, params.robot_height_m, params.texture.seed)
     metrics = {
         "iou": {
             "free_space_vs_cleaned": round(intersection_over_union(seen, cleaned), 6),
@@ -51,6 +57,8 @@ def validate_world(params: ValidationParams, world: Path, cleaned: Mask, raw: Ma
         "topology": vars(compare_topology(cleaned, seen, frame, params.network_cell_m, params.network_min_leg_m)),
         "areas": {**vars(record.areas), "tunnel_pixels_m2": round(float(cleaned.sum()) / frame.px_per_m**2, 3)},
         "collision": {"parts": len(parts), "intrusion_m2": round(intrusion, 6), "missing_m2": round(missing, 6)},
+        "texture": texture_metrics(texture),
+        "walls": vars(walls),
         "scale": {k: v for k, v in vars(survey.scale).items() if isinstance(v, float)},
         "world": _facts(opened),
     }
@@ -58,6 +66,10 @@ def validate_world(params: ValidationParams, world: Path, cleaned: Mask, raw: Ma
         "metrics": metrics,
         "agreement": draw_agreement(cleaned, seen),
         "blocked": blocked_table(columns.blocked_places_m, columns.blocked_depths_m, columns.wall_band_m),
+        "texture": texture,
+        "texture_picture": draw_texture(texture),
+        "heat": draw_heat(texture, free_space.polygon),
+        "views": draw_views(opened, network),
     }
 
 
@@ -102,6 +114,10 @@ STAGE = Stage(
         "metrics": Artifact("validation/metrics.json", dict, volatile=("world.load_s",)),
         "agreement": Artifact("validation/agreement.png", Image),
         "blocked": Artifact("validation/blocked.csv", str),
+        "texture": Artifact("validation/texture.json", TextureReport),
+        "texture_picture": Artifact("validation/texture.png", Image),
+        "heat": Artifact("validation/heat.png", Image),
+        "views": Artifact("validation/views.png", Image),
     },
 )
 

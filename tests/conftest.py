@@ -51,6 +51,15 @@ def shared_mine() -> Path:
 
 
 @pytest.fixture(scope="session")
+def shared_rock() -> Path:
+    """Return the scanned cave, or skip."""
+    path = SHARED / "rock" / "cave1.stl"
+    if not path.is_file():
+        pytest.skip("the scanned cave is not on this machine")
+    return path
+
+
+@pytest.fixture(scope="session")
 def config() -> Config:
     """Return the default configuration."""
     before = Path.cwd()
@@ -97,6 +106,7 @@ class BuiltMine:
         world = assemble_world(
             config.realism, self.survey, self.free_space, self.network, self.compiled["rock"],
             self.compiled["collision"], self.compiled["spawn"], self.surface["meshes"], self.surface["texture"],
+            self.surface["overlay"],
             occupancy_npz=encode(Path("o.npz"), self.compiled["occupancy"]), free_space_bt=self.compiled["octree"],
         )["world"]  # fmt: skip
         self.bundle = folder
@@ -167,6 +177,8 @@ class Project:
         lines += ["stations: data/chilean_mine/tiny.csv", "frame_m: null", "margin_m: 12.0", "entrance_m: [5.0, 0.0]"]
         lines += ["labels_m: {A: [10, 8]}", "scale: {source: bar, bar_length_m: 20.0}"]
         conf.write_text("\n".join(lines) + "\n")
+        thin = self.folder / "conf" / "validation" / "default.yaml"
+        thin.write_text(thin.read_text().replace("points_per_m2: 3000", "points_per_m2: 800"))
 
     def copy(self, folder: Path) -> Project:
         """Return a private copy, artifacts included."""

@@ -14,6 +14,7 @@ from pipeline.mjcf.bundle import WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.render import render_camera
 from pipeline.mjcf.world import (
     BACK_GROUP,
+    BASE_GROUP,
     GROUND_GROUP,
     ROCK_GROUP,
     SURFACE_GROUP,
@@ -42,11 +43,13 @@ def assemble_world(
     spawn: Spawn,
     meshes: Meshes,
     texture: Image,
+    overlay: Path | Bundle,
     **companions: bytes,
 ) -> dict[str, Bundle]:
     """Return `world`: the bundle's files by name.
 
-    `companions` are files that travel with the world as they are: `map_pgm` becomes `map.pgm`.
+    `overlay` is the folder of the displaced layer's chunks, or those files by name. `companions` are files that
+    travel with the world as they are: `map_pgm` becomes `map.pgm`.
     """
     scene = MineScene(
         name=survey.name,
@@ -56,7 +59,10 @@ def assemble_world(
         floor_thickness_m=params.floor_thickness_m,
         zones=tile_zones([(z.name, z.friction, z.rgba) for z in params.zones], rock.world_m),
         lights=_lights(params, topology),
-        surface=meshes,
+        base=meshes,
+        overlay={p.name: p.read_bytes() for p in sorted(overlay.glob("*.msh"))}
+        if isinstance(overlay, Path)
+        else overlay,
         texture=texture,
         anchor_m=spawn.anchor_m,
         heading_rad=_heading_at(topology, spawn.anchor_m),
@@ -112,7 +118,13 @@ def _record(
         loops=topology.loops,
         drifts=len(topology.legs),
         spawn=spawn,
-        geom_groups={"floor": GROUND_GROUP, "surface": SURFACE_GROUP, "rock": ROCK_GROUP, "back": BACK_GROUP},
+        geom_groups={
+            "floor": GROUND_GROUP,
+            "surface": SURFACE_GROUP,
+            "rock": ROCK_GROUP,
+            "back": BACK_GROUP,
+            "base": BASE_GROUP,
+        },
         files={},
         world_sha256="",
     )

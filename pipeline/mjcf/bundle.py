@@ -111,14 +111,29 @@ def open_bundle(folder: Path) -> World:
     return World(record, model, min(seconds), len(warned), size)
 
 
+def surface_corners(model: mujoco.MjModel, prefix: str) -> np.ndarray:
+    """Return the triangles (n, 3, 3), m, mine frame, of the mesh geoms whose names begin so, from the model itself."""
+    found = [np.zeros((0, 3, 3))]
+    for geom in range(model.ngeom):
+        if model.geom(geom).name.startswith(prefix):
+            mesh = model.geom_dataid[geom]
+            first, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+            found.append(_mesh_vertices(model, geom)[model.mesh_face[first : first + count]])
+    return np.concatenate(found)
+
+
 def part_vertices(model: mujoco.MjModel, group: int) -> list[np.ndarray]:
     """Return the vertices (n, 3), m, mine frame, of every mesh geom of a group, from the compiled model itself."""
     parts = []
     for geom in np.flatnonzero((model.geom_group == group) & (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)):
-        mesh = model.geom_dataid[geom]
-        start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-        rotation = np.zeros(9)
-        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
-        vertices = model.mesh_vert[start : start + count].astype(np.float64)
-        parts.append(vertices @ rotation.reshape(3, 3).T + model.geom_pos[geom])
+        parts.append(_mesh_vertices(model, int(geom)))
     return parts
+
+
+def _mesh_vertices(model: mujoco.MjModel, geom: int) -> np.ndarray:
+    mesh = model.geom_dataid[geom]
+    start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+    vertices = model.mesh_vert[start : start + count].astype(np.float64)
+    return vertices @ rotation.reshape(3, 3).T + model.geom_pos[geom]

@@ -40,7 +40,36 @@ def render_camera(
     """
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    distance = np.linalg.norm(data.light_xpos - data.cam_xpos[model.camera(camera).id], axis=1)
+    return _render(model, data, camera, data.cam_xpos[model.camera(camera).id], (width, height), groups, spots)
+
+
+def render_from(
+    model: mujoco.MjModel, eye_m: np.ndarray, towards_m: np.ndarray, fovy_deg: float, size_px: tuple[int, int],
+    groups: Iterable[int],
+) -> Image:  # fmt: skip
+    """Render the view from one place (3,) towards another (m, world frame) as (height, width, 3) uint8, BGR."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    along = (towards_m - eye_m) / np.linalg.norm(towards_m - eye_m)
+    camera = mujoco.MjvCamera()
+    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+    camera.lookat, camera.distance = eye_m + 0.01 * along, 0.01
+    camera.azimuth = np.degrees(np.arctan2(along[1], along[0]))
+    camera.elevation = np.degrees(np.arcsin(along[2]))
+    before = float(model.vis.global_.fovy)
+    model.vis.global_.fovy = fovy_deg
+    try:
+        return _render(model, data, camera, eye_m, size_px, groups, spots=True)
+    finally:
+        model.vis.global_.fovy = before
+
+
+def _render(
+    model: mujoco.MjModel, data: mujoco.MjData, camera: str | mujoco.MjvCamera, eye_m: np.ndarray,
+    size_px: tuple[int, int], groups: Iterable[int], spots: bool,
+) -> Image:  # fmt: skip
+    width, height = size_px
+    distance = np.linalg.norm(data.light_xpos - eye_m, axis=1)
     lit = model.light_active.copy()
     model.light_active[:] = 0
     if spots:

@@ -9,11 +9,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from pipeline.store.codecs import encode
+from pipeline.store.codecs import Bundle, encode
 from pipeline.types import ConvexParts, Image, Mesh, Rock
 
 # MuJoCo's viewers show groups 0-2 and hide the rest.
-GROUND_GROUP, SURFACE_GROUP, ROCK_GROUP, BACK_GROUP = 0, 2, 3, 4
+GROUND_GROUP, SURFACE_GROUP, ROCK_GROUP, BACK_GROUP, BASE_GROUP = 0, 2, 3, 4, 5
 _VISIBLE_PIECES = ("sill_chamfer", "walls", "back")  # the flat sill is left out: the floor zones are its picture
 
 
@@ -46,7 +46,10 @@ class SpotLight:
 
 @dataclass(frozen=True)
 class MineScene:
-    """All that a world consists of, in the mine frame."""
+    """All that a world consists of, in the mine frame.
+
+    `base` is the octagonal layer; `overlay` holds the displaced layer's chunks as `NAME.msh`, and hides the base.
+    """
 
     name: str
     rock: Rock
@@ -55,7 +58,8 @@ class MineScene:
     floor_thickness_m: float
     zones: list[Zone]
     lights: list[SpotLight]
-    surface: dict[str, Mesh]
+    base: dict[str, Mesh]
+    overlay: Bundle
     texture: Image
     anchor_m: tuple[float, float]
     heading_rad: float
@@ -141,8 +145,8 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     _add_rock_class(spec, scene.rock_friction)
     _add_rock(spec, mine, scene.parts)
     _add_ground(spec, mine, scene)
-    _add_surface(spec, mine, scene.surface)
-    spec.assets = {**_mesh_files(scene.surface), "textures/rock.png": encode(Path("rock.png"), scene.texture)}
+    meshes = _add_surface(spec, mine, scene)
+    spec.assets = {**meshes, "textures/rock.png": encode(Path("rock.png"), scene.texture)}
     for i, light in enumerate(scene.lights):
         mine.add_light(
             name=f"spot_{i:02d}", pos=light.place_m, dir=light.direction, type=mujoco.mjtLightType.mjLIGHT_SPOT,
@@ -190,11 +194,14 @@ def _add_rock(spec: mujoco.MjSpec, mine: mujoco.MjsBody, parts: ConvexParts) -> 
 
 def _add_ground(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> None:
     for zone in scene.zones:
+        # OpenGL lights corners, which on a floor of this size are far from every lamp: the ground glows a little.
+        spec.add_material(name=f"ground_{zone.name}", rgba=zone.rgba, emission=0.25, specular=0.0, shininess=0.0)
         centre = [(zone.west_m + zone.east_m) / 2, (zone.south_m + zone.north_m) / 2, -scene.floor_thickness_m / 2]
         size = [(zone.east_m - zone.west_m) / 2, (zone.north_m - zone.south_m) / 2, scene.floor_thickness_m / 2]
         # Without priority MuJoCo takes the larger friction of the two geoms, and a rubber wheel would not feel water.
         mine.add_geom(
-            name=zone.geom, type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, size=size, rgba=zone.rgba, priority=1,
+            name=zone.geom, type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, size=size,
+            material=f"ground_{zone.name}", priority=1,
             friction=[zone.friction, 0.005, 0.0001], group=GROUND_GROUP,
         )  # fmt: skip
     west, south, east, north = scene.rock.world_m
@@ -205,25 +212,22 @@ def _add_ground(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> 
     )  # fmt: skip
 
 
-def _add_surface(spec: mujoco.MjSpec, mine: mujoco.MjsBody, surface: dict[str, Mesh]) -> None:
-    for name in surface:
-        if name in _VISIBLE_PIECES:
-            # An open sheet has no volume; its inertia, never used, is that of a shell.
-            spec.add_mesh(name=name, file=f"meshes/{name}.msh", inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
-            mine.add_geom(spec.find_default("surface"), name=f"surface_{name}", meshname=name)
+def _add_surface(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> Bundle:
+    """Add both layers to a body of their own, which the collision phases pass over at once; return the mesh files."""
+    surface = mine.add_body(name="surface")
+    files = {f"base_{k}": encode(Path(f"{k}.msh"), mesh) for k, mesh in scene.base.items() if k in _VISIBLE_PIECES}
+    for name in files:
+        _add_sheet(spec, surface, name, BASE_GROUP if scene.overlay else SURFACE_GROUP)
+    chunks = {name.removesuffix(".msh"): data for name, data in sorted(scene.overlay.items())}
+    for name in chunks:
+        _add_sheet(spec, surface, name, SURFACE_GROUP)
+    return {f"meshes/{name}.msh": data for name, data in (files | chunks).items()}
 
 
-def _mesh_files(surface: dict[str, Mesh]) -> dict[str, bytes]:
-    return {f"meshes/{name}.msh": _msh(mesh) for name, mesh in surface.items() if name in _VISIBLE_PIECES}
-
-
-def _msh(mesh: Mesh) -> bytes:
-    """Return MuJoCo's binary mesh: counts, then positions, normals (none), texture coordinates, faces."""
-    head = np.array([len(mesh.vertices), 0, len(mesh.texcoords), len(mesh.faces)], dtype="<i4")
-    # Pictures count rows downwards, texture coordinates upwards.
-    flipped = np.column_stack([mesh.texcoords[:, 0], 1.0 - mesh.texcoords[:, 1]])
-    arrays = (mesh.vertices.astype("<f4"), flipped.astype("<f4"), mesh.faces.astype("<i4"))
-    return head.tobytes() + b"".join(a.tobytes() for a in arrays)
+def _add_sheet(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, group: int) -> None:
+    # An open sheet has no volume; its inertia, never used, is that of a shell.
+    spec.add_mesh(name=name, file=f"meshes/{name}.msh", inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+    body.add_geom(spec.find_default("surface"), name=f"surface_{name}", meshname=name, group=group)
 
 
 def _add_cameras(mine: mujoco.MjsBody, scene: MineScene) -> None:

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.params.base import Params
+from pipeline.params.survey import DataFile
 
 Channel = Annotated[int, Field(ge=0, le=255)]
+
+
+def _rising(limits: tuple[float, float]) -> tuple[float, float]:
+    if not 0 <= limits[0] < limits[1]:
+        raise ValueError("want 0 <= low < high")
+    return limits
+
+
+Interval = Annotated[tuple[float, float], AfterValidator(_rising)]
+Lengths = Annotated[list[Annotated[float, Field(gt=0)]], Field(min_length=2)]
+Deviations = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=2)]
 
 
 class TextureParams(Params):
@@ -22,9 +34,95 @@ class TextureParams(Params):
     seed: int = Field(ge=0)
 
 
+class SweepsParams(Params):
+    """Planar sweeps whose walls are measured; without files the project's own measurement of the dataset's is shown."""
+
+    files: dict[str, DataFile] = Field(description="sweep -> file")
+    measured: DataFile = Field(description="roughness of sweeps measured before (`python -m pipeline roughness`)")
+    max_range_m: float = Field(gt=0)
+    max_range_var_m2: float = Field(gt=0)
+    max_gap_m: float = Field(gt=0)
+    window_m: float = Field(gt=0)
+    footprint_m: float = Field(gt=0)
+
+
+class CloudParams(Params):
+    """A point cloud or scanned mesh of rock."""
+
+    file: DataFile | None = None
+    units: Literal["m", "mm", "ft"]
+    thin_m: float = Field(ge=0.001, le=1)
+    range_m: Interval
+    height_m: Interval
+    max_points: int = Field(ge=1000, le=100_000_000)
+    mesh_points_per_m2: float = Field(gt=0)
+    outlier_neighbours: int = Field(ge=2, le=200)
+    outlier_ratio: float = Field(gt=0)
+    window_m: float = Field(gt=0)
+
+
+class SpectrumParams(Params):
+    """The rock's noise: s.d. of half-octave bands at wavelengths; between them the logarithms are interpolated."""
+
+    wavelength_m: Lengths
+    wall_sd_m: Deviations
+    back_sd_m: Deviations
+
+    @model_validator(mode="after")
+    def _one_each(self) -> SpectrumParams:
+        if not len(self.wavelength_m) == len(self.wall_sd_m) == len(self.back_sd_m):
+            raise ValueError("wavelength_m, wall_sd_m and back_sd_m differ in length")
+        if sorted(self.wavelength_m) != self.wavelength_m:
+            raise ValueError("wavelength_m must rise")
+        return self
+
+
+class BoundsParams(Params):
+    """How far the rock may stand out."""
+
+    wall_m: float = Field(gt=0, le=1)
+    back_m: float = Field(gt=0, le=1)
+    narrow_half_width_m: float = Field(gt=0)
+    wide_half_width_m: float = Field(gt=0)
+    narrow_share: float = Field(gt=0, lt=1)
+    rock_share: float = Field(gt=0, le=0.9)
+
+    @model_validator(mode="after")
+    def _narrow_below_wide(self) -> BoundsParams:
+        if not self.narrow_half_width_m < self.wide_half_width_m:
+            raise ValueError("narrow_half_width_m must be below wide_half_width_m")
+        return self
+
+
+class OverlayParams(Params):
+    """The displaced layer over the octagon."""
+
+    spacing_m: float = Field(ge=0.02, le=0.5)
+    back_spacing_m: float = Field(ge=0.02, le=0.5)
+    arch_half_span_m: float = Field(gt=0)
+    longest_wavelength_m: float = Field(gt=0.2, le=20)
+    max_rms_m: float = Field(gt=0, le=0.5)
+    modulation_m: float = Field(gt=0)
+    modulation_spread: float = Field(ge=0, le=1)
+    tile_m: float = Field(ge=2)
+    seed: int = Field(ge=0)
+    bounds: BoundsParams
+
+
 class SurfaceParams(Params):
-    """The octagonal base layer and its material."""
+    """The octagonal base layer, the overlay, the rock it copies, and the material."""
 
     sill_chamfer_m: float = Field(gt=0)
     back_chamfer_m: float = Field(gt=0)
     texture: TextureParams
+    reference: Literal["published", "sweeps", "cloud"]
+    published: SpectrumParams
+    sweeps: SweepsParams
+    cloud: CloudParams
+    overlay: OverlayParams
+
+    @model_validator(mode="after")
+    def _cloud_has_its_file(self) -> SurfaceParams:
+        if self.reference == "cloud" and self.cloud.file is None:
+            raise ValueError("surface.reference=cloud needs surface.cloud.file")
+        return self

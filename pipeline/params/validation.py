@@ -22,6 +22,21 @@ class Limit(Params):
         return self
 
 
+class TextureReportParams(Params):
+    """How the rock's texture is sampled: evenly by area in stretches of the workings, and the paper's added noise."""
+
+    wall_points: int = Field(ge=1000, le=20_000_000)
+    ceiling_points: int = Field(ge=1000, le=20_000_000)
+    points_per_m2: float = Field(gt=0, description="upper bound; small mines need fewer points")
+    stretches: int = Field(ge=1, le=200)
+    stretch_radius_m: float = Field(gt=0)
+    wall_z_m: tuple[float, float]
+    ceiling_z_m: tuple[float, float]
+    noise_normal_m: float = Field(ge=0)
+    noise_in_plane_m: float = Field(ge=0)
+    seed: int = Field(ge=0)
+
+
 class ValidationParams(Params):
     """Limits by metric name and how networks are traced.
 
@@ -30,6 +45,8 @@ class ValidationParams(Params):
 
     network_cell_m: float = Field(gt=0.02, le=2)
     network_min_leg_m: float = Field(ge=0, le=50)
+    robot_height_m: float = Field(gt=0, description="at which LiDAR and walls are compared")
+    texture: TextureReportParams
     limits: dict[str, Limit]
 
     @field_validator("limits", mode="before")

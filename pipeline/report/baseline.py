@@ -14,11 +14,18 @@ from pipeline.store.files import write_atomically
 METRICS = Path("artifacts/validation/metrics.json")
 BASELINE = Path("tests/baseline.json")
 RESULTS = Path("docs/results.md")
-PREVIEW = Path("artifacts/realism/world/preview.png")
+PICTURES = {
+    "world.jpg": Path("artifacts/realism/world/preview.png"),
+    "views.jpg": Path("artifacts/validation/views.png"),
+    "texture.jpg": Path("artifacts/validation/texture.png"),
+    "heat.jpg": Path("artifacts/validation/heat.png"),
+    "roughness.jpg": Path("artifacts/surface/roughness.png"),
+    "sections.jpg": Path("artifacts/surface/sections.png"),
+}
 README = Path("README.md")
 _OPEN, _CLOSE = "<!-- results -->", "<!-- /results -->"
 _PICTURE_WIDTH = 1200
-_GATED = ("iou.", "texture.")
+_GATED = ("iou.", "texture.published.", "texture.strict.")
 IOU_DROP, TEXTURE_DROP = 0.002, 0.01
 
 _ROWS = [
@@ -37,9 +44,21 @@ _ROWS = [
     ("convex collision parts", "collision.parts", "d", "<= 800", "1,186"),
     ("collision in the free space, m2", "collision.intrusion_m2", ".4f", "< 0.01", "-"),
     ("rock without collision, m2", "collision.missing_m2", ".4f", "< 0.01", "-"),
-    ("bundle, MB", "world.bytes", "MB", "<= 10", "about 800"),
-    ("MjModel load, s", "world.load_s", ".3f", "<= 0.5", "< 10"),
-]
+    ("texture, published score, overall", "texture.published.overall", ".3f", ">= 0.95", "0.794"),
+    ("- wall jaggedness", "texture.published.wall_jaggedness_deg", ".3f", ">= 0.90", "0.976"),
+    ("- bump Rq", "texture.published.bump_rq_m", ".3f", ">= 0.90", "0.819"),
+    ("- roughness scale integral", "texture.published.roughness_integral_m2", ".3f", ">= 0.90", "0.798"),
+    ("- dominant wavelength", "texture.published.dominant_wavelength_m", ".3f", ">= 0.90", "0.994"),
+    ("- ceiling irregularity", "texture.published.ceiling_irregularity_m", ".3f", ">= 0.90", "0.509"),
+    ("- wall heterogeneity", "texture.published.wall_heterogeneity_m", ".3f", ">= 0.90", "0.778"),
+    ("texture, strict score, overall", "texture.strict.overall", ".3f", ">= 0.80", "about 0.29"),
+    ("roughness at 0.5 m, model / real", "texture.bump_ratio", ".3f", "0.85 to 1.15", "0.36"),
+    ("visible to collision wall at 0.5 m height, median / p95 / max, m",
+     ("walls.gap_median_m", "walls.gap_p95_m", "walls.gap_max_m"), ".2f", "0.15 / 0.35 / 0.60", "-"),
+    ("narrowest passage, clear width kept", "walls.narrowest_kept", ".3f", ">= 0.95", "-"),
+    ("bundle, MB", "world.bytes", "MB", "<= 60", "about 800"),
+    ("MjModel load, s", "world.load_s", ".3f", "<= 2", "< 10"),
+]  # fmt: skip
 
 
 def read_metrics(path: Path = METRICS) -> dict[str, float]:
@@ -77,21 +96,24 @@ def accept_baseline() -> str:
 
 
 def write_results() -> str:
-    """Write the results table to `docs/` and into the README, and the world's picture; return the table."""
-    picture = cv2.imread(str(PREVIEW))
-    if picture is None:
-        raise ArtifactError(f"{PREVIEW}: missing; run `make all` first")
-    size = (_PICTURE_WIDTH, round(picture.shape[0] * _PICTURE_WIDTH / picture.shape[1]))
-    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-    write_atomically(
-        RESULTS.with_name("world.jpg"), cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
-    )
+    """Write the results table to `docs/` and into the README, and the pictures they show; return the table."""
+    for name, source in PICTURES.items():
+        write_atomically(RESULTS.with_name(name), _small(source))
     text = results_table(read_metrics())
     header = "# Results\n\nThe embedded survey, as measured by `make all`; written by `make report`.\n\n"
     write_atomically(RESULTS, (header + text).encode())
     before, _, rest = README.read_text().partition(_OPEN)
     write_atomically(README, (before + _OPEN + "\n" + text + _CLOSE + rest.partition(_CLOSE)[2]).encode())
     return text
+
+
+def _small(source: Path) -> bytes:
+    picture = cv2.imread(str(source))
+    if picture is None:
+        raise ArtifactError(f"{source}: missing; run `make all` first")
+    size = (_PICTURE_WIDTH, round(picture.shape[0] * _PICTURE_WIDTH / picture.shape[1]))
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    return cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
 
 
 def results_table(metrics: dict[str, float]) -> str:

@@ -41,6 +41,8 @@ def encode(path: Path, value: Any) -> bytes:
             return _encode_geojson(value)
         case ".npz":
             return _encode_npz(value)
+        case ".msh":
+            return _encode_msh(value)
     raise ArtifactError(f"{path}: no codec writes {path.suffix!r} from {type(value).__name__}")
 
 
@@ -74,6 +76,8 @@ def decode(path: Path, kind: Any) -> Any:
             case ".npz":
                 with np.load(path, allow_pickle=False) as arrays:
                     return _decode_npz(dict(arrays), kind)
+            case ".msh":
+                return _decode_msh(path.read_bytes())
             case _:
                 raise ValueError(f"no codec reads {path.suffix!r}")
     except _UNREADABLE as error:
@@ -126,3 +130,26 @@ def _decode_npz(arrays: dict[str, np.ndarray], kind: Any) -> Any:
         names = sorted({key.partition("/")[0] for key in arrays})
         return {n: Mesh(*(arrays[f"{n}/{f.name}"] for f in dataclasses.fields(Mesh))) for n in names}
     return kind(**{k: v if v.ndim else v.item() for k, v in arrays.items()})
+
+
+def _encode_msh(mesh: Mesh) -> bytes:
+    """Return MuJoCo's binary mesh: counts, then positions, normals (none), texture coordinates, faces."""
+    head = np.array([len(mesh.vertices), 0, len(mesh.texcoords), len(mesh.faces)], dtype="<i4")
+    # Pictures count rows downwards, texture coordinates upwards.
+    flipped = np.column_stack([mesh.texcoords[:, 0], 1.0 - mesh.texcoords[:, 1]])
+    arrays = (mesh.vertices.astype("<f4"), flipped.astype("<f4"), mesh.faces.astype("<i4"))
+    return head.tobytes() + b"".join(a.tobytes() for a in arrays)
+
+
+def _decode_msh(data: bytes) -> Mesh:
+    vertices, normals, texcoords, faces = np.frombuffer(data, "<i4", 4).tolist()
+    if (
+        min(vertices, normals, texcoords, faces) < 0
+        or len(data) != 16 + 12 * (vertices + normals + faces) + 8 * texcoords
+    ):
+        raise ValueError("its counts do not match its size")
+    at = 16 + 12 * (vertices + normals)
+    points = np.frombuffer(data, "<f4", 3 * vertices, 16).reshape(-1, 3).astype(np.float64)
+    uv = np.frombuffer(data, "<f4", 2 * texcoords, at).reshape(-1, 2).astype(np.float64)
+    index = np.frombuffer(data, "<i4", 3 * faces, at + 8 * texcoords).reshape(-1, 3).astype(np.int32)
+    return Mesh(points, index, np.column_stack([uv[:, 0], 1.0 - uv[:, 1]]))

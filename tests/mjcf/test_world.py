@@ -169,7 +169,7 @@ def test_a_tampered_bundle_is_refused_and_the_file_named(tee: BuiltMine, tmp_pat
             (bundle / "mine.xml").write_text((bundle / "mine.xml").read_text().replace("rock_0001", "rock_9991"))
             name = r"mine\.xml"
         case "drop":
-            (bundle / "meshes" / "walls.msh").unlink()
+            (bundle / "meshes" / "base_walls.msh").unlink()
             name = r"walls\.msh: missing"
         case "add":
             (bundle / "extra.bin").write_bytes(b"x")

@@ -156,3 +156,18 @@ def test_an_unregistered_file_and_a_broken_registry_are_named(registry_folder):
     Path("data/registry.txt").write_text("one two\n")
     with pytest.raises(InputError, match=r"registry\.txt:1"):
         read_registry()
+
+
+def test_a_mesh_survives_its_round_trip_and_a_cut_one_is_refused(tmp_path):
+    rng = np.random.default_rng(0)
+    mesh = Mesh(rng.uniform(-9, 9, (5, 3)).astype(np.float32).astype(float), np.array([[0, 1, 2], [2, 3, 4]], np.int32),
+                rng.uniform(0, 1, (5, 2)))  # fmt: skip
+    path = tmp_path / "a.msh"
+    path.write_bytes(encode(path, mesh))
+    read = decode(path, Mesh)
+    np.testing.assert_array_equal(read.vertices, mesh.vertices)
+    np.testing.assert_array_equal(read.faces, mesh.faces)
+    np.testing.assert_allclose(read.texcoords, mesh.texcoords, atol=1e-6)
+    path.write_bytes(path.read_bytes()[:-4])
+    with pytest.raises(ArtifactError, match=r"a\.msh: not a readable Mesh: its counts do not match its size"):
+        decode(path, Mesh)

@@ -1,0 +1,224 @@
+"""Search the overlay's noise for the best texture scores at several prices of amplitude: the default's trade-off."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+import shapely.affinity
+from scipy.optimize import minimize
+from tqdm import tqdm
+
+from pipeline.compose import compose
+from pipeline.errors import MineError
+from pipeline.geometry.displacement import Bounds, bound_displacement, displaced
+from pipeline.geometry.lattice import BACK, WALL, BoreProfile, lay_lattice
+from pipeline.geometry.noise import slow_modulation, unit_bands
+from pipeline.geometry.spectrum import band_edges, band_wavelengths
+from pipeline.geometry.walls import lay_walls
+from pipeline.metrics.planefit import sweep_residuals
+from pipeline.metrics.published import REAL, REAL_SWEEP
+from pipeline.metrics.sampling import faces_near, sample_triangles
+from pipeline.metrics.texture import (
+    AXES,
+    WINDOWS_M,
+    TextureAxes,
+    bump_rq_m,
+    ceiling_irregularity_m,
+    published_score,
+    roughness_integral_m2,
+    strict_score,
+    wall_heterogeneity_m,
+    wall_jaggedness_deg,
+    wall_wavelength_m,
+)
+from pipeline.report.style import OCHRE, ROCK, STEEL, new_figure, to_image
+from pipeline.store.codecs import encode
+from pipeline.store.files import write_atomically
+
+RESULTS = Path("artifacts/benchmarks/texture-search.json")
+TABLE, PICTURE = Path("docs/texture-search.md"), Path("docs/texture-search.png")
+PRICES = (0.01, 0.03, 0.1, 0.3)  # of (RMS / 0.15 m)^2, against the mean squared log ratio of the axes
+CHOSEN = 0.1
+KNOTS_M = {"wall": (0.24, 0.48, 1.0, 2.7), "back": (0.34, 0.48, 1.0, 2.7)}  # the back holds no shorter wave
+WRITTEN_M = (0.24, 0.34, 0.48, 1.0, 2.7)
+_START = np.log([0.075, 0.09, 0.03, 0.015, 0.15, 0.08, 0.03, 0.02])
+_EVALUATIONS, _SEED = 260, 3
+_LENGTH_M, _WIDTH_M, _TURN_DEG = 44.0, 6.6, 17.3  # a straight drift of the mine's usual width, askew to the voxels
+_HEIGHT_M = 3.5
+_BUMP_AIM, _BUMP_SLACK = 0.94, 0.04
+_SMOOTH = 0.003  # holds back spectra of a single wave
+
+
+class TestDrift:
+    """A straight drift whose noise bands are evaluated once; a trial only mixes them."""
+
+    def __init__(self) -> None:
+        """Lay the drift."""
+        self.params = compose([]).surface
+        look = self.params.overlay
+        turn = shapely.affinity.rotate(shapely.box(0, 0, _LENGTH_M, _WIDTH_M), _TURN_DEG, origin=(0, 0))
+        self.free = turn
+        profile = BoreProfile(_HEIGHT_M, self.params.sill_chamfer_m, self.params.back_chamfer_m, look.arch_half_span_m)
+        self.lattice = lay_lattice(lay_walls(turn, look.spacing_m), profile, look.spacing_m, look.back_spacing_m)
+        self.wavelength = band_wavelengths(2 * look.spacing_m, look.longest_wavelength_m)
+        shortest = np.array([band_edges(w)[0] for w in self.wavelength.tolist()])
+        self.back_holds = shortest >= 2 * look.back_spacing_m * (1 - 1e-9)
+        rng = np.random.default_rng(_SEED)
+        self.unit = np.stack(list(unit_bands(self.lattice.vertices, self.wavelength, rng)))
+        self.slow = slow_modulation(self.lattice.vertices, look.modulation_m, look.modulation_spread, rng)
+        angle = np.radians(_TURN_DEG)
+        along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+        self.places = np.array([x * along + _WIDTH_M / 2 * across for x in (13.0, 31.0)])
+
+    def measure(self, log_sd: np.ndarray) -> dict[str, Any]:
+        """Build one trial and measure it."""
+        wall, back = at_wavelengths(log_sd, self.wavelength)
+        share = self.lattice.back_share
+        wanted = ((1 - share) * (wall @ self.unit) + share * ((back * self.back_holds) @ self.unit)) * self.slow
+        given = bound_displacement(wanted, self.lattice, Bounds(**self.params.overlay.bounds.model_dump()))
+        corners = displaced(self.lattice, given)[self.lattice.faces]
+        rng = np.random.default_rng(_SEED)
+        points = {
+            piece: sample_triangles(faces_near(corners[self.lattice.piece == piece], self.places, 8.0), count, rng)[0]
+            for piece, count in ((WALL, 350_000), (BACK, 80_000))
+        }
+        walls = points[WALL][(points[WALL][:, 2] >= 0.5) & (points[WALL][:, 2] <= 3.0)]
+        ceiling = points[BACK][(points[BACK][:, 2] >= 3.0) & (points[BACK][:, 2] <= 3.8)]
+        axes = TextureAxes(
+            wall_jaggedness_deg(walls), bump_rq_m(walls), roughness_integral_m2(walls),
+            wall_wavelength_m(walls[::2], self.free), ceiling_irregularity_m(ceiling), wall_heterogeneity_m(walls),
+        )  # fmt: skip
+        on_wall = share == 0
+        return {
+            "axes": axes,
+            "sweep": sweep_residuals(walls, WINDOWS_M, 20),
+            "wall_rms_m": float(given[on_wall].std()),
+            "back_rms_m": float(given[share > 0.5].std()),
+            "gap_p95_m": float(np.percentile(np.abs(given[on_wall]), 95)),
+        }
+
+    def cost(self, log_sd: np.ndarray, price: float) -> float:
+        """Return the mean squared log ratio of the axes, plus the price of amplitude and a leash on bump Rq."""
+        found = self.measure(log_sd)
+        off = sum(np.log(max(getattr(found["axes"], a), 1e-6) / getattr(REAL, a)) ** 2 for a in AXES) / len(AXES)
+        real = {r.window_m: r.rq_m for r in REAL_SWEEP}
+        scale = np.mean([np.log(r.rq_m / real[r.window_m]) ** 2 for r in found["sweep"]])
+        leash = max(0.0, abs(np.log(found["axes"].bump_rq_m / REAL.bump_rq_m / _BUMP_AIM)) - _BUMP_SLACK)
+        amplitude = (found["wall_rms_m"] ** 2 + found["back_rms_m"] ** 2) / 0.15**2
+        bent = sum(float((np.diff(q, 2) ** 2).sum()) for q in np.split(log_sd, 2))
+        return float(off + 0.05 * scale + 30 * leash**2 + price * amplitude + _SMOOTH * bent)
+
+
+def at_wavelengths(log_sd: np.ndarray, wavelength_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the walls' and the back's s.d. at wavelengths, from the logarithms at the knots of both."""
+    wall, back = (
+        np.exp(np.interp(np.log(wavelength_m), np.log(knots), q))
+        for knots, q in zip(KNOTS_M.values(), np.split(log_sd, 2), strict=True)
+    )
+    return wall, back
+
+
+def search(price: float) -> dict[str, Any]:
+    """Search at one price of amplitude."""
+    drift = TestDrift()
+    simplex = np.vstack([_START, _START + 0.4 * np.eye(len(_START))])
+    found = minimize(
+        drift.cost, _START, (price,), method="Nelder-Mead",
+        options={"maxfev": _EVALUATIONS, "initial_simplex": simplex, "xatol": 0.02, "fatol": 1e-4},
+    )  # fmt: skip
+    measured = drift.measure(found.x)
+    axes: TextureAxes = measured.pop("axes")
+    return {
+        "price": price,
+        **{
+            f"{k}_sd_m": sd.round(4).tolist()
+            for k, sd in zip(KNOTS_M, at_wavelengths(found.x, np.array(WRITTEN_M)), strict=True)
+        },
+        "ratios": {a: round(getattr(axes, a) / getattr(REAL, a), 3) for a in AXES},
+        "strict": asdict(strict_score(REAL, axes)),
+        "published_without_noise": asdict(published_score(REAL, axes)),
+        "rq_m": {str(r.window_m): round(r.rq_m, 4) for r in measured.pop("sweep")},
+        **{k: round(v, 4) for k, v in measured.items()},
+    }
+
+
+def write_table(rows: list[dict[str, Any]]) -> str:
+    """Write and return the trade-off as Markdown."""
+    head = [
+        "price of amplitude",
+        "strict, overall",
+        "published, overall",
+        *(a.rsplit("_", 1)[0].replace("_", " ") for a in AXES),
+        "wall RMS, m",
+        "gap p95, m",
+        "back RMS, m",
+    ]
+    lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
+    for r in rows:
+        name = f"**{r['price']}** (default)" if r["price"] == CHOSEN else str(r["price"])
+        cells = [name, f"{r['strict']['overall']:.3f}", f"{r['published_without_noise']['overall']:.3f}"]
+        cells += [f"x {r['ratios'][a]:.2f}" for a in AXES]
+        cells += [f"{r['wall_rms_m']:.3f}", f"{r['gap_p95_m']:.3f}", f"{r['back_rms_m']:.3f}"]
+        lines.append(f"| {' | '.join(cells)} |")
+    text = (
+        "# What texture costs\n\nThe best noise for the published axes, four prices of amplitude, on a straight drift: "
+        "`x` is model over real. Written by `make search-texture`.\n\n"
+        + "\n".join(lines)
+        + "\n\n![trade-off](texture-search.png)\n"
+    )
+    write_atomically(TABLE, text.encode())
+    return text
+
+
+def draw(rows: list[dict[str, Any]]) -> None:
+    """Draw scores and ratios against the gap between visible and collision walls."""
+    figure = new_figure(10, 3.8)
+    scores, ratios = figure.subplots(1, 2)
+    gap = [r["gap_p95_m"] for r in rows]
+    scores.plot(gap, [r["strict"]["overall"] for r in rows], "o-", color=ROCK, label="strict")
+    scores.plot(gap, [r["published_without_noise"]["overall"] for r in rows], "o-", color=OCHRE, label="published")
+    for r in rows:
+        scores.annotate(f" {r['price']}", (r["gap_p95_m"], r["strict"]["overall"]), fontsize=7)
+    for k, axis in enumerate(AXES):
+        ratios.plot(
+            gap,
+            [r["ratios"][axis] for r in rows],
+            "o-",
+            ms=3,
+            label=axis.rsplit("_", 1)[0].replace("_", " "),
+            color=None if k else STEEL,
+        )
+    ratios.axhline(1.0, color="k", lw=0.6)
+    ratios.set(xlabel="95th percentile of visible to collision wall, m", ylabel="model / real", yscale="log")
+    scores.set(xlabel="95th percentile of visible to collision wall, m", ylabel="overall score")
+    scores.legend()
+    ratios.legend(fontsize=7)
+    write_atomically(PICTURE, encode(PICTURE, to_image(figure)))
+
+
+def main() -> int:
+    """Search at every price, two at a time."""
+    try:
+        with multiprocessing.get_context("spawn").Pool(2) as pool:
+            rows = list(tqdm(pool.imap(search, PRICES), total=len(PRICES), desc="prices", disable=None))
+        write_atomically(RESULTS, (json.dumps(rows, indent=2) + "\n").encode())
+        draw(rows)
+        print(write_table(rows))
+        chosen = next(r for r in rows if r["price"] == CHOSEN)
+        print(f"default: wavelength_m: {list(WRITTEN_M)}", f"wall_sd_m: {chosen['wall_sd_m']}", end=", ")
+        print(f"back_sd_m: {chosen['back_sd_m']}")
+    except MineError as error:
+        print(f"search-texture: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,159 @@
+"""Stage 6's work on the rock: sample the meshes that the MJCF names, and report texture and walls from the points."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from shapely import Polygon
+
+from pipeline.metrics.clearance import WallGaps, measure_walls
+from pipeline.metrics.planefit import Residuals, fit_voxel_planes, sweep_residuals
+from pipeline.metrics.published import REAL
+from pipeline.metrics.sampling import faces_near, sample_triangles, with_noise
+from pipeline.metrics.texture import (
+    WINDOWS_M,
+    Scores,
+    TextureAxes,
+    bump_rq_m,
+    ceiling_irregularity_m,
+    ceiling_unevenness_m,
+    published_score,
+    published_wavelength_m,
+    roughness_integral_m2,
+    strict_score,
+    wall_heterogeneity_m,
+    wall_jaggedness_deg,
+    wall_wavelength_m,
+)
+from pipeline.mjcf.bundle import surface_corners
+from pipeline.params.validation import TextureReportParams
+from pipeline.types import DriftNetwork
+
+_HEAT_M, _HEAT_POINTS = 0.5, 12
+_BAND_M = 0.05  # half the height of the band of wall that counts as robot height
+_WALL_POINTS = 400_000
+
+
+@dataclass(frozen=True)
+class TextureReport:
+    """Both readings of the six axes and their scores, the residuals over voxel sizes, and sigma along the mine.
+
+    `published_axes` are of points with the paper's noise, `strict_axes` of the mesh as it is; `ceiling_unevenness_m` is
+    the other reading of the ceiling's axis. `heat` rows are easting, northing, mean sigma (m) of 0.5 m voxels.
+    """
+
+    published_axes: TextureAxes
+    strict_axes: TextureAxes
+    published: Scores
+    strict: Scores
+    residuals: list[Residuals]
+    ceiling_unevenness_m: float
+    bump_rms_m: float
+    heat: list[tuple[float, float, float]]
+
+
+def report_texture(
+    model: mujoco.MjModel, free: Polygon, network: DriftNetwork, params: TextureReportParams
+) -> TextureReport:
+    """Measure the visible rock of a compiled world on the paper's six axes."""
+    rng = np.random.default_rng(params.seed)
+    walls, back = surface_corners(model, "surface_walls"), surface_corners(model, "surface_back")
+    walls = walls if len(walls) else surface_corners(model, "surface_base_walls")
+    back = back if len(back) else surface_corners(model, "surface_base_back")
+    everywhere, _ = sample_triangles(walls, _count(walls, params.wall_points, params.points_per_m2), rng)
+    places = _places(network, params.stretches)
+    near, far_up = (faces_near(_fine(c), places, params.stretch_radius_m) for c in (walls, back))
+    wall, wall_normal = sample_triangles(near, _count(near, params.wall_points, params.points_per_m2), rng)
+    ceiling, ceiling_normal = sample_triangles(far_up, _count(far_up, params.ceiling_points, params.points_per_m2), rng)
+    noise = (params.noise_normal_m, params.noise_in_plane_m, rng)
+    noisy_wall = _between(with_noise(wall, wall_normal, *noise), params.wall_z_m)
+    noisy_ceiling = _between(with_noise(ceiling, ceiling_normal, *noise), params.ceiling_z_m)
+    wall, ceiling = _between(wall, params.wall_z_m), _between(ceiling, params.ceiling_z_m)
+    as_paper = _axes(noisy_wall, noisy_ceiling, published_wavelength_m(_between(everywhere, params.wall_z_m)))
+    as_is = _axes(wall, ceiling, wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free))
+    sigma = fit_voxel_planes(wall, 0.5, 30).sigma
+    return TextureReport(
+        as_paper, as_is, published_score(REAL, as_paper), strict_score(REAL, as_is),
+        sweep_residuals(wall, WINDOWS_M, 20),
+        ceiling_unevenness_m(ceiling), float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0, _heat(everywhere),
+    )  # fmt: skip
+
+
+def texture_metrics(report: TextureReport) -> dict[str, Any]:
+    """Return the report's figures for `metrics.json`."""
+    rounded = {
+        kind: {"overall": round(scores.overall, 4), **{k: round(v, 4) for k, v in scores.axes.items()}}
+        for kind, scores in (("published", report.published), ("strict", report.strict))
+    }
+    measured = {
+        f"measured_{kind}": {k: round(v, 6) for k, v in dataclasses.asdict(axes).items()}
+        for kind, axes in (("published", report.published_axes), ("strict", report.strict_axes))
+    }
+    return {
+        **rounded,
+        **measured,
+        "bump_ratio": round(report.strict_axes.bump_rq_m / REAL.bump_rq_m, 4),
+        "bump_rms_ratio": round(report.bump_rms_m / REAL.bump_rq_m, 4),
+        "ceiling_unevenness_m": round(report.ceiling_unevenness_m, 4),
+    }
+
+
+def report_walls(model: mujoco.MjModel, free: Polygon, network: DriftNetwork, height_m: float, seed: int) -> WallGaps:
+    """Compare the visible walls at a height with the walls that collide."""
+    walls = surface_corners(model, "surface_walls")
+    walls = walls if len(walls) else surface_corners(model, "surface_base_walls")
+    z = walls[:, :, 2]
+    band = walls[(z.max(axis=1) > height_m - _BAND_M) & (z.min(axis=1) < height_m + _BAND_M)]
+    points, _ = sample_triangles(_fine(band), _WALL_POINTS, np.random.default_rng(seed))
+    return measure_walls(_between(points, (height_m - _BAND_M, height_m + _BAND_M))[:, :2], free, network)
+
+
+def _axes(walls: np.ndarray, ceiling: np.ndarray, wavelength_m: float) -> TextureAxes:
+    return TextureAxes(
+        wall_jaggedness_deg(walls), bump_rq_m(walls), roughness_integral_m2(walls), wavelength_m,
+        ceiling_irregularity_m(ceiling), wall_heterogeneity_m(walls),
+    )  # fmt: skip
+
+
+def _places(network: DriftNetwork, count: int) -> np.ndarray:
+    """Return places (n, 2) m at even shares of all stations, dead ends left out."""
+    stations = np.array([p for leg in network.legs for p in leg.stations_m])
+    return stations[np.linspace(0, len(stations) - 1, count + 2).round().astype(int)[1:-1]]
+
+
+def _count(corners: np.ndarray, most: int, per_m2: float) -> int:
+    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return max(1000, min(most, int(per_m2 * np.linalg.norm(sides, axis=1).sum() / 2)))
+
+
+def _fine(corners: np.ndarray, longest_m: float = 3.0) -> np.ndarray:
+    """Split triangles until none is longer than `longest_m`, so that a place can be told of each."""
+    while len(corners):
+        sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+        long = sides.max(axis=1) > longest_m
+        if not long.any():
+            break
+        at = sides[long].argmax(axis=1)[:, None]
+        a, b, c = (np.take_along_axis(corners[long], ((at + k) % 3)[:, :, None], axis=1)[:, 0] for k in range(3))
+        middle = (a + b) / 2
+        corners = np.concatenate([corners[~long], np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+    return corners
+
+
+def _between(points: np.ndarray, z_m: tuple[float, float]) -> np.ndarray:
+    return points[(points[:, 2] >= z_m[0]) & (points[:, 2] <= z_m[1])]
+
+
+def _heat(points: np.ndarray) -> list[tuple[float, float, float]]:
+    planes = fit_voxel_planes(points, _HEAT_M, _HEAT_POINTS)
+    column, index = np.unique(planes.cell[:, :2], axis=0, return_inverse=True)
+    index = index.ravel()
+    sigma = np.bincount(index, planes.sigma) / np.bincount(index)
+    return [
+        (round(float(x), 2), round(float(y), 2), round(float(s), 4))
+        for (x, y), s in zip((column + 0.5) * _HEAT_M, sigma, strict=True)
+    ]

@@ -1,0 +1,53 @@
+"""How far the rock may stand out: displacements bounded smoothly by the room there is, with no clip anywhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pipeline.geometry.lattice import Lattice
+from pipeline.geometry.walls import smoothstep
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Displacement allowed, m.
+
+    Where half the free width is at most `narrow_half_width_m`, each wall may take `narrow_share` of it; from there to
+    `wide_half_width_m` the bound rises smoothly to `wall_m`. Into the rock it is `wall_m`, or `rock_share` of half a
+    thin pillar. The back moves by at most `back_m`.
+    """
+
+    wall_m: float
+    back_m: float
+    narrow_half_width_m: float
+    wide_half_width_m: float
+    narrow_share: float
+    rock_share: float
+
+
+def bound_displacement(wanted_m: np.ndarray, lattice: Lattice, bounds: Bounds) -> np.ndarray:
+    """Return displacements (n,) m, positive into the workings, as `bound * tanh(wanted / bound)`."""
+    free, rock = lattice.walls.free_m[lattice.column], lattice.walls.rock_m[lattice.column]
+    wide = smoothstep((free - bounds.narrow_half_width_m) / (bounds.wide_half_width_m - bounds.narrow_half_width_m))
+    narrow = bounds.narrow_share * np.minimum(free, bounds.narrow_half_width_m)
+    inwards = narrow + (bounds.wall_m - narrow) * wide
+    outwards = np.minimum(bounds.wall_m, bounds.rock_share * rock)
+    wall = np.where(wanted_m > 0, inwards, outwards)
+    bound = np.maximum(wall + (bounds.back_m - wall) * lattice.back_share, 1e-4)
+    return bound * np.tanh(wanted_m / bound)
+
+
+def displaced(lattice: Lattice, displacement_m: np.ndarray) -> np.ndarray:
+    """Return the displaced vertices (n, 3), m, in whole tenths of a millimetre."""
+    return np.round(lattice.vertices + displacement_m[:, None] * lattice.direction, 4)
+
+
+def damp_near(
+    places: np.ndarray, vertices: np.ndarray, displacement_m: np.ndarray, radius_m: float, factor: float
+) -> np.ndarray:
+    """Return displacements of vertices (n, 3), reduced to `factor` at places (k, 3) m and whole from a radius on."""
+    near, _ = cKDTree(places).query(vertices, distance_upper_bound=radius_m)
+    return displacement_m * (factor + (1 - factor) * smoothstep(np.minimum(near / radius_m, 1.0)))

@@ -1,0 +1,66 @@
+"""What a LiDAR sees against what a robot hits: gaps along the walls, and the width that passages keep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+from shapely import Polygon
+
+from pipeline.types import DriftNetwork
+
+_NUDGES_M = np.array([-0.2, -0.1, 0.0, 0.1, 0.2])  # the widest place across a passage shifts a little with its walls
+_LEAST_HALF_WIDTH_M = 0.35  # narrower ends are not passages for the robot
+
+
+@dataclass(frozen=True)
+class WallGaps:
+    """Distances along all walls at one height between the visible rock and the collision wall, m, and passages' widths.
+
+    `kept` are shares of the plan's clear width: of the narrowest passage's, and at the median station.
+    """
+
+    gap_median_m: float
+    gap_p95_m: float
+    gap_max_m: float
+    into_workings_share: float
+    narrowest_plan_m: float
+    narrowest_seen_m: float
+    narrowest_kept: float
+    median_kept: float
+
+
+def measure_walls(seen: np.ndarray, free: Polygon, network: DriftNetwork) -> WallGaps:
+    """Compare visible wall points (n, 2) m at one height with the free space that the collision walls enclose.
+
+    Passages are the network's stations, but for those nearer to a dead end than their own half width.
+    """
+    points = shapely.points(seen)
+    gap = shapely.distance(free.boundary, points)
+    ends = np.array([network.nodes_m[name] for name in network.dead_ends]).reshape(-1, 2)
+    stations = np.array([p for leg in network.legs for p in leg.stations_m])
+    half = np.array([w for leg in network.legs for w in leg.half_width_m])
+    if len(ends):
+        half = np.where(cKDTree(ends).query(stations)[0] < half, 0.0, half)
+    stations = stations[half >= _LEAST_HALF_WIDTH_M]
+    nudge = np.stack(np.meshgrid(_NUDGES_M, _NUDGES_M), axis=-1).reshape(-1, 2)
+    places = (stations[:, None, :] + nudge).reshape(-1, 2)
+    inside = shapely.contains_xy(free, places[:, 0], places[:, 1])
+    plan = np.where(inside, shapely.distance(free.boundary, shapely.points(places)), 0.0)
+    rock = np.where(inside, cKDTree(seen).query(places)[0], 0.0)
+    plan, rock = (np.max(v.reshape(-1, len(nudge)), axis=1, initial=0.0) for v in (plan, rock))
+    if not len(plan):
+        plan = rock = np.zeros(1)
+    narrow = int(plan.argmin())
+    return WallGaps(
+        gap_median_m=round(float(np.median(gap)), 4),
+        gap_p95_m=round(float(np.percentile(gap, 95)), 4),
+        gap_max_m=round(float(gap.max()), 4),
+        into_workings_share=round(float(shapely.contains_xy(free, seen[:, 0], seen[:, 1]).mean()), 4),
+        narrowest_plan_m=round(2 * float(plan[narrow]), 3),
+        narrowest_seen_m=round(2 * float(rock[narrow]), 3),
+        narrowest_kept=round(float(rock[narrow] / max(plan[narrow], 1e-9)), 4),
+        median_kept=round(float(np.median(rock / np.maximum(plan, 1e-9))), 4),
+    )

@@ -1,0 +1,120 @@
+"""Planes through the points of each voxel: normals, and residuals in the manner of ISO 4287."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class VoxelPlanes:
+    """Planes of the voxels that hold enough points.
+
+    `cell` (k, 3) voxel indices in lexical order, `centre` (k, 3) m, `normal` (k, 3) unit, sign arbitrary, `sigma` (k,)
+    m RMS residual; `residual` (n,) m of the points that were used, voxel by voxel from `start` (k,) with `count` (k,).
+    """
+
+    cell: np.ndarray
+    centre: np.ndarray
+    normal: np.ndarray
+    sigma: np.ndarray
+    residual: np.ndarray
+    start: np.ndarray
+    count: np.ndarray
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Residuals to the planes of one voxel size, m: mean, RMS, mean peak-to-valley of a voxel, 95th percentile."""
+
+    window_m: float
+    ra_m: float
+    rq_m: float
+    rz_m: float
+    p95_m: float
+    voxels: int
+
+
+def fit_voxel_planes(points: np.ndarray, size_m: float | tuple[float, float, float], min_points: int) -> VoxelPlanes:
+    """Fit a plane by least squares to the points of each voxel of a grid through the origin.
+
+    Parameters
+    ----------
+    points : (n, 3) m
+    size_m : float or 3 floats
+        Edge of a voxel.
+    min_points : int
+        Voxels with fewer are left out.
+    """
+    cells = np.floor(points / np.asarray(size_m)).astype(np.int64)
+    low = cells.min(axis=0) if len(cells) else np.zeros(3, np.int64)
+    spans = (cells.max(axis=0) - low + 1) if len(cells) else np.ones(3, np.int64)
+    key = ((cells[:, 0] - low[0]) * spans[1] + cells[:, 1] - low[1]) * spans[2] + cells[:, 2] - low[2]
+    order = np.argsort(key, kind="stable")
+    _, start, count = np.unique(key[order], return_index=True, return_counts=True)
+    full = np.repeat(count >= min_points, count)
+    order, start, count = order[full], start[count >= min_points], count[count >= min_points]
+    if not len(order):
+        empty = np.zeros((0, 3))
+        return VoxelPlanes(empty.astype(int), empty, empty, np.zeros(0), np.zeros(0), count, count)
+    first = np.concatenate([[0], np.cumsum(count)[:-1]])
+    middle = (cells[order[first]] + 0.5) * np.asarray(size_m)
+    local = points[order] - np.repeat(middle, count, axis=0)
+    mean = np.add.reduceat(local, first) / count[:, None]
+    local -= np.repeat(mean, count, axis=0)
+    spread = np.empty((len(count), 3, 3))
+    for i in range(3):
+        for j in range(i, 3):
+            spread[:, i, j] = spread[:, j, i] = np.add.reduceat(local[:, i] * local[:, j], first) / count
+    values, vectors = np.linalg.eigh(spread)
+    normal = vectors[:, :, 0]
+    residual = np.einsum("ij,ij->i", local, np.repeat(normal, count, axis=0))
+    sigma = np.sqrt(np.maximum(values[:, 0], 0.0))
+    return VoxelPlanes(cells[order[first]], middle + mean, normal, sigma, residual, first, count)
+
+
+def sweep_residuals(points: np.ndarray, windows_m: tuple[float, ...], min_points: int) -> list[Residuals]:
+    """Return the residuals' figures for each voxel size; a size that no voxel fills is left out."""
+    found = []
+    for window in windows_m:
+        planes = fit_voxel_planes(points, window, min_points)
+        if not len(planes.count):
+            continue
+        size = np.abs(planes.residual)
+        peak = np.maximum.reduceat(planes.residual, planes.start) - np.minimum.reduceat(planes.residual, planes.start)
+        found.append(
+            Residuals(
+                window, float(size.mean()), float(np.sqrt((size**2).mean())), float(peak.mean()),
+                float(np.percentile(size, 95)), len(planes.count),
+            )
+        )  # fmt: skip
+    return found
+
+
+def normal_scatter_deg(planes: VoxelPlanes) -> np.ndarray:
+    """Return each voxel's angle, deg, between its normal and the mean normal of its 3 x 3 x 3 neighbourhood.
+
+    Signs are arbitrary, so neighbours are turned to the voxel's own side before averaging. Voxels without a neighbour
+    are left out.
+    """
+    low = planes.cell.min(axis=0) - 1
+    span = planes.cell.max(axis=0) - low + 2
+    key = _keys(planes.cell - low, span)
+    total = np.zeros_like(planes.normal)
+    neighbours = np.zeros(len(key), dtype=int)
+    for step in np.ndindex(3, 3, 3):
+        wanted = _keys(planes.cell - low + np.array(step) - 1, span)
+        at = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
+        there = key[at] == wanted
+        other = planes.normal[at]
+        side = np.where(np.einsum("ij,ij->i", other, planes.normal) < 0, -1.0, 1.0)
+        total += np.where(there, side, 0.0)[:, None] * other
+        neighbours += there
+    some = neighbours > 1
+    mean = total[some] / np.linalg.norm(total[some], axis=1, keepdims=True)
+    return np.degrees(np.arccos(np.clip(np.abs(np.einsum("ij,ij->i", mean, planes.normal[some])), 0.0, 1.0)))
+
+
+def _keys(cell: np.ndarray, span: np.ndarray) -> np.ndarray:
+    return (cell[:, 0] * span[1] + cell[:, 1]) * span[2] + cell[:, 2]

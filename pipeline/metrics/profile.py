@@ -1,0 +1,158 @@
+"""Profiles of rock: offsets along lines, and their spectrum, amplitude and roughness, each with its valid band."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lombscargle
+from scipy.signal.windows import hann
+
+from pipeline.metrics.planefit import fit_voxel_planes
+
+_LEAST_POINTS = 24
+_FILL = 0.8  # of a window that a profile must span
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """One-sided power spectral density over wavelength, m2 per cycle/m, valid between two wavelengths, m."""
+
+    wavelength_m: list[float]
+    psd_m3: list[float]
+    valid_m: tuple[float, float]
+    windows: int
+
+
+@dataclass(frozen=True)
+class Amplitude:
+    """Offsets from the smooth local surface.
+
+    Percentiles 5, 25, 50, 75, 95 (mm), s.d. (mm), skewness, excess kurtosis, and the coefficient of variation of the
+    s.d. from window to window.
+    """
+
+    percentiles_mm: list[float]
+    sd_mm: float
+    skewness: float
+    kurtosis: float
+    variation: float
+
+
+Profile = np.ndarray  # (n, 2): along the line and offset from it, m, in order along the line
+
+
+def sweep_runs(sweep: np.ndarray, max_gap_m: float) -> list[np.ndarray]:
+    """Split a planar sweep (n, 2) m, in order of bearing, into pieces of wall without a gap."""
+    gap = np.linalg.norm(np.diff(sweep, axis=0), axis=1)
+    return [run for run in np.split(sweep, np.flatnonzero(gap > max_gap_m) + 1) if len(run) >= _LEAST_POINTS]
+
+
+def profiles_of_runs(runs: list[np.ndarray], window_m: float) -> list[Profile]:
+    """Cut lines of points (n, 2) m into windows and give the offsets from each window's own straight line."""
+    profiles = []
+    for run in runs:
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
+        for start in np.arange(0.0, max(along[-1] - _FILL * window_m, 0.0) + 1e-9, window_m / 2):
+            part = run[(along >= start) & (along < start + window_m)]
+            if len(part) >= _LEAST_POINTS:
+                profile = _from_line(part)
+                if np.ptp(profile[:, 0]) >= _FILL * window_m * 0.8:
+                    profiles.append(profile)
+    return profiles
+
+
+def profiles_of_cloud(points: np.ndarray, window_m: float, strip_m: float = 0.05) -> list[Profile]:
+    """Cut a surface (n, 3) m into voxels, and each voxel's points into strips along its plane's level direction."""
+    planes = fit_voxel_planes(points, window_m, 4 * _LEAST_POINTS)
+    cells = np.floor(points / window_m).astype(np.int64)
+    order = np.lexsort(cells.T[::-1])
+    place = {tuple(c): i for i, c in enumerate(planes.cell.tolist())}
+    starts = np.flatnonzero(np.any(np.diff(cells[order], axis=0, prepend=cells[order][:1] - 1) != 0, axis=1))
+    profiles = []
+    for part in np.split(order, starts[1:]):
+        k = place.get(tuple(cells[part[0]].tolist()))
+        if k is None or planes.sigma[k] > window_m / 6:  # a corner, not a surface
+            continue
+        profiles += _strips(points[part] - planes.centre[k], planes.normal[k], window_m, strip_m)
+    return profiles
+
+
+def _strips(local: np.ndarray, normal: np.ndarray, window_m: float, strip_m: float) -> list[Profile]:
+    level = np.cross(normal, [0.0, 0.0, 1.0])
+    level = level / np.linalg.norm(level) if np.linalg.norm(level) > 0.3 else np.array([1.0, 0.0, 0.0])
+    level -= (level @ normal) * normal
+    level /= np.linalg.norm(level)
+    across = np.cross(normal, level)
+    strip = np.floor(local @ across / strip_m).astype(int)
+    found = []
+    for value in np.unique(strip):
+        part = local[strip == value]
+        if len(part) >= _LEAST_POINTS:
+            flat = np.column_stack([part @ level, part @ normal])
+            flat = flat[np.argsort(flat[:, 0], kind="stable")]
+            if np.ptp(flat[:, 0]) >= _FILL * window_m * 0.8:
+                found.append(_from_line(flat))
+    return found
+
+
+def _from_line(points: np.ndarray) -> Profile:
+    """Return positions along and offsets from the straight line that fits points (n, 2) best."""
+    centred = points - points.mean(axis=0)
+    _, vectors = np.linalg.eigh(centred.T @ centred)
+    profile = centred @ vectors[:, ::-1]
+    return profile[np.argsort(profile[:, 0], kind="stable")]
+
+
+def spectrum_of(profiles: list[Profile], wavelength_m: np.ndarray, window_m: float, footprint_m: float) -> Spectrum:
+    """Average the profiles' periodograms (Lomb-Scargle, Hann taper), so that their integral is the variance.
+
+    The band is valid from twice the median sampling step, or the sensor's footprint, to half the window.
+    """
+    step = float(np.median([np.median(np.diff(p[:, 0])) for p in profiles])) if profiles else 0.0
+    omega = 2 * np.pi / wavelength_m
+    total = np.zeros(len(wavelength_m))
+    for profile in profiles:
+        length = np.ptp(profile[:, 0])
+        taper = np.interp(profile[:, 0], np.linspace(profile[0, 0], profile[-1, 0], 257), hann(257))
+        offset = taper * (profile[:, 1] - np.average(profile[:, 1], weights=taper + 1e-12))
+        power = lombscargle(profile[:, 0], offset, omega)
+        total += 2 * length / len(profile) * power / np.mean(taper**2)
+    return Spectrum(
+        wavelength_m.tolist(), (total / max(1, len(profiles))).tolist(), (max(2 * step, footprint_m), window_m / 2),
+        len(profiles),
+    )  # fmt: skip
+
+
+def amplitude_of(profiles: list[Profile]) -> Amplitude | None:
+    """Describe the distribution of the profiles' offsets, or None without profiles."""
+    if not profiles:
+        return None
+    offset = np.concatenate([p[:, 1] for p in profiles])
+    sd = float(offset.std())
+    z = (offset - offset.mean()) / max(sd, 1e-12)
+    each = np.array([p[:, 1].std() for p in profiles])
+    return Amplitude(
+        percentiles_mm=(1000 * np.percentile(offset, [5, 25, 50, 75, 95])).round(2).tolist(),
+        sd_mm=round(1000 * sd, 2),
+        skewness=round(float((z**3).mean()), 3),
+        kurtosis=round(float((z**4).mean() - 3), 3),
+        variation=round(float(each.std() / each.mean()), 3) if each.mean() > 0 else 0.0,
+    )
+
+
+def line_roughness(runs: list[np.ndarray], window_m: float, min_points: int = 6) -> np.ndarray:
+    """Return the RMS residuals (k,) m to a straight line over windows of runs (n, 2) m, laid end to end."""
+    found = [np.zeros(0)]
+    for run in runs:
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
+        index = np.floor(along / window_m).astype(int)
+        whole = index < int(along[-1] // window_m)
+        index, (x, y) = index[whole], (run[whole] - run.mean(axis=0)).T
+        count = np.bincount(index)
+        mx, my = (np.bincount(index, v) / np.maximum(count, 1) for v in (x, y))
+        x, y = x - mx[index], y - my[index]
+        xx, xy, yy = (np.bincount(index, v) for v in (x * x, x * y, y * y))
+        least = (xx + yy) / 2 - np.hypot((xx - yy) / 2, xy)  # the smaller eigenvalue of the scatter
+        found.append(np.sqrt(np.maximum(least, 0.0) / np.maximum(count, 1))[count >= min_points])
+    return np.concatenate(found)

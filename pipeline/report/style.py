@@ -1,0 +1,33 @@
+"""One look for all diagrams: figures become pixels, so that stages encode them as they do every picture."""
+
+from __future__ import annotations
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from pipeline.types import Image
+
+ROCK, STEEL, OCHRE, MOSS, GREY = "#7a4b32", "#2f5d8a", "#d28e1f", "#4f7d4b", "#8a8a8a"
+
+matplotlib.rcParams.update(
+    {
+        "font.size": 9, "axes.grid": True, "grid.color": "#e3e3e3", "axes.axisbelow": True, "axes.spines.top": False,
+        "axes.spines.right": False, "legend.frameon": False, "figure.dpi": 150, "svg.hashsalt": "minexplore",
+    }
+)  # fmt: skip
+
+
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """Return a figure that draws without a screen."""
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def to_image(figure: Figure) -> Image:
+    """Return a figure's pixels (rows, cols, 3) uint8, BGR."""
+    figure.canvas.draw()
+    rgba = np.asarray(figure.canvas.buffer_rgba())  # type: ignore[attr-defined]
+    return np.ascontiguousarray(rgba[:, :, 2::-1])

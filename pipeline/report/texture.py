@@ -1,0 +1,82 @@
+"""Pictures of the texture report: scores, roughness against scale, and sigma along the mine."""
+
+from __future__ import annotations
+
+import numpy as np
+from shapely import Polygon
+
+from pipeline.evidence import TextureReport
+from pipeline.metrics.published import PAPER_SCORES, REAL, REAL_SWEEP
+from pipeline.metrics.texture import AXES
+from pipeline.report.style import GREY, OCHRE, ROCK, STEEL, new_figure, to_image
+from pipeline.types import Image
+
+_SHORT = {
+    "wall_jaggedness_deg": "wall\njaggedness", "bump_rq_m": "bump Rq", "roughness_integral_m2": "roughness\nintegral",
+    "dominant_wavelength_m": "dominant\nwavelength", "ceiling_irregularity_m": "ceiling\nirregularity",
+    "wall_heterogeneity_m": "wall\nheterogeneity",
+}  # fmt: skip
+
+
+def draw_texture(report: TextureReport) -> Image:
+    """Draw both scores of each axis beside the paper's, and roughness against voxel size beside the real scan's."""
+    figure = new_figure(12, 4.4)
+    scores, scale = figure.subplots(1, 2, width_ratios=[3, 2])
+    at = np.arange(len(AXES) + 1)
+    paper = [*(getattr(PAPER_SCORES, a) for a in AXES), 0.7941]
+    for shift, values, colour, label in (
+        (-0.27, paper, GREY, "the paper's model, published score"),
+        (0.0, [*report.published.axes.values(), report.published.overall], OCHRE, "this world, published score"),
+        (0.27, [*report.strict.axes.values(), report.strict.overall], ROCK, "this world, strict score"),
+    ):
+        bars = scores.bar(at + shift, values, 0.26, color=colour, label=label)
+        scores.bar_label(bars, [f"{100 * v:.0f}" for v in values], fontsize=6, padding=1)
+    ratios = [getattr(report.strict_axes, a) / getattr(REAL, a) for a in AXES]
+    names = [f"{_SHORT[a]}\nx {r:.2f}" for a, r in zip(AXES, ratios, strict=True)]
+    scores.set_xticks(at, [*names, "overall"], fontsize=7)
+    scores.set(ylim=(0, 1.15), ylabel="similarity", title="Texture scores (x: model / real, no noise added)")
+    scores.legend(fontsize=7, ncols=3, loc="upper center")
+    for name, style in (("ra_m", "--"), ("rq_m", "-"), ("p95_m", ":")):
+        label = {"ra_m": "Ra", "rq_m": "Rq", "p95_m": "95th percentile"}[name]
+        scale.plot(
+            [r.window_m for r in REAL_SWEEP],
+            [getattr(r, name) for r in REAL_SWEEP],
+            style,
+            color=STEEL,
+            marker="o",
+            ms=3,
+            label=f"real, {label}",
+        )
+        scale.plot(
+            [r.window_m for r in report.residuals],
+            [getattr(r, name) for r in report.residuals],
+            style,
+            color=ROCK,
+            marker="o",
+            ms=3,
+            label=f"world, {label}",
+        )
+    scale.set(
+        xscale="log", yscale="log", xlabel="voxel, m", ylabel="residual to plane, m", title="Roughness against scale"
+    )
+    scale.legend(fontsize=7)
+    return to_image(figure)
+
+
+def draw_heat(report: TextureReport, free: Polygon) -> Image:
+    """Draw the mean plane residual of 0.5 m voxels along the mine's walls."""
+    heat = np.array(report.heat).reshape(-1, 3)
+    west, south, east, north = free.bounds
+    width = 12.0
+    figure = new_figure(width, max(2.5, width * (north - south) / (east - west) + 1.2))
+    axes = figure.subplots()
+    for ring in (free.exterior, *free.interiors):
+        axes.plot(*np.asarray(ring.coords)[:, :2].T, color=GREY, lw=0.4)
+    if len(heat):
+        most = float(np.percentile(heat[:, 2], 99))
+        marks = axes.scatter(
+            heat[:, 0], heat[:, 1], c=1000 * heat[:, 2], s=2, cmap="magma", vmin=0, vmax=1000 * most, lw=0
+        )
+        figure.colorbar(marks, ax=axes, label="sigma in 0.5 m voxels, mm", shrink=0.8)
+    axes.set(aspect="equal", xlabel="easting, m", ylabel="northing, m", title="Roughness along the walls")
+    return to_image(figure)

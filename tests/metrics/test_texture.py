@@ -1,0 +1,158 @@
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from pipeline.metrics.planefit import fit_voxel_planes, normal_scatter_deg, sweep_residuals
+from pipeline.metrics.published import PAPER_MODEL, PAPER_SCORES, REAL
+from pipeline.metrics.texture import (
+    AXES,
+    TextureAxes,
+    bump_rq_m,
+    ceiling_irregularity_m,
+    ceiling_unevenness_m,
+    published_score,
+    published_wavelength_m,
+    roughness_integral_m2,
+    strict_score,
+    wall_heterogeneity_m,
+    wall_jaggedness_deg,
+    wall_wavelength_m,
+)
+
+FREE = shapely.box(0, 0, 40, 6)
+
+
+def wall(offset, n=400_000, seed=0, length=40.0):
+    """Points on a wall along y = 0, 0.5 to 3 m high, displaced by `offset(x, z)`."""
+    rng = np.random.default_rng(seed)
+    x, z = rng.uniform(0, length, n), rng.uniform(0.5, 3.0, n)
+    return np.column_stack([x, offset(x, z), z])
+
+
+def sine(amplitude, wavelength):
+    return lambda x, z: amplitude * np.sin(2 * np.pi * x / wavelength)
+
+
+def test_the_papers_own_six_scores_come_out_of_its_published_values():
+    scores = published_score(REAL, PAPER_MODEL)
+    for axis in AXES:
+        assert scores.axes[axis] == pytest.approx(getattr(PAPER_SCORES, axis), abs=2e-4)
+    assert scores.overall == pytest.approx(0.7941, abs=2e-4)
+
+
+def test_a_surface_like_the_real_one_scores_one_and_a_factor_of_two_one_sd():
+    assert strict_score(REAL, REAL).overall == 1.0
+    double = TextureAxes(*(2 * v for v in vars(REAL).values()))
+    assert strict_score(REAL, double).overall == pytest.approx(math.exp(-0.5))
+    assert published_score(REAL, double).overall == pytest.approx(math.exp(-0.5 * (math.log(1.5) / math.log(5)) ** 2))
+
+
+def test_a_plane_scores_near_nothing():
+    plane = wall(lambda x, z: np.zeros_like(x))
+    flat = np.column_stack([plane[:, 0], plane[:, 2] * 2, np.full(len(plane), 3.4)])
+    axes = TextureAxes(
+        wall_jaggedness_deg(plane), bump_rq_m(plane), roughness_integral_m2(plane), wall_wavelength_m(plane, FREE),
+        ceiling_irregularity_m(flat), wall_heterogeneity_m(plane),
+    )  # fmt: skip
+    assert strict_score(REAL, axes).overall < 0.01
+    assert published_score(REAL, axes).overall < 0.01
+
+
+@pytest.mark.parametrize("wavelength", [0.05, 0.1])
+def test_the_residual_of_a_sine_wall_is_its_rms(wavelength):
+    """A window of many waves leaves A / sqrt(2) over."""
+    points = wall(sine(0.005, wavelength)) + np.array([0, 0.5, 0])  # no voxel border inside the wave
+    found = sweep_residuals(points, (1.0,), 30)[0]
+    assert found.rq_m == pytest.approx(0.005 / math.sqrt(2), rel=0.03)
+    assert found.ra_m == pytest.approx(0.005 * 2 / math.pi, rel=0.03)
+    assert found.rz_m == pytest.approx(0.01, rel=0.1)  # voxels at the ends of the wall tilt a little
+    assert found.p95_m == pytest.approx(0.005 * math.sin(math.radians(85.5)), rel=0.03)
+
+
+def test_the_residual_of_white_noise_is_its_sd_at_every_scale():
+    rng = np.random.default_rng(1)
+    points = wall(lambda x, z: 0.01 * rng.standard_normal(len(x)))
+    points[:, 1] += 0.25  # no voxel border inside the noise
+    for found in sweep_residuals(points, (0.3, 0.5, 1.0), 30):
+        assert found.rq_m == pytest.approx(0.01, rel=0.05)
+
+
+def test_a_fractal_wall_has_residuals_that_grow_as_its_exponent():
+    """Brownian profile, Hurst exponent 0.5: residuals grow as the square root of the window."""
+    rng = np.random.default_rng(2)
+    step = 0.002
+    brown = np.cumsum(rng.standard_normal(round(200 / step))) * 0.003 * math.sqrt(step)
+    points = wall(lambda x, z: np.interp(x, np.arange(len(brown)) * step, brown), n=600_000, length=200.0)
+    points[:, 1] += 0.25
+    found = {r.window_m: r.rq_m for r in sweep_residuals(points, (0.5, 2.0), 30)}
+    assert math.log(found[2.0] / found[0.5]) / math.log(4) == pytest.approx(0.5, abs=0.08)
+
+
+@pytest.mark.parametrize("wavelength", [0.3, 0.8, 1.757])
+def test_the_wavelength_of_a_sine_wall_is_found_along_its_arc(wavelength):
+    found = wall_wavelength_m(wall(sine(0.05, wavelength)), FREE)
+    assert found == pytest.approx(wavelength, rel=0.06)
+
+
+def test_the_wavelength_is_not_read_across_two_walls():
+    """Walls on both sides of a drift: the paper's reading mixes them, the strict one does not."""
+    near = wall(sine(0.05, 0.4), n=300_000)
+    far = near * [1, -1, 1] + [0, 6, 0]
+    both = np.concatenate([near, far])
+    assert wall_wavelength_m(both, FREE) == pytest.approx(0.4, rel=0.06)
+    assert abs(math.log(published_wavelength_m(both) / 0.4)) > 0.2
+
+
+def test_the_wavelength_follows_a_bent_wall():
+    """A sine along the arc of a round pillar wall."""
+    ring = shapely.Point(0, 0).buffer(6.0, quad_segs=256)
+    rng = np.random.default_rng(3)
+    turn, z = rng.uniform(0, 2 * np.pi, 300_000), rng.uniform(0.5, 3.0, 300_000)
+    radius = 6.0 + 0.04 * np.sin(60 * turn)
+    points = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), z])
+    assert wall_wavelength_m(points, ring) == pytest.approx(2 * np.pi * 6 / 60, rel=0.06)
+
+
+def test_a_folded_wall_has_the_jaggedness_of_its_folds():
+    """Folds of 45 deg, two voxels a face: beside a ridge two normals and one at right angles make atan(1/2)."""
+    planes = fit_voxel_planes(wall(lambda x, z: np.abs((x % 1.2) - 0.6)), 0.30, 30)
+    assert normal_scatter_deg(planes).max() == pytest.approx(math.degrees(math.atan(0.5)), abs=0.1)
+
+
+def test_a_slanting_wall_is_not_jagged():
+    assert wall_jaggedness_deg(wall(lambda x, z: 0.3 * x)) < 0.1
+
+
+def test_jaggedness_does_not_depend_on_the_signs_of_normals():
+    planes = fit_voxel_planes(wall(sine(0.05, 0.7)), 0.30, 30)
+    flipped = planes.__class__(
+        **{**vars(planes), "normal": planes.normal * np.where(np.arange(len(planes.normal)) % 2, 1, -1)[:, None]}
+    )
+    np.testing.assert_allclose(normal_scatter_deg(planes), normal_scatter_deg(flipped))
+
+
+def test_the_ceiling_forgives_a_vault_but_not_its_bumps():
+    rng = np.random.default_rng(4)
+    x, y = rng.uniform(0, 10, 200_000), rng.uniform(0, 6, 200_000)
+    vault = 3.6 - 0.05 * (y - 3) ** 2
+    assert ceiling_irregularity_m(np.column_stack([x, y, vault])) < 1e-9
+    assert ceiling_unevenness_m(np.column_stack([x, y, vault])) < 2e-3
+    bumpy = vault + 0.02 * np.sin(2 * np.pi * x / 0.1)
+    assert ceiling_irregularity_m(np.column_stack([x, y, bumpy])) == pytest.approx(0.02 / math.sqrt(2), rel=0.05)
+
+
+def test_heterogeneity_is_the_spread_of_roughness_not_its_size():
+    rng = np.random.default_rng(5)
+    even = wall(lambda x, z: 0.02 * rng.standard_normal(len(x)) + 0.125)
+    patchy = wall(lambda x, z: np.where(np.floor(x / 0.25) % 2, 0.03, 0.01) * rng.standard_normal(len(x)) + 0.125)
+    assert wall_heterogeneity_m(even) < 0.004
+    assert wall_heterogeneity_m(patchy) == pytest.approx(0.01, rel=0.15)
+
+
+def test_the_integral_of_a_constant_roughness_is_its_area():
+    rng = np.random.default_rng(6)
+    points = wall(lambda x, z: 0.01 * rng.standard_normal(len(x)), n=1_200_000, length=20.0)
+    points[:, 1] += 0.05
+    assert roughness_integral_m2(points) == pytest.approx(1.9 * 0.01 * math.sqrt(2 / math.pi), rel=0.08)

@@ -1,0 +1,146 @@
+import laspy
+import numpy as np
+import open3d
+import pytest
+from scipy.spatial import cKDTree
+
+from pipeline.errors import InputError
+from pipeline.survey import cloud
+from pipeline.survey.cloud import CloudLimits, read_cloud, split_surfaces, without_outliers
+
+LIMITS = CloudLimits(
+    thin_m=0.05, range_m=(0.5, 50.0), max_points=1_000_000, height_m=(1.0, 12.0), mesh_points_per_m2=400
+)
+
+
+@pytest.fixture
+def drift() -> np.ndarray:
+    """A drift 12 m long, 5 m wide, 3 m high, seen from its middle: points on walls, back and sill."""
+    rng = np.random.default_rng(0)
+    x, u = rng.uniform(-6, 6, 6000), rng.uniform(0, 1, 6000)
+    side = np.arange(6000) % 4
+    y = np.choose(side, [np.full(6000, 2.5), np.full(6000, -2.5), 5 * u - 2.5, 5 * u - 2.5])
+    z = np.choose(side, [3 * u - 1, 3 * u - 1, np.full(6000, 2.0), np.full(6000, -1.0)])
+    return np.column_stack([x, y, z]).round(4)
+
+
+def write_dat(path, points, header="time x y z intensity"):
+    rows = [f"{1398177459 + i * 1e-5:.6f} {x:.4f} {y:.4f} {z:.4f} {i % 255}" for i, (x, y, z) in enumerate(points)]
+    path.write_text("\n".join([header, *rows]) + "\n")
+
+
+def write_las(path, points, scale=0.001):
+    header = laspy.LasHeader(point_format=3, version="1.2")
+    header.scales, header.offsets = [scale] * 3, points.min(axis=0)
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = points.T
+    las.write(path)
+
+
+def write_open3d(path, points):
+    open3d.io.write_point_cloud(str(path), open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points)))
+
+
+WRITERS = {
+    "NN_lidar.dat": write_dat,
+    "a.xyz": lambda path, points: np.savetxt(path, points, fmt="%.4f"),
+    "a.ply": write_open3d,
+    "a.pcd": write_open3d,
+    "a.las": write_las,
+    "a.laz": write_las,
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_format_gives_back_the_points_that_were_written(name, drift, tmp_path):
+    WRITERS[name](tmp_path / name, drift)
+    read = read_cloud(tmp_path / name, "m", CloudLimits(0.0001, (0.0, 50.0), 10**6, (1.0, 12.0), 400))
+    assert len(read) == len(drift)
+    assert cKDTree(read).query(drift)[0].max() < 2e-3
+
+
+def test_thinning_leaves_one_point_a_voxel_whatever_the_blocks(drift, tmp_path, monkeypatch):
+    write_dat(tmp_path / "a.dat", drift)
+    whole = read_cloud(tmp_path / "a.dat", "m", LIMITS)
+    monkeypatch.setattr(cloud, "_BLOCK", 777)
+    parts = read_cloud(tmp_path / "a.dat", "m", LIMITS)
+    cells = [set(map(tuple, np.floor(p / LIMITS.thin_m).astype(int).tolist())) for p in (whole, parts)]
+    assert cells[0] == cells[1]
+    assert len(cells[0]) == len(whole) == len(parts) < len(drift)
+
+
+def test_the_range_gate_drops_what_is_near_and_far(drift, tmp_path):
+    write_dat(tmp_path / "a.dat", drift)
+    kept = read_cloud(tmp_path / "a.dat", "m", CloudLimits(0.001, (3.0, 5.0), 10**6, (1.0, 12.0), 400))
+    far = np.linalg.norm(kept, axis=1)
+    assert far.min() >= 3.0
+    assert far.max() <= 5.0
+
+
+@pytest.mark.parametrize(("units", "factor"), [("mm", 1000.0), ("ft", 1 / 0.3048)])
+def test_millimetres_and_feet_are_read_as_such_and_named_when_not(units, factor, drift, tmp_path):
+    np.savetxt(tmp_path / "a.xyz", drift * factor, fmt="%.4f")
+    limits = CloudLimits(0.05, (0.5, 50000.0), 10**6, (1.0, 8.0), 400)
+    assert np.ptp(read_cloud(tmp_path / "a.xyz", units, limits)[:, 2]) == pytest.approx(3.0, abs=0.05)
+    with pytest.raises(InputError, match=rf"a\.xyz: .* m high .* surface\.cloud\.units={units}"):
+        read_cloud(tmp_path / "a.xyz", "m", CloudLimits(1.0, (0.5, 50000.0), 10**6, (1.0, 8.0), 400))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no rows"),
+        ("time x y z intensity\n", "no rows"),
+        ("time x y z intensity\n1 2 3\n", r":2: 3 columns, at least 4"),
+        ("time x y z intensity\n1 2 3 four 5\n", r":2: 'four' is not a number"),
+        ("time x y z intensity\n1 2 3 4 5\n1 nan 3 4 5\n", r":3: nan is not finite"),
+        ("1 2 3 4 5\n1 2 3 4 5\n", r":1: a row of numbers where the dataset has its header"),
+        ("time x y z intensity\n1 2 3 4 5\n", "1 usable points of 1"),
+    ],
+)
+def test_a_bad_cloud_is_refused_with_its_line(text, message, tmp_path):
+    (tmp_path / "a.dat").write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_cloud(tmp_path / "a.dat", "m", LIMITS)
+
+
+@pytest.mark.parametrize("name", ["a.las", "a.laz", "a.ply", "a.pcd"])
+def test_a_truncated_binary_cloud_is_refused(name, drift, tmp_path):
+    WRITERS[name](tmp_path / name, drift)
+    data = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(data[: len(data) // 2])
+    with pytest.raises(InputError, match=name):
+        read_cloud(tmp_path / name, "m", LIMITS)
+
+
+def test_a_cloud_beyond_the_memory_limit_is_refused_before_it_is_held(drift, tmp_path):
+    write_dat(tmp_path / "a.dat", drift)
+    with pytest.raises(InputError, match="more than 1,000 points are left after thinning"):
+        read_cloud(tmp_path / "a.dat", "m", CloudLimits(0.01, (0.5, 50.0), 1000, (1.0, 12.0), 400))
+
+
+def test_an_unknown_ending_lists_the_readers(tmp_path):
+    (tmp_path / "a.e57").write_bytes(b"x")
+    with pytest.raises(InputError, match=r"no reader for '\.e57'; there are \.dat"):
+        read_cloud(tmp_path / "a.e57", "m", LIMITS)
+
+
+def test_a_drift_splits_into_walls_back_and_sill(drift):
+    parts = split_surfaces(drift)
+    assert np.median(np.abs(parts["wall"][:, 1])) == pytest.approx(2.5)
+    assert np.median(parts["back"][:, 2]) == pytest.approx(2.0)
+    assert np.median(parts["sill"][:, 2]) == pytest.approx(-1.0)
+    assert sum(map(len, parts.values())) == len(drift)
+
+
+def test_lone_points_are_dropped_as_outliers(drift):
+    lone = np.array([[0.0, 0.0, 0.5], [1.0, 0.5, 0.2]])
+    kept = without_outliers(np.concatenate([drift, lone]), 20, 3.0)
+    assert not any((kept == p).all(axis=1).any() for p in lone)
+    assert len(kept) > 0.95 * len(drift)
+
+
+def test_a_scanned_cave_is_sampled_evenly(shared_rock):
+    points = read_cloud(shared_rock, "m", CloudLimits(0.02, (0.0, 100.0), 10**7, (1.0, 12.0), 2000))
+    assert np.ptp(points, axis=0) == pytest.approx([11.6, 3.6, 2.0], abs=0.3)
+    assert {k for k, v in split_surfaces(points).items() if len(v) > 1000} == {"wall", "back", "sill"}
