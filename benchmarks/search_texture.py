@@ -52,7 +52,7 @@ _START = np.log([0.075, 0.09, 0.03, 0.015, 0.15, 0.08, 0.03, 0.02])
 _EVALUATIONS, _SEED = 260, 3
 _LENGTH_M, _WIDTH_M, _TURN_DEG = 44.0, 6.6, 17.3  # a straight drift of the mine's usual width, askew to the voxels
 _HEIGHT_M = 3.5
-_BUMP_AIM, _BUMP_SLACK = 0.94, 0.04
+_BUMP_AIM, _BUMP_SLACK = 1.0, 0.04  # the mine, with its narrow places, comes out 6 % below this drift
 _SMOOTH = 0.003  # holds back spectra of a single wave
 
 

@@ -24,27 +24,37 @@ class CoverageGrid:
         self.reachable[at[:, 1], at[:, 0]] = True
         self.total = int(self.reachable.sum())
 
-    def cells_crossed(self, start_m: np.ndarray, ends_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rows and columns of all cells that the segments from one start to (n, 2) ends pass through.
+    def cells_crossed(
+        self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return ray numbers, rows and columns of all cells that segments (n, 2) to (n, 2) pass through.
 
-        Exact: each segment is cut at every grid line it crosses, and each piece names the cell of its middle.
+        Exact: each segment, no longer than `longest_m`, is cut at every grid line it crosses, and each piece names the
+        cell of its middle.
         """
-        start, ends = (start_m - self.origin_m) / self.cell_m, (ends_m - self.origin_m) / self.cell_m
+        start, ends = (starts_m - self.origin_m) / self.cell_m, (ends_m - self.origin_m) / self.cell_m
         step = ends - start
-        cuts = [np.zeros((len(ends), 1)), np.ones((len(ends), 1))]
-        for axis in (0, 1):
-            low = int(np.floor(min(start[axis], ends[:, axis].min())))
-            high = int(np.ceil(max(start[axis], ends[:, axis].max())))
-            lines = np.arange(low, high + 1)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                share = (lines - start[axis]) / step[:, axis : axis + 1]
-            cuts.append(np.where((share > 0) & (share < 1), share, 1.0))
-        at = np.sort(np.hstack(cuts), axis=1)
-        middle = (at[:, 1:] + at[:, :-1]) / 2
-        cells = np.floor(start + middle[..., None] * step[:, None]).astype(int)[at[:, 1:] > at[:, :-1]]
+        lines = np.arange(1, int(np.ceil(longest_m / self.cell_m)) + 2)
+        ahead = np.where(step > 0, np.floor(start), np.ceil(start))  # (n, 2): the line behind the start on either axis
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (ahead[..., None] + np.sign(step)[..., None] * lines - start[..., None]) / step[..., None]
+        share = np.where((share > 0) & (share < 1), share, 1.0).reshape(len(start), -1)
+        at = np.sort(np.hstack([np.zeros((len(start), 1)), share, np.ones((len(start), 1))]), axis=1)
+        ray, piece = np.nonzero(at[:, 1:] > at[:, :-1])
+        middle = (at[ray, piece + 1] + at[ray, piece]) / 2
+        col, row = np.floor(start[ray] + middle[:, None] * step[ray]).astype(int).T
         rows, cols = self.reachable.shape
-        inside = (cells[:, 0] >= 0) & (cells[:, 0] < cols) & (cells[:, 1] >= 0) & (cells[:, 1] < rows)
-        return cells[inside, 1], cells[inside, 0]
+        inside = (col >= 0) & (col < cols) & (row >= 0) & (row < rows)
+        return ray[inside], row[inside], col[inside]
+
+    def mark(self, seen: np.ndarray, observer: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
+        """Mark cells as seen in `seen` (m, rows, cols) by their observers; return how many are new to each (m,)."""
+        useful = self.reachable[row, col]
+        flat = np.ravel_multi_index((observer[useful], row[useful], col[useful]), seen.shape)
+        view = seen.reshape(-1)
+        new = np.unique(flat[~view[flat]])
+        view[new] = True
+        return np.bincount(new // self.reachable.size, minlength=len(seen))
 
 
 def _connected(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.ndarray:
@@ -55,14 +65,13 @@ def _connected(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.n
     places = world.origin_m + (np.column_stack([col, row]) + 0.5) * world.cell_m
     seed = int(np.linalg.norm(places - centre_m, axis=1).argmin())
     found = np.zeros_like(standing)
-    front = np.zeros_like(standing)
-    front[row[seed], col[seed]] = True
-    while front.any():
-        found |= front
-        grown = np.zeros_like(front)
-        grown[1:] |= front[:-1]
-        grown[:-1] |= front[1:]
-        grown[:, 1:] |= front[:, :-1]
-        grown[:, :-1] |= front[:, 1:]
-        front = grown & standing & ~found
+    found[row[seed], col[seed]] = True
+    edge = [(int(row[seed]), int(col[seed]))]
+    rows, cols = standing.shape
+    while edge:
+        i, j = edge.pop()
+        for a, b in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
+            if 0 <= a < rows and 0 <= b < cols and standing[a, b] and not found[a, b]:
+                found[a, b] = True
+                edge.append((a, b))
     return found

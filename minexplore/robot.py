@@ -34,8 +34,8 @@ class RobotParams:
     wheel_friction_nm: float = 4.0
     sensor_height_m: float = 0.5
 
-    def wheel_speeds(self, forward_mps: float, turn_radps: float) -> tuple[float, float]:
-        """Return left and right wheel speeds, rad/s, of a twist."""
+    def wheel_speeds(self, forward_mps: np.ndarray, turn_radps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return left and right wheel speeds, rad/s, of twists."""
         half = turn_radps * self.wheel_base_m / 2
         return (forward_mps - half) / self.wheel_radius_m, (forward_mps + half) / self.wheel_radius_m
 
@@ -102,3 +102,11 @@ def stand(T_world_mine: np.ndarray, params: RobotParams, x: float, y: float, yaw
     mujoco.mju_mat2Quat(quat, (T_world_mine[:3, :3] @ turn).ravel())
     place = T_world_mine @ [x, y, params.wheel_radius_m, 1.0]
     return np.concatenate([place[:3], quat])
+
+
+def contact_sensor(spec: mujoco.MjSpec, name: str) -> None:
+    """Add a sensor that counts contacts between a robot's chassis and the body that holds the rock."""
+    spec.add_sensor(
+        name=f"{name}_touches_rock", type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=mujoco.mjtObj.mjOBJ_GEOM,
+        objname=f"{name}_chassis", reftype=mujoco.mjtObj.mjOBJ_BODY, refname="rock", intprm=[1, 0, 1],
+    )  # fmt: skip

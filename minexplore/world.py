@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import io
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,10 +43,15 @@ class World:
         """Return the world's MJCF to attach robots to."""
         return mujoco.MjSpec.from_file(str(self.folder / "mine.xml"))
 
-    def ground_at(self, east_m: float) -> int:
-        """Return the index of the zone at an easting; beyond the ends, the nearest."""
+    def zones_at(self, east_m: np.ndarray) -> np.ndarray:
+        """Return the numbers of the zones at eastings (n,) m; beyond the ends, the nearest."""
         edges = [ground.east_m for ground in self.grounds[:-1]]
-        return int(np.searchsorted(edges, east_m, side="right"))
+        return np.searchsorted(edges, east_m, side="right")
+
+    @functools.cached_property
+    def zone_names(self) -> np.ndarray:
+        """Return the zones' names, west to east."""
+        return np.array([ground.name for ground in self.grounds])
 
 
 def load_world(folder: str | Path) -> World:

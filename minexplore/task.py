@@ -1,0 +1,47 @@
+"""The task's numbers: what the paper fixes, and what it leaves open, with defaults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# What a zone does to a command beside its contact friction: scale, and noise on the forward speed, m/s.
+TERRAIN = {"dry": (1.0, 0.0), "mud": (0.7, 0.04), "water": (0.4, 0.10)}
+
+
+@dataclass(frozen=True)
+class TaskParams:
+    """The exploration task.
+
+    The first block is the paper's. The second is open there: physics step, radius of the area that counts round the
+    entrance, zones' effects and tilt on or off.
+    """
+
+    beams: int = 16
+    range_m: tuple[float, float] = (0.12, 10.0)
+    range_noise_m: float = 0.01
+    max_forward_mps: float = 1.5
+    max_turn_radps: float = 1.5
+    max_steps: int = 6000
+    stall_steps: int = 100
+    stall_speed_mps: float = 0.01
+    control_s: float = 0.1
+    cell_m: float = 2.0
+
+    physics_s: float = 0.005
+    region_m: float = np.inf
+    terrain: bool = True
+    tilt: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that make no task."""
+        if self.beams < 1 or not 0 < self.range_m[0] < self.range_m[1]:
+            raise ValueError(f"task: beams = {self.beams}, range_m = {self.range_m}; want one beam or more and 0 < near < far")
+        if not 0 < self.physics_s <= self.control_s:
+            raise ValueError(f"task: physics_s = {self.physics_s}, control_s = {self.control_s}; want 0 < physics <= control")
+
+    @property
+    def substeps(self) -> int:
+        """Return the physics steps of one control step."""
+        return round(self.control_s / self.physics_s)

@@ -1,0 +1,108 @@
+"""Small physics models: only the rock near a robot, for a step costs by the geoms in the model, moving or not."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from minexplore.robot import RobotParams, attach_robot, contact_sensor, separate_contacts
+from minexplore.task import TaskParams
+from minexplore.world import World
+
+WINDOW_M = 8.0
+_MARGIN_M = 0.5  # beyond the robot's radius and one control step's travel; contacts need none of it
+
+
+@dataclass(frozen=True)
+class RockPart:
+    """One convex collision part: its mesh vertices, place, and outline in plan (m, mine frame)."""
+
+    name: str
+    vertices: np.ndarray
+    place: np.ndarray
+    outline: np.ndarray
+
+
+class Windows:
+    """Physics models of a world, whole or by square tiles of the plan, each with one robot and the same state layout."""
+
+    def __init__(self, world: World, task: TaskParams, robot: RobotParams, whole: bool = False) -> None:
+        """Read the world's collision parts."""
+        self.world, self.task, self.robot, self.whole = world, task, robot, whole
+        self.T_world_mine = world.T_world_mine.copy()
+        if not task.tilt:
+            self.T_world_mine[:3, :3] = np.eye(3)
+        self._spec = world.spec()
+        self.parts = [_part(self._spec, g) for g in self._spec.geoms if g.name.startswith("rock_")]
+        self._margin_m = robot.radius_m + task.max_forward_mps * task.control_s + _MARGIN_M
+
+    def tiles_of(self, xy: np.ndarray) -> np.ndarray:
+        """Return each place's tile (n, 2); a whole world has one."""
+        if self.whole:
+            return np.zeros((len(xy), 2), dtype=int)
+        return np.floor(xy / WINDOW_M).astype(int)
+
+    def model(self, tile: tuple[int, int]) -> mujoco.MjModel:
+        """Compile the model of a tile: floor, back, the parts that a robot in it can touch, and the robot."""
+        return self.spec(tile).compile()
+
+    def spec(self, tile: tuple[int, int] | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
+        """Return a physics model's spec; without a tile it holds all parts."""
+        spec = mujoco.MjSpec()
+        spec.option.timestep = self.task.physics_s
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        mine = spec.worldbody.add_body(name="mine", pos=self.T_world_mine[:3, 3])
+        quat = np.zeros(4)
+        mujoco.mju_mat2Quat(quat, self.T_world_mine[:3, :3].ravel())
+        mine.quat = quat
+        solid = mine.add_body(name="rock")  # wheels, which touch the floor only, then pass the rock by as one body
+        near = self.parts if tile is None or self.whole else self._near(np.array(tile))
+        kept = {part.name for part in near}
+        for geom in self._spec.geoms:
+            if geom.name in kept:
+                continue
+            if geom.name.startswith("floor_") or geom.name == "back":
+                friction = [1.0, 0.005, 0.0001] if geom.name != "back" and not self.task.terrain else geom.friction
+                (solid if geom.name == "back" else mine).add_geom(
+                    name=geom.name, type=geom.type, pos=geom.pos, size=geom.size, friction=friction,
+                    priority=geom.priority, group=geom.group,
+                )  # fmt: skip
+        rock = self._spec.find_default("rock").geom
+        for part in near:
+            spec.add_mesh(name=part.name, uservert=part.vertices.ravel())
+            solid.add_geom(
+                name=part.name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part.name, pos=part.place,
+                friction=rock.friction, group=rock.group,
+            )  # fmt: skip
+        separate_contacts(spec)
+        for name in robots:
+            attach_robot(spec, name, self.robot)
+            contact_sensor(spec, name)
+        return spec
+
+    def _near(self, tile: np.ndarray) -> list[RockPart]:
+        low = tile * WINDOW_M - self._margin_m
+        high = low + WINDOW_M + 2 * self._margin_m
+        return [part for part in self.parts if _meets(part.outline, low, high)]
+
+
+def _part(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> RockPart:
+    vertices = np.array(spec.mesh(geom.meshname).uservert).reshape(-1, 3)
+    place = np.array(geom.pos)
+    return RockPart(geom.name, vertices, place, vertices[:, :2] + place[:2])
+
+
+def _meets(outline: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:
+    """Say whether a convex outline (n, 2), in any order, may meet a box: no separating axis among a few is found."""
+    if (outline.max(axis=0) < low).any() or (outline.min(axis=0) > high).any():
+        return False
+    corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
+    centre = outline.mean(axis=0)
+    ring = outline[np.argsort(np.arctan2(*(outline - centre).T[::-1]), kind="stable")]
+    edges = np.roll(ring, -1, axis=0) - ring
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]])
+    ours, theirs = ring @ normals.T, corners @ normals.T
+    return not bool(((ours.max(axis=0) < theirs.min(axis=0)) | (ours.min(axis=0) > theirs.max(axis=0))).any())
