@@ -2,255 +2,169 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import gymnasium
-import mujoco
 import numpy as np
 
-from minexplore.coverage import CoverageGrid
-from minexplore.reward import Reward
-from minexplore.robot import ROBOT_GROUP, RobotParams, attach_robot, separate_contacts, stand
-from minexplore.world import load_world
-
-_FLOOR_GROUP, _SURFACE_GROUP, _ROCK_GROUP = 0, 2, 3
-# What a zone does to a command beside its contact friction: scale, and noise on the forward speed, m/s.
-TERRAIN = {"dry": (1.0, 0.0), "mud": (0.7, 0.04), "water": (0.4, 0.10)}
+from minexplore.explorers import Explorers, Outcome, as_dict, observation_bounds
+from minexplore.lidar import Backend
+from minexplore.render import CAMERAS, Renderer
+from minexplore.robot import RobotParams
+from minexplore.task import TaskParams, given
+from minexplore.world import find_world, load_world
 
 
-@dataclass(frozen=True)
-class TaskParams:
-    """What the paper fixes, and what it leaves open (the second block), with its default."""
+class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
+    """Explore a mine: see as many of the reachable 2 m cells as possible, without touching rock.
 
-    beams: int = 16
-    range_m: tuple[float, float] = (0.12, 10.0)
-    range_noise_m: float = 0.01
-    max_forward_mps: float = 1.5
-    max_turn_radps: float = 1.5
-    max_steps: int = 6000
-    stall_steps: int = 100
-    stall_speed_mps: float = 0.01
-    control_s: float = 0.1
-    cell_m: float = 2.0
+    ## Description
+    A differential-drive robot stands near the entrance of a mine that was compiled from a survey. It senses sixteen
+    ranges and its own last command, and drives by forward speed and turn rate. The mine dips 5 deg eastwards; its floor
+    is dry, then mud, then water, which slow the robot and disturb its speed, beside giving its wheels less grip.
 
-    physics_s: float = 0.005
-    region_m: float = np.inf
-    terrain: bool = True
-    tilt: bool = True
+    ## Action Space
+    `Box(-1, 1, (2,), float32)`; values beyond are clipped, values that are not finite are refused.
 
+    | Num | Action | Control range | Unit at 1 |
+    |-----|--------|---------------|-----------|
+    | 0 | forward speed | -1 to 1 | 1.5 m/s |
+    | 1 | turn rate, counter-clockwise | -1 to 1 | 1.5 rad/s |
 
-class MineEnv(gymnasium.Env):
-    """Explore a mine: see as many of the reachable 2 m cells as possible.
+    In mud both are multiplied by 0.7 and noise of 0.04 m/s s.d. is added to the speed; in water 0.4 and 0.10 m/s.
 
-    Parameters
-    ----------
-    world : str or Path
-        A world bundle; it is refused if its hashes do not hold.
-    task : TaskParams, optional
-    robot : RobotParams, optional
-    render_mode : {None, "rgb_array"}
-        A camera behind and above the robot; needs an OpenGL (headless: `MUJOCO_GL=osmesa`).
+    ## Observation Space
+    `Box((19,), float32)`
 
-    Observations are 19 numbers: 16 ranges in [0, 1], the previous forward command, 0, the previous turn command.
-    Actions are forward speed and turn rate in [-1, 1], of 1.5 m/s and 1.5 rad/s. `terminated` is always False.
+    | Num | Observation | Min | Max |
+    |-----|-------------|-----|-----|
+    | 0-15 | range of beam i at i * 22.5 deg counter-clockwise from ahead, clipped to 0.12-10.0 m, with noise of 0.01 m s.d., scaled | 0 | 1 |
+    | 16 | previous forward command | -1 | 1 |
+    | 17 | always 0 | 0 | 0 |
+    | 18 | previous turn command | -1 | 1 |
+
+    Beams start 0.5 m above the floor and lie in the robot's own plane; they hit the visible rock and the floor.
+
+    ## Rewards
+    `new * 10 / total - [new = 0] * 0.002 + milestones - [collision] * 15`: `new` cells seen for the first time of
+    `total` reachable ones, 15, 30 and 45 once at 25, 50 and 75 % of them, and a collision when the chassis touches
+    rock in the step. An episode returns at most 100.
+
+    A cell is seen when a beam passes through it on the way to its return. Reachable are the cells in which the robot can
+    stand, connected to the entrance.
+
+    ## Starting State
+    The anchor near the entrance, or a random free place of the entrance region where the anchor is too narrow; yaw
+    uniform in [-pi, pi). What the first look sees is seen, but earns nothing.
+
+    ## Episode End
+    `terminated` is always False. `truncated` after 6,000 steps (10 minutes), or after 100 steps in a row slower than
+    0.01 m/s.
+
+    ## Info
+    `cells_seen`, `cells_reachable`, `coverage`, `collision` (in this step), `collisions` (so far), `zone`,
+    `pose_m_rad` (x, y, yaw in the mine frame).
+
+    ## Arguments
+
+    | Parameter | Default | Description |
+    |-----------|---------|-------------|
+    | `world` | the id's | path of a world bundle, or the name of one that ships with the package; refused if its hashes do not hold |
+    | `task` | `TaskParams()` | or a dict of its fields: beams, ranges, speeds, steps, control and physics step, `region_m` round the entrance, `terrain`, `tilt` |
+    | `robot` | `RobotParams()` | or a dict of its fields: radius, mass, wheels, torques, sensor height |
+    | `render_mode` | None | `"rgb_array"` (headless: `MUJOCO_GL=osmesa`), `"human"` (MuJoCo's viewer) |
+    | `camera` | `"chase"` | `"chase"` or `"top"`: the plan with the coverage painted on it |
+    | `lidar` | `"auto"` | `"embree"`, `"open3d"` or `"mujoco"`; they agree within 1 mm, the first is the fastest |
+    | `whole` | False | step the robot in the model of all rock instead of the window round it |
+
+    ## Version History
+    * v0: the paper's task.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 10}  # noqa: RUF012
 
     def __init__(
         self,
-        world: str | Path,
-        task: TaskParams | None = None,
-        robot: RobotParams | None = None,
+        world: str | Path | None = None,
+        task: TaskParams | dict[str, Any] | None = None,
+        robot: RobotParams | dict[str, Any] | None = None,
         render_mode: str | None = None,
+        camera: str = "chase",
+        lidar: Backend = "auto",
+        whole: bool = False,
     ) -> None:
         """Load the world and put the robot into it."""
+        gymnasium.utils.EzPickle.__init__(self, world, task, robot, render_mode, camera, lidar, whole)
         if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ValueError(f"render_mode = {render_mode!r}: valid choices are None, 'rgb_array'")
-        self.task, self.robot, self.render_mode = task or TaskParams(), robot or RobotParams(), render_mode
-        self.world = load_world(world)
-        self._T = self.world.T_world_mine.copy()
-        if not self.task.tilt:
-            self._T[:3, :3] = np.eye(3)
-        self._Tinv = np.linalg.inv(self._T)
-        self.model = self._compile()
-        self.data = mujoco.MjData(self.model)
-        self._body = self.model.body("robot").id
-        self._site = self.model.site("robot_lidar").id
-        self._chassis = self.model.geom("robot_chassis").id
-        self._is_rock = self.model.geom_group >= _ROCK_GROUP
-        self._substeps = round(self.task.control_s / self.task.physics_s)
-        spawn = self.world.record["spawn"]
-        self.grid = CoverageGrid(
-            self.world, self.task.cell_m, self.robot.radius_m, np.array(spawn["anchor_m"]), self.task.region_m
-        )
-        angles = 2 * np.pi * np.arange(self.task.beams) / self.task.beams
-        self._beams = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(self.task.beams)])
-        self._groups = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
-        self._groups[[_FLOOR_GROUP, ROBOT_GROUP, _SURFACE_GROUP]] = 1
-        size = self.task.beams + 3
-        low = np.array([0.0] * self.task.beams + [-1.0] * 3, dtype=np.float32)
-        self.observation_space = gymnasium.spaces.Box(low, np.ones(size, dtype=np.float32), dtype=np.float32)
+            raise ValueError(f"render_mode = {render_mode!r}: valid choices are None, 'rgb_array', 'human'")
+        if camera not in CAMERAS:
+            raise ValueError(f"camera = {camera!r}: valid choices are {', '.join(CAMERAS)}")
+        self.task, self.robot = given(TaskParams, task), given(RobotParams, robot)
+        self.render_mode, self.camera = render_mode, camera
+        self.world = load_world(find_world(world))
+        self.explorers = Explorers(self.world, self.task, self.robot, 1, lidar=lidar, whole=whole)
+        self.grid = self.explorers.grid
+        self.observation_space = gymnasium.spaces.Box(*observation_bounds(self.task), dtype=np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
-        self._renderer: mujoco.Renderer | None = None
-
-    def _compile(self) -> mujoco.MjModel:
-        spec = self.world.spec()
-        spec.option.timestep = self.task.physics_s
-        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        separate_contacts(spec)
-        attach_robot(spec, "robot", self.robot)
-        mine = spec.body("mine")
-        quat = np.zeros(4)
-        mujoco.mju_mat2Quat(quat, self._T[:3, :3].ravel())
-        mine.quat, mine.pos = quat, self._T[:3, 3]
-        if not self.task.terrain:
-            for ground in self.world.grounds:
-                spec.geom(ground.geom).friction = [1.0, 0.005, 0.0001]
-        return spec.compile()
+        self._renderer: Renderer | None = None
+        self._viewer: Any = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Stand the robot at the anchor near the entrance with a random yaw, and look round once."""
+        """Stand the robot near the entrance with a random yaw, and look round once."""
         super().reset(seed=seed)
-        mujoco.mj_resetData(self.model, self.data)
-        x, y = self._spawn_place()
-        self.data.qpos[:7] = stand(self._T, self.robot, x, y, self.np_random.uniform(-np.pi, np.pi))
-        mujoco.mj_forward(self.model, self.data)
-        self._seen = np.zeros_like(self.grid.reachable)
-        self._previous = np.zeros(2)
-        self._steps = self._stalled = self._collisions = 0
-        ranges, new = self._look()
-        # What the first look sees is seen, but no step earned it.
-        self._reward = Reward(self.grid.total, seen_cells=new)
-        return self._observe(ranges), self._info(collision=False)
-
-    def _spawn_place(self) -> tuple[float, float]:
-        spawn, world = self.world.record["spawn"], self.world
-        if spawn["anchor_clearance_m"] >= spawn["clearance_m"] >= self.robot.radius_m:
-            return spawn["anchor_m"][0], spawn["anchor_m"][1]
-        row, col = np.nonzero(world.clearance_m >= self.robot.radius_m)
-        places = world.origin_m + (np.column_stack([col, row]) + 0.5) * world.cell_m
-        near = places[np.linalg.norm(places - spawn["centre_m"], axis=1) <= spawn["radius_m"]]
-        if not len(near):
-            raise ValueError(f"{world.folder}: the robot ({self.robot.radius_m} m) fits nowhere near the entrance")
-        x, y = near[self.np_random.integers(len(near))]
-        return float(x), float(y)
+        outcome = self.explorers.reset(np.arange(1), [self.np_random])
+        self._show()
+        return outcome.observation[0], as_dict(outcome.info, 0)
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Drive for one control step and look round."""
+        """Drive for one control step and look round.
+
+        Raises
+        ------
+        ValueError
+            If the action is not two finite numbers.
+        """
         command = np.asarray(action, dtype=np.float64)
-        if command.shape != (2,) or not np.isfinite(command).all():
-            raise ValueError(f"action = {action!r}: want two finite numbers in [-1, 1]")
-        command = np.clip(command, -1.0, 1.0)
-        scale, noise = self._terrain()
-        forward = command[0] * self.task.max_forward_mps * scale
-        if noise:
-            forward += self.np_random.normal(0.0, noise)
-        self.data.ctrl[:] = self.robot.wheel_speeds(forward, command[1] * self.task.max_turn_radps * scale)
-        collision = self._drive()
-        self._collisions += collision
-        self._previous = command
-        ranges, new = self._look()
-        reward = self._reward.step(new, collision)
-        self._steps += 1
-        self._stalled = self._stalled + 1 if self._speed() < self.task.stall_speed_mps else 0
-        truncated = self._steps >= self.task.max_steps or self._stalled >= self.task.stall_steps
-        return self._observe(ranges), reward, False, truncated, self._info(collision)
-
-    def _terrain(self) -> tuple[float, float]:
-        if not self.task.terrain:
-            return 1.0, 0.0
-        return TERRAIN.get(self._ground(), (1.0, 0.0))
-
-    def _ground(self) -> str:
-        return self.world.grounds[self.world.ground_at(self._pose()[0])].name
-
-    def _drive(self) -> bool:
-        """Step the physics for one control step; say whether the chassis touched rock."""
-        touched = False
-        for _ in range(self._substeps):
-            mujoco.mj_step(self.model, self.data)
-            pairs = self.data.contact.geom
-            ours = (pairs == self._chassis).any(axis=1)
-            touched = touched or bool(self._is_rock[pairs[ours]].any())
-        return touched
-
-    def _speed(self) -> float:
-        along = self._Tinv[:3, :3] @ self.data.qvel[:3]
-        return float(np.hypot(along[0], along[1]))
-
-    def _pose(self) -> np.ndarray:
-        """Return x, y (m) and yaw (rad) in the mine frame."""
-        place = self._Tinv @ [*self.data.xpos[self._body], 1.0]
-        heading = self._Tinv[:3, :3] @ self.data.xmat[self._body].reshape(3, 3)[:, 0]
-        return np.array([place[0], place[1], np.arctan2(heading[1], heading[0])])
-
-    def _look(self) -> tuple[np.ndarray, int]:
-        """Cast the beams in the robot's own plane; return true ranges, m, and how many cells are seen anew."""
-        n, far = self.task.beams, self.task.range_m[1]
-        directions = self._beams @ self.data.xmat[self._body].reshape(3, 3).T
-        start, hit, distance = self.data.site_xpos[self._site], np.zeros(n, np.int32), np.zeros(n)
-        mujoco.mj_multiRay(
-            self.model,
-            self.data,
-            start,
-            directions.ravel(),
-            self._groups,
-            True,
-            self._body,
-            hit,
-            distance,
-            None,
-            n,
-            far,
-        )
-        ranges = np.where(distance < 0, far, np.minimum(distance, far))
-        ends = (start + directions * ranges[:, None]) @ self._Tinv[:3, :3].T + self._Tinv[:3, 3]
-        origin = self._Tinv[:3, :3] @ start + self._Tinv[:3, 3]
-        row, col = self.grid.cells_crossed(origin[:2], ends[:, :2])
-        before = self._seen.sum()
-        self._seen[row, col] |= self.grid.reachable[row, col]
-        return ranges, int(self._seen.sum() - before)
-
-    def _observe(self, ranges: np.ndarray) -> np.ndarray:
-        near, far = self.task.range_m
-        noisy = np.clip(ranges, near, far) + self.np_random.normal(0.0, self.task.range_noise_m, len(ranges))
-        scaled = np.clip((noisy - near) / (far - near), 0.0, 1.0)
-        return np.concatenate([scaled, [self._previous[0], 0.0, self._previous[1]]]).astype(np.float32)
-
-    def _info(self, collision: bool) -> dict[str, Any]:
-        seen = int(self._seen.sum())
-        return {
-            "cells_seen": seen,
-            "cells_reachable": self.grid.total,
-            "coverage": seen / self.grid.total,
-            "collision": collision,
-            "collisions": self._collisions,
-            "zone": self._ground(),
-            "pose_m_rad": self._pose(),
-        }
+        if command.shape != (2,):
+            raise ValueError(f"action of shape {command.shape}: want (2,)")
+        outcome: Outcome = self.explorers.step(command[None], [self.np_random])
+        self._show()
+        info = as_dict(outcome.info, 0)
+        return outcome.observation[0], float(outcome.reward[0]), False, bool(outcome.truncated[0]), info
 
     def render(self) -> np.ndarray | None:
-        """Return a picture from behind and above the robot, (480, 640, 3) uint8, or None without a render mode."""
-        if self.render_mode is None:
+        """Return a picture (480, 640, 3) uint8 in mode `rgb_array`, else None."""
+        if self.render_mode != "rgb_array":
             return None
+        ours = self.explorers
+        return self._drawing().draw(self.camera, ours.qpos, ours.seen[0], ours.poses())
+
+    def _drawing(self) -> Renderer:
         if self._renderer is None:
-            self._renderer = mujoco.Renderer(self.model, 480, 640)
-        camera = mujoco.MjvCamera()
-        camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-        camera.lookat[:] = self.data.xpos[self._body]
-        heading = self.data.xmat[self._body].reshape(3, 3)[:, 0]
-        camera.azimuth = float(np.degrees(np.arctan2(heading[1], heading[0])))
-        camera.distance, camera.elevation = 2.5, -25.0
-        self._renderer.update_scene(self.data, camera)
-        return self._renderer.render().copy()
+            ours = self.explorers
+            self._renderer = Renderer(self.world, ours.T_world_mine, self.grid, self.robot, ours.count)
+        return self._renderer
+
+    def _show(self) -> None:
+        """Bring MuJoCo's viewer up to date in mode `human`."""
+        if self.render_mode != "human":
+            return
+        model, data = self._drawing().place(self.explorers.qpos)
+        if self._viewer is None:
+            import mujoco.viewer
+
+            self._viewer = mujoco.viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
+        self._viewer.sync()
 
     def close(self) -> None:
-        """Free the renderer."""
+        """Free renderer, viewer and threads."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
+        self.explorers.close()

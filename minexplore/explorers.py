@@ -1,4 +1,4 @@
-"""Many robots, each alone in its own copy of one mine: physics in windows, beams, coverage, reward and episodes at once."""
+"""Many robots, each alone in its own copy of one mine: physics in windows, beams, coverage, reward, episodes."""
 
 from __future__ import annotations
 
@@ -197,29 +197,40 @@ class Explorers:
 
     def poses(self) -> np.ndarray:
         """Return every robot's x, y (m) and yaw (rad) in the mine frame, (n, 3)."""
-        place = (self.qpos[:, :3] - self._t) @ self._R
-        heading = _rotations(self.qpos[:, 3:7])[:, :, 0] @ self._R
+        place = _turned(self.qpos[:, :3] - self._t, self._R)
+        heading = _turned(_rotations(self.qpos[:, 3:7])[:, :, 0], self._R)
         return np.column_stack([place[:, :2], np.arctan2(heading[:, 1], heading[:, 0])])
 
     def _speeds(self, robots: np.ndarray) -> np.ndarray:
-        along = self.qvel[robots, :3] @ self._R
+        along = _turned(self.qvel[robots, :3], self._R)
         return np.hypot(along[:, 0], along[:, 1])
 
     def _look(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Cast the beams in each robot's own plane; return true ranges (k, beams) m, and cells seen anew (k,)."""
-        turn = np.einsum("ji,njk->nik", self._R, _rotations(self.qpos[robots, 3:7]))
-        lift = self.robot.sensor_height_m - self.robot.wheel_radius_m
-        origin = (self.qpos[robots, :3] - self._t) @ self._R + lift * turn[:, :, 2]
-        directions = np.einsum("nij,bj->nbi", turn, self._beams)
+        origin, directions = self._rays(robots)
         ranges = self.lidar.cast(origin, directions)
-        ends = origin[:, None, :2] + directions[..., :2] * ranges[..., None]
-        starts = np.repeat(origin[:, :2], self.task.beams, axis=0)
-        ray, row, col = self.grid.cells_crossed(starts, ends.reshape(-1, 2), self.task.range_m[1])
+        ray, row, col = self._crossed(origin, directions, ranges)
         seen = self.seen if len(robots) == self.count else self.seen[robots]
         new = self.grid.mark(seen, ray // self.task.beams, row, col)
         if seen is not self.seen:
             self.seen[robots] = seen
         return ranges, new
+
+    def _rays(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the beams' origins (k, 3) m and directions (k, beams, 3) in the mine frame."""
+        axes = [_turned(axis, self._R) for axis in np.moveaxis(_rotations(self.qpos[robots, 3:7]), 2, 0)]
+        lift = self.robot.sensor_height_m - self.robot.wheel_radius_m
+        origin = _turned(self.qpos[robots, :3] - self._t, self._R) + lift * axes[2]
+        ahead, left = (axis[:, None, :] for axis in axes[:2])
+        return origin, self._beams[:, :1] * ahead + self._beams[:, 1:2] * left
+
+    def _crossed(
+        self, origin: np.ndarray, directions: np.ndarray, ranges: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return ray numbers, rows and columns of the cells that the beams pass through."""
+        ends = origin[:, None, :2] + directions[..., :2] * ranges[..., None]
+        starts = np.repeat(origin[:, :2], self.task.beams, axis=0)
+        return self.grid.cells_crossed(starts, ends.reshape(-1, 2), self.task.range_m[1])
 
     def _observe(self, robots: np.ndarray, ranges: np.ndarray, rngs: list[np.random.Generator]) -> np.ndarray:
         near, far = self.task.range_m
@@ -249,10 +260,15 @@ class Explorers:
             self._pool = None
 
 
-def observation_space_of(task: TaskParams) -> tuple[np.ndarray, np.ndarray]:
+def observation_bounds(task: TaskParams) -> tuple[np.ndarray, np.ndarray]:
     """Return the observation's lower and upper bounds, (beams + 3,) float32."""
     low = np.array([0.0] * task.beams + [-1.0] * 3, dtype=np.float32)
     return low, np.ones(task.beams + 3, dtype=np.float32)
+
+
+def _turned(vectors: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Return `vectors @ rotation`, (n, 3), rounded alike for any number of vectors, which BLAS does not promise."""
+    return vectors[:, :1] * rotation[0] + vectors[:, 1:2] * rotation[1] + vectors[:, 2:] * rotation[2]
 
 
 def _rotations(quat: np.ndarray) -> np.ndarray:

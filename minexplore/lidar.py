@@ -39,7 +39,7 @@ def surface_meshes(spec: mujoco.MjSpec, folder: Path) -> Meshes:
 
 
 class Lidar:
-    """Casts rays of the mine frame against rock and floor; scenes are made a tile of the plan at a time, when needed."""
+    """Casts rays of the mine frame against rock and floor; scenes are made a tile of the plan at a time."""
 
     def __init__(self, meshes: Meshes, range_m: float, backend: Backend = "auto") -> None:
         """Take the rock's meshes; `auto` takes the fastest backend that is installed.

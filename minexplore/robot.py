@@ -19,7 +19,7 @@ class RobotParams:
     `radius_m` is the paper's authors' disc. `mass_kg`, `wheel_radius_m`, `wheel_width_m` are the Husky's data sheet,
     `wheel_base_m` its wheel separation in the dataset. `wheel_torque_nm` is what each side needs on the sheet's
     steepest grade of 45 deg: m g sin(45 deg) r / 2. `wheel_friction_nm`, the drive train's dry friction, is an
-    assumption: enough to hold the robot on a slope of 5.6 deg by itself.
+    assumption: enough to hold the robot on a slope of 5.6 deg by itself. The scanner's measures are a Riegl VZ-400's.
     """
 
     radius_m: float = 0.35
@@ -33,6 +33,8 @@ class RobotParams:
     wheel_gain_nms: float = 200.0
     wheel_friction_nm: float = 4.0
     sensor_height_m: float = 0.5
+    scanner_radius_m: float = 0.09
+    scanner_height_m: float = 0.31
 
     def wheel_speeds(self, forward_mps: np.ndarray, turn_radps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return left and right wheel speeds, rad/s, of twists."""
@@ -43,16 +45,21 @@ class RobotParams:
 def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
     """Add a robot to a world: body, free joint, two wheels with velocity servos, castors, and a sensor site.
 
-    The chassis touches rock and other robots, wheels and castors the floor: the disc is wider than the wheels, and no
-    pair is tested that cannot meet.
+    The chassis touches rock, a bumper other robots, wheels and castors the floor: the disc is wider than the wheels, and
+    no pair is tested that cannot meet.
     """
     body = spec.worldbody.add_body(name=name)
     body.add_freejoint(name=f"{name}_free")
     middle = params.ground_clearance_m + params.height_m / 2 - params.wheel_radius_m
     body.add_geom(
         name=f"{name}_chassis", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[params.radius_m, params.height_m / 2, 0],
-        pos=[0, 0, middle], mass=params.mass_kg * 0.8, group=ROBOT_GROUP, contype=_ROBOT_BIT,
-        conaffinity=_ROCK_BIT | _ROBOT_BIT, friction=[0.5, 0.005, 0.0001], rgba=[0.85, 0.65, 0.1, 1],
+        pos=[0, 0, middle], mass=params.mass_kg * 0.8, group=ROBOT_GROUP, contype=0,
+        conaffinity=_ROCK_BIT, friction=[0.5, 0.005, 0.0001], rgba=[0.85, 0.65, 0.1, 1],
+    )  # fmt: skip
+    # Robots meet as spheres of the disc's radius: two upright cylinders side by side make MuJoCo 3.17's solver diverge.
+    body.add_geom(
+        name=f"{name}_bumper", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[params.radius_m, 0, 0], pos=[0, 0, middle], mass=0,
+        group=_HIDDEN_GROUP, contype=_ROBOT_BIT, conaffinity=_ROBOT_BIT, friction=[0.5, 0.005, 0.0001],
     )  # fmt: skip
     for side, y in (("left", params.wheel_base_m / 2), ("right", -params.wheel_base_m / 2)):
         wheel = body.add_body(name=f"{name}_{side}", pos=[0, y, 0])
@@ -83,6 +90,14 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
             pos=[x, 0, castor - params.wheel_radius_m + 0.002], mass=0.1, group=ROBOT_GROUP, contype=0,
             conaffinity=_FLOOR_BIT, priority=2, friction=[0.0, 0.0, 0.0], rgba=[0.1, 0.1, 0.1, 1],
         )  # fmt: skip
+    # The scanner on its mast: what other robots' beams see of this one, as their own sensors look over its chassis.
+    top = params.ground_clearance_m + params.height_m - params.wheel_radius_m
+    reach = params.sensor_height_m - params.wheel_radius_m + params.scanner_height_m / 2
+    body.add_geom(
+        name=f"{name}_scanner", type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        size=[params.scanner_radius_m, (reach - top) / 2, 0],
+        pos=[0, 0, (reach + top) / 2], mass=0, group=ROBOT_GROUP, contype=0, conaffinity=0, rgba=[0.2, 0.3, 0.4, 1],
+    )  # fmt: skip
     body.add_site(name=f"{name}_lidar", pos=[0, 0, params.sensor_height_m - params.wheel_radius_m], group=5)
 
 

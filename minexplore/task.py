@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
 
 import numpy as np
+
+T = TypeVar("T")
 
 # What a zone does to a command beside its contact friction: scale, and noise on the forward speed, m/s.
 TERRAIN = {"dry": (1.0, 0.0), "mud": (0.7, 0.04), "water": (0.4, 0.10)}
@@ -37,11 +40,35 @@ class TaskParams:
     def __post_init__(self) -> None:
         """Refuse numbers that make no task."""
         if self.beams < 1 or not 0 < self.range_m[0] < self.range_m[1]:
-            raise ValueError(f"task: beams = {self.beams}, range_m = {self.range_m}; want one beam or more and 0 < near < far")
+            raise ValueError(
+                f"task: beams = {self.beams}, range_m = {self.range_m}; want one beam or more and 0 < near < far"
+            )
         if not 0 < self.physics_s <= self.control_s:
-            raise ValueError(f"task: physics_s = {self.physics_s}, control_s = {self.control_s}; want 0 < physics <= control")
+            raise ValueError(
+                f"task: physics_s = {self.physics_s}, control_s = {self.control_s}; want 0 < physics <= control"
+            )
 
     @property
     def substeps(self) -> int:
         """Return the physics steps of one control step."""
         return round(self.control_s / self.physics_s)
+
+
+def given(kind: type[T], value: T | dict[str, Any] | None) -> T:
+    """Return parameters given as such, as a dict of some fields, or not at all.
+
+    Raises
+    ------
+    ValueError
+        If a dict has a field that there is not; the message lists what there is.
+    """
+    if value is None:
+        return kind()
+    if isinstance(value, kind):
+        return value
+    asked: dict[str, Any] = dict(value)  # type: ignore[arg-type]
+    names = [f.name for f in fields(kind)]  # type: ignore[arg-type]
+    unknown = sorted(set(asked) - set(names))
+    if unknown:
+        raise ValueError(f"{kind.__name__}: no field {unknown[0]!r}; there are {', '.join(names)}")
+    return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in asked.items()})

@@ -27,7 +27,7 @@ class RockPart:
 
 
 class Windows:
-    """Physics models of a world, whole or by square tiles of the plan, each with one robot and the same state layout."""
+    """Physics models of a world, whole or by square tiles of the plan, each with one robot and one state layout."""
 
     def __init__(self, world: World, task: TaskParams, robot: RobotParams, whole: bool = False) -> None:
         """Read the world's collision parts."""

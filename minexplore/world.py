@@ -54,15 +54,38 @@ class World:
         return np.array([ground.name for ground in self.grounds])
 
 
-def load_world(folder: str | Path) -> World:
-    """Check a bundle and read it.
+def find_world(world: str | Path | None) -> Path:
+    """Return the folder of a bundle given by path, or by the name of one that ships with the package.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is none; the message lists the names.
+    """
+    if world is None:
+        raise FileNotFoundError("no world: give world=, the path of a world bundle or one of its names")
+    shipped = Path(__file__).parent / "worlds"
+    built = Path(__file__).parents[1] / "artifacts" / "realism" / "world"  # of a source checkout
+    names = {p.name: p for p in shipped.iterdir() if p.is_dir()} if shipped.is_dir() else {}
+    if (built / "world.json").is_file():
+        names.setdefault("chilean_mine", built)
+    if str(world) in names:
+        return names[str(world)]
+    if Path(world).is_dir():
+        return Path(world)
+    known = ", ".join(sorted(names)) or "none; `make all` builds one, `make wheel` packs it"
+    raise FileNotFoundError(f"world = {str(world)!r}: no such folder, and no world of that name (there are: {known})")
+
+
+@functools.lru_cache(maxsize=8)
+def load_world(folder: Path) -> World:
+    """Check a bundle and read it, once a process.
 
     Raises
     ------
     BundleError
         If the bundle does not hold; see `read_bundle`.
     """
-    folder = Path(folder)
     record = read_bundle(folder)
     with np.load(io.BytesIO((folder / "occupancy.npz").read_bytes()), allow_pickle=False) as grid:
         clearance, origin, cell = grid["clearance_m"], grid["origin_m"], float(grid["cell_m"])

@@ -1,0 +1,116 @@
+"""Pictures of robots in a mine: a chase camera in the world itself, and the plan with what has been seen."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from minexplore.coverage import CoverageGrid
+from minexplore.robot import RobotParams, attach_robot, separate_contacts
+from minexplore.world import World
+
+CAMERAS = ("chase", "top")
+_SHOWN = (0, 1, 2)  # floor, robots, visible rock
+_LIGHTS = 7  # OpenGL's eight less the headlight
+_ROCK, _FREE, _CELL, _SEEN, _ROBOT = (54, 47, 42), (150, 140, 128), (190, 182, 170), (92, 168, 96), (232, 150, 30)
+
+
+class Renderer:
+    """Draws robots given as rows of `qpos` (n, 9)."""
+
+    def __init__(
+        self, world: World, T_world_mine: np.ndarray, grid: CoverageGrid, robot: RobotParams, robots: int,
+        size_px: tuple[int, int] = (640, 480),
+    ) -> None:  # fmt: skip
+        """Prepare; the world is compiled with its meshes when a camera is first used."""
+        self.world, self.grid, self.robot, self.robots, self.size_px = world, grid, robot, robots, size_px
+        self.T_world_mine = T_world_mine
+        self.model: mujoco.MjModel | None = None
+        self._renderer: mujoco.Renderer | None = None
+
+    def draw(self, camera: str, qpos: np.ndarray, seen: np.ndarray, poses: np.ndarray) -> np.ndarray:
+        """Return a picture (height, width, 3) uint8 RGB: behind the first robot, or all from above."""
+        return self._chase(qpos) if camera == "chase" else self._plan(seen, poses)
+
+    def place(self, qpos: np.ndarray) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Return the whole world's model and data with the robots standing as given."""
+        if self.model is None:
+            self.model = self._compile()
+            self.data = mujoco.MjData(self.model)
+            names = [f"robot_{i}" for i in range(self.robots)]
+            joints = [[f"{n}_free", f"{n}_left", f"{n}_right"] for n in names]
+            self._at = np.concatenate(
+                [[self.model.joint(free).qposadr[0] + k for k in range(7)]
+                 + [self.model.joint(left).qposadr[0], self.model.joint(right).qposadr[0]]
+                 for free, left, right in joints]
+            )  # fmt: skip
+        self.data.qpos[self._at] = qpos.ravel()
+        mujoco.mj_forward(self.model, self.data)
+        return self.model, self.data
+
+    def _compile(self) -> mujoco.MjModel:
+        spec = self.world.spec()
+        separate_contacts(spec)
+        for i in range(self.robots):
+            attach_robot(spec, f"robot_{i}", self.robot)
+        mine = spec.body("mine")
+        quat = np.zeros(4)
+        mujoco.mju_mat2Quat(quat, self.T_world_mine[:3, :3].ravel())
+        mine.quat, mine.pos = quat, self.T_world_mine[:3, 3]
+        spec.visual.global_.offwidth, spec.visual.global_.offheight = self.size_px
+        return spec.compile()
+
+    def _chase(self, qpos: np.ndarray) -> np.ndarray:
+        model, data = self.place(qpos)
+        if self._renderer is None:
+            self._renderer = mujoco.Renderer(model, self.size_px[1], self.size_px[0], max_geom=2 * model.ngeom + 1000)
+        option = mujoco.MjvOption()
+        option.geomgroup[:] = 0
+        option.geomgroup[list(_SHOWN)] = 1
+        body = model.body("robot_0").id
+        camera = mujoco.MjvCamera()
+        camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+        camera.lookat[:] = data.xpos[body] + [0, 0, 0.3]
+        heading = data.xmat[body].reshape(3, 3)[:, 0]
+        camera.azimuth = float(np.degrees(np.arctan2(heading[1], heading[0])))
+        camera.distance, camera.elevation = 2.2, -18.0
+        near = np.argsort(np.linalg.norm(data.light_xpos - data.xpos[body], axis=1), kind="stable")
+        model.light_active[:] = 0
+        model.light_active[near[:_LIGHTS]] = 1
+        self._renderer.update_scene(data, camera, option)
+        return self._renderer.render().copy()
+
+    def _plan(self, seen: np.ndarray, poses: np.ndarray) -> np.ndarray:
+        """Return the floor plan round the reachable cells: seen cells green, robots orange."""
+        world, grid = self.world, self.grid
+        rows, cols = np.nonzero(grid.reachable)
+        low = grid.origin_m + np.array([cols.min() - 1, rows.min() - 1]) * grid.cell_m
+        high = grid.origin_m + np.array([cols.max() + 2, rows.max() + 2]) * grid.cell_m
+        width, height = self.size_px
+        scale = min(width / (high[0] - low[0]), height / (high[1] - low[1]))
+        x = low[0] + (np.arange(width) + 0.5 - (width - scale * (high[0] - low[0])) / 2) / scale
+        y = high[1] - (np.arange(height) + 0.5 - (height - scale * (high[1] - low[1])) / 2) / scale
+        place = np.stack(np.meshgrid(x, y), axis=-1)
+        free = _lookup(world.clearance_m > 0, place, world.origin_m, world.cell_m)
+        picture = np.where(free[..., None], np.array(_FREE), np.array(_ROCK))
+        picture[free & _lookup(grid.reachable, place, grid.origin_m, grid.cell_m)] = _CELL
+        picture[free & _lookup(seen, place, grid.origin_m, grid.cell_m)] = _SEEN
+        for px, py, yaw in poses:
+            mark = max(self.robot.radius_m, 4 / scale)
+            ahead = (place[..., 0] - px) * np.cos(yaw) + (place[..., 1] - py) * np.sin(yaw)
+            far = np.hypot(place[..., 0] - px, place[..., 1] - py)
+            picture[far <= mark] = _ROBOT
+            picture[(far <= mark) & (ahead > 0.4 * mark)] = _ROCK
+        return picture.astype(np.uint8)
+
+    def close(self) -> None:
+        """Free the OpenGL context."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+
+def _lookup(mask: np.ndarray, place: np.ndarray, origin_m: np.ndarray, cell_m: float) -> np.ndarray:
+    col, row = np.moveaxis(np.floor((place - origin_m) / cell_m).astype(int), -1, 0)
+    inside = (row >= 0) & (row < mask.shape[0]) & (col >= 0) & (col < mask.shape[1])
+    return inside & mask[np.clip(row, 0, mask.shape[0] - 1), np.clip(col, 0, mask.shape[1] - 1)]

@@ -1,0 +1,184 @@
+"""The exploration task for many robots at once, natively: one call steps them all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from minexplore.explorers import Explorers, Outcome, as_dict, observation_bounds
+from minexplore.lidar import Backend
+from minexplore.render import CAMERAS, Renderer
+from minexplore.robot import RobotParams
+from minexplore.task import TaskParams, given
+from minexplore.world import find_world, load_world
+
+
+class MineVectorEnv(VectorEnv):
+    """`num_envs` robots, each alone in its own copy of the mine; see `MineEnv` for the task.
+
+    The trajectories are those of `MineEnv` with the same seeds and actions, bit for bit.
+
+    Parameters
+    ----------
+    num_envs : int
+    world, task, robot, camera, lidar, whole
+        As in `MineEnv`.
+    render_mode : {None, "rgb_array"}
+        `render` gives one picture a robot.
+    autoreset_mode : AutoresetMode or str
+        `NEXT_STEP` (default): the step after an episode's last one resets and ignores the action. `SAME_STEP`: the last
+        step resets at once; the last observation and info are in `info["final_obs"]`, `info["final_info"]`.
+    threads : int
+        That step the physics.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        world: str | Path | None = None,
+        task: TaskParams | dict[str, Any] | None = None,
+        robot: RobotParams | dict[str, Any] | None = None,
+        render_mode: str | None = None,
+        camera: str = "chase",
+        lidar: Backend = "auto",
+        whole: bool = False,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        threads: int = 1,
+    ) -> None:
+        """Load the world and put the robots into it."""
+        if num_envs < 1 or threads < 1:
+            raise ValueError(f"num_envs = {num_envs}, threads = {threads}: want 1 or more of each")
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode = {render_mode!r}: valid choices are None, 'rgb_array'")
+        if camera not in CAMERAS:
+            raise ValueError(f"camera = {camera!r}: valid choices are {', '.join(CAMERAS)}")
+        mode = AutoresetMode(autoreset_mode)
+        if mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
+            raise ValueError(f"autoreset_mode = {autoreset_mode}: valid choices are NEXT_STEP, SAME_STEP")
+        self.num_envs, self.render_mode, self.camera, self._mode = num_envs, render_mode, camera, mode
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
+        self.task, self.robot = given(TaskParams, task), given(RobotParams, robot)
+        self.world = load_world(find_world(world))
+        self.explorers = Explorers(self.world, self.task, self.robot, num_envs, threads, lidar, whole)
+        self.single_observation_space = gymnasium.spaces.Box(*observation_bounds(self.task), dtype=np.float32)
+        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._rngs: list[np.random.Generator] = []
+        self._ended = np.zeros(num_envs, dtype=bool)
+        self._observation: np.ndarray = np.zeros((num_envs, self.task.beams + 3), np.float32)
+        self._renderer: Renderer | None = None
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Reset all robots, or those of `options["reset_mask"]`; an int seed gives robot i the seed `seed + i`."""
+        seeds = (
+            [None if seed is None else seed + i for i in range(self.num_envs)]
+            if not isinstance(seed, Sequence)
+            else seed
+        )
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"{len(seeds)} seeds for {self.num_envs} robots")
+        mask = (
+            np.ones(self.num_envs, dtype=bool)
+            if not options
+            else options.get("reset_mask", np.ones(self.num_envs, bool))
+        )
+        if not self._rngs:
+            self._rngs = [seeding.np_random(s)[0] for s in seeds]
+            mask = np.ones(self.num_envs, dtype=bool)
+        else:
+            for i in np.flatnonzero(mask).tolist():
+                if seeds[i] is not None:
+                    self._rngs[i] = seeding.np_random(seeds[i])[0]
+        self._ended[mask] = False
+        outcome = self.explorers.reset(np.flatnonzero(mask), self._rngs)
+        self._observation[mask] = outcome.observation
+        return self._observation.copy(), _spread(outcome, np.flatnonzero(mask), self.num_envs)
+
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Step all robots; robots whose episode ended are reset as `autoreset_mode` says."""
+        if not self._rngs:
+            raise gymnasium.error.ResetNeeded("call reset before step")
+        over = np.flatnonzero(self._ended)
+        driving = np.flatnonzero(~self._ended)
+        reward, truncated = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=bool)
+        info: dict[str, Any] = {}
+        if len(driving):
+            outcome = self.explorers.step(actions, self._rngs, driving)
+            self._observation[driving] = outcome.observation
+            reward[driving], truncated[driving] = outcome.reward, outcome.truncated
+            info = _spread(outcome, driving, self.num_envs)
+        if len(over):
+            started = self.explorers.reset(over, self._rngs)
+            self._observation[over] = started.observation
+            info = _merge(info, _spread(started, over, self.num_envs), over)
+        self._ended = truncated.copy()
+        if self._mode is AutoresetMode.SAME_STEP and truncated.any():
+            info |= self._restart(np.flatnonzero(truncated), info)
+        return self._observation.copy(), reward, np.zeros(self.num_envs, dtype=bool), truncated, info
+
+    def _restart(self, over: np.ndarray, info: dict[str, Any]) -> dict[str, Any]:
+        """Reset robots at once, and hand on what they last saw."""
+        last = np.full(self.num_envs, None, dtype=object)
+        for i in over.tolist():
+            last[i] = self._observation[i].copy()
+        ended = np.isin(np.arange(self.num_envs), over)
+        final = {k: v.copy() for k, v in info.items() if not k.startswith("_")}
+        final |= {f"_{k}": ended.copy() for k in final}
+        started = self.explorers.reset(over, self._rngs)
+        self._observation[over] = started.observation
+        self._ended[:] = False
+        merged = _merge(info, _spread(started, over, self.num_envs), over)
+        return {**merged, "final_obs": last, "_final_obs": ended, "final_info": final, "_final_info": ended.copy()}
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """Return one picture (480, 640, 3) uint8 a robot in mode `rgb_array`, else None."""
+        if self.render_mode is None:
+            return None
+        ours = self.explorers
+        if self._renderer is None:
+            self._renderer = Renderer(self.world, ours.T_world_mine, ours.grid, self.robot, 1)
+        poses = ours.poses()
+        return tuple(
+            self._renderer.draw(self.camera, ours.qpos[i : i + 1], ours.seen[i], poses[i : i + 1])
+            for i in range(self.num_envs)
+        )
+
+    def info_of(self, robot: int, info: dict[str, Any]) -> dict[str, Any]:
+        """Return one robot's info as `MineEnv` gives it."""
+        return as_dict({k: v for k, v in info.items() if not k.startswith(("_", "final"))}, robot)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free renderer and threads."""
+        if self._renderer is not None:
+            self._renderer.close()
+        self.explorers.close()
+
+
+def _spread(outcome: Outcome, robots: np.ndarray, count: int) -> dict[str, Any]:
+    """Return the info of some robots as arrays over all, with Gymnasium's masks `_key`."""
+    mask = np.isin(np.arange(count), robots)
+    info: dict[str, Any] = {}
+    for key, value in outcome.info.items():
+        every = np.zeros((count, *value.shape[1:]), dtype=value.dtype)
+        every[robots] = value
+        info[key], info[f"_{key}"] = every, mask.copy()
+    return info
+
+
+def _merge(info: dict[str, Any], other: dict[str, Any], robots: np.ndarray) -> dict[str, Any]:
+    for key, value in other.items():
+        if key in info:
+            info[key][robots] = value[robots]
+        else:
+            info[key] = value
+    return info

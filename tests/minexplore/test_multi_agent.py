@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+from minexplore.multi_agent import MineParallelEnv
+from minexplore.robot import stand
+from tests.conftest import BuiltMine
+
+
+def put(env, poses):
+    """Stand the team at poses of the mine frame."""
+    team = env.team
+    for i, (x, y, yaw) in enumerate(poses):
+        team.qpos[i, :7] = stand(team.T_world_mine, team.robot, x, y, yaw)
+    team.data.qpos[team._qpos_at] = team.qpos
+    team.data.qvel[:] = 0
+
+
+def test_pettingzoos_own_tests_pass(tee: BuiltMine):
+    parallel_api_test(MineParallelEnv(robots=2, world=tee.bundle, task={"max_steps": 40}), num_cycles=60)
+    parallel_seed_test(lambda: MineParallelEnv(robots=2, world=tee.bundle), num_cycles=15)
+
+
+def test_robots_start_apart(tee: BuiltMine):
+    env = MineParallelEnv(robots=4, world=tee.bundle)
+    _, infos = env.reset(seed=1)
+    places = np.array([info["pose_m_rad"][:2] for info in infos.values()])
+    apart = np.linalg.norm(places[:, None] - places, axis=-1)[np.triu_indices(4, 1)]
+    assert apart.min() >= 1.2
+
+
+def test_robots_see_each_other(tee: BuiltMine):
+    env = MineParallelEnv(robots=2, world=tee.bundle)
+    env.reset(seed=0)
+    put(env, [(20.0, 2.5, 0.0), (24.0, 2.5, np.pi)])
+    ranges, _ = env.team._look(np.arange(2))
+    assert ranges[0, 0] == pytest.approx(4.0 - env.robot.scanner_radius_m, abs=0.02)
+    assert ranges[1, 0] == pytest.approx(4.0 - env.robot.scanner_radius_m, abs=0.02)
+    put(env, [(20.0, 2.5, 0.0), (24.0, 3.5, np.pi)])
+    ranges, _ = env.team._look(np.arange(2))
+    assert ranges[0, 0] == 10.0
+
+
+def test_robots_hit_each_other_and_that_is_no_collision_with_rock(tee: BuiltMine):
+    env = MineParallelEnv(robots=2, world=tee.bundle, task={"terrain": False})
+    env.reset(seed=0)
+    put(env, [(20.0, 2.5, 0.0), (22.0, 2.5, np.pi)])
+    for _ in range(20):
+        _, _, _, _, infos = env.step({a: np.array([0.5, 0.0], np.float32) for a in env.agents})
+    x = [infos[a]["pose_m_rad"][0] for a in ("robot_0", "robot_1")]
+    assert x[1] - x[0] == pytest.approx(2 * env.robot.radius_m, abs=0.05)
+    assert all(info["collisions"] == 0 for info in infos.values())
+
+
+@pytest.mark.parametrize("kind", ["shared", "individual"])
+def test_the_teams_rewards_are_the_equation_of_the_teams_cells(tee: BuiltMine, kind):
+    env = MineParallelEnv(robots=2, reward=kind, world=tee.bundle)
+    _, infos = env.reset(seed=2)
+    before = infos["robot_0"]["team_cells_seen"]
+    seen = {a: infos[a]["cells_seen"] for a in env.agents}
+    total = env.team.grid.total
+    for _ in range(15):
+        _, rewards, _, _, infos = env.step({a: np.array([1.0, 0.1], np.float32) for a in env.agents})
+        new = {a: infos[a]["cells_seen"] - seen[a] for a in infos}
+        team = infos["robot_0"]["team_cells_seen"]
+        assert team - before == sum(new.values())
+        if not any(info["collision"] for info in infos.values()) and (team < total / 4):
+            if kind == "shared":
+                expected = sum(new.values()) * 10 / total or -0.002
+                assert list(rewards.values()) == pytest.approx([expected] * 2)
+            else:
+                assert list(rewards.values()) == pytest.approx([n * 10 / total or -0.002 for n in new.values()])
+        before, seen = team, {a: infos[a]["cells_seen"] for a in infos}
+
+
+def test_wrong_arguments_are_refused(tee: BuiltMine):
+    with pytest.raises(ValueError, match="'shared' or 'individual'"):
+        MineParallelEnv(reward="mine", world=tee.bundle)
+    with pytest.raises(ValueError, match="no room near the entrance for robot"):
+        MineParallelEnv(robots=400, world=tee.bundle).reset(seed=0)
