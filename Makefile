@@ -6,7 +6,7 @@ PY := .venv/bin/python
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness $(STAGES)
+.PHONY: help setup all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline wheel env-page $(STAGES)
 
 help:            ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile | expand -t 22
@@ -54,8 +54,17 @@ search-texture: setup     ## search the overlay's noise for the texture scores: 
 roughness: setup          ## measure the sweeps below data/raw again (`make data` fetches them)
 	@$(PY) -m pipeline roughness data/raw/sweep_*.csv --out data/chilean_mine/roughness.json
 
-bench: setup     ## time the pipeline and each stage in a copy of the project
+bench: setup     ## time the environment against its references (artifacts/bench/env.json)
+	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.time_env
+
+bench-pipeline: setup     ## time the pipeline and each stage in a copy of the project
 	@$(PY) -m benchmarks.time_pipeline
+
+wheel: setup     ## build dist/minexplore-*.whl with the default world inside
+	@PYTHONPATH=. $(PY) packaging/build_wheel.py
+
+env-page: setup  ## write docs/env.md from the environment's docstring
+	@$(PY) -m minexplore page > docs/.env.md.new && mv docs/.env.md.new docs/env.md
 
 accept: setup    ## accept the present metrics as the regression gate's baseline
 	@$(PY) -m pipeline accept

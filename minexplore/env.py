@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +110,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
         self._renderer: Renderer | None = None
         self._viewer: Any = None
+        self.on_key: Callable[[int], None] = lambda code: None  # gets the viewer's key presses
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -156,7 +158,9 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         if self._viewer is None:
             import mujoco.viewer
 
-            self._viewer = mujoco.viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
+            self._viewer = mujoco.viewer.launch_passive(
+                model, data, key_callback=self.on_key, show_left_ui=False, show_right_ui=False
+            )
         self._viewer.sync()
 
     def close(self) -> None:

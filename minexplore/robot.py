@@ -45,8 +45,8 @@ class RobotParams:
 def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
     """Add a robot to a world: body, free joint, two wheels with velocity servos, castors, and a sensor site.
 
-    The chassis touches rock, a bumper other robots, wheels and castors the floor: the disc is wider than the wheels, and
-    no pair is tested that cannot meet.
+    The chassis touches rock, a bumper other robots, wheels and castors the floor: the disc is wider than the wheels,
+    and no pair is tested that cannot meet.
     """
     body = spec.worldbody.add_body(name=name)
     body.add_freejoint(name=f"{name}_free")
@@ -58,8 +58,8 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
     )  # fmt: skip
     # Robots meet as spheres of the disc's radius: two upright cylinders side by side make MuJoCo 3.17's solver diverge.
     body.add_geom(
-        name=f"{name}_bumper", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[params.radius_m, 0, 0], pos=[0, 0, middle], mass=0,
-        group=_HIDDEN_GROUP, contype=_ROBOT_BIT, conaffinity=_ROBOT_BIT, friction=[0.5, 0.005, 0.0001],
+        name=f"{name}_bumper", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[params.radius_m, 0, 0], pos=[0, 0, middle],
+        mass=0, group=_HIDDEN_GROUP, contype=_ROBOT_BIT, conaffinity=_ROBOT_BIT, friction=[0.5, 0.005, 0.0001],
     )  # fmt: skip
     for side, y in (("left", params.wheel_base_m / 2), ("right", -params.wheel_base_m / 2)):
         wheel = body.add_body(name=f"{name}_{side}", pos=[0, y, 0])

@@ -12,8 +12,8 @@ from minexplore.robot import RobotParams, attach_robot, contact_sensor, separate
 from minexplore.task import TaskParams
 from minexplore.world import World
 
-WINDOW_M = 8.0
-_MARGIN_M = 0.5  # beyond the robot's radius and one control step's travel; contacts need none of it
+WINDOW_M = 2.0
+_MARGIN_M = 0.1  # beyond the robot's radius and one control step's travel; contacts need none of it
 
 
 @dataclass(frozen=True)
@@ -59,10 +59,12 @@ class Windows:
         mujoco.mju_mat2Quat(quat, self.T_world_mine[:3, :3].ravel())
         mine.quat = quat
         solid = mine.add_body(name="rock")  # wheels, which touch the floor only, then pass the rock by as one body
-        near = self.parts if tile is None or self.whole else self._near(np.array(tile))
+        everything = tile is None or self.whole
+        low, high = self._reach(np.zeros(2) if tile is None else np.array(tile))
+        near = self.parts if everything else [part for part in self.parts if _meets(part.outline, low, high)]
         kept = {part.name for part in near}
         for geom in self._spec.geoms:
-            if geom.name in kept:
+            if geom.name in kept or not (everything or self._below(geom, low, high)):
                 continue
             if geom.name.startswith("floor_") or geom.name == "back":
                 friction = [1.0, 0.005, 0.0001] if geom.name != "back" and not self.task.terrain else geom.friction
@@ -83,10 +85,15 @@ class Windows:
             contact_sensor(spec, name)
         return spec
 
-    def _near(self, tile: np.ndarray) -> list[RockPart]:
+    def _reach(self, tile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step."""
         low = tile * WINDOW_M - self._margin_m
-        high = low + WINDOW_M + 2 * self._margin_m
-        return [part for part in self.parts if _meets(part.outline, low, high)]
+        return low, low + WINDOW_M + 2 * self._margin_m
+
+    def _below(self, geom: mujoco.MjsGeom, low: np.ndarray, high: np.ndarray) -> bool:
+        """Say whether a floor zone reaches under a window."""
+        place, half = np.array(geom.pos)[:2], np.array(geom.size)[:2]
+        return bool((place - half <= high).all() and (place + half >= low).all())
 
 
 def _part(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> RockPart:

@@ -179,7 +179,7 @@ def test_flat_and_dry_is_flat_and_dry(tee: BuiltMine):
     made = MineEnv(tee.bundle, {"tilt": False, "terrain": False})
     made.reset(seed=0)
     assert made.explorers.qpos[0, [4, 5]] == pytest.approx(0.0, abs=1e-9)
-    model = made.explorers.windows.model((2, 0))
+    model = made.explorers.windows.spec(None).compile()
     assert all(model.geom(g.geom).friction[0] == 1.0 for g in made.world.grounds)
 
 

@@ -1,0 +1,188 @@
+"""Time the environment against its references, each ratio within one run, and write `artifacts/bench/env.json`."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from statistics import median
+
+import mujoco
+import numpy as np
+from tqdm import tqdm
+
+from benchmarks.plain_env import PlainEnv
+from minexplore.robot import RobotParams, attach_robot, contact_sensor, separate_contacts, stand
+from minexplore.task import TaskParams
+from minexplore.vector import MineVectorEnv
+from minexplore.windows import Windows
+from minexplore.world import World, find_world, load_world
+from pipeline.compose import compose
+from pipeline.errors import MineError
+from pipeline.geometry.partition import rock_around, world_box
+from pipeline.store.codecs import decode, encode
+from pipeline.store.files import write_atomically
+from pipeline.types import ConvexParts, FreeSpace
+from stages.compile3d import collision_parts
+
+RESULTS, TABLE = Path("artifacts/bench/env.json"), Path("docs/env-speed.md")
+HULLS = Path("artifacts/benchmarks/vhacd.npz")
+_RUNS, _ROBOTS = 5, 64
+_LIMITS = {
+    "physics_vs_bare_floor": (0.80, None), "vector_vs_plain": (5.0, None), "vector_vs_paper_design": (8.0, None),
+    "two_threads_vs_one": (1.5, None), "reset_ms": (None, 1.0), "make_vec_256_s": (None, 2.0),
+    "make_vec_256_mb": (None, 1000),
+}  # fmt: skip
+_MAKE = """
+import time
+start = time.perf_counter()
+import gymnasium, minexplore
+env = gymnasium.make_vec("MineXplore/ChileanMine-v0", num_envs=256, vectorization_mode="vector_entry_point")
+env.reset(seed=0)
+peak = [line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM")][0]
+print(time.perf_counter() - start, int(peak) / 1000)
+"""
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """Return how long a call takes."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def physics_ratios(world: World) -> tuple[float, float]:
+    """Return windowed physics rate over that on a bare floor with the mine's dip, and on a level one, one thread.
+
+    Robots drive at stations spread over the mine. On a slope more wheels and castors bear, whatever stands around.
+    """
+    task, robot = TaskParams(), RobotParams()
+    windows = Windows(world, task, robot)
+    row, col = np.nonzero(world.clearance_m >= 1.0)
+    pick = np.linspace(0, len(row) - 1, 12).astype(int)
+    places = world.origin_m + (np.column_stack([col[pick], row[pick]]) + 0.5) * world.cell_m
+    models = [windows.model(tuple(t)) for t in windows.tiles_of(places).tolist()]
+    dipping, level = (_bare_floor(task, robot, T) for T in (windows.T_world_mine, np.eye(4)))
+
+    def drive(model: mujoco.MjModel, pose: np.ndarray) -> None:
+        data = mujoco.MjData(model)
+        data.qpos[:7] = pose
+        data.ctrl[:] = [1.0, 1.2]
+        mujoco.mj_step(model, data, 1000)
+
+    poses = [stand(windows.T_world_mine, robot, x, y, 0.3) for x, y in places]
+    flat = stand(np.eye(4), robot, 0.0, 0.0, 0.3)
+    ours = sum(seconds(partial(drive, model, pose)) for model, pose in zip(models, poses, strict=True))
+    on_dip = sum(seconds(partial(drive, dipping, pose)) for pose in poses)
+    on_level = sum(seconds(partial(drive, level, flat)) for _ in poses)
+    return on_dip / ours, on_level / ours
+
+
+def _bare_floor(task: TaskParams, robot: RobotParams, T_world_mine: np.ndarray) -> mujoco.MjModel:
+    spec = mujoco.MjSpec()
+    spec.option.timestep = task.physics_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, T_world_mine[:3, :3].ravel())
+    mine = spec.worldbody.add_body(name="mine", pos=T_world_mine[:3, 3], quat=quat)
+    mine.add_geom(
+        name="floor_dry", type=mujoco.mjtGeom.mjGEOM_BOX, size=[800, 400, 0.25], pos=[0, 0, -0.25], priority=1
+    )
+    spec.worldbody.add_body(name="rock")
+    separate_contacts(spec)
+    attach_robot(spec, "robot", robot)
+    contact_sensor(spec, "robot")
+    return spec.compile()
+
+
+def steps_per_s(env: MineVectorEnv, steps: int) -> float:
+    """Return control steps a second, all robots together, of hard driving."""
+    rng = np.random.default_rng(0)
+    actions = [np.column_stack([rng.uniform(0.3, 1, env.num_envs), rng.uniform(-1, 1, env.num_envs)]) for _ in range(9)]
+    return steps * env.num_envs / seconds(lambda: [env.step(actions[k // 10 % 9]) for k in range(steps)])
+
+
+def plain_steps_per_s(env: PlainEnv, steps: int) -> float:
+    """Return the plain environment's control steps a second."""
+    rng = np.random.default_rng(0)
+    actions = [np.array([rng.uniform(0.3, 1), rng.uniform(-1, 1)]) for _ in range(9)]
+    env.reset()
+    return steps / seconds(lambda: [env.step(actions[k // 10 % 9]) for k in range(steps)])
+
+
+def paper_hulls(world: World) -> ConvexParts:
+    """Return V-HACD hulls of the present plan with the paper's parameters, made once."""
+    if HULLS.is_file():
+        return decode(HULLS, ConvexParts)
+    free: FreeSpace = decode(world.folder / "free_space.geojson", FreeSpace)
+    params = compose(["collision=vhacd"]).compile3d
+    box = world_box(free.polygon, params.rock_margin_m, free.frame.extent_m)
+    parts = collision_parts(params, rock_around(free.polygon, box))
+    write_atomically(HULLS, encode(HULLS, parts))
+    return parts
+
+
+def measure() -> dict[str, float]:
+    """Measure every figure: the median of five runs, references in the same run."""
+    folder = find_world("chilean_mine")
+    world = load_world(folder)
+    plain, paper = PlainEnv(world), PlainEnv(world, paper_hulls(world))
+    one, two = (MineVectorEnv(_ROBOTS, folder, threads=t) for t in (1, 2))
+    for env in (one, two):
+        env.reset(seed=0)
+        steps_per_s(env, 60)  # windows and scenes are made as robots reach them
+    rows: dict[str, list[float]] = {
+        name: [] for name in (*_LIMITS, "physics_vs_level_floor", "vector_steps_per_s", "plain_steps_per_s")
+    }
+    for _ in tqdm(range(_RUNS), desc="runs", disable=None):
+        for name, ratio in zip(("physics_vs_bare_floor", "physics_vs_level_floor"), physics_ratios(world), strict=True):
+            rows[name].append(ratio)
+        for env in (one, two):
+            env.reset(seed=0)
+        ours, theirs, design = steps_per_s(one, 60), plain_steps_per_s(plain, 150), plain_steps_per_s(paper, 150)
+        rows["vector_steps_per_s"].append(ours)
+        rows["plain_steps_per_s"].append(theirs)
+        rows["vector_vs_plain"].append(ours / theirs)
+        rows["vector_vs_paper_design"].append(ours / design)
+        rows["two_threads_vs_one"].append(steps_per_s(two, 60) / steps_per_s(one, 60))
+        rows["reset_ms"].append(1000 * seconds(lambda: [one.reset() for _ in range(20)]) / 20 / _ROBOTS)
+        made = subprocess.run([sys.executable, "-c", _MAKE], capture_output=True, text=True, check=True).stdout.split()
+        rows["make_vec_256_s"].append(float(made[0]))
+        rows["make_vec_256_mb"].append(float(made[1]))
+    return {name: round(median(values), 3) for name, values in rows.items()}
+
+
+def main() -> int:
+    """Measure, print, write; exit code 2 if a figure misses its limit."""
+    try:
+        figures = measure()
+    except (MineError, FileNotFoundError) as error:
+        print(f"bench: {error}", file=sys.stderr)
+        return 2
+    write_atomically(RESULTS, (json.dumps(figures, indent=2) + "\n").encode())
+    lines, missed = ["| figure | measured | limit |", "|---|---|---|"], []
+    for name, value in figures.items():
+        low, high = _LIMITS.get(name, (None, None))
+        limit = f">= {low:g}" if low is not None else f"<= {high:g}" if high is not None else ""
+        if (low is not None and value < low) or (high is not None and value > high):
+            missed.append(name)
+        lines.append(f"| {name} | {value:,.2f} | {limit} |")
+    text = "\n".join(lines) + "\n"
+    head = (
+        f"# Environment speed\n\nWritten by `make bench` on {os.cpu_count()} cores: medians of {_RUNS} runs, "
+        f"{_ROBOTS} robots, each ratio within one run.\n\n"
+    )
+    write_atomically(TABLE, (head + text).encode())
+    print(text, end="")
+    if missed:
+        print(f"bench: beyond the limit: {', '.join(missed)}", file=sys.stderr)
+    return 2 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

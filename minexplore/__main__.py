@@ -1,0 +1,139 @@
+"""`python -m minexplore list | play ID | time ID | page`: see what there is, drive it, time it, read its page."""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from minexplore import WORLDS
+from minexplore.bundle import BundleError
+from minexplore.env import MineEnv
+from minexplore.world import find_world, load_world
+
+_KEYS = {265: (0.2, 0.0), 264: (-0.2, 0.0), 263: (0.0, 0.25), 262: (0.0, -0.25)}  # GLFW's arrow keys
+Policy = Callable[[np.ndarray], np.ndarray]
+
+
+def list_envs() -> None:
+    """List the environments and their worlds."""
+    for env_id, kwargs in WORLDS.items():
+        name = kwargs.get("world")
+        if name is None:
+            print(f"{env_id:36} any bundle: world=FOLDER")
+            continue
+        try:
+            record = load_world(find_world(name)).record
+        except FileNotFoundError as error:
+            print(f"{env_id:36} {error}")
+            continue
+        task = ", ".join(f"{k}={v}" for k, v in kwargs.get("task", {}).items()) or "as published"
+        area, drifts = record["areas"]["tunnel_m2"], record["drifts"]
+        print(f"{env_id:36} {record['name']}, {area:,.0f} m2, {drifts} drifts, {record['world_sha256'][:12]}; {task}")
+
+
+def ahead(observation: np.ndarray) -> np.ndarray:
+    """Drive towards where the beams reach farthest ahead, slower before walls."""
+    beams = len(observation) - 3
+    angle = (np.arange(beams) * 2 * np.pi / beams + np.pi) % (2 * np.pi) - np.pi
+    front = np.abs(angle) < 1.2
+    ranges = observation[:beams]
+    turn = float(np.average(angle[front], weights=ranges[front] ** 3 + 1e-6))
+    nearest = float(ranges[np.abs(angle) < 0.6].min())
+    return np.array([np.clip(4 * nearest, 0.05, 1.0), np.clip(1.5 * turn, -1, 1)], dtype=np.float32)
+
+
+def play(env_id: str, world: str | None, policy: str, steps: int, video: str | None) -> None:
+    """Drive by the arrow keys in MuJoCo's viewer, or let a policy drive; `--video FOLDER` records without a screen."""
+    kwargs: dict[str, Any] = {} if world is None else {"world": world}
+    env = gymnasium.make(env_id, render_mode="rgb_array" if video else "human", **kwargs)
+    if video:
+        env = gymnasium.wrappers.RecordVideo(env, video, episode_trigger=lambda k: True)
+    keyboard = np.zeros(2, dtype=np.float32)
+    rng = np.random.default_rng(0)
+    policies: dict[str, Policy] = {
+        "keyboard": lambda observation: keyboard,
+        "ahead": ahead,
+        "random": lambda observation: rng.uniform(-1, 1, 2).astype(np.float32),
+    }
+    mine: MineEnv = env.unwrapped  # type: ignore[assignment]
+
+    def on_key(code: int) -> None:
+        keyboard[:] = np.clip(keyboard + _KEYS[code], -1, 1) if code in _KEYS else 0.0  # any other key stops
+
+    mine.on_key = on_key
+    observation, info = env.reset(seed=0)
+    for step in range(steps):
+        start = time.perf_counter()
+        observation, _, _, truncated, info = env.step(policies[policy](observation))
+        if step % 50 == 0:
+            print(f"{step / 10:6.1f} s  coverage {100 * info['coverage']:5.2f} %  collisions {info['collisions']}")
+        if truncated:
+            break
+        if not video:
+            time.sleep(max(0.0, mine.task.control_s - (time.perf_counter() - start)))
+    print(f"coverage {100 * info['coverage']:.2f} %, {info['collisions']} collisions")
+    env.close()
+
+
+def time_env(env_id: str, world: str | None, robots: int, threads: int, steps: int) -> None:
+    """Step many robots with random commands and print control steps a second."""
+    kwargs: dict[str, Any] = {} if world is None else {"world": world}
+    env = gymnasium.make_vec(env_id, robots, vectorization_mode="vector_entry_point", threads=threads, **kwargs)
+    env.reset(seed=0)
+    rng = np.random.default_rng(0)
+    for k in range(2 * steps):
+        if k == steps:
+            start = time.perf_counter()
+        env.step(rng.uniform(-1, 1, (robots, 2)))
+    rate = steps * robots / (time.perf_counter() - start)
+    print(f"{rate:,.0f} control steps/s: {robots} robots, {threads} threads, beams by {env.explorers.lidar.backend}")  # type: ignore[attr-defined]
+    env.close()
+
+
+def page() -> str:
+    """Return the environment's page as Markdown, from its docstring."""
+    text = inspect.cleandoc(MineEnv.__doc__ or "")
+    title, _, rest = text.partition("\n")
+    rows = "\n".join(f"| `{env_id}` | {kwargs or 'any world'} |" for env_id, kwargs in WORLDS.items())
+    ids = f"## Environments\n\n| id | arguments |\n|---|---|\n{rows}\n"
+    use = '```python\nimport gymnasium, minexplore\nenv = gymnasium.make("MineXplore/ChileanMine-v0")\n```\n'
+    return f"# Explore a mine\n\n{title}\n\n{use}\n{ids}{rest}\n"
+
+
+def main() -> int:
+    """Run one command; exit code 2 with one message on bad input."""
+    parser = argparse.ArgumentParser(prog="python -m minexplore", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    commands.add_parser("list", help=list_envs.__doc__).set_defaults(run=lambda a: list_envs())
+    commands.add_parser("page", help=page.__doc__).set_defaults(run=lambda a: print(page(), end=""))
+    player = commands.add_parser("play", help=play.__doc__)
+    timer = commands.add_parser("time", help=time_env.__doc__)
+    for command in (player, timer):
+        command.add_argument("id", choices=list(WORLDS))
+        command.add_argument("--world", help="a bundle, for MineXplore/World-v0")
+    player.add_argument("--policy", choices=["keyboard", "ahead", "random"], default="keyboard")
+    player.add_argument("--steps", type=int, default=6000)
+    player.add_argument("--video", metavar="FOLDER")
+    player.set_defaults(run=lambda a: play(a.id, a.world, a.policy, a.steps, a.video))
+    timer.add_argument("--robots", type=int, default=64)
+    timer.add_argument("--threads", type=int, default=1)
+    timer.add_argument("--steps", type=int, default=100)
+    timer.set_defaults(run=lambda a: time_env(a.id, a.world, a.robots, a.threads, a.steps))
+    arguments = parser.parse_args()
+    try:
+        arguments.run(arguments)
+    except (BundleError, FileNotFoundError, ImportError, ValueError) as error:
+        print(f"{arguments.command}: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,66 @@
+import subprocess
+import sys
+
+import pytest
+
+from minexplore import WORLDS
+from minexplore.__main__ import page
+from tests.conftest import ROOT, BuiltMine
+
+
+def run(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "minexplore", *arguments], capture_output=True, text=True, cwd=ROOT, check=False
+    )
+
+
+def test_the_list_names_every_environment():
+    done = run("list")
+    assert done.returncode == 0
+    assert all(env_id in done.stdout for env_id in WORLDS)
+
+
+def test_the_committed_page_is_the_docstrings():
+    assert (ROOT / "docs" / "env.md").read_text() == page()
+    for heading in (
+        "Action Space",
+        "Observation Space",
+        "Rewards",
+        "Starting State",
+        "Episode End",
+        "Arguments",
+        "Version History",
+    ):
+        assert f"## {heading}" in page()
+
+
+def test_it_times_a_world(tee: BuiltMine):
+    done = run("time", "MineXplore/World-v0", "--world", str(tee.bundle), "--robots", "4", "--steps", "5")
+    assert done.returncode == 0, done.stderr
+    assert "control steps/s: 4 robots, 1 threads" in done.stdout
+
+
+def test_a_policy_plays_and_is_recorded(tee: BuiltMine, tmp_path):
+    done = run(
+        "play", "MineXplore/World-v0", "--world", str(tee.bundle), "--policy", "ahead", "--steps", "30",
+        "--video", str(tmp_path),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "coverage" in done.stdout
+    assert list(tmp_path.glob("*.mp4"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("time", "MineXplore/World-v0"), "no world: give world="),
+        (("time", "MineXplore/World-v0", "--world", "nowhere"), "no such folder"),
+        (("time", "MineXplore/Moon-v0"), "invalid choice"),
+        (("time", "MineXplore/World-v0", "--world", "tests"), "not a world bundle"),
+    ],
+)
+def test_wrong_input_gets_one_message_and_code_two(arguments, words):
+    done = run(*arguments)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
