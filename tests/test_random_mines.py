@@ -6,6 +6,7 @@ import shapely
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pipeline.compose import compose
 from pipeline.geometry.collision import footprint_errors
 from pipeline.metrics.iou import intersection_over_union
 from pipeline.metrics.topology import compare_topology
@@ -15,6 +16,7 @@ from tests.conftest import BuiltMine, random_mine
 
 
 def check_mine(seed, drifts, config, folder):
+    config = compose(["surface.overlay.spacing_m=0.3", "surface.overlay.back_spacing_m=0.4"])
     built = BuiltMine(random_mine(np.random.default_rng(seed), drifts), config, folder)
     world = open_bundle(built.bundle)
     assert built.free_space.polygon.is_valid

@@ -67,7 +67,8 @@ def _score(real: TextureAxes, model: TextureAxes, factor: float, most: float) ->
 def wall_jaggedness_deg(walls: np.ndarray) -> float:
     """Return the mean angle of 0.30 m voxel normals to their neighbourhood's; 0 without voxels."""
     planes = fit_voxel_planes(walls, 0.30, _MIN_POINTS)
-    return float(normal_scatter_deg(planes).mean()) if len(planes.count) > 1 else 0.0
+    angles = normal_scatter_deg(planes) if len(planes.count) > 1 else np.zeros(0)
+    return float(angles.mean()) if len(angles) else 0.0
 
 
 def bump_rq_m(walls: np.ndarray) -> float:
