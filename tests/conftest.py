@@ -125,7 +125,8 @@ def tee(config: Config, tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
 @pytest.fixture(scope="session")
 def ring(config: Config, tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
     """Return the ring drift as a world; do not change its folder."""
-    return BuiltMine(RING, config, tmp_path_factory.mktemp("ring"))
+    wide = compose(["surface.overlay.spacing_m=0.3", "surface.overlay.back_spacing_m=0.4"])
+    return BuiltMine(RING, wide, tmp_path_factory.mktemp("ring"))
 
 
 TINY_STATIONS = """leg,station,easting_m,northing_m,left_m,right_m

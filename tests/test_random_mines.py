@@ -35,7 +35,7 @@ def check_mine(seed, drifts, config, folder):
 
 
 @given(seed=st.integers(0, 100_000), drifts=st.integers(2, 6))
-@settings(deadline=None, max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=3, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_random_mine_becomes_a_world_that_agrees_with_it(seed, drifts, config, tmp_path_factory):
     check_mine(seed, drifts, config, tmp_path_factory.mktemp("mine"))
 
