@@ -159,6 +159,7 @@ class Project:
         (folder / "dvc.lock").unlink(missing_ok=True)
         if tiny:
             self.use_stations(TINY_STATIONS)
+            self.coarsen()
         self.run("git", "init", "-q")
         self.run("git", "add", "-A")
         self.run("git", "-c", "user.name=t", "-c", "user.email=t@example.org", "commit", "-qm", "start")
@@ -179,7 +180,6 @@ class Project:
         lines += ["stations: data/chilean_mine/tiny.csv", "frame_m: null", "margin_m: 12.0", "entrance_m: [5.0, 0.0]"]
         lines += ["labels_m: {A: [10, 8]}", "scale: {source: bar, bar_length_m: 20.0}"]
         conf.write_text("\n".join(lines) + "\n")
-        self.coarsen()
 
     def coarsen(self) -> None:
         """Lay the rock's mesh wide and sample it thinly; the texture limits, the default's own, are left out."""
