@@ -68,7 +68,7 @@ def test_the_residual_of_a_sine_wall_is_its_rms(wavelength):
     assert found.rq_m == pytest.approx(0.005 / math.sqrt(2), rel=0.03)
     assert found.ra_m == pytest.approx(0.005 * 2 / math.pi, rel=0.03)
     assert found.rz_m == pytest.approx(0.01, rel=0.15)  # few points of a voxel reach its peaks, some tilt it
-    assert found.p95_m == pytest.approx(0.005 * math.sin(math.radians(85.5)), rel=0.03)
+    assert found.p95_m == pytest.approx(0.005 * math.sin(math.radians(85.5)), rel=0.05)
 
 
 def test_the_residual_of_white_noise_is_its_sd_at_every_scale():
