@@ -57,7 +57,7 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 def physics_ratios(world: World) -> tuple[float, float]:
-    """Return windowed physics rate over that on a bare floor with the mine's dip, and on a level one, one thread.
+    """Return windowed physics rate over that on a bare floor, with the mine's dip and level, one thread.
 
     Robots drive at stations spread over the mine. On a slope more wheels and castors bear, whatever stands around.
     """
@@ -137,10 +137,12 @@ def measure() -> dict[str, float]:
         env.reset(seed=0)
         steps_per_s(env, 60)  # windows and scenes are made as robots reach them
     rows: dict[str, list[float]] = {
-        name: [] for name in (*_LIMITS, "physics_vs_level_floor", "vector_steps_per_s", "plain_steps_per_s")
+        name: [] for name in (*_LIMITS, "physics_vs_dipping_floor", "vector_steps_per_s", "plain_steps_per_s")
     }
     for _ in tqdm(range(_RUNS), desc="runs", disable=None):
-        for name, ratio in zip(("physics_vs_bare_floor", "physics_vs_level_floor"), physics_ratios(world), strict=True):
+        for name, ratio in zip(
+            ("physics_vs_dipping_floor", "physics_vs_bare_floor"), physics_ratios(world), strict=True
+        ):
             rows[name].append(ratio)
         for env in (one, two):
             env.reset(seed=0)

@@ -29,7 +29,7 @@ def main() -> int:
                 place.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(name, place)
         timed: list[tuple[str, float, float | None]] = [
-            ("whole pipeline from clean", _seconds(folder, "dvc", "repro"), 180.0)
+            ("whole pipeline from clean", _seconds(folder, "dvc", "repro"), 90.0)
         ]
         timed += [("again, nothing changed", _seconds(folder, "dvc", "repro"), 3.0)]
         for stage in STAGES:

@@ -120,7 +120,7 @@ def _axes(walls: np.ndarray, ceiling: np.ndarray, wavelength_m: float) -> Textur
 
 
 def _places(network: DriftNetwork, count: int) -> np.ndarray:
-    """Return places (n, 2) m at even shares of all stations, dead ends left out."""
+    """Return places (n, 2) m at even shares of all stations, the first and the last left out."""
     stations = np.array([p for leg in network.legs for p in leg.stations_m])
     return stations[np.linspace(0, len(stations) - 1, count + 2).round().astype(int)[1:-1]]
 

@@ -23,6 +23,7 @@ from pipeline.params.surface import CloudParams, OverlayParams, SpectrumParams, 
 from pipeline.store.codecs import Bundle, encode
 from pipeline.survey.cloud import CloudLimits, read_cloud, split_surfaces, without_outliers
 from pipeline.survey.poses import read_sweep
+from pipeline.types import DriftNetwork
 
 Sources = dict[str, dict[str, SurfaceRoughness]]  # source -> surface (wall, back) -> its roughness
 
@@ -128,7 +129,7 @@ def _held_by(bands: Bands, spacing_m: float) -> Bands:
 
 
 def build_rock(
-    params: SurfaceParams, free: Polygon, height_m: float, sources: Sources
+    params: SurfaceParams, free: Polygon, network: DriftNetwork | None, height_m: float, sources: Sources
 ) -> tuple[Overlay, RoughnessReport]:
     """Build the overlay and measure it.
 
@@ -140,7 +141,7 @@ def build_rock(
     look = params.overlay
     wall, back = choose_bands(params, sources)
     profile = BoreProfile(height_m, params.sill_chamfer_m, params.back_chamfer_m, look.arch_half_span_m)
-    lattice = lay_lattice(lay_walls(free, look.spacing_m), profile, look.spacing_m, look.back_spacing_m)
+    lattice = lay_lattice(lay_walls(free, look.spacing_m, network), profile, look.spacing_m, look.back_spacing_m)
     overlay = displace_lattice(
         lattice, wall, back, Modulation(look.modulation_m, look.modulation_spread), Bounds(**look.bounds.model_dump()),
         np.random.default_rng(look.seed),
@@ -214,7 +215,7 @@ def amplitude_table(overlay: Overlay) -> str:
         step = max(1, round(_TABLE_STEP_M / ring.step_m))
         for at in range(0, ring.count, step):
             part = slice(ring.first + at, ring.first + min(at + step, ring.count))
-            (x, y), half = lattice.walls.xy[ring.first + at], lattice.walls.free_m[part].mean()
+            (x, y), half = lattice.walls.xy[ring.first + at], lattice.walls.passage_m[part].mean()
             asked, got = np.sqrt(wanted[part].mean()), np.sqrt(given[part].mean())
             lines.append(
                 f"{i},{at * ring.step_m:.1f},{x:.2f},{y:.2f},{half:.2f},{asked:.4f},{got:.4f},"

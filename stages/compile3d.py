@@ -15,7 +15,7 @@ from pipeline.geometry.octree import build_octree, to_bt
 from pipeline.geometry.partition import rock_around, world_box
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.stage import Artifact, Stage, main
-from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Occupancy, Rock, Spawn, Survey
+from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, Occupancy, Rock, Spawn, Survey
 
 
 def compile_rock(
@@ -27,14 +27,14 @@ def compile_rock(
     rock = rock_around(free, world)
     cell = params.grid_cell_m
     grid = occupancy_grid(free, cell, world)
-    pgm, yaml = nav2_map(grid)
+    pixels, yaml = nav2_map(grid)
     entrance = survey.entrance_m or topology.main_drift_m[0]
     return {
         "collision": collision_parts(params, rock),
         "rock": Rock(params.height_m, world),
         "occupancy": grid,
         "octree": to_bt(build_octree(grid.free, grid.origin_m, cell, params.height_m)),
-        "map": pgm,
+        "map": pixels,
         "map_yaml": yaml,
         "spawn": entrance_anchor(grid, entrance, params.spawn.radius_m, params.spawn.clearance_m),
     }
@@ -68,7 +68,7 @@ STAGE = Stage(
         "rock": Artifact("compile3d/rock.json", Rock),
         "occupancy": Artifact("compile3d/occupancy.npz", Occupancy),
         "octree": Artifact("compile3d/free_space.bt", bytes),
-        "map": Artifact("compile3d/map.pgm", bytes),
+        "map": Artifact("compile3d/map.png", Image),
         "map_yaml": Artifact("compile3d/map.yaml", str),
         "spawn": Artifact("compile3d/spawn.json", Spawn),
     },

@@ -25,7 +25,7 @@ STAGE = Stage(
         # These travel with the world as they are.
         "occupancy_npz": Artifact("compile3d/occupancy.npz", bytes),
         "free_space_bt": Artifact("compile3d/free_space.bt", bytes),
-        "map_pgm": Artifact("compile3d/map.pgm", bytes),
+        "map_png": Artifact("compile3d/map.png", bytes),
         "map_yaml": Artifact("compile3d/map.yaml", bytes),
     },
     writes={"world": Artifact("realism/world", Bundle)},

@@ -16,10 +16,10 @@ from pipeline.report.rock import draw_sections, draw_spectra
 from pipeline.rock import RoughnessReport, amplitude_table, build_rock, chunk_files, measure_sources, rock_sources
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
-from pipeline.types import FreeSpace, Image, Rock
+from pipeline.types import DriftNetwork, FreeSpace, Image, Rock
 
 
-def model_surface(params: SurfaceParams, free_space: FreeSpace, rock: Rock) -> dict[str, Any]:
+def model_surface(params: SurfaceParams, free_space: FreeSpace, topology: DriftNetwork, rock: Rock) -> dict[str, Any]:
     """Return both layers, the rock texture, and what is known of the rock's roughness."""
     look = params.texture
     base = octagonal_bore(
@@ -27,7 +27,7 @@ def model_surface(params: SurfaceParams, free_space: FreeSpace, rock: Rock) -> d
     )
     check_shell(*joined(base))
     sources = measure_sources(params)
-    overlay, report = build_rock(params, free_space.polygon, rock.height_m, sources)
+    overlay, report = build_rock(params, free_space.polygon, topology, rock.height_m, sources)
     return {
         "meshes": base,
         "overlay": chunk_files(overlay, params.overlay.tile_m, look.repeat_m),
@@ -48,6 +48,7 @@ STAGE = Stage(
     sources=rock_sources,
     reads={
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
+        "topology": Artifact("contours/topology.json", DriftNetwork),
         "rock": Artifact("compile3d/rock.json", Rock),
     },
     writes={

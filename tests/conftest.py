@@ -103,7 +103,7 @@ class BuiltMine:
         self.free_space: FreeSpace = traced["free_space"]
         self.network: DriftNetwork = traced["topology"]
         self.compiled = compile_rock(config.compile3d, self.free_space, self.network, self.survey)
-        self.surface = model_surface(config.surface, self.free_space, self.compiled["rock"])
+        self.surface = model_surface(config.surface, self.free_space, self.network, self.compiled["rock"])
         world = assemble_world(
             config.realism, self.survey, self.free_space, self.network, self.compiled["rock"],
             self.compiled["collision"], self.compiled["spawn"], self.surface["meshes"], self.surface["texture"],

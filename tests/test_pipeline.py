@@ -1,7 +1,6 @@
 """The whole pipeline, run as a user runs it."""
 
 import json
-import re
 import sys
 import time
 
@@ -159,10 +158,7 @@ def test_the_published_plan_reaches_the_same_figures(shared_mine, tmp_path):
     command = [sys.executable, "-m", "pipeline.survey.fetch", "--mirror", str(shared_mine)]
     assert project.run(*command).returncode == 0
     (project.folder / "params.yaml").write_text('overrides: "survey=plan"\n')
-    project.stages(*STAGES[:-1])
-    # The plan's longer, rougher outline makes the bundle 61 MB and leaves 0.76 of the real roughness at 0.5 m.
-    breached = re.findall(r"^  (\S+) = ", project.stage(STAGES[-1]).stderr, re.M)
-    assert set(breached) <= {"texture.bump_ratio", "world.bytes"}
+    project.stages(*STAGES)
     m = metrics_of(project)
     assert m["iou"]["free_space_vs_cleaned"] >= 0.990
     assert m["iou"]["free_space_vs_raw"] >= 0.970

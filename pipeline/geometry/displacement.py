@@ -15,9 +15,9 @@ from pipeline.geometry.walls import smoothstep
 class Bounds:
     """Displacement allowed, m.
 
-    Where half the free width is at most `narrow_half_width_m`, each wall may take `narrow_share` of it; from there to
-    `wide_half_width_m` the bound rises smoothly to `wall_m`. Into the rock it is `wall_m`, or `rock_share` of half a
-    thin pillar. The back moves by at most `back_m`.
+    Where half the passage's width is at most `narrow_half_width_m`, each wall may take `narrow_share` of it; from there
+    to `wide_half_width_m` the bound rises smoothly to `wall_m`. No wall moves by more than `room_share` of the largest
+    disc that touches it, in a bay of the workings as in a thin pillar. The back moves by at most `back_m`.
     """
 
     wall_m: float
@@ -25,16 +25,17 @@ class Bounds:
     narrow_half_width_m: float
     wide_half_width_m: float
     narrow_share: float
-    rock_share: float
+    room_share: float
 
 
 def bound_displacement(wanted_m: np.ndarray, lattice: Lattice, bounds: Bounds) -> np.ndarray:
     """Return displacements (n,) m, positive into the workings, as `bound * tanh(wanted / bound)`."""
-    free, rock = lattice.walls.free_m[lattice.column], lattice.walls.rock_m[lattice.column]
-    wide = smoothstep((free - bounds.narrow_half_width_m) / (bounds.wide_half_width_m - bounds.narrow_half_width_m))
-    narrow = bounds.narrow_share * np.minimum(free, bounds.narrow_half_width_m)
-    inwards = narrow + (bounds.wall_m - narrow) * wide
-    outwards = np.minimum(bounds.wall_m, bounds.rock_share * rock)
+    walls, column = lattice.walls, lattice.column
+    half = walls.passage_m[column]
+    wide = smoothstep((half - bounds.narrow_half_width_m) / (bounds.wide_half_width_m - bounds.narrow_half_width_m))
+    narrow = bounds.narrow_share * np.minimum(half, bounds.narrow_half_width_m)
+    inwards = np.minimum(narrow + (bounds.wall_m - narrow) * wide, bounds.room_share * walls.free_m[column])
+    outwards = np.minimum(bounds.wall_m, bounds.room_share * walls.rock_m[column])
     wall = np.where(wanted_m > 0, inwards, outwards)
     bound = np.maximum(wall + (bounds.back_m - wall) * lattice.back_share, 1e-4)
     return bound * np.tanh(wanted_m / bound)

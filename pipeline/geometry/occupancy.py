@@ -141,13 +141,12 @@ def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: 
     )
 
 
-def nav2_map(grid: Occupancy) -> tuple[bytes, str]:
-    """Return the grid as a ROS Nav2 map: the PGM's bytes and the text of its `map.yaml` (flat, untilted mine frame)."""
-    rows, cols = grid.free.shape
+def nav2_map(grid: Occupancy) -> tuple[np.ndarray, str]:
+    """Return the grid as a ROS Nav2 map of the flat mine frame: pixels (rows, cols), and `map.yaml`."""
     pixels = np.where(grid.free[::-1], 254, 0).astype(np.uint8)
     west, south = grid.origin_m
     yaml = (
-        f"image: map.pgm\nmode: trinary\nresolution: {grid.cell_m:.6g}\norigin: [{west:.6f}, {south:.6f}, 0.0]\n"
+        f"image: map.png\nmode: trinary\nresolution: {grid.cell_m:.6g}\norigin: [{west:.6f}, {south:.6f}, 0.0]\n"
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
     )
-    return b"P5\n%d %d\n255\n" % (cols, rows) + pixels.tobytes(), yaml
+    return pixels, yaml

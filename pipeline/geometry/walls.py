@@ -11,11 +11,14 @@ from scipy.spatial import cKDTree
 from shapely import Polygon
 from shapely.geometry.polygon import orient
 
+from pipeline.types import DriftNetwork
+
 _FILLET_M = 0.2  # corners are rounded by this much, so that displaced walls have room to turn
 _TURN_M = 0.4  # s.d. of the smoothing along a wall that turns its direction gradually at corners
 _REACH_M = 9.0  # walls farther than this are out of each other's way
 _OWN_WALL_M = 0.6  # points nearer than this belong to the same piece of wall
 _EVEN_M = 1.0
+_BESIDE, _BESIDE_M = 1.25, 0.3  # a wall borders a passage if no farther from its middle than half the width and this
 
 
 @dataclass(frozen=True)
@@ -31,19 +34,24 @@ class Ring:
 class Walls:
     """Wall columns in plan.
 
-    Places `xy` (n, 2) m, unit vectors `inward` (n, 2) into the workings, and half the free width and half the rock's
-    thickness there, (n,) m.
+    Places `xy` (n, 2) m, unit vectors `inward` (n, 2) into the workings, and (n,) m: the largest discs in the workings
+    and in the rock that touch the wall there, `free_m` and `rock_m`, and half the width of the narrowest passage that
+    the wall borders, `passage_m`. In a bay of a rough wall the disc is small, however wide the passage.
     """
 
     xy: np.ndarray
     inward: np.ndarray
     free_m: np.ndarray
     rock_m: np.ndarray
+    passage_m: np.ndarray
     rings: list[Ring]
 
 
-def lay_walls(free: Polygon, spacing_m: float) -> Walls:
-    """Lay columns round the free space, at most `spacing_m` apart, and measure the room at each."""
+def lay_walls(free: Polygon, spacing_m: float, network: DriftNetwork | None = None) -> Walls:
+    """Lay columns round the free space, at most `spacing_m` apart, and measure the room at each.
+
+    Without a drift network, a wall's passage is as wide as its disc.
+    """
     free = _fillet(free)
     rings: list[Ring] = []
     points = []
@@ -54,7 +62,8 @@ def lay_walls(free: Polygon, spacing_m: float) -> Walls:
     xy = np.concatenate(points)
     inward = np.concatenate([_inward(xy[r.first : r.first + r.count], r.step_m) for r in rings])
     clear_m, rock_m = _largest_discs(xy, inward)
-    return Walls(xy, inward, _evened(clear_m, rings), _evened(rock_m, rings), rings)
+    passage_m = clear_m if network is None else _passages(xy, clear_m, network)
+    return Walls(xy, inward, _evened(clear_m, rings), _evened(rock_m, rings), _evened(passage_m, rings), rings)
 
 
 def outline_of(xy: np.ndarray, rings: list[Ring]) -> Polygon:
@@ -102,6 +111,24 @@ def _largest_discs(xy: np.ndarray, inward: np.ndarray) -> tuple[np.ndarray, np.n
             faces = far & (side > 1e-6)
             np.minimum.at(radius, one[faces], squared[faces] / (2 * side[faces]))
     return free, rock
+
+
+def passage_stations(network: DriftNetwork) -> tuple[np.ndarray, np.ndarray]:
+    """Return the network's stations (n, 2) and half widths (n,), m, but for those within a dead end's rounded face."""
+    ends = np.array([network.nodes_m[name] for name in network.dead_ends]).reshape(-1, 2)
+    stations = np.array([p for leg in network.legs for p in leg.stations_m]).reshape(-1, 2)
+    half = np.array([w for leg in network.legs for w in leg.half_width_m])
+    along = np.ones(len(half), bool) if not len(ends) else cKDTree(ends).query(stations)[0] >= half
+    return stations[along], half[along]
+
+
+def _passages(xy: np.ndarray, disc_m: np.ndarray, network: DriftNetwork) -> np.ndarray:
+    """Return half the width (n,) m of the narrowest passage beside each column; where there is none, its disc."""
+    stations, half = passage_stations(network)
+    least = np.full(len(xy), np.inf)
+    for beside, width in zip(cKDTree(xy).query_ball_point(stations, _BESIDE * half + _BESIDE_M), half, strict=True):
+        least[beside] = np.minimum(least[beside], width)
+    return np.where(np.isfinite(least), least, disc_m)
 
 
 def _evened(radius: np.ndarray, rings: list[Ring]) -> np.ndarray:

@@ -9,6 +9,7 @@ import shapely
 from scipy.spatial import cKDTree
 from shapely import Polygon
 
+from pipeline.geometry.walls import passage_stations
 from pipeline.types import DriftNetwork
 
 _NUDGES_M = np.array([-0.2, -0.1, 0.0, 0.1, 0.2])  # the widest place across a passage shifts a little with its walls
@@ -39,11 +40,7 @@ def measure_walls(seen: np.ndarray, free: Polygon, network: DriftNetwork) -> Wal
     """
     points = shapely.points(seen)
     gap = shapely.distance(free.boundary, points)
-    ends = np.array([network.nodes_m[name] for name in network.dead_ends]).reshape(-1, 2)
-    stations = np.array([p for leg in network.legs for p in leg.stations_m])
-    half = np.array([w for leg in network.legs for w in leg.half_width_m])
-    if len(ends):
-        half = np.where(cKDTree(ends).query(stations)[0] < half, 0.0, half)
+    stations, half = passage_stations(network)
     stations = stations[half >= _LEAST_HALF_WIDTH_M]
     nudge = np.stack(np.meshgrid(_NUDGES_M, _NUDGES_M), axis=-1).reshape(-1, 2)
     places = (stations[:, None, :] + nudge).reshape(-1, 2)

@@ -49,7 +49,7 @@ def assemble_world(
     """Return `world`: the bundle's files by name.
 
     `overlay` is the folder of the displaced layer's chunks, or those files by name. `companions` are files that
-    travel with the world as they are: `map_pgm` becomes `map.pgm`.
+    travel with the world as they are: `map_png` becomes `map.png`.
     """
     scene = MineScene(
         name=survey.name,

@@ -88,7 +88,7 @@ def _density(bands: Bands) -> np.ndarray:
 def draw_sections(overlay: Overlay, base: dict[str, Mesh], height_m: float) -> Image:
     """Draw three cross-sections of the workings, the octagon alone against octagon and overlay."""
     walls = overlay.lattice.walls
-    order = np.argsort(walls.free_m, kind="stable")
+    order = np.argsort(walls.passage_m, kind="stable")
     figure = new_figure(11, 5.2)
     rows = figure.subplots(2, 3, sharex=True, sharey=True)
     rock = trimesh.Trimesh(overlay.vertices, overlay.lattice.faces, process=False)
@@ -98,12 +98,12 @@ def draw_sections(overlay: Overlay, base: dict[str, Mesh], height_m: float) -> I
         for row, layers in ((0, list(base.values())), (1, [*base.values(), rock])):
             axes: Axes = rows[row, k]
             for layer in layers:
-                for line in _cut(layer, place, across, walls.free_m[column]):
+                for line in _cut(layer, place, across, walls.passage_m[column]):
                     of_rock = layer is rock
                     axes.plot(line[:, 0], line[:, 1], color=ROCK if of_rock else STEEL, lw=1.2 if of_rock else 0.9)
             axes.set_aspect("equal")
             axes.set_ylim(-0.3, height_m + 0.6)
-        rows[0, k].set_title(f"half width {walls.free_m[column]:.1f} m, at ({place[0]:.0f}, {place[1]:.0f}) m")
+        rows[0, k].set_title(f"half width {walls.passage_m[column]:.1f} m, at ({place[0]:.0f}, {place[1]:.0f}) m")
         rows[1, k].set_xlabel("across, m")
     rows[0, 0].set_ylabel("smooth: octagon\nheight, m")
     rows[1, 0].set_ylabel("two layers\nheight, m")
