@@ -92,8 +92,7 @@ class Explorers:
         """Stand robots (k,) at the anchor near the entrance with a random yaw, and look round once."""
         for i in robots.tolist():
             x, y = self._spawn_place(rngs[i])
-            self.state[i] = self._first
-            self.qpos[i, :7] = stand(self.T_world_mine, self.robot, x, y, rngs[i].uniform(-np.pi, np.pi))
+            self.place(i, x, y, rngs[i].uniform(-np.pi, np.pi))
         self.seen[robots] = False
         self.previous[robots] = 0.0
         for counter in (self.steps, self.stalled, self.collisions, self.cells_seen):
@@ -102,6 +101,11 @@ class Explorers:
         self.cells_seen[robots] = new  # what the first look sees is seen, but no step earned it
         nothing = np.zeros(len(robots))
         return Outcome(self._observe(robots, ranges, rngs), nothing, nothing > 0, self._info(robots, nothing > 0))
+
+    def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float) -> None:
+        """Stand a robot, at rest, at a pose of the mine frame."""
+        self.state[robot] = self._first
+        self.qpos[robot, :7] = stand(self.T_world_mine, self.robot, x_m, y_m, yaw_rad)
 
     def _spawn_place(self, rng: np.random.Generator) -> tuple[float, float]:
         spawn, world = self.world.record["spawn"], self.world
@@ -132,8 +136,22 @@ class Explorers:
         ValueError
             If an action is not finite or the shape is wrong; it names the robot.
         """
-        task = self.task
         robots = np.arange(self.count) if robots is None else robots
+        command = self._commands(actions, robots)
+        collision = self.drive(command, rngs, robots)
+        self.collisions[robots] += collision
+        self.previous[robots] = command
+        ranges, new = self._look(robots)
+        reward = step_reward(self.cells_seen[robots], new, self.grid.total, collision)
+        self.cells_seen[robots] += new
+        self.steps[robots] += 1
+        still = self._speeds(robots) < self.task.stall_speed_mps
+        self.stalled[robots] = np.where(still, self.stalled[robots] + 1, 0)
+        truncated = (self.steps[robots] >= self.task.max_steps) | (self.stalled[robots] >= self.task.stall_steps)
+        return Outcome(self._observe(robots, ranges, rngs), reward, truncated, self._info(robots, collision))
+
+    def _commands(self, actions: np.ndarray, robots: np.ndarray) -> np.ndarray:
+        """Return the clipped actions (k, 2) of robots out of all robots' actions (n, 2)."""
         command = np.asarray(actions, dtype=np.float64)
         if command.shape != (self.count, 2):
             raise ValueError(f"actions of shape {command.shape}: want ({self.count}, 2)")
@@ -141,27 +159,35 @@ class Explorers:
         if bad.any():
             i = int(bad.argmax())
             raise ValueError(f"action of robot {i} = {command[i].tolist()}: want two finite numbers in [-1, 1]")
-        command = np.clip(command[robots], -1.0, 1.0)
+        return np.clip(command[robots], -1.0, 1.0)
+
+    def drive(self, command: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray) -> np.ndarray:
+        """Advance robots (k,) by one control step without looking round.
+
+        Parameters
+        ----------
+        command : (k, 2)
+            Forward speed and turn rate in [-1, 1].
+        rngs : list of Generator
+            One for each of all robots.
+        robots : (k,) int
+
+        Returns
+        -------
+        (k,) bool
+            Whether the chassis touched rock in any physics step.
+        """
+        task = self.task
         zone = self.world.zones_at(self.poses()[robots, 0])
         forward = command[:, 0] * task.max_forward_mps * self._scale[zone]
         for k in np.flatnonzero(self._noise[zone]).tolist():
             forward[k] += rngs[robots[k]].normal(0.0, self._noise[zone[k]])
         left, right = self.robot.wheel_speeds(forward, command[:, 1] * task.max_turn_radps * self._scale[zone])
         self.state[robots, self.ctrl_at], self.state[robots, self.ctrl_at + 1] = left, right
-        collision = self._drive(robots)
-        self.collisions[robots] += collision
-        self.previous[robots] = command
-        ranges, new = self._look(robots)
-        reward = step_reward(self.cells_seen[robots], new, self.grid.total, collision)
-        self.cells_seen[robots] += new
-        self.steps[robots] += 1
-        still = self._speeds(robots) < task.stall_speed_mps
-        self.stalled[robots] = np.where(still, self.stalled[robots] + 1, 0)
-        truncated = (self.steps[robots] >= task.max_steps) | (self.stalled[robots] >= task.stall_steps)
-        return Outcome(self._observe(robots, ranges, rngs), reward, truncated, self._info(robots, collision))
+        return self._roll(robots)
 
-    def _drive(self, robots: np.ndarray) -> np.ndarray:
-        """Advance robots by one control step; return (k,) whether the chassis touched rock in any physics step."""
+    def _roll(self, robots: np.ndarray) -> np.ndarray:
+        """Step the physics of robots (k,), each in its window, for one control step; return which touched rock."""
         tiles = self.windows.tiles_of(self.poses()[robots, :2])
         touched = np.zeros(self.count, dtype=bool)
         jobs: list[list[tuple[tuple[int, int], np.ndarray]]] = [[] for _ in range(self._threads)]

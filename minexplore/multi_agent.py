@@ -65,7 +65,7 @@ class Team(Explorers):
         self._taken.append((float(x), float(y)))
         return self._taken[-1]
 
-    def _drive(self, robots: np.ndarray) -> np.ndarray:
+    def _roll(self, robots: np.ndarray) -> np.ndarray:
         touched = np.zeros(self.count, dtype=bool)
         self.data.ctrl[0::2], self.data.ctrl[1::2] = self.state[:, self.ctrl_at], self.state[:, self.ctrl_at + 1]
         for _ in range(self.task.substeps):

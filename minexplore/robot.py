@@ -84,11 +84,12 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
         )  # fmt: skip
         motor.set_to_velocity(kv=params.wheel_gain_nms)
     castor = 0.05
+    # Frictionless by dimension: with friction near zero a castor on the border of two zones makes the solver diverge.
     for end, x in (("front", params.radius_m - castor), ("rear", castor - params.radius_m)):
         body.add_geom(
             name=f"{name}_{end}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[castor, 0, 0],
             pos=[x, 0, castor - params.wheel_radius_m + 0.002], mass=0.1, group=ROBOT_GROUP, contype=0,
-            conaffinity=_FLOOR_BIT, priority=2, friction=[0.0, 0.0, 0.0], rgba=[0.1, 0.1, 0.1, 1],
+            conaffinity=_FLOOR_BIT, priority=2, condim=1, rgba=[0.1, 0.1, 0.1, 1],
         )  # fmt: skip
     # The scanner on its mast: what other robots' beams see of this one, as their own sensors look over its chassis.
     top = params.ground_clearance_m + params.height_m - params.wheel_radius_m

@@ -60,7 +60,7 @@ class Windows:
         mine.quat = quat
         solid = mine.add_body(name="rock")  # wheels, which touch the floor only, then pass the rock by as one body
         everything = tile is None or self.whole
-        low, high = self._reach(np.zeros(2) if tile is None else np.array(tile))
+        low, high = self.reach(np.zeros(2) if tile is None else np.array(tile))
         near = self.parts if everything else [part for part in self.parts if _meets(part.outline, low, high)]
         kept = {part.name for part in near}
         for geom in self._spec.geoms:
@@ -85,8 +85,11 @@ class Windows:
             contact_sensor(spec, name)
         return spec
 
-    def _reach(self, tile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step."""
+    def reach(self, tile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step.
+
+        A tile (2,) or many (n, 2).
+        """
         low = tile * WINDOW_M - self._margin_m
         return low, low + WINDOW_M + 2 * self._margin_m
 

@@ -1,98 +1,57 @@
-"""Stage 6: measure the world bundle against the plan: agreement, open columns, topology, collision walls."""
+"""Stage 6: measure the world bundle against the plan and the real rock, and hold the figures to their limits."""
 
 from __future__ import annotations
 
-import dataclasses
-import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import shapely
-
-from pipeline.evidence import TextureReport, report_texture, report_walls, texture_metrics
-from pipeline.geometry.collision import footprint_errors
-from pipeline.metrics.iou import intersection_over_union
+from pipeline.certificate import Certificate
+from pipeline.evidence import TextureReport
 from pipeline.metrics.limits import require_limits
-from pipeline.metrics.navigability import Navigability, cast_columns
-from pipeline.metrics.topology import compare_topology
-from pipeline.mjcf.bundle import World, open_bundle, part_vertices
-from pipeline.mjcf.render import render_free_space
-from pipeline.params.validation import ValidationParams
+from pipeline.params.validation import ReplayParams, ValidationParams
+from pipeline.replay import Replay, ReplayReport, replay_sweeps
 from pipeline.report.graph import blocked_table
 from pipeline.report.plans import draw_agreement
+from pipeline.report.replay import draw_replay
 from pipeline.report.texture import draw_heat, draw_texture
 from pipeline.report.views import draw_views
 from pipeline.stage import Artifact, Stage, main
-from pipeline.store.codecs import Bundle, decode
-from pipeline.types import DriftNetwork, FreeSpace, Image, Mask, Survey
+from pipeline.store.codecs import Bundle
+from pipeline.types import Image, Mask, Survey
+from pipeline.validator import GROUPS, Validator
 
 
 def validate_world(params: ValidationParams, world: Path, cleaned: Mask, raw: Mask, survey: Survey) -> dict[str, Any]:
-    """Return the metrics, the agreement picture and the places of blocked columns."""
-    opened = open_bundle(world)
-    record, frame = opened.record, survey.frame
-    T_world_mine, groups = np.array(record.T_world_mine), record.geom_groups
-    free_space = decode(world / "free_space.geojson", FreeSpace)
-    network = decode(world / "topology.json", DriftNetwork)
-    seen = render_free_space(opened.model, T_world_mine, frame, record.height_m)
-    columns = cast_columns(
-        opened.model, T_world_mine, cleaned, frame, record.height_m, free_space.tolerance_m,
-        groups["floor"], groups["rock"],
-    )  # fmt: skip
-    box = shapely.box(*record.world_m)
-    parts = part_vertices(opened.model, groups["rock"])
-    intrusion, missing = footprint_errors(parts, free_space.polygon, box)
-    texture = report_texture(opened.model, free_space.polygon, network, params.texture)
-    walls = report_walls(opened.model, free_space.polygon, network, params.robot_height_m, params.texture.seed)
-    metrics = {
-        "iou": {
-            "free_space_vs_cleaned": round(intersection_over_union(seen, cleaned), 6),
-            "free_space_vs_raw": round(intersection_over_union(seen, raw), 6),
-            "rock": round(intersection_over_union(~seen, ~cleaned), 6),
-        },
-        "navigability": _counts(columns),
-        "topology": vars(compare_topology(cleaned, seen, frame, params.network_cell_m, params.network_min_leg_m)),
-        "areas": {**vars(record.areas), "tunnel_pixels_m2": round(float(cleaned.sum()) / frame.px_per_m**2, 3)},
-        "collision": {"parts": len(parts), "intrusion_m2": round(intrusion, 6), "missing_m2": round(missing, 6)},
-        "texture": texture_metrics(texture),
-        "walls": vars(walls),
-        "scale": {k: v for k, v in vars(survey.scale).items() if isinstance(v, float)},
-        "world": _facts(opened),
-    }
+    """Return the metrics, the certificate, and the evidence to look at."""
+    found = Validator(params, world, cleaned, raw, survey)
+    free, columns = found.free_space.polygon, found.columns
+    replay = _replay(params.replay, found)
     return {
-        "metrics": metrics,
-        "agreement": draw_agreement(cleaned, seen),
+        "metrics": {group: found.measure(group) for group in GROUPS},
+        "certificate": found.certificate,
+        "agreement": draw_agreement(cleaned, found.seen),
         "blocked": blocked_table(columns.blocked_places_m, columns.blocked_depths_m, columns.wall_band_m),
-        "texture": texture,
-        "texture_picture": draw_texture(texture),
-        "heat": draw_heat(texture, free_space.polygon),
-        "views": draw_views(opened, network),
+        "texture": found.texture,
+        "texture_picture": draw_texture(found.texture),
+        "heat": draw_heat(found.texture, free),
+        "views": draw_views(found.world, found.network),
+        "replay": replay.report,
+        "replay_picture": draw_replay(replay, free),
     }
 
 
-def _counts(columns: Navigability) -> dict[str, Any]:
-    return {k: v for k, v in dataclasses.asdict(columns).items() if not isinstance(v, np.ndarray)}
+def _replay(params: ReplayParams, found: Validator) -> Replay:
+    if params.poses is None or not params.sweeps:
+        return Replay(ReplayReport({}))
+    sweeps = {name: Path(file) for name, file in params.sweeps.items()}
+    return replay_sweeps(found.world, found.free_space.polygon, Path(params.poses), sweeps, params)
 
 
-def _facts(world: World) -> dict[str, Any]:
-    model, record = world.model, world.record
-    w, _, y, _ = model.body("mine").quat
-    tilt_deg = math.degrees(2 * math.atan2(y, w))
-    return {
-        "bytes": world.bytes,
-        "load_s": round(world.load_s, 4),
-        "warnings": world.warnings,
-        "geoms": int(model.ngeom),
-        "lights": int(model.nlight),
-        "floor_zones": len(record.zones),
-        "tilt_deg": round(tilt_deg, 4),
-        "tilt_error_deg": round(abs(tilt_deg - record.tilt_deg), 6),
-        "gain_entrance_region_m": record.gain_m["entrance_region"],
-        "gain_whole_frame_m": record.gain_m["whole_frame"],
-    }
+def replayed_files(params: ValidationParams) -> list[str]:
+    """List the registered files that stage 6 reads."""
+    return [params.replay.poses, *params.replay.sweeps.values()] if params.replay.poses else []
 
 
 def check_limits(params: ValidationParams, outputs: Mapping[str, Any]) -> None:
@@ -104,6 +63,7 @@ STAGE = Stage(
     name="validation",
     run=validate_world,
     check=check_limits,
+    sources=replayed_files,
     reads={
         "world": Artifact("realism/world", Bundle),
         "cleaned": Artifact("contours/cleaned.png", Mask),
@@ -112,12 +72,15 @@ STAGE = Stage(
     },
     writes={
         "metrics": Artifact("validation/metrics.json", dict, volatile=("world.load_s",)),
+        "certificate": Artifact("validation/certificate.json", Certificate),
         "agreement": Artifact("validation/agreement.png", Image),
         "blocked": Artifact("validation/blocked.csv", str),
         "texture": Artifact("validation/texture.json", TextureReport),
         "texture_picture": Artifact("validation/texture.png", Image),
         "heat": Artifact("validation/heat.png", Image),
         "views": Artifact("validation/views.png", Image),
+        "replay": Artifact("validation/replay.json", ReplayReport),
+        "replay_picture": Artifact("validation/replay.png", Image),
     },
 )
 

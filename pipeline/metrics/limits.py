@@ -25,7 +25,7 @@ def breaches(metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> list[st
         value = flat.get(name)
         if not isinstance(value, int | float):
             lines.append(f"{name}: not measured (limit {_say(limit)})")
-        elif (limit.min is not None and not value >= limit.min) or (limit.max is not None and not value <= limit.max):
+        elif not limit.holds(value):
             lines.append(f"{name} = {value:.6g}: limit {_say(limit)}")
     return lines
 

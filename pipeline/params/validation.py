@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import Field, field_validator, model_validator
 
 from pipeline.params.base import Params
+from pipeline.params.survey import DataFile
 
 
 class Limit(Params):
@@ -20,6 +21,10 @@ class Limit(Params):
         if self.min is None and self.max is None:
             raise ValueError("a limit needs min or max")
         return self
+
+    def holds(self, value: float) -> bool:
+        """Say whether a value lies within; one that is not a number does not."""
+        return (self.min is None or value >= self.min) and (self.max is None or value <= self.max)
 
 
 class TextureReportParams(Params):
@@ -37,6 +42,39 @@ class TextureReportParams(Params):
     seed: int = Field(ge=0)
 
 
+class ReplayParams(Params):
+    """Real sweeps to be replayed in the world, the search that places them, and which returns count."""
+
+    poses: DataFile | None
+    sweeps: dict[str, DataFile] = Field(description="pose number -> sweep file")
+    sensor_height_m: float = Field(gt=0)
+    scale: tuple[float, float]
+    turn_deg: float = Field(gt=0, le=10)
+    shift_m: float = Field(gt=0, le=50)
+    correction_m: float = Field(gt=0, le=5)
+    correction_deg: float = Field(gt=0, le=10)
+    register_range_m: float = Field(gt=0)
+    max_range_m: float = Field(gt=0)
+    max_range_var_m2: float = Field(gt=0)
+    min_incidence_deg: float = Field(ge=0, lt=90)
+
+    @model_validator(mode="after")
+    def _sweeps_have_poses(self) -> ReplayParams:
+        if self.sweeps and self.poses is None:
+            raise ValueError("sweeps need poses")
+        return self
+
+
+class CertificateParams(Params):
+    """How containment is proved: a robot's radius, the grid of distance queries, how many pushes, and the clauses."""
+
+    robot_radius_m: float = Field(gt=0, le=5)
+    cell_m: float = Field(gt=0.02, le=1)
+    contacts: int = Field(ge=0, description="robot steps in touch with rock; 0 leaves the pushes out")
+    seed: int = Field(ge=0)
+    limits: dict[str, Limit] = Field(description="clauses by the figure's name")
+
+
 class ValidationParams(Params):
     """Limits by metric name and how networks are traced.
 
@@ -47,6 +85,8 @@ class ValidationParams(Params):
     network_min_leg_m: float = Field(ge=0, le=50)
     robot_height_m: float = Field(gt=0, description="at which LiDAR and walls are compared")
     texture: TextureReportParams
+    replay: ReplayParams
+    certificate: CertificateParams
     limits: dict[str, Limit]
 
     @field_validator("limits", mode="before")

@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.params.survey import PlanSurveyParams, PosesParams, StationSurveyParams
 from pipeline.survey.draw import draw_plan, frame_around
 from pipeline.survey.image import read_image
-from pipeline.survey.poses import PoseScale, read_poses, read_sweep, scale_from_poses
+from pipeline.survey.poses import PoseScale, gate_returns, read_poses, read_returns, scale_from_poses
 from pipeline.survey.scale import measure_bar
 from pipeline.survey.stations import build_workings, read_stations
 from pipeline.types import Frame, Image, Scale, Survey
@@ -82,9 +82,8 @@ def read_plan(params: PlanSurveyParams) -> tuple[Image, Frame, list[Box], float 
 
 
 def _scale_of_poses(poses: PosesParams, plan: Image, frame: Frame) -> PoseScale:
-    sweeps = {
-        name: read_sweep(Path(file), poses.max_range_m, poses.max_range_var_m2) for name, file in poses.sweeps.items()
-    }
+    gates = poses.max_range_m, poses.max_range_var_m2
+    sweeps = {name: gate_returns(Path(file), read_returns(Path(file)), *gates) for name, file in poses.sweeps.items()}
     origin = (frame.origin_col, frame.origin_row)
     return scale_from_poses(plan, read_poses(Path(poses.file)), sweeps, origin, poses.scale_range_px_per_m)
 

@@ -1,0 +1,135 @@
+"""The containment certificate: what a bundle's collision world encloses, clause by clause, from its compiled model."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import shapely
+
+from pipeline.metrics.containment import cover_walls, open_area_m2
+from pipeline.metrics.reach import compare_reach, reached_cells, start_cell
+from pipeline.mjcf.bundle import World, part_vertices
+from pipeline.mjcf.clearance import rock_clearance
+from pipeline.params.validation import CertificateParams, Limit
+from pipeline.pushes import Progress, push_robots
+from pipeline.types import Frame, FreeSpace
+
+_SLICES_M = (0.05, 0.5, 1.0)  # and just below the back
+_LEVEL_M = 1e-3
+_MARGIN_M = 0.5  # beyond the workings, so that a leak shows
+_SEEN_M = 0.25  # clearances are compared up to this much more than the robot's radius
+
+
+@dataclass(frozen=True)
+class Clause:
+    """One measured figure, its limits, and whether they hold; what could not be measured does not."""
+
+    value: float | None
+    limit: dict[str, float]
+    holds: bool
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """All clauses, whether every one holds, and the world they are of; `contacts` robot steps touched rock."""
+
+    world_sha256: str
+    holds: bool
+    contacts: int
+    clauses: dict[str, Clause]
+
+
+def measure_containment(
+    folder: Path,
+    world: World,
+    free_space: FreeSpace,
+    params: CertificateParams,
+    network: tuple[float, float],
+    threads: int = 1,
+    progress: Progress = iter,
+) -> dict[str, Any]:
+    """Measure walls, floor and back, reach, and pushes of a bundle.
+
+    Parameters
+    ----------
+    folder : Path
+    world : World
+        The same, opened.
+    free_space : FreeSpace
+        The plan's free space that it must enclose.
+    params : CertificateParams
+    network : (cell_m, min_leg_m)
+        How drift networks are traced.
+    threads : int
+    progress : callable
+        Wraps the numbers of the pushes, as `tqdm.tqdm` does.
+    """
+    record, free = world.record, free_space.polygon
+    groups = record.geom_groups
+    parts = part_vertices(world.model, groups["rock"])
+    box = shapely.box(*record.world_m)
+    found: dict[str, Any] = vars(cover_walls(parts, free, box, (*_SLICES_M, record.height_m - 0.05))).copy()
+    found["floor_open_m2"] = open_area_m2(_slabs(world.model, groups["floor"], 0.0, top=True), free)
+    found["back_open_m2"] = open_area_m2(_slabs(world.model, groups["back"], record.height_m, top=False), free)
+    found |= _reach(folder, world, free_space, params, network)
+    if params.contacts:
+        borders = [zone.east_m for zone in record.zones[:-1]]
+        pushes = push_robots(folder, free, parts, borders, params.contacts, params.seed, threads, progress)
+        found |= {k: v for k, v in dataclasses.asdict(pushes).items() if k != "targets"}
+    return found
+
+
+def _slabs(model: mujoco.MjModel, group: int, level_m: float, top: bool) -> list[tuple[float, float, float, float]]:
+    """Return the boxes (west, south, east, north) m of a group whose upper, or lower, face lies at a level."""
+    found = []
+    for geom in np.flatnonzero((model.geom_group == group) & (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX)):
+        (x, y, z), (a, b, c) = model.geom_pos[geom], model.geom_size[geom]
+        level = np.allclose(model.geom_quat[geom], [1, 0, 0, 0])
+        if level and abs(z + (c if top else -c) - level_m) < _LEVEL_M:
+            found.append((x - a, y - b, x + a, y + b))
+    return found
+
+
+def _reach(
+    folder: Path, world: World, free_space: FreeSpace, params: CertificateParams, network: tuple[float, float]
+) -> dict[str, Any]:
+    free, record, cell, radius = free_space.polygon, world.record, params.cell_m, params.robot_radius_m
+    west, south, east, north = free.bounds
+    margin = np.ceil((_MARGIN_M + 2 * radius) / cell) * cell
+    width, height = (int(np.ceil((high - low + 2 * margin) / cell)) for low, high in ((west, east), (south, north)))
+    frame = Frame(1 / cell, (margin - west) / cell, (north + margin) / cell, width, height)
+    rows, cols = np.indices((height, width))
+    places = frame.to_mine(np.column_stack([cols.ravel(), rows.ravel()]) + 0.5)
+    asked = np.flatnonzero(shapely.contains_xy(free.buffer(_MARGIN_M), places[:, 0], places[:, 1]))
+    most = radius + _SEEN_M
+    plan, seen = np.zeros(len(places)), np.zeros(len(places))
+    points = shapely.points(places[asked])
+    inside = shapely.contains_xy(free, places[asked, 0], places[asked, 1])
+    plan[asked] = np.where(inside, np.minimum(shapely.distance(free.boundary, points), most), 0.0)
+    T = np.array(record.T_world_mine)
+    seen[asked] = rock_clearance(folder, T, record.geom_groups["rock"], places[asked], radius, most)
+    start = start_cell(record.spawn.anchor_m, frame)
+    by_plan, by_world = (reached_cells(c.reshape(height, width), radius, start) for c in (plan, seen))
+    error = float(np.abs(plan - seen).max())
+    if not (by_plan.any() and by_world.any()):  # the anchor itself is in rock
+        return {"clearance_error_m": round(error, 5), "reached_m2": 0.0, "same_graph": False}
+    match = compare_reach(by_plan, by_world, frame, radius, *network)
+    return {"clearance_error_m": round(error, 5), **vars(match)}
+
+
+def certify(world_sha256: str, measured: Mapping[str, Any], limits: Mapping[str, Limit]) -> Certificate:
+    """Hold measured figures against the limit of each clause."""
+    clauses = {}
+    for name, limit in limits.items():
+        value = measured.get(name)
+        bounds = {k: v for k, v in limit.model_dump().items() if v is not None}
+        clauses[name] = Clause(
+            None if value is None else float(value), bounds, value is not None and limit.holds(value)
+        )
+    return Certificate(world_sha256, all(c.holds for c in clauses.values()), int(measured.get("contacts", 0)), clauses)

@@ -1,0 +1,128 @@
+"""Whether a bundle's parts tell one story: the record, the compiled model, and the grids that travel with it."""
+
+from __future__ import annotations
+
+import io
+import math
+from pathlib import Path
+from typing import Any
+
+import cv2
+import mujoco
+import numpy as np
+import shapely
+import yaml
+from shapely import Polygon
+
+from pipeline.errors import ArtifactError
+from pipeline.geometry.octree import FREE, Octree, from_bt
+from pipeline.mjcf.bundle import World
+from pipeline.types import FreeSpace
+
+_GRAVITY = (0.0, 0.0, -9.81)
+_LEVEL = 1e-3
+_GREY, _KNEE_M, _CELLS_TRIED = 127, 0.4, 5000
+_BORDER_SHARE = 2**-0.5  # of a cell: nearer to a wall a cell's centre may fall either way
+
+
+def measure_consistency(folder: Path, world: World, free_space: FreeSpace) -> dict[str, Any]:
+    """Return the counts and errors by which a bundle's files differ from its record and its model."""
+    model, record = world.model, world.record
+    w, _, y, _ = model.body("mine").quat
+    tilt_deg = math.degrees(2 * math.atan2(y, w))
+    anchor = shapely.Point(record.spawn.anchor_m)
+    inside = shapely.contains(free_space.polygon, anchor)
+    return {
+        "tilt_deg": round(tilt_deg, 4),
+        "tilt_error_deg": round(abs(tilt_deg - record.tilt_deg), 6),
+        "frame_error_m": _frame_error_m(world),
+        "gravity_error": round(float(np.abs(model.opt.gravity - _GRAVITY).max()), 6),
+        "lights_missing": abs(record.lights - int(model.nlight)),
+        "zones_wrong": _zones_wrong(world),
+        "friction_error": _rock_friction_error(world),
+        "spawn_clearance_m": round(anchor.distance(free_space.polygon.boundary) if inside else 0.0, 4),
+        **_grid_errors(folder, free_space),
+    }
+
+
+def _frame_error_m(world: World) -> float:
+    """Return how far the model puts the mine's corners from where the record's frame does."""
+    body = world.model.body("mine")
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, body.quat)
+    west, south, east, north = world.record.world_m
+    corners = np.array([[x, y, 0.0] for x in (west, east) for y in (south, north)])
+    T = np.array(world.record.T_world_mine)
+    apart = corners @ rotation.reshape(3, 3).T + body.pos - (corners @ T[:3, :3].T + T[:3, 3])
+    return round(float(np.abs(apart).max()), 6)
+
+
+def _zones_wrong(world: World) -> int:
+    """Count the floor zones whose geom lacks, lies elsewhere, or has other friction than the record says."""
+    wrong, names = 0, [world.model.geom(g).name for g in range(world.model.ngeom)]
+    for zone in world.record.zones:
+        if zone.geom not in names:
+            wrong += 1
+            continue
+        geom = world.model.geom(zone.geom)
+        low, high = geom.pos - geom.size, geom.pos + geom.size
+        found = [low[0], high[0], low[1], high[1], high[2], geom.friction[0]]
+        said = [zone.west_m, zone.east_m, zone.south_m, zone.north_m, 0.0, zone.friction]
+        wrong += not (np.abs(np.array(found) - said).max() < _LEVEL and geom.priority[0] == 1)
+    return wrong + abs(sum(name.startswith("floor_") for name in names) - len(world.record.zones))
+
+
+def _rock_friction_error(world: World) -> float:
+    rock = world.model.geom_group == world.record.geom_groups["rock"]
+    off = np.abs(world.model.geom_friction[rock, 0] - world.record.rock_friction)
+    return round(float(off.max(initial=0.0)), 6)
+
+
+def _grid_errors(folder: Path, free_space: FreeSpace) -> dict[str, int]:
+    """Count cells of the clearance grid, the Nav2 map and the octree that differ from the free space; borders aside."""
+    with np.load(io.BytesIO((folder / "occupancy.npz").read_bytes()), allow_pickle=False) as grid:
+        free, clearance = grid["free"], grid["clearance_m"]
+        origin, cell = grid["origin_m"], float(grid["cell_m"])
+    meta = yaml.safe_load((folder / "map.yaml").read_text())
+    drawn = cv2.imread(str(folder / Path(meta["image"]).name), cv2.IMREAD_GRAYSCALE)
+    if drawn is None:
+        raise ArtifactError(f"{folder / meta['image']}: cannot be read as a picture")
+    tree = from_bt((folder / "free_space.bt").read_bytes())
+    return {
+        "occupancy_wrong": _wrong_cells(free, origin, cell, free_space.polygon)
+        + _wrong_clearances(free, clearance, origin, cell, free_space.polygon),
+        "map_wrong": _wrong_cells(
+            drawn[::-1] > _GREY, np.array(meta["origin"][:2]), float(meta["resolution"]), free_space.polygon
+        ),
+        "octree_wrong": _wrong_voxels(tree, free, origin, cell),
+    }
+
+
+def _wrong_cells(free: np.ndarray, origin_m: np.ndarray, cell_m: float, polygon: Polygon) -> int:
+    """Count cells that are free where the polygon is not, or the other way round, by half a cell's diagonal."""
+    places = _centres(free.shape, origin_m, cell_m)
+    inside = shapely.contains_xy(polygon, places[:, 0], places[:, 1])
+    differ = shapely.points(places[inside != free.ravel()])
+    return int((shapely.distance(polygon.boundary, differ) > _BORDER_SHARE * cell_m).sum())
+
+
+def _wrong_clearances(
+    free: np.ndarray, clearance_m: np.ndarray, origin_m: np.ndarray, cell_m: float, polygon: Polygon
+) -> int:
+    """Count, of at most 5,000 free cells, those whose clearance is off by more than a cell."""
+    some = np.flatnonzero(free.ravel())
+    some = some[:: max(1, len(some) // _CELLS_TRIED)]
+    exact = shapely.distance(polygon.boundary, shapely.points(_centres(free.shape, origin_m, cell_m)[some]))
+    return int((np.abs(exact - clearance_m.ravel()[some]) > cell_m).sum())
+
+
+def _wrong_voxels(tree: Octree, free: np.ndarray, origin_m: np.ndarray, cell_m: float) -> int:
+    """Count grid cells that the octree calls otherwise at knee height."""
+    places = np.column_stack([_centres(free.shape, origin_m, cell_m), np.full(free.size, _KNEE_M)])
+    return int(((tree.query(places) == FREE) != free.ravel()).sum())
+
+
+def _centres(shape: tuple[int, ...], origin_m: np.ndarray, cell_m: float) -> np.ndarray:
+    """Return the cells' centres (n, 2) m, row by row from the south."""
+    rows, cols = np.indices(shape)
+    return np.asarray(origin_m) + (np.stack([cols, rows], axis=-1).reshape(-1, 2) + 0.5) * cell_m

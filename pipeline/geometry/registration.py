@@ -1,0 +1,212 @@
+"""Where scans were taken: one similarity lays all surveyed poses into the mine, and each scan may shift a little."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import grey_erosion
+from scipy.optimize import minimize
+
+from pipeline.errors import GeometryError
+
+Pose = tuple[float, float, float]  # x, y (m), heading (rad)
+Fan = tuple[np.ndarray, np.ndarray]  # bearings (n,) rad in the scanner's frame, ranges (n,) m
+CastFan = Callable[[np.ndarray, np.ndarray], np.ndarray]  # places (n, 2), bearings (n, k) rad -> ranges (n, k) m
+Contains = Callable[[np.ndarray], np.ndarray]  # places (n, 2) -> bool (n,)
+
+_CELL_M, _TURN_STEP, _HEADING_STEP = 0.5, math.radians(0.25), math.radians(1.0)
+_SCALE_STEP = 0.002
+_LOSS_M = 0.2  # of Cauchy's loss: an outline is known to about that; from 0.15 to 0.4 the scale stays within 0.1 %
+_FAR_M = 5.0  # a greater error says no more
+_FAN = 240
+_AS_GOOD = 1.05  # scales whose cost is within a twentieth of the best explain the scans as well
+
+
+@dataclass(frozen=True)
+class Search:
+    """What is searched: scales (low, high), the turn and shift of all poses together, and each scan's own correction.
+
+    Corrections count against a placement by their square over half their bound, and never exceed the bound.
+    """
+
+    scale: tuple[float, float]
+    turn_rad: float
+    shift_m: float
+    correction_m: float
+    correction_rad: float
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """Survey frame to mine frame: scaled, turned, shifted (m, rad)."""
+
+    scale: float
+    turn_rad: float
+    east_m: float
+    north_m: float
+
+    def place(self, pose: Pose) -> Pose:
+        """Return a pose of the survey in the mine frame."""
+        c, s = self.scale * math.cos(self.turn_rad), self.scale * math.sin(self.turn_rad)
+        x, y, heading = pose
+        return c * x - s * y + self.east_m, s * x + c * y + self.north_m, heading + self.turn_rad
+
+
+@dataclass(frozen=True)
+class Registration:
+    """The similarity, the scales that explain the scans nearly as well, each scan's pose and its own correction."""
+
+    similarity: Similarity
+    scale_interval: tuple[float, float]
+    poses: dict[str, Pose]
+    corrections: dict[str, Pose]
+
+
+def register_scans(
+    poses: dict[str, Pose],
+    scans: dict[str, Fan],
+    cast: CastFan,
+    inside: Contains,
+    search: Search,
+    fine: dict[str, Fan] | None = None,
+) -> Registration:
+    """Find where scans were taken by casting their bearings into the mine and comparing ranges.
+
+    The cost of each scan is laid out once over a grid of places and headings. A similarity then costs, for each scan,
+    the least of cost and correction about the place it gives; every similarity of the search is tried, so a straight
+    drift, along which many places look alike, cannot hold the search in the wrong one. The poses are then refined.
+
+    Parameters
+    ----------
+    poses : dict of (x, y, heading)
+        m, rad, survey frame: x and y axes and origin near those of the mine frame, within the search.
+    scans : dict of (bearings (n,), ranges (n,))
+    cast : callable
+        Ranges, m, that the mine gives from places (n, 2) m along bearings (n, k) rad of the mine frame.
+    inside : callable
+        Whether places (n, 2) m lie in the workings.
+    search : Search
+    fine : dict, optional
+        The returns by which the poses are refined, if not by all: near and steep ones tell best where a scan stood.
+
+    Raises
+    ------
+    GeometryError
+        If no place within the search lies in the workings.
+    """
+    fields = {name: _Field(poses[name], fan, cast, inside, search) for name, fan in sorted(scans.items())}
+    turns = np.arange(-search.turn_rad, search.turn_rad + 1e-9, _TURN_STEP)
+    scales = np.arange(search.scale[0], search.scale[1] + 1e-9, _SCALE_STEP)
+    profile, best = np.full(len(scales), np.inf), Similarity(1.0, 0.0, 0.0, 0.0)
+    steps = round(search.shift_m / _CELL_M)
+    for turn in turns:
+        costs = {name: field.with_corrections(turn) for name, field in fields.items()}
+        for k, scale in enumerate(scales):
+            about = Similarity(scale, turn, 0.0, 0.0)
+            total = np.sum(
+                [fields[name].window(costs[name], about.place(poses[name]), steps) for name in fields], axis=0
+            )
+            row, col = np.unravel_index(int(total.argmin()), total.shape)
+            if total[row, col] < profile.min():
+                best = Similarity(scale, turn, (col - steps) * _CELL_M, (row - steps) * _CELL_M)
+            profile[k] = min(profile[k], total[row, col])
+    if not np.isfinite(profile).any():
+        raise GeometryError("registration: within the search no pose lies in the workings")
+    as_good = scales[profile <= _AS_GOOD * profile.min()]
+    placed = {name: field.refined(best, cast, (fine or scans)[name]) for name, field in fields.items()}
+    similarity = _similarity_between([poses[n] for n in placed], list(placed.values()), best)
+    corrections = {
+        name: tuple(a - b for a, b in zip(pose, similarity.place(poses[name]), strict=True))
+        for name, pose in placed.items()
+    }
+    return Registration(similarity, (float(as_good[0]), float(as_good[-1])), placed, corrections)  # type: ignore[arg-type]
+
+
+class _Field:
+    """The cost of one scan over a grid of places and headings: `cost` (headings, rows, cols)."""
+
+    def __init__(self, pose: Pose, fan: Fan, cast: CastFan, inside: Contains, search: Search) -> None:
+        self.pose, self.search = pose, search
+        thin = slice(None, None, max(1, len(fan[0]) // _FAN))
+        bearing, measured = fan[0][thin], fan[1][thin]
+        far = math.hypot(*pose[:2])
+        reach = search.shift_m + search.correction_m + far * (max(abs(s - 1) for s in search.scale) + search.turn_rad)
+        half = math.ceil(reach / _CELL_M) + 1
+        self.low = np.round(np.array(pose[:2]) / _CELL_M) * _CELL_M - half * _CELL_M
+        rows, cols = np.indices((2 * half + 1, 2 * half + 1))
+        places = self.low + np.stack([cols, rows], axis=-1).reshape(-1, 2) * _CELL_M
+        free = np.flatnonzero(inside(places))
+        wide = search.turn_rad + search.correction_rad
+        self.heading = pose[2] + np.arange(-wide, wide + 1e-9, _HEADING_STEP)
+        self.cost = np.full((len(self.heading), *rows.shape), np.inf)
+        for k, heading in enumerate(self.heading):
+            at = np.broadcast_to(heading + bearing, (len(free), len(bearing)))
+            self.cost[k].reshape(-1)[free] = _loss(cast(places[free], at) - measured)
+
+    def with_corrections(self, turn: float) -> np.ndarray:
+        """Return the least cost and correction (rows, cols) about each place, all poses being turned by `turn`."""
+        search = self.search
+        off = self.heading - self.pose[2] - turn
+        price = np.where(np.abs(off) <= search.correction_rad + 1e-9, (2 * off / search.correction_rad) ** 2, np.inf)
+        cost = (self.cost + 0.05 * price[:, None, None]).min(axis=0)
+        steps = math.floor(search.correction_m / _CELL_M)
+        dy, dx = np.mgrid[-steps : steps + 1, -steps : steps + 1] * _CELL_M
+        apart = np.hypot(dx, dy)
+        near = apart <= search.correction_m
+        return grey_erosion(
+            np.where(np.isfinite(cost), cost, 1e3), footprint=near,
+            structure=-0.05 * (2 * apart / search.correction_m) ** 2, mode="constant", cval=1e3,
+        )  # fmt: skip
+
+    def window(self, cost: np.ndarray, pose: Pose, steps: int) -> np.ndarray:
+        """Return costs (2 steps + 1, 2 steps + 1) at a pose shifted north (rows) and east by whole cells."""
+        col, row = np.round((np.array(pose[:2]) - self.low) / _CELL_M).astype(int)
+        found = cost[row - steps : row + steps + 1, col - steps : col + steps + 1]
+        return np.where(found < 1e3, found, np.inf)
+
+    def refined(self, similarity: Similarity, cast: CastFan, fan: Fan) -> Pose:
+        """Return the pose of least cost within the correction's bound about the place that a similarity gives."""
+        search, about = self.search, np.array(similarity.place(self.pose))
+        bound = np.array([search.correction_m, search.correction_m, search.correction_rad])
+
+        def cost(q: np.ndarray) -> float:
+            off = (q - about) / bound
+            loss = _loss(cast(q[None, :2], (q[2] + fan[0])[None]) - fan[1])
+            return float(loss[0]) + 0.05 * 4 * float((off**2).sum()) + 1e3 * float(max(0.0, np.abs(off).max() - 1) ** 2)
+
+        cells = np.indices(self.cost.shape[1:])
+        places = self.low + np.stack([cells[1], cells[0]], axis=-1) * _CELL_M
+        apart = np.linalg.norm(places - about[:2], axis=-1)
+        price = (
+            0.2 * (apart / search.correction_m) ** 2
+            + 0.2 * (((self.heading - about[2]) / search.correction_rad) ** 2)[:, None, None]
+        )
+        whole = np.where(apart <= search.correction_m + _CELL_M, self.cost + price, np.inf)
+        k, row, col = np.unravel_index(int(whole.argmin()), whole.shape)
+        start = np.array([*places[row, col], self.heading[k]])
+        corners = start + np.array([[0, 0, 0], [0.3, 0, 0], [0, 0.3, 0], [0, 0, 0.01]])
+        found = minimize(cost, start, method="Nelder-Mead", options={"initial_simplex": corners, "xatol": 1e-3})
+        return float(found.x[0]), float(found.x[1]), float(found.x[2])
+
+
+def _loss(error: np.ndarray) -> np.ndarray:
+    return np.log1p((np.minimum(np.abs(error), _FAR_M) / _LOSS_M) ** 2).mean(axis=-1)
+
+
+def _similarity_between(survey: list[Pose], mine: list[Pose], found: Similarity) -> Similarity:
+    """Return the similarity that fits placed poses best in least squares; of fewer than three, the one found before.
+
+    References
+    ----------
+    Umeyama 1991, doi:10.1109/34.88573
+    """
+    if len(survey) < 3:
+        return found
+    a, b = np.array(survey)[:, :2] @ [1, 1j], np.array(mine)[:, :2] @ [1, 1j]
+    away, there = a - a.mean(), b - b.mean()
+    ratio = np.vdot(away, there) / np.vdot(away, away)
+    shift = b.mean() - ratio * a.mean()
+    return Similarity(float(abs(ratio)), float(np.angle(ratio)), float(shift.real), float(shift.imag))

@@ -1,0 +1,46 @@
+"""Clearance to the collision rock by MuJoCo's own distance queries."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import shapely
+
+from pipeline.geometry.extrude import section_footprint
+from pipeline.mjcf.bundle import part_vertices
+
+_PROBE_M = 0.01
+
+
+def rock_clearance(
+    world: Path, T_world_mine: np.ndarray, group: int, places: np.ndarray, height_m: float, most_m: float
+) -> np.ndarray:
+    """Return the distance (n,) m, at most `most_m`, from places (n, 2) m to the nearest collision part at a height.
+
+    A small sphere joins the world and is put to every place that has a part within reach; 0 inside rock.
+    """
+    spec = mujoco.MjSpec.from_file(str(world / "mine.xml"))
+    spec.worldbody.add_body(name="probe", mocap=True).add_geom(
+        name="probe", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[_PROBE_M, 0, 0], contype=0, conaffinity=0
+    )
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    probe = model.geom("probe").id
+    of_group = [
+        np.flatnonzero((model.geom_group == group) & (model.geom_type == kind))
+        for kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_BOX)
+    ]
+    rock = np.concatenate(of_group)  # in the order of `part_vertices`
+    tree = shapely.STRtree([section_footprint(part) for part in part_vertices(model, group)])
+    place, part = tree.query(shapely.points(places), predicate="dwithin", distance=most_m)
+    at = (np.column_stack([places, np.full(len(places), height_m)]) @ T_world_mine[:3, :3].T) + T_world_mine[:3, 3]
+    clearance, between = np.full(len(places), most_m), np.zeros(6)
+    for i, geom in zip(place.tolist(), rock[part].tolist(), strict=True):
+        data.geom_xpos[probe] = at[i]
+        distance = mujoco.mj_geomDistance(model, data, probe, geom, most_m, between) + _PROBE_M
+        if distance < clearance[i]:
+            clearance[i] = max(distance, 0.0)
+    return clearance

@@ -1,0 +1,220 @@
+"""The same rays by every backend that stands for a world, and whether they see one mine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+import cv2
+import mujoco
+import numpy as np
+import shapely
+import yaml
+from shapely import Polygon
+
+from minexplore.robot import RobotParams
+from minexplore.task import TaskParams
+from minexplore.windows import Windows
+from minexplore.world import load_world
+from pipeline.errors import ArtifactError
+from pipeline.geometry.raycast import RayCaster
+from pipeline.mjcf.bundle import World, geom_corners
+
+_HEIGHT_M, _RANGE_M = 0.3, 10.0
+_AGREE_M = 0.01
+_CLEAR_M = 0.4  # rays start where a robot can stand
+_LISTED = 20
+_STEP_SHARE = 0.05  # of a cell, by which a ray walks over the map
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """A ray on which a backend departs: start (m), bearing (rad), range by MuJoCo on the bundle and by it, m."""
+
+    x_m: float
+    y_m: float
+    bearing_rad: float
+    bundle_m: float
+    backend_m: float
+
+
+@dataclass(frozen=True)
+class Parity:
+    """One backend against `mj_ray` on the bundle: rays compared, how many agree, the worst difference, others.
+
+    `tolerance_m` is of ranges; for the map it is a cell, and of the places that the rays end at: along a wall a cell's
+    width can be metres of range.
+    """
+
+    rays: int
+    agree: int
+    worst_m: float
+    tolerance_m: float
+    disagreements: list[Disagreement]
+
+
+@dataclass(frozen=True)
+class ParityReport:
+    """All backends, and the ones that were left out and why."""
+
+    backends: dict[str, Parity]
+    left_out: dict[str, str]
+
+
+def compare_backends(folder: Path, world: World, free: Polygon, rays: int, seed: int) -> ParityReport:
+    """Cast level rays from random places where a robot can stand against the collision rock.
+
+    Parameters
+    ----------
+    folder : Path
+    world : World
+        The same, opened.
+    free : shapely.Polygon, m, mine frame
+    rays : int
+    seed : int
+
+    Raises
+    ------
+    ArtifactError
+        If the bundle's Nav2 map cannot be read.
+    """
+    rng = np.random.default_rng(seed)
+    places, bearings = _rays(free.buffer(-_CLEAR_M), rays, rng)
+    rock = world.record.geom_groups["rock"]
+    exact = _by_mujoco(world.model, np.array(world.record.T_world_mine), places, bearings, rock)
+    backends = {"Open3D RaycastingScene": _ranges(places, bearings, exact, _by_open3d(world, rock, places, bearings))}
+    inside, windows = _by_windows(folder, places, bearings, exact, rock)
+    backends["windows of the environment"] = _ranges(places[inside], bearings[inside], exact[inside], windows[inside])
+    backends["Nav2 map"] = _by_map(folder, free, places, bearings, exact)
+    left_out = {}
+    if find_spec("mujoco_warp") is None:
+        left_out["MuJoCo Warp"] = "mujoco_warp is not installed"
+    else:
+        warped = _by_warp(world.model, np.array(world.record.T_world_mine), places, bearings, rock)
+        backends["MuJoCo Warp"] = _ranges(places, bearings, exact, warped)
+    return ParityReport(backends, left_out)
+
+
+def _rays(room: Polygon, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    west, south, east, north = room.bounds
+    places = np.zeros((0, 2))
+    while len(places) < count:
+        tried = rng.uniform([west, south], [east, north], (4 * count, 2))
+        places = np.concatenate([places, tried[shapely.contains_xy(room, tried[:, 0], tried[:, 1])]])
+    return places[:count], rng.uniform(-np.pi, np.pi, count)
+
+
+def _level(bearings: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.cos(bearings), np.sin(bearings), np.zeros_like(bearings)])
+
+
+def _by_mujoco(
+    model: mujoco.MjModel, T_world_mine: np.ndarray, places: np.ndarray, bearings: np.ndarray, group: int
+) -> np.ndarray:
+    """Return ranges (n,) m, at most 10 m, by `mj_ray` against one geom group."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    groups = np.zeros(mujoco.mjNGROUP, np.uint8)
+    groups[group] = 1
+    starts = np.column_stack([places, np.full(len(places), _HEIGHT_M)]) @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
+    ahead = _level(bearings) @ T_world_mine[:3, :3].T
+    hit = np.zeros(1, np.int32)
+    ranges = np.array(
+        [mujoco.mj_ray(model, data, p, v, groups, 1, -1, hit, None) for p, v in zip(starts, ahead, strict=True)]
+    )
+    return np.where((ranges < 0) | (ranges > _RANGE_M), _RANGE_M, ranges)
+
+
+def _by_open3d(world: World, group: int, places: np.ndarray, bearings: np.ndarray) -> np.ndarray:
+    caster = RayCaster(geom_corners(world.model, group))
+    starts = np.column_stack([places, np.full(len(places), _HEIGHT_M)])
+    return np.minimum(caster.cast(starts, _level(bearings)), _RANGE_M)
+
+
+def _by_windows(
+    folder: Path, places: np.ndarray, bearings: np.ndarray, exact: np.ndarray, group: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return which rays end within what a window holds all rock of, and their ranges by the window's own model."""
+    windows = Windows(load_world(folder), TaskParams(), RobotParams())
+    ends = places + exact[:, None] * _level(bearings)[:, :2]
+    tiles = windows.tiles_of(places)
+    low, high = windows.reach(tiles)
+    inside = (exact < _RANGE_M) & ((ends >= low) & (ends <= high)).all(axis=1)
+    ranges = np.full(len(places), _RANGE_M)
+    for tile in np.unique(tiles[inside], axis=0).tolist():
+        those = inside & (tiles == tile).all(axis=1)
+        model = windows.model(tuple(tile))
+        ranges[those] = _by_mujoco(model, windows.T_world_mine, places[those], bearings[those], group)
+    return inside, ranges
+
+
+def _by_warp(
+    model: mujoco.MjModel, T_world_mine: np.ndarray, places: np.ndarray, bearings: np.ndarray, group: int
+) -> np.ndarray:
+    """Return ranges (n,) m, at most 10 m, by MuJoCo Warp on the CPU."""
+    import mujoco_warp
+    import warp
+
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    groups = warp.types.vector(mujoco.mjNGROUP, warp.float32)(*[1.0 * (k == group) for k in range(mujoco.mjNGROUP)])
+    starts = np.column_stack([places, np.full(len(places), _HEIGHT_M)]) @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
+    ahead = _level(bearings) @ T_world_mine[:3, :3].T
+    with warp.ScopedDevice("cpu"):
+        m, d = mujoco_warp.put_model(model), mujoco_warp.put_data(model, data)
+        count = len(places)
+        distance = warp.empty((1, count), dtype=float)
+        mujoco_warp.rays(
+            m, d, warp.array(starts[None], dtype=warp.vec3), warp.array(ahead[None], dtype=warp.vec3), groups, True,
+            warp.full(count, -1, dtype=int), distance, warp.empty((1, count), dtype=int),
+            warp.empty((1, count), dtype=warp.vec3),
+        )  # fmt: skip
+        ranges = distance.numpy()[0].astype(np.float64)
+    return np.where((ranges < 0) | (ranges > _RANGE_M), _RANGE_M, ranges)
+
+
+def _by_map(folder: Path, free: Polygon, places: np.ndarray, bearings: np.ndarray, exact: np.ndarray) -> Parity:
+    """Walk the rays over the bundle's Nav2 map; a hit agrees if it lies within a cell of the rock that is there."""
+    meta = yaml.safe_load((folder / "map.yaml").read_text())
+    grey = cv2.imread(str(folder / meta["image"]), cv2.IMREAD_GRAYSCALE)
+    if grey is None:
+        raise ArtifactError(f"{folder / meta['image']}: cannot be read as a picture")
+    cell, (west, south, _) = float(meta["resolution"]), meta["origin"]
+    occupied = grey[::-1] < 255 * (1 - meta["occupied_thresh"])
+    step = _STEP_SHARE * cell
+    at, ranges = places.copy(), np.full(len(places), _RANGE_M)
+    going = np.ones(len(places), bool)
+    for k in range(1, int(_RANGE_M / step) + 1):
+        at[going] = places[going] + k * step * _level(bearings[going])[:, :2]
+        col, row = np.floor((at[going] - [west, south]) / cell).astype(int).T
+        hit = np.ones(len(col), bool)
+        on = (row >= 0) & (row < occupied.shape[0]) & (col >= 0) & (col < occupied.shape[1])
+        hit[on] = occupied[row[on], col[on]]
+        stopped = np.flatnonzero(going)[hit]
+        ranges[stopped] = k * step
+        going[stopped] = False
+    ahead = _level(bearings)[:, :2]
+    ours, theirs = (shapely.points(places + r[:, None] * ahead) for r in (ranges, exact))
+    # Where the map stops short there is rock within a cell; where it goes on, what it passed lay within a cell of rock.
+    passed = shapely.linestrings(np.stack([shapely.get_coordinates(theirs), shapely.get_coordinates(ours)], axis=1))
+    short = np.where(ranges < _RANGE_M, shapely.distance(free.boundary, ours), 0.0)
+    deepest = np.where(ranges > exact, shapely.length(shapely.difference(passed, free.buffer(2**0.5 * cell))), 0.0)
+    apart = np.where(ranges <= exact, short, np.where(deepest > 0, cell + deepest, 0.0))
+    return _parity(places, bearings, exact, ranges, apart, 2**0.5 * cell)
+
+
+def _ranges(places: np.ndarray, bearings: np.ndarray, exact: np.ndarray, ranges: np.ndarray) -> Parity:
+    return _parity(places, bearings, exact, ranges, np.abs(ranges - exact), _AGREE_M)
+
+
+def _parity(
+    places: np.ndarray, bearings: np.ndarray, exact: np.ndarray, ranges: np.ndarray, apart: np.ndarray, most: float
+) -> Parity:
+    wrong = np.flatnonzero(apart > most)
+    listed = [
+        Disagreement(*(round(float(v), 4) for v in (*places[i], bearings[i], exact[i], ranges[i])))
+        for i in wrong[:_LISTED]
+    ]
+    worst = round(float(apart.max()), 6) if len(apart) else 0.0
+    return Parity(len(apart), len(apart) - len(wrong), worst, round(most, 4), listed)

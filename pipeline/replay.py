@@ -1,0 +1,262 @@
+"""LiDAR replay: real sweeps laid into a world, their bearings cast in its model, and the ranges compared."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import shapely
+from scipy.stats import theilslopes
+from shapely import Polygon
+
+from pipeline.errors import GeometryError, InputError
+from pipeline.geometry.raycast import RayCaster
+from pipeline.geometry.registration import Pose, Registration, Search, register_scans
+from pipeline.mjcf.bundle import World, geom_corners, surface_corners
+from pipeline.params.validation import ReplayParams
+from pipeline.survey.poses import Returns, SurveyedPose, gate_returns, read_poses, read_returns, require_poses
+
+_NEAR_M, _FAR_M = 0.25, 0.5
+_NEIGHBOUR_RAD = math.radians(1.0)
+_LEAST_HEIGHTS = 3
+
+
+@dataclass(frozen=True)
+class RangeErrors:
+    """Cast less measured range over the returns that count, m; absolute but for `bias_m`, the median with its sign."""
+
+    median_m: float
+    p90_m: float
+    within_0_25_m: float
+    within_0_5_m: float
+    bias_m: float
+
+
+@dataclass(frozen=True)
+class SweepReplay:
+    """One sweep: what was gated and why, where it was taken, its own correction, and its errors on both walls.
+
+    `collision` are errors against what a robot hits, `visible` against what its LiDAR sees (the overlay), and
+    `every_return_median_m` against the collision walls with no gate but the registration's.
+    """
+
+    returns: int
+    used: int
+    gated: dict[str, int]
+    pose_m: Pose
+    correction_m: tuple[float, float]
+    correction_deg: float
+    collision: RangeErrors
+    visible: RangeErrors
+    every_return_median_m: float
+
+
+@dataclass(frozen=True)
+class ReplayReport:
+    """The registration of all poses, the scale it implies, the errors, and the grade where heights are known."""
+
+    sweeps: dict[str, SweepReplay]
+    scale: float | None = None
+    scale_interval: tuple[float, float] | None = None
+    implied_px_per_m: float | None = None
+    plan_px_per_m: float | None = None
+    turn_deg: float | None = None
+    shift_m: tuple[float, float] | None = None
+    largest_correction_m: float | None = None
+    correction_bound_m: float | None = None
+    grade_deg: float | None = None
+    tilt_deg: float | None = None
+
+
+@dataclass(frozen=True)
+class Replay:
+    """The report, and for its picture each sweep's returns (n, 2) m in the mine frame and range errors (n,) m."""
+
+    report: ReplayReport
+    points: dict[str, np.ndarray] = field(default_factory=dict)
+    errors: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+def find_sweeps(folder: Path) -> dict[str, Path]:
+    """Return the files `sweep_NAME.csv` of a folder by name.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    found = {p.stem.removeprefix("sweep_"): p for p in sorted(folder.glob("sweep_*.csv"))}
+    if not found:
+        raise InputError(f"{folder}: no file is named sweep_NAME.csv")
+    return found
+
+
+def replay_sweeps(world: World, free: Polygon, poses: Path, sweeps: dict[str, Path], params: ReplayParams) -> Replay:
+    """Register surveyed poses to a world by their sweeps and compare every return's range with the world's.
+
+    Parameters
+    ----------
+    world : World
+    free : shapely.Polygon, m, mine frame
+        Where a scanner can stand.
+    poses : Path
+    sweeps : dict of Path
+        By pose number.
+    params : ReplayParams
+        Gates, search and bounds.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, a sweep has no pose, or no placement puts the poses into the workings.
+    """
+    surveyed = read_poses(poses)
+    everything = {name: read_returns(path) for name, path in sweeps.items()}
+    require_poses(surveyed, everything)
+    laid = {
+        name: gate_returns(sweeps[name], returns, params.register_range_m, params.max_range_var_m2)
+        for name, returns in everything.items()
+    }
+    hit = RayCaster(geom_corners(world.model, world.record.geom_groups["rock"]))
+    visible = surface_corners(world.model, "surface_walls")
+    seen = RayCaster(visible if len(visible) else surface_corners(world.model, "surface_base_walls"))
+
+    def cast(places: np.ndarray, bearings: np.ndarray) -> np.ndarray:
+        return hit.fan(places, bearings, params.sensor_height_m)
+
+    search = Search(
+        params.scale,
+        math.radians(params.turn_deg),
+        params.shift_m,
+        params.correction_m,
+        math.radians(params.correction_deg),
+    )
+    try:
+        found = register_scans(
+            {name: surveyed[name].planar for name in laid}, {name: r.fan for name, r in laid.items()}, cast,
+            lambda places: shapely.contains_xy(free, places[:, 0], places[:, 1]), search,
+            {name: _static(r, params)[0].fan for name, r in everything.items()},
+        )  # fmt: skip
+    except GeometryError as error:
+        raise InputError(f"{poses}: {error}") from error
+    reports, points, errors = {}, {}, {}
+    for name, pose in found.poses.items():
+        place, heading = np.array([pose[:2]]), pose[2]
+
+        def error_of(caster: RayCaster, of: Returns, place: np.ndarray = place, heading: float = heading) -> np.ndarray:
+            return caster.fan(place, (heading + of.bearing)[None], params.sensor_height_m)[0] - of.range_m
+
+        kept, gated = _static(everything[name], params)
+        within = _inside_frame(kept, pose, world)
+        kept, gated["beyond_the_frame"] = kept.kept(within), int((~within).sum())
+        if not len(kept.range_m):
+            raise InputError(f"{sweeps[name]}: no return passes the gates ({gated})")
+        dx, dy, dturn = found.corrections[name]
+        reports[name] = SweepReplay(
+            returns=len(everything[name].range_m),
+            used=len(kept.range_m),
+            gated=gated,
+            pose_m=(round(pose[0], 3), round(pose[1], 3), round(heading, 5)),
+            correction_m=(round(dx, 3), round(dy, 3)),
+            correction_deg=round(math.degrees(dturn), 3),
+            collision=_errors(error_of(hit, kept)),
+            visible=_errors(error_of(seen, kept)),
+            every_return_median_m=round(float(np.median(np.abs(error_of(hit, laid[name])))), 4),
+        )
+        points[name] = _points(laid[name], pose)
+        errors[name] = error_of(hit, kept)
+    return Replay(_report(found, reports, surveyed, world, params), points, errors)
+
+
+def _static(returns: Returns, params: ReplayParams) -> tuple[Returns, dict[str, int]]:
+    """Drop, in this order: bins on an edge, far returns, and grazing ones; returns how many each rule took."""
+    rules = {
+        "edge": returns.variance_m2 > params.max_range_var_m2,
+        "far": returns.range_m > params.max_range_m,
+        "grazing": _incidence_rad(returns) < math.radians(params.min_incidence_deg),
+    }
+    kept, gated = np.ones(len(returns.range_m), bool), {}
+    for name, rule in rules.items():
+        gated[name] = int((kept & rule).sum())
+        kept &= ~rule
+    return returns.kept(kept), gated
+
+
+def _inside_frame(returns: Returns, pose: Pose, world: World) -> np.ndarray:
+    """Return which returns (n,) lie within the plan's frame."""
+    west, south, east, north = world.record.plan_frame.extent_m
+    x, y = _points(returns, pose).T
+    return (x >= west) & (x <= east) & (y >= south) & (y <= north)
+
+
+def _incidence_rad(returns: Returns) -> np.ndarray:
+    """Return the angle between beam and wall as the neighbouring returns show it; pi / 2 where there are none."""
+    order = np.argsort(returns.bearing)
+    bearing, ranges = returns.bearing[order], returns.range_m[order]
+    step, rise = bearing[2:] - bearing[:-2], ranges[2:] - ranges[:-2]
+    angle = np.full(len(order), math.pi / 2)
+    near = step < 2 * _NEIGHBOUR_RAD
+    angle[1:-1] = np.where(near, np.arctan2(ranges[1:-1] * step, np.abs(rise)), math.pi / 2)
+    found = np.empty_like(angle)
+    found[order] = angle
+    return found
+
+
+def _points(returns: Returns, pose: Pose) -> np.ndarray:
+    bearing = pose[2] + returns.bearing
+    return np.array(pose[:2]) + returns.range_m[:, None] * np.column_stack([np.cos(bearing), np.sin(bearing)])
+
+
+def _errors(error: np.ndarray) -> RangeErrors:
+    size = np.abs(error)
+    return RangeErrors(
+        median_m=round(float(np.median(size)), 4),
+        p90_m=round(float(np.percentile(size[np.isfinite(size)], 90)), 4) if np.isfinite(size).any() else math.inf,
+        within_0_25_m=round(float((size <= _NEAR_M).mean()), 4),
+        within_0_5_m=round(float((size <= _FAR_M).mean()), 4),
+        bias_m=round(float(np.median(error)), 4),
+    )
+
+
+def _report(
+    found: Registration,
+    sweeps: dict[str, SweepReplay],
+    surveyed: dict[str, SurveyedPose],
+    world: World,
+    params: ReplayParams,
+) -> ReplayReport:
+    similarity, px_per_m = found.similarity, world.record.plan_frame.px_per_m
+    return ReplayReport(
+        sweeps=sweeps,
+        scale=round(similarity.scale, 5),
+        scale_interval=(round(found.scale_interval[0], 4), round(found.scale_interval[1], 4)),
+        implied_px_per_m=round(similarity.scale * px_per_m, 3),
+        plan_px_per_m=px_per_m,
+        turn_deg=round(math.degrees(similarity.turn_rad), 3),
+        shift_m=(round(similarity.east_m, 2), round(similarity.north_m, 2)),
+        largest_correction_m=max(round(math.hypot(*s.correction_m), 3) for s in sweeps.values()),
+        correction_bound_m=params.correction_m,
+        grade_deg=grade_of_poses(surveyed),
+        tilt_deg=world.record.tilt_deg,
+    )
+
+
+def grade_of_poses(poses: dict[str, SurveyedPose]) -> float | None:
+    """Return the grade, deg, along the poses' own main direction; None where fewer than three have a height."""
+    known = np.array([[p.x, p.y, p.z] for p in poses.values() if p.z is not None])
+    return grade_along(known) if len(known) >= _LEAST_HEIGHTS else None
+
+
+def grade_along(points: np.ndarray) -> float:
+    """Return the grade, deg, of points (n, 3) m along their main direction in plan, turned to rise with x.
+
+    References
+    ----------
+    Theil 1950 and Sen 1968, doi:10.1080/01621459.1968.10480934 (median of slopes, by scipy)
+    """
+    xy = points[:, :2] - points[:, :2].mean(axis=0)
+    along = np.linalg.svd(xy, full_matrices=False)[2][0]
+    slope = theilslopes(points[:, 2], xy @ (along if along[0] >= 0 else -along))[0]
+    return round(math.degrees(math.atan(float(slope))), 3)

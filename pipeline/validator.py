@@ -1,0 +1,126 @@
+"""Stage 6's work: every measure of a world bundle against the plan, group by group."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.certificate import Certificate, certify, measure_containment
+from pipeline.consistency import measure_consistency
+from pipeline.evidence import TextureReport, report_texture, report_walls, texture_metrics
+from pipeline.metrics.iou import intersection_over_union
+from pipeline.metrics.navigability import Navigability, cast_columns
+from pipeline.metrics.topology import compare_topology
+from pipeline.mjcf.bundle import World, open_bundle, part_vertices
+from pipeline.mjcf.render import render_free_space
+from pipeline.params.validation import ValidationParams
+from pipeline.store.codecs import decode
+from pipeline.types import DriftNetwork, FreeSpace, Mask, Survey
+
+
+class Validator:
+    """A world bundle, opened, and what it is measured against; each measure is made once, when it is asked for."""
+
+    def __init__(self, params: ValidationParams, bundle: Path, cleaned: Mask, raw: Mask, survey: Survey) -> None:
+        """Open a bundle.
+
+        Raises
+        ------
+        ArtifactError
+            If its hashes do not hold or MuJoCo refuses it.
+        """
+        self.params, self.bundle, self.cleaned, self.raw, self.survey = params, bundle, cleaned, raw, survey
+        self.world: World = open_bundle(bundle)
+        self.free_space: FreeSpace = decode(bundle / "free_space.geojson", FreeSpace)
+        self.network: DriftNetwork = decode(bundle / "topology.json", DriftNetwork)
+        self._tracing = params.network_cell_m, params.network_min_leg_m
+
+    @functools.cached_property
+    def seen(self) -> Mask:
+        """Return the pixels that a camera above the opened mine sees as floor."""
+        record = self.world.record
+        return render_free_space(self.world.model, np.array(record.T_world_mine), self.survey.frame, record.height_m)
+
+    @functools.cached_property
+    def columns(self) -> Navigability:
+        """Return which of the plan's free columns are open."""
+        record = self.world.record
+        return cast_columns(
+            self.world.model, np.array(record.T_world_mine), self.cleaned, self.survey.frame, record.height_m,
+            self.free_space.tolerance_m, record.geom_groups["floor"], record.geom_groups["rock"],
+        )  # fmt: skip
+
+    @functools.cached_property
+    def texture(self) -> TextureReport:
+        """Return the texture report."""
+        return report_texture(self.world.model, self.free_space.polygon, self.network, self.params.texture)
+
+    @functools.cached_property
+    def containment(self) -> dict[str, Any]:
+        """Return the figures of the containment certificate."""
+        return measure_containment(self.bundle, self.world, self.free_space, self.params.certificate, self._tracing)
+
+    @property
+    def certificate(self) -> Certificate:
+        """Return the containment certificate."""
+        return certify(self.world.record.world_sha256, self.containment, self.params.certificate.limits)
+
+    def measure(self, group: str) -> dict[str, Any]:
+        """Return the metrics of one group of `GROUPS`."""
+        return getattr(self, f"_{group}")()
+
+    def _iou(self) -> dict[str, float]:
+        return {
+            "free_space_vs_cleaned": round(intersection_over_union(self.seen, self.cleaned), 6),
+            "free_space_vs_raw": round(intersection_over_union(self.seen, self.raw), 6),
+            "rock": round(intersection_over_union(~self.seen, ~self.cleaned), 6),
+        }
+
+    def _navigability(self) -> dict[str, Any]:
+        return {k: v for k, v in dataclasses.asdict(self.columns).items() if not isinstance(v, np.ndarray)}
+
+    def _topology(self) -> dict[str, Any]:
+        return vars(compare_topology(self.cleaned, self.seen, self.survey.frame, *self._tracing))
+
+    def _areas(self) -> dict[str, float]:
+        pixels = float(self.cleaned.sum()) / self.survey.frame.px_per_m**2
+        return {**vars(self.world.record.areas), "tunnel_pixels_m2": round(pixels, 3)}
+
+    def _collision(self) -> dict[str, int]:
+        return {"parts": len(part_vertices(self.world.model, self.world.record.geom_groups["rock"]))}
+
+    def _certificate(self) -> dict[str, Any]:
+        return {"holds": self.certificate.holds, **self.containment}
+
+    def _texture(self) -> dict[str, Any]:
+        return texture_metrics(self.texture)
+
+    def _walls(self) -> dict[str, Any]:
+        height, seed = self.params.robot_height_m, self.params.texture.seed
+        return vars(report_walls(self.world.model, self.free_space.polygon, self.network, height, seed))
+
+    def _scale(self) -> dict[str, float]:
+        return {k: v for k, v in vars(self.survey.scale).items() if isinstance(v, float)}
+
+    def _world(self) -> dict[str, Any]:
+        world, record = self.world, self.world.record
+        return {
+            "bytes": world.bytes,
+            "load_s": round(world.load_s, 4),
+            "warnings": world.warnings,
+            "geoms": int(world.model.ngeom),
+            "lights": int(world.model.nlight),
+            "floor_zones": len(record.zones),
+            "gain_entrance_region_m": record.gain_m["entrance_region"],
+            "gain_whole_frame_m": record.gain_m["whole_frame"],
+            **measure_consistency(self.bundle, world, self.free_space),
+        }
+
+
+GROUPS = (
+    "iou", "navigability", "topology", "areas", "collision", "certificate", "texture", "walls", "scale", "world",
+)  # fmt: skip
