@@ -6,7 +6,7 @@ PY := .venv/bin/python
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline wheel env-page $(STAGES)
+.PHONY: help setup all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline pushes mutants parity replay holdout wheel env-page $(STAGES)
 
 help:            ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile | expand -t 22
@@ -53,6 +53,21 @@ search-texture: setup     ## search the overlay's noise for the texture scores: 
 
 roughness: setup          ## measure the sweeps below data/raw again (`make data` fetches them)
 	@$(PY) -m pipeline roughness data/raw/sweep_*.csv --out data/chilean_mine/roughness.json
+
+pushes: all      ## throw robots at the walls of the present world: a million contacts (artifacts/proof/certificate.json)
+	@$(PY) -m pipeline certify --bundle artifacts/realism/world --contacts 1000000 --out artifacts/proof/certificate.json
+
+mutants: all     ## inject faults into the present world; the validator must catch each (artifacts/validation/mutants.json)
+	@$(PY) -m benchmarks.mutants
+
+parity: all      ## cast the same rays by every backend (artifacts/proof/parity.json)
+	@$(PY) -m pipeline parity --bundle artifacts/realism/world --out artifacts/proof/parity.json
+
+replay: all      ## replay the sweeps below data/raw in the present world (artifacts/proof/replay.json and .png)
+	@$(PY) -m pipeline replay --bundle artifacts/realism/world --sweeps data/raw --poses data/raw/scan_poses.csv --out artifacts/proof
+
+holdout: setup   ## build rock from half of the sweeps below data/raw, score it on the other half
+	@$(PY) -m pipeline validate --holdout --out artifacts/proof/holdout.json
 
 bench: setup     ## time the environment against its references (artifacts/bench/env.json)
 	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.time_env

@@ -1,1 +1,3 @@
-"""Comparisons, each against its reference in the same run; their tables are written to `docs/`."""
+"""Measurements that take longer than a test, each with its own make target."""
+
+import pipeline  # noqa: F401  it chooses the renderer, before MuJoCo is imported

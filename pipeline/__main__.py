@@ -102,6 +102,30 @@ def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str])
         raise LimitError(f"{bundle}: the certificate does not hold: {', '.join(failed)}")
 
 
+def validate(holdout: bool, sweeps: Path, out: Path | None) -> None:
+    """Score what was built on data that it has not seen: --holdout builds rock from half of the sweeps."""
+    from functools import partial
+
+    from tqdm import tqdm
+
+    from pipeline.compose import compose
+    from pipeline.errors import InputError
+    from pipeline.holdout import score_holdout
+    from pipeline.replay import find_sweeps
+    from pipeline.store.codecs import encode
+    from pipeline.store.files import write_atomically
+
+    if not holdout:
+        raise InputError("say what to hold out: --holdout (the stage's own validation is `make validation`)")
+    report = score_holdout(find_sweeps(sweeps), compose([]).surface, partial(tqdm, desc="halves", disable=None))
+    if out is not None:
+        write_atomically(out, encode(out, report))
+    for split in report.splits:
+        ratios = ", ".join(f"{w:g} m {r:.2f}" for w, r in zip(split.window_m, split.built_vs_held_out, strict=True))
+        print(f"from {'+'.join(split.built_from)}, held out {'+'.join(split.held_out)}: built / held out {ratios}")
+    print(f"typical factor {report.built_factor}; of the halves themselves {report.source_factor}")
+
+
 def parity(bundle: Path, rays: int, out: Path | None) -> None:
     """Cast the same rays by every backend and compare ranges; exit code 2 if one differs on over a ray in 1,000."""
     from pipeline.errors import LimitError
@@ -168,6 +192,11 @@ def main() -> int:
     proof.add_argument("--out", type=Path)
     proof.add_argument("overrides", nargs="*")
     proof.set_defaults(run=lambda a: certify(a.bundle, a.contacts, a.out, a.overrides))
+    unseen = commands.add_parser("validate", help=validate.__doc__)
+    unseen.add_argument("--holdout", action="store_true")
+    unseen.add_argument("--sweeps", type=Path, default=Path("data/raw"), help="folder of sweep_NAME.csv")
+    unseen.add_argument("--out", type=Path)
+    unseen.set_defaults(run=lambda a: validate(a.holdout, a.sweeps, a.out))
     alike = commands.add_parser("parity", help=parity.__doc__)
     alike.add_argument("--bundle", type=Path, required=True)
     alike.add_argument("--rays", type=int, default=10_000)

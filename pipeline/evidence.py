@@ -36,6 +36,7 @@ from pipeline.types import DriftNetwork
 _HEAT_M, _HEAT_POINTS = 0.5, 12
 _BAND_M = 0.05  # half the height of the band of wall that counts as robot height
 _WALL_POINTS = 400_000
+_MOST_FACES = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -131,8 +132,11 @@ def _count(corners: np.ndarray, most: int, per_m2: float) -> int:
 
 
 def _fine(corners: np.ndarray, longest_m: float = 3.0) -> np.ndarray:
-    """Split triangles until none is longer than `longest_m`, so that a place can be told of each."""
-    while len(corners):
+    """Split triangles until none is longer than `longest_m`, so that a place can be told of each.
+
+    It stops at two million: a mesh in the wrong units would be split until no memory is left.
+    """
+    while 0 < len(corners) < _MOST_FACES:
         sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
         long = sides.max(axis=1) > longest_m
         if not long.any():

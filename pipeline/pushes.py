@@ -24,13 +24,14 @@ _RUN_UP_M = (0.05, 0.6)  # beyond the robot's radius, before a place at the wall
 _STEPS = 8  # control steps after a throw: it arrives, slides and is driven on
 _ROBOTS = 256
 _ON_WALL_M = 1e-3
+_UPRIGHT = np.cos(np.radians(10.0))
 
 Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 @dataclass(frozen=True)
 class Pushes:
-    """Robot steps in touch with rock, robots thrown, escapes, how deep one was pressed into rock, m, and targets."""
+    """Robot steps in touch with rock, robots thrown, escapes, how deep an upright one was pressed into rock (m)."""
 
     contacts: int
     throws: int
@@ -164,7 +165,7 @@ def _throw(
 def _escaped(
     explorers: Explorers, here: np.ndarray, free: Polygon, radius_m: float, height_m: float
 ) -> tuple[np.ndarray, float]:
-    """Return which robots (k,) are out of the workings, and how far the deepest stands in rock, m."""
+    """Return which robots (k,) are out of the workings, and how far the deepest upright disc stands in rock, m."""
     T = explorers.T_world_mine
     place = (explorers.qpos[here, :3] - T[:3, 3]) @ T[:3, :3]
     centre = shapely.points(place[:, :2])
@@ -172,4 +173,9 @@ def _escaped(
         free.boundary, centre
     )
     out = ~np.isfinite(place).all(axis=1) | (room < 0) | (place[:, 2] < 0) | (place[:, 2] > height_m)
-    return out, float(np.maximum(0.0, radius_m - room).max())
+    x, y = explorers.qpos[here, 4], explorers.qpos[here, 5]
+    mast = np.column_stack([2 * (x * explorers.qpos[here, 6] + y * explorers.qpos[here, 3]),
+                            2 * (y * explorers.qpos[here, 6] - x * explorers.qpos[here, 3]),
+                            1 - 2 * (x * x + y * y)])  # fmt: skip
+    upright = mast @ T[:3, 2] > _UPRIGHT  # one that fell on its side is narrower than its disc
+    return out, float(np.maximum(0.0, radius_m - room)[upright].max(initial=0.0))

@@ -109,6 +109,7 @@ class BuiltMine:
             self.compiled["collision"], self.compiled["spawn"], self.surface["meshes"], self.surface["texture"],
             self.surface["overlay"],
             occupancy_npz=encode(Path("o.npz"), self.compiled["occupancy"]), free_space_bt=self.compiled["octree"],
+            map_png=encode(Path("map.png"), self.compiled["map"]), map_yaml=self.compiled["map_yaml"].encode(),
         )["world"]  # fmt: skip
         self.bundle = folder
         for name, data in world.items():
@@ -187,6 +188,7 @@ class Project:
         text = surface.read_text().replace("back_spacing_m: 0.14", "back_spacing_m: 0.4")
         surface.write_text(text.replace("  spacing_m: 0.10", "  spacing_m: 0.3"))
         text = validation.read_text().replace("points_per_m2: 3000", "points_per_m2: 200")
+        text = text.replace("contacts: 1000", "contacts: 100")
         before, _, limits = text.partition("limits:\n")
         kept, _, rest = limits.partition("  texture:\n")
         validation.write_text(before + "limits:\n" + kept + "  world:\n" + rest.partition("  world:\n")[2])
@@ -194,9 +196,14 @@ class Project:
     def copy(self, folder: Path) -> Project:
         """Return a private copy, artifacts included."""
         shutil.copytree(self.folder, folder, symlinks=True)
-        other = Project.__new__(Project)
-        other.folder = folder
-        return other
+        return Project.at(folder)
+
+    @classmethod
+    def at(cls, folder: Path) -> Project:
+        """Return a copy that is there already."""
+        project = cls.__new__(cls)
+        project.folder = folder
+        return project
 
     def run(self, *command: str, check: bool = False, **env: str) -> subprocess.CompletedProcess:
         """Run a command in the project with its own imports and the environment's tools first on the path."""
@@ -236,18 +243,32 @@ def traced_project(tmp_path_factory: pytest.TempPathFactory) -> Project:
     return project
 
 
+def shared_folder(factory: pytest.TempPathFactory) -> Path:
+    """Return a folder that all workers share."""
+    return factory.getbasetemp().parent if "PYTEST_XDIST_WORKER" in os.environ else factory.getbasetemp()
+
+
+@pytest.fixture(scope="session")
+def repro(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """Return the tiny survey taken through all stages by `dvc repro`; tests work on copies."""
+    shared = shared_folder(tmp_path_factory)
+    with FileLock(shared / "repro.lock"):
+        folder = shared / "repro" / "mine"
+        if folder.is_dir():
+            return Project.at(folder)
+        project = Project(folder, tiny=True)
+        (folder.parent / "stdout").write_text(project.run("dvc", "repro", check=True).stdout)
+    return project
+
+
 @pytest.fixture(scope="session")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """Return the embedded survey taken through all six stages; tests work on copies."""
-    shared = (
-        tmp_path_factory.getbasetemp().parent if "PYTEST_XDIST_WORKER" in os.environ else tmp_path_factory.getbasetemp()
-    )
+    shared = shared_folder(tmp_path_factory)
     with FileLock(shared / "built.lock"):
         folder = shared / "built" / "mine"
         if folder.is_dir():
-            project = Project.__new__(Project)
-            project.folder = folder
-            return project
+            return Project.at(folder)
         project = Project(folder, tiny=False)
         fresh = project.run(sys.executable, "-m", "dvc", "--cd", str(ROOT), "status", "--json")
         if fresh.returncode == 0 and fresh.stdout.strip() == "{}":  # `make all` has built just this

@@ -163,11 +163,11 @@ def test_a_killed_stage_leaves_the_old_artifacts_and_the_next_run_recovers(trace
     assert json.loads((folder / "artifacts/contours/manifest.json").read_text())["params"]["tolerance_m"] == 0.3
 
 
-def test_a_breached_limit_fails_the_stage_and_names_metric_value_and_limit(built, tmp_path):
-    project = built.copy(tmp_path / "copy")
-    text = message_of(project.stage("validation", "validation.limits.collision.parts.max=10"))
+def test_a_breached_limit_fails_the_stage_and_names_metric_value_and_limit(repro, tmp_path):
+    project = repro.copy(tmp_path / "copy")
+    text = message_of(project.stage("validation", "validation.limits.collision.parts.max=2"))
     assert "collision.parts = " in text
-    assert "limit <= 10" in text
+    assert "limit <= 2" in text
 
 
 @pytest.fixture

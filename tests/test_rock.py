@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from pipeline.compose import compose
-from pipeline.errors import GeometryError
+from pipeline.errors import GeometryError, ParamsError
 from pipeline.evidence import report_texture, report_walls, texture_metrics
 from pipeline.geometry.spectrum import Roughness, band_edges, predicted_rq
 from pipeline.metrics.profile import line_roughness
@@ -113,16 +113,26 @@ def test_the_models_triangles_are_the_files_triangles(opened, tee):
     assert np.abs(np.sort(back.mean(axis=1), axis=0) - np.sort(written.mean(axis=1), axis=0)).max() < 1e-3
 
 
-def test_bad_surface_parameters_are_refused_by_name(traced_project: Project):
-    for override, words in (
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
         ("surface.reference=cloud", "surface.reference=cloud needs surface.cloud.file"),
         ("surface.cloud.file=/etc/passwd", "not below data/"),
         ("surface.cloud.units=inch", "'m', 'mm' or 'ft'"),
         ("surface.overlay.bounds.wide_half_width_m=0.5", "narrow_half_width_m must be below"),
         ("surface.published.wall_sd_m=[0.1,0.1]", "differ in length"),
-        ("surface.sweeps.files={a: data/raw/none.csv}", "data/raw/none.csv"),
-    ):
-        assert words in message_of(traced_project.stage("surface", override)), override
+    ],
+)
+def test_bad_surface_parameters_are_refused_by_name(monkeypatch, override, words):
+    monkeypatch.chdir(ROOT)
+    with pytest.raises(ParamsError) as refused:
+        compose([override])
+    assert words in str(refused.value)
+
+
+def test_a_sweep_that_is_not_registered_is_refused_by_name(traced_project: Project):
+    said = message_of(traced_project.stage("surface", "surface.sweeps.files={a: data/raw/none.csv}"))
+    assert "data/raw/none.csv" in said
 
 
 def test_a_bad_sweep_measurement_is_refused_and_named(traced_project: Project, tmp_path):

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from scipy.signal import detrend
 from scipy.signal.windows import hann
-from shapely import Polygon
+from shapely import LinearRing, Polygon
 
 from pipeline.metrics.planefit import fit_voxel_planes, normal_scatter_deg, sweep_residuals
 
@@ -150,20 +150,37 @@ def wall_wavelength_m(walls: np.ndarray, free: Polygon) -> float:
     lengths = np.geomspace(*_BAND_M, 400)
     total = np.zeros(len(lengths))
     level = np.floor(walls[:, 2] / _SLAB_M).astype(int)
-    rings = [free.exterior, *free.interiors]
-    points = shapely.points(walls[:, :2])
-    nearest = np.argmin([shapely.distance(ring, points) for ring in rings], axis=0)
-    for k, ring in enumerate(rings):
-        on = nearest == k
-        along = shapely.line_locate_point(ring, points[on])
-        side = np.where(shapely.contains_xy(free, walls[on, 0], walls[on, 1]), 1.0, -1.0)
-        offset = side * shapely.distance(ring, points[on])
-        for value in np.unique(level[on]):
-            slab = level[on] == value
+    nearest, along, offset = _laid_along([free.exterior, *free.interiors], walls[:, :2])
+    offset = np.where(shapely.contains_xy(free, walls[:, 0], walls[:, 1]), offset, -offset)
+    for k in np.unique(nearest):
+        for value in np.unique(level[nearest == k]):
+            slab = (nearest == k) & (level == value)
             for part in _arc_windows(along[slab], offset[slab]):
                 spectrum = np.abs(np.fft.rfft(detrend(part) * hann(len(part)), 4 * len(part)))
                 total += np.interp(1 / lengths, np.fft.rfftfreq(4 * len(part), _ARC_STEP_M), spectrum)
     return float(lengths[total.argmax()]) if total.any() else 0.0
+
+
+def _laid_along(rings: list[LinearRing], places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return each place's (n, 2) nearest ring, its arc length there, and its distance from it, (n,)."""
+    starts, ends, ring, before = [], [], [], []
+    for k, line in enumerate(rings):
+        xy = np.asarray(line.coords)[:, :2]
+        size = np.linalg.norm(np.diff(xy, axis=0), axis=1)
+        starts.append(xy[:-1])
+        ends.append(xy[1:])
+        ring.append(np.full(len(size), k))
+        before.append(np.concatenate([[0.0], np.cumsum(size)[:-1]]))
+    a, b, number, passed = (np.concatenate(v) for v in (starts, ends, ring, before))
+    tree = shapely.STRtree(shapely.linestrings(np.stack([a, b], axis=1)))
+    (point, piece), distance = tree.query_nearest(shapely.points(places), return_distance=True, all_matches=False)
+    found = np.empty(len(places), dtype=int)
+    found[point] = piece
+    step = b[found] - a[found]
+    share = ((places - a[found]) * step).sum(axis=1) / np.maximum((step**2).sum(axis=1), 1e-30)
+    apart = np.empty(len(places))
+    apart[point] = distance
+    return number[found], passed[found] + np.clip(share, 0, 1) * np.linalg.norm(step, axis=1), apart
 
 
 def _arc_windows(along: np.ndarray, offset: np.ndarray) -> list[np.ndarray]:

@@ -1,0 +1,66 @@
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from pipeline.errors import GeometryError
+from pipeline.geometry.raycast import RayCaster, upright_walls
+from pipeline.geometry.registration import Search, Similarity, register_scans
+
+MINE = shapely.union_all(
+    [shapely.box(0, 0, 200, 6), shapely.box(30, 6, 36, 20), shapely.box(110, -14, 115, 0), shapely.box(160, 6, 166, 18)]
+)
+SEARCH = Search((0.95, 1.05), math.radians(2), 8.0, 1.5, math.radians(3))
+BEARINGS = np.linspace(-np.pi, np.pi, 360, endpoint=False)
+
+
+@pytest.fixture(scope="module")
+def cast():
+    caster = RayCaster(upright_walls(MINE, 2.0))
+    return lambda places, bearings: caster.fan(places, bearings, 1.0)
+
+
+def inside(places):
+    return shapely.contains_xy(MINE, places[:, 0], places[:, 1])
+
+
+def test_a_fan_in_a_square_room_has_the_ranges_of_its_geometry():
+    caster = RayCaster(upright_walls(shapely.box(0, 0, 4, 2), 3.0))
+    found = caster.fan(np.array([[1.0, 1.0]]), np.array([[0.0, np.pi / 2, np.pi, np.pi / 4]]), 1.0)
+    assert found[0] == pytest.approx([3.0, 1.0, 1.0, math.sqrt(2)], abs=1e-5)
+
+
+@pytest.mark.parametrize("scale", [0.97, 1.0, 1.03])
+def test_scans_are_placed_and_the_scale_is_found_though_each_pose_is_off(cast, scale):
+    """The survey's frame is scaled, turned and shifted against the mine's, and each surveyed pose is off by itself."""
+    rng = np.random.default_rng(0)
+    truth = {"a": (33.0, 3.0, 0.2), "b": (112.0, 2.5, -0.3), "c": (163.0, 3.4, 3.0), "d": (70.0, 3.2, 1.0)}
+    back = Similarity(scale, math.radians(0.8), 2.0, -1.0)
+    poses, scans = {}, {}
+    for name, (x, y, heading) in truth.items():
+        z = (complex(x, y) - complex(back.east_m, back.north_m)) / (scale * np.exp(1j * back.turn_rad))
+        off = rng.uniform(-0.4, 0.4, 2)
+        poses[name] = (z.real + off[0], z.imag + off[1], heading - back.turn_rad + rng.uniform(-0.01, 0.01))
+        ranges = cast(np.array([[x, y]]), (heading + BEARINGS)[None])[0]
+        seen = ranges < 25
+        scans[name] = (BEARINGS[seen], ranges[seen] + rng.normal(0, 0.02, seen.sum()))
+    found = register_scans(poses, scans, cast, inside, SEARCH)
+    for name, (x, y, heading) in truth.items():
+        assert found.poses[name][:2] == pytest.approx((x, y), abs=0.1)
+        assert found.poses[name][2] == pytest.approx(heading, abs=0.01)
+        assert math.hypot(*found.corrections[name][:2]) < 1.0
+    assert found.similarity.scale == pytest.approx(scale, abs=0.006)
+    assert found.scale_interval[0] <= scale <= found.scale_interval[1]
+
+
+def test_poses_far_from_any_drift_are_refused(cast):
+    scans = {"a": (BEARINGS, np.full(360, 3.0))}
+    with pytest.raises(GeometryError, match="no pose lies in the workings"):
+        register_scans({"a": (50.0, 80.0, 0.0)}, scans, cast, inside, SEARCH)
+
+
+def test_a_similarity_places_poses_as_complex_numbers_do():
+    place = Similarity(1.1, 0.3, 5.0, -2.0).place((3.0, 4.0, 0.5))
+    z = 1.1 * np.exp(0.3j) * (3 + 4j) + (5 - 2j)
+    assert place == pytest.approx((z.real, z.imag, 0.8))

@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+import shapely
+
+from pipeline.geometry.collision import exact_prisms
+from pipeline.metrics.containment import cover_walls, open_area_m2
+from pipeline.metrics.reach import compare_reach, reached_cells
+from pipeline.types import Frame
+
+FREE = shapely.box(0, 0, 20, 5)
+WORLD = shapely.box(-5, -5, 25, 10)
+
+
+def parts():
+    prisms = exact_prisms([WORLD.difference(FREE)], 3.0)
+    return [np.array(prisms[i]) for i in range(len(prisms))]
+
+
+def cover(of):
+    return cover_walls(of, FREE, WORLD, (0.5, 1.5, 2.9))
+
+
+def test_exact_prisms_leave_nothing_open_and_nothing_covered():
+    found = cover(parts())
+    assert (found.intrusion_m2, found.missing_m2, found.widest_gap_m) == pytest.approx((0, 0, 0), abs=1e-9)
+
+
+def test_a_prism_that_is_gone_leaves_its_area_and_its_wall_open():
+    rest = parts()
+    gone = shapely.convex_hull(shapely.multipoints(rest.pop(0)[:, :2]))
+    found = cover(rest)
+    assert found.missing_m2 == pytest.approx(gone.area, rel=1e-6)
+    assert found.widest_gap_m == pytest.approx(FREE.boundary.intersection(gone.buffer(1e-9)).length, abs=0.02)
+
+
+def test_a_lifted_prism_and_one_that_leans_show_at_some_height():
+    lifted = parts()
+    lifted[0] = lifted[0] + [0, 0, 0.8]
+    assert cover(lifted).missing_m2 > 1
+    leaning = parts()
+    leaning[0] = leaning[0] + np.column_stack(
+        [np.zeros((len(leaning[0]), 1)), 0.4 * leaning[0][:, 2:], np.zeros((len(leaning[0]), 1))]
+    )
+    found = cover(leaning)
+    assert found.intrusion_m2 + found.missing_m2 > 0.1
+
+
+def test_the_uncovered_floor_is_the_area_between_slabs():
+    assert open_area_m2([(-5, -5, 8, 10), (9, -5, 25, 10)], FREE) == pytest.approx(5.0)
+    assert open_area_m2([(-5, -5, 25, 10)], FREE) == 0
+
+
+def test_a_robot_reaches_what_hangs_together_and_a_wall_across_shows_in_the_graph():
+    frame = Frame(4.0, 0.0, 40.0, 200, 40)  # 50 m by 10 m
+    clearance = np.zeros((40, 200))
+    clearance[10:30, 4:196] = 1.0
+    whole = reached_cells(clearance, 0.35, (20, 10))
+    assert whole.sum() == 20 * 192
+    cut = clearance.copy()
+    cut[:, 100:104] = 0.0
+    half = reached_cells(cut, 0.35, (20, 10))
+    assert half.sum() == 20 * 96
+    same = compare_reach(whole, whole, frame, 0.35, 0.25, 2.0)
+    assert same.same_graph
+    assert same.largest_chainage_difference_m == 0
+    other = compare_reach(whole, half, frame, 0.35, 0.25, 2.0)
+    assert other.only_plan_m2 == pytest.approx(20 * 96 / 16)
+    assert not other.same_graph
+    assert reached_cells(clearance, 0.35, (0, 0)).sum() == 0
