@@ -6,7 +6,7 @@ PY := .venv/bin/python
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline pushes mutants parity replay holdout wheel env-page $(STAGES)
+.PHONY: help setup all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline pushes mutants parity replay holdout evidence wheel env-page $(STAGES)
 
 help:            ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile | expand -t 22
@@ -68,6 +68,9 @@ replay: all      ## replay the sweeps below data/raw in the present world (artif
 
 holdout: setup   ## build rock from half of the sweeps below data/raw, score it on the other half
 	@$(PY) -m pipeline validate --holdout --out artifacts/proof/holdout.json
+
+evidence: all    ## write docs/evidence-figures.md: the published plan's replay (after `make data`) and what the targets above found
+	@$(PY) -m benchmarks.evidence
 
 bench: setup     ## time the environment against its references (artifacts/bench/env.json)
 	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.time_env

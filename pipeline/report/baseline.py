@@ -99,7 +99,7 @@ def accept_baseline() -> str:
 def write_results() -> str:
     """Write the results table to `docs/` and into the README, and the pictures they show; return the table."""
     for name, source in PICTURES.items():
-        write_atomically(RESULTS.with_name(name), _small(source))
+        write_atomically(RESULTS.with_name(name), shrink_picture(source))
     text = results_table(read_metrics())
     header = "# Results\n\nThe embedded survey, as measured by `make all`; written by `make report`.\n\n"
     write_atomically(RESULTS, (header + text).encode())
@@ -108,7 +108,8 @@ def write_results() -> str:
     return text
 
 
-def _small(source: Path) -> bytes:
+def shrink_picture(source: Path) -> bytes:
+    """Return a picture as a JPEG of the width that the docs show."""
     picture = cv2.imread(str(source))
     if picture is None:
         raise ArtifactError(f"{source}: missing; run `make all` first")

@@ -1,0 +1,126 @@
+"""The figures of `docs/evidence.md`: the published plan's replay, and what the proof targets wrote before."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from benchmarks.compare_paper import run_pipeline
+from pipeline.compose import compose
+from pipeline.errors import ArtifactError, MineError
+from pipeline.report.baseline import shrink_picture
+from pipeline.store.files import write_atomically
+
+PLAN = Path("artifacts/benchmarks/plan")
+PROOF = Path("artifacts/proof")
+DOCS = Path("docs")
+
+
+def read(path: Path, target: str) -> Any:
+    """Return a JSON file, or say which target writes it."""
+    try:
+        return json.loads(path.read_text())
+    except FileNotFoundError:
+        raise ArtifactError(f"{path}: missing; run `make {target}` first") from None
+
+
+def replay_table(report: dict[str, Any]) -> list[str]:
+    """Return the replay's figures as Markdown."""
+    lines = [
+        "## LiDAR replay on the published plan (`survey=plan`)", "",
+        "| sweep | returns counted | median, m | p90, m | within 0.25 m | within 0.5 m | bias, m "
+        "| median against the overlay, m | median without the rules, m | own correction, m, deg |", "|---" * 10 + "|",
+    ]  # fmt: skip
+    for name, s in report["sweeps"].items():
+        c = s["collision"]
+        dx, dy = s["correction_m"]
+        shown = [
+            name, f"{s['used']:,} of {s['returns']:,}", f"{c['median_m']:.3f}", f"{c['p90_m']:.2f}",
+            f"{c['within_0_25_m']:.2f}", f"{c['within_0_5_m']:.2f}", f"{c['bias_m']:+.3f}",
+            f"{s['visible']['median_m']:.3f}", f"{s['every_return_median_m']:.3f}",
+            f"{dx:+.2f}, {dy:+.2f}, {s['correction_deg']:+.2f}",
+        ]  # fmt: skip
+        lines.append(f"| {' | '.join(shown)} |")
+    low, high = (scale * report["plan_px_per_m"] for scale in report["scale_interval"])
+    lines += [
+        "",
+        f"Scale implied: {report['implied_px_per_m']:.2f} px/m ({low:.2f} to {high:.2f}), the plan's bar "
+        f"{report['plan_px_per_m']:.2f}; all poses turned by {report['turn_deg']:.2f} deg.",
+    ]
+    return lines
+
+
+def certificate_table(title: str, certificate: dict[str, Any]) -> list[str]:
+    """Return a certificate as Markdown."""
+    rows = [
+        f"| `{name}` | {clause['value']} | {', '.join(f'{k} {v:g}' for k, v in clause['limit'].items())} "
+        f"| {'yes' if clause['holds'] else 'NO'} |"
+        for name, clause in certificate["clauses"].items()
+    ]
+    return [f"## Certificate: {title}, {certificate['contacts']:,} contacts", "",
+            "| clause | value | limit | holds |", "|---|---|---|---|", *rows]  # fmt: skip
+
+
+def proof_tables() -> list[str]:
+    """Return what pushes, parity, holdout and mutants found."""
+    lines = certificate_table("the embedded survey", read(PROOF / "certificate.json", "pushes"))
+    parity = read(PROOF / "parity.json", "parity")
+    lines += ["", "## Backends", "", "| backend | rays | agree | within, m | worst, m |", "|---|---|---|---|---|"]
+    lines += [
+        f"| {name} | {p['rays']:,} | {p['agree']:,} | {p['tolerance_m']:g} | {p['worst_m']:g} |"
+        for name, p in parity["backends"].items()
+    ]
+    lines += [f"| {name} | left out: {why} | | | |" for name, why in parity["left_out"].items()]
+    holdout = read(PROOF / "holdout.json", "holdout")
+    lines += ["", "## Held-out sweeps: built wall / wall not seen", ""]
+    windows = holdout["splits"][0]["window_m"]
+    lines += [
+        "| built from | held out | " + " | ".join(f"{w:g} m" for w in windows) + " |",
+        "|---" * (len(windows) + 2) + "|",
+    ]
+    for split in holdout["splits"]:
+        ratios = " | ".join(f"{r:.2f}" for r in split["built_vs_held_out"])
+        lines.append(f"| {', '.join(split['built_from'])} | {', '.join(split['held_out'])} | {ratios} |")
+    lines += [
+        "",
+        f"Typical factor {holdout['built_factor']:.2f}; of the halves themselves {holdout['source_factor']:.2f}.",
+    ]
+    mutants = read(Path("artifacts/validation/mutants.json"), "mutants")
+    lines += [
+        "",
+        f"## Mutants: {mutants['caught']} of {mutants['total']} caught",
+        "",
+        "| fault | check | |",
+        "|---|---|---|",
+    ]
+    lines += [f"| {r['fault']} | {r['expected']} | {'caught' if r['caught'] else 'MISSED'} |" for r in mutants["rows"]]
+    return lines
+
+
+def main() -> int:
+    """Run the plan's pipeline if need be and write `docs/evidence-figures.md` and `docs/replay.jpg`."""
+    try:
+        proof = proof_tables()
+        run_pipeline(PLAN, compose(["survey=plan"]).model_dump(mode="json"))
+        report = read(PLAN / "artifacts/validation/replay.json", "evidence")
+        plan = read(PLAN / "artifacts/validation/certificate.json", "evidence")
+        head = [
+            "# Figures of the evidence",
+            "",
+            "Written by `make evidence`; [evidence.md](evidence.md) says what they mean.",
+            "",
+        ]
+        lines = [*head, *replay_table(report), "", *certificate_table("the published plan", plan), "", *proof]
+        write_atomically(DOCS / "evidence-figures.md", ("\n".join(lines) + "\n").encode())
+        write_atomically(DOCS / "replay.jpg", shrink_picture(PLAN / "artifacts/validation/replay.png"))
+    except MineError as error:
+        print(f"evidence: {error}", file=sys.stderr)
+        return 2
+    print(f"{DOCS / 'evidence-figures.md'} and {DOCS / 'replay.jpg'} are written")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
