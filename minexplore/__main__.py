@@ -103,7 +103,7 @@ def page() -> str:
     title, _, rest = text.partition("\n")
     rows = "\n".join(f"| `{env_id}` | {kwargs or 'any world'} |" for env_id, kwargs in WORLDS.items())
     ids = f"## Environments\n\n| id | arguments |\n|---|---|\n{rows}\n"
-    use = '```python\nimport gymnasium, minexplore\nenv = gymnasium.make("MineXplore/ChileanMine-v0")\n```\n'
+    use = '```python\nimport gymnasium, minexplore\n\nenv = gymnasium.make("MineXplore/ChileanMine-v0")\n```\n'
     return f"# Explore a mine\n\n{title}\n\n{use}\n{ids}{rest}\n"
 
 
