@@ -23,12 +23,12 @@ from pipeline.compose import composed_section
 from pipeline.errors import MineError
 from pipeline.metrics.limits import breaches
 from pipeline.params.validation import CertificateParams, ValidationParams
+from pipeline.proof.validator import Validator
 from pipeline.store.codecs import decode, encode
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.verify import verify_chain
 from pipeline.types import FreeSpace, Mask, Survey
-from pipeline.validator import Validator
 
 ARTIFACTS = Path("artifacts")
 TABLE = ARTIFACTS / "validation" / "mutants.json"

@@ -56,7 +56,7 @@ def replay(bundle: Path, sweeps: Path, poses: Path, out: Path | None, overrides:
     """Cast real sweeps in a world and compare ranges; figures as JSON, and with --out a picture beside them."""
     from pipeline.compose import compose
     from pipeline.mjcf.bundle import open_bundle
-    from pipeline.replay import find_sweeps, replay_sweeps
+    from pipeline.proof.replay import find_sweeps, replay_sweeps
     from pipeline.report.replay import draw_replay
     from pipeline.store.codecs import decode, encode
     from pipeline.store.files import write_atomically
@@ -77,11 +77,11 @@ def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str])
 
     from tqdm import tqdm
 
-    from pipeline.certificate import certify as judge
-    from pipeline.certificate import measure_containment
     from pipeline.compose import compose
     from pipeline.errors import LimitError
     from pipeline.mjcf.bundle import open_bundle
+    from pipeline.proof.certificate import certify as judge
+    from pipeline.proof.certificate import measure_containment
     from pipeline.store.codecs import decode, encode
     from pipeline.store.files import write_atomically
     from pipeline.types import FreeSpace
@@ -110,8 +110,8 @@ def validate(holdout: bool, sweeps: Path, out: Path | None) -> None:
 
     from pipeline.compose import compose
     from pipeline.errors import InputError
-    from pipeline.holdout import score_holdout
-    from pipeline.replay import find_sweeps
+    from pipeline.proof.holdout import score_holdout
+    from pipeline.proof.replay import find_sweeps
     from pipeline.store.codecs import encode
     from pipeline.store.files import write_atomically
 
@@ -130,7 +130,7 @@ def parity(bundle: Path, rays: int, out: Path | None) -> None:
     """Cast the same rays by every backend and compare ranges; exit code 2 if one differs on over a ray in 1,000."""
     from pipeline.errors import LimitError
     from pipeline.mjcf.bundle import open_bundle
-    from pipeline.parity import compare_backends
+    from pipeline.proof.parity import compare_backends
     from pipeline.store.codecs import decode, encode
     from pipeline.store.files import write_atomically
     from pipeline.types import FreeSpace
@@ -208,6 +208,9 @@ def main() -> int:
     except MineError as error:
         print(f"{arguments.command}: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print(f"{arguments.command}: interrupted", file=sys.stderr)
+        return 130
     return 0
 
 

@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pipeline.certificate import Certificate
-from pipeline.evidence import TextureReport
 from pipeline.metrics.limits import require_limits
 from pipeline.params.validation import ReplayParams, ValidationParams
-from pipeline.replay import Replay, ReplayReport, replay_sweeps
+from pipeline.proof.certificate import Certificate
+from pipeline.proof.replay import Replay, ReplayReport, replay_sweeps
+from pipeline.proof.surface import TextureReport
+from pipeline.proof.validator import GROUPS, Validator
 from pipeline.report.graph import blocked_table
 from pipeline.report.plans import draw_agreement
 from pipeline.report.replay import draw_replay
@@ -20,7 +21,6 @@ from pipeline.report.views import draw_views
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle
 from pipeline.types import Image, Mask, Survey
-from pipeline.validator import GROUPS, Validator
 
 
 def validate_world(params: ValidationParams, world: Path, cleaned: Mask, raw: Mask, survey: Survey) -> dict[str, Any]:

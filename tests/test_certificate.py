@@ -11,14 +11,14 @@ import pytest
 import shapely
 
 from benchmarks.mutants import edit_model, edit_record, seal
-from pipeline.certificate import certify, measure_containment
-from pipeline.consistency import measure_consistency
 from pipeline.errors import InputError
 from pipeline.mjcf.bundle import open_bundle, part_vertices
 from pipeline.mjcf.clearance import rock_clearance
-from pipeline.parity import compare_backends
-from pipeline.pushes import push_robots
-from pipeline.replay import find_sweeps, grade_along, replay_sweeps
+from pipeline.proof.certificate import certify, measure_containment
+from pipeline.proof.consistency import measure_consistency
+from pipeline.proof.parity import compare_backends
+from pipeline.proof.pushes import push_robots
+from pipeline.proof.replay import find_sweeps, grade_along, replay_sweeps
 from pipeline.survey.poses import read_poses
 from tests.conftest import TEE, BuiltMine
 

@@ -5,12 +5,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.certificate import certify, measure_containment
 from pipeline.compose import compose
 from pipeline.metrics.iou import intersection_over_union
 from pipeline.metrics.topology import compare_topology
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.mjcf.render import render_free_space
+from pipeline.proof.certificate import certify, measure_containment
 from tests.conftest import BuiltMine, random_mine
 
 

@@ -8,10 +8,10 @@ import shapely
 
 from pipeline.compose import compose
 from pipeline.errors import GeometryError, ParamsError
-from pipeline.evidence import report_texture, report_walls, texture_metrics
 from pipeline.geometry.spectrum import Roughness, band_edges, predicted_rq
 from pipeline.metrics.profile import line_roughness
 from pipeline.mjcf.bundle import open_bundle, surface_corners
+from pipeline.proof.surface import report_texture, report_walls, texture_metrics
 from pipeline.rock import _section, build_rock, choose_bands, measure_cloud, measure_sources
 from pipeline.store.codecs import decode
 from pipeline.types import DriftNetwork, FreeSpace

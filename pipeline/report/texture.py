@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from shapely import Polygon
 
-from pipeline.evidence import TextureReport
 from pipeline.metrics.published import PAPER_SCORES, REAL, REAL_SWEEP
 from pipeline.metrics.texture import AXES
+from pipeline.proof.surface import TextureReport
 from pipeline.report.style import GREY, OCHRE, ROCK, STEEL, new_figure, to_image
 from pipeline.types import Image
 

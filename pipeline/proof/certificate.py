@@ -17,7 +17,7 @@ from pipeline.metrics.reach import compare_reach, reached_cells, start_cell
 from pipeline.mjcf.bundle import World, part_vertices
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
-from pipeline.pushes import Progress, push_robots
+from pipeline.proof.pushes import Progress, push_robots
 from pipeline.types import Frame, FreeSpace
 
 _SLICES_M = (0.05, 0.5, 1.0)  # and just below the back

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.certificate import Certificate, certify, measure_containment
-from pipeline.consistency import measure_consistency
-from pipeline.evidence import TextureReport, report_texture, report_walls, texture_metrics
 from pipeline.metrics.iou import intersection_over_union
 from pipeline.metrics.navigability import Navigability, cast_columns
 from pipeline.metrics.topology import compare_topology
 from pipeline.mjcf.bundle import World, open_bundle, part_vertices
 from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
+from pipeline.proof.certificate import Certificate, certify, measure_containment
+from pipeline.proof.consistency import measure_consistency
+from pipeline.proof.surface import TextureReport, report_texture, report_walls, texture_metrics
 from pipeline.store.codecs import decode
 from pipeline.types import DriftNetwork, FreeSpace, Mask, Survey
 
