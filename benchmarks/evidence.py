@@ -31,7 +31,9 @@ def replay_table(report: dict[str, Any]) -> list[str]:
     lines = [
         "## LiDAR replay on the published plan (`survey=plan`)", "",
         "| sweep | returns counted | median, m | p90, m | within 0.25 m | within 0.5 m | bias, m "
-        "| median against the overlay, m | median without the rules, m | own correction, m, deg |", "|---" * 10 + "|",
+        "| median against the overlay, m | median, range and angle not gated, m "
+        "| own correction, m, deg |",
+        "|---" * 10 + "|",
     ]  # fmt: skip
     for name, s in report["sweeps"].items():
         c = s["collision"]

@@ -144,7 +144,7 @@ def parity(bundle: Path, rays: int, out: Path | None) -> None:
     for name, reason in report.left_out.items():
         print(f"{name}: left out, {reason}")
     # A ray along a wall can miss by a centimetre in 32 bits: one in a thousand may.
-    wrong = [name for name, found in report.backends.items() if found.agree < 0.999 * found.rays]
+    wrong = [name for name, found in report.backends.items() if not found.rays or found.agree < 0.999 * found.rays]
     if wrong:
         raise LimitError(f"{bundle}: {', '.join(wrong)} disagree" + (f"; see {out}" if out else ""))
 
@@ -161,6 +161,13 @@ def table() -> None:
     from pipeline.report.baseline import write_results
 
     print(write_results())
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{value}: want 1 or more")
+    return value
 
 
 def main() -> int:
@@ -188,7 +195,7 @@ def main() -> int:
     again.set_defaults(run=lambda a: replay(a.bundle, a.sweeps, a.poses, a.out, a.overrides))
     proof = commands.add_parser("certify", help=certify.__doc__)
     proof.add_argument("--bundle", type=Path, required=True)
-    proof.add_argument("--contacts", type=int, default=20_000, help="robot steps in touch with rock")
+    proof.add_argument("--contacts", type=_positive, default=20_000, help="robot steps in touch with rock")
     proof.add_argument("--out", type=Path)
     proof.add_argument("overrides", nargs="*")
     proof.set_defaults(run=lambda a: certify(a.bundle, a.contacts, a.out, a.overrides))
@@ -199,7 +206,7 @@ def main() -> int:
     unseen.set_defaults(run=lambda a: validate(a.holdout, a.sweeps, a.out))
     alike = commands.add_parser("parity", help=parity.__doc__)
     alike.add_argument("--bundle", type=Path, required=True)
-    alike.add_argument("--rays", type=int, default=10_000)
+    alike.add_argument("--rays", type=_positive, default=10_000)
     alike.add_argument("--out", type=Path)
     alike.set_defaults(run=lambda a: parity(a.bundle, a.rays, a.out))
     arguments = parser.parse_args()

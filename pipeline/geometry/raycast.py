@@ -8,12 +8,22 @@ import numpy as np
 import open3d
 from shapely import Polygon
 
+from pipeline.errors import GeometryError
+
 
 class RayCaster:
     """Casts rays against triangles (n, 3, 3) m; 32 bits about their middle, so good to a tenth of a millimetre."""
 
     def __init__(self, corners: np.ndarray) -> None:
-        """Take the triangles."""
+        """Take the triangles.
+
+        Raises
+        ------
+        GeometryError
+            If there are none.
+        """
+        if not len(corners):
+            raise GeometryError("rays: no triangles to cast them against")
         tensor: Any = open3d.core.Tensor
         self._tensor = tensor
         self._middle = corners.reshape(-1, 3).mean(axis=0)

@@ -22,6 +22,7 @@ _SCALE_STEP = 0.002
 _LOSS_M = 0.2  # of Cauchy's loss: an outline is known to about that; from 0.15 to 0.4 the scale stays within 0.1 %
 _FAR_M = 5.0  # a greater error says no more
 _FAN = 240
+_FARTHEST_M = 400.0
 _AS_GOOD = 1.05  # scales whose cost is within a twentieth of the best explain the scans as well
 
 
@@ -118,11 +119,25 @@ def register_scans(
     as_good = scales[profile <= _AS_GOOD * profile.min()]
     placed = {name: field.refined(best, cast, (fine or scans)[name]) for name, field in fields.items()}
     similarity = _similarity_between([poses[n] for n in placed], list(placed.values()), best)
-    corrections = {
-        name: tuple(a - b for a, b in zip(pose, similarity.place(poses[name]), strict=True))
-        for name, pose in placed.items()
-    }
-    return Registration(similarity, (float(as_good[0]), float(as_good[-1])), placed, corrections)  # type: ignore[arg-type]
+    if not _within(_corrections(similarity, poses, placed), search):
+        similarity = best  # one pose far off bends a fit to all; the search itself cannot be bent beyond its bounds
+    interval = sorted([float(as_good[0]), float(as_good[-1]), similarity.scale])
+    return Registration(similarity, (interval[0], interval[-1]), placed, _corrections(similarity, poses, placed))
+
+
+def _corrections(similarity: Similarity, poses: dict[str, Pose], placed: dict[str, Pose]) -> dict[str, Pose]:
+    found = {}
+    for name, (x, y, heading) in placed.items():
+        at = similarity.place(poses[name])
+        found[name] = (x - at[0], y - at[1], heading - at[2])
+    return found
+
+
+def _within(corrections: dict[str, Pose], search: Search) -> bool:
+    return all(
+        math.hypot(dx, dy) <= search.correction_m and abs(turn) <= search.correction_rad
+        for dx, dy, turn in corrections.values()
+    )
 
 
 class _Field:
@@ -134,6 +149,11 @@ class _Field:
         bearing, measured = fan[0][thin], fan[1][thin]
         far = math.hypot(*pose[:2])
         reach = search.shift_m + search.correction_m + far * (max(abs(s - 1) for s in search.scale) + search.turn_rad)
+        if reach > _FARTHEST_M:
+            raise GeometryError(
+                f"registration: a pose lies {far:.0f} m from the survey's origin, so its search spans {reach:.0f} m "
+                f"(at most {_FARTHEST_M:g}); give poses relative to a place in the mine"
+            )
         half = math.ceil(reach / _CELL_M) + 1
         self.low = np.round(np.array(pose[:2]) / _CELL_M) * _CELL_M - half * _CELL_M
         rows, cols = np.indices((2 * half + 1, 2 * half + 1))
@@ -174,8 +194,9 @@ class _Field:
 
         def cost(q: np.ndarray) -> float:
             off = (q - about) / bound
+            beyond = max(0.0, math.hypot(off[0], off[1]) - 1, abs(off[2]) - 1)
             loss = _loss(cast(q[None, :2], (q[2] + fan[0])[None]) - fan[1])
-            return float(loss[0]) + 0.05 * 4 * float((off**2).sum()) + 1e3 * float(max(0.0, np.abs(off).max() - 1) ** 2)
+            return float(loss[0]) + 0.05 * 4 * float((off**2).sum()) + 1e3 * float(beyond)
 
         cells = np.indices(self.cost.shape[1:])
         places = self.low + np.stack([cells[1], cells[0]], axis=-1) * _CELL_M
@@ -184,7 +205,7 @@ class _Field:
             0.2 * (apart / search.correction_m) ** 2
             + 0.2 * (((self.heading - about[2]) / search.correction_rad) ** 2)[:, None, None]
         )
-        whole = np.where(apart <= search.correction_m + _CELL_M, self.cost + price, np.inf)
+        whole = np.where(apart <= search.correction_m, self.cost + price, np.inf)
         k, row, col = np.unravel_index(int(whole.argmin()), whole.shape)
         start = np.array([*places[row, col], self.heading[k]])
         corners = start + np.array([[0, 0, 0], [0.3, 0, 0], [0, 0.3, 0], [0, 0, 0.01]])
@@ -207,6 +228,8 @@ def _similarity_between(survey: list[Pose], mine: list[Pose], found: Similarity)
         return found
     a, b = np.array(survey)[:, :2] @ [1, 1j], np.array(mine)[:, :2] @ [1, 1j]
     away, there = a - a.mean(), b - b.mean()
+    if np.abs(away).max() < 1.0:  # scans of one place say nothing of scale
+        return found
     ratio = np.vdot(away, there) / np.vdot(away, away)
     shift = b.mean() - ratio * a.mean()
     return Similarity(float(abs(ratio)), float(np.angle(ratio)), float(shift.real), float(shift.imag))

@@ -22,7 +22,8 @@ from pipeline.types import Frame, FreeSpace
 
 _SLICES_M = (0.05, 0.5, 1.0)  # and just below the back
 _LEVEL_M = 1e-3
-_MARGIN_M = 0.5  # beyond the workings, so that a leak shows
+_MARGIN_M = 4.0  # beyond the workings, so that a leak shows
+_PROBE_HEIGHT_M = 0.35
 _SEEN_M = 0.25  # clearances are compared up to this much more than the robot's radius
 
 
@@ -75,6 +76,7 @@ def measure_containment(
     parts = part_vertices(world.model, groups["rock"])
     box = shapely.box(*record.world_m)
     found: dict[str, Any] = vars(cover_walls(parts, free, box, (*_SLICES_M, record.height_m - 0.05))).copy()
+    found["rock_round_m"] = round(float(free.distance(box.exterior)) if box.contains(free) else 0.0, 3)
     found["floor_open_m2"] = open_area_m2(_slabs(world.model, groups["floor"], 0.0, top=True), free)
     found["back_open_m2"] = open_area_m2(_slabs(world.model, groups["back"], record.height_m, top=False), free)
     found |= _reach(folder, world, free_space, params, network)
@@ -113,7 +115,7 @@ def _reach(
     inside = shapely.contains_xy(free, places[asked, 0], places[asked, 1])
     plan[asked] = np.where(inside, np.minimum(shapely.distance(free.boundary, points), most), 0.0)
     T = np.array(record.T_world_mine)
-    seen[asked] = rock_clearance(folder, T, record.geom_groups["rock"], places[asked], radius, most)
+    seen[asked] = rock_clearance(folder, T, record.geom_groups["rock"], places[asked], _PROBE_HEIGHT_M, most)
     start = start_cell(record.spawn.anchor_m, frame)
     by_plan, by_world = (reached_cells(c.reshape(height, width), radius, start) for c in (plan, seen))
     error = float(np.abs(plan - seen).max())

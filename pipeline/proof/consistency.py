@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import io
 import math
 from pathlib import Path
 from typing import Any
 
-import cv2
 import mujoco
 import numpy as np
 import shapely
-import yaml
 from shapely import Polygon
 
-from pipeline.errors import ArtifactError
 from pipeline.geometry.octree import FREE, Octree, from_bt
 from pipeline.mjcf.bundle import World
-from pipeline.types import FreeSpace
+from pipeline.store.codecs import decode
+from pipeline.survey.nav2 import read_nav2_map
+from pipeline.types import FreeSpace, Occupancy
 
 _GRAVITY = (0.0, 0.0, -9.81)
 _LEVEL = 1e-3
-_GREY, _KNEE_M, _CELLS_TRIED = 127, 0.4, 5000
+_KNEE_M, _CELLS_TRIED = 0.4, 5000
 _BORDER_SHARE = 2**-0.5  # of a cell: nearer to a wall a cell's centre may fall either way
 
 
@@ -40,6 +38,7 @@ def measure_consistency(folder: Path, world: World, free_space: FreeSpace) -> di
         "lights_missing": abs(record.lights - int(model.nlight)),
         "zones_wrong": _zones_wrong(world),
         "friction_error": _rock_friction_error(world),
+        "colliders_wrong": _colliders_wrong(world),
         "spawn_clearance_m": round(anchor.distance(free_space.polygon.boundary) if inside else 0.0, 4),
         **_grid_errors(folder, free_space),
     }
@@ -72,6 +71,20 @@ def _zones_wrong(world: World) -> int:
     return wrong + abs(sum(name.startswith("floor_") for name in names) - len(world.record.zones))
 
 
+def _colliders_wrong(world: World) -> int:
+    """Count geoms that collide and should not, or the other way round, and solid ones outside the mine's own frame.
+
+    Rock, floor and back collide, nothing else does; rock is convex meshes or boxes; all of it hangs on the body `mine`,
+    whose frame every measure takes theirs for.
+    """
+    model, groups = world.model, world.record.geom_groups
+    collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    solid = np.isin(model.geom_group, [groups[name] for name in ("rock", "floor", "back")])
+    shape = np.isin(model.geom_type, [mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_BOX])
+    elsewhere = model.geom_bodyid != model.body("mine").id
+    return int((collides != solid).sum() + (solid & ~shape).sum() + (solid & elsewhere).sum())
+
+
 def _rock_friction_error(world: World) -> float:
     rock = world.model.geom_group == world.record.geom_groups["rock"]
     off = np.abs(world.model.geom_friction[rock, 0] - world.record.rock_friction)
@@ -80,36 +93,33 @@ def _rock_friction_error(world: World) -> float:
 
 def _grid_errors(folder: Path, free_space: FreeSpace) -> dict[str, int]:
     """Count cells of the clearance grid, the Nav2 map and the octree that differ from the free space; borders aside."""
-    with np.load(io.BytesIO((folder / "occupancy.npz").read_bytes()), allow_pickle=False) as grid:
-        free, clearance = grid["free"], grid["clearance_m"]
-        origin, cell = grid["origin_m"], float(grid["cell_m"])
-    meta = yaml.safe_load((folder / "map.yaml").read_text())
-    drawn = cv2.imread(str(folder / Path(meta["image"]).name), cv2.IMREAD_GRAYSCALE)
-    if drawn is None:
-        raise ArtifactError(f"{folder / meta['image']}: cannot be read as a picture")
-    tree = from_bt((folder / "free_space.bt").read_bytes())
+    grid = decode(folder / "occupancy.npz", Occupancy)
+    free, origin, cell = grid.free, grid.origin_m, float(grid.cell_m)
+    drawn = read_nav2_map(folder / "map.yaml")
+    tree = from_bt(decode(folder / "free_space.bt", bytes))
     return {
         "occupancy_wrong": _wrong_cells(free, origin, cell, free_space.polygon)
-        + _wrong_clearances(free, clearance, origin, cell, free_space.polygon),
-        "map_wrong": _wrong_cells(
-            drawn[::-1] > _GREY, np.array(meta["origin"][:2]), float(meta["resolution"]), free_space.polygon
-        ),
+        + _wrong_clearances(free, grid.clearance_m, origin, cell, free_space.polygon),
+        "map_wrong": _wrong_cells(drawn.free, np.array(drawn.origin_m), drawn.cell_m, free_space.polygon),
         "octree_wrong": _wrong_voxels(tree, free, origin, cell),
     }
 
 
 def _wrong_cells(free: np.ndarray, origin_m: np.ndarray, cell_m: float, polygon: Polygon) -> int:
-    """Count cells that are free where the polygon is not, or the other way round, by half a cell's diagonal."""
+    """Count cells that are free where the polygon is not, or the other way round, by half a diagonal, or that lack."""
+    rows, cols = free.shape
+    covered = shapely.box(*origin_m, origin_m[0] + cols * cell_m, origin_m[1] + rows * cell_m)
+    beyond = int(np.ceil(polygon.difference(covered).area / cell_m**2))
     places = _centres(free.shape, origin_m, cell_m)
     inside = shapely.contains_xy(polygon, places[:, 0], places[:, 1])
     differ = shapely.points(places[inside != free.ravel()])
-    return int((shapely.distance(polygon.boundary, differ) > _BORDER_SHARE * cell_m).sum())
+    return beyond + int((shapely.distance(polygon.boundary, differ) > _BORDER_SHARE * cell_m).sum())
 
 
 def _wrong_clearances(
     free: np.ndarray, clearance_m: np.ndarray, origin_m: np.ndarray, cell_m: float, polygon: Polygon
 ) -> int:
-    """Count, of at most 5,000 free cells, those whose clearance is off by more than a cell."""
+    """Count, of some 5,000 free cells, those whose clearance is off by more than a cell."""
     some = np.flatnonzero(free.ravel())
     some = some[:: max(1, len(some) // _CELLS_TRIED)]
     exact = shapely.distance(polygon.boundary, shapely.points(_centres(free.shape, origin_m, cell_m)[some]))

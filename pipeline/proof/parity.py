@@ -6,20 +6,18 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-import cv2
 import mujoco
 import numpy as np
 import shapely
-import yaml
 from shapely import Polygon
 
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.windows import Windows
 from minexplore.world import load_world
-from pipeline.errors import ArtifactError
 from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.bundle import World, geom_corners
+from pipeline.survey.nav2 import read_nav2_map
 
 _HEIGHT_M, _RANGE_M = 0.3, 10.0
 _AGREE_M = 0.01
@@ -76,7 +74,7 @@ def compare_backends(folder: Path, world: World, free: Polygon, rays: int, seed:
 
     Raises
     ------
-    ArtifactError
+    InputError
         If the bundle's Nav2 map cannot be read.
     """
     rng = np.random.default_rng(seed)
@@ -176,12 +174,8 @@ def _by_warp(
 
 def _by_map(folder: Path, free: Polygon, places: np.ndarray, bearings: np.ndarray, exact: np.ndarray) -> Parity:
     """Walk the rays over the bundle's Nav2 map; a hit agrees if it lies within a cell of the rock that is there."""
-    meta = yaml.safe_load((folder / "map.yaml").read_text())
-    grey = cv2.imread(str(folder / meta["image"]), cv2.IMREAD_GRAYSCALE)
-    if grey is None:
-        raise ArtifactError(f"{folder / meta['image']}: cannot be read as a picture")
-    cell, (west, south, _) = float(meta["resolution"]), meta["origin"]
-    occupied = grey[::-1] < 255 * (1 - meta["occupied_thresh"])
+    drawn = read_nav2_map(folder / "map.yaml")
+    cell, (west, south), occupied = drawn.cell_m, drawn.origin_m, ~drawn.free
     step = _STEP_SHARE * cell
     at, ranges = places.copy(), np.full(len(places), _RANGE_M)
     going = np.ones(len(places), bool)

@@ -92,7 +92,10 @@ def push_robots(
         throws += len(here)
         command = np.column_stack([np.ones(len(here)), rng.uniform(-1, 1, len(here))])
         for _step in range(_STEPS):
-            touched += int(explorers.drive(command, rngs, here).sum())
+            try:
+                touched += int(explorers.drive(command, rngs, here).sum())
+            except RuntimeError as error:
+                raise GeometryError(f"pushes: {error}") from error
             out, depth = _escaped(explorers, here, free, robot.radius_m, height)
             escapes += int(out.sum())
             deepest = max(deepest, depth)

@@ -21,6 +21,7 @@ from pipeline.survey.poses import Returns, SurveyedPose, gate_returns, read_pose
 _NEAR_M, _FAR_M = 0.25, 0.5
 _NEIGHBOUR_RAD = math.radians(1.0)
 _LEAST_HEIGHTS = 3
+_MISS_M = 100.0  # a ray that meets nothing errs by this much
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class ReplayReport:
     largest_correction_m: float | None = None
     correction_bound_m: float | None = None
     grade_deg: float | None = None
-    tilt_deg: float | None = None
+    world_grade_deg: float | None = None
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,10 @@ def replay_sweeps(world: World, free: Polygon, poses: Path, sweeps: dict[str, Pa
         name: gate_returns(sweeps[name], returns, params.register_range_m, params.max_range_var_m2)
         for name, returns in everything.items()
     }
+    static = {name: _static(returns, params) for name, returns in everything.items()}
+    for name, (kept, gated) in static.items():
+        if not len(kept.range_m):
+            raise InputError(f"{sweeps[name]}: no return passes the gates ({gated})")
     hit = RayCaster(geom_corners(world.model, world.record.geom_groups["rock"]))
     visible = surface_corners(world.model, "surface_walls")
     seen = RayCaster(visible if len(visible) else surface_corners(world.model, "surface_base_walls"))
@@ -137,7 +142,7 @@ def replay_sweeps(world: World, free: Polygon, poses: Path, sweeps: dict[str, Pa
         found = register_scans(
             {name: surveyed[name].planar for name in laid}, {name: r.fan for name, r in laid.items()}, cast,
             lambda places: shapely.contains_xy(free, places[:, 0], places[:, 1]), search,
-            {name: _static(r, params)[0].fan for name, r in everything.items()},
+            {name: kept.fan for name, (kept, _) in static.items()},
         )  # fmt: skip
     except GeometryError as error:
         raise InputError(f"{poses}: {error}") from error
@@ -148,9 +153,9 @@ def replay_sweeps(world: World, free: Polygon, poses: Path, sweeps: dict[str, Pa
         def error_of(caster: RayCaster, of: Returns, place: np.ndarray = place, heading: float = heading) -> np.ndarray:
             return caster.fan(place, (heading + of.bearing)[None], params.sensor_height_m)[0] - of.range_m
 
-        kept, gated = _static(everything[name], params)
+        kept, gated = static[name]
         within = _inside_frame(kept, pose, world)
-        kept, gated["beyond_the_frame"] = kept.kept(within), int((~within).sum())
+        kept, gated = kept.kept(within), {**gated, "beyond_the_frame": int((~within).sum())}
         if not len(kept.range_m):
             raise InputError(f"{sweeps[name]}: no return passes the gates ({gated})")
         dx, dy, dturn = found.corrections[name]
@@ -210,10 +215,11 @@ def _points(returns: Returns, pose: Pose) -> np.ndarray:
 
 
 def _errors(error: np.ndarray) -> RangeErrors:
-    size = np.abs(error)
+    size = np.minimum(np.abs(error), _MISS_M)
+    error = np.clip(error, -_MISS_M, _MISS_M)
     return RangeErrors(
         median_m=round(float(np.median(size)), 4),
-        p90_m=round(float(np.percentile(size[np.isfinite(size)], 90)), 4) if np.isfinite(size).any() else math.inf,
+        p90_m=round(float(np.percentile(size, 90)), 4),
         within_0_25_m=round(float((size <= _NEAR_M).mean()), 4),
         within_0_5_m=round(float((size <= _FAR_M).mean()), 4),
         bias_m=round(float(np.median(error)), 4),
@@ -239,14 +245,14 @@ def _report(
         largest_correction_m=max(round(math.hypot(*s.correction_m), 3) for s in sweeps.values()),
         correction_bound_m=params.correction_m,
         grade_deg=grade_of_poses(surveyed),
-        tilt_deg=world.record.tilt_deg,
+        world_grade_deg=-world.record.tilt_deg,  # a positive tilt lowers the east
     )
 
 
 def grade_of_poses(poses: dict[str, SurveyedPose]) -> float | None:
     """Return the grade, deg, along the poses' own main direction; None where fewer than three have a height."""
     known = np.array([[p.x, p.y, p.z] for p in poses.values() if p.z is not None])
-    return grade_along(known) if len(known) >= _LEAST_HEIGHTS else None
+    return grade_along(known) if len(known) >= _LEAST_HEIGHTS and np.ptp(known[:, :2], axis=0).max() > 1 else None
 
 
 def grade_along(points: np.ndarray) -> float:

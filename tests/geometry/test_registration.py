@@ -60,6 +60,22 @@ def test_poses_far_from_any_drift_are_refused(cast):
         register_scans({"a": (50.0, 80.0, 0.0)}, scans, cast, inside, SEARCH)
 
 
+def test_poses_of_a_national_grid_are_refused_before_the_memory_is(cast):
+    with pytest.raises(GeometryError, match="give poses relative to a place in the mine"):
+        register_scans({"a": (350_000.0, 7_400_000.0, 0.0)}, {"a": (BEARINGS, BEARINGS * 0 + 3)}, cast, inside, SEARCH)
+
+
+def test_one_pose_far_off_cannot_bend_the_similarity_beyond_its_search(cast):
+    truth = {"a": (33.0, 3.0, 0.2), "b": (112.0, 2.5, -0.3), "c": (163.0, 3.4, 3.0)}
+    scans = {n: (BEARINGS, cast(np.array([p[:2]]), (p[2] + BEARINGS)[None])[0]) for n, p in truth.items()}
+    poses = {**truth, "b": (114.1, 4.6, -0.3)}
+    search = Search((0.99, 1.01), math.radians(0.5), 2.0, 1.5, math.radians(3))
+    found = register_scans(poses, scans, cast, inside, search)
+    assert 0.99 <= found.similarity.scale <= 1.01
+    for dx, dy, _ in found.corrections.values():
+        assert math.hypot(dx, dy) <= 1.5 + 0.01
+
+
 def test_a_similarity_places_poses_as_complex_numbers_do():
     place = Similarity(1.1, 0.3, 5.0, -2.0).place((3.0, 4.0, 0.5))
     z = 1.1 * np.exp(0.3j) * (3 + 4j) + (5 - 2j)
