@@ -22,7 +22,7 @@ from pipeline.types import Frame, FreeSpace
 
 _SLICES_M = (0.05, 0.5, 1.0)  # and just below the back
 _LEVEL_M = 1e-3
-_MARGIN_M = 4.0  # beyond the workings, so that a leak shows
+_MARGIN_M = 4.0  # beyond the workings, within the frame that rock fills, so that a leak shows
 _PROBE_HEIGHT_M = 0.35
 _SEEN_M = 0.25  # clearances are compared up to this much more than the robot's radius
 
@@ -108,7 +108,8 @@ def _reach(
     frame = Frame(1 / cell, (margin - west) / cell, (north + margin) / cell, width, height)
     rows, cols = np.indices((height, width))
     places = frame.to_mine(np.column_stack([cols.ravel(), rows.ravel()]) + 0.5)
-    asked = np.flatnonzero(shapely.contains_xy(free.buffer(_MARGIN_M), places[:, 0], places[:, 1]))
+    round_it = free.buffer(_MARGIN_M).intersection(shapely.box(*record.world_m))
+    asked = np.flatnonzero(shapely.contains_xy(round_it, places[:, 0], places[:, 1]))
     most = radius + _SEEN_M
     plan, seen = np.zeros(len(places)), np.zeros(len(places))
     points = shapely.points(places[asked])
