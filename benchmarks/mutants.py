@@ -495,7 +495,7 @@ def main() -> int:
 
 
 def _without_pushes(params: CertificateParams) -> CertificateParams:
-    limits = {k: v for k, v in params.limits.items() if k not in ("contacts", "escapes")}
+    limits = {k: v for k, v in params.limits.items() if k not in ("contacts", "escapes", "deepest_m")}
     return params.model_copy(update={"contacts": 0, "limits": limits})
 
 
