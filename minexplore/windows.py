@@ -54,6 +54,8 @@ class Windows:
         spec = mujoco.MjSpec()
         spec.option.timestep = self.task.physics_s
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        # MuJoCo 3.17's several contacts of a cylinder at a prism's edge lie along the prism's face: the edge sinks in.
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
         mine = spec.worldbody.add_body(name="mine", pos=self.T_world_mine[:3, 3])
         quat = np.zeros(4)
         mujoco.mju_mat2Quat(quat, self.T_world_mine[:3, :3].ravel())

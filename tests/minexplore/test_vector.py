@@ -54,6 +54,34 @@ def test_vector_and_scalar_give_the_same_trajectories_bit_for_bit(tee: BuiltMine
     assert info["collisions"].sum() > 0
 
 
+def test_a_corner_of_rock_is_met_head_on_and_as_deep_as_it_stands_in_the_disc(tee: BuiltMine):
+    explorers = Explorers(load_world(tee.bundle), TaskParams(tilt=False), RobotParams(), 1)
+    free, pressed = tee.free_space.polygon, 0.05
+    ring = shapely.get_coordinates(free.exterior)
+    before, after = np.roll(ring[:-1], 1, axis=0), ring[1:]
+    turn = (ring[:-1] - before)[:, 0] * (after - ring[:-1])[:, 1] - (ring[:-1] - before)[:, 1] * (after - ring[:-1])[
+        :, 0
+    ]
+    corners = ring[:-1][turn * (1 if free.exterior.is_ccw else -1) < -1e-6]  # where rock points into the drift
+    met = 0
+    for corner in corners:
+        for heading in np.linspace(0, 2 * np.pi, 24, endpoint=False):
+            away = np.array([np.cos(heading), np.sin(heading)])
+            place = corner + away * (RobotParams().radius_m - pressed)
+            if not free.contains(shapely.Point(place)) or free.boundary.distance(shapely.Point(place)) < 0.2999:
+                continue
+            explorers.place(0, *place, 0.0)
+            model = explorers.windows.model(tuple(explorers.windows.tiles_of(place[None])[0]))
+            data = mujoco.MjData(model)
+            mujoco.mj_setState(model, data, explorers.state[0], mujoco.mjtState.mjSTATE_INTEGRATION)
+            mujoco.mj_forward(model, data)
+            rock = [c for c in data.contact if model.geom(c.geom2).name.startswith("rock_")]
+            assert max(-c.dist for c in rock) == pytest.approx(pressed, abs=5e-3)
+            met += 1
+    explorers.close()
+    assert met > 10
+
+
 def test_threads_change_nothing(tee: BuiltMine):
     one, two = MineVectorEnv(24, tee.bundle), MineVectorEnv(24, tee.bundle, threads=2)
     np.testing.assert_array_equal(one.reset(seed=0)[0], two.reset(seed=0)[0])
