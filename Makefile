@@ -3,10 +3,11 @@ SHELL := /bin/sh
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 export OVERRIDES ?=
 PY := .venv/bin/python
+LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline pushes mutants parity replay holdout evidence wheel env-page $(STAGES)
+.PHONY: help setup setup-baselines all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline pushes mutants parity replay holdout evidence wheel env-page $(STAGES)
 
 help:            ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile | expand -t 22
@@ -14,7 +15,10 @@ help:            ## show this list
 	@echo '                      up to and including one stage; add OVERRIDES="group=choice section.key=value"'
 
 setup:           ## make .venv from the lock, install missing system libraries; silent when done
-	@sh requirements/setup.sh
+	@sh requirements/setup.sh dev
+
+setup-baselines: ## the same with Ray and torch, for training
+	@sh requirements/setup.sh baselines
 
 all: setup       ## the whole pipeline (dvc repro)
 	@$(PY) -m pipeline set-overrides
@@ -91,10 +95,10 @@ dag: setup       ## write dvc.yaml from the stages' declarations
 	@$(PY) -m stages > .dvc.yaml.new && mv .dvc.yaml.new dvc.yaml
 
 lock: setup      ## renew requirements/*.txt from pyproject.toml
-	@uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header \
-	  pyproject.toml --group dev -o requirements/dev.txt
-	@uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header \
-	  --group bootstrap -o requirements/bootstrap.txt
+	@echo 'torch; python_version < "3"' | uv pip compile -q $(LOCK) --extra baselines --overrides /dev/stdin \
+	  pyproject.toml --group dev -o requirements/baselines.txt
+	@uv pip compile -q $(LOCK) -c requirements/baselines.txt pyproject.toml --group dev -o requirements/dev.txt
+	@uv pip compile -q $(LOCK) --group bootstrap -o requirements/bootstrap.txt
 
 clean:           ## remove artifacts and caches, keep .venv and data
 	@rm -rf artifacts/params.yaml artifacts/*/ .dvc/cache .dvc/tmp .pytest_cache .mypy_cache .ruff_cache .hypothesis dvc_plots

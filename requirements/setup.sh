@@ -1,7 +1,8 @@
 #!/bin/sh
-# Make .venv from the lock and install the system libraries that are missing. Silent when there is nothing to do.
+# Make .venv from a lock, dev or baselines (which holds all of dev), and install the system libraries that are missing.
+# Silent when there is nothing to do.
 set -eu
-lock=requirements/dev.txt
+lock=requirements/${1:-dev}.txt
 stamp=.venv/.installed
 
 # --- system libraries: soname package ------------------------------------------------------------------------------
@@ -32,7 +33,9 @@ if [ -n "$missing" ]; then
 fi
 
 # --- Python packages -----------------------------------------------------------------------------------------------
-[ -f "$stamp" ] && cmp -s "$lock" "$stamp" && exit 0
+for installed in "$lock" requirements/baselines.txt; do
+    cmp -s "$installed" "$stamp" && exit 0
+done
 
 works() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' >/dev/null 2>&1; }
 python=""
@@ -56,4 +59,8 @@ if ! works .venv/bin/python; then
 fi
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/bootstrap.txt
 .venv/bin/uv pip sync --quiet --require-hashes --python .venv/bin/python "$lock" requirements/bootstrap.txt
+if [ "$lock" = requirements/baselines.txt ]; then # torch's wheels differ by platform: pinned, not hashed
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check \
+        "$(sed -n 's/^ *"\(torch==[^"]*\)".*/\1/p' pyproject.toml)"
+fi
 cp "$lock" "$stamp"

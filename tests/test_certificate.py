@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 from benchmarks.mutants import edit_model, edit_record, seal
-from pipeline.errors import InputError
+from pipeline.errors import ArtifactError, InputError
 from pipeline.mjcf.bundle import open_bundle, part_vertices
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.proof.certificate import certify, measure_containment
@@ -66,6 +66,22 @@ def test_a_wall_across_a_drift_fails_the_clauses_that_it_should(tee, config, tmp
     assert {"intrusion_m2", "clearance_error_m", "only_plan_m2", "same_graph"} <= failed
     assert "widest_gap_m" not in failed
     assert found["intrusion_m2"] == pytest.approx(0.5 * 5, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (edit_record(lambda record: record["geom_groups"].pop("rock")), "geom_groups says no number for rock"),
+        (edit_model(lambda spec: setattr(spec.body("mine"), "name", "pit")), "no body of the name mine"),
+    ],
+)
+def test_a_bundle_that_lacks_what_a_proof_asks_for_is_refused(tee, tmp_path, change, message):
+    bundle = tmp_path / "world"
+    shutil.copytree(tee.bundle, bundle)
+    change(bundle)
+    seal(bundle)
+    with pytest.raises(ArtifactError, match=message):
+        open_bundle(bundle)
 
 
 def test_distances_by_mujoco_are_those_to_the_plans_walls(tee, opened):

@@ -20,6 +20,7 @@ from pipeline.store.verify import verify_world
 from pipeline.types import Areas, Frame, Spawn
 
 _LOADS, _QUICK_S = 6, 1.5  # a load is timed again while a busy machine makes it look slow
+_GROUPS = ("rock", "floor", "back")  # geom groups that whoever judges a world asks for
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,9 @@ def open_bundle(folder: Path) -> World:
     except ValidationError as error:
         first = error.errors()[0]
         raise ArtifactError(f"{folder / 'world.json'}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+    absent = [name for name in _GROUPS if name not in record.geom_groups]
+    if absent:
+        raise ArtifactError(f"{folder / 'world.json'}: geom_groups says no number for {', '.join(absent)}")
     warned: list[str] = []
     mujoco.set_mju_user_warning(warned.append)
     try:
@@ -110,6 +114,8 @@ def open_bundle(folder: Path) -> World:
         raise ArtifactError(f"{folder / 'mine.xml'}: MuJoCo does not load it: {error}") from error
     finally:
         mujoco.set_mju_user_warning(None)
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "mine") < 0:
+        raise ArtifactError(f"{folder / 'mine.xml'}: no body of the name mine, which carries the mine frame")
     size = sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
     return World(record, model, min(seconds), len(warned), size)
 
