@@ -1,0 +1,1 @@
+"""How hard the mines are: classical explorers, an upper bound, PPO, and the protocol that compares them."""

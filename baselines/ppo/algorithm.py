@@ -1,0 +1,61 @@
+"""RLlib's PPO for a run's settings: what needs Ray and torch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ray.rllib.algorithms.algorithm import Algorithm
+from ray.rllib.algorithms.ppo import PPOConfig
+from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
+from ray.tune.registry import register_env
+
+from baselines.ppo.settings import TrainSettings
+from baselines.ppo.training_env import FIGURES, make_training_env
+
+_ENV = "minexplore-training"
+
+
+def build_algorithm(settings: TrainSettings, steps_done: int) -> Algorithm:
+    """Return PPO; `steps_done` moves the seed on, so that a resumed run does not meet its first episodes again."""
+    register_env(_ENV, make_training_env)
+    seed = settings.seed + steps_done
+    context = {
+        "env": settings.env, "observation": settings.observation, "seed": seed,
+        "reward_scale": settings.ppo.reward_scale, "cell_bonus": settings.ppo.cell_bonus,
+    }  # fmt: skip
+    single = make_training_env(context)
+    ppo, recurrent = settings.ppo, settings.model.kind == "lstm"
+    model = DefaultModelConfig(
+        fcnet_hiddens=settings.model.hidden, fcnet_activation="tanh", vf_share_layers=False, free_log_std=True,
+        use_lstm=recurrent, **({"lstm_cell_size": settings.model.cell, "max_seq_len": settings.model.sequence} if recurrent else {}),
+    )  # fmt: skip
+    config = (
+        PPOConfig()
+        .environment(
+            _ENV, env_config=context, observation_space=single.single_observation_space,
+            action_space=single.single_action_space,
+        )
+        .env_runners(
+            num_env_runners=settings.runners, num_envs_per_env_runner=settings.robots,
+            rollout_fragment_length=ppo.fragment, gym_env_vectorize_mode="vector_entry_point",
+        )
+        .training(
+            lr=ppo.lr, gamma=ppo.gamma, lambda_=ppo.lambda_, clip_param=ppo.clip, entropy_coeff=ppo.entropy,
+            vf_loss_coeff=ppo.value, vf_clip_param=float("inf"), grad_clip=ppo.grad_clip, use_kl_loss=False,
+            train_batch_size_per_learner=settings.robots * ppo.fragment * max(1, settings.runners),
+            minibatch_size=ppo.minibatch, num_epochs=ppo.epochs,
+        )
+        .rl_module(model_config=model)
+        .learners(num_learners=0)
+        .callbacks(on_episode_end=tell_episode)
+        .debugging(seed=seed, log_level="ERROR")
+    )  # fmt: skip
+    single.close()
+    return config.build_algo()
+
+
+def tell_episode(episode: Any, metrics_logger: Any, **kwargs: Any) -> None:
+    """Hand an episode's figures to the log."""
+    last = episode.get_infos(-1)
+    for name in FIGURES:
+        metrics_logger.log_value(("episodes", name), float(last[name]), reduce="item_series")

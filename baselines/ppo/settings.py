@@ -1,0 +1,98 @@
+"""Settings of a training run, composed from `conf/train/` and checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import yaml
+from hydra import compose, initialize_config_dir
+from hydra.errors import HydraException
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from baselines.errors import BaselineError
+
+CONF = Path("conf/train")
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Model(_Strict):
+    """The networks, one for the policy and one for the value."""
+
+    kind: Literal["mlp", "lstm"]
+    hidden: list[int] = Field(min_length=1)
+    cell: int = Field(ge=0)
+    sequence: int = Field(ge=0)
+
+
+class Stop(_Strict):
+    """When a run ends before its steps do; coverage is a share of all reachable cells."""
+
+    coverage: float = Field(gt=0, le=1)
+    drop: float = Field(gt=0, le=1)
+    window: int = Field(ge=1)
+    after: int = Field(ge=0)
+
+
+class Ppo(_Strict):
+    """PPO's own numbers; see `conf/train/config.yaml` for where they come from."""
+
+    lr: float = Field(gt=0)
+    gamma: float = Field(gt=0, le=1)
+    lambda_: float = Field(ge=0, le=1)
+    fragment: int = Field(ge=1)
+    minibatch: int = Field(ge=1)
+    epochs: int = Field(ge=1)
+    clip: float = Field(gt=0)
+    entropy: float = Field(ge=0)
+    value: float = Field(ge=0)
+    grad_clip: float = Field(gt=0)
+    reward_scale: float = Field(gt=0)
+    cell_bonus: float = Field(default=0.0, ge=0)
+
+
+class TrainSettings(_Strict):
+    """One run: what is trained, where, for how long."""
+
+    env: str
+    observation: Literal["beams", "map"]
+    model: Model
+    seed: int = Field(ge=0)
+    steps: int = Field(gt=0)
+    checkpoint_every: int = Field(ge=1)
+    runners: int = Field(ge=0)
+    robots: int = Field(ge=1)
+    stop: Stop
+    ppo: Ppo
+
+    @property
+    def name(self) -> str:
+        """Return the run's name: its folder under `artifacts/train`."""
+        mine = self.env.removeprefix("MineXplore/").split("-v")[0]
+        return f"{mine}-{self.observation}-{self.model.kind}-{self.seed}"
+
+
+def compose_settings(overrides: list[str]) -> TrainSettings:
+    """Compose a run's settings.
+
+    Raises
+    ------
+    BaselineError
+        Naming the override or the value, and what would be valid.
+    """
+    if not (CONF / "config.yaml").is_file():
+        raise BaselineError(f"{CONF / 'config.yaml'}: missing; run from the project's root")
+    try:
+        with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
+            values = OmegaConf.to_container(compose("config", overrides), resolve=True)
+        return TrainSettings.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise BaselineError(f"{'.'.join(map(str, first['loc']))} = {first['input']!r}: {first['msg']}") from error
+    except (HydraException, OmegaConfBaseException, yaml.YAMLError, ValueError, TypeError) as error:
+        raise BaselineError(f"{' '.join(overrides)}: {str(error).splitlines()[0]}") from error

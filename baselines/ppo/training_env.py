@@ -1,0 +1,93 @@
+"""The vector environment as PPO trains in it: scaled rewards, figures at an episode's end only, an optional map."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import VectorEnv, VectorWrapper
+
+import minexplore
+from baselines.errors import BaselineError
+from baselines.map_observation import MapObserver
+from minexplore.vector import MineVectorEnv
+
+FIGURES = ("coverage", "collisions", "return", "steps")
+
+
+class TrainingEnv(VectorWrapper):
+    """`FIGURES` of an episode come in the info of its last step, unscaled.
+
+    Rewards are the paper's, scaled, and a bonus for every new cell if one is asked for. The first episodes end at random steps, so that the robots' episodes do not all end in one iteration.
+    """
+
+    def __init__(self, env: VectorEnv, observation: str, reward_scale: float, cell_bonus: float, seed: int) -> None:
+        """Wrap a `MineVectorEnv`."""
+        super().__init__(env)
+        self._mine: MineVectorEnv = env.unwrapped
+        self._scale, self._bonus, self._rng = reward_scale, cell_bonus, np.random.default_rng(seed)
+        self._maps = MapObserver(self.num_envs, self._mine.task) if observation == "map" else None
+        self._space = self._mine.single_observation_space
+        if self._maps is not None:
+            size = (self._maps.size,)
+            low = np.concatenate([self._space.low, np.zeros(size, np.float32)])
+            high = np.concatenate([self._space.high, np.ones(size, np.float32)])
+            self._space = gymnasium.spaces.Box(low, high, dtype=np.float32)
+        self._return, self._steps, self._cells = (np.zeros(self.num_envs) for _ in range(3))
+        self._over = np.zeros(self.num_envs, dtype=bool)
+
+    @property
+    def single_observation_space(self) -> gymnasium.spaces.Box:
+        """Return the space of one robot's observation."""
+        return self._space
+
+    @property
+    def observation_space(self) -> gymnasium.Space:
+        """Return the space of all robots' observations."""
+        return gymnasium.vector.utils.batch_space(self._space, self.num_envs)
+
+    def reset(self, **kwargs: Any) -> tuple[np.ndarray, dict[str, Any]]:
+        """Reset all robots."""
+        observation, info = self.env.reset(**kwargs)
+        self._mine.explorers.steps[:] = self._rng.integers(self._mine.task.max_steps, size=self.num_envs)
+        self._return[:], self._steps[:], self._over[:] = 0.0, 0, False
+        self._cells = info["cells_seen"].copy()
+        return self._with_map(observation, np.arange(self.num_envs), info), {}
+
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Step all robots."""
+        observation, reward, terminated, truncated, info = self.env.step(actions)
+        self._return = np.where(self._over, 0.0, self._return + reward)
+        self._steps = np.where(self._over, 0, self._steps + 1)
+        new = np.where(self._over, 0, info["cells_seen"] - self._cells)
+        self._cells = info["cells_seen"].copy()
+        observation = self._with_map(observation, np.flatnonzero(self._over), info)
+        self._over = truncated.copy()
+        told: dict[str, Any] = {}
+        if truncated.any():
+            figures = (info["coverage"], info["collisions"], self._return, self._steps)
+            for name, values in zip(FIGURES, figures, strict=True):
+                told[name], told[f"_{name}"] = values.astype(float), truncated
+        return observation, reward * self._scale + new * self._bonus, terminated, truncated, told
+
+    def _with_map(self, observation: np.ndarray, started: np.ndarray, info: dict[str, Any]) -> np.ndarray:
+        if self._maps is None:
+            return observation
+        self._maps.forget(started)
+        return np.hstack([observation, self._maps.observe(observation, info["pose_m_rad"])])
+
+
+def make_training_env(context: dict[str, Any]) -> TrainingEnv:
+    """Make the environment that a Ray runner samples in; `context` is what `env_config` holds, and `num_envs`.
+
+    Raises
+    ------
+    BaselineError
+        If the id is unknown; the message lists those that there are.
+    """
+    env_id = context["env"]
+    if env_id not in minexplore.WORLDS:
+        raise BaselineError(f"env = {env_id!r}: valid choices are {', '.join(minexplore.WORLDS)}")
+    env = MineVectorEnv(context.get("num_envs", 1), **minexplore.WORLDS[env_id])
+    return TrainingEnv(env, context["observation"], context["reward_scale"], context["cell_bonus"], context["seed"])
