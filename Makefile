@@ -2,12 +2,13 @@
 SHELL := /bin/sh
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 export OVERRIDES ?=
+SEED ?= 42
 PY := .venv/bin/python
 LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-baselines all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline pushes mutants parity replay holdout evidence wheel env-page $(STAGES)
+.PHONY: help setup setup-baselines all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline pushes mutants parity replay holdout evidence wheel env-page oracle explorers train train-all curves leaderboard claims $(STAGES)
 
 help:            ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile | expand -t 22
@@ -75,6 +76,27 @@ holdout: setup   ## build rock from half of the sweeps below data/raw, score it 
 
 evidence: all    ## write docs/evidence-figures.md: the published plan's replay (after `make data`) and what the targets above found
 	@$(PY) -m benchmarks.evidence
+
+oracle: all      ## upper bound and driven tour of every environment (baselines/results/bounds.json, docs/oracle-*.png)
+	@$(PY) -m baselines.oracle
+
+explorers: all   ## evaluate the classical explorers in every environment (baselines/results)
+	@$(PY) -m baselines.evaluate --all
+
+train: setup-baselines  ## train PPO: SEED=42, more by ARGS="env=full observation=map"; run it again to go on
+	@$(PY) -m baselines.ppo.train seed=$(SEED) $(ARGS)
+
+train-all: setup-baselines  ## the paper's five seeds, one after another
+	@for seed in 42 142 242 342 442; do $(PY) -m baselines.ppo.train seed=$$seed $(ARGS) || exit $$?; done
+
+curves: setup    ## draw the training runs and tabulate them beside the paper's (docs/training.md)
+	@$(PY) -m baselines.ppo.curves
+
+leaderboard: all ## score all results files and write LEADERBOARD.md
+	@$(PY) -m baselines.leaderboard
+
+claims: setup    ## write docs/claims.md: every figure of the paper beside what is measured here
+	@$(PY) -m benchmarks.claims
 
 bench: setup     ## time the environment against its references (artifacts/bench/env.json)
 	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.time_env

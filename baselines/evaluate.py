@@ -9,9 +9,10 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+import minexplore
 from baselines.errors import BaselineError, run_command
 from baselines.oracle.record import bound_of
-from baselines.policy import make_policy
+from baselines.policy import CLASSICAL, make_policy, policy_sha256
 from baselines.protocol import chain, head_of, make_env, run_episodes
 from baselines.results import RESULTS, as_text, read_results
 from baselines.statistics import figures
@@ -48,6 +49,33 @@ def print_table(path: Path) -> None:
         print(f"  {name:26} {as_text(name, figure)}{some}")
 
 
+def _evaluate_all(seeds: list[int]) -> None:
+    """Evaluate every classical policy, and every kept checkpoint where it was trained; done ones are passed over."""
+    envs = [env for env, kwargs in minexplore.WORLDS.items() if "world" in kwargs]
+    for env_id in envs:
+        checkpoints = sorted(
+            (RESULTS / "checkpoints").glob(f"{env_id.removeprefix('MineXplore/').split('-v')[0]}-*.safetensors")
+        )
+        for policy in [*CLASSICAL, *map(str, checkpoints)]:
+            out = result_path(policy, env_id)
+            if _is_current(out, env_id, policy):
+                continue
+            evaluate(policy, env_id, seeds, out)
+            print_table(out)
+
+
+def _is_current(out: Path, env_id: str, policy: str) -> bool:
+    """Say whether results are of this world and of the policy as it is now."""
+    if not out.is_file():
+        return False
+    head, _ = read_results(out)
+    env = make_env(env_id, 1)
+    same = head.world_sha256 == env.world.record["world_sha256"]
+    now = policy_sha256(make_policy(policy, 1, env.task))
+    env.close()
+    return same and head.policy_sha256 == now
+
+
 def result_path(policy_name: str, env_id: str) -> Path:
     """Return where a policy's results lie by default."""
     mine = env_id.removeprefix("MineXplore/")
@@ -57,8 +85,11 @@ def result_path(policy_name: str, env_id: str) -> Path:
 def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(prog="python -m baselines.evaluate", description=__doc__)
-    parser.add_argument("--policy", required=True, help="a name, or a checkpoint NAME.safetensors")
-    parser.add_argument("--env", required=True)
+    parser.add_argument("--policy", help="a name, or a checkpoint NAME.safetensors")
+    parser.add_argument("--env")
+    parser.add_argument(
+        "--all", action="store_true", help="all classical policies in all environments, where results lack"
+    )
     parser.add_argument("--episodes", type=int, default=20)
     parser.add_argument("--seeds", type=int, nargs="*", help="one an episode; 0, 1, 2, ... by default")
     parser.add_argument("--out", type=Path, help="baselines/results/ENV/POLICY.jsonl by default")
@@ -68,6 +99,11 @@ def main() -> None:
     seeds = arguments.seeds or list(range(arguments.episodes))
     if len(set(seeds)) < len(seeds) or min(seeds) < 0:
         raise BaselineError(f"seeds = {seeds}: want different ones, none below 0")
+    if arguments.all:
+        _evaluate_all(seeds)
+        return
+    if arguments.policy is None or arguments.env is None:
+        raise BaselineError("say what to evaluate: --policy and --env, or --all")
     out = arguments.out or result_path(arguments.policy, arguments.env)
     evaluate(arguments.policy, arguments.env, seeds, out)
     print_table(out)

@@ -12,6 +12,8 @@ import numpy as np
 from baselines.errors import BaselineError
 from minexplore.task import TaskParams
 
+CLASSICAL = ("random", "reactive", "wall-following", "nearest-frontier", "information-gain")
+
 
 class Policy(Protocol):
     """Drives n robots, each alone in its own copy of a mine, by their local observations and true poses."""
@@ -37,15 +39,12 @@ def make_policy(name: str, robots: int, task: TaskParams) -> Policy:
     from baselines.reactive import Reactive
     from baselines.wall_following import WallFollowing
 
-    classical = {
-        "random": RandomWalk, "reactive": Reactive, "wall-following": WallFollowing,
-        "nearest-frontier": NearestFrontier, "information-gain": InformationGain,
-    }  # fmt: skip
-    if name in classical:
-        return classical[name](robots, task)
+    kinds: tuple[Any, ...] = (RandomWalk, Reactive, WallFollowing, NearestFrontier, InformationGain)
+    if name in CLASSICAL:
+        return dict(zip(CLASSICAL, kinds, strict=True))[name](robots, task)
     if name.endswith(".safetensors"):
         return LearnedPolicy(Path(name), robots, task)
-    raise BaselineError(f"policy = {name!r}: valid choices are {', '.join(classical)}, or a file NAME.safetensors")
+    raise BaselineError(f"policy = {name!r}: valid choices are {', '.join(CLASSICAL)}, or a file NAME.safetensors")
 
 
 def policy_sha256(policy: Policy) -> str:

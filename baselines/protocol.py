@@ -91,7 +91,10 @@ def head_of(env_id: str, env: MineVectorEnv, name: str, policy: Policy, seeds: l
 
 def task_facts(task: TaskParams) -> dict[str, Any]:
     """Return a task's numbers as JSON has them."""
-    return {k: list(v) if isinstance(v, tuple) else str(v) if v == np.inf else v for k, v in dataclasses.asdict(task).items()}
+    return {
+        k: list(v) if isinstance(v, tuple) else str(v) if v == np.inf else v
+        for k, v in dataclasses.asdict(task).items()
+    }
 
 
 def run_episodes(env: MineVectorEnv, policy: Policy, seeds: list[int], step_done: Progress) -> Iterator[Episode]:
@@ -122,9 +125,10 @@ def run_episodes(env: MineVectorEnv, policy: Policy, seeds: list[int], step_done
         driving[at] = ~truncated[at]
     for i, seed in enumerate(seeds):
         last = int(steps[i])
-        at = [*range(0, last, SAMPLE_STEPS), last]
+        samples = [*range(0, last, SAMPLE_STEPS), last]
         yield Episode(
-            seed=seed, steps=last, seen=seen[i, at].tolist(), path_cm=np.rint(100 * path[i, at]).astype(int).tolist(),
+            seed=seed, steps=last, seen=seen[i, samples].tolist(),
+            path_cm=np.rint(100 * path[i, samples]).astype(int).tolist(),
             idle=int(idle[i]), collided=int(collided[i]), returned=round(float(returned[i]), 6), previous="",
             path_m=round(float(np.linalg.norm(np.diff(path[i, : last + 1], axis=0), axis=1).sum()), 3),
         )  # fmt: skip

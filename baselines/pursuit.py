@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 _AHEAD_M = 1.4  # of the point aimed at
@@ -20,25 +22,22 @@ def follow(
     pose : (3,)
         x, y, m, and yaw, rad.
     bearings, ranges : (k,) rad, m
-        The robot's beams, in its own frame.
+        The robot's beams in its own frame, within pi of ahead.
     """
     beside = np.linalg.norm(path - pose[:2], axis=1)
     nearest = int(beside.argmin())
     beyond = np.flatnonzero(beside[nearest:] > _AHEAD_M)
     aim = path[nearest + beyond[0]] if len(beyond) else path[-1]
-    error = _wrap(np.arctan2(*(aim - pose[:2])[::-1]) - pose[2])
+    east, north = aim - pose[:2]
+    error = (math.atan2(north, east) - pose[2] + math.pi) % (2 * math.pi) - math.pi
     turn = float(np.clip(2.2 * error / max_turn_radps, -1, 1))
-    off = np.abs(_wrap(bearings))
+    off = np.abs(bearings)
     across, along = ranges * np.sin(off), ranges * np.cos(off)
     in_the_way = (off < np.pi / 3) & (across < 0.55)
     room = float(along[in_the_way].min(initial=np.inf))
     forward = float(np.clip((room - _CLOSE_M) / (_FREE_M - _CLOSE_M), 0, 1) * np.clip(1.25 * np.cos(error), 0, 1))
-    if room < _CLOSE_M and abs(error) < np.pi / 4:  # the way is blocked by what the map does not show: turn to more room
+    if room < _CLOSE_M and abs(error) < np.pi / 4:  # what the map does not show is in the way: turn to more room
         left = ranges[(bearings > 0) & (bearings < np.pi / 2)].mean()
         right = ranges[(bearings < 0) & (bearings > -np.pi / 2)].mean()
         return -0.3, 0.6 if left > right else -0.6
     return forward, turn
-
-
-def _wrap(angle: np.ndarray | float) -> np.ndarray | float:
-    return (angle + np.pi) % (2 * np.pi) - np.pi

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -35,16 +36,20 @@ def read_results(path: Path) -> tuple[Head, list[Episode]]:
     if head.format != FORMAT:
         raise BaselineError(f"{path}:1: format {head.format!r}, this version reads {FORMAT!r}")
     episodes = []
-    for number, (before, line) in enumerate(zip(lines, lines[1:], strict=False), 2):
+    for number, (before, line) in enumerate(itertools.pairwise(lines), 2):
         try:
             episode = Episode.model_validate_json(line)
         except ValidationError as error:
             raise BaselineError(f"{path}:{number}: not an episode ({_first(error)})") from error
         if episode.previous != line_sha256(before):
-            raise BaselineError(f"{path}:{number}: the line before it was changed: its hash is not the one written here")
+            raise BaselineError(
+                f"{path}:{number}: the line before it was changed: its hash is not the one written here"
+            )
         episodes.append(episode)
     if [e.seed for e in episodes] != head.seeds:
-        raise BaselineError(f"{path}: {len(episodes)} episodes, the head says {len(head.seeds)} seeds, in this order: {head.seeds}")
+        raise BaselineError(
+            f"{path}: {len(episodes)} episodes, the head says {len(head.seeds)} seeds, in this order: {head.seeds}"
+        )
     return head, episodes
 
 
@@ -55,7 +60,7 @@ def _first(error: ValidationError) -> str:
 
 def as_text(name: str, figure: Figure) -> str:
     """Return a figure with its interval as a table has it."""
-    if figure.value is None:
+    if figure.value is None or figure.low is None or figure.high is None:
         return "never"
     percent = name.startswith(("coverage at", "share", "area"))
     scale, digits = (100, 1) if percent else (1, 1)

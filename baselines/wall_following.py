@@ -16,7 +16,7 @@ _STOP_M, _FREE_M = 0.9, 2.5  # ahead: turn on the spot; drive at full speed
 
 
 class WallFollowing:
-    """Drives on until there is a rib, keeps it 1.2 m to its right, turns left before what is ahead, and round corners."""
+    """Keeps a rib 1.2 m to its right, turns left before what is ahead, and goes round corners."""
 
     def __init__(self, robots: int, task: TaskParams) -> None:
         """Find the beams ahead, to the right, and between."""

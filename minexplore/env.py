@@ -137,7 +137,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         info = as_dict(outcome.info, 0)
         return outcome.observation[0], float(outcome.reward[0]), False, bool(outcome.truncated[0]), info
 
-    def render(self) -> np.ndarray | None:
+    def render(self) -> np.ndarray | None:  # type: ignore[override]
         """Return a picture (480, 640, 3) uint8 in mode `rgb_array`, else None."""
         if self.render_mode != "rgb_array":
             return None

@@ -140,7 +140,7 @@ class MineVectorEnv(VectorEnv):
         merged = _merge(info, _spread(started, over, self.num_envs), over)
         return {**merged, "final_obs": last, "_final_obs": ended, "final_info": final, "_final_info": ended.copy()}
 
-    def render(self) -> tuple[np.ndarray, ...] | None:
+    def render(self) -> tuple[np.ndarray, ...] | None:  # type: ignore[override]
         """Return one picture (480, 640, 3) uint8 a robot in mode `rgb_array`, else None."""
         if self.render_mode is None:
             return None

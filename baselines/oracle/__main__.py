@@ -20,11 +20,15 @@ from baselines.oracle.record import BOUNDS, Bound, read_bounds
 from baselines.oracle.tour import OracleTour, plan_tour
 from baselines.protocol import Episode, chain, head_of, make_env, run_episodes
 from baselines.results import RESULTS
-from minexplore.vector import MineVectorEnv
 
-BAND_S = 4.0
+_BANDS = 150  # of the horizon; shorter bands make a closer bound and a harder problem
 _TIMES_S = (0, 10, 20, 30, 45, 60, 90, 120, 150, 200, 250, 300, 350, 400, 450, 500, 550, 600)
-_BUDGETS = (1.0, 0.92, 0.85, 0.78)  # of the horizon, for which a tour is planned: turning takes time that a bound does not
+_BUDGETS = (
+    1.0,
+    0.92,
+    0.85,
+    0.78,
+)  # of the horizon, for which a tour is planned: turning takes time that a bound does not
 _SEEDS = list(range(20))
 
 
@@ -32,7 +36,7 @@ def settle(env_id: str, limit_s: float, pictures: Path) -> tuple[Bound, float]:
     """Compute an environment's bound, drive its oracle tour, write its results; return bound and the tour's cells."""
     env = make_env(env_id, len(_SEEDS), os.cpu_count() or 1)
     horizon = env.task.max_steps * env.task.control_s
-    network = time_network(env.explorers, BAND_S)
+    network = time_network(env.explorers, horizon / _BANDS)
     times = [t for t in _TIMES_S if t <= horizon]
     bar = tqdm([*times, *_BUDGETS], desc=env_id, disable=None)
     most: list[int] = []
@@ -78,8 +82,8 @@ def main() -> None:
         BOUNDS.write_text(json.dumps(bounds, indent=1) + "\n")
         share = reached / bound.cells
         print(
-            f"{env_id}: at {bound.time_s[-1]:g} s no robot can have seen more than {bound.most[-1]} of {bound.cells} cells "
-            f"({bound.most[-1] / bound.cells:.1%}); the tour saw {reached:.0f} ({share:.1%})"
+            f"{env_id}: at {bound.time_s[-1]:g} s no robot can have seen more than {bound.most[-1]} of {bound.cells} "
+            f"cells ({bound.most[-1] / bound.cells:.1%}); the tour saw {reached:.0f} ({share:.1%})"
         )
 
 

@@ -43,7 +43,7 @@ def best_walk(network: TimeNetwork, seconds: float, limit_s: float = 60.0) -> Wa
     hops = nx.single_source_shortest_path_length(network.graph, network.root, cutoff=passages)
     nodes = sorted(hops)
     number = {node: i for i, node in enumerate(nodes)}
-    near = nx.Graph(network.graph.subgraph(hops))
+    near: nx.Graph = nx.Graph(network.graph.subgraph(hops))
     near.remove_edges_from(list(nx.selfloop_edges(near)))
     arcs = sorted({(number[a], number[b]) for u, v in near.edges for a, b in ((u, v), (v, u))})
     groups = _groups(network, nodes)

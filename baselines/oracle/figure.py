@@ -25,11 +25,15 @@ def draw_oracle(env_id: str, env: MineVectorEnv, bound: Bound, episodes: list[Ep
     rows, cols = world.clearance_m.shape
     west, south = world.origin_m
     frame = (west, west + cols * world.cell_m, south, south + rows * world.cell_m)
-    plan.imshow(world.clearance_m > 0, origin="lower", extent=frame, cmap=matplotlib.colors.ListedColormap([_ROCK, "white"]))
+    plan.imshow(
+        world.clearance_m > 0, origin="lower", extent=frame, cmap=matplotlib.colors.ListedColormap([_ROCK, "white"])
+    )
     grid = env.explorers.grid
     r, c = np.nonzero(grid.reachable)
     if np.isfinite(task.region_m):
-        plan.plot(*(grid.origin_m + (np.column_stack([c, r]) + 0.5) * grid.cell_m).T, ".", ms=2, color="#9ec5e8", zorder=1)
+        plan.plot(
+            *(grid.origin_m + (np.column_stack([c, r]) + 0.5) * grid.cell_m).T, ".", ms=2, color="#9ec5e8", zorder=1
+        )
     way, times = np.array(episodes[0].path_cm) / 100, sample_times(episodes[0], task.control_s)
     dots = plan.scatter(*way.T, c=times, cmap="viridis", s=7, zorder=2)
     plan.plot(*way[0], "o", color=_INK, ms=6)
@@ -39,9 +43,17 @@ def draw_oracle(env_id: str, env: MineVectorEnv, bound: Bound, episodes: list[Ep
     if np.isfinite(task.region_m):
         plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     plan.set(title=f"{env_id}: the oracle's tour", xlabel="easting, m", ylabel="northing, m")
-    curve.step([*bound.time_s], np.array(bound.most) / bound.cells, where="pre", color=_INK, label="no robot can have seen more")
+    curve.step(
+        [*bound.time_s],
+        np.array(bound.most) / bound.cells,
+        where="pre",
+        color=_INK,
+        label="no robot can have seen more",
+    )
     for episode in episodes:
-        curve.plot(sample_times(episode, task.control_s), np.array(episode.seen) / bound.cells, color=_BLUE, lw=0.8, alpha=0.5)
+        curve.plot(
+            sample_times(episode, task.control_s), np.array(episode.seen) / bound.cells, color=_BLUE, lw=0.8, alpha=0.5
+        )
     curve.plot([], [], color=_BLUE, label=f"the oracle's tour, {len(episodes)} seeds")
     curve.axhline(0.9, color="#b04a2f", lw=1, ls=":", label="the paper's target")
     curve.set(xlabel="time, s", ylabel="coverage", ylim=(0, 1.02), xlim=(0, bound.time_s[-1]))

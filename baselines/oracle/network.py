@@ -62,7 +62,7 @@ def time_network(explorers: Explorers, band_s: float) -> TimeNetwork:
     count = int(regions.max())
     ends = _join(regions, band)
     passable = np.unique(_touching(regions, band)[:, 0])  # regions with something beyond them
-    graph = nx.MultiGraph()
+    graph: nx.MultiGraph = nx.MultiGraph()
     graph.add_nodes_from(ends[1:, 0].tolist())
     graph.add_edges_from(ends[passable].tolist())
     root = int(ends[regions[start], 0])

@@ -13,7 +13,7 @@ BOUNDS = Path(__file__).parents[1] / "results" / "bounds.json"
 
 
 class Bound(BaseModel):
-    """The most cells of `cells` that any robot can have seen by `time_s`; a bound between two times is the later one's."""
+    """The most of `cells` that any robot can have seen by `time_s`; between two times it is the later one's."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     world_sha256: str

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import networkx as nx
@@ -28,15 +29,18 @@ def plan_tour(network: TimeNetwork, walk: Walk, world: World) -> np.ndarray:
     BaselineError
         If the walk does not hang together.
     """
-    passages = nx.MultiDiGraph(walk.passages)
+    passages: nx.MultiDiGraph = nx.MultiDiGraph(walk.passages)
     if not walk.passages or not nx.has_eulerian_path(passages, network.root):
         raise BaselineError("oracle: no walk to drive")
     nodes = [network.root, *(v for _, v in nx.eulerian_path(passages, network.root))]
     off = np.clip((_SOFT_M - world.clearance_m) / _SOFT_M, 0, 1)
     cost = np.where(network.standing, 1.0 + 8.0 * off**2, -1.0)
     path = [network.places[network.root][None]]
-    for here, there in zip(nodes, nodes[1:], strict=False):
-        start, end = (tuple(np.floor((network.places[p] - world.origin_m) / world.cell_m).astype(int)[::-1]) for p in (here, there))
+    for here, there in itertools.pairwise(nodes):
+        start, end = (
+            tuple(np.floor((network.places[p] - world.origin_m) / world.cell_m).astype(int)[::-1])
+            for p in (here, there)
+        )
         low = np.maximum(np.minimum(start, end) - 60, 0)
         high = np.maximum(start, end) + 61
         ways = MCP_Geometric(cost[low[0] : high[0], low[1] : high[1]], fully_connected=True)

@@ -25,9 +25,10 @@ def build_algorithm(settings: TrainSettings, steps_done: int) -> Algorithm:
     }  # fmt: skip
     single = make_training_env(context)
     ppo, recurrent = settings.ppo, settings.model.kind == "lstm"
+    memory = {"lstm_cell_size": settings.model.cell, "max_seq_len": settings.model.sequence}
     model = DefaultModelConfig(
         fcnet_hiddens=settings.model.hidden, fcnet_activation="tanh", vf_share_layers=False, free_log_std=True,
-        use_lstm=recurrent, **({"lstm_cell_size": settings.model.cell, "max_seq_len": settings.model.sequence} if recurrent else {}),
+        use_lstm=recurrent, **(memory if recurrent else {}),
     )  # fmt: skip
     config = (
         PPOConfig()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import sys
 import time
 from pathlib import Path
@@ -103,7 +104,9 @@ def _claim(folder: Path, settings: TrainSettings) -> None:
         then = TrainSettings.model_validate_json(file.read_bytes())
         if then.model_copy(update={"steps": settings.steps}) != settings:
             changed = [k for k, v in then.model_dump().items() if v != settings.model_dump()[k] and k != "steps"]
-            raise BaselineError(f"{folder}: holds a run of other settings ({', '.join(changed)}); remove it or rename it")
+            raise BaselineError(
+                f"{folder}: holds a run of other settings ({', '.join(changed)}); remove it or rename it"
+            )
         if settings.steps > then.steps:
             (folder / "reached.json").unlink(missing_ok=True)
     file.write_text(settings.model_dump_json(indent=2) + "\n")
@@ -134,7 +137,7 @@ def _line(result: dict[str, Any], history: dict[str, Any], span: int, seconds: f
     history["steps"] += sampled
     history["episodes"] += rows
     learner = result["learners"][_MODULE]
-    recent = history["episodes"][-span :]
+    recent = history["episodes"][-span:]
     rolling = {k: round(float(np.mean([e[k] for e in recent])), 4) if recent else None for k in FIGURES}
     if len(history["episodes"]) >= span:
         history["best"] = max(history["best"], rolling["coverage"])
@@ -158,6 +161,7 @@ def _stop(settings: TrainSettings, history: dict[str, Any]) -> str | None:
     stop = settings.stop
     if len(history["episodes"]) >= stop.window:
         rolling = _rolling(history, settings, "coverage")
+        assert rolling is not None
         if rolling >= stop.coverage:
             return "target coverage"
         if history["steps"] >= stop.after and rolling <= history["best"] - stop.drop:
@@ -175,8 +179,14 @@ def _save(algorithm: Any, checkpoint: Path) -> None:
     fresh.rename(checkpoint)
 
 
+def _interrupt(kind: int, frame: object) -> None:
+    raise KeyboardInterrupt
+
+
 def main() -> None:
-    """Compose the settings from the command line and train."""
+    """Compose the settings from the command line and train; both ways to end a run save it first."""
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(kind, _interrupt)
     settings = compose_settings(sys.argv[1:])
     make_env(settings.env, 1).close()  # an unknown id is refused before Ray starts
     facts = train(settings, RUNS / settings.name)

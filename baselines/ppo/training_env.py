@@ -7,6 +7,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.vector import VectorEnv, VectorWrapper
+from gymnasium.vector.utils import batch_space
 
 import minexplore
 from baselines.errors import BaselineError
@@ -19,7 +20,8 @@ FIGURES = ("coverage", "collisions", "return", "steps")
 class TrainingEnv(VectorWrapper):
     """`FIGURES` of an episode come in the info of its last step, unscaled.
 
-    Rewards are the paper's, scaled, and a bonus for every new cell if one is asked for. The first episodes end at random steps, so that the robots' episodes do not all end in one iteration.
+    Rewards are the paper's, scaled, and a bonus for every new cell if one is asked for. The first episodes end at
+    random steps, so that the robots' episodes do not all end in one iteration.
     """
 
     def __init__(self, env: VectorEnv, observation: str, reward_scale: float, cell_bonus: float, seed: int) -> None:
@@ -28,26 +30,16 @@ class TrainingEnv(VectorWrapper):
         self._mine: MineVectorEnv = env.unwrapped
         self._scale, self._bonus, self._rng = reward_scale, cell_bonus, np.random.default_rng(seed)
         self._maps = MapObserver(self.num_envs, self._mine.task) if observation == "map" else None
-        self._space = self._mine.single_observation_space
         if self._maps is not None:
-            size = (self._maps.size,)
-            low = np.concatenate([self._space.low, np.zeros(size, np.float32)])
-            high = np.concatenate([self._space.high, np.ones(size, np.float32)])
-            self._space = gymnasium.spaces.Box(low, high, dtype=np.float32)
+            plain, size = self._mine.single_observation_space, self._maps.size
+            low = np.concatenate([plain.low, np.zeros(size, np.float32)])
+            high = np.concatenate([plain.high, np.ones(size, np.float32)])
+            self.single_observation_space = gymnasium.spaces.Box(low, high, dtype=np.float32)
+            self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._return, self._steps, self._cells = (np.zeros(self.num_envs) for _ in range(3))
         self._over = np.zeros(self.num_envs, dtype=bool)
 
-    @property
-    def single_observation_space(self) -> gymnasium.spaces.Box:
-        """Return the space of one robot's observation."""
-        return self._space
-
-    @property
-    def observation_space(self) -> gymnasium.Space:
-        """Return the space of all robots' observations."""
-        return gymnasium.vector.utils.batch_space(self._space, self.num_envs)
-
-    def reset(self, **kwargs: Any) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(self, **kwargs: Any) -> tuple[np.ndarray, dict[str, Any]]:  # type: ignore[override]
         """Reset all robots."""
         observation, info = self.env.reset(**kwargs)
         self._mine.explorers.steps[:] = self._rng.integers(self._mine.task.max_steps, size=self.num_envs)
@@ -55,7 +47,9 @@ class TrainingEnv(VectorWrapper):
         self._cells = info["cells_seen"].copy()
         return self._with_map(observation, np.arange(self.num_envs), info), {}
 
-    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+    def step(  # type: ignore[override]
+        self, actions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Step all robots."""
         observation, reward, terminated, truncated, info = self.env.step(actions)
         self._return = np.where(self._over, 0.0, self._return + reward)

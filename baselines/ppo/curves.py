@@ -1,0 +1,134 @@
+"""Training curves and the table of runs, beside the paper's: `python -m baselines.ppo.curves`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+
+from baselines.errors import BaselineError, run_command
+from baselines.ppo.settings import TrainSettings
+from baselines.ppo.train import RUNS
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+KEPT = Path("baselines/results/training")
+_PAPER = {42: ("TC", 257, 100.00, 89.79), 142: ("ED", 962, 70.05, 85.43), 242: ("ED", 416, 70.77, 89.39),
+          342: ("TC", 432, 89.83, 89.95), 442: ("TC", 282, 92.00, 89.88)}  # fmt: skip
+_PAPER_MEAN = "84.53, 12.02; 88.89, 1.74 (population SD)"
+_HEADLINE = "ChileanMineEntrance-beams-mlp"
+_STOPS = {"target coverage": "TC", "coverage drop": "ED", "steps": "steps"}
+_AXES = (("rolling_coverage", "coverage"), ("rolling_collisions", "steps in touch with rock, an episode"),
+         ("rolling_return", "return, the paper's reward"))  # fmt: skip
+_POINTS = 200
+
+
+def keep(runs: Path = RUNS, kept: Path = KEPT) -> None:
+    """Thin the finished and unfinished runs' progress to what the curves need, small enough to be tracked."""
+    for progress in sorted(runs.glob("*/progress.jsonl")):
+        lines = [json.loads(line) for line in progress.read_text().splitlines()]
+        if not lines:
+            continue
+        settings = TrainSettings.model_validate_json((progress.parent / "settings.json").read_bytes())
+        picked = sorted({round(i) for i in np.linspace(0, len(lines) - 1, _POINTS)})
+        reached, last = progress.parent / "reached.json", lines[-1]
+        record = {
+            "run": settings.name,
+            "seed": settings.seed,
+            "env": settings.env,
+            "settings": settings.model_dump(mode="json"),
+            "stop": json.loads(reached.read_text())["stop"] if reached.is_file() else "unfinished",
+            "steps": last["steps"],
+            "episodes": sum(len(line["episodes"]) for line in lines),
+            "steps_per_s": round(float(np.median([line["steps_per_s"] for line in lines])), 1),
+            "final_coverage": last["rolling_coverage"],
+            "best_rolling_coverage": last["best_rolling_coverage"],
+            "points": {k: [lines[i][k] for i in picked] for k in ("steps", *(name for name, _ in _AXES))},
+        }
+        kept.mkdir(parents=True, exist_ok=True)
+        (kept / f"{settings.name}.json").write_text(json.dumps(record) + "\n")
+
+
+def read_runs(kept: Path = KEPT) -> dict[str, list[dict[str, Any]]]:
+    """Return the runs by what was trained (environment, observation, model), each sorted by seed.
+
+    Raises
+    ------
+    BaselineError
+        If there is none.
+    """
+    runs: dict[str, list[dict[str, Any]]] = {}
+    for file in sorted(kept.glob("*.json")):
+        record = json.loads(file.read_text())
+        runs.setdefault(record["run"].rsplit("-", 1)[0], []).append(record)
+    if not runs:
+        raise BaselineError(f"{kept}: no runs; `make train SEED=42` makes one")
+    return {name: sorted(group, key=lambda r: r["seed"]) for name, group in runs.items()}
+
+
+def draw_curves(runs: dict[str, list[dict[str, Any]]], path: Path) -> None:
+    """Draw coverage, collisions and return over training, mean and spread (1 SD) over seeds."""
+    figure, axes = plt.subplots(1, 3, figsize=(13, 3.8), layout="constrained")
+    for axis, (key, label) in zip(axes, _AXES, strict=True):
+        for colour, (name, group) in zip(("#1f5a94", "#b04a2f", "#3c7d4e", "#7a5aa0"), runs.items(), strict=False):
+            end = min(r["points"]["steps"][-1] for r in group)
+            steps = np.linspace(0, end, _POINTS)
+            curves = np.array([_along(steps, r["points"]["steps"], r["points"][key]) for r in group])
+            middle, spread = curves.mean(axis=0), curves.std(axis=0, ddof=1) if len(group) > 1 else np.zeros(_POINTS)
+            axis.plot(steps / 1e6, middle, color=colour, label=f"{name}, {len(group)} seed{'s' * (len(group) > 1)}")
+            axis.fill_between(steps / 1e6, middle - spread, middle + spread, color=colour, alpha=0.2, lw=0)
+        axis.set(xlabel="environment steps, millions", ylabel=label)
+    axes[0].axhline(0.9, color="#222222", ls=":", lw=1)
+    axes[1].set_yscale("symlog", linthresh=1)
+    axes[2].set_yscale("symlog", linthresh=20)
+    axes[0].legend(frameon=False, fontsize=7)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def _along(at: np.ndarray, steps: list[float], values: list[float | None]) -> np.ndarray:
+    known = np.array([(s, v) for s, v in zip(steps, values, strict=True) if v is not None])
+    return np.interp(at, known[:, 0], known[:, 1])
+
+
+def table(runs: dict[str, list[dict[str, Any]]]) -> str:
+    """Return the runs as Markdown, the paper's Table I beside the five seeds."""
+    names = ("run", "seed", "stop", "steps", "episodes", "final coverage, %", "best rolling, %", "steps/s",
+             "paper: stop, episodes, final, best")  # fmt: skip
+    rows: list[tuple[Any, ...]] = [names, ("---",) * len(names)]
+    for name, group in runs.items():
+        headline = name == _HEADLINE
+        for r in group:
+            rows.append((
+                name, r["seed"], _STOPS.get(r["stop"], r["stop"]), f"{r['steps']:,}", f"{r['episodes']:,}",
+                f"{100 * r['final_coverage']:.2f}", f"{100 * r['best_rolling_coverage']:.2f}",
+                f"{r['steps_per_s']:,.0f}",
+                ", ".join(map(str, _PAPER[r["seed"]])) if headline and r["seed"] in _PAPER else "",
+            ))  # fmt: skip
+        if len(group) > 1:
+            final, best = (np.array([100 * r[k] for r in group]) for k in ("final_coverage", "best_rolling_coverage"))
+            spread = (f"{v.mean():.2f}, {v.std(ddof=1):.2f}" for v in (final, best))
+            rows.append((name, "mean, SD", "", "", "", *spread, "", _PAPER_MEAN if headline else ""))
+    return "\n".join(f"| {' | '.join(map(str, row))} |" for row in rows) + "\n"
+
+
+def main() -> None:
+    """Keep what the curves need, draw them, write the table."""
+    keep()
+    runs = read_runs()
+    draw_curves(runs, Path("docs/training.png"))
+    Path("docs/training.md").write_text(
+        "# Training runs\n\nWritten by `make curves` from `baselines/results/training/`. Coverage with commands drawn\n"
+        "by chance, as in training, over the last 100 episodes; the paper's denominator is not stated.\n\n"
+        "![Coverage, collisions and return over training](training.png)\n\n" + table(runs)
+    )
+    print("docs/training.md and docs/training.png are written")
+
+
+if __name__ == "__main__":
+    sys.exit(run_command("curves", main))

@@ -1,0 +1,87 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from safetensors.numpy import save_file
+
+from baselines.errors import BaselineError
+from baselines.learned import LearnedPolicy
+from minexplore.task import TaskParams
+
+ENCODER = "encoder.actor_encoder."
+
+
+def write_policy(path: Path, kind: str, inputs: int = 19, hidden: int = 8, cell: int = 6):
+    """Write a policy of random weights as training exports it; return its arrays."""
+    rng = np.random.default_rng(1)
+    room = f"{ENCODER}net." if kind == "mlp" else f"{ENCODER}tokenizer.net."
+    arrays = {f"{room}mlp.0.weight": (hidden, inputs), f"{room}mlp.0.bias": (hidden,)}
+    if kind == "lstm":
+        arrays |= {
+            f"{ENCODER}lstm.weight_ih_l0": (4 * cell, hidden), f"{ENCODER}lstm.weight_hh_l0": (4 * cell, cell),
+            f"{ENCODER}lstm.bias_ih_l0": (4 * cell,), f"{ENCODER}lstm.bias_hh_l0": (4 * cell,),
+        }  # fmt: skip
+    arrays |= {
+        "pi.net.mlp.0.weight": (2, cell if kind == "lstm" else hidden),
+        "pi.net.mlp.0.bias": (2,),
+        "pi.log_std": (2,),
+    }
+    made = {name: rng.normal(0, 0.5, shape).astype(np.float32) for name, shape in arrays.items()}
+    model = {"kind": kind, "hidden": [hidden], "cell": cell if kind == "lstm" else 0, "sequence": 0}
+    about = {"format": "minexplore-policy/1", "env": "x", "observation": "beams", "model": json.dumps(model),
+             "seed": "1", "reached": "{}"}  # fmt: skip
+    save_file(made, str(path), metadata=about)
+    return made
+
+
+def test_a_network_gives_what_its_layers_say(tmp_path):
+    arrays = write_policy(tmp_path / "p.safetensors", "mlp")
+    policy = LearnedPolicy(tmp_path / "p.safetensors", 3, TaskParams(), sample=False)
+    observation = np.random.default_rng(0).random((3, 19)).astype(np.float32)
+    hidden = np.tanh(observation @ arrays[f"{ENCODER}net.mlp.0.weight"].T + arrays[f"{ENCODER}net.mlp.0.bias"])
+    expected = np.clip(hidden @ arrays["pi.net.mlp.0.weight"].T + arrays["pi.net.mlp.0.bias"], -1, 1)
+    np.testing.assert_allclose(policy.act(observation, {}), expected, rtol=1e-5)
+
+
+def test_a_memory_gives_what_torch_gives_and_forgets_on_reset(tmp_path):
+    torch = pytest.importorskip("torch", reason="torch comes with `make setup-baselines`")
+    arrays = write_policy(tmp_path / "p.safetensors", "lstm")
+    policy = LearnedPolicy(tmp_path / "p.safetensors", 2, TaskParams(), sample=False)
+    lstm = torch.nn.LSTM(8, 6)
+    lstm.load_state_dict({k: torch.tensor(arrays[f"{ENCODER}lstm.{k}"]) for k in lstm.state_dict()})
+    observations = np.random.default_rng(0).random((5, 2, 19)).astype(np.float32)
+    room = f"{ENCODER}tokenizer.net.mlp.0."
+    tokens = np.tanh(observations @ arrays[f"{room}weight"].T + arrays[f"{room}bias"])
+    with torch.no_grad():
+        states = lstm(torch.tensor(tokens))[0].numpy()
+    expected = np.clip(states @ arrays["pi.net.mlp.0.weight"].T + arrays["pi.net.mlp.0.bias"], -1, 1)
+    found = np.stack([policy.act(observation, {}) for observation in observations])
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    policy.reset(np.array([0]), np.array([0]))
+    again = policy.act(observations[0], {})
+    np.testing.assert_allclose(again[0], expected[0, 0], atol=1e-5)
+    assert not np.allclose(again[1], expected[0, 1])
+
+
+def test_what_is_drawn_depends_on_the_seed_of_the_episode(tmp_path):
+    write_policy(tmp_path / "p.safetensors", "mlp")
+    policy = LearnedPolicy(tmp_path / "p.safetensors", 2, TaskParams())
+    drawn = []
+    for _ in range(2):
+        policy.reset(np.arange(2), np.array([7, 8]))
+        drawn.append(policy.act(np.zeros((2, 19), np.float32), {}))
+    np.testing.assert_array_equal(*drawn)
+    assert not np.allclose(drawn[0][0], drawn[0][1])
+
+
+def test_files_that_are_no_policy_are_refused_by_name(tmp_path):
+    write_policy(tmp_path / "wide.safetensors", "mlp", inputs=33)
+    (tmp_path / "text.safetensors").write_text("not a policy")
+    save_file({"a": np.zeros(2)}, str(tmp_path / "other.safetensors"))
+    for name, message in (
+        ("wide", "takes 33 numbers, an observation of this environment has 19"), ("text", "not a policy's file"),
+        ("other", "format None"), ("none", "no such file"),
+    ):  # fmt: skip
+        with pytest.raises(BaselineError, match=message):
+            LearnedPolicy(tmp_path / f"{name}.safetensors", 1, TaskParams())

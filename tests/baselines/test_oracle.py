@@ -1,0 +1,84 @@
+import itertools
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from baselines.oracle.bound import best_walk
+from baselines.oracle.network import TimeNetwork, time_network
+from baselines.oracle.tour import OracleTour, plan_tour
+from baselines.policy import make_policy
+from baselines.protocol import make_env, run_episodes
+
+
+def network_of(edges, credit, root=0):
+    graph = nx.MultiGraph(edges)
+    cells = {node: np.array(sorted(credit.get(node, [])), dtype=int) for node in graph}
+    return TimeNetwork(graph, root, 1.0, cells, {}, np.zeros((0, 0)), np.zeros((0, 0)))
+
+
+def best_by_hand(network, passages):
+    """Return the most cells that a walk of so many passages sees, by trying all walks."""
+    best, reached = 0, {(network.root, frozenset([network.root]))}
+    for _ in range(passages + 1):
+        best = max(best, *(len(set().union(*(network.credit[n].tolist() for n in seen))) for _, seen in reached))
+        reached = {(v, seen | {v}) for u, seen in reached for v in network.graph[u]} | reached
+    return best
+
+
+def test_a_branch_that_is_left_again_costs_its_length_twice():
+    edges = [(0, 1), (1, 2), (0, 3), (3, 4)]
+    network = network_of(edges, {0: [0], 1: [1], 2: [2, 3], 3: [4], 4: [5]})
+    assert [best_walk(network, s).most for s in range(7)] == [1, 2, 4, 4, 5, 5, 6]
+
+
+@given(st.data())
+@settings(max_examples=40, deadline=None)
+def test_the_best_walk_is_that_of_trying_all(data):
+    size = data.draw(st.integers(2, 7))
+    edges = [(data.draw(st.integers(0, i - 1)), i) for i in range(1, size)]
+    for _ in range(data.draw(st.integers(0, 2))):  # loops
+        u, v = data.draw(st.integers(0, size - 1)), data.draw(st.integers(0, size - 1))
+        if u != v:
+            edges.append((u, v))
+    credit = {i: data.draw(st.lists(st.integers(0, 12), max_size=4)) for i in range(size)}
+    network = network_of(edges, credit)
+    passages = data.draw(st.integers(0, 8))
+    walk = best_walk(network, passages)
+    assert walk.most == walk.found == best_by_hand(network, passages)
+    used = nx.MultiDiGraph(walk.passages)
+    assert not walk.passages or nx.has_eulerian_path(used, network.root)
+
+
+def test_no_explorer_beats_the_bound_and_the_tour_comes_near(tee_id):
+    env = make_env(tee_id, 2)
+    network = time_network(env.explorers, 2.0)
+    horizon = env.task.max_steps * env.task.control_s
+    bounds = {t: best_walk(network, t).most for t in np.linspace(0, horizon, 11)}
+    tour = OracleTour(2, env.task, plan_tour(network, best_walk(network, horizon), env.world))
+    reached = []
+    for policy in (tour, make_policy("information-gain", 2, env.task)):
+        for episode in run_episodes(env, policy, [0, 1], lambda n: None):
+            reached.append(episode.seen[-1])
+            for t, most in bounds.items():  # samples lie 2 s apart
+                sample = min(int(t / 2), len(episode.seen) - 1)
+                assert episode.seen[sample] <= most
+    assert reached[0] >= 0.85 * bounds[horizon]
+    env.close()
+
+
+def test_a_straight_drift_is_a_path_of_bands(tee_id):
+    env = make_env(tee_id, 1)
+    network = time_network(env.explorers, 2.0)
+    graph = nx.Graph(network.graph)
+    assert nx.is_forest(graph.subgraph(nx.node_connected_component(graph, network.root)))
+    ends = [n for n in graph if graph.degree(n) == 1 and n != network.root]
+    assert 2 <= len(ends) <= 4  # the tee's three ends, one of which may be where it begins
+    finite = network.arrival_s[np.isfinite(network.arrival_s)]
+    assert finite.max() == pytest.approx(finite.max(), abs=0)
+    places = np.array([network.places[n] for n in graph])
+    assert all(np.isfinite(places).ravel())
+    assert len(list(itertools.chain(network.credit))) == len(graph)
+    env.close()

@@ -1,0 +1,107 @@
+import numpy as np
+import pytest
+
+from baselines import pursuit
+from baselines.errors import BaselineError
+from baselines.map_observation import PATCH, MapObserver
+from baselines.mapping import FINE, FREE, ROCK, OwnMap
+from baselines.policy import CLASSICAL, make_policy, policy_sha256
+from baselines.protocol import make_env, run_episodes
+from minexplore.task import TaskParams
+
+BEARINGS = (2 * np.pi * np.arange(16) / 16 + np.pi) % (2 * np.pi) - np.pi
+
+
+def seen_from(place, yaw, box):
+    """Return the observation of a robot in an empty rectangular room (west, south, east, north)."""
+    west, south, east, north = box
+    bearing = yaw + 2 * np.pi * np.arange(16) / 16
+    along = np.column_stack([np.cos(bearing), np.sin(bearing)])
+    with np.errstate(divide="ignore"):
+        across = np.where(along > 0, ([east, north] - place) / along, ([west, south] - place) / along)
+    ranges = np.clip(np.abs(across).min(axis=1), 0.12, 10.0)
+    return np.concatenate([(ranges - 0.12) / 9.88, [0, 0, 0]]).astype(np.float32), ranges
+
+
+def test_a_patch_turns_with_the_robot():
+    maps = MapObserver(2, TaskParams())
+    place = np.array([1.0, 1.0])
+    poses = np.array([[*place, 0.0], [*place, np.pi / 2]])
+    room = (-3.0, -3.0, 30.0, 5.0)
+    patches = maps.observe(np.stack([seen_from(place, yaw, room)[0] for yaw in (0.0, np.pi / 2)]), poses)
+    one, other = patches.reshape(2, 3, PATCH, PATCH)
+    np.testing.assert_array_equal(np.rot90(one[0], -1), other[0])  # what lay ahead lies to the right
+    assert one[0].sum() > one[2].sum() == 1
+
+
+def test_a_patch_forgets_with_its_robot_alone():
+    maps = MapObserver(2, TaskParams())
+    observation = np.stack([seen_from(np.zeros(2), 0.0, (-4.0, -4.0, 4.0, 4.0))[0]] * 2)
+    maps.observe(observation, np.zeros((2, 3)))
+    maps.forget(np.array([1]))
+    assert maps.seen[0].any()
+    assert not maps.seen[1].any()
+
+
+def test_an_own_map_knows_a_room_and_its_open_end():
+    own = OwnMap(2.0)
+    room = (-3.9, -3.9, 40.0, 3.9)
+    rng = np.random.default_rng(0)
+    for x in np.arange(0.0, 6.0, 0.1):
+        yaw = rng.uniform(-np.pi, np.pi)
+        place = np.array([x, 0.0])
+        own.add(place, yaw + 2 * np.pi * np.arange(16) / 16, seen_from(place, yaw, room)[1], 10.0)
+    row, col = own.at(np.array([[0.0, 0.0], [3.0, 3.95], [-3.95, 0.0]]), own.fine_m)
+    assert own.fine[row, col].tolist() == [FREE, ROCK, ROCK]
+    frontier = np.argwhere(own.frontier())[:, ::-1] + own.low
+    assert (frontier[:, 0] * 2 >= 10).any()  # the open end
+    assert not ((np.abs(frontier[:, 1] * 2 + 1) < 3) & (frontier[:, 0] < 3)).any()  # nothing within the room
+    assert own.fine.shape == tuple(FINE * np.array(own.seen.shape))
+
+
+def test_pursuit_turns_towards_its_path_and_stops_before_rock():
+    clear, path = np.full(16, 10.0), np.column_stack([np.linspace(0, 5, 20), np.zeros(20)])
+    assert pursuit.follow(path, np.array([0.0, 0.0, 0.0]), BEARINGS, clear) == pytest.approx((1.0, 0.0))
+    assert pursuit.follow(path, np.array([0.0, 0.0, -0.5]), BEARINGS, clear)[1] > 0.5
+    assert pursuit.follow(path, np.array([0.0, 0.0, np.pi]), BEARINGS, clear)[0] == 0.0
+    blocked = clear.copy()
+    blocked[0] = 0.4
+    assert pursuit.follow(path, np.array([0.0, 0.0, 0.0]), BEARINGS, blocked)[0] <= 0.0
+
+
+def test_the_authors_heuristic_is_their_formula():
+    policy = make_policy("reactive", 2, TaskParams())
+    observation = np.full((2, 19), 0.8, np.float32)
+    observation[1, 0] = 0.4
+    observation[1, 4:6] = 0.3
+    expected = [[1.0, 0.0], [0.3, 0.5 * (0.6 - 1.6)]]
+    np.testing.assert_allclose(policy.act(observation, {}), expected, atol=1e-6)
+
+
+def test_random_commands_depend_on_the_seed_alone():
+    one, two = make_policy("random", 2, TaskParams()), make_policy("random", 1, TaskParams())
+    one.reset(np.arange(2), np.array([5, 6]))
+    two.reset(np.arange(1), np.array([6]))
+    for _ in range(25):
+        np.testing.assert_array_equal(one.act(np.zeros((2, 19)), {})[1], two.act(np.zeros((1, 19)), {})[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "least"), [("wall-following", 0.6), ("nearest-frontier", 0.8), ("information-gain", 0.8)]
+)
+def test_an_explorer_sees_a_small_mine_and_touches_nothing(tee_id, name, least):
+    env = make_env(tee_id, 2)
+    episodes = list(run_episodes(env, make_policy(name, 2, env.task), [0, 1], lambda n: None))
+    for episode in episodes:
+        assert episode.seen[-1] / env.explorers.grid.total >= least
+        assert episode.collided == 0
+    env.close()
+
+
+def test_every_policy_has_a_hash_of_its_own_and_unknown_ones_are_refused_with_the_choices():
+    hashes = {policy_sha256(make_policy(name, 1, TaskParams())) for name in CLASSICAL}
+    assert len(hashes) >= len(CLASSICAL) - 1  # the two frontier policies share their source
+    with pytest.raises(BaselineError, match=r"greedy.*valid choices are random, reactive"):
+        make_policy("greedy", 1, TaskParams())
+    with pytest.raises(BaselineError, match="valid choices are MineXplore/World-v0"):
+        make_env("MineXplore/Moon-v0", 1)

@@ -1,0 +1,204 @@
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from baselines.errors import BaselineError
+from baselines.leaderboard import leaderboard
+from baselines.oracle.record import Bound
+from baselines.policy import make_policy
+from baselines.protocol import Episode, chain, head_of, make_env, run_episodes
+from baselines.results import read_results
+from baselines.score import RejectedError, score
+from baselines.statistics import estimate, figures, interquartile_mean, sample_times
+from tests.conftest import ROOT
+
+SEEDS = [3, 4]
+
+
+@pytest.fixture
+def honest(tee_id, tmp_path):
+    """Return a results file of two episodes as the protocol writes it."""
+    env = make_env(tee_id, len(SEEDS))
+    policy = make_policy("wall-following", len(SEEDS), env.task)
+    head = head_of(tee_id, env, "wall-following", policy, SEEDS)
+    path = tmp_path / "wall-following.jsonl"
+    path.write_text(chain(head, list(run_episodes(env, policy, SEEDS, lambda n: None))))
+    env.close()
+    return path
+
+
+def forge(path, change_head=lambda head: head, change=lambda episode: episode):
+    """Rewrite a results file with a changed head or first episode, every hash in order."""
+    head, episodes = read_results(path)
+    head = type(head).model_validate(change_head(head.model_dump()))
+    first = Episode.model_validate(change(episodes[0].model_dump()))
+    path.write_text(chain(head, [first, *episodes[1:]]))
+
+
+def test_an_honest_file_passes_and_comes_out_the_same_when_driven_again(honest):
+    score(honest)
+    score(honest, rerun=2)
+
+
+def _set(**changes):
+    return lambda facts: facts | changes
+
+
+def _teleport(episode):
+    way = [list(p) for p in episode["path_cm"]]
+    way[5] = way[0]
+    way[6] = [way[6][0], way[6][1]]
+    return episode | {"path_cm": [tuple(p) for p in [*way[:5], way[40], *way[6:]]]}
+
+
+def _more_cells(episode):
+    seen = list(episode["seen"])
+    return episode | {"seen": [*seen[:10], *(s + 10 for s in seen[10:])]}
+
+
+def _falling(episode):
+    seen = list(episode["seen"])
+    return episode | {"seen": [*seen[:20], seen[20] - 5, *seen[21:]]}
+
+
+def _far_sight(episode):
+    return episode | {"seen": [episode["seen"][0], *([episode["seen"][-1]] * (len(episode["seen"]) - 1))]}
+
+
+def _short(episode):
+    return episode | {"steps": 400, "seen": episode["seen"][:21], "path_cm": episode["path_cm"][:21], "path_m": 58.0}
+
+
+def _in_rock(episode):
+    way = list(episode["path_cm"])
+    return episode | {"path_cm": [*way[:-1], (way[-1][0] + 120, way[-1][1] + 120)]}
+
+
+@pytest.mark.parametrize(
+    ("head", "episode", "reason"),
+    [
+        ({"world_sha256": "0" * 64}, None, "world 000000000000 is not"),
+        ({"cells": 100}, None, "100 reachable cells, the world has"),
+        ({}, _more_cells, "its cells, steps and collisions make|lie within"),
+        ({}, _falling, "coverage falls"),
+        ({}, _teleport, r"it goes [\d.]+ m, a robot"),
+        ({}, _far_sight, "lie within"),
+        ({}, _in_rock, "it is in rock|it goes"),
+        ({}, _set(returned=99.0), "return 99.0, its cells"),
+        ({}, _set(returned=860.0), "return 860.0, the equation allows 100"),
+        ({}, _set(collided=0, idle=0), "steps saw something new"),
+        ({}, _set(path_m=5000.0), "a way of 5000.0 m"),
+        ({}, _short, "without standing still"),
+        ({}, _set(steps=5000), "an episode has at most 1000"),
+    ],
+)
+def test_what_cannot_be_is_rejected_with_its_reason(honest, head, episode, reason):
+    forge(honest, _set(**head), episode or (lambda e: e))
+    with pytest.raises(RejectedError, match=reason):
+        score(honest)
+
+
+def test_a_seed_that_comes_twice_is_rejected(honest):
+    head, episodes = read_results(honest)
+    twice = head.model_copy(update={"seeds": [3, 3]})
+    honest.write_text(chain(twice, [episodes[0], episodes[0]]))
+    with pytest.raises(RejectedError, match="a seed comes twice"):
+        score(honest)
+
+
+def test_another_task_is_rejected(honest):
+    forge(honest, lambda head: head | {"task": head["task"] | {"max_forward_mps": 3.0}})
+    with pytest.raises(RejectedError, match=r"max_forward_mps = 3.0, it is 1.5"):
+        score(honest)
+
+
+def test_more_than_the_bound_allows_is_rejected(honest, monkeypatch):
+    head, _ = read_results(honest)
+    bound = Bound(world_sha256=head.world_sha256, cells=head.cells, time_s=[0, 20, 100], most=[20, 25, 30])
+    monkeypatch.setattr("baselines.score.bound_of", lambda env, world: bound.at)
+    with pytest.raises(RejectedError, match="no robot can have seen more than"):
+        score(honest)
+
+
+def test_a_line_edited_by_hand_breaks_the_chain(honest):
+    lines = honest.read_text().splitlines()
+    facts = json.loads(lines[1])
+    facts["seen"][-1] += 1
+    honest.write_text("\n".join([lines[0], json.dumps(facts), *lines[2:]]) + "\n")
+    with pytest.raises(BaselineError, match=r":3: the line before it was changed"):
+        score(honest)
+
+
+@pytest.mark.parametrize("kept", [0, 40, 200, -1])
+def test_a_file_that_is_cut_short_is_refused(honest, kept):
+    honest.write_text(honest.read_text()[:kept])
+    with pytest.raises(BaselineError, match="cut short"):
+        score(honest)
+
+
+def test_a_missing_episode_is_refused(honest):
+    honest.write_text("".join(honest.read_text().splitlines(keepends=True)[:-1]))
+    with pytest.raises(BaselineError, match="1 episodes, the head says 2 seeds"):
+        score(honest)
+
+
+def test_a_forged_file_driven_again_differs(honest):
+    forge(
+        honest, change=lambda e: e | {"path_cm": [*e["path_cm"][:-1], (e["path_cm"][-1][0] + 3, e["path_cm"][-1][1])]}
+    )
+    score(honest)
+    with pytest.raises(RejectedError, match="driven again"):
+        score(honest, rerun=1)
+
+
+def test_a_leaderboard_holds_each_policy_and_refuses_forged_files(honest, tmp_path):
+    folder = tmp_path / "results" / "Tee-v0"
+    folder.mkdir(parents=True)
+    (folder / "wall-following.jsonl").write_bytes(honest.read_bytes())
+    assert "| wall-following | 2 |" in leaderboard(tmp_path / "results")
+    forge(folder / "wall-following.jsonl", change=_set(returned=99.0))
+    with pytest.raises(RejectedError):
+        leaderboard(tmp_path / "results")
+
+
+def test_interquartile_means_are_those_of_the_middle_half():
+    assert interquartile_mean(np.array([0.0, 1.0, 2.0, 100.0])) == 1.5
+    found = estimate(list(np.random.default_rng(0).normal(5.0, 1.0, 400)))
+    assert found.low < 5.0 < found.high
+    assert found.high - found.low < 0.5
+    assert estimate([]).value is None
+
+
+def test_figures_of_an_episode_are_those_of_its_curve(honest):
+    head, episodes = read_results(honest)
+    shares = [e.seen[-1] / head.cells for e in episodes]
+    found = figures(head, episodes, lambda t: head.cells)
+    assert found["coverage at 100 s"].value == pytest.approx(np.mean(shares))
+    assert found["share of bound at 100 s"].value == pytest.approx(np.mean(shares))
+    times = sample_times(episodes[0], 0.1)
+    assert times[0] == 0
+    assert times[-1] == pytest.approx(episodes[0].steps * 0.1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["baselines.evaluate", "--policy", "greedy", "--env", "MineXplore/Moon-v0"], "valid choices are MineXplore/"),
+        (["baselines.evaluate", "--policy", "random"], "--policy and --env"),
+        (["baselines.evaluate", "--policy", "random", "--env", "x", "--episodes", "0"], "episodes = 0"),
+        (["baselines.score", "README.md"], "not the head of a results file"),
+        (["baselines.score", "no.jsonl"], "no.jsonl"),
+        (["baselines.oracle", "--env", "x"], "valid choices are MineXplore/"),
+        (["baselines.ppo.train", "ppo.lr=-1"], "ppo.lr = -1"),
+        (["baselines.ppo.train", "model=transformer"], "transformer"),
+        (["baselines.ppo.train", "env=moon"], "moon"),
+    ],
+)
+def test_bad_input_ends_with_one_message_and_code_two(arguments, message):
+    done = subprocess.run([sys.executable, "-m", *arguments], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 2, done.stderr
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
