@@ -60,10 +60,11 @@ class LearnedPolicy:
         if self._maps is not None:
             features = np.hstack([observation, self._maps.observe(observation, info["pose_m_rad"])])
         features = self._remember(features) if self.model.kind == "lstm" else self._layers(features, f"{_ENCODER}net.")
-        mean = features @ self._arrays[f"{_HEAD}weight"].T + self._arrays[f"{_HEAD}bias"]
+        head = features @ self._arrays[f"{_HEAD}weight"].T + self._arrays[f"{_HEAD}bias"]
+        mean, log_spread = head[:, :2], self._arrays["pi.log_std"] if "pi.log_std" in self._arrays else head[:, 2:]
         if self._sample:
-            spread = np.exp(np.clip(self._arrays["pi.log_std"], -20.0, 20.0))
-            mean = mean + spread * np.stack([rng.standard_normal(mean.shape[1]) for rng in self._rngs])
+            spread = np.exp(np.clip(log_spread, -20.0, 20.0))
+            mean = mean + spread * np.stack([rng.standard_normal(2) for rng in self._rngs])
         return np.clip(mean, -1.0, 1.0)
 
     def _layers(self, features: np.ndarray, room: str) -> np.ndarray:

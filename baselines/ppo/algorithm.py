@@ -26,8 +26,9 @@ def build_algorithm(settings: TrainSettings, steps_done: int) -> Algorithm:
     single = make_training_env(context)
     ppo, recurrent = settings.ppo, settings.model.kind == "lstm"
     memory = {"lstm_cell_size": settings.model.cell, "max_seq_len": settings.model.sequence}
+    # RLlib 2.60 has no spread of its own for the steps of a sequence: an LSTM gives it with the mean.
     model = DefaultModelConfig(
-        fcnet_hiddens=settings.model.hidden, fcnet_activation="tanh", vf_share_layers=False, free_log_std=True,
+        fcnet_hiddens=settings.model.hidden, fcnet_activation="tanh", vf_share_layers=False, free_log_std=not recurrent,
         use_lstm=recurrent, **(memory if recurrent else {}),
     )  # fmt: skip
     config = (

@@ -1,0 +1,153 @@
+"""Training by Ray and torch, which the extra `baselines` brings: `make test-train` runs these."""
+
+import json
+
+import numpy as np
+import pytest
+
+from baselines.errors import BaselineError
+from baselines.learned import LearnedPolicy
+from baselines.ppo import curves
+from baselines.ppo.settings import compose_settings
+from baselines.ppo.training_env import TrainingEnv
+from minexplore.reward import step_reward
+from minexplore.task import TaskParams
+from minexplore.vector import MineVectorEnv
+from tests.conftest import ROOT
+
+
+@pytest.fixture
+def settings(tee_id, monkeypatch):
+    """Return the settings of a run of a few seconds."""
+    monkeypatch.chdir(ROOT)
+    small = ["robots=4", "ppo.fragment=32", "ppo.minibatch=64", "ppo.epochs=2", "steps=512", "checkpoint_every=2"]
+
+    def with_(*overrides):
+        return compose_settings([*small, *overrides]).model_copy(update={"env": tee_id})
+
+    return with_
+
+
+def read(folder):
+    return [json.loads(line) for line in (folder / "progress.jsonl").read_text().splitlines()]
+
+
+def test_the_training_environment_tells_each_episode_once_and_unscaled(tee):
+    env = TrainingEnv(MineVectorEnv(3, tee.bundle, task={"max_steps": 40}), "beams", 0.5, 0.1, 0)
+    env.reset(seed=0)
+    twin = MineVectorEnv(3, tee.bundle, task={"max_steps": 40})
+    _, before = twin.reset(seed=0)
+    twin.explorers.steps[:] = env.unwrapped.explorers.steps
+    seen, total, ended = before["cells_seen"].copy(), np.zeros(3), 0
+    for _ in range(90):
+        action = np.tile([1.0, 0.3], (3, 1))
+        _, reward, _, truncated, told = env.step(action)
+        _, plain, _, over, info = twin.step(action)
+        fresh = info["steps"] == 0 if "steps" in info else np.zeros(3, dtype=bool)
+        new = info["cells_seen"] - seen
+        begun = new < 0
+        np.testing.assert_allclose(reward[~begun & ~fresh], (0.5 * plain + 0.1 * np.maximum(new, 0))[~begun & ~fresh])
+        total = np.where(begun, 0.0, total + plain)
+        seen = info["cells_seen"].copy()
+        np.testing.assert_array_equal(truncated, over)
+        if truncated.any():
+            ended += truncated.sum()
+            np.testing.assert_allclose(told["return"][truncated], total[truncated])
+            np.testing.assert_allclose(told["coverage"][truncated], info["coverage"][truncated])
+        else:
+            assert told == {}
+    assert ended >= 6
+    assert step_reward(np.array([0]), np.array([0]), 10, np.array([True]))[0] == pytest.approx(-15.002)
+
+
+def test_a_run_is_trained_resumed_after_a_kill_and_its_policy_used(settings, tmp_path):
+    pytest.importorskip("ray", reason="Ray comes with `make setup-baselines`")
+    from baselines.ppo.train import train
+
+    folder = tmp_path / "run"
+    assert train(settings(), folder)["stop"] == "steps"
+    first = read(folder)
+    (folder / "reached.json").unlink()
+    with (folder / "progress.jsonl").open("a") as log:  # an iteration that a kill kept out of the checkpoint
+        log.write(json.dumps(first[-1] | {"iteration": first[-1]["iteration"] + 1}) + '\n{"iteration": 7, "st')
+    reached = train(settings("steps=1024"), folder)
+    lines = read(folder)
+    assert [line["iteration"] for line in lines] == list(range(1, len(lines) + 1))
+    assert lines[: len(first)] == first
+    assert reached["steps"] == lines[-1]["steps"] >= 1024
+    policy = LearnedPolicy(folder / "policy.safetensors", 2, TaskParams())
+    assert np.abs(policy.act(np.zeros((2, 19), np.float32), {})).max() <= 1
+    with pytest.raises(BaselineError, match=r"run of other settings \(ppo\)"):
+        train(settings("ppo.lr=0.1"), folder)
+
+
+@pytest.mark.parametrize("overrides", [["model=lstm", "model.cell=16", "model.sequence=8"], ["observation=map"]])
+def test_what_is_exported_acts_as_what_was_trained(settings, tmp_path, overrides):
+    pytest.importorskip("ray", reason="Ray comes with `make setup-baselines`")
+    import torch
+    import tree
+
+    from baselines.ppo.algorithm import build_algorithm
+    from baselines.ppo.export import export_policy
+
+    chosen = settings(*overrides)
+    algorithm = build_algorithm(chosen, 0)
+    module = algorithm.get_module("default_policy")
+    export_policy(module, chosen, {}, tmp_path / "p.safetensors")
+    policy = LearnedPolicy(tmp_path / "p.safetensors", 3, TaskParams(), sample=False)
+    rng = np.random.default_rng(0)
+    poses = np.zeros((3, 3))
+    state = tree.map_structure(lambda v: torch.zeros(3, *v.shape), module.get_initial_state())
+    maps = LearnedPolicy(tmp_path / "p.safetensors", 3, TaskParams())._maps
+    for _ in range(4):
+        observation = rng.random((3, 19)).astype(np.float32)
+        given = observation if maps is None else np.hstack([observation, maps.observe(observation, poses)])
+        batch = {"obs": torch.tensor(given)}
+        if state:
+            batch = {"obs": batch["obs"][:, None], "state_in": state}
+        with torch.no_grad():
+            out = module.forward_inference(batch)
+        state = out.get("state_out", {})
+        mean = out["action_dist_inputs"].reshape(3, -1)[:, :2].numpy()
+        np.testing.assert_allclose(policy.act(observation, {"pose_m_rad": poses}), np.clip(mean, -1, 1), atol=1e-5)
+    algorithm.stop()
+
+
+@pytest.mark.slow
+def test_the_same_code_trains_on_a_cluster_of_two_nodes(built, tmp_path, monkeypatch):
+    ray = pytest.importorskip("ray", reason="Ray comes with `make setup-baselines`")
+    from ray.cluster_utils import Cluster
+
+    from baselines.ppo.train import train
+
+    monkeypatch.chdir(ROOT)
+    if ray.is_initialized():
+        ray.shutdown()
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    cluster.add_node(num_cpus=1)
+    monkeypatch.setenv("RAY_ADDRESS", cluster.address)
+    small = ["runners=2", "robots=4", "ppo.fragment=32", "ppo.minibatch=64", "ppo.epochs=1", "steps=512"]
+    reached = train(compose_settings(small), tmp_path / "run")
+    assert reached["steps"] >= 512
+    assert len({n["NodeID"] for n in ray.nodes() if n["Alive"]}) == 2
+    ray.shutdown()
+    cluster.shutdown()
+
+
+def test_curves_show_every_run_beside_the_paper(tmp_path):
+    run = tmp_path / "runs" / "ChileanMineEntrance-beams-mlp-42"
+    run.mkdir(parents=True)
+    (run / "settings.json").write_text(compose_settings([]).model_dump_json())
+    line = {"steps": 0, "steps_per_s": 1.0, "episodes": [{}], "rolling_coverage": None, "rolling_collisions": None,
+            "rolling_return": None, "best_rolling_coverage": 0.0}  # fmt: skip
+    some = [line, *(line | {"steps": 100 * i, "rolling_coverage": 0.1 * i, "rolling_collisions": 2.0 / i,
+                            "rolling_return": 5.0 * i, "best_rolling_coverage": 0.1 * i} for i in range(1, 5))]  # fmt: skip
+    (run / "progress.jsonl").write_text("".join(json.dumps(each) + "\n" for each in some))
+    curves.keep(tmp_path / "runs", tmp_path / "kept")
+    runs = curves.read_runs(tmp_path / "kept")
+    text = curves.table(runs)
+    assert "| 42 | unfinished | 400 | 5 | 40.00 | 40.00 | 1 | TC, 257, 100.0, 89.79 |" in text
+    curves.draw_curves(runs, tmp_path / "c.png")
+    assert (tmp_path / "c.png").stat().st_size > 10_000
+    with pytest.raises(BaselineError, match="no runs"):
+        curves.read_runs(tmp_path / "empty")
