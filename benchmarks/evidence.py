@@ -89,7 +89,7 @@ def proof_tables() -> list[str]:
         "",
         f"Typical factor {holdout['built_factor']:.2f}; of the halves themselves {holdout['source_factor']:.2f}.",
     ]
-    mutants = read(Path("artifacts/validation/mutants.json"), "mutants")
+    mutants = read(PROOF / "mutants.json", "mutants")
     lines += [
         "",
         f"## Mutants: {mutants['caught']} of {mutants['total']} caught",
