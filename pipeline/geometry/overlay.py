@@ -123,12 +123,24 @@ def cut_chunks(overlay: Overlay, tile_m: float, texture_m: float) -> dict[str, M
     chunks = {}
     for piece, name in ((WALL, "walls"), (BACK, "back")):
         of_piece = np.flatnonzero(lattice.piece == piece)
+        tile[of_piece] = _join_lone(tile[of_piece], centre[of_piece])
         order = of_piece[np.lexsort(tile[of_piece].T[::-1])]
         first = np.flatnonzero(np.any(np.diff(tile[order], axis=0, prepend=-1) != 0, axis=1))
         for part in np.split(order, first[1:]):
             col, row = tile[part[0]]
             chunks[f"{name}_{col:02d}_{row:02d}"] = _chunk(overlay, lattice.faces[part], piece, along, texture_m)
     return chunks
+
+
+def _join_lone(tile: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """Return the faces' tiles (n, 2); one alone goes to its nearest neighbour's, as MuJoCo wants four vertices."""
+    _, group, count = np.unique(tile, axis=0, return_inverse=True, return_counts=True)
+    alone = count[group.ravel()] == 1
+    joined = tile.copy()
+    for face in np.flatnonzero(alone):
+        off = np.linalg.norm(centre - centre[face], axis=1)
+        joined[face] = tile[np.where(alone, np.inf, off).argmin()]
+    return joined
 
 
 def _along_walls(lattice: Lattice, texture_m: float) -> tuple[np.ndarray, np.ndarray]:

@@ -140,8 +140,13 @@ def test_curves_show_every_run_beside_the_paper(tmp_path):
     (run / "settings.json").write_text(compose_settings([]).model_dump_json())
     line = {"steps": 0, "steps_per_s": 1.0, "episodes": [{}], "rolling_coverage": None, "rolling_collisions": None,
             "rolling_return": None, "best_rolling_coverage": 0.0}  # fmt: skip
-    some = [line, *(line | {"steps": 100 * i, "rolling_coverage": 0.1 * i, "rolling_collisions": 2.0 / i,
-                            "rolling_return": 5.0 * i, "best_rolling_coverage": 0.1 * i} for i in range(1, 5))]  # fmt: skip
+    later = (
+        {"rolling_coverage": 0.1 * i, "rolling_collisions": 2.0 / i, "rolling_return": 5.0 * i} for i in range(1, 5)
+    )
+    some = [
+        line,
+        *(line | rise | {"steps": 100 * i, "best_rolling_coverage": 0.1 * i} for i, rise in enumerate(later, 1)),
+    ]
     (run / "progress.jsonl").write_text("".join(json.dumps(each) + "\n" for each in some))
     curves.keep(tmp_path / "runs", tmp_path / "kept")
     runs = curves.read_runs(tmp_path / "kept")

@@ -219,6 +219,18 @@ def test_chunks_together_are_the_overlay_and_lie_in_their_tiles():
         assert (mesh.vertices[:, :2] < low + 21.5).all()
 
 
+def test_a_face_alone_in_its_tile_joins_its_neighbours():
+    overlay = overlay_of(TEE, spacing=0.25)
+    centre = overlay.lattice.vertices[overlay.lattice.faces].mean(axis=1)[:, :2]
+    for tile_m in (0.17, 0.22):
+        tiles = np.floor((centre - overlay.lattice.vertices[:, :2].min(axis=0)) / tile_m)
+        piece = overlay.lattice.piece[:, None]
+        assert (np.unique(np.hstack([piece, tiles]), axis=0, return_counts=True)[1] == 1).any()  # there are such faces
+        chunks = cut_chunks(overlay, tile_m, 4.0)
+        assert min(len(mesh.vertices) for mesh in chunks.values()) >= 4
+        assert sum(len(mesh.faces) for mesh in chunks.values()) == len(overlay.lattice.faces)
+
+
 def test_the_texture_runs_on_across_the_seam_of_a_ring():
     for name, mesh in cut_chunks(overlay_of(RING, spacing=0.25), 20.0, 4.0).items():
         corner = mesh.texcoords[mesh.faces]
