@@ -39,6 +39,8 @@ class MineVectorEnv(VectorEnv):
         That step the physics.
     """
 
+    closed = True  # until there is something to close: Gymnasium closes what goes out of use, half-made ones too
+
     def __init__(
         self,
         num_envs: int = 1,
@@ -75,6 +77,7 @@ class MineVectorEnv(VectorEnv):
         self._ended = np.zeros(num_envs, dtype=bool)
         self._observation: np.ndarray = np.zeros((num_envs, self.task.beams + 3), np.float32)
         self._renderer: Renderer | None = None
+        self.closed = False
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

@@ -1,15 +1,16 @@
-import pytest
+from collections.abc import Iterator
 
 import minexplore
+import pytest
+
 from tests.conftest import BuiltMine
 
 TEE_ID = "MineXplore/Tee-v0"
 
 
-@pytest.fixture
-def tee_id(tee: BuiltMine, monkeypatch: pytest.MonkeyPatch) -> str:
+@pytest.fixture(scope="module")
+def tee_id(tee: BuiltMine) -> Iterator[str]:
     """Return the id of a short task in the T-junction's world."""
-    monkeypatch.setitem(
-        minexplore.WORLDS, TEE_ID, {"world": str(tee.bundle), "task": {"max_steps": 1000, "terrain": False}}
-    )
-    return TEE_ID
+    minexplore.WORLDS[TEE_ID] = {"world": str(tee.bundle), "task": {"max_steps": 1000, "terrain": False}}
+    yield TEE_ID
+    del minexplore.WORLDS[TEE_ID]

@@ -18,15 +18,22 @@ from tests.conftest import ROOT
 SEEDS = [3, 4]
 
 
-@pytest.fixture
-def honest(tee_id, tmp_path):
-    """Return a results file of two episodes as the protocol writes it."""
+@pytest.fixture(scope="module")
+def written(tee_id):
+    """Return the text of a results file of two episodes as the protocol writes it."""
     env = make_env(tee_id, len(SEEDS))
     policy = make_policy("wall-following", len(SEEDS), env.task)
     head = head_of(tee_id, env, "wall-following", policy, SEEDS)
-    path = tmp_path / "wall-following.jsonl"
-    path.write_text(chain(head, list(run_episodes(env, policy, SEEDS, lambda n: None))))
+    text = chain(head, list(run_episodes(env, policy, SEEDS, lambda n: None)))
     env.close()
+    return text
+
+
+@pytest.fixture
+def honest(written, tmp_path):
+    """Return an honest results file that a test may change."""
+    path = tmp_path / "wall-following.jsonl"
+    path.write_text(written)
     return path
 
 
