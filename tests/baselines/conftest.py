@@ -1,8 +1,8 @@
 from collections.abc import Iterator
 
-import minexplore
 import pytest
 
+import minexplore
 from tests.conftest import BuiltMine
 
 TEE_ID = "MineXplore/Tee-v0"
