@@ -1,8 +1,8 @@
 """The whole pipeline, run as a user runs it."""
 
 import json
+import resource
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -11,6 +11,12 @@ import yaml
 from pipeline.report.baseline import BASELINE, gated, read_metrics, regressions, results_table
 from stages.__main__ import STAGES
 from tests.conftest import ROOT, Project, message_of
+
+
+def work_of_children_s() -> float:
+    """Return the processor time, s, that commands run from here have taken."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def metrics_of(project):
@@ -102,9 +108,9 @@ def test_dvc_repro_runs_everything_once_then_nothing_and_an_experiment_only_what
     assert "Running stage" not in project.run("dvc", "repro", check=True).stdout  # copied files are hashed once
     seconds = []
     for _ in range(3):
-        start = time.perf_counter()
+        start = work_of_children_s()
         assert "Running stage" not in project.run("dvc", "repro", check=True).stdout
-        seconds.append(time.perf_counter() - start)
+        seconds.append(work_of_children_s() - start)  # the clock would tell of the other worker, too
     assert min(seconds) < 3.0
     project.run("git", "add", "-A", check=True)
     project.run("git", "-c", "user.name=t", "-c", "user.email=t@e.org", "commit", "-qm", "run", check=True)

@@ -56,6 +56,8 @@ def train(settings: TrainSettings, folder: Path) -> dict[str, Any]:
             address=os.environ.get("RAY_ADDRESS"), include_dashboard=False, logging_level="ERROR",
             runtime_env={"env_vars": {"PYTHONPATH": str(Path.cwd())}},
         )  # fmt: skip
+    for kind in (signal.SIGINT, signal.SIGTERM):  # both save first; Ray has set a handler of its own
+        signal.signal(kind, _interrupt)
     history = _read_progress(folder)
     algorithm = build_algorithm(settings, history["steps"])
     checkpoint = folder / "checkpoint"
@@ -184,9 +186,7 @@ def _interrupt(kind: int, frame: object) -> None:
 
 
 def main() -> None:
-    """Compose the settings from the command line and train; both ways to end a run save it first."""
-    for kind in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(kind, _interrupt)
+    """Compose the settings from the command line and train."""
     settings = compose_settings(sys.argv[1:])
     make_env(settings.env, 1).close()  # an unknown id is refused before Ray starts
     facts = train(settings, RUNS / settings.name)
