@@ -10,7 +10,6 @@ from baselines.learned import LearnedPolicy
 from baselines.ppo import curves
 from baselines.ppo.settings import compose_settings
 from baselines.ppo.training_env import TrainingEnv
-from minexplore.reward import step_reward
 from minexplore.task import TaskParams
 from minexplore.vector import MineVectorEnv
 from tests.conftest import ROOT
@@ -43,10 +42,9 @@ def test_the_training_environment_tells_each_episode_once_and_unscaled(tee):
         action = np.tile([1.0, 0.3], (3, 1))
         _, reward, _, truncated, told = env.step(action)
         _, plain, _, over, info = twin.step(action)
-        fresh = info["steps"] == 0 if "steps" in info else np.zeros(3, dtype=bool)
         new = info["cells_seen"] - seen
         begun = new < 0
-        np.testing.assert_allclose(reward[~begun & ~fresh], (0.5 * plain + 0.1 * np.maximum(new, 0))[~begun & ~fresh])
+        np.testing.assert_allclose(reward[~begun], (0.5 * plain + 0.1 * new)[~begun])
         total = np.where(begun, 0.0, total + plain)
         seen = info["cells_seen"].copy()
         np.testing.assert_array_equal(truncated, over)
@@ -57,7 +55,6 @@ def test_the_training_environment_tells_each_episode_once_and_unscaled(tee):
         else:
             assert told == {}
     assert ended >= 6
-    assert step_reward(np.array([0]), np.array([0]), 10, np.array([True]))[0] == pytest.approx(-15.002)
 
 
 def test_a_run_is_trained_resumed_after_a_kill_and_its_policy_used(settings, tmp_path):
