@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
-from benchmarks.mutants import edit_model, edit_record, seal
+from benchmarks.faults import edit_model, edit_record, seal
 from pipeline.errors import ArtifactError, InputError
 from pipeline.mjcf.bundle import open_bundle, part_vertices
 from pipeline.mjcf.clearance import rock_clearance
