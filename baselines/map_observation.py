@@ -1,13 +1,16 @@
-"""A map of its own for every robot, and the patch of it that lies round the robot, turned with it."""
+"""A map of its own for every robot, and what it holds by bearing and distance, as the robot sees it."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 
 from minexplore.task import TaskParams
 
-PATCH = 17  # cells across; odd, so that the robot stands in the middle
-_SEEN_M, _ROCK_M = 2.0, 1.0  # cell sizes: 34 m of what was seen, 17 m of where rock was hit
+RINGS_M = (0.0, 3.0, 6.0, 10.0, 18.0, 30.0)  # edges; as far again as three beams reach
+_ALONG, _ACROSS = 3, 2  # points that stand for a sector
+_SEEN_M, _ROCK_M = 2.0, 1.0  # cell sizes
 _CELLS = 512  # a map wraps round after 1,024 m of seen cells and 512 m of rock
 _SAMPLE_M = 0.9  # between points along a beam
 
@@ -15,11 +18,12 @@ Grid = tuple[np.ndarray, np.ndarray]  # rows and columns, wrapped
 
 
 class MapObserver:
-    """What n robots have seen by their own beams: `observe` takes it in and gives the patches back.
+    """What n robots have seen by their own beams: `observe` takes it in and gives its patch round each robot back.
 
     It uses nothing but the paper's observation and the robot's true pose, so it may be used in training and in use
-    alike. A patch tells, in the robot's frame, where beams have passed, where they ended at rock, and where the robot
-    has been.
+    alike. A patch is cut into sectors, a beam's bearing by a ring's distance, in the robot's frame: it tells which
+    share of each has been passed by beams, hit as rock, and driven through. Sectors line up with the beams, so that
+    "open this way" and "seen already this way" stand side by side.
     """
 
     def __init__(self, count: int, task: TaskParams) -> None:
@@ -27,10 +31,14 @@ class MapObserver:
         self._near, self._far = task.range_m
         self._beams = 2 * np.pi * np.arange(task.beams) / task.beams
         self.seen, self.rock, self.been = (np.zeros((count, _CELLS, _CELLS), dtype=bool) for _ in range(3))
-        half = PATCH // 2
-        ahead, left = np.meshgrid(np.arange(-half, half + 1), np.arange(-half, half + 1), indexing="ij")
-        self._patch = np.stack([ahead.ravel(), left.ravel()], axis=-1).astype(float)
-        self.size = 3 * PATCH * PATCH
+        rings = pairwise(RINGS_M)
+        radius = np.array([inner + (outer - inner) * (np.arange(_ALONG) + 0.5) / _ALONG for inner, outer in rings])
+        aside = 2 * np.pi / task.beams * ((np.arange(_ACROSS) + 0.5) / _ACROSS - 0.5)
+        bearing, radius = np.broadcast_arrays(
+            self._beams[:, None, None, None] + aside[:, None], radius[None, :, None, :]
+        )
+        self._points = np.stack([radius * np.cos(bearing), radius * np.sin(bearing)], axis=-1).reshape(-1, 2)
+        self.size = 3 * task.beams * (len(RINGS_M) - 1)
 
     def forget(self, robots: np.ndarray) -> None:
         """Empty the maps of robots (k,)."""
@@ -48,8 +56,8 @@ class MapObserver:
 
         Returns
         -------
-        (n, 3 * PATCH**2) float32
-            0 or 1.
+        (n, 3 * beams * rings) float32
+            Shares in [0, 1]: seen, rock, been; in each by bearing, then by ring.
         """
         robots = np.arange(len(poses))
         ranges = self._near + observation[:, : len(self._beams)] * (self._far - self._near)
@@ -66,12 +74,12 @@ class MapObserver:
         self.been[robots, *_cells(poses[:, :2], _SEEN_M)] = True
         cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
         turn = np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=1)
-        offsets = np.einsum("nij,pj->npi", turn, self._patch)
-        patches = [
-            grid[robots[:, None], *_cells(poses[:, None, :2] + offsets * cell, cell)]
+        places = poses[:, None, :2] + np.einsum("nij,pj->npi", turn, self._points)
+        shares = [
+            grid[robots[:, None], *_cells(places, cell)].reshape(len(poses), -1, _ALONG * _ACROSS).mean(axis=-1)
             for grid, cell in ((self.seen, _SEEN_M), (self.rock, _ROCK_M), (self.been, _SEEN_M))
         ]
-        return np.concatenate(patches, axis=1).astype(np.float32)
+        return np.concatenate(shares, axis=1).astype(np.float32)
 
 
 def _cells(places: np.ndarray, cell_m: float) -> Grid:

@@ -13,7 +13,7 @@ from pipeline.errors import ArtifactError, MineError
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import recover_folder, replace_folder
 from pipeline.store.hashing import sha256_file
-from pipeline.store.manifest import new_manifest, output_sha256
+from pipeline.store.manifest import code_sha256, new_manifest, output_sha256, read_manifest
 from pipeline.store.registry import read_registry, verify_input
 
 ARTIFACTS = Path("artifacts")
@@ -30,10 +30,9 @@ class Artifact:
     kind: Any
     volatile: tuple[str, ...] = ()
 
-    @property
-    def file(self) -> Path:
-        """Return the path relative to the project's root."""
-        return ARTIFACTS / self.path
+    def at(self, root: Path) -> Path:
+        """Return the path below a world's folder, `artifacts` or one of `artifacts/worlds`."""
+        return root / self.path
 
 
 @dataclass(frozen=True)
@@ -53,42 +52,81 @@ class Stage:
     sources: Callable[[Any], list[str]] = field(default=lambda params: [])
     check: Callable[[Any, Mapping[str, Any]], None] = field(default=lambda params, outputs: None)
 
-    @property
-    def folder(self) -> Path:
-        """Return the folder that holds everything this stage writes."""
-        return ARTIFACTS / self.name
-
 
 def run_stage(stage: Stage, overrides: list[str]) -> None:
-    """Run one stage: parameters, inputs, the pure function, then all outputs and the manifest at once.
+    """Run one stage of the default world by its composed parameters, or by overrides.
 
     Raises
     ------
     MineError
         With one message; artifacts are then as they were before.
     """
-    recover_folder(stage.folder)
+    recover_folder(ARTIFACTS / stage.name)
     params = getattr(compose(root_overrides() + overrides), stage.name) if overrides else composed_section(stage.name)
-    registry = read_registry()
-    inputs = {name: verify_input(Path(name), registry) for name in stage.sources(params)}
-    values = {}
+    make_artifacts(stage, params, ARTIFACTS)
+
+
+def make_artifacts(stage: Stage, params: Any, root: Path) -> None:
+    """Run a stage in a world's folder: inputs, the pure function, then all outputs and the manifest at once.
+
+    Raises
+    ------
+    MineError
+        With one message; artifacts are then as they were before, unless a limit is breached by those just written.
+    """
+    inputs, values = _input_hashes(stage, params, root), {}
     for key, artifact in stage.reads.items():
-        values[key] = decode(artifact.file, artifact.kind)
-        inputs |= _hashes(artifact)
+        values[key] = decode(artifact.at(root), artifact.kind)
     outputs = stage.run(params, **values)
     if set(outputs) != set(stage.writes):
         raise ArtifactError(f"{stage.name}: wrote {sorted(outputs)}, declares {sorted(stage.writes)}")
-    _write_outputs(stage, params, inputs, outputs)
+    _write_outputs(stage, params, root, inputs, outputs)
     stage.check(params, outputs)
 
 
-def _hashes(artifact: Artifact) -> dict[str, str]:
-    if artifact.file.is_dir():
-        return {p.as_posix(): sha256_file(p) for p in sorted(artifact.file.rglob("*")) if p.is_file()}
-    return {artifact.file.as_posix(): output_sha256(artifact.file.read_bytes(), list(artifact.volatile))}
+def is_fresh(stage: Stage, params: Any, root: Path) -> bool:
+    """Return whether a world's folder holds what this stage would make: same code, parameters, inputs, and outputs."""
+    try:
+        manifest = read_manifest(root / stage.name / "manifest.json")
+        return (
+            manifest.code_sha256 == code_sha256(stage.name, Path.cwd())
+            and manifest.params == params.model_dump(mode="json")
+            and manifest.inputs == _input_hashes(stage, params, root)
+            and all(
+                output_sha256(Path(name).read_bytes(), manifest.volatile.get(name, [])) == digest
+                for name, digest in manifest.outputs.items()
+            )
+        )
+    except (MineError, OSError):
+        return False
 
 
-def _write_outputs(stage: Stage, params: Any, inputs: dict[str, str], outputs: Mapping[str, Any]) -> None:
+def check_again(stage: Stage, params: Any, root: Path) -> None:
+    """Hold the figures that a stage has written earlier to its limits.
+
+    Raises
+    ------
+    LimitError
+        If one breaches its limit.
+    """
+    stage.check(params, {key: decode(a.at(root), a.kind) for key, a in stage.writes.items() if a.kind is dict})
+
+
+def _input_hashes(stage: Stage, params: Any, root: Path) -> dict[str, str]:
+    registry = read_registry()
+    hashes = {name: verify_input(Path(name), registry) for name in stage.sources(params)}
+    for artifact in stage.reads.values():
+        file = artifact.at(root)
+        if not file.exists():
+            raise ArtifactError(f"{file}: missing; run the stage that writes it (`dvc dag` shows which), or `make all`")
+        if file.is_dir():
+            hashes |= {p.as_posix(): sha256_file(p) for p in sorted(file.rglob("*")) if p.is_file()}
+        else:
+            hashes[file.as_posix()] = output_sha256(file.read_bytes(), list(artifact.volatile))
+    return hashes
+
+
+def _write_outputs(stage: Stage, params: Any, root: Path, inputs: dict[str, str], outputs: Mapping[str, Any]) -> None:
     files: dict[str, bytes] = {}
     for key, artifact in stage.writes.items():
         place = Path(artifact.path).relative_to(stage.name)
@@ -96,13 +134,14 @@ def _write_outputs(stage: Stage, params: Any, inputs: dict[str, str], outputs: M
             files |= {(place / name).as_posix(): data for name, data in outputs[key].items()}
         else:
             files[place.as_posix()] = encode(place, outputs[key])
-    volatile = {a.file.as_posix(): list(a.volatile) for a in stage.writes.values() if a.volatile}
+    folder = root / stage.name
+    volatile = {a.at(root).as_posix(): list(a.volatile) for a in stage.writes.values() if a.volatile}
     hashes = {
-        (stage.folder / name).as_posix(): output_sha256(data, volatile.get((stage.folder / name).as_posix(), []))
+        (folder / name).as_posix(): output_sha256(data, volatile.get((folder / name).as_posix(), []))
         for name, data in files.items()
     }
     manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, hashes, volatile)
-    replace_folder(stage.folder, {**files, "manifest.json": encode(Path("manifest.json"), manifest)})
+    replace_folder(folder, {**files, "manifest.json": encode(Path("manifest.json"), manifest)})
 
 
 def main(stage: Stage) -> int:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, UInt8
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 
 Image = UInt8[np.ndarray, "rows cols *channels"]
 Mask = Bool[np.ndarray, "rows cols"]
@@ -66,8 +66,34 @@ class Scale:
 
 
 @dataclass(frozen=True)
+class Georeference:
+    """How a file's own coordinates became the mine frame's: metres = (own - `origin`) * `metres_per_unit`.
+
+    `crs` is the system that the file names, None for a local grid; degrees are first projected, and `projection` says
+    how. `turned_deg` is how far a picture was turned counter-clockwise to have north up.
+    """
+
+    unit: str
+    metres_per_unit: float
+    origin: tuple[float, float] = (0.0, 0.0)
+    crs: str | None = None
+    projection: str | None = None
+    turned_deg: float = 0.0
+
+
+METRIC = Georeference("m", 1.0)  # a local grid in metres, as the mine frame is
+
+
+@dataclass(frozen=True)
+class Workings:
+    """The workings as a vector survey has them (m, mine frame); no polygons where the survey is a picture."""
+
+    polygons: MultiPolygon
+
+
+@dataclass(frozen=True)
 class Survey:
-    """What stage 1 knows of the plan beside its pixels."""
+    """What stage 1 knows of the plan beside its pixels; `licences` is what the registry says of each source."""
 
     name: str
     kind: str
@@ -77,6 +103,8 @@ class Survey:
     entrance_m: tuple[float, float] | None
     labels_m: dict[str, tuple[float, float]]
     sources: list[str]
+    georeference: Georeference = METRIC
+    licences: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

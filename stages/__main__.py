@@ -48,15 +48,15 @@ def render_dag(root: Path) -> str:
 
 def _stage_entry(stage: Stage, root: Path) -> dict[str, Any]:
     doc = sys.modules[f"stages.{stage.name}"].__doc__ or ""
-    outs = [artifact.file.as_posix() for artifact in stage.writes.values()]
+    outs = [artifact.at(ARTIFACTS).as_posix() for artifact in stage.writes.values()]
     metrics = [path for path in outs if path.endswith("/metrics.json")]
-    inputs = [artifact.file.as_posix() for artifact in stage.reads.values()]
+    inputs = [artifact.at(ARTIFACTS).as_posix() for artifact in stage.reads.values()]
     entry = {
         "desc": doc.splitlines()[0],
         "cmd": f"python -m stages.{stage.name}",
         "deps": ["data"] * (stage.name == "survey") + inputs + _closure(root, f"stages/{stage.name}.py"),
         "params": [{(ARTIFACTS / "params.yaml").as_posix(): [stage.name]}],
-        "outs": [_kept(p) for p in [*outs, (stage.folder / "manifest.json").as_posix()] if p not in metrics],
+        "outs": [_kept(p) for p in [*outs, (ARTIFACTS / stage.name / "manifest.json").as_posix()] if p not in metrics],
     }
     return {**entry, "metrics": [_kept(p) for p in metrics]} if metrics else entry
 

@@ -1,4 +1,4 @@
-"""Stage 2: trace the plan's free space into a polygon with islands, and its drift network (metres, mine frame)."""
+"""Stage 2: the plan's free space as a polygon with islands, and its drift network (metres, mine frame)."""
 
 from __future__ import annotations
 
@@ -9,29 +9,34 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from pipeline.errors import GeometryError
-from pipeline.geometry.ink import binarise, clean, left_out, require_workings
+from pipeline.errors import GeometryError, ParamsError
+from pipeline.geometry.ink import binarise, fill_islands, left_out, mend_ink, require_workings
 from pipeline.geometry.outline import simplify_outline, trace_outline
+from pipeline.geometry.parts import choose_component, choose_part, mend
+from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.skeleton import require_same_network, trace_alike
 from pipeline.params.contours import ContoursParams
 from pipeline.report.graph import network_dot, width_table
 from pipeline.report.plans import draw_contours
 from pipeline.stage import Artifact, Stage, main
-from pipeline.types import Areas, DriftNetwork, Frame, FreeSpace, Image, Mask, Survey
+from pipeline.types import Areas, DriftNetwork, Frame, FreeSpace, Image, Mask, Survey, Workings
 
 
-def trace_free_space(params: ContoursParams, plan: Image, survey: Survey) -> dict[str, Any]:
+def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workings: Workings) -> dict[str, Any]:
     """Return the binarised and the cleaned plan, the free space, its network and their pictures."""
-    frame, scale = survey.frame, survey.frame.px_per_m
-    threshold = None if params.threshold == "otsu" else params.threshold
-    margin = params.annotation_margin_m * scale
-    raw = binarise(plan, threshold, params.annotation_chroma, margin, survey.ignore_boxes_px)
-    cleaned = clean(raw, params.bridge_m * scale, params.despeck_m * scale, params.min_island_m2 * scale**2)
+    frame = survey.frame
+    places = chosen_places(params, survey)
     try:
-        require_workings(raw, cleaned, scale, params.min_tunnel_m2, params.max_ink_share)
+        if workings.polygons.is_empty:
+            raw, cleaned = _read_ink(params, plan, survey, places)
+            traced = trace_outline(cleaned, frame)
+        else:
+            mended = mend(workings.polygons, params.bridge_m, params.min_island_m2)
+            traced = choose_part(mended, places)
+            raw, cleaned = fill_polygon(workings.polygons, frame), fill_polygon(traced, frame)
+        require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_ink_share)
     except GeometryError as error:
-        raise GeometryError(f"{survey.sources[0]}: {error}") from error
-    traced = trace_outline(cleaned, frame)
+        raise GeometryError(f"{(survey.sources or [survey.name])[0]}: {error}") from error
     outline = simplify_outline(traced, params.tolerance_m)
     grid = params.network.cell_m, params.network.min_leg_m, params.network.station_spacing_m
     before, network = trace_alike([traced, outline], *grid)
@@ -56,6 +61,29 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey) -> dic
     }
 
 
+def chosen_places(params: ContoursParams, survey: Survey) -> list[tuple[float, float]]:
+    """Return the places (m, mine frame) that must lie in the workings; none: the largest workings are kept."""
+    if params.parts == "largest":
+        return []
+    if params.parts != "spawn":
+        return list(params.parts)
+    if survey.entrance_m is None:
+        raise ParamsError("contours.parts = spawn: needs survey.entrance_m")
+    return [survey.entrance_m]
+
+
+def _read_ink(
+    params: ContoursParams, plan: Image, survey: Survey, places: list[tuple[float, float]]
+) -> tuple[Mask, Mask]:
+    """Return what a plan's picture shows as workings, and the same cleaned."""
+    frame, scale = survey.frame, survey.frame.px_per_m
+    threshold = None if params.threshold == "otsu" else params.threshold
+    margin = params.annotation_margin_m * scale
+    raw = binarise(plan, threshold, params.annotation_chroma, margin, survey.ignore_boxes_px)
+    ink = mend_ink(raw, params.bridge_m * scale, params.despeck_m * scale)
+    return raw, fill_islands(choose_component(ink, frame, places), params.min_island_m2 * scale**2)
+
+
 def _unconnected_m2(raw: Mask, cleaned: Mask, frame: Frame) -> float:
     """Return the area of the ink that is connected to nothing, and say where it is: a drift may be missing."""
     pieces = left_out(raw, cleaned, frame.px_per_m**2)
@@ -76,6 +104,7 @@ STAGE = Stage(
     reads={
         "plan": Artifact("survey/plan.png", Image),
         "survey": Artifact("survey/survey.json", Survey),
+        "workings": Artifact("survey/workings.geojson", Workings),
     },
     writes={
         "raw": Artifact("contours/raw.png", Mask),

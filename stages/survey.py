@@ -6,7 +6,7 @@ import sys
 
 from pipeline.stage import Artifact, Stage, main
 from pipeline.survey.load import read_survey, sources
-from pipeline.types import Image, Survey
+from pipeline.types import Image, Survey, Workings
 
 STAGE = Stage(
     name="survey",
@@ -16,6 +16,7 @@ STAGE = Stage(
     writes={
         "plan": Artifact("survey/plan.png", Image),
         "survey": Artifact("survey/survey.json", Survey),
+        "workings": Artifact("survey/workings.geojson", Workings),
     },
 )
 

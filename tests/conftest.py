@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 import shapely
 from filelock import FileLock
-from shapely import LineString, Polygon
+from shapely import LineString, MultiPolygon, Polygon
 
 from pipeline.compose import compose
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.mjcf.assemble import assemble_world
 from pipeline.params.config import Config
 from pipeline.store.codecs import encode
-from pipeline.types import DriftNetwork, Frame, FreeSpace, Scale, Survey
+from pipeline.types import DriftNetwork, Frame, FreeSpace, Scale, Survey, Workings
 from stages.__main__ import STAGES
 from stages.compile3d import compile_rock
 from stages.contours import trace_free_space
@@ -90,6 +90,9 @@ def plan_of(polygon: Polygon, frame: Frame) -> np.ndarray:
     return cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
 
 
+PICTURE = Workings(MultiPolygon())  # the workings of a survey that is a picture
+
+
 class BuiltMine:
     """A mine taken through stages 2 to 5 in memory, its bundle written to a folder."""
 
@@ -98,7 +101,7 @@ class BuiltMine:
         self.frame = frame_for(polygon, px_per_m)
         inside = polygon.representative_point()
         self.survey = survey_of(self.frame, (inside.x, inside.y))
-        traced = trace_free_space(config.contours, plan_of(polygon, self.frame), self.survey)
+        traced = trace_free_space(config.contours, plan_of(polygon, self.frame), self.survey, PICTURE)
         self.raw, self.cleaned = traced["raw"], traced["cleaned"]
         self.free_space: FreeSpace = traced["free_space"]
         self.network: DriftNetwork = traced["topology"]

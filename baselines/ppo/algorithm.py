@@ -31,6 +31,7 @@ def build_algorithm(settings: TrainSettings, steps_done: int) -> Algorithm:
         fcnet_hiddens=settings.model.hidden, fcnet_activation="tanh", vf_share_layers=False, free_log_std=not recurrent,
         use_lstm=recurrent, **(memory if recurrent else {}),
     )  # fmt: skip
+    rate = ppo.lr if ppo.lr_end is None else [[0, ppo.lr], [settings.steps, ppo.lr_end]]
     config = (
         PPOConfig()
         .environment(
@@ -42,7 +43,7 @@ def build_algorithm(settings: TrainSettings, steps_done: int) -> Algorithm:
             rollout_fragment_length=ppo.fragment, gym_env_vectorize_mode="vector_entry_point",
         )
         .training(
-            lr=ppo.lr, gamma=ppo.gamma, lambda_=ppo.lambda_, clip_param=ppo.clip, entropy_coeff=ppo.entropy,
+            lr=rate, gamma=ppo.gamma, lambda_=ppo.lambda_, clip_param=ppo.clip, entropy_coeff=ppo.entropy,
             vf_loss_coeff=ppo.value, vf_clip_param=float("inf"), grad_clip=ppo.grad_clip, use_kl_loss=False,
             train_batch_size_per_learner=settings.robots * ppo.fragment * max(1, settings.runners),
             minibatch_size=ppo.minibatch, num_epochs=ppo.epochs,

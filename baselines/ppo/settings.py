@@ -43,6 +43,7 @@ class Ppo(_Strict):
     """PPO's own numbers; see `conf/train/config.yaml` for where they come from."""
 
     lr: float = Field(gt=0)
+    lr_end: float | None = Field(default=None, gt=0)
     gamma: float = Field(gt=0, le=1)
     lambda_: float = Field(ge=0, le=1)
     fragment: int = Field(ge=1)

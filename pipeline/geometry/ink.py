@@ -46,16 +46,14 @@ def binarise(
     return (grey <= threshold) & kept
 
 
-def clean(raw: Mask, bridge_px: float, despeck_px: float, min_island_px: float) -> Mask:
-    """Bridge gaps, drop specks, keep the largest connected workings and fill holes too small to be pillars.
+def mend_ink(raw: Mask, bridge_px: float, despeck_px: float) -> Mask:
+    """Bridge gaps and drop specks.
 
     Parameters
     ----------
     raw : (rows, cols) bool
     bridge_px, despeck_px : float
         Radii of the closing and of the opening that follows.
-    min_island_px : float
-        Smaller holes are filled, px2.
 
     Returns
     -------
@@ -63,18 +61,18 @@ def clean(raw: Mask, bridge_px: float, despeck_px: float, min_island_px: float) 
     """
     pad = int(np.ceil(max(bridge_px, despeck_px))) + 1  # morphology must not see the border as rock or ink
     bridged = cv2.morphologyEx(np.pad(raw.astype(np.uint8), pad), cv2.MORPH_CLOSE, _disc(bridge_px))
-    ink = _open(bridged, despeck_px)[pad:-pad, pad:-pad]
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(ink, connectivity=4)
-    if count < 2:
-        return np.zeros(raw.shape, dtype=bool)
-    largest = labels == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()
-    _, labels, stats, _ = cv2.connectedComponentsWithStats((~largest).astype(np.uint8), connectivity=8)
-    rows, cols = raw.shape
+    return _open(bridged, despeck_px)[pad:-pad, pad:-pad].astype(bool)
+
+
+def fill_islands(workings: Mask, min_island_px: float) -> Mask:
+    """Fill holes smaller than `min_island_px` px2: too small to be pillars."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats((~workings).astype(np.uint8), connectivity=8)
+    rows, cols = workings.shape
     inside = (stats[:, 0] > 0) & (stats[:, 1] > 0)
     inside &= (stats[:, 0] + stats[:, 2] < cols) & (stats[:, 1] + stats[:, 3] < rows)
     small = inside & (stats[:, cv2.CC_STAT_AREA] < min_island_px)
     small[0] = False  # label 0 is the workings
-    return largest | small[labels]
+    return workings | small[labels]
 
 
 def left_out(raw: Mask, cleaned: Mask, min_px: float) -> list[tuple[float, float, float]]:

@@ -26,6 +26,7 @@ class ContoursParams(Params):
     bridge_m: float = Field(ge=0, le=20)
     despeck_m: float = Field(ge=0, le=20)
     min_island_m2: float = Field(ge=0)
+    parts: Literal["largest", "spawn"] | list[tuple[float, float]] = "largest"
     min_tunnel_m2: float = Field(gt=0)
     max_ink_share: float = Field(gt=0, lt=1)
     tolerance_m: float = Field(ge=0, le=50)

@@ -13,9 +13,11 @@ import cv2
 import numpy as np
 import shapely
 from pydantic import TypeAdapter, ValidationError
+from shapely import MultiPolygon
+from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import ArtifactError
-from pipeline.types import Areas, Frame, FreeSpace, Mask, Mesh
+from pipeline.types import Areas, Frame, FreeSpace, Mask, Mesh, Workings
 
 _UNREADABLE = (
     ValueError, KeyError, TypeError, OSError, EOFError,
@@ -38,7 +40,7 @@ def encode(path: Path, value: Any) -> bytes:
         case ".json":
             return (json.dumps(_plain(value), indent=2, allow_nan=False) + "\n").encode()
         case ".geojson":
-            return _encode_geojson(value)
+            return _encode_workings(value) if isinstance(value, Workings) else _encode_geojson(value)
         case ".npz":
             return _encode_npz(value)
         case ".msh":
@@ -72,7 +74,8 @@ def decode(path: Path, kind: Any) -> Any:
                     json.loads(path.read_text()) if kind is dict else TypeAdapter(kind).validate_json(path.read_bytes())
                 )
             case ".geojson":
-                return _decode_geojson(json.loads(path.read_text()))
+                collection = json.loads(path.read_text())
+                return _decode_workings(collection) if kind is Workings else _decode_geojson(collection)
             case ".npz":
                 with np.load(path, allow_pickle=False) as arrays:
                     return _decode_npz(dict(arrays), kind)
@@ -97,11 +100,23 @@ def _encode_png(path: Path, picture: np.ndarray) -> bytes:
 
 
 def _encode_geojson(free: FreeSpace) -> bytes:
-    properties = {k: _plain(v) for k, v in vars(free).items() if k != "polygon"}
-    feature = {"type": "Feature", "geometry": json.loads(shapely.to_geojson(free.polygon)), "properties": properties}
+    return _collection(free.polygon, {k: _plain(v) for k, v in vars(free).items() if k != "polygon"})
+
+
+def _encode_workings(workings: Workings) -> bytes:
+    return _collection(workings.polygons, {})
+
+
+def _collection(geometry: BaseGeometry, properties: dict[str, Any]) -> bytes:
+    feature = {"type": "Feature", "geometry": json.loads(shapely.to_geojson(geometry)), "properties": properties}
     note = "local mine frame: metres, x east, y north; not longitude and latitude"
     collection = {"type": "FeatureCollection", "note": note, "features": [feature]}
     return (json.dumps(collection, allow_nan=False) + "\n").encode()
+
+
+def _decode_workings(collection: dict) -> Workings:
+    (feature,) = collection["features"]
+    return Workings(MultiPolygon(shapely.get_parts(shapely.from_geojson(json.dumps(feature["geometry"]))).tolist()))
 
 
 def _decode_geojson(collection: dict) -> FreeSpace:

@@ -31,6 +31,31 @@ def frame_around(extent_m: tuple[float, float, float, float], px_per_m: float) -
     return Frame(px_per_m, left + 0.5, above + 0.5, left + right, above + below)
 
 
+def draw_workings(
+    workings: BaseGeometry, frame: Frame, labels_m: dict[str, tuple[float, float]], ink_grey: int
+) -> Image:
+    """Draw workings (m, mine frame) and labels as (rows, cols, 3) uint8 BGR, anti-aliased by area."""
+    grey = 255 - np.round(_cover(workings, frame).astype(np.float32) / 255 * (255 - ink_grey)).astype(np.uint8)
+    plan = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+    for text, place in labels_m.items():
+        _draw_label(plan, text, frame, place)
+    return plan
+
+
+def _cover(workings: BaseGeometry, frame: Frame) -> np.ndarray:
+    """Return how much of each pixel is workings (rows, cols) uint8, 255 all of it."""
+    fine = replace(
+        frame,
+        px_per_m=frame.px_per_m * _OVERSAMPLE,
+        origin_col=frame.origin_col * _OVERSAMPLE,
+        origin_row=frame.origin_row * _OVERSAMPLE,
+        width_px=frame.width_px * _OVERSAMPLE,
+        height_px=frame.height_px * _OVERSAMPLE,
+    )
+    size = (frame.width_px, frame.height_px)
+    return cv2.resize(fill_polygon(workings, fine).astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA)
+
+
 def draw_plan(
     workings: BaseGeometry,
     frame: Frame,
@@ -63,20 +88,7 @@ def draw_plan(
     InputError
         If no corner has room for the bar.
     """
-    fine = replace(
-        frame,
-        px_per_m=frame.px_per_m * _OVERSAMPLE,
-        origin_col=frame.origin_col * _OVERSAMPLE,
-        origin_row=frame.origin_row * _OVERSAMPLE,
-        width_px=frame.width_px * _OVERSAMPLE,
-        height_px=frame.height_px * _OVERSAMPLE,
-    )
-    size = (frame.width_px, frame.height_px)
-    cover = cv2.resize(fill_polygon(workings, fine).astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA)
-    grey = 255 - np.round(cover.astype(np.float32) / 255 * (255 - ink_grey)).astype(np.uint8)
-    plan = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
-    for text, place in labels_m.items():
-        _draw_label(plan, text, frame, place)
+    plan, cover = draw_workings(workings, frame, labels_m, ink_grey), _cover(workings, frame)
     box = _draw_bar(plan, cover, round(bar_length_m * frame.px_per_m), frame.px_per_m)
     return plan, box
 

@@ -48,7 +48,17 @@ def read_image(path: Path, max_megapixels: float) -> Image:
     megapixels = picture.shape[0] * picture.shape[1] / 1e6
     if megapixels > max_megapixels:
         raise InputError(f"{path}: {megapixels:.1f} megapixels, at most {max_megapixels:g} (survey.max_megapixels)")
-    picture = _on_paper(picture)
+    return require_ink(path, _on_paper(picture))
+
+
+def require_ink(path: Path, picture: Image) -> Image:
+    """Return a picture, unless it is of one colour only.
+
+    Raises
+    ------
+    InputError
+        Naming the file and the colour.
+    """
     if (picture == picture[0, 0]).all():
         colour = {0: "black", 765: "white"}.get(int(picture[0, 0].astype(int).sum()), "of one colour")
         raise InputError(f"{path}: the image is all {colour}; there is nothing to trace")

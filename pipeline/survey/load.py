@@ -1,50 +1,101 @@
-"""Stage 1's work: one plan picture, its frame and its scale, from whatever survey the parameters name."""
+"""Stage 1's work: a plan, its frame and its scale, from whatever survey the parameters name."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
+from shapely import MultiPolygon
 
 from pipeline.errors import InputError
-from pipeline.params.survey import PlanSurveyParams, PosesParams, StationSurveyParams
+from pipeline.params.survey import PlanSurveyParams, PosesParams, StationSurveyParams, SurveyParams
+from pipeline.store.registry import read_registry
 from pipeline.survey.draw import draw_plan, frame_around
+from pipeline.survey.georeference import read_placement, world_file
+from pipeline.survey.grid import draw_grid
 from pipeline.survey.image import read_image
+from pipeline.survey.legs import build_workings
+from pipeline.survey.measured import draw_measured, measured_files
+from pipeline.survey.nav2 import nav2_picture
+from pipeline.survey.picture import fill_walls, make_ready, read_picture, turn_picture
 from pipeline.survey.poses import PoseScale, gate_returns, read_poses, read_returns, scale_from_poses
 from pipeline.survey.scale import measure_bar
-from pipeline.survey.stations import build_workings, read_stations
-from pipeline.types import Frame, Image, Scale, Survey
+from pipeline.survey.stations import read_stations
+from pipeline.types import METRIC, Frame, Georeference, Image, Scale, Survey, Workings
 
 Box = tuple[int, int, int, int]
-Params = StationSurveyParams | PlanSurveyParams
+Scaled = StationSurveyParams | PlanSurveyParams
 
 
-def read_survey(params: Params) -> dict[str, Any]:
-    """Return `plan`, the picture (rows, cols, 3) uint8 BGR, and `survey`, what is known of it.
+@dataclass(frozen=True)
+class Reading:
+    """A plan as its file has it: pixels whose frame counts 1 px/m until the scale is settled."""
+
+    plan: Image
+    frame: Frame
+    boxes: list[Box]
+    bar_px_per_m: float | None
+    map_px_per_m: float | None = None
+    georeference: Georeference = METRIC
+
+
+def read_survey(params: SurveyParams) -> dict[str, Any]:
+    """Return `plan`, the picture (rows, cols, 3) uint8 BGR, `workings` and `survey`, what is known of both.
 
     Raises
     ------
     InputError
         If an input is unusable or gives no scale; the message names file, value and limit.
     """
-    plan, frame, boxes, bar = draw_stations(params) if params.kind == "stations" else read_plan(params)
-    poses = None if params.poses is None else _scale_of_poses(params.poses, plan, frame)
+    match params.kind:
+        case "stations" | "plan":
+            plan, frame, scale, boxes, georeference = _read_scaled(params)
+            workings = MultiPolygon()
+        case "grid":
+            plan, frame, georeference = draw_grid(Path(params.map), params.unknown_is_free)
+            workings, boxes, scale = MultiPolygon(), [], Scale(frame.px_per_m, "map")
+        case _:
+            workings, georeference, plan, frame = draw_measured(params)
+            boxes, scale = [], Scale(frame.px_per_m, "drawn")
+    registry, named = read_registry(), sources(params)
+    licences = {
+        name: registry[name.removeprefix("data/")].licence for name in named if name.removeprefix("data/") in registry
+    }
+    survey = Survey(
+        params.name,
+        params.kind,
+        frame,
+        scale,
+        boxes,
+        params.entrance_m,
+        dict(params.labels_m),
+        named,
+        georeference,
+        licences,
+    )
+    return {"plan": plan, "survey": survey, "workings": Workings(workings)}
+
+
+def _read_scaled(params: Scaled) -> tuple[Image, Frame, Scale, list[Box], Georeference]:
+    """Read a survey whose scale has to be measured, and settle it."""
+    found = draw_stations(params) if params.kind == "stations" else read_plan(params)
+    plan, boxes = found.plan, found.boxes
+    poses = None if params.poses is None else _scale_of_poses(params.poses, plan, found.frame)
     wide, width = plan.shape[1], params.resample_width_px or plan.shape[1]
-    scale = _settle_scale(params, bar, poses, width / wide)
-    frame = frame.resampled(width, scale.px_per_m)
+    scale = _settle_scale(params, found, poses, width / wide)
+    frame = found.frame.resampled(width, scale.px_per_m)
     if width != wide:
         plan = cv2.resize(plan, (frame.width_px, frame.height_px), interpolation=cv2.INTER_AREA)
         boxes = [(round(a * width / wide), round(b * width / wide), round(c * width / wide), round(d * width / wide))
                  for a, b, c, d in boxes]  # fmt: skip
-    survey = Survey(
-        params.name, params.kind, frame, scale, boxes, params.entrance_m, dict(params.labels_m), sources(params)
-    )
-    return {"plan": plan, "survey": survey}
+    return plan, frame, scale, boxes, found.georeference
 
 
-def draw_stations(params: StationSurveyParams) -> tuple[Image, Frame, list[Box], float]:
-    """Draw a station survey; return plan, frame, the bar's box and the scale read off the drawn bar."""
+def draw_stations(params: StationSurveyParams) -> Reading:
+    """Draw a station survey as a plan; its scale is read off the drawn bar."""
     legs = read_stations(Path(params.stations))
     workings = build_workings(legs)
     if workings.is_empty:
@@ -60,13 +111,14 @@ def draw_stations(params: StationSurveyParams) -> tuple[Image, Frame, list[Box],
     frame = frame_around(extent, params.px_per_m)
     plan, box = draw_plan(workings, frame, params.labels_m, params.scale.bar_length_m, params.ink_grey)
     bar = measure_bar(plan[box[1] : box[3], box[0] : box[2]], params.scale.bar_length_m, "the drawn plan's scale bar")
-    return plan, frame, [box], bar
+    return Reading(plan, frame, [box], bar)
 
 
-def read_plan(params: PlanSurveyParams) -> tuple[Image, Frame, list[Box], float | None]:
-    """Read a plan image; return plan, frame, boxes to leave out, and the scale read off its bar."""
-    plan = read_image(Path(params.image), params.max_megapixels)
-    boxes, bar, length = [], None, params.scale.bar_length_m
+def read_plan(params: PlanSurveyParams) -> Reading:
+    """Read a plan image, ready to trace."""
+    path, length = Path(params.image), params.scale.bar_length_m
+    plan = make_ready(path, read_picture(path, params), params)
+    boxes, bar, per_m, georeference = [], None, None, Georeference("px", 1.0, turned_deg=params.turn_deg)
     if params.scale.bar_image is not None:
         bar = measure_bar(
             read_image(Path(params.scale.bar_image), params.max_megapixels), length, params.scale.bar_image
@@ -77,8 +129,28 @@ def read_plan(params: PlanSurveyParams) -> tuple[Image, Frame, list[Box], float 
             raise InputError(f"survey.scale.bar_box_px = {list(box)}: not inside {plan.shape[1]} x {plan.shape[0]} px")
         bar = measure_bar(plan[row0:row1, col0:col1], length, f"{params.image} within {list(box)}")
         boxes.append(box)
+    if params.scale.source == "georeference":
+        plan, per_m, georeference = _place_in_map(path, plan, params)
+    origin = params.origin_px or (-0.5, plan.shape[0] - 0.5)
+    if params.outlined:
+        plan = fill_walls(path, plan, params)
+    frame = Frame(1.0, origin[0] + 0.5, origin[1] + 0.5, plan.shape[1], plan.shape[0])
+    return Reading(plan, frame, boxes, bar, per_m, georeference)
+
+
+def _place_in_map(path: Path, plan: Image, params: PlanSurveyParams) -> tuple[Image, float, Georeference]:
+    """Turn a plan north up as its map says; return it, its scale, and the map's coordinates of the mine's origin."""
+    place = read_placement(path)
+    if params.crop_px is not None or params.turn_deg:
+        raise InputError(f"{path}: survey.crop_px and survey.turn_deg do not go with scale.source=georeference")
+    corner = np.zeros(2)  # where the picture's own corner is, in the turned picture
+    if abs(place.turned_deg) > 0.01:
+        plan, turn = turn_picture(plan, place.turned_deg)
+        corner = turn[:, 2]
     col, row = params.origin_px or (-0.5, plan.shape[0] - 0.5)
-    return plan, Frame(1.0, col + 0.5, row + 0.5, plan.shape[1], plan.shape[0]), boxes, bar
+    origin = place.east + (col + 0.5 - corner[0]) * place.size, place.north - (row + 0.5 - corner[1]) * place.size
+    georeference = Georeference(place.unit, place.metres_per_unit, origin, place.crs, None, place.turned_deg)
+    return plan, 1.0 / (place.size * place.metres_per_unit), georeference
 
 
 def _scale_of_poses(poses: PosesParams, plan: Image, frame: Frame) -> PoseScale:
@@ -88,12 +160,13 @@ def _scale_of_poses(poses: PosesParams, plan: Image, frame: Frame) -> PoseScale:
     return scale_from_poses(plan, read_poses(Path(poses.file)), sweeps, origin, poses.scale_range_px_per_m)
 
 
-def _settle_scale(params: Params, bar: float | None, poses: PoseScale | None, shrink: float) -> Scale:
+def _settle_scale(params: Scaled, found: Reading, poses: PoseScale | None, shrink: float) -> Scale:
     """Choose the scale that is asked for and compare the other readings with it, in px/m of the final picture."""
     readings = {
-        "bar": None if bar is None else bar * shrink,
+        "bar": None if found.bar_px_per_m is None else found.bar_px_per_m * shrink,
         "poses": None if poses is None else poses.px_per_m * shrink,
         "stated": params.scale.px_per_m,
+        "georeference": None if found.map_px_per_m is None else found.map_px_per_m * shrink,
     }
     used = readings[params.scale.source]
     if used is None:
@@ -108,8 +181,18 @@ def _settle_scale(params: Params, bar: float | None, poses: PoseScale | None, sh
     )
 
 
-def sources(params: Params) -> list[str]:
-    """List the input files that a survey section names."""
-    main_file = [params.stations] if params.kind == "stations" else [params.image]
-    bar = [params.scale.bar_image] if params.scale.bar_image else []
-    return main_file + bar + ([params.poses.file, *params.poses.sweeps.values()] if params.poses else [])
+def sources(params: SurveyParams) -> list[str]:
+    """List the input files that a survey section names, with those that belong to them."""
+    match params.kind:
+        case "stations":
+            files = [params.stations]
+        case "plan":
+            files = [params.image]
+            beside = world_file(Path(params.image)) if params.scale.source == "georeference" else None
+            files += [beside.as_posix()] if beside is not None else []
+        case "grid":
+            files = [params.map, nav2_picture(Path(params.map)).as_posix()]
+        case _:
+            files = measured_files(params)
+    bar = [params.scale.bar_image] if params.kind in ("stations", "plan") and params.scale.bar_image else []
+    return files + bar + ([params.poses.file, *params.poses.sweeps.values()] if params.poses else [])

@@ -1,34 +1,19 @@
-"""Station surveys: legs of stations with the distances to the left and right wall."""
+"""Reader of our own station table: CSV of legs, stations and the distances to the left and right wall."""
 
 from __future__ import annotations
 
 import csv
 import io
 import math
-from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
-import networkx as nx
 import numpy as np
-import shapely
-from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.types import Points2
+from pipeline.survey.legs import SurveyLeg, check_network
 
 _REACH_M = 10_000.0  # the world's text and its octree count from the origin; map coordinates would cost their precision
 _COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]
-
-
-@dataclass(frozen=True)
-class SurveyLeg:
-    """One leg: its stations' names, positions (n, 2) m and wall distances left and right (n, 2) m."""
-
-    name: str
-    stations: list[str]
-    positions_m: Points2
-    walls_m: Points2
 
 
 def read_stations(path: Path) -> list[SurveyLeg]:
@@ -71,7 +56,7 @@ def read_stations(path: Path) -> list[SurveyLeg]:
             raise InputError(f"{path}:{line}: station {row['station']} occurs twice in leg {row['leg']}")
         leg.append((row["station"], values))
     result = [_leg(path, name, stations) for name, stations in legs.items()]
-    _check_network(path, result)
+    check_network(path, result)
     return result
 
 
@@ -118,53 +103,3 @@ def _leg(path: Path, name: str, stations: list[tuple[str, tuple[float, ...]]]) -
             f"{path}: stations {stations[at][0]} and {stations[at + 1][0]} of leg {name} stand in one place"
         )
     return SurveyLeg(name, [s for s, _ in stations], values[:, :2], values[:, 2:])
-
-
-def _check_network(path: Path, legs: list[SurveyLeg]) -> None:
-    graph: nx.Graph = nx.Graph()
-    for leg in legs:
-        nx.add_path(graph, leg.stations)
-    parts = sorted(nx.connected_components(graph), key=len, reverse=True)
-    if len(parts) > 1:
-        loose = [leg.name for leg in legs if leg.stations[0] not in parts[0]]
-        raise InputError(f"{path}: legs {', '.join(loose)} share no station with leg {_leg_of(legs, parts[0])}")
-    segments = [(leg, a, b) for leg in legs for a, b in pairwise(range(len(leg.stations)))]
-    lines = shapely.linestrings([leg.positions_m[[a, b]] for leg, a, b in segments])
-    for i, j in shapely.STRtree(lines).query(lines, predicate="crosses").T:
-        if i < j:
-            (one, a, b), (two, c, d) = segments[i], segments[j]
-            at = lines[i].intersection(lines[j]).centroid
-            raise InputError(
-                f"{path}: leg {one.name} ({one.stations[a]} to {one.stations[b]}) crosses leg {two.name} "
-                f"({two.stations[c]} to {two.stations[d]}) at ({at.x:.2f}, {at.y:.2f}) without a station"
-            )
-
-
-def _leg_of(legs: list[SurveyLeg], stations: set[str]) -> str:
-    return next(leg.name for leg in legs if leg.stations[0] in stations)
-
-
-def build_workings(legs: list[SurveyLeg]) -> BaseGeometry:
-    """Rebuild the workings in plan: a quad between neighbouring stations, a disc at each station.
-
-    A disc's radius is the smaller wall distance, so it never reaches beyond a wall that was measured.
-
-    Returns
-    -------
-    shapely geometry, m, mine frame
-        May be in parts where a survey narrows to nothing.
-    """
-    shapes: list[BaseGeometry] = []
-    for leg in legs:
-        heading = np.gradient(leg.positions_m, axis=0)
-        heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-12)
-        to_left = np.column_stack([-heading[:, 1], heading[:, 0]])
-        left = leg.positions_m + to_left * leg.walls_m[:, :1]
-        right = leg.positions_m - to_left * leg.walls_m[:, 1:]
-        shapes += [
-            shapely.convex_hull(shapely.multipoints([left[i], left[i + 1], right[i + 1], right[i]]))
-            for i in range(len(left) - 1)
-        ]
-        shapes += list(shapely.buffer(shapely.points(leg.positions_m), leg.walls_m.min(axis=1), quad_segs=16))
-    solid = [s for s in shapes if isinstance(s, shapely.Polygon) and not s.is_empty]
-    return shapely.union_all(solid)

@@ -3,7 +3,7 @@ import pytest
 
 from baselines import pursuit
 from baselines.errors import BaselineError
-from baselines.map_observation import PATCH, MapObserver
+from baselines.map_observation import RINGS_M, MapObserver
 from baselines.mapping import FINE, FREE, ROCK, OwnMap
 from baselines.policy import CLASSICAL, make_policy, policy_sha256
 from baselines.protocol import make_env, run_episodes
@@ -29,9 +29,13 @@ def test_a_patch_turns_with_the_robot():
     poses = np.array([[*place, 0.0], [*place, np.pi / 2]])
     room = (-3.0, -3.0, 30.0, 5.0)
     patches = maps.observe(np.stack([seen_from(place, yaw, room)[0] for yaw in (0.0, np.pi / 2)]), poses)
-    one, other = patches.reshape(2, 3, PATCH, PATCH)
-    np.testing.assert_array_equal(np.rot90(one[0], -1), other[0])  # what lay ahead lies to the right
-    assert one[0].sum() > one[2].sum() == 1
+    one, other = patches.reshape(2, 3, 16, len(RINGS_M) - 1)
+    np.testing.assert_allclose(np.roll(one[0], -4, axis=0), other[0])  # what lay ahead lies to the right
+    assert one[0, 0, :3].min() == 1  # the room, open for 29 m ahead and seen as far as 10
+    assert one[0, :, 4].max() == 0
+    assert one[1, 12].any()  # the wall four metres to the right
+    assert not one[1, 0].any()
+    assert one[2, :, 1:].max() == 0  # it has been where it stands
 
 
 def test_a_patch_forgets_with_its_robot_alone():

@@ -4,7 +4,8 @@ import pytest
 import shapely
 
 from pipeline.errors import GeometryError, InputError
-from pipeline.geometry.ink import binarise, clean, require_workings
+from pipeline.geometry.ink import binarise, fill_islands, mend_ink, require_workings
+from pipeline.geometry.parts import choose_component
 from pipeline.survey.draw import draw_plan, frame_around
 from pipeline.survey.image import read_image
 from pipeline.survey.scale import measure_bar
@@ -49,21 +50,21 @@ def test_gaps_are_bridged_specks_dropped_and_small_holes_filled():
     spoilt[:, 400:404] = False  # a gap of half a metre
     spoilt[2:4, 2:4] = True  # a speck
     spoilt[50:54, 200:204] = False  # a hole of a quarter square metre
-    mended = clean(spoilt, 0.5 * 8, 0.5 * 8, 10 * 64)
+    mended = fill_islands(choose_component(mend_ink(spoilt, 0.5 * 8, 0.5 * 8), frame, []), 10 * 64)
     assert np.count_nonzero(mended != mask) <= 48  # the opening rounds the corners
 
 
 def test_of_two_workings_the_larger_stays():
     frame = frame_for(shapely.box(0, 0, 100, 30))
     two = shapely.union_all([shapely.box(0, 0, 100, 5), shapely.box(0, 20, 40, 25)])
-    kept = clean(binarise(plan_of(two, frame), None, 40, 0, []), 0, 0, 0)
+    kept = choose_component(binarise(plan_of(two, frame), None, 40, 0, []), frame, [])
     assert kept.sum() == 100 * 5 * 64
 
 
 def test_an_island_of_the_stated_size_stays_and_a_smaller_one_is_filled():
     frame = frame_for(STRAIGHT)
     mine = STRAIGHT.difference(shapely.box(20, 1, 24, 4)).difference(shapely.box(60, 1, 62, 4))
-    kept = clean(binarise(plan_of(mine, frame), None, 40, 0, []), 0, 0, 10 * 64)
+    kept = fill_islands(binarise(plan_of(mine, frame), None, 40, 0, []), 10 * 64)
     assert kept.sum() == (500 - 12) * 64
 
 
@@ -71,14 +72,14 @@ def test_an_inverted_plan_is_recognised():
     frame = frame_for(STRAIGHT)
     raw = binarise(255 - plan_of(STRAIGHT, frame), None, 40, 0, [])
     with pytest.raises(GeometryError, match="is the plan inverted"):
-        require_workings(raw, clean(raw, 0, 0, 0), 8.0, 50.0, 0.5)
+        require_workings(raw, choose_component(raw, frame, []), 8.0, 50.0, 0.5)
 
 
 def test_a_plan_with_too_little_ink_names_the_largest_region():
     frame = frame_for(shapely.box(0, 0, 20, 20))
     raw = binarise(plan_of(shapely.box(0, 0, 4, 3), frame), None, 40, 0, [])
     with pytest.raises(GeometryError, match=r"larger than 50 m2 \(largest is 12\.0 m2 at 8\.00 px/m\)"):
-        require_workings(raw, clean(raw, 0, 0, 0), 8.0, 50.0, 0.5)
+        require_workings(raw, choose_component(raw, frame, []), 8.0, 50.0, 0.5)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,8 @@ import pytest
 import shapely
 
 from pipeline.errors import InputError
-from pipeline.survey.stations import build_workings, read_stations
+from pipeline.survey.legs import build_workings
+from pipeline.survey.stations import read_stations
 from tests.conftest import ROOT, TINY_STATIONS
 
 HEADER = "leg,station,easting_m,northing_m,left_m,right_m\n"

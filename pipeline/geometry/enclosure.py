@@ -1,0 +1,135 @@
+"""Walls drawn as lines to the workings that they enclose."""
+
+from __future__ import annotations
+
+import networkx as nx
+import numpy as np
+import shapely
+from shapely import LineString, MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.errors import GeometryError
+
+
+def enclose_workings(walls: list[LineString], snap_m: float, seeds_m: list[tuple[float, float]]) -> MultiPolygon:
+    """Return what walls enclose.
+
+    Closed walls alone nest: the outermost enclose workings, those within them pillars, and so on; ones that overlap
+    are workings together. Where strings are open, those whose ends are near are joined and the plane is cut into faces:
+    a face is workings if an odd number of walls lies between it and the outside, or, with seeds, if a seed lies in it.
+
+    Parameters
+    ----------
+    walls : list of LineString, m
+    snap_m : float
+        An open end is joined to the nearest wall within this distance.
+    seeds_m : list of (x, y)
+        Inside the workings.
+
+    Raises
+    ------
+    GeometryError
+        If the walls enclose nothing, or a seed lies in no face; the message says where the widest gap is.
+    """
+    closed = [wall for wall in walls if wall.is_closed and len(wall.coords) > 3]
+    if len(closed) == len(walls) and not seeds_m:
+        return nest_rings(closed)
+    linework = shapely.union_all([*walls, *_joints(walls, snap_m)])
+    faces = shapely.get_parts(shapely.polygonize([linework]))
+    if not len(faces):
+        raise GeometryError(f"the walls enclose nothing{_widest_gap(walls, snap_m)}")
+    chosen = _faces_of_seeds(faces, seeds_m, walls, snap_m) if seeds_m else _odd_faces(faces)
+    return as_polygons(shapely.union_all(chosen))
+
+
+def nest_rings(rings: list[LineString]) -> MultiPolygon:
+    """Return what closed rings enclose, each ring within another turning workings into pillar and back."""
+    polygons = np.array([p for p in (shapely.make_valid(Polygon(ring)) for ring in rings) if p.area > 0], dtype=object)
+    if not len(polygons):
+        raise GeometryError("the walls enclose nothing")
+    inner, outer = shapely.STRtree(polygons).query(polygons, predicate="covered_by")
+    depth = np.bincount(inner[inner != outer], minlength=len(polygons))
+    result: BaseGeometry = Polygon()
+    for level in range(int(depth.max()) + 1):
+        here = shapely.union_all(polygons[depth == level])
+        result = result.union(here) if level % 2 == 0 else result.difference(here)
+    return as_polygons(result)
+
+
+def as_polygons(geometry: BaseGeometry) -> MultiPolygon:
+    """Return the polygons of any geometry, made valid."""
+    parts = shapely.get_parts(shapely.make_valid(geometry))
+    nested = [shapely.get_parts(part) if hasattr(part, "geoms") else [part] for part in parts]
+    return MultiPolygon([p for group in nested for p in group if isinstance(p, Polygon) and p.area > 0])
+
+
+def _open_ends(walls: list[LineString]) -> np.ndarray:
+    """Return the ends (n, 2) at which a single wall ends."""
+    ends = [place for wall in walls if not wall.is_closed for place in (wall.coords[0][:2], wall.coords[-1][:2])]
+    if not ends:
+        return np.zeros((0, 2))
+    places, counts = np.unique(np.round(ends, 6), axis=0, return_counts=True)
+    return places[counts == 1]
+
+
+def _joints(walls: list[LineString], snap_m: float) -> list[LineString]:
+    """Return a short line from every open end to the nearest wall within reach."""
+    joints, tree = [], shapely.STRtree(walls)
+    for place in _open_ends(walls):
+        end = shapely.Point(place)
+        best: tuple[float, LineString] | None = None
+        for i in tree.query(end.buffer(snap_m)).tolist():
+            wall = walls[i]
+            if min(end.distance(shapely.Point(wall.coords[k])) for k in (0, -1)) < 1e-5:  # its own: the other end alone
+                wall = shapely.Point(wall.coords[-1 if end.distance(shapely.Point(wall.coords[0])) < 1e-5 else 0])
+            line = shapely.shortest_line(end, wall)
+            if line.length <= snap_m and (best is None or line.length < best[0]):
+                best = line.length, line
+        if best is not None and best[0] > 0:
+            joints.append(best[1])
+    return joints
+
+
+def _odd_faces(faces: np.ndarray) -> list[Polygon]:
+    """Return the faces with an odd number of walls between them and the outside."""
+    neighbours: nx.Graph = nx.Graph()
+    neighbours.add_nodes_from(range(-1, len(faces)))
+    edges = shapely.boundary(faces)
+    for a, b in shapely.STRtree(faces).query(faces, predicate="touches").T:
+        if a < b and edges[a].intersection(edges[b]).length > 0:
+            neighbours.add_edge(int(a), int(b))
+    whole = shapely.union_all(faces)
+    outside = shapely.union_all([part.exterior for part in as_polygons(whole).geoms])
+    for i, edge in enumerate(edges):
+        if edge.intersection(outside).length > 0:
+            neighbours.add_edge(-1, i)
+    depth = nx.single_source_shortest_path_length(neighbours, -1)
+    return [faces[i] for i in range(len(faces)) if depth.get(i, 0) % 2 == 1]
+
+
+def _faces_of_seeds(
+    faces: np.ndarray, seeds: list[tuple[float, float]], walls: list[LineString], snap_m: float
+) -> list[Polygon]:
+    chosen: dict[int, Polygon] = {}
+    for x, y in seeds:
+        inside = np.flatnonzero(shapely.contains_xy(faces, x, y))
+        if not len(inside):
+            raise GeometryError(f"the walls round the seed ({x:g}, {y:g}) are open{_widest_gap(walls, snap_m)}")
+        chosen[int(inside[0])] = faces[inside[0]]
+    return list(chosen.values())
+
+
+def _widest_gap(walls: list[LineString], snap_m: float) -> str:
+    """Say where the nearest pair of ends lies that was not joined, if there is one."""
+    ends = _open_ends(walls)
+    if len(ends) < 2:
+        return ""
+    apart = np.linalg.norm(ends[:, None] - ends[None], axis=-1)
+    apart[apart <= snap_m] = np.inf
+    i, j = np.unravel_index(int(apart.argmin()), apart.shape)
+    if not np.isfinite(apart[i, j]):
+        return ""
+    return (
+        f": the nearest ends left open are {apart[i, j]:.2f} m apart, at ({ends[i][0]:.2f}, {ends[i][1]:.2f}); "
+        f"survey.snap_m = {snap_m:g} joins nearer ones"
+    )

@@ -1,0 +1,158 @@
+"""Mines that were never dug: plans of four styles, drawn from a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import networkx as nx
+import numpy as np
+import shapely
+from shapely import LineString, MultiPolygon, Point
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.geometry.enclosure import as_polygons
+from pipeline.geometry.vary import displace
+
+Range = tuple[float, float]
+_RIB_WAVE_M = 6.0  # ribs of drilled and blasted drifts change over a round's length and the drift's width
+_STEP_M = 3.0  # between the stations of a winding passage
+
+
+def generate_workings(style: str, rib_noise_m: float, rng: np.random.Generator, **numbers: Any) -> MultiPolygon:
+    """Draw a mine's workings.
+
+    Parameters
+    ----------
+    style : {"room_and_pillar", "drift_and_crosscut", "ramp", "cave"}
+    rib_noise_m : float
+        Standard deviation of the ribs about their lines.
+    rng : Generator
+    **numbers
+        `size_m` and `width_m` (low, high), `loops` and `dead_ends` shares, and the style's own: `pillar_m`,
+        `spacing_m` or `wander`.
+
+    Returns
+    -------
+    shapely.MultiPolygon, m
+        One polygon; its south-west corner lies near the origin.
+    """
+    styles: dict[str, Callable[..., list[BaseGeometry]]] = {
+        "room_and_pillar": _rooms,
+        "drift_and_crosscut": _drifts,
+        "ramp": _ramp,
+        "cave": _cave,
+    }
+    drawn = shapely.union_all(styles[style](rng, **numbers))
+    return as_polygons(displace(drawn, rib_noise_m, _RIB_WAVE_M, rng))
+
+
+def _rooms(
+    rng: np.random.Generator, size_m: Range, width_m: Range, loops: float, dead_ends: float, pillar_m: float
+) -> list[BaseGeometry]:
+    width = rng.uniform(*width_m)
+    return _on_lattice(rng, size_m, (width, width), loops, dead_ends, pillar_m + width, jitter=0.0)
+
+
+def _drifts(
+    rng: np.random.Generator, size_m: Range, width_m: Range, loops: float, dead_ends: float, spacing_m: float
+) -> list[BaseGeometry]:
+    return _on_lattice(rng, size_m, width_m, loops, dead_ends, spacing_m, jitter=0.15)
+
+
+def _on_lattice(
+    rng: np.random.Generator,
+    size_m: Range,
+    width_m: Range,
+    loops: float,
+    dead_ends: float,
+    spacing: float,
+    jitter: float,
+) -> list[BaseGeometry]:
+    """Drive a random tree of a lattice's edges, a share of the others, and on from a share of the blind ends."""
+    east, north = (max(2, round(rng.uniform(*size_m) / spacing) + 1) for _ in range(2))
+    lattice = nx.grid_2d_graph(east, north)
+    for a, b in lattice.edges:
+        lattice.edges[a, b]["weight"] = rng.random()
+    driven: nx.Graph = nx.Graph(nx.minimum_spanning_tree(lattice))
+    left = [edge for edge in lattice.edges if not driven.has_edge(*edge)]
+    driven.add_edges_from(edge for edge in left if rng.random() < loops)
+    for node in [n for n in driven if driven.degree(n) == 1]:
+        closed = [n for n in lattice[node] if not driven.has_edge(node, n)]
+        if closed and driven.degree(node) == 1 and rng.random() >= dead_ends:
+            driven.add_edge(node, closed[rng.integers(len(closed))])
+    shift = {n: spacing * (np.array(n) + rng.uniform(-jitter, jitter, 2)) for n in lattice}
+    return [LineString([shift[a], shift[b]]).buffer(rng.uniform(*width_m) / 2, quad_segs=4) for a, b in driven.edges]
+
+
+def _ramp(
+    rng: np.random.Generator, size_m: Range, width_m: Range, loops: float, dead_ends: float, spacing_m: float
+) -> list[BaseGeometry]:
+    """Draw a ramp to and fro, with a level off every turn; levels that are joined make loops."""
+    long, width = rng.uniform(*size_m), rng.uniform(*width_m)
+    turns = max(2, round(rng.uniform(*size_m) / spacing_m))
+    path, ends = [], []
+    for turn in range(turns):
+        y = turn * spacing_m
+        there, back = ((0.0, long), (long, 0.0))[turn % 2]
+        path += [(there, y), (back, y)]
+        if turn + 1 < turns:
+            side = 1.0 if back > 0 else -1.0
+            middle = np.array([back, y + spacing_m / 2])
+            angles = np.linspace(-np.pi / 2, np.pi / 2, 9)[1:-1]
+            path += [tuple(middle + spacing_m / 2 * np.array([side * np.cos(a), np.sin(a)])) for a in angles]
+            ends.append((middle + np.array([side * spacing_m / 2, 0.0]), side))
+    drifts: list[BaseGeometry] = [LineString(path).buffer(width / 2, quad_segs=4)]
+    last: dict[float, np.ndarray] = {}
+    for start, side in ends:
+        if rng.random() < 1.0 - 0.5 * (1.0 - dead_ends):
+            end = start + spacing_m * np.array([side * rng.uniform(0.8, 2.0), rng.uniform(-0.2, 0.2)])
+            drifts.append(
+                LineString([start - np.array([side, 0.0]), end]).buffer(rng.uniform(*width_m) / 2, quad_segs=4)
+            )
+            if side in last and rng.random() < loops:
+                drifts.append(LineString([last[side], end]).buffer(rng.uniform(*width_m) / 2, quad_segs=4))
+            last[side] = end
+    return drifts
+
+
+def _cave(
+    rng: np.random.Generator, size_m: Range, width_m: Range, loops: float, dead_ends: float, wander: float
+) -> list[BaseGeometry]:
+    """Draw winding passages, each from a place on one before, some with a chamber, some led back to another."""
+    long = rng.uniform(*size_m)
+    passages = [_wind(rng, np.zeros(2), 0.0, long, wander)]
+    for _ in range(max(2, round(long / 25))):
+        trunk = passages[rng.integers(len(passages))]
+        at = int(rng.integers(1, len(trunk) - 1))
+        heading = np.arctan2(*(trunk[at] - trunk[at - 1])[::-1]) + rng.choice([-1, 1]) * rng.uniform(0.8, 1.8)
+        branch = _wind(rng, trunk[at], heading, rng.uniform(0.2, 0.5) * long, wander)
+        if rng.random() >= dead_ends and rng.random() < loops:
+            others = np.vstack(passages)
+            nearest = others[np.linalg.norm(others - branch[-1], axis=1).argmin()]
+            branch = np.vstack([branch, nearest])
+        passages.append(branch)
+    shapes: list[BaseGeometry] = []
+    for passage in passages:
+        half = np.interp(np.arange(len(passage)), *_knots(rng, len(passage), width_m)) / 2
+        discs = [Point(p).buffer(r, quad_segs=6) for p, r in zip(passage, half, strict=True)]
+        shapes += [shapely.union_all([a, b]).convex_hull for a, b in pairwise(discs)]
+        if rng.random() < 0.3:
+            chamber = Point(passage[rng.integers(len(passage))]).buffer(rng.uniform(1.0, 1.8) * width_m[1], quad_segs=8)
+            shapes.append(chamber)
+    return shapes
+
+
+def _wind(rng: np.random.Generator, start: np.ndarray, heading: float, length: float, wander: float) -> np.ndarray:
+    """Return the stations (n, 2) m of a passage whose heading strays, and returns to where it began."""
+    stations, stray = [start], 0.0
+    for _ in range(max(4, round(length / _STEP_M))):
+        stray = 0.9 * stray + rng.normal(0.0, 0.35 * wander)
+        stations.append(stations[-1] + _STEP_M * np.array([np.cos(heading + stray), np.sin(heading + stray)]))
+    return np.array(stations)
+
+
+def _knots(rng: np.random.Generator, count: int, width_m: Range) -> tuple[np.ndarray, np.ndarray]:
+    places = np.arange(0, count + 4, 4)
+    return places, rng.uniform(*width_m, size=len(places))

@@ -1,0 +1,77 @@
+"""Reader of DXF drawings: closed polylines, open wall strings, arcs and splines, blocks resolved."""
+
+from __future__ import annotations
+
+from itertools import islice
+from pathlib import Path
+
+from ezdxf import disassemble
+from ezdxf.document import Drawing
+from ezdxf.filemanagement import readfile
+from ezdxf.lldxf.const import DXFError
+from shapely import LineString
+
+from pipeline.errors import InputError
+from pipeline.survey.shapes import Shapes, read_text_bytes
+
+_UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
+_CHORD_SHARE = 1e-4  # of the drawing's size, between a curve and the chords that stand for it
+_MAX_ENTITIES = 200_000
+_DRAWN = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
+
+
+def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
+    """Read the lines of some layers, or of all.
+
+    Returns
+    -------
+    Shapes
+        Lines in drawing units; the unit is `$INSUNITS` where the drawing says one we know.
+
+    Raises
+    ------
+    InputError
+        If the file is no DXF, holds more than 200,000 entities, or a layer is unknown (they are listed).
+    """
+    read_text_bytes(path)
+    try:
+        drawing = readfile(path)
+        known = {layer.dxf.name for layer in drawing.layers}
+        lines = _lines(path, drawing, layers)
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"{path}: not a DXF drawing ({error.strerror or error})") from error
+    except (
+        DXFError,
+        ValueError,
+        TypeError,
+        KeyError,
+        IndexError,
+        AttributeError,
+        RecursionError,
+        ArithmeticError,
+    ) as error:
+        raise InputError(f"{path}: not a readable DXF drawing ({type(error).__name__}: {str(error)[:120]})") from error
+    unknown = sorted(set(layers or []) - known)
+    if unknown and not lines:
+        raise InputError(f"{path}: no layer {', '.join(unknown)}; there are {', '.join(sorted(known))}")
+    return Shapes(list(lines), _UNITS.get(int(drawing.header.get("$INSUNITS", 0))))
+
+
+def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> list[LineString]:
+    entities = list(islice(disassemble.recursive_decompose(drawing.modelspace()), _MAX_ENTITIES + 1))
+    if len(entities) > _MAX_ENTITIES:
+        raise InputError(f"{path}: more than {_MAX_ENTITIES} entities with blocks resolved")
+    kept = [e for e in entities if e.dxftype() in _DRAWN and (layers is None or e.dxf.layer in layers)]
+    paths = [p.path for p in disassemble.to_primitives(kept) if p.path is not None and len(p.path)]
+    corners = [point for p in paths for point in p.control_vertices()]
+    if not corners:
+        return []
+    size = max(max(v[k] for v in corners) - min(v[k] for v in corners) for k in (0, 1))
+    lines = []
+    for p in paths:
+        points = [(v.x, v.y) for v in p.flattening(max(size * _CHORD_SHARE, 1e-9), segments=4)]
+        if len(set(points)) > 1:
+            lines.append(LineString(points))
+    return lines

@@ -1,0 +1,95 @@
+"""Where a picture's pixels lie in a map's coordinates: world files and GeoTIFF."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import rasterio
+from rasterio.errors import NotGeoreferencedWarning, RasterioError
+
+from pipeline.errors import InputError
+from pipeline.survey.shapes import read_text_bytes
+
+_SUFFIXES = {
+    ".png": [".pgw", ".pngw"],
+    ".jpg": [".jgw", ".jpgw"],
+    ".jpeg": [".jgw", ".jpegw"],
+    ".tif": [".tfw", ".tifw"],
+    ".tiff": [".tfw", ".tiffw"],
+}
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A picture in a map: a pixel's size, how far its columns run north of east, and the corner of pixel (0, 0).
+
+    `size`, `east` and `north` are in units of the map's system, `turned_deg` counter-clockwise.
+    """
+
+    size: float
+    turned_deg: float
+    east: float
+    north: float
+    metres_per_unit: float
+    unit: str
+    crs: str | None
+
+
+def world_file(image: Path) -> Path | None:
+    """Return the world file beside a picture, if there is one."""
+    endings = [*_SUFFIXES.get(image.suffix.lower(), []), ".wld"]
+    return next((p for p in (image.with_suffix(ending) for ending in endings) if p.is_file()), None)
+
+
+def read_placement(image: Path) -> Placement:
+    """Read where a picture lies, from its world file or, for GeoTIFF, from itself.
+
+    Raises
+    ------
+    InputError
+        If it has neither, its pixels are not square or mirrored, or its system counts in degrees.
+
+    References
+    ----------
+    Esri, "World files for raster datasets"; OGC GeoTIFF 1.1.
+    """
+    beside = world_file(image)
+    if beside is not None:
+        return _placed(beside, _six_numbers(beside), 1.0, "m", None)
+    if image.suffix.lower() in (".tif", ".tiff"):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", NotGeoreferencedWarning)
+                with rasterio.open(image, driver="GTiff") as picture:
+                    t, crs = picture.transform, picture.crs
+        except (RasterioError, ValueError, TypeError) as error:
+            raise InputError(f"{image}: not a GeoTIFF ({str(error)[:120]})") from error
+        if not t.is_identity:
+            if crs is not None and crs.is_geographic:
+                raise InputError(f"{image}: its pixels are in degrees ({crs}); warp it to a metric system first")
+            unit, metres = crs.linear_units_factor if crs is not None and crs.is_projected else ("m", 1.0)
+            corner = (t.a, t.d, t.b, t.e, t.c + (t.a + t.b) / 2, t.f + (t.d + t.e) / 2)
+            return _placed(image, corner, float(metres), str(unit), crs.to_string() if crs is not None else None)
+    raise InputError(f"{image}: no world file beside it and no GeoTIFF; survey.scale.source=georeference needs one")
+
+
+def _six_numbers(path: Path) -> tuple[float, ...]:
+    words = read_text_bytes(path).decode("latin-1").split()
+    try:
+        numbers = tuple(float(word) for word in words)
+    except ValueError as error:
+        raise InputError(f"{path}: not six numbers ({error})") from error
+    if len(numbers) != 6 or not all(map(math.isfinite, numbers)):
+        raise InputError(f"{path}: want six finite numbers, found {len(numbers)}")
+    return numbers
+
+
+def _placed(path: Path, six: tuple[float, ...], metres: float, unit: str, crs: str | None) -> Placement:
+    a, d, b, e, c, f = six  # a pixel along a row goes (a, d), down a column (b, e); (c, f) is pixel (0, 0)'s centre
+    size, down = math.hypot(a, d), math.hypot(b, e)
+    if not (1e-6 < size < 1e6) or abs(size - down) > 0.005 * size or a * e - b * d >= 0:
+        raise InputError(f"{path}: pixels of {size:g} by {down:g} units; want square ones, north up, not mirrored")
+    return Placement(size, math.degrees(math.atan2(d, a)), c - (a + b) / 2, f - (d + e) / 2, metres, unit, crs)

@@ -1,0 +1,116 @@
+"""Legs of a station survey, whichever file they come from: their network is checked, their workings rebuilt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import networkx as nx
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.errors import InputError
+from pipeline.types import Points2
+
+
+@dataclass(frozen=True)
+class SurveyLeg:
+    """One leg: its stations' names, positions (n, 2) m and wall distances left and right (n, 2) m."""
+
+    name: str
+    stations: list[str]
+    positions_m: Points2
+    walls_m: Points2
+
+
+Chain = list[tuple[str, tuple[float, float], tuple[float, float]]]  # station, place, walls left and right; nan: unknown
+
+
+def legs_of_chains(path: Path, chains: list[Chain]) -> list[SurveyLeg]:
+    """Make legs of stations as they follow each other in a file, filling in wall distances that were not measured.
+
+    A station that stands where the one before it does, as in a shaft, is left out; so are legs of one station. What
+    was not measured is taken from the stations before and after along the leg.
+
+    Raises
+    ------
+    InputError
+        If no leg is left, a leg has no wall distance at all, or the network does not hold (see `check_network`).
+    """
+    legs = []
+    for number, chain in enumerate(chains, start=1):
+        kept = (
+            [chain[0], *(b for a, b in pairwise(chain) if np.hypot(*np.subtract(a[1], b[1])) > 1e-6)] if chain else []
+        )
+        if len(kept) < 2:
+            continue
+        walls = np.array([sides for _, _, sides in kept], dtype=float)
+        for side, column in zip(("left", "right"), walls.T, strict=True):
+            known = np.flatnonzero(np.isfinite(column))
+            if not len(known):
+                raise InputError(f"{path}: no distance to the {side} wall from {kept[0][0]} to {kept[-1][0]}")
+            column[:] = np.interp(np.arange(len(column)), known, column[known])
+        legs.append(SurveyLeg(str(number), [s for s, _, _ in kept], np.array([p for _, p, _ in kept]), walls))
+    if not legs:
+        raise InputError(f"{path}: no legs with passages; widths left and right of the stations are needed")
+    check_network(path, legs)
+    return legs
+
+
+def check_network(path: Path, legs: list[SurveyLeg]) -> None:
+    """Check that all legs hang together and that none crosses another without a station.
+
+    Raises
+    ------
+    InputError
+        Naming the file and the legs.
+    """
+    graph: nx.Graph = nx.Graph()
+    for leg in legs:
+        nx.add_path(graph, leg.stations)
+    parts = sorted(nx.connected_components(graph), key=len, reverse=True)
+    if len(parts) > 1:
+        loose = [leg.name for leg in legs if leg.stations[0] not in parts[0]]
+        raise InputError(f"{path}: legs {', '.join(loose)} share no station with leg {_leg_of(legs, parts[0])}")
+    segments = [(leg, a, b) for leg in legs for a, b in pairwise(range(len(leg.stations)))]
+    lines = shapely.linestrings([leg.positions_m[[a, b]] for leg, a, b in segments])
+    for i, j in shapely.STRtree(lines).query(lines, predicate="crosses").T:
+        if i < j:
+            (one, a, b), (two, c, d) = segments[i], segments[j]
+            at = lines[i].intersection(lines[j]).centroid
+            raise InputError(
+                f"{path}: leg {one.name} ({one.stations[a]} to {one.stations[b]}) crosses leg {two.name} "
+                f"({two.stations[c]} to {two.stations[d]}) at ({at.x:.2f}, {at.y:.2f}) without a station"
+            )
+
+
+def _leg_of(legs: list[SurveyLeg], stations: set[str]) -> str:
+    return next(leg.name for leg in legs if leg.stations[0] in stations)
+
+
+def build_workings(legs: list[SurveyLeg]) -> BaseGeometry:
+    """Rebuild the workings in plan: a quad between neighbouring stations, a disc at each station.
+
+    A disc's radius is the smaller wall distance, so it never reaches beyond a wall that was measured.
+
+    Returns
+    -------
+    shapely geometry, m, mine frame
+        May be in parts where a survey narrows to nothing.
+    """
+    shapes: list[BaseGeometry] = []
+    for leg in legs:
+        heading = np.gradient(leg.positions_m, axis=0)
+        heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-12)
+        to_left = np.column_stack([-heading[:, 1], heading[:, 0]])
+        left = leg.positions_m + to_left * leg.walls_m[:, :1]
+        right = leg.positions_m - to_left * leg.walls_m[:, 1:]
+        shapes += [
+            shapely.convex_hull(shapely.multipoints([left[i], left[i + 1], right[i + 1], right[i]]))
+            for i in range(len(left) - 1)
+        ]
+        shapes += list(shapely.buffer(shapely.points(leg.positions_m), leg.walls_m.min(axis=1), quad_segs=16))
+    solid = [s for s in shapes if isinstance(s, shapely.Polygon) and not s.is_empty]
+    return shapely.union_all(solid)
