@@ -48,13 +48,14 @@ def make_policy(name: str, robots: int, task: TaskParams) -> Policy:
 
 
 def policy_sha256(policy: Policy) -> str:
-    """Return the hash of what a policy does: of its checkpoint, or of its source and the sources that it builds on."""
+    """Return the hash of what a policy does: of its checkpoint, or of its name, its source and what that builds on."""
     checkpoint = getattr(policy, "path", None)
     if checkpoint is not None:
         return hashlib.sha256(Path(checkpoint).read_bytes()).hexdigest()
     rooms = {inspect.getfile(kind) for kind in type(policy).__mro__ if kind.__module__.startswith("baselines.")}
     rooms |= {inspect.getfile(module) for module in getattr(policy, "builds_on", ())}
-    return hashlib.sha256(b"".join(Path(file).read_bytes() for file in sorted(rooms))).hexdigest()
+    parts = [type(policy).__qualname__.encode(), *(Path(file).read_bytes() for file in sorted(rooms))]
+    return hashlib.sha256(b"".join(parts)).hexdigest()
 
 
 def ranges_m(observation: np.ndarray, task: TaskParams) -> np.ndarray:
