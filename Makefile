@@ -38,7 +38,7 @@ test-slow: setup ## the slow tests
 check: setup     ## lint, types, import contracts, dvc.yaml up to date
 	@ruff check . && ruff format --check . && mypy && lint-imports && $(PY) -m stages | cmp - dvc.yaml
 
-report: all      ## write docs/results.md from the present metrics
+report: all      ## the report page is artifacts/report/report.html; write docs/results.md from the same figures
 	@$(PY) -m pipeline table
 
 verify: setup    ## walk the manifests from the survey to the world

@@ -1,5 +1,7 @@
 """Gymnasium environments in worlds compiled from real mine surveys; reads a world bundle and nothing else."""
 
+from pathlib import Path
+
 from gymnasium.envs.registration import register
 
 __version__ = "0.2.0"
@@ -14,5 +16,11 @@ WORLDS: dict[str, dict] = {
     "MineXplore/ChileanMineEntrance-v0": {"world": "chilean_mine", "task": {"region_m": 60.0, "max_steps": 1500}},
 }
 
-for _id, _kwargs in WORLDS.items():
+# A source checkout's own worlds, made by `python -m pipeline new NAME`, are MineXplore/NAME-v0.
+BUILT: dict[str, dict] = {
+    f"MineXplore/{_record.parents[2].name}-v0": {"world": _record.parent}
+    for _record in sorted(Path(__file__).parents[1].glob("artifacts/worlds/*/realism/world/world.json"))
+}
+
+for _id, _kwargs in {**BUILT, **WORLDS}.items():
     register(_id, _ENV, vector_entry_point=_VECTOR, kwargs=_kwargs, order_enforce=True)

@@ -6,7 +6,9 @@ import argparse
 import json
 import os
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from pipeline.errors import MineError
 
@@ -149,6 +151,75 @@ def parity(bundle: Path, rays: int, out: Path | None) -> None:
         raise LimitError(f"{bundle}: {', '.join(wrong)} disagree" + (f"; see {out}" if out else ""))
 
 
+def new(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any], overrides: list[str]) -> None:
+    """Make a world of a mine's file: look at it, write conf/survey/NAME.yaml, run all stages, draw the report."""
+    from pipeline.errors import LimitError
+    from pipeline.new import adopt
+    from pipeline.worlds import WORLDS, env_id
+
+    for line in adopt(name, source, origin, licence, stated):
+        print(line, file=sys.stderr)
+    broken = None
+    try:
+        build(name, [f"survey={name}", *overrides])
+    except LimitError as error:
+        broken = error
+    print(f"world   {WORLDS / name / 'realism' / 'world'}")
+    print("report ", end=" ")
+    report(name)
+    print(f"env id  {env_id(name)}")
+    if broken is not None:
+        raise broken
+
+
+def build(name: str, overrides: list[str]) -> None:
+    """Bring a world's folder up to date by the stages that are not."""
+    from tqdm import tqdm
+
+    from pipeline.compose import compose
+    from pipeline.worlds import WORLDS
+    from stages.run import make_world
+
+    def progress(stages: list) -> Iterator:
+        with tqdm(stages, desc=name, unit="stage", disable=None) as bar:
+            for stage in bar:
+                bar.set_postfix_str(stage.name)
+                yield stage
+
+    make_world(compose(overrides), WORLDS / name, progress)
+
+
+def list_() -> None:
+    """List the worlds that were built here."""
+    from pipeline.worlds import list_worlds
+
+    print(list_worlds())
+
+
+def show(name: str) -> None:
+    """Show a world's figures and their limits."""
+    from pipeline.worlds import show_world
+
+    print(show_world(name))
+
+
+def compare(one: str, other: str) -> None:
+    """Show the figures and the parameters in which two worlds differ."""
+    from pipeline.worlds import compare_worlds
+
+    print(compare_worlds(one, other))
+
+
+def report(name: str) -> None:
+    """Write a world's report.html: one page that needs no network."""
+    from pipeline.compose import compose
+    from pipeline.report.page import write_page
+    from pipeline.worlds import changed_params, env_id, world_folder
+
+    folder = world_folder(name)
+    print(write_page(folder, env_id(name), changed_params(name, compose([]))))
+
+
 def accept() -> None:
     """Accept the present metrics as the baseline that the regression gate compares with."""
     from pipeline.report.baseline import accept_baseline
@@ -168,6 +239,44 @@ def _positive(text: str) -> int:
     if value < 1:
         raise argparse.ArgumentTypeError(f"{value}: want 1 or more")
     return value
+
+
+def _numbers(count: int) -> Callable[[str], list[float]]:
+    def parse(text: str) -> list[float]:
+        values = [float(part) for part in text.split(",")]
+        if len(values) != count:
+            raise argparse.ArgumentTypeError(f"{text!r}: want {count} numbers, separated by commas")
+        return values
+
+    return parse
+
+
+def _add_worlds(commands: Any) -> None:
+    """Declare the commands that make and look at worlds of one's own."""
+    make = commands.add_parser("new", help=new.__doc__)
+    make.add_argument("name", help="of the world; conf/survey/NAME.yaml and artifacts/worlds/NAME are made")
+    make.add_argument("--from", dest="source", type=Path, required=True, help="plan, map.yaml, drawing or survey")
+    make.add_argument("--origin", default="not stated", help="where the file comes from")
+    make.add_argument("--licence", default="not stated")
+    make.add_argument("--px-per-m", type=float, help="of a plan without a scale bar")
+    make.add_argument("--bar-length", dest="bar_length_m", type=float, help="m that the scale bar stands for")
+    make.add_argument("--bar-box", dest="bar_box_px", type=_numbers(4), help="COL0,ROW0,COL1,ROW1 round the bar")
+    make.add_argument("--unit", choices=["m", "cm", "mm", "ft", "in"], help="of a drawing")
+    make.add_argument("--entrance", dest="entrance_m", type=_numbers(2), help="X,Y in the mine frame, m")
+    make.add_argument("overrides", nargs="*", help="such as compile3d.height_m=2.8")
+    stated = ("px_per_m", "bar_length_m", "bar_box_px", "unit", "entrance_m")
+    make.set_defaults(
+        run=lambda a: new(a.name, a.source, a.origin, a.licence, {k: getattr(a, k) for k in stated}, a.overrides)
+    )
+    commands.add_parser("list", help=list_.__doc__).set_defaults(run=lambda a: list_())
+    for function in (show, report):
+        look = commands.add_parser(function.__name__, help=function.__doc__)
+        look.add_argument("name", nargs="?", default="default")
+        look.set_defaults(run=lambda a, f=function: f(a.name))
+    beside = commands.add_parser("compare", help=compare.__doc__)
+    beside.add_argument("one")
+    beside.add_argument("other")
+    beside.set_defaults(run=lambda a: compare(a.one, a.other))
 
 
 def main() -> int:
@@ -209,6 +318,7 @@ def main() -> int:
     alike.add_argument("--rays", type=_positive, default=10_000)
     alike.add_argument("--out", type=Path)
     alike.set_defaults(run=lambda a: parity(a.bundle, a.rays, a.out))
+    _add_worlds(commands)
     arguments = parser.parse_args()
     try:
         arguments.run(arguments)

@@ -42,6 +42,15 @@ def render_dag(root: Path) -> str:
     stages: dict[str, Any] = {"compose": compose}
     for stage in load_stages():
         stages[stage.name] = _stage_entry(stage, root)
+    stages["report"] = {
+        "desc": "The report: one page with all the evidence",
+        "cmd": "python -m pipeline report",
+        "deps": [
+            "conf", *((ARTIFACTS / name / "manifest.json").as_posix() for name in STAGES), "pipeline/report/page.html.j2",
+            *_closure(root, "pipeline/report/page.py"),
+        ],
+        "outs": [_kept((ARTIFACTS / "report").as_posix())],
+    }  # fmt: skip
     plots = [next(iter(p)) if next(iter(p.values())) is None else p for p in _PLOTS]
     return _HEADER + yaml.safe_dump({"stages": stages, "plots": plots}, sort_keys=False, width=120)
 

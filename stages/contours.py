@@ -11,7 +11,7 @@ from shapely import Polygon
 
 from pipeline.errors import GeometryError, ParamsError
 from pipeline.geometry.ink import binarise, fill_islands, left_out, mend_ink, require_workings
-from pipeline.geometry.outline import simplify_outline, trace_outline
+from pipeline.geometry.outline import simplify_outline, simplify_to_iou, trace_outline
 from pipeline.geometry.parts import choose_component, choose_part, mend
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.skeleton import require_same_network, trace_alike
@@ -37,10 +37,13 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
         require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_ink_share)
     except GeometryError as error:
         raise GeometryError(f"{(survey.sources or [survey.name])[0]}: {error}") from error
-    outline = simplify_outline(traced, params.tolerance_m)
+    if params.tolerance_m == "auto":
+        outline, tolerance = simplify_to_iou(traced, params.auto_iou)
+    else:
+        outline, tolerance = simplify_outline(traced, params.tolerance_m), params.tolerance_m
     grid = params.network.cell_m, params.network.min_leg_m, params.network.station_spacing_m
     before, network = trace_alike([traced, outline], *grid)
-    require_same_network(before, network, outline, params.tolerance_m, params.network.min_leg_m)
+    require_same_network(before, network, outline, tolerance, params.network.min_leg_m)
     outer = Polygon(outline.exterior)
     areas = Areas(
         tunnel_m2=round(outline.area, 3),
@@ -53,7 +56,7 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
     return {
         "raw": raw,
         "cleaned": cleaned,
-        "free_space": FreeSpace(outline, areas, params.tolerance_m, frame),
+        "free_space": FreeSpace(outline, areas, tolerance, frame),
         "topology": network,
         "topology_dot": network_dot(network),
         "widths": width_table(network),

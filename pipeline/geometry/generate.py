@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import pairwise
-from typing import Any
 
 import networkx as nx
 import numpy as np
@@ -20,32 +18,49 @@ _RIB_WAVE_M = 6.0  # ribs of drilled and blasted drifts change over a round's le
 _STEP_M = 3.0  # between the stations of a winding passage
 
 
-def generate_workings(style: str, rib_noise_m: float, rng: np.random.Generator, **numbers: Any) -> MultiPolygon:
+def generate_workings(
+    style: str,
+    rng: np.random.Generator,
+    size_m: Range,
+    width_m: Range,
+    loops: float,
+    dead_ends: float,
+    rib_noise_m: float,
+    pillar_m: float,
+    spacing_m: float,
+    wander: float,
+) -> MultiPolygon:
     """Draw a mine's workings.
 
     Parameters
     ----------
     style : {"room_and_pillar", "drift_and_crosscut", "ramp", "cave"}
+    rng : Generator
+    size_m, width_m : (low, high)
+        Of the mine and of its drifts.
+    loops : float
+        Share of the crosscuts beyond a tree that are driven.
+    dead_ends : float
+        Share of the places that may end blind that do.
     rib_noise_m : float
         Standard deviation of the ribs about their lines.
-    rng : Generator
-    **numbers
-        `size_m` and `width_m` (low, high), `loops` and `dead_ends` shares, and the style's own: `pillar_m`,
-        `spacing_m` or `wander`.
+    pillar_m, spacing_m : float
+        Side of a pillar of room and pillar; between drifts, or the ramp's lengths, of the two styles that follow.
+    wander : float
+        How far a cave's passages stray, in [0, 1].
 
     Returns
     -------
     shapely.MultiPolygon, m
-        One polygon; its south-west corner lies near the origin.
+        One polygon; it begins near the origin.
     """
-    styles: dict[str, Callable[..., list[BaseGeometry]]] = {
-        "room_and_pillar": _rooms,
-        "drift_and_crosscut": _drifts,
-        "ramp": _ramp,
-        "cave": _cave,
-    }
-    drawn = shapely.union_all(styles[style](rng, **numbers))
-    return as_polygons(displace(drawn, rib_noise_m, _RIB_WAVE_M, rng))
+    drawn = {
+        "room_and_pillar": lambda: _rooms(rng, size_m, width_m, loops, dead_ends, pillar_m),
+        "drift_and_crosscut": lambda: _on_lattice(rng, size_m, width_m, loops, dead_ends, spacing_m, jitter=0.15),
+        "ramp": lambda: _ramp(rng, size_m, width_m, loops, dead_ends, spacing_m),
+        "cave": lambda: _cave(rng, size_m, width_m, loops, dead_ends, wander),
+    }[style]()
+    return as_polygons(displace(shapely.union_all(drawn), rib_noise_m, _RIB_WAVE_M, rng))
 
 
 def _rooms(
@@ -53,12 +68,6 @@ def _rooms(
 ) -> list[BaseGeometry]:
     width = rng.uniform(*width_m)
     return _on_lattice(rng, size_m, (width, width), loops, dead_ends, pillar_m + width, jitter=0.0)
-
-
-def _drifts(
-    rng: np.random.Generator, size_m: Range, width_m: Range, loops: float, dead_ends: float, spacing_m: float
-) -> list[BaseGeometry]:
-    return _on_lattice(rng, size_m, width_m, loops, dead_ends, spacing_m, jitter=0.15)
 
 
 def _on_lattice(

@@ -13,6 +13,7 @@ from pipeline.geometry.refit import refit_ring
 from pipeline.types import Frame, Mask
 
 _SUBPIXELS = 2
+_TOLERANCES_M = (0.21, 0.16, 0.12, 0.09, 0.06, 0.04, 0.02)
 
 
 def trace_outline(free: Mask, frame: Frame) -> Polygon:
@@ -108,6 +109,32 @@ def simplify_outline(outline: Polygon, tolerance_m: float) -> Polygon:
             f"{len(simple.interiors)}; use a smaller tolerance"
         )
     return orient(simple)
+
+
+def simplify_to_iou(outline: Polygon, iou: float) -> tuple[Polygon, float]:
+    """Simplify as coarsely as an intersection over union with the outline allows.
+
+    Returns
+    -------
+    shapely.Polygon, m
+    float
+        The tolerance, m, one of `_TOLERANCES_M`; the finest if none reaches the IoU.
+
+    Raises
+    ------
+    GeometryError
+        If even the finest tolerance breaks the outline.
+    """
+    for tolerance_m in _TOLERANCES_M:
+        try:
+            simple = simplify_outline(outline, tolerance_m)
+        except GeometryError:
+            if tolerance_m == _TOLERANCES_M[-1]:
+                raise
+            continue
+        if outline.intersection(simple).area >= iou * outline.union(simple).area:
+            break
+    return simple, tolerance_m
 
 
 def _refit(outline: Polygon, kept: Polygon, tolerance_m: float) -> Polygon:

@@ -124,8 +124,10 @@ class PlanSurveyParams(_ScaledParams):
 class _DrawnParams(_SurveyParams):
     """A survey that has metres of its own: it stays as it is and is drawn for the pictures and the IoU only."""
 
-    px_per_m: float | None = Field(None, gt=0, le=100, description="null: as fine as 8 px/m or 6,000 px a side allow")
-    margin_m: float = Field(6.0, ge=1, le=100)
+    px_per_m: float | None = Field(
+        default=None, gt=0, le=100, description="null: as fine as 8 px/m or 6,000 px a side allow"
+    )
+    margin_m: float = Field(default=6.0, ge=1, le=100)
     ink_grey: Grey = 40
 
 
@@ -134,12 +136,12 @@ class VectorSurveyParams(_DrawnParams):
 
     kind: Literal["vector"]
     file: DataFile
-    layers: list[str] | None = Field(None, description="null: all")
-    unit: Unit | None = Field(None, description="null: what the file says")
+    layers: list[str] | None = Field(default=None, description="null: all")
+    unit: Unit | None = Field(default=None, description="null: what the file says")
     origin: PointM | None = Field(
         None, description="of the mine frame in the file's coordinates; null: chosen if needed"
     )
-    snap_m: float = Field(0.25, ge=0, le=10, description="walls whose ends are nearer than this are joined")
+    snap_m: float = Field(default=0.25, ge=0, le=10, description="walls whose ends are nearer than this are joined")
     seeds_m: list[PointM] = Field(default_factory=list, description="inside the workings; null: what walls enclose")
 
 
@@ -159,44 +161,17 @@ class GridSurveyParams(_SurveyParams):
     unknown_is_free: bool = False
 
 
-class _StyleParams(Params):
-    """What all generated mines have: drift widths, and how often a drift is left out or ends blind."""
+class MineParams(Params):
+    """What a generated mine looks like; a style uses those of the last three that it knows."""
 
-    width_m: Range = (4.0, 6.0)
-    size_m: Range = (80.0, 160.0)
-    loops: Share = Field(0.5, description="share of the crosscuts beyond a tree that are driven")
-    dead_ends: Share = Field(0.3, description="share of the places that may end blind that do")
-
-
-class RoomAndPillarParams(_StyleParams):
-    """Rows of rooms between square pillars."""
-
-    style: Literal["room_and_pillar"]
-    pillar_m: float = Field(8.0, ge=3, le=50)
-
-
-class DriftGridParams(_StyleParams):
-    """Drifts and crosscuts at right angles."""
-
-    style: Literal["drift_and_crosscut"]
-    spacing_m: float = Field(24.0, ge=10, le=100)
-
-
-class RampParams(_StyleParams):
-    """A ramp that turns back on itself, with a level off each turn, in plan."""
-
-    style: Literal["ramp"]
-    spacing_m: float = Field(20.0, ge=10, le=100)
-
-
-class CaveParams(_StyleParams):
-    """Natural passages: winding, of changing width, with chambers."""
-
-    style: Literal["cave"]
-    wander: Share = 0.5
-
-
-StyleParams = Annotated[RoomAndPillarParams | DriftGridParams | RampParams | CaveParams, Field(discriminator="style")]
+    style: Literal["room_and_pillar", "drift_and_crosscut", "ramp", "cave"]
+    size_m: Range
+    width_m: Range
+    loops: Share = Field(description="share of the crosscuts beyond a tree that are driven")
+    dead_ends: Share = Field(description="share of the places that may end blind that do")
+    pillar_m: float = Field(ge=3, le=50, description="room_and_pillar")
+    spacing_m: float = Field(ge=10, le=100, description="drift_and_crosscut, ramp")
+    wander: Share = Field(description="cave")
 
 
 class ProceduralSurveyParams(_DrawnParams):
@@ -204,7 +179,7 @@ class ProceduralSurveyParams(_DrawnParams):
 
     kind: Literal["procedural"]
     seed: int = Field(ge=0)
-    mine: StyleParams
+    mine: MineParams
     rib_noise_m: float = Field(0.15, ge=0, le=1, description="standard deviation of the ribs about their lines")
 
 

@@ -62,8 +62,7 @@ def _read(params: Measured) -> tuple[MultiPolygon, Georeference]:
     match params.kind:
         case "procedural":
             rng = np.random.default_rng(params.seed)
-            numbers = params.mine.model_dump()
-            return generate_workings(numbers.pop("style"), params.rib_noise_m, rng, **numbers), METRIC
+            return generate_workings(rib_noise_m=params.rib_noise_m, rng=rng, **params.mine.model_dump()), METRIC
         case "variant":
             path = Path(params.workings)
             shapes, georeference = locate(path, read_geojson(path, None), None, None)

@@ -10,7 +10,43 @@ from pipeline.types import Image
 
 _MIN_BAR_PX = 20
 _SPECK_PX = 5  # JPEG leaves smaller ones
+_SLENDER = 5.0  # a bar is at least so many times as long as it is thick
 _FILLED = 0.85  # of its bounding box; a bar that slants by more than its thickness fills less
+
+
+def find_bar(picture: Image) -> tuple[int, int, int, int] | None:
+    """Look for a scale bar: the longest dark, straight, level piece that is alone, and not the largest of the plan.
+
+    Returns
+    -------
+    (col0, row0, col1, row1), px, or None
+        The bar with some paper round it.
+    """
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    _, dark = cv2.threshold(grey, 0, 1, cv2.THRESH_BINARY_INV | cv2.THRESH_OTSU)
+    count, _, stats, _ = cv2.connectedComponentsWithStats(dark)
+    if count < 3:
+        return None
+    largest = 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())
+    best: tuple[int, tuple[int, int, int, int]] | None = None
+    for i in range(1, count):
+        left, top, width, height, area = (int(v) for v in stats[i])
+        if i == largest or width < _MIN_BAR_PX or width < _SLENDER * height or area < _FILLED * width * height:
+            continue
+        gap = max(3, height // 2)
+        box = (
+            max(0, left - gap),
+            max(0, top - gap),
+            min(dark.shape[1], left + width + gap),
+            min(dark.shape[0], top + height + gap),
+        )
+        try:
+            measure_bar(picture[box[1] : box[3], box[0] : box[2]], 1.0, "bar")
+        except InputError:
+            continue
+        if best is None or width > best[0]:
+            best = width, box
+    return best[1] if best is not None else None
 
 
 def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:

@@ -1,0 +1,122 @@
+"""A mine of your own: its file is looked at, copied and registered, and a survey section with remarks is written."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+from minexplore import WORLDS
+from pipeline.compose import CONF
+from pipeline.errors import InputError, ParamsError
+from pipeline.store.files import write_atomically
+from pipeline.store.registry import register
+from pipeline.survey.guess import WIDTHS_M, Guess, guess_survey
+
+DATA = Path("data/mines")
+_KINDS = {
+    "plan": "a plan image",
+    "grid": "an occupancy grid",
+    "vector": "a vector drawing",
+    "passages": "a station survey",
+}
+_NAME = r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}"
+
+
+def survey_file(name: str) -> Path:
+    """Return where a mine's survey section lies."""
+    return CONF / "survey" / f"{name}.yaml"
+
+
+def adopt(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any]) -> list[str]:
+    """Copy and register a mine's files and write `conf/survey/NAME.yaml`, unless it is there: then it is kept.
+
+    Returns
+    -------
+    list of str
+        What was found out, one line each, with the YAML line that corrects a wrong guess.
+
+    Raises
+    ------
+    InputError, ParamsError
+        If the name or the file cannot be used; nothing is then written.
+    """
+    conf = survey_file(name)
+    if not re.fullmatch(_NAME, name):
+        raise ParamsError(f"name = {name!r}: want letters, digits, - and _, at most 64")
+    if f"MineXplore/{name}-v0" in WORLDS:
+        raise ParamsError(f"name = {name}: MineXplore/{name}-v0 is an environment of the project's own")
+    if conf.is_file():
+        if f"  name: {name}\n" not in conf.read_text() or not (DATA / name).is_dir():
+            raise ParamsError(f"name = {name}: {conf} is a survey of the project's own; choose another name")
+        return [f"{conf} is kept as it is; remove it to look at the file anew"]
+    guess = guess_survey(source, stated)
+    folder = DATA / name
+    placed = {file: folder / file.resolve().relative_to(source.parent.resolve()) for file in guess.files}
+    for file, place in placed.items():
+        if place.is_file() and place.read_bytes() != file.read_bytes():
+            raise InputError(f"{place}: holds another file; remove it, or choose another name than {name}")
+    for file, place in placed.items():
+        if not place.is_file():
+            place.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file, place)
+        register(place, origin, licence)
+    write_atomically(conf, survey_yaml(name, placed[guess.files[0]], guess, stated).encode())
+    return _findings(conf, guess)
+
+
+def survey_yaml(name: str, file: Path, guess: Guess, stated: dict[str, Any]) -> str:
+    """Return the text of a survey section: the guess, a remark beside each value, the survey's tolerance."""
+    values = {"kind": guess.values["kind"], "name": name, **guess.values}
+    for key in ("image", "file", "map"):
+        if key in values:
+            values[key] = file.as_posix()
+    values |= {"poses": None, "entrance_m": stated.get("entrance_m"), "labels_m": {}}
+    remarks = {
+        "entrance_m": "[x, y]; null: the start of the longest drift", "labels_m": "{A: [x, y], ...}", **guess.remarks
+    }  # fmt: skip
+    lines = [
+        f"# @package _global_\n# Written by `python -m pipeline new {name}`; correct what is wrong and run it again.",
+        "survey:",
+    ]
+    for key, value in values.items():
+        if isinstance(value, dict) and value:
+            lines.append(f"  {key}:{'  # ' + remarks[key] if key in remarks else ''}")
+            lines += [f"    {inner}: {json.dumps(held)}" for inner, held in value.items()]
+        else:
+            lines.append(_line(f"  {key}: {json.dumps(value)}", remarks.get(key)))
+    lines += ["contours:", _line("  tolerance_m: auto", "as coarse as keeps an IoU of 0.994")]
+    lines.append(_line("  parts: largest", "or spawn: those at entrance_m; or [[x, y], ...]"))
+    return "\n".join(lines) + "\n"
+
+
+def _line(text: str, remark: str | None) -> str:
+    return f"{text:40}  # {remark}" if remark else text
+
+
+def _findings(conf: Path, guess: Guess) -> list[str]:
+    kind = {
+        "plan": "a plan image",
+        "grid": "an occupancy grid",
+        "vector": "a vector drawing",
+        "passages": "a station survey",
+    }
+    lines = [f"{guess.files[0].name}: {kind[guess.values['kind']]}; wrong? correct {conf}"]
+    if guess.values.get("outlined"):
+        lines.append("walls are drawn as lines and what they enclose is filled; wrong? survey.outlined: false")
+    if guess.values.get("light_on_dark"):
+        lines.append("light on dark paper; wrong? survey.light_on_dark: false")
+    if "scale" in guess.remarks:
+        lines.append(f"scale: {guess.remarks['scale']}; wrong? survey.scale")
+    if guess.values.get("unit"):
+        lines.append(f"unit: {guess.values['unit']}, as drifts are then {guess.width_m:.1f} m wide; wrong? survey.unit")
+    low, high = WIDTHS_M
+    if not low <= guess.width_m <= high:
+        where = "survey.scale" if "scale" in guess.values else "survey.unit"
+        lines.append(
+            f"WARNING: drifts would be {guess.width_m:.2f} m wide, outside {low:g} to {high:g} m; "
+            f"is the scale right? {where}"
+        )
+    return lines

@@ -1,0 +1,160 @@
+"""The report: one HTML page with all the evidence for a world, which needs no network."""
+
+from __future__ import annotations
+
+import base64
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import jinja2
+import numpy as np
+from pydantic import TypeAdapter
+
+from minexplore.bundle import BundleError, read_bundle
+from pipeline import __version__
+from pipeline.errors import ArtifactError
+from pipeline.metrics.limits import flatten, say_limit
+from pipeline.mjcf.bundle import WorldRecord
+from pipeline.params.validation import ValidationParams
+from pipeline.report.mine import draw_mine, to_svg
+from pipeline.report.scene import scene_page
+from pipeline.report.style import to_image
+from pipeline.store.codecs import decode, encode
+from pipeline.store.files import replace_folder
+from pipeline.store.manifest import Manifest, read_manifest
+from pipeline.types import DriftNetwork, FreeSpace, Image, Survey
+
+FOLDER, PAGE = "report", "report.html"
+_STAGES = ("survey", "contours", "compile3d", "surface", "realism", "validation")
+_WIDTH, _QUALITY = 1400, 82  # of the pictures within the page
+# file below the world's folder, caption
+_GLANCE = [
+    ("survey/plan.png", "The plan as it was read."),
+    ("contours/contours.png", "Traced: outer ribs green, islands red, the drift network amber."),
+    ("validation/agreement.png", "World seen from above against the plan: both free green, one only blue."),
+    ("validation/views.png", "What a robot sees: into the longest drift, and at the junction where most drifts meet."),
+]
+_TEXTURE = [
+    ("validation/texture.png", "The six axes of the rock's texture, world against real rock."),
+    ("surface/roughness.png", "Roughness over wavelength."),
+    ("surface/sections.png", "Sections through the drifts: the bore, and the rock laid over it."),
+    ("validation/heat.png", "Where the rock is rougher or smoother than the real one."),
+]
+
+
+@dataclass(frozen=True)
+class _Figure:
+    """One measured figure beside its limit; `holds` is None where it has none."""
+
+    name: str
+    value: str
+    limit: str
+    holds: bool | None
+
+
+def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> Path:
+    """Write a world's report: `report/report.html`, and its plan as SVG and PNG of paper quality.
+
+    Parameters
+    ----------
+    root : Path
+        The world's folder; all six stages have run, though a limit may be breached.
+    env_id : str
+        The Gymnasium id of the world.
+    changed : dict
+        Parameter to (default, this world's) where they differ.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    ArtifactError
+        If an artifact is missing; the message names it.
+    """
+    try:
+        record = TypeAdapter(WorldRecord).validate_python(read_bundle(root / "realism" / "world"))
+    except BundleError as error:
+        raise ArtifactError(str(error)) from error
+    free_space, network = (
+        decode(root / "contours/free_space.geojson", FreeSpace),
+        _read(root, "contours/topology.json", DriftNetwork),
+    )
+    plan = draw_mine(free_space.polygon, network, record)
+    svg = to_svg(plan)
+    metrics, manifests = _metrics(root), [read_manifest(root / stage / "manifest.json") for stage in _STAGES]
+    groups = _figures(metrics, manifests[-1])
+    judged = [figure.holds for group in groups.values() for figure in group if figure.holds is not None]
+    template = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=jinja2.StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    ).get_template("page.html.j2")  # fmt: skip
+    page = template.render(
+        name=record.name, env_id=env_id, record=record, version=__version__,
+        survey=_read(root, "survey/survey.json", Survey),
+        mine_svg=svg[svg.index(b"<svg") :].decode(), glance=_pictures(root, _GLANCE), texture=_pictures(root, _TEXTURE),
+        scene=scene_page(root / "realism" / "world", record, free_space), groups=groups,
+        held=sum(judged), judged=len(judged), iou=metrics["iou.free_space_vs_cleaned"],
+        certificate=_read(root, "validation/certificate.json", dict), replay=_replay(root), network=network,
+        widths=_width_quantiles(network), manifests=manifests, changed=changed,
+        inputs={k: v for m in manifests for k, v in m.inputs.items() if k.startswith("data/")},
+        bundle="../realism/world", tolerance_m=free_space.tolerance_m,
+    )  # fmt: skip
+    replace_folder(
+        root / FOLDER,
+        {PAGE: page.encode(), "mine.svg": svg, "mine.png": encode(Path("mine.png"), to_image(plan))},
+    )
+    return root / FOLDER / PAGE
+
+
+def _read(root: Path, file: str, kind: Any) -> Any:
+    return decode(root / file, kind)
+
+
+def _metrics(root: Path) -> dict[str, Any]:
+    return flatten(_read(root, "validation/metrics.json", dict))
+
+
+def _figures(metrics: dict[str, Any], validation: Manifest) -> dict[str, list[_Figure]]:
+    """Return every figure by its group, those with a limit first."""
+    limits = TypeAdapter(ValidationParams).validate_python(validation.params).limits
+    groups: dict[str, list[_Figure]] = {}
+    for key in sorted(metrics, key=lambda k: k not in limits):
+        group, _, rest = key.partition(".")
+        value, limit = metrics[key], limits.get(key)
+        shown = f"{value:,.4g}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else str(value)
+        holds = None if limit is None else isinstance(value, int | float) and limit.holds(value)
+        groups.setdefault(group, []).append(_Figure(rest, shown, say_limit(limit) if limit else "", holds))
+    return groups
+
+
+def _pictures(root: Path, wanted: list[tuple[str, str]]) -> list[tuple[str, str, str]]:
+    """Return (data address, caption, full-size file) of each picture."""
+    return [(_embedded(_read(root, file, Image)), caption, f"../{file}") for file, caption in wanted]
+
+
+def _embedded(picture: np.ndarray) -> str:
+    if picture.shape[1] > _WIDTH:
+        size = (_WIDTH, max(1, round(picture.shape[0] * _WIDTH / picture.shape[1])))
+        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1].tobytes()
+    return "data:image/jpeg;base64," + base64.b64encode(data).decode()
+
+
+def _replay(root: Path) -> dict[str, Any] | None:
+    """Return the replay of real sweeps with its picture, where the survey has any."""
+    report = json.loads((root / "validation/replay.json").read_text())
+    if not report.get("sweeps"):
+        return None
+    return {**report, "picture": _embedded(_read(root, "validation/replay.png", Image))}
+
+
+def _width_quantiles(network: DriftNetwork) -> list[float]:
+    """Return the clear width that 5, 50 and 95 % of the stations have at most, m."""
+    widths = 2 * np.array([half for leg in network.legs for half in leg.half_width_m])
+    return [round(float(v), 2) for v in np.quantile(widths, [0.05, 0.5, 0.95])]

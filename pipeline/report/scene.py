@@ -1,0 +1,63 @@
+"""The world's own meshes as a scene that a browser can turn: ribs thinned to fit a page, the sill in its zones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import open3d as o3d
+import shapely
+import trimesh
+from trimesh.viewer.notebook import scene_to_html
+
+from pipeline.geometry.partition import triangulate
+from pipeline.mjcf.bundle import WorldRecord
+from pipeline.store.codecs import decode
+from pipeline.types import FreeSpace, Mesh
+
+_MAX_FACES = 120_000
+_CELL_M = 0.3  # first cell in which vertices are merged; doubled until the page is small enough
+_RIB_RGB = (150, 116, 92)
+_ASIDE, _DOWN = np.radians(-25.0), np.radians(50.0)
+
+
+def scene_page(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> str:
+    """Return an HTML page, three.js and the mesh within, that draws the workings without their back.
+
+    The back is left out so that one looks into the drifts from above; what is shown is the bundle's overlay, its
+    vertices merged in cells until it has at most 120,000 faces.
+    """
+    scene = trimesh.Scene()
+    ribs = _thinned([decode(path, Mesh) for path in sorted((bundle / "meshes").glob("walls_*.msh"))])
+    scene.add_geometry(_coloured(ribs[0], ribs[1], _RIB_RGB))
+    for zone in record.zones:
+        part = free_space.polygon.intersection(shapely.box(zone.west_m, zone.south_m, zone.east_m, zone.north_m))
+        if part.area > 0:
+            points, faces = triangulate(part)
+            flat = np.column_stack([points, np.zeros(len(points))])
+            scene.add_geometry(_coloured(flat, faces, tuple(round(255 * v) for v in zone.rgba[:3])))
+    scene.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))  # browsers have y up
+    west, south, east, north = free_space.polygon.bounds
+    scene.set_camera(angles=(-_DOWN, _ASIDE, 0.0), distance=0.75 * max(east - west, north - south), fov=(55, 40))
+    return scene_to_html(scene)
+
+
+def _thinned(meshes: list[Mesh]) -> tuple[np.ndarray, np.ndarray]:
+    vertices = np.vstack([mesh.vertices for mesh in meshes])
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = np.vstack([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    whole = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(vertices), o3d.utility.Vector3iVector(faces))
+    thin, cell_m = whole, _CELL_M
+    while len(thin.triangles) > _MAX_FACES or thin is whole:
+        thin = whole.simplify_vertex_clustering(cell_m)
+        cell_m *= 1.4
+    return np.asarray(thin.vertices), np.asarray(thin.triangles)
+
+
+def _coloured(vertices: np.ndarray, faces: np.ndarray, rgb: tuple[int, ...]) -> trimesh.Trimesh:
+    material = trimesh.visual.material.PBRMaterial(
+        baseColorFactor=[*rgb, 255], doubleSided=True, roughnessFactor=1.0, metallicFactor=0.0
+    )
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    mesh.visual = trimesh.visual.TextureVisuals(material=material)
+    return mesh

@@ -1,0 +1,138 @@
+"""The worlds that were built here: where they lie, what they measure, how they differ."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from minexplore.bundle import BundleError, read_bundle
+from pipeline.errors import ArtifactError
+from pipeline.metrics.limits import flatten, say_limit
+from pipeline.params.config import Config
+from pipeline.params.validation import Limit, ValidationParams
+from pipeline.stage import ARTIFACTS
+from pipeline.store.manifest import read_manifest
+
+WORLDS = ARTIFACTS / "worlds"
+DEFAULT = "default"
+_COLUMNS = [
+    ("area m2", "areas.tunnel_m2", ",.0f"),
+    ("islands", "areas.islands", "d"),
+    ("IoU", "iou.free_space_vs_cleaned", ".4f"),
+    ("texture", "texture.published.overall", ".3f"),
+    ("parts", "collision.parts", "d"),
+    ("certificate", "certificate.holds", "d"),
+]
+
+
+def world_folder(name: str) -> Path:
+    """Return a world's folder: `artifacts` for the default, below `artifacts/worlds` for others.
+
+    Raises
+    ------
+    ArtifactError
+        If there is none of that name; those that there are are listed.
+    """
+    folder = ARTIFACTS if name == DEFAULT else WORLDS / name
+    if name != Path(name).name or not (folder / "survey").is_dir():
+        raise ArtifactError(f"world = {name!r}: there are {', '.join(world_names()) or 'none; `make all` builds one'}")
+    return folder
+
+
+def world_names() -> list[str]:
+    """Return the names of all worlds that were begun here, the default first."""
+    named = sorted(p.name for p in WORLDS.iterdir() if (p / "survey").is_dir()) if WORLDS.is_dir() else []
+    return [DEFAULT] * (ARTIFACTS / "survey").is_dir() + named
+
+
+def env_id(name: str) -> str:
+    """Return the Gymnasium id under which a world built here is registered."""
+    return "MineXplore/ChileanMine-v0" if name == DEFAULT else f"MineXplore/{name}-v0"
+
+
+def read_figures(name: str) -> dict[str, Any]:
+    """Return a world's metrics, one level deep."""
+    path = world_folder(name) / "validation" / "metrics.json"
+    try:
+        return flatten(json.loads(path.read_text()))
+    except (OSError, ValueError) as error:
+        raise ArtifactError(f"{path}: not measured yet ({error})") from error
+
+
+def limits_of(name: str) -> dict[str, Limit]:
+    """Return the limits to which a world's figures were held."""
+    manifest = read_manifest(world_folder(name) / "validation" / "manifest.json")
+    return TypeAdapter(ValidationParams).validate_python(manifest.params).limits
+
+
+def list_worlds() -> str:
+    """Return a table of all worlds: what each measures and its env id."""
+    rows = [["name", *(title for title, _, _ in _COLUMNS), "world", "env id"]]
+    for name in world_names():
+        try:
+            figures = read_figures(name)
+            held = [format(figures[key], form) for _, key, form in _COLUMNS]
+            digest = str(read_bundle(world_folder(name) / "realism" / "world")["world_sha256"])[:12]
+        except (ArtifactError, BundleError, KeyError):
+            held, digest = ["-"] * len(_COLUMNS), "unfinished"
+        rows.append([name, *held, digest, env_id(name)])
+    return _table(rows)
+
+
+def show_world(name: str) -> str:
+    """Return every figure of a world that has a limit, the limit, and whether it holds."""
+    figures, limits = read_figures(name), limits_of(name)
+    rows = [["figure", "measured", "limit", ""]]
+    for key, limit in limits.items():
+        value = figures.get(key)
+        holds = isinstance(value, int | float) and limit.holds(value)
+        rows.append(
+            [key, f"{value:.6g}" if isinstance(value, int | float) else "-", say_limit(limit), "" if holds else "FAILS"]
+        )
+    return _table(rows)
+
+
+def compare_worlds(one: str, other: str) -> str:
+    """Return the figures in which two worlds differ, and what they were made by where that differs."""
+    first, second = read_figures(one), read_figures(other)
+    rows = [["figure", one, other]]
+    rows += [
+        [key, _say(first.get(key)), _say(second.get(key))]
+        for key in [*first, *(k for k in second if k not in first)] if first.get(key) != second.get(key)
+    ]  # fmt: skip
+    left, right = _params(one), _params(other)
+    rows += [
+        [key, _say(left.get(key)), _say(right.get(key))]
+        for key in [*left, *(k for k in right if k not in left)] if left.get(key) != right.get(key)
+    ]  # fmt: skip
+    return _table(rows)
+
+
+def _params(name: str) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for path in sorted(world_folder(name).glob("*/manifest.json")):
+        manifest = read_manifest(path)
+        found |= flatten({manifest.stage: manifest.params})
+    return found
+
+
+def changed_params(name: str, default: Config) -> dict[str, tuple[Any, Any]]:
+    """Return the parameters in which a world differs from the default: (default, this world's)."""
+    before, now = flatten(default.model_dump(mode="json")), _params(name)
+    keys = [*before, *(key for key in now if key not in before)]
+    return {k: (before.get(k, "-"), now.get(k, "-")) for k in keys if before.get(k) != now.get(k)}
+
+
+def _say(value: Any) -> str:
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _table(rows: list[list[str]]) -> str:
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    )
