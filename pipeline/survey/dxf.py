@@ -36,7 +36,7 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
     read_text_bytes(path)
     try:
         drawing = readfile(path)
-        known = {layer.dxf.name for layer in drawing.layers}
+        known = {layer.dxf.name for layer in drawing.layers} | {e.dxf.layer for e in drawing.modelspace()}
         lines = _lines(path, drawing, layers)
     except InputError:
         raise

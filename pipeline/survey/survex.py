@@ -272,9 +272,9 @@ def _fix(where: str, rest: list[str], settings: _Settings, survey: _Survey) -> N
     survey.fixed[_name(settings, rest[0])] = np.array(place)
 
 
-_QUANTITIES = {"tape": ("tape",), "length": ("tape",), "compass": ("compass", "backcompass"), "declination": (),
-               "bearing": ("compass", "backcompass"), "clino": ("clino", "backclino"),
-               "gradient": ("clino", "backclino"),
+_QUANTITIES = {"tape": ("tape",), "length": ("tape",), "compass": ("compass",), "declination": (),
+               "bearing": ("compass",), "clino": ("clino",),
+               "gradient": ("clino",),
                "backcompass": ("backcompass",), "backclino": ("backclino",),
                "position": ("easting", "northing", "altitude"), "left": ("left",), "right": ("left",), "up": (),
                "down": (), "default": ()}  # fmt: skip

@@ -1,0 +1,167 @@
+"""Vector files written by each format's own library, read by ours."""
+
+import json
+from itertools import pairwise
+
+import ezdxf
+import numpy as np
+import pyogrio.raw
+import pyproj
+import pytest
+import shapely
+from shapely import LineString
+
+from pipeline.errors import InputError
+from pipeline.survey.dxf import read_dxf
+from pipeline.survey.geodata import companions, read_geodata
+from pipeline.survey.geojson import read_geojson
+from pipeline.survey.shapes import Shapes, locate, workings_of
+from tests.conftest import RING, TEE
+
+
+def workings_from(path, found, unit=None, origin=None, snap_m=0.25, seeds=()):
+    shapes, place = locate(path, found, unit, origin)
+    return workings_of(path, shapes, snap_m, list(seeds)), place
+
+
+def same(one, other, tolerance_m2=1e-6):
+    assert one.symmetric_difference(other).area <= tolerance_m2
+
+
+def drawing(path, unit=6, scale=1.0, rings=(RING.exterior, *RING.interiors), layer="ribs"):
+    made = ezdxf.new("R2010")
+    made.header["$INSUNITS"] = unit
+    for ring in rings:
+        made.modelspace().add_lwpolyline(np.array(ring.coords)[:-1] / scale, close=True, dxfattribs={"layer": layer})
+    made.saveas(path)
+    return made
+
+
+@pytest.mark.parametrize(("unit", "metres"), [(6, 1.0), (4, 0.001), (2, 0.3048)])
+def test_closed_polylines_nest_into_workings_and_pillars_in_any_drawing_unit(tmp_path, unit, metres):
+    path = tmp_path / "mine.dxf"
+    drawing(path, unit, metres)
+    found, place = workings_from(path, read_dxf(path, None))
+    same(found, RING)
+    assert place.metres_per_unit == metres
+
+
+def test_open_wall_strings_are_snapped_and_closed_to_workings(tmp_path):
+    path = tmp_path / "open.dxf"
+    made = ezdxf.new()
+    made.header["$INSUNITS"] = 6
+    corners = np.array(TEE.exterior.coords)
+    for a, b in pairwise(corners):
+        along = (b - a) / np.linalg.norm(b - a)
+        made.modelspace().add_line(a + 0.05 * along, b - 0.05 * along)  # every corner is open by 7 cm
+    made.saveas(path)
+    same(workings_from(path, read_dxf(path, None))[0], TEE, 0.05)
+    with pytest.raises(InputError, match=r"nearest ends left open are 0\.07 m apart.*survey\.snap_m = 0\.01"):
+        workings_from(path, read_dxf(path, None), snap_m=0.01)
+
+
+def test_a_seed_says_which_of_the_enclosed_faces_is_a_drift(tmp_path):
+    path = tmp_path / "two.geojson"
+    lines = [LineString(ring.coords) for ring in (RING.exterior, *RING.interiors)]
+    path.write_text(shapely.to_geojson(shapely.MultiLineString(lines)))
+    found = read_geojson(path, None)
+    same(workings_from(path, found, unit="m", seeds=[(1, 1)])[0], RING)
+    same(workings_from(path, found, unit="m", seeds=[(30, 20)])[0], shapely.box(6, 6, 54, 34))
+    with pytest.raises(InputError, match=r"the walls round the seed \(99, 99\) are open"):
+        workings_from(path, found, unit="m", seeds=[(99, 99)])
+
+
+def test_blocks_are_resolved_curves_flattened_and_layers_chosen(tmp_path):
+    path = tmp_path / "block.dxf"
+    made = drawing(path, layer="notes")
+    block = made.blocks.new("chamber")
+    block.add_circle((0, 0), 5.0, dxfattribs={"layer": "ribs"})
+    made.layers.add("ribs")
+    made.modelspace().add_blockref("chamber", (100, 0))
+    made.saveas(path)
+    found, _ = workings_from(path, read_dxf(path, ["ribs"]))
+    assert found.centroid.distance(shapely.Point(100, 0)) < 1e-6
+    assert found.area == pytest.approx(np.pi * 25, rel=2e-3)
+    with pytest.raises(InputError, match=r"no layer walls; there are .*notes, ribs"):
+        read_dxf(path, ["walls"])
+
+
+def test_nested_blocks_that_multiply_are_refused(tmp_path):
+    path = tmp_path / "bomb.dxf"
+    made = ezdxf.new()
+    made.blocks.new("b0").add_line((0, 0), (1, 1))
+    for level in range(1, 8):
+        block = made.blocks.new(f"b{level}")
+        for _ in range(10):
+            block.add_blockref(f"b{level - 1}", (0, 0))
+    made.modelspace().add_blockref("b7", (0, 0))
+    made.saveas(path)
+    with pytest.raises(InputError, match="more than 200000 entities"):
+        read_dxf(path, None)
+
+
+@pytest.mark.parametrize("name", ["mine.gpkg", "mine.shp"])
+def test_polygons_in_a_map_system_come_back_about_a_local_origin(tmp_path, name):
+    path = tmp_path / name
+    moved = shapely.transform(RING, lambda p: p + np.array([381_234.0, 6_290_123.0]))
+    pyogrio.raw.write(path, np.array([moved.wkb], dtype=object), [], [], geometry_type="Polygon", crs="EPSG:32719")
+    found, place = workings_from(path, read_geodata(path, None))
+    same(shapely.transform(found, lambda p: p + np.array(place.origin) - (381_234.0, 6_290_123.0)), RING, 1e-3)
+    assert place.crs is not None
+    assert "32719" in place.crs
+    assert place.origin == (381_230.0, 6_290_120.0)
+    assert {p.suffix for p in companions(path)} == (
+        {".shx", ".dbf", ".prj", ".cpg"} if name.endswith(".shp") else set()
+    )
+
+
+def test_layers_of_a_geopackage_are_chosen_by_name(tmp_path):
+    path = tmp_path / "two.gpkg"
+    for layer, shape in (("ribs", RING), ("surface", TEE)):
+        pyogrio.raw.write(path, np.array([shape.wkb], dtype=object), [], [], layer=layer, geometry_type="Polygon",
+                          crs="EPSG:32719", append=path.exists())  # fmt: skip
+    same(workings_from(path, read_geodata(path, ["ribs"]))[0], RING)
+    with pytest.raises(InputError, match="no layer roads; there are ribs, surface"):
+        read_geodata(path, ["roads"])
+
+
+def test_degrees_are_projected_to_metres(tmp_path):
+    path = tmp_path / "mine.geojson"
+    to_degrees = pyproj.Transformer.from_crs("EPSG:32719", "EPSG:4326", always_xy=True)
+    wide = shapely.transform(
+        RING, lambda p: np.column_stack(to_degrees.transform(*(p + np.array([381_000.0, 6_290_000.0])).T))
+    )
+    path.write_text(json.dumps({"type": "Feature", "properties": {}, "geometry": json.loads(shapely.to_geojson(wide))}))
+    found, place = workings_from(path, read_geojson(path, None))
+    assert found.area == pytest.approx(RING.area, rel=1e-3)  # UTM's own scale is off by 0.04 %
+    assert len(found.geoms[0].interiors) == 1
+    assert "tmerc" in place.projection
+
+
+@pytest.mark.parametrize(
+    ("shapes", "unit", "origin", "message"),
+    [
+        ([shapely.box(0, 0, 90_000, 10)], None, None, "reaches from .* beyond 10000 m; is survey.unit = m right"),
+        ([shapely.box(0, 0, 9, 10)], None, (9e5, 0.0), "beyond 10000 m"),
+        ([shapely.Point(1, 2)], None, None, "no polygons and no lines"),
+        ([], None, None, "no polygons and no lines"),
+    ],
+)
+def test_shapes_that_cannot_be_a_mine_are_refused(tmp_path, shapes, unit, origin, message):
+    with pytest.raises(InputError, match=message):
+        workings_from(tmp_path / "x.gpkg", Shapes(shapes), unit, origin)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "reader"),
+    [
+        ("a.geojson", b"{}", read_geojson), ("a.geojson", b"[1, 2", read_geojson), ("a.dxf", b"nothing", read_dxf),
+        ("a.geojson", b'{"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [[1]]}}', read_geojson),
+        ("a.gpkg", b"<OGRVRTDataSource/>", read_geodata), ("a.shp", b"", read_geodata),
+        ("a.gpkg", b"SQLite format 3\x00" + bytes(900), read_geodata),
+    ],
+)  # fmt: skip
+def test_a_file_that_is_not_of_its_kind_is_refused_by_name(tmp_path, name, data, reader):
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(InputError, match=name):
+        reader(tmp_path / name, None)
