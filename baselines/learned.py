@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import ValidationError
 from safetensors import SafetensorError, safe_open
 
+from baselines import map_observation
 from baselines.errors import BaselineError
 from baselines.map_observation import MapObserver
 from baselines.ppo.settings import Model
@@ -20,9 +21,9 @@ _ENCODER, _HEAD = "encoder.actor_encoder.", "pi.net.mlp.0."
 
 
 class LearnedPolicy:
-    """The network's mean command; with `sample`, commands drawn from its distribution, as in training."""
+    """Gives the network's mean command; with `sample`, one drawn from its distribution, as in training."""
 
-    def __init__(self, path: Path, robots: int, task: TaskParams, sample: bool = True) -> None:
+    def __init__(self, path: Path, robots: int, task: TaskParams, sample: bool = False) -> None:
         """Read the file.
 
         Raises
@@ -35,6 +36,7 @@ class LearnedPolicy:
         self.model = Model.model_validate_json(about["model"])
         self.observation = about["observation"]
         self._maps = MapObserver(robots, task) if self.observation == "map" else None
+        self.builds_on = (map_observation,) if self._maps else ()
         size = task.beams + 3 + (self._maps.size if self._maps else 0)
         taken = self._first_layer().shape[1]
         if taken != size:

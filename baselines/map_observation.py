@@ -8,8 +8,8 @@ import numpy as np
 
 from minexplore.task import TaskParams
 
-RINGS_M = (0.0, 3.0, 6.0, 10.0, 18.0, 30.0)  # edges; as far again as three beams reach
-_ALONG, _ACROSS = 3, 2  # points that stand for a sector
+RINGS_M = (0.0, 4.0, 8.0, 12.0, 20.0, 32.0, 50.0)  # edges; five times as far as a beam reaches
+_ALONG, _ACROSS = 4, 3  # points that stand for a sector
 _SEEN_M, _ROCK_M = 2.0, 1.0  # cell sizes
 _CELLS = 512  # a map wraps round after 1,024 m of seen cells and 512 m of rock
 _SAMPLE_M = 0.9  # between points along a beam

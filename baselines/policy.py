@@ -48,13 +48,12 @@ def make_policy(name: str, robots: int, task: TaskParams) -> Policy:
 
 
 def policy_sha256(policy: Policy) -> str:
-    """Return the hash of what a policy does: of its checkpoint, or of its name, its source and what that builds on."""
+    """Return the hash of what a policy does: of its name, its source and what that builds on, its weights."""
     checkpoint = getattr(policy, "path", None)
-    if checkpoint is not None:
-        return hashlib.sha256(Path(checkpoint).read_bytes()).hexdigest()
     rooms = {inspect.getfile(kind) for kind in type(policy).__mro__ if kind.__module__.startswith("baselines.")}
     rooms |= {inspect.getfile(module) for module in getattr(policy, "builds_on", ())}
-    parts = [type(policy).__qualname__.encode(), *(Path(file).read_bytes() for file in sorted(rooms))]
+    learned = [Path(checkpoint).read_bytes()] if checkpoint is not None else []
+    parts = [type(policy).__qualname__.encode(), *learned, *(Path(file).read_bytes() for file in sorted(rooms))]
     return hashlib.sha256(b"".join(parts)).hexdigest()
 
 

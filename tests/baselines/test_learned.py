@@ -66,7 +66,7 @@ def test_a_memory_gives_what_torch_gives_and_forgets_on_reset(tmp_path):
 
 def test_what_is_drawn_depends_on_the_seed_of_the_episode(tmp_path):
     write_policy(tmp_path / "p.safetensors", "mlp")
-    policy = LearnedPolicy(tmp_path / "p.safetensors", 2, TaskParams())
+    policy = LearnedPolicy(tmp_path / "p.safetensors", 2, TaskParams(), sample=True)
     drawn = []
     for _ in range(2):
         policy.reset(np.arange(2), np.array([7, 8]))

@@ -31,8 +31,8 @@ def test_a_patch_turns_with_the_robot():
     patches = maps.observe(np.stack([seen_from(place, yaw, room)[0] for yaw in (0.0, np.pi / 2)]), poses)
     one, other = patches.reshape(2, 3, 16, len(RINGS_M) - 1)
     np.testing.assert_allclose(np.roll(one[0], -4, axis=0), other[0])  # what lay ahead lies to the right
-    assert one[0, 0, :3].min() == 1  # the room, open for 29 m ahead and seen as far as 10
-    assert one[0, :, 4].max() == 0
+    assert one[0, 0, :2].min() == 1  # the room, open for 29 m ahead and seen as far as 10
+    assert one[0, :, 4:].max() == 0
     assert one[1, 12].any()  # the wall four metres to the right
     assert not one[1, 0].any()
     assert one[2, :, 1:].max() == 0  # it has been where it stands
