@@ -3,12 +3,14 @@ SHELL := /bin/sh
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 export OVERRIDES ?=
 SEED ?= 42
+N ?= 10
+SPLIT ?= train
 PY := .venv/bin/python
 LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-baselines all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline pushes mutants parity replay holdout evidence wheel env-page oracle explorers test-train train train-all curves leaderboard claims $(STAGES)
+.PHONY: help setup setup-baselines all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline worlds pushes mutants parity replay holdout evidence wheel env-page oracle explorers test-train train train-all curves leaderboard claims $(STAGES)
 
 help:            ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile | expand -t 22
@@ -58,6 +60,9 @@ search-texture: setup     ## search the overlay's noise for the texture scores: 
 
 roughness: setup          ## measure the sweeps below data/raw again (`make data` fetches them)
 	@$(PY) -m pipeline roughness data/raw/sweep_*.csv --out data/chilean_mine/roughness.json
+
+worlds: setup    ## a family of generated mines: N=50 SPLIT=train (validation, test); ARGS="--of NAME" for variants of one
+	@$(PY) -m pipeline worlds --count $(N) --split $(SPLIT) $(ARGS)
 
 pushes: all      ## throw robots at the walls of the present world: a million contacts (artifacts/proof/certificate.json)
 	@$(PY) -m pipeline certify --bundle artifacts/realism/world --contacts 1000000 --out artifacts/proof/certificate.json

@@ -189,6 +189,22 @@ def build(name: str, overrides: list[str]) -> None:
     make_world(compose(overrides), WORLDS / name, progress)
 
 
+def worlds(count: int, split: str, of: str | None, height_sd_m: float, jobs: int, overrides: list[str]) -> None:
+    """Make a family of worlds: generated mines, or with --of variants of one within its survey's error."""
+    from tqdm import tqdm
+
+    from pipeline.new import adopt_workings
+    from pipeline.worlds import world_folder
+    from stages.family import generated, make_family, variants
+
+    if of is None:
+        members = generated(split, count, overrides)
+    else:
+        workings = adopt_workings(of, world_folder(of) / "contours" / "free_space.geojson")
+        members = variants(of, workings, split, count, height_sd_m, overrides)
+    print(make_family(members, jobs, lambda done, n: tqdm(done, total=n, desc=split, unit="world", disable=None)))
+
+
 def list_() -> None:
     """List the worlds that were built here."""
     from pipeline.worlds import list_worlds
@@ -268,6 +284,14 @@ def _add_worlds(commands: Any) -> None:
     make.set_defaults(
         run=lambda a: new(a.name, a.source, a.origin, a.licence, {k: getattr(a, k) for k in stated}, a.overrides)
     )
+    many = commands.add_parser("worlds", help=worlds.__doc__)
+    many.add_argument("--count", type=_positive, default=10)
+    many.add_argument("--split", choices=["train", "validation", "test"], default="train")
+    many.add_argument("--of", help="a world whose variants are made")
+    many.add_argument("--height-sd", type=float, default=0.1, help="m, of a variant's height")
+    many.add_argument("--jobs", type=_positive, default=os.cpu_count() or 1)
+    many.add_argument("overrides", nargs="*", help="such as survey.mine.loops=0.8")
+    many.set_defaults(run=lambda a: worlds(a.count, a.split, a.of, a.height_sd, a.jobs, a.overrides))
     commands.add_parser("list", help=list_.__doc__).set_defaults(run=lambda a: list_())
     for function in (show, report):
         look = commands.add_parser(function.__name__, help=function.__doc__)

@@ -67,6 +67,23 @@ def adopt(name: str, source: Path, origin: str, licence: str, stated: dict[str, 
     return _findings(conf, guess)
 
 
+def adopt_workings(name: str, source: Path) -> Path:
+    """Copy a world's free space below data/ and register it, so that variants of it can be made.
+
+    Raises
+    ------
+    InputError
+        If another one of that name was copied before.
+    """
+    place = DATA / name / source.name
+    if place.is_file() and place.read_bytes() != source.read_bytes():
+        raise InputError(f"{place}: is of an earlier {name}; remove it and its line in data/registry.txt")
+    place.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(source, place)
+    register(place, f"made from the world {name}", "as its sources")
+    return place
+
+
 def survey_yaml(name: str, file: Path, guess: Guess, stated: dict[str, Any]) -> str:
     """Return the text of a survey section: the guess, a remark beside each value, the survey's tolerance."""
     values = {"kind": guess.values["kind"], "name": name, **guess.values}
@@ -89,6 +106,8 @@ def survey_yaml(name: str, file: Path, guess: Guess, stated: dict[str, Any]) -> 
             lines.append(_line(f"  {key}: {json.dumps(value)}", remarks.get(key)))
     lines += ["contours:", _line("  tolerance_m: auto", "as coarse as keeps an IoU of 0.994")]
     lines.append(_line("  parts: largest", "or spawn: those at entrance_m; or [[x, y], ...]"))
+    lines += ["validation:", "  limits:", "    walls:"]
+    lines.append(_line("      narrowest_kept: {min: 0.85}", "rock may take 0.9 m of a drift that is 4 m wide or more"))
     return "\n".join(lines) + "\n"
 
 

@@ -46,7 +46,8 @@ def render_dag(root: Path) -> str:
         "desc": "The report: one page with all the evidence",
         "cmd": "python -m pipeline report",
         "deps": [
-            "conf", *((ARTIFACTS / name / "manifest.json").as_posix() for name in STAGES), "pipeline/report/page.html.j2",
+            "conf", "pipeline/report/page.html.j2",
+            *((ARTIFACTS / name / "manifest.json").as_posix() for name in STAGES),
             *_closure(root, "pipeline/report/page.py"),
         ],
         "outs": [_kept((ARTIFACTS / "report").as_posix())],

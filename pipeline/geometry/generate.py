@@ -15,6 +15,7 @@ from pipeline.geometry.vary import displace
 
 Range = tuple[float, float]
 _RIB_WAVE_M = 6.0  # ribs of drilled and blasted drifts change over a round's length and the drift's width
+_THIN_M = 1.5  # rock between drifts that is thinner would not stand: it is taken out
 _STEP_M = 3.0  # between the stations of a winding passage
 
 
@@ -60,7 +61,9 @@ def generate_workings(
         "ramp": lambda: _ramp(rng, size_m, width_m, loops, dead_ends, spacing_m),
         "cave": lambda: _cave(rng, size_m, width_m, loops, dead_ends, wander),
     }[style]()
-    return as_polygons(displace(shapely.union_all(drawn), rib_noise_m, _RIB_WAVE_M, rng))
+    rough = displace(shapely.union_all(drawn), rib_noise_m, _RIB_WAVE_M, rng)
+    stable = rough.buffer(_THIN_M / 2, join_style="mitre").buffer(-_THIN_M / 2, join_style="mitre")
+    return as_polygons(stable)
 
 
 def _rooms(
