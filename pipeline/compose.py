@@ -41,6 +41,8 @@ def compose(overrides: list[str]) -> Config:
     """
     if not (CONF / "config.yaml").is_file():
         raise ParamsError(f"{CONF / 'config.yaml'}: missing; run from the project's root")
+    for path in sorted(CONF.rglob("*.yaml")):
+        require_plain_yaml(path)
     try:
         with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
             composed = hydra_compose("config", overrides)
@@ -51,6 +53,24 @@ def compose(overrides: list[str]) -> Config:
         return Config.model_validate(values)
     except ValidationError as error:
         raise ParamsError("\n".join(_describe(e) for e in error.errors())) from error
+
+
+def require_plain_yaml(path: Path) -> None:
+    """Refuse a file with aliases, which can stand for more than memory holds, or tags, which can stand for code.
+
+    Raises
+    ------
+    ParamsError
+        Naming the file and the line.
+    """
+    try:
+        for event in yaml.parse(path.read_bytes(), Loader=yaml.CSafeLoader):
+            named = isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) or getattr(event, "tag", None)
+            if named:
+                line = event.start_mark.line + 1 if event.start_mark is not None else 0
+                raise ParamsError(f"{path}:{line}: aliases and tags are not read")
+    except (yaml.YAMLError, RecursionError) as error:
+        raise ParamsError(f"{path}: not YAML: {error}") from error
 
 
 def root_overrides() -> list[str]:

@@ -4,6 +4,7 @@
 set -eu
 lock=requirements/${1:-dev}.txt
 stamp=.venv/.installed
+[ -e .venv/.baselines ] && lock=requirements/baselines.txt # who has Ray and torch keeps them
 
 # --- system libraries: soname package ------------------------------------------------------------------------------
 missing=""
@@ -62,5 +63,6 @@ fi
 if [ "$lock" = requirements/baselines.txt ]; then # torch's wheels differ by platform: pinned, not hashed
     .venv/bin/python -m pip install --quiet --disable-pip-version-check \
         "$(sed -n 's/^ *"\(torch==[^"]*\)".*/\1/p' pyproject.toml)"
+    touch .venv/.baselines
 fi
 cp "$lock" "$stamp"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import islice
 from pathlib import Path
 
@@ -16,7 +17,8 @@ from pipeline.survey.shapes import Shapes, read_text_bytes
 
 _UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
 _CHORD_SHARE = 1e-4  # of the drawing's size, between a curve and the chords that stand for it
-_MAX_ENTITIES = 200_000
+_MAX_ENTITIES = 100_000
+_ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?$", re.MULTILINE)  # group code 0 begins each
 _DRAWN = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
 
 
@@ -31,9 +33,13 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
     Raises
     ------
     InputError
-        If the file is no DXF, holds more than 200,000 entities, or a layer is unknown (they are listed).
+        If the file is no DXF, holds more than 100,000 entities, or a layer is unknown (they are listed).
     """
-    read_text_bytes(path)
+    count = len(_ENTITY.findall(read_text_bytes(path)))
+    if count > _MAX_ENTITIES:
+        raise InputError(
+            f"{path}: {count} entities and tables, at most {_MAX_ENTITIES} are read; save the plan's layers alone"
+        )
     try:
         drawing = readfile(path)
         known = {layer.dxf.name for layer in drawing.layers} | {e.dxf.layer for e in drawing.modelspace()}
@@ -51,6 +57,7 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
         AttributeError,
         RecursionError,
         ArithmeticError,
+        StopIteration,
     ) as error:
         raise InputError(f"{path}: not a readable DXF drawing ({type(error).__name__}: {str(error)[:120]})") from error
     unknown = sorted(set(layers or []) - known)

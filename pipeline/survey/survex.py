@@ -14,7 +14,7 @@ from pipeline.survey.adjustment import Shot, adjust_network
 from pipeline.survey.legs import Chain, SurveyLeg, legs_of_chains
 from pipeline.survey.shapes import read_text_bytes
 
-_MAX_FILES, _MAX_SHOTS = 200, 200_000
+_MAX_FILES, _MAX_SHOTS, _MAX_DEPTH = 200, 200_000, 100
 _NORMAL = ("from", "to", "tape", "compass", "clino")
 _SAME = {"length": "tape", "bearing": "compass", "gradient": "clino", "backbearing": "backcompass",
          "backgradient": "backclino", "dx": "easting", "dy": "northing", "dz": "altitude"}  # fmt: skip
@@ -101,9 +101,12 @@ def _read(path: Path, room: Path, settings: _Settings, survey: _Survey, files: l
             pending = None
             match command:
                 case "begin":
+                    if len(stack) >= _MAX_DEPTH:
+                        raise InputError(f"{where}: *begin {_MAX_DEPTH} deep")
                     stack.append((rest[0].lower() if rest else "", settings))
                     settings = replace(settings, prefix=_name(settings, rest[0]) if rest else settings.prefix)
                 case "end":
+                    block = None
                     if not stack or (rest and rest[0].lower() != stack[-1][0]):
                         raise InputError(f"{where}: *end {' '.join(rest)} closes no *begin")
                     settings = stack.pop()[1]
@@ -134,7 +137,8 @@ def _read(path: Path, room: Path, settings: _Settings, survey: _Survey, files: l
                 case _ if command not in _QUIET:
                     raise InputError(f"{where}: *{command[:30]} is not understood")
         elif settings.style == "passage":
-            assert block is not None
+            if block is None:  # the style that *end gives back goes on with a block of its own
+                survey.passages.append(block := [])
             values = dict(zip(settings.order, words, strict=False))
             if "station" not in values:
                 raise InputError(f"{where}: passage data without a station")

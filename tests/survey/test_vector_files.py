@@ -96,7 +96,7 @@ def test_nested_blocks_that_multiply_are_refused(tmp_path):
             block.add_blockref(f"b{level - 1}", (0, 0))
     made.modelspace().add_blockref("b7", (0, 0))
     made.saveas(path)
-    with pytest.raises(InputError, match="more than 200000 entities"):
+    with pytest.raises(InputError, match="more than 100000 entities"):
         read_dxf(path, None)
 
 

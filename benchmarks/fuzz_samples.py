@@ -1,0 +1,274 @@
+"""For every reader a sound file, the hostile ones that we know of, and the call that reads it."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import struct
+import tempfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+
+Files = dict[str, bytes]
+_RING = [(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0), (0.0, 0.0)]
+_HOLE = [(6.0, 6.0), (54.0, 6.0), (54.0, 34.0), (6.0, 34.0), (6.0, 6.0)]
+
+
+def _plan(ending: str) -> bytes:
+    picture = np.full((120, 200, 3), 255, np.uint8)
+    picture[40:80, 20:180] = 40
+    picture[100:104, 20:100] = 0
+    return cv2.imencode(ending, picture[..., 0] if ending == ".pgm" else picture)[1].tobytes()
+
+
+def _picture(ending: str) -> Callable[[], Files]:
+    return lambda: {f"plan{ending}": _plan(ending)}
+
+
+def _saved(name: str, write: Callable[[Path], Any]) -> Files:
+    with tempfile.TemporaryDirectory() as folder:
+        write(Path(folder) / name)
+        return {p.name: p.read_bytes() for p in sorted(Path(folder).iterdir(), key=lambda p: p.name != name)}
+
+
+def _pdf() -> Files:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(3, 2))
+    figure.add_axes((0, 0, 1, 1)).fill([0, 1, 1, 0], [0, 0, 0.3, 0.3], color="black")
+    stream = io.BytesIO()
+    figure.savefig(stream, format="pdf")
+    return {"plan.pdf": stream.getvalue()}
+
+
+def _geotiff() -> Files:
+    import rasterio
+    from rasterio.transform import from_origin
+
+    def write(path: Path) -> None:
+        grey = cv2.imdecode(np.frombuffer(_plan(".png"), np.uint8), cv2.IMREAD_GRAYSCALE)
+        place = from_origin(381_000, 6_290_500, 0.125, 0.125)
+        with rasterio.open(path, "w", driver="GTiff", width=200, height=120, count=1, dtype="uint8", crs="EPSG:32719",
+                           transform=place) as out:  # fmt: skip
+            out.write(grey, 1)
+
+    return _saved("plan.tif", write)
+
+
+def _dxf() -> Files:
+    import ezdxf.filemanagement
+
+    def write(path: Path) -> None:
+        drawing = ezdxf.filemanagement.new()
+        drawing.header["$INSUNITS"] = 6
+        drawing.modelspace().add_lwpolyline(_RING[:-1], close=True)
+        drawing.modelspace().add_lwpolyline(_HOLE[:-1], close=True)
+        drawing.modelspace().add_line((0, 0), (5, 5))
+        drawing.saveas(path)
+
+    return _saved("mine.dxf", write)
+
+
+def _geodata(name: str) -> Callable[[], Files]:
+    def make() -> Files:
+        import pyogrio.raw
+        import shapely
+
+        ring = shapely.Polygon(_RING, [_HOLE])
+        wkb = np.array([ring.wkb], dtype=object)
+        return _saved(
+            name, lambda path: pyogrio.raw.write(path, wkb, [], [], geometry_type="Polygon", crs="EPSG:32719")
+        )
+
+    return make
+
+
+def _geojson() -> Files:
+    geometry = {"type": "Polygon", "coordinates": [_RING, _HOLE]}
+    content = {"type": "FeatureCollection", "features": [{"type": "Feature", "properties": {}, "geometry": geometry}]}
+    return {"mine.geojson": json.dumps({**content, "note": "metres"}).encode()}
+
+
+def _map() -> Files:
+    said = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate": 0, "occupied_thresh": 0.65,
+            "free_thresh": 0.25, "mode": "trinary"}  # fmt: skip
+    return {"map.yaml": yaml.safe_dump(said).encode(), "map.pgm": _plan(".pgm")}
+
+
+def _bundle() -> Files:
+    files = {"mine.xml": b"<mujoco/>", "meshes/a.msh": b"\x00" * 16, "map.yaml": b"image: map.png\n"}
+    listed = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+    record: dict[str, Any] = {"format": "minexplore-world/1", "name": "m", "files": listed}
+    from minexplore.bundle import world_sha256
+
+    record["world_sha256"] = world_sha256(record)
+    return {"world.json": json.dumps(record).encode(), **files}
+
+
+_CSV = b"""leg,station,easting_m,northing_m,left_m,right_m
+A,a,0,0,2,3
+A,b,10,0,2,3
+A,c,30,5,2,3
+B,b,10,0,2,2
+B,d,12,20,2,2
+"""
+_SVX = b"""*begin cave
+*fix 0 100 200 0
+*calibrate tape 0.1
+*units tape metres
+*data normal from to tape compass clino
+0 1 10.1 90 0
+1 2 12.1 80 +1
+2 3 9 10 -
+*equate 3 4
+*data passage station left right up down
+0 2 2.5 2 .5
+1 2 2 2 .5
+2 - 2 2 .5
+*include "more"
+*end cave
+"""
+_PLT = b"""Z -1 1 -1 1 -1 1
+M 1115.49 393.70 0 Sa P 6.56 6.56 1.64 8.20
+D 1115.49 426.51 0 Sb P -9.99 6.56 1.64 999.9
+D 1122.00 465.00 0 Sc P 6.56 6.56 1.64 6.56
+M 1115.49 426.51 0 Sb P 4.92 6.56 1.64 4.92
+D 1089.00 426.51 0 Sd P 4.92 6.56 1.64 4.92
+"""
+
+SAMPLES: dict[str, Callable[[], Files]] = {
+    "png": _picture(".png"), "jpeg": _picture(".jpg"), "tiff": _picture(".tif"), "pdf": _pdf, "geotiff": _geotiff,
+    "world file": lambda: {"plan.png": _plan(".png"), "plan.pgw": b"0.125\n0\n0\n-0.125\n5000\n7000\n"},
+    "map.yaml": _map, "dxf": _dxf, "geojson": _geojson, "geopackage": _geodata("mine.gpkg"),
+    "shapefile": _geodata("mine.shp"), "stations": lambda: {"s.csv": _CSV},
+    "survex": lambda: {"cave.svx": _SVX, "more.svx": b"*data normal from to tape compass clino\n2 9 4 4 4\n"},
+    "compass": lambda: {"cave.plt": _PLT}, "bundle": _bundle,
+    "survey section": lambda: {"conf.yaml": Path("conf/survey/plan.yaml").read_bytes()},
+}  # fmt: skip
+
+
+def _png_of(width: int, height: int) -> bytes:
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    head = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0))
+    return b"\x89PNG\r\n\x1a\n" + head + chunk(b"IDAT", zlib.compress(bytes(10_000_000), 9)) + chunk(b"IEND", b"")
+
+
+_LAUGHS = b"a: &a [x, x, x, x, x, x, x, x, x]\n" + b"".join(
+    b"%c: &%c [%s]\n" % (98 + i, 98 + i, b", ".join([b"*%c" % (97 + i)] * 9)) for i in range(9)
+)
+_TAGGED = b"!!python/object/apply:os.system ['touch /tmp/minexplore-was-here']\n"
+_BOMB = (
+    b'<?xml version="1.0"?><!DOCTYPE l [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;">]><l>&b;</l>'
+)
+
+
+def _map_with(**more: Any) -> Files:
+    said = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], **more}
+    return {"map.yaml": yaml.safe_dump(said).encode()}
+
+
+def _listing(*names: str) -> Files:
+    record = {"format": "minexplore-world/1", "files": dict.fromkeys(names, "0" * 64), "world_sha256": "0" * 64}
+    return {"world.json": json.dumps(record).encode()}
+
+
+def _deep(depth: int) -> bytes:
+    return b'{"type": "FeatureCollection", "features": ' + b"[" * depth + b"]" * depth + b"}"
+
+
+_PICTURES = [{"plan.png": _png_of(100_000, 100_000)}, {"plan.png": _png_of(2**31 - 1, 1)}, {"plan.png": _png_of(0, 0)}]
+HOSTILE: dict[str, list[Files]] = {
+    "png": _PICTURES, "world file": [{"plan.pgw": b"1e308\n" * 6}, {"plan.pgw": b"0\n" * 6}],
+    "map.yaml": [
+        _map_with(image="../../../../etc/passwd"), _map_with(image="/etc/passwd"), _map_with(resolution=1e-300),
+        _map_with(resolution=float("nan")), _map_with(origin=[1e300, 0, 0]), _map_with(origin=[0, 0, 1e300]),
+        {"map.yaml": _TAGGED}, {"map.yaml": _LAUGHS}, {"map.yaml": b"[" * 20_000},
+        {"map.pgm": b"P5 999999999 999999999 255\n"},
+    ],
+    "geojson": [{"mine.geojson": _deep(200_000)}, {"mine.geojson": b"[" * 1_000_000}, {"mine.geojson": _BOMB}],
+    "geopackage": [{"mine.gpkg": _BOMB}, {"mine.gpkg": b"<OGRVRTDataSource><OGRVRTLayer/></OGRVRTDataSource>"}],
+    "shapefile": [{"mine.shp": b"\x00\x00\x27\x0a" + b"\xff" * 96}, {"mine.dbf": b"\xff" * 4096}],
+    "survex": [
+        {"cave.svx": b"*include ../../../etc/passwd\n"}, {"cave.svx": b"*include cave\n"},
+        {"more.svx": b"*include cave\n"},
+        {"cave.svx": b"*begin a\n" * 100_000}, {"cave.svx": b"1 2 1e308 0 0\n" * 3},
+    ],
+    "bundle": [_listing("../../x"), _listing("/etc/passwd"), _listing("a/../../b"), _listing(""),
+               {"world.json": b"{" * 100_000}],
+    "survey section": [{"conf.yaml": _TAGGED}, {"conf.yaml": _LAUGHS}, {"conf.yaml": b"kind: ${oc.env:HOME}\n"}],
+    "dxf": [{"mine.dxf": b"0\nSECTION\n2\nENTITIES\n" + b"0\nLINE\n" * 300_000 + b"0\nENDSEC\n0\nEOF\n"}],
+}  # fmt: skip
+
+
+def _read_plan(path: Path) -> None:
+    from pipeline.params.survey import PlanSurveyParams
+    from pipeline.survey.picture import make_ready, read_picture
+
+    scale = {"source": "stated", "px_per_m": 8.0}
+    params = PlanSurveyParams.model_validate(
+        {"kind": "plan", "name": "m", "image": "data/x", "max_megapixels": 100, "scale": scale}
+    )
+    make_ready(path, read_picture(path, params), params)
+
+
+def _read_placed(path: Path) -> None:
+    from pipeline.survey.georeference import read_placement
+
+    _read_plan(path)
+    read_placement(path)
+
+
+def _read_map(path: Path) -> None:
+    from pipeline.survey.grid import draw_grid
+
+    draw_grid(path, unknown_is_free=False)
+
+
+def _read_measured(path: Path) -> None:
+    from pipeline.survey.guess import guess_survey
+
+    guess_survey(path, {})
+
+
+def _read_bundle(path: Path) -> None:
+    from minexplore.bundle import BundleError, read_bundle
+    from pipeline.errors import ArtifactError
+
+    try:
+        read_bundle(path.parent)
+    except BundleError as error:
+        raise ArtifactError(str(error)) from error
+
+
+def _read_section(path: Path) -> None:
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+    from pydantic import TypeAdapter, ValidationError
+
+    from pipeline.compose import require_plain_yaml
+    from pipeline.errors import ParamsError
+    from pipeline.params.survey import SurveyParams
+
+    require_plain_yaml(path)
+    try:
+        values = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
+        TypeAdapter(SurveyParams).validate_python(values)
+    except (OmegaConfBaseException, yaml.YAMLError, ValidationError, ValueError, TypeError, OSError) as error:
+        raise ParamsError(str(error) or type(error).__name__) from error
+
+
+READERS: dict[str, Callable[[Path], None]] = {
+    **dict.fromkeys(("png", "jpeg", "tiff", "pdf"), _read_plan),
+    **dict.fromkeys(("geotiff", "world file"), _read_placed),
+    **dict.fromkeys(("dxf", "geojson", "geopackage", "shapefile", "stations", "survex", "compass"), _read_measured),
+    "map.yaml": _read_map, "bundle": _read_bundle, "survey section": _read_section,
+}  # fmt: skip
