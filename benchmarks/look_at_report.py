@@ -1,0 +1,96 @@
+"""Open a world's report in headless Chromium: how large it is, how long it loads, what the console says; pictures."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from pipeline.errors import InputError, MineError
+from pipeline.worlds import world_folder
+
+_BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
+_SOFTWARE_GL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+_PHONE = 390
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a browser made of a page: `colours` in the picture of the 3-D view, `phone_px` the width on a phone."""
+
+    load_s: float
+    complaints: list[str]
+    requests: list[str]
+    colours: int
+    phone_px: int
+
+
+def find_browser() -> str | None:
+    """Return the path of a Chromium, if there is one."""
+    return next((path for name in _BROWSERS if (path := shutil.which(name))), None)
+
+
+def look_at(page_file: Path, browser: str, pictures: Path) -> Look:
+    """Open a page from its file, as a reader would, and look at it on a desk and on a phone."""
+    from playwright.sync_api import sync_playwright
+
+    pictures.mkdir(parents=True, exist_ok=True)
+    complaints: list[str] = []
+    requests: list[str] = []
+    with sync_playwright() as run:
+        chromium = run.chromium.launch(executable_path=browser, args=_SOFTWARE_GL)
+        page = chromium.new_page(viewport={"width": 1200, "height": 900})
+        page.on("console", lambda m: complaints.append(m.text) if m.type == "error" else None)
+        page.on("pageerror", lambda e: complaints.append(str(e)))
+        page.on(
+            "request", lambda r: requests.append(r.url) if not r.url.startswith(("file:", "data:", "blob:")) else None
+        )
+        page.goto(page_file.resolve().as_uri())
+        load_ms = page.evaluate("performance.getEntriesByType('navigation')[0].loadEventEnd")
+        page.screenshot(path=str(pictures / "report.png"))
+        scene = page.locator("iframe.scene")
+        scene.scroll_into_view_if_needed()
+        page.frame_locator("iframe.scene").locator("canvas").wait_for(timeout=30_000)
+        page.wait_for_timeout(1500)
+        scene.screenshot(path=str(pictures / "scene.png"))
+        page.set_viewport_size({"width": _PHONE, "height": 800})
+        phone_px = page.evaluate("document.documentElement.scrollWidth")
+        page.screenshot(path=str(pictures / "phone.png"))
+        chromium.close()
+    drawn = cv2.imread(str(pictures / "scene.png"))
+    colours = len(np.unique(drawn.reshape(-1, 3), axis=0)) if drawn is not None else 0
+    return Look(load_ms / 1000, complaints, requests, colours, int(phone_px))
+
+
+def main() -> int:
+    """Print what there is to see; exit code 2 if the page is too large, too slow, or not sound."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.look_at_report", description=__doc__)
+    parser.add_argument("name", nargs="?", default="default")
+    arguments = parser.parse_args()
+    try:
+        page = world_folder(arguments.name) / "report" / "report.html"
+        browser = find_browser()
+        if browser is None:
+            raise InputError(f"no Chromium found ({', '.join(_BROWSERS)}); Debian has chromium-headless-shell")
+        found = look_at(page, browser, Path("artifacts/bench/report"))
+    except MineError as error:
+        print(f"look_at_report: {error}", file=sys.stderr)
+        return 2
+    size_mb = page.stat().st_size / 1e6
+    print(f"size              {size_mb:.1f} MB (at most 15)")
+    print(f"load              {found.load_s:.2f} s (at most 2)")
+    print(f"console errors    {len(found.complaints)} {found.complaints[:3]}")
+    print(f"network requests  {len(found.requests)}")
+    print(f"3-D view          {found.colours} colours")
+    print(f"width on a phone  {found.phone_px} px of {_PHONE}")
+    sound = not found.complaints and not found.requests and found.colours > 16 and found.phone_px <= _PHONE
+    return 0 if sound and size_mb <= 15 and found.load_s <= 2 else 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

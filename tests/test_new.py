@@ -1,0 +1,124 @@
+"""A mine of one's own, from a file to a world, by the commands that a user types."""
+
+import json
+import re
+import sys
+
+import cv2
+import pytest
+
+from benchmarks.look_at_report import find_browser, look_at
+from pipeline.survey.draw import draw_plan, frame_around
+from tests.conftest import TEE, message_of
+
+
+def pipeline(project, *arguments):
+    return project.run(sys.executable, "-m", "pipeline", *arguments)
+
+
+@pytest.fixture(scope="module")
+def owned(tmp_path_factory, repro):
+    """Return a project whose user has made a world of a plan with a scale bar, and what that printed."""
+    project = repro.copy(tmp_path_factory.mktemp("own") / "mine")
+    plan, _ = draw_plan(TEE, frame_around((-10, -20, 90, 60), 8.0), {}, 20.0, 40)
+    cv2.imwrite(str(project.folder / "plan.png"), plan)
+    done = pipeline(project, "new", "my-tee", "--from", "plan.png", "--licence", "CC0")
+    assert done.returncode == 0, done.stderr
+    return project, done
+
+
+def test_one_command_makes_a_world_a_report_and_an_environment(owned):
+    project, done = owned
+    told = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
+    told = {key: value.removeprefix("id").strip() for key, value in told.items()}
+    assert told["world"] == "artifacts/worlds/my-tee/realism/world"
+    assert (project.folder / told["report"]).stat().st_size > 500_000
+    assert told["env"] == "MineXplore/my-tee-v0"
+    assert "the bar is 160 px long; 20 m was taken" in done.stderr
+    program = (
+        "import gymnasium, minexplore\nenv = gymnasium.make('MineXplore/my-tee-v0')\nprint(env.reset(seed=1)[0].shape)"
+    )
+    played = project.run(sys.executable, "-c", program)
+    assert played.stdout.strip() == "(19,)", played.stderr
+    line = next(x for x in (project.folder / "data/registry.txt").read_text().splitlines() if "my-tee" in x)
+    assert line.endswith("CC0")
+
+
+def test_the_default_world_is_left_as_it_was_and_a_second_run_makes_nothing(owned, repro):
+    project, _ = owned
+    assert {k: v for k, v in project.hashes().items() if not k.startswith("worlds/")} == repro.hashes()
+    before = {p: p.stat().st_mtime_ns for p in (project.folder / "artifacts/worlds/my-tee").rglob("manifest.json")}
+    again = pipeline(project, "new", "my-tee", "--from", "plan.png")
+    assert again.returncode == 0
+    assert "is kept as it is" in again.stderr
+    assert before == {p: p.stat().st_mtime_ns for p in before}
+
+
+def test_worlds_are_listed_shown_and_compared(owned):
+    project, _ = owned
+    listed = pipeline(project, "list").stdout
+    assert re.search(r"^my-tee +\d+ .*MineXplore/my-tee-v0$", listed, flags=re.M)
+    assert re.search(r"^default ", listed, flags=re.M)
+    shown = pipeline(project, "show", "my-tee").stdout
+    assert re.search(r"^certificate\.holds +True +>= 1$|^certificate\.holds +1 +>= 1$", shown, flags=re.M)
+    assert "FAILS" not in shown
+    compared = pipeline(project, "compare", "default", "my-tee").stdout
+    assert re.search(r"^survey\.kind +stations +plan$", compared, flags=re.M)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("new", "a/b", "--from", "plan.png"), "want letters, digits"),
+        (("new", "plan", "--from", "plan.png"), "is a survey of the project's own"),
+        (("new", "ChileanMine", "--from", "plan.png"), "is an environment of the project's own"),
+        (("new", "x", "--from", "none.png"), "none.png: no such file"),
+        (("show", "nowhere"), "there are default, my-tee"),
+        (("compare", "default", "../x"), "there are default, my-tee"),
+    ],
+)
+def test_wrong_names_and_files_are_refused_and_leave_nothing(owned, arguments, message):
+    project, _ = owned
+    assert message in message_of(pipeline(project, *arguments))
+    assert not (project.folder / "conf/survey/x.yaml").exists()
+    assert not (project.folder / "data/mines/x").exists()
+
+
+def test_a_corrected_line_makes_the_world_anew(owned, tmp_path):
+    project = owned[0].copy(tmp_path / "copy")
+    conf = project.folder / "conf/survey/my-tee.yaml"
+    conf.write_text(conf.read_text().replace("bar_length_m: 20.0", "bar_length_m: 24.0"))
+    program = "from pipeline.compose import compose; print(compose(['survey=my-tee']).survey.scale.bar_length_m)"
+    assert project.run(sys.executable, "-c", program).stdout.strip() == "24.0"
+    project.run(sys.executable, "-m", "pipeline", "new", "my-tee", "--from", "plan.png")
+    survey = json.loads((project.folder / "artifacts/worlds/my-tee/survey/survey.json").read_text())
+    assert survey["scale"]["px_per_m"] == pytest.approx(160 / 24)
+
+
+def test_the_report_opens_without_a_network_and_draws_the_mine(owned, tmp_path):
+    browser = find_browser()
+    if browser is None:
+        pytest.skip("no Chromium on this machine (Debian: chromium-headless-shell)")
+    page = owned[0].folder / "artifacts/worlds/my-tee/report/report.html"
+    assert page.stat().st_size < 15e6
+    found = look_at(page, browser, tmp_path)
+    assert found.complaints == []
+    assert found.requests == []
+    assert found.colours > 16
+    assert found.phone_px <= 390
+
+
+def test_a_family_is_built_resumed_and_listed_in_one_manifest(owned):
+    project, _ = owned
+    arguments = ("worlds", "--count", "1", "--split", "validation", "--jobs", "1", "survey.mine.size_m=[30,40]",
+                 "survey.mine.style=drift_and_crosscut", "survey.mine.spacing_m=16")  # fmt: skip
+    done = pipeline(project, *arguments)
+    assert done.returncode == 0, done.stderr
+    (world,) = json.loads((project.folder / "artifacts/families/manifest.json").read_text()).values()
+    assert world["member"]["seed"] == 1_000_000
+    assert world["certificate"]
+    assert world["iou"] >= 0.99
+    folder = project.folder / "artifacts/families/validation/0000"
+    before = (folder / "survey/manifest.json").stat().st_mtime_ns
+    assert pipeline(project, *arguments).returncode == 0
+    assert (folder / "survey/manifest.json").stat().st_mtime_ns == before
