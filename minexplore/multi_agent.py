@@ -111,6 +111,8 @@ class MineParallelEnv(ParallelEnv):
     world, task, robot, render_mode, camera, lidar
         As in `MineEnv`. Robots touch each other; only rock counts as a collision.
 
+    Notes
+    -----
     The episode ends for all at once: after `task.max_steps`, or when every robot has stalled.
     """
 

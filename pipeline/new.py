@@ -49,7 +49,7 @@ def adopt(name: str, source: Path, origin: str, licence: str, stated: dict[str, 
     if f"MineXplore/{name}-v0" in WORLDS:
         raise ParamsError(f"name = {name}: MineXplore/{name}-v0 is an environment of the project's own")
     if conf.is_file():
-        if f"  name: {name}\n" not in conf.read_text() or not (DATA / name).is_dir():
+        if f"`python -m pipeline new {name}`" not in conf.read_text() or not (DATA / name).is_dir():
             raise ParamsError(f"name = {name}: {conf} is a survey of the project's own; choose another name")
         return [f"{conf} is kept as it is; remove it to look at the file anew"]
     guess = guess_survey(source, stated)

@@ -113,8 +113,8 @@ def compare_worlds(one: str, other: str) -> str:
 
 def _params(name: str) -> dict[str, Any]:
     found: dict[str, Any] = {}
-    for path in sorted(world_folder(name).glob("*/manifest.json")):
-        manifest = read_manifest(path)
+    for section in Config.model_fields:
+        manifest = read_manifest(world_folder(name) / section / "manifest.json")
         found |= flatten({manifest.stage: manifest.params})
     return found
 

@@ -16,6 +16,7 @@ BASELINE = Path("tests/baseline.json")
 RESULTS = Path("docs/results.md")
 PICTURES = {
     "world.jpg": Path("artifacts/realism/world/preview.png"),
+    "contours.jpg": Path("artifacts/contours/contours.png"),
     "views.jpg": Path("artifacts/validation/views.png"),
     "texture.jpg": Path("artifacts/validation/texture.png"),
     "heat.jpg": Path("artifacts/validation/heat.png"),

@@ -26,7 +26,7 @@ def draw_mine(polygon: Polygon, network: DriftNetwork, record: WorldRecord) -> F
         if right > left:
             axis.add_patch(Rectangle((left, south), right - left, high, color=zone.rgba[:3], alpha=0.18, lw=0))
             axis.text((left + right) / 2, north, zone.name, ha="center", va="bottom", fontsize=7, color=GREY)
-    axis.add_patch(PathPatch(_outline(polygon), facecolor="#d9cbbf", edgecolor=ROCK, lw=0.6))
+    axis.add_patch(PathPatch(outline_path(polygon), facecolor="#d9cbbf", edgecolor=ROCK, lw=0.6))
     for leg in network.legs:
         axis.plot(*np.array(leg.stations_m).T, color=STEEL, lw=0.6)
     nodes = np.array(list(network.nodes_m.values()))
@@ -39,7 +39,8 @@ def draw_mine(polygon: Polygon, network: DriftNetwork, record: WorldRecord) -> F
     return figure
 
 
-def _outline(polygon: Polygon) -> Outline:
+def outline_path(polygon: Polygon) -> Outline:
+    """Return a polygon with its islands as a path to fill."""
     rings = [np.asarray(ring.coords)[:, :2] for ring in (polygon.exterior, *polygon.interiors)]
     codes = [
         np.concatenate([[Outline.MOVETO], np.full(len(r) - 2, Outline.LINETO), [Outline.CLOSEPOLY]]) for r in rings
