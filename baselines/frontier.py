@@ -99,8 +99,8 @@ class _Mind:
         cells = cells[np.linalg.norm(off, axis=1) <= self._region_m]  # what lies beyond counts for nothing
         if not len(cells):
             return
-        costs, ways = self._ways(place, frontier)
-        ends = cells * FINE + FINE // 2
+        costs, ways, corner = self._ways(place, frontier)
+        ends = cells * FINE + FINE // 2 - corner
         block = np.stack([costs[ends[:, 0] + i, ends[:, 1] + j] for i in (-2, 0, 2) for j in (-2, 0, 2)])
         best = block.min(axis=0)
         reachable = np.isfinite(best)
@@ -111,30 +111,37 @@ class _Mind:
             best = best - _LOYAL_M * (cells[:, ::-1] + own.low == previous).all(axis=1)
         chosen = choose(own, cells, best)
         offset = np.array([(i, j) for i in (-2, 0, 2) for j in (-2, 0, 2)])[int(block[:, chosen].argmin())]
-        way = np.array(ways.traceback(tuple(cells[chosen] * FINE + FINE // 2 + offset)))
-        self.path = own.centres(way)
+        way = np.array(ways.traceback(tuple(cells[chosen] * FINE + FINE // 2 + offset - corner)))
+        self.path = own.centres(way + corner)
         self.goal = tuple((cells[chosen][::-1] + own.low).tolist())
         if self.goal == previous and len(self.path) < 8:
             self.tries[self.goal] = self.tries.get(self.goal, 0) + since
 
-    def _ways(self, place: np.ndarray, frontier: np.ndarray) -> tuple[np.ndarray, MCP_Geometric]:
-        """Return costs, in fine cells, of the way to every fine cell: near rock it is dearer, unknown ground too."""
+    def _ways(self, place: np.ndarray, frontier: np.ndarray) -> tuple[np.ndarray, MCP_Geometric, np.ndarray]:
+        """Return costs, in fine cells, of the way to every fine cell: near rock it is dearer, unknown ground too.
+
+        What is known lies in a window of the map; costs and ways are of that, and its corner (2,) is returned too.
+        """
         own = self.map
-        known = np.repeat(np.repeat(own.seen | frontier, FINE, axis=0), FINE, axis=1)
-        off = distance_transform_edt(own.fine != ROCK) * own.fine_m
+        row, col = (int(v[0]) for v in own.at(place[None], own.fine_m))
+        window, corner = _window(own.seen | frontier, (row // FINE, col // FINE))
+        known = np.repeat(np.repeat((own.seen | frontier)[window], FINE, axis=0), FINE, axis=1)
+        fine = own.fine[tuple(slice(FINE * s.start, FINE * s.stop) for s in window)]
+        row, col = row - int(corner[0]), col - int(corner[1])
+        off = distance_transform_edt(fine != ROCK) * own.fine_m
         cost = 1.0 + 6.0 * np.clip((_SOFT_M - off) / _SOFT_M, 0, 1) ** 2
-        cost[own.fine == UNKNOWN] *= 1.5
-        row, col = own.at(place[None], own.fine_m)
-        near = np.linalg.norm(np.indices(off.shape).transpose(1, 2, 0) - [row[0], col[0]], axis=-1) * own.fine_m < 0.7
-        cost[~known | ((off < _HARD_M) & ~near) | (own.fine == ROCK)] = -1.0
-        cost[row[0], col[0]] = 1.0
+        cost[fine == UNKNOWN] *= 1.5
+        down, across = np.ogrid[: fine.shape[0], : fine.shape[1]]
+        near = np.hypot(down - row, across - col) * own.fine_m < 0.7
+        cost[~known | ((off < _HARD_M) & ~near) | (fine == ROCK)] = -1.0
+        cost[row, col] = 1.0
         ways = MCP_Geometric(cost, fully_connected=True)
-        return ways.find_costs([(int(row[0]), int(col[0]))])[0], ways
+        return ways.find_costs([(row, col)])[0], ways, corner
 
 
 def _promise(own: OwnMap, cell: np.ndarray, far_m: float) -> int:
     """Return how many unseen cells lie in view from a coverage cell, taking unknown ground for free."""
-    centre = cell * FINE + FINE // 2
+    centre, reach = cell * FINE + FINE // 2, int(far_m / own.cell_m) + 2
     angles = np.linspace(0, 2 * np.pi, 48, endpoint=False)
     steps = np.arange(1, int(far_m / own.fine_m))
     at = centre + np.stack([np.sin(angles), np.cos(angles)], axis=-1)[:, None, :] * steps[:, None]
@@ -142,5 +149,25 @@ def _promise(own: OwnMap, cell: np.ndarray, far_m: float) -> int:
     inside = (row >= 0) & (col >= 0) & (row < own.fine.shape[0]) & (col < own.fine.shape[1])
     row, col = np.where(inside, row, 0), np.where(inside, col, 0)
     clear = np.cumsum(~inside | (own.fine[row, col] == ROCK), axis=1) == 0
-    inview = np.unique(np.column_stack([row[clear] // FINE, col[clear] // FINE]), axis=0)
-    return int((~own.seen[inview[:, 0], inview[:, 1]]).sum())
+    low, high = np.maximum(cell - reach, 0), cell + reach + 1
+    inview = np.zeros_like(own.seen[low[0] : high[0], low[1] : high[1]])
+    inview[row[clear] // FINE - low[0], col[clear] // FINE - low[1]] = True
+    return int((inview & ~own.seen[low[0] : high[0], low[1] : high[1]]).sum())
+
+
+def _window(known: np.ndarray, cell: tuple[int, int]) -> tuple[tuple[slice, slice], np.ndarray]:
+    """Return the part of a map (rows, cols) that holds what is known, a cell, and two cells round both.
+
+    Returns
+    -------
+    (slice, slice)
+        Rows and columns, coverage cells.
+    (2,) int
+        Its corner, fine cells.
+    """
+    slices = []
+    for axis in (0, 1):
+        held = np.flatnonzero(known.any(axis=1 - axis))
+        low, high = min(held[0], cell[axis]) - 2, max(held[-1], cell[axis]) + 3
+        slices.append(slice(max(0, int(low)), min(known.shape[axis], int(high))))
+    return (slices[0], slices[1]), FINE * np.array([slices[0].start, slices[1].start])

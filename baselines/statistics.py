@@ -78,7 +78,8 @@ def figures(head: Head, episodes: list[Episode], bound: Callable[[float], int] |
             if share[-1] >= part:
                 add(f"time to {100 * part:g} %, s", float(times[int((share >= part).argmax())]))
         length = max(episode.path_m, 1e-9)
-        add("coverage per 100 m", 100 * float(share[-1] - share[0]) / length if episode.path_m > 1 else 0.0)
+        new = episode.seen[-1] - episode.seen[0]
+        add("new cells per 100 m", 100 * new / length if episode.path_m > 1 else 0.0)
         add("collisions per 100 m", 100 * episode.collided / length if episode.path_m > 1 else float(episode.collided))
         add("return", episode.returned)
         add("path, m", episode.path_m)

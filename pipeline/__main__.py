@@ -303,8 +303,8 @@ def _add_worlds(commands: Any) -> None:
     beside.set_defaults(run=lambda a: compare(a.one, a.other))
 
 
-def main() -> int:
-    """Run one command; exit code 2 with one message on bad input."""
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of all commands; what it parses has `run`."""
     parser = argparse.ArgumentParser(prog="python -m pipeline", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     for function in (set_overrides, verify, accept, table):
@@ -343,7 +343,12 @@ def main() -> int:
     alike.add_argument("--out", type=Path)
     alike.set_defaults(run=lambda a: parity(a.bundle, a.rays, a.out))
     _add_worlds(commands)
-    arguments = parser.parse_args()
+    return parser
+
+
+def main() -> int:
+    """Run one command; exit code 2 with one message on bad input."""
+    arguments = command_line().parse_args()
     try:
         arguments.run(arguments)
     except MineError as error:

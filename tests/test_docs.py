@@ -1,0 +1,53 @@
+"""Every command that the documentation shows is one that there is; those of a mine of one's own are run."""
+
+import importlib.util
+import re
+import shlex
+import sys
+
+import cv2
+import pytest
+
+from pipeline.__main__ import command_line
+from pipeline.survey.draw import draw_plan, frame_around
+from tests.conftest import ROOT, TEE
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def commands_of(page):
+    """Return the lines of a page's shell blocks, continued lines joined, remarks left out."""
+    blocks = re.findall(r"^```sh\n(.*?)^```", page.read_text(), flags=re.M | re.S)
+    lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
+    return [line.split("  #")[0].strip() for line in lines if line.strip() and not line.startswith("#")]
+
+
+COMMANDS = [(page.relative_to(ROOT).as_posix(), line) for page in PAGES for line in commands_of(page)]
+
+
+@pytest.mark.parametrize(("page", "line"), COMMANDS)
+def test_a_command_in_the_docs_is_one_that_there_is(page, line):
+    words = [word for word in shlex.split(line.split(" && ")[0]) if not re.fullmatch(r"[A-Z_]+=.*", word)]
+    if words[0] == "make":
+        for target in words[1:]:
+            assert re.search(rf"^{target}:|^STAGES :=.*\b{target}\b", (ROOT / "Makefile").read_text(), flags=re.M), line
+    elif words[:2] == ["python", "-m"]:
+        assert importlib.util.find_spec(words[2]) is not None, line
+        if words[2] == "pipeline":
+            command_line().parse_args(words[3:])  # exits where it does not hold
+    else:
+        assert words[0] in ("dvc", "git", "docker", "ray", "pip", "tensorboard", ".", "sh"), line
+
+
+@pytest.mark.slow
+def test_the_walk_through_of_a_mine_of_ones_own_runs_as_it_stands(repro, tmp_path):
+    project = repro.copy(tmp_path / "mine")
+    plan, _ = draw_plan(TEE, frame_around((-10, -20, 90, 60), 8.0), {}, 20.0, 40)
+    cv2.imwrite(str(project.folder / "plan.png"), plan)
+    lines = commands_of(ROOT / "docs/own-mine.md")
+    assert len(lines) == 6
+    for line in lines:
+        words = shlex.split(line)
+        small = ["survey.mine.size_m=[30,40]"] if "worlds" in words and "--of" not in words else []
+        done = project.run(sys.executable, *words[1:], *small)
+        assert done.returncode == 0, (line, done.stderr)
