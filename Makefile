@@ -10,7 +10,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-baselines all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline worlds look docs fuzz pushes mutants parity replay holdout evidence wheel env-page oracle explorers test-train train train-all curves leaderboard claims $(STAGES)
+.PHONY: help setup setup-baselines all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline worlds random-mines look docs fuzz pushes mutants parity replay holdout evidence wheel env-page oracle explorers test-train train train-all curves leaderboard claims $(STAGES)
 
 help:            ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile | expand -t 22
@@ -69,6 +69,9 @@ pushes: all      ## throw robots at the walls of the present world: a million co
 
 test-train: setup-baselines  ## the tests of training, which need Ray and torch
 	@$(PY) -m pytest tests/baselines/test_ppo.py
+
+random-mines: setup  ## two hundred generated mines to worlds: do all hold? (docs/random-mines.md)
+	@$(PY) -m benchmarks.random_mines
 
 look: all        ## open the report in headless Chromium: size, load time, console, pictures (docs/report.png)
 	@$(PY) -m benchmarks.look_at_report

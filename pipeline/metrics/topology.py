@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+from shapely import Polygon
 
 from pipeline.geometry.outline import trace_outline
 from pipeline.geometry.skeleton import trace_alike
 from pipeline.types import DriftNetwork, Frame, Mask
 
+_SPECK_M2 = 0.25
 _SMALLEST_PART_M2 = 1.0
 _SAME_FACE_M = 6.0  # a skeleton may end in either corner of a drift's face; the widest drift has 5.9 m
 _STATIONS_M = 3.0
@@ -50,7 +52,7 @@ def compare_topology(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_l
     cell_m, min_leg_m : float
         See `trace_network`.
     """
-    outlines = [trace_outline(mask, frame) for mask in (plan, world)]
+    outlines = [_without_specks(trace_outline(mask, frame)) for mask in (plan, world)]
     one, two = trace_alike(outlines, cell_m, min_leg_m, _STATIONS_M)
     sure_one, sure_two = trace_alike(outlines, one.cell_m, 1.25 * min_leg_m, _STATIONS_M)
     any_one, any_two = trace_alike(outlines, one.cell_m, 0.75 * min_leg_m, _STATIONS_M)
@@ -67,6 +69,11 @@ def compare_topology(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_l
         length_plan_m=one.total_length_m,
         length_world_m=two.total_length_m,
     )
+
+
+def _without_specks(outline: Polygon) -> Polygon:
+    """Fill islands of a few pixels, which pixels that touch by a corner leave where rock comes to a point."""
+    return Polygon(outline.exterior, [ring for ring in outline.interiors if Polygon(ring).area > _SPECK_M2])
 
 
 def _unmatched(drifts: DriftNetwork, among: DriftNetwork) -> int:
