@@ -10,7 +10,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-baselines all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline worlds random-mines look docs fuzz pushes mutants parity replay holdout evidence wheel env-page oracle explorers test-train train train-all curves leaderboard claims $(STAGES)
+.PHONY: help setup setup-baselines all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline worlds random-mines look docs fuzz pushes mutants parity replay holdout evidence wheel env-page oracle explorers test-train train train-all time-training curves leaderboard claims $(STAGES)
 
 help:            ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile | expand -t 22
@@ -109,6 +109,9 @@ train: setup-baselines  ## train PPO: SEED=42, more by ARGS="env=full observatio
 
 train-all: setup-baselines  ## the paper's five seeds, one after another
 	@for seed in 42 142 242 342 442; do $(PY) -m baselines.ppo.train seed=$$seed $(ARGS) || exit $$?; done
+
+time-training: setup-baselines  ## environment steps/s with PPO's updates (artifacts/bench/training.json); close other programs
+	@$(PY) -m benchmarks.time_training $(ARGS)
 
 curves: setup    ## draw the training runs and tabulate them beside the paper's (docs/training.md)
 	@$(PY) -m baselines.ppo.curves
