@@ -23,6 +23,7 @@ from pipeline.store.files import write_atomically
 CONF = Path("conf")
 ROOT_PARAMS = Path("params.yaml")
 COMPOSED = Path("artifacts/params.yaml")
+_CHOSEN = ("survey", "collision")  # sections of several kinds: pydantic names the kind after them
 _REFUSALS = (HydraException, OmegaConfBaseException, yaml.YAMLError)
 
 
@@ -100,7 +101,8 @@ def composed_section(section: str) -> Any:
 
 def _describe(error: Any) -> str:
     """Turn one pydantic error into `section.key = value: what is wrong`."""
-    where = ".".join(str(part) for part in error["loc"] if part not in ("stations", "plan", "exact", "coacd", "vhacd"))
+    place = list(error["loc"])
+    where = ".".join(str(part) for i, part in enumerate(place) if not i or place[i - 1] not in _CHOSEN)
     value = error["input"]
     shown = f" = {value!r}" if not isinstance(value, dict) else ""
     return f"{where}{shown}: {error['msg'].removeprefix('Value error, ')}"

@@ -37,7 +37,7 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
         require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_ink_share)
     except GeometryError as error:
         raise GeometryError(f"{(survey.sources or [survey.name])[0]}: {error}") from error
-    if params.tolerance_m == "auto":
+    if params.tolerance_m is None:
         outline, tolerance = simplify_to_iou(traced, params.auto_iou)
     else:
         outline, tolerance = simplify_outline(traced, params.tolerance_m), params.tolerance_m

@@ -14,6 +14,7 @@ def test_a_broken_copy_is_another_each_time_and_the_same_for_the_same_seed():
     assert copies[7] == mutate(data, np.random.default_rng(7))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reader", list(SAMPLES))
 def test_a_reader_survives_what_is_thrown_at_it(reader):
     assert reader in READERS

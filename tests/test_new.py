@@ -108,6 +108,7 @@ def test_the_report_opens_without_a_network_and_draws_the_mine(owned, tmp_path):
     assert found.phone_px <= 390
 
 
+@pytest.mark.slow
 def test_a_family_is_built_resumed_and_listed_in_one_manifest(owned):
     project, _ = owned
     arguments = ("worlds", "--count", "1", "--split", "validation", "--jobs", "1", "survey.mine.size_m=[30,40]",

@@ -29,6 +29,6 @@ class ContoursParams(Params):
     parts: Literal["largest", "spawn"] | list[tuple[float, float]] = "largest"
     min_tunnel_m2: float = Field(gt=0)
     max_ink_share: float = Field(gt=0, lt=1)
-    tolerance_m: Literal["auto"] | Annotated[float, Field(ge=0, le=50)]
+    tolerance_m: float | None = Field(ge=0, le=50, description="null: as coarse as keeps auto_iou")
     auto_iou: float = Field(0.994, gt=0.5, lt=1)
     network: NetworkParams
