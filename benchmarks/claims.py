@@ -45,6 +45,7 @@ class Evidence:
         self.world = _read(WORLD, "all")
         self.bounds = _read(RESULTS / "bounds.json", "oracle")
         self.speed = _read(Path("artifacts/bench/env.json"), "bench")
+        self.training = _read(Path("artifacts/bench/training.json"), "time-training")
         try:
             self.runs = read_runs()
         except BaselineError as error:
@@ -144,7 +145,6 @@ def learning(e: Evidence) -> list[Claim]:
     done = [r for r in five if r["stop"] != "unfinished"]
     best = ", ".join(f"{r['seed']}: {100 * r['best_rolling_coverage']:.1f}" for r in five)
     final = ", ".join(f"{r['seed']}: {100 * r['final_coverage']:.1f}" for r in five)
-    rate = max((r["steps_per_s"] for r in five), default=0.0)
     impossible = all(e.bounds[env]["most"][-1] < 0.9 * e.bounds[env]["cells"] for env in (_FULL, _DRY))
     reached = max((r["best_rolling_coverage"] for r in five), default=0.0)
     return [
@@ -159,7 +159,7 @@ def learning(e: Evidence) -> list[Claim]:
         Claim("SD 12.02 and 1.74", "sample SDs in docs/training.md", "make curves", CONTRADICTS, "their table's values give 13.4 and 1.9; they are population SDs"),
         Claim("three of five seeds reach the target", f"{sum(r['stop'] == 'target coverage' for r in done)} of {len(done)} finished", "make train-all", MISSED, "at 2 M steps a seed"),
         Claim("reward 860 +- 150", f"at most {CAP:g}", "make claims", CONTRADICTS, "the equation caps an episode at 10 + 15 + 30 + 45; the scorer rejects more"),
-        Claim("about 520 steps/s with learning (their log)", f"{rate:,.0f} (median of the fastest run)", "make train", EXCEEDED if rate >= 520 else MISSED, "one process on one of two cores, beside other work"),
+        Claim("about 520 steps/s with learning (their log)", f"{e.training['steps_per_s']:,}, {e.training['ratio']} times as many", "make time-training", EXCEEDED if e.training["steps_per_s"] >= 520 else MISSED, "one process, updates included"),
         Claim("multi-agent interface", "PettingZoo team, tested", "make test", REPRODUCED, "no figure in the paper"),
         Claim("environment speed: none stated", f"{float(e.speed['vector_steps_per_s']):,.0f} steps/s, one thread", "make bench", EXCEEDED, "docs/env-speed.md"),
     ]  # fmt: skip

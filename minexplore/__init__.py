@@ -1,5 +1,6 @@
 """Gymnasium environments in worlds compiled from real mine surveys; reads a world bundle and nothing else."""
 
+import re
 from pathlib import Path
 
 from gymnasium.envs.registration import register
@@ -20,6 +21,7 @@ WORLDS: dict[str, dict] = {
 BUILT: dict[str, dict] = {
     f"MineXplore/{_record.parents[2].name}-v0": {"world": _record.parent}
     for _record in sorted(Path(__file__).parents[1].glob("artifacts/worlds/*/realism/world/world.json"))
+    if re.fullmatch(r"[A-Za-z0-9_-]+", _record.parents[2].name)
 }
 
 for _id, _kwargs in {**BUILT, **WORLDS}.items():

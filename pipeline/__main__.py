@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -194,14 +195,14 @@ def worlds(count: int, split: str, of: str | None, height_sd_m: float, jobs: int
     from tqdm import tqdm
 
     from pipeline.new import adopt_workings
-    from pipeline.worlds import world_folder
+    from pipeline.worlds import made_by, world_folder
     from stages.family import generated, make_family, variants
 
     if of is None:
         members = generated(split, count, overrides)
     else:
         workings = adopt_workings(of, world_folder(of) / "contours" / "free_space.geojson")
-        members = variants(of, workings, split, count, height_sd_m, overrides)
+        members = variants(of, workings, split, count, height_sd_m, made_by(of), overrides)
     print(make_family(members, jobs, lambda done, n: tqdm(done, total=n, desc=split, unit="world", disable=None)))
 
 
@@ -260,7 +261,7 @@ def _positive(text: str) -> int:
 def _numbers(count: int) -> Callable[[str], list[float]]:
     def parse(text: str) -> list[float]:
         values = [float(part) for part in text.split(",")]
-        if len(values) != count:
+        if len(values) != count or not all(map(math.isfinite, values)):
             raise argparse.ArgumentTypeError(f"{text!r}: want {count} numbers, separated by commas")
         return values
 
@@ -280,7 +281,11 @@ def _add_worlds(commands: Any) -> None:
     make.add_argument("--unit", choices=["m", "cm", "mm", "ft", "in"], help="of a drawing")
     make.add_argument("--entrance", dest="entrance_m", type=_numbers(2), help="X,Y in the mine frame, m")
     make.add_argument("overrides", nargs="*", help="such as compile3d.height_m=2.8")
-    stated = ("px_per_m", "bar_length_m", "bar_box_px", "unit", "entrance_m")
+    make.add_argument("--layer", dest="layers", action="append", help="of a drawing; again for more")
+    make.add_argument("--snap", dest="snap_m", type=float, help="m, between the ends of walls that are joined")
+    make.add_argument("--page", type=_positive, help="of a PDF")
+    make.add_argument("--dpi", type=float, help="at which a PDF's page is drawn")
+    stated = ("px_per_m", "bar_length_m", "bar_box_px", "unit", "entrance_m", "layers", "snap_m", "page", "dpi")
     make.set_defaults(
         run=lambda a: new(a.name, a.source, a.origin, a.licence, {k: getattr(a, k) for k in stated}, a.overrides)
     )

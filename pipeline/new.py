@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 from pathlib import Path
 from typing import Any
 
+import yaml
+from pydantic import TypeAdapter, ValidationError
+
 from minexplore import WORLDS
 from pipeline.compose import CONF
-from pipeline.errors import InputError, ParamsError
+from pipeline.errors import ArtifactError, InputError, ParamsError
+from pipeline.params.survey import SurveyParams
 from pipeline.store.files import write_atomically
 from pipeline.store.registry import register
 from pipeline.survey.guess import WIDTHS_M, Guess, guess_survey
@@ -22,7 +25,8 @@ _KINDS = {
     "vector": "a vector drawing",
     "passages": "a station survey",
 }
-_NAME = r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}"
+_NAME = r"[A-Za-z][A-Za-z0-9_-]{0,63}"
+_WORDS = {"default", "true", "false", "null", "none", "nan", "inf", "yes", "no", "on", "off"}  # mean something else
 
 
 def survey_file(name: str) -> Path:
@@ -44,8 +48,10 @@ def adopt(name: str, source: Path, origin: str, licence: str, stated: dict[str, 
         If the name or the file cannot be used; nothing is then written.
     """
     conf = survey_file(name)
-    if not re.fullmatch(_NAME, name):
-        raise ParamsError(f"name = {name!r}: want letters, digits, - and _, at most 64")
+    if not re.fullmatch(_NAME, name) or name.lower() in _WORDS:
+        raise ParamsError(
+            f"name = {name!r}: want a letter, then letters, digits, - and _, at most 64, and no word of YAML"
+        )
     if f"MineXplore/{name}-v0" in WORLDS:
         raise ParamsError(f"name = {name}: MineXplore/{name}-v0 is an environment of the project's own")
     if conf.is_file():
@@ -54,17 +60,28 @@ def adopt(name: str, source: Path, origin: str, licence: str, stated: dict[str, 
         return [f"{conf} is kept as it is; remove it to look at the file anew"]
     guess = guess_survey(source, stated)
     folder = DATA / name
-    placed = {file: folder / file.resolve().relative_to(source.parent.resolve()) for file in guess.files}
+    placed = {file: folder / file.absolute().relative_to(source.parent.absolute()) for file in guess.files}
     for file, place in placed.items():
         if place.is_file() and place.read_bytes() != file.read_bytes():
             raise InputError(f"{place}: holds another file; remove it, or choose another name than {name}")
+    text = survey_yaml(name, placed[guess.files[0]], guess, stated)
+    _require_section(text)
     for file, place in placed.items():
         if not place.is_file():
-            place.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(file, place)
+            write_atomically(place, file.read_bytes())
         register(place, origin, licence)
-    write_atomically(conf, survey_yaml(name, placed[guess.files[0]], guess, stated).encode())
+    write_atomically(conf, text.encode())
     return _findings(conf, guess)
+
+
+def _require_section(text: str) -> None:
+    """Refuse a section that stage 1 would not take: a value was stated that it cannot be."""
+    try:
+        TypeAdapter(SurveyParams).validate_python(yaml.safe_load(text)["survey"])
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"][1:])
+        raise ParamsError(f"survey.{where} = {first['input']!r}: {first['msg']}") from error
 
 
 def adopt_workings(name: str, source: Path) -> Path:
@@ -75,11 +92,12 @@ def adopt_workings(name: str, source: Path) -> Path:
     InputError
         If another one of that name was copied before.
     """
-    place = DATA / name / source.name
+    if not source.is_file():
+        raise ArtifactError(f"{source}: missing; make the world first")
+    place = DATA / name / "variants" / source.name
     if place.is_file() and place.read_bytes() != source.read_bytes():
         raise InputError(f"{place}: is of an earlier {name}; remove it and its line in data/registry.txt")
-    place.parent.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(source, place)
+    write_atomically(place, source.read_bytes())
     register(place, f"made from the world {name}", "as its sources")
     return place
 

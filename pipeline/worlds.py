@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,7 @@ def world_folder(name: str) -> Path:
         If there is none of that name; those that there are are listed.
     """
     folder = ARTIFACTS if name == DEFAULT else WORLDS / name
-    if name != Path(name).name or not (folder / "survey").is_dir():
+    if not re.fullmatch(r"[A-Za-z0-9_-]+", name) or not (folder / "survey").is_dir():
         raise ArtifactError(f"world = {name!r}: there are {', '.join(world_names()) or 'none; `make all` builds one'}")
     return folder
 
@@ -109,6 +110,11 @@ def compare_worlds(one: str, other: str) -> str:
         for key in [*left, *(k for k in right if k not in left)] if left.get(key) != right.get(key)
     ]  # fmt: skip
     return _table(rows)
+
+
+def made_by(name: str) -> dict[str, Any]:
+    """Return the parameters that a world was made by, one level deep."""
+    return _params(name)
 
 
 def _params(name: str) -> dict[str, Any]:

@@ -6,12 +6,13 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from minexplore.bundle import read_bundle
+from minexplore.bundle import BundleError, read_bundle
 from pipeline.compose import compose
 from pipeline.errors import InputError, LimitError, MineError
 from pipeline.metrics.limits import flatten
@@ -65,15 +66,20 @@ def generated(split: str, count: int, overrides: list[str]) -> list[Member]:
 
 
 def variants(
-    name: str, workings: Path, split: str, count: int, height_sd_m: float, overrides: list[str]
+    name: str, workings: Path, split: str, count: int, height_sd_m: float, made_by: dict[str, Any], overrides: list[str]
 ) -> list[Member]:
-    """Return variants of one mine: each its own stations, ribs and height within the survey's error."""
-    members = []
+    """Return variants of one mine: each its own stations, ribs and height within the survey's error.
+
+    `made_by` is what the mine was made by (`pipeline.worlds.made_by`): its height and entrance are the variants' too.
+    """
+    members, place = [], made_by.get("survey.entrance_m")
+    entrance = "null" if place is None else f"[{place[0]},{place[1]}]"
     for i in range(count):
         seed = SPLITS[split] + i
-        height = compose([]).compile3d.height_m + np.random.default_rng(seed).normal(0.0, height_sd_m)
+        height = made_by["compile3d.height_m"] + np.random.default_rng(seed).normal(0.0, height_sd_m)
         made = ["survey=variant", f"survey.seed={seed}", f"survey.workings={workings.as_posix()}",
-                f"survey.name={name}-{split}-{i:04d}", f"compile3d.height_m={height:.2f}"]  # fmt: skip
+                f"survey.name={name}-{split}-{i:04d}", f"survey.entrance_m={entrance}",
+                f"compile3d.height_m={height:.2f}"]  # fmt: skip
         members.append(Member(f"{name}/{split}/{i:04d}", split, seed, f"variant of {name}", [*made, *overrides]))
     return members
 
@@ -107,20 +113,22 @@ def make_family(members: list[Member], jobs: int, progress: Progress) -> Path:
 
 
 def make_member(member: Member) -> Outcome:
-    """Build one member and say what became of it."""
+    """Build one member and say what became of it; its figures are told where all six stages have run."""
     folder, problem = FAMILIES / member.folder, None
     try:
-        make_world(compose(member.overrides), folder)
-    except MineError as error:
-        problem = f"{type(error).__name__}: {error}"
-    metrics = folder / "validation" / "metrics.json"
-    if not metrics.is_file():
-        return Outcome(member, None, None, False, problem or "no metrics")
-    figures = flatten(json.loads(metrics.read_text()))
-    digest = str(read_bundle(folder / "realism" / "world")["world_sha256"])
-    return Outcome(
-        member, digest, float(figures["iou.free_space_vs_cleaned"]), bool(figures["certificate.holds"]), problem
-    )
+        config = compose(member.overrides)
+        if config.survey.kind == "procedural":  # an override may have changed either
+            member = replace(member, seed=config.survey.seed, style=config.survey.mine.style)
+        try:
+            make_world(config, folder)
+        except LimitError as error:
+            problem = f"LimitError: {error}"
+        figures = flatten(json.loads((folder / "validation" / "metrics.json").read_text()))
+        digest = str(read_bundle(folder / "realism" / "world")["world_sha256"])
+        iou, certificate = float(figures["iou.free_space_vs_cleaned"]), bool(figures["certificate.holds"])
+        return Outcome(member, digest, iou, certificate, problem)
+    except (MineError, BundleError, OSError, ValueError, KeyError) as error:
+        return Outcome(member, None, None, False, f"{type(error).__name__}: {error}")
 
 
 def _over_cores(members: list[Member], jobs: int) -> Iterator[Outcome]:

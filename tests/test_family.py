@@ -80,7 +80,9 @@ def test_splits_share_no_seed_and_styles_take_turns(monkeypatch):
     seeds = [m.seed for split in ("train", "validation", "test") for m in generated(split, 100, [])]
     assert len(set(seeds)) == 300
     assert [m.style for m in generated("train", 5, [])] == [*STYLES, STYLES[0]]
-    heights = {m.overrides[-1] for m in variants("x", ROOT / "data/x.geojson", "test", 5, 0.1, [])}
+    heights = {
+        m.overrides[-1] for m in variants("x", ROOT / "data/x.geojson", "test", 5, 0.1, {"compile3d.height_m": 3.0}, [])
+    }
     assert len(heights) == 5
 
 

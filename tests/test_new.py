@@ -69,7 +69,10 @@ def test_worlds_are_listed_shown_and_compared(owned):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("new", "a/b", "--from", "plan.png"), "want letters, digits"),
+        (("new", "a/b", "--from", "plan.png"), "want a letter, then letters, digits"),
+        (("new", "true", "--from", "plan.png"), "want a letter"),
+        (("new", "x", "--from", "plan.png", "--bar-length", "-5"), "survey.plan.scale.bar_length_m = -5.0"),
+        (("report", ".."), "there are default, my-tee"),
         (("new", "plan", "--from", "plan.png"), "is a survey of the project's own"),
         (("new", "ChileanMine", "--from", "plan.png"), "is an environment of the project's own"),
         (("new", "x", "--from", "none.png"), "none.png: no such file"),

@@ -5,10 +5,13 @@ from __future__ import annotations
 import networkx as nx
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 from shapely import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError
+
+_NEIGHBOURS = 8
 
 
 def enclose_workings(walls: list[LineString], snap_m: float, seeds_m: list[tuple[float, float]]) -> MultiPolygon:
@@ -44,7 +47,9 @@ def enclose_workings(walls: list[LineString], snap_m: float, seeds_m: list[tuple
 
 def nest_rings(rings: list[LineString]) -> MultiPolygon:
     """Return what closed rings enclose, each ring within another turning workings into pillar and back."""
-    polygons = np.array([p for p in (shapely.make_valid(Polygon(ring)) for ring in rings) if p.area > 0], dtype=object)
+    found = (shapely.normalize(shapely.make_valid(Polygon(ring))) for ring in rings)
+    once = {shape.wkb: shape for shape in found if shape.area > 0}  # drawings often hold a line twice
+    polygons = np.array(list(once.values()), dtype=object)
     if not len(polygons):
         raise GeometryError("the walls enclose nothing")
     inner, outer = shapely.STRtree(polygons).query(polygons, predicate="covered_by")
@@ -124,12 +129,13 @@ def _widest_gap(walls: list[LineString], snap_m: float) -> str:
     ends = _open_ends(walls)
     if len(ends) < 2:
         return ""
-    apart = np.linalg.norm(ends[:, None] - ends[None], axis=-1)
+    apart, _ = cKDTree(ends).query(ends, k=min(_NEIGHBOURS, len(ends)))
     apart[apart <= snap_m] = np.inf
-    i, j = np.unravel_index(int(apart.argmin()), apart.shape)
-    if not np.isfinite(apart[i, j]):
+    i, _ = np.unravel_index(int(apart.argmin()), apart.shape)
+    gap = float(apart[i].min())
+    if not np.isfinite(gap):
         return ""
     return (
-        f": the nearest ends left open are {apart[i, j]:.2f} m apart, at ({ends[i][0]:.2f}, {ends[i][1]:.2f}); "
+        f": the nearest ends left open are {gap:.2f} m apart, at ({ends[i][0]:.2f}, {ends[i][1]:.2f}); "
         f"survey.snap_m = {snap_m:g} joins nearer ones"
     )

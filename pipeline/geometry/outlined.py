@@ -8,12 +8,14 @@ import numpy as np
 from pipeline.errors import GeometryError
 from pipeline.types import Mask
 
+_FRAME = 0.9  # of the picture's sides: what spans more is a frame round the plan
+
 
 def fill_outlined(lines: Mask, seeds_px: list[tuple[float, float]], gap_px: float) -> Mask:
     """Fill what drawn walls enclose, to the middle of their lines.
 
-    Gaps up to `gap_px` are closed first. With seeds, what hangs together with one is filled; without, the largest area
-    that touches no edge of the picture.
+    Gaps up to `gap_px` are closed first. With seeds, what hangs together with one is filled; without, what an odd
+    number of walls parts from the picture's edge, where a frame drawn round the whole plan is no wall.
 
     Parameters
     ----------
@@ -35,20 +37,36 @@ def fill_outlined(lines: Mask, seeds_px: list[tuple[float, float]], gap_px: floa
     closed = cv2.morphologyEx(
         np.pad(lines.astype(np.uint8), 1), cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, _odd(gap_px))
     )[1:-1, 1:-1]
-    count, regions, stats, _ = cv2.connectedComponentsWithStats(1 - closed, connectivity=4)
+    _, regions, stats, _ = cv2.connectedComponentsWithStats(1 - closed, connectivity=4)
     rows, cols = lines.shape
     touches = (stats[:, 0] == 0) | (stats[:, 1] == 0) | (stats[:, 0] + stats[:, 2] == cols)
     touches |= stats[:, 1] + stats[:, 3] == rows
-    enclosed = [i for i in range(1, count) if not touches[i]]
     if seeds_px:
         chosen = sorted({_region_of(seed, regions, touches) for seed in seeds_px})
-    elif enclosed:
-        chosen = [max(enclosed, key=lambda i: int(stats[i, cv2.CC_STAT_AREA]))]
     else:
+        chosen = _odd_regions(regions, stats, touches, _half_line(closed))
+    if not chosen:
         raise GeometryError("the drawn walls enclose nothing; survey.wall_gap_px closes gaps")
     inside = np.isin(regions, chosen).astype(np.uint8)
     half = _half_line(closed)
     return cv2.dilate(inside, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * half + 1, 2 * half + 1))).astype(bool)
+
+
+def _odd_regions(regions: np.ndarray, stats: np.ndarray, touches: np.ndarray, half: int) -> list[int]:
+    """Return the regions with an odd number of walls between them and the edge; label 0 is the walls."""
+    rows, cols = regions.shape
+    reach = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (4 * half + 5, 4 * half + 5))  # across one wall
+    depth = {i: 0 for i in range(1, len(stats)) if touches[i]}
+    layer, level = set(depth), 0
+    while layer:
+        level += 1
+        near = cv2.dilate(np.isin(regions, list(layer)).astype(np.uint8), reach) > 0
+        layer = {int(i) for i in np.unique(regions[near])} - set(depth) - {0}
+        frame = [i for i in layer if stats[i, 2] > _FRAME * cols and stats[i, 3] > _FRAME * rows]
+        if level == 1 and len(layer) == 1 and frame:
+            level = 0
+        depth |= dict.fromkeys(layer, level)
+    return [i for i, deep in depth.items() if deep % 2 == 1]
 
 
 def _region_of(seed: tuple[float, float], regions: np.ndarray, touches: np.ndarray) -> int:

@@ -54,4 +54,5 @@ def companions(path: Path) -> list[Path]:
     """Return the files beside a Shapefile that belong to it."""
     if path.suffix.lower() != ".shp":
         return []
-    return [p for p in (path.with_suffix(s) for s in (".shx", ".dbf", ".prj", ".cpg")) if p.is_file()]
+    beside = (p for p in sorted(path.parent.iterdir()) if p.stem == path.stem and p.is_file())
+    return [p for p in beside if p.suffix.lower() in (".shx", ".dbf", ".prj", ".cpg")]

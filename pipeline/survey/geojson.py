@@ -40,7 +40,8 @@ def read_geojson(path: Path, layers: list[str] | None) -> Shapes:
     if "note" in content and "metres" in str(content["note"]):  # our own artifacts
         return Shapes(found, "m")
     named = content.get("crs") or {}
-    name = (named.get("properties") or {}).get("name") if isinstance(named, dict) else None
+    about = named.get("properties") if isinstance(named, dict) else None
+    name = about.get("name") if isinstance(about, dict) else None
     return Shapes(found, None, str(name) if name else "OGC:CRS84")
 
 

@@ -41,7 +41,8 @@ class Placement:
 def world_file(image: Path) -> Path | None:
     """Return the world file beside a picture, if there is one."""
     endings = [*_SUFFIXES.get(image.suffix.lower(), []), ".wld"]
-    return next((p for p in (image.with_suffix(ending) for ending in endings) if p.is_file()), None)
+    beside = [p for p in sorted(image.parent.glob("*")) if p.stem == image.stem and p.is_file()]
+    return next((p for ending in endings for p in beside if p.suffix.lower() == ending), None)
 
 
 def read_placement(image: Path) -> Placement:

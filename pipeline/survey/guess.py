@@ -27,6 +27,7 @@ WIDTHS_M = (1.5, 12.0)  # between them lies what people have driven and what rob
 _LIKELY_M = 5.5  # drifts that machines drive; the published mine's at scan 02S
 _BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
 _MEGAPIXELS = 200.0
+_LINE_PX = 6.0  # ink that is wider is no line, where the scale is not known
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ def guess_survey(path: Path, stated: dict[str, Any]) -> Guess:
     path : Path
         Any file that stage 1 reads, wherever it lies.
     stated : dict
-        What is known beforehand: `px_per_m`, `bar_length_m`, `bar_box_px`, `unit`; it is not guessed then.
+        What is known beforehand: `px_per_m`, `bar_length_m`, `bar_box_px`, `unit`, `layers`, `snap_m`, `page`, `dpi`.
 
     Raises
     ------
@@ -82,7 +83,7 @@ def _guess_vector(path: Path, stated: dict[str, Any]) -> Guess:
     units = [stated["unit"]] if stated.get("unit") else [None, *METRES]
     problem: InputError | None = None
     for unit in units:
-        params = _vector(path, unit)
+        params = _vector(path, unit, stated)
         try:
             workings, place, _, _ = draw_measured(params)
         except InputError as error:
@@ -97,9 +98,14 @@ def _guess_vector(path: Path, stated: dict[str, Any]) -> Guess:
     unit = None if stays else min(tried, key=lambda u: abs(np.log(tried[u][0] / _LIKELY_M)))
     width, place = tried[unit]
     values = {
-        "kind": "vector", "file": path.name, "layers": None, "unit": unit, "origin": list(place.origin), "snap_m": 0.25,
+        "kind": "vector",
+        "file": path.name,
+        "layers": stated.get("layers"),
+        "unit": unit,
+        "origin": list(place.origin),
+        "snap_m": stated.get("snap_m") or 0.25,
         "seeds_m": [],
-    }  # fmt: skip
+    }
     remarks = {
         "layers": "null: all; or a list",
         "unit": f"null: what the file says ({place.unit}); or m, cm, mm, ft, in",
@@ -107,19 +113,23 @@ def _guess_vector(path: Path, stated: dict[str, Any]) -> Guess:
         "snap_m": "walls whose ends are nearer than this are joined",
         "seeds_m": "[[x, y], ...] inside the workings, where walls alone do not tell",
     }
-    return Guess(values, remarks, [Path(f) for f in measured_files(_vector(path, unit))], width)
+    return Guess(values, remarks, [Path(f) for f in measured_files(_vector(path, unit, stated))], width)
 
 
-def _vector(path: Path, unit: str | None) -> VectorSurveyParams:
+def _vector(path: Path, unit: str | None, stated: dict[str, Any]) -> VectorSurveyParams:
     """Return a section that reads a file from wherever it lies, before it is copied below data/."""
-    section = VectorSurveyParams.model_validate({"kind": "vector", "name": "guess", "file": "data/x", "unit": unit})
+    told = {key: stated[key] for key in ("layers", "snap_m") if stated.get(key) is not None}
+    section = VectorSurveyParams.model_validate(
+        {"kind": "vector", "name": "guess", "file": "data/x", "unit": unit, **told}
+    )
     return section.model_copy(update={"file": path.as_posix()})
 
 
 def _guess_picture(path: Path, stated: dict[str, Any]) -> Guess:
     is_pdf = path.suffix.lower() == ".pdf"
     dpi = float(stated.get("dpi") or 200.0)
-    picture = draw_page(path, 1, dpi, _MEGAPIXELS) if is_pdf else read_image(path, _MEGAPIXELS)
+    page = int(stated.get("page") or 1)
+    picture = draw_page(path, page, dpi, _MEGAPIXELS) if is_pdf else read_image(path, _MEGAPIXELS)
     edge = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]]).mean(axis=1)
     inverted = bool(np.median(edge) < 128)
     picture = 255 - picture if inverted else picture
@@ -129,7 +139,7 @@ def _guess_picture(path: Path, stated: dict[str, Any]) -> Guess:
     outlined = False
     if scale["source"] == "bar":
         bar = measure_bar(_cut(picture, scale["bar_box_px"]), 1.0, f"{path}")
-        outlined, width_px = _wall_style(ink, bar / 100.0)
+        outlined, width_px = _wall_style(ink, 0.0)
         length = stated.get("bar_length_m") or min(_BARS_M, key=lambda m: abs(np.log(width_px * m / bar / _LIKELY_M)))
         scale["bar_length_m"], per_m = float(length), bar / length
         how = "stated" if stated.get("bar_length_m") else f"taken, as drifts are then {width_px / per_m:.1f} m wide"
@@ -138,7 +148,7 @@ def _guess_picture(path: Path, stated: dict[str, Any]) -> Guess:
     values: dict[str, Any] = {
         "kind": "plan", "image": path.name, "max_megapixels": _MEGAPIXELS, "light_on_dark": inverted,
         "outlined": outlined, "seeds_px": [], "wall_gap_px": 3.0, "crop_px": None, "turn_deg": 0.0,
-        "ignore_colours": [], **({"page": 1, "dpi": dpi} if is_pdf else {}), "origin_px": None, "scale": scale,
+        "ignore_colours": [], **({"page": page, "dpi": dpi} if is_pdf else {}), "origin_px": None, "scale": scale,
     }  # fmt: skip
     remarks |= {
         "light_on_dark": "true: light workings on dark paper",
@@ -199,9 +209,9 @@ def _cut(picture: Image, box: list[int]) -> Image:
 
 
 def _wall_style(ink: Mask, px_per_m: float) -> tuple[bool, float]:
-    """Return whether walls are drawn as lines, and the drifts' typical width, px."""
+    """Return whether walls are drawn as lines, and the drifts' typical width, px; a scale of 0 is not known yet."""
     stroke = typical_width_px(ink)
-    if stroke > max(6.0, WIDTHS_M[0] * px_per_m):
+    if stroke >= (WIDTHS_M[0] * px_per_m if px_per_m else _LINE_PX):
         return False, stroke
     try:
         inside = typical_width_px(fill_outlined(ink, [], 3.0))

@@ -118,7 +118,7 @@ def read_plan(params: PlanSurveyParams) -> Reading:
     """Read a plan image, ready to trace."""
     path, length = Path(params.image), params.scale.bar_length_m
     plan = make_ready(path, read_picture(path, params), params)
-    boxes, bar, per_m, georeference = [], None, None, Georeference("px", 1.0, turned_deg=params.turn_deg)
+    boxes, bar, per_m, georeference = [], None, None, Georeference("m", 1.0, turned_deg=params.turn_deg)
     if params.scale.bar_image is not None:
         bar = measure_bar(
             read_image(Path(params.scale.bar_image), params.max_megapixels), length, params.scale.bar_image

@@ -99,8 +99,10 @@ def fill_walls(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
     return np.where(inside[..., None], 40, 255).astype(np.uint8).repeat(3, axis=2)
 
 
-def turn_picture(picture: Image, turn_deg: float) -> tuple[Image, np.ndarray]:
-    """Turn a picture counter-clockwise onto paper that holds all of it; return it and the (2, 3) map of image points.
+def turn_picture(picture: Image, turn_deg: float, paper: int = 255) -> tuple[Image, np.ndarray]:
+    """Turn a picture counter-clockwise onto larger paper; return it and the (2, 3) map of image points.
+
+    `paper` is the grey value of what is added.
 
     Raises
     ------
@@ -118,6 +120,5 @@ def turn_picture(picture: Image, turn_deg: float) -> tuple[Image, np.ndarray]:
     turn[:, 2] += wide / 2 - cols / 2, high / 2 - rows / 2
     on_centres = turn.copy()  # OpenCV counts from pixel centres, the image plane from corners
     on_centres[:, 2] += turn[:, :2] @ (0.5, 0.5) - 0.5
-    paper = [float(v) for v in np.median(picture.reshape(-1, 3), axis=0)]
-    turned = cv2.warpAffine(picture, on_centres, (wide, high), flags=cv2.INTER_AREA, borderValue=paper)
+    turned = cv2.warpAffine(picture, on_centres, (wide, high), flags=cv2.INTER_AREA, borderValue=(paper, paper, paper))
     return turned, turn

@@ -84,6 +84,8 @@ def locate(
     if not np.isfinite(shapely.get_coordinates(shapes)).all():
         raise InputError(f"{path}: a coordinate is not finite")
     crs, projection = found.crs, None
+    if crs is not None and unit is not None and _system(path, crs).is_geographic:
+        crs = None  # a local grid in a format whose system is always degrees
     named = unit or found.unit or "m"
     metres = METRES[named]
     if crs is not None and unit is None:

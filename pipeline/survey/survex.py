@@ -123,14 +123,15 @@ def _read(path: Path, room: Path, settings: _Settings, survey: _Survey, files: l
                 case "fix":
                     _fix(where, rest, settings, survey)
                 case "cs":
-                    survey.crs = " ".join(rest) if rest and rest[0].lower() != "out" else survey.crs
+                    _system(where, rest, survey)
                 case "units":
                     settings = _units(where, rest, settings)
                 case "calibrate":
                     settings = _calibrate(where, rest, settings)
                 case "declination":
-                    angle = rest[0] if rest and rest[0].lower() != "auto" else "0"
-                    turned = _number(where, angle) * (_unit(where, rest[1]) if len(rest) > 1 else 1.0)
+                    auto = bool(rest) and rest[0].lower() == "auto"  # needs a model of the earth's field: left at 0
+                    angle = 0.0 if auto else _number(where, rest[0] if rest else "")
+                    turned = angle * (_unit(where, rest[1]) if len(rest) > 1 and not auto else 1.0)
                     settings = replace(settings, declination_deg=turned)
                 case "case":
                     settings = replace(settings, lower=bool(rest) and rest[0].lower() == "tolower")
@@ -268,6 +269,17 @@ def _wall(where: str, text: str | None, settings: _Settings) -> float:
     return value
 
 
+def _system(where: str, rest: list[str], survey: _Survey) -> None:
+    name = " ".join(rest)
+    if not rest or rest[0].lower() == "out":
+        return
+    if rest[0].lower() in ("long-lat", "lat-long"):
+        raise InputError(f"{where}: *cs {name}: stations fixed in degrees are not read; state them in a metric system")
+    if survey.crs not in (None, name) and survey.fixed:
+        raise InputError(f"{where}: *cs {name[:40]} after stations fixed in {survey.crs}; one system is read")
+    survey.crs = name
+
+
 def _fix(where: str, rest: list[str], settings: _Settings, survey: _Survey) -> None:
     numbers = [word for word in rest[1:] if word.lower() != "reference"]
     place = [_number(where, word) for word in numbers[:3]] or [0.0, 0.0, 0.0]
@@ -293,6 +305,8 @@ def _quantities(where: str, words: list[str]) -> tuple[list[str], list[str]]:
 
 
 def _units(where: str, rest: list[str], settings: _Settings) -> _Settings:
+    if [word.lower() for word in rest] == ["default"]:
+        return replace(settings, scale={})
     keys, words = _quantities(where, rest)
     factor = _number(where, words[0]) if len(words) > 1 else 1.0
     if words and words[-1].lower() == "percent":
@@ -305,6 +319,8 @@ def _units(where: str, rest: list[str], settings: _Settings) -> _Settings:
 def _calibrate(where: str, rest: list[str], settings: _Settings) -> _Settings:
     if rest and rest[0].lower() == "declination":  # the old way to state it: what is taken off
         return replace(settings, declination_deg=-_number(where, rest[1] if len(rest) > 1 else ""))
+    if [word.lower() for word in rest] == ["default"]:
+        return replace(settings, zero={}, factor={})
     keys, words = _quantities(where, rest)
     zero = _number(where, words[0] if words else "")
     unit = _unit(where, words[1]) if len(words) > 1 and words[1].lower() in _UNITS else None

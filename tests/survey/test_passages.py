@@ -110,6 +110,8 @@ def test_a_loop_is_closed_by_moving_every_shot_a_little(tmp_path):
         ("1 2 5 0 0\n*data passage station left right up down\n1 1 1 1 1\n9 1 1 1 1\n", "station 9 has passage data"),
         ("1 2 5 0 0\n*data passage station left right up down\n1 - 1 1 1\n2 - 1 1 1\n", "no distance to the left wall"),
         ("", "no shots"),
+        ("*cs long-lat\n*fix 1 -70 -33 0\n", "degrees are not read"),
+        ("*cs UTM19S\n*fix 1 1 2 0\n*cs UTM20S\n*fix 2 1 2 0\n", "one system is read"),
     ],
 )
 def test_a_survex_file_that_cannot_be_used_is_refused_with_its_line(tmp_path, text, message):

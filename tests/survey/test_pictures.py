@@ -14,6 +14,7 @@ from pipeline.geometry.outlined import fill_outlined
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.survey import GridSurveyParams, PlanSurveyParams
 from pipeline.survey.load import read_survey, sources
+from pipeline.survey.picture import turn_picture
 from stages.contours import trace_free_space
 from tests.conftest import RING, TEE, frame_for, plan_of
 
@@ -91,6 +92,27 @@ def test_outlined_drifts_are_filled_to_the_middle_of_their_walls(room, tracing):
     found, _ = traced_from(plan_params("plan.png", 16.0, outlined=True, seeds_px=[seed]), tracing)
     assert overlap(found, RING) > 0.985
     assert len(found.interiors) == 1
+
+
+@pytest.mark.parametrize("framed", [False, True])
+def test_without_seeds_walls_are_counted_from_the_edge_and_a_frame_is_none(framed):
+    frame = frame_for(RING)
+    picture = np.zeros((frame.height_px, frame.width_px), np.uint8)
+    for ring in (RING.exterior, *RING.interiors):
+        points = np.round(frame.to_image(np.array(ring.coords)) - 0.5).astype(np.int32)
+        cv2.polylines(picture, [points], True, 1, 2)
+    if framed:
+        cv2.rectangle(picture, (5, 5), (frame.width_px - 6, frame.height_px - 6), 1, 2)
+    truth = fill_polygon(RING, frame)
+    found = fill_outlined(picture.astype(bool), [], 2.0)
+    assert (found & truth).sum() / (found | truth).sum() > 0.97
+
+
+def test_paper_that_turning_adds_is_no_workings():
+    dark = np.full((100, 160, 3), 40, np.uint8)
+    dark[:20] = 255
+    turned, _ = turn_picture(dark, 30.0)
+    assert abs(int((turned[..., 0] < 128).sum()) - 80 * 160) < 300
 
 
 def test_a_gap_in_a_drawn_wall_is_closed_or_named():

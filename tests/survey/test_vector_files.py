@@ -86,6 +86,18 @@ def test_blocks_are_resolved_curves_flattened_and_layers_chosen(tmp_path):
         read_dxf(path, ["walls"])
 
 
+def test_a_wall_that_is_drawn_twice_is_one_wall(tmp_path):
+    for rings in ((RING.exterior, RING.exterior, *RING.interiors), (RING.exterior, *RING.interiors, *RING.interiors)):
+        drawing(tmp_path / "twice.dxf", rings=rings)
+        same(workings_from(tmp_path / "twice.dxf", read_dxf(tmp_path / "twice.dxf", None))[0], RING)
+
+
+def test_a_local_grid_in_a_format_of_degrees_names_no_system(tmp_path):
+    (tmp_path / "local.geojson").write_text(shapely.to_geojson(RING))
+    _, place = workings_from(tmp_path / "local.geojson", read_geojson(tmp_path / "local.geojson", None), unit="m")
+    assert place.crs is None
+
+
 def test_nested_blocks_that_multiply_are_refused(tmp_path):
     path = tmp_path / "bomb.dxf"
     made = ezdxf.new()
