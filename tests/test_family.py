@@ -80,10 +80,12 @@ def test_splits_share_no_seed_and_styles_take_turns(monkeypatch):
     seeds = [m.seed for split in ("train", "validation", "test") for m in generated(split, 100, [])]
     assert len(set(seeds)) == 300
     assert [m.style for m in generated("train", 5, [])] == [*STYLES, STYLES[0]]
-    heights = {
-        m.overrides[-1] for m in variants("x", ROOT / "data/x.geojson", "test", 5, 0.1, {"compile3d.height_m": 3.0}, [])
-    }
-    assert len(heights) == 5
+    made_by = {"compile3d.height_m": 2.8, "survey.entrance_m": [1.0, 2.0]}
+    some = variants("x", ROOT / "data/x.geojson", "test", 5, 0.1, made_by, [])
+    heights = [float(m.overrides[-1].partition("=")[2]) for m in some]
+    assert len(set(heights)) == 5
+    assert np.mean(heights) == pytest.approx(2.8, abs=0.2)
+    assert all("survey.entrance_m=[1.0,2.0]" in m.overrides for m in some)
 
 
 def broken_member():
