@@ -15,12 +15,12 @@ from baselines.oracle.record import bound_of
 from baselines.policy import make_policy, policy_sha256
 from baselines.protocol import SAMPLE_STEPS, Episode, Head, chain, make_env, run_episodes, task_facts
 from baselines.results import read_results
+from baselines.speed import top_speed_mps
 from baselines.statistics import sample_times
 from minexplore.reward import CAP, COLLISION_PENALTY, COVERAGE_GAIN, IDLE_PENALTY, MILESTONES
 from minexplore.task import TERRAIN
 from minexplore.vector import MineVectorEnv
 
-_FAST = 1.02  # of the commanded speed: what the dip may add
 _NOISE_S = 5.0  # standard deviations that the noise of mud and water may add to a way
 _ROUND_M = 0.02  # of a place written in centimetres
 _RETURN = 1e-3  # between a return and its recomputation
@@ -116,12 +116,9 @@ def _faults_of_way(episode: Episode, env: MineVectorEnv, times: np.ndarray, seen
         )
         yield f"after {times[first]:g} s it is in rock, at {way[first].tolist()}"
         return
-    scale, noise = (
-        np.array([TERRAIN.get(g.name, (1.0, 0.0))[k] if task.terrain else (1.0, 0.0)[k] for g in world.grounds])
-        for k in (0, 1)
-    )
-    zones = world.zones_at(way[:, 0])
-    fastest = task.max_forward_mps * _FAST * np.maximum(scale[zones[1:]], scale[zones[:-1]])
+    noise = np.array([TERRAIN.get(g.name, (1.0, 0.0))[1] if task.terrain else 0.0 for g in world.grounds])
+    zones, speed = world.zones_at(way[:, 0]), top_speed_mps(world, task, way[:, 0])
+    fastest = np.maximum(speed[1:], speed[:-1])
     spread = np.maximum(noise[zones[1:]], noise[zones[:-1]]) * np.sqrt(np.diff(times) * task.control_s)
     far = np.linalg.norm(np.diff(way, axis=0), axis=1)
     most = fastest * np.diff(times) + _NOISE_S * spread + _ROUND_M

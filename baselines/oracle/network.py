@@ -10,12 +10,11 @@ from scipy.ndimage import binary_dilation, label
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from baselines.speed import top_speed_mps
 from minexplore.explorers import Explorers
-from minexplore.task import TERRAIN
 
 _STEPS = [(i, j) for i in range(-3, 4) for j in range(-3, 4) if np.gcd(i, j) == 1]
 _METRIC = 1.014  # most by which a way in these 32 directions is longer than the straight one
-_FAST = 1.02  # of the commanded speed: what the dip and the noise of mud and water may add
 _SINK_M = 0.2  # half a cell's diagonal and a soft contact: how much nearer to rock than its radius a robot may be
 _SURFACE_M = 0.5  # how far behind the collision wall the visible rock may stand back
 _SAMPLE_M, _RAYS, _MARCH_M = 0.75, 360, 0.2
@@ -96,8 +95,7 @@ def _arrival(explorers: Explorers, standing: np.ndarray, start: tuple[int, int])
     """Return the least time, s, in which a robot can come to each cell; infinite where it cannot."""
     world, task = explorers.world, explorers.task
     east = world.origin_m[0] + (np.arange(standing.shape[1]) + 0.5) * world.cell_m
-    scale = np.array([TERRAIN.get(g.name, (1.0, 0.0))[0] if task.terrain else 1.0 for g in world.grounds])
-    speed = task.max_forward_mps * _FAST * scale[world.zones_at(east)]
+    speed = top_speed_mps(world, task, east)
     slowness = np.broadcast_to(world.cell_m / speed, standing.shape)
     number = np.full(standing.shape, -1)
     number[standing] = np.arange(standing.sum())

@@ -43,7 +43,7 @@ def read_geodata(path: Path, layers: list[str] | None) -> Shapes:
             require_size(path, points)
             shapes += read
             systems.add(meta.get("crs"))
-    except (*_REFUSALS, shapely.GEOSException, ValueError) as error:
+    except (*_REFUSALS, shapely.GEOSException, ValueError, UnboundLocalError) as error:  # the last on a broken .prj
         raise InputError(f"{path}: cannot be read ({str(error).splitlines()[0][:160]})") from error
     if len(systems) > 1:
         raise InputError(f"{path}: its layers have different coordinate systems; choose some by survey.layers")
