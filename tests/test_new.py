@@ -71,7 +71,7 @@ def test_worlds_are_listed_shown_and_compared(owned):
     [
         (("new", "a/b", "--from", "plan.png"), "want a letter, then letters, digits"),
         (("new", "true", "--from", "plan.png"), "want a letter"),
-        (("new", "x", "--from", "plan.png", "--bar-length", "-5"), "survey.plan.scale.bar_length_m = -5.0"),
+        (("new", "x", "--from", "plan.png", "--bar-length", "-5"), "survey.scale.bar_length_m = -5.0"),
         (("report", ".."), "there are default, my-tee"),
         (("new", "plan", "--from", "plan.png"), "is a survey of the project's own"),
         (("new", "ChileanMine", "--from", "plan.png"), "is an environment of the project's own"),
@@ -87,6 +87,7 @@ def test_wrong_names_and_files_are_refused_and_leave_nothing(owned, arguments, m
     assert not (project.folder / "data/mines/x").exists()
 
 
+@pytest.mark.slow
 def test_a_corrected_line_makes_the_world_anew(owned, tmp_path):
     project = owned[0].copy(tmp_path / "copy")
     conf = project.folder / "conf/survey/my-tee.yaml"
