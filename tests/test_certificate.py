@@ -221,6 +221,7 @@ def test_a_grade_is_the_median_slope():
     assert grade_along(points) == pytest.approx(5.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_the_published_sweeps_lie_on_the_published_plans_walls(shared_mine, built):
     """On the station survey's world; the plan's own is measured by `make test-slow`."""
     done = built.run(

@@ -132,6 +132,7 @@ def test_dvc_repro_runs_everything_once_then_nothing_and_an_experiment_only_what
     project.run("dvc", "plots", "show", check=True)
 
 
+@pytest.mark.slow
 def test_make_all_takes_overrides_and_returns_to_the_default(project):
     # `setup` is replaced: the copy uses the environment that the tests run in.
     (project.folder / "requirements" / "setup.sh").write_text("exit 0\n")
