@@ -122,7 +122,7 @@ def survey_yaml(name: str, file: Path, guess: Guess, stated: dict[str, Any]) -> 
             lines += [f"    {inner}: {json.dumps(held)}" for inner, held in value.items()]
         else:
             lines.append(_line(f"  {key}: {json.dumps(value)}", remarks.get(key)))
-    lines += ["contours:", _line("  tolerance_m: null", "as coarse as keeps an IoU of 0.994")]
+    lines += ["contours:", _line("  tolerance_m: null", "as coarse as keeps an IoU of 0.9925")]
     lines.append(_line("  parts: largest", "or spawn: those at entrance_m; or [[x, y], ...]"))
     lines += ["validation:", "  limits:", "    walls:"]
     lines.append(_line("      narrowest_kept: {min: 0.85}", "rock may take 0.9 m of a drift that is 4 m wide or more"))

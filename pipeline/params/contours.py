@@ -30,5 +30,5 @@ class ContoursParams(Params):
     min_tunnel_m2: float = Field(gt=0)
     max_ink_share: float = Field(gt=0, lt=1)
     tolerance_m: float | None = Field(ge=0, le=50, description="null: as coarse as keeps auto_iou")
-    auto_iou: float = Field(0.994, gt=0.5, lt=1)
+    auto_iou: float = Field(0.9925, gt=0.5, lt=1)
     network: NetworkParams
