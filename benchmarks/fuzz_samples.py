@@ -165,7 +165,7 @@ def _png_of(width: int, height: int) -> bytes:
 _LAUGHS = b"a: &a [x, x, x, x, x, x, x, x, x]\n" + b"".join(
     b"%c: &%c [%s]\n" % (98 + i, 98 + i, b", ".join([b"*%c" % (97 + i)] * 9)) for i in range(9)
 )
-_TAGGED = b"!!python/object/apply:os.system ['touch /tmp/minexplore-was-here']\n"
+_TAGGED = b"!!python/object/apply:os.system ['touch ../minexplore-was-here']\n"
 _BOMB = (
     b'<?xml version="1.0"?><!DOCTYPE l [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;">]><l>&b;</l>'
 )

@@ -49,9 +49,7 @@ def adopt(name: str, source: Path, origin: str, licence: str, stated: dict[str, 
     """
     conf = survey_file(name)
     if not re.fullmatch(_NAME, name) or name.lower() in _WORDS:
-        raise ParamsError(
-            f"name = {name!r}: want a letter, then letters, digits, - and _, at most 64, and no word of YAML"
-        )
+        raise ParamsError(f"name = {name!r}: want a letter, then letters, digits, - and _, at most 64")
     if f"MineXplore/{name}-v0" in WORLDS:
         raise ParamsError(f"name = {name}: MineXplore/{name}-v0 is an environment of the project's own")
     if conf.is_file():
@@ -134,13 +132,7 @@ def _line(text: str, remark: str | None) -> str:
 
 
 def _findings(conf: Path, guess: Guess) -> list[str]:
-    kind = {
-        "plan": "a plan image",
-        "grid": "an occupancy grid",
-        "vector": "a vector drawing",
-        "passages": "a station survey",
-    }
-    lines = [f"{guess.files[0].name}: {kind[guess.values['kind']]}; wrong? correct {conf}"]
+    lines = [f"{guess.files[0].name}: {_KINDS[guess.values['kind']]}; wrong? correct {conf}"]
     if guess.values.get("outlined"):
         lines.append("walls are drawn as lines and what they enclose is filled; wrong? survey.outlined: false")
     if guess.values.get("light_on_dark"):

@@ -104,7 +104,7 @@ def compare_worlds(one: str, other: str) -> str:
         [key, _say(first.get(key)), _say(second.get(key))]
         for key in [*first, *(k for k in second if k not in first)] if first.get(key) != second.get(key)
     ]  # fmt: skip
-    left, right = _params(one), _params(other)
+    left, right = made_by(one), made_by(other)
     rows += [
         [key, _say(left.get(key)), _say(right.get(key))]
         for key in [*left, *(k for k in right if k not in left)] if left.get(key) != right.get(key)
@@ -114,10 +114,6 @@ def compare_worlds(one: str, other: str) -> str:
 
 def made_by(name: str) -> dict[str, Any]:
     """Return the parameters that a world was made by, one level deep."""
-    return _params(name)
-
-
-def _params(name: str) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for section in Config.model_fields:
         manifest = read_manifest(world_folder(name) / section / "manifest.json")
@@ -127,7 +123,7 @@ def _params(name: str) -> dict[str, Any]:
 
 def changed_params(name: str, default: Config) -> dict[str, tuple[Any, Any]]:
     """Return the parameters in which a world differs from the default: (default, this world's)."""
-    before, now = flatten(default.model_dump(mode="json")), _params(name)
+    before, now = flatten(default.model_dump(mode="json")), made_by(name)
     keys = [*before, *(key for key in now if key not in before)]
     return {k: (before.get(k, "-"), now.get(k, "-")) for k in keys if before.get(k) != now.get(k)}
 

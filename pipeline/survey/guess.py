@@ -153,7 +153,7 @@ def _guess_picture(path: Path, stated: dict[str, Any]) -> Guess:
     remarks |= {
         "light_on_dark": "true: light workings on dark paper",
         "outlined": "true: walls are drawn as lines, what they enclose is filled",
-        "seeds_px": "[[col, row], ...] inside outlined workings; []: the largest area that walls enclose",
+        "seeds_px": "[[col, row], ...] inside outlined workings; []: what an odd number of walls encloses",
         "wall_gap_px": "gaps in drawn walls up to this are closed",
         "crop_px": "[col0, row0, col1, row1]; null: the whole picture",
         "turn_deg": "counter-clockwise, after cropping",

@@ -85,8 +85,8 @@ def read_svx(path: Path) -> tuple[list[SurveyLeg], str | None]:
 
 def svx_files(path: Path) -> list[Path]:
     """Return a survey's files: itself and all that it includes."""
-    files: list[Path] = []
-    _read(path, path.parent.resolve(), _Settings(), _Survey(), files := [path])
+    files = [path]
+    _read(path, path.parent.resolve(), _Settings(), _Survey(), files)
     return files
 
 
