@@ -101,7 +101,7 @@ def adopt_workings(name: str, source: Path) -> Path:
 
 
 def survey_yaml(name: str, file: Path, guess: Guess, stated: dict[str, Any]) -> str:
-    """Return the text of a survey section: the guess, a remark beside each value, the survey's tolerance."""
+    """Return the text of a survey section: the guess, and a remark beside each value."""
     values = {"kind": guess.values["kind"], "name": name, **guess.values}
     for key in ("image", "file", "map"):
         if key in values:
@@ -112,7 +112,8 @@ def survey_yaml(name: str, file: Path, guess: Guess, stated: dict[str, Any]) -> 
     }  # fmt: skip
     lines = [
         f"# @package _global_\n# Written by `python -m pipeline new {name}`; correct what is wrong and run it again.",
-        "survey:",
+        "defaults:\n  - /mine/own  # tolerance, room for rock and limits of a mine other than the published one",
+        "  - _self_\nsurvey:",
     ]
     for key, value in values.items():
         if isinstance(value, dict) and value:
@@ -120,10 +121,7 @@ def survey_yaml(name: str, file: Path, guess: Guess, stated: dict[str, Any]) -> 
             lines += [f"    {inner}: {json.dumps(held)}" for inner, held in value.items()]
         else:
             lines.append(_line(f"  {key}: {json.dumps(value)}", remarks.get(key)))
-    lines += ["contours:", _line("  tolerance_m: null", "as coarse as keeps an IoU of 0.9925")]
-    lines.append(_line("  parts: largest", "or spawn: those at entrance_m; or [[x, y], ...]"))
-    lines += ["validation:", "  limits:", "    walls:"]
-    lines.append(_line("      narrowest_kept: {min: 0.85}", "rock may take 0.9 m of a drift that is 4 m wide or more"))
+    lines += ["contours:", _line("  parts: largest", "or spawn: those at entrance_m; or [[x, y], ...]")]
     return "\n".join(lines) + "\n"
 
 

@@ -46,6 +46,13 @@ def test_the_papers_preset_makes_all_its_choices_and_brings_its_own_limits():
     assert config.validation.limits["iou.free_space_vs_cleaned"].min < 0.990
 
 
+def test_another_mine_is_held_to_every_limit_but_the_published_wavelength():
+    default, own = (compose(o).validation.limits for o in ([], ["survey=procedural"]))
+    dropped = set(default) - set(own)
+    assert dropped == {"texture.published.overall", "texture.published.dominant_wavelength_m"}
+    assert own == {name: limit for name, limit in default.items() if name not in dropped}
+
+
 @pytest.mark.parametrize(
     ("override", "message"),
     [

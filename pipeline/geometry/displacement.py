@@ -15,9 +15,10 @@ from pipeline.geometry.walls import smoothstep
 class Bounds:
     """Displacement allowed, m.
 
-    Where half the passage's width is at most `narrow_half_width_m`, each wall may take `narrow_share` of it; from there
-    to `wide_half_width_m` the bound rises smoothly to `wall_m`. No wall moves by more than `room_share` of the largest
-    disc that touches it, in a bay of the workings as in a thin pillar. The back moves by at most `back_m`.
+    Where half the passage's width is at most `narrow_half_width_m`, each wall may take `narrow_share` of it, and all of
+    it stands back by `narrow_recess_m`, which leaves its bumps room; from there to `wide_half_width_m` the bound rises
+    smoothly to `wall_m` and the recess goes to nothing. No wall moves by more than `room_share` of the largest disc
+    that touches it, in a bay of the workings as in a thin pillar. The back moves by at most `back_m`.
     """
 
     wall_m: float
@@ -25,6 +26,7 @@ class Bounds:
     narrow_half_width_m: float
     wide_half_width_m: float
     narrow_share: float
+    narrow_recess_m: float
     room_share: float
 
 
@@ -36,6 +38,7 @@ def bound_displacement(wanted_m: np.ndarray, lattice: Lattice, bounds: Bounds) -
     narrow = bounds.narrow_share * np.minimum(half, bounds.narrow_half_width_m)
     inwards = np.minimum(narrow + (bounds.wall_m - narrow) * wide, bounds.room_share * walls.free_m[column])
     outwards = np.minimum(bounds.wall_m, bounds.room_share * walls.rock_m[column])
+    wanted_m = wanted_m - bounds.narrow_recess_m * (1 - wide) * (1 - lattice.back_share)
     wall = np.where(wanted_m > 0, inwards, outwards)
     bound = np.maximum(wall + (bounds.back_m - wall) * lattice.back_share, 1e-4)
     return bound * np.tanh(wanted_m / bound)

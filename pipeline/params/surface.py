@@ -85,6 +85,7 @@ class BoundsParams(Params):
     narrow_half_width_m: float = Field(gt=0)
     wide_half_width_m: float = Field(gt=0)
     narrow_share: float = Field(gt=0, lt=1)
+    narrow_recess_m: float = Field(ge=0, le=0.3)
     room_share: float = Field(gt=0, le=0.9)
 
     @model_validator(mode="after")

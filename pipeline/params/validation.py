@@ -78,7 +78,8 @@ class CertificateParams(Params):
 class ValidationParams(Params):
     """Limits by metric name and how networks are traced.
 
-    In `conf/` the limits are nested as the metrics are; here a name joins its groups by dots.
+    In `conf/` the limits are nested as the metrics are, and null says that there is none; here a name joins its groups
+    by dots.
     """
 
     network_cell_m: float = Field(gt=0.02, le=2)
@@ -98,6 +99,8 @@ class ValidationParams(Params):
 def _flatten(groups: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for key, value in groups.items():
+        if value is None:
+            continue
         nested = isinstance(value, dict) and not set(value) <= {"min", "max"}
         flat |= _flatten(value, f"{prefix}{key}.") if nested else {f"{prefix}{key}": value}
     return flat

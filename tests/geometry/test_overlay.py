@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import numpy as np
@@ -6,6 +7,7 @@ import shapely
 import trimesh
 from scipy.spatial import cKDTree
 
+from pipeline.compose import compose
 from pipeline.errors import GeometryError
 from pipeline.geometry.displacement import Bounds, bound_displacement
 from pipeline.geometry.lattice import BACK, WALL, BoreProfile, lay_lattice
@@ -26,7 +28,7 @@ from pipeline.metrics.planefit import sweep_residuals
 from tests.conftest import RING, STRAIGHT, TEE, random_mine
 
 PROFILE = BoreProfile(3.5, 0.3, 0.9, 2.75)
-BOUNDS = Bounds(0.45, 0.45, 1.2, 2.2, 0.02, 0.5)
+BOUNDS = Bounds(0.45, 0.45, 1.2, 2.2, 0.02, 0.0, 0.5)
 STEADY = Modulation(8.0, 0.0)
 WAVES = band_wavelengths(0.4, 4.0)
 
@@ -183,9 +185,27 @@ def test_a_narrow_passage_keeps_its_width_and_a_thin_pillar_its_rock():
     check_shell(*closed_shell(overlay_of(pillar, rms_m=0.2, spacing=0.1)))
 
 
+def test_a_mine_that_is_narrow_everywhere_keeps_its_width_and_stays_rough_where_its_walls_stand_back():
+    def walls_of(bounds):
+        overlay = overlay_of(drift, rms_m=0.12, spacing=0.1, bounds=bounds)
+        walls = overlay.vertices[: overlay.lattice.wall_vertices]
+        return walls[(np.abs(walls[:, 2] - 1) < 0.06) & (walls[:, 0] > 5) & (walls[:, 0] < 95)]
+
+    drift = shapely.box(0, 0, 100, 3.6)
+    axis = np.column_stack([np.arange(8, 92, 0.1), np.full(840, 1.8)])
+    own = Bounds(**compose(["survey=procedural"]).surface.overlay.bounds.model_dump())
+    recessed = walls_of(own)
+    flat = walls_of(dataclasses.replace(own, narrow_recess_m=0.0))
+    kept, flat_kept = (cKDTree(w[:, :2]).query(axis)[0].min() / 1.8 for w in (recessed, flat))
+    assert kept >= 0.95
+    assert flat_kept < kept
+    rough, flat_rough = (np.std(w[w[:, 1] > 1.8, 1]) for w in (recessed, flat))
+    assert rough > 1.05 * flat_rough
+
+
 def test_a_place_where_faces_would_meet_is_mended_and_told():
     needle = shapely.union_all([shapely.box(0, 0, 20, 5), shapely.Polygon([(20, 1.5), (20, 3.5), (26, 2.5)])])
-    rough = Bounds(0.9, 0.9, 0.05, 0.06, 0.9, 0.9)
+    rough = Bounds(0.9, 0.9, 0.05, 0.06, 0.9, 0.0, 0.9)
     overlay = overlay_of(needle, rms_m=0.5, spacing=0.15, bounds=rough)
     assert len(overlay.mended)
     check_shell(*closed_shell(overlay))
