@@ -115,7 +115,7 @@ def geometry(e: Evidence) -> list[Claim]:
         Claim("elevation gain 5.2 m", f"{e.metric('world.gain_entrance_region_m'):.1f} m over the entrance's 60 m, {e.metric('world.gain_whole_frame_m'):.0f} m over the frame",
               "make all", near(e.metric("world.gain_entrance_region_m"), 5.2, 0.02), "5 deg over the whole length is about 60 m"),
         Claim("33 lights every 20 m along the centreline", f"{e.metric('world.lights'):.0f}", "make all", near(e.metric("world.lights"), 33, 0.1), "along the main drift; all drifts together would need about 70"),
-        Claim("load below 10 s", f"{e.metric('world.load_s'):.1f} s", "make all", EXCEEDED if e.metric("world.load_s") < 10 else MISSED, f"a bundle of {e.metric('world.bytes') / 1e6:.0f} MB"),
+        Claim("load below 10 s", f"{e.metric('world.first_load_s'):.1f} s", "make all", EXCEEDED if e.metric("world.first_load_s") < 10 else MISSED, f"a bundle of {e.metric('world.bytes') / 1e6:.0f} MB"),
     ]  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -28,18 +29,20 @@ def model_surface(params: SurfaceParams, free_space: FreeSpace, topology: DriftN
     check_shell(*joined(base))
     sources = measure_sources(params)
     overlay, report = build_rock(params, free_space.polygon, topology, rock.height_m, sources)
-    return {
-        "meshes": base,
-        "overlay": chunk_files(overlay, params.overlay.tile_m, look.repeat_m),
-        "texture": rock_texture(
-            look.size_px, look.spectral_exponent, look.contrast, look.rgb, np.random.default_rng(look.seed)
-        ),
-        "shell": check_shell(*closed_shell(overlay)),
-        "roughness": report,
-        "spectra": draw_spectra(report),
-        "sections": draw_sections(overlay, base, rock.height_m),
-        "amplitude": amplitude_table(overlay),
-    }
+    with ThreadPoolExecutor(1) as pool:
+        checked = pool.submit(check_shell, *closed_shell(overlay))
+        return {
+            "meshes": base,
+            "overlay": chunk_files(overlay, params.overlay.tile_m, look.repeat_m),
+            "texture": rock_texture(
+                look.size_px, look.spectral_exponent, look.contrast, look.rgb, np.random.default_rng(look.seed)
+            ),
+            "roughness": report,
+            "spectra": draw_spectra(report),
+            "sections": draw_sections(overlay, base, rock.height_m),
+            "amplitude": amplitude_table(overlay),
+            "shell": checked.result(),
+        }
 
 
 STAGE = Stage(

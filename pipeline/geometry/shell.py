@@ -15,6 +15,8 @@ from pipeline.types import Mesh
 _TOUCH_M = 1e-9  # faces that come no deeper than this touch, as neighbours do
 _END_SHARE = 1e-3  # of an edge: its ends touch its own faces
 _ROUNDS = 64
+_AT_ONCE = 200_000  # edges: a few at a time are in memory
+_tensor: Any = open3d.core.Tensor
 
 
 @dataclass(frozen=True)
@@ -79,28 +81,40 @@ def find_crossings(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """
     scene = open3d.t.geometry.RaycastingScene()
     origin = vertices.mean(axis=0)
-    tensor: Any = open3d.core.Tensor
-    scene.add_triangles(tensor((vertices - origin).astype(np.float32)), tensor(faces.astype(np.uint32)))
-    edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1) @ [len(vertices), 1])
-    edges = np.column_stack([edges // len(vertices), edges % len(vertices)])
+    scene.add_triangles(_tensor((vertices - origin).astype(np.float32)), _tensor(faces.astype(np.uint32)))
+    edges = _edges(faces)
+    parts = [edges[i : i + _AT_ONCE] for i in range(0, len(edges), _AT_ONCE)]
+    return np.concatenate([np.zeros((0, 3)), *(_crossed_by(part, scene, origin, vertices, faces) for part in parts)])
+
+
+def _crossed_by(edges: np.ndarray, scene: Any, origin: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> Any:
+    """Return the places (k, 3) m where edges (n, 2) go through faces."""
     done = np.full(len(edges), _END_SHARE)
     places = [np.zeros((0, 3))]
     for _ in range(_ROUNDS):
         start, along = vertices[edges[:, 0]] - origin, vertices[edges[:, 1]] - vertices[edges[:, 0]]
         rays = np.column_stack([start + done[:, None] * along, along]).astype(np.float32)
-        found = scene.cast_rays(tensor(rays))
+        found = scene.cast_rays(_tensor(rays))
         at = done + found["t_hit"].numpy()
         hit = at < 1 - _END_SHARE
         if not hit.any():
             break
         edges, at = edges[hit], at[hit]
         face = faces[found["primitive_ids"].numpy()[hit]]
-        own = (face[:, :, None] == edges[:, None, :]).any(axis=(1, 2))
+        own = np.logical_or.reduce([corner == end for corner in face.T for end in edges.T])
         ends = vertices[edges]
         through = ~own & _goes_through(ends[:, 0], ends[:, 1], vertices[face])
         places.append(ends[through, 0] + at[through, None] * (ends[through, 1] - ends[through, 0]))
         edges, done = edges[~through], at[~through] + _END_SHARE
     return np.concatenate(places)
+
+
+def _edges(faces: np.ndarray) -> np.ndarray:
+    """Return every edge once (n, 2); by sorting, as numpy's `unique` is slow on millions of whole numbers."""
+    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
+    key = np.sort((ends.min(axis=1) << 32) | ends.max(axis=1))
+    key = key[np.diff(key, prepend=-1) > 0]
+    return np.column_stack([key >> 32, key & 0xFFFFFFFF])
 
 
 def _goes_through(start: np.ndarray, end: np.ndarray, corners: np.ndarray) -> np.ndarray:

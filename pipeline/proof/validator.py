@@ -110,6 +110,7 @@ class Validator:
         world, record = self.world, self.world.record
         return {
             "bytes": world.bytes,
+            "first_load_s": round(world.first_load_s, 4),
             "load_s": round(world.load_s, 4),
             "warnings": world.warnings,
             "geoms": int(world.model.ngeom),
