@@ -59,7 +59,7 @@ if ! works .venv/bin/python; then
     }
 fi
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/bootstrap.txt
-.venv/bin/uv pip sync --quiet --require-hashes --python .venv/bin/python "$lock" requirements/bootstrap.txt
+.venv/bin/uv pip sync --quiet --compile-bytecode --require-hashes --python .venv/bin/python "$lock" requirements/bootstrap.txt
 if [ "$lock" = requirements/baselines.txt ]; then # torch's wheels differ by platform: pinned, not hashed
     .venv/bin/python -m pip install --quiet --disable-pip-version-check \
         "$(sed -n 's/^ *"\(torch==[^"]*\)".*/\1/p' pyproject.toml)"
