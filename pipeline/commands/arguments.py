@@ -1,0 +1,27 @@
+"""Numbers on a command line."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+
+
+def positive(text: str) -> int:
+    """Return a whole number of 1 or more."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{value}: want 1 or more")
+    return value
+
+
+def numbers(count: int) -> Callable[[str], list[float]]:
+    """Return a parser of `count` finite numbers, separated by commas."""
+
+    def parse(text: str) -> list[float]:
+        values = [float(part) for part in text.split(",")]
+        if len(values) != count or not all(map(math.isfinite, values)):
+            raise argparse.ArgumentTypeError(f"{text!r}: want {count} numbers, separated by commas")
+        return values
+
+    return parse
