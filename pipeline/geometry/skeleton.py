@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable
 import networkx as nx
 import numpy as np
 import shapely
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, label, maximum_position
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 from skimage.morphology import skeletonize
@@ -88,7 +88,23 @@ def _thin(free: Polygon, cell_m: float) -> tuple[nx.Graph, Frame]:
     west, south, east, north = free.bounds
     width, height = (int(np.ceil(size / cell_m)) + 4 for size in (east - west, north - south))
     frame = Frame(1.0 / cell_m, 2.0 - west / cell_m, height - 2.0 + south / cell_m, width, height)
-    return _pixel_graph(skeletonize(fill_polygon(free, frame), method="lee") > 0), frame
+    cells = _without_tips(fill_polygon(free, frame), free, frame)
+    return _pixel_graph(skeletonize(cells, method="lee") > 0), frame
+
+
+def _without_tips(cells: Mask, free: Polygon, frame: Frame) -> Mask:
+    """Clear cells of rock that hang together with nothing: the sharp tip of a pillar is no island of its own."""
+    rock, parts = label(~cells)
+    if parts == len(free.interiors) + 1:
+        return cells
+    number = np.arange(1, parts + 1)
+    places = frame.to_mine(np.array(maximum_position(~cells, rock, number))[:, ::-1] + 0.5)
+    part, pillar = shapely.STRtree([Polygon(ring) for ring in free.interiors]).query(shapely.points(places), "within")
+    pillar_of = np.zeros(parts, int)  # 0 is the rock outside
+    pillar_of[part] = pillar + 1
+    by_size, whole = np.argsort(np.bincount(rock.ravel())[1:], kind="stable"), np.zeros(len(free.interiors) + 1, int)
+    whole[pillar_of[by_size]] = number[by_size]  # the largest part of each stays
+    return ~np.isin(rock, whole[whole > 0])
 
 
 def _pixel_graph(skeleton: Mask) -> nx.Graph:

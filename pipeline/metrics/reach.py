@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from networkx.utils import UnionFind
 from scipy.ndimage import binary_dilation, label
 from scipy.optimize import linear_sum_assignment
 
@@ -87,29 +88,48 @@ def _networks(
 
 def _same_graph(one: DriftNetwork, two: DriftNetwork, node_m: float) -> tuple[bool, float | None]:
     """Say whether matched nodes are joined by the same legs, and if so how far the legs' lengths differ, m."""
-    names, others = list(one.nodes_m), list(two.nodes_m)
-    if len(names) != len(others) or len(one.legs) != len(two.legs):
+    (nodes, legs), (others, their_legs) = (_joined_crossings(network, node_m) for network in (one, two))
+    if len(nodes) != len(others) or len(legs) != len(their_legs):
         return False, None
+    names, twins = list(nodes), list(others)
     apart = np.linalg.norm(
-        np.array([one.nodes_m[n] for n in names]).reshape(-1, 1, 2)
-        - np.array([two.nodes_m[n] for n in others]).reshape(1, -1, 2), axis=2,
-    )  # fmt: skip
+        np.array([nodes[n] for n in names]).reshape(-1, 1, 2) - np.array([others[n] for n in twins]).reshape(1, -1, 2),
+        axis=2,
+    )
     rows, columns = linear_sum_assignment(np.where(apart <= node_m, apart, _NEVER))
     if len(rows) and apart[rows, columns].max() > node_m:
         return False, None
-    twin = {names[r]: others[c] for r, c in zip(rows, columns, strict=True)}
-    ours = _lengths(one, {name: twin[name] for name in names})
-    theirs = _lengths(two, {name: name for name in others})
+    twin = {names[r]: twins[c] for r, c in zip(rows, columns, strict=True)}
+    ours = _lengths([(twin[start], twin[end], length) for start, end, length in legs])
+    theirs = _lengths(their_legs)
     if {k: len(v) for k, v in ours.items()} != {k: len(v) for k, v in theirs.items()}:
         return False, None
     return True, max((abs(a - b) for k in ours for a, b in zip(ours[k], theirs[k], strict=True)), default=0.0)
 
 
-def _lengths(network: DriftNetwork, names: dict[str, str]) -> dict[tuple[str, ...], list[float]]:
+def _joined_crossings(
+    network: DriftNetwork, node_m: float
+) -> tuple[dict[str, np.ndarray], list[tuple[str, str, float]]]:
+    """Return nodes and legs, each group of junctions that short legs join made one node at their middle.
+
+    A skeleton has a crossing as one junction or as two beside each other, by a hair of its walls; loops stay.
+    """
+    groups: UnionFind = UnionFind(network.nodes_m)
+    junctions, kept = set(network.junctions), []
+    for leg in network.legs:
+        if {leg.start, leg.end} <= junctions and leg.length_m < node_m and groups[leg.start] != groups[leg.end]:
+            groups.union(leg.start, leg.end)
+        else:
+            kept.append(leg)
+    nodes = {groups[min(g)]: np.mean([network.nodes_m[n] for n in g], axis=0) for g in groups.to_sets()}
+    return nodes, [(groups[leg.start], groups[leg.end], leg.length_m) for leg in kept]
+
+
+def _lengths(legs: list[tuple[str, str, float]]) -> dict[tuple[str, ...], list[float]]:
     """Return the sorted lengths, m, of the legs between each pair of nodes."""
     found: dict[tuple[str, ...], list[float]] = {}
-    for leg in network.legs:
-        found.setdefault(tuple(sorted((names[leg.start], names[leg.end]))), []).append(leg.length_m)
+    for start, end, length in legs:
+        found.setdefault(tuple(sorted((start, end))), []).append(length)
     return {k: sorted(v) for k, v in found.items()}
 
 

@@ -3,6 +3,7 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shapely.affinity import rotate
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.skeleton import resample, trace_network
@@ -54,6 +55,12 @@ def test_a_crack_thinner_than_a_cell_is_no_passage():
     cracked = shapely.union_all([shapely.box(0, 0, 40, 5), shapely.box(0, 0, 5, 20), shapely.box(0, 15, 40, 20)])
     cracked = shapely.union_all([cracked, shapely.box(35, 5, 40, 9.9), shapely.box(35, 10, 40, 15)])  # 0.1 m of rock
     assert network(cracked).loops == 0
+
+
+@pytest.mark.parametrize("turn_deg", range(0, 180, 15))
+def test_the_sharp_tip_of_a_pillar_is_no_island_of_its_own(turn_deg):
+    pillar = rotate(shapely.Polygon([(20, 10), (40, 18), (40, 20)]), turn_deg)
+    assert trace_network(shapely.box(0, -10, 60, 40).difference(pillar), 0.25, 2.0, 3.0).loops == 1
 
 
 def test_resampled_stations_are_evenly_spaced_and_keep_the_ends():

@@ -67,3 +67,17 @@ def test_a_robot_reaches_what_hangs_together_and_a_wall_across_shows_in_the_grap
     assert other.only_plan_m2 == pytest.approx(20 * 96 / 16)
     assert not other.same_graph
     assert reached_cells(clearance, 0.35, (0, 0)).sum() == 0
+
+
+@pytest.mark.parametrize("shift", [2, 4, 6])
+def test_a_crossing_that_the_skeleton_splits_is_one_node(shift):
+    def crossing(shift):
+        cells = np.zeros((200, 200), bool)
+        cells[90:110, 4:196] = cells[4:100, 90:110] = cells[100:196, 90 + shift : 110 + shift] = True
+        return cells
+
+    frame = Frame(4.0, 0.0, 0.0, 200, 200)
+    match = compare_reach(crossing(0), crossing(shift), frame, 0.35, 0.25, 2.0)
+    assert match.same_graph
+    assert match.largest_chainage_difference_m == pytest.approx(shift / 4, abs=0.1)
+    assert not compare_reach(crossing(0), crossing(12), frame, 0.35, 0.25, 2.0).same_graph  # 3 m: two junctions
