@@ -22,18 +22,17 @@ from pipeline.geometry.lattice import BACK, WALL, BoreProfile, lay_lattice
 from pipeline.geometry.noise import slow_modulation, unit_bands
 from pipeline.geometry.spectrum import band_edges, band_wavelengths
 from pipeline.geometry.walls import lay_walls
-from pipeline.metrics.planefit import sweep_residuals
 from pipeline.metrics.published import REAL, REAL_SWEEP
 from pipeline.metrics.sampling import faces_near, sample_triangles
 from pipeline.metrics.texture import (
     AXES,
-    WINDOWS_M,
     TextureAxes,
     bump_rq_m,
     ceiling_irregularity_m,
     published_score,
     roughness_integral_m2,
     strict_score,
+    sweep_walls,
     wall_heterogeneity_m,
     wall_jaggedness_deg,
     wall_wavelength_m,
@@ -91,14 +90,15 @@ class TestDrift:
         }
         walls = points[WALL][(points[WALL][:, 2] >= 0.5) & (points[WALL][:, 2] <= 3.0)]
         ceiling = points[BACK][(points[BACK][:, 2] >= 3.0) & (points[BACK][:, 2] <= 3.8)]
+        sweep = sweep_walls(walls)
         axes = TextureAxes(
-            wall_jaggedness_deg(walls), bump_rq_m(walls), roughness_integral_m2(walls),
+            wall_jaggedness_deg(walls), bump_rq_m(walls), roughness_integral_m2(sweep),
             wall_wavelength_m(walls[::2], self.free), ceiling_irregularity_m(ceiling), wall_heterogeneity_m(walls),
         )  # fmt: skip
         on_wall = share == 0
         return {
             "axes": axes,
-            "sweep": sweep_residuals(walls, WINDOWS_M, 20),
+            "sweep": sweep,
             "wall_rms_m": float(given[on_wall].std()),
             "back_rms_m": float(given[share > 0.5].std()),
             "gap_p95_m": float(np.percentile(np.abs(given[on_wall]), 95)),

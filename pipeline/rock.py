@@ -129,9 +129,9 @@ def _held_by(bands: Bands, spacing_m: float) -> Bands:
 
 
 def build_rock(
-    params: SurfaceParams, free: Polygon, network: DriftNetwork | None, height_m: float, sources: Sources
-) -> tuple[Overlay, RoughnessReport]:
-    """Build the overlay and measure it.
+    params: SurfaceParams, free: Polygon, network: DriftNetwork | None, height_m: float, noise: tuple[Bands, Bands]
+) -> Overlay:
+    """Build the overlay from the noise of walls and back.
 
     Raises
     ------
@@ -139,14 +139,20 @@ def build_rock(
         If the mesh cannot be laid, or cuts itself beyond mending.
     """
     look = params.overlay
-    wall, back = choose_bands(params, sources)
     profile = BoreProfile(height_m, params.sill_chamfer_m, params.back_chamfer_m, look.arch_half_span_m)
     lattice = lay_lattice(lay_walls(free, look.spacing_m, network), profile, look.spacing_m, look.back_spacing_m)
-    overlay = displace_lattice(
-        lattice, wall, back, Modulation(look.modulation_m, look.modulation_spread), Bounds(**look.bounds.model_dump()),
+    return displace_lattice(
+        lattice, *noise, Modulation(look.modulation_m, look.modulation_spread), Bounds(**look.bounds.model_dump()),
         np.random.default_rng(look.seed),
     )  # fmt: skip
-    return overlay, RoughnessReport(
+
+
+def report_rock(
+    params: SurfaceParams, sources: Sources, noise: tuple[Bands, Bands], overlay: Overlay
+) -> RoughnessReport:
+    """Measure an overlay and say what it was built from."""
+    look, (wall, back) = params.overlay, noise
+    return RoughnessReport(
         reference=params.reference,
         sources=sources,
         wavelength_m=wall.wavelength_m.round(5).tolist(),

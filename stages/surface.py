@@ -14,7 +14,16 @@ from pipeline.geometry.rock_texture import rock_texture
 from pipeline.geometry.shell import ShellReport, check_shell, joined
 from pipeline.params.surface import SurfaceParams
 from pipeline.report.rock import draw_sections, draw_spectra
-from pipeline.rock import RoughnessReport, amplitude_table, build_rock, chunk_files, measure_sources, rock_sources
+from pipeline.rock import (
+    RoughnessReport,
+    amplitude_table,
+    build_rock,
+    choose_bands,
+    chunk_files,
+    measure_sources,
+    report_rock,
+    rock_sources,
+)
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
 from pipeline.types import DriftNetwork, FreeSpace, Image, Rock
@@ -28,19 +37,21 @@ def model_surface(params: SurfaceParams, free_space: FreeSpace, topology: DriftN
     )
     check_shell(*joined(base))
     sources = measure_sources(params)
-    overlay, report = build_rock(params, free_space.polygon, topology, rock.height_m, sources)
-    with ThreadPoolExecutor(1) as pool:
+    noise = choose_bands(params, sources)
+    overlay = build_rock(params, free_space.polygon, topology, rock.height_m, noise)
+    with ThreadPoolExecutor(2) as pool:
         checked = pool.submit(check_shell, *closed_shell(overlay))
+        reported = pool.submit(report_rock, params, sources, noise, overlay)
         return {
             "meshes": base,
             "overlay": chunk_files(overlay, params.overlay.tile_m, look.repeat_m),
             "texture": rock_texture(
                 look.size_px, look.spectral_exponent, look.contrast, look.rgb, np.random.default_rng(look.seed)
             ),
-            "roughness": report,
-            "spectra": draw_spectra(report),
             "sections": draw_sections(overlay, base, rock.height_m),
             "amplitude": amplitude_table(overlay),
+            "roughness": reported.result(),
+            "spectra": draw_spectra(reported.result()),
             "shell": checked.result(),
         }
 

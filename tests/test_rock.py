@@ -41,10 +41,11 @@ def test_a_finer_mesh_carries_shorter_waves():
 def test_a_drift_that_copies_the_sweeps_has_their_roughness():
     params = compose(["surface.reference=sweeps"]).surface
     sources = measure_sources(params)
-    overlay, _ = build_rock(params, shapely.box(0, 0, 80, 7), None, 3.5, sources)
+    noise = choose_bands(params, sources)
+    overlay = build_rock(params, shapely.box(0, 0, 80, 7), None, 3.5, noise)
     (line,) = _section(overlay).values()
     asked = dict(zip(sources["sweeps"]["wall"].window_m, sources["sweeps"]["wall"].rq_m, strict=True))
-    wall, _ = choose_bands(params, sources)
+    wall, _ = noise
     for window in (0.5, 1.0):
         found = float(np.sqrt((line_roughness([line], window) ** 2).mean()))
         assert predicted_rq(wall, Roughness(window, 0.0, line=True)) == pytest.approx(asked[window], rel=0.15)
@@ -71,7 +72,7 @@ def test_a_scanned_cave_gives_walls_and_back_to_copy(shared_rock, monkeypatch, t
 def test_a_passage_thinner_than_the_lattice_is_refused_with_its_place(config):
     thin = shapely.union_all([shapely.box(0, 0, 20, 5), shapely.box(20, 2, 30, 2.03), shapely.box(30, 0, 50, 5)])
     with pytest.raises(GeometryError, match=r"surface: .* at \((20|30)\.\d, 2\.\d"):
-        build_rock(config.surface, thin, None, 3.5, measure_sources(config.surface))
+        build_rock(config.surface, thin, None, 3.5, choose_bands(config.surface, measure_sources(config.surface)))
 
 
 def test_the_world_shows_the_overlay_hides_the_base_and_lets_nothing_collide_with_either(opened):

@@ -71,7 +71,7 @@ def displace_lattice(
         mended = np.concatenate([mended, wrong])
         given = damp_near(wrong, vertices, given, _MEND_RADIUS_M, _MEND_FACTOR)
         # Elsewhere nothing moves, so nothing new can meet.
-        near, _ = cKDTree(mended).query(vertices, distance_upper_bound=2 * _MEND_RADIUS_M)
+        near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=2 * _MEND_RADIUS_M)
         faces = lattice.faces[np.isfinite(near)[lattice.faces].any(axis=1)]
     x, y, z = wrong[0]
     raise GeometryError(

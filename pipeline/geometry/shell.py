@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,7 +85,9 @@ def find_crossings(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     scene.add_triangles(_tensor((vertices - origin).astype(np.float32)), _tensor(faces.astype(np.uint32)))
     edges = _edges(faces)
     parts = [edges[i : i + _AT_ONCE] for i in range(0, len(edges), _AT_ONCE)]
-    return np.concatenate([np.zeros((0, 3)), *(_crossed_by(part, scene, origin, vertices, faces) for part in parts)])
+    with ThreadPoolExecutor(2) as pool:
+        found = pool.map(lambda part: _crossed_by(part, scene, origin, vertices, faces), parts)
+        return np.concatenate([np.zeros((0, 3)), *found])
 
 
 def _crossed_by(edges: np.ndarray, scene: Any, origin: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> Any:

@@ -11,7 +11,7 @@ from scipy.signal import detrend
 from scipy.signal.windows import hann
 from shapely import LinearRing, Polygon
 
-from pipeline.metrics.planefit import fit_voxel_planes, normal_scatter_deg, sweep_residuals
+from pipeline.metrics.planefit import Residuals, fit_voxel_planes, normal_scatter_deg, sweep_residuals
 
 WINDOWS_M = (0.10, 0.15, 0.20, 0.30, 0.50, 1.00, 2.00)
 _MIN_POINTS = 30
@@ -78,9 +78,13 @@ def bump_rq_m(walls: np.ndarray) -> float:
     return float(kept.mean()) if len(kept) else 0.0
 
 
-def roughness_integral_m2(walls: np.ndarray) -> float:
-    """Return the integral of Ra over the voxel size from 0.10 to 2.00 m by the trapezoidal rule."""
-    sweep = sweep_residuals(walls, WINDOWS_M, _SWEEP_MIN_POINTS)
+def sweep_walls(walls: np.ndarray) -> list[Residuals]:
+    """Return the walls' residuals for voxels of 0.10 to 2.00 m."""
+    return sweep_residuals(walls, WINDOWS_M, _SWEEP_MIN_POINTS)
+
+
+def roughness_integral_m2(sweep: list[Residuals]) -> float:
+    """Return the integral of Ra over the voxel size by the trapezoidal rule; 0 for fewer than two sizes."""
     return float(np.trapezoid([r.ra_m for r in sweep], [r.window_m for r in sweep])) if len(sweep) > 1 else 0.0
 
 

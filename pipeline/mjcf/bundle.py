@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +18,6 @@ from pipeline.store.hashing import sha256_bytes
 from pipeline.store.verify import verify_world
 from pipeline.types import Areas, Frame, Spawn
 
-_LOADS, _QUICK_S = 12, 1.5  # MuJoCo keeps meshes that it has read: loads are timed until that shows, or the tries end
 _GROUPS = ("rock", "floor", "back")  # geom groups that whoever judges a world asks for
 
 
@@ -51,15 +49,10 @@ class WorldRecord:
 
 @dataclass(frozen=True)
 class World:
-    """A bundle that was read back: its record and compiled model, its size, and how long loading took.
-
-    `first_load_s` is the first load; `load_s` the best of those after it, for which MuJoCo had kept the meshes.
-    """
+    """A bundle that was read back: its record and compiled model, what MuJoCo warned of, and its size."""
 
     record: WorldRecord
     model: mujoco.MjModel
-    first_load_s: float
-    load_s: float
     warnings: int
     bytes: int
 
@@ -108,11 +101,7 @@ def open_bundle(folder: Path) -> World:
     warned: list[str] = []
     mujoco.set_mju_user_warning(warned.append)
     try:
-        seconds: list[float] = []
-        while len(seconds) < _LOADS and min(seconds[1:], default=np.inf) > _QUICK_S:
-            start = time.perf_counter()
-            model = mujoco.MjModel.from_xml_path(str(folder / "mine.xml"))
-            seconds.append(time.perf_counter() - start)
+        model = mujoco.MjModel.from_xml_path(str(folder / "mine.xml"))
         mujoco.mj_forward(model, mujoco.MjData(model))
     except ValueError as error:
         raise ArtifactError(f"{folder / 'mine.xml'}: MuJoCo does not load it: {error}") from error
@@ -121,7 +110,7 @@ def open_bundle(folder: Path) -> World:
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "mine") < 0:
         raise ArtifactError(f"{folder / 'mine.xml'}: no body of the name mine, which carries the mine frame")
     size = sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
-    return World(record, model, seconds[0], min(seconds[1:]), len(warned), size)
+    return World(record, model, len(warned), size)
 
 
 def surface_corners(model: mujoco.MjModel, prefix: str) -> np.ndarray:

@@ -22,6 +22,7 @@ def rock_clearance(
     A small sphere joins the world and is put to every place that has a part within reach; 0 inside rock.
     """
     spec = mujoco.MjSpec.from_file(str(world / "mine.xml"))
+    _keep_group(spec, group)
     spec.worldbody.add_body(name="probe", mocap=True).add_geom(
         name="probe", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[_PROBE_M, 0, 0], contype=0, conaffinity=0
     )
@@ -44,3 +45,12 @@ def rock_clearance(
         if distance < clearance[i]:
             clearance[i] = max(distance, 0.0)
     return clearance
+
+
+def _keep_group(spec: mujoco.MjSpec, group: int) -> None:
+    """Remove all other geoms, and the meshes that only they used: most of a world is rock that is only seen."""
+    for geom in [geom for geom in spec.geoms if geom.group != group]:
+        spec.delete(geom)
+    used = {geom.meshname for geom in spec.geoms}
+    for mesh in [mesh for mesh in spec.meshes if mesh.name not in used]:
+        spec.delete(mesh)

@@ -13,7 +13,7 @@ import shapely
 
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
-from pipeline.rock import build_rock, measure_sweeps
+from pipeline.rock import build_rock, choose_bands, measure_sweeps, report_rock
 
 _DRIFT = shapely.box(0, 0, 80, 7)  # m; long enough for many of the longest windows
 _HEIGHT_M = 3.5
@@ -85,7 +85,9 @@ def _score(half: tuple[str, ...], sweeps: dict[str, Path], params: SurfaceParams
         for part in (half, rest)
     )
     copy = params.model_copy(update={"reference": "sweeps"})
-    _, report = build_rock(copy, _DRIFT, None, _HEIGHT_M, {"sweeps": {"wall": ours}})
+    sources = {"sweeps": {"wall": ours}}
+    noise = choose_bands(copy, sources)
+    report = report_rock(copy, sources, noise, build_rock(copy, _DRIFT, None, _HEIGHT_M, noise))
     by_window = [dict(zip(r.window_m, r.rq_m, strict=True)) for r in (ours, report.built["section"], theirs)]
     windows = [w for w in by_window[0] if all(w in other for other in by_window[1:])]
     source, built, held = (np.array([of[w] for w in windows]) for of in by_window)

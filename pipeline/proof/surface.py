@@ -11,11 +11,10 @@ import numpy as np
 from shapely import Polygon
 
 from pipeline.metrics.clearance import WallGaps, measure_walls
-from pipeline.metrics.planefit import Residuals, fit_voxel_planes, sweep_residuals
+from pipeline.metrics.planefit import Residuals, fit_voxel_planes
 from pipeline.metrics.published import REAL
 from pipeline.metrics.sampling import faces_near, sample_triangles, with_noise
 from pipeline.metrics.texture import (
-    WINDOWS_M,
     Scores,
     TextureAxes,
     bump_rq_m,
@@ -25,6 +24,7 @@ from pipeline.metrics.texture import (
     published_wavelength_m,
     roughness_integral_m2,
     strict_score,
+    sweep_walls,
     wall_heterogeneity_m,
     wall_jaggedness_deg,
     wall_wavelength_m,
@@ -74,12 +74,15 @@ def report_texture(
     noisy_wall = _between(with_noise(wall, wall_normal, *noise), params.wall_z_m)
     noisy_ceiling = _between(with_noise(ceiling, ceiling_normal, *noise), params.ceiling_z_m)
     wall, ceiling = _between(wall, params.wall_z_m), _between(ceiling, params.ceiling_z_m)
-    as_paper = _axes(noisy_wall, noisy_ceiling, published_wavelength_m(_between(everywhere, params.wall_z_m)))
-    as_is = _axes(wall, ceiling, wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free))
+    sweep = sweep_walls(wall)
+    as_paper = _axes(
+        noisy_wall, sweep_walls(noisy_wall), noisy_ceiling,
+        published_wavelength_m(_between(everywhere, params.wall_z_m)),
+    )  # fmt: skip
+    as_is = _axes(wall, sweep, ceiling, wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free))
     sigma = fit_voxel_planes(wall, 0.5, 30).sigma
     return TextureReport(
-        as_paper, as_is, published_score(REAL, as_paper), strict_score(REAL, as_is),
-        sweep_residuals(wall, WINDOWS_M, 20),
+        as_paper, as_is, published_score(REAL, as_paper), strict_score(REAL, as_is), sweep,
         ceiling_unevenness_m(ceiling), float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0, _heat(everywhere),
     )  # fmt: skip
 
@@ -113,9 +116,9 @@ def report_walls(model: mujoco.MjModel, free: Polygon, network: DriftNetwork, he
     return measure_walls(_between(points, (height_m - _BAND_M, height_m + _BAND_M))[:, :2], free, network)
 
 
-def _axes(walls: np.ndarray, ceiling: np.ndarray, wavelength_m: float) -> TextureAxes:
+def _axes(walls: np.ndarray, sweep: list[Residuals], ceiling: np.ndarray, wavelength_m: float) -> TextureAxes:
     return TextureAxes(
-        wall_jaggedness_deg(walls), bump_rq_m(walls), roughness_integral_m2(walls), wavelength_m,
+        wall_jaggedness_deg(walls), bump_rq_m(walls), roughness_integral_m2(sweep), wavelength_m,
         ceiling_irregularity_m(ceiling), wall_heterogeneity_m(walls),
     )  # fmt: skip
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.metrics.clearance import WallGaps
 from pipeline.metrics.iou import intersection_over_union
 from pipeline.metrics.navigability import Navigability, cast_columns
 from pipeline.metrics.topology import compare_topology
@@ -64,6 +65,17 @@ class Validator:
         """Return the figures of the containment certificate."""
         return measure_containment(self.bundle, self.world, self.free_space, self.params.certificate, self._tracing)
 
+    @functools.cached_property
+    def walls(self) -> WallGaps:
+        """Return how far the visible walls are from those that collide."""
+        height, seed = self.params.robot_height_m, self.params.texture.seed
+        return report_walls(self.world.model, self.free_space.polygon, self.network, height, seed)
+
+    @functools.cached_property
+    def consistency(self) -> dict[str, Any]:
+        """Return by how much the bundle's files differ from its record and its model."""
+        return measure_consistency(self.bundle, self.world, self.free_space)
+
     @property
     def certificate(self) -> Certificate:
         """Return the containment certificate."""
@@ -100,8 +112,7 @@ class Validator:
         return texture_metrics(self.texture)
 
     def _walls(self) -> dict[str, Any]:
-        height, seed = self.params.robot_height_m, self.params.texture.seed
-        return vars(report_walls(self.world.model, self.free_space.polygon, self.network, height, seed))
+        return vars(self.walls)
 
     def _scale(self) -> dict[str, float]:
         return {k: v for k, v in vars(self.survey.scale).items() if isinstance(v, float)}
@@ -110,15 +121,13 @@ class Validator:
         world, record = self.world, self.world.record
         return {
             "bytes": world.bytes,
-            "first_load_s": round(world.first_load_s, 4),
-            "load_s": round(world.load_s, 4),
             "warnings": world.warnings,
             "geoms": int(world.model.ngeom),
             "lights": int(world.model.nlight),
             "floor_zones": len(record.zones),
             "gain_entrance_region_m": record.gain_m["entrance_region"],
             "gain_whole_frame_m": record.gain_m["whole_frame"],
-            **measure_consistency(self.bundle, world, self.free_space),
+            **self.consistency,
         }
 
 

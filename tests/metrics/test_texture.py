@@ -16,6 +16,7 @@ from pipeline.metrics.texture import (
     published_wavelength_m,
     roughness_integral_m2,
     strict_score,
+    sweep_walls,
     wall_heterogeneity_m,
     wall_jaggedness_deg,
     wall_wavelength_m,
@@ -53,7 +54,8 @@ def test_a_plane_scores_near_nothing():
     plane = wall(lambda x, z: np.zeros_like(x))
     flat = np.column_stack([plane[:, 0], plane[:, 2] * 2, np.full(len(plane), 3.4)])
     axes = TextureAxes(
-        wall_jaggedness_deg(plane), bump_rq_m(plane), roughness_integral_m2(plane), wall_wavelength_m(plane, FREE),
+        wall_jaggedness_deg(plane), bump_rq_m(plane), roughness_integral_m2(sweep_walls(plane)),
+        wall_wavelength_m(plane, FREE),
         ceiling_irregularity_m(flat), wall_heterogeneity_m(plane),
     )  # fmt: skip
     assert strict_score(REAL, axes).overall < 0.01
@@ -157,4 +159,4 @@ def test_the_integral_of_a_constant_roughness_is_its_area():
     rng = np.random.default_rng(6)
     points = wall(lambda x, z: 0.01 * rng.standard_normal(len(x)), n=1_200_000, length=20.0)
     points[:, 1] += 0.05
-    assert roughness_integral_m2(points) == pytest.approx(1.9 * 0.01 * math.sqrt(2 / math.pi), rel=0.08)
+    assert roughness_integral_m2(sweep_walls(points)) == pytest.approx(1.9 * 0.01 * math.sqrt(2 / math.pi), rel=0.08)
