@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.conftest import TINY_STATIONS, message_of
+from tests.project import TINY_STATIONS, message_of
 
 
 @pytest.mark.parametrize(

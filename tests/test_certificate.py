@@ -20,7 +20,7 @@ from pipeline.proof.parity import compare_backends
 from pipeline.proof.pushes import push_robots
 from pipeline.proof.replay import find_sweeps, grade_along, replay_sweeps
 from pipeline.survey.poses import read_poses
-from tests.conftest import TEE, BuiltMine
+from tests.mines import TEE, BuiltMine
 
 TRACING = (0.25, 2.0)
 

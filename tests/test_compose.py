@@ -3,7 +3,7 @@ import yaml
 
 from pipeline.compose import compose
 from pipeline.errors import ParamsError
-from tests.conftest import ROOT
+from tests.project import ROOT
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 import yaml
 
 from stages.__main__ import load_stages, render_dag
-from tests.conftest import ROOT
+from tests.project import ROOT
 
 
 def test_dvc_yaml_names_every_module_that_a_stage_imports():

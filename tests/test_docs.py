@@ -10,7 +10,8 @@ import pytest
 
 from pipeline.__main__ import command_line
 from pipeline.survey.draw import draw_plan, frame_around
-from tests.conftest import ROOT, TEE
+from tests.mines import TEE
+from tests.project import ROOT
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 

@@ -11,7 +11,8 @@ from pipeline.geometry.generate import generate_workings
 from pipeline.geometry.vary import displace, vary_workings
 from stages import family
 from stages.family import STYLES, Member, generated, make_family, variants
-from tests.conftest import RING, ROOT, TEE
+from tests.mines import RING, TEE
+from tests.project import ROOT
 
 NUMBERS = {"size_m": (60.0, 90.0), "width_m": (4.0, 6.0), "loops": 0.5, "dead_ends": 0.3, "rib_noise_m": 0.15,
            "pillar_m": 8.0, "spacing_m": 24.0, "wander": 0.5}  # fmt: skip

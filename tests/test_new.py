@@ -9,7 +9,8 @@ import pytest
 
 from benchmarks.look_at_report import find_browser, look_at
 from pipeline.survey.draw import draw_plan, frame_around
-from tests.conftest import TEE, message_of
+from tests.mines import TEE
+from tests.project import message_of
 
 
 def pipeline(project, *arguments):

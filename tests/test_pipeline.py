@@ -10,7 +10,7 @@ import yaml
 
 from pipeline.report.baseline import BASELINE, gated, read_metrics, regressions, results_table
 from stages.__main__ import STAGES
-from tests.conftest import ROOT, Project, message_of
+from tests.project import ROOT, Project, message_of
 
 
 def work_of_children_s() -> float:

@@ -11,7 +11,7 @@ from pipeline.metrics.topology import compare_topology
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.mjcf.render import render_free_space
 from pipeline.proof.certificate import certify, measure_containment
-from tests.conftest import BuiltMine, random_mine
+from tests.mines import BuiltMine, random_mine
 
 
 def check_mine(seed, drifts, folder, contacts=0):

@@ -15,7 +15,8 @@ from pipeline.proof.surface import report_texture, report_walls, texture_metrics
 from pipeline.rock import _section, build_rock, choose_bands, measure_cloud, measure_sources
 from pipeline.store.codecs import decode
 from pipeline.types import DriftNetwork, FreeSpace
-from tests.conftest import ROOT, BuiltMine, Project, message_of
+from tests.mines import BuiltMine
+from tests.project import ROOT, Project, message_of
 
 
 @pytest.fixture(scope="module")

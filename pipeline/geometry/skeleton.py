@@ -8,14 +8,13 @@ from collections.abc import Collection, Iterable
 import networkx as nx
 import numpy as np
 import shapely
-from scipy.ndimage import gaussian_filter1d, label, maximum_position
+from scipy.ndimage import gaussian_filter1d
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
-from skimage.morphology import skeletonize
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.rasterize import fill_polygon
-from pipeline.types import DriftNetwork, Frame, Leg, Mask
+from pipeline.geometry.thinning import thin_polygon
+from pipeline.types import DriftNetwork, Frame, Leg
 
 Pixel = tuple[int, int]
 
@@ -47,14 +46,9 @@ def trace_network(free: Polygon, cell_m: float, min_leg_m: float, station_spacin
     ------
     GeometryError
         If a passage or a pillar is too thin even for the finest cells.
-
-    References
-    ----------
-    Lee, Kashyap & Chu 1994, doi:10.1006/cgip.1994.1042 (thinning, by scikit-image; it keeps holes and parts, which
-    Zhang and Suen's does not always)
     """
     for finer in range(_REFINEMENTS + 1):
-        pixels, frame = _thin(free, cell_m / 2**finer)
+        pixels, frame = thin_polygon(free, cell_m / 2**finer)
         parts = nx.number_connected_components(pixels)
         loops = pixels.number_of_edges() - pixels.number_of_nodes() + parts
         if (loops, parts) == (len(free.interiors), 1):
@@ -81,45 +75,6 @@ def trace_alike(
         network if network.cell_m == finest else trace_network(outline, finest, min_leg_m, station_spacing_m)
         for network, outline in zip(networks, outlines, strict=True)
     ]
-
-
-def _thin(free: Polygon, cell_m: float) -> tuple[nx.Graph, Frame]:
-    """Rasterise and thin a polygon; return the skeleton's pixels as a graph and their grid."""
-    west, south, east, north = free.bounds
-    width, height = (int(np.ceil(size / cell_m)) + 4 for size in (east - west, north - south))
-    frame = Frame(1.0 / cell_m, 2.0 - west / cell_m, height - 2.0 + south / cell_m, width, height)
-    cells = _without_tips(fill_polygon(free, frame), free, frame)
-    return _pixel_graph(skeletonize(cells, method="lee") > 0), frame
-
-
-def _without_tips(cells: Mask, free: Polygon, frame: Frame) -> Mask:
-    """Clear cells of rock that hang together with nothing: the sharp tip of a pillar is no island of its own."""
-    rock, parts = label(~cells)
-    if parts == len(free.interiors) + 1:
-        return cells
-    number = np.arange(1, parts + 1)
-    places = frame.to_mine(np.array(maximum_position(~cells, rock, number))[:, ::-1] + 0.5)
-    part, pillar = shapely.STRtree([Polygon(ring) for ring in free.interiors]).query(shapely.points(places), "within")
-    pillar_of = np.zeros(parts, int)  # 0 is the rock outside
-    pillar_of[part] = pillar + 1
-    by_size, whole = np.argsort(np.bincount(rock.ravel())[1:], kind="stable"), np.zeros(len(free.interiors) + 1, int)
-    whole[pillar_of[by_size]] = number[by_size]  # the largest part of each stays
-    return ~np.isin(rock, whole[whole > 0])
-
-
-def _pixel_graph(skeleton: Mask) -> nx.Graph:
-    """Join skeleton pixels to their neighbours; a diagonal only where no orthogonal step leads the same way."""
-    graph: nx.Graph = nx.Graph()
-    cells = {(int(r), int(c)) for r, c in np.argwhere(skeleton)}
-    graph.add_nodes_from(sorted(cells))
-    for r, c in sorted(cells):
-        for dr, dc in ((0, 1), (1, 0)):
-            if (r + dr, c + dc) in cells:
-                graph.add_edge((r, c), (r + dr, c + dc))
-        for dc in (-1, 1):
-            if (r + 1, c + dc) in cells and (r + 1, c) not in cells and (r, c + dc) not in cells:
-                graph.add_edge((r, c), (r + 1, c + dc))
-    return graph
 
 
 def _contract(pixels: nx.Graph, frame: Frame) -> nx.MultiGraph:

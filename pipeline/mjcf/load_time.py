@@ -34,7 +34,8 @@ def measure_load(model: Path) -> LoadTime:
     """
     done = subprocess.run([sys.executable, "-m", __name__, str(model)], capture_output=True, text=True, check=False)
     if done.returncode:
-        raise ArtifactError(f"{model}: loading it in a process of its own fails: {done.stderr.strip()[-300:]}")
+        reason = done.stderr.rpartition("Error: ")[2].strip()[-300:]
+        raise ArtifactError(f"{model}: a process of its own does not load it: {reason}")
     return LoadTime(**json.loads(done.stdout))
 
 

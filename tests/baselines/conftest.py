@@ -3,7 +3,7 @@ from collections.abc import Iterator
 import pytest
 
 import minexplore
-from tests.conftest import BuiltMine
+from tests.mines import BuiltMine
 
 TEE_ID = "MineXplore/Tee-v0"
 

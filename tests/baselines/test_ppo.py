@@ -12,7 +12,7 @@ from baselines.ppo.settings import compose_settings
 from baselines.ppo.training_env import TrainingEnv
 from minexplore.task import TaskParams
 from minexplore.vector import MineVectorEnv
-from tests.conftest import ROOT
+from tests.project import ROOT
 
 
 @pytest.fixture

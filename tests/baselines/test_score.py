@@ -13,7 +13,7 @@ from baselines.protocol import Episode, chain, head_of, make_env, run_episodes
 from baselines.results import read_results
 from baselines.score import RejectedError, score
 from baselines.statistics import estimate, figures, interquartile_mean, sample_times
-from tests.conftest import ROOT
+from tests.project import ROOT
 
 SEEDS = [3, 4]
 

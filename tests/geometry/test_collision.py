@@ -6,7 +6,7 @@ from pipeline.geometry.collision import decomposed_hulls, exact_prisms, footprin
 from pipeline.geometry.decompose import coacd_decomposer, vhacd_decomposer
 from pipeline.geometry.extrude import extrude_polygon
 from pipeline.geometry.partition import rock_around, world_box
-from tests.conftest import RING, TEE
+from tests.mines import RING, TEE
 
 BOX = world_box(TEE, 2.0, TEE.bounds)
 ROCK = rock_around(TEE, BOX)

@@ -5,7 +5,7 @@ import yaml
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid, sample_poses
-from tests.conftest import RING, STRAIGHT, TEE
+from tests.mines import RING, STRAIGHT, TEE
 
 WORLD = (-4.0, -4.0, 104.0, 9.0)
 

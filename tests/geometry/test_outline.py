@@ -8,7 +8,7 @@ from pipeline.errors import GeometryError
 from pipeline.geometry.outline import grid_m, simplify_outline, trace_outline
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.skeleton import require_same_network, trace_network
-from tests.conftest import RING, STRAIGHT, TEE, frame_for, random_mine
+from tests.mines import RING, STRAIGHT, TEE, frame_for, random_mine
 
 
 @pytest.mark.parametrize("mine", [STRAIGHT, RING, TEE], ids=["straight", "ring", "tee"])

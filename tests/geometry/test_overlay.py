@@ -25,7 +25,7 @@ from pipeline.geometry.spectrum import (
 )
 from pipeline.geometry.walls import lay_walls
 from pipeline.metrics.planefit import sweep_residuals
-from tests.conftest import RING, STRAIGHT, TEE, random_mine
+from tests.mines import RING, STRAIGHT, TEE, random_mine
 
 PROFILE = BoreProfile(3.5, 0.3, 0.9, 2.75)
 BOUNDS = Bounds(0.45, 0.45, 1.2, 2.2, 0.02, 0.0, 0.5)

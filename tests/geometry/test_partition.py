@@ -8,7 +8,7 @@ from shapely.geometry.polygon import orient
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.partition import convex_partition, rock_around, triangulate, world_box
-from tests.conftest import RING, STRAIGHT, TEE, random_mine
+from tests.mines import RING, STRAIGHT, TEE, random_mine
 
 
 def rock_of(mine):

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.types import Frame
-from tests.conftest import RING, frame_for, random_mine
+from tests.mines import RING, frame_for, random_mine
 
 
 def test_pixels_of_a_box_on_the_grid_are_exactly_its_area():

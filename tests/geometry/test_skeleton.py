@@ -7,7 +7,7 @@ from shapely.affinity import rotate
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.skeleton import resample, trace_network
-from tests.conftest import RING, STRAIGHT, TEE, random_mine
+from tests.mines import RING, STRAIGHT, TEE, random_mine
 
 
 def network(mine, cell=0.25):

@@ -9,7 +9,7 @@ from pipeline.geometry.octagon import octagonal_bore
 from pipeline.geometry.rock_texture import rock_texture
 from pipeline.geometry.shell import check_shell, joined
 from pipeline.types import Mesh
-from tests.conftest import RING, STRAIGHT, TEE, random_mine
+from tests.mines import RING, STRAIGHT, TEE, random_mine
 
 
 def prismatoid_m3(length, width, chamfer):

@@ -4,7 +4,7 @@ import shapely
 
 from pipeline.geometry.skeleton import trace_network
 from pipeline.metrics.clearance import measure_walls
-from tests.conftest import STRAIGHT
+from tests.mines import STRAIGHT
 
 
 def seen_at(free, offset_m):

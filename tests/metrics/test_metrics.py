@@ -12,7 +12,7 @@ from pipeline.metrics.topology import compare_topology
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.params.validation import Limit
 from pipeline.report.baseline import regressions
-from tests.conftest import RING, TEE, BuiltMine, frame_for
+from tests.mines import RING, TEE, BuiltMine, frame_for
 
 
 def test_iou_of_overlapping_squares_is_known():

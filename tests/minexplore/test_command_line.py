@@ -5,7 +5,8 @@ import pytest
 
 from minexplore import WORLDS
 from minexplore.__main__ import page
-from tests.conftest import ROOT, BuiltMine
+from tests.mines import BuiltMine
+from tests.project import ROOT
 
 
 def run(*arguments):

@@ -15,7 +15,7 @@ from minexplore.reward import CAP, step_reward
 from minexplore.robot import RobotParams, stand
 from minexplore.task import TaskParams
 from minexplore.world import load_world
-from tests.conftest import RING, TEE, BuiltMine
+from tests.mines import RING, TEE, BuiltMine
 
 
 @pytest.fixture

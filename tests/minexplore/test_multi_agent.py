@@ -4,7 +4,7 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from minexplore.multi_agent import MineParallelEnv
 from minexplore.robot import stand
-from tests.conftest import BuiltMine
+from tests.mines import BuiltMine
 
 
 def put(env, poses):

@@ -16,8 +16,9 @@ from minexplore.vector import MineVectorEnv
 from minexplore.world import load_world
 from pipeline.store.codecs import decode
 from pipeline.types import FreeSpace
-from tests.conftest import ROOT, BuiltMine, Project
+from tests.mines import BuiltMine
 from tests.minexplore.test_env import drive, place
+from tests.project import ROOT, Project
 
 ROLL = """
 import hashlib, sys

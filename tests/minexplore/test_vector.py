@@ -15,7 +15,7 @@ from minexplore.robot import RobotParams, stand
 from minexplore.task import TaskParams
 from minexplore.vector import MineVectorEnv
 from minexplore.world import load_world
-from tests.conftest import TEE, BuiltMine
+from tests.mines import TEE, BuiltMine
 
 
 def commands(rng, count, step, held=8):

@@ -15,7 +15,7 @@ from pipeline.mjcf.bundle import open_bundle, part_vertices
 from pipeline.mjcf.render import render_free_space
 from pipeline.mjcf.world import place_lights, tile_zones, tilt_about_centre
 from pipeline.store.verify import verify_world
-from tests.conftest import BuiltMine
+from tests.mines import BuiltMine
 
 
 def forward(world):
@@ -153,7 +153,7 @@ def test_polygon_to_render_and_back_gives_the_same_pixels(mine, request):
 
 
 def test_the_same_inputs_give_the_same_bytes(tee: BuiltMine, config, tmp_path):
-    from tests.conftest import TEE
+    from tests.mines import TEE
 
     again = BuiltMine(TEE, config, tmp_path)
     assert verify_world(again.bundle) == verify_world(tee.bundle)

@@ -12,7 +12,8 @@ from pipeline.store.hashing import import_closure, sha256_bytes, sha256_named
 from pipeline.store.manifest import output_sha256
 from pipeline.store.registry import read_registry, register, verify_input
 from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Mask, Mesh, Occupancy, Survey
-from tests.conftest import ROOT, BuiltMine
+from tests.mines import BuiltMine
+from tests.project import ROOT
 
 
 def round_trip(tmp_path, name, value, kind):

@@ -12,7 +12,8 @@ from pipeline.new import survey_yaml
 from pipeline.params.survey import SurveyParams
 from pipeline.survey.draw import draw_plan, frame_around
 from pipeline.survey.guess import guess_survey
-from tests.conftest import RING, TEE, TINY_STATIONS, frame_for, plan_of
+from tests.mines import RING, TEE, frame_for, plan_of
+from tests.project import TINY_STATIONS
 
 
 def plan_with_bar(tmp_path, name="plan.png", invert=False, bar_m=20.0):

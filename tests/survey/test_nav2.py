@@ -5,7 +5,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.geometry.occupancy import nav2_map, occupancy_grid
 from pipeline.survey.nav2 import read_nav2_map
-from tests.conftest import TEE
+from tests.mines import TEE
 
 
 def write(folder, text, grey=None):

@@ -16,7 +16,7 @@ from pipeline.params.survey import GridSurveyParams, PlanSurveyParams
 from pipeline.survey.load import read_survey, sources
 from pipeline.survey.picture import turn_picture
 from stages.contours import trace_free_space
-from tests.conftest import RING, TEE, frame_for, plan_of
+from tests.mines import RING, TEE, frame_for, plan_of
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from pipeline.geometry.parts import choose_component
 from pipeline.survey.draw import draw_plan, frame_around
 from pipeline.survey.image import read_image
 from pipeline.survey.scale import measure_bar
-from tests.conftest import RING, STRAIGHT, frame_for, plan_of
+from tests.mines import RING, STRAIGHT, frame_for, plan_of
 
 
 def test_a_drawn_plan_shows_the_workings_the_letters_and_a_bar_that_measures_its_scale():

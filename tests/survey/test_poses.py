@@ -16,7 +16,7 @@ from pipeline.survey.poses import (
     scale_from_poses,
 )
 from pipeline.types import Frame
-from tests.conftest import plan_of
+from tests.mines import plan_of
 
 # A drift with side cuts, so that a sweep is held along it as well as across.
 MINE = shapely.union_all(

@@ -5,7 +5,7 @@ import shapely
 from pipeline.errors import InputError
 from pipeline.survey.legs import build_workings
 from pipeline.survey.stations import read_stations
-from tests.conftest import ROOT, TINY_STATIONS
+from tests.project import ROOT, TINY_STATIONS
 
 HEADER = "leg,station,easting_m,northing_m,left_m,right_m\n"
 

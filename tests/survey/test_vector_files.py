@@ -16,7 +16,7 @@ from pipeline.survey.dxf import read_dxf
 from pipeline.survey.geodata import companions, read_geodata
 from pipeline.survey.geojson import read_geojson
 from pipeline.survey.shapes import Shapes, locate, workings_of
-from tests.conftest import RING, TEE
+from tests.mines import RING, TEE
 
 
 def workings_from(path, found, unit=None, origin=None, snap_m=0.25, seeds=()):

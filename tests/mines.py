@@ -1,0 +1,86 @@
+"""Mines with known answers, drawn as plans and built into worlds in memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import shapely
+from shapely import LineString, MultiPolygon, Polygon
+
+from pipeline.geometry.rasterize import fill_polygon
+from pipeline.mjcf.assemble import assemble_world
+from pipeline.params.config import Config
+from pipeline.store.codecs import encode
+from pipeline.types import DriftNetwork, Frame, FreeSpace, Scale, Survey, Workings
+from stages.compile3d import compile_rock
+from stages.contours import trace_free_space
+from stages.surface import model_surface
+
+# Straight drift, ring drift with one island, T-junction: areas, loops and dead ends are known without a computer.
+STRAIGHT = shapely.box(0, 0, 100, 5)
+RING = shapely.box(0, 0, 60, 40).difference(shapely.box(6, 6, 54, 34))
+TEE = shapely.union_all([shapely.box(0, 0, 80, 5), shapely.box(38, 5, 43, 40)])
+
+
+def frame_for(polygon: Polygon, px_per_m: float = 8.0, margin_m: float = 4.0) -> Frame:
+    """Return a pixel grid around a polygon, the mine's origin on a pixel corner."""
+    west, south, east, north = polygon.bounds
+    left, above = round((margin_m - west) * px_per_m), round((north + margin_m) * px_per_m)
+    width, height = left + round((east + margin_m) * px_per_m), above + round((margin_m - south) * px_per_m)
+    return Frame(px_per_m, left, above, width, height)
+
+
+def survey_of(frame: Frame, entrance_m: tuple[float, float]) -> Survey:
+    """Return the record of a plan drawn at a stated scale."""
+    return Survey("test", "plan", frame, Scale(frame.px_per_m, "stated"), [], entrance_m, {}, ["plan.png"])
+
+
+def plan_of(polygon: Polygon, frame: Frame) -> np.ndarray:
+    """Draw a polygon dark on light paper."""
+    grey = np.where(fill_polygon(polygon, frame), 40, 255).astype(np.uint8)
+    return cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+
+
+PICTURE = Workings(MultiPolygon())  # the workings of a survey that is a picture
+
+
+class BuiltMine:
+    """A mine taken through stages 2 to 5 in memory, its bundle written to a folder."""
+
+    def __init__(self, polygon: Polygon, config: Config, folder: Path, px_per_m: float = 8.0) -> None:
+        """Run the stages' own functions."""
+        self.frame = frame_for(polygon, px_per_m)
+        inside = polygon.representative_point()
+        self.survey = survey_of(self.frame, (inside.x, inside.y))
+        traced = trace_free_space(config.contours, plan_of(polygon, self.frame), self.survey, PICTURE)
+        self.raw, self.cleaned = traced["raw"], traced["cleaned"]
+        self.free_space: FreeSpace = traced["free_space"]
+        self.network: DriftNetwork = traced["topology"]
+        self.compiled = compile_rock(config.compile3d, self.free_space, self.network, self.survey)
+        self.surface = model_surface(config.surface, self.free_space, self.network, self.compiled["rock"])
+        world = assemble_world(
+            config.realism, self.survey, self.free_space, self.network, self.compiled["rock"],
+            self.compiled["collision"], self.compiled["spawn"], self.surface["meshes"], self.surface["texture"],
+            self.surface["overlay"],
+            occupancy_npz=encode(Path("o.npz"), self.compiled["occupancy"]), free_space_bt=self.compiled["octree"],
+            map_png=encode(Path("map.png"), self.compiled["map"]), map_yaml=self.compiled["map_yaml"].encode(),
+        )["world"]  # fmt: skip
+        self.bundle = folder
+        for name, data in world.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(data)
+
+
+def random_mine(rng: np.random.Generator, drifts: int) -> Polygon:
+    """Return connected workings: drifts of random widths from random stations of the ones before."""
+    points = [np.array([0.0, 0.0])]
+    shapes = []
+    for _ in range(drifts):
+        start = points[rng.integers(len(points))]
+        heading = rng.uniform(-np.pi, np.pi)
+        end = start + rng.uniform(12, 30) * np.array([np.cos(heading), np.sin(heading)])
+        shapes.append(LineString([start, end]).buffer(rng.uniform(1.5, 3.0)))
+        points.append(end)
+    return shapely.union_all(shapes)
