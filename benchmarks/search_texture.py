@@ -33,6 +33,7 @@ from pipeline.metrics.texture import (
     roughness_integral_m2,
     strict_score,
     sweep_walls,
+    turned,
     wall_heterogeneity_m,
     wall_jaggedness_deg,
     wall_wavelength_m,
@@ -90,10 +91,12 @@ class TestDrift:
         }
         walls = points[WALL][(points[WALL][:, 2] >= 0.5) & (points[WALL][:, 2] <= 3.0)]
         ceiling = points[BACK][(points[BACK][:, 2] >= 3.0) & (points[BACK][:, 2] <= 3.8)]
+        along_m = wall_wavelength_m(walls[::2], self.free)
+        walls, ceiling = turned(walls), turned(ceiling)
         sweep = sweep_walls(walls)
         axes = TextureAxes(
             wall_jaggedness_deg(walls), bump_rq_m(walls), roughness_integral_m2(sweep),
-            wall_wavelength_m(walls[::2], self.free), ceiling_irregularity_m(ceiling), wall_heterogeneity_m(walls),
+            along_m, ceiling_irregularity_m(ceiling), wall_heterogeneity_m(walls),
         )  # fmt: skip
         on_wall = share == 0
         return {

@@ -21,6 +21,7 @@ _BAND_M = (0.05, 2.0)
 _CEILING_CELL_M, _CEILING_POINTS = 0.5, 25
 _RING_M = (1.65, 1.85)
 _ARC_STEP_M, _ARC_WINDOW_M = 0.025, 8.0
+_TURN_RAD = 0.4
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,16 @@ def _score(real: TextureAxes, model: TextureAxes, factor: float, most: float) ->
         ratio = min(getattr(model, name) / getattr(real, name), most)
         axes[name] = math.exp(-0.5 * (math.log(ratio) / math.log(factor)) ** 2) if ratio > 0 else 0.0
     return Scores(axes, math.prod(axes.values()) ** (1 / len(axes)))
+
+
+def turned(points: np.ndarray) -> np.ndarray:
+    """Return points (n, 3) turned by 0.4 rad about the vertical, to lay voxels at that angle to the mine.
+
+    Mines are often drawn along the axes. A wall on the border of its voxels is cut into halves that each look too
+    smooth: bump Rq of a 60 m mine read 7 % less at 0 than at 0.3, 0.5 and 1 rad; the embedded mine reads the same.
+    """
+    cos, sin = math.cos(_TURN_RAD), math.sin(_TURN_RAD)
+    return points @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
 def wall_jaggedness_deg(walls: np.ndarray) -> float:

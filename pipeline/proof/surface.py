@@ -25,6 +25,7 @@ from pipeline.metrics.texture import (
     roughness_integral_m2,
     strict_score,
     sweep_walls,
+    turned,
     wall_heterogeneity_m,
     wall_jaggedness_deg,
     wall_wavelength_m,
@@ -74,12 +75,14 @@ def report_texture(
     noisy_wall = _between(with_noise(wall, wall_normal, *noise), params.wall_z_m)
     noisy_ceiling = _between(with_noise(ceiling, ceiling_normal, *noise), params.ceiling_z_m)
     wall, ceiling = _between(wall, params.wall_z_m), _between(ceiling, params.ceiling_z_m)
+    along_m = wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free)
+    wall, ceiling, noisy_wall, noisy_ceiling = map(turned, (wall, ceiling, noisy_wall, noisy_ceiling))
     sweep = sweep_walls(wall)
     as_paper = _axes(
         noisy_wall, sweep_walls(noisy_wall), noisy_ceiling,
         published_wavelength_m(_between(everywhere, params.wall_z_m)),
     )  # fmt: skip
-    as_is = _axes(wall, sweep, ceiling, wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free))
+    as_is = _axes(wall, sweep, ceiling, along_m)
     sigma = fit_voxel_planes(wall, 0.5, 30).sigma
     return TextureReport(
         as_paper, as_is, published_score(REAL, as_paper), strict_score(REAL, as_is), sweep,

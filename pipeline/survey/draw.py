@@ -18,17 +18,20 @@ _LETTER_HEIGHT_M = 12.0
 _MAX_PIXELS = 64e6  # sixteen times as many are filled to draw them
 
 
-def frame_around(extent_m: tuple[float, float, float, float], px_per_m: float) -> Frame:
-    """Return the pixel grid that covers (west, south, east, north), m, with the mine's origin on a pixel's centre."""
+def frame_around(extent_m: tuple[float, float, float, float], px_per_m: float, share: float = 0.5) -> Frame:
+    """Return the pixel grid that covers (west, south, east, north), m.
+
+    The mine's origin lies at a share of a pixel from its edges: by 0.5 on its centre.
+    """
     west, south, east, north = extent_m
-    left, above = int(np.ceil(-west * px_per_m - 0.5)), int(np.ceil(north * px_per_m - 0.5))
-    right, below = int(np.ceil(east * px_per_m + 0.5)), int(np.ceil(-south * px_per_m + 0.5))
+    left, above = int(np.ceil(-west * px_per_m - share)), int(np.ceil(north * px_per_m - share))
+    right, below = int(np.ceil(east * px_per_m + share)), int(np.ceil(-south * px_per_m + share))
     if (left + right) * (above + below) > _MAX_PIXELS or max(left + right, above + below) > MAX_SIDE_PX:
         raise InputError(
             f"survey.px_per_m = {px_per_m:g}: the plan would have {left + right} x {above + below} pixels "
             f"(at most {_MAX_PIXELS:.0f}, {MAX_SIDE_PX} a side)"
         )
-    return Frame(px_per_m, left + 0.5, above + 0.5, left + right, above + below)
+    return Frame(px_per_m, left + share, above + share, left + right, above + below)
 
 
 def draw_workings(

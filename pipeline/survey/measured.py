@@ -27,6 +27,7 @@ from pipeline.types import METRIC, Frame, Georeference, Image
 
 Measured = VectorSurveyParams | PassageSurveyParams | ProceduralSurveyParams | VariantSurveyParams
 _FINEST_PX_PER_M, _WIDEST_PX = 8.0, 6000
+_ORIGIN_AT = 0.25  # of a pixel: walls at whole and half metres pass no pixel's centre, where in or out is chance
 VECTOR_SUFFIXES = {
     ".dxf": read_dxf,
     ".geojson": read_geojson,
@@ -54,7 +55,7 @@ def draw_measured(params: Measured) -> tuple[MultiPolygon, Georeference, Image, 
     if widest > 20_000:
         raise InputError(f"{_name(params)}: workings of {widest:.0f} m; is the unit right? (survey.unit)")
     per_m = params.px_per_m or min(_FINEST_PX_PER_M, _WIDEST_PX / widest)
-    frame = frame_around((west - m, south - m, east + m, north + m), per_m)
+    frame = frame_around((west - m, south - m, east + m, north + m), per_m, _ORIGIN_AT)
     return workings, georeference, draw_workings(workings, frame, params.labels_m, params.ink_grey), frame
 
 

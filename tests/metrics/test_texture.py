@@ -17,6 +17,7 @@ from pipeline.metrics.texture import (
     roughness_integral_m2,
     strict_score,
     sweep_walls,
+    turned,
     wall_heterogeneity_m,
     wall_jaggedness_deg,
     wall_wavelength_m,
@@ -153,6 +154,15 @@ def test_heterogeneity_is_the_spread_of_roughness_not_its_size():
     patchy = wall(lambda x, z: np.where(np.floor(x / 0.25) % 2, 0.03, 0.01) * rng.standard_normal(len(x)) + 0.125)
     assert wall_heterogeneity_m(even) < 0.004
     assert wall_heterogeneity_m(patchy) == pytest.approx(0.01, rel=0.15)
+
+
+def test_a_wall_along_the_axes_reads_the_same_wherever_it_stands():
+    """On a border of voxels its bumps would be cut into halves that are each too smooth."""
+    rough = wall(lambda x, z: 0.05 * np.sin(2 * np.pi * x / 0.31) * np.sin(2 * np.pi * z / 0.37))
+    border, middle = (rough + np.array([0, y, 0]) for y in (2.5, 2.75))
+    assert bump_rq_m(border) < 0.8 * bump_rq_m(middle)
+    on_border, inside = bump_rq_m(turned(border)), bump_rq_m(turned(middle))
+    assert on_border == pytest.approx(inside, rel=0.03)
 
 
 def test_the_integral_of_a_constant_roughness_is_its_area():

@@ -10,11 +10,15 @@ import pyproj
 import pytest
 import shapely
 from shapely import LineString
+from shapely.affinity import translate
 
 from pipeline.errors import InputError
+from pipeline.geometry.rasterize import fill_polygon
+from pipeline.params.survey import VectorSurveyParams
 from pipeline.survey.dxf import read_dxf
 from pipeline.survey.geodata import companions, read_geodata
 from pipeline.survey.geojson import read_geojson
+from pipeline.survey.measured import draw_measured
 from pipeline.survey.shapes import Shapes, locate, workings_of
 from tests.mines import RING, TEE
 
@@ -177,3 +181,17 @@ def test_a_file_that_is_not_of_its_kind_is_refused_by_name(tmp_path, name, data,
     (tmp_path / name).write_bytes(data)
     with pytest.raises(InputError, match=name):
         reader(tmp_path / name, None)
+
+
+@pytest.mark.parametrize("corner", [(0.0, 0.0), (0.5, 0.25), (0.125, 2.0)])
+def test_walls_at_whole_and_half_metres_pass_no_pixels_centre(tmp_path, monkeypatch, corner):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "data").mkdir()
+    mine = shapely.transform(TEE, lambda xy: xy + corner)
+    (tmp_path / "data/mine.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [
+        {"type": "Feature", "properties": {}, "geometry": shapely.geometry.mapping(mine)}]}))  # fmt: skip
+    said = {"kind": "vector", "name": "mine", "file": "data/mine.geojson", "unit": "m", "origin": (0.0, 0.0)}
+    workings, _, _, frame = draw_measured(VectorSurveyParams.model_validate(said))
+    as_drawn = fill_polygon(workings, frame)
+    for aside_m in (0.01, -0.01):
+        assert (fill_polygon(translate(workings, aside_m, aside_m), frame) == as_drawn).all()
