@@ -13,6 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from minexplore.bundle import world_sha256
 from pipeline.errors import ArtifactError
+from pipeline.mjcf.digits import digits_for
 from pipeline.mjcf.world import MineScene, Zone, build_spec
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.verify import verify_world
@@ -70,7 +71,9 @@ def compile_bundle(scene: MineScene) -> dict[str, bytes]:
         spec.compile()
     except ValueError as error:
         raise ArtifactError(f"mine.xml: MuJoCo does not compile it: {error}") from error
-    return {"mine.xml": spec.to_xml().encode(), **{name: bytes(data) for name, data in spec.assets.items()}}
+    with digits_for(max(map(abs, scene.rock.world_m))):
+        text = spec.to_xml().encode()
+    return {"mine.xml": text, **{name: bytes(data) for name, data in spec.assets.items()}}
 
 
 def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes]:
