@@ -15,7 +15,6 @@ from typing import Any
 from tqdm import tqdm
 
 from pipeline.compose import compose
-from pipeline.errors import MineError
 from pipeline.proof.validator import Validator
 from pipeline.stage import make_artifacts
 from pipeline.store.codecs import decode
@@ -51,7 +50,7 @@ def judge(seed: int) -> dict[str, Any]:
             "iou": round(float(found.measure("iou")["free_space_vs_cleaned"]), 5),
             "area_m2": round(free.polygon.area), "loops": topology["loops_world"],
         }  # fmt: skip
-    except MineError as error:
+    except Exception as error:  # whatever it is, this mine fails and the others go on
         return said | {"problem": f"{type(error).__name__}: {error}"}
     finally:
         shutil.rmtree(root, ignore_errors=True)

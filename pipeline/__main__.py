@@ -18,9 +18,20 @@ def command_line() -> argparse.ArgumentParser:
     return parser
 
 
+def parse(words: list[str]) -> argparse.Namespace:
+    """Parse a command line; overrides may stand before, between and after the options."""
+    parser = command_line()
+    arguments, rest = parser.parse_known_args(words)
+    if rest and (not hasattr(arguments, "overrides") or any(word.startswith("-") for word in rest)):
+        parser.error(f"unrecognized arguments: {' '.join(rest)}")
+    if rest:  # argparse takes positional words of one run alone
+        arguments.overrides += rest
+    return arguments
+
+
 def main() -> int:
     """Run one command; exit code 2 with one message on bad input."""
-    arguments = command_line().parse_args()
+    arguments = parse(sys.argv[1:])
     try:
         arguments.run(arguments)
     except MineError as error:

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.bundle import BundleError, read_bundle
+from minexplore.bundle import read_bundle
 from pipeline.compose import compose
-from pipeline.errors import InputError, LimitError, MineError
+from pipeline.errors import InputError, LimitError
 from pipeline.metrics.limits import flatten
 from pipeline.stage import ARTIFACTS
 from pipeline.store.files import write_atomically
@@ -127,7 +127,7 @@ def make_member(member: Member) -> Outcome:
         digest = str(read_bundle(folder / "realism" / "world")["world_sha256"])
         iou, certificate = float(figures["iou.free_space_vs_cleaned"]), bool(figures["certificate.holds"])
         return Outcome(member, digest, iou, certificate, problem)
-    except (MineError, BundleError, OSError, ValueError, KeyError) as error:
+    except Exception as error:  # whatever it is, this world fails and the others go on
         return Outcome(member, None, None, False, f"{type(error).__name__}: {error}")
 
 

@@ -8,7 +8,7 @@ import sys
 import cv2
 import pytest
 
-from pipeline.__main__ import command_line
+from pipeline.__main__ import parse
 from pipeline.survey.draw import draw_plan, frame_around
 from tests.mines import TEE
 from tests.project import ROOT
@@ -48,7 +48,7 @@ def test_a_command_in_the_docs_is_one_that_there_is(page, line):
     elif words[:2] == ["python", "-m"]:
         assert importlib.util.find_spec(words[2]) is not None, line
         if words[2] == "pipeline":
-            command_line().parse_args(words[3:])  # exits where it does not hold
+            parse(words[3:])  # exits where it does not hold
     else:
         assert words[0] in ("dvc", "git", "docker", "ray", "pip", "tensorboard", ".", "sh"), line
 

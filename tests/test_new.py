@@ -8,6 +8,7 @@ import cv2
 import pytest
 
 from benchmarks.look_at_report import find_browser, look_at
+from pipeline.__main__ import parse
 from pipeline.survey.draw import draw_plan, frame_around
 from tests.mines import TEE
 from tests.project import message_of
@@ -128,3 +129,12 @@ def test_a_family_is_built_resumed_and_listed_in_one_manifest(owned):
     before = (folder / "survey/manifest.json").stat().st_mtime_ns
     assert pipeline(project, *arguments).returncode == 0
     assert (folder / "survey/manifest.json").stat().st_mtime_ns == before
+
+
+def test_overrides_may_stand_anywhere_on_the_command_line(capsys):
+    words = ["new", "pit", "compile3d.height_m=2.8", "--from", "a.png", "survey.margin_m=3", "--bar-length", "20"]
+    assert parse(words).overrides == ["compile3d.height_m=2.8", "survey.margin_m=3"]
+    for wrong in (["list", "a=1"], ["new", "pit", "--from", "a.png", "--colour", "red"]):
+        with pytest.raises(SystemExit, match="2"):
+            parse(wrong)
+        assert "unrecognized arguments: " in capsys.readouterr().err

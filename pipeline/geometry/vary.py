@@ -72,8 +72,13 @@ def displace(shape: BaseGeometry, sd_m: float, wave_m: float, rng: np.random.Gen
             f"errors of {sd_m:g} m over waves of {wave_m:g} m would fold the plan: "
             f"the field's gradient is {steepest:.2f}, at most {_STEEPEST:g} is safe"
         )
-    fine = shapely.segmentize(shape, wave_m / 6)
-    return shapely.transform(fine, lambda p: p + np.cos(p @ along.T + phase) @ size)
+
+    def moved(points: np.ndarray) -> np.ndarray:
+        # Each place once: a product of matrices may round equal rows differently, and a ring's ends must stay one.
+        places, index = np.unique(points, axis=0, return_inverse=True)
+        return (places + np.cos(places @ along.T + phase) @ size)[index.ravel()]
+
+    return shapely.transform(shapely.segmentize(shape, wave_m / 6), moved)
 
 
 def _network(shape: BaseGeometry) -> tuple[int, int]:
