@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,7 @@ _BUILT_WINDOW_M = 2.0
 _SECTION_M = 0.5  # a robot's LiDAR looks about this high
 _SECTION_STEP_M = 0.025
 _TABLE_STEP_M = 5.0
+_WIDEST_M = 0.5
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,32 @@ def _held_by(bands: Bands, spacing_m: float) -> Bands:
     """Silence the bands with waves shorter than two spacings of the mesh."""
     held = np.array([band_edges(w)[0] >= 2 * spacing_m * (1 - 1e-9) for w in bands.wavelength_m.tolist()])
     return Bands(bands.wavelength_m, np.where(held, bands.sd_m, 0.0))
+
+
+def with_room(params: SurfaceParams, free: Polygon, height_m: float) -> SurfaceParams:
+    """Return the parameters with both spacings widened until the overlay has no more than `most_faces`; it is said.
+
+    Raises
+    ------
+    InputError
+        If that takes spacings beyond 0.5 m.
+    """
+    look = params.overlay
+    profile = BoreProfile(height_m, params.sill_chamfer_m, params.back_chamfer_m, look.arch_half_span_m)
+    wall_m2 = free.length * (height_m - profile.arch_rise_m)
+    faces = 2 * wall_m2 / look.spacing_m**2 + 2 * free.area / look.back_spacing_m**2
+    if look.most_faces is None or faces <= look.most_faces:
+        return params
+    wider = math.sqrt(faces / look.most_faces)
+    spacing, back = (round(wider * s, 3) for s in (look.spacing_m, look.back_spacing_m))
+    need = f"{free.area:.0f} m2 of workings would need {faces / 1e6:.1f} million faces of rock"
+    if max(spacing, back) > _WIDEST_M:
+        raise InputError(f"surface: {need}, surface.overlay.most_faces is {look.most_faces}; build a part of the mine")
+    print(
+        f"surface: {need}; points are laid {spacing:g} m apart instead of {look.spacing_m:g} m, "
+        "too wide for the limits on texture (surface.overlay.most_faces)"
+    )
+    return params.model_copy(update={"overlay": look.model_copy(update={"spacing_m": spacing, "back_spacing_m": back})})
 
 
 def build_rock(

@@ -100,6 +100,7 @@ class OverlayParams(Params):
 
     spacing_m: float = Field(ge=0.02, le=0.5)
     back_spacing_m: float = Field(ge=0.02, le=0.5)
+    most_faces: int | None = Field(ge=10_000, description="more would be laid wider; null: as many as there are")
     arch_half_span_m: float = Field(gt=0)
     longest_wavelength_m: float = Field(gt=0.2, le=20)
     max_rms_m: float = Field(gt=0, le=0.5)

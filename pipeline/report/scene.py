@@ -36,9 +36,11 @@ def scene_page(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> str:
             points, faces = triangulate(part)
             flat = np.column_stack([points, np.zeros(len(points))])
             scene.add_geometry(_coloured(flat, faces, tuple(round(255 * v) for v in zone.rgba[:3])))
-    scene.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))  # browsers have y up
     west, south, east, north = free_space.polygon.bounds
-    scene.set_camera(angles=(-_DOWN, _ASIDE, 0.0), distance=0.75 * max(east - west, north - south), fov=(55, 40))
+    scene.apply_translation([-(west + east) / 2, -(south + north) / 2, 0.0])  # its lights shine on the origin
+    scene.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))  # browsers have y up
+    short, long = sorted((east - west, north - south))
+    scene.set_camera(angles=(-_DOWN, _ASIDE, 0.0), distance=max(0.75 * long, 1.5 * short), fov=(55, 40))
     return scene_to_html(scene)
 
 
