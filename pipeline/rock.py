@@ -130,7 +130,7 @@ def _held_by(bands: Bands, spacing_m: float) -> Bands:
     return Bands(bands.wavelength_m, np.where(held, bands.sd_m, 0.0))
 
 
-def with_room(params: SurfaceParams, free: Polygon, height_m: float) -> SurfaceParams:
+def widen_spacing(params: SurfaceParams, free: Polygon, height_m: float) -> SurfaceParams:
     """Return the parameters with both spacings widened until the overlay has no more than `most_faces`; it is said.
 
     Raises

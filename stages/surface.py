@@ -23,7 +23,7 @@ from pipeline.rock import (
     measure_sources,
     report_rock,
     rock_sources,
-    with_room,
+    widen_spacing,
 )
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
@@ -32,7 +32,7 @@ from pipeline.types import DriftNetwork, FreeSpace, Image, Rock
 
 def model_surface(params: SurfaceParams, free_space: FreeSpace, topology: DriftNetwork, rock: Rock) -> dict[str, Any]:
     """Return both layers, the rock texture, and what is known of the rock's roughness."""
-    params, look = with_room(params, free_space.polygon, rock.height_m), params.texture
+    params, look = widen_spacing(params, free_space.polygon, rock.height_m), params.texture
     base = octagonal_bore(
         free_space.polygon, rock.height_m, params.sill_chamfer_m, params.back_chamfer_m, look.repeat_m
     )

@@ -12,7 +12,7 @@ from pipeline.geometry.spectrum import Roughness, band_edges, predicted_rq
 from pipeline.metrics.profile import line_roughness
 from pipeline.mjcf.bundle import open_bundle, surface_corners
 from pipeline.proof.surface import report_texture, report_walls, texture_metrics
-from pipeline.rock import _section, build_rock, choose_bands, measure_cloud, measure_sources, with_room
+from pipeline.rock import _section, build_rock, choose_bands, measure_cloud, measure_sources, widen_spacing
 from pipeline.store.codecs import decode
 from pipeline.types import DriftNetwork, FreeSpace
 from tests.mines import BuiltMine
@@ -56,13 +56,13 @@ def test_a_drift_that_copies_the_sweeps_has_their_roughness():
 def test_a_large_mine_gets_wider_spacings_and_a_huge_one_is_refused(capsys):
     params = compose(["surface.overlay.most_faces=100000"]).surface
     drift = shapely.box(0, 0, 120, 6)
-    wide = with_room(params, drift, 3.5)
+    wide = widen_spacing(params, drift, 3.5)
     overlay = build_rock(wide, drift, None, 3.5, choose_bands(wide, measure_sources(wide)))
     assert len(overlay.lattice.faces) == pytest.approx(100_000, rel=0.1)
     assert "720 m2 of workings would need 0.2 million faces" in capsys.readouterr().out
-    assert with_room(params, shapely.box(0, 0, 20, 6), 3.5) is params
+    assert widen_spacing(params, shapely.box(0, 0, 20, 6), 3.5) is params
     with pytest.raises(InputError, match=r"would need .*most_faces is 100000; build a part"):
-        with_room(params, shapely.box(0, 0, 5000, 6), 3.5)
+        widen_spacing(params, shapely.box(0, 0, 5000, 6), 3.5)
 
 
 def test_a_scanned_cave_gives_walls_and_back_to_copy(shared_rock, monkeypatch, tmp_path):
