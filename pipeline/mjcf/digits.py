@@ -37,7 +37,7 @@ def digits_for(reach_m: float) -> Iterator[None]:
             f"mine.xml: MuJoCo {mujoco.__version__} writes six digits, too few for workings that reach {reach_m:.0f} m "
             f"from the mine's origin; state a nearer one (survey.origin)"
         ) from error
-    write(_DIGITS + math.floor(math.log10(reach_m / _HOLD_M)) + 1)
+    write(_DIGITS + math.floor(math.log10(reach_m / _HOLD_M)) + 2)  # tenths of it, as nearer by
     try:
         yield
     finally:
