@@ -58,7 +58,7 @@ def edit_record(change: Callable[[dict], None]) -> Callable[[Path], None]:
 
 
 def move_vertices(prefix: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Path], None]:
-    """Return a fault of the overlay's mesh files whose names begin so."""
+    """Return a fault of the rough surface's mesh files whose names begin so."""
 
     def inject(bundle: Path) -> None:
         for path in sorted((bundle / "meshes").glob(f"{prefix}*.msh")):
@@ -328,14 +328,14 @@ def faults(bundle: Path) -> list[Mutant]:
         Mutant("the floor lowered by 0.2 m", edit_model(
             lambda spec: setattr(spec.geom("floor_dry"), "pos", spec.geom("floor_dry").pos - np.array([0, 0, 0.2]))),
             "certificate.floor_open_m2"),
-        Mutant("the back missing", edit_model(lambda spec: spec.delete(spec.geom("back"))), "certificate.back_open_m2"),
-        Mutant("overlay amplitude x 2", move_vertices("walls_", lambda v: out_along_normals(v, 2.0, free)),
+        Mutant("the roof missing", edit_model(lambda spec: spec.delete(spec.geom("back"))), "certificate.roof_open_m2"),
+        Mutant("rough amplitude x 2", move_vertices("walls_", lambda v: out_along_normals(v, 2.0, free)),
                "texture.bump_ratio"),
-        Mutant("overlay without its rock", move_vertices("walls_", lambda v: out_along_normals(v, 0.0, free)),
+        Mutant("rough without its rock", move_vertices("walls_", lambda v: out_along_normals(v, 0.0, free)),
                "texture.strict.overall"),
-        Mutant("overlay shifted by 0.3 m", move_vertices("walls_", lambda v: v + np.array([0.0, 0.3, 0.0])),
+        Mutant("rough shifted by 0.3 m", move_vertices("walls_", lambda v: v + np.array([0.0, 0.3, 0.0])),
                "walls.gap_p95_m"),
-        Mutant("overlay in millimetres", move_vertices("walls_", lambda v: 1000.0 * v), "walls.gap_max_m"),
+        Mutant("rough in millimetres", move_vertices("walls_", lambda v: 1000.0 * v), "walls.gap_max_m"),
         Mutant("spawn in rock", edit_record(lambda r: r["spawn"].update(anchor_m=[free.bounds[0] - 2.0, south - 2.0])),
                "world.spawn_clearance_m"),
         Mutant("frame of the record shifted", edit_record(lambda r: r["T_world_mine"][0].__setitem__(3, 0.0)),
@@ -350,7 +350,7 @@ def faults(bundle: Path) -> list[Mutant]:
         Mutant("rock that does not collide", edit_model(
             lambda spec: set_all(rock_geoms(spec), contype=0, conaffinity=0)),
             "world.colliders_wrong"),
-        Mutant("overlay that collides", edit_model(
+        Mutant("rough that collides", edit_model(
             lambda spec: set_all([g for g in spec.geoms if g.name.startswith("surface_walls")], contype=1)),
             "world.colliders_wrong"),
         Mutant("a wall in a group of its own", edit_model(lambda spec: spec.body("mine").add_geom(

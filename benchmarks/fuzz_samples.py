@@ -233,10 +233,10 @@ def _read_map(path: Path) -> None:
     draw_grid(path, unknown_is_free=False)
 
 
-def _read_measured(path: Path) -> None:
-    from pipeline.survey.guess import guess_survey
+def _read_vector_survey(path: Path) -> None:
+    from pipeline.survey.detect import detect_survey
 
-    guess_survey(path, {})
+    detect_survey(path, {})
 
 
 def _read_bundle(path: Path) -> None:
@@ -269,6 +269,7 @@ def _read_section(path: Path) -> None:
 READERS: dict[str, Callable[[Path], None]] = {
     **dict.fromkeys(("png", "jpeg", "tiff", "pdf"), _read_plan),
     **dict.fromkeys(("geotiff", "world file"), _read_placed),
-    **dict.fromkeys(("dxf", "geojson", "geopackage", "shapefile", "stations", "survex", "compass"), _read_measured),
+    **dict.fromkeys(("dxf", "geojson", "geopackage", "shapefile"), _read_vector_survey),
+    **dict.fromkeys(("stations", "survex", "compass"), _read_vector_survey),
     "map.yaml": _read_map, "bundle": _read_bundle, "survey section": _read_section,
 }  # fmt: skip

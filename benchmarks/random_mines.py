@@ -26,7 +26,7 @@ from stages.family import STYLES
 RESULTS, TABLE = Path("artifacts/bench/random-mines.jsonl"), Path("docs/random-mines.md")
 _IOU = 0.99
 # The rock's mesh is laid wide: what is asked here is about the collision world, not about texture.
-_COARSE = ["surface.overlay.spacing_m=0.5", "surface.overlay.back_spacing_m=0.5", "validation.certificate.contacts=100"]
+_COARSE = ["surface.rough.spacing_m=0.5", "surface.rough.roof_spacing_m=0.5", "validation.certificate.contacts=100"]
 
 
 def judge(seed: int) -> dict[str, Any]:

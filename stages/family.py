@@ -66,17 +66,23 @@ def generated(split: str, count: int, overrides: list[str]) -> list[Member]:
 
 
 def variants(
-    name: str, workings: Path, split: str, count: int, height_sd_m: float, made_by: dict[str, Any], overrides: list[str]
+    name: str,
+    workings: Path,
+    split: str,
+    count: int,
+    height_sd_m: float,
+    world_params: dict[str, Any],
+    overrides: list[str],
 ) -> list[Member]:
     """Return variants of one mine: each its own stations, ribs and height within the survey's error.
 
-    `made_by` is what the mine was made by (`pipeline.worlds.made_by`): its height and entrance are the variants' too.
+    `world_params` are the mine's parameters (`pipeline.worlds.world_params`); variants keep its height and entrance.
     """
-    members, place = [], made_by.get("survey.entrance_m")
+    members, place = [], world_params.get("survey.entrance_m")
     entrance = "null" if place is None else f"[{place[0]},{place[1]}]"
     for i in range(count):
         seed = SPLITS[split] + i
-        height = made_by["compile3d.height_m"] + np.random.default_rng(seed).normal(0.0, height_sd_m)
+        height = world_params["compile3d.height_m"] + np.random.default_rng(seed).normal(0.0, height_sd_m)
         made = ["survey=variant", f"survey.seed={seed}", f"survey.workings={workings.as_posix()}",
                 f"survey.name={name}-{split}-{i:04d}", f"survey.entrance_m={entrance}",
                 f"compile3d.height_m={height:.2f}"]  # fmt: skip

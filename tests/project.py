@@ -66,7 +66,7 @@ class Project:
     def coarsen(self) -> None:
         """Lay the rock's mesh wide and sample it thinly; the texture limits, the default's own, are left out."""
         surface, validation = (self.folder / "conf" / name / "default.yaml" for name in ("surface", "validation"))
-        text = surface.read_text().replace("back_spacing_m: 0.14", "back_spacing_m: 0.4")
+        text = surface.read_text().replace("roof_spacing_m: 0.14", "roof_spacing_m: 0.4")
         surface.write_text(text.replace("  spacing_m: 0.10", "  spacing_m: 0.3"))
         text = validation.read_text().replace("points_per_m2: 3000", "points_per_m2: 200")
         text = text.replace("contacts: 1000", "contacts: 100")

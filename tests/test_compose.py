@@ -63,7 +63,10 @@ def test_another_mine_is_held_to_every_limit_but_the_published_wavelength():
         ("contour.tolerance_m=1", r"unknown; the configuration has .*contours"),
         ("survey=cave", r"survey = cave: valid choices are plan, procedural, stations, variant"),
         ("collision=vhcd", r"collision = vhcd: valid choices are coacd, exact, vhacd"),
-        ("survey.scale.source=guess", r"survey\.scale\.source = 'guess': .*'bar', 'stated', 'poses' or 'georeference'"),
+        (
+            "survey.scale.source=guess",
+            r"survey\.scale\.source = 'guess': .*'bar', 'stated', 'poses' or 'georeference'",
+        ),
         ("survey.scale.source=stated", "scale.source=stated needs scale.px_per_m"),
         ("survey.stations=/etc/passwd", "not below data/"),
         ("survey.stations=data/../x.csv", "not below data/"),

@@ -98,7 +98,7 @@ def register_scans(
     GeometryError
         If no place within the search lies in the workings.
     """
-    fields = {name: _Field(poses[name], fan, cast, inside, search) for name, fan in sorted(scans.items())}
+    fields = {name: ScanCostGrid(poses[name], fan, cast, inside, search) for name, fan in sorted(scans.items())}
     turns = np.arange(-search.turn_rad, search.turn_rad + 1e-9, _TURN_STEP)
     scales = np.arange(search.scale[0], search.scale[1] + 1e-9, _SCALE_STEP)
     profile, best = np.full(len(scales), np.inf), Similarity(1.0, 0.0, 0.0, 0.0)
@@ -140,7 +140,7 @@ def _within(corrections: dict[str, Pose], search: Search) -> bool:
     )
 
 
-class _Field:
+class ScanCostGrid:
     """The cost of one scan over a grid of places and headings: `cost` (headings, rows, cols)."""
 
     def __init__(self, pose: Pose, fan: Fan, cast: CastFan, inside: Contains, search: Search) -> None:

@@ -9,6 +9,7 @@ import networkx as nx
 import numpy as np
 import shapely
 from scipy.ndimage import gaussian_filter1d
+from scipy.spatial import cKDTree
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -260,3 +261,12 @@ def require_same_network(
         if closed.any():
             x, y = stations[int(closed.argmax())]
             raise GeometryError(f"{advice}: the drift at ({x:.1f}, {y:.1f}) would be closed; use a smaller tolerance")
+
+
+def passage_stations(network: DriftNetwork) -> tuple[np.ndarray, np.ndarray]:
+    """Return the network's stations (n, 2) and half widths (n,), m, but for those within a dead end's rounded face."""
+    ends = np.array([network.nodes_m[name] for name in network.dead_ends]).reshape(-1, 2)
+    stations = np.array([p for leg in network.legs for p in leg.stations_m]).reshape(-1, 2)
+    half = np.array([w for leg in network.legs for w in leg.half_width_m])
+    along = np.ones(len(half), bool) if not len(ends) else cKDTree(ends).query(stations)[0] >= half
+    return stations[along], half[along]

@@ -71,7 +71,7 @@ def compile_bundle(scene: MineScene) -> dict[str, bytes]:
         spec.compile()
     except ValueError as error:
         raise ArtifactError(f"mine.xml: MuJoCo does not compile it: {error}") from error
-    with digits_for(max(map(abs, scene.rock.world_m))):
+    with digits_for(max(map(abs, scene.extent.world_m))):
         text = spec.to_xml().encode()
     return {"mine.xml": text, **{name: bytes(data) for name, data in spec.assets.items()}}
 
@@ -116,12 +116,12 @@ def open_bundle(folder: Path) -> World:
     return World(record, model, len(warned), size)
 
 
-def surface_corners(model: mujoco.MjModel, prefix: str) -> np.ndarray:
+def surface_triangles(model: mujoco.MjModel, prefix: str) -> np.ndarray:
     """Return the triangles (n, 3, 3), m, mine frame, of the mesh geoms whose names begin so, from the model itself."""
     return _corners(model, [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(prefix)])
 
 
-def geom_corners(model: mujoco.MjModel, group: int) -> np.ndarray:
+def geom_triangles(model: mujoco.MjModel, group: int) -> np.ndarray:
     """Return the triangles (n, 3, 3), m, mine frame, of the mesh geoms of a group, from the model itself."""
     return _corners(model, _mesh_geoms(model, group))
 

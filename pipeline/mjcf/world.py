@@ -1,4 +1,4 @@
-"""The world as an `MjSpec`: one tilted body that carries rock, floor zones, back, visible rock, lights and cameras."""
+"""The world as an `MjSpec`: one tilted body that carries rock, floor zones, roof, visible rock, lights and cameras."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import mujoco
 import numpy as np
 
 from pipeline.store.codecs import Bundle, encode
-from pipeline.types import ConvexParts, Image, Mesh, Rock
+from pipeline.types import ConvexParts, Image, Mesh, SolidExtent
 
 # MuJoCo's viewers show groups 0-2 and hide the rest.
-GROUND_GROUP, SURFACE_GROUP, ROCK_GROUP, BACK_GROUP, BASE_GROUP = 0, 2, 3, 4, 5
-_VISIBLE_PIECES = ("sill_chamfer", "walls", "back")  # the flat sill is left out: the floor zones are its picture
+FLOOR_GROUP, ROUGH_GROUP, COLLISION_GROUP, ROOF_GROUP, SMOOTH_GROUP = 0, 2, 3, 4, 5
+_VISIBLE_PIECES = ("sill_chamfer", "walls", "back")  # the flat floor is left out: the floor zones are its picture
 
 
 @dataclass(frozen=True)
@@ -48,18 +48,18 @@ class SpotLight:
 class MineScene:
     """All that a world consists of, in the mine frame.
 
-    `base` is the octagonal layer; `overlay` holds the displaced layer's chunks as `NAME.msh`, and hides the base.
+    `smooth` is the octagonal surface; `rough` holds the rough surface's chunks as `NAME.msh`, and hides the smooth one.
     """
 
     name: str
-    rock: Rock
+    extent: SolidExtent
     parts: ConvexParts
     rock_friction: float
     floor_thickness_m: float
     zones: list[Zone]
     lights: list[SpotLight]
-    base: dict[str, Mesh]
-    overlay: Bundle
+    smooth: dict[str, Mesh]
+    rough: Bundle
     texture: Image
     anchor_m: tuple[float, float]
     heading_rad: float
@@ -89,7 +89,7 @@ def place_lights(
     spacing_m : float
         Distance along the line; the first and last light stand half the remainder from its ends.
     height_m : float
-        Above the sill.
+        Above the floor.
     pitch_deg : float
         Below the horizontal.
     cutoff_deg : float
@@ -144,7 +144,7 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     mine.pos = scene.T_world_mine[:3, 3]
     _add_rock_class(spec, scene.rock_friction)
     _add_rock(spec, mine, scene.parts)
-    _add_ground(spec, mine, scene)
+    _add_floor(spec, mine, scene)
     meshes = _add_surface(spec, mine, scene)
     spec.assets = {**meshes, "textures/rock.png": encode(Path("rock.png"), scene.texture)}
     for i, light in enumerate(scene.lights):
@@ -174,10 +174,10 @@ def _add_rock_class(spec: mujoco.MjSpec, friction: float) -> None:
     rock = spec.add_material(name="rock", specular=0.0, shininess=0.0)
     rock.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "rock"
     solid = spec.add_default("rock", spec.default)
-    solid.geom.group, solid.geom.material = ROCK_GROUP, "rock"
+    solid.geom.group, solid.geom.material = COLLISION_GROUP, "rock"
     solid.geom.friction = [friction, 0.005, 0.0001]
     visible = spec.add_default("surface", spec.default)
-    visible.geom.type, visible.geom.group, visible.geom.material = mujoco.mjtGeom.mjGEOM_MESH, SURFACE_GROUP, "rock"
+    visible.geom.type, visible.geom.group, visible.geom.material = mujoco.mjtGeom.mjGEOM_MESH, ROUGH_GROUP, "rock"
     visible.geom.contype, visible.geom.conaffinity = 0, 0
 
 
@@ -192,7 +192,7 @@ def _add_rock(spec: mujoco.MjSpec, mine: mujoco.MjsBody, parts: ConvexParts) -> 
         mine.add_geom(spec.find_default("rock"), name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, pos=centre)
 
 
-def _add_ground(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> None:
+def _add_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> None:
     for zone in scene.zones:
         # OpenGL lights corners, which on a floor of this size are far from every lamp: the ground glows a little.
         spec.add_material(name=f"ground_{zone.name}", rgba=zone.rgba, emission=0.25, specular=0.0, shininess=0.0)
@@ -202,12 +202,12 @@ def _add_ground(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> 
         mine.add_geom(
             name=zone.geom, type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, size=size,
             material=f"ground_{zone.name}", priority=1,
-            friction=[zone.friction, 0.005, 0.0001], group=GROUND_GROUP,
+            friction=[zone.friction, 0.005, 0.0001], group=FLOOR_GROUP,
         )  # fmt: skip
-    west, south, east, north = scene.rock.world_m
+    west, south, east, north = scene.extent.world_m
     mine.add_geom(
-        spec.find_default("rock"), name="back", type=mujoco.mjtGeom.mjGEOM_BOX, group=BACK_GROUP,
-        pos=[(west + east) / 2, (south + north) / 2, scene.rock.height_m + scene.floor_thickness_m / 2],
+        spec.find_default("rock"), name="back", type=mujoco.mjtGeom.mjGEOM_BOX, group=ROOF_GROUP,
+        pos=[(west + east) / 2, (south + north) / 2, scene.extent.height_m + scene.floor_thickness_m / 2],
         size=[(east - west) / 2, (north - south) / 2, scene.floor_thickness_m / 2],
     )  # fmt: skip
 
@@ -215,28 +215,28 @@ def _add_ground(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> 
 def _add_surface(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> Bundle:
     """Add both layers to a body of their own, which the collision phases pass over at once; return the mesh files."""
     surface = mine.add_body(name="surface")
-    files = {f"base_{k}": encode(Path(f"{k}.msh"), mesh) for k, mesh in scene.base.items() if k in _VISIBLE_PIECES}
+    files = {f"base_{k}": encode(Path(f"{k}.msh"), mesh) for k, mesh in scene.smooth.items() if k in _VISIBLE_PIECES}
     for name in files:
-        _add_sheet(spec, surface, name, BASE_GROUP if scene.overlay else SURFACE_GROUP)
-    chunks = {name.removesuffix(".msh"): data for name, data in sorted(scene.overlay.items())}
+        _add_sheet(spec, surface, name, SMOOTH_GROUP if scene.rough else ROUGH_GROUP)
+    chunks = {name.removesuffix(".msh"): data for name, data in sorted(scene.rough.items())}
     for name in chunks:
-        _add_sheet(spec, surface, name, SURFACE_GROUP)
+        _add_sheet(spec, surface, name, ROUGH_GROUP)
     return {f"meshes/{name}.msh": data for name, data in (files | chunks).items()}
 
 
 def _add_sheet(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, group: int) -> None:
-    # An open sheet has no volume; its inertia, never used, is that of a shell.
+    # An open sheet has no volume; MuJoCo takes the inertia of a thin shell, which nothing uses.
     spec.add_mesh(name=name, file=f"meshes/{name}.msh", inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
     body.add_geom(spec.find_default("surface"), name=f"surface_{name}", meshname=name, group=group)
 
 
 def _add_cameras(mine: mujoco.MjsBody, scene: MineScene) -> None:
-    west, south, east, north = scene.rock.world_m
+    west, south, east, north = scene.extent.world_m
     c, s = math.cos(scene.heading_rad), math.sin(scene.heading_rad)
     mine.add_camera(
         name="entrance", pos=[*scene.anchor_m, 1.2], quat=_looking((s, -c, 0.0), (0.0, 0.0, 1.0)), fovy=70.0
     )
-    # The whole mine from above, a little from the south; the back faces down and so does not hide the drifts.
+    # The whole mine from above, a little from the south; the roof faces down and so does not hide the drifts.
     pitch, fovy = math.radians(60.0), 30.0
     reach = max((east - west) / 16 * 9, north - south) / 2 / math.tan(math.radians(fovy / 2)) * 1.05
     centre = np.array([(west + east) / 2, (south + north) / 2, 0.0])

@@ -17,10 +17,10 @@ from pipeline.metrics.reach import compare_reach, reached_cells, start_cell
 from pipeline.mjcf.bundle import World, part_vertices
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
-from pipeline.proof.pushes import Progress, push_robots
+from pipeline.proof.stress_test import Progress, stress_walls
 from pipeline.types import Frame, FreeSpace
 
-_SLICES_M = (0.05, 0.5, 1.0)  # and just below the back
+_SLICES_M = (0.05, 0.5, 1.0)  # and just below the roof
 _LEVEL_M = 1e-3
 _MARGIN_M = 4.0  # beyond the workings, within the frame that rock fills, so that a leak shows
 _PROBE_HEIGHT_M = 0.35
@@ -55,7 +55,7 @@ def measure_containment(
     threads: int = 1,
     progress: Progress = iter,
 ) -> dict[str, Any]:
-    """Measure walls, floor and back, reach, and pushes of a bundle.
+    """Measure walls, floor and roof, reach, and the stress test of a bundle.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def measure_containment(
         How drift networks are traced.
     threads : int
     progress : callable
-        Wraps the numbers of the pushes, as `tqdm.tqdm` does.
+        Wraps the numbers of the throws, as `tqdm.tqdm` does.
     """
     record, free = world.record, free_space.polygon
     groups = record.geom_groups
@@ -78,12 +78,12 @@ def measure_containment(
     found: dict[str, Any] = vars(cover_walls(parts, free, box, (*_SLICES_M, record.height_m - 0.05))).copy()
     found["rock_round_m"] = round(float(free.distance(box.exterior)) if box.contains(free) else 0.0, 3)
     found["floor_open_m2"] = open_area_m2(_slabs(world.model, groups["floor"], 0.0, top=True), free)
-    found["back_open_m2"] = open_area_m2(_slabs(world.model, groups["back"], record.height_m, top=False), free)
+    found["roof_open_m2"] = open_area_m2(_slabs(world.model, groups["back"], record.height_m, top=False), free)
     found |= _reach(folder, world, free_space, params, network)
     if params.contacts:
         borders = [zone.east_m for zone in record.zones[:-1]]
-        pushes = push_robots(folder, free, parts, borders, params.contacts, params.seed, threads, progress)
-        found |= {k: v for k, v in dataclasses.asdict(pushes).items() if k != "targets"}
+        stress = stress_walls(folder, free, parts, borders, params.contacts, params.seed, threads, progress)
+        found |= {k: v for k, v in dataclasses.asdict(stress).items() if k != "targets"}
     return found
 
 

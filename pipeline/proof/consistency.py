@@ -74,7 +74,7 @@ def _zones_wrong(world: World) -> int:
 def _colliders_wrong(world: World) -> int:
     """Count geoms that collide and should not, or the other way round, and solid ones outside the mine's own frame.
 
-    Rock, floor and back collide, nothing else does; rock is convex meshes or boxes; all of it hangs on the body `mine`,
+    Rock, floor and roof collide, nothing else does; rock is convex meshes or boxes; all of it hangs on the body `mine`,
     whose frame every measure takes theirs for.
     """
     model, groups = world.model, world.record.geom_groups

@@ -16,7 +16,7 @@ from minexplore.task import TaskParams
 from minexplore.windows import Windows
 from minexplore.world import load_world
 from pipeline.geometry.raycast import RayCaster
-from pipeline.mjcf.bundle import World, geom_corners
+from pipeline.mjcf.bundle import World, geom_triangles
 from pipeline.survey.nav2 import read_nav2_map
 
 _HEIGHT_M, _RANGE_M = 0.3, 10.0
@@ -125,7 +125,7 @@ def _by_mujoco(
 
 
 def _by_open3d(world: World, group: int, places: np.ndarray, bearings: np.ndarray) -> np.ndarray:
-    caster = RayCaster(geom_corners(world.model, group))
+    caster = RayCaster(geom_triangles(world.model, group))
     starts = np.column_stack([places, np.full(len(places), _HEIGHT_M)])
     return np.minimum(caster.cast(starts, _level(bearings)), _RANGE_M)
 

@@ -14,7 +14,7 @@ from shapely import Polygon
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.raycast import RayCaster
 from pipeline.geometry.registration import Pose, Registration, Search, register_scans
-from pipeline.mjcf.bundle import World, geom_corners, surface_corners
+from pipeline.mjcf.bundle import World, geom_triangles, surface_triangles
 from pipeline.params.validation import ReplayParams
 from pipeline.survey.poses import Returns, SurveyedPose, gate_returns, read_poses, read_returns, require_poses
 
@@ -39,7 +39,7 @@ class RangeErrors:
 class SweepReplay:
     """One sweep: what was gated and why, where it was taken, its own correction, and its errors on both walls.
 
-    `collision` are errors against what a robot hits, `visible` against what its LiDAR sees (the overlay), and
+    `collision` are errors against what a robot hits, `visible` against what its LiDAR sees (the rough surface), and
     `every_return_median_m` against the collision walls with no gate but the registration's.
     """
 
@@ -124,9 +124,9 @@ def replay_sweeps(world: World, free: Polygon, poses: Path, sweeps: dict[str, Pa
     for name, (kept, gated) in static.items():
         if not len(kept.range_m):
             raise InputError(f"{sweeps[name]}: no return passes the gates ({gated})")
-    hit = RayCaster(geom_corners(world.model, world.record.geom_groups["rock"]))
-    visible = surface_corners(world.model, "surface_walls")
-    seen = RayCaster(visible if len(visible) else surface_corners(world.model, "surface_base_walls"))
+    hit = RayCaster(geom_triangles(world.model, world.record.geom_groups["rock"]))
+    visible = surface_triangles(world.model, "surface_walls")
+    seen = RayCaster(visible if len(visible) else surface_triangles(world.model, "surface_base_walls"))
 
     def cast(places: np.ndarray, bearings: np.ndarray) -> np.ndarray:
         return hit.fan(places, bearings, params.sensor_height_m)

@@ -16,7 +16,7 @@ from tests.mines import BuiltMine
 
 def test_a_mine_kilometres_from_its_origin_keeps_its_millimetres(tmp_path):
     far = translate(rotate(shapely.box(0, 0, 40, 6), 21.0), 5123.4567, 7654.3219)
-    coarse = compose(["surface.overlay.spacing_m=0.5", "surface.overlay.back_spacing_m=0.5"])
+    coarse = compose(["surface.rough.spacing_m=0.5", "surface.rough.roof_spacing_m=0.5"])
     mine = BuiltMine(far, coarse, tmp_path / "world")
     world = open_bundle(mine.bundle)
     assert measure_consistency(mine.bundle, world, mine.free_space)["frame_error_m"] < 0.001

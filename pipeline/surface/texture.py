@@ -7,7 +7,7 @@ import numpy as np
 from pipeline.types import Image
 
 
-def rock_texture(
+def make_texture(
     size_px: int, spectral_exponent: float, contrast: float, rgb: tuple[int, int, int], rng: np.random.Generator
 ) -> Image:
     """Return a square texture that repeats without a seam.

@@ -1,4 +1,4 @@
-"""The overlay's lattice: the inner shell as regular points on walls and arched back, before the rock displaces it."""
+"""The lattice of the rough surface: regular points on walls and arched roof, before noise displaces them."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from scipy.spatial import Delaunay, cKDTree
 from shapely import Polygon
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.walls import Ring, Walls, outline_of, smoothstep
+from pipeline.surface.walls import Ring, Walls, outline_of, smoothstep
 
-WALL, BACK = 0, 1
-_BLEND_M = 0.8  # width of the strip in which the direction turns from the wall's to the back's
-_TOE_SHARE = 0.4  # of half the free width, where the sill chamfers of two walls come near each other
+WALL, ROOF = 0, 1
+_BLEND_M = 0.8  # width of the strip in which the direction turns from the wall's to the roof's
+_TOE_SHARE = 0.4  # of half the free width, where the floor chamfers of two walls come near each other
 _ZIGZAG_M = 1e-4
 _BLUR_M = 0.35  # s.d. of the smoothing that rounds the arch's crease where two walls are nearer than its span
 
 
 @dataclass(frozen=True)
-class BoreProfile:
-    """Cross-section of the workings, m: sill to back, wall chamfer at the sill, and the arch that carries the back."""
+class CrossSection:
+    """Cross-section of the workings, m: height, wall chamfer at the floor, and the arch of the roof."""
 
     height_m: float
-    sill_chamfer_m: float
+    floor_chamfer_m: float
     arch_rise_m: float
     arch_half_span_m: float
 
@@ -36,14 +36,14 @@ class BoreProfile:
 class Lattice:
     """Points, faces and displacement directions (m, mine frame).
 
-    Vertex `row * columns + column` for rows of the walls, then the inner points of the back. `direction` are unit
-    vectors into the workings, `back_share` (n,) goes from 0 on the walls to 1 on the back, `column` (n,) names the
-    wall's column at or nearest to a vertex, and `piece` (m,) says whether a face belongs to a wall or to the back.
+    Vertex `row * columns + column` for rows of the walls, then the inner points of the roof. `direction` are unit
+    vectors into the workings, `roof_share` (n,) goes from 0 on the walls to 1 on the roof, `column` (n,) names the
+    wall's column at or nearest to a vertex, and `piece` (m,) says whether a face belongs to a wall or to the roof.
     """
 
     vertices: np.ndarray
     direction: np.ndarray
-    back_share: np.ndarray
+    roof_share: np.ndarray
     column: np.ndarray
     faces: np.ndarray
     piece: np.ndarray
@@ -56,18 +56,18 @@ class Lattice:
         return self.rows * len(self.walls.xy)
 
 
-def lay_lattice(walls: Walls, profile: BoreProfile, spacing_m: float, back_spacing_m: float) -> Lattice:
-    """Lay points up the walls and over the arched back of the workings.
+def lay_lattice(walls: Walls, profile: CrossSection, spacing_m: float, roof_spacing_m: float) -> Lattice:
+    """Lay points up the walls and over the arched roof of the workings.
 
-    The back joins the walls' top row, so corners, junctions and islands have no seam. It rises from them as a parabola
+    The roof joins the walls' top row, so corners, junctions and islands have no seam. It rises from them as a parabola
     over `arch_half_span_m` and is level beyond.
 
     Parameters
     ----------
     walls : Walls
-    profile : BoreProfile
-    spacing_m, back_spacing_m : float
-        Greatest distance of neighbouring points up the walls, and on the back in plan.
+    profile : CrossSection
+    spacing_m, roof_spacing_m : float
+        Greatest distance of neighbouring points up the walls, and on the roof in plan.
 
     Raises
     ------
@@ -77,30 +77,30 @@ def lay_lattice(walls: Walls, profile: BoreProfile, spacing_m: float, back_spaci
     xy, inward = walls.xy, walls.inward
     top_m = profile.height_m - profile.arch_rise_m
     levels = np.linspace(0.0, top_m, max(2, int(np.ceil(top_m / spacing_m)) + 1))
-    toe = np.minimum(profile.sill_chamfer_m, _TOE_SHARE * walls.free_m)  # the octagon's lower chamfer, at 45 deg
+    toe = np.minimum(profile.floor_chamfer_m, _TOE_SHARE * walls.free_m)  # the floor chamfer, at 45 deg
     rows = [np.column_stack([xy + np.maximum(0.0, toe - z)[:, None] * inward, np.full(len(xy), z)]) for z in levels]
-    inner, faces = _back_in_plan(walls, back_spacing_m)
+    inner, faces = _roof_in_plan(walls, roof_spacing_m)
     near, column = cKDTree(xy).query(inner)
-    back = np.column_stack([inner, _arch(inner, near, profile, back_spacing_m)])
+    roof = np.column_stack([inner, _arch(inner, near, profile, roof_spacing_m)])
     share = smoothstep(near / _BLEND_M)
     direction = np.column_stack([inward[column] * (1 - share)[:, None], -share])
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     flat = np.column_stack([inward, np.zeros(len(xy))])
     wall_faces = _wall_faces(walls, len(levels))
-    offset = (len(levels) - 1) * len(xy)  # the back's first points are the walls' top row
+    offset = (len(levels) - 1) * len(xy)  # the roof's first points are the walls' top row
     return Lattice(
-        vertices=np.concatenate([*rows, back]),
+        vertices=np.concatenate([*rows, roof]),
         direction=np.concatenate([np.tile(flat, (len(levels), 1)), direction]),
-        back_share=np.concatenate([np.zeros(len(levels) * len(xy)), share]),
+        roof_share=np.concatenate([np.zeros(len(levels) * len(xy)), share]),
         column=np.concatenate([np.tile(np.arange(len(xy)), len(levels)), column]),
         faces=np.concatenate([wall_faces, faces[:, ::-1] + offset]).astype(np.int32),
-        piece=np.repeat(np.array([WALL, BACK], np.uint8), [len(wall_faces), len(faces)]),
+        piece=np.repeat(np.array([WALL, ROOF], np.uint8), [len(wall_faces), len(faces)]),
         walls=walls,
         rows=len(levels),
     )
 
 
-def _back_in_plan(walls: Walls, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
+def _roof_in_plan(walls: Walls, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Triangulate the workings in plan: returns inner grid points (n, 2) and faces over wall columns and these.
 
     Grid points keep so far from the walls that a Delaunay triangulation contains every piece of wall line.
@@ -149,7 +149,7 @@ def _strip_faces(points: np.ndarray, outline: Polygon, rings: list[Ring]) -> np.
         x, y = points[int(lost.argmax())]
         raise GeometryError(
             f"surface: at ({x:.1f}, {y:.1f}) m two walls stand nearer than the lattice's spacing; "
-            "give a finer surface.overlay.spacing_m"
+            "give a finer surface.rough.spacing_m"
         )
     face, side = np.nonzero(~is_wall & (beside >= 0))
     joins = coo_array((np.ones(len(face)), (face, beside[face, side])), shape=(len(faces), len(faces)))
@@ -177,8 +177,8 @@ def _outside_squares(
     return faces[~square[row, col]]
 
 
-def _arch(inner: np.ndarray, near: np.ndarray, profile: BoreProfile, spacing_m: float) -> np.ndarray:
-    """Return the back's height over plan points whose distance from the wall is `near`, (n,) m."""
+def _arch(inner: np.ndarray, near: np.ndarray, profile: CrossSection, spacing_m: float) -> np.ndarray:
+    """Return the roof's height over plan points whose distance from the wall is `near`, (n,) m."""
     low = inner.min(axis=0)
     col, row = np.round((inner - low) / spacing_m).astype(int).T
     t = np.minimum(near / profile.arch_half_span_m, 1.0)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pipeline.geometry.spectrum import Bands, band_edges
+from pipeline.surface.spectrum import Bands, band_edges
 
 _WAVES = 96  # a band: a stretch of drift then shows no repetition
 _BLOCK = 8192

@@ -1,4 +1,4 @@
-"""The overlay: the lattice displaced by solid noise within the room there is, checked, mended and cut into chunks."""
+"""The rough surface: the lattice displaced by solid noise, checked, mended and cut into chunks."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import shapely
 from scipy.spatial import cKDTree
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.displacement import Bounds, bound_displacement, damp_near, displaced
-from pipeline.geometry.lattice import BACK, WALL, Lattice
-from pipeline.geometry.noise import slow_modulation, solid_noise
 from pipeline.geometry.partition import triangulate
-from pipeline.geometry.shell import find_crossings
-from pipeline.geometry.spectrum import Bands
-from pipeline.geometry.walls import outline_of
+from pipeline.surface.displacement import Bounds, bound_displacement, damp_near, displaced
+from pipeline.surface.lattice import ROOF, WALL, Lattice
+from pipeline.surface.mesh_checks import find_crossings
+from pipeline.surface.noise import slow_modulation, solid_noise
+from pipeline.surface.spectrum import Bands
+from pipeline.surface.walls import outline_of
 from pipeline.types import Mesh
 
 _MEND_ROUNDS = 8
@@ -32,7 +32,7 @@ class Modulation:
 
 
 @dataclass(frozen=True)
-class Overlay:
+class RoughSurface:
     """The displaced lattice: `vertices` (n, 3) m, displacement wanted and given (n,) m, and places mended (k, 3) m."""
 
     lattice: Lattice
@@ -43,20 +43,20 @@ class Overlay:
 
 
 def displace_lattice(
-    lattice: Lattice, wall: Bands, back: Bands, modulation: Modulation, bounds: Bounds, rng: np.random.Generator
-) -> Overlay:
-    """Displace the lattice by noise with the walls' and the back's spectra, and mend where faces would meet.
+    lattice: Lattice, wall: Bands, roof: Bands, modulation: Modulation, bounds: Bounds, rng: np.random.Generator
+) -> RoughSurface:
+    """Displace the lattice by noise with the walls' and the roof's spectra, and mend where faces would meet.
 
-    Where an edge would go through a face, or the bore's floor line cross itself, the displacement round the place is
-    halved, again and again if need be; the places are returned.
+    Where an edge would go through a face, or the line of the walls on the floor would cross itself, the displacement
+    round the place is halved, several times if needed; the places are returned.
 
     Raises
     ------
     GeometryError
         If eight rounds do not mend it.
     """
-    share = lattice.back_share
-    wanted = solid_noise(lattice.vertices, [wall, back], [1 - share, share], rng)
+    share = lattice.roof_share
+    wanted = solid_noise(lattice.vertices, [wall, roof], [1 - share, share], rng)
     wanted *= slow_modulation(lattice.vertices, modulation.wavelength_m, modulation.spread, rng)
     given = bound_displacement(wanted, lattice, bounds)
     mended = np.zeros((0, 3))
@@ -67,7 +67,7 @@ def displace_lattice(
             [find_crossings(vertices, faces), _folds(vertices, faces, lattice.vertices), _knots(vertices, lattice)]
         )
         if not len(wrong):
-            return Overlay(lattice, vertices, wanted, given, mended)
+            return RoughSurface(lattice, vertices, wanted, given, mended)
         mended = np.concatenate([mended, wrong])
         given = damp_near(wrong, vertices, given, _MEND_RADIUS_M, _MEND_FACTOR)
         # Elsewhere nothing moves, so nothing new can meet.
@@ -75,7 +75,7 @@ def displace_lattice(
         faces = lattice.faces[np.isfinite(near)[lattice.faces].any(axis=1)]
     x, y, z = wrong[0]
     raise GeometryError(
-        f"surface: after {_MEND_ROUNDS} rounds of mending the overlay cuts itself at ({x:.1f}, {y:.1f}, {z:.1f}) m"
+        f"surface: the rough surface cuts itself at ({x:.1f}, {y:.1f}, {z:.1f}) m after {_MEND_ROUNDS} repairs"
     )
 
 
@@ -90,7 +90,7 @@ def _normals(corners: np.ndarray) -> np.ndarray:
 
 
 def _knots(vertices: np.ndarray, lattice: Lattice) -> np.ndarray:
-    """Return the place (1, 3) where the bore's line on the floor crosses itself, or none."""
+    """Return the place (1, 3) where the line of the walls on the floor crosses itself, or none."""
     foot = outline_of(vertices[: len(lattice.walls.xy), :2], lattice.walls.rings)
     if foot.is_valid:
         return np.zeros((0, 3))
@@ -98,37 +98,37 @@ def _knots(vertices: np.ndarray, lattice: Lattice) -> np.ndarray:
     return np.array([[*map(float, reason[reason.index("[") + 1 : -1].split()), 0.0]])
 
 
-def closed_shell(overlay: Overlay) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices (n, 3) m and faces (m, 3) of the overlay closed by the sill."""
-    columns = len(overlay.lattice.walls.xy)
-    foot = overlay.vertices[:columns, :2]
-    points, sill = triangulate(outline_of(foot, overlay.lattice.walls.rings))
+def closed_mesh(rough: RoughSurface) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices (n, 3) m and faces (m, 3) of the rough surface closed by the floor."""
+    columns = len(rough.lattice.walls.xy)
+    foot = rough.vertices[:columns, :2]
+    points, floor = triangulate(outline_of(foot, rough.lattice.walls.rings))
     number = {xy.tobytes(): i for i, xy in enumerate(foot)}
     index = np.array([number[xy.tobytes()] for xy in points])
-    return overlay.vertices, np.concatenate([overlay.lattice.faces, index[sill]])
+    return rough.vertices, np.concatenate([rough.lattice.faces, index[floor]])
 
 
-def cut_chunks(overlay: Overlay, tile_m: float, texture_m: float) -> dict[str, Mesh]:
-    """Cut the overlay into square tiles of the plan, walls and back apart, so that a renderer can leave most of it out.
+def cut_chunks(rough: RoughSurface, tile_m: float, texture_m: float) -> dict[str, Mesh]:
+    """Cut walls and roof into square tiles of the plan, so that a renderer can leave most of them out.
 
     Returns
     -------
     dict of Mesh
         `walls_CC_RR` and `back_CC_RR` by the tile's column and row from the south-west; faces look into the workings.
     """
-    lattice = overlay.lattice
+    lattice = rough.lattice
     along = _along_walls(lattice, texture_m)
     centre = lattice.vertices[lattice.faces].mean(axis=1)[:, :2]
     tile = np.floor((centre - lattice.vertices[:, :2].min(axis=0)) / tile_m).astype(int)
     chunks = {}
-    for piece, name in ((WALL, "walls"), (BACK, "back")):
+    for piece, name in ((WALL, "walls"), (ROOF, "back")):
         of_piece = np.flatnonzero(lattice.piece == piece)
         tile[of_piece] = _join_lone(tile[of_piece], centre[of_piece])
         order = of_piece[np.lexsort(tile[of_piece].T[::-1])]
         first = np.flatnonzero(np.any(np.diff(tile[order], axis=0, prepend=-1) != 0, axis=1))
         for part in np.split(order, first[1:]):
             col, row = tile[part[0]]
-            chunks[f"{name}_{col:02d}_{row:02d}"] = _chunk(overlay, lattice.faces[part], piece, along, texture_m)
+            chunks[f"{name}_{col:02d}_{row:02d}"] = _chunk(rough, lattice.faces[part], piece, along, texture_m)
     return chunks
 
 
@@ -136,11 +136,11 @@ def _join_lone(tile: np.ndarray, centre: np.ndarray) -> np.ndarray:
     """Return the faces' tiles (n, 2); one alone goes to its nearest neighbour's, as MuJoCo wants four vertices."""
     _, group, count = np.unique(tile, axis=0, return_inverse=True, return_counts=True)
     alone = count[group.ravel()] == 1
-    joined = tile.copy()
+    join_meshes = tile.copy()
     for face in np.flatnonzero(alone):
         off = np.linalg.norm(centre - centre[face], axis=1)
-        joined[face] = tile[np.where(alone, np.inf, off).argmin()]
-    return joined
+        join_meshes[face] = tile[np.where(alone, np.inf, off).argmin()]
+    return join_meshes
 
 
 def _along_walls(lattice: Lattice, texture_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -154,13 +154,13 @@ def _along_walls(lattice: Lattice, texture_m: float) -> tuple[np.ndarray, np.nda
 
 
 def _chunk(
-    overlay: Overlay, faces: np.ndarray, piece: int, along: tuple[np.ndarray, np.ndarray], texture_m: float
+    rough: RoughSurface, faces: np.ndarray, piece: int, along: tuple[np.ndarray, np.ndarray], texture_m: float
 ) -> Mesh:
-    lattice = overlay.lattice
-    if piece == BACK:
+    lattice = rough.lattice
+    if piece == ROOF:
         used, index = np.unique(faces, return_inverse=True)
         texcoords = lattice.vertices[used, :2] / texture_m
-        return Mesh(overlay.vertices[used], index.reshape(-1, 3).astype(np.int32), texcoords)
+        return Mesh(rough.vertices[used], index.reshape(-1, 3).astype(np.int32), texcoords)
     u, repeats = along
     corner = u[lattice.column[faces]]
     # A face across the seam of a ring joins the last column to the first, which counts one whole round there.
@@ -169,4 +169,4 @@ def _chunk(
     used, late_used = key // 2, (key % 2).astype(float)
     column = lattice.column[used]
     texcoords = np.column_stack([u[column] + late_used * repeats[column], lattice.vertices[used, 2] / texture_m])
-    return Mesh(overlay.vertices[used], index.reshape(-1, 3).astype(np.int32), texcoords)
+    return Mesh(rough.vertices[used], index.reshape(-1, 3).astype(np.int32), texcoords)

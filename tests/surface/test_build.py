@@ -8,15 +8,19 @@ import shapely
 
 from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError, ParamsError
-from pipeline.geometry.spectrum import Roughness, band_edges, predicted_rq
 from pipeline.metrics.profile import line_roughness
-from pipeline.mjcf.bundle import open_bundle, surface_corners
+from pipeline.mjcf.bundle import open_bundle, surface_triangles
 from pipeline.proof.surface import report_texture, report_walls, texture_metrics
-from pipeline.rock import _section, build_rock, choose_bands, measure_cloud, measure_sources, widen_spacing
 from pipeline.store.codecs import decode
+from pipeline.surface.bands import choose_bands
+from pipeline.surface.build import build_rough_surface, widen_spacing
+from pipeline.surface.built import wall_section
+from pipeline.surface.reference import measure_cloud, measure_sources
+from pipeline.surface.spectrum import Roughness, band_edges
 from pipeline.types import DriftNetwork, FreeSpace
 from tests.mines import BuiltMine
 from tests.project import ROOT, Project, message_of
+from tests.surface.spectra import predicted_rq
 
 
 @pytest.fixture(scope="module")
@@ -27,14 +31,14 @@ def opened(tee: BuiltMine):
 
 def test_no_wave_is_shorter_than_two_spacings_of_its_mesh(config):
     params = config.surface
-    wall, back = choose_bands(params, measure_sources(params))
-    for bands, spacing in ((wall, params.overlay.spacing_m), (back, params.overlay.back_spacing_m)):
+    wall, roof = choose_bands(params, measure_sources(params))
+    for bands, spacing in ((wall, params.rough.spacing_m), (roof, params.rough.roof_spacing_m)):
         shortest = min(band_edges(w)[0] for w in bands.wavelength_m[bands.sd_m > 0])
         assert shortest >= 2 * spacing * 0.999
 
 
 def test_a_finer_mesh_carries_shorter_waves():
-    fine = compose(["surface.overlay.spacing_m=0.05", "surface.overlay.back_spacing_m=0.05"]).surface
+    fine = compose(["surface.rough.spacing_m=0.05", "surface.rough.roof_spacing_m=0.05"]).surface
     wall, _ = choose_bands(fine, measure_sources(fine))
     assert band_edges(float(wall.wavelength_m.min()))[0] == pytest.approx(0.1)
 
@@ -43,8 +47,8 @@ def test_a_drift_that_copies_the_sweeps_has_their_roughness():
     params = compose(["surface.reference=sweeps"]).surface
     sources = measure_sources(params)
     noise = choose_bands(params, sources)
-    overlay = build_rock(params, shapely.box(0, 0, 80, 7), None, 3.5, noise)
-    (line,) = _section(overlay).values()
+    rough = build_rough_surface(params, shapely.box(0, 0, 80, 7), None, 3.5, noise)
+    (line,) = wall_section(rough).values()
     asked = dict(zip(sources["sweeps"]["wall"].window_m, sources["sweeps"]["wall"].rq_m, strict=True))
     wall, _ = noise
     for window in (0.5, 1.0):
@@ -54,11 +58,11 @@ def test_a_drift_that_copies_the_sweeps_has_their_roughness():
 
 
 def test_a_large_mine_gets_wider_spacings_and_a_huge_one_is_refused(capsys):
-    params = compose(["surface.overlay.most_faces=100000"]).surface
+    params = compose(["surface.rough.most_faces=100000"]).surface
     drift = shapely.box(0, 0, 120, 6)
     wide = widen_spacing(params, drift, 3.5)
-    overlay = build_rock(wide, drift, None, 3.5, choose_bands(wide, measure_sources(wide)))
-    assert len(overlay.lattice.faces) == pytest.approx(100_000, rel=0.1)
+    rough = build_rough_surface(wide, drift, None, 3.5, choose_bands(wide, measure_sources(wide)))
+    assert len(rough.lattice.faces) == pytest.approx(100_000, rel=0.1)
     assert "720 m2 of workings would need 0.2 million faces" in capsys.readouterr().out
     assert widen_spacing(params, shapely.box(0, 0, 20, 6), 3.5) is params
     with pytest.raises(InputError, match=r"would need .*most_faces is 100000; build a part"):
@@ -77,18 +81,20 @@ def test_a_scanned_cave_gives_walls_and_back_to_copy(shared_rock, monkeypatch, t
     rq = dict(zip(measured["wall"].window_m, measured["wall"].rq_m, strict=True))
     assert 0.01 < rq[0.5] < 0.05  # the audit: 17-18 mm on scanned caves
     assert measured["wall"].spectrum is not None
-    wall, back = choose_bands(params, {"cloud": measured})
+    wall, roof = choose_bands(params, {"cloud": measured})
     assert predicted_rq(wall, Roughness(0.5, 0.0)) == pytest.approx(rq[0.5], rel=0.25)
-    assert 0 < back.rms_m < 0.2
+    assert 0 < roof.rms_m < 0.2
 
 
 def test_a_passage_thinner_than_the_lattice_is_refused_with_its_place(config):
     thin = shapely.union_all([shapely.box(0, 0, 20, 5), shapely.box(20, 2, 30, 2.03), shapely.box(30, 0, 50, 5)])
     with pytest.raises(GeometryError, match=r"surface: .* at \((20|30)\.\d, 2\.\d"):
-        build_rock(config.surface, thin, None, 3.5, choose_bands(config.surface, measure_sources(config.surface)))
+        build_rough_surface(
+            config.surface, thin, None, 3.5, choose_bands(config.surface, measure_sources(config.surface))
+        )
 
 
-def test_the_world_shows_the_overlay_hides_the_base_and_lets_nothing_collide_with_either(opened):
+def test_the_world_shows_the_rough_surface_hides_the_smooth_one_and_lets_nothing_collide_with_either(opened):
     model, groups = opened.model, opened.record.geom_groups
     for geom in range(model.ngeom):
         name = model.geom(geom).name
@@ -120,11 +126,11 @@ def test_texture_and_walls_are_measured_on_the_meshes_that_the_model_names(opene
 
 
 def test_the_models_triangles_are_the_files_triangles(opened, tee):
-    back = surface_corners(opened.model, "surface_back")
+    roof = surface_triangles(opened.model, "surface_back")
     files = sorted((tee.bundle / "meshes").glob("back_*.msh"))
     written = np.concatenate([(m := decode(f, None)).vertices[m.faces] for f in files])
-    assert len(back) == len(written)
-    assert np.abs(np.sort(back.mean(axis=1), axis=0) - np.sort(written.mean(axis=1), axis=0)).max() < 1e-3
+    assert len(roof) == len(written)
+    assert np.abs(np.sort(roof.mean(axis=1), axis=0) - np.sort(written.mean(axis=1), axis=0)).max() < 1e-3
 
 
 @pytest.mark.parametrize(
@@ -133,7 +139,7 @@ def test_the_models_triangles_are_the_files_triangles(opened, tee):
         ("surface.reference=cloud", "surface.reference=cloud needs surface.cloud.file"),
         ("surface.cloud.file=/etc/passwd", "not below data/"),
         ("surface.cloud.units=inch", "'m', 'mm' or 'ft'"),
-        ("surface.overlay.bounds.wide_half_width_m=0.5", "narrow_half_width_m must be below"),
+        ("surface.rough.bounds.wide_half_width_m=0.5", "narrow_half_width_m must be below"),
         ("surface.published.wall_sd_m=[0.1,0.1]", "differ in length"),
     ],
 )

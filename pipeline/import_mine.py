@@ -16,7 +16,7 @@ from pipeline.errors import ArtifactError, InputError, ParamsError
 from pipeline.params.survey import SurveyParams
 from pipeline.store.files import write_atomically
 from pipeline.store.registry import register
-from pipeline.survey.guess import WIDTHS_M, Guess, guess_survey
+from pipeline.survey.detect import WIDTHS_M, Detection, detect_survey
 
 DATA = Path("data/mines")
 _KINDS = {
@@ -34,13 +34,13 @@ def survey_file(name: str) -> Path:
     return CONF / "survey" / f"{name}.yaml"
 
 
-def adopt(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any]) -> list[str]:
+def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any]) -> list[str]:
     """Copy and register a mine's files and write `conf/survey/NAME.yaml`, unless it is there: then it is kept.
 
     Returns
     -------
     list of str
-        What was found out, one line each, with the YAML line that corrects a wrong guess.
+        What was found out, one line each, with the YAML line that corrects a wrong reading.
 
     Raises
     ------
@@ -56,20 +56,20 @@ def adopt(name: str, source: Path, origin: str, licence: str, stated: dict[str, 
         if f"`python -m pipeline new {name}`" not in conf.read_text() or not (DATA / name).is_dir():
             raise ParamsError(f"name = {name}: {conf} is a survey of the project's own; choose another name")
         return [f"{conf} is kept as it is; remove it to look at the file anew"]
-    guess = guess_survey(source, stated)
+    detected = detect_survey(source, stated)
     folder = DATA / name
-    placed = {file: folder / file.absolute().relative_to(source.parent.absolute()) for file in guess.files}
+    placed = {file: folder / file.absolute().relative_to(source.parent.absolute()) for file in detected.files}
     for file, place in placed.items():
         if place.is_file() and place.read_bytes() != file.read_bytes():
             raise InputError(f"{place}: holds another file; remove it, or choose another name than {name}")
-    text = survey_yaml(name, placed[guess.files[0]], guess, stated)
+    text = survey_yaml(name, placed[detected.files[0]], detected, stated)
     _require_section(text)
     for file, place in placed.items():
         if not place.is_file():
             write_atomically(place, file.read_bytes())
         register(place, origin, licence)
     write_atomically(conf, text.encode())
-    return _findings(conf, guess)
+    return _findings(conf, detected)
 
 
 def _require_section(text: str) -> None:
@@ -82,7 +82,7 @@ def _require_section(text: str) -> None:
         raise ParamsError(f"survey.{where} = {first['input']!r}: {first['msg']}") from error
 
 
-def adopt_workings(name: str, source: Path) -> Path:
+def import_workings(name: str, source: Path) -> Path:
     """Copy a world's free space below data/ and register it, so that variants of it can be made.
 
     Raises
@@ -100,15 +100,15 @@ def adopt_workings(name: str, source: Path) -> Path:
     return place
 
 
-def survey_yaml(name: str, file: Path, guess: Guess, stated: dict[str, Any]) -> str:
-    """Return the text of a survey section: the guess, and a remark beside each value."""
-    values = {"kind": guess.values["kind"], "name": name, **guess.values}
+def survey_yaml(name: str, file: Path, detected: Detection, stated: dict[str, Any]) -> str:
+    """Return the text of a survey section: what was detected, and a remark beside each value."""
+    values = {"kind": detected.values["kind"], "name": name, **detected.values}
     for key in ("image", "file", "map"):
         if key in values:
             values[key] = file.as_posix()
     values |= {"poses": None, "entrance_m": stated.get("entrance_m"), "labels_m": {}}
     remarks = {
-        "entrance_m": "[x, y]; null: the start of the longest drift", "labels_m": "{A: [x, y], ...}", **guess.remarks
+        "entrance_m": "[x, y]; null: the start of the longest drift", "labels_m": "{A: [x, y], ...}", **detected.remarks
     }  # fmt: skip
     lines = [
         f"# @package _global_\n# Written by `python -m pipeline new {name}`; correct what is wrong and run it again.",
@@ -129,21 +129,23 @@ def _line(text: str, remark: str | None) -> str:
     return f"{text:40}  # {remark}" if remark else text
 
 
-def _findings(conf: Path, guess: Guess) -> list[str]:
-    lines = [f"{guess.files[0].name}: {_KINDS[guess.values['kind']]}; wrong? correct {conf}"]
-    if guess.values.get("outlined"):
-        lines.append("walls are drawn as lines and what they enclose is filled; wrong? survey.outlined: false")
-    if guess.values.get("light_on_dark"):
+def _findings(conf: Path, detected: Detection) -> list[str]:
+    lines = [f"{detected.files[0].name}: {_KINDS[detected.values['kind']]}; wrong? correct {conf}"]
+    if detected.values.get("line_drawing"):
+        lines.append("walls are drawn as lines and what they enclose is filled; wrong? survey.line_drawing: false")
+    if detected.values.get("light_on_dark"):
         lines.append("light on dark paper; wrong? survey.light_on_dark: false")
-    if "scale" in guess.remarks:
-        lines.append(f"scale: {guess.remarks['scale']}; wrong? survey.scale")
-    if guess.values.get("unit"):
-        lines.append(f"unit: {guess.values['unit']}, as drifts are then {guess.width_m:.1f} m wide; wrong? survey.unit")
-    low, high = WIDTHS_M
-    if not low <= guess.width_m <= high:
-        where = "survey.scale" if "scale" in guess.values else "survey.unit"
+    if "scale" in detected.remarks:
+        lines.append(f"scale: {detected.remarks['scale']}; wrong? survey.scale")
+    if detected.values.get("unit"):
         lines.append(
-            f"WARNING: drifts would be {guess.width_m:.2f} m wide, outside {low:g} to {high:g} m; "
+            f"unit: {detected.values['unit']}, as drifts are then {detected.width_m:.1f} m wide; wrong? survey.unit"
+        )
+    low, high = WIDTHS_M
+    if not low <= detected.width_m <= high:
+        where = "survey.scale" if "scale" in detected.values else "survey.unit"
+        lines.append(
+            f"WARNING: drifts would be {detected.width_m:.2f} m wide, outside {low:g} to {high:g} m; "
             f"is the scale right? {where}"
         )
     return lines

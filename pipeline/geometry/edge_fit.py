@@ -8,7 +8,7 @@ import shapely
 from pipeline.types import Points2
 
 
-def refit_ring(traced: Points2, kept: Points2, tolerance_m: float) -> Points2:
+def fit_edges(traced: Points2, kept: Points2, tolerance_m: float) -> Points2:
     """Move the vertices that Douglas-Peucker kept to where least-squares lines through the traced wall meet.
 
     Douglas-Peucker keeps the extreme points of a ragged wall, so a long edge runs along the wall's fringe instead of

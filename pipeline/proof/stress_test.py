@@ -1,4 +1,4 @@
-"""Adversarial pushes: robots thrown at the places where a wall could leak, and whether one ever gets out."""
+"""The collision stress test: robots thrown at the places where a wall could leak, and whether one ever gets out."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 @dataclass(frozen=True)
-class Pushes:
+class StressTest:
     """Robot steps in touch with rock, robots thrown, escapes, how deep an upright one was pressed into rock (m)."""
 
     contacts: int
@@ -40,14 +40,14 @@ class Pushes:
     targets: dict[str, int]
 
 
-def push_robots(
+def stress_walls(
     bundle: Path, free: Polygon, parts: list[np.ndarray], zone_edges_m: list[float], contacts: int, seed: int,
     threads: int = 1, progress: Progress = iter,
-) -> Pushes:  # fmt: skip
+) -> StressTest:  # fmt: skip
     """Throw robots at corners, seams of parts, borders of zones and windows, and anywhere at the walls.
 
     A throw is up to 3 m/s towards the wall and full throttle after it. A robot has escaped when its centre leaves
-    the workings or is no longer between sill and back.
+    the workings or is no longer between floor and roof.
 
     Parameters
     ----------
@@ -95,14 +95,14 @@ def push_robots(
             try:
                 touched += int(explorers.drive(command, rngs, here).sum())
             except RuntimeError as error:
-                raise GeometryError(f"pushes: {error}") from error
+                raise GeometryError(f"stress test: {error}") from error
             out, depth = _escaped(explorers, here, free, robot.radius_m, height)
             escapes += int(out.sum())
             deepest = max(deepest, depth)
     explorers.close()
     if touched < contacts:
-        raise GeometryError(f"pushes: {throws} throws gave {touched} contacts of the {contacts} asked for")
-    return Pushes(touched, throws, escapes, round(deepest, 5), {name: len(p) for name, p in kinds.items()})
+        raise GeometryError(f"stress test: {throws} throws gave {touched} contacts of the {contacts} asked for")
+    return StressTest(touched, throws, escapes, round(deepest, 5), {name: len(p) for name, p in kinds.items()})
 
 
 def _targets(

@@ -9,7 +9,7 @@ from pipeline.errors import GeometryError
 from pipeline.types import Image, Mask
 
 
-def binarise(
+def binarize(
     plan: Image, threshold: int | None, annotation_chroma: int, annotation_margin_px: float, boxes: list
 ) -> Mask:
     """Mark dark, colourless pixels: the workings as the plan shows them, annotation removed, nothing else cleaned.
@@ -19,7 +19,7 @@ def binarise(
     plan : (rows, cols, 3) uint8
         BGR.
     threshold : int or None
-        Pixels at or below this grey value are ink; None chooses it by Otsu's method over the pixels that are kept.
+        Pixels at or below this grey value are workings; None chooses it by Otsu's method over the pixels that are kept.
     annotation_chroma : int
         Pixels whose channels differ by more than this are coloured annotation.
     annotation_margin_px : float
@@ -46,7 +46,7 @@ def binarise(
     return (grey <= threshold) & kept
 
 
-def mend_ink(raw: Mask, bridge_px: float, despeck_px: float) -> Mask:
+def clean_mask(raw: Mask, bridge_px: float, despeck_px: float) -> Mask:
     """Bridge gaps and drop specks.
 
     Parameters
@@ -59,7 +59,7 @@ def mend_ink(raw: Mask, bridge_px: float, despeck_px: float) -> Mask:
     -------
     (rows, cols) bool
     """
-    pad = int(np.ceil(max(bridge_px, despeck_px))) + 1  # morphology must not see the border as rock or ink
+    pad = int(np.ceil(max(bridge_px, despeck_px))) + 1  # morphology must not see the border as rock or workings
     bridged = cv2.morphologyEx(np.pad(raw.astype(np.uint8), pad), cv2.MORPH_CLOSE, _disc(bridge_px))
     return _open(bridged, despeck_px)[pad:-pad, pad:-pad].astype(bool)
 
@@ -76,7 +76,7 @@ def fill_islands(workings: Mask, min_island_px: float) -> Mask:
 
 
 def left_out(raw: Mask, cleaned: Mask, min_px: float) -> list[tuple[float, float, float]]:
-    """Return the ink that cleaning left out because it is connected to nothing: area px2, column, row; largest first.
+    """Return the drawn pieces that are connected to nothing: area px2, column, row; largest first.
 
     Pieces smaller than `min_px` are specks and not listed.
     """
@@ -94,7 +94,9 @@ def _open(mask: np.ndarray, radius_px: float) -> np.ndarray:
     return mask & cv2.dilate(opened, _disc((np.sqrt(2.0) - 1.0) * radius_px + 0.5))
 
 
-def require_workings(raw: Mask, cleaned: Mask, px_per_m: float, min_tunnel_m2: float, max_ink_share: float) -> None:
+def require_workings(
+    raw: Mask, cleaned: Mask, px_per_m: float, min_tunnel_m2: float, max_workings_share: float
+) -> None:
     """Refuse a plan that shows no workings, or more workings than paper.
 
     Raises
@@ -103,9 +105,9 @@ def require_workings(raw: Mask, cleaned: Mask, px_per_m: float, min_tunnel_m2: f
         With the measured area or share and the limit.
     """
     share = float(raw.mean())
-    if share > max_ink_share:
+    if share > max_workings_share:
         raise GeometryError(
-            f"{100 * share:.1f} % of the plan is dark (contours.max_ink_share = {100 * max_ink_share:g} %); "
+            f"{100 * share:.1f} % of the plan is dark (contours.max_workings_share = {100 * max_workings_share:g} %); "
             "is the plan inverted?"
         )
     area = float(cleaned.sum()) / px_per_m**2

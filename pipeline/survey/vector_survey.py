@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.errors import InputError
 from pipeline.geometry.enclosure import as_polygons
 from pipeline.geometry.generate import generate_workings
-from pipeline.geometry.vary import vary_workings
+from pipeline.geometry.perturb import perturb_workings
 from pipeline.params.survey import PassageSurveyParams, ProceduralSurveyParams, VariantSurveyParams, VectorSurveyParams
 from pipeline.survey.compass import read_plt
 from pipeline.survey.draw import draw_workings, frame_around
@@ -38,7 +38,7 @@ VECTOR_SUFFIXES = {
 PASSAGE_SUFFIXES = (".csv", ".svx", ".plt")
 
 
-def draw_measured(params: Measured) -> tuple[MultiPolygon, Georeference, Image, Frame]:
+def draw_vector_survey(params: Measured) -> tuple[MultiPolygon, Georeference, Image, Frame]:
     """Return a survey's workings (m, mine frame), where they come from, and a plan of them in its frame.
 
     Raises
@@ -56,7 +56,7 @@ def draw_measured(params: Measured) -> tuple[MultiPolygon, Georeference, Image, 
         raise InputError(f"{_name(params)}: workings of {widest:.0f} m; is the unit right? (survey.unit)")
     per_m = params.px_per_m or min(_FINEST_PX_PER_M, _WIDEST_PX / widest)
     frame = frame_around((west - m, south - m, east + m, north + m), per_m, _ORIGIN_AT)
-    return workings, georeference, draw_workings(workings, frame, params.labels_m, params.ink_grey), frame
+    return workings, georeference, draw_workings(workings, frame, params.labels_m, params.drawing_grey), frame
 
 
 def _read(params: Measured) -> tuple[MultiPolygon, Georeference]:
@@ -68,7 +68,7 @@ def _read(params: Measured) -> tuple[MultiPolygon, Georeference]:
             path = Path(params.workings)
             shapes, georeference = locate(path, read_geojson(path, None), None, None)
             told = params.station_sd_m, params.width_sd_m, params.reach_m
-            return vary_workings(
+            return perturb_workings(
                 workings_of(path, shapes, 0.0, []), *told, np.random.default_rng(params.seed)
             ), georeference
         case "passages":
@@ -102,10 +102,10 @@ def _read_passages(path: Path, origin: tuple[float, float] | None) -> tuple[Mult
 
 
 def _name(params: Measured) -> str:
-    return measured_files(params)[0] if measured_files(params) else f"survey {params.name}"
+    return vector_files(params)[0] if vector_files(params) else f"survey {params.name}"
 
 
-def measured_files(params: Measured) -> list[str]:
+def vector_files(params: Measured) -> list[str]:
     """List the files that a survey with metres of its own reads."""
     match params.kind:
         case "procedural":

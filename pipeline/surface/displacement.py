@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pipeline.geometry.lattice import Lattice
-from pipeline.geometry.walls import smoothstep
+from pipeline.surface.lattice import Lattice
+from pipeline.surface.walls import smoothstep
 
 
 @dataclass(frozen=True)
@@ -18,11 +18,11 @@ class Bounds:
     Where half the passage's width is at most `narrow_half_width_m`, each wall may take `narrow_share` of it, and all of
     it stands back by `narrow_recess_m`, which leaves its bumps room; from there to `wide_half_width_m` the bound rises
     smoothly to `wall_m` and the recess goes to nothing. No wall moves by more than `room_share` of the largest disc
-    that touches it, in a bay of the workings as in a thin pillar. The back moves by at most `back_m`.
+    that touches it, in a bay of the workings as in a thin pillar. The roof moves by at most `roof_m`.
     """
 
     wall_m: float
-    back_m: float
+    roof_m: float
     narrow_half_width_m: float
     wide_half_width_m: float
     narrow_share: float
@@ -38,9 +38,9 @@ def bound_displacement(wanted_m: np.ndarray, lattice: Lattice, bounds: Bounds) -
     narrow = bounds.narrow_share * np.minimum(half, bounds.narrow_half_width_m)
     inwards = np.minimum(narrow + (bounds.wall_m - narrow) * wide, bounds.room_share * walls.free_m[column])
     outwards = np.minimum(bounds.wall_m, bounds.room_share * walls.rock_m[column])
-    wanted_m = wanted_m - bounds.narrow_recess_m * (1 - wide) * (1 - lattice.back_share)
+    wanted_m = wanted_m - bounds.narrow_recess_m * (1 - wide) * (1 - lattice.roof_share)
     wall = np.where(wanted_m > 0, inwards, outwards)
-    bound = np.maximum(wall + (bounds.back_m - wall) * lattice.back_share, 1e-4)
+    bound = np.maximum(wall + (bounds.roof_m - wall) * lattice.roof_share, 1e-4)
     return bound * np.tanh(wanted_m / bound)
 
 

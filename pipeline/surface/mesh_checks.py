@@ -1,4 +1,4 @@
-"""Checks on a closed shell: no crack, no flipped face, no face through another."""
+"""Checks on a closed mesh: no crack, no flipped face, no face through another."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _tensor: Any = open3d.core.Tensor
 
 
 @dataclass(frozen=True)
-class ShellReport:
-    """What was found of a closed shell."""
+class MeshReport:
+    """What was found of a closed mesh."""
 
     faces: int
     vertices: int
@@ -33,30 +33,30 @@ class ShellReport:
     self_intersecting: bool
 
 
-def joined(pieces: dict[str, Mesh]) -> tuple[np.ndarray, np.ndarray]:
+def join_meshes(pieces: dict[str, Mesh]) -> tuple[np.ndarray, np.ndarray]:
     """Join pieces at equal vertices: returns vertices (n, 3) m and faces (m, 3)."""
-    shell = trimesh.util.concatenate([trimesh.Trimesh(m.vertices, m.faces, process=False) for m in pieces.values()])
-    shell.merge_vertices()
-    return np.array(shell.vertices), np.array(shell.faces)
+    mesh = trimesh.util.concatenate([trimesh.Trimesh(m.vertices, m.faces, process=False) for m in pieces.values()])
+    mesh.merge_vertices()
+    return np.array(mesh.vertices), np.array(mesh.faces)
 
 
-def check_shell(vertices: np.ndarray, faces: np.ndarray) -> ShellReport:
+def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> MeshReport:
     """Check that a mesh encloses one volume and faces inwards.
 
     Raises
     ------
     GeometryError
-        If the shell has a crack, a flipped face, a face through another (the message says where), or faces outwards.
+        If the mesh has a crack, a flipped face, a face through another (the message says where), or faces outwards.
     """
-    shell = trimesh.Trimesh(vertices, faces, process=False)
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
     crossings = find_crossings(vertices, faces)
-    report = ShellReport(
+    report = MeshReport(
         faces=len(faces),
         vertices=len(vertices),
-        volume_m3=round(-float(shell.volume), 3),
-        area_m2=round(float(shell.area), 3),
-        watertight=bool(shell.is_watertight),
-        winding_consistent=bool(shell.is_winding_consistent),
+        volume_m3=round(-float(mesh.volume), 3),
+        area_m2=round(float(mesh.area), 3),
+        watertight=bool(mesh.is_watertight),
+        winding_consistent=bool(mesh.is_winding_consistent),
         self_intersecting=len(crossings) > 0,
     )
     wrong = [
@@ -70,7 +70,7 @@ def check_shell(vertices: np.ndarray, faces: np.ndarray) -> ShellReport:
         if found
     ]
     if wrong:
-        raise GeometryError(f"surface: the inner shell {' and '.join(wrong)} ({report.faces} faces)")
+        raise GeometryError(f"surface: the closed mesh {' and '.join(wrong)} ({report.faces} faces)")
     return report
 
 

@@ -10,16 +10,16 @@ import cv2
 import numpy as np
 
 from pipeline.errors import GeometryError, InputError
-from pipeline.geometry.outlined import fill_outlined
+from pipeline.geometry.line_drawing import fill_line_drawing
 from pipeline.params.survey import PassageSurveyParams, VectorSurveyParams
 from pipeline.survey.georeference import read_placement, world_file
 from pipeline.survey.grid import draw_grid
 from pipeline.survey.image import read_image
-from pipeline.survey.measured import PASSAGE_SUFFIXES, VECTOR_SUFFIXES, draw_measured, measured_files
 from pipeline.survey.nav2 import nav2_picture
 from pipeline.survey.picture import draw_page
 from pipeline.survey.scale import find_bar, measure_bar
 from pipeline.survey.shapes import METRES
+from pipeline.survey.vector_survey import PASSAGE_SUFFIXES, VECTOR_SUFFIXES, draw_vector_survey, vector_files
 from pipeline.types import Image, Mask
 
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pdf")
@@ -27,11 +27,11 @@ WIDTHS_M = (1.5, 12.0)  # between them lies what people have driven and what rob
 _LIKELY_M = 5.5  # drifts that machines drive; the published mine's at scan 02S
 _BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
 _MEGAPIXELS = 200.0
-_LINE_PX = 6.0  # ink that is wider is no line, where the scale is not known
+_LINE_PX = 6.0  # a stroke that is wider is no line, where the scale is not known
 
 
 @dataclass(frozen=True)
-class Guess:
+class Detection:
     """How a file is read: the survey section's values, each with a remark, and the files that belong to it."""
 
     values: dict[str, Any]
@@ -40,7 +40,7 @@ class Guess:
     width_m: float = 0.0
 
 
-def guess_survey(path: Path, stated: dict[str, Any]) -> Guess:
+def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
     """Look at a file and say how to read it.
 
     Parameters
@@ -59,25 +59,25 @@ def guess_survey(path: Path, stated: dict[str, Any]) -> Guess:
         raise InputError(f"{path}: no such file")
     suffix = path.suffix.lower()
     if suffix in PICTURE_SUFFIXES:
-        return _guess_picture(path, stated)
+        return _detect_picture(path, stated)
     if suffix in (".yaml", ".yml"):
         plan, frame, _ = draw_grid(path, False)
         width = typical_width_px(plan[..., 0] < 128) / frame.px_per_m
-        return Guess({"kind": "grid", "map": path.name}, {}, [path, nav2_picture(path)], width)
+        return Detection({"kind": "grid", "map": path.name}, {}, [path, nav2_picture(path)], width)
     if suffix in VECTOR_SUFFIXES:
-        return _guess_vector(path, stated)
+        return _detect_vector(path, stated)
     if suffix in PASSAGE_SUFFIXES:
-        params = PassageSurveyParams(kind="passages", name="guess", file="data/x")
+        params = PassageSurveyParams(kind="passages", name="detect", file="data/x")
         params = params.model_copy(update={"file": path.as_posix()})
-        workings, place, _, _ = draw_measured(params)
+        workings, place, _, _ = draw_vector_survey(params)
         values = {"kind": "passages", "file": path.name, "origin": list(place.origin)}
         remarks = {"origin": "of the mine frame, in the file's coordinates"}
-        return Guess(values, remarks, [Path(f) for f in measured_files(params)], 2 * workings.area / workings.length)
+        return Detection(values, remarks, [Path(f) for f in vector_files(params)], 2 * workings.area / workings.length)
     known = ", ".join([*PICTURE_SUFFIXES, ".yaml", *VECTOR_SUFFIXES, *PASSAGE_SUFFIXES])
     raise InputError(f"{path}: {suffix or 'a file without an ending'} is nothing we read ({known})")
 
 
-def _guess_vector(path: Path, stated: dict[str, Any]) -> Guess:
+def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
     """Read the shapes by the unit that the file names, or the one that makes the drifts as wide as drifts are."""
     tried: dict[str | None, tuple[float, Any]] = {}
     units = [stated["unit"]] if stated.get("unit") else [None, *METRES]
@@ -85,7 +85,7 @@ def _guess_vector(path: Path, stated: dict[str, Any]) -> Guess:
     for unit in units:
         params = _vector(path, unit, stated)
         try:
-            workings, place, _, _ = draw_measured(params)
+            workings, place, _, _ = draw_vector_survey(params)
         except InputError as error:
             problem = problem or error
             continue
@@ -113,19 +113,19 @@ def _guess_vector(path: Path, stated: dict[str, Any]) -> Guess:
         "snap_m": "walls whose ends are nearer than this are joined",
         "seeds_m": "[[x, y], ...] inside the workings, where walls alone do not tell",
     }
-    return Guess(values, remarks, [Path(f) for f in measured_files(_vector(path, unit, stated))], width)
+    return Detection(values, remarks, [Path(f) for f in vector_files(_vector(path, unit, stated))], width)
 
 
 def _vector(path: Path, unit: str | None, stated: dict[str, Any]) -> VectorSurveyParams:
     """Return a section that reads a file from wherever it lies, before it is copied below data/."""
     told = {key: stated[key] for key in ("layers", "snap_m") if stated.get(key) is not None}
     section = VectorSurveyParams.model_validate(
-        {"kind": "vector", "name": "guess", "file": "data/x", "unit": unit, **told}
+        {"kind": "vector", "name": "detect", "file": "data/x", "unit": unit, **told}
     )
     return section.model_copy(update={"file": path.as_posix()})
 
 
-def _guess_picture(path: Path, stated: dict[str, Any]) -> Guess:
+def _detect_picture(path: Path, stated: dict[str, Any]) -> Detection:
     is_pdf = path.suffix.lower() == ".pdf"
     dpi = float(stated.get("dpi") or 200.0)
     page = int(stated.get("page") or 1)
@@ -133,37 +133,37 @@ def _guess_picture(path: Path, stated: dict[str, Any]) -> Guess:
     edge = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]]).mean(axis=1)
     inverted = bool(np.median(edge) < 128)
     picture = 255 - picture if inverted else picture
-    scale, remarks, files = _guess_scale(path, picture, stated)
-    ink = _ink(picture, scale.get("bar_box_px"))
+    scale, remarks, files = _detect_scale(path, picture, stated)
+    drawn = _workings_mask(picture, scale.get("bar_box_px"))
     per_m = scale["px_per_m"] or 0.0
-    outlined = False
+    line_drawing = False
     if scale["source"] == "bar":
         bar = measure_bar(_cut(picture, scale["bar_box_px"]), 1.0, f"{path}")
-        outlined, width_px = _wall_style(ink, 0.0)
+        line_drawing, width_px = _wall_style(drawn, 0.0)
         length = stated.get("bar_length_m") or min(_BARS_M, key=lambda m: abs(np.log(width_px * m / bar / _LIKELY_M)))
         scale["bar_length_m"], per_m = float(length), bar / length
         how = "stated" if stated.get("bar_length_m") else f"taken, as drifts are then {width_px / per_m:.1f} m wide"
         remarks["scale"] = f"the bar is {bar:.0f} px long; {length:g} m was {how}"
-    outlined, width_px = _wall_style(ink, per_m)
+    line_drawing, width_px = _wall_style(drawn, per_m)
     values: dict[str, Any] = {
         "kind": "plan", "image": path.name, "max_megapixels": _MEGAPIXELS, "light_on_dark": inverted,
-        "outlined": outlined, "seeds_px": [], "wall_gap_px": 3.0, "crop_px": None, "turn_deg": 0.0,
+        "line_drawing": line_drawing, "seeds_px": [], "wall_gap_px": 3.0, "crop_px": None, "turn_deg": 0.0,
         "ignore_colours": [], **({"page": page, "dpi": dpi} if is_pdf else {}), "origin_px": None, "scale": scale,
     }  # fmt: skip
     remarks |= {
         "light_on_dark": "true: light workings on dark paper",
-        "outlined": "true: walls are drawn as lines, what they enclose is filled",
-        "seeds_px": "[[col, row], ...] inside outlined workings; []: what an odd number of walls encloses",
+        "line_drawing": "true: walls are drawn as lines, what they enclose is filled",
+        "seeds_px": "[[col, row], ...] inside workings drawn as lines; []: what an odd number of walls encloses",
         "wall_gap_px": "gaps in drawn walls up to this are closed",
         "crop_px": "[col0, row0, col1, row1]; null: the whole picture",
         "turn_deg": "counter-clockwise, after cropping",
         "ignore_colours": "[{rgb: [r, g, b], within: 30}, ...]",
         "origin_px": "pixel (col, row) at the mine's origin; null: the south-west corner",
     }
-    return Guess(values, remarks, [path, *files], width_px / per_m)
+    return Detection(values, remarks, [path, *files], width_px / per_m)
 
 
-def _guess_scale(
+def _detect_scale(
     path: Path, picture: Image, stated: dict[str, Any]
 ) -> tuple[dict[str, Any], dict[str, str], list[Path]]:
     scale: dict[str, Any] = {
@@ -195,7 +195,7 @@ def _is_placed(path: Path) -> bool:
     return True
 
 
-def _ink(picture: Image, bar_box: list[int] | None) -> Mask:
+def _workings_mask(picture: Image, bar_box: list[int] | None) -> Mask:
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
     _, dark = cv2.threshold(grey, 0, 1, cv2.THRESH_BINARY_INV | cv2.THRESH_OTSU)
     dark[picture.max(axis=2) - picture.min(axis=2) > 40] = 0
@@ -208,21 +208,21 @@ def _cut(picture: Image, box: list[int]) -> Image:
     return picture[box[1] : box[3], box[0] : box[2]]
 
 
-def _wall_style(ink: Mask, px_per_m: float) -> tuple[bool, float]:
+def _wall_style(drawn: Mask, px_per_m: float) -> tuple[bool, float]:
     """Return whether walls are drawn as lines, and the drifts' typical width, px; a scale of 0 is not known yet."""
-    stroke = typical_width_px(ink)
+    stroke = typical_width_px(drawn)
     if stroke >= (WIDTHS_M[0] * px_per_m if px_per_m else _LINE_PX):
         return False, stroke
     try:
-        inside = typical_width_px(fill_outlined(ink, [], 3.0))
+        inside = typical_width_px(fill_line_drawing(drawn, [], 3.0))
     except GeometryError:
         return False, stroke
     return inside > 3 * stroke, inside if inside > 3 * stroke else stroke
 
 
-def typical_width_px(ink: Mask) -> float:
-    """Return the median width of ink, px: along the middle of its largest piece."""
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(ink.astype(np.uint8), connectivity=4)
+def typical_width_px(drawn: Mask) -> float:
+    """Return the median width of strokes, px: along the middle of its largest piece."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(drawn.astype(np.uint8), connectivity=4)
     if count < 2:
         return 0.0
     largest = np.pad((labels == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()).astype(np.uint8), 1)

@@ -78,12 +78,6 @@ def _directions() -> tuple[np.ndarray, np.ndarray]:
     return (2 * i + 1) / _DIRECTIONS - 1, i * np.pi * (3 - 5**0.5)
 
 
-def predicted_rq(bands: Bands, wanted: Roughness) -> float:
-    """Return the RMS residual, m, that a plane surface displaced by these bands has in a window."""
-    shares = [residual_share(w, wanted.window_m, wanted.degree, wanted.line) for w in bands.wavelength_m.tolist()]
-    return float(np.sqrt(np.dot(shares, bands.sd_m**2)))
-
-
 def fit_bands(wanted: list[Roughness], wavelength_m: np.ndarray, max_rms_m: float) -> Bands:
     """Find the smooth band spectrum that comes nearest to the roughness asked for, in ratio, within an amplitude.
 

@@ -11,7 +11,7 @@ from pipeline.types import Mask
 _FRAME = 0.9  # of the picture's sides: what spans more is a frame round the plan
 
 
-def fill_outlined(lines: Mask, seeds_px: list[tuple[float, float]], gap_px: float) -> Mask:
+def fill_line_drawing(lines: Mask, seeds_px: list[tuple[float, float]], gap_px: float) -> Mask:
     """Fill what drawn walls enclose, to the middle of their lines.
 
     Gaps up to `gap_px` are closed first. With seeds, what hangs together with one is filled; without, what an odd

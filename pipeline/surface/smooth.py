@@ -1,4 +1,4 @@
-"""The octagonal bore: sill, two sill chamfers, two walls, two back chamfers and the back, as one closed shell."""
+"""The smooth surface: floor, two floor chamfers, two walls, two roof chamfers and the roof, as one closed mesh."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from pipeline.types import Mesh
 _RINGS = 4  # steps of a chamfer; in drifts narrower than two chamfers the ridge is found to a step
 
 
-def octagonal_bore(
-    free: Polygon, height_m: float, sill_chamfer_m: float, back_chamfer_m: float, texture_m: float
+def smooth_surface(
+    free: Polygon, height_m: float, floor_chamfer_m: float, roof_chamfer_m: float, texture_m: float
 ) -> dict[str, Mesh]:
-    """Build the inner shell of the workings with chamfered edges at sill and back.
+    """Build the closed inner surface of the workings with chamfered edges at floor and roof.
 
-    Floor and back are offsets of the free space, so chamfers meet properly round junctions, corners and islands;
+    Floor and roof are offsets of the free space, so chamfers meet properly round junctions, corners and islands;
     where a drift is narrower than two chamfers they meet in a ridge.
 
     Parameters
     ----------
     free : shapely.Polygon, m, mine frame
     height_m : float
-        Sill to back.
-    sill_chamfer_m, back_chamfer_m : float
+        Sill to roof.
+    floor_chamfer_m, roof_chamfer_m : float
         Width and height of the 45 deg chamfers.
     texture_m : float
         Length on the rock that one repeat of the texture covers.
@@ -36,26 +36,26 @@ def octagonal_bore(
     Returns
     -------
     dict of Mesh
-        `sill`, `sill_chamfer`, `walls`, `back` (chamfers included): together watertight, facing inwards.
+        `floor`, `floor_chamfer`, `walls`, `roof` (chamfers included): together watertight, facing inwards.
 
     Raises
     ------
     GeometryError
         If the chamfers do not fit under the height.
     """
-    if sill_chamfer_m + back_chamfer_m >= height_m:
+    if floor_chamfer_m + roof_chamfer_m >= height_m:
         raise GeometryError(
-            f"octagon: chamfers of {sill_chamfer_m:g} m and {back_chamfer_m:g} m do not fit into {height_m:g} m"
+            f"surface: chamfers of {floor_chamfer_m:g} m and {roof_chamfer_m:g} m do not fit into {height_m:g} m"
         )
     free = orient(free)
-    top_m = height_m - back_chamfer_m
-    sill, flat = _sloping_cap(free, sill_chamfer_m)
-    back, _ = _sloping_cap(free, back_chamfer_m)
+    top_m = height_m - roof_chamfer_m
+    floor, flat = _sloping_cap(free, floor_chamfer_m)
+    roof, _ = _sloping_cap(free, roof_chamfer_m)
     return {
-        "sill": _cap_mesh(sill[flat], sill_chamfer_m, -1.0, texture_m),
-        "sill_chamfer": _cap_mesh(sill[~flat], sill_chamfer_m, -1.0, texture_m),
-        "walls": _wall_mesh(free, sill_chamfer_m, top_m, texture_m),
-        "back": _cap_mesh(back, top_m, 1.0, texture_m),
+        "sill": _cap_mesh(floor[flat], floor_chamfer_m, -1.0, texture_m),
+        "sill_chamfer": _cap_mesh(floor[~flat], floor_chamfer_m, -1.0, texture_m),
+        "walls": _wall_mesh(free, floor_chamfer_m, top_m, texture_m),
+        "back": _cap_mesh(roof, top_m, 1.0, texture_m),
     }
 
 
@@ -85,7 +85,7 @@ def _cap_mesh(triangles: np.ndarray, edge_z_m: float, direction: float, texture_
     points, index = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     faces = index.reshape(-1, 3).astype(np.int32)
     vertices = np.column_stack([points[:, :2], edge_z_m + direction * points[:, 2]])
-    # The triangulation is counter-clockwise from above: right for a floor seen from inside, wrong for a back.
+    # The triangulation is counter-clockwise from above: right for a floor seen from inside, wrong for a roof.
     return Mesh(vertices, faces if direction < 0 else faces[:, ::-1].copy(), points[:, :2] / texture_m)
 
 

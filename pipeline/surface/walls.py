@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from shapely import Polygon
 from shapely.geometry.polygon import orient
 
+from pipeline.geometry.skeleton import passage_stations
 from pipeline.types import DriftNetwork
 
 _FILLET_M = 0.2  # corners are rounded by this much, so that displaced walls have room to turn
@@ -36,7 +37,7 @@ class Walls:
 
     Places `xy` (n, 2) m, unit vectors `inward` (n, 2) into the workings, and (n,) m: the largest discs in the workings
     and in the rock that touch the wall there, `free_m` and `rock_m`, and half the width of the narrowest passage that
-    the wall borders, `passage_m`. In a bay of a rough wall the disc is small, however wide the passage.
+    the wall borders, `passage_m`. In a bay of a rough surface wall the disc is small, however wide the passage.
     """
 
     xy: np.ndarray
@@ -68,8 +69,8 @@ def lay_walls(free: Polygon, spacing_m: float, network: DriftNetwork | None = No
 
 def outline_of(xy: np.ndarray, rings: list[Ring]) -> Polygon:
     """Return the polygon whose rings pass through the columns' places (n, 2) m."""
-    shell, *holes = (xy[r.first : r.first + r.count] for r in rings)
-    return Polygon(shell, holes)
+    outer, *holes = (xy[r.first : r.first + r.count] for r in rings)
+    return Polygon(outer, holes)
 
 
 def smoothstep(t: np.ndarray) -> np.ndarray:
@@ -111,15 +112,6 @@ def _largest_discs(xy: np.ndarray, inward: np.ndarray) -> tuple[np.ndarray, np.n
             faces = far & (side > 1e-6)
             np.minimum.at(radius, one[faces], squared[faces] / (2 * side[faces]))
     return free, rock
-
-
-def passage_stations(network: DriftNetwork) -> tuple[np.ndarray, np.ndarray]:
-    """Return the network's stations (n, 2) and half widths (n,), m, but for those within a dead end's rounded face."""
-    ends = np.array([network.nodes_m[name] for name in network.dead_ends]).reshape(-1, 2)
-    stations = np.array([p for leg in network.legs for p in leg.stations_m]).reshape(-1, 2)
-    half = np.array([w for leg in network.legs for w in leg.half_width_m])
-    along = np.ones(len(half), bool) if not len(ends) else cKDTree(ends).query(stations)[0] >= half
-    return stations[along], half[along]
 
 
 def _passages(xy: np.ndarray, disc_m: np.ndarray, network: DriftNetwork) -> np.ndarray:

@@ -14,7 +14,7 @@ _WAVES = 64
 _STEEPEST = 0.7  # of the field's gradient, of one at which it would fold the plane
 
 
-def vary_workings(
+def perturb_workings(
     workings: BaseGeometry, station_sd_m: float, width_sd_m: float, reach_m: float, rng: np.random.Generator
 ) -> MultiPolygon:
     """Return workings within a survey's error of some others, with the same loops and dead ends.
@@ -37,10 +37,10 @@ def vary_workings(
     """
     moved = displace(workings, station_sd_m, 2 * reach_m, rng)
     offset = rng.normal(0.0, width_sd_m) if width_sd_m else 0.0
-    varied = as_polygons(moved.buffer(offset, join_style="mitre"))
-    if _network(varied) != _network(workings):
+    perturbed = as_polygons(moved.buffer(offset, join_style="mitre"))
+    if _network(perturbed) != _network(workings):
         raise GeometryError(f"an offset of {offset:.2f} m closes or opens a drift; use a smaller survey.width_sd_m")
-    return varied
+    return perturbed
 
 
 def displace(shape: BaseGeometry, sd_m: float, wave_m: float, rng: np.random.Generator) -> BaseGeometry:

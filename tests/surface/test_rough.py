@@ -9,25 +9,25 @@ from scipy.spatial import cKDTree
 
 from pipeline.compose import compose
 from pipeline.errors import GeometryError
-from pipeline.geometry.displacement import Bounds, bound_displacement
-from pipeline.geometry.lattice import BACK, WALL, BoreProfile, lay_lattice
-from pipeline.geometry.noise import slow_modulation, solid_noise, unit_bands
-from pipeline.geometry.overlay import Modulation, closed_shell, cut_chunks, displace_lattice
-from pipeline.geometry.shell import check_shell, find_crossings
-from pipeline.geometry.spectrum import (
+from pipeline.metrics.planefit import sweep_residuals
+from pipeline.surface.displacement import Bounds, bound_displacement
+from pipeline.surface.lattice import ROOF, WALL, CrossSection, lay_lattice
+from pipeline.surface.mesh_checks import check_mesh, find_crossings
+from pipeline.surface.noise import slow_modulation, solid_noise, unit_bands
+from pipeline.surface.rough import Modulation, closed_mesh, cut_chunks, displace_lattice
+from pipeline.surface.spectrum import (
     Bands,
     Roughness,
     band_edges,
     band_wavelengths,
     fit_bands,
-    predicted_rq,
     residual_share,
 )
-from pipeline.geometry.walls import lay_walls
-from pipeline.metrics.planefit import sweep_residuals
+from pipeline.surface.walls import lay_walls
 from tests.mines import RING, STRAIGHT, TEE, random_mine
+from tests.surface.spectra import predicted_rq
 
-PROFILE = BoreProfile(3.5, 0.3, 0.9, 2.75)
+PROFILE = CrossSection(3.5, 0.3, 0.9, 2.75)
 BOUNDS = Bounds(0.45, 0.45, 1.2, 2.2, 0.02, 0.0, 0.5)
 STEADY = Modulation(8.0, 0.0)
 WAVES = band_wavelengths(0.4, 4.0)
@@ -37,29 +37,29 @@ def bands(rms_m, wavelength=WAVES):
     return Bands(wavelength, np.full(len(wavelength), rms_m / math.sqrt(len(wavelength))))
 
 
-def overlay_of(free, rms_m=0.1, spacing=0.2, seed=0, bounds=BOUNDS):
+def rough_of(free, rms_m=0.1, spacing=0.2, seed=0, bounds=BOUNDS):
     lattice = lay_lattice(lay_walls(free, spacing), PROFILE, spacing, spacing)
     return displace_lattice(lattice, bands(rms_m), bands(rms_m), STEADY, bounds, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("mine", [STRAIGHT, RING, TEE], ids=["straight", "ring", "tee"])
-def test_the_overlay_closes_with_the_sill_round_corners_junctions_and_islands(mine):
-    report = check_shell(*closed_shell(overlay_of(mine)))
+def test_the_rough_surface_closes_with_the_floor_round_corners_junctions_and_islands(mine):
+    report = check_mesh(*closed_mesh(rough_of(mine)))
     assert report.watertight
     assert report.winding_consistent
     assert not report.self_intersecting
 
 
-def test_random_mines_have_an_overlay_without_crack_or_crossing():
+def test_random_mines_have_a_rough_surface_without_crack_or_crossing():
     for seed in range(6):
         rng = np.random.default_rng(seed)
-        check_shell(*closed_shell(overlay_of(random_mine(rng, int(rng.integers(2, 6))), rms_m=0.2, seed=seed)))
+        check_mesh(*closed_mesh(rough_of(random_mine(rng, int(rng.integers(2, 6))), rms_m=0.2, seed=seed)))
 
 
 def test_without_noise_the_bore_has_the_volume_of_its_arch_and_toe():
     """Straight drift: wall prism, parabolic arch up to its span, toe of 45 deg."""
     long = shapely.box(0, 0, 200, 7)
-    report = check_shell(*closed_shell(overlay_of(long, rms_m=1e-9, spacing=0.1)))
+    report = check_mesh(*closed_mesh(rough_of(long, rms_m=1e-9, spacing=0.1)))
     arch = 0.9 * (7 - 2 * 2.75 / 3)  # a parabola over the half span lacks a third of its box on either side
     section = 7 * 2.6 + arch - 0.3**2
     assert report.volume_m3 == pytest.approx(200 * section, rel=0.015)
@@ -67,17 +67,17 @@ def test_without_noise_the_bore_has_the_volume_of_its_arch_and_toe():
 
 def test_neighbouring_points_are_no_farther_apart_than_the_spacing_says():
     lattice = lay_lattice(lay_walls(TEE, 0.1), PROFILE, 0.1, 0.14)
-    for piece, spacing in ((WALL, 0.1), (BACK, 0.14)):
+    for piece, spacing in ((WALL, 0.1), (ROOF, 0.14)):
         faces = lattice.faces[lattice.piece == piece]
         faces = faces[lattice.vertices[faces, 2].min(axis=1) > 0.35]  # above the toe, which slopes
         edges = lattice.vertices[faces] - lattice.vertices[np.roll(faces, 1, axis=1)]
         plan = np.linalg.norm(edges[..., : 3 if piece == WALL else 2], axis=2)
         assert np.percentile(plan, 90) <= spacing * math.sqrt(2) * 1.001  # the diagonal of a square
-        assert plan.max() <= 2.3 * spacing  # where the back's grid joins the walls
+        assert plan.max() <= 2.3 * spacing  # where the roof's grid joins the walls
 
 
 def test_same_seed_gives_identical_points_and_another_seed_others():
-    one, two, other = (overlay_of(STRAIGHT, seed=s).vertices for s in (3, 3, 4))
+    one, two, other = (rough_of(STRAIGHT, seed=s).vertices for s in (3, 3, 4))
     np.testing.assert_array_equal(one, two)
     assert np.abs(one - other).max() > 0.05
 
@@ -160,7 +160,7 @@ def test_an_empty_band_is_refused():
 
 def test_the_bound_is_smooth_keeps_small_displacements_and_is_never_passed():
     lattice = lay_lattice(lay_walls(STRAIGHT, 0.5), PROFILE, 0.5, 0.5)
-    wide = np.flatnonzero((lattice.walls.free_m > 2.3)[lattice.column] & (lattice.back_share == 0))[0]
+    wide = np.flatnonzero((lattice.walls.free_m > 2.3)[lattice.column] & (lattice.roof_share == 0))[0]
     wanted = np.zeros(len(lattice.vertices))
     curve = []
     for w in np.linspace(-2, 2, 401):
@@ -174,26 +174,24 @@ def test_the_bound_is_smooth_keeps_small_displacements_and_is_never_passed():
 
 def test_a_narrow_passage_keeps_its_width_and_a_thin_pillar_its_rock():
     narrow = shapely.union_all([shapely.box(0, 0, 30, 6), shapely.box(30, 2.25, 50, 3.75), shapely.box(50, 0, 80, 6)])
-    overlay = overlay_of(narrow, rms_m=0.2, spacing=0.1)
-    height = overlay.vertices[:, 2]
-    walls = overlay.vertices[: overlay.lattice.wall_vertices][
-        np.abs(height[: overlay.lattice.wall_vertices] - 1) < 0.06
-    ]
+    rough = rough_of(narrow, rms_m=0.2, spacing=0.1)
+    height = rough.vertices[:, 2]
+    walls = rough.vertices[: rough.lattice.wall_vertices][np.abs(height[: rough.lattice.wall_vertices] - 1) < 0.06]
     axis = np.column_stack([np.arange(33, 47, 0.1), np.full(140, 3.0)])
     assert 2 * cKDTree(walls[:, :2]).query(axis)[0].min() >= 0.95 * 1.5
     pillar = shapely.box(0, 0, 40, 12.4).difference(shapely.box(6, 6, 34, 6.4))
-    check_shell(*closed_shell(overlay_of(pillar, rms_m=0.2, spacing=0.1)))
+    check_mesh(*closed_mesh(rough_of(pillar, rms_m=0.2, spacing=0.1)))
 
 
 def test_a_mine_that_is_narrow_everywhere_keeps_its_width_and_stays_rough_where_its_walls_stand_back():
     def walls_of(bounds):
-        overlay = overlay_of(drift, rms_m=0.12, spacing=0.1, bounds=bounds)
-        walls = overlay.vertices[: overlay.lattice.wall_vertices]
+        rough = rough_of(drift, rms_m=0.12, spacing=0.1, bounds=bounds)
+        walls = rough.vertices[: rough.lattice.wall_vertices]
         return walls[(np.abs(walls[:, 2] - 1) < 0.06) & (walls[:, 0] > 5) & (walls[:, 0] < 95)]
 
     drift = shapely.box(0, 0, 100, 3.6)
     axis = np.column_stack([np.arange(8, 92, 0.1), np.full(840, 1.8)])
-    own = Bounds(**compose(["survey=procedural"]).surface.overlay.bounds.model_dump())
+    own = Bounds(**compose(["survey=procedural"]).surface.rough.bounds.model_dump())
     recessed = walls_of(own)
     flat = walls_of(dataclasses.replace(own, narrow_recess_m=0.0))
     kept, flat_kept = (cKDTree(w[:, :2]).query(axis)[0].min() / 1.8 for w in (recessed, flat))
@@ -206,53 +204,53 @@ def test_a_mine_that_is_narrow_everywhere_keeps_its_width_and_stays_rough_where_
 def test_a_place_where_faces_would_meet_is_mended_and_told():
     needle = shapely.union_all([shapely.box(0, 0, 20, 5), shapely.Polygon([(20, 1.5), (20, 3.5), (26, 2.5)])])
     rough = Bounds(0.9, 0.9, 0.05, 0.06, 0.9, 0.0, 0.9)
-    overlay = overlay_of(needle, rms_m=0.5, spacing=0.15, bounds=rough)
-    assert len(overlay.mended)
-    check_shell(*closed_shell(overlay))
+    rough = rough_of(needle, rms_m=0.5, spacing=0.15, bounds=rough)
+    assert len(rough.mended)
+    check_mesh(*closed_mesh(rough))
 
 
 def test_a_crossing_is_found_wherever_it_is():
-    overlay = overlay_of(STRAIGHT, spacing=0.25)
-    vertices, faces = closed_shell(overlay)
+    rough = rough_of(STRAIGHT, spacing=0.25)
+    vertices, faces = closed_mesh(rough)
     assert len(find_crossings(vertices, faces)) == 0
     far = np.linalg.norm(vertices[:, :2] - [90, 2.5], axis=1)
     k = int(np.argmin(far + 10 * (vertices[:, 2] < 3)))
     vertices = vertices.copy()
-    vertices[k, 2] -= 5.0  # a spike from the back through the sill
+    vertices[k, 2] -= 5.0  # a spike from the roof through the floor
     found = find_crossings(vertices, faces)
     assert len(found)
     assert np.linalg.norm(found[:, :2] - vertices[k, :2], axis=1).min() < 0.6
 
 
-def test_chunks_together_are_the_overlay_and_lie_in_their_tiles():
-    overlay = overlay_of(TEE, spacing=0.25)
-    chunks = cut_chunks(overlay, 20.0, 4.0)
-    assert sum(len(m.faces) for m in chunks.values()) == len(overlay.lattice.faces)
+def test_chunks_together_are_the_rough_surface_and_lie_in_their_tiles():
+    rough = rough_of(TEE, spacing=0.25)
+    chunks = cut_chunks(rough, 20.0, 4.0)
+    assert sum(len(m.faces) for m in chunks.values()) == len(rough.lattice.faces)
     area = sum(trimesh.Trimesh(m.vertices, m.faces, process=False).area for m in chunks.values())
-    whole = trimesh.Trimesh(overlay.vertices, overlay.lattice.faces, process=False).area
+    whole = trimesh.Trimesh(rough.vertices, rough.lattice.faces, process=False).area
     assert area == pytest.approx(whole, rel=1e-9)
     for name, mesh in chunks.items():
         piece, col, row = name.split("_")
         assert piece in ("walls", "back")
-        low = overlay.lattice.vertices[:, :2].min(axis=0) + 20.0 * np.array([int(col), int(row)])
+        low = rough.lattice.vertices[:, :2].min(axis=0) + 20.0 * np.array([int(col), int(row)])
         assert (mesh.vertices[:, :2] > low - 1.5).all()
         assert (mesh.vertices[:, :2] < low + 21.5).all()
 
 
 def test_a_face_alone_in_its_tile_joins_its_neighbours():
-    overlay = overlay_of(TEE, spacing=0.25)
-    centre = overlay.lattice.vertices[overlay.lattice.faces].mean(axis=1)[:, :2]
+    rough = rough_of(TEE, spacing=0.25)
+    centre = rough.lattice.vertices[rough.lattice.faces].mean(axis=1)[:, :2]
     for tile_m in (0.17, 0.22):
-        tiles = np.floor((centre - overlay.lattice.vertices[:, :2].min(axis=0)) / tile_m)
-        piece = overlay.lattice.piece[:, None]
+        tiles = np.floor((centre - rough.lattice.vertices[:, :2].min(axis=0)) / tile_m)
+        piece = rough.lattice.piece[:, None]
         assert (np.unique(np.hstack([piece, tiles]), axis=0, return_counts=True)[1] == 1).any()  # there are such faces
-        chunks = cut_chunks(overlay, tile_m, 4.0)
+        chunks = cut_chunks(rough, tile_m, 4.0)
         assert min(len(mesh.vertices) for mesh in chunks.values()) >= 4
-        assert sum(len(mesh.faces) for mesh in chunks.values()) == len(overlay.lattice.faces)
+        assert sum(len(mesh.faces) for mesh in chunks.values()) == len(rough.lattice.faces)
 
 
 def test_the_texture_runs_on_across_the_seam_of_a_ring():
-    for name, mesh in cut_chunks(overlay_of(RING, spacing=0.25), 20.0, 4.0).items():
+    for name, mesh in cut_chunks(rough_of(RING, spacing=0.25), 20.0, 4.0).items():
         corner = mesh.texcoords[mesh.faces]
         assert np.ptp(corner[..., 0], axis=1).max() < 0.5, name
 
@@ -262,8 +260,8 @@ def test_roughness_of_the_built_wall_is_what_its_spectrum_predicts():
     waves = band_wavelengths(0.2, 4.0)
     spectrum = Bands(waves, 0.03 * (waves / 2) ** 0.8)
     lattice = lay_lattice(lay_walls(shapely.box(0, 0, 120, 7), 0.1), PROFILE, 0.1, 0.3)
-    overlay = displace_lattice(lattice, spectrum, spectrum, STEADY, BOUNDS, np.random.default_rng(8))
-    wall = overlay.vertices[: lattice.wall_vertices]
+    rough = displace_lattice(lattice, spectrum, spectrum, STEADY, BOUNDS, np.random.default_rng(8))
+    wall = rough.vertices[: lattice.wall_vertices]
     wall = wall[(np.abs(wall[:, 1]) < 0.4) & (wall[:, 0] > 3) & (wall[:, 0] < 117) & (wall[:, 2] > 0.45)]
     found = sweep_residuals(wall + np.array([0, 0.5, 0]), (1.0,), 60)[0]
     assert found.rq_m == pytest.approx(predicted_rq(spectrum, Roughness(1.0, 0.0)), rel=0.15)

@@ -1,4 +1,4 @@
-"""The chores around the stages: overrides, manifests, the registry, the regression gate."""
+"""Maintenance commands: overrides, manifests, the registry, the regression gate."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def roughness(sweeps: list[Path], out: Path) -> None:
     """Measure the walls in planar sweeps by the default's gates and write the figures as JSON."""
     from pipeline.compose import compose
     from pipeline.metrics.roughness import roughness_of_sweeps
-    from pipeline.rock import roughness_json
     from pipeline.store.codecs import encode
     from pipeline.store.files import write_atomically
+    from pipeline.surface.reference import roughness_json
     from pipeline.survey.poses import read_sweep
 
     gate = compose([]).surface.sweeps
@@ -49,14 +49,14 @@ def roughness(sweeps: list[Path], out: Path) -> None:
         print(f"{window:4.1f} m: median {1000 * rq:6.1f} mm, 90th percentile {1000 * p90:6.1f} mm")
 
 
-def accept() -> None:
+def update_baseline() -> None:
     """Accept the present metrics as the baseline that the regression gate compares with."""
-    from pipeline.report.baseline import accept_baseline
+    from pipeline.report.baseline import write_baseline
 
-    print(accept_baseline())
+    print(write_baseline())
 
 
-def table() -> None:
+def update_results() -> None:
     """Write `docs/results.md` from the present metrics and print it."""
     from pipeline.report.baseline import write_results
 
@@ -64,8 +64,8 @@ def table() -> None:
 
 
 def add_to(commands: Any) -> None:
-    """Declare the chores."""
-    for function in (set_overrides, verify, accept, table):
+    """Declare the maintenance commands."""
+    for function in (set_overrides, verify, update_baseline, update_results):
         name = function.__name__.replace("_", "-")
         commands.add_parser(name, help=function.__doc__).set_defaults(run=lambda a, f=function: f())
     add = commands.add_parser("register", help=register.__doc__)

@@ -15,7 +15,7 @@ _NEAR_M = 5.0  # a place this far inside rock still means the workings beside it
 Places = list[tuple[float, float]]
 
 
-def choose_part(workings: MultiPolygon, places_m: Places) -> Polygon:
+def choose_component(workings: MultiPolygon, places_m: Places) -> Polygon:
     """Return the part in which all places lie, or the largest where there are none.
 
     Raises
@@ -38,20 +38,20 @@ def choose_part(workings: MultiPolygon, places_m: Places) -> Polygon:
     return chosen[0]
 
 
-def choose_component(ink: Mask, frame: Frame, places_m: Places) -> Mask:
-    """Return the connected ink (rows, cols) in which all places lie, or the largest where there are none.
+def choose_mask_component(drawn: Mask, frame: Frame, places_m: Places) -> Mask:
+    """Return the connected region (rows, cols) in which all places lie, or the largest where there are none.
 
     Raises
     ------
     GeometryError
-        As `choose_part` does.
+        As `choose_component` does.
     """
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(ink.astype(np.uint8), connectivity=4)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(drawn.astype(np.uint8), connectivity=4)
     if count < 2:
-        return np.zeros(ink.shape, dtype=bool)
+        return np.zeros(drawn.shape, dtype=bool)
     if not places_m:
         return labels == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()
-    rows, cols = np.nonzero(ink)
+    rows, cols = np.nonzero(drawn)
     inked = frame.to_mine(np.column_stack([cols, rows]) + 0.5)
     chosen = []
     for x, y in places_m:

@@ -6,12 +6,12 @@ import numpy as np
 import trimesh
 from matplotlib.axes import Axes
 
-from pipeline.geometry.overlay import Overlay
-from pipeline.geometry.spectrum import Bands, band_edges, band_wavelengths, fit_bands
-from pipeline.geometry.spectrum import Roughness as Wanted
 from pipeline.metrics.roughness import SurfaceRoughness
 from pipeline.report.style import GREY, MOSS, OCHRE, ROCK, STEEL, new_figure, to_image
-from pipeline.rock import RoughnessReport
+from pipeline.surface.built import RoughnessReport
+from pipeline.surface.rough import RoughSurface
+from pipeline.surface.spectrum import Bands, band_edges, band_wavelengths, fit_bands
+from pipeline.surface.spectrum import Roughness as Wanted
 from pipeline.types import Image, Mesh
 
 _COLOURS = {"published": OCHRE, "sweeps": STEEL, "cloud": MOSS}
@@ -28,7 +28,7 @@ def draw_spectra(report: RoughnessReport) -> Image:
             style = "-" if surface == "wall" else "--"
             _roughness(rough, measured, label, _COLOURS[name], style)
             _spectrum(spectrum, measured, label, _COLOURS[name], style)
-    for surface, style in (("wall", "-"), ("back", "--"), ("section", ":")):
+    for surface, style in (("wall", "-"), ("roof", "--"), ("section", ":")):
         _roughness(rough, report.built[surface], f"built, {surface}", ROCK, style)
         _spectrum(spectrum, report.built[surface], f"built, {surface}", ROCK, style)
     equivalent = _equivalent_bands(report.sources["published"]["wall"])
@@ -85,13 +85,13 @@ def _density(bands: Bands) -> np.ndarray:
     return bands.sd_m**2 / (1 / edges[:, 0] - 1 / edges[:, 1])
 
 
-def draw_sections(overlay: Overlay, base: dict[str, Mesh], height_m: float) -> Image:
-    """Draw three cross-sections of the workings, the octagon alone against octagon and overlay."""
-    walls = overlay.lattice.walls
+def draw_sections(rough: RoughSurface, base: dict[str, Mesh], height_m: float) -> Image:
+    """Draw three cross-sections of the workings, the smooth surface alone beside both surfaces."""
+    walls = rough.lattice.walls
     order = np.argsort(walls.passage_m, kind="stable")
     figure = new_figure(11, 5.2)
     rows = figure.subplots(2, 3, sharex=True, sharey=True)
-    rock = trimesh.Trimesh(overlay.vertices, overlay.lattice.faces, process=False)
+    rock = trimesh.Trimesh(rough.vertices, rough.lattice.faces, process=False)
     for k, share in enumerate((0.15, 0.5, 0.9)):
         column = order[int(share * (len(order) - 1))]
         place, across = walls.xy[column], walls.inward[column]
@@ -105,7 +105,7 @@ def draw_sections(overlay: Overlay, base: dict[str, Mesh], height_m: float) -> I
             axes.set_ylim(-0.3, height_m + 0.6)
         rows[0, k].set_title(f"half width {walls.passage_m[column]:.1f} m, at ({place[0]:.0f}, {place[1]:.0f}) m")
         rows[1, k].set_xlabel("across, m")
-    rows[0, 0].set_ylabel("smooth: octagon\nheight, m")
+    rows[0, 0].set_ylabel("smooth surface\nheight, m")
     rows[1, 0].set_ylabel("two layers\nheight, m")
     return to_image(figure)
 
