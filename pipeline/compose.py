@@ -110,20 +110,20 @@ def _describe(error: Any) -> str:
 
 def _explain(overrides: list[str], error: Exception) -> str:
     """Say which override Hydra refused, and list the valid choices."""
+    pairs = [(key.lstrip("+~"), value) for key, _, value in (override.partition("=") for override in overrides)]
+    groups = [(key, value) for key, value in pairs if key and (CONF / key).is_dir()]
+    for key, value in groups:  # before the keys: without its groups no configuration has any
+        choices = sorted(path.stem for path in (CONF / key).glob("*.yaml"))
+        if value not in choices:
+            return f"{key} = {value}: valid choices are {', '.join(choices)}"
     base = OmegaConf.create({})
     try:
         with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
-            base = hydra_compose("config", [o for o in overrides if (CONF / o.partition("=")[0].lstrip("+~")).is_dir()])
+            base = hydra_compose("config", [f"{key}={value}" for key, value in groups])
     except (*_REFUSALS, ValueError, TypeError):
-        pass
-    for override in overrides:
-        key, _, value = override.partition("=")
-        key = key.lstrip("+~")
-        if (CONF / key).is_dir():
-            choices = sorted(path.stem for path in (CONF / key).glob("*.yaml"))
-            if value not in choices:
-                return f"{key} = {value}: valid choices are {', '.join(choices)}"
-        elif re.fullmatch(r"[\w.]+", key):
+        return f"overrides {overrides}: {str(error).splitlines()[0]}"
+    for key, _ in pairs:
+        if key and not (CONF / key).is_dir() and re.fullmatch(r"[\w.]+", key):
             problem = _unknown_key(base, key)
             if problem:
                 return problem

@@ -11,6 +11,7 @@ import pytest
 import shapely
 
 from benchmarks.faults import edit_model, edit_record, seal
+from minexplore.bundle import GeomGroup
 from pipeline.errors import ArtifactError, InputError
 from pipeline.mjcf.bundle import open_bundle, part_vertices
 from pipeline.mjcf.clearance import rock_clearance
@@ -71,7 +72,7 @@ def test_a_wall_across_a_drift_fails_the_clauses_that_it_should(tee, config, tmp
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (edit_record(lambda record: record["geom_groups"].pop("rock")), "geom_groups says no number for rock"),
+        (edit_record(lambda record: record["geom_groups"].pop("rock")), r"geom_groups = \{.*\}, a world has"),
         (edit_model(lambda spec: setattr(spec.body("mine"), "name", "pit")), "no body of the name mine"),
     ],
 )
@@ -89,7 +90,7 @@ def test_distances_by_mujoco_are_those_to_the_plans_walls(tee, opened):
     places = rng.uniform([-1, -1], [81, 41], (2000, 2))
     free = tee.free_space.polygon
     T = np.array(opened.record.T_world_mine)
-    found = rock_clearance(tee.bundle, T, opened.record.geom_groups["rock"], places, 0.5, 2.0)
+    found = rock_clearance(tee.bundle, T, GeomGroup.COLLISION, places, 0.5, 2.0)
     inside = shapely.contains_xy(free, places[:, 0], places[:, 1])
     exact = np.where(inside, np.minimum(shapely.distance(free.boundary, shapely.points(places)), 2.0), 0.0)
     assert np.abs(found - exact)[inside].max() < 1e-3
@@ -97,7 +98,7 @@ def test_distances_by_mujoco_are_those_to_the_plans_walls(tee, opened):
 
 
 def test_robots_thrown_at_every_kind_of_place_stay_in(tee, opened):
-    parts = part_vertices(opened.model, opened.record.geom_groups["rock"])
+    parts = part_vertices(opened.model, GeomGroup.COLLISION)
     borders = [zone.east_m for zone in opened.record.zones[:-1]]
     found = stress_walls(tee.bundle, tee.free_space.polygon, parts, borders, 1000, 1)
     assert found.contacts >= 1000
@@ -152,7 +153,7 @@ def write_sweeps(folder, tee, opened, noise=0.01, shift=(0.0, 0.0)):
     from pipeline.geometry.raycast import RayCaster
     from pipeline.mjcf.bundle import geom_triangles
 
-    caster = RayCaster(geom_triangles(opened.model, opened.record.geom_groups["rock"]))
+    caster = RayCaster(geom_triangles(opened.model, GeomGroup.COLLISION))
     rng = np.random.default_rng(3)
     folder.mkdir()
     bearing = np.radians(np.arange(-161.0, 161.0, 0.5))

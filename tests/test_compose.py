@@ -81,6 +81,19 @@ def test_a_wrong_override_is_named_with_its_value_and_the_valid_choices(override
         compose([override])
 
 
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ["contours.tolerance_m=0.3", "surface=base"],
+        ["surface=base", "contours.tolerance_m=0.3"],
+        ["contours.tolerence_m=0.3", "surface=base"],
+    ],
+)
+def test_a_wrong_choice_is_named_whatever_other_overrides_stand_beside_it(overrides):
+    with pytest.raises(ParamsError, match=r"^surface = base: valid choices are default$"):
+        compose(overrides)
+
+
 def test_configuration_text_is_data_and_never_code():
     with pytest.raises(ParamsError):
         compose(["+contours._target_=os.system"])

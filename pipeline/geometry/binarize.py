@@ -9,6 +9,16 @@ from pipeline.errors import GeometryError
 from pipeline.types import Image, Mask
 
 
+def otsu_threshold(grey: np.ndarray) -> int:
+    """Return the grey value that best separates dark from light pixels of a uint8 array; dark ones are at most it."""
+    return int(cv2.threshold(grey.reshape(-1, 1), 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[0])
+
+
+def dark_pixels(grey: np.ndarray) -> Mask:
+    """Return which pixels of a grey picture (rows, cols) uint8 are dark, by Otsu's threshold over all of them."""
+    return grey <= otsu_threshold(grey)
+
+
 def binarize(
     plan: Image, threshold: int | None, annotation_chroma: int, annotation_margin_px: float, boxes: list
 ) -> Mask:
@@ -42,7 +52,7 @@ def binarize(
         coloured[max(0, row0) : row1, max(0, col0) : col1] = 1
     kept = coloured == 0
     if threshold is None:
-        threshold = int(cv2.threshold(grey[kept].reshape(-1, 1), 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[0])
+        threshold = otsu_threshold(grey[kept])
     return (grey <= threshold) & kept
 
 

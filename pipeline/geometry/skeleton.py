@@ -14,6 +14,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError
+from pipeline.geometry.polyline import arc_length
 from pipeline.geometry.thinning import thin_polygon
 from pipeline.types import DriftNetwork, Frame, Leg
 
@@ -205,7 +206,7 @@ def _leg(name: str, names: dict, edge: tuple, boundary: BaseGeometry, spacing_m:
 
 def resample(path: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return chainages (n,) m and points (n, 2) m along a polyline, evenly spaced by about `spacing_m`, ends kept."""
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    along = arc_length(path)
     chainage = np.linspace(0.0, along[-1], max(2, round(along[-1] / spacing_m) + 1))
     return chainage, np.column_stack([np.interp(chainage, along, path[:, k]) for k in (0, 1)])
 

@@ -9,15 +9,23 @@ import cv2
 import mujoco
 import numpy as np
 
-from minexplore.bundle import FORMAT
+from minexplore.bundle import (
+    CLEARANCE_GRID,
+    FORMAT,
+    FRAMES,
+    FREE_SPACE,
+    GEOM_GROUPS,
+    MODEL,
+    NAV2_MAP,
+    NAV2_PICTURE,
+    OCTREE,
+    PREVIEW,
+    TOPOLOGY,
+    GeomGroup,
+)
 from pipeline.mjcf.bundle import WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.render import render_camera
 from pipeline.mjcf.world import (
-    COLLISION_GROUP,
-    FLOOR_GROUP,
-    ROOF_GROUP,
-    ROUGH_GROUP,
-    SMOOTH_GROUP,
     MineScene,
     place_lights,
     tile_zones,
@@ -26,11 +34,6 @@ from pipeline.mjcf.world import (
 from pipeline.params.realism import RealismParams
 from pipeline.store.codecs import Bundle, Meshes, encode
 from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, SolidExtent, Spawn, Survey
-
-_FRAMES = {
-    "mine": "x east, y north, z up from the sill, origin at the survey's origin; plan and geometry are stated in it",
-    "world": "MuJoCo's: the mine frame's centre at its origin, the mine tilted about Y; gravity is -z",
-}
 
 
 def assemble_world(
@@ -70,10 +73,10 @@ def assemble_world(
         T_world_mine=tilt_about_centre(params.tilt_deg, extent.world_m),
     )
     files = compile_bundle(scene)
-    files["preview.png"] = encode(Path("preview.png"), _preview(files, params.preview_width_px))
-    files["free_space.geojson"] = encode(Path("free_space.geojson"), free_space)
-    files["topology.json"] = encode(Path("topology.json"), topology)
-    files |= {"occupancy.npz": occupancy, "free_space.bt": free_space_bt, "map.png": map_png, "map.yaml": map_yaml}
+    files[PREVIEW] = encode(Path(PREVIEW), _preview(files, params.preview_width_px))
+    files[FREE_SPACE] = encode(Path(FREE_SPACE), free_space)
+    files[TOPOLOGY] = encode(Path(TOPOLOGY), topology)
+    files |= {CLEARANCE_GRID: occupancy, OCTREE: free_space_bt, NAV2_PICTURE: map_png, NAV2_MAP: map_yaml}
     return {"world": seal_bundle(files, _record(params, scene, free_space, topology, spawn))}
 
 
@@ -100,7 +103,7 @@ def _record(
     return WorldRecord(
         format=FORMAT,
         name=scene.name,
-        frames=_FRAMES,
+        frames=FRAMES,
         T_world_mine=scene.T_world_mine.tolist(),
         tilt_deg=params.tilt_deg,
         gain_m={
@@ -119,13 +122,7 @@ def _record(
         loops=topology.loops,
         drifts=len(topology.legs),
         spawn=spawn,
-        geom_groups={
-            "floor": FLOOR_GROUP,
-            "surface": ROUGH_GROUP,
-            "rock": COLLISION_GROUP,
-            "back": ROOF_GROUP,
-            "base": SMOOTH_GROUP,
-        },
+        geom_groups=GEOM_GROUPS,
         files={},
         world_sha256="",
     )
@@ -133,12 +130,13 @@ def _record(
 
 def _preview(files: Bundle, width_px: int) -> Image:
     """Return the mine from above over the view from the entrance."""
-    model = mujoco.MjModel.from_xml_string(files["mine.xml"].decode(), _assets(files))
-    above = render_camera(model, "overview", width_px, width_px * 9 // 16, (FLOOR_GROUP, COLLISION_GROUP), spots=False)
+    model = mujoco.MjModel.from_xml_string(files[MODEL].decode(), _assets(files))
+    solid, visible = (GeomGroup.FLOOR, GeomGroup.COLLISION), (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE)
+    above = render_camera(model, "overview", width_px, width_px * 9 // 16, solid, spots=False)
     rows = np.flatnonzero((above != above[0, 0]).any(axis=(1, 2)))
-    inside = render_camera(model, "entrance", width_px, width_px * 7 // 16, (FLOOR_GROUP, ROUGH_GROUP))
+    inside = render_camera(model, "entrance", width_px, width_px * 7 // 16, visible)
     return cv2.vconcat([above[rows[0] : rows[-1] + 1], inside])
 
 
 def _assets(files: Bundle) -> Bundle:
-    return {name: data for name, data in files.items() if name != "mine.xml"}
+    return {name: data for name, data in files.items() if name != MODEL}

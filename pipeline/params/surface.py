@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from pipeline.params.base import Params
-from pipeline.params.survey import DataFile
+from pipeline.params.base import DataFile, Params
 
 Channel = Annotated[int, Field(ge=0, le=255)]
 

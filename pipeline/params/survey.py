@@ -2,22 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import PurePosixPath
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from pipeline.params.base import Params
+from pipeline.params.base import DataFile, Params
 
-
-def _inside_project(path: str) -> str:
-    pure = PurePosixPath(path)
-    if pure.is_absolute() or ".." in pure.parts or pure.parts[:1] != ("data",):
-        raise ValueError(f"{path!r} is not below data/ (inputs live there and are listed in data/registry.txt)")
-    return path
-
-
-DataFile = Annotated[str, AfterValidator(_inside_project)]
 PointM = tuple[float, float]
 
 

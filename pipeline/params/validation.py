@@ -6,8 +6,7 @@ from typing import Any
 
 from pydantic import Field, field_validator, model_validator
 
-from pipeline.params.base import Params
-from pipeline.params.survey import DataFile
+from pipeline.params.base import DataFile, Params
 
 
 class Limit(Params):

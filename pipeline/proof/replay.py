@@ -11,10 +11,11 @@ import shapely
 from scipy.stats import theilslopes
 from shapely import Polygon
 
+from minexplore.bundle import WALLS, GeomGroup
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.raycast import RayCaster
 from pipeline.geometry.registration import Pose, Registration, Search, register_scans
-from pipeline.mjcf.bundle import World, geom_triangles, surface_triangles
+from pipeline.mjcf.bundle import World, geom_triangles, visible_triangles
 from pipeline.params.validation import ReplayParams
 from pipeline.survey.poses import Returns, SurveyedPose, gate_returns, read_poses, read_returns, require_poses
 
@@ -124,9 +125,8 @@ def replay_sweeps(world: World, free: Polygon, poses: Path, sweeps: dict[str, Pa
     for name, (kept, gated) in static.items():
         if not len(kept.range_m):
             raise InputError(f"{sweeps[name]}: no return passes the gates ({gated})")
-    hit = RayCaster(geom_triangles(world.model, world.record.geom_groups["rock"]))
-    visible = surface_triangles(world.model, "surface_walls")
-    seen = RayCaster(visible if len(visible) else surface_triangles(world.model, "surface_base_walls"))
+    hit = RayCaster(geom_triangles(world.model, GeomGroup.COLLISION))
+    seen = RayCaster(visible_triangles(world.model, WALLS))
 
     def cast(places: np.ndarray, bearings: np.ndarray) -> np.ndarray:
         return hit.fan(places, bearings, params.sensor_height_m)

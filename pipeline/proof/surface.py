@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from shapely import Polygon
 
+from minexplore.bundle import ROOF, WALLS
 from pipeline.metrics.clearance import WallGaps, measure_walls
 from pipeline.metrics.planefit import Residuals, fit_voxel_planes
 from pipeline.metrics.published import REAL
@@ -30,7 +31,7 @@ from pipeline.metrics.texture import (
     wall_jaggedness_deg,
     wall_wavelength_m,
 )
-from pipeline.mjcf.bundle import surface_triangles
+from pipeline.mjcf.bundle import visible_triangles
 from pipeline.params.validation import TextureReportParams
 from pipeline.types import DriftNetwork
 
@@ -63,9 +64,7 @@ def report_texture(
 ) -> TextureReport:
     """Measure the visible rock of a compiled world on the paper's six axes."""
     rng = np.random.default_rng(params.seed)
-    walls, roof = surface_triangles(model, "surface_walls"), surface_triangles(model, "surface_back")
-    walls = walls if len(walls) else surface_triangles(model, "surface_base_walls")
-    roof = roof if len(roof) else surface_triangles(model, "surface_base_back")
+    walls, roof = (visible_triangles(model, piece) for piece in (WALLS, ROOF))
     everywhere, _ = sample_triangles(walls, _count(walls, params.wall_points, params.points_per_m2), rng)
     places = _places(network, params.stretches)
     near, far_up = (faces_near(_fine(c), places, params.stretch_radius_m) for c in (walls, roof))
@@ -111,8 +110,7 @@ def texture_metrics(report: TextureReport) -> dict[str, Any]:
 
 def report_walls(model: mujoco.MjModel, free: Polygon, network: DriftNetwork, height_m: float, seed: int) -> WallGaps:
     """Compare the visible walls at a height with the walls that collide."""
-    walls = surface_triangles(model, "surface_walls")
-    walls = walls if len(walls) else surface_triangles(model, "surface_base_walls")
+    walls = visible_triangles(model, WALLS)
     z = walls[:, :, 2]
     band = walls[(z.max(axis=1) > height_m - _BAND_M) & (z.min(axis=1) < height_m + _BAND_M)]
     points, _ = sample_triangles(_fine(band), _WALL_POINTS, np.random.default_rng(seed))

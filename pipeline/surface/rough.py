@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from minexplore import bundle
 from pipeline.errors import GeometryError
 from pipeline.geometry.partition import triangulate
 from pipeline.surface.displacement import Bounds, bound_displacement, damp_near, displaced
@@ -114,21 +115,21 @@ def cut_chunks(rough: RoughSurface, tile_m: float, texture_m: float) -> dict[str
     Returns
     -------
     dict of Mesh
-        `walls_CC_RR` and `back_CC_RR` by the tile's column and row from the south-west; faces look into the workings.
+        By name: the piece, then the tile's column and row from the south-west; faces look into the workings.
     """
     lattice = rough.lattice
     along = _along_walls(lattice, texture_m)
     centre = lattice.vertices[lattice.faces].mean(axis=1)[:, :2]
     tile = np.floor((centre - lattice.vertices[:, :2].min(axis=0)) / tile_m).astype(int)
     chunks = {}
-    for piece, name in ((WALL, "walls"), (ROOF, "back")):
+    for piece, name in ((WALL, bundle.WALLS), (ROOF, bundle.ROOF)):
         of_piece = np.flatnonzero(lattice.piece == piece)
         tile[of_piece] = _join_lone(tile[of_piece], centre[of_piece])
         order = of_piece[np.lexsort(tile[of_piece].T[::-1])]
         first = np.flatnonzero(np.any(np.diff(tile[order], axis=0, prepend=-1) != 0, axis=1))
         for part in np.split(order, first[1:]):
             col, row = tile[part[0]]
-            chunks[f"{name}_{col:02d}_{row:02d}"] = _chunk(rough, lattice.faces[part], piece, along, texture_m)
+            chunks[bundle.chunk_mesh(name, col, row)] = _chunk(rough, lattice.faces[part], piece, along, texture_m)
     return chunks
 
 

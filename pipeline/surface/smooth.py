@@ -8,10 +8,13 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
+from minexplore.bundle import FLOOR_CHAMFER, ROOF, WALLS
 from pipeline.errors import GeometryError
 from pipeline.geometry.partition import triangulate
+from pipeline.geometry.polyline import arc_length
 from pipeline.types import Mesh
 
+FLOOR = "floor"  # the flat floor, which closes the surface and is in no bundle
 _RINGS = 4  # steps of a chamfer; in drifts narrower than two chamfers the ridge is found to a step
 
 
@@ -52,10 +55,10 @@ def smooth_surface(
     floor, flat = _sloping_cap(free, floor_chamfer_m)
     roof, _ = _sloping_cap(free, roof_chamfer_m)
     return {
-        "sill": _cap_mesh(floor[flat], floor_chamfer_m, -1.0, texture_m),
-        "sill_chamfer": _cap_mesh(floor[~flat], floor_chamfer_m, -1.0, texture_m),
-        "walls": _wall_mesh(free, floor_chamfer_m, top_m, texture_m),
-        "back": _cap_mesh(roof, top_m, 1.0, texture_m),
+        FLOOR: _cap_mesh(floor[flat], floor_chamfer_m, -1.0, texture_m),
+        FLOOR_CHAMFER: _cap_mesh(floor[~flat], floor_chamfer_m, -1.0, texture_m),
+        WALLS: _wall_mesh(free, floor_chamfer_m, top_m, texture_m),
+        ROOF: _cap_mesh(roof, top_m, 1.0, texture_m),
     }
 
 
@@ -93,7 +96,7 @@ def _wall_mesh(free: Polygon, bottom_m: float, top_m: float, texture_m: float) -
     vertices, faces, texcoords, count = [], [], [], 0
     for ring in (free.exterior, *free.interiors):
         xy = np.asarray(ring.coords)[:, :2]  # closed: the seam's vertex comes twice, with its own texture coordinate
-        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xy, axis=0), axis=1))])
+        along = arc_length(xy)
         # Whole repeats round a ring, so that the texture meets itself at the seam.
         u = along / along[-1] * max(1, round(along[-1] / texture_m))
         n = len(xy)

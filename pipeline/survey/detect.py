@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from pipeline.errors import GeometryError, InputError
+from pipeline.geometry.binarize import dark_pixels
 from pipeline.geometry.line_drawing import fill_line_drawing
 from pipeline.params.survey import PassageSurveyParams, VectorSurveyParams
 from pipeline.survey.georeference import read_placement, world_file
@@ -196,12 +197,11 @@ def _is_placed(path: Path) -> bool:
 
 
 def _workings_mask(picture: Image, bar_box: list[int] | None) -> Mask:
-    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
-    _, dark = cv2.threshold(grey, 0, 1, cv2.THRESH_BINARY_INV | cv2.THRESH_OTSU)
-    dark[picture.max(axis=2) - picture.min(axis=2) > 40] = 0
+    dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
+    dark[picture.max(axis=2) - picture.min(axis=2) > 40] = False
     if bar_box is not None:
-        dark[bar_box[1] : bar_box[3], bar_box[0] : bar_box[2]] = 0
-    return dark.astype(bool)
+        dark[bar_box[1] : bar_box[3], bar_box[0] : bar_box[2]] = False
+    return dark
 
 
 def _cut(picture: Image, box: list[int]) -> Image:

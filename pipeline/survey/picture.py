@@ -9,6 +9,7 @@ import numpy as np
 import pypdfium2
 
 from pipeline.errors import GeometryError, InputError
+from pipeline.geometry.binarize import dark_pixels
 from pipeline.geometry.line_drawing import fill_line_drawing
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.image import MAX_SIDE_PX, read_image, require_workings_drawn
@@ -90,10 +91,9 @@ def fill_walls(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
     InputError
         If the walls enclose nothing, or a seed lies outside them.
     """
-    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
-    _, dark = cv2.threshold(grey, 0, 1, cv2.THRESH_BINARY_INV | cv2.THRESH_OTSU)
+    dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
     try:
-        inside = fill_line_drawing(dark.astype(bool), list(params.seeds_px), params.wall_gap_px)
+        inside = fill_line_drawing(dark, list(params.seeds_px), params.wall_gap_px)
     except GeometryError as error:
         raise InputError(f"{path}: {error}") from error
     return np.where(inside[..., None], 40, 255).astype(np.uint8).repeat(3, axis=2)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
+from minexplore.bundle import GeomGroup
 from pipeline.errors import ArtifactError
 from pipeline.geometry.collision import footprint_errors
 from pipeline.geometry.rasterize import fill_polygon
@@ -48,7 +49,7 @@ def test_a_moved_and_zipped_bundle_is_the_same_world(tee: BuiltMine, tmp_path):
 
 def test_walls_in_the_compiled_model_stand_where_the_outline_has_them(tee: BuiltMine):
     world = open_bundle(tee.bundle)
-    parts = part_vertices(world.model, world.record.geom_groups["rock"])
+    parts = part_vertices(world.model, GeomGroup.COLLISION)
     assert len(parts) == world.record.collision_parts
     intrusion, missing = footprint_errors(parts, tee.free_space.polygon, shapely.box(*world.record.world_m))
     assert intrusion < 1e-4

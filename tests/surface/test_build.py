@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import shapely
 
+from minexplore.bundle import ROOF, GeomGroup, smooth_mesh, surface_geom
 from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError, ParamsError
 from pipeline.metrics.profile import line_roughness
-from pipeline.mjcf.bundle import open_bundle, surface_triangles
+from pipeline.mjcf.bundle import open_bundle, visible_triangles
 from pipeline.proof.surface import report_texture, report_walls, texture_metrics
 from pipeline.store.codecs import decode
 from pipeline.surface.bands import choose_bands
@@ -95,12 +96,14 @@ def test_a_passage_thinner_than_the_lattice_is_refused_with_its_place(config):
 
 
 def test_the_world_shows_the_rough_surface_hides_the_smooth_one_and_lets_nothing_collide_with_either(opened):
-    model, groups = opened.model, opened.record.geom_groups
+    model = opened.model
     for geom in range(model.ngeom):
         name = model.geom(geom).name
-        if name.startswith("surface_"):
+        if name.startswith(surface_geom("")):
             assert model.geom_contype[geom] == model.geom_conaffinity[geom] == 0
-            assert model.geom_group[geom] == groups["base" if name.startswith("surface_base") else "surface"]
+            assert model.geom_group[geom] == (
+                GeomGroup.SMOOTH_SURFACE if name.startswith(surface_geom(smooth_mesh(""))) else GeomGroup.ROUGH_SURFACE
+            )
             assert model.geom_matid[geom] == model.material("rock").id
 
 
@@ -126,7 +129,7 @@ def test_texture_and_walls_are_measured_on_the_meshes_that_the_model_names(opene
 
 
 def test_the_models_triangles_are_the_files_triangles(opened, tee):
-    roof = surface_triangles(opened.model, "surface_back")
+    roof = visible_triangles(opened.model, ROOF)
     files = sorted((tee.bundle / "meshes").glob("back_*.msh"))
     written = np.concatenate([(m := decode(f, None)).vertices[m.faces] for f in files])
     assert len(roof) == len(written)

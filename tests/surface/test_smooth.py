@@ -28,7 +28,7 @@ def test_the_bore_of_a_rectangle_has_exactly_the_volume_of_its_eight_sides():
 def test_the_cross_section_is_an_octagon():
     smooth = smooth_surface(STRAIGHT, 3.5, 0.3, 0.9, 2.0)
     widths = {}
-    for name, z in (("sill", 0.0), ("walls", 0.3), ("walls", 2.6), ("back", 3.5)):
+    for name, z in (("floor", 0.0), ("walls", 0.3), ("walls", 2.6), ("back", 3.5)):
         v = smooth[name].vertices
         level = v[np.isclose(v[:, 2], z)]
         widths[z] = np.ptp(level[:, 1])
