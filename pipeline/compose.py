@@ -16,6 +16,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from pydantic import ValidationError
 
+from minexplore.robot import RobotParams
 from pipeline.errors import MineError, ParamsError
 from pipeline.params.config import Config
 from pipeline.store.files import write_atomically
@@ -24,6 +25,8 @@ CONF = Path("conf")
 ROOT_PARAMS = Path("params.yaml")
 COMPOSED = Path("artifacts/params.yaml")
 _CHOSEN = ("survey", "collision")  # sections of several kinds: pydantic names the kind after them
+# The robot's measures stand in the environment alone; conf/ names them as ${robot:radius_m}.
+OmegaConf.register_new_resolver("robot", lambda field: getattr(RobotParams(), field), replace=True)
 _REFUSALS = (HydraException, OmegaConfBaseException, yaml.YAMLError)
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import shapely
 
+from pipeline.build.family import STYLES, Member, generated, make_family, variants
 from pipeline.errors import GeometryError, LimitError
 from pipeline.geometry.generate import generate_workings
 from pipeline.geometry.perturb import displace, perturb_workings
 from stages import family
-from stages.family import STYLES, Member, generated, make_family, variants
 from tests.mines import RING, TEE
 from tests.project import ROOT
 

@@ -36,9 +36,9 @@ def build(name: str, overrides: list[str]) -> None:
     """Bring a world's folder up to date by the stages that are not."""
     from tqdm import tqdm
 
+    from pipeline.build.world import make_world
     from pipeline.compose import compose
     from pipeline.worlds import WORLDS
-    from stages.run import make_world
 
     def progress(stages: list) -> Iterator:
         with tqdm(stages, desc=name, unit="stage", disable=None) as bar:
@@ -53,9 +53,9 @@ def worlds(count: int, split: str, of: str | None, height_sd_m: float, jobs: int
     """Make a family of worlds: generated mines, or with --of variants of one within its survey's error."""
     from tqdm import tqdm
 
+    from pipeline.build.family import generated, make_family, variants
     from pipeline.import_mine import import_workings
     from pipeline.worlds import world_folder, world_params
-    from stages.family import generated, make_family, variants
 
     if of is None:
         members = generated(split, count, overrides)

@@ -63,7 +63,7 @@ def assemble_world(
         parts=collision,
         rock_friction=params.rock_friction,
         floor_thickness_m=params.floor_thickness_m,
-        zones=tile_zones([(z.name, z.friction, z.rgba) for z in params.zones], extent.world_m),
+        zones=tile_zones(params.zones, extent.world_m),
         lights=_lights(params, topology),
         smooth=smooth,
         rough={p.name: p.read_bytes() for p in sorted(rough.glob("*.msh"))} if isinstance(rough, Path) else rough,

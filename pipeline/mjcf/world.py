@@ -27,6 +27,7 @@ from minexplore.bundle import (
     surface_geom,
 )
 from pipeline.geometry.polyline import arc_length
+from pipeline.params.realism import ZoneParams
 from pipeline.store.codecs import Bundle, encode
 from pipeline.types import ConvexParts, Image, Mesh, SolidExtent
 
@@ -35,10 +36,16 @@ _VISIBLE_PIECES = (FLOOR_CHAMFER, WALLS, ROOF)  # without the flat floor: the fl
 
 @dataclass(frozen=True)
 class FloorZone:
-    """One floor zone: a box of the floor with its sliding friction; extents are full sizes (m, mine frame)."""
+    """One floor zone: a box of the floor and what it does to a robot; extents are full sizes (m, mine frame).
+
+    `friction` is sliding friction. `command_scale` multiplies a commanded twist; `speed_noise_mps` is the standard
+    deviation of the noise on the forward speed in each control step.
+    """
 
     name: str
     friction: float
+    command_scale: float
+    speed_noise_mps: float
     rgba: tuple[float, float, float, float]
     west_m: float
     east_m: float
@@ -82,15 +89,19 @@ class MineScene:
     T_world_mine: np.ndarray
 
 
-def tile_zones(
-    zones: list[tuple[str, float, tuple[float, float, float, float]]], world_m: tuple[float, float, float, float]
-) -> list[FloorZone]:
-    """Tile a box (west, south, east, north; m) from the west with zones (name, friction, rgba), alike to 0.1 m."""
+def tile_zones(zones: list[ZoneParams], world_m: tuple[float, float, float, float]) -> list[FloorZone]:
+    """Tile a box (west, south, east, north; m) with zones from the west, in equal shares to 0.1 m."""
     west, south, east, north = world_m
     edges = np.linspace(west, east, len(zones) + 1).round(1)  # a half extent then has few enough digits for MJCF text
     return [
-        FloorZone(name, friction, rgba, float(edges[i]), float(edges[i + 1]), south, north)
-        for i, (name, friction, rgba) in enumerate(zones)
+        FloorZone(
+            **zone.model_dump(),
+            west_m=float(edges[i]),
+            east_m=float(edges[i + 1]),
+            south_m=south,
+            north_m=north,
+        )
+        for i, zone in enumerate(zones)
     ]
 
 

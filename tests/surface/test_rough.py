@@ -7,6 +7,7 @@ import shapely
 import trimesh
 from scipy.spatial import cKDTree
 
+from minexplore import bundle
 from pipeline.compose import compose
 from pipeline.errors import GeometryError
 from pipeline.metrics.planefit import sweep_residuals
@@ -231,7 +232,7 @@ def test_chunks_together_are_the_rough_surface_and_lie_in_their_tiles():
     assert area == pytest.approx(whole, rel=1e-9)
     for name, mesh in chunks.items():
         piece, col, row = name.split("_")
-        assert piece in ("walls", "back")
+        assert piece in (bundle.WALLS, bundle.ROOF)
         low = rough.lattice.vertices[:, :2].min(axis=0) + 20.0 * np.array([int(col), int(row)])
         assert (mesh.vertices[:, :2] > low - 1.5).all()
         assert (mesh.vertices[:, :2] < low + 21.5).all()

@@ -4,6 +4,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from minexplore.bundle import ROOF
 from pipeline.errors import GeometryError
 from pipeline.surface.mesh_checks import check_mesh, join_meshes
 from pipeline.surface.smooth import smooth_surface
@@ -28,7 +29,7 @@ def test_the_bore_of_a_rectangle_has_exactly_the_volume_of_its_eight_sides():
 def test_the_cross_section_is_an_octagon():
     smooth = smooth_surface(STRAIGHT, 3.5, 0.3, 0.9, 2.0)
     widths = {}
-    for name, z in (("floor", 0.0), ("walls", 0.3), ("walls", 2.6), ("back", 3.5)):
+    for name, z in (("floor", 0.0), ("walls", 0.3), ("walls", 2.6), (ROOF, 3.5)):
         v = smooth[name].vertices
         level = v[np.isclose(v[:, 2], z)]
         widths[z] = np.ptp(level[:, 1])
@@ -77,9 +78,9 @@ def test_the_texture_repeats_without_a_seam_and_has_the_asked_mean():
 
 def test_a_face_through_another_is_found_and_neighbours_are_not():
     whole = smooth_surface(TEE, 3.5, 0.3, 0.9, 2.0)
-    roof = whole["back"]
+    roof = whole[ROOF]
     sunk = roof.vertices.copy()
     inside = np.argmin(np.linalg.norm(sunk - [40.5, 2.5, 3.5], axis=1))
     sunk[inside, 2] = -2.0  # one corner of the roof pulled through the floor
     with pytest.raises(GeometryError, match="cuts itself"):
-        check_mesh(*join_meshes({**whole, "back": Mesh(sunk, roof.faces, roof.texcoords)}))
+        check_mesh(*join_meshes({**whole, ROOF: Mesh(sunk, roof.faces, roof.texcoords)}))

@@ -1,4 +1,4 @@
-"""All six stages for one world in a folder of its own: what is fresh is left, as `dvc repro` does for the default."""
+"""Run all six stages for one world in a folder of its own; a fresh stage is not run again, as under `dvc repro`."""
 
 from __future__ import annotations
 

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from minexplore.bundle import read_bundle
+from pipeline.build.world import make_world
 from pipeline.compose import compose
 from pipeline.errors import InputError, LimitError
 from pipeline.metrics.limits import flatten
 from pipeline.stage import ARTIFACTS
 from pipeline.store.files import write_atomically
-from stages.run import make_world
 
 FAMILIES = ARTIFACTS / "families"
 STYLES = ("room_and_pillar", "drift_and_crosscut", "ramp", "cave")
