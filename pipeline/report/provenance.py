@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
@@ -12,6 +13,7 @@ import yaml
 from rocrate.model import ContextEntity, Entity  # type: ignore[import-untyped]
 from rocrate.rocrate import ROCrate  # type: ignore[import-untyped]
 
+from pipeline.errors import ArtifactError
 from pipeline.store.files import replace_folder
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.manifest import Manifest, read_manifest
@@ -73,6 +75,20 @@ def write_crate(folder: Path, published: date) -> int:
     metadata = json.dumps(crate.metadata.generate(), indent=1, sort_keys=True, ensure_ascii=False) + "\n"
     replace_folder(folder, {**files, "ro-crate-metadata.json": metadata.encode()})
     return len(files)
+
+
+def last_commit_date() -> date:
+    """Return the day of the project's last commit.
+
+    Raises
+    ------
+    ArtifactError
+        If the project is no git repository or has no commit.
+    """
+    done = subprocess.run(["git", "log", "-1", "--format=%cs"], capture_output=True, text=True)
+    if done.returncode != 0:
+        raise ArtifactError("the crate's date is the day of the last commit, and git names none here; give --date")
+    return date.fromisoformat(done.stdout.strip())
 
 
 def _describe_project(published: date) -> ROCrate:

@@ -11,7 +11,8 @@ import pytest
 from requests_cache import CachedRequest, CachedResponse, CachedSession
 from rocrate_validator.services import validate
 
-from pipeline.report.provenance import flatten
+from pipeline.errors import ArtifactError
+from pipeline.report.provenance import flatten, last_commit_date
 from tests.project import Project, message_of
 
 CONTEXT = "https://w3id.org/ro/crate/1.1/context"
@@ -161,6 +162,13 @@ def test_no_crate_is_written_of_a_world_that_was_changed_by_hand(repro, tmp_path
     message = message_of(project.run("python", "-m", "pipeline", "provenance"))
     assert message.startswith("provenance: artifacts/contours/free_space.geojson: sha256")
     assert not (project.folder / "artifacts" / "provenance").exists()
+
+
+def test_without_git_history_the_date_is_asked_for(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
+    with pytest.raises(ArtifactError, match="give --date"):
+        last_commit_date()
 
 
 def test_nested_parameters_get_dotted_names_and_lists_stay_whole():
