@@ -38,7 +38,9 @@ libEGL.so.1 libegl1
 libX11.so.6 libx11-6
 EOF
 command -v git >/dev/null 2>&1 || missing="$missing git ca-certificates"
-command -v "${PYTHON:-python3}" >/dev/null 2>&1 || missing="$missing python3 python3-venv"
+pythons="${PYTHON:-} python3 python3.13 python3.12 python3.11"
+any_python() { for python in $pythons; do command -v "$python" >/dev/null 2>&1 && return 0; done; return 1; }
+any_python || missing="$missing python3 python3-venv"
 # shellcheck disable=SC2086
 [ -z "$missing" ] || install $missing
 
@@ -49,7 +51,7 @@ done
 
 works() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' >/dev/null 2>&1; }
 python=""
-for candidate in ${PYTHON:-} python3 python3.13 python3.12 python3.11; do
+for candidate in $pythons; do
     if works "$candidate"; then python=$candidate && break; fi
 done
 if [ -z "$python" ]; then
