@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from rocrate.model import ContextEntity, Entity  # type: ignore[import-untyped]
-from rocrate.rocrate import ROCrate  # type: ignore[import-untyped]
+from rocrate.model import ContextEntity, Entity
+from rocrate.rocrate import ROCrate
 
 from pipeline.errors import ArtifactError
 from pipeline.store.files import replace_folder
