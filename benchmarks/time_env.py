@@ -17,7 +17,8 @@ import numpy as np
 from tqdm import tqdm
 
 from benchmarks.plain_env import PlainEnv
-from minexplore.robot import RobotParams, attach_robot, contact_sensor, separate_contacts, stand
+from minexplore.bundle import MINE_BODY, floor_geom
+from minexplore.robot import ROCK_BODY, RobotParams, attach_robot, contact_sensor, separate_contacts, stand
 from minexplore.task import TaskParams
 from minexplore.vector import MineVectorEnv
 from minexplore.windows import Windows
@@ -89,11 +90,11 @@ def _bare_floor(task: TaskParams, robot: RobotParams, T_world_mine: np.ndarray) 
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, T_world_mine[:3, :3].ravel())
-    mine = spec.worldbody.add_body(name="mine", pos=T_world_mine[:3, 3], quat=quat)
+    mine = spec.worldbody.add_body(name=MINE_BODY, pos=T_world_mine[:3, 3], quat=quat)
     mine.add_geom(
-        name="floor_dry", type=mujoco.mjtGeom.mjGEOM_BOX, size=[800, 400, 0.25], pos=[0, 0, -0.25], priority=1
+        name=floor_geom("dry"), type=mujoco.mjtGeom.mjGEOM_BOX, size=[800, 400, 0.25], pos=[0, 0, -0.25], priority=1
     )
-    spec.worldbody.add_body(name="rock")
+    spec.worldbody.add_body(name=ROCK_BODY)
     separate_contacts(spec)
     attach_robot(spec, "robot", robot)
     contact_sensor(spec, "robot")

@@ -5,6 +5,8 @@ from pathlib import Path
 
 from gymnasium.envs.registration import register
 
+from minexplore.bundle import RECORD
+
 __version__ = "0.2.0"
 
 _ENV, _VECTOR = "minexplore.env:MineEnv", "minexplore.vector:MineVectorEnv"
@@ -20,7 +22,7 @@ WORLDS: dict[str, dict] = {
 # A source checkout's own worlds, made by `python -m pipeline new NAME`, are MineXplore/NAME-v0.
 BUILT: dict[str, dict] = {
     f"MineXplore/{_record.parents[2].name}-v0": {"world": _record.parent}
-    for _record in sorted(Path(__file__).parents[1].glob("artifacts/worlds/*/realism/world/world.json"))
+    for _record in sorted(Path(__file__).parents[1].glob(f"artifacts/worlds/*/realism/world/{RECORD}"))
     if re.fullmatch(r"[A-Za-z0-9_-]+", _record.parents[2].name)
 }
 

@@ -11,6 +11,8 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
+from minexplore.bundle import GeomGroup, decode_msh
+
 Backend = Literal["auto", "embree", "open3d", "mujoco"]
 Meshes = dict[str, tuple[np.ndarray, np.ndarray]]
 Cast = Callable[[np.ndarray, np.ndarray], np.ndarray]  # origins, directions (n, 3) -> distances (n,) m, inf for no hit
@@ -18,23 +20,17 @@ Cast = Callable[[np.ndarray, np.ndarray], np.ndarray]  # origins, directions (n,
 _MODULES = {"embree": "embreex", "open3d": "open3d", "mujoco": "mujoco"}  # fastest first
 _TILE_M = {"embree": 40.0, "open3d": 40.0, "mujoco": 16.0}
 _TILES_KEPT = 48
-_SURFACE_GROUP = 2
 
 
 def read_msh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Read the vertices (n, 3) float32 and faces (m, 3) int32 of a MuJoCo `.msh` file."""
-    data = path.read_bytes()
-    vertices, normals, texcoords, faces = np.frombuffer(data, "<i4", 4).tolist()
-    at = 16 + 12 * (vertices + normals) + 8 * texcoords
-    return (
-        np.frombuffer(data, "<f4", 3 * vertices, 16).reshape(-1, 3),
-        np.frombuffer(data, "<i4", 3 * faces, at).reshape(-1, 3),
-    )
+    mesh = decode_msh(path.read_bytes())
+    return mesh.vertices, mesh.faces
 
 
 def surface_meshes(spec: mujoco.MjSpec, folder: Path) -> Meshes:
     """Return the meshes that a world shows as rock, by geom name (m, mine frame)."""
-    shown = [g for g in spec.geoms if g.group == _SURFACE_GROUP and g.type == mujoco.mjtGeom.mjGEOM_MESH]
+    shown = [g for g in spec.geoms if g.group == GeomGroup.ROUGH_SURFACE and g.type == mujoco.mjtGeom.mjGEOM_MESH]
     return {g.name: read_msh(folder / spec.mesh(g.meshname).file) for g in shown}
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from minexplore.bundle import MINE_BODY, GeomGroup
 from minexplore.coverage import CoverageGrid
 from minexplore.robot import RobotParams, attach_robot, separate_contacts
 from minexplore.world import World
 
 CAMERAS = ("chase", "top")
-_SHOWN = (0, 1, 2)  # floor, robots, visible rock
+_SHOWN = (GeomGroup.FLOOR, GeomGroup.ROBOT, GeomGroup.ROUGH_SURFACE)
 _LIGHTS = 7  # OpenGL's eight less the headlight
 _ROCK, _FREE, _CELL, _SEEN, _ROBOT = (54, 47, 42), (150, 140, 128), (190, 182, 170), (92, 168, 96), (232, 150, 30)
 
@@ -53,7 +54,7 @@ class Renderer:
         separate_contacts(spec)
         for i in range(self.robots):
             attach_robot(spec, f"robot_{i}", self.robot)
-        mine = spec.body("mine")
+        mine = spec.body(MINE_BODY)
         quat = np.zeros(4)
         mujoco.mju_mat2Quat(quat, self.T_world_mine[:3, :3].ravel())
         mine.quat, mine.pos = quat, self.T_world_mine[:3, 3]

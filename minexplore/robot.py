@@ -8,7 +8,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-ROBOT_GROUP, _HIDDEN_GROUP = 1, 5
+from minexplore.bundle import ROOF_GEOM, GeomGroup, is_floor, is_rock
+
+ROCK_BODY = "rock"  # of a physics model; it holds what a chassis collides with
+_HIDDEN_GROUP = GeomGroup.SMOOTH_SURFACE  # no viewer shows it unless asked
 _ROCK_BIT, _FLOOR_BIT, _ROBOT_BIT = 1, 2, 4
 
 
@@ -53,7 +56,7 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
     middle = params.ground_clearance_m + params.height_m / 2 - params.wheel_radius_m
     body.add_geom(
         name=f"{name}_chassis", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[params.radius_m, params.height_m / 2, 0],
-        pos=[0, 0, middle], mass=params.mass_kg * 0.8, group=ROBOT_GROUP, contype=0,
+        pos=[0, 0, middle], mass=params.mass_kg * 0.8, group=GeomGroup.ROBOT, contype=0,
         conaffinity=_ROCK_BIT, friction=[0.5, 0.005, 0.0001], rgba=[0.85, 0.65, 0.1, 1],
     )  # fmt: skip
     # Robots meet as spheres of the disc's radius: two upright cylinders side by side make MuJoCo 3.17's solver diverge.
@@ -75,7 +78,7 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
         )  # fmt: skip
         wheel.add_geom(
             type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[params.wheel_radius_m, params.wheel_width_m / 2, 0],
-            quat=[math.sqrt(0.5), math.sqrt(0.5), 0, 0], mass=0, group=ROBOT_GROUP, contype=0, conaffinity=0,
+            quat=[math.sqrt(0.5), math.sqrt(0.5), 0, 0], mass=0, group=GeomGroup.ROBOT, contype=0, conaffinity=0,
             rgba=[0.1, 0.1, 0.1, 1],
         )  # fmt: skip
         motor = spec.add_actuator(
@@ -88,7 +91,7 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
     for end, x in (("front", params.radius_m - castor), ("rear", castor - params.radius_m)):
         body.add_geom(
             name=f"{name}_{end}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[castor, 0, 0],
-            pos=[x, 0, castor - params.wheel_radius_m + 0.002], mass=0.1, group=ROBOT_GROUP, contype=0,
+            pos=[x, 0, castor - params.wheel_radius_m + 0.002], mass=0.1, group=GeomGroup.ROBOT, contype=0,
             conaffinity=_FLOOR_BIT, priority=2, condim=1, rgba=[0.1, 0.1, 0.1, 1],
         )  # fmt: skip
     # The scanner on its mast: what other robots' beams see of this one, as their own sensors look over its chassis.
@@ -97,17 +100,17 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
     body.add_geom(
         name=f"{name}_scanner", type=mujoco.mjtGeom.mjGEOM_CYLINDER,
         size=[params.scanner_radius_m, (reach - top) / 2, 0],
-        pos=[0, 0, (reach + top) / 2], mass=0, group=ROBOT_GROUP, contype=0, conaffinity=0, rgba=[0.2, 0.3, 0.4, 1],
+        pos=[0, 0, (reach + top) / 2], mass=0, group=GeomGroup.ROBOT, contype=0, conaffinity=0, rgba=[0.2, 0.3, 0.4, 1],
     )  # fmt: skip
-    body.add_site(name=f"{name}_lidar", pos=[0, 0, params.sensor_height_m - params.wheel_radius_m], group=5)
+    body.add_site(name=f"{name}_lidar", pos=[0, 0, params.sensor_height_m - params.wheel_radius_m], group=_HIDDEN_GROUP)
 
 
 def separate_contacts(spec: mujoco.MjSpec) -> None:
     """Give floor and rock geoms the contact bits that robots expect."""
     for geom in spec.geoms:
-        if geom.name.startswith("floor_"):
+        if is_floor(geom.name):
             geom.contype, geom.conaffinity = _FLOOR_BIT, 0
-        elif geom.name.startswith(("rock_", "back")):
+        elif is_rock(geom.name) or geom.name == ROOF_GEOM:
             geom.contype, geom.conaffinity = _ROCK_BIT, 0
 
 
@@ -124,5 +127,5 @@ def contact_sensor(spec: mujoco.MjSpec, name: str) -> None:
     """Add a sensor that counts contacts between a robot's chassis and the body that holds the rock."""
     spec.add_sensor(
         name=f"{name}_touches_rock", type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=mujoco.mjtObj.mjOBJ_GEOM,
-        objname=f"{name}_chassis", reftype=mujoco.mjtObj.mjOBJ_BODY, refname="rock", intprm=[1, 0, 1],
+        objname=f"{name}_chassis", reftype=mujoco.mjtObj.mjOBJ_BODY, refname=ROCK_BODY, intprm=[1, 0, 1],
     )  # fmt: skip

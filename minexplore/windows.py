@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from minexplore.robot import RobotParams, attach_robot, contact_sensor, separate_contacts
+from minexplore.bundle import MINE_BODY, ROCK_CLASS, ROOF_GEOM, is_floor, is_rock
+from minexplore.robot import ROCK_BODY, RobotParams, attach_robot, contact_sensor, separate_contacts
 from minexplore.task import TaskParams
 from minexplore.world import World
 
@@ -36,7 +37,7 @@ class Windows:
         if not task.tilt:
             self.T_world_mine[:3, :3] = np.eye(3)
         self._spec = world.spec()
-        self.parts = [_part(self._spec, g) for g in self._spec.geoms if g.name.startswith("rock_")]
+        self.parts = [_part(self._spec, g) for g in self._spec.geoms if is_rock(g.name)]
         self._margin_m = robot.radius_m + task.max_forward_mps * task.control_s + _MARGIN_M
 
     def tiles_of(self, xy: np.ndarray) -> np.ndarray:
@@ -46,7 +47,7 @@ class Windows:
         return np.floor(xy / WINDOW_M).astype(int)
 
     def model(self, tile: tuple[int, int]) -> mujoco.MjModel:
-        """Compile the model of a tile: floor, back, the parts that a robot in it can touch, and the robot."""
+        """Compile the model of a tile: floor, roof, the parts that a robot in it can touch, and the robot."""
         return self.spec(tile).compile()
 
     def spec(self, tile: tuple[int, int] | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
@@ -56,11 +57,11 @@ class Windows:
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         # MuJoCo 3.17's several contacts of a cylinder at a prism's edge lie along the prism's face: the edge sinks in.
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
-        mine = spec.worldbody.add_body(name="mine", pos=self.T_world_mine[:3, 3])
+        mine = spec.worldbody.add_body(name=MINE_BODY, pos=self.T_world_mine[:3, 3])
         quat = np.zeros(4)
         mujoco.mju_mat2Quat(quat, self.T_world_mine[:3, :3].ravel())
         mine.quat = quat
-        solid = mine.add_body(name="rock")  # wheels, which touch the floor only, then pass the rock by as one body
+        solid = mine.add_body(name=ROCK_BODY)  # wheels, which touch the floor only, then pass the rock by as one body
         everything = tile is None or self.whole
         low, high = self.reach(np.zeros(2) if tile is None else np.array(tile))
         near = self.parts if everything else [part for part in self.parts if _meets(part.outline, low, high)]
@@ -68,13 +69,13 @@ class Windows:
         for geom in self._spec.geoms:
             if geom.name in kept or not (everything or self._below(geom, low, high)):
                 continue
-            if geom.name.startswith("floor_") or geom.name == "back":
-                friction = [1.0, 0.005, 0.0001] if geom.name != "back" and not self.task.terrain else geom.friction
-                (solid if geom.name == "back" else mine).add_geom(
+            if is_floor(geom.name) or geom.name == ROOF_GEOM:
+                friction = [1.0, 0.005, 0.0001] if is_floor(geom.name) and not self.task.terrain else geom.friction
+                (mine if is_floor(geom.name) else solid).add_geom(
                     name=geom.name, type=geom.type, pos=geom.pos, size=geom.size, friction=friction,
                     priority=geom.priority, group=geom.group,
                 )  # fmt: skip
-        rock = self._spec.find_default("rock").geom
+        rock = self._spec.find_default(ROCK_CLASS).geom
         for part in near:
             spec.add_mesh(name=part.name, uservert=part.vertices.ravel())
             solid.add_geom(

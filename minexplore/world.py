@@ -11,7 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from minexplore.bundle import read_bundle
+from minexplore.bundle import CLEARANCE_GRID, MODEL, RECORD, floor_geom, read_bundle
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class World:
 
     def spec(self) -> mujoco.MjSpec:
         """Return the world's MJCF to attach robots to."""
-        return mujoco.MjSpec.from_file(str(self.folder / "mine.xml"))
+        return mujoco.MjSpec.from_file(str(self.folder / MODEL))
 
     def zones_at(self, east_m: np.ndarray) -> np.ndarray:
         """Return the numbers of the zones at eastings (n,) m; beyond the ends, the nearest."""
@@ -67,7 +67,7 @@ def find_world(world: str | Path | None) -> Path:
     shipped = Path(__file__).parent / "worlds"
     built = Path(__file__).parents[1] / "artifacts" / "realism" / "world"  # of a source checkout
     names = {p.name: p for p in shipped.iterdir() if p.is_dir()} if shipped.is_dir() else {}
-    if (built / "world.json").is_file():
+    if (built / RECORD).is_file():
         names.setdefault("chilean_mine", built)
     if str(world) in names:
         return names[str(world)]
@@ -87,7 +87,7 @@ def load_world(folder: Path) -> World:
         If the bundle does not hold; see `read_bundle`.
     """
     record = read_bundle(folder)
-    with np.load(io.BytesIO((folder / "occupancy.npz").read_bytes()), allow_pickle=False) as grid:
+    with np.load(io.BytesIO((folder / CLEARANCE_GRID).read_bytes()), allow_pickle=False) as grid:
         clearance, origin, cell = grid["clearance_m"], grid["origin_m"], float(grid["cell_m"])
-    grounds = [Ground(z["name"], f"floor_{z['name']}", z["west_m"], z["east_m"]) for z in record["zones"]]
+    grounds = [Ground(z["name"], floor_geom(z["name"]), z["west_m"], z["east_m"]) for z in record["zones"]]
     return World(folder, record, np.array(record["T_world_mine"]), clearance, origin, cell, grounds)
