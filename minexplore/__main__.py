@@ -93,7 +93,7 @@ def time_env(env_id: str, world: str | None, robots: int, threads: int, steps: i
             start = time.perf_counter()
         env.step(rng.uniform(-1, 1, (robots, 2)))
     rate = steps * robots / (time.perf_counter() - start)
-    print(f"{rate:,.0f} control steps/s: {robots} robots, {threads} threads, beams by {env.explorers.lidar.backend}")  # type: ignore[attr-defined]
+    print(f"{rate:,.0f} control steps/s: {robots} robots, {threads} threads, beams by {env.robots.lidar.backend}")  # type: ignore[attr-defined]
     env.close()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections import OrderedDict
 from collections.abc import Callable
 from importlib.util import find_spec
@@ -12,6 +13,8 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import GeomGroup, decode_msh
+from minexplore.tiles import Tile, group_by_tile, tiles_at
+from minexplore.world import load_world
 
 Backend = Literal["auto", "embree", "open3d", "mujoco"]
 Meshes = dict[str, tuple[np.ndarray, np.ndarray]]
@@ -22,16 +25,17 @@ _TILE_M = {"embree": 40.0, "open3d": 40.0, "mujoco": 16.0}
 _TILES_KEPT = 48
 
 
-def read_msh(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Read the vertices (n, 3) float32 and faces (m, 3) int32 of a MuJoCo `.msh` file."""
-    mesh = decode_msh(path.read_bytes())
-    return mesh.vertices, mesh.faces
-
-
 def surface_meshes(spec: mujoco.MjSpec, folder: Path) -> Meshes:
     """Return the meshes that a world shows as rock, by geom name (m, mine frame)."""
     shown = [g for g in spec.geoms if g.group == GeomGroup.ROUGH_SURFACE and g.type == mujoco.mjtGeom.mjGEOM_MESH]
-    return {g.name: read_msh(folder / spec.mesh(g.meshname).file) for g in shown}
+    meshes = {g.name: decode_msh((folder / spec.mesh(g.meshname).file).read_bytes()) for g in shown}
+    return {name: (mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
+
+
+@functools.lru_cache(maxsize=8)
+def shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
+    """Return what casts the beams of a world, made once a process."""
+    return Lidar(surface_meshes(load_world(folder).spec(), folder), range_m, backend)
 
 
 class Lidar:
@@ -61,17 +65,13 @@ class Lidar:
         down = directions[..., 2]
         with np.errstate(divide="ignore", invalid="ignore"):
             floor = np.where(down < 0, -origins[:, None, 2] / down, np.inf)
-        tiles = np.floor(origins[:, :2] / _TILE_M[self.backend]).astype(int)
-        order = np.lexsort(tiles.T)
-        first = np.flatnonzero(np.any(np.diff(tiles[order], axis=0, prepend=tiles[order][:1] - 1) != 0, axis=1))
         rock = np.empty(directions.shape[:2])
-        for group in np.split(order, first[1:]):
-            near = self._tile(tuple(tiles[group[0]].tolist()))
-            starts = np.repeat(origins[group], directions.shape[1], axis=0)
-            rock[group] = near(starts, directions[group].reshape(-1, 3)).reshape(len(group), -1)
+        for tile, rows in group_by_tile(tiles_at(origins[:, :2], _TILE_M[self.backend])):
+            starts = np.repeat(origins[rows], directions.shape[1], axis=0)
+            rock[rows] = self._scene(tile)(starts, directions[rows].reshape(-1, 3)).reshape(len(rows), -1)
         return np.minimum(np.minimum(rock, floor), self.range_m)
 
-    def _tile(self, tile: tuple[int, int]) -> Cast:
+    def _scene(self, tile: Tile) -> Cast:
         """Return what casts rays that start in a tile."""
         if tile not in self._tiles:
             low = np.array(tile) * _TILE_M[self.backend] - self.range_m

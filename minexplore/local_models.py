@@ -1,4 +1,4 @@
-"""Small physics models: only the rock near a robot, for a step costs by the geoms in the model, moving or not."""
+"""Physics models of parts of a mine: fewer geoms make a faster step, so a model holds the rock near a robot only."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ import numpy as np
 
 from minexplore.bundle import MINE_BODY, ROCK_CLASS, ROOF_GEOM, is_floor, is_rock
 from minexplore.robot import ROCK_BODY, RobotParams, attach_robot, contact_sensor, separate_contacts
+from minexplore.rotations import quaternion
 from minexplore.task import TaskParams
+from minexplore.tiles import Tile, tiles_at
 from minexplore.world import World
 
-WINDOW_M = 2.0
+TILE_M = 2.0
 _MARGIN_M = 0.1  # beyond the robot's radius and one control step's travel; contacts need none of it
 
 
@@ -27,11 +29,11 @@ class RockPart:
     outline: np.ndarray
 
 
-class Windows:
-    """Physics models of a world, whole or by square tiles of the plan, each with one robot and one state layout."""
+class LocalModels:
+    """Physics models of a world, one a square tile of the plan, each with one robot and the same state layout."""
 
     def __init__(self, world: World, task: TaskParams, robot: RobotParams, whole: bool = False) -> None:
-        """Read the world's collision parts."""
+        """Read the world's collision parts; with `whole` every tile's model is that of all parts."""
         self.world, self.task, self.robot, self.whole = world, task, robot, whole
         self.T_world_mine = world.T_world_mine.copy()
         if not task.tilt:
@@ -44,13 +46,13 @@ class Windows:
         """Return each place's tile (n, 2); a whole world has one."""
         if self.whole:
             return np.zeros((len(xy), 2), dtype=int)
-        return np.floor(xy / WINDOW_M).astype(int)
+        return tiles_at(xy, TILE_M)
 
-    def model(self, tile: tuple[int, int]) -> mujoco.MjModel:
+    def model(self, tile: Tile) -> mujoco.MjModel:
         """Compile the model of a tile: floor, roof, the parts that a robot in it can touch, and the robot."""
         return self.spec(tile).compile()
 
-    def spec(self, tile: tuple[int, int] | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
+    def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
         """Return a physics model's spec; without a tile it holds all parts."""
         spec = mujoco.MjSpec()
         spec.option.timestep = self.task.physics_s
@@ -58,16 +60,14 @@ class Windows:
         # MuJoCo 3.17's several contacts of a cylinder at a prism's edge lie along the prism's face: the edge sinks in.
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
         mine = spec.worldbody.add_body(name=MINE_BODY, pos=self.T_world_mine[:3, 3])
-        quat = np.zeros(4)
-        mujoco.mju_mat2Quat(quat, self.T_world_mine[:3, :3].ravel())
-        mine.quat = quat
-        solid = mine.add_body(name=ROCK_BODY)  # wheels, which touch the floor only, then pass the rock by as one body
+        mine.quat = quaternion(self.T_world_mine[:3, :3])
+        solid = mine.add_body(name=ROCK_BODY)  # one pair test of bodies then rules the rock out for the wheels
         everything = tile is None or self.whole
         low, high = self.reach(np.zeros(2) if tile is None else np.array(tile))
         near = self.parts if everything else [part for part in self.parts if _meets(part.outline, low, high)]
         kept = {part.name for part in near}
         for geom in self._spec.geoms:
-            if geom.name in kept or not (everything or self._below(geom, low, high)):
+            if geom.name in kept or not (everything or self._overlaps(geom, low, high)):
                 continue
             if is_floor(geom.name) or geom.name == ROOF_GEOM:
                 friction = [1.0, 0.005, 0.0001] if is_floor(geom.name) and not self.task.terrain else geom.friction
@@ -93,11 +93,11 @@ class Windows:
 
         A tile (2,) or many (n, 2).
         """
-        low = tile * WINDOW_M - self._margin_m
-        return low, low + WINDOW_M + 2 * self._margin_m
+        low = tile * TILE_M - self._margin_m
+        return low, low + TILE_M + 2 * self._margin_m
 
-    def _below(self, geom: mujoco.MjsGeom, low: np.ndarray, high: np.ndarray) -> bool:
-        """Say whether a floor zone reaches under a window."""
+    def _overlaps(self, geom: mujoco.MjsGeom, low: np.ndarray, high: np.ndarray) -> bool:
+        """Return whether a floor zone or the roof reaches into a box of the plan."""
         place, half = np.array(geom.pos)[:2], np.array(geom.size)[:2]
         return bool((place - half <= high).all() and (place + half >= low).all())
 
@@ -109,7 +109,7 @@ def _part(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> RockPart:
 
 
 def _meets(outline: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:
-    """Say whether a convex outline (n, 2), in any order, may meet a box: no separating axis among a few is found."""
+    """Return whether a convex outline (n, 2), in any order, may meet a box: no edge of it separates the two."""
     if (outline.max(axis=0) < low).any() or (outline.min(axis=0) > high).any():
         return False
     corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
