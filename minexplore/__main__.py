@@ -15,6 +15,7 @@ import numpy as np
 from minexplore import WORLDS
 from minexplore.bundle import BundleError
 from minexplore.env import MineEnv
+from minexplore.opengl import DisplayError
 from minexplore.world import find_world, load_world
 
 _KEYS = {265: (0.2, 0.0), 264: (-0.2, 0.0), 263: (0.0, 0.25), 262: (0.0, -0.25)}  # GLFW's arrow keys
@@ -129,7 +130,7 @@ def main() -> int:
     arguments = parser.parse_args()
     try:
         arguments.run(arguments)
-    except (BundleError, FileNotFoundError, ImportError, ValueError) as error:
+    except (BundleError, DisplayError, FileNotFoundError, ImportError, ValueError) as error:
         print(f"{arguments.command}: {error}", file=sys.stderr)
         return 2
     return 0

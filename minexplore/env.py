@@ -11,6 +11,7 @@ import numpy as np
 
 from minexplore.lidar import Backend
 from minexplore.observation import observation_space
+from minexplore.opengl import prepare_opengl
 from minexplore.render import CAMERAS, Renderer
 from minexplore.robot import RobotParams
 from minexplore.robot_batch import Outcome, RobotBatch, info_of_robot
@@ -75,7 +76,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     | `world` | the id's | path of a world bundle, or the name of one that ships with the package; refused if its hashes do not hold |
     | `task` | `TaskParams()` | or a dict of its fields: beams, ranges, speeds, steps, control and physics step, `region_m` round the entrance, `terrain`, `tilt` |
     | `robot` | `RobotParams()` | or a dict of its fields: radius, mass, wheels, torques, sensor height |
-    | `render_mode` | None | `"rgb_array"` (headless: `MUJOCO_GL=osmesa`), `"human"` (MuJoCo's viewer) |
+    | `render_mode` | None | `"rgb_array"` (without a display by EGL or OSMesa, or as `MUJOCO_GL` says), `"human"` (MuJoCo's viewer) |
     | `camera` | `"chase"` | `"chase"` or `"top"`: the plan with the coverage painted on it |
     | `lidar` | `"auto"` | `"embree"`, `"open3d"` or `"mujoco"`; they agree within 1 mm, the first is the fastest |
     | `whole` | False | step the robot in the model of all rock instead of the window round it |
@@ -102,6 +103,8 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
             raise ValueError(f"render_mode = {render_mode!r}: valid choices are None, 'rgb_array', 'human'")
         if camera not in CAMERAS:
             raise ValueError(f"camera = {camera!r}: valid choices are {', '.join(CAMERAS)}")
+        if render_mode is not None:
+            prepare_opengl(render_mode)
         self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
         self.render_mode, self.camera = render_mode, camera
         self.world = load_world(find_world(world))
@@ -156,11 +159,9 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
             return
         model, data = self._drawing().place(self.robots.qpos)
         if self._viewer is None:
-            import mujoco.viewer
+            from minexplore.viewer import Viewer
 
-            self._viewer = mujoco.viewer.launch_passive(
-                model, data, key_callback=self.on_key, show_left_ui=False, show_right_ui=False
-            )
+            self._viewer = Viewer(model, data, lambda code: self.on_key(code))
         self._viewer.sync()
 
     def close(self) -> None:

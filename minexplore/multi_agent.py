@@ -12,6 +12,7 @@ from pettingzoo import ParallelEnv
 
 from minexplore.lidar import Backend
 from minexplore.observation import observation_space
+from minexplore.opengl import prepare_opengl
 from minexplore.render import CAMERAS, Renderer
 from minexplore.reward import COLLISION_PENALTY, step_reward
 from minexplore.robot import RobotParams
@@ -57,6 +58,8 @@ class MineParallelEnv(ParallelEnv):
             raise ValueError(f"robots = {robots}, reward = {reward!r}: want 1 or more, 'shared' or 'individual'")
         if render_mode not in (None, "rgb_array") or camera not in CAMERAS:
             raise ValueError(f"render_mode = {render_mode!r}, camera = {camera!r}: want None or 'rgb_array', {CAMERAS}")
+        if render_mode is not None:
+            prepare_opengl(render_mode)
         self.task, self.robot, self.reward = coerce_params(TaskParams, task), coerce_params(RobotParams, robot), reward
         self.render_mode, self.camera = render_mode, camera
         self.world = load_world(find_world(world))

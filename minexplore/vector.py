@@ -14,6 +14,7 @@ from gymnasium.vector.utils import batch_space
 
 from minexplore.lidar import Backend
 from minexplore.observation import observation_space
+from minexplore.opengl import prepare_opengl
 from minexplore.render import CAMERAS, Renderer
 from minexplore.robot import RobotParams
 from minexplore.robot_batch import Outcome, RobotBatch, info_of_robot
@@ -67,6 +68,8 @@ class MineVectorEnv(VectorEnv):
             raise ValueError(f"autoreset_mode = {autoreset_mode}: valid choices are NEXT_STEP, SAME_STEP")
         self.num_envs, self.render_mode, self.camera, self._mode = num_envs, render_mode, camera, mode
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
+        if render_mode is not None:
+            prepare_opengl(render_mode)
         self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
         self.world = load_world(find_world(world))
         self.robots = RobotBatch(self.world, self.task, self.robot, num_envs, threads, lidar, whole)
