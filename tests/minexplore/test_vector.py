@@ -9,7 +9,6 @@ import shapely
 from gymnasium.vector import AutoresetMode
 
 from minexplore.env import MineEnv
-from minexplore.lidar import Lidar, surface_meshes
 from minexplore.robot import RobotParams, free_joint_qpos
 from minexplore.robot_batch import RobotBatch
 from minexplore.task import TaskParams
@@ -213,25 +212,6 @@ def test_the_scalar_env_survives_pickling_and_its_spec_a_round_trip(tee: BuiltMi
     assert again.unwrapped.task.max_steps == 9
     copy = pickle.loads(pickle.dumps(made.unwrapped))
     np.testing.assert_array_equal(copy.reset(seed=3)[0], made.reset(seed=3)[0])
-
-
-@pytest.mark.parametrize("backend", ["embree", "open3d"])
-def test_backends_see_the_same_rock_within_a_millimetre(tee: BuiltMine, backend):
-    spec = mujoco.MjSpec.from_file(str(tee.bundle / "mine.xml"))
-    meshes = surface_meshes(spec, tee.bundle)
-    rng = np.random.default_rng(0)
-    origins = np.column_stack([rng.uniform(1, 79, 60), rng.uniform(1, 4, 60), rng.uniform(0.3, 0.6, 60)])
-    directions = rng.normal(0, 1, (60, 16, 3)) * [1, 1, 0.1]
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
-    one, two = (Lidar(meshes, 10.0, b).cast(origins, directions) for b in ("mujoco", backend))
-    # A ray along an edge may slip past it in one and not in the other.
-    assert (np.abs(one - two) < 1e-3).mean() > 0.998
-
-
-def test_a_missing_backend_says_what_to_install(tee: BuiltMine, monkeypatch):
-    monkeypatch.setattr("minexplore.lidar.find_spec", lambda name: None if name == "embreex" else object())
-    with pytest.raises(ImportError, match="needs embreex: pip install embreex"):
-        Lidar({}, 10.0, "embree")
 
 
 def test_pictures_are_drawn_without_a_screen(tee: BuiltMine):
