@@ -7,12 +7,12 @@ import numpy as np
 
 from minexplore.task import TaskParams
 
-_COMMANDS = 3  # previous forward command, 0, previous turn command
+COMMANDS = 3  # numbers after the ranges: previous forward command, 0, previous turn command
 
 
 def observation_space(task: TaskParams) -> gymnasium.spaces.Box:
     """Return the space of one robot's observation, (beams + 3,) float32."""
-    low = np.array([0.0] * task.beams + [-1.0] * _COMMANDS, dtype=np.float32)
+    low = np.array([0.0] * task.beams + [-1.0] * COMMANDS, dtype=np.float32)
     return gymnasium.spaces.Box(low, np.ones_like(low), dtype=np.float32)
 
 
