@@ -10,7 +10,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-baselines all test test-slow check report verify data dag accept lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline worlds random-mines look docs fuzz pushes mutants parity replay holdout evidence wheel env-page oracle explorers test-train train train-all time-training curves leaderboard claims $(STAGES)
+.PHONY: help setup setup-baselines all test test-slow check report verify data dag update-baseline lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline worlds random-mines look docs fuzz stress-test mutants parity replay holdout evidence wheel env-page oracle explorers test-train train train-all time-training curves leaderboard claims $(STAGES)
 
 help:            ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile | expand -t 22
@@ -41,7 +41,7 @@ check: setup     ## lint, types, import contracts, dvc.yaml up to date
 	@ruff check . && ruff format --check . && mypy && lint-imports && $(PY) -m stages | cmp - dvc.yaml
 
 report: all      ## the report page is artifacts/report/report.html; write docs/results.md from the same figures
-	@$(PY) -m pipeline table
+	@$(PY) -m pipeline update-results
 
 verify: setup    ## walk the manifests from the survey to the world
 	@$(PY) -m pipeline verify
@@ -64,7 +64,7 @@ roughness: setup          ## measure the sweeps below data/raw again (`make data
 worlds: setup    ## a family of generated mines: N=50 SPLIT=train (validation, test); ARGS="--of NAME" for variants of one
 	@$(PY) -m pipeline worlds --count $(N) --split $(SPLIT) $(ARGS)
 
-pushes: all      ## throw robots at the walls of the present world: a million contacts (artifacts/proof/certificate.json)
+stress-test: all  ## throw robots at the walls of the present world: a million contacts (artifacts/proof/certificate.json)
 	@$(PY) -m pipeline certify --bundle artifacts/realism/world --contacts 1000000 --out artifacts/proof/certificate.json
 
 test-train: setup-baselines  ## the tests of training, which need Ray and torch
@@ -134,8 +134,8 @@ wheel: setup     ## build dist/minexplore-*.whl with the default world inside
 env-page: setup  ## write docs/env.md from the environment's docstring
 	@$(PY) -m minexplore page > docs/.env.md.new && mv docs/.env.md.new docs/env.md
 
-accept: setup    ## accept the present metrics as the regression gate's baseline
-	@$(PY) -m pipeline accept
+update-baseline: setup    ## update-baseline the present metrics as the regression gate's baseline
+	@$(PY) -m pipeline update-baseline
 
 dag: setup       ## write dvc.yaml from the stages' declarations
 	@$(PY) -m stages > .dvc.yaml.new && mv .dvc.yaml.new dvc.yaml

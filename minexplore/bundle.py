@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-FORMAT = "minexplore-world/1"
+FORMAT = "minexplore-world/2"
 
 # Files of a bundle, relative to its folder.
 RECORD = "world.json"
@@ -29,7 +29,7 @@ ROCK_TEXTURE = "textures/rock.png"
 
 # Frames that a bundle states coordinates in.
 FRAMES = {
-    "mine": "x east, y north, z up from the sill, origin at the survey's origin; plan and geometry are stated in it",
+    "mine": "x east, y north, z up from the floor, origin at the survey's origin; plan and geometry use it",
     "world": "MuJoCo's: the mine frame's centre at its origin, the mine tilted about Y; gravity is -z",
 }
 
@@ -41,12 +41,12 @@ SURFACE_BODY = "surface"
 ROCK_CLASS = "rock"
 SURFACE_CLASS = "surface"
 
-ROOF_GEOM = "back"
+ROOF_GEOM = "roof"
 
 # Pieces of a surface: the rough one is cut into chunks of walls and roof, the smooth one has a mesh a piece.
-WALLS, ROOF, FLOOR_CHAMFER = "walls", "back", "sill_chamfer"
+WALLS, ROOF, FLOOR_CHAMFER = "walls", "roof", "floor_chamfer"
 
-_FLOOR, _ROCK, _SURFACE, _SMOOTH = "floor_", "rock_", "surface_", "base_"
+_FLOOR, _ROCK, _SURFACE, _SMOOTH = "floor_", "rock_", "surface_", "smooth_"
 
 
 class BundleError(ValueError):
@@ -67,10 +67,10 @@ class GeomGroup(IntEnum):
 # The groups as `world.json` names them under `geom_groups`.
 GEOM_GROUPS = {
     "floor": GeomGroup.FLOOR.value,
-    "surface": GeomGroup.ROUGH_SURFACE.value,
-    "rock": GeomGroup.COLLISION.value,
-    "back": GeomGroup.ROOF.value,
-    "base": GeomGroup.SMOOTH_SURFACE.value,
+    "rough_surface": GeomGroup.ROUGH_SURFACE.value,
+    "collision": GeomGroup.COLLISION.value,
+    "roof": GeomGroup.ROOF.value,
+    "smooth_surface": GeomGroup.SMOOTH_SURFACE.value,
 }
 
 

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 
 from minexplore.bundle import BundleError, read_bundle
 from pipeline.errors import ArtifactError
-from pipeline.metrics.limits import flatten, say_limit
+from pipeline.metrics.limits import flatten, format_limit
 from pipeline.params.config import Config
 from pipeline.params.validation import Limit, ValidationParams
 from pipeline.stage import ARTIFACTS
@@ -91,7 +91,12 @@ def show_world(name: str) -> str:
         value = figures.get(key)
         holds = isinstance(value, int | float) and limit.holds(value)
         rows.append(
-            [key, f"{value:.6g}" if isinstance(value, int | float) else "-", say_limit(limit), "" if holds else "FAILS"]
+            [
+                key,
+                f"{value:.6g}" if isinstance(value, int | float) else "-",
+                format_limit(limit),
+                "" if holds else "FAILS",
+            ]
         )
     return _table(rows)
 
@@ -104,7 +109,7 @@ def compare_worlds(one: str, other: str) -> str:
         [key, _say(first.get(key)), _say(second.get(key))]
         for key in [*first, *(k for k in second if k not in first)] if first.get(key) != second.get(key)
     ]  # fmt: skip
-    left, right = made_by(one), made_by(other)
+    left, right = world_params(one), world_params(other)
     rows += [
         [key, _say(left.get(key)), _say(right.get(key))]
         for key in [*left, *(k for k in right if k not in left)] if left.get(key) != right.get(key)
@@ -112,7 +117,7 @@ def compare_worlds(one: str, other: str) -> str:
     return _table(rows)
 
 
-def made_by(name: str) -> dict[str, Any]:
+def world_params(name: str) -> dict[str, Any]:
     """Return the parameters that a world was made by, one level deep."""
     found: dict[str, Any] = {}
     for section in Config.model_fields:
@@ -123,7 +128,7 @@ def made_by(name: str) -> dict[str, Any]:
 
 def changed_params(name: str, default: Config) -> dict[str, tuple[Any, Any]]:
     """Return the parameters in which a world differs from the default: (default, this world's)."""
-    before, now = flatten(default.model_dump(mode="json")), made_by(name)
+    before, now = flatten(default.model_dump(mode="json")), world_params(name)
     keys = [*before, *(key for key in now if key not in before)]
     return {k: (before.get(k, "-"), now.get(k, "-")) for k in keys if before.get(k) != now.get(k)}
 

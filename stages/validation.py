@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from minexplore.bundle import MODEL
 from pipeline.metrics.limits import require_limits
 from pipeline.mjcf.load_time import measure_load
 from pipeline.params.validation import ReplayParams, ValidationParams
@@ -34,7 +35,7 @@ def validate_world(params: ValidationParams, world: Path, cleaned: Mask, raw: Ma
     with ThreadPoolExecutor(2) as pool:  # the long measures beside each other: they are mostly outside the interpreter
         for measured in [pool.submit(getattr, found, name) for name in _LONG]:
             measured.result()
-        loading = pool.submit(measure_load, world / "mine.xml")  # beside what keeps one core busy
+        loading = pool.submit(measure_load, world / MODEL)  # beside what keeps one core busy
         evidence = _evidence(params, found)
         metrics = {group: found.measure(group) for group in GROUPS}
         metrics["world"] |= dataclasses.asdict(loading.result())

@@ -11,12 +11,13 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from minexplore.bundle import NAV2_MAP, GeomGroup
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.windows import Windows
 from minexplore.world import load_world
 from pipeline.geometry.raycast import RayCaster
-from pipeline.mjcf.bundle import World, geom_corners
+from pipeline.mjcf.bundle import World, geom_triangles
 from pipeline.survey.nav2 import read_nav2_map
 
 _HEIGHT_M, _RANGE_M = 0.3, 10.0
@@ -79,7 +80,7 @@ def compare_backends(folder: Path, world: World, free: Polygon, rays: int, seed:
     """
     rng = np.random.default_rng(seed)
     places, bearings = _rays(free.buffer(-_CLEAR_M), rays, rng)
-    rock = world.record.geom_groups["rock"]
+    rock = GeomGroup.COLLISION
     exact = _by_mujoco(world.model, np.array(world.record.T_world_mine), places, bearings, rock)
     backends = {"Open3D RaycastingScene": _ranges(places, bearings, exact, _by_open3d(world, rock, places, bearings))}
     inside, windows = _by_windows(folder, places, bearings, exact, rock)
@@ -125,7 +126,7 @@ def _by_mujoco(
 
 
 def _by_open3d(world: World, group: int, places: np.ndarray, bearings: np.ndarray) -> np.ndarray:
-    caster = RayCaster(geom_corners(world.model, group))
+    caster = RayCaster(geom_triangles(world.model, group))
     starts = np.column_stack([places, np.full(len(places), _HEIGHT_M)])
     return np.minimum(caster.cast(starts, _level(bearings)), _RANGE_M)
 
@@ -174,7 +175,7 @@ def _by_warp(
 
 def _by_map(folder: Path, free: Polygon, places: np.ndarray, bearings: np.ndarray, exact: np.ndarray) -> Parity:
     """Walk the rays over the bundle's Nav2 map; a hit agrees if it lies within a cell of the rock that is there."""
-    drawn = read_nav2_map(folder / "map.yaml")
+    drawn = read_nav2_map(folder / NAV2_MAP)
     cell, (west, south), occupied = drawn.cell_m, drawn.origin_m, ~drawn.free
     step = _STEP_SHARE * cell
     at, ranges = places.copy(), np.full(len(places), _RANGE_M)

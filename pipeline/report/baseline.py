@@ -51,7 +51,7 @@ _ROWS = [
     ("- bump Rq", "texture.published.bump_rq_m", ".3f", ">= 0.90", "0.819"),
     ("- roughness scale integral", "texture.published.roughness_integral_m2", ".3f", ">= 0.90", "0.798"),
     ("- dominant wavelength", "texture.published.dominant_wavelength_m", ".3f", ">= 0.90", "0.994"),
-    ("- ceiling irregularity", "texture.published.ceiling_irregularity_m", ".3f", ">= 0.90", "0.509"),
+    ("- roof irregularity", "texture.published.roof_irregularity_m", ".3f", ">= 0.90", "0.509"),
     ("- wall heterogeneity", "texture.published.wall_heterogeneity_m", ".3f", ">= 0.90", "0.778"),
     ("texture, strict score, overall", "texture.strict.overall", ".3f", ">= 0.80", "about 0.29"),
     ("roughness at 0.5 m, model / real", "texture.bump_ratio", ".3f", "0.85 to 1.15", "0.36"),
@@ -90,7 +90,7 @@ def regressions(metrics: dict[str, float], baseline: dict[str, float]) -> list[s
     return lines
 
 
-def accept_baseline() -> str:
+def write_baseline() -> str:
     """Write the present gated metrics to the baseline and say what changed."""
     now = gated(read_metrics())
     before = json.loads(BASELINE.read_text()) if BASELINE.is_file() else {}

@@ -13,7 +13,7 @@ from pipeline.types import Image
 
 _SHORT = {
     "wall_jaggedness_deg": "wall\njaggedness", "bump_rq_m": "bump Rq", "roughness_integral_m2": "roughness\nintegral",
-    "dominant_wavelength_m": "dominant\nwavelength", "ceiling_irregularity_m": "ceiling\nirregularity",
+    "dominant_wavelength_m": "dominant\nwavelength", "roof_irregularity_m": "roof\nirregularity",
     "wall_heterogeneity_m": "wall\nheterogeneity",
 }  # fmt: skip
 

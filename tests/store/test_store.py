@@ -36,10 +36,10 @@ def test_every_kind_of_artifact_survives_writing_and_reading(tmp_path, tee: Buil
     grid = round_trip(tmp_path, "f.npz", tee.compiled["occupancy"], Occupancy)
     assert grid.cell_m == tee.compiled["occupancy"].cell_m
     assert (grid.clearance_m == tee.compiled["occupancy"].clearance_m).all()
-    meshes = round_trip(tmp_path, "g.npz", tee.surface["meshes"], Meshes)
-    assert set(meshes) == set(tee.surface["meshes"])
+    meshes = round_trip(tmp_path, "g.npz", tee.surface["smooth"], Meshes)
+    assert set(meshes) == set(tee.surface["smooth"])
     assert isinstance(meshes["walls"], Mesh)
-    assert (meshes["walls"].faces == tee.surface["meshes"]["walls"].faces).all()
+    assert (meshes["walls"].faces == tee.surface["smooth"]["walls"].faces).all()
 
 
 def test_a_broken_artifact_is_named_and_a_pickle_is_never_opened(tmp_path):
