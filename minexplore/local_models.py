@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from minexplore.bundle import MINE_BODY, ROCK_CLASS, ROOF_GEOM, is_floor, is_rock
+from minexplore.bundle import MINE_BODY, MODEL, RECORD, ROCK_CLASS, ROOF_GEOM, BundleError, is_rock
 from minexplore.robot import ROCK_BODY, RobotParams, attach_robot, contact_sensor, separate_contacts
 from minexplore.rotations import quaternion
 from minexplore.task import TaskParams
@@ -40,6 +40,10 @@ class LocalModels:
             self.T_world_mine[:3, :3] = np.eye(3)
         self._spec = world.spec()
         self.parts = [_part(self._spec, g) for g in self._spec.geoms if is_rock(g.name)]
+        self._zones = {zone.geom: zone for zone in world.active_zones(task.terrain)}
+        absent = sorted(set(self._zones) - {geom.name for geom in self._spec.geoms})
+        if absent:
+            raise BundleError(f"{world.folder / MODEL}: no geom {absent[0]!r} of a floor zone that {RECORD} names")
         self._margin_m = robot.radius_m + task.max_forward_mps * task.control_s + _MARGIN_M
 
     def tiles_of(self, xy: np.ndarray) -> np.ndarray:
@@ -54,29 +58,15 @@ class LocalModels:
 
     def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
         """Return a physics model's spec; without a tile it holds all parts."""
-        spec = mujoco.MjSpec()
-        spec.option.timestep = self.task.physics_s
-        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        # MuJoCo 3.17's several contacts of a cylinder at a prism's edge lie along the prism's face: the edge sinks in.
-        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
+        spec = physics_spec(self.task)
         mine = spec.worldbody.add_body(name=MINE_BODY, pos=self.T_world_mine[:3, 3])
         mine.quat = quaternion(self.T_world_mine[:3, :3])
         solid = mine.add_body(name=ROCK_BODY)  # one pair test of bodies then rules the rock out for the wheels
         everything = tile is None or self.whole
-        low, high = self.reach(np.zeros(2) if tile is None else np.array(tile))
-        near = self.parts if everything else [part for part in self.parts if _meets(part.outline, low, high)]
-        kept = {part.name for part in near}
-        for geom in self._spec.geoms:
-            if geom.name in kept or not (everything or self._overlaps(geom, low, high)):
-                continue
-            if is_floor(geom.name) or geom.name == ROOF_GEOM:
-                friction = [1.0, 0.005, 0.0001] if is_floor(geom.name) and not self.task.terrain else geom.friction
-                (mine if is_floor(geom.name) else solid).add_geom(
-                    name=geom.name, type=geom.type, pos=geom.pos, size=geom.size, friction=friction,
-                    priority=geom.priority, group=geom.group,
-                )  # fmt: skip
+        low, high = (np.full(2, -np.inf), np.full(2, np.inf)) if everything else self.reach(np.array(tile))
+        self._add_floor_and_roof(mine, solid, low, high)
         rock = self._spec.find_default(ROCK_CLASS).geom
-        for part in near:
+        for part in self.parts if everything else [part for part in self.parts if _meets(part.outline, low, high)]:
             spec.add_mesh(name=part.name, uservert=part.vertices.ravel())
             solid.add_geom(
                 name=part.name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part.name, pos=part.place,
@@ -88,6 +78,20 @@ class LocalModels:
             contact_sensor(spec, name)
         return spec
 
+    def _add_floor_and_roof(
+        self, mine: mujoco.MjsBody, solid: mujoco.MjsBody, low: np.ndarray, high: np.ndarray
+    ) -> None:
+        """Add the floor zones and the roof that reach into a box of the plan."""
+        for geom in self._spec.geoms:
+            zone = self._zones.get(geom.name)
+            if (zone is None and geom.name != ROOF_GEOM) or not _overlaps(geom, low, high):
+                continue
+            friction = geom.friction if zone is None else [zone.friction, *geom.friction[1:]]
+            (solid if zone is None else mine).add_geom(
+                name=geom.name, type=geom.type, pos=geom.pos, size=geom.size, friction=friction,
+                priority=geom.priority, group=geom.group,
+            )  # fmt: skip
+
     def reach(self, tile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step.
 
@@ -96,10 +100,21 @@ class LocalModels:
         low = tile * TILE_M - self._margin_m
         return low, low + TILE_M + 2 * self._margin_m
 
-    def _overlaps(self, geom: mujoco.MjsGeom, low: np.ndarray, high: np.ndarray) -> bool:
-        """Return whether a floor zone or the roof reaches into a box of the plan."""
-        place, half = np.array(geom.pos)[:2], np.array(geom.size)[:2]
-        return bool((place - half <= high).all() and (place + half >= low).all())
+
+def physics_spec(task: TaskParams) -> mujoco.MjSpec:
+    """Return an empty spec with the solver's options that all physics of the task has."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep = task.physics_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # MuJoCo 3.17's several contacts of a cylinder at a prism's edge lie along the prism's face: the edge sinks in.
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
+    return spec
+
+
+def _overlaps(geom: mujoco.MjsGeom, low: np.ndarray, high: np.ndarray) -> bool:
+    """Return whether a box geom reaches into a box of the plan."""
+    place, half = np.array(geom.pos)[:2], np.array(geom.size)[:2]
+    return bool((place - half <= high).all() and (place + half >= low).all())
 
 
 def _part(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> RockPart:

@@ -15,7 +15,7 @@ from minexplore.reward import step_reward
 from minexplore.robot import RobotParams, free_joint_qpos
 from minexplore.rotations import rotate_inverse, rotation_matrices
 from minexplore.stepper import PhysicsStepper
-from minexplore.task import TERRAIN, TaskParams
+from minexplore.task import TaskParams
 from minexplore.world import World
 
 
@@ -52,10 +52,9 @@ class RobotBatch:
         self.grid = CoverageGrid(world, task.cell_m, robot.radius_m, anchor_m, task.region_m)
         angles = 2 * np.pi * np.arange(task.beams) / task.beams
         self._beams = np.column_stack([np.cos(angles), np.sin(angles)])
-        self._scale, self._noise = (
-            np.array([TERRAIN.get(z.name, (1.0, 0.0))[k] if task.terrain else (1.0, 0.0)[k] for z in world.floor_zones])
-            for k in (0, 1)
-        )
+        zones = world.active_zones(task.terrain)
+        self._scale = np.array([zone.command_scale for zone in zones])
+        self._noise = np.array([zone.speed_noise_mps for zone in zones])
         self.stepper = PhysicsStepper(self.local_models, count, threads, anchor_m)
         self.state, self.qpos, self.qvel = self.stepper.state, self.stepper.qpos, self.stepper.qvel
         self.seen = np.zeros((count, *self.grid.reachable.shape), dtype=bool)

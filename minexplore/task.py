@@ -9,9 +9,6 @@ import numpy as np
 
 T = TypeVar("T")
 
-# What a zone does to a command beside its contact friction: scale, and noise on the forward speed, m/s.
-TERRAIN = {"dry": (1.0, 0.0), "mud": (0.7, 0.04), "water": (0.4, 0.10)}
-
 
 @dataclass(frozen=True)
 class TaskParams:

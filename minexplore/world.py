@@ -11,23 +11,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from minexplore.bundle import CLEARANCE_GRID, MODEL, RECORD, floor_geom, read_bundle
+from minexplore.bundle import CLEARANCE_GRID, MODEL, RECORD, read_bundle
+from minexplore.floor_zones import FloorZone, read_zones
 
 DEFAULT_WORLD = "chilean_mine"
-
-
-@dataclass(frozen=True)
-class FloorZone:
-    """One floor zone: a strip of the floor from west to east (m, mine frame)."""
-
-    name: str
-    west_m: float
-    east_m: float
-
-    @property
-    def geom(self) -> str:
-        """Return the name of the zone's geom."""
-        return floor_geom(self.name)
 
 
 @dataclass(frozen=True)
@@ -53,6 +40,10 @@ class World:
         """Return the centres (n, 2) m, mine frame, of the grid's cells that have at least this clearance."""
         row, col = np.nonzero(self.clearance_m >= clearance_m)
         return self.origin_m + (np.column_stack([col, row]) + 0.5) * self.cell_m
+
+    def active_zones(self, terrain: bool) -> list[FloorZone]:
+        """Return the zones with their effects, or with none of them where a task has no terrain."""
+        return self.floor_zones if terrain else [zone.without_effects() for zone in self.floor_zones]
 
     def zones_at(self, east_m: np.ndarray) -> np.ndarray:
         """Return the numbers of the zones at eastings (n,) m; beyond the ends, the nearest."""
@@ -95,10 +86,10 @@ def load_world(folder: Path) -> World:
     Raises
     ------
     BundleError
-        If a file of the bundle is missing or changed; see `read_bundle`.
+        If a file of the bundle is missing or changed, or a floor zone is not whole; see `read_bundle`, `read_zones`.
     """
     record = read_bundle(folder)
     with np.load(io.BytesIO((folder / CLEARANCE_GRID).read_bytes()), allow_pickle=False) as grid:
         clearance, origin, cell = grid["clearance_m"], grid["origin_m"], float(grid["cell_m"])
-    zones = [FloorZone(z["name"], z["west_m"], z["east_m"]) for z in record["zones"]]
+    zones = read_zones(folder / RECORD, record.get("zones"))
     return World(folder, record, np.array(record["T_world_mine"]), clearance, origin, cell, zones)
