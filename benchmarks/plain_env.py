@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import MINE_BODY, ROCK_CLASS, SURFACE_BODY, GeomGroup, is_rock, rock_geom
-from minexplore.robot import ROCK_BODY, RobotParams, attach_robot, contact_sensor, separate_contacts, stand
+from minexplore.robot import ROCK_BODY, RobotParams, attach_robot, contact_sensor, free_joint_qpos, separate_contacts
 from minexplore.task import TaskParams
 from minexplore.world import World
 from pipeline.types import ConvexParts
@@ -47,7 +47,7 @@ class PlainEnv:
         """Stand the robot at the anchor."""
         mujoco.mj_resetData(self.model, self.data)
         x, y = self.world.record["spawn"]["anchor_m"]
-        self.data.qpos[:7] = stand(self.world.T_world_mine, self.robot, x, y, self.rng.uniform(-np.pi, np.pi))
+        self.data.qpos[:7] = free_joint_qpos(self.world.T_world_mine, self.robot, x, y, self.rng.uniform(-np.pi, np.pi))
         mujoco.mj_forward(self.model, self.data)
         self.seen: set[tuple[int, int]] = set()
 

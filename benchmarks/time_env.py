@@ -18,10 +18,10 @@ from tqdm import tqdm
 
 from benchmarks.plain_env import PlainEnv
 from minexplore.bundle import MINE_BODY, floor_geom
-from minexplore.robot import ROCK_BODY, RobotParams, attach_robot, contact_sensor, separate_contacts, stand
+from minexplore.local_models import LocalModels
+from minexplore.robot import ROCK_BODY, RobotParams, attach_robot, contact_sensor, free_joint_qpos, separate_contacts
 from minexplore.task import TaskParams
 from minexplore.vector import MineVectorEnv
-from minexplore.windows import Windows
 from minexplore.world import World, find_world, load_world
 from pipeline.compose import compose
 from pipeline.errors import MineError
@@ -63,12 +63,12 @@ def physics_ratios(world: World) -> tuple[float, float]:
     Robots drive at stations spread over the mine. On a slope more wheels and castors bear, whatever stands around.
     """
     task, robot = TaskParams(), RobotParams()
-    windows = Windows(world, task, robot)
+    local_models = LocalModels(world, task, robot)
     row, col = np.nonzero(world.clearance_m >= 1.0)
     pick = np.linspace(0, len(row) - 1, 12).astype(int)
     places = world.origin_m + (np.column_stack([col[pick], row[pick]]) + 0.5) * world.cell_m
-    models = [windows.model(tuple(t)) for t in windows.tiles_of(places).tolist()]
-    dipping, level = (_bare_floor(task, robot, T) for T in (windows.T_world_mine, np.eye(4)))
+    models = [local_models.model(tuple(t)) for t in local_models.tiles_of(places).tolist()]
+    dipping, level = (_bare_floor(task, robot, T) for T in (local_models.T_world_mine, np.eye(4)))
 
     def drive(model: mujoco.MjModel, pose: np.ndarray) -> None:
         data = mujoco.MjData(model)
@@ -76,8 +76,8 @@ def physics_ratios(world: World) -> tuple[float, float]:
         data.ctrl[:] = [1.0, 1.2]
         mujoco.mj_step(model, data, 1000)
 
-    poses = [stand(windows.T_world_mine, robot, x, y, 0.3) for x, y in places]
-    flat = stand(np.eye(4), robot, 0.0, 0.0, 0.3)
+    poses = [free_joint_qpos(local_models.T_world_mine, robot, x, y, 0.3) for x, y in places]
+    flat = free_joint_qpos(np.eye(4), robot, 0.0, 0.0, 0.3)
     ours = sum(seconds(partial(drive, model, pose)) for model, pose in zip(models, poses, strict=True))
     on_dip = sum(seconds(partial(drive, dipping, pose)) for pose in poses)
     on_level = sum(seconds(partial(drive, level, flat)) for _ in poses)

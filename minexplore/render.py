@@ -7,7 +7,8 @@ import numpy as np
 
 from minexplore.bundle import MINE_BODY, GeomGroup
 from minexplore.coverage import CoverageGrid
-from minexplore.robot import RobotParams, attach_robot, separate_contacts
+from minexplore.robot import RobotParams, attach_robot, qpos_address, separate_contacts
+from minexplore.rotations import quaternion
 from minexplore.world import World
 
 CAMERAS = ("chase", "top")
@@ -34,17 +35,11 @@ class Renderer:
         return self._chase(qpos) if camera == "chase" else self._plan(seen, poses)
 
     def place(self, qpos: np.ndarray) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Return the whole world's model and data with the robots standing as given."""
+        """Return the whole world's model and data with the robots at rows of `qpos` (n, 9)."""
         if self.model is None:
             self.model = self._compile()
             self.data = mujoco.MjData(self.model)
-            names = [f"robot_{i}" for i in range(self.robots)]
-            joints = [[f"{n}_free", f"{n}_left", f"{n}_right"] for n in names]
-            self._at = np.concatenate(
-                [[self.model.joint(free).qposadr[0] + k for k in range(7)]
-                 + [self.model.joint(left).qposadr[0], self.model.joint(right).qposadr[0]]
-                 for free, left, right in joints]
-            )  # fmt: skip
+            self._at = np.concatenate([qpos_address(self.model, f"robot_{i}") for i in range(self.robots)])
         self.data.qpos[self._at] = qpos.ravel()
         mujoco.mj_forward(self.model, self.data)
         return self.model, self.data
@@ -55,9 +50,7 @@ class Renderer:
         for i in range(self.robots):
             attach_robot(spec, f"robot_{i}", self.robot)
         mine = spec.body(MINE_BODY)
-        quat = np.zeros(4)
-        mujoco.mju_mat2Quat(quat, self.T_world_mine[:3, :3].ravel())
-        mine.quat, mine.pos = quat, self.T_world_mine[:3, 3]
+        mine.quat, mine.pos = quaternion(self.T_world_mine[:3, :3]), self.T_world_mine[:3, 3]
         spec.visual.global_.offwidth, spec.visual.global_.offheight = self.size_px
         return spec.compile()
 

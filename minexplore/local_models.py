@@ -1,4 +1,4 @@
-"""Small physics models: only the rock near a robot, for a step costs by the geoms in the model, moving or not."""
+"""Physics models of parts of a mine: fewer geoms make a faster step, so a model holds the rock near a robot only."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from minexplore.bundle import MINE_BODY, ROCK_CLASS, ROOF_GEOM, is_floor, is_rock
+from minexplore.bundle import MINE_BODY, MODEL, RECORD, ROCK_CLASS, ROOF_GEOM, BundleError, is_rock
 from minexplore.robot import ROCK_BODY, RobotParams, attach_robot, contact_sensor, separate_contacts
+from minexplore.rotations import quaternion
 from minexplore.task import TaskParams
+from minexplore.tiles import Tile, tiles_at
 from minexplore.world import World
 
-WINDOW_M = 2.0
+TILE_M = 2.0
 _MARGIN_M = 0.1  # beyond the robot's radius and one control step's travel; contacts need none of it
 
 
@@ -27,56 +29,44 @@ class RockPart:
     outline: np.ndarray
 
 
-class Windows:
-    """Physics models of a world, whole or by square tiles of the plan, each with one robot and one state layout."""
+class LocalModels:
+    """Physics models of a world, one a square tile of the plan, each with one robot and the same state layout."""
 
     def __init__(self, world: World, task: TaskParams, robot: RobotParams, whole: bool = False) -> None:
-        """Read the world's collision parts."""
+        """Read the world's collision parts; with `whole` every tile's model is that of all parts."""
         self.world, self.task, self.robot, self.whole = world, task, robot, whole
         self.T_world_mine = world.T_world_mine.copy()
         if not task.tilt:
             self.T_world_mine[:3, :3] = np.eye(3)
         self._spec = world.spec()
         self.parts = [_part(self._spec, g) for g in self._spec.geoms if is_rock(g.name)]
+        self._zones = {zone.geom: zone for zone in world.active_zones(task.terrain)}
+        absent = sorted(set(self._zones) - {geom.name for geom in self._spec.geoms})
+        if absent:
+            raise BundleError(f"{world.folder / MODEL}: no geom {absent[0]!r} of a floor zone that {RECORD} names")
         self._margin_m = robot.radius_m + task.max_forward_mps * task.control_s + _MARGIN_M
 
     def tiles_of(self, xy: np.ndarray) -> np.ndarray:
         """Return each place's tile (n, 2); a whole world has one."""
         if self.whole:
             return np.zeros((len(xy), 2), dtype=int)
-        return np.floor(xy / WINDOW_M).astype(int)
+        return tiles_at(xy, TILE_M)
 
-    def model(self, tile: tuple[int, int]) -> mujoco.MjModel:
+    def model(self, tile: Tile) -> mujoco.MjModel:
         """Compile the model of a tile: floor, roof, the parts that a robot in it can touch, and the robot."""
         return self.spec(tile).compile()
 
-    def spec(self, tile: tuple[int, int] | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
+    def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
         """Return a physics model's spec; without a tile it holds all parts."""
-        spec = mujoco.MjSpec()
-        spec.option.timestep = self.task.physics_s
-        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        # MuJoCo 3.17's several contacts of a cylinder at a prism's edge lie along the prism's face: the edge sinks in.
-        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
+        spec = physics_spec(self.task)
         mine = spec.worldbody.add_body(name=MINE_BODY, pos=self.T_world_mine[:3, 3])
-        quat = np.zeros(4)
-        mujoco.mju_mat2Quat(quat, self.T_world_mine[:3, :3].ravel())
-        mine.quat = quat
-        solid = mine.add_body(name=ROCK_BODY)  # wheels, which touch the floor only, then pass the rock by as one body
+        mine.quat = quaternion(self.T_world_mine[:3, :3])
+        solid = mine.add_body(name=ROCK_BODY)  # one pair test of bodies then rules the rock out for the wheels
         everything = tile is None or self.whole
-        low, high = self.reach(np.zeros(2) if tile is None else np.array(tile))
-        near = self.parts if everything else [part for part in self.parts if _meets(part.outline, low, high)]
-        kept = {part.name for part in near}
-        for geom in self._spec.geoms:
-            if geom.name in kept or not (everything or self._below(geom, low, high)):
-                continue
-            if is_floor(geom.name) or geom.name == ROOF_GEOM:
-                friction = [1.0, 0.005, 0.0001] if is_floor(geom.name) and not self.task.terrain else geom.friction
-                (mine if is_floor(geom.name) else solid).add_geom(
-                    name=geom.name, type=geom.type, pos=geom.pos, size=geom.size, friction=friction,
-                    priority=geom.priority, group=geom.group,
-                )  # fmt: skip
+        low, high = (np.full(2, -np.inf), np.full(2, np.inf)) if everything else self.reach(np.array(tile))
+        self._add_floor_and_roof(mine, solid, low, high)
         rock = self._spec.find_default(ROCK_CLASS).geom
-        for part in near:
+        for part in self.parts if everything else [part for part in self.parts if _meets(part.outline, low, high)]:
             spec.add_mesh(name=part.name, uservert=part.vertices.ravel())
             solid.add_geom(
                 name=part.name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part.name, pos=part.place,
@@ -88,18 +78,43 @@ class Windows:
             contact_sensor(spec, name)
         return spec
 
+    def _add_floor_and_roof(
+        self, mine: mujoco.MjsBody, solid: mujoco.MjsBody, low: np.ndarray, high: np.ndarray
+    ) -> None:
+        """Add the floor zones and the roof that reach into a box of the plan."""
+        for geom in self._spec.geoms:
+            zone = self._zones.get(geom.name)
+            if (zone is None and geom.name != ROOF_GEOM) or not _overlaps(geom, low, high):
+                continue
+            friction = geom.friction if zone is None else [zone.friction, *geom.friction[1:]]
+            (solid if zone is None else mine).add_geom(
+                name=geom.name, type=geom.type, pos=geom.pos, size=geom.size, friction=friction,
+                priority=geom.priority, group=geom.group,
+            )  # fmt: skip
+
     def reach(self, tile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step.
 
         A tile (2,) or many (n, 2).
         """
-        low = tile * WINDOW_M - self._margin_m
-        return low, low + WINDOW_M + 2 * self._margin_m
+        low = tile * TILE_M - self._margin_m
+        return low, low + TILE_M + 2 * self._margin_m
 
-    def _below(self, geom: mujoco.MjsGeom, low: np.ndarray, high: np.ndarray) -> bool:
-        """Say whether a floor zone reaches under a window."""
-        place, half = np.array(geom.pos)[:2], np.array(geom.size)[:2]
-        return bool((place - half <= high).all() and (place + half >= low).all())
+
+def physics_spec(task: TaskParams) -> mujoco.MjSpec:
+    """Return an empty spec with the solver's options that all physics of the task has."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep = task.physics_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # MuJoCo 3.17's several contacts of a cylinder at a prism's edge lie along the prism's face: the edge sinks in.
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
+    return spec
+
+
+def _overlaps(geom: mujoco.MjsGeom, low: np.ndarray, high: np.ndarray) -> bool:
+    """Return whether a box geom reaches into a box of the plan."""
+    place, half = np.array(geom.pos)[:2], np.array(geom.size)[:2]
+    return bool((place - half <= high).all() and (place + half >= low).all())
 
 
 def _part(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> RockPart:
@@ -109,7 +124,7 @@ def _part(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> RockPart:
 
 
 def _meets(outline: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:
-    """Say whether a convex outline (n, 2), in any order, may meet a box: no separating axis among a few is found."""
+    """Return whether a convex outline (n, 2), in any order, may meet a box: no edge of it separates the two."""
     if (outline.max(axis=0) < low).any() or (outline.min(axis=0) > high).any():
         return False
     corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
