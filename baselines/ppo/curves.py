@@ -11,8 +11,8 @@ import matplotlib
 import numpy as np
 
 from baselines.errors import BaselineError, run_command
+from baselines.policy import TRAINED
 from baselines.ppo.settings import TrainSettings
-from baselines.ppo.train import RUNS
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -28,7 +28,7 @@ _AXES = (("rolling_coverage", "coverage"), ("rolling_collisions", "steps in touc
 _POINTS = 200
 
 
-def keep(runs: Path = RUNS, kept: Path = KEPT) -> None:
+def keep(runs: Path = TRAINED, kept: Path = KEPT) -> None:
     """Thin the finished and unfinished runs' progress to what the curves need, small enough to be tracked."""
     for progress in sorted(runs.glob("*/progress.jsonl")):
         lines = [json.loads(line) for line in progress.read_text().splitlines()]

@@ -8,6 +8,7 @@ from typing import Any
 
 from safetensors.numpy import save_file
 
+from baselines.learned import FORMAT
 from baselines.ppo.settings import TrainSettings
 
 
@@ -19,7 +20,7 @@ def export_policy(module: Any, settings: TrainSettings, facts: dict[str, Any], p
         if name.startswith(("encoder.actor_encoder.", "pi."))
     }
     about = {
-        "format": "minexplore-policy/1", "env": settings.env, "observation": settings.observation,
+        "format": FORMAT, "env": settings.env, "observation": settings.observation,
         "model": settings.model.model_dump_json(), "seed": str(settings.seed), "reached": json.dumps(facts),
     }  # fmt: skip
     save_file(arrays, str(path), metadata=about)

@@ -6,11 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from baselines.environments import make_env
 from baselines.oracle.bound import best_walk
 from baselines.oracle.network import TimeNetwork, time_network
 from baselines.oracle.tour import OracleTour, plan_tour
 from baselines.policy import make_policy
-from baselines.protocol import make_env, run_episodes
+from baselines.protocol import run_episodes
 from baselines.speed import top_speed_mps
 
 TEE_LONGEST_M = 85.0  # from any place of the tee to any other, round its corner
@@ -60,10 +61,10 @@ def test_no_explorer_beats_the_bound_and_the_tour_comes_near(tee_id):
     network = time_network(env.explorers, 2.0)
     horizon = env.task.max_steps * env.task.control_s
     bounds = {t: best_walk(network, t).most for t in np.linspace(0, horizon, 11)}
-    tour = OracleTour(2, env.task, plan_tour(network, best_walk(network, horizon), env.world))
+    tour = OracleTour(2, env.task, env.robot, plan_tour(network, best_walk(network, horizon), env.world))
     reached = []
     for policy in (tour, make_policy("information-gain", 2, env.task)):
-        for episode in run_episodes(env, policy, [0, 1], lambda n: None):
+        for episode in run_episodes(env, policy, [0, 1]):
             reached.append(episode.seen[-1])
             for t, most in bounds.items():  # samples lie 2 s apart
                 sample = min(int(t / 2), len(episode.seen) - 1)

@@ -1,15 +1,16 @@
 import numpy as np
 import pytest
 
-from baselines import pursuit
+from baselines.environments import make_env
 from baselines.errors import BaselineError
+from baselines.explorers import EXPLORERS
+from baselines.explorers.own_map import FINE, FREE, ROCK, OwnMap
+from baselines.explorers.pursuit import PathFollower
 from baselines.map_observation import RINGS_M, MapObserver
-from baselines.mapping import FINE, FREE, ROCK, OwnMap
-from baselines.policy import CLASSICAL, make_policy, policy_sha256
-from baselines.protocol import make_env, run_episodes
+from baselines.policy import make_policy, policy_sha256
+from baselines.protocol import run_episodes
+from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
-
-BEARINGS = (2 * np.pi * np.arange(16) / 16 + np.pi) % (2 * np.pi) - np.pi
 
 
 def seen_from(place, yaw, box):
@@ -65,12 +66,13 @@ def test_an_own_map_knows_a_room_and_its_open_end():
 
 def test_pursuit_turns_towards_its_path_and_stops_before_rock():
     clear, path = np.full(16, 10.0), np.column_stack([np.linspace(0, 5, 20), np.zeros(20)])
-    assert pursuit.follow(path, np.array([0.0, 0.0, 0.0]), BEARINGS, clear) == pytest.approx((1.0, 0.0))
-    assert pursuit.follow(path, np.array([0.0, 0.0, -0.5]), BEARINGS, clear)[1] > 0.5
-    assert pursuit.follow(path, np.array([0.0, 0.0, np.pi]), BEARINGS, clear)[0] == 0.0
+    pursuit = PathFollower(TaskParams(), RobotParams())
+    assert pursuit.follow(path, np.array([0.0, 0.0, 0.0]), clear) == pytest.approx((1.0, 0.0))
+    assert pursuit.follow(path, np.array([0.0, 0.0, -0.5]), clear)[1] > 0.5
+    assert pursuit.follow(path, np.array([0.0, 0.0, np.pi]), clear)[0] == 0.0
     blocked = clear.copy()
     blocked[0] = 0.4
-    assert pursuit.follow(path, np.array([0.0, 0.0, 0.0]), BEARINGS, blocked)[0] <= 0.0
+    assert pursuit.follow(path, np.array([0.0, 0.0, 0.0]), blocked)[0] <= 0.0
 
 
 def test_the_authors_heuristic_is_their_formula():
@@ -95,7 +97,7 @@ def test_random_commands_depend_on_the_seed_alone():
 )
 def test_an_explorer_sees_a_small_mine_and_touches_nothing(tee_id, name, least):
     env = make_env(tee_id, 2)
-    episodes = list(run_episodes(env, make_policy(name, 2, env.task), [0, 1], lambda n: None))
+    episodes = list(run_episodes(env, make_policy(name, 2, env.task), [0, 1]))
     for episode in episodes:
         assert episode.seen[-1] / env.explorers.grid.total >= least
         assert episode.collided == 0
@@ -103,9 +105,9 @@ def test_an_explorer_sees_a_small_mine_and_touches_nothing(tee_id, name, least):
 
 
 def test_every_policy_has_a_hash_of_its_own_and_unknown_ones_are_refused_with_the_choices():
-    hashes = {policy_sha256(make_policy(name, 1, TaskParams())) for name in CLASSICAL}
-    assert len(hashes) >= len(CLASSICAL) - 1  # the two frontier policies share their source
+    hashes = {policy_sha256(make_policy(name, 1, TaskParams())) for name in EXPLORERS}
+    assert len(hashes) >= len(EXPLORERS) - 1  # the two frontier policies share their source
     with pytest.raises(BaselineError, match=r"greedy.*valid choices are random, reactive"):
         make_policy("greedy", 1, TaskParams())
-    with pytest.raises(BaselineError, match="valid choices are MineXplore/World-v0"):
+    with pytest.raises(BaselineError, match="valid choices are MineXplore/ChileanMine-v0"):
         make_env("MineXplore/Moon-v0", 1)
