@@ -96,13 +96,13 @@ def policy_label(name: str) -> str:
 def policy_sha256(policy: Policy) -> str:
     """Return the hash of what a policy does: its class, its source with all that it imports here, its weights."""
     checkpoint = getattr(policy, "path", None)
-    parts = [type(policy).__qualname__.encode(), *(path.read_bytes() for path in _source_files(type(policy)))]
+    parts = [type(policy).__qualname__.encode(), *(path.read_bytes() for path in source_files(type(policy)))]
     if isinstance(checkpoint, Path):
         parts.append(checkpoint.read_bytes())
     return hashlib.sha256(b"".join(parts)).hexdigest()
 
 
-def _source_files(kind: type) -> list[Path]:
+def source_files(kind: type) -> list[Path]:
     """Return the files of a class's module and of the modules that it uses, of `baselines` and its own package."""
     packages = {"baselines", kind.__module__.partition(".")[0]}
     found, waiting = set(), {base.__module__ for base in kind.__mro__ if base.__module__.partition(".")[0] in packages}

@@ -39,7 +39,7 @@ class Progress:
         while not self._closed.wait(EVERY_S):
             now, done = time.monotonic(), self.done
             rate = (done - self._printed) / (now - self._printed_s)
-            share = f"{done:,} of {self._total:,} {self._unit} ({done / self._total:.1%})"
+            share = f"{done:,} of {self._total:,} {self._unit} ({100 * done / self._total:.1f} %)"
             parts = [share, f"{rate:,.0f} {self._unit}/s", *(f"{k} {v}" for k, v in list(self.figures.items()))]
             print(f"{self._name}: {', '.join(parts)}", file=sys.stderr, flush=True)
             self._printed_s, self._printed = now, done

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -30,20 +29,20 @@ class Bound(BaseModel):
         return self.most[later] if later < len(self.most) else self.cells
 
 
-def read_bounds(path: Path = BOUNDS) -> dict[str, Bound]:
+def read_bounds() -> dict[str, Bound]:
     """Return the bounds by environment id; an environment without `make oracle` has none."""
-    if not path.is_file():
+    if not BOUNDS.is_file():
         return {}
-    return {env: Bound.model_validate(values) for env, values in json.loads(path.read_text()).items()}
+    return {env: Bound.model_validate(values) for env, values in json.loads(BOUNDS.read_text()).items()}
 
 
-def write_bound(env_id: str, bound: Bound, path: Path = BOUNDS) -> None:
+def write_bound(env_id: str, bound: Bound) -> None:
     """Write an environment's bound to the file of bounds."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    bounds = {env: values.model_dump() for env, values in sorted((read_bounds(path) | {env_id: bound}).items())}
-    fresh = path.with_suffix(".new")
+    BOUNDS.parent.mkdir(parents=True, exist_ok=True)
+    bounds = {env: values.model_dump() for env, values in sorted((read_bounds() | {env_id: bound}).items())}
+    fresh = BOUNDS.with_suffix(".new")
     fresh.write_text(json.dumps(bounds, indent=1) + "\n")
-    fresh.replace(path)
+    fresh.replace(BOUNDS)
 
 
 def bound_of(env_id: str, world_sha256: str) -> Callable[[float], int] | None:

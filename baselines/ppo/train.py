@@ -100,7 +100,7 @@ def _iterate(algorithm: Any, settings: TrainSettings, run: RunFolder, history: H
                         writer.add_scalar(key, line[key], line["steps"])
                 if line["rolling_coverage"] is not None:
                     progress.figures = {
-                        "coverage": f"{line['rolling_coverage']:.1%}", "return": f"{line['rolling_return']:.1f}"
+                        "coverage": f"{100 * line['rolling_coverage']:.1f} %", "return": f"{line['rolling_return']:.1f}"
                     }  # fmt: skip
                 progress.add(history.steps - progress.done)
                 stop = history.stop_reason(settings)

@@ -1,16 +1,20 @@
+import re
+
 import numpy as np
 import pytest
 
 from baselines.environments import make_env
 from baselines.errors import BaselineError
 from baselines.explorers import EXPLORERS
+from baselines.explorers.frontier import NearestFrontier
 from baselines.explorers.own_map import FINE, FREE, ROCK, OwnMap
 from baselines.explorers.pursuit import PathFollower
 from baselines.map_observation import RINGS_M, MapObserver
-from baselines.policy import make_policy, policy_sha256
+from baselines.policy import make_policy, policy_sha256, source_files
 from baselines.protocol import run_episodes
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
+from tests.project import ROOT
 
 
 def seen_from(place, yaw, box):
@@ -75,6 +79,14 @@ def test_pursuit_turns_towards_its_path_and_stops_before_rock():
     assert pursuit.follow(path, np.array([0.0, 0.0, 0.0]), blocked)[0] <= 0.0
 
 
+def test_a_wider_robot_stops_farther_from_rock():
+    path, ranges = np.column_stack([np.linspace(0, 5, 20), np.zeros(20)]), np.full(16, 10.0)
+    ranges[0] = 0.7
+    narrow, wide = (PathFollower(TaskParams(), RobotParams(radius_m=radius)) for radius in (0.35, 0.6))
+    assert narrow.follow(path, np.zeros(3), ranges)[0] > 0.0
+    assert wide.follow(path, np.zeros(3), ranges)[0] < 0.0
+
+
 def test_the_authors_heuristic_is_their_formula():
     policy = make_policy("reactive", 2, TaskParams())
     observation = np.full((2, 19), 0.8, np.float32)
@@ -102,6 +114,34 @@ def test_an_explorer_sees_a_small_mine_and_touches_nothing(tee_id, name, least):
         assert episode.seen[-1] / env.explorers.grid.total >= least
         assert episode.collided == 0
     env.close()
+
+
+def test_every_explorer_is_described_in_the_documentation():
+    text = (ROOT / "docs/benchmark.md").read_text()
+    assert [name for name in EXPLORERS if f"| `{name}` |" not in text] == []
+
+
+def test_the_explorer_of_the_documentation_drives_and_its_hash_covers_its_source(tee_id, tmp_path, monkeypatch):
+    code = re.search(r"^```python\n(.*?)^```", (ROOT / "docs/benchmark.md").read_text(), flags=re.M | re.S)[1]
+    (tmp_path / "my_explorer.py").write_text(code)
+    monkeypatch.syspath_prepend(tmp_path)
+    env = make_env(tee_id, 2)
+    policy = make_policy("my_explorer:Bouncer", 2, env.task, env.robot)
+    for episode in run_episodes(env, policy, [0, 1]):
+        assert episode.seen[-1] > episode.seen[0]
+        assert episode.path_m > 10
+    env.close()
+    before = policy_sha256(policy)
+    (tmp_path / "my_explorer.py").write_text(code + "\n")
+    assert policy_sha256(policy) != before
+    with pytest.raises(BaselineError, match=r"policy = 'my_explorer:Walker': cannot be imported"):
+        make_policy("my_explorer:Walker", 1, env.task)
+
+
+def test_a_hash_covers_the_modules_that_a_policy_imports():
+    files = {path.name for path in source_files(NearestFrontier)}
+    assert {"frontier.py", "planner.py", "own_map.py", "pursuit.py", "beams.py"} <= files
+    assert not {"policy.py", "wall_following.py", "evaluate.py"} & files
 
 
 def test_every_policy_has_a_hash_of_its_own_and_unknown_ones_are_refused_with_the_choices():

@@ -7,13 +7,17 @@ import pytest
 
 from baselines.environments import make_env
 from baselines.errors import BaselineError
+from baselines.evaluate import evaluate, evaluate_all
+from baselines.explorers import EXPLORERS
 from baselines.leaderboard import leaderboard
 from baselines.oracle.record import Bound
-from baselines.policy import make_policy
+from baselines.parallel import drive
+from baselines.policy import find_checkpoint, make_policy
 from baselines.protocol import head_of, run_episodes
-from baselines.result_file import Episode, chain, read_results
+from baselines.result_file import RESULTS, Episode, chain, read_results
 from baselines.score import RejectedError, score
 from baselines.statistics import estimate, figures, interquartile_mean, sample_times
+from tests.baselines.test_learned import write_policy
 from tests.project import ROOT
 
 SEEDS = [3, 4]
@@ -50,6 +54,51 @@ def test_an_honest_file_passes_and_comes_out_the_same_when_driven_again(honest):
     score(honest)
     score(honest, rerun=2)
     score(honest, rerun=1)  # an episode does not depend on which others run beside it
+
+
+def test_episodes_driven_in_two_processes_are_those_driven_in_one(honest, tee_id):
+    counted = []
+    parallel = drive("wall-following", tee_id, SEEDS, counted.append, jobs=2)
+    head, episodes = read_results(honest)
+    assert chain(head, parallel) == chain(head, episodes)
+    assert sum(counted) == sum(episode.steps for episode in episodes)
+
+
+def test_a_learned_row_is_driven_again_by_its_name(tee_id, tmp_path, monkeypatch):
+    name = "Tee-beams-mlp-1"
+    monkeypatch.setattr("baselines.policy.CHECKPOINTS", tmp_path)
+    write_policy(tmp_path / f"{name}.safetensors", "mlp", hidden=64)
+    out = tmp_path / "elsewhere" / f"{name}.jsonl"
+    evaluate(str(tmp_path / f"{name}.safetensors"), tee_id, [0, 1, 2], out)
+    assert read_results(out)[0].policy == name
+    score(out, rerun=3)
+    score(out, rerun=1)
+
+
+def test_every_kept_result_is_of_a_policy_that_is_found_by_its_name():
+    files = sorted(RESULTS.glob("*/*.jsonl"))
+    assert files
+    for path in files:
+        label = read_results(path)[0].policy
+        assert label in (*EXPLORERS, "oracle-tour") or find_checkpoint(label).is_file()
+
+
+def test_results_of_another_world_or_policy_are_recognised_as_stale_and_renewed(tee_id, tmp_path, monkeypatch):
+    monkeypatch.setattr("baselines.result_file.RESULTS", tmp_path)
+    monkeypatch.setattr("baselines.evaluate.EXPLORERS", ["reactive"])
+    out = tmp_path / "Tee-v0" / "reactive.jsonl"
+    evaluate_all([tee_id], [0], 1)
+    written, made = out.read_bytes(), out.stat().st_mtime_ns
+    evaluate_all([tee_id], [0], 1)
+    assert out.stat().st_mtime_ns == made  # current: kept
+    head, _ = read_results(out)
+    for change in ({"world_sha256": "0" * 64}, {"policy_sha256": "0" * 64}, {"task": head.task | {"beams": 8}}):
+        forge(out, _set(**change))
+        evaluate_all([tee_id], [0], 1)
+        assert out.read_bytes() == written
+    out.write_bytes(written[: len(written) // 2])  # what an interrupted copy leaves
+    evaluate_all([tee_id], [0], 1)
+    assert out.read_bytes() == written
 
 
 def _set(**changes):
@@ -195,13 +244,18 @@ def test_figures_of_an_episode_are_those_of_its_curve(honest):
     [
         (["baselines.evaluate", "--policy", "greedy", "--env", "MineXplore/Moon-v0"], "valid choices are MineXplore/"),
         (["baselines.evaluate", "--policy", "random"], "--policy and --env"),
+        (["baselines.evaluate", "--policy", "a:b", "--env", "ChileanMine"], "cannot be imported"),
+        (["baselines.evaluate", "--all", "--env", "mars"], "env = 'mars': valid choices are MineXplore/"),
+        (["baselines.evaluate", "--all", "--jobs", "0"], "jobs = 0"),
+        (["baselines.score", "README.md", "--rerun", "-1"], "rerun = -1"),
+        (["baselines.oracle", "--episodes", "0"], "episodes = 0"),
         (["baselines.evaluate", "--policy", "random", "--env", "x", "--episodes", "0"], "episodes = 0"),
         (["baselines.score", "README.md"], "not the head of a results file"),
         (["baselines.score", "no.jsonl"], "no.jsonl"),
         (["baselines.oracle", "--env", "x"], "valid choices are MineXplore/"),
         (["baselines.ppo.train", "ppo.lr=-1"], "ppo.lr = -1"),
-        (["baselines.ppo.train", "model=transformer"], "transformer"),
-        (["baselines.ppo.train", "env=moon"], "moon"),
+        (["baselines.ppo.train", "model=transformer"], "model=transformer: valid choices are lstm, mlp"),
+        (["baselines.ppo.train", "env=moon"], "env=moon: valid choices are ChileanMine, "),
     ],
 )
 def test_bad_input_ends_with_one_message_and_code_two(arguments, message):
