@@ -7,11 +7,11 @@ import os
 import sys
 from pathlib import Path
 
+from baselines.bounds import bound_of
 from baselines.environments import BENCHMARK, find_id, make_env
 from baselines.errors import BaselineError, run_command
 from baselines.explorers import EXPLORERS
 from baselines.learned import trained_in
-from baselines.oracle.record import bound_of
 from baselines.parallel import drive
 from baselines.policy import make_policy, policy_label
 from baselines.progress import Progress

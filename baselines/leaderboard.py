@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from baselines.bounds import Bound, bound_of, read_bounds
 from baselines.environments import BENCHMARK
 from baselines.errors import BaselineError, run_command
-from baselines.oracle.record import Bound, bound_of, read_bounds
 from baselines.result_file import RESULTS, read_results
 from baselines.score import score
 from baselines.statistics import Figure, as_text, figures

@@ -6,11 +6,11 @@ import argparse
 import sys
 from pathlib import Path
 
+from baselines.bounds import bound_of
 from baselines.checks import episode_faults, head_faults
 from baselines.environments import make_env
 from baselines.errors import BaselineError, run_command
 from baselines.evaluate import print_table
-from baselines.oracle.record import bound_of
 from baselines.policy import make_policy, policy_sha256
 from baselines.protocol import run_episodes
 from baselines.result_file import Episode, Head, chain, read_results

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from baselines.bounds import Bound, read_bounds, write_bound
 from baselines.environments import BENCHMARK, find_id, make_env
 from baselines.errors import BaselineError, run_command
 from baselines.evaluate import SEEDS, is_current
 from baselines.oracle.bound import best_walk
 from baselines.oracle.figure import draw_oracle
 from baselines.oracle.network import TimeNetwork, time_network
-from baselines.oracle.record import Bound, read_bounds, write_bound
 from baselines.oracle.tour import OracleTour, plan_tour
 from baselines.progress import Progress
 from baselines.protocol import head_of, run_episodes

@@ -8,7 +8,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from baselines.oracle.record import Bound
+from baselines.bounds import Bound
 from baselines.result_file import Episode
 from baselines.statistics import sample_times
 from minexplore.vector import MineVectorEnv

@@ -5,12 +5,12 @@ import sys
 import numpy as np
 import pytest
 
+from baselines.bounds import Bound
 from baselines.environments import make_env
 from baselines.errors import BaselineError
 from baselines.evaluate import evaluate, evaluate_all
 from baselines.explorers import EXPLORERS
 from baselines.leaderboard import leaderboard
-from baselines.oracle.record import Bound
 from baselines.parallel import drive
 from baselines.policy import find_checkpoint, make_policy
 from baselines.protocol import head_of, run_episodes

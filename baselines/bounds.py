@@ -1,4 +1,4 @@
-"""The file of bounds, and the bound of an environment at any time."""
+"""Bounds on coverage: the file that keeps them, and the bound of an environment at any time."""
 
 from __future__ import annotations
 
