@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
-from baselines.protocol import task_facts
+from baselines.protocol import params_facts
 from baselines.result_file import SAMPLE_STEPS, Episode, Head
 from baselines.speed import noise_mps, top_speed_mps
 from baselines.statistics import sample_times
@@ -24,16 +25,22 @@ Bound = Callable[[float], int]
 
 def head_faults(head: Head, env: MineVectorEnv) -> Iterator[str]:
     """Yield what in a head contradicts its environment."""
-    world, task = env.world.record["world_sha256"], task_facts(env.task)
+    world = env.world.record["world_sha256"]
     if head.world_sha256 != world:
         yield f"world {head.world_sha256[:12]} is not {head.env}'s, {world[:12]}"
-    changed = [k for k in task if head.task.get(k) != task[k]] or [k for k in head.task if k not in task]
-    if changed:
-        yield f"the task is not {head.env}'s: {changed[0]} = {head.task.get(changed[0])}, it is {task.get(changed[0])}"
+    yield from _params_faults(f"the task is not {head.env}'s", head.task, params_facts(env.task))
+    if head.robot:
+        yield from _params_faults(f"the robot is not {head.env}'s", head.robot, params_facts(env.robot))
     if head.cells != env.explorers.grid.total:
         yield f"{head.cells} reachable cells, the world has {env.explorers.grid.total}"
     if len(set(head.seeds)) < len(head.seeds):
         yield "a seed comes twice"
+
+
+def _params_faults(message: str, claimed: dict[str, Any], true: dict[str, Any]) -> Iterator[str]:
+    changed = [k for k in true if claimed.get(k) != true[k]] or [k for k in claimed if k not in true]
+    if changed:
+        yield f"{message}: {changed[0]} = {claimed.get(changed[0])}, it is {true.get(changed[0])}"
 
 
 def episode_faults(head: Head, episode: Episode, env: MineVectorEnv, bound: Bound | None) -> Iterator[str]:

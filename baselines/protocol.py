@@ -13,6 +13,7 @@ import numpy as np
 import minexplore
 from baselines.policy import Policy, policy_sha256
 from baselines.result_file import FORMAT, SAMPLE_STEPS, Episode, Head
+from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.vector import MineVectorEnv
 
@@ -23,17 +24,18 @@ def head_of(env_id: str, env: MineVectorEnv, label: str, policy: Policy, seeds: 
     """Return a results file's first line."""
     versions = {package: _version(package) for package in _PACKAGES} | {"python": platform.python_version()}
     return Head(
-        format=FORMAT, env=env_id, world_sha256=env.world.record["world_sha256"], task=task_facts(env.task),
+        format=FORMAT, env=env_id, world_sha256=env.world.record["world_sha256"], task=params_facts(env.task),
+        robot=params_facts(env.robot),
         cells=env.explorers.grid.total, policy=label, policy_sha256=policy_sha256(policy), versions=versions,
         seeds=seeds,
     )  # fmt: skip
 
 
-def task_facts(task: TaskParams) -> dict[str, Any]:
-    """Return a task's numbers as JSON holds them."""
+def params_facts(params: TaskParams | RobotParams) -> dict[str, Any]:
+    """Return the numbers of a task or a robot as JSON holds them."""
     return {
         k: list(v) if isinstance(v, tuple) else str(v) if v == np.inf else v
-        for k, v in dataclasses.asdict(task).items()
+        for k, v in dataclasses.asdict(params).items()
     }
 
 

@@ -23,12 +23,13 @@ class _Strict(BaseModel):
 
 
 class Head(_Strict):
-    """The first line of a results file: environment, world, task, policy, package versions and seeds."""
+    """The first line of a results file: environment, world, task, robot, policy, versions and seeds."""
 
     format: str
     env: str
     world_sha256: str
     task: dict[str, Any]
+    robot: dict[str, Any] = Field(default_factory=dict)  # empty in files written before it was recorded
     cells: int = Field(gt=0)
     policy: str
     policy_sha256: str

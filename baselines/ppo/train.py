@@ -23,7 +23,7 @@ from baselines.progress import Progress
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 _SCALARS = ("rolling_coverage", "rolling_return", "rolling_collisions", "entropy", "steps_per_s")
-_GRACE_S = 4.0  # for the iteration under way when a run is ended
+_GRACE_S = 3.0  # for the iteration under way when a run is ended
 
 
 def train(settings: TrainSettings, folder: Path) -> dict[str, Any]:

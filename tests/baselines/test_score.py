@@ -92,7 +92,12 @@ def test_results_of_another_world_or_policy_are_recognised_as_stale_and_renewed(
     evaluate_all([tee_id], [0], 1)
     assert out.stat().st_mtime_ns == made  # current: kept
     head, _ = read_results(out)
-    for change in ({"world_sha256": "0" * 64}, {"policy_sha256": "0" * 64}, {"task": head.task | {"beams": 8}}):
+    for change in (
+        {"world_sha256": "0" * 64},
+        {"policy_sha256": "0" * 64},
+        {"task": head.task | {"beams": 8}},
+        {"robot": {}},
+    ):
         forge(out, _set(**change))
         evaluate_all([tee_id], [0], 1)
         assert out.read_bytes() == written
@@ -168,6 +173,12 @@ def test_a_seed_that_comes_twice_is_rejected(honest):
 def test_another_task_is_rejected(honest):
     forge(honest, lambda head: head | {"task": head["task"] | {"max_forward_mps": 3.0}})
     with pytest.raises(RejectedError, match=r"max_forward_mps = 3.0, it is 1.5"):
+        score(honest)
+
+
+def test_another_robot_is_rejected(honest):
+    forge(honest, lambda head: head | {"robot": head["robot"] | {"radius_m": 0.1}})
+    with pytest.raises(RejectedError, match=r"the robot is not .*: radius_m = 0.1, it is 0.35"):
         score(honest)
 
 
