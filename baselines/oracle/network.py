@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import networkx as nx
 import numpy as np
-from scipy.ndimage import binary_dilation, label
+from scipy.ndimage import label
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from baselines.oracle.visibility import cells_in_view
 from baselines.speed import top_speed_mps
 from minexplore.explorers import Explorers
 from minexplore.world import World
@@ -17,8 +18,6 @@ from minexplore.world import World
 _STEPS = [(i, j) for i in range(-3, 4) for j in range(-3, 4) if np.gcd(i, j) == 1]
 _METRIC = 1.014  # a path in these 32 directions is at most this many times as long as the straight line
 _SINK_M = 0.2  # half a cell's diagonal and a soft contact: how much nearer to rock than its radius a robot may be
-_SURFACE_M = 0.5  # how far behind the collision wall the visible rock may stand back
-_SAMPLE_M, _RAYS, _MARCH_M = 0.75, 360, 0.2
 _EXIT_PART = 0.3  # the last part of a band, in which the place between it and the next one is chosen
 
 
@@ -69,7 +68,7 @@ def time_network(explorers: Explorers, band_s: float) -> TimeNetwork:
     root = int(ends[regions[start], 0])
     late = np.where(reached_s % band_s > (1 - _EXIT_PART) * band_s, regions, 0)
     places = _places(world, regions, late, {region: int(ends[region, 1]) for region in passable.tolist()})
-    credit = _credit(_in_view(explorers, regions), ends, passable, list(graph))
+    credit = _credit(cells_in_view(explorers, regions), ends, passable, list(graph))
     return TimeNetwork(graph, root, band_s, credit, places | {root: spawn}, standing, arrival)
 
 
@@ -153,35 +152,3 @@ def _join(regions: np.ndarray, band: np.ndarray) -> np.ndarray:
     for below, above in _touching(regions, band).tolist():
         sides.union(2 * below + 1, 2 * above)
     return np.array([[sides[2 * region], sides[2 * region + 1]] for region in range(count + 1)])
-
-
-def _in_view(explorers: Explorers, regions: np.ndarray) -> list[np.ndarray]:
-    """Return the reachable coverage cells (flat indices) that beams from anywhere in each region may cross."""
-    world, grid, count = explorers.world, explorers.grid, int(regions.max())
-    far = explorers.task.range_m[1] + _SAMPLE_M / np.sqrt(2)
-    open_ = binary_dilation(world.clearance_m > 0, iterations=round(_SURFACE_M / world.cell_m))
-    every = max(1, round(_SAMPLE_M / world.cell_m))
-    picked = np.zeros_like(regions, dtype=bool)
-    picked[::every, ::every] = True
-    rows, cols = np.nonzero((regions > 0) & picked)
-    lost = np.setdiff1d(np.arange(1, count + 1), regions[rows, cols])  # regions that the sampling missed
-    for region in lost.tolist():
-        row, col = np.argwhere(regions == region)[0]
-        rows, cols = np.append(rows, row), np.append(cols, col)
-    angle = np.linspace(0, 2 * np.pi, _RAYS, endpoint=False)
-    steps = np.arange(0.0, far + _MARCH_M, _MARCH_M)
-    offsets = np.stack([np.sin(angle), np.cos(angle)], axis=-1)[:, None, :] * steps[:, None]  # (rays, steps, 2): y, x
-    reachable = grid.reachable.ravel()
-    seen: list[set[int]] = [set() for _ in range(count + 1)]
-    for row, col in zip(rows.tolist(), cols.tolist(), strict=True):
-        place = world.origin_m[::-1] + (np.array([row, col]) + 0.5) * world.cell_m
-        points = place + offsets
-        at = np.floor((points - world.origin_m[::-1]) / world.cell_m).astype(int)
-        inside = ((at >= 0) & (at < open_.shape)).all(axis=-1)
-        at[~inside] = 0
-        clear = np.logical_and.accumulate(open_[at[..., 0], at[..., 1]] & inside, axis=1)
-        cell = np.floor((points[clear] - grid.origin_m[::-1]) / grid.cell_m).astype(int)
-        within = ((cell >= 0) & (cell < grid.reachable.shape)).all(axis=-1)
-        flat = np.unique(np.ravel_multi_index(cell[within].T, grid.reachable.shape))
-        seen[regions[row, col]].update(flat[reachable[flat]].tolist())
-    return [np.array(sorted(cells), dtype=int) for cells in seen]

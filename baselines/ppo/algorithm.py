@@ -1,4 +1,4 @@
-"""RLlib's PPO for a run's settings: what needs Ray and torch."""
+"""RLlib's PPO built from a run's settings; this module needs Ray and torch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The policy network alone, as plain arrays: what is kept of a run, and all that using it needs."""
+"""Export of the policy network as plain arrays: the part of a run that is kept, and all that its use needs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from baselines.ppo.settings import TrainSettings
 
 
 def export_policy(module: Any, settings: TrainSettings, facts: dict[str, Any], path: Path) -> None:
-    """Write the policy's weights as safetensors; the metadata says what it was trained on and how it is read."""
+    """Write the policy's weights as safetensors; the metadata hold its environment, observation and layers."""
     arrays = {
         name: value.detach().cpu().numpy().copy()
         for name, value in module.state_dict().items()
