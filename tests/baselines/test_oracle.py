@@ -6,11 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from baselines.bounds import read_bounds, write_bound
+from baselines.environments import make_env
+from baselines.oracle import __main__ as oracle
 from baselines.oracle.bound import best_walk
 from baselines.oracle.network import TimeNetwork, time_network
 from baselines.oracle.tour import OracleTour, plan_tour
 from baselines.policy import make_policy
-from baselines.protocol import make_env, run_episodes
+from baselines.protocol import run_episodes
 from baselines.speed import top_speed_mps
 
 TEE_LONGEST_M = 85.0  # from any place of the tee to any other, round its corner
@@ -60,16 +63,39 @@ def test_no_explorer_beats_the_bound_and_the_tour_comes_near(tee_id):
     network = time_network(env.explorers, 2.0)
     horizon = env.task.max_steps * env.task.control_s
     bounds = {t: best_walk(network, t).most for t in np.linspace(0, horizon, 11)}
-    tour = OracleTour(2, env.task, plan_tour(network, best_walk(network, horizon), env.world))
+    tour = OracleTour(2, env.task, env.robot, plan_tour(network, best_walk(network, horizon), env.world))
     reached = []
     for policy in (tour, make_policy("information-gain", 2, env.task)):
-        for episode in run_episodes(env, policy, [0, 1], lambda n: None):
+        for episode in run_episodes(env, policy, [0, 1]):
             reached.append(episode.seen[-1])
             for t, most in bounds.items():  # samples lie 2 s apart
                 sample = min(int(t / 2), len(episode.seen) - 1)
                 assert episode.seen[sample] <= most
     assert reached[0] >= 0.85 * bounds[horizon]
     env.close()
+
+
+@pytest.mark.slow
+def test_a_begun_bound_is_completed_and_a_current_one_is_kept(tee_id, tmp_path, monkeypatch):
+    monkeypatch.setattr("baselines.bounds.BOUNDS", tmp_path / "bounds.json")
+    monkeypatch.setattr("baselines.result_file.RESULTS", tmp_path)
+    asked = []
+    monkeypatch.setattr(oracle, "best_walk", lambda *args: asked.append(args[1]) or best_walk(*args))
+    oracle.renew(tee_id, [0], 5.0, tmp_path / "oracle.png")
+    whole = read_bounds()[tee_id]
+    assert asked == [*whole.time_s, *(budget * whole.time_s[-1] for budget in (1.0, 0.92, 0.85, 0.78))]
+    asked.clear()
+    oracle.renew(tee_id, [0], 5.0, tmp_path / "oracle.png")
+    assert asked == []
+    write_bound(tee_id, whole.model_copy(update={"time_s": whole.time_s[:4], "most": whole.most[:4]}))
+    oracle.renew(tee_id, [0], 5.0, tmp_path / "oracle.png")
+    assert asked == whole.time_s[4:]
+    assert read_bounds()[tee_id] == whole
+    asked.clear()
+    write_bound(tee_id, whole.model_copy(update={"inputs_sha256": "0" * 64}))  # of another world or task
+    oracle.renew(tee_id, [0], 5.0, tmp_path / "oracle.png")
+    assert asked == whole.time_s
+    assert read_bounds()[tee_id] == whole
 
 
 def test_a_straight_drift_is_a_path_of_bands(tee_id):
