@@ -146,6 +146,8 @@ lock: setup      ## renew requirements/*.txt from pyproject.toml
 	@uv pip compile -q $(LOCK) -c requirements/baselines.txt pyproject.toml --group dev -o requirements/dev.txt
 	@uv pip compile -q $(LOCK) --group bootstrap -o requirements/bootstrap.txt
 
-clean:           ## remove artifacts and caches, keep .venv and data
-	@rm -rf artifacts/params.yaml artifacts/*/ .dvc/cache .dvc/tmp .pytest_cache .mypy_cache .ruff_cache .hypothesis dvc_plots
+clean:           ## remove artifacts and caches, keep .venv, data and the metrics that git tracks
+	@find artifacts ! -type d ! -path artifacts/.gitignore ! -path artifacts/validation/metrics.json -delete
+	@find artifacts -mindepth 1 -type d -empty -delete
+	@rm -rf .dvc/cache .dvc/tmp .pytest_cache .mypy_cache .ruff_cache .hypothesis dvc_plots
 	@find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +

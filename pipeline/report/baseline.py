@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import cv2
 
@@ -12,6 +13,7 @@ from pipeline.metrics.limits import flatten
 from pipeline.store.files import write_atomically
 
 METRICS = Path("artifacts/validation/metrics.json")
+TIMINGS = "timings.json"  # beside the metrics
 BASELINE = Path("tests/baseline.json")
 RESULTS = Path("docs/results.md")
 PICTURES = {
@@ -64,12 +66,25 @@ _ROWS = [
 ]  # fmt: skip
 
 
-def read_metrics(path: Path = METRICS) -> dict[str, float]:
-    """Return flat metrics, or raise `ArtifactError` if the file is missing or no JSON."""
+def read_metrics(path: Path = METRICS) -> dict[str, Any]:
+    """Return a world's flat metrics, with its load times where those beside them were measured in the same world.
+
+    Raises
+    ------
+    ArtifactError
+        If a file is missing or not JSON.
+    """
+    metrics, certificate = _read_json(path), _read_json(path.with_name("certificate.json"))
+    timings = path.with_name(TIMINGS)
+    loads = flatten(_read_json(timings)) if timings.is_file() else {}  # `dvc checkout` brings none
+    return metrics | (loads if loads.pop("world_sha256", None) == certificate["world_sha256"] else {})
+
+
+def _read_json(path: Path) -> dict[str, Any]:
     try:
         return flatten(json.loads(path.read_text()))
     except FileNotFoundError:
-        raise ArtifactError(f"{path}: missing; run `make all` first") from None
+        raise ArtifactError(f"{path}: missing; stage 6 writes it (`make all`)") from None
     except ValueError as error:
         raise ArtifactError(f"{path}: not JSON: {error}") from error
 
@@ -121,7 +136,15 @@ def shrink_picture(source: Path) -> bytes:
 
 
 def results_table(metrics: dict[str, float]) -> str:
-    """Return flat metrics as the Markdown table of the README."""
+    """Return flat metrics as the Markdown table of the README.
+
+    Raises
+    ------
+    ArtifactError
+        If the load times of this world were not measured.
+    """
+    if "world.load_s" not in metrics:
+        raise ArtifactError(f"{TIMINGS}: no load times of this world; `python -m stages.validation` measures them")
     lines = ["| figure | measured | limit | paper |", "|---|---|---|---|"]
     for title, names, form, limit, paper in _ROWS:
         values = [metrics[name] for name in ([names] if isinstance(names, str) else names)]

@@ -16,9 +16,10 @@ from pydantic import TypeAdapter
 from minexplore.bundle import BundleError, read_bundle
 from pipeline import __version__
 from pipeline.errors import ArtifactError
-from pipeline.metrics.limits import flatten, say_limit
+from pipeline.metrics.limits import say_limit
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.params.validation import ValidationParams
+from pipeline.report.baseline import read_metrics
 from pipeline.report.mine import draw_mine, to_svg
 from pipeline.report.scene import scene_page
 from pipeline.report.style import to_image
@@ -117,7 +118,7 @@ def _read(root: Path, file: str, kind: Any) -> Any:
 
 
 def _metrics(root: Path) -> dict[str, Any]:
-    return flatten(_read(root, "validation/metrics.json", dict))
+    return read_metrics(root / "validation" / "metrics.json")
 
 
 def _figures(metrics: dict[str, Any], validation: Manifest) -> dict[str, list[_Figure]]:
