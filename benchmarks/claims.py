@@ -11,14 +11,14 @@ from typing import Any
 
 from baselines.errors import BaselineError
 from baselines.ppo.curves import read_runs
-from baselines.results import RESULTS, read_results
+from baselines.result_file import RESULTS, read_results
 from baselines.statistics import figures
 from minexplore.reward import CAP
 from pipeline.errors import ArtifactError, MineError
+from pipeline.report.baseline import read_metrics
 from pipeline.store.files import write_atomically
 
 PAGE = Path("docs/claims.md")
-METRICS = Path("artifacts/validation/metrics.json")
 WORLD = Path("artifacts/realism/world/world.json")
 _FULL, _DRY, _ENTRANCE = (f"MineXplore/ChileanMine{kind}-v0" for kind in ("", "FlatDry", "Entrance"))
 
@@ -41,7 +41,7 @@ class Evidence:
 
     def __init__(self) -> None:
         """Read them, or say which target writes the one that is missing."""
-        self.metrics = _read(METRICS, "all")
+        self.metrics = read_metrics()
         self.world = _read(WORLD, "all")
         self.bounds = _read(RESULTS / "bounds.json", "oracle")
         self.speed = _read(Path("artifacts/bench/env.json"), "bench")
@@ -53,10 +53,7 @@ class Evidence:
 
     def metric(self, name: str) -> float:
         """Return a figure of the validation by its dotted name."""
-        found: Any = self.metrics
-        for part in name.split("."):
-            found = found[part]
-        return float(found)
+        return float(self.metrics[name])
 
     def bound(self, env: str) -> str:
         """Return the bound of an environment at its end, as text."""

@@ -103,7 +103,7 @@ def test_robots_thrown_at_every_kind_of_place_stay_in(tee, opened):
     found = stress_walls(tee.bundle, tee.free_space.polygon, parts, borders, 1000, 1)
     assert found.contacts >= 1000
     assert found.escapes == 0
-    assert set(found.targets) == {"corners", "seams", "zone borders", "window borders", "walls"}
+    assert set(found.targets) == {"corners", "seams", "zone borders", "tile borders", "walls"}
 
 
 def test_a_good_bundle_is_consistent_and_each_edit_shows_where_it_should(tee, opened, config, tmp_path):
@@ -127,7 +127,7 @@ def test_a_good_bundle_is_consistent_and_each_edit_shows_where_it_should(tee, op
 
 def test_every_backend_sees_the_same_mine(tee, opened):
     report = compare_backends(tee.bundle, opened, tee.free_space.polygon, 2000, seed=0)
-    assert {"Open3D RaycastingScene", "windows of the environment", "Nav2 map"} <= set(report.backends)
+    assert {"Open3D RaycastingScene", "local models of the environment", "Nav2 map"} <= set(report.backends)
     for name, found in report.backends.items():
         assert found.agree == found.rays > 50, (name, found.disagreements)
 

@@ -118,11 +118,17 @@ def visible_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
 
     They are the rough surface's; where there is none, the smooth surface's.
     """
-    for prefix in (surface_geom(piece), surface_geom(smooth_mesh(piece))):
-        found = _triangles(model, [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(prefix)])
-        if len(found):
-            break
-    return found
+    rough = _triangles_of_geoms(model, surface_geom(piece))
+    return rough if len(rough) else smooth_triangles(model, piece)
+
+
+def smooth_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
+    """Return the triangles (n, 3, 3), m, mine frame, of a piece of the smooth surface, from the model."""
+    return _triangles_of_geoms(model, surface_geom(smooth_mesh(piece)))
+
+
+def _triangles_of_geoms(model: mujoco.MjModel, prefix: str) -> np.ndarray:
+    return _triangles(model, [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(prefix)])
 
 
 def geom_triangles(model: mujoco.MjModel, group: int) -> np.ndarray:
