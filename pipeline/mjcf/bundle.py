@@ -14,6 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from minexplore.bundle import GEOM_GROUPS, MINE_BODY, MODEL, RECORD, smooth_mesh, surface_geom, world_sha256
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.digits import digits_for
+from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.world import FloorZone, MineScene, build_spec
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.verify import verify_world
@@ -101,7 +102,7 @@ def open_bundle(folder: Path) -> World:
     warned: list[str] = []
     mujoco.set_mju_user_warning(warned.append)
     try:
-        model = mujoco.MjModel.from_xml_path(str(folder / MODEL))
+        model = load_model(folder / MODEL)
         mujoco.mj_forward(model, mujoco.MjData(model))
     except ValueError as error:
         raise ArtifactError(f"{folder / MODEL}: MuJoCo does not load it: {error}") from error
