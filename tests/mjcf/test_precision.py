@@ -6,6 +6,7 @@ import pytest
 import shapely
 from shapely.affinity import rotate, translate
 
+from minexplore.bundle import GeomGroup
 from pipeline.compose import compose
 from pipeline.mjcf.bundle import mine_from_body, open_bundle, part_vertices, placed_parts
 from pipeline.proof.consistency import measure_consistency
@@ -32,10 +33,10 @@ def test_parts_are_placed_by_the_stated_frame_and_not_by_the_models():
 
 def test_a_mine_kilometres_from_its_origin_keeps_its_hundredths_of_a_millimetre(tmp_path):
     far = translate(rotate(shapely.box(0, 0, 40, 6), 21.0), 5123.4567, 7654.3219)
-    coarse = compose(["surface.overlay.spacing_m=0.5", "surface.overlay.back_spacing_m=0.5"])
+    coarse = compose(["surface.rough.spacing_m=0.5", "surface.rough.roof_spacing_m=0.5"])
     mine = BuiltMine(far, coarse, tmp_path / "world")
     world = open_bundle(mine.bundle)
     assert measure_consistency(mine.bundle, world, mine.free_space)["frame_error_m"] < 1e-9
-    built = np.concatenate(part_vertices(world.model, world.record.geom_groups["rock"]))
+    built = np.concatenate(part_vertices(world.model, GeomGroup.COLLISION))
     asked = np.concatenate(list(mine.compiled["collision"]))
     assert np.abs(np.sort(built, axis=0) - np.sort(asked, axis=0)).max() < 1e-5
