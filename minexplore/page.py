@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from typing import Any
 
 import mujoco
 
@@ -27,9 +28,9 @@ A robot starts at rest and level with the floor, with its wheels' centres r abov
 ### Contacts
 
 Two geoms touch where a bit of one's `contype` is in the other's `conaffinity`. Floor zones have the contype {floor},
-rock and roof {rock}, each with the conaffinity 0. A floor zone is a box with priority 1 and the friction (zone's friction,
-0.005, 0.0001), which holds whatever the wheel's is. Rock is convex meshes; its sliding friction is `rock_friction` of
-`world.json`. A collision is a contact of the chassis with rock or roof in any physics step of a control step.
+rock and roof {rock}, each with the conaffinity 0. A floor zone is a box with priority 1 and the friction (the
+zone's, 0.005, 0.0001), which holds whatever the wheel's is. Rock is convex meshes; its sliding friction is
+`rock_friction` of `world.json`. A collision is a contact of the chassis with rock or roof in any physics step of a control step.
 
 | geom of the robot | shape | size, m | place, m | contype | conaffinity | condim | priority | friction |
 |---|---|---|---|---|---|---|---|---|
@@ -105,7 +106,7 @@ def option_values(model: mujoco.MjModel) -> dict[str, str]:
     }
 
 
-def _flags(value: int, kind: type) -> str:
+def _flags(value: int, kind: Any) -> str:
     names = [name for name, bit in kind.__members__.items() if not name.startswith("mjN") and value & int(bit)]
     return ", ".join(names) or "nothing"
 
@@ -148,6 +149,6 @@ def _servos(model: mujoco.MjModel) -> str:
     )
     return (
         f"A velocity servo turns each wheel about the robot's y axis: its torque is {gain} N m s times the wanted\n"
-        f"less the present wheel speed, clipped to {low:g} and {high:g} N m. The joints have dry friction {friction} N m,\n"
-        f"armature {armature} kg m2 and damping {damping} N m s."
+        f"less the present wheel speed, clipped to {low:g} and {high:g} N m. The joints have dry friction\n"
+        f"{friction} N m, armature {armature} kg m2 and damping {damping} N m s."
     )
