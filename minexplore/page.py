@@ -30,7 +30,8 @@ A robot starts at rest and level with the floor, with its wheels' centres r abov
 Two geoms touch where a bit of one's `contype` is in the other's `conaffinity`. Floor zones have the contype {floor},
 rock and roof {rock}, each with the conaffinity 0. A floor zone is a box with priority 1 and the friction (the
 zone's, 0.005, 0.0001), which holds whatever the wheel's is. Rock is convex meshes; its sliding friction is
-`rock_friction` of `world.json`. A collision is a contact of the chassis with rock or roof in any physics step of a control step.
+`rock_friction` of `world.json`. A collision is a contact of the chassis with rock or roof in any physics step of a
+control step.
 
 | geom of the robot | shape | size, m | place, m | contype | conaffinity | condim | priority | friction |
 |---|---|---|---|---|---|---|---|---|
