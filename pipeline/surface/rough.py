@@ -116,8 +116,8 @@ def cut_chunks(rough: RoughSurface, tile_m: float, texture_m: float) -> dict[str
     Returns
     -------
     dict of Mesh
-        By name: the piece, then the tile's column and row from the south-west; faces look into the workings. The normals
-        are those of the whole surface: chunks meet without a seam.
+        By name: the piece, then the tile's column and row from the south-west; faces look into the workings.
+        Normals are those of the whole surface, so chunks meet without a seam.
     """
     lattice = rough.lattice
     shaded = shade_mesh(rough.vertices, lattice.faces)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from minexplore.bundle import ROOF, WALLS
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.store.codecs import decode
 from pipeline.surface.normals import shade_mesh
@@ -59,7 +60,7 @@ def test_no_normal_lies_behind_a_face_even_where_none_is_in_front_of_all():
 
 def test_chunks_of_a_built_world_meet_with_equal_normals(tee):
     meshes = tee.bundle / "meshes"
-    chunks = [decode(path, Mesh) for name in ("walls", "back") for path in sorted(meshes.glob(f"{name}_*.msh"))]
+    chunks = [decode(path, Mesh) for name in (WALLS, ROOF) for path in sorted(meshes.glob(f"{name}_*.msh"))]
     seen: dict[bytes, set[bytes]] = {}
     shared = 0
     for chunk in chunks:
