@@ -11,14 +11,14 @@ from typing import Any
 
 from baselines.errors import BaselineError
 from baselines.ppo.curves import read_runs
-from baselines.results import RESULTS, read_results
+from baselines.result_file import RESULTS, read_results
 from baselines.statistics import figures
 from minexplore.reward import CAP
 from pipeline.errors import ArtifactError, MineError
+from pipeline.report.baseline import read_metrics
 from pipeline.store.files import write_atomically
 
 PAGE = Path("docs/claims.md")
-METRICS = Path("artifacts/validation/metrics.json")
 WORLD = Path("artifacts/realism/world/world.json")
 _FULL, _DRY, _ENTRANCE = (f"MineXplore/ChileanMine{kind}-v0" for kind in ("", "FlatDry", "Entrance"))
 
@@ -41,7 +41,7 @@ class Evidence:
 
     def __init__(self) -> None:
         """Read them, or say which target writes the one that is missing."""
-        self.metrics = _read(METRICS, "all")
+        self.metrics = read_metrics()
         self.world = _read(WORLD, "all")
         self.bounds = _read(RESULTS / "bounds.json", "oracle")
         self.speed = _read(Path("artifacts/bench/env.json"), "bench")
@@ -53,10 +53,7 @@ class Evidence:
 
     def metric(self, name: str) -> float:
         """Return a figure of the validation by its dotted name."""
-        found: Any = self.metrics
-        for part in name.split("."):
-            found = found[part]
-        return float(found)
+        return float(self.metrics[name])
 
     def bound(self, env: str) -> str:
         """Return the bound of an environment at its end, as text."""
@@ -123,7 +120,7 @@ def surface(e: Evidence) -> list[Claim]:
     """Return the claims on the rock's texture."""
     axes = (("wall jaggedness", "wall_jaggedness_deg", 0.976), ("bump Rq", "bump_rq_m", 0.819),
             ("roughness scale integral", "roughness_integral_m2", 0.798), ("dominant wavelength", "dominant_wavelength_m", 0.994),
-            ("ceiling irregularity", "ceiling_irregularity_m", 0.509), ("wall heterogeneity", "wall_heterogeneity_m", 0.778))  # fmt: skip
+            ("roof irregularity", "roof_irregularity_m", 0.509), ("wall heterogeneity", "wall_heterogeneity_m", 0.778))  # fmt: skip
     rows = [
         Claim(f"{name} {100 * paper:.1f} %", f"{100 * e.metric(f'texture.published.{key}'):.1f} %", "make all",
               at_least(e.metric(f"texture.published.{key}"), paper, 0.02), f"strict score {100 * e.metric(f'texture.strict.{key}'):.1f} %")
@@ -134,7 +131,7 @@ def surface(e: Evidence) -> list[Claim]:
         *rows,
         Claim("overall 79.4 %", f"{100 * overall:.1f} %", "make all", at_least(overall, 0.794), f"strict score {100 * e.metric('texture.strict.overall'):.1f} %, theirs about 29 %"),
         Claim("undershoots roughness 2.5-fold at 0.5 m", f"{1 / ratio:.2f}-fold", "make all", EXCEEDED if 1 / ratio < 2.5 else MISSED, "the passages stay open: walls are bounded by their drift's width"),
-        Claim("5-20 cm band reproduced", "spectrum measured from 0.10 m (walls), 0.14 m (back)", "make all", CONTRADICTS,
+        Claim("5-20 cm band reproduced", "spectrum measured from 0.10 m (walls), 0.14 m (roof)", "make all", CONTRADICTS,
               "theirs: a grid of 0.35 x 0.4 m cannot carry waves below 0.7 m"),
     ]  # fmt: skip
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -13,7 +12,7 @@ from tqdm import tqdm
 
 from pipeline.compose import compose, root_overrides
 from pipeline.errors import MineError
-from pipeline.metrics.limits import flatten
+from pipeline.report.baseline import read_metrics
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.manifest import code_sha256
@@ -77,7 +76,7 @@ def run_pipeline(folder: Path, config: dict) -> dict[str, float]:
             if done.returncode:
                 raise MineError(f"{folder}: {done.stderr.strip()}")
         write_atomically(stamp, key.encode())
-    return flatten(json.loads(metrics.read_text()))
+    return read_metrics(metrics)
 
 
 def main() -> int:

@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.patches import PathPatch
 from shapely import Polygon
 
+from pipeline.build.family import STYLES
 from pipeline.compose import compose
 from pipeline.geometry.generate import generate_workings
 from pipeline.report.mine import outline_path
 from pipeline.report.style import ROCK, new_figure, to_image
 from pipeline.store.codecs import encode
 from pipeline.store.files import write_atomically
-from stages.family import STYLES
 
 _SEEDS = 4
 

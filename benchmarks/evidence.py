@@ -31,7 +31,7 @@ def replay_table(report: dict[str, Any]) -> list[str]:
     lines = [
         "## LiDAR replay on the published plan (`survey=plan`)", "",
         "| sweep | returns counted | median, m | p90, m | within 0.25 m | within 0.5 m | bias, m "
-        "| median against the overlay, m | median, range and angle not gated, m "
+        "| median against the rough surface, m | median, range and angle not gated, m "
         "| own correction, m, deg |",
         "|---" * 10 + "|",
     ]  # fmt: skip
@@ -66,8 +66,8 @@ def certificate_table(title: str, certificate: dict[str, Any]) -> list[str]:
 
 
 def proof_tables() -> list[str]:
-    """Return what pushes, parity, holdout and mutants found."""
-    lines = certificate_table("the embedded survey", read(PROOF / "certificate.json", "pushes"))
+    """Return what the stress test, parity, holdout and mutants found."""
+    lines = certificate_table("the embedded survey", read(PROOF / "certificate.json", "stress-test"))
     parity = read(PROOF / "parity.json", "parity")
     lines += ["", "## Backends", "", "| backend | rays | agree | within, m | worst, m |", "|---|---|---|---|---|"]
     lines += [

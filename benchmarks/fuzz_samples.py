@@ -16,6 +16,8 @@ import cv2
 import numpy as np
 import yaml
 
+from minexplore.bundle import FORMAT
+
 Files = dict[str, bytes]
 _RING = [(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0), (0.0, 0.0)]
 _HOLE = [(6.0, 6.0), (54.0, 6.0), (54.0, 34.0), (6.0, 34.0), (6.0, 6.0)]
@@ -105,7 +107,7 @@ def _map() -> Files:
 def _bundle() -> Files:
     files = {"mine.xml": b"<mujoco/>", "meshes/a.msh": b"\x00" * 16, "map.yaml": b"image: map.png\n"}
     listed = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-    record: dict[str, Any] = {"format": "minexplore-world/1", "name": "m", "files": listed}
+    record: dict[str, Any] = {"format": FORMAT, "name": "m", "files": listed}
     from minexplore.bundle import world_sha256
 
     record["world_sha256"] = world_sha256(record)
@@ -177,7 +179,7 @@ def _map_with(**more: Any) -> Files:
 
 
 def _listing(*names: str) -> Files:
-    record = {"format": "minexplore-world/1", "files": dict.fromkeys(names, "0" * 64), "world_sha256": "0" * 64}
+    record = {"format": FORMAT, "files": dict.fromkeys(names, "0" * 64), "world_sha256": "0" * 64}
     return {"world.json": json.dumps(record).encode()}
 
 
@@ -233,10 +235,10 @@ def _read_map(path: Path) -> None:
     draw_grid(path, unknown_is_free=False)
 
 
-def _read_measured(path: Path) -> None:
-    from pipeline.survey.guess import guess_survey
+def _read_vector_survey(path: Path) -> None:
+    from pipeline.survey.detect import detect_survey
 
-    guess_survey(path, {})
+    detect_survey(path, {})
 
 
 def _read_bundle(path: Path) -> None:
@@ -269,6 +271,7 @@ def _read_section(path: Path) -> None:
 READERS: dict[str, Callable[[Path], None]] = {
     **dict.fromkeys(("png", "jpeg", "tiff", "pdf"), _read_plan),
     **dict.fromkeys(("geotiff", "world file"), _read_placed),
-    **dict.fromkeys(("dxf", "geojson", "geopackage", "shapefile", "stations", "survex", "compass"), _read_measured),
+    **dict.fromkeys(("dxf", "geojson", "geopackage", "shapefile"), _read_vector_survey),
+    **dict.fromkeys(("stations", "survex", "compass"), _read_vector_survey),
     "map.yaml": _read_map, "bundle": _read_bundle, "survey section": _read_section,
 }  # fmt: skip

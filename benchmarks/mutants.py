@@ -115,7 +115,7 @@ def main() -> int:
             decode(ARTIFACTS / "survey/survey.json", Survey),
         )  # fmt: skip
         params = composed_section("validation")
-        params = params.model_copy(update={"certificate": _without_pushes(params.certificate)})
+        params = params.model_copy(update={"certificate": _without_stress(params.certificate)})
         good = ARTIFACTS / "realism/world"
         control = control_failures(good, params, plan)
         if control:
@@ -137,7 +137,7 @@ def main() -> int:
     return 0 if caught == len(rows) else 1
 
 
-def _without_pushes(params: CertificateParams) -> CertificateParams:
+def _without_stress(params: CertificateParams) -> CertificateParams:
     limits = {k: v for k, v in params.limits.items() if k not in ("contacts", "escapes", "deepest_m")}
     return params.model_copy(update={"contacts": 0, "limits": limits})
 

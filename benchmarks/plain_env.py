@@ -7,12 +7,13 @@ import math
 import mujoco
 import numpy as np
 
-from minexplore.robot import RobotParams, attach_robot, contact_sensor, separate_contacts, stand
+from minexplore.bundle import MINE_BODY, ROCK_CLASS, SURFACE_BODY, GeomGroup, is_rock, rock_geom
+from minexplore.robot import ROCK_BODY, RobotParams, attach_robot, contact_sensor, free_joint_qpos, separate_contacts
 from minexplore.task import TaskParams
 from minexplore.world import World
 from pipeline.types import ConvexParts
 
-_SHOWN = (0, 1, 2)
+_SHOWN = (GeomGroup.FLOOR, GeomGroup.ROBOT, GeomGroup.ROUGH_SURFACE)
 
 
 class PlainEnv:
@@ -28,7 +29,7 @@ class PlainEnv:
             _replace_rock(spec, parts)
         separate_contacts(spec)
         attach_robot(spec, "robot", self.robot)
-        spec.body("surface").name = "rock"
+        spec.body(SURFACE_BODY).name = ROCK_BODY
         contact_sensor(spec, "robot")
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
@@ -46,7 +47,7 @@ class PlainEnv:
         """Stand the robot at the anchor."""
         mujoco.mj_resetData(self.model, self.data)
         x, y = self.world.record["spawn"]["anchor_m"]
-        self.data.qpos[:7] = stand(self.world.T_world_mine, self.robot, x, y, self.rng.uniform(-np.pi, np.pi))
+        self.data.qpos[:7] = free_joint_qpos(self.world.T_world_mine, self.robot, x, y, self.rng.uniform(-np.pi, np.pi))
         mujoco.mj_forward(self.model, self.data)
         self.seen: set[tuple[int, int]] = set()
 
@@ -84,15 +85,15 @@ class PlainEnv:
 
 
 def _replace_rock(spec: mujoco.MjSpec, parts: ConvexParts) -> None:
-    friction = list(spec.find_default("rock").geom.friction)
+    friction = list(spec.find_default(ROCK_CLASS).geom.friction)
     for geom in list(spec.geoms):
-        if geom.name.startswith("rock_"):
+        if is_rock(geom.name):
             spec.delete(geom)
-    mine = spec.body("mine")
+    mine = spec.body(MINE_BODY)
     for i in range(len(parts)):
         centre = parts[i].mean(axis=0)
         spec.add_mesh(name=f"hull_{i}", uservert=(parts[i] - centre).ravel().tolist())
         mine.add_geom(
-            name=f"rock_h{i}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"hull_{i}", pos=centre, group=3,
-            friction=friction,
+            name=rock_geom(i), type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"hull_{i}", pos=centre,
+            group=GeomGroup.COLLISION, friction=friction,
         )  # fmt: skip

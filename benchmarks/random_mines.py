@@ -14,6 +14,7 @@ from typing import Any
 
 from tqdm import tqdm
 
+from pipeline.build.family import STYLES
 from pipeline.compose import compose
 from pipeline.proof.validator import Validator
 from pipeline.stage import make_artifacts
@@ -21,12 +22,11 @@ from pipeline.store.codecs import decode
 from pipeline.store.files import write_atomically
 from pipeline.types import FreeSpace, Mask, Survey
 from stages.__main__ import load_stages
-from stages.family import STYLES
 
 RESULTS, TABLE = Path("artifacts/bench/random-mines.jsonl"), Path("docs/random-mines.md")
 _IOU = 0.99
 # The rock's mesh is laid wide: what is asked here is about the collision world, not about texture.
-_COARSE = ["surface.overlay.spacing_m=0.5", "surface.overlay.back_spacing_m=0.5", "validation.certificate.contacts=100"]
+_COARSE = ["surface.rough.spacing_m=0.5", "surface.rough.roof_spacing_m=0.5", "validation.certificate.contacts=100"]
 
 
 def judge(seed: int) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Search the overlay's noise for the best texture scores at several prices of amplitude: the default's trade-off."""
+"""Search the rough surface's noise for the best texture scores at several penalties on amplitude."""
 
 from __future__ import annotations
 
@@ -17,19 +17,14 @@ from tqdm import tqdm
 
 from pipeline.compose import compose
 from pipeline.errors import MineError
-from pipeline.geometry.displacement import Bounds, bound_displacement, displaced
-from pipeline.geometry.lattice import BACK, WALL, BoreProfile, lay_lattice
-from pipeline.geometry.noise import slow_modulation, unit_bands
-from pipeline.geometry.spectrum import band_edges, band_wavelengths
-from pipeline.geometry.walls import lay_walls
 from pipeline.metrics.published import REAL, REAL_SWEEP
 from pipeline.metrics.sampling import faces_near, sample_triangles
 from pipeline.metrics.texture import (
     AXES,
     TextureAxes,
     bump_rq_m,
-    ceiling_irregularity_m,
     published_score,
+    roof_irregularity_m,
     roughness_integral_m2,
     strict_score,
     sweep_walls,
@@ -41,19 +36,24 @@ from pipeline.metrics.texture import (
 from pipeline.report.style import OCHRE, ROCK, STEEL, new_figure, to_image
 from pipeline.store.codecs import encode
 from pipeline.store.files import write_atomically
+from pipeline.surface.displacement import Bounds, bound_displacement, displaced
+from pipeline.surface.lattice import ROOF, WALL, CrossSection, lay_lattice
+from pipeline.surface.noise import slow_modulation, unit_bands
+from pipeline.surface.spectrum import band_edges, band_wavelengths
+from pipeline.surface.walls import lay_walls
 
 RESULTS = Path("artifacts/benchmarks/texture-search.json")
 TABLE, PICTURE = Path("docs/texture-search.md"), Path("docs/texture-search.png")
 PRICES = (0.01, 0.03, 0.1, 0.3)  # of (RMS / 0.15 m)^2, against the mean squared log ratio of the axes
 CHOSEN = 0.1
-KNOTS_M = {"wall": (0.24, 0.48, 1.0, 2.7), "back": (0.34, 0.48, 1.0, 2.7)}  # the back holds no shorter wave
+KNOTS_M = {"wall": (0.24, 0.48, 1.0, 2.7), "roof": (0.34, 0.48, 1.0, 2.7)}  # the roof holds no shorter wave
 WRITTEN_M = (0.24, 0.34, 0.48, 1.0, 2.7)
 _START = np.log([0.075, 0.09, 0.03, 0.015, 0.15, 0.08, 0.03, 0.02])
 _EVALUATIONS, _SEED = 260, 3
 _LENGTH_M, _WIDTH_M, _TURN_DEG = 44.0, 6.6, 17.3  # a straight drift of the mine's usual width, askew to the voxels
 _HEIGHT_M = 3.5
 _BUMP_AIM, _BUMP_SLACK = 1.0, 0.04  # the mine, with its narrow places, comes out 6 % below this drift
-_SMOOTH = 0.003  # holds back spectra of a single wave
+_SMOOTH = 0.003  # penalises spectra of a single wave
 
 
 class TestDrift:
@@ -62,14 +62,16 @@ class TestDrift:
     def __init__(self) -> None:
         """Lay the drift."""
         self.params = compose([]).surface
-        look = self.params.overlay
+        look = self.params.rough
         turn = shapely.affinity.rotate(shapely.box(0, 0, _LENGTH_M, _WIDTH_M), _TURN_DEG, origin=(0, 0))
         self.free = turn
-        profile = BoreProfile(_HEIGHT_M, self.params.sill_chamfer_m, self.params.back_chamfer_m, look.arch_half_span_m)
-        self.lattice = lay_lattice(lay_walls(turn, look.spacing_m), profile, look.spacing_m, look.back_spacing_m)
+        profile = CrossSection(
+            _HEIGHT_M, self.params.floor_chamfer_m, self.params.roof_chamfer_m, look.arch_half_span_m
+        )
+        self.lattice = lay_lattice(lay_walls(turn, look.spacing_m), profile, look.spacing_m, look.roof_spacing_m)
         self.wavelength = band_wavelengths(2 * look.spacing_m, look.longest_wavelength_m)
         shortest = np.array([band_edges(w)[0] for w in self.wavelength.tolist()])
-        self.back_holds = shortest >= 2 * look.back_spacing_m * (1 - 1e-9)
+        self.roof_holds = shortest >= 2 * look.roof_spacing_m * (1 - 1e-9)
         rng = np.random.default_rng(_SEED)
         self.unit = np.stack(list(unit_bands(self.lattice.vertices, self.wavelength, rng)))
         self.slow = slow_modulation(self.lattice.vertices, look.modulation_m, look.modulation_spread, rng)
@@ -79,31 +81,31 @@ class TestDrift:
 
     def measure(self, log_sd: np.ndarray) -> dict[str, Any]:
         """Build one trial and measure it."""
-        wall, back = at_wavelengths(log_sd, self.wavelength)
-        share = self.lattice.back_share
-        wanted = ((1 - share) * (wall @ self.unit) + share * ((back * self.back_holds) @ self.unit)) * self.slow
-        given = bound_displacement(wanted, self.lattice, Bounds(**self.params.overlay.bounds.model_dump()))
+        wall, roof = at_wavelengths(log_sd, self.wavelength)
+        share = self.lattice.roof_share
+        wanted = ((1 - share) * (wall @ self.unit) + share * ((roof * self.roof_holds) @ self.unit)) * self.slow
+        given = bound_displacement(wanted, self.lattice, Bounds(**self.params.rough.bounds.model_dump()))
         corners = displaced(self.lattice, given)[self.lattice.faces]
         rng = np.random.default_rng(_SEED)
         points = {
             piece: sample_triangles(faces_near(corners[self.lattice.piece == piece], self.places, 8.0), count, rng)[0]
-            for piece, count in ((WALL, 350_000), (BACK, 80_000))
+            for piece, count in ((WALL, 350_000), (ROOF, 80_000))
         }
         walls = points[WALL][(points[WALL][:, 2] >= 0.5) & (points[WALL][:, 2] <= 3.0)]
-        ceiling = points[BACK][(points[BACK][:, 2] >= 3.0) & (points[BACK][:, 2] <= 3.8)]
+        roof = points[ROOF][(points[ROOF][:, 2] >= 3.0) & (points[ROOF][:, 2] <= 3.8)]
         along_m = wall_wavelength_m(walls[::2], self.free)
-        walls, ceiling = turned(walls), turned(ceiling)
+        walls, roof = turned(walls), turned(roof)
         sweep = sweep_walls(walls)
         axes = TextureAxes(
             wall_jaggedness_deg(walls), bump_rq_m(walls), roughness_integral_m2(sweep),
-            along_m, ceiling_irregularity_m(ceiling), wall_heterogeneity_m(walls),
+            along_m, roof_irregularity_m(roof), wall_heterogeneity_m(walls),
         )  # fmt: skip
         on_wall = share == 0
         return {
             "axes": axes,
             "sweep": sweep,
             "wall_rms_m": float(given[on_wall].std()),
-            "back_rms_m": float(given[share > 0.5].std()),
+            "roof_rms_m": float(given[share > 0.5].std()),
             "gap_p95_m": float(np.percentile(np.abs(given[on_wall]), 95)),
         }
 
@@ -114,18 +116,18 @@ class TestDrift:
         real = {r.window_m: r.rq_m for r in REAL_SWEEP}
         scale = np.mean([np.log(r.rq_m / real[r.window_m]) ** 2 for r in found["sweep"]])
         leash = max(0.0, abs(np.log(found["axes"].bump_rq_m / REAL.bump_rq_m / _BUMP_AIM)) - _BUMP_SLACK)
-        amplitude = (found["wall_rms_m"] ** 2 + found["back_rms_m"] ** 2) / 0.15**2
+        amplitude = (found["wall_rms_m"] ** 2 + found["roof_rms_m"] ** 2) / 0.15**2
         bent = sum(float((np.diff(q, 2) ** 2).sum()) for q in np.split(log_sd, 2))
         return float(off + 0.05 * scale + 30 * leash**2 + price * amplitude + _SMOOTH * bent)
 
 
 def at_wavelengths(log_sd: np.ndarray, wavelength_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the walls' and the back's s.d. at wavelengths, from the logarithms at the knots of both."""
-    wall, back = (
+    """Return the walls' and the roof's s.d. at wavelengths, from the logarithms at the knots of both."""
+    wall, roof = (
         np.exp(np.interp(np.log(wavelength_m), np.log(knots), q))
         for knots, q in zip(KNOTS_M.values(), np.split(log_sd, 2), strict=True)
     )
-    return wall, back
+    return wall, roof
 
 
 def search(price: float) -> dict[str, Any]:
@@ -161,14 +163,14 @@ def write_table(rows: list[dict[str, Any]]) -> str:
         *(a.rsplit("_", 1)[0].replace("_", " ") for a in AXES),
         "wall RMS, m",
         "gap p95, m",
-        "back RMS, m",
+        "roof RMS, m",
     ]
     lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
     for r in rows:
         name = f"**{r['price']}** (default)" if r["price"] == CHOSEN else str(r["price"])
         cells = [name, f"{r['strict']['overall']:.3f}", f"{r['published_without_noise']['overall']:.3f}"]
         cells += [f"x {r['ratios'][a]:.2f}" for a in AXES]
-        cells += [f"{r['wall_rms_m']:.3f}", f"{r['gap_p95_m']:.3f}", f"{r['back_rms_m']:.3f}"]
+        cells += [f"{r['wall_rms_m']:.3f}", f"{r['gap_p95_m']:.3f}", f"{r['roof_rms_m']:.3f}"]
         lines.append(f"| {' | '.join(cells)} |")
     text = (
         "# What texture costs\n\nThe best noise for the published axes, four prices of amplitude, on a straight drift: "
@@ -216,7 +218,7 @@ def main() -> int:
         print(write_table(rows))
         chosen = next(r for r in rows if r["price"] == CHOSEN)
         print(f"default: wavelength_m: {list(WRITTEN_M)}", f"wall_sd_m: {chosen['wall_sd_m']}", end=", ")
-        print(f"back_sd_m: {chosen['back_sd_m']}")
+        print(f"roof_sd_m: {chosen['roof_sd_m']}")
     except MineError as error:
         print(f"search-texture: {error}", file=sys.stderr)
         return 2

@@ -17,10 +17,11 @@ import numpy as np
 from tqdm import tqdm
 
 from benchmarks.plain_env import PlainEnv
-from minexplore.robot import RobotParams, attach_robot, contact_sensor, separate_contacts, stand
+from minexplore.bundle import MINE_BODY, floor_geom
+from minexplore.local_models import LocalModels
+from minexplore.robot import ROCK_BODY, RobotParams, attach_robot, contact_sensor, free_joint_qpos, separate_contacts
 from minexplore.task import TaskParams
 from minexplore.vector import MineVectorEnv
-from minexplore.windows import Windows
 from minexplore.world import World, find_world, load_world
 from pipeline.compose import compose
 from pipeline.errors import MineError
@@ -62,12 +63,12 @@ def physics_ratios(world: World) -> tuple[float, float]:
     Robots drive at stations spread over the mine. On a slope more wheels and castors bear, whatever stands around.
     """
     task, robot = TaskParams(), RobotParams()
-    windows = Windows(world, task, robot)
+    local_models = LocalModels(world, task, robot)
     row, col = np.nonzero(world.clearance_m >= 1.0)
     pick = np.linspace(0, len(row) - 1, 12).astype(int)
     places = world.origin_m + (np.column_stack([col[pick], row[pick]]) + 0.5) * world.cell_m
-    models = [windows.model(tuple(t)) for t in windows.tiles_of(places).tolist()]
-    dipping, level = (_bare_floor(task, robot, T) for T in (windows.T_world_mine, np.eye(4)))
+    models = [local_models.model(tuple(t)) for t in local_models.tiles_of(places).tolist()]
+    dipping, level = (_bare_floor(task, robot, T) for T in (local_models.T_world_mine, np.eye(4)))
 
     def drive(model: mujoco.MjModel, pose: np.ndarray) -> None:
         data = mujoco.MjData(model)
@@ -75,8 +76,8 @@ def physics_ratios(world: World) -> tuple[float, float]:
         data.ctrl[:] = [1.0, 1.2]
         mujoco.mj_step(model, data, 1000)
 
-    poses = [stand(windows.T_world_mine, robot, x, y, 0.3) for x, y in places]
-    flat = stand(np.eye(4), robot, 0.0, 0.0, 0.3)
+    poses = [free_joint_qpos(local_models.T_world_mine, robot, x, y, 0.3) for x, y in places]
+    flat = free_joint_qpos(np.eye(4), robot, 0.0, 0.0, 0.3)
     ours = sum(seconds(partial(drive, model, pose)) for model, pose in zip(models, poses, strict=True))
     on_dip = sum(seconds(partial(drive, dipping, pose)) for pose in poses)
     on_level = sum(seconds(partial(drive, level, flat)) for _ in poses)
@@ -89,11 +90,11 @@ def _bare_floor(task: TaskParams, robot: RobotParams, T_world_mine: np.ndarray) 
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, T_world_mine[:3, :3].ravel())
-    mine = spec.worldbody.add_body(name="mine", pos=T_world_mine[:3, 3], quat=quat)
+    mine = spec.worldbody.add_body(name=MINE_BODY, pos=T_world_mine[:3, 3], quat=quat)
     mine.add_geom(
-        name="floor_dry", type=mujoco.mjtGeom.mjGEOM_BOX, size=[800, 400, 0.25], pos=[0, 0, -0.25], priority=1
+        name=floor_geom("dry"), type=mujoco.mjtGeom.mjGEOM_BOX, size=[800, 400, 0.25], pos=[0, 0, -0.25], priority=1
     )
-    spec.worldbody.add_body(name="rock")
+    spec.worldbody.add_body(name=ROCK_BODY)
     separate_contacts(spec)
     attach_robot(spec, "robot", robot)
     contact_sensor(spec, "robot")

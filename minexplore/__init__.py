@@ -2,15 +2,18 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 from gymnasium.envs.registration import register
+
+from minexplore.bundle import RECORD
 
 __version__ = "0.2.0"
 
 _ENV, _VECTOR = "minexplore.env:MineEnv", "minexplore.vector:MineVectorEnv"
 
-# id -> what the task changes. A short horizon at the entrance is what two cores can train on in an hour.
-WORLDS: dict[str, dict] = {
+# Built-in ids, with what each changes in the task. Two cores train on the entrance's short horizon within an hour.
+WORLDS: dict[str, dict[str, Any]] = {
     "MineXplore/World-v0": {},
     "MineXplore/ChileanMine-v0": {"world": "chilean_mine"},
     "MineXplore/ChileanMineFlatDry-v0": {"world": "chilean_mine", "task": {"terrain": False, "tilt": False}},
@@ -18,11 +21,17 @@ WORLDS: dict[str, dict] = {
 }
 
 # A source checkout's own worlds, made by `python -m pipeline new NAME`, are MineXplore/NAME-v0.
-BUILT: dict[str, dict] = {
+OWN_WORLDS: dict[str, dict[str, Any]] = {
     f"MineXplore/{_record.parents[2].name}-v0": {"world": _record.parent}
-    for _record in sorted(Path(__file__).parents[1].glob("artifacts/worlds/*/realism/world/world.json"))
+    for _record in sorted(Path(__file__).parents[1].glob(f"artifacts/worlds/*/realism/world/{RECORD}"))
     if re.fullmatch(r"[A-Za-z0-9_-]+", _record.parents[2].name)
 }
 
-for _id, _kwargs in {**BUILT, **WORLDS}.items():
+
+def environments() -> dict[str, dict[str, Any]]:
+    """Return the arguments of every environment by its id, the built-in ones first; a built-in id is never replaced."""
+    return {**WORLDS, **{env_id: kwargs for env_id, kwargs in OWN_WORLDS.items() if env_id not in WORLDS}}
+
+
+for _id, _kwargs in environments().items():
     register(_id, _ENV, vector_entry_point=_VECTOR, kwargs=_kwargs, order_enforce=True)

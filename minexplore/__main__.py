@@ -12,9 +12,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from minexplore import WORLDS
+from minexplore import WORLDS, environments
 from minexplore.bundle import BundleError
 from minexplore.env import MineEnv
+from minexplore.observation import COMMANDS
+from minexplore.opengl import DisplayError
 from minexplore.world import find_world, load_world
 
 _KEYS = {265: (0.2, 0.0), 264: (-0.2, 0.0), 263: (0.0, 0.25), 262: (0.0, -0.25)}  # GLFW's arrow keys
@@ -22,15 +24,15 @@ Policy = Callable[[np.ndarray], np.ndarray]
 
 
 def list_envs() -> None:
-    """List the environments and their worlds."""
-    for env_id, kwargs in WORLDS.items():
+    """List the environments and their worlds, those of own mines too."""
+    for env_id, kwargs in environments().items():
         name = kwargs.get("world")
         if name is None:
             print(f"{env_id:36} any bundle: world=FOLDER")
             continue
         try:
             record = load_world(find_world(name)).record
-        except FileNotFoundError as error:
+        except (BundleError, FileNotFoundError) as error:
             print(f"{env_id:36} {error}")
             continue
         task = ", ".join(f"{k}={v}" for k, v in kwargs.get("task", {}).items()) or "as published"
@@ -40,7 +42,7 @@ def list_envs() -> None:
 
 def ahead(observation: np.ndarray) -> np.ndarray:
     """Drive towards where the beams reach farthest ahead, slower before walls."""
-    beams = len(observation) - 3
+    beams = len(observation) - COMMANDS
     angle = (np.arange(beams) * 2 * np.pi / beams + np.pi) % (2 * np.pi) - np.pi
     front = np.abs(angle) < 1.2
     ranges = observation[:beams]
@@ -93,7 +95,7 @@ def time_env(env_id: str, world: str | None, robots: int, threads: int, steps: i
             start = time.perf_counter()
         env.step(rng.uniform(-1, 1, (robots, 2)))
     rate = steps * robots / (time.perf_counter() - start)
-    print(f"{rate:,.0f} control steps/s: {robots} robots, {threads} threads, beams by {env.explorers.lidar.backend}")  # type: ignore[attr-defined]
+    print(f"{rate:,.0f} control steps/s: {robots} robots, {threads} threads, beams by {env.robots.lidar.backend}")  # type: ignore[attr-defined]
     env.close()
 
 
@@ -116,7 +118,7 @@ def main() -> int:
     player = commands.add_parser("play", help=play.__doc__)
     timer = commands.add_parser("time", help=time_env.__doc__)
     for command in (player, timer):
-        command.add_argument("id", choices=list(WORLDS))
+        command.add_argument("id", choices=list(environments()), metavar="ID", help="as `list` names them")
         command.add_argument("--world", help="a bundle, for MineXplore/World-v0")
     player.add_argument("--policy", choices=["keyboard", "ahead", "random"], default="keyboard")
     player.add_argument("--steps", type=int, default=6000)
@@ -129,7 +131,7 @@ def main() -> int:
     arguments = parser.parse_args()
     try:
         arguments.run(arguments)
-    except (BundleError, FileNotFoundError, ImportError, ValueError) as error:
+    except (BundleError, DisplayError, FileNotFoundError, ImportError, ValueError) as error:
         print(f"{arguments.command}: {error}", file=sys.stderr)
         return 2
     return 0

@@ -1,18 +1,163 @@
-"""A world bundle's proof: every file under its sha256, and one hash over all of them and the record."""
+"""The contract of a world bundle: format, file names, names in the MJCF, geom groups, frames, meshes, and its proof.
+
+The pipeline writes bundles by this module and the environment reads them by it. Nothing else spells these names.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import dataclass
+from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
-FORMAT = "minexplore-world/1"
+import numpy as np
+
+FORMAT = "minexplore-world/2"
+
+# Files of a bundle, relative to its folder.
 RECORD = "world.json"
+MODEL = "mine.xml"
+CLEARANCE_GRID = "occupancy.npz"
+FREE_SPACE = "free_space.geojson"
+TOPOLOGY = "topology.json"
+OCTREE = "free_space.bt"
+NAV2_MAP, NAV2_PICTURE = "map.yaml", "map.png"
+PREVIEW = "preview.png"
+ROCK_TEXTURE = "textures/rock.png"
+
+# Frames that a bundle states coordinates in.
+FRAMES = {
+    "mine": "x east, y north, z up from the floor, origin at the survey's origin; plan and geometry use it",
+    "world": "MuJoCo's: the mine frame's centre at its origin, the mine tilted about Y; gravity is -z",
+}
+
+# Bodies of the MJCF. The mine's body carries the mine frame; the surface's body holds what is seen and never touched.
+MINE_BODY = "mine"
+SURFACE_BODY = "surface"
+
+# Default classes of the MJCF: collision parts with the roof, and visible meshes.
+ROCK_CLASS = "rock"
+SURFACE_CLASS = "surface"
+
+ROOF_GEOM = "roof"
+
+# Pieces of a surface: the rough one is cut into chunks of walls and roof, the smooth one has a mesh a piece.
+WALLS, ROOF, FLOOR_CHAMFER = "walls", "roof", "floor_chamfer"
+
+_FLOOR, _ROCK, _SURFACE, _SMOOTH = "floor_", "rock_", "surface_", "smooth_"
 
 
 class BundleError(ValueError):
     """A bundle is incomplete, changed, or none at all; the message names the file."""
+
+
+class GeomGroup(IntEnum):
+    """What a geom is. MuJoCo's viewers show groups 0 to 2 and hide the rest."""
+
+    FLOOR = 0
+    ROBOT = 1
+    ROUGH_SURFACE = 2
+    COLLISION = 3
+    ROOF = 4
+    SMOOTH_SURFACE = 5
+
+
+# The groups as `world.json` names them under `geom_groups`.
+GEOM_GROUPS = {
+    "floor": GeomGroup.FLOOR.value,
+    "rough_surface": GeomGroup.ROUGH_SURFACE.value,
+    "collision": GeomGroup.COLLISION.value,
+    "roof": GeomGroup.ROOF.value,
+    "smooth_surface": GeomGroup.SMOOTH_SURFACE.value,
+}
+
+
+def floor_geom(zone: str) -> str:
+    """Return the name of a floor zone's geom."""
+    return f"{_FLOOR}{zone}"
+
+
+def is_floor(geom: str) -> bool:
+    """Return whether a geom of this name is a floor zone."""
+    return geom.startswith(_FLOOR)
+
+
+def rock_geom(number: int) -> str:
+    """Return the name of a convex collision part's geom and mesh."""
+    return f"{_ROCK}{number:04d}"
+
+
+def is_rock(geom: str) -> bool:
+    """Return whether a geom of this name is a collision part; the roof is none."""
+    return geom.startswith(_ROCK)
+
+
+def chunk_mesh(piece: str, col: int, row: int) -> str:
+    """Return the name of the mesh of one chunk of the rough surface."""
+    return f"{piece}_{col:02d}_{row:02d}"
+
+
+def smooth_mesh(piece: str) -> str:
+    """Return the name of the mesh of one piece of the smooth surface."""
+    return f"{_SMOOTH}{piece}"
+
+
+def mesh_file(mesh: str) -> str:
+    """Return the file of a visible mesh."""
+    return f"meshes/{mesh}.msh"
+
+
+def surface_geom(mesh: str) -> str:
+    """Return the name of the geom that shows a mesh, or what the names of a piece's geoms begin with."""
+    return f"{_SURFACE}{mesh}"
+
+
+@dataclass(frozen=True)
+class TriangleMesh:
+    """A triangle mesh as a `.msh` file holds it.
+
+    `vertices` (n, 3) m, `faces` (m, 3) vertex numbers, `texcoords` (n, 2) with v upwards, `normals` (n, 3) unit
+    vectors; texture coordinates and normals may be absent, (0, 2) and (0, 3).
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    texcoords: np.ndarray
+    normals: np.ndarray
+
+
+def decode_msh(data: bytes) -> TriangleMesh:
+    """Read MuJoCo's binary mesh: four counts, then positions, normals, texture coordinates and faces.
+
+    Returns
+    -------
+    TriangleMesh
+        In the file's own precision, float32 and int32; read-only.
+
+    Raises
+    ------
+    ValueError
+        If the counts do not match the size.
+    """
+    counts = np.frombuffer(data, "<i4", 4).tolist() if len(data) >= 16 else [-1]
+    if min(counts) < 0 or len(data) != 16 + sum(n * size for n, size in zip(counts, (12, 12, 8, 12), strict=True)):
+        raise ValueError(f"a .msh of {len(data)} bytes: its counts {counts} do not match its size")
+    arrays, at = [], 16
+    for count, kind, width in zip(counts, ("<f4", "<f4", "<f4", "<i4"), (3, 3, 2, 3), strict=True):
+        arrays.append(np.frombuffer(data, kind, count * width, at).reshape(-1, width))
+        at += 4 * count * width
+    vertices, normals, texcoords, faces = arrays
+    return TriangleMesh(vertices, faces, texcoords, normals)
+
+
+def encode_msh(mesh: TriangleMesh) -> bytes:
+    """Return a mesh as MuJoCo's binary `.msh`, which `decode_msh` reads back."""
+    arrays = (mesh.vertices, mesh.normals, mesh.texcoords, mesh.faces)
+    head = np.array([len(a) for a in arrays], dtype="<i4").tobytes()
+    kinds = ("<f4", "<f4", "<f4", "<i4")
+    return head + b"".join(np.asarray(a).astype(kind).tobytes() for a, kind in zip(arrays, kinds, strict=True))
 
 
 def read_bundle(folder: Path) -> dict[str, Any]:

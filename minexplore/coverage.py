@@ -11,7 +11,7 @@ class CoverageGrid:
     """Square cells over the mine frame; `reachable[i, j]` covers origin + (j, i) * cell to + (j + 1, i + 1) * cell."""
 
     def __init__(self, world: World, cell_m: float, radius_m: float, centre_m: np.ndarray, reach_m: float) -> None:
-        """Find the cells that a disc of `radius_m` can stand in, connected to `centre_m` and within `reach_m` of it."""
+        """Find the cells where a disc of `radius_m` fits, connected to `centre_m` and within `reach_m` of it."""
         standing = _connected(world, world.clearance_m >= radius_m, centre_m)
         row, col = np.nonzero(standing)
         places = world.origin_m + (np.column_stack([col, row]) + 0.5) * world.cell_m
@@ -58,7 +58,7 @@ class CoverageGrid:
 
 
 def _connected(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.ndarray:
-    """Return the part of a mask that hangs together with the cell nearest to a place."""
+    """Return the cells of a mask that are connected to the one nearest to a place."""
     row, col = np.nonzero(standing)
     if not len(row):
         raise ValueError(f"{world.folder}: no place where the robot fits")

@@ -9,11 +9,13 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from minexplore.explorers import Explorers, Outcome, as_dict, observation_bounds
 from minexplore.lidar import Backend
+from minexplore.observation import observation_space
+from minexplore.opengl import prepare_opengl
 from minexplore.render import CAMERAS, Renderer
 from minexplore.robot import RobotParams
-from minexplore.task import TaskParams, given
+from minexplore.robot_batch import Outcome, RobotBatch, info_of_robot
+from minexplore.task import TaskParams, coerce_params
 from minexplore.world import find_world, load_world
 
 
@@ -74,9 +76,9 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     | `world` | the id's | path of a world bundle, or the name of one that ships with the package; refused if its hashes do not hold |
     | `task` | `TaskParams()` | or a dict of its fields: beams, ranges, speeds, steps, control and physics step, `region_m` round the entrance, `terrain`, `tilt` |
     | `robot` | `RobotParams()` | or a dict of its fields: radius, mass, wheels, torques, sensor height |
-    | `render_mode` | None | `"rgb_array"` (headless: `MUJOCO_GL=osmesa`), `"human"` (MuJoCo's viewer) |
+    | `render_mode` | None | `"rgb_array"` (without a display by EGL or OSMesa, or as `MUJOCO_GL` says), `"human"` (MuJoCo's viewer) |
     | `camera` | `"chase"` | `"chase"` or `"top"`: the plan with the coverage painted on it |
-    | `lidar` | `"auto"` | `"embree"`, `"open3d"` or `"mujoco"`; they agree within 1 mm, the first is the fastest |
+    | `lidar` | `"auto"` | `"embree"` or `"open3d"`; they agree within 1 mm, and `"auto"` takes the first that is installed |
     | `whole` | False | step the robot in the model of all rock instead of the window round it |
 
     ## Version History
@@ -101,12 +103,14 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
             raise ValueError(f"render_mode = {render_mode!r}: valid choices are None, 'rgb_array', 'human'")
         if camera not in CAMERAS:
             raise ValueError(f"camera = {camera!r}: valid choices are {', '.join(CAMERAS)}")
-        self.task, self.robot = given(TaskParams, task), given(RobotParams, robot)
+        if render_mode is not None:
+            prepare_opengl(render_mode)
+        self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
         self.render_mode, self.camera = render_mode, camera
         self.world = load_world(find_world(world))
-        self.explorers = Explorers(self.world, self.task, self.robot, 1, lidar=lidar, whole=whole)
-        self.grid = self.explorers.grid
-        self.observation_space = gymnasium.spaces.Box(*observation_bounds(self.task), dtype=np.float32)
+        self.robots = RobotBatch(self.world, self.task, self.robot, 1, lidar=lidar, whole=whole)
+        self.grid = self.robots.grid
+        self.observation_space = observation_space(self.task)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
         self._renderer: Renderer | None = None
         self._viewer: Any = None
@@ -115,14 +119,14 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Stand the robot near the entrance with a random yaw, and look round once."""
+        """Place the robot near the entrance with a random yaw, and cast the beams once."""
         super().reset(seed=seed)
-        outcome = self.explorers.reset(np.arange(1), [self.np_random])
+        outcome = self.robots.reset(np.arange(1), [self.np_random])
         self._show()
-        return outcome.observation[0], as_dict(outcome.info, 0)
+        return outcome.observation[0], info_of_robot(outcome.info, 0)
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Drive for one control step and look round.
+        """Drive for one control step and cast the beams.
 
         Raises
         ------
@@ -132,35 +136,32 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         command = np.asarray(action, dtype=np.float64)
         if command.shape != (2,):
             raise ValueError(f"action of shape {command.shape}: want (2,)")
-        outcome: Outcome = self.explorers.step(command[None], [self.np_random])
+        outcome: Outcome = self.robots.step(command[None], [self.np_random])
         self._show()
-        info = as_dict(outcome.info, 0)
+        info = info_of_robot(outcome.info, 0)
         return outcome.observation[0], float(outcome.reward[0]), False, bool(outcome.truncated[0]), info
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """Return a picture (480, 640, 3) uint8 in mode `rgb_array`, else None."""
         if self.render_mode != "rgb_array":
             return None
-        ours = self.explorers
-        return self._drawing().draw(self.camera, ours.qpos, ours.seen[0], ours.poses())
+        robots = self.robots
+        return self._drawing().draw(self.camera, robots.qpos, robots.seen[0], robots.poses())
 
     def _drawing(self) -> Renderer:
         if self._renderer is None:
-            ours = self.explorers
-            self._renderer = Renderer(self.world, ours.T_world_mine, self.grid, self.robot, ours.count)
+            self._renderer = Renderer(self.world, self.robots.T_world_mine, self.grid, self.robot, 1)
         return self._renderer
 
     def _show(self) -> None:
         """Bring MuJoCo's viewer up to date in mode `human`."""
         if self.render_mode != "human":
             return
-        model, data = self._drawing().place(self.explorers.qpos)
+        model, data = self._drawing().place(self.robots.qpos)
         if self._viewer is None:
-            import mujoco.viewer
+            from minexplore.viewer import Viewer
 
-            self._viewer = mujoco.viewer.launch_passive(
-                model, data, key_callback=self.on_key, show_left_ui=False, show_right_ui=False
-            )
+            self._viewer = Viewer(model, data, lambda code: self.on_key(code))
         self._viewer.sync()
 
     def close(self) -> None:
@@ -171,4 +172,4 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         if self._viewer is not None:
             self._viewer.close()
             self._viewer = None
-        self.explorers.close()
+        self.robots.close()

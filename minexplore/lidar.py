@@ -1,7 +1,8 @@
-"""Beams against the visible rock: exact rays by Embree or Open3D where installed, else by MuJoCo, alike within 1 mm."""
+"""Beams against the visible rock: exact rays by Embree, or by Open3D where Embree has no package."""
 
 from __future__ import annotations
 
+import functools
 from collections import OrderedDict
 from collections.abc import Callable
 from importlib.util import find_spec
@@ -11,92 +12,101 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
-Backend = Literal["auto", "embree", "open3d", "mujoco"]
+from minexplore.bundle import GeomGroup, decode_msh
+from minexplore.tiles import Tile, group_by_tile, tiles_at
+from minexplore.world import load_world
+
+Backend = Literal["auto", "embree", "open3d"]
 Meshes = dict[str, tuple[np.ndarray, np.ndarray]]
 Cast = Callable[[np.ndarray, np.ndarray], np.ndarray]  # origins, directions (n, 3) -> distances (n,) m, inf for no hit
 
-_MODULES = {"embree": "embreex", "open3d": "open3d", "mujoco": "mujoco"}  # fastest first
-_TILE_M = {"embree": 40.0, "open3d": 40.0, "mujoco": 16.0}
-_TILES_KEPT = 48
-_SURFACE_GROUP = 2
-
-
-def read_msh(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Read the vertices (n, 3) float32 and faces (m, 3) int32 of a MuJoCo `.msh` file."""
-    data = path.read_bytes()
-    vertices, normals, texcoords, faces = np.frombuffer(data, "<i4", 4).tolist()
-    at = 16 + 12 * (vertices + normals) + 8 * texcoords
-    return (
-        np.frombuffer(data, "<f4", 3 * vertices, 16).reshape(-1, 3),
-        np.frombuffer(data, "<i4", 3 * faces, at).reshape(-1, 3),
-    )
+_MODULES = {"embree": "embreex", "open3d": "open3d"}  # fastest first
+_TILE_M = 40.0
+_BYTES_PER_FACE = {"embree": 90, "open3d": 135}  # of a scene; measured 85 and 132
+_SCENES_BYTES = 2 << 30  # kept by a process; all scenes of the embedded mine take 0.7 GB by Embree
 
 
 def surface_meshes(spec: mujoco.MjSpec, folder: Path) -> Meshes:
-    """Return the meshes that a world shows as rock, by geom name (m, mine frame)."""
-    shown = [g for g in spec.geoms if g.group == _SURFACE_GROUP and g.type == mujoco.mjtGeom.mjGEOM_MESH]
-    return {g.name: read_msh(folder / spec.mesh(g.meshname).file) for g in shown}
+    """Return the vertices (n, 3) and faces (m, 3) of the meshes that show rock, by geom name (m, mine frame)."""
+    shown = [g for g in spec.geoms if g.group == GeomGroup.ROUGH_SURFACE and g.type == mujoco.mjtGeom.mjGEOM_MESH]
+    meshes = {g.name: decode_msh((folder / spec.mesh(g.meshname).file).read_bytes()) for g in shown}
+    return {name: (mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
+
+
+@functools.lru_cache(maxsize=8)
+def shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
+    """Return what casts the beams of a world, made once a process."""
+    return Lidar(surface_meshes(load_world(folder).spec(), folder), range_m, backend)
 
 
 class Lidar:
-    """Casts rays of the mine frame against rock and floor; scenes are made a tile of the plan at a time."""
+    """Casts rays of the mine frame against rock and floor; a scene holds the rock within range of one tile.
 
-    def __init__(self, meshes: Meshes, range_m: float, backend: Backend = "auto") -> None:
+    Scenes are made when a ray starts in their tile, and kept while all of them take less than `scenes_bytes`.
+    """
+
+    def __init__(
+        self, meshes: Meshes, range_m: float, backend: Backend = "auto", scenes_bytes: int = _SCENES_BYTES
+    ) -> None:
         """Take the rock's meshes; `auto` takes the fastest backend that is installed.
 
         Raises
         ------
         ImportError
-            If a backend is asked for that is not installed.
+            If the backend is not installed, or none is.
         """
         installed = [name for name, module in _MODULES.items() if find_spec(module)]
         if backend not in ("auto", *_MODULES):
             raise ValueError(f"lidar = {backend!r}: want auto, {', '.join(_MODULES)}")
         if backend != "auto" and backend not in installed:
-            raise ImportError(f"lidar={backend!r} needs {_MODULES[backend]}: pip install {_MODULES[backend]}")
+            raise ImportError(f"lidar = {backend!r} needs {_MODULES[backend]}: pip install {_MODULES[backend]}")
+        if not installed:
+            raise ImportError("the robots' beams need Embree: pip install embreex, or open3d where it has no wheel")
         self.backend = installed[0] if backend == "auto" else backend
         self.range_m = range_m
-        self._meshes = meshes
+        self._meshes, self._scenes_bytes = meshes, scenes_bytes
         self._boxes = {k: (v[:, :2].min(axis=0), v[:, :2].max(axis=0)) for k, (v, _) in meshes.items()}
-        self._tiles: OrderedDict[tuple[int, int], Cast] = OrderedDict()
+        self._scenes: OrderedDict[Tile, tuple[Cast, int]] = OrderedDict()  # with the bytes that each takes
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return ranges (n, beams) m, at most `range_m`, of unit rays (n, beams, 3) from (n, 3)."""
         down = directions[..., 2]
         with np.errstate(divide="ignore", invalid="ignore"):
             floor = np.where(down < 0, -origins[:, None, 2] / down, np.inf)
-        tiles = np.floor(origins[:, :2] / _TILE_M[self.backend]).astype(int)
-        order = np.lexsort(tiles.T)
-        first = np.flatnonzero(np.any(np.diff(tiles[order], axis=0, prepend=tiles[order][:1] - 1) != 0, axis=1))
         rock = np.empty(directions.shape[:2])
-        for group in np.split(order, first[1:]):
-            near = self._tile(tuple(tiles[group[0]].tolist()))
-            starts = np.repeat(origins[group], directions.shape[1], axis=0)
-            rock[group] = near(starts, directions[group].reshape(-1, 3)).reshape(len(group), -1)
+        for tile, rows in group_by_tile(tiles_at(origins[:, :2], _TILE_M)):
+            starts = np.repeat(origins[rows], directions.shape[1], axis=0)
+            rock[rows] = self._scene(tile)(starts, directions[rows].reshape(-1, 3)).reshape(len(rows), -1)
         return np.minimum(np.minimum(rock, floor), self.range_m)
 
-    def _tile(self, tile: tuple[int, int]) -> Cast:
+    @property
+    def kept_bytes(self) -> int:
+        """Return what the kept scenes take, by the number of their faces."""
+        return sum(size for _, size in self._scenes.values())
+
+    def _scene(self, tile: Tile) -> Cast:
         """Return what casts rays that start in a tile."""
-        if tile not in self._tiles:
-            low = np.array(tile) * _TILE_M[self.backend] - self.range_m
-            high = low + _TILE_M[self.backend] + 2 * self.range_m
-            near = {
-                name: self._meshes[name]
+        if tile not in self._scenes:
+            low = np.array(tile) * _TILE_M - self.range_m
+            high = low + _TILE_M + 2 * self.range_m
+            near = [
+                self._meshes[name]
                 for name, (west_south, east_north) in self._boxes.items()
                 if (west_south <= high).all() and (east_north >= low).all()
-            }
-            self._tiles[tile] = _BUILDERS[self.backend](near, (low + high) / 2, self.range_m)
-            if len(self._tiles) > _TILES_KEPT:
-                self._tiles.popitem(last=False)
-        self._tiles.move_to_end(tile)
-        return self._tiles[tile]
+            ]
+            size = _BYTES_PER_FACE[self.backend] * sum(len(faces) for _, faces in near)
+            while self._scenes and self.kept_bytes + size > self._scenes_bytes:
+                self._scenes.popitem(last=False)
+            self._scenes[tile] = (_BUILDERS[self.backend](near, (low + high) / 2, self.range_m), size)
+        self._scenes.move_to_end(tile)
+        return self._scenes[tile][0]
 
 
 def _nothing(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
     return np.full(len(origins), np.inf)
 
 
-def _embree(meshes: Meshes, centre: np.ndarray, range_m: float) -> Cast:
+def _embree(meshes: list[tuple[np.ndarray, np.ndarray]], centre: np.ndarray, range_m: float) -> Cast:
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
@@ -104,8 +114,8 @@ def _embree(meshes: Meshes, centre: np.ndarray, range_m: float) -> Cast:
         return _nothing
     middle = np.array([*centre, 0.0])  # rays are cast in 32 bits: the nearer to zero the better
     scene = EmbreeScene()
-    for vertices, faces in meshes.values():
-        TriangleMesh(scene, (vertices[faces] - middle).astype(np.float32))
+    for vertices, faces in meshes:
+        TriangleMesh(scene, (vertices - middle).astype(np.float32), np.ascontiguousarray(faces, dtype=np.int32))
 
     def cast(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         starts = np.ascontiguousarray(origins - middle, dtype=np.float32)
@@ -115,7 +125,7 @@ def _embree(meshes: Meshes, centre: np.ndarray, range_m: float) -> Cast:
     return cast
 
 
-def _open3d(meshes: Meshes, centre: np.ndarray, range_m: float) -> Cast:
+def _open3d(meshes: list[tuple[np.ndarray, np.ndarray]], centre: np.ndarray, range_m: float) -> Cast:
     import open3d
 
     if not meshes:
@@ -123,7 +133,7 @@ def _open3d(meshes: Meshes, centre: np.ndarray, range_m: float) -> Cast:
     tensor: Any = open3d.core.Tensor
     middle = np.array([*centre, 0.0])
     scene = open3d.t.geometry.RaycastingScene()
-    for vertices, faces in meshes.values():
+    for vertices, faces in meshes:
         scene.add_triangles(tensor((vertices - middle).astype(np.float32)), tensor(faces.astype(np.uint32)))
 
     def cast(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
@@ -133,33 +143,7 @@ def _open3d(meshes: Meshes, centre: np.ndarray, range_m: float) -> Cast:
     return cast
 
 
-def _mujoco(meshes: Meshes, centre: np.ndarray, range_m: float) -> Cast:
-    spec = mujoco.MjSpec()
-    for name, (vertices, faces) in meshes.items():
-        spec.add_mesh(
-            name=name, uservert=vertices.ravel(), userface=faces.ravel(),
-            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-        )  # fmt: skip
-        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, contype=0, conaffinity=0, name=name)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-
-    def cast(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        ranges = np.empty(len(origins))
-        starts = np.flatnonzero(np.any(np.diff(origins, axis=0, prepend=np.nan) != 0, axis=1))
-        for part in np.split(np.arange(len(origins)), starts[1:]):
-            hit, distance = np.zeros(len(part), np.int32), np.zeros(len(part))
-            mujoco.mj_multiRay(
-                model, data, origins[part[0]], directions[part].ravel(), None, True, -1, hit, distance, None,
-                len(part), range_m,
-            )  # fmt: skip
-            ranges[part] = np.where(distance < 0, np.inf, distance)
-        return ranges
-
-    return cast
-
-
-_BUILDERS: dict[str, Callable[[Meshes, np.ndarray, float], Cast]] = {
-    "embree": _embree, "open3d": _open3d, "mujoco": _mujoco,
-}  # fmt: skip
+_BUILDERS: dict[str, Callable[[list[tuple[np.ndarray, np.ndarray]], np.ndarray, float], Cast]] = {
+    "embree": _embree,
+    "open3d": _open3d,
+}

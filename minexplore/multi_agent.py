@@ -6,96 +6,20 @@ from pathlib import Path
 from typing import Any, Literal
 
 import gymnasium
-import mujoco
 import numpy as np
 from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
-from minexplore.explorers import Explorers, as_dict, observation_bounds
 from minexplore.lidar import Backend
+from minexplore.observation import observation_space
+from minexplore.opengl import prepare_opengl
 from minexplore.render import CAMERAS, Renderer
 from minexplore.reward import COLLISION_PENALTY, step_reward
 from minexplore.robot import RobotParams
-from minexplore.task import TaskParams, given
-from minexplore.world import World, find_world, load_world
-
-_APART_M = 1.2  # between robots at the start, centre to centre
-
-
-class Team(Explorers):
-    """Robots in one physics model and with one map of what was seen."""
-
-    def __init__(self, world: World, task: TaskParams, robot: RobotParams, count: int, lidar: Backend = "auto") -> None:
-        """Compile the mine with all robots."""
-        super().__init__(world, task, robot, count, lidar=lidar)
-        names = tuple(f"robot_{i}" for i in range(count))
-        self.model = self.windows.spec(None, names).compile()
-        self.data = mujoco.MjData(self.model)
-        joints = [(f"{n}_free", f"{n}_left", f"{n}_right") for n in names]
-        wheels = [[int(self.model.joint(j).qposadr[0]) for j in three] for three in joints]
-        speeds = [[int(self.model.joint(j).dofadr[0]) for j in three] for three in joints]
-        self._qpos_at = np.array([[*range(f, f + 7), left, right] for f, left, right in wheels])
-        self._qvel_at = np.array([[*range(f, f + 6), left, right] for f, left, right in speeds])
-        self._taken: list[tuple[float, float]] = []
-        self.team_seen = np.zeros((1, *self.grid.reachable.shape), dtype=bool)
-
-    def reset_all(self, rngs: list[np.random.Generator]) -> Any:
-        """Stand the whole team near the entrance."""
-        self._taken = []
-        self.team_seen[:] = False
-        mujoco.mj_resetData(self.model, self.data)
-        outcome = self.reset(np.arange(self.count), rngs)
-        self.data.qpos[self._qpos_at] = self.qpos
-        mujoco.mj_forward(self.model, self.data)
-        return outcome
-
-    def _spawn_place(self, rng: np.random.Generator) -> tuple[float, float]:
-        if not self._taken:
-            self._taken.append(super()._spawn_place(rng))
-            return self._taken[0]
-        spawn, world = self.world.record["spawn"], self.world
-        row, col = np.nonzero(world.clearance_m >= self.robot.radius_m + 0.1)
-        places = world.origin_m + (np.column_stack([col, row]) + 0.5) * world.cell_m
-        apart = np.min([np.linalg.norm(places - taken, axis=1) for taken in self._taken], axis=0) >= _APART_M
-        inside = np.linalg.norm(places - spawn["centre_m"], axis=1) <= spawn["radius_m"]
-        free = places[apart & inside]
-        if not len(free):
-            raise ValueError(f"{world.folder}: no room near the entrance for robot {len(self._taken)} of {self.count}")
-        x, y = free[rng.integers(len(free))]
-        self._taken.append((float(x), float(y)))
-        return self._taken[-1]
-
-    def _roll(self, robots: np.ndarray) -> np.ndarray:
-        touched = np.zeros(self.count, dtype=bool)
-        self.data.ctrl[0::2], self.data.ctrl[1::2] = self.state[:, self.ctrl_at], self.state[:, self.ctrl_at + 1]
-        for _ in range(self.task.substeps):
-            mujoco.mj_step(self.model, self.data)
-            touched |= self.data.sensordata > 0
-        self.qpos[:], self.qvel[:] = self.data.qpos[self._qpos_at], self.data.qvel[self._qvel_at]
-        return touched[robots]
-
-    def _look(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Cast beams that rock and the other robots' scanners stop; cells seen by two at once count for the first."""
-        origin, directions = self._rays(robots)
-        ranges = np.minimum(self.lidar.cast(origin, directions), self._to_others(origin, directions))
-        ray, row, col = self._crossed(origin, directions, ranges)
-        new = np.zeros(len(robots), dtype=int)
-        for i in range(len(robots)):
-            own = ray // self.task.beams == i
-            new[i] = self.grid.mark(self.team_seen, np.zeros(int(own.sum()), dtype=int), row[own], col[own])[0]
-        return ranges, new
-
-    def _to_others(self, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """Return distances (n, beams) m to the upright cylinders of the other robots' scanners."""
-        apart = origin[None, :, :2] - origin[:, None, :2]  # (from, to, 2)
-        along = np.einsum("ibk,ijk->ijb", directions[..., :2], apart)
-        across = (apart**2).sum(axis=-1)[..., None] - along**2
-        half = self.robot.scanner_radius_m**2 - across
-        distance = np.where((half > 0) & (along > 0), along - np.sqrt(np.maximum(half, 0.0)), np.inf)
-        distance[np.arange(len(origin)), np.arange(len(origin))] = np.inf
-        level = origin[:, None, None, 2] + np.where(np.isfinite(distance), distance, 0.0) * directions[:, None, :, 2]
-        high = np.abs(level - origin[None, :, None, 2]) <= self.robot.scanner_height_m / 2
-        return np.where(high, distance, np.inf).min(axis=1)
+from minexplore.robot_batch import info_of_robot
+from minexplore.task import TaskParams, coerce_params
+from minexplore.team import Team
+from minexplore.world import DEFAULT_WORLD, find_world, load_world
 
 
 class MineParallelEnv(ParallelEnv):
@@ -122,7 +46,7 @@ class MineParallelEnv(ParallelEnv):
         self,
         robots: int = 2,
         reward: Literal["shared", "individual"] = "shared",
-        world: str | Path | None = "chilean_mine",
+        world: str | Path | None = DEFAULT_WORLD,
         task: TaskParams | dict[str, Any] | None = None,
         robot: RobotParams | dict[str, Any] | None = None,
         render_mode: str | None = None,
@@ -134,20 +58,16 @@ class MineParallelEnv(ParallelEnv):
             raise ValueError(f"robots = {robots}, reward = {reward!r}: want 1 or more, 'shared' or 'individual'")
         if render_mode not in (None, "rgb_array") or camera not in CAMERAS:
             raise ValueError(f"render_mode = {render_mode!r}, camera = {camera!r}: want None or 'rgb_array', {CAMERAS}")
-        self.task, self.robot, self.reward = given(TaskParams, task), given(RobotParams, robot), reward
+        if render_mode is not None:
+            prepare_opengl(render_mode)
+        self.task, self.robot, self.reward = coerce_params(TaskParams, task), coerce_params(RobotParams, robot), reward
         self.render_mode, self.camera = render_mode, camera
         self.world = load_world(find_world(world))
         self.team = Team(self.world, self.task, self.robot, robots, lidar)
         self.possible_agents = [f"robot_{i}" for i in range(robots)]
         self.agents: list[str] = []
         self._rngs: list[np.random.Generator] = []
-        self._spaces = (
-            gymnasium.spaces.Box(*observation_bounds(self.task), dtype=np.float32),
-            gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32),
-        )
-        self.observation_spaces = {
-            a: gymnasium.spaces.Box(*observation_bounds(self.task), dtype=np.float32) for a in self.possible_agents
-        }
+        self.observation_spaces = {a: observation_space(self.task) for a in self.possible_agents}
         self.action_spaces = {a: gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32) for a in self.possible_agents}
         self._renderer: Renderer | None = None
 
@@ -162,7 +82,7 @@ class MineParallelEnv(ParallelEnv):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
-        """Stand the team near the entrance; robot i draws from `seed + i`."""
+        """Place the team near the entrance; robot i draws from `seed + i`."""
         if seed is not None or not self._rngs:
             self._rngs = [
                 seeding.np_random(None if seed is None else seed + i)[0] for i in range(len(self.possible_agents))
@@ -209,7 +129,7 @@ class MineParallelEnv(ParallelEnv):
 
     def _infos(self, info: dict[str, np.ndarray]) -> dict[str, dict[str, Any]]:
         team = {"team_cells_seen": self.team_cells, "team_coverage": self.team_cells / self.team.grid.total}
-        return {a: {**as_dict(info, i), **team} for i, a in enumerate(self.possible_agents)}
+        return {a: {**info_of_robot(info, i), **team} for i, a in enumerate(self.possible_agents)}
 
     def render(self) -> np.ndarray | None:
         """Return a picture (480, 640, 3) uint8 in mode `rgb_array`, else None."""

@@ -5,12 +5,14 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from minexplore.bundle import MINE_BODY, GeomGroup
 from minexplore.coverage import CoverageGrid
-from minexplore.robot import RobotParams, attach_robot, separate_contacts
+from minexplore.robot import RobotParams, attach_robot, qpos_address, separate_contacts
+from minexplore.rotations import quaternion
 from minexplore.world import World
 
 CAMERAS = ("chase", "top")
-_SHOWN = (0, 1, 2)  # floor, robots, visible rock
+_SHOWN = (GeomGroup.FLOOR, GeomGroup.ROBOT, GeomGroup.ROUGH_SURFACE)
 _LIGHTS = 7  # OpenGL's eight less the headlight
 _ROCK, _FREE, _CELL, _SEEN, _ROBOT = (54, 47, 42), (150, 140, 128), (190, 182, 170), (92, 168, 96), (232, 150, 30)
 
@@ -33,17 +35,11 @@ class Renderer:
         return self._chase(qpos) if camera == "chase" else self._plan(seen, poses)
 
     def place(self, qpos: np.ndarray) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Return the whole world's model and data with the robots standing as given."""
+        """Return the whole world's model and data with the robots at rows of `qpos` (n, 9)."""
         if self.model is None:
             self.model = self._compile()
             self.data = mujoco.MjData(self.model)
-            names = [f"robot_{i}" for i in range(self.robots)]
-            joints = [[f"{n}_free", f"{n}_left", f"{n}_right"] for n in names]
-            self._at = np.concatenate(
-                [[self.model.joint(free).qposadr[0] + k for k in range(7)]
-                 + [self.model.joint(left).qposadr[0], self.model.joint(right).qposadr[0]]
-                 for free, left, right in joints]
-            )  # fmt: skip
+            self._at = np.concatenate([qpos_address(self.model, f"robot_{i}") for i in range(self.robots)])
         self.data.qpos[self._at] = qpos.ravel()
         mujoco.mj_forward(self.model, self.data)
         return self.model, self.data
@@ -53,10 +49,8 @@ class Renderer:
         separate_contacts(spec)
         for i in range(self.robots):
             attach_robot(spec, f"robot_{i}", self.robot)
-        mine = spec.body("mine")
-        quat = np.zeros(4)
-        mujoco.mju_mat2Quat(quat, self.T_world_mine[:3, :3].ravel())
-        mine.quat, mine.pos = quat, self.T_world_mine[:3, 3]
+        mine = spec.body(MINE_BODY)
+        mine.quat, mine.pos = quaternion(self.T_world_mine[:3, :3]), self.T_world_mine[:3, 3]
         spec.visual.global_.offwidth, spec.visual.global_.offheight = self.size_px
         return spec.compile()
 

@@ -1,4 +1,4 @@
-"""The paper's reward: new cells, a price for standing still, milestones once each, a penalty for touching rock."""
+"""The paper's reward: new cells, a penalty for a step without one, milestones, a penalty for touching rock."""
 
 from __future__ import annotations
 

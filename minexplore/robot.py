@@ -8,13 +8,17 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-ROBOT_GROUP, _HIDDEN_GROUP = 1, 5
+from minexplore.bundle import ROOF_GEOM, GeomGroup, is_floor, is_rock
+from minexplore.rotations import quaternion
+
+ROCK_BODY = "rock"  # of a physics model; it holds what a chassis collides with
+_HIDDEN_GROUP = GeomGroup.SMOOTH_SURFACE  # no viewer shows it unless asked
 _ROCK_BIT, _FLOOR_BIT, _ROBOT_BIT = 1, 2, 4
 
 
 @dataclass(frozen=True)
 class RobotParams:
-    """The robot's measures; where the paper is silent they are those of a Clearpath Husky A200.
+    """The robot's measures, by default those of a Clearpath Husky A200 where the paper gives none.
 
     `radius_m` is the paper's authors' disc. `mass_kg`, `wheel_radius_m`, `wheel_width_m` are the Husky's data sheet,
     `wheel_base_m` its wheel separation in the dataset. `wheel_torque_nm` is what each side needs on the sheet's
@@ -53,7 +57,7 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
     middle = params.ground_clearance_m + params.height_m / 2 - params.wheel_radius_m
     body.add_geom(
         name=f"{name}_chassis", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[params.radius_m, params.height_m / 2, 0],
-        pos=[0, 0, middle], mass=params.mass_kg * 0.8, group=ROBOT_GROUP, contype=0,
+        pos=[0, 0, middle], mass=params.mass_kg * 0.8, group=GeomGroup.ROBOT, contype=0,
         conaffinity=_ROCK_BIT, friction=[0.5, 0.005, 0.0001], rgba=[0.85, 0.65, 0.1, 1],
     )  # fmt: skip
     # Robots meet as spheres of the disc's radius: two upright cylinders side by side make MuJoCo 3.17's solver diverge.
@@ -67,7 +71,7 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
             name=f"{name}_{side}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=0.05,
             frictionloss=params.wheel_friction_nm,
         )  # fmt: skip
-        # A sphere touches the floor where a thin wheel would, by an analytic test; what is seen is the wheel.
+        # The sphere touches the floor where a thin wheel would, by an analytic test. The cylinder is what is drawn.
         wheel.add_geom(
             name=f"{name}_{side}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[params.wheel_radius_m, 0, 0],
             mass=params.mass_kg * 0.1, group=_HIDDEN_GROUP, contype=0, conaffinity=_FLOOR_BIT,
@@ -75,7 +79,7 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
         )  # fmt: skip
         wheel.add_geom(
             type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[params.wheel_radius_m, params.wheel_width_m / 2, 0],
-            quat=[math.sqrt(0.5), math.sqrt(0.5), 0, 0], mass=0, group=ROBOT_GROUP, contype=0, conaffinity=0,
+            quat=[math.sqrt(0.5), math.sqrt(0.5), 0, 0], mass=0, group=GeomGroup.ROBOT, contype=0, conaffinity=0,
             rgba=[0.1, 0.1, 0.1, 1],
         )  # fmt: skip
         motor = spec.add_actuator(
@@ -88,41 +92,54 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
     for end, x in (("front", params.radius_m - castor), ("rear", castor - params.radius_m)):
         body.add_geom(
             name=f"{name}_{end}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[castor, 0, 0],
-            pos=[x, 0, castor - params.wheel_radius_m + 0.002], mass=0.1, group=ROBOT_GROUP, contype=0,
+            pos=[x, 0, castor - params.wheel_radius_m + 0.002], mass=0.1, group=GeomGroup.ROBOT, contype=0,
             conaffinity=_FLOOR_BIT, priority=2, condim=1, rgba=[0.1, 0.1, 0.1, 1],
         )  # fmt: skip
-    # The scanner on its mast: what other robots' beams see of this one, as their own sensors look over its chassis.
+    # The scanner on its mast is what other robots' beams hit: they pass over the chassis.
     top = params.ground_clearance_m + params.height_m - params.wheel_radius_m
     reach = params.sensor_height_m - params.wheel_radius_m + params.scanner_height_m / 2
     body.add_geom(
         name=f"{name}_scanner", type=mujoco.mjtGeom.mjGEOM_CYLINDER,
         size=[params.scanner_radius_m, (reach - top) / 2, 0],
-        pos=[0, 0, (reach + top) / 2], mass=0, group=ROBOT_GROUP, contype=0, conaffinity=0, rgba=[0.2, 0.3, 0.4, 1],
+        pos=[0, 0, (reach + top) / 2], mass=0, group=GeomGroup.ROBOT, contype=0, conaffinity=0, rgba=[0.2, 0.3, 0.4, 1],
     )  # fmt: skip
-    body.add_site(name=f"{name}_lidar", pos=[0, 0, params.sensor_height_m - params.wheel_radius_m], group=5)
+    body.add_site(name=f"{name}_lidar", pos=[0, 0, params.sensor_height_m - params.wheel_radius_m], group=_HIDDEN_GROUP)
 
 
 def separate_contacts(spec: mujoco.MjSpec) -> None:
     """Give floor and rock geoms the contact bits that robots expect."""
     for geom in spec.geoms:
-        if geom.name.startswith("floor_"):
+        if is_floor(geom.name):
             geom.contype, geom.conaffinity = _FLOOR_BIT, 0
-        elif geom.name.startswith(("rock_", "back")):
+        elif is_rock(geom.name) or geom.name == ROOF_GEOM:
             geom.contype, geom.conaffinity = _ROCK_BIT, 0
 
 
-def stand(T_world_mine: np.ndarray, params: RobotParams, x: float, y: float, yaw: float) -> np.ndarray:
-    """Return the free joint's seven numbers for a robot that stands at a pose of the mine frame (m, rad)."""
-    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1.0]])
-    quat = np.zeros(4)
-    mujoco.mju_mat2Quat(quat, (T_world_mine[:3, :3] @ turn).ravel())
-    place = T_world_mine @ [x, y, params.wheel_radius_m, 1.0]
-    return np.concatenate([place[:3], quat])
+def free_joint_qpos(
+    T_world_mine: np.ndarray, params: RobotParams, x_m: float, y_m: float, yaw_rad: float
+) -> np.ndarray:
+    """Return the free joint's place (m) and quaternion (7,), world frame, of a robot at a pose of the mine frame."""
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
+    place = T_world_mine @ [x_m, y_m, params.wheel_radius_m, 1.0]
+    return np.concatenate([place[:3], quaternion(T_world_mine[:3, :3] @ turn)])
+
+
+def qpos_address(model: mujoco.MjModel, name: str) -> np.ndarray:
+    """Return where a robot's nine numbers stand in `qpos`: free joint, left wheel, right wheel."""
+    free, left, right = (int(model.joint(f"{name}_{joint}").qposadr[0]) for joint in ("free", "left", "right"))
+    return np.array([*range(free, free + 7), left, right])
+
+
+def qvel_address(model: mujoco.MjModel, name: str) -> np.ndarray:
+    """Return where a robot's eight speeds stand in `qvel`: free joint, left wheel, right wheel."""
+    free, left, right = (int(model.joint(f"{name}_{joint}").dofadr[0]) for joint in ("free", "left", "right"))
+    return np.array([*range(free, free + 6), left, right])
 
 
 def contact_sensor(spec: mujoco.MjSpec, name: str) -> None:
     """Add a sensor that counts contacts between a robot's chassis and the body that holds the rock."""
     spec.add_sensor(
         name=f"{name}_touches_rock", type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=mujoco.mjtObj.mjOBJ_GEOM,
-        objname=f"{name}_chassis", reftype=mujoco.mjtObj.mjOBJ_BODY, refname="rock", intprm=[1, 0, 1],
+        objname=f"{name}_chassis", reftype=mujoco.mjtObj.mjOBJ_BODY, refname=ROCK_BODY, intprm=[1, 0, 1],
     )  # fmt: skip

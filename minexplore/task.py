@@ -1,4 +1,4 @@
-"""The task's numbers: what the paper fixes, and what it leaves open, with defaults."""
+"""The task's parameters: those that the paper fixes, and those that it leaves open."""
 
 from __future__ import annotations
 
@@ -9,15 +9,12 @@ import numpy as np
 
 T = TypeVar("T")
 
-# What a zone does to a command beside its contact friction: scale, and noise on the forward speed, m/s.
-TERRAIN = {"dry": (1.0, 0.0), "mud": (0.7, 0.04), "water": (0.4, 0.10)}
-
 
 @dataclass(frozen=True)
 class TaskParams:
     """The exploration task.
 
-    The first block is the paper's. The second is open there: physics step, radius of the area that counts round the
+    The paper gives the first block. It leaves the second open: physics step, radius of the area that counts round the
     entrance, zones' effects and tilt on or off.
     """
 
@@ -38,7 +35,7 @@ class TaskParams:
     tilt: bool = True
 
     def __post_init__(self) -> None:
-        """Refuse numbers that make no task."""
+        """Refuse values that make no task."""
         if self.beams < 1 or not 0 < self.range_m[0] < self.range_m[1]:
             raise ValueError(
                 f"task: beams = {self.beams}, range_m = {self.range_m}; want one beam or more and 0 < near < far"
@@ -54,13 +51,13 @@ class TaskParams:
         return round(self.control_s / self.physics_s)
 
 
-def given(kind: type[T], value: T | dict[str, Any] | None) -> T:
-    """Return parameters given as such, as a dict of some fields, or not at all.
+def coerce_params(kind: type[T], value: T | dict[str, Any] | None) -> T:
+    """Return parameters given as an instance, as a dict of some fields, or as None for the defaults.
 
     Raises
     ------
     ValueError
-        If a dict has a field that there is not; the message lists what there is.
+        If a dict has an unknown field; the message lists the known ones.
     """
     if value is None:
         return kind()

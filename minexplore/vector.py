@@ -12,11 +12,13 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from minexplore.explorers import Explorers, Outcome, as_dict, observation_bounds
 from minexplore.lidar import Backend
+from minexplore.observation import observation_space
+from minexplore.opengl import prepare_opengl
 from minexplore.render import CAMERAS, Renderer
 from minexplore.robot import RobotParams
-from minexplore.task import TaskParams, given
+from minexplore.robot_batch import Outcome, RobotBatch, info_of_robot
+from minexplore.task import TaskParams, coerce_params
 from minexplore.world import find_world, load_world
 
 
@@ -66,16 +68,19 @@ class MineVectorEnv(VectorEnv):
             raise ValueError(f"autoreset_mode = {autoreset_mode}: valid choices are NEXT_STEP, SAME_STEP")
         self.num_envs, self.render_mode, self.camera, self._mode = num_envs, render_mode, camera, mode
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
-        self.task, self.robot = given(TaskParams, task), given(RobotParams, robot)
+        if render_mode is not None:
+            prepare_opengl(render_mode)
+        self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
         self.world = load_world(find_world(world))
-        self.explorers = Explorers(self.world, self.task, self.robot, num_envs, threads, lidar, whole)
-        self.single_observation_space = gymnasium.spaces.Box(*observation_bounds(self.task), dtype=np.float32)
+        self.robots = RobotBatch(self.world, self.task, self.robot, num_envs, threads, lidar, whole)
+        one = observation_space(self.task)
+        self.single_observation_space = one
         self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._rngs: list[np.random.Generator] = []
         self._ended = np.zeros(num_envs, dtype=bool)
-        self._observation: np.ndarray = np.zeros((num_envs, self.task.beams + 3), np.float32)
+        self._observation: np.ndarray = np.zeros((num_envs, *one.shape), np.float32)
         self._renderer: Renderer | None = None
         self.closed = False
 
@@ -103,7 +108,7 @@ class MineVectorEnv(VectorEnv):
                 if seeds[i] is not None:
                     self._rngs[i] = seeding.np_random(seeds[i])[0]
         self._ended[mask] = False
-        outcome = self.explorers.reset(np.flatnonzero(mask), self._rngs)
+        outcome = self.robots.reset(np.flatnonzero(mask), self._rngs)
         self._observation[mask] = outcome.observation
         return self._observation.copy(), _spread(outcome, np.flatnonzero(mask), self.num_envs)
 
@@ -116,12 +121,12 @@ class MineVectorEnv(VectorEnv):
         reward, truncated = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=bool)
         info: dict[str, Any] = {}
         if len(driving):
-            outcome = self.explorers.step(actions, self._rngs, driving)
+            outcome = self.robots.step(actions, self._rngs, driving)
             self._observation[driving] = outcome.observation
             reward[driving], truncated[driving] = outcome.reward, outcome.truncated
             info = _spread(outcome, driving, self.num_envs)
         if len(over):
-            started = self.explorers.reset(over, self._rngs)
+            started = self.robots.reset(over, self._rngs)
             self._observation[over] = started.observation
             info = _merge(info, _spread(started, over, self.num_envs), over)
         self._ended = truncated.copy()
@@ -137,7 +142,7 @@ class MineVectorEnv(VectorEnv):
         ended = np.isin(np.arange(self.num_envs), over)
         final = {k: v.copy() for k, v in info.items() if not k.startswith("_")}
         final |= {f"_{k}": ended.copy() for k in final}
-        started = self.explorers.reset(over, self._rngs)
+        started = self.robots.reset(over, self._rngs)
         self._observation[over] = started.observation
         self._ended[:] = False
         merged = _merge(info, _spread(started, over, self.num_envs), over)
@@ -147,24 +152,24 @@ class MineVectorEnv(VectorEnv):
         """Return one picture (480, 640, 3) uint8 a robot in mode `rgb_array`, else None."""
         if self.render_mode is None:
             return None
-        ours = self.explorers
+        robots = self.robots
         if self._renderer is None:
-            self._renderer = Renderer(self.world, ours.T_world_mine, ours.grid, self.robot, 1)
-        poses = ours.poses()
+            self._renderer = Renderer(self.world, robots.T_world_mine, robots.grid, self.robot, 1)
+        poses = robots.poses()
         return tuple(
-            self._renderer.draw(self.camera, ours.qpos[i : i + 1], ours.seen[i], poses[i : i + 1])
+            self._renderer.draw(self.camera, robots.qpos[i : i + 1], robots.seen[i], poses[i : i + 1])
             for i in range(self.num_envs)
         )
 
     def info_of(self, robot: int, info: dict[str, Any]) -> dict[str, Any]:
         """Return one robot's info as `MineEnv` gives it."""
-        return as_dict({k: v for k, v in info.items() if not k.startswith(("_", "final"))}, robot)
+        return info_of_robot({k: v for k, v in info.items() if not k.startswith(("_", "final"))}, robot)
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free renderer and threads."""
         if self._renderer is not None:
             self._renderer.close()
-        self.explorers.close()
+        self.robots.close()
 
 
 def _spread(outcome: Outcome, robots: np.ndarray, count: int) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A world as a robot needs it: the MJCF, where it can stand, and which ground is where."""
+"""A world as a robot needs it: the MJCF, the places it fits in, and the zones of the floor."""
 
 from __future__ import annotations
 
@@ -11,17 +11,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from minexplore.bundle import read_bundle
+from minexplore.bundle import CLEARANCE_GRID, MODEL, RECORD, read_bundle
+from minexplore.floor_zones import FloorZone, read_zones
 
-
-@dataclass(frozen=True)
-class Ground:
-    """One floor zone: what it does to a command, and where it lies (m, mine frame)."""
-
-    name: str
-    geom: str
-    west_m: float
-    east_m: float
+DEFAULT_WORLD = "chilean_mine"
 
 
 @dataclass(frozen=True)
@@ -37,21 +30,30 @@ class World:
     clearance_m: np.ndarray
     origin_m: np.ndarray
     cell_m: float
-    grounds: list[Ground]
+    floor_zones: list[FloorZone]
 
     def spec(self) -> mujoco.MjSpec:
         """Return the world's MJCF to attach robots to."""
-        return mujoco.MjSpec.from_file(str(self.folder / "mine.xml"))
+        return mujoco.MjSpec.from_file(str(self.folder / MODEL))
+
+    def places_m(self, clearance_m: float) -> np.ndarray:
+        """Return the centres (n, 2) m, mine frame, of the grid's cells that have at least this clearance."""
+        row, col = np.nonzero(self.clearance_m >= clearance_m)
+        return self.origin_m + (np.column_stack([col, row]) + 0.5) * self.cell_m
+
+    def active_zones(self, terrain: bool) -> list[FloorZone]:
+        """Return the zones with their effects, or with none of them where a task has no terrain."""
+        return self.floor_zones if terrain else [zone.without_effects() for zone in self.floor_zones]
 
     def zones_at(self, east_m: np.ndarray) -> np.ndarray:
         """Return the numbers of the zones at eastings (n,) m; beyond the ends, the nearest."""
-        edges = [ground.east_m for ground in self.grounds[:-1]]
+        edges = [zone.east_m for zone in self.floor_zones[:-1]]
         return np.searchsorted(edges, east_m, side="right")
 
     @functools.cached_property
     def zone_names(self) -> np.ndarray:
         """Return the zones' names, west to east."""
-        return np.array([ground.name for ground in self.grounds])
+        return np.array([zone.name for zone in self.floor_zones])
 
 
 def find_world(world: str | Path | None) -> Path:
@@ -67,8 +69,8 @@ def find_world(world: str | Path | None) -> Path:
     shipped = Path(__file__).parent / "worlds"
     built = Path(__file__).parents[1] / "artifacts" / "realism" / "world"  # of a source checkout
     names = {p.name: p for p in shipped.iterdir() if p.is_dir()} if shipped.is_dir() else {}
-    if (built / "world.json").is_file():
-        names.setdefault("chilean_mine", built)
+    if (built / RECORD).is_file():
+        names.setdefault(DEFAULT_WORLD, built)
     if str(world) in names:
         return names[str(world)]
     if Path(world).is_dir():
@@ -84,10 +86,10 @@ def load_world(folder: Path) -> World:
     Raises
     ------
     BundleError
-        If the bundle does not hold; see `read_bundle`.
+        If a file of the bundle is missing or changed, or a floor zone is not whole; see `read_bundle`, `read_zones`.
     """
     record = read_bundle(folder)
-    with np.load(io.BytesIO((folder / "occupancy.npz").read_bytes()), allow_pickle=False) as grid:
+    with np.load(io.BytesIO((folder / CLEARANCE_GRID).read_bytes()), allow_pickle=False) as grid:
         clearance, origin, cell = grid["clearance_m"], grid["origin_m"], float(grid["cell_m"])
-    grounds = [Ground(z["name"], f"floor_{z['name']}", z["west_m"], z["east_m"]) for z in record["zones"]]
-    return World(folder, record, np.array(record["T_world_mine"]), clearance, origin, cell, grounds)
+    zones = read_zones(folder / RECORD, record.get("zones"))
+    return World(folder, record, np.array(record["T_world_mine"]), clearance, origin, cell, zones)

@@ -1,11 +1,11 @@
-"""`python -m pipeline COMMAND`: the chores around the stages, proofs, and worlds of one's own."""
+"""`python -m pipeline COMMAND`: maintenance, proofs, and your own worlds."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 
-from pipeline.commands import chores, proofs, worlds
+from pipeline.commands import maintenance, proofs, worlds
 from pipeline.errors import MineError
 
 
@@ -13,8 +13,8 @@ def command_line() -> argparse.ArgumentParser:
     """Return the parser of all commands; what it parses has `run`."""
     parser = argparse.ArgumentParser(prog="python -m pipeline", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
-    for room in (chores, proofs, worlds):
-        room.add_to(commands)
+    for group in (maintenance, proofs, worlds):
+        group.add_to(commands)
     return parser
 
 

@@ -16,6 +16,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from pydantic import ValidationError
 
+from minexplore.robot import RobotParams
 from pipeline.errors import MineError, ParamsError
 from pipeline.params.config import Config
 from pipeline.store.files import write_atomically
@@ -24,6 +25,8 @@ CONF = Path("conf")
 ROOT_PARAMS = Path("params.yaml")
 COMPOSED = Path("artifacts/params.yaml")
 _CHOSEN = ("survey", "collision")  # sections of several kinds: pydantic names the kind after them
+# The robot's measures stand in the environment alone; conf/ names them as ${robot:radius_m}.
+OmegaConf.register_new_resolver("robot", lambda field: getattr(RobotParams(), field), replace=True)
 _REFUSALS = (HydraException, OmegaConfBaseException, yaml.YAMLError)
 
 
@@ -110,20 +113,20 @@ def _describe(error: Any) -> str:
 
 def _explain(overrides: list[str], error: Exception) -> str:
     """Say which override Hydra refused, and list the valid choices."""
+    pairs = [(key.lstrip("+~"), value) for key, _, value in (override.partition("=") for override in overrides)]
+    groups = [(key, value) for key, value in pairs if key and (CONF / key).is_dir()]
+    for key, value in groups:  # before the keys: without its groups no configuration has any
+        choices = sorted(path.stem for path in (CONF / key).glob("*.yaml"))
+        if value not in choices:
+            return f"{key} = {value}: valid choices are {', '.join(choices)}"
     base = OmegaConf.create({})
     try:
         with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
-            base = hydra_compose("config", [o for o in overrides if (CONF / o.partition("=")[0].lstrip("+~")).is_dir()])
+            base = hydra_compose("config", [f"{key}={value}" for key, value in groups])
     except (*_REFUSALS, ValueError, TypeError):
-        pass
-    for override in overrides:
-        key, _, value = override.partition("=")
-        key = key.lstrip("+~")
-        if (CONF / key).is_dir():
-            choices = sorted(path.stem for path in (CONF / key).glob("*.yaml"))
-            if value not in choices:
-                return f"{key} = {value}: valid choices are {', '.join(choices)}"
-        elif re.fullmatch(r"[\w.]+", key):
+        return f"overrides {overrides}: {str(error).splitlines()[0]}"
+    for key, _ in pairs:
+        if key and not (CONF / key).is_dir() and re.fullmatch(r"[\w.]+", key):
             problem = _unknown_key(base, key)
             if problem:
                 return problem

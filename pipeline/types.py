@@ -16,7 +16,7 @@ Points3 = Float64[np.ndarray, "n 3"]
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the plan's pixels lie in the mine frame (metres, x east, y north, z up from the sill).
+    """Where the plan's pixels lie in the mine frame (metres, x east, y north, z up from the floor).
 
     A pixel (col, row) covers [col, col + 1) x [row, row + 1) of the image plane; rows grow southwards.
     `origin_col`, `origin_row` are the image-plane coordinates of the mine frame's origin.
@@ -111,7 +111,7 @@ class Survey:
 class Areas:
     """The plan's areas under their own names: tunnel + islands + outside is the plan's frame.
 
-    `traced_tunnel_m2` is the tunnel before simplification, `unconnected_m2` the ink in pieces of 1 m2 and more that are
+    `traced_tunnel_m2` is the tunnel before simplification, `unconnected_m2` the drawn pieces of 1 m2 and more that are
     connected to nothing and therefore no part of the workings.
     """
 
@@ -196,8 +196,8 @@ class Occupancy:
 
 
 @dataclass(frozen=True)
-class Rock:
-    """The rock as a solid: its height above the sill, and the box it fills (west, south, east, north; m)."""
+class SolidExtent:
+    """What the solid rock fills: its height above the floor, and its box in plan (west, south, east, north; m)."""
 
     height_m: float
     world_m: tuple[float, float, float, float]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,10 @@ from pydantic import TypeAdapter
 
 from minexplore.bundle import BundleError, read_bundle
 from pipeline.errors import ArtifactError
-from pipeline.metrics.limits import flatten, say_limit
+from pipeline.metrics.limits import flatten, format_limit
 from pipeline.params.config import Config
 from pipeline.params.validation import Limit, ValidationParams
+from pipeline.report.baseline import read_metrics
 from pipeline.stage import ARTIFACTS
 from pipeline.store.manifest import read_manifest
 
@@ -56,11 +56,7 @@ def env_id(name: str) -> str:
 
 def read_figures(name: str) -> dict[str, Any]:
     """Return a world's metrics, one level deep."""
-    path = world_folder(name) / "validation" / "metrics.json"
-    try:
-        return flatten(json.loads(path.read_text()))
-    except (OSError, ValueError) as error:
-        raise ArtifactError(f"{path}: not measured yet ({error})") from error
+    return read_metrics(world_folder(name) / "validation" / "metrics.json")
 
 
 def limits_of(name: str) -> dict[str, Limit]:
@@ -91,7 +87,12 @@ def show_world(name: str) -> str:
         value = figures.get(key)
         holds = isinstance(value, int | float) and limit.holds(value)
         rows.append(
-            [key, f"{value:.6g}" if isinstance(value, int | float) else "-", say_limit(limit), "" if holds else "FAILS"]
+            [
+                key,
+                f"{value:.6g}" if isinstance(value, int | float) else "-",
+                format_limit(limit),
+                "" if holds else "FAILS",
+            ]
         )
     return _table(rows)
 
@@ -104,7 +105,7 @@ def compare_worlds(one: str, other: str) -> str:
         [key, _say(first.get(key)), _say(second.get(key))]
         for key in [*first, *(k for k in second if k not in first)] if first.get(key) != second.get(key)
     ]  # fmt: skip
-    left, right = made_by(one), made_by(other)
+    left, right = world_params(one), world_params(other)
     rows += [
         [key, _say(left.get(key)), _say(right.get(key))]
         for key in [*left, *(k for k in right if k not in left)] if left.get(key) != right.get(key)
@@ -112,7 +113,7 @@ def compare_worlds(one: str, other: str) -> str:
     return _table(rows)
 
 
-def made_by(name: str) -> dict[str, Any]:
+def world_params(name: str) -> dict[str, Any]:
     """Return the parameters that a world was made by, one level deep."""
     found: dict[str, Any] = {}
     for section in Config.model_fields:
@@ -123,7 +124,7 @@ def made_by(name: str) -> dict[str, Any]:
 
 def changed_params(name: str, default: Config) -> dict[str, tuple[Any, Any]]:
     """Return the parameters in which a world differs from the default: (default, this world's)."""
-    before, now = flatten(default.model_dump(mode="json")), made_by(name)
+    before, now = flatten(default.model_dump(mode="json")), world_params(name)
     keys = [*before, *(key for key in now if key not in before)]
     return {k: (before.get(k, "-"), now.get(k, "-")) for k in keys if before.get(k) != now.get(k)}
 

@@ -1,12 +1,30 @@
 #!/bin/sh
-# Make .venv from a lock, dev or baselines (which holds all of dev), and install the system libraries that are missing.
+# Make .venv from a lock, dev or baselines (which holds all of dev), and install the system packages that are missing.
 # Silent when there is nothing to do.
 set -eu
 lock=requirements/${1:-dev}.txt
 stamp=.venv/.installed
 [ -e .venv/.baselines ] && lock=requirements/baselines.txt # who has Ray and torch keeps them
 
-# --- system libraries: soname package ------------------------------------------------------------------------------
+install() {
+    if ! command -v apt-get >/dev/null 2>&1; then
+        echo "setup: please install: $* (this system has no apt-get)" >&2
+        exit 2
+    fi
+    root=""
+    if [ "$(id -u)" -ne 0 ]; then
+        root="sudo"
+        command -v sudo >/dev/null 2>&1 || {
+            echo "setup: please install: $* (this needs root, and sudo is missing)" >&2
+            exit 2
+        }
+    fi
+    echo "setup: installing $*" >&2
+    $root apt-get update -qq
+    $root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null
+}
+
+# --- system packages: soname package -------------------------------------------------------------------------------
 missing=""
 cache=$(PATH="$PATH:/sbin:/usr/sbin" ldconfig -p 2>/dev/null || true)
 while read -r soname package; do
@@ -19,19 +37,12 @@ libGL.so.1 libgl1
 libEGL.so.1 libegl1
 libX11.so.6 libx11-6
 EOF
-command -v git >/dev/null 2>&1 || missing="$missing git"
-if [ -n "$missing" ]; then
-    if ! command -v apt-get >/dev/null 2>&1; then
-        echo "setup: please install:$missing (this system has no apt-get)" >&2
-        exit 2
-    fi
-    root=""
-    [ "$(id -u)" -eq 0 ] || root="sudo"
-    echo "setup: installing$missing" >&2
-    $root apt-get update -qq
-    # shellcheck disable=SC2086
-    DEBIAN_FRONTEND=noninteractive $root apt-get install -y -qq --no-install-recommends $missing >/dev/null
-fi
+command -v git >/dev/null 2>&1 || missing="$missing git ca-certificates"
+pythons="${PYTHON:-} python3 python3.13 python3.12 python3.11"
+any_python() { for python in $pythons; do command -v "$python" >/dev/null 2>&1 && return 0; done; return 1; }
+any_python || missing="$missing python3 python3-venv"
+# shellcheck disable=SC2086
+[ -z "$missing" ] || install $missing
 
 # --- Python packages -----------------------------------------------------------------------------------------------
 for installed in "$lock" requirements/baselines.txt; do
@@ -40,7 +51,7 @@ done
 
 works() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' >/dev/null 2>&1; }
 python=""
-for candidate in ${PYTHON:-} python3 python3.13 python3.12 python3.11; do
+for candidate in $pythons; do
     if works "$candidate"; then python=$candidate && break; fi
 done
 if [ -z "$python" ]; then
@@ -48,14 +59,10 @@ if [ -z "$python" ]; then
     exit 2
 fi
 echo "setup: installing Python packages into .venv ($("$python" --version))" >&2
-if ! works .venv/bin/python; then
-    rm -rf .venv
-    "$python" -m venv .venv >/dev/null 2>&1 || {
-        rm -rf .venv
-        root=""
-        [ "$(id -u)" -eq 0 ] || root="sudo"
-        $root apt-get update -qq && DEBIAN_FRONTEND=noninteractive $root apt-get install -y -qq python3-venv >/dev/null
-        "$python" -m venv .venv
+if ! works .venv/bin/python; then # --clear empties .venv and keeps the folder, which may be a container's mount
+    "$python" -m venv --clear .venv >/dev/null 2>&1 || {
+        install python3-venv
+        "$python" -m venv --clear .venv
     }
 fi
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/bootstrap.txt

@@ -15,7 +15,7 @@ from pipeline.geometry.octree import build_octree, to_bt
 from pipeline.geometry.partition import rock_around, world_box
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.stage import Artifact, Stage, main
-from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, Occupancy, Rock, Spawn, Survey
+from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, Occupancy, SolidExtent, Spawn, Survey
 
 
 def compile_rock(
@@ -31,7 +31,7 @@ def compile_rock(
     entrance = survey.entrance_m or topology.main_drift_m[0]
     return {
         "collision": collision_parts(params, rock),
-        "rock": Rock(params.height_m, world),
+        "extent": SolidExtent(params.height_m, world),
         "occupancy": grid,
         "octree": to_bt(build_octree(grid.free, grid.origin_m, cell, params.height_m)),
         "map": pixels,
@@ -65,7 +65,7 @@ STAGE = Stage(
     },
     writes={
         "collision": Artifact("compile3d/collision.npz", ConvexParts),
-        "rock": Artifact("compile3d/rock.json", Rock),
+        "extent": Artifact("compile3d/extent.json", SolidExtent),
         "occupancy": Artifact("compile3d/occupancy.npz", Occupancy),
         "octree": Artifact("compile3d/free_space.bt", bytes),
         "map": Artifact("compile3d/map.png", Image),

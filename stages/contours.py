@@ -10,9 +10,9 @@ import shapely
 from shapely import Polygon
 
 from pipeline.errors import GeometryError, ParamsError
-from pipeline.geometry.ink import binarise, fill_islands, left_out, mend_ink, require_workings
+from pipeline.geometry.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
+from pipeline.geometry.components import choose_component, choose_mask_component, mend
 from pipeline.geometry.outline import simplify_outline, simplify_to_iou, trace_outline
-from pipeline.geometry.parts import choose_component, choose_part, mend
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.skeleton import require_same_network, trace_alike
 from pipeline.params.contours import ContoursParams
@@ -28,13 +28,13 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
     places = chosen_places(params, survey)
     try:
         if workings.polygons.is_empty:
-            raw, cleaned = _read_ink(params, plan, survey, places)
+            raw, cleaned = _read_mask(params, plan, survey, places)
             traced = trace_outline(cleaned, frame)
         else:
             mended = mend(workings.polygons, params.bridge_m, params.min_island_m2)
-            traced = choose_part(mended, places)
+            traced = choose_component(mended, places)
             raw, cleaned = fill_polygon(workings.polygons, frame), fill_polygon(traced, frame)
-        require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_ink_share)
+        require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_workings_share)
     except GeometryError as error:
         raise GeometryError(f"{(survey.sources or [survey.name])[0]}: {error}") from error
     if params.tolerance_m is None:
@@ -75,26 +75,26 @@ def chosen_places(params: ContoursParams, survey: Survey) -> list[tuple[float, f
     return [survey.entrance_m]
 
 
-def _read_ink(
+def _read_mask(
     params: ContoursParams, plan: Image, survey: Survey, places: list[tuple[float, float]]
 ) -> tuple[Mask, Mask]:
     """Return what a plan's picture shows as workings, and the same cleaned."""
     frame, scale = survey.frame, survey.frame.px_per_m
     threshold = None if params.threshold == "otsu" else params.threshold
     margin = params.annotation_margin_m * scale
-    raw = binarise(plan, threshold, params.annotation_chroma, margin, survey.ignore_boxes_px)
-    ink = mend_ink(raw, params.bridge_m * scale, params.despeck_m * scale)
-    return raw, fill_islands(choose_component(ink, frame, places), params.min_island_m2 * scale**2)
+    raw = binarize(plan, threshold, params.annotation_chroma, margin, survey.ignore_boxes_px)
+    drawn = clean_mask(raw, params.bridge_m * scale, params.despeck_m * scale)
+    return raw, fill_islands(choose_mask_component(drawn, frame, places), params.min_island_m2 * scale**2)
 
 
 def _unconnected_m2(raw: Mask, cleaned: Mask, frame: Frame) -> float:
-    """Return the area of the ink that is connected to nothing, and say where it is: a drift may be missing."""
+    """Return the area of the drawn pieces that are connected to nothing, and print where: a drift may be missing."""
     pieces = left_out(raw, cleaned, frame.px_per_m**2)
     if not pieces:
         return 0.0
     area, (x, y) = sum(p[0] for p in pieces) / frame.px_per_m**2, frame.to_mine(np.array([pieces[0][1:]]))[0]
     print(
-        f"contours: {area:.1f} m2 of ink in {len(pieces)} pieces hang together with nothing and are left out (the "
+        f"contours: {area:.1f} m2 in {len(pieces)} drawn pieces are connected to nothing and are left out (the "
         f"largest, {pieces[0][0] / frame.px_per_m**2:.1f} m2, at ({x:.1f}, {y:.1f})); contours.bridge_m closes gaps",
         file=sys.stderr,
     )

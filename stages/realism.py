@@ -7,7 +7,7 @@ import sys
 from pipeline.mjcf.assemble import assemble_world
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
-from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, Rock, Spawn, Survey
+from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, SolidExtent, Spawn, Survey
 
 STAGE = Stage(
     name="realism",
@@ -16,14 +16,14 @@ STAGE = Stage(
         "survey": Artifact("survey/survey.json", Survey),
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
         "topology": Artifact("contours/topology.json", DriftNetwork),
-        "rock": Artifact("compile3d/rock.json", Rock),
+        "extent": Artifact("compile3d/extent.json", SolidExtent),
         "collision": Artifact("compile3d/collision.npz", ConvexParts),
         "spawn": Artifact("compile3d/spawn.json", Spawn),
-        "meshes": Artifact("surface/meshes.npz", Meshes),
-        "texture": Artifact("surface/rock.png", Image),
-        "overlay": Artifact("surface/overlay", Bundle),
+        "smooth": Artifact("surface/smooth.npz", Meshes),
+        "texture": Artifact("surface/texture.png", Image),
+        "rough": Artifact("surface/rough", Bundle),
         # These travel with the world as they are.
-        "occupancy_npz": Artifact("compile3d/occupancy.npz", bytes),
+        "occupancy": Artifact("compile3d/occupancy.npz", bytes),
         "free_space_bt": Artifact("compile3d/free_space.bt", bytes),
         "map_png": Artifact("compile3d/map.png", bytes),
         "map_yaml": Artifact("compile3d/map.yaml", bytes),

@@ -1,4 +1,4 @@
-"""Stage 4: the visible rock, an octagonal bore and over it rock as rough as measured, to be seen only (mine frame)."""
+"""Stage 4: the visible rock: a smooth octagonal surface, and over it one as rough as measured rock (m, mine frame)."""
 
 from __future__ import annotations
 
@@ -8,69 +8,66 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.geometry.octagon import octagonal_bore
-from pipeline.geometry.overlay import closed_shell
-from pipeline.geometry.rock_texture import rock_texture
-from pipeline.geometry.shell import ShellReport, check_shell, joined
-from pipeline.params.surface import SurfaceParams
-from pipeline.report.rock import draw_sections, draw_spectra
-from pipeline.rock import (
-    RoughnessReport,
-    amplitude_table,
-    build_rock,
-    choose_bands,
-    chunk_files,
-    measure_sources,
-    report_rock,
-    rock_sources,
-    widen_spacing,
-)
+from pipeline.params.surface import SurfaceParams, TextureParams
+from pipeline.report.roughness import draw_sections, draw_spectra
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
-from pipeline.types import DriftNetwork, FreeSpace, Image, Rock
+from pipeline.surface.bands import choose_bands
+from pipeline.surface.build import build_rough_surface, chunk_files, widen_spacing
+from pipeline.surface.built import RoughnessReport, amplitude_table, report_roughness
+from pipeline.surface.mesh_checks import MeshReport, check_mesh, join_meshes
+from pipeline.surface.reference import measure_sources, reference_files
+from pipeline.surface.rough import closed_mesh
+from pipeline.surface.smooth import smooth_surface
+from pipeline.surface.texture import make_texture
+from pipeline.types import DriftNetwork, FreeSpace, Image, SolidExtent
 
 
-def model_surface(params: SurfaceParams, free_space: FreeSpace, topology: DriftNetwork, rock: Rock) -> dict[str, Any]:
-    """Return both layers, the rock texture, and what is known of the rock's roughness."""
-    params, look = widen_spacing(params, free_space.polygon, rock.height_m), params.texture
-    base = octagonal_bore(
-        free_space.polygon, rock.height_m, params.sill_chamfer_m, params.back_chamfer_m, look.repeat_m
-    )
-    check_shell(*joined(base))
+def model_surface(
+    params: SurfaceParams, free_space: FreeSpace, topology: DriftNetwork, extent: SolidExtent
+) -> dict[str, Any]:
+    """Return both surfaces, the texture, and the roughness report."""
+    free, repeat_m = free_space.polygon, params.texture.repeat_m
+    params = widen_spacing(params, free, extent.height_m)
+    smooth = smooth_surface(free, extent.height_m, params.floor_chamfer_m, params.roof_chamfer_m, repeat_m)
+    check_mesh(*join_meshes(smooth))
     sources = measure_sources(params)
     noise = choose_bands(params, sources)
-    overlay = build_rock(params, free_space.polygon, topology, rock.height_m, noise)
+    rough = build_rough_surface(params, free, topology, extent.height_m, noise)
     with ThreadPoolExecutor(2) as pool:
-        checked = pool.submit(check_shell, *closed_shell(overlay))
-        reported = pool.submit(report_rock, params, sources, noise, overlay)
+        checked = pool.submit(check_mesh, *closed_mesh(rough))
+        reported = pool.submit(report_roughness, params, sources, noise, rough)
         return {
-            "meshes": base,
-            "overlay": chunk_files(overlay, params.overlay.tile_m, look.repeat_m),
-            "texture": rock_texture(
-                look.size_px, look.spectral_exponent, look.contrast, look.rgb, np.random.default_rng(look.seed)
-            ),
-            "sections": draw_sections(overlay, base, rock.height_m),
-            "amplitude": amplitude_table(overlay),
+            "smooth": smooth,
+            "rough": chunk_files(rough, params.rough.tile_m, repeat_m),
+            "texture": _texture(params.texture),
+            "sections": draw_sections(rough, smooth, extent.height_m),
+            "amplitude": amplitude_table(rough),
             "roughness": reported.result(),
             "spectra": draw_spectra(reported.result()),
-            "shell": checked.result(),
+            "mesh_checks": checked.result(),
         }
+
+
+def _texture(params: TextureParams) -> Image:
+    rng = np.random.default_rng(params.seed)
+    return make_texture(params.size_px, params.spectral_exponent, params.contrast, params.rgb, rng)
 
 
 STAGE = Stage(
     name="surface",
     run=model_surface,
-    sources=rock_sources,
+    sources=reference_files,
     reads={
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
         "topology": Artifact("contours/topology.json", DriftNetwork),
-        "rock": Artifact("compile3d/rock.json", Rock),
+        "extent": Artifact("compile3d/extent.json", SolidExtent),
     },
     writes={
-        "meshes": Artifact("surface/meshes.npz", Meshes),
-        "overlay": Artifact("surface/overlay", Bundle),
-        "texture": Artifact("surface/rock.png", Image),
-        "shell": Artifact("surface/shell.json", ShellReport),
+        "smooth": Artifact("surface/smooth.npz", Meshes),
+        "rough": Artifact("surface/rough", Bundle),
+        "texture": Artifact("surface/texture.png", Image),
+        "mesh_checks": Artifact("surface/mesh_checks.json", MeshReport),
         "roughness": Artifact("surface/roughness.json", RoughnessReport),
         "spectra": Artifact("surface/roughness.png", Image),
         "sections": Artifact("surface/sections.png", Image),

@@ -63,7 +63,7 @@ def tee(config: Config, tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
 @pytest.fixture(scope="session")
 def ring(config: Config, tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
     """Return the ring drift as a world; do not change its folder."""
-    wide = compose(["surface.overlay.spacing_m=0.3", "surface.overlay.back_spacing_m=0.4"])
+    wide = compose(["surface.rough.spacing_m=0.3", "surface.rough.roof_spacing_m=0.4"])
     return BuiltMine(RING, wide, tmp_path_factory.mktemp("ring"))
 
 

@@ -59,12 +59,12 @@ class BuiltMine:
         self.free_space: FreeSpace = traced["free_space"]
         self.network: DriftNetwork = traced["topology"]
         self.compiled = compile_rock(config.compile3d, self.free_space, self.network, self.survey)
-        self.surface = model_surface(config.surface, self.free_space, self.network, self.compiled["rock"])
+        self.surface = model_surface(config.surface, self.free_space, self.network, self.compiled["extent"])
         world = assemble_world(
-            config.realism, self.survey, self.free_space, self.network, self.compiled["rock"],
-            self.compiled["collision"], self.compiled["spawn"], self.surface["meshes"], self.surface["texture"],
-            self.surface["overlay"],
-            occupancy_npz=encode(Path("o.npz"), self.compiled["occupancy"]), free_space_bt=self.compiled["octree"],
+            config.realism, self.survey, self.free_space, self.network, self.compiled["extent"],
+            self.compiled["collision"], self.compiled["spawn"], self.surface["smooth"], self.surface["texture"],
+            self.surface["rough"],
+            occupancy=encode(Path("o.npz"), self.compiled["occupancy"]), free_space_bt=self.compiled["octree"],
             map_png=encode(Path("map.png"), self.compiled["map"]), map_yaml=self.compiled["map_yaml"].encode(),
         )["world"]  # fmt: skip
         self.bundle = folder

@@ -8,6 +8,9 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -55,24 +58,24 @@ class Project:
         registry.write_text("\n".join(kept) + "\n")
         self.run(sys.executable, "-m", "pipeline", "register", "data/chilean_mine/tiny.csv", check=True)
         conf = self.folder / "conf" / "survey" / "stations.yaml"
-        lines = [
-            line for line in conf.read_text().splitlines()
-            if not line.startswith(("stations:", "frame_m:", "margin_m:", "  ", "labels_m:", "scale:", "entrance_m"))
-        ]  # fmt: skip
-        lines += ["stations: data/chilean_mine/tiny.csv", "frame_m: null", "margin_m: 12.0", "entrance_m: [5.0, 0.0]"]
-        lines += ["labels_m: {A: [10, 8]}", "scale: {source: bar, bar_length_m: 20.0}"]
-        conf.write_text("\n".join(lines) + "\n")
+        set_values(
+            conf,
+            {
+                "stations": "data/chilean_mine/tiny.csv",
+                "frame_m": None,
+                "margin_m": 12.0,
+                "entrance_m": [5.0, 0.0],
+                "labels_m": {"A": [10, 8]},
+                "scale": {"source": "bar", "bar_length_m": 20.0},
+            },
+        )
 
     def coarsen(self) -> None:
         """Lay the rock's mesh wide and sample it thinly; the texture limits, the default's own, are left out."""
         surface, validation = (self.folder / "conf" / name / "default.yaml" for name in ("surface", "validation"))
-        text = surface.read_text().replace("back_spacing_m: 0.14", "back_spacing_m: 0.4")
-        surface.write_text(text.replace("  spacing_m: 0.10", "  spacing_m: 0.3"))
-        text = validation.read_text().replace("points_per_m2: 3000", "points_per_m2: 200")
-        text = text.replace("contacts: 1000", "contacts: 100")
-        before, _, limits = text.partition("limits:\n")
-        kept, _, rest = limits.partition("  texture:\n")
-        validation.write_text(before + "limits:\n" + kept + "  world:\n" + rest.partition("  world:\n")[2])
+        set_values(surface, {"rough.spacing_m": 0.3, "rough.roof_spacing_m": 0.4})
+        coarse = {"texture.points_per_m2": 200, "certificate.contacts": 100}
+        set_values(validation, {**coarse, "limits.texture": None, "limits.walls": None})
 
     def copy(self, folder: Path) -> Project:
         """Return a private copy, artifacts included."""
@@ -108,6 +111,22 @@ class Project:
         """Return every artifact's bytes by name."""
         base = self.folder / "artifacts"
         return {p.relative_to(base).as_posix(): p.read_bytes() for p in sorted(base.rglob("*")) if p.is_file()}
+
+
+def set_values(path: Path, values: dict[str, Any]) -> None:
+    """Set values of a YAML file by their dotted keys; a key that the file does not have is a `KeyError`."""
+    text = path.read_text()
+    package = "".join(line for line in text.splitlines(True) if line.startswith("# @package"))
+    held = yaml.safe_load(text)
+    for key, value in values.items():
+        *sections, last = key.split(".")
+        section = held
+        for name in sections:
+            section = section[name]
+        if last not in section:
+            raise KeyError(f"{path}: no {key}")
+        section[last] = value
+    path.write_text(package + yaml.safe_dump(held, sort_keys=False))
 
 
 def message_of(done: subprocess.CompletedProcess) -> str:

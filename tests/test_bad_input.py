@@ -21,13 +21,13 @@ from tests.project import TINY_STATIONS, message_of
         ("contours", "contours.tolerence=1", "contours.tolerence: unknown; contours has"),
         ("contours", "survey=cave", "valid choices are plan, procedural, stations, variant"),
         ("contours", "contours.tolerance_m=20", "contours.tolerance_m = 20"),
-        ("contours", "contours.threshold=254 contours.max_ink_share=0.01", "is the plan inverted?"),
+        ("contours", "contours.threshold=254 contours.max_workings_share=0.01", "is the plan inverted?"),
         ("contours", "contours.min_tunnel_m2=5000", "no dark region larger than 5000 m2"),
         ("survey", "survey.stations=data/chilean_mine/none.csv", "none.csv: not in data/registry.txt"),
         ("survey", "survey=plan", "data/raw/plan.jpg: missing; fetch it with `make data`"),
         ("survey", "survey.px_per_m=99 survey.margin_m=500", "at most 64000000"),
         ("compile3d", "compile3d.spawn.clearance_m=9", "nothing is 9 m from rock"),
-        ("surface", "surface.back_chamfer_m=3.4", "do not fit into 3.5 m"),
+        ("surface", "surface.roof_chamfer_m=3.4", "do not fit into 3.5 m"),
         ("realism", "", "compile3d/"),
     ],
 )
@@ -188,7 +188,7 @@ def test_ink_that_hangs_together_with_nothing_is_said_and_counted(project):
     assert plan_project(project, picture, *options).returncode == 0
     done = project.stage("contours")
     assert done.returncode == 0
-    assert "31.2 m2 of ink in 1 pieces hang together with nothing" in done.stderr
+    assert "31.2 m2 in 1 drawn pieces are connected to nothing" in done.stderr
     facts = json.loads((project.folder / "artifacts/contours/free_space.geojson").read_text())
     assert facts["features"][0]["properties"]["areas"]["unconnected_m2"] == pytest.approx(20 * 100 / 64)
 

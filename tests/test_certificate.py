@@ -11,14 +11,15 @@ import pytest
 import shapely
 
 from benchmarks.faults import edit_model, edit_record, seal
+from minexplore.bundle import GeomGroup
 from pipeline.errors import ArtifactError, InputError
 from pipeline.mjcf.bundle import open_bundle, part_vertices
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.proof.certificate import certify, measure_containment
 from pipeline.proof.consistency import measure_consistency
 from pipeline.proof.parity import compare_backends
-from pipeline.proof.pushes import push_robots
 from pipeline.proof.replay import find_sweeps, grade_along, replay_sweeps
+from pipeline.proof.stress_test import stress_walls
 from pipeline.survey.poses import read_poses
 from tests.mines import TEE, BuiltMine
 
@@ -30,7 +31,7 @@ def opened(tee: BuiltMine):
     return open_bundle(tee.bundle)
 
 
-def without_pushes(config):
+def without_stress(config):
     return config.validation.certificate.model_copy(update={"contacts": 0})
 
 
@@ -57,7 +58,7 @@ def test_a_wall_across_a_drift_fails_the_clauses_that_it_should(tee, config, tmp
 
     edit_model(block)(bundle)
     seal(bundle)
-    params = without_pushes(config)
+    params = without_stress(config)
     world = open_bundle(bundle)
     found = measure_containment(bundle, world, tee.free_space, params, TRACING)
     certificate = certify(world.record.world_sha256, found, params.limits)
@@ -71,7 +72,7 @@ def test_a_wall_across_a_drift_fails_the_clauses_that_it_should(tee, config, tmp
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (edit_record(lambda record: record["geom_groups"].pop("rock")), "geom_groups says no number for rock"),
+        (edit_record(lambda record: record["geom_groups"].pop("rock")), r"geom_groups = \{.*\}, a world has"),
         (edit_model(lambda spec: setattr(spec.body("mine"), "name", "pit")), "no body of the name mine"),
     ],
 )
@@ -89,7 +90,7 @@ def test_distances_by_mujoco_are_those_to_the_plans_walls(tee, opened):
     places = rng.uniform([-1, -1], [81, 41], (2000, 2))
     free = tee.free_space.polygon
     T = np.array(opened.record.T_world_mine)
-    found = rock_clearance(tee.bundle, T, opened.record.geom_groups["rock"], places, 0.5, 2.0)
+    found = rock_clearance(tee.bundle, T, GeomGroup.COLLISION, places, 0.5, 2.0)
     inside = shapely.contains_xy(free, places[:, 0], places[:, 1])
     exact = np.where(inside, np.minimum(shapely.distance(free.boundary, shapely.points(places)), 2.0), 0.0)
     assert np.abs(found - exact)[inside].max() < 1e-3
@@ -97,12 +98,12 @@ def test_distances_by_mujoco_are_those_to_the_plans_walls(tee, opened):
 
 
 def test_robots_thrown_at_every_kind_of_place_stay_in(tee, opened):
-    parts = part_vertices(opened.model, opened.record.geom_groups["rock"])
+    parts = part_vertices(opened.model, GeomGroup.COLLISION)
     borders = [zone.east_m for zone in opened.record.zones[:-1]]
-    found = push_robots(tee.bundle, tee.free_space.polygon, parts, borders, 1000, 1)
+    found = stress_walls(tee.bundle, tee.free_space.polygon, parts, borders, 1000, 1)
     assert found.contacts >= 1000
     assert found.escapes == 0
-    assert set(found.targets) == {"corners", "seams", "zone borders", "window borders", "walls"}
+    assert set(found.targets) == {"corners", "seams", "zone borders", "tile borders", "walls"}
 
 
 def test_a_good_bundle_is_consistent_and_each_edit_shows_where_it_should(tee, opened, config, tmp_path):
@@ -126,7 +127,7 @@ def test_a_good_bundle_is_consistent_and_each_edit_shows_where_it_should(tee, op
 
 def test_every_backend_sees_the_same_mine(tee, opened):
     report = compare_backends(tee.bundle, opened, tee.free_space.polygon, 2000, seed=0)
-    assert {"Open3D RaycastingScene", "windows of the environment", "Nav2 map"} <= set(report.backends)
+    assert {"Open3D RaycastingScene", "local models of the environment", "Nav2 map"} <= set(report.backends)
     for name, found in report.backends.items():
         assert found.agree == found.rays > 50, (name, found.disagreements)
 
@@ -150,9 +151,9 @@ POSES = {"00A": (8.0, 2.4, 0.1), "01A": (36.0, 2.6, -0.2), "02A": (40.3, 20.0, 1
 def write_sweeps(folder, tee, opened, noise=0.01, shift=(0.0, 0.0)):
     """Write what a scanner at POSES measures in the collision world, in the dataset's derived form."""
     from pipeline.geometry.raycast import RayCaster
-    from pipeline.mjcf.bundle import geom_corners
+    from pipeline.mjcf.bundle import geom_triangles
 
-    caster = RayCaster(geom_corners(opened.model, opened.record.geom_groups["rock"]))
+    caster = RayCaster(geom_triangles(opened.model, GeomGroup.COLLISION))
     rng = np.random.default_rng(3)
     folder.mkdir()
     bearing = np.radians(np.arange(-161.0, 161.0, 0.5))
@@ -180,7 +181,7 @@ def test_sweeps_of_the_world_itself_come_back_with_their_noise(tee, opened, conf
     for name, sweep in found.sweeps.items():
         assert sweep.collision.median_m < 0.03, name
         assert sweep.collision.within_0_25_m > 0.95
-        assert sweep.visible.median_m > sweep.collision.median_m  # the overlay's rock is not the scanned one
+        assert sweep.visible.median_m > sweep.collision.median_m  # the rough's rock is not the scanned one
         assert sum(sweep.gated.values()) + sweep.used == sweep.returns
         assert sweep.pose_m[:2] == pytest.approx(POSES[name][:2], abs=0.1)
 

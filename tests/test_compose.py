@@ -63,7 +63,10 @@ def test_another_mine_is_held_to_every_limit_but_the_published_wavelength():
         ("contour.tolerance_m=1", r"unknown; the configuration has .*contours"),
         ("survey=cave", r"survey = cave: valid choices are plan, procedural, stations, variant"),
         ("collision=vhcd", r"collision = vhcd: valid choices are coacd, exact, vhacd"),
-        ("survey.scale.source=guess", r"survey\.scale\.source = 'guess': .*'bar', 'stated', 'poses' or 'georeference'"),
+        (
+            "survey.scale.source=guess",
+            r"survey\.scale\.source = 'guess': .*'bar', 'stated', 'poses' or 'georeference'",
+        ),
         ("survey.scale.source=stated", "scale.source=stated needs scale.px_per_m"),
         ("survey.stations=/etc/passwd", "not below data/"),
         ("survey.stations=data/../x.csv", "not below data/"),
@@ -76,6 +79,19 @@ def test_another_mine_is_held_to_every_limit_but_the_published_wavelength():
 def test_a_wrong_override_is_named_with_its_value_and_the_valid_choices(override, message):
     with pytest.raises(ParamsError, match=message):
         compose([override])
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ["contours.tolerance_m=0.3", "surface=base"],
+        ["surface=base", "contours.tolerance_m=0.3"],
+        ["contours.tolerence_m=0.3", "surface=base"],
+    ],
+)
+def test_a_wrong_choice_is_named_whatever_other_overrides_stand_beside_it(overrides):
+    with pytest.raises(ParamsError, match=r"^surface = base: valid choices are default$"):
+        compose(overrides)
 
 
 def test_configuration_text_is_data_and_never_code():

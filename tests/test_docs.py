@@ -29,7 +29,7 @@ ELSEWHERE = {
     r"make test": "this",
     r".*make train.*": "tests/baselines/test_ppo.py: trained, killed, resumed, on two nodes",
     r"make curves": "tests/baselines/test_ppo.py; it draws what hours of training left",
-    r"make pushes": "`certify --contacts 20000`, which is run here, with a million",
+    r"make stress-test": "`certify --contacts 20000`, which is run here, with a million",
     r"make data .*": "tests/survey/test_fetch.py, from a mirror",
     r"python -m pipeline replay .*": "tests/test_certificate.py; the names of the files are yours",
     r"python -m pipeline (new|list|show|compare|worlds).*": "the walk-through below",

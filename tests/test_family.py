@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import shapely
 
+from pipeline.build.family import STYLES, Member, generated, make_family, variants
 from pipeline.errors import GeometryError, LimitError
 from pipeline.geometry.generate import generate_workings
-from pipeline.geometry.vary import displace, vary_workings
+from pipeline.geometry.perturb import displace, perturb_workings
 from stages import family
-from stages.family import STYLES, Member, generated, make_family, variants
 from tests.mines import RING, TEE
 from tests.project import ROOT
 
@@ -60,10 +60,10 @@ def test_rock_too_thin_to_stand_is_taken_out():
 def test_a_variant_keeps_the_network_and_stays_within_the_error():
     lengths = []
     for seed in range(20):
-        varied = vary_workings(RING, 0.3, 0.1, 20.0, np.random.default_rng(seed))
-        assert len(varied.geoms) == 1
-        assert len(varied.geoms[0].interiors) == 1
-        lengths.append(RING.exterior.hausdorff_distance(varied.geoms[0].exterior))
+        perturbed = perturb_workings(RING, 0.3, 0.1, 20.0, np.random.default_rng(seed))
+        assert len(perturbed.geoms) == 1
+        assert len(perturbed.geoms[0].interiors) == 1
+        lengths.append(RING.exterior.hausdorff_distance(perturbed.geoms[0].exterior))
     assert 0.2 < np.mean(lengths) < 1.5
     moved = [displace(TEE, 0.3, 40.0, np.random.default_rng(s)).exterior.coords[0] for s in range(400)]
     np.testing.assert_allclose(np.std(moved, axis=0), 0.3, rtol=0.15)
@@ -73,7 +73,7 @@ def test_errors_that_would_fold_a_plan_or_close_a_drift_are_refused():
     with pytest.raises(GeometryError, match="would fold the plan"):
         displace(TEE, 3.0, 5.0, np.random.default_rng(0))
     with pytest.raises(GeometryError, match="closes or opens a drift"):
-        vary_workings(RING, 0.0, 30.0, 20.0, np.random.default_rng(3))
+        perturb_workings(RING, 0.0, 30.0, 20.0, np.random.default_rng(3))
 
 
 def test_a_ring_stays_closed_whatever_its_length():
@@ -88,8 +88,8 @@ def test_splits_share_no_seed_and_styles_take_turns(monkeypatch):
     seeds = [m.seed for split in ("train", "validation", "test") for m in generated(split, 100, [])]
     assert len(set(seeds)) == 300
     assert [m.style for m in generated("train", 5, [])] == [*STYLES, STYLES[0]]
-    made_by = {"compile3d.height_m": 2.8, "survey.entrance_m": [1.0, 2.0]}
-    some = variants("x", ROOT / "data/x.geojson", "test", 5, 0.1, made_by, [])
+    world_params = {"compile3d.height_m": 2.8, "survey.entrance_m": [1.0, 2.0]}
+    some = variants("x", ROOT / "data/x.geojson", "test", 5, 0.1, world_params, [])
     heights = [float(m.overrides[-1].partition("=")[2]) for m in some]
     assert len(set(heights)) == 5
     assert np.mean(heights) == pytest.approx(2.8, abs=0.2)

@@ -95,8 +95,8 @@ def test_the_chain_of_manifests_holds_and_names_the_first_broken_link(built, tmp
 def test_a_manifest_that_was_made_from_another_input_breaks_the_chain(traced_project, tmp_path):
     project = traced_project.copy(tmp_path / "copy")
     folder = project.folder
-    project.stage("survey", "survey.ink_grey=60").check_returncode()
-    text = (folder / "artifacts/params.yaml").read_text().replace("ink_grey: 40", "ink_grey: 60")
+    project.stage("survey", "survey.drawing_grey=60").check_returncode()
+    text = (folder / "artifacts/params.yaml").read_text().replace("drawing_grey: 40", "drawing_grey: 60")
     (folder / "artifacts/params.yaml").write_text(text)
     done = project.run(sys.executable, "-m", "pipeline", "verify")
     assert "artifacts/survey/plan.png" in message_of(done)
@@ -136,13 +136,13 @@ def test_dvc_repro_runs_everything_once_then_nothing_and_an_experiment_only_what
 def test_make_all_takes_overrides_and_returns_to_the_default(project):
     # `setup` is replaced: the copy uses the environment that the tests run in.
     (project.folder / "requirements" / "setup.sh").write_text("exit 0\n")
-    done = project.run("make", "all", OVERRIDES="survey.ink_grey=60 contours.tolerance_m=0.1")
+    done = project.run("make", "all", OVERRIDES="survey.drawing_grey=60 contours.tolerance_m=0.1")
     assert done.returncode == 0, done.stderr
     params = yaml.safe_load((project.folder / "artifacts/params.yaml").read_text())
-    assert (params["survey"]["ink_grey"], params["contours"]["tolerance_m"]) == (60, 0.1)
+    assert (params["survey"]["drawing_grey"], params["contours"]["tolerance_m"]) == (60, 0.1)
     done = project.run("make", "contours", OVERRIDES="")
     assert done.returncode == 0, done.stderr
-    assert yaml.safe_load((project.folder / "artifacts/params.yaml").read_text())["survey"]["ink_grey"] == 40
+    assert yaml.safe_load((project.folder / "artifacts/params.yaml").read_text())["survey"]["drawing_grey"] == 40
 
 
 def test_one_stage_runs_alone_with_overrides(traced_project, tmp_path):

@@ -15,7 +15,7 @@ from tests.mines import BuiltMine, random_mine
 
 
 def check_mine(seed, drifts, folder, contacts=0):
-    config = compose(["surface.overlay.spacing_m=0.3", "surface.overlay.back_spacing_m=0.4"])
+    config = compose(["surface.rough.spacing_m=0.3", "surface.rough.roof_spacing_m=0.4"])
     built = BuiltMine(random_mine(np.random.default_rng(seed), drifts), config, folder)
     world = open_bundle(built.bundle)
     assert built.free_space.polygon.is_valid

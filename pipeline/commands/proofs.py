@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from minexplore.bundle import FREE_SPACE
 from pipeline.commands.arguments import positive
 
 
@@ -19,7 +20,7 @@ def replay(bundle: Path, sweeps: Path, poses: Path, out: Path | None, overrides:
     from pipeline.store.files import write_atomically
     from pipeline.types import FreeSpace
 
-    free = decode(bundle / "free_space.geojson", FreeSpace).polygon
+    free = decode(bundle / FREE_SPACE, FreeSpace).polygon
     found = replay_sweeps(open_bundle(bundle), free, poses, find_sweeps(sweeps), compose(overrides).validation.replay)
     figures = encode(Path("replay.json"), found.report)
     print(figures.decode(), end="")
@@ -45,7 +46,7 @@ def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str])
 
     params = compose(overrides).validation
     asked = params.certificate.model_copy(update={"contacts": contacts})
-    world, free_space = open_bundle(bundle), decode(bundle / "free_space.geojson", FreeSpace)
+    world, free_space = open_bundle(bundle), decode(bundle / FREE_SPACE, FreeSpace)
     tracing = params.network_cell_m, params.network_min_leg_m
     progress = partial(tqdm, desc="throws", disable=None)
     measured = measure_containment(bundle, world, free_space, asked, tracing, os.cpu_count() or 1, progress)
@@ -92,7 +93,7 @@ def parity(bundle: Path, rays: int, out: Path | None) -> None:
     from pipeline.store.files import write_atomically
     from pipeline.types import FreeSpace
 
-    free = decode(bundle / "free_space.geojson", FreeSpace).polygon
+    free = decode(bundle / FREE_SPACE, FreeSpace).polygon
     report = compare_backends(bundle, open_bundle(bundle), free, rays, seed=0)
     if out is not None:
         write_atomically(out, encode(out, report))

@@ -14,10 +14,10 @@ from pipeline.commands.arguments import numbers, positive
 def new(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any], overrides: list[str]) -> None:
     """Make a world of a mine's file: look at it, write conf/survey/NAME.yaml, run all stages, draw the report."""
     from pipeline.errors import LimitError
-    from pipeline.new import adopt
+    from pipeline.import_mine import import_mine
     from pipeline.worlds import WORLDS, env_id
 
-    for line in adopt(name, source, origin, licence, stated):
+    for line in import_mine(name, source, origin, licence, stated):
         print(line, file=sys.stderr)
     broken = None
     try:
@@ -36,9 +36,9 @@ def build(name: str, overrides: list[str]) -> None:
     """Bring a world's folder up to date by the stages that are not."""
     from tqdm import tqdm
 
+    from pipeline.build.world import make_world
     from pipeline.compose import compose
     from pipeline.worlds import WORLDS
-    from stages.run import make_world
 
     def progress(stages: list) -> Iterator:
         with tqdm(stages, desc=name, unit="stage", disable=None) as bar:
@@ -53,15 +53,15 @@ def worlds(count: int, split: str, of: str | None, height_sd_m: float, jobs: int
     """Make a family of worlds: generated mines, or with --of variants of one within its survey's error."""
     from tqdm import tqdm
 
-    from pipeline.new import adopt_workings
-    from pipeline.worlds import made_by, world_folder
-    from stages.family import generated, make_family, variants
+    from pipeline.build.family import generated, make_family, variants
+    from pipeline.import_mine import import_workings
+    from pipeline.worlds import world_folder, world_params
 
     if of is None:
         members = generated(split, count, overrides)
     else:
-        workings = adopt_workings(of, world_folder(of) / "contours" / "free_space.geojson")
-        members = variants(of, workings, split, count, height_sd_m, made_by(of), overrides)
+        workings = import_workings(of, world_folder(of) / "contours" / "free_space.geojson")
+        members = variants(of, workings, split, count, height_sd_m, world_params(of), overrides)
     print(make_family(members, jobs, lambda done, n: tqdm(done, total=n, desc=split, unit="world", disable=None)))
 
 

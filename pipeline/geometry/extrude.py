@@ -13,7 +13,7 @@ from pipeline.types import ConvexParts, Points2, Points3
 
 
 def prism(part: Points2, height_m: float) -> Points3:
-    """Stand a convex polygon (n, 2) up into the (2 n, 3) vertices of a prism from the sill to `height_m`."""
+    """Stand a convex polygon (n, 2) up into the (2 n, 3) vertices of a prism from the floor to `height_m`."""
     return np.vstack([np.column_stack([part, np.full(len(part), z)]) for z in (0.0, height_m)])
 
 
@@ -24,7 +24,7 @@ def collect_parts(parts: list[Points3]) -> ConvexParts:
 
 
 def extrude_polygon(polygon: BaseGeometry, height_m: float) -> trimesh.Trimesh:
-    """Extrude a polygon or multipolygon with holes into a closed mesh from the sill to `height_m`."""
+    """Extrude a polygon or multipolygon with holes into a closed mesh from the floor to `height_m`."""
     points, faces = triangulate(polygon)
     return trimesh.creation.extrude_triangulation(points, faces, height=height_m)
 

@@ -11,7 +11,7 @@ from shapely import LineString, MultiPolygon, Point
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.geometry.enclosure import as_polygons
-from pipeline.geometry.vary import displace
+from pipeline.geometry.perturb import displace
 
 Range = tuple[float, float]
 _RIB_WAVE_M = 6.0  # ribs of drilled and blasted drifts change over a round's length and the drift's width

@@ -1,4 +1,4 @@
-"""Where a robot can stand: the occupancy and clearance grid, and a sampler of collision-free poses."""
+"""Where a robot can stand: the occupancy and clearance grid, the spawn region, and the Nav2 map."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from shapely.strtree import STRtree
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.types import Frame, Occupancy, Points3, Spawn
+from pipeline.types import Frame, Occupancy, Spawn
 
 
 def occupancy_grid(free: Polygon, cell_m: float, world_m: tuple[float, float, float, float]) -> Occupancy:
@@ -46,64 +46,6 @@ def _distance_to(free: Polygon, points: np.ndarray) -> np.ndarray:
     out = np.empty(len(points))
     out[nearest] = distance
     return out
-
-
-def sample_poses(
-    grid: Occupancy,
-    count: int,
-    clearance_m: float,
-    rng: np.random.Generator,
-    centre_m: tuple[float, float] | None = None,
-    radius_m: float = np.inf,
-) -> Points3:
-    """Draw poses that keep at least a stated clearance from rock.
-
-    A point inside a cell is at most its offset from the centre nearer to rock than the centre is, so a draw is kept
-    only when the centre's clearance less that offset suffices: the guarantee is exact, not of the cell's size.
-
-    Parameters
-    ----------
-    grid : Occupancy
-    count : int
-    clearance_m : float
-        Distance from the pose to the nearest rock, at least.
-    rng : numpy.random.Generator
-    centre_m, radius_m : optional, m, mine frame
-        Draw only from cells whose centres lie within `radius_m` of `centre_m`.
-
-    Returns
-    -------
-    (count, 3) float64
-        x, y in m (mine frame) and yaw in rad, uniform in [-pi, pi).
-
-    Raises
-    ------
-    GeometryError
-        If no cell offers the clearance; the message names the largest clearance there is.
-    """
-    if clearance_m < 0:
-        raise GeometryError(f"spawn: clearance_m = {clearance_m:g} is negative")
-    row, col = np.nonzero(grid.free & (grid.clearance_m >= clearance_m))
-    centres = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
-    clearance = grid.clearance_m[row, col].astype(float)
-    if centre_m is not None:
-        near = np.linalg.norm(centres - np.asarray(centre_m), axis=1) <= radius_m
-        centres, clearance = centres[near], clearance[near]
-    if not len(centres):
-        where = "" if centre_m is None else f" within {radius_m:g} m of ({centre_m[0]:.1f}, {centre_m[1]:.1f})"
-        raise GeometryError(
-            f"spawn: no cell{where} is {clearance_m:g} m from rock (widest is {grid.clearance_m.max():.2f} m)"
-        )
-    points = np.empty((0, 2))
-    while len(points) < count:
-        pick = rng.integers(len(centres), size=2 * (count - len(points)) + 8)
-        offset = rng.uniform(-0.5, 0.5, size=(len(pick), 2)) * grid.cell_m
-        # float32 rounding of the stored clearance is covered by a hair.
-        kept = clearance[pick] - np.linalg.norm(offset, axis=1) >= clearance_m + 1e-5
-        if not kept.any():  # only cell centres themselves fit
-            kept, offset = np.ones(len(pick), dtype=bool), np.zeros_like(offset)
-        points = np.vstack([points, (centres[pick] + offset)[kept]])
-    return np.column_stack([points[:count], rng.uniform(-np.pi, np.pi, size=count)])
 
 
 def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: float, clearance_m: float) -> Spawn:

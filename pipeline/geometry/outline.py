@@ -9,7 +9,7 @@ from shapely import Polygon
 from shapely.geometry.polygon import orient
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.refit import refit_ring
+from pipeline.geometry.edge_fit import fit_edges
 from pipeline.types import Frame, Mask
 
 _SUBPIXELS = 2
@@ -77,7 +77,7 @@ def simplify_outline(outline: Polygon, tolerance_m: float) -> Polygon:
     """Simplify by Douglas-Peucker within a tolerance, keeping the outline simple and its islands apart.
 
     The vertices that stay are then moved, within the tolerance, so that each edge runs along the middle of its wall:
-    on the published plan that halves the area error (see `refit_ring`).
+    on the published plan that halves the area error (see `fit_edges`).
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def simplify_outline(outline: Polygon, tolerance_m: float) -> Polygon:
     Douglas & Peucker 1973, doi:10.3138/FM57-6770-U75U-7727; the topology-preserving form is that of JTS and GEOS.
     """
     kept = shapely.simplify(outline, tolerance_m, preserve_topology=True)
-    simple = shapely.set_precision(_refit(outline, kept, tolerance_m), grid_m(outline))
+    simple = shapely.set_precision(_fit_edge(outline, kept, tolerance_m), grid_m(outline))
     if not isinstance(simple, Polygon) or simple.is_empty or not simple.is_valid:
         raise GeometryError(f"contours.tolerance_m = {tolerance_m}: the outline would break; use a smaller tolerance")
     if len(simple.interiors) != len(outline.interiors):
@@ -137,12 +137,12 @@ def simplify_to_iou(outline: Polygon, iou: float) -> tuple[Polygon, float]:
     return simple, tolerance_m
 
 
-def _refit(outline: Polygon, kept: Polygon, tolerance_m: float) -> Polygon:
+def _fit_edge(outline: Polygon, kept: Polygon, tolerance_m: float) -> Polygon:
     """Refit every ring; where the moved edges would cross, the kept outline stays."""
     if len(kept.interiors) != len(outline.interiors):
         return kept
     pairs = zip((outline.exterior, *outline.interiors), (kept.exterior, *kept.interiors), strict=True)
-    rings = [refit_ring(np.asarray(a.coords), np.asarray(b.coords), tolerance_m) for a, b in pairs]
+    rings = [fit_edges(np.asarray(a.coords), np.asarray(b.coords), tolerance_m) for a, b in pairs]
     moved = Polygon(rings[0], rings[1:])
     return moved if moved.is_valid else kept
 

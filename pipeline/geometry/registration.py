@@ -23,6 +23,9 @@ _LOSS_M = 0.2  # of Cauchy's loss: an outline is known to about that; from 0.15 
 _FAR_M = 5.0  # a greater error says no more
 _FAN = 240
 _FARTHEST_M = 400.0
+_CORRECTION_WEIGHT = 0.2  # cost of a correction at its bound, in units of the mean Cauchy loss
+_UNREACHED = 1e3  # cost of a place outside the workings, above any real one, for the erosion that has no infinity
+_BEYOND_BOUND = 1e3  # slope of the cost beyond a correction's bound
 _AS_GOOD = 1.05  # scales whose cost is within a twentieth of the best explain the scans as well
 
 
@@ -30,7 +33,7 @@ _AS_GOOD = 1.05  # scales whose cost is within a twentieth of the best explain t
 class Search:
     """What is searched: scales (low, high), the turn and shift of all poses together, and each scan's own correction.
 
-    Corrections count against a placement by their square over half their bound, and never exceed the bound.
+    A correction costs `_CORRECTION_WEIGHT` times its square over the square of its bound, and never exceeds the bound.
     """
 
     scale: tuple[float, float]
@@ -98,7 +101,7 @@ def register_scans(
     GeometryError
         If no place within the search lies in the workings.
     """
-    fields = {name: _Field(poses[name], fan, cast, inside, search) for name, fan in sorted(scans.items())}
+    fields = {name: ScanCostGrid(poses[name], fan, cast, inside, search) for name, fan in sorted(scans.items())}
     turns = np.arange(-search.turn_rad, search.turn_rad + 1e-9, _TURN_STEP)
     scales = np.arange(search.scale[0], search.scale[1] + 1e-9, _SCALE_STEP)
     profile, best = np.full(len(scales), np.inf), Similarity(1.0, 0.0, 0.0, 0.0)
@@ -140,7 +143,7 @@ def _within(corrections: dict[str, Pose], search: Search) -> bool:
     )
 
 
-class _Field:
+class ScanCostGrid:
     """The cost of one scan over a grid of places and headings: `cost` (headings, rows, cols)."""
 
     def __init__(self, pose: Pose, fan: Fan, cast: CastFan, inside: Contains, search: Search) -> None:
@@ -170,22 +173,23 @@ class _Field:
         """Return the least cost and correction (rows, cols) about each place, all poses being turned by `turn`."""
         search = self.search
         off = self.heading - self.pose[2] - turn
-        price = np.where(np.abs(off) <= search.correction_rad + 1e-9, (2 * off / search.correction_rad) ** 2, np.inf)
-        cost = (self.cost + 0.05 * price[:, None, None]).min(axis=0)
+        allowed = np.abs(off) <= search.correction_rad + 1e-9
+        penalty = np.where(allowed, _penalty(off / search.correction_rad), np.inf)
+        cost = (self.cost + penalty[:, None, None]).min(axis=0)
         steps = math.floor(search.correction_m / _CELL_M)
         dy, dx = np.mgrid[-steps : steps + 1, -steps : steps + 1] * _CELL_M
         apart = np.hypot(dx, dy)
         near = apart <= search.correction_m
         return grey_erosion(
-            np.where(np.isfinite(cost), cost, 1e3), footprint=near,
-            structure=-0.05 * (2 * apart / search.correction_m) ** 2, mode="constant", cval=1e3,
+            np.where(np.isfinite(cost), cost, _UNREACHED), footprint=near,
+            structure=-_penalty(apart / search.correction_m), mode="constant", cval=_UNREACHED,
         )  # fmt: skip
 
     def window(self, cost: np.ndarray, pose: Pose, steps: int) -> np.ndarray:
         """Return costs (2 steps + 1, 2 steps + 1) at a pose shifted north (rows) and east by whole cells."""
         col, row = np.round((np.array(pose[:2]) - self.low) / _CELL_M).astype(int)
         found = cost[row - steps : row + steps + 1, col - steps : col + steps + 1]
-        return np.where(found < 1e3, found, np.inf)
+        return np.where(found < _UNREACHED, found, np.inf)
 
     def refined(self, similarity: Similarity, cast: CastFan, fan: Fan) -> Pose:
         """Return the pose of least cost within the correction's bound about the place that a similarity gives."""
@@ -196,25 +200,28 @@ class _Field:
             off = (q - about) / bound
             beyond = max(0.0, math.hypot(off[0], off[1]) - 1, abs(off[2]) - 1)
             loss = _loss(cast(q[None, :2], (q[2] + fan[0])[None]) - fan[1])
-            return float(loss[0]) + 0.05 * 4 * float((off**2).sum()) + 1e3 * float(beyond)
+            return float(loss[0]) + float(_penalty(off).sum()) + _BEYOND_BOUND * float(beyond)
 
         cells = np.indices(self.cost.shape[1:])
         places = self.low + np.stack([cells[1], cells[0]], axis=-1) * _CELL_M
         apart = np.linalg.norm(places - about[:2], axis=-1)
-        price = (
-            0.2 * (apart / search.correction_m) ** 2
-            + 0.2 * (((self.heading - about[2]) / search.correction_rad) ** 2)[:, None, None]
-        )
-        whole = np.where(apart <= search.correction_m, self.cost + price, np.inf)
+        turned = _penalty((self.heading - about[2]) / search.correction_rad)
+        penalty = _penalty(apart / search.correction_m) + turned[:, None, None]
+        whole = np.where(apart <= search.correction_m, self.cost + penalty, np.inf)
         k, row, col = np.unravel_index(int(whole.argmin()), whole.shape)
         start = np.array([*places[row, col], self.heading[k]])
-        corners = start + np.array([[0, 0, 0], [0.3, 0, 0], [0, 0.3, 0], [0, 0, 0.01]])
-        found = minimize(cost, start, method="Nelder-Mead", options={"initial_simplex": corners, "xatol": 1e-3})
+        simplex = start + np.array([[0, 0, 0], [0.3, 0, 0], [0, 0.3, 0], [0, 0, 0.01]])
+        found = minimize(cost, start, method="Nelder-Mead", options={"initial_simplex": simplex, "xatol": 1e-3})
         return float(found.x[0]), float(found.x[1]), float(found.x[2])
 
 
 def _loss(error: np.ndarray) -> np.ndarray:
     return np.log1p((np.minimum(np.abs(error), _FAR_M) / _LOSS_M) ** 2).mean(axis=-1)
+
+
+def _penalty(share: np.ndarray) -> np.ndarray:
+    """Return the cost of corrections given as shares of their bound."""
+    return _CORRECTION_WEIGHT * share**2
 
 
 def _similarity_between(survey: list[Pose], mine: list[Pose], found: Similarity) -> Similarity:

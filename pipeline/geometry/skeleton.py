@@ -9,10 +9,12 @@ import networkx as nx
 import numpy as np
 import shapely
 from scipy.ndimage import gaussian_filter1d
+from scipy.spatial import cKDTree
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError
+from pipeline.geometry.polyline import arc_length
 from pipeline.geometry.thinning import thin_polygon
 from pipeline.types import DriftNetwork, Frame, Leg
 
@@ -204,7 +206,7 @@ def _leg(name: str, names: dict, edge: tuple, boundary: BaseGeometry, spacing_m:
 
 def resample(path: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return chainages (n,) m and points (n, 2) m along a polyline, evenly spaced by about `spacing_m`, ends kept."""
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    along = arc_length(path)
     chainage = np.linspace(0.0, along[-1], max(2, round(along[-1] / spacing_m) + 1))
     return chainage, np.column_stack([np.interp(chainage, along, path[:, k]) for k in (0, 1)])
 
@@ -260,3 +262,12 @@ def require_same_network(
         if closed.any():
             x, y = stations[int(closed.argmax())]
             raise GeometryError(f"{advice}: the drift at ({x:.1f}, {y:.1f}) would be closed; use a smaller tolerance")
+
+
+def passage_stations(network: DriftNetwork) -> tuple[np.ndarray, np.ndarray]:
+    """Return the network's stations (n, 2) and half widths (n,), m, but for those within a dead end's rounded face."""
+    ends = np.array([network.nodes_m[name] for name in network.dead_ends]).reshape(-1, 2)
+    stations = np.array([p for leg in network.legs for p in leg.stations_m]).reshape(-1, 2)
+    half = np.array([w for leg in network.legs for w in leg.half_width_m])
+    along = np.ones(len(half), bool) if not len(ends) else cKDTree(ends).query(stations)[0] >= half
+    return stations[along], half[along]

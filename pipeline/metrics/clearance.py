@@ -9,7 +9,7 @@ import shapely
 from scipy.spatial import cKDTree
 from shapely import Polygon
 
-from pipeline.geometry.walls import passage_stations
+from pipeline.geometry.skeleton import passage_stations
 from pipeline.types import DriftNetwork
 
 _NUDGES_M = np.array([-0.2, -0.1, 0.0, 0.1, 0.2])  # the widest place across a passage shifts a little with its walls

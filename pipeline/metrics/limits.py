@@ -24,9 +24,9 @@ def breaches(metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> list[st
     for name, limit in limits.items():
         value = flat.get(name)
         if not isinstance(value, int | float):
-            lines.append(f"{name}: not measured (limit {say_limit(limit)})")
+            lines.append(f"{name}: not measured (limit {format_limit(limit)})")
         elif not limit.holds(value):
-            lines.append(f"{name} = {value:.6g}: limit {say_limit(limit)}")
+            lines.append(f"{name} = {value:.6g}: limit {format_limit(limit)}")
     return lines
 
 
@@ -37,7 +37,7 @@ def require_limits(metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> N
         raise LimitError("\n  ".join([f"{len(lines)} of {len(limits)} limits breached (conf/validation)", *lines]))
 
 
-def say_limit(limit: Limit) -> str:
+def format_limit(limit: Limit) -> str:
     """Return a limit as `>= 0.99`, `<= 1`, or both."""
     return " and ".join(
         f"{sign} {value:g}" for sign, value in ((">=", limit.min), ("<=", limit.max)) if value is not None

@@ -46,7 +46,7 @@ def cast_columns(
     frame : Frame
         Its pixel grid.
     height_m : float
-        Top of the rock; rays start above it and the back is left out, so that a start is never inside a part.
+        Top of the rock; rays start above it and the roof is left out, so that a start is never inside a part.
     tolerance_m : float
         By how much a wall was allowed to move.
     floor_group, rock_group : int

@@ -8,6 +8,8 @@ import numpy as np
 from scipy.signal import lombscargle
 from scipy.signal.windows import hann
 
+from pipeline.geometry.polyline import arc_length
+from pipeline.metrics.digits import repeatable
 from pipeline.metrics.planefit import fit_voxel_planes
 
 _LEAST_POINTS = 24
@@ -52,7 +54,7 @@ def profiles_of_runs(runs: list[np.ndarray], window_m: float) -> list[Profile]:
     """Cut lines of points (n, 2) m into windows and give the offsets from each window's own straight line."""
     profiles = []
     for run in runs:
-        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
+        along = arc_length(run)
         for start in np.arange(0.0, max(along[-1] - _FILL * window_m, 0.0) + 1e-9, window_m / 2):
             part = run[(along >= start) & (along < start + window_m)]
             if len(part) >= _LEAST_POINTS:
@@ -119,8 +121,8 @@ def spectrum_of(profiles: list[Profile], wavelength_m: np.ndarray, window_m: flo
         power = lombscargle(profile[:, 0], offset, omega)
         total += 2 * length / len(profile) * power / np.mean(taper**2)
     return Spectrum(
-        wavelength_m.tolist(), (total / max(1, len(profiles))).tolist(), (max(2 * step, footprint_m), window_m / 2),
-        len(profiles),
+        wavelength_m.tolist(), repeatable((total / max(1, len(profiles))).tolist()),
+        repeatable((max(2 * step, footprint_m), window_m / 2)), len(profiles),
     )  # fmt: skip
 
 
@@ -145,7 +147,7 @@ def line_roughness(runs: list[np.ndarray], window_m: float, min_points: int = 6)
     """Return the RMS residuals (k,) m to a straight line over windows of runs (n, 2) m, laid end to end."""
     found = [np.zeros(0)]
     for run in runs:
-        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
+        along = arc_length(run)
         index = np.floor(along / window_m).astype(int)
         whole = index < int(along[-1] // window_m)
         index, (x, y) = index[whole], (run[whole] - run.mean(axis=0)).T

@@ -18,10 +18,11 @@ _MIN_POINTS = 30
 _SWEEP_MIN_POINTS = 20  # 0.10 m voxels hold about 30 of the sample's points
 _SLAB_M, _SLAB_POINTS, _RESAMPLED = 0.05, 400, 1024
 _BAND_M = (0.05, 2.0)
-_CEILING_CELL_M, _CEILING_POINTS = 0.5, 25
+_ROOF_CELL_M, _ROOF_POINTS = 0.5, 25
 _RING_M = (1.65, 1.85)
 _ARC_STEP_M, _ARC_WINDOW_M = 0.025, 8.0
 _TURN_RAD = 0.4
+_FLAT_SCORE = 0.9
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class TextureAxes:
     bump_rq_m: float
     roughness_integral_m2: float
     dominant_wavelength_m: float
-    ceiling_irregularity_m: float
+    roof_irregularity_m: float
     wall_heterogeneity_m: float
 
 
@@ -63,6 +64,11 @@ def _score(real: TextureAxes, model: TextureAxes, factor: float, most: float) ->
         ratio = min(getattr(model, name) / getattr(real, name), most)
         axes[name] = math.exp(-0.5 * (math.log(ratio) / math.log(factor)) ** 2) if ratio > 0 else 0.0
     return Scores(axes, math.prod(axes.values()) ** (1 / len(axes)))
+
+
+def is_uninformative(flat_score: float) -> bool:
+    """Return whether an axis scores flat walls so high, above 0.9, that it says nothing of texture."""
+    return flat_score > _FLAT_SCORE
 
 
 def turned(points: np.ndarray) -> np.ndarray:
@@ -99,14 +105,14 @@ def roughness_integral_m2(sweep: list[Residuals]) -> float:
     return float(np.trapezoid([r.ra_m for r in sweep], [r.window_m for r in sweep])) if len(sweep) > 1 else 0.0
 
 
-def ceiling_irregularity_m(ceiling: np.ndarray) -> float:
-    """Return the RMS residual of the back to a quadratic in 0.5 m cells of the plan, over all cells; 0 without any."""
-    cell = np.floor(ceiling[:, :2] / _CEILING_CELL_M).astype(np.int64)
+def roof_irregularity_m(roof: np.ndarray) -> float:
+    """Return the RMS residual of the roof to a quadratic in 0.5 m cells of the plan, over all cells; 0 without any."""
+    cell = np.floor(roof[:, :2] / _ROOF_CELL_M).astype(np.int64)
     order = np.lexsort(cell.T)
     _, start, count = np.unique(cell[order], axis=0, return_index=True, return_counts=True)
     squares, used = 0.0, 0
-    for first, n in zip(start[count >= _CEILING_POINTS], count[count >= _CEILING_POINTS], strict=True):
-        x, y, z = ceiling[order[first : first + n]].T
+    for first, n in zip(start[count >= _ROOF_POINTS], count[count >= _ROOF_POINTS], strict=True):
+        x, y, z = roof[order[first : first + n]].T
         x, y = x - x.mean(), y - y.mean()
         terms = np.column_stack([np.ones(n), x, y, x * x, x * y, y * y])
         q, _ = np.linalg.qr(terms)
@@ -115,17 +121,17 @@ def ceiling_irregularity_m(ceiling: np.ndarray) -> float:
     return math.sqrt(squares / used) if used else 0.0
 
 
-def ceiling_unevenness_m(ceiling: np.ndarray) -> float:
-    """Return the other reading of the ceiling's axis: the RMS of the cells' mean heights about one quadratic."""
+def roof_unevenness_m(roof: np.ndarray) -> float:
+    """Return the other reading of the roof's axis: the RMS of the cells' mean heights about one quadratic."""
     cell, index, count = np.unique(
-        np.floor(ceiling[:, :2] / _CEILING_CELL_M).astype(np.int64), axis=0, return_inverse=True, return_counts=True
+        np.floor(roof[:, :2] / _ROOF_CELL_M).astype(np.int64), axis=0, return_inverse=True, return_counts=True
     )
     index = index.ravel()
-    keep = count >= _CEILING_POINTS
+    keep = count >= _ROOF_POINTS
     if keep.sum() < 7:
         return 0.0
-    x, y = ((cell[keep] - cell[keep].mean(axis=0)) * _CEILING_CELL_M).T
-    z = (np.bincount(index, ceiling[:, 2]) / count)[keep]
+    x, y = ((cell[keep] - cell[keep].mean(axis=0)) * _ROOF_CELL_M).T
+    z = (np.bincount(index, roof[:, 2]) / count)[keep]
     q, _ = np.linalg.qr(np.column_stack([np.ones(len(z)), x, y, x * x, x * y, y * y]))
     return float(np.sqrt(((z - q @ (q.T @ z)) ** 2).mean()))
 

@@ -11,15 +11,14 @@ import mujoco
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from minexplore.bundle import world_sha256
+from minexplore.bundle import GEOM_GROUPS, MINE_BODY, MODEL, RECORD, smooth_mesh, surface_geom, world_sha256
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.digits import digits_for
-from pipeline.mjcf.world import MineScene, Zone, build_spec
+from pipeline.mjcf.loading import load_model
+from pipeline.mjcf.world import FloorZone, MineScene, build_spec
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.verify import verify_world
 from pipeline.types import Areas, Frame, Spawn
-
-_GROUPS = ("rock", "floor", "back")  # geom groups that whoever judges a world asks for
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class WorldRecord:
     world_m: tuple[float, float, float, float]
     plan_frame: Frame
     areas: Areas
-    zones: list[Zone]
+    zones: list[FloorZone]
     rock_friction: float
     lights: int
     collision_parts: int
@@ -71,9 +70,9 @@ def compile_bundle(scene: MineScene) -> dict[str, bytes]:
         spec.compile()
     except ValueError as error:
         raise ArtifactError(f"mine.xml: MuJoCo does not compile it: {error}") from error
-    with digits_for(max(map(abs, scene.rock.world_m))):
+    with digits_for(max(map(abs, scene.extent.world_m))):
         text = spec.to_xml().encode()
-    return {"mine.xml": text, **{name: bytes(data) for name, data in spec.assets.items()}}
+    return {MODEL: text, **{name: bytes(data) for name, data in spec.assets.items()}}
 
 
 def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes]:
@@ -81,7 +80,7 @@ def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes
     facts = TypeAdapter(WorldRecord).dump_python(record, mode="json")
     facts["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
     facts["world_sha256"] = world_sha256(facts)
-    return {**files, "world.json": (json.dumps(facts, indent=2, allow_nan=False) + "\n").encode()}
+    return {**files, RECORD: (json.dumps(facts, indent=2, allow_nan=False) + "\n").encode()}
 
 
 def open_bundle(folder: Path) -> World:
@@ -94,39 +93,51 @@ def open_bundle(folder: Path) -> World:
     """
     verify_world(folder)
     try:
-        record = TypeAdapter(WorldRecord).validate_json((folder / "world.json").read_bytes())
+        record = TypeAdapter(WorldRecord).validate_json((folder / RECORD).read_bytes())
     except ValidationError as error:
         first = error.errors()[0]
-        raise ArtifactError(f"{folder / 'world.json'}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
-    absent = [name for name in _GROUPS if name not in record.geom_groups]
-    if absent:
-        raise ArtifactError(f"{folder / 'world.json'}: geom_groups says no number for {', '.join(absent)}")
+        raise ArtifactError(f"{folder / RECORD}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+    if record.geom_groups != GEOM_GROUPS:
+        raise ArtifactError(f"{folder / RECORD}: geom_groups = {record.geom_groups}, a world has {GEOM_GROUPS}")
     warned: list[str] = []
     mujoco.set_mju_user_warning(warned.append)
     try:
-        model = mujoco.MjModel.from_xml_path(str(folder / "mine.xml"))
+        model = load_model(folder / MODEL)
         mujoco.mj_forward(model, mujoco.MjData(model))
     except ValueError as error:
-        raise ArtifactError(f"{folder / 'mine.xml'}: MuJoCo does not load it: {error}") from error
+        raise ArtifactError(f"{folder / MODEL}: MuJoCo does not load it: {error}") from error
     finally:
         mujoco.set_mju_user_warning(None)
-    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "mine") < 0:
-        raise ArtifactError(f"{folder / 'mine.xml'}: no body of the name mine, which carries the mine frame")
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, MINE_BODY) < 0:
+        raise ArtifactError(f"{folder / MODEL}: no body of the name {MINE_BODY}, which carries the mine frame")
     size = sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
     return World(record, model, len(warned), size)
 
 
-def surface_corners(model: mujoco.MjModel, prefix: str) -> np.ndarray:
-    """Return the triangles (n, 3, 3), m, mine frame, of the mesh geoms whose names begin so, from the model itself."""
-    return _corners(model, [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(prefix)])
+def visible_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
+    """Return the triangles (n, 3, 3), m, mine frame, that a world shows of a piece, walls or roof, from the model.
+
+    They are the rough surface's; where there is none, the smooth surface's.
+    """
+    rough = _triangles_of_geoms(model, surface_geom(piece))
+    return rough if len(rough) else smooth_triangles(model, piece)
 
 
-def geom_corners(model: mujoco.MjModel, group: int) -> np.ndarray:
+def smooth_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
+    """Return the triangles (n, 3, 3), m, mine frame, of a piece of the smooth surface, from the model."""
+    return _triangles_of_geoms(model, surface_geom(smooth_mesh(piece)))
+
+
+def _triangles_of_geoms(model: mujoco.MjModel, prefix: str) -> np.ndarray:
+    return _triangles(model, [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(prefix)])
+
+
+def geom_triangles(model: mujoco.MjModel, group: int) -> np.ndarray:
     """Return the triangles (n, 3, 3), m, mine frame, of the mesh geoms of a group, from the model itself."""
-    return _corners(model, _mesh_geoms(model, group))
+    return _triangles(model, _mesh_geoms(model, group))
 
 
-def _corners(model: mujoco.MjModel, geoms: list[int]) -> np.ndarray:
+def _triangles(model: mujoco.MjModel, geoms: list[int]) -> np.ndarray:
     found = [np.zeros((0, 3, 3))]
     for geom in geoms:
         mesh = model.geom_dataid[geom]
@@ -138,10 +149,10 @@ def _corners(model: mujoco.MjModel, geoms: list[int]) -> np.ndarray:
 def part_vertices(model: mujoco.MjModel, group: int) -> list[np.ndarray]:
     """Return the vertices (n, 3), m, mine frame, of every mesh or box of a group, from the compiled model itself."""
     boxes = np.flatnonzero((model.geom_group == group) & (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX)).tolist()
-    return [_mesh_vertices(model, geom) for geom in _mesh_geoms(model, group)] + [_corners_of(model, g) for g in boxes]
+    return [_mesh_vertices(model, geom) for geom in _mesh_geoms(model, group)] + [_box_corners(model, g) for g in boxes]
 
 
-def _corners_of(model: mujoco.MjModel, box: int) -> np.ndarray:
+def _box_corners(model: mujoco.MjModel, box: int) -> np.ndarray:
     rotation = np.zeros(9)
     mujoco.mju_quat2Mat(rotation, model.geom_quat[box])
     corners = model.geom_size[box] * np.array(list(itertools.product((-1, 1), repeat=3)))

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import shapely
 
+from minexplore.bundle import MODEL
 from pipeline.geometry.extrude import section_footprint
 from pipeline.mjcf.bundle import part_vertices
 
@@ -21,7 +22,7 @@ def rock_clearance(
 
     A small sphere joins the world and is put to every place that has a part within reach; 0 inside rock.
     """
-    spec = mujoco.MjSpec.from_file(str(world / "mine.xml"))
+    spec = mujoco.MjSpec.from_file(str(world / MODEL))
     _keep_group(spec, group)
     spec.worldbody.add_body(name="probe", mocap=True).add_geom(
         name="probe", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[_PROBE_M, 0, 0], contype=0, conaffinity=0

@@ -8,8 +8,8 @@ from collections.abc import Iterable
 import mujoco
 import numpy as np
 
+from minexplore.bundle import GeomGroup
 from pipeline.errors import ArtifactError
-from pipeline.mjcf.world import GROUND_GROUP, ROCK_GROUP
 from pipeline.types import Frame, Image, Mask
 
 _OPENGL_LIGHTS = 7  # OpenGL's eight less the headlight
@@ -108,7 +108,7 @@ def render_free_space(model: mujoco.MjModel, T_world_mine: np.ndarray, frame: Fr
     model.vis.quality.offsamples = 0  # a pixel shows one geom
     with _Renderer(model, frame.height_px, frame.width_px) as renderer:
         renderer.enable_segmentation_rendering()
-        renderer.update_scene(data, mujoco.MjvCamera(), _options((GROUND_GROUP, ROCK_GROUP)))
+        renderer.update_scene(data, mujoco.MjvCamera(), _options((GeomGroup.FLOOR, GeomGroup.COLLISION)))
         place = T_world_mine @ [(west + east) / 2, (south + north) / 2, z_top_m + _CAMERA_HEIGHT_M, 1.0]
         for camera in renderer.scene.camera:
             camera.pos, camera.forward, camera.up = place[:3], -T_world_mine[:3, 2], T_world_mine[:3, 1]
@@ -117,7 +117,7 @@ def render_free_space(model: mujoco.MjModel, T_world_mine: np.ndarray, frame: Fr
             camera.frustum_bottom, camera.frustum_top = -(north - south) / 2, (north - south) / 2
             camera.frustum_near, camera.frustum_far = 1.0, 2 * _CAMERA_HEIGHT_M + z_top_m
         seen = renderer.render()[..., 0]
-    floor = np.flatnonzero(model.geom_group == GROUND_GROUP)
+    floor = np.flatnonzero(model.geom_group == GeomGroup.FLOOR)
     return np.isin(seen, floor)
 
 

@@ -1,4 +1,4 @@
-"""The world as an `MjSpec`: one tilted body that carries rock, floor zones, back, visible rock, lights and cameras."""
+"""The world as an `MjSpec`: one tilted body that carries rock, floor zones, roof, visible rock, lights and cameras."""
 
 from __future__ import annotations
 
@@ -9,20 +9,43 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from minexplore.bundle import (
+    FLOOR_CHAMFER,
+    MINE_BODY,
+    ROCK_CLASS,
+    ROCK_TEXTURE,
+    ROOF,
+    ROOF_GEOM,
+    SURFACE_BODY,
+    SURFACE_CLASS,
+    WALLS,
+    GeomGroup,
+    floor_geom,
+    mesh_file,
+    rock_geom,
+    smooth_mesh,
+    surface_geom,
+)
+from pipeline.geometry.polyline import arc_length
+from pipeline.params.realism import ZoneParams
 from pipeline.store.codecs import Bundle, encode
-from pipeline.types import ConvexParts, Image, Mesh, Rock
+from pipeline.types import ConvexParts, Image, Mesh, SolidExtent
 
-# MuJoCo's viewers show groups 0-2 and hide the rest.
-GROUND_GROUP, SURFACE_GROUP, ROCK_GROUP, BACK_GROUP, BASE_GROUP = 0, 2, 3, 4, 5
-_VISIBLE_PIECES = ("sill_chamfer", "walls", "back")  # the flat sill is left out: the floor zones are its picture
+_VISIBLE_PIECES = (FLOOR_CHAMFER, WALLS, ROOF)  # without the flat floor: the floor zones show it
 
 
 @dataclass(frozen=True)
-class Zone:
-    """One floor zone: a box of the floor with its sliding friction; extents are full sizes (m, mine frame)."""
+class FloorZone:
+    """One floor zone: a box of the floor and what it does to a robot; extents are full sizes (m, mine frame).
+
+    `friction` is sliding friction. `command_scale` multiplies a commanded twist; `speed_noise_mps` is the standard
+    deviation of the noise on the forward speed in each control step.
+    """
 
     name: str
     friction: float
+    command_scale: float
+    speed_noise_mps: float
     rgba: tuple[float, float, float, float]
     west_m: float
     east_m: float
@@ -32,7 +55,7 @@ class Zone:
     @property
     def geom(self) -> str:
         """Return the name of the zone's geom."""
-        return f"floor_{self.name}"
+        return floor_geom(self.name)
 
 
 @dataclass(frozen=True)
@@ -48,33 +71,37 @@ class SpotLight:
 class MineScene:
     """All that a world consists of, in the mine frame.
 
-    `base` is the octagonal layer; `overlay` holds the displaced layer's chunks as `NAME.msh`, and hides the base.
+    `smooth` is the octagonal surface; `rough` holds the rough surface's chunks as `NAME.msh`, and hides the smooth one.
     """
 
     name: str
-    rock: Rock
+    extent: SolidExtent
     parts: ConvexParts
     rock_friction: float
     floor_thickness_m: float
-    zones: list[Zone]
+    zones: list[FloorZone]
     lights: list[SpotLight]
-    base: dict[str, Mesh]
-    overlay: Bundle
+    smooth: dict[str, Mesh]
+    rough: Bundle
     texture: Image
     anchor_m: tuple[float, float]
     heading_rad: float
     T_world_mine: np.ndarray
 
 
-def tile_zones(
-    zones: list[tuple[str, float, tuple[float, float, float, float]]], world_m: tuple[float, float, float, float]
-) -> list[Zone]:
-    """Tile a box (west, south, east, north; m) from the west with zones (name, friction, rgba), alike to 0.1 m."""
+def tile_zones(zones: list[ZoneParams], world_m: tuple[float, float, float, float]) -> list[FloorZone]:
+    """Tile a box (west, south, east, north; m) with zones from the west, in equal shares to 0.1 m."""
     west, south, east, north = world_m
     edges = np.linspace(west, east, len(zones) + 1).round(1)  # a half extent then has few enough digits for MJCF text
     return [
-        Zone(name, friction, rgba, float(edges[i]), float(edges[i + 1]), south, north)
-        for i, (name, friction, rgba) in enumerate(zones)
+        FloorZone(
+            **zone.model_dump(),
+            west_m=float(edges[i]),
+            east_m=float(edges[i + 1]),
+            south_m=south,
+            north_m=north,
+        )
+        for i, zone in enumerate(zones)
     ]
 
 
@@ -89,7 +116,7 @@ def place_lights(
     spacing_m : float
         Distance along the line; the first and last light stand half the remainder from its ends.
     height_m : float
-        Above the sill.
+        Above the floor.
     pitch_deg : float
         Below the horizontal.
     cutoff_deg : float
@@ -100,7 +127,7 @@ def place_lights(
     down = math.radians(pitch_deg)
     lights = []
     for line in lines_m:
-        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        along = arc_length(line)
         n = int(along[-1] // spacing_m) + 1
         n = n if count is None else min(n, count)
         for at in (along[-1] - (n - 1) * spacing_m) / 2 + spacing_m * np.arange(n):
@@ -138,15 +165,15 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
     spec.modelname = scene.name
     _set_view(spec, scene)
-    mine = spec.worldbody.add_body(name="mine")
+    mine = spec.worldbody.add_body(name=MINE_BODY)
     tilt = math.atan2(scene.T_world_mine[0, 2], scene.T_world_mine[0, 0])
     mine.quat = [math.cos(tilt / 2), 0.0, math.sin(tilt / 2), 0.0]
     mine.pos = scene.T_world_mine[:3, 3]
     _add_rock_class(spec, scene.rock_friction)
     _add_rock(spec, mine, scene.parts)
-    _add_ground(spec, mine, scene)
+    _add_floor(spec, mine, scene)
     meshes = _add_surface(spec, mine, scene)
-    spec.assets = {**meshes, "textures/rock.png": encode(Path("rock.png"), scene.texture)}
+    spec.assets = {**meshes, ROCK_TEXTURE: encode(Path(ROCK_TEXTURE), scene.texture)}
     for i, light in enumerate(scene.lights):
         mine.add_light(
             name=f"spot_{i:02d}", pos=light.place_m, dir=light.direction, type=mujoco.mjtLightType.mjLIGHT_SPOT,
@@ -170,14 +197,18 @@ def _set_view(spec: mujoco.MjSpec, scene: MineScene) -> None:
 
 
 def _add_rock_class(spec: mujoco.MjSpec, friction: float) -> None:
-    spec.add_texture(name="rock", type=mujoco.mjtTexture.mjTEXTURE_2D, file="textures/rock.png")
+    spec.add_texture(name="rock", type=mujoco.mjtTexture.mjTEXTURE_2D, file=ROCK_TEXTURE)
     rock = spec.add_material(name="rock", specular=0.0, shininess=0.0)
     rock.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "rock"
-    solid = spec.add_default("rock", spec.default)
-    solid.geom.group, solid.geom.material = ROCK_GROUP, "rock"
+    solid = spec.add_default(ROCK_CLASS, spec.default)
+    solid.geom.group, solid.geom.material = GeomGroup.COLLISION, "rock"
     solid.geom.friction = [friction, 0.005, 0.0001]
-    visible = spec.add_default("surface", spec.default)
-    visible.geom.type, visible.geom.group, visible.geom.material = mujoco.mjtGeom.mjGEOM_MESH, SURFACE_GROUP, "rock"
+    visible = spec.add_default(SURFACE_CLASS, spec.default)
+    visible.geom.type, visible.geom.group, visible.geom.material = (
+        mujoco.mjtGeom.mjGEOM_MESH,
+        GeomGroup.ROUGH_SURFACE,
+        "rock",
+    )
     visible.geom.contype, visible.geom.conaffinity = 0, 0
 
 
@@ -187,12 +218,14 @@ def _add_rock(spec: mujoco.MjSpec, mine: mujoco.MjsBody, parts: ConvexParts) -> 
     for i in range(len(parts)):
         vertices = parts[i]
         centre = ((vertices.min(axis=0) + vertices.max(axis=0)) / 2).round(digits)
-        name = f"rock_{i:04d}"
+        name = rock_geom(i)
         spec.add_mesh(name=name, uservert=(vertices - centre).ravel().tolist())
-        mine.add_geom(spec.find_default("rock"), name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, pos=centre)
+        mine.add_geom(
+            spec.find_default(ROCK_CLASS), name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, pos=centre
+        )
 
 
-def _add_ground(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> None:
+def _add_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> None:
     for zone in scene.zones:
         # OpenGL lights corners, which on a floor of this size are far from every lamp: the ground glows a little.
         spec.add_material(name=f"ground_{zone.name}", rgba=zone.rgba, emission=0.25, specular=0.0, shininess=0.0)
@@ -202,41 +235,41 @@ def _add_ground(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> 
         mine.add_geom(
             name=zone.geom, type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, size=size,
             material=f"ground_{zone.name}", priority=1,
-            friction=[zone.friction, 0.005, 0.0001], group=GROUND_GROUP,
+            friction=[zone.friction, 0.005, 0.0001], group=GeomGroup.FLOOR,
         )  # fmt: skip
-    west, south, east, north = scene.rock.world_m
+    west, south, east, north = scene.extent.world_m
     mine.add_geom(
-        spec.find_default("rock"), name="back", type=mujoco.mjtGeom.mjGEOM_BOX, group=BACK_GROUP,
-        pos=[(west + east) / 2, (south + north) / 2, scene.rock.height_m + scene.floor_thickness_m / 2],
+        spec.find_default(ROCK_CLASS), name=ROOF_GEOM, type=mujoco.mjtGeom.mjGEOM_BOX, group=GeomGroup.ROOF,
+        pos=[(west + east) / 2, (south + north) / 2, scene.extent.height_m + scene.floor_thickness_m / 2],
         size=[(east - west) / 2, (north - south) / 2, scene.floor_thickness_m / 2],
     )  # fmt: skip
 
 
 def _add_surface(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> Bundle:
     """Add both layers to a body of their own, which the collision phases pass over at once; return the mesh files."""
-    surface = mine.add_body(name="surface")
-    files = {f"base_{k}": encode(Path(f"{k}.msh"), mesh) for k, mesh in scene.base.items() if k in _VISIBLE_PIECES}
+    surface = mine.add_body(name=SURFACE_BODY)
+    files = {smooth_mesh(k): encode(Path(f"{k}.msh"), mesh) for k, mesh in scene.smooth.items() if k in _VISIBLE_PIECES}
     for name in files:
-        _add_sheet(spec, surface, name, BASE_GROUP if scene.overlay else SURFACE_GROUP)
-    chunks = {name.removesuffix(".msh"): data for name, data in sorted(scene.overlay.items())}
+        _add_sheet(spec, surface, name, GeomGroup.SMOOTH_SURFACE if scene.rough else GeomGroup.ROUGH_SURFACE)
+    chunks = {name.removesuffix(".msh"): data for name, data in sorted(scene.rough.items())}
     for name in chunks:
-        _add_sheet(spec, surface, name, SURFACE_GROUP)
-    return {f"meshes/{name}.msh": data for name, data in (files | chunks).items()}
+        _add_sheet(spec, surface, name, GeomGroup.ROUGH_SURFACE)
+    return {mesh_file(name): data for name, data in (files | chunks).items()}
 
 
 def _add_sheet(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, group: int) -> None:
-    # An open sheet has no volume; its inertia, never used, is that of a shell.
-    spec.add_mesh(name=name, file=f"meshes/{name}.msh", inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
-    body.add_geom(spec.find_default("surface"), name=f"surface_{name}", meshname=name, group=group)
+    # An open sheet has no volume; MuJoCo takes the inertia of a thin shell, which nothing uses.
+    spec.add_mesh(name=name, file=mesh_file(name), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+    body.add_geom(spec.find_default(SURFACE_CLASS), name=surface_geom(name), meshname=name, group=group)
 
 
 def _add_cameras(mine: mujoco.MjsBody, scene: MineScene) -> None:
-    west, south, east, north = scene.rock.world_m
+    west, south, east, north = scene.extent.world_m
     c, s = math.cos(scene.heading_rad), math.sin(scene.heading_rad)
     mine.add_camera(
         name="entrance", pos=[*scene.anchor_m, 1.2], quat=_looking((s, -c, 0.0), (0.0, 0.0, 1.0)), fovy=70.0
     )
-    # The whole mine from above, a little from the south; the back faces down and so does not hide the drifts.
+    # The whole mine from above, a little from the south; the roof faces down and so does not hide the drifts.
     pitch, fovy = math.radians(60.0), 30.0
     reach = max((east - west) / 16 * 9, north - south) / 2 / math.tan(math.radians(fovy / 2)) * 1.05
     centre = np.array([(west + east) / 2, (south + north) / 2, 0.0])

@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from pathlib import PurePosixPath
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, ConfigDict
 
 
 class Params(BaseModel):
     """A frozen section of the configuration that refuses unknown keys and infinite numbers."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def _inside_project(path: str) -> str:
+    pure = PurePosixPath(path)
+    if pure.is_absolute() or ".." in pure.parts or pure.parts[:1] != ("data",):
+        raise ValueError(f"{path!r} is not below data/ (inputs live there and are listed in data/registry.txt)")
+    return path
+
+
+DataFile = Annotated[str, AfterValidator(_inside_project)]
+"""A path below `data/`, as text."""

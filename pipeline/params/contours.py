@@ -28,7 +28,7 @@ class ContoursParams(Params):
     min_island_m2: float = Field(ge=0)
     parts: Literal["largest", "spawn"] | list[tuple[float, float]] = "largest"
     min_tunnel_m2: float = Field(gt=0)
-    max_ink_share: float = Field(gt=0, lt=1)
+    max_workings_share: float = Field(gt=0, lt=1)
     tolerance_m: float | None = Field(ge=0, le=50, description="null: as coarse as keeps auto_iou")
     auto_iou: float = Field(0.9925, gt=0.5, lt=1)
     network: NetworkParams

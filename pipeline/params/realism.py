@@ -12,10 +12,12 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class ZoneParams(Params):
-    """One floor zone; zones tile the floor in equal parts from west to east."""
+    """One floor zone, whole: what it looks like and what it does to a robot; zones tile the floor from west to east."""
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
-    friction: float = Field(gt=0, le=2)
+    friction: float = Field(gt=0, le=2, description="sliding friction of any wheel on it")
+    command_scale: float = Field(gt=0, le=1, description="share of a commanded speed that the ground lets through")
+    speed_noise_mps: float = Field(ge=0, le=1, description="s.d. of the noise on the forward speed, each control step")
     rgba: tuple[Share, Share, Share, Share]
 
 

@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from pipeline.params.base import Params
-from pipeline.params.survey import DataFile
+from pipeline.params.base import DataFile, Params
 
 Channel = Annotated[int, Field(ge=0, le=255)]
 
@@ -66,12 +65,12 @@ class SpectrumParams(Params):
 
     wavelength_m: Lengths
     wall_sd_m: Deviations
-    back_sd_m: Deviations
+    roof_sd_m: Deviations
 
     @model_validator(mode="after")
     def _one_each(self) -> SpectrumParams:
-        if not len(self.wavelength_m) == len(self.wall_sd_m) == len(self.back_sd_m):
-            raise ValueError("wavelength_m, wall_sd_m and back_sd_m differ in length")
+        if not len(self.wavelength_m) == len(self.wall_sd_m) == len(self.roof_sd_m):
+            raise ValueError("wavelength_m, wall_sd_m and roof_sd_m differ in length")
         if sorted(self.wavelength_m) != self.wavelength_m:
             raise ValueError("wavelength_m must rise")
         return self
@@ -81,7 +80,7 @@ class BoundsParams(Params):
     """How far the rock may stand out."""
 
     wall_m: float = Field(gt=0, le=1)
-    back_m: float = Field(gt=0, le=1)
+    roof_m: float = Field(gt=0, le=1)
     narrow_half_width_m: float = Field(gt=0)
     wide_half_width_m: float = Field(gt=0)
     narrow_share: float = Field(gt=0, lt=1)
@@ -95,11 +94,11 @@ class BoundsParams(Params):
         return self
 
 
-class OverlayParams(Params):
-    """The displaced layer over the octagon."""
+class RoughParams(Params):
+    """The rough surface, displaced by noise, over the smooth one."""
 
     spacing_m: float = Field(ge=0.02, le=0.5)
-    back_spacing_m: float = Field(ge=0.02, le=0.5)
+    roof_spacing_m: float = Field(ge=0.02, le=0.5)
     most_faces: int | None = Field(ge=10_000, description="more would be laid wider; null: as many as there are")
     arch_half_span_m: float = Field(gt=0)
     longest_wavelength_m: float = Field(gt=0.2, le=20)
@@ -112,16 +111,16 @@ class OverlayParams(Params):
 
 
 class SurfaceParams(Params):
-    """The octagonal base layer, the overlay, the rock it copies, and the material."""
+    """The smooth and the rough surface, the rock that the rough one copies, and the texture."""
 
-    sill_chamfer_m: float = Field(gt=0)
-    back_chamfer_m: float = Field(gt=0)
+    floor_chamfer_m: float = Field(gt=0)
+    roof_chamfer_m: float = Field(gt=0)
     texture: TextureParams
     reference: Literal["published", "sweeps", "cloud"]
     published: SpectrumParams
     sweeps: SweepsParams
     cloud: CloudParams
-    overlay: OverlayParams
+    rough: RoughParams
 
     @model_validator(mode="after")
     def _cloud_has_its_file(self) -> SurfaceParams:

@@ -2,22 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import PurePosixPath
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from pipeline.params.base import Params
+from pipeline.params.base import DataFile, Params
 
-
-def _inside_project(path: str) -> str:
-    pure = PurePosixPath(path)
-    if pure.is_absolute() or ".." in pure.parts or pure.parts[:1] != ("data",):
-        raise ValueError(f"{path!r} is not below data/ (inputs live there and are listed in data/registry.txt)")
-    return path
-
-
-DataFile = Annotated[str, AfterValidator(_inside_project)]
 PointM = tuple[float, float]
 
 
@@ -91,7 +81,7 @@ class StationSurveyParams(_ScaledParams):
     px_per_m: float = Field(gt=0, le=100)
     frame_m: BoxM | None = Field(None, description="west, south, east, north")
     margin_m: float = Field(ge=1)
-    ink_grey: Grey
+    drawing_grey: Grey
 
 
 class IgnoredColour(Params):
@@ -102,7 +92,7 @@ class IgnoredColour(Params):
 
 
 class PlanSurveyParams(_ScaledParams):
-    """A plan image: PNG, JPEG, TIFF or a page of a PDF; a box of it, turned, dark or light, filled or outlined."""
+    """A plan image: PNG, JPEG, TIFF or a page of a PDF; cropped, turned, dark or light, filled or drawn as lines."""
 
     kind: Literal["plan"]
     image: DataFile
@@ -116,8 +106,8 @@ class PlanSurveyParams(_ScaledParams):
     turn_deg: float = Field(0.0, ge=-180, le=180, description="counter-clockwise, after cropping")
     light_on_dark: bool = False
     ignore_colours: list[IgnoredColour] = Field(default_factory=list)
-    outlined: bool = Field(False, description="walls are drawn as lines; what they enclose is the workings")
-    seeds_px: list[tuple[float, float]] = Field(default_factory=list, description="inside outlined workings")
+    line_drawing: bool = Field(False, description="walls are drawn as lines; what they enclose is the workings")
+    seeds_px: list[tuple[float, float]] = Field(default_factory=list, description="inside workings drawn as lines")
     wall_gap_px: float = Field(3.0, ge=0, le=200, description="gaps in drawn walls up to this are closed")
 
 
@@ -128,7 +118,7 @@ class _DrawnParams(_SurveyParams):
         default=None, gt=0, le=100, description="null: as fine as 8 px/m or 6,000 px a side allow"
     )
     margin_m: float = Field(default=6.0, ge=1, le=100)
-    ink_grey: Grey = 40
+    drawing_grey: Grey = 40
 
 
 class VectorSurveyParams(_DrawnParams):

@@ -6,8 +6,7 @@ from typing import Any
 
 from pydantic import Field, field_validator, model_validator
 
-from pipeline.params.base import Params
-from pipeline.params.survey import DataFile
+from pipeline.params.base import DataFile, Params
 
 
 class Limit(Params):
@@ -31,12 +30,12 @@ class TextureReportParams(Params):
     """How the rock's texture is sampled: evenly by area in stretches of the workings, and the paper's added noise."""
 
     wall_points: int = Field(ge=1000, le=20_000_000)
-    ceiling_points: int = Field(ge=1000, le=20_000_000)
+    roof_points: int = Field(ge=1000, le=20_000_000)
     points_per_m2: float = Field(gt=0, description="upper bound; small mines need fewer points")
     stretches: int = Field(ge=1, le=200)
     stretch_radius_m: float = Field(gt=0)
     wall_z_m: tuple[float, float]
-    ceiling_z_m: tuple[float, float]
+    roof_z_m: tuple[float, float]
     noise_normal_m: float = Field(ge=0)
     noise_in_plane_m: float = Field(ge=0)
     seed: int = Field(ge=0)
@@ -66,11 +65,11 @@ class ReplayParams(Params):
 
 
 class CertificateParams(Params):
-    """How containment is proved: a robot's radius, the grid of distance queries, how many pushes, and the clauses."""
+    """How containment is proved: a robot's radius, the grid of distance queries, how many contacts, and the clauses."""
 
     robot_radius_m: float = Field(gt=0, le=5)
     cell_m: float = Field(gt=0.02, le=1)
-    contacts: int = Field(ge=0, description="robot steps in touch with rock; 0 leaves the pushes out")
+    contacts: int = Field(ge=0, description="robot steps in touch with rock; 0 leaves the stress test out")
     seed: int = Field(ge=0)
     limits: dict[str, Limit] = Field(description="clauses by the figure's name")
 

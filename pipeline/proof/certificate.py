@@ -12,15 +12,16 @@ import mujoco
 import numpy as np
 import shapely
 
+from minexplore.bundle import GeomGroup
 from pipeline.metrics.containment import cover_walls, open_area_m2
 from pipeline.metrics.reach import compare_reach, reached_cells, start_cell
 from pipeline.mjcf.bundle import World, part_vertices
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
-from pipeline.proof.pushes import Progress, push_robots
+from pipeline.proof.stress_test import Progress, stress_walls
 from pipeline.types import Frame, FreeSpace
 
-_SLICES_M = (0.05, 0.5, 1.0)  # and just below the back
+_SLICES_M = (0.05, 0.5, 1.0)  # and just below the roof
 _LEVEL_M = 1e-3
 _MARGIN_M = 4.0  # beyond the workings, within the frame that rock fills, so that a leak shows
 _PROBE_HEIGHT_M = 0.35
@@ -55,7 +56,7 @@ def measure_containment(
     threads: int = 1,
     progress: Progress = iter,
 ) -> dict[str, Any]:
-    """Measure walls, floor and back, reach, and pushes of a bundle.
+    """Measure walls, floor and roof, reach, and the stress test of a bundle.
 
     Parameters
     ----------
@@ -69,21 +70,20 @@ def measure_containment(
         How drift networks are traced.
     threads : int
     progress : callable
-        Wraps the numbers of the pushes, as `tqdm.tqdm` does.
+        Wraps the numbers of the throws, as `tqdm.tqdm` does.
     """
     record, free = world.record, free_space.polygon
-    groups = record.geom_groups
-    parts = part_vertices(world.model, groups["rock"])
+    parts = part_vertices(world.model, GeomGroup.COLLISION)
     box = shapely.box(*record.world_m)
     found: dict[str, Any] = vars(cover_walls(parts, free, box, (*_SLICES_M, record.height_m - 0.05))).copy()
     found["rock_round_m"] = round(float(free.distance(box.exterior)) if box.contains(free) else 0.0, 3)
-    found["floor_open_m2"] = open_area_m2(_slabs(world.model, groups["floor"], 0.0, top=True), free)
-    found["back_open_m2"] = open_area_m2(_slabs(world.model, groups["back"], record.height_m, top=False), free)
+    found["floor_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.FLOOR, 0.0, top=True), free)
+    found["roof_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.ROOF, record.height_m, top=False), free)
     found |= _reach(folder, world, free_space, params, network)
     if params.contacts:
         borders = [zone.east_m for zone in record.zones[:-1]]
-        pushes = push_robots(folder, free, parts, borders, params.contacts, params.seed, threads, progress)
-        found |= {k: v for k, v in dataclasses.asdict(pushes).items() if k != "targets"}
+        stress = stress_walls(folder, free, parts, borders, params.contacts, params.seed, threads, progress)
+        found |= {k: v for k, v in dataclasses.asdict(stress).items() if k != "targets"}
     return found
 
 
@@ -116,7 +116,7 @@ def _reach(
     inside = shapely.contains_xy(free, places[asked, 0], places[asked, 1])
     plan[asked] = np.where(inside, np.minimum(shapely.distance(free.boundary, points), most), 0.0)
     T = np.array(record.T_world_mine)
-    seen[asked] = rock_clearance(folder, T, record.geom_groups["rock"], places[asked], _PROBE_HEIGHT_M, most)
+    seen[asked] = rock_clearance(folder, T, GeomGroup.COLLISION, places[asked], _PROBE_HEIGHT_M, most)
     start = start_cell(record.spawn.anchor_m, frame)
     by_plan, by_world = (reached_cells(c.reshape(height, width), radius, start) for c in (plan, seen))
     error = float(np.abs(plan - seen).max())

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from minexplore.bundle import CLEARANCE_GRID, MINE_BODY, NAV2_MAP, OCTREE, GeomGroup, is_floor
 from pipeline.geometry.octree import FREE, Octree, from_bt
 from pipeline.mjcf.bundle import World
 from pipeline.store.codecs import decode
@@ -26,7 +27,7 @@ _BORDER_SHARE = 2**-0.5  # of a cell: nearer to a wall a cell's centre may fall 
 def measure_consistency(folder: Path, world: World, free_space: FreeSpace) -> dict[str, Any]:
     """Return the counts and errors by which a bundle's files differ from its record and its model."""
     model, record = world.model, world.record
-    w, _, y, _ = model.body("mine").quat
+    w, _, y, _ = model.body(MINE_BODY).quat
     tilt_deg = math.degrees(2 * math.atan2(y, w))
     anchor = shapely.Point(record.spawn.anchor_m)
     inside = shapely.contains(free_space.polygon, anchor)
@@ -46,7 +47,7 @@ def measure_consistency(folder: Path, world: World, free_space: FreeSpace) -> di
 
 def _frame_error_m(world: World) -> float:
     """Return how far the model puts the mine's corners from where the record's frame does."""
-    body = world.model.body("mine")
+    body = world.model.body(MINE_BODY)
     rotation = np.zeros(9)
     mujoco.mju_quat2Mat(rotation, body.quat)
     west, south, east, north = world.record.world_m
@@ -68,35 +69,35 @@ def _zones_wrong(world: World) -> int:
         found = [low[0], high[0], low[1], high[1], high[2], geom.friction[0]]
         said = [zone.west_m, zone.east_m, zone.south_m, zone.north_m, 0.0, zone.friction]
         wrong += not (np.abs(np.array(found) - said).max() < _LEVEL and geom.priority[0] == 1)
-    return wrong + abs(sum(name.startswith("floor_") for name in names) - len(world.record.zones))
+    return wrong + abs(sum(is_floor(name) for name in names) - len(world.record.zones))
 
 
 def _colliders_wrong(world: World) -> int:
     """Count geoms that collide and should not, or the other way round, and solid ones outside the mine's own frame.
 
-    Rock, floor and back collide, nothing else does; rock is convex meshes or boxes; all of it hangs on the body `mine`,
+    Rock, floor and roof collide, nothing else does; rock is convex meshes or boxes; all of it hangs on the body `mine`,
     whose frame every measure takes theirs for.
     """
-    model, groups = world.model, world.record.geom_groups
+    model = world.model
     collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-    solid = np.isin(model.geom_group, [groups[name] for name in ("rock", "floor", "back")])
+    solid = np.isin(model.geom_group, [GeomGroup.COLLISION, GeomGroup.FLOOR, GeomGroup.ROOF])
     shape = np.isin(model.geom_type, [mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_BOX])
-    elsewhere = model.geom_bodyid != model.body("mine").id
+    elsewhere = model.geom_bodyid != model.body(MINE_BODY).id
     return int((collides != solid).sum() + (solid & ~shape).sum() + (solid & elsewhere).sum())
 
 
 def _rock_friction_error(world: World) -> float:
-    rock = world.model.geom_group == world.record.geom_groups["rock"]
+    rock = world.model.geom_group == GeomGroup.COLLISION
     off = np.abs(world.model.geom_friction[rock, 0] - world.record.rock_friction)
     return round(float(off.max(initial=0.0)), 6)
 
 
 def _grid_errors(folder: Path, free_space: FreeSpace) -> dict[str, int]:
     """Count cells of the clearance grid, the Nav2 map and the octree that differ from the free space; borders aside."""
-    grid = decode(folder / "occupancy.npz", Occupancy)
+    grid = decode(folder / CLEARANCE_GRID, Occupancy)
     free, origin, cell = grid.free, grid.origin_m, float(grid.cell_m)
-    drawn = read_nav2_map(folder / "map.yaml")
-    tree = from_bt(decode(folder / "free_space.bt", bytes))
+    drawn = read_nav2_map(folder / NAV2_MAP)
+    tree = from_bt(decode(folder / OCTREE, bytes))
     return {
         "occupancy_wrong": _wrong_cells(free, origin, cell, free_space.polygon)
         + _wrong_clearances(free, grid.clearance_m, origin, cell, free_space.polygon),

@@ -13,7 +13,10 @@ import shapely
 
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
-from pipeline.rock import build_rock, choose_bands, measure_sweeps, report_rock
+from pipeline.surface.bands import choose_bands
+from pipeline.surface.build import build_rough_surface
+from pipeline.surface.built import report_roughness
+from pipeline.surface.reference import measure_sweeps
 
 _DRIFT = shapely.box(0, 0, 80, 7)  # m; long enough for many of the longest windows
 _HEIGHT_M = 3.5
@@ -87,7 +90,7 @@ def _score(half: tuple[str, ...], sweeps: dict[str, Path], params: SurfaceParams
     copy = params.model_copy(update={"reference": "sweeps"})
     sources = {"sweeps": {"wall": ours}}
     noise = choose_bands(copy, sources)
-    report = report_rock(copy, sources, noise, build_rock(copy, _DRIFT, None, _HEIGHT_M, noise))
+    report = report_roughness(copy, sources, noise, build_rough_surface(copy, _DRIFT, None, _HEIGHT_M, noise))
     by_window = [dict(zip(r.window_m, r.rq_m, strict=True)) for r in (ours, report.built["section"], theirs)]
     windows = [w for w in by_window[0] if all(w in other for other in by_window[1:])]
     source, built, held = (np.array([of[w] for w in windows]) for of in by_window)

@@ -11,10 +11,11 @@ import shapely
 from scipy.stats import theilslopes
 from shapely import Polygon
 
+from minexplore.bundle import WALLS, GeomGroup
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.raycast import RayCaster
 from pipeline.geometry.registration import Pose, Registration, Search, register_scans
-from pipeline.mjcf.bundle import World, geom_corners, surface_corners
+from pipeline.mjcf.bundle import World, geom_triangles, visible_triangles
 from pipeline.params.validation import ReplayParams
 from pipeline.survey.poses import Returns, SurveyedPose, gate_returns, read_poses, read_returns, require_poses
 
@@ -39,7 +40,7 @@ class RangeErrors:
 class SweepReplay:
     """One sweep: what was gated and why, where it was taken, its own correction, and its errors on both walls.
 
-    `collision` are errors against what a robot hits, `visible` against what its LiDAR sees (the overlay), and
+    `collision` are errors against what a robot hits, `visible` against what its LiDAR sees (the rough surface), and
     `every_return_median_m` against the collision walls with no gate but the registration's.
     """
 
@@ -124,9 +125,8 @@ def replay_sweeps(world: World, free: Polygon, poses: Path, sweeps: dict[str, Pa
     for name, (kept, gated) in static.items():
         if not len(kept.range_m):
             raise InputError(f"{sweeps[name]}: no return passes the gates ({gated})")
-    hit = RayCaster(geom_corners(world.model, world.record.geom_groups["rock"]))
-    visible = surface_corners(world.model, "surface_walls")
-    seen = RayCaster(visible if len(visible) else surface_corners(world.model, "surface_base_walls"))
+    hit = RayCaster(geom_triangles(world.model, GeomGroup.COLLISION))
+    seen = RayCaster(visible_triangles(world.model, WALLS))
 
     def cast(places: np.ndarray, bearings: np.ndarray) -> np.ndarray:
         return hit.fan(places, bearings, params.sensor_height_m)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from minexplore.bundle import FREE_SPACE, TOPOLOGY, GeomGroup
 from pipeline.metrics.clearance import WallGaps
 from pipeline.metrics.iou import intersection_over_union
 from pipeline.metrics.navigability import Navigability, cast_columns
@@ -36,8 +37,8 @@ class Validator:
         """
         self.params, self.bundle, self.cleaned, self.raw, self.survey = params, bundle, cleaned, raw, survey
         self.world: World = open_bundle(bundle)
-        self.free_space: FreeSpace = decode(bundle / "free_space.geojson", FreeSpace)
-        self.network: DriftNetwork = decode(bundle / "topology.json", DriftNetwork)
+        self.free_space: FreeSpace = decode(bundle / FREE_SPACE, FreeSpace)
+        self.network: DriftNetwork = decode(bundle / TOPOLOGY, DriftNetwork)
         self._tracing = params.network_cell_m, params.network_min_leg_m
 
     @functools.cached_property
@@ -52,7 +53,7 @@ class Validator:
         record = self.world.record
         return cast_columns(
             self.world.model, np.array(record.T_world_mine), self.cleaned, self.survey.frame, record.height_m,
-            self.free_space.tolerance_m, record.geom_groups["floor"], record.geom_groups["rock"],
+            self.free_space.tolerance_m, GeomGroup.FLOOR, GeomGroup.COLLISION,
         )  # fmt: skip
 
     @functools.cached_property
@@ -103,7 +104,7 @@ class Validator:
         return {**vars(self.world.record.areas), "tunnel_pixels_m2": round(pixels, 3)}
 
     def _collision(self) -> dict[str, int]:
-        return {"parts": len(part_vertices(self.world.model, self.world.record.geom_groups["rock"]))}
+        return {"parts": len(part_vertices(self.world.model, GeomGroup.COLLISION))}
 
     def _certificate(self) -> dict[str, Any]:
         return {"holds": self.certificate.holds, **self.containment}

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import cv2
 
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten
+from pipeline.metrics.texture import WINDOWS_M, is_uninformative
 from pipeline.store.files import write_atomically
 
 METRICS = Path("artifacts/validation/metrics.json")
+TIMINGS = "timings.json"  # beside the metrics
 BASELINE = Path("tests/baseline.json")
 RESULTS = Path("docs/results.md")
 PICTURES = {
@@ -51,10 +54,14 @@ _ROWS = [
     ("- bump Rq", "texture.published.bump_rq_m", ".3f", ">= 0.90", "0.819"),
     ("- roughness scale integral", "texture.published.roughness_integral_m2", ".3f", ">= 0.90", "0.798"),
     ("- dominant wavelength", "texture.published.dominant_wavelength_m", ".3f", ">= 0.90", "0.994"),
-    ("- ceiling irregularity", "texture.published.ceiling_irregularity_m", ".3f", ">= 0.90", "0.509"),
+    ("- roof irregularity", "texture.published.roof_irregularity_m", ".3f", ">= 0.90", "0.509"),
     ("- wall heterogeneity", "texture.published.wall_heterogeneity_m", ".3f", ">= 0.90", "0.778"),
     ("texture, strict score, overall", "texture.strict.overall", ".3f", ">= 0.80", "about 0.29"),
-    ("roughness at 0.5 m, model / real", "texture.bump_ratio", ".3f", "0.85 to 1.15", "0.36"),
+    ("bump Rq, mean of 0.5 m voxels, model / real", "texture.bump_ratio", ".3f", "0.85 to 1.15", "0.36"),
+    (
+        "Rq over all points in voxels of " + " / ".join(f"{w:g}" for w in WINDOWS_M) + " m, model / real",
+        tuple(f"texture.rq_ratio.at_{100 * w:.0f}_cm" for w in WINDOWS_M), ".2f", "", "-",
+    ),
     ("visible to collision wall at 0.5 m height, median / p95 / max, m",
      ("walls.gap_median_m", "walls.gap_p95_m", "walls.gap_max_m"), ".2f", "0.15 / 0.35 / 0.60", "-"),
     ("narrowest passage, clear width kept", "walls.narrowest_kept", ".3f", ">= 0.95", "-"),
@@ -64,12 +71,25 @@ _ROWS = [
 ]  # fmt: skip
 
 
-def read_metrics(path: Path = METRICS) -> dict[str, float]:
-    """Return flat metrics, or raise `ArtifactError` if the file is missing or no JSON."""
+def read_metrics(path: Path = METRICS) -> dict[str, Any]:
+    """Return a world's flat metrics, with its load times where those beside them were measured in the same world.
+
+    Raises
+    ------
+    ArtifactError
+        If a file is missing or not JSON.
+    """
+    metrics, certificate = _read_json(path), _read_json(path.with_name("certificate.json"))
+    timings = path.with_name(TIMINGS)
+    loads = flatten(_read_json(timings)) if timings.is_file() else {}  # `dvc checkout` brings none
+    return metrics | (loads if loads.pop("world_sha256", None) == certificate["world_sha256"] else {})
+
+
+def _read_json(path: Path) -> dict[str, Any]:
     try:
         return flatten(json.loads(path.read_text()))
     except FileNotFoundError:
-        raise ArtifactError(f"{path}: missing; run `make all` first") from None
+        raise ArtifactError(f"{path}: missing; stage 6 writes it (`make all`)") from None
     except ValueError as error:
         raise ArtifactError(f"{path}: not JSON: {error}") from error
 
@@ -90,7 +110,7 @@ def regressions(metrics: dict[str, float], baseline: dict[str, float]) -> list[s
     return lines
 
 
-def accept_baseline() -> str:
+def write_baseline() -> str:
     """Write the present gated metrics to the baseline and say what changed."""
     now = gated(read_metrics())
     before = json.loads(BASELINE.read_text()) if BASELINE.is_file() else {}
@@ -120,11 +140,28 @@ def shrink_picture(source: Path) -> bytes:
     return cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
 
 
+def flat_walls_note(metrics: dict[str, Any], name: str) -> str:
+    """Return what flat walls score on a texture axis, to stand behind its score; nothing for other figures."""
+    flat = metrics.get(name.replace("texture.", "texture.flat_walls.", 1))
+    if flat is None or ".flat_walls." in name:
+        return ""
+    return f" (flat walls {flat:.3f}{': uninformative' if is_uninformative(flat) else ''})"
+
+
 def results_table(metrics: dict[str, float]) -> str:
-    """Return flat metrics as the Markdown table of the README."""
+    """Return flat metrics as the Markdown table of the README.
+
+    Raises
+    ------
+    ArtifactError
+        If the load times of this world were not measured.
+    """
+    if "world.load_s" not in metrics:
+        raise ArtifactError(f"{TIMINGS}: no load times of this world; `python -m stages.validation` measures them")
     lines = ["| figure | measured | limit | paper |", "|---|---|---|---|"]
     for title, names, form, limit, paper in _ROWS:
         values = [metrics[name] for name in ([names] if isinstance(names, str) else names)]
         shown = " / ".join(f"{v / 1e6:.2f}" if form == "MB" else format(v, form) for v in values)
+        shown += flat_walls_note(metrics, names) if isinstance(names, str) else ""
         lines.append(f"| {title} | {shown} | {limit} | {paper} |")
     return "\n".join(lines) + "\n"

@@ -1,4 +1,4 @@
-"""The world's own meshes as a scene that a browser can turn: ribs thinned to fit a page, the sill in its zones."""
+"""The world's own meshes as a scene that a browser can turn: ribs thinned to fit a page, the floor in its zones."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _ASIDE, _DOWN = np.radians(-25.0), np.radians(50.0)
 
 
 def scene_page(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> str:
-    """Return an HTML page, three.js and the mesh within, that draws the workings without their back.
+    """Return an HTML page, three.js and the mesh within, that draws the workings without their roof.
 
-    The back is left out so that one looks into the drifts from above; what is shown is the bundle's overlay, its
+    The roof is left out so that one looks into the drifts from above; what is shown is the bundle's rough, its
     vertices merged in cells until it has at most 120,000 faces.
     """
     scene = trimesh.Scene()

@@ -5,9 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from minexplore.bundle import GeomGroup
 from pipeline.mjcf.bundle import World
 from pipeline.mjcf.render import render_from
-from pipeline.mjcf.world import GROUND_GROUP, SURFACE_GROUP
 from pipeline.types import DriftNetwork, Image
 
 _EYE_M, _AHEAD_M, _BACK_M = 1.0, 12.0, 6.0
@@ -38,4 +38,4 @@ def _view(world: World, stations: list[tuple[float, float]], at: int) -> Image:
     target = line[ahead[ahead > at][0]] if (ahead > at).any() else line[-1]
     T = np.array(world.record.T_world_mine)
     eye, towards = ((T @ [*place, _EYE_M, 1.0])[:3] for place in (line[at], target))
-    return render_from(world.model, eye, towards, 70.0, _SIZE, (GROUND_GROUP, SURFACE_GROUP))
+    return render_from(world.model, eye, towards, 70.0, _SIZE, (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE))

@@ -16,6 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
+from minexplore.bundle import TriangleMesh, decode_msh, encode_msh
 from pipeline.errors import ArtifactError
 from pipeline.types import Areas, Frame, FreeSpace, Mask, Mesh, Workings
 
@@ -148,23 +149,14 @@ def _decode_npz(arrays: dict[str, np.ndarray], kind: Any) -> Any:
 
 
 def _encode_msh(mesh: Mesh) -> bytes:
-    """Return MuJoCo's binary mesh: counts, then positions, normals (none), texture coordinates, faces."""
-    head = np.array([len(mesh.vertices), 0, len(mesh.texcoords), len(mesh.faces)], dtype="<i4")
     # Pictures count rows downwards, texture coordinates upwards.
     flipped = np.column_stack([mesh.texcoords[:, 0], 1.0 - mesh.texcoords[:, 1]])
-    arrays = (mesh.vertices.astype("<f4"), flipped.astype("<f4"), mesh.faces.astype("<i4"))
-    return head.tobytes() + b"".join(a.tobytes() for a in arrays)
+    return encode_msh(TriangleMesh(mesh.vertices, mesh.faces, flipped, np.zeros((0, 3))))
 
 
 def _decode_msh(data: bytes) -> Mesh:
-    vertices, normals, texcoords, faces = np.frombuffer(data, "<i4", 4).tolist()
-    if (
-        min(vertices, normals, texcoords, faces) < 0
-        or len(data) != 16 + 12 * (vertices + normals + faces) + 8 * texcoords
-    ):
-        raise ValueError("its counts do not match its size")
-    at = 16 + 12 * (vertices + normals)
-    points = np.frombuffer(data, "<f4", 3 * vertices, 16).reshape(-1, 3).astype(np.float64)
-    uv = np.frombuffer(data, "<f4", 2 * texcoords, at).reshape(-1, 2).astype(np.float64)
-    index = np.frombuffer(data, "<i4", 3 * faces, at + 8 * texcoords).reshape(-1, 3).astype(np.int32)
-    return Mesh(points, index, np.column_stack([uv[:, 0], 1.0 - uv[:, 1]]))
+    found = decode_msh(data)
+    uv = found.texcoords.astype(np.float64)
+    return Mesh(
+        found.vertices.astype(np.float64), found.faces.astype(np.int32), np.column_stack([uv[:, 0], 1.0 - uv[:, 1]])
+    )

@@ -94,13 +94,13 @@ def without_outliers(points: np.ndarray, neighbours: int, ratio: float) -> np.nd
 
 
 def split_surfaces(points: np.ndarray, neighbours: int = 30) -> dict[str, np.ndarray]:
-    """Split points (n, 3) by the slope of the rock round them: `wall`, `back` (above mid-height) and `sill`."""
+    """Split points (n, 3) by the slope of the rock round them: `wall`, `roof` (above mid-height) and `floor`."""
     cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
     cloud.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(neighbours))
     steep = np.abs(np.asarray(cloud.normals)[:, 2]) < np.sqrt(0.5)
     middle = (np.percentile(points[:, 2], 2) + np.percentile(points[:, 2], 98)) / 2
     high = points[:, 2] > middle
-    return {"wall": points[steep], "back": points[~steep & high], "sill": points[~steep & ~high]}
+    return {"wall": points[steep], "roof": points[~steep & high], "floor": points[~steep & ~high]}
 
 
 def _blocks(path: Path, points_per_m2: float, units: str) -> Iterator[np.ndarray]:

@@ -35,10 +35,10 @@ def frame_around(extent_m: tuple[float, float, float, float], px_per_m: float, s
 
 
 def draw_workings(
-    workings: BaseGeometry, frame: Frame, labels_m: dict[str, tuple[float, float]], ink_grey: int
+    workings: BaseGeometry, frame: Frame, labels_m: dict[str, tuple[float, float]], drawing_grey: int
 ) -> Image:
     """Draw workings (m, mine frame) and labels as (rows, cols, 3) uint8 BGR, anti-aliased by area."""
-    grey = 255 - np.round(_cover(workings, frame).astype(np.float32) / 255 * (255 - ink_grey)).astype(np.uint8)
+    grey = 255 - np.round(_cover(workings, frame).astype(np.float32) / 255 * (255 - drawing_grey)).astype(np.uint8)
     plan = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
     for text, place in labels_m.items():
         _draw_label(plan, text, frame, place)
@@ -64,7 +64,7 @@ def draw_plan(
     frame: Frame,
     labels_m: dict[str, tuple[float, float]],
     bar_length_m: float,
-    ink_grey: int,
+    drawing_grey: int,
 ) -> tuple[Image, tuple[int, int, int, int]]:
     """Draw the plan.
 
@@ -76,7 +76,7 @@ def draw_plan(
         Text to the centre of its letters, m, mine frame.
     bar_length_m : float
         Length of the scale bar; it goes where it touches no workings, bottom left first.
-    ink_grey : int
+    drawing_grey : int
         Grey value of the workings.
 
     Returns
@@ -91,7 +91,7 @@ def draw_plan(
     InputError
         If no corner has room for the bar.
     """
-    plan, cover = draw_workings(workings, frame, labels_m, ink_grey), _cover(workings, frame)
+    plan, cover = draw_workings(workings, frame, labels_m, drawing_grey), _cover(workings, frame)
     box = _draw_bar(plan, cover, round(bar_length_m * frame.px_per_m), frame.px_per_m)
     return plan, box
 

@@ -1,4 +1,4 @@
-"""A ROS occupancy grid as a plan: free cells are ink."""
+"""A ROS occupancy grid as a plan: free cells are workings."""
 
 from __future__ import annotations
 

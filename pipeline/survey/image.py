@@ -48,10 +48,10 @@ def read_image(path: Path, max_megapixels: float) -> Image:
     megapixels = picture.shape[0] * picture.shape[1] / 1e6
     if megapixels > max_megapixels:
         raise InputError(f"{path}: {megapixels:.1f} megapixels, at most {max_megapixels:g} (survey.max_megapixels)")
-    return require_ink(path, _on_paper(picture))
+    return require_workings_drawn(path, _on_paper(picture))
 
 
-def require_ink(path: Path, picture: Image) -> Image:
+def require_workings_drawn(path: Path, picture: Image) -> Image:
     """Return a picture, unless it is of one colour only.
 
     Raises

@@ -18,12 +18,12 @@ from pipeline.survey.georeference import read_placement, world_file
 from pipeline.survey.grid import draw_grid
 from pipeline.survey.image import read_image
 from pipeline.survey.legs import build_workings
-from pipeline.survey.measured import draw_measured, measured_files
 from pipeline.survey.nav2 import nav2_picture
 from pipeline.survey.picture import fill_walls, make_ready, read_picture, turn_picture
 from pipeline.survey.poses import PoseScale, gate_returns, read_poses, read_returns, scale_from_poses
 from pipeline.survey.scale import measure_bar
 from pipeline.survey.stations import read_stations
+from pipeline.survey.vector_survey import draw_vector_survey, vector_files
 from pipeline.types import METRIC, Frame, Georeference, Image, Scale, Survey, Workings
 
 Box = tuple[int, int, int, int]
@@ -58,7 +58,7 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
             plan, frame, georeference = draw_grid(Path(params.map), params.unknown_is_free)
             workings, boxes, scale = MultiPolygon(), [], Scale(frame.px_per_m, "map")
         case _:
-            workings, georeference, plan, frame = draw_measured(params)
+            workings, georeference, plan, frame = draw_vector_survey(params)
             boxes, scale = [], Scale(frame.px_per_m, "drawn")
     registry, named = read_registry(), sources(params)
     licences = {
@@ -109,7 +109,7 @@ def draw_stations(params: StationSurveyParams) -> Reading:
             f"beyond survey.frame_m = {list(extent)}; survey.frame_m=null fits the frame to them"
         )
     frame = frame_around(extent, params.px_per_m)
-    plan, box = draw_plan(workings, frame, params.labels_m, params.scale.bar_length_m, params.ink_grey)
+    plan, box = draw_plan(workings, frame, params.labels_m, params.scale.bar_length_m, params.drawing_grey)
     bar = measure_bar(plan[box[1] : box[3], box[0] : box[2]], params.scale.bar_length_m, "the drawn plan's scale bar")
     return Reading(plan, frame, [box], bar)
 
@@ -132,7 +132,7 @@ def read_plan(params: PlanSurveyParams) -> Reading:
     if params.scale.source == "georeference":
         plan, per_m, georeference = _place_in_map(path, plan, params)
     origin = params.origin_px or (-0.5, plan.shape[0] - 0.5)
-    if params.outlined:
+    if params.line_drawing:
         plan = fill_walls(path, plan, params)
     frame = Frame(1.0, origin[0] + 0.5, origin[1] + 0.5, plan.shape[1], plan.shape[0])
     return Reading(plan, frame, boxes, bar, per_m, georeference)
@@ -193,6 +193,6 @@ def sources(params: SurveyParams) -> list[str]:
         case "grid":
             files = [params.map, nav2_picture(Path(params.map)).as_posix()]
         case _:
-            files = measured_files(params)
+            files = vector_files(params)
     bar = [params.scale.bar_image] if params.kind in ("stations", "plan") and params.scale.bar_image else []
     return files + bar + ([params.poses.file, *params.poses.sweeps.values()] if params.poses else [])

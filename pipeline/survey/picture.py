@@ -9,9 +9,10 @@ import numpy as np
 import pypdfium2
 
 from pipeline.errors import GeometryError, InputError
-from pipeline.geometry.outlined import fill_outlined
+from pipeline.geometry.binarize import dark_pixels
+from pipeline.geometry.line_drawing import fill_line_drawing
 from pipeline.params.survey import PlanSurveyParams
-from pipeline.survey.image import MAX_SIDE_PX, read_image, require_ink
+from pipeline.survey.image import MAX_SIDE_PX, read_image, require_workings_drawn
 from pipeline.survey.shapes import read_text_bytes
 from pipeline.types import Image
 
@@ -25,7 +26,7 @@ def read_picture(path: Path, params: PlanSurveyParams) -> Image:
         If it cannot be read or is too large.
     """
     if path.suffix.lower() == ".pdf":
-        return require_ink(path, draw_page(path, params.page, params.dpi, params.max_megapixels))
+        return require_workings_drawn(path, draw_page(path, params.page, params.dpi, params.max_megapixels))
     return read_image(path, params.max_megapixels)
 
 
@@ -90,10 +91,9 @@ def fill_walls(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
     InputError
         If the walls enclose nothing, or a seed lies outside them.
     """
-    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
-    _, dark = cv2.threshold(grey, 0, 1, cv2.THRESH_BINARY_INV | cv2.THRESH_OTSU)
+    dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
     try:
-        inside = fill_outlined(dark.astype(bool), list(params.seeds_px), params.wall_gap_px)
+        inside = fill_line_drawing(dark, list(params.seeds_px), params.wall_gap_px)
     except GeometryError as error:
         raise InputError(f"{path}: {error}") from error
     return np.where(inside[..., None], 40, 255).astype(np.uint8).repeat(3, axis=2)

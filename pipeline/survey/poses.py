@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 
 from pipeline.errors import GeometryError, InputError
+from pipeline.geometry.binarize import dark_pixels
 from pipeline.geometry.outline import trace_outline
 from pipeline.geometry.raycast import RayCaster, upright_walls
 from pipeline.geometry.registration import Pose, Search, register_scans
@@ -22,7 +23,7 @@ _MAX_ERROR_M = 1.0  # the published plan draws its drifts 1 to 2 m wider than th
 _TURN_RAD, _SHIFT_M = math.radians(2.0), 10.0
 CORRECTION_M, CORRECTION_RAD = 1.5, math.radians(3.0)  # how far off a surveyed pose may be
 _LEAST_RETURNS = 30
-_INK_CHROMA = 40
+_WORKINGS_CHROMA = 40
 _QUATERNION_COLUMNS = 8
 
 
@@ -193,8 +194,8 @@ def require_poses(poses: dict[str, SurveyedPose], sweeps: dict[str, Returns]) ->
 
 def _dark_region(plan: Image, frame: Frame) -> shapely.Polygon:
     """Return the plan's largest dark region, m."""
-    _, dark = cv2.threshold(cv2.cvtColor(plan, cv2.COLOR_BGR2GRAY), 0, 1, cv2.THRESH_BINARY_INV | cv2.THRESH_OTSU)
-    dark[plan.max(axis=2) - plan.min(axis=2) > _INK_CHROMA] = 0
+    dark = dark_pixels(cv2.cvtColor(plan, cv2.COLOR_BGR2GRAY)).astype(np.uint8)
+    dark[plan.max(axis=2) - plan.min(axis=2) > _WORKINGS_CHROMA] = 0
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (9, 9))
     dark = cv2.morphologyEx(cv2.morphologyEx(dark, cv2.MORPH_CLOSE, disc), cv2.MORPH_OPEN, disc)
     if not dark.any():

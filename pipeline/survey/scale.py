@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.geometry.binarize import dark_pixels
 from pipeline.types import Image
 
 _MIN_BAR_PX = 20
@@ -22,8 +23,7 @@ def find_bar(picture: Image) -> tuple[int, int, int, int] | None:
     (col0, row0, col1, row1), px, or None
         The bar with some paper round it.
     """
-    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
-    _, dark = cv2.threshold(grey, 0, 1, cv2.THRESH_BINARY_INV | cv2.THRESH_OTSU)
+    dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)).astype(np.uint8)
     count, _, stats, _ = cv2.connectedComponentsWithStats(dark)
     if count < 3:
         return None
@@ -74,7 +74,7 @@ def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:
     if picture.size == 0:
         raise InputError(f"{name}: the scale bar's box is empty")
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
-    _, dark = cv2.threshold(grey, 0, 1, cv2.THRESH_BINARY_INV | cv2.THRESH_OTSU)
+    dark = dark_pixels(grey).astype(np.uint8)
     if int(grey.max()) - int(grey.min()) < 64 or not dark.any():
         raise InputError(f"{name}: no scale bar (grey values {grey.min()}-{grey.max()}, want a dark bar on light)")
     count, labels, stats, _ = cv2.connectedComponentsWithStats(dark)

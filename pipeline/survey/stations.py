@@ -11,8 +11,8 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.survey.legs import SurveyLeg, check_network
+from pipeline.survey.shapes import REACH_M, read_text_bytes
 
-_REACH_M = 10_000.0  # the world's text and its octree count from the origin; map coordinates would cost their precision
 _COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]
 
 
@@ -35,7 +35,7 @@ def read_stations(path: Path) -> list[SurveyLeg]:
     InputError
         Naming file, line or leg, and the value: missing columns, values that are no numbers, negative widths,
         stations in two places or twice in a leg, legs of one station, legs that cross without a station, legs that
-        hang together with no other.
+        are connected to no other.
     """
     rows = _read_rows(path)
     legs: dict[str, list[tuple[str, tuple[float, ...]]]] = {}
@@ -62,9 +62,7 @@ def read_stations(path: Path) -> list[SurveyLeg]:
 
 def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
     try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+        text = read_text_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text (byte {error.start})") from error
     reader = csv.DictReader(io.StringIO(text), strict=True)
@@ -85,9 +83,9 @@ def _number(path: Path, line: int, column: str, text: str | None) -> float:
         value = float(text or "")
     except ValueError:
         raise InputError(f"{path}:{line}: {column} = {text!r} is not a number") from None
-    if not math.isfinite(value) or abs(value) > _REACH_M:
+    if not math.isfinite(value) or abs(value) > REACH_M:
         raise InputError(
-            f"{path}:{line}: {column} = {text} is not within +-{_REACH_M:g} m; state coordinates from a local origin"
+            f"{path}:{line}: {column} = {text} is not within +-{REACH_M:g} m; state coordinates from a local origin"
         )
     return value
 

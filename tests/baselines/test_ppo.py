@@ -44,7 +44,7 @@ def test_the_training_environment_tells_each_episode_once_and_unscaled(tee):
     env.reset(seed=0)
     twin = MineVectorEnv(3, tee.bundle, task={"max_steps": 40})
     _, before = twin.reset(seed=0)
-    twin.explorers.steps[:] = env.unwrapped.explorers.steps
+    twin.robots.steps[:] = env.unwrapped.robots.steps
     seen, total, ended = before["cells_seen"].copy(), np.zeros(3), 0
     for _ in range(90):
         action = np.tile([1.0, 0.3], (3, 1))

@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 import shapely
 
+from minexplore.bundle import GeomGroup
 from pipeline.errors import LimitError
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.metrics.iou import intersection_over_union
@@ -28,7 +29,7 @@ def columns_of(built: BuiltMine, model: mujoco.MjModel, free=None):
     record = open_bundle(built.bundle).record
     return cast_columns(
         model, np.array(record.T_world_mine), built.cleaned if free is None else free, built.frame, 3.5, 0.2,
-        record.geom_groups["floor"], record.geom_groups["rock"],
+        GeomGroup.FLOOR, GeomGroup.COLLISION,
     )  # fmt: skip
 
 

@@ -10,10 +10,10 @@ from pipeline.metrics.texture import (
     AXES,
     TextureAxes,
     bump_rq_m,
-    ceiling_irregularity_m,
-    ceiling_unevenness_m,
     published_score,
     published_wavelength_m,
+    roof_irregularity_m,
+    roof_unevenness_m,
     roughness_integral_m2,
     strict_score,
     sweep_walls,
@@ -57,7 +57,7 @@ def test_a_plane_scores_near_nothing():
     axes = TextureAxes(
         wall_jaggedness_deg(plane), bump_rq_m(plane), roughness_integral_m2(sweep_walls(plane)),
         wall_wavelength_m(plane, FREE),
-        ceiling_irregularity_m(flat), wall_heterogeneity_m(plane),
+        roof_irregularity_m(flat), wall_heterogeneity_m(plane),
     )  # fmt: skip
     assert strict_score(REAL, axes).overall < 0.01
     assert published_score(REAL, axes).overall < 0.01
@@ -142,10 +142,10 @@ def test_the_ceiling_forgives_a_vault_but_not_its_bumps():
     rng = np.random.default_rng(4)
     x, y = rng.uniform(0, 10, 200_000), rng.uniform(0, 6, 200_000)
     vault = 3.6 - 0.05 * (y - 3) ** 2
-    assert ceiling_irregularity_m(np.column_stack([x, y, vault])) < 1e-9
-    assert ceiling_unevenness_m(np.column_stack([x, y, vault])) < 2e-3
+    assert roof_irregularity_m(np.column_stack([x, y, vault])) < 1e-9
+    assert roof_unevenness_m(np.column_stack([x, y, vault])) < 2e-3
     bumpy = vault + 0.02 * np.sin(2 * np.pi * x / 0.1)
-    assert ceiling_irregularity_m(np.column_stack([x, y, bumpy])) == pytest.approx(0.02 / math.sqrt(2), rel=0.05)
+    assert roof_irregularity_m(np.column_stack([x, y, bumpy])) == pytest.approx(0.02 / math.sqrt(2), rel=0.05)
 
 
 def test_heterogeneity_is_the_spread_of_roughness_not_its_size():

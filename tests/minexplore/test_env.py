@@ -11,8 +11,9 @@ import minexplore  # noqa: F401  (registers the environments)
 from minexplore.bundle import BundleError
 from minexplore.coverage import CoverageGrid
 from minexplore.env import MineEnv
+from minexplore.observation import observe
 from minexplore.reward import CAP, step_reward
-from minexplore.robot import RobotParams, stand
+from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.world import load_world
 from tests.mines import RING, TEE, BuiltMine
@@ -26,15 +27,14 @@ def env(tee: BuiltMine):
 
 
 def place(env, x, y, yaw):
-    """Stand the robot at a pose of the mine frame, at rest."""
+    """Place the robot at a pose of the mine frame, at rest."""
     env.reset(seed=0)
-    env.explorers.qpos[0, :7] = stand(env.explorers.T_world_mine, env.robot, x, y, yaw)
-    env.explorers.qvel[:] = 0
+    env.robots.place(0, x, y, yaw)
 
 
 def ranges_of(env):
     """Return the true ranges, m."""
-    return env.explorers._look(np.arange(1))[0][0]
+    return env.robots.true_ranges(np.arange(1))[0]
 
 
 def drive(env, action, steps):
@@ -82,9 +82,9 @@ def test_beams_measure_the_distance_to_the_rock_that_is_seen(env, tee: BuiltMine
 def test_beams_look_down_at_the_floor_when_the_robot_leans(env):
     place(env, 20.0, 2.5, 0.0)
     lean = math.radians(10)
-    w, x, y, z = env.explorers.qpos[0, 3:7]
+    w, x, y, z = env.robots.qpos[0, 3:7]
     c, s = math.cos(lean / 2), math.sin(lean / 2)
-    env.explorers.qpos[0, 3:7] = [w * c - y * s, x * c - z * s, w * s + y * c, x * s + z * c]  # pitched nose down
+    env.robots.qpos[0, 3:7] = [w * c - y * s, x * c - z * s, w * s + y * c, x * s + z * c]  # pitched nose down
     lift = 0.5 - env.robot.wheel_radius_m
     height = env.robot.wheel_radius_m + lift * math.cos(lean)
     assert ranges_of(env)[0] == pytest.approx(height / math.sin(lean), rel=0.01)
@@ -94,7 +94,7 @@ def test_observations_are_noisy_by_a_centimetre_before_normalising(env):
     place(env, 20.0, 2.5, 0.0)
     ranges = ranges_of(env)
     rng = np.random.default_rng(0)
-    draws = np.array([env.explorers._observe(np.arange(1), ranges[None], [rng])[0, 4] for _ in range(2000)])
+    draws = np.array([observe(env.task, ranges[None], np.zeros((1, 2)), [rng])[0, 4] for _ in range(2000)])
     metres = draws * (10.0 - 0.12) + 0.12
     assert metres.mean() == pytest.approx(ranges[4], abs=0.002)
     assert metres.std() == pytest.approx(0.01, rel=0.1)
@@ -178,9 +178,9 @@ def test_an_action_of_another_shape_is_refused(env, action):
 def test_flat_and_dry_is_flat_and_dry(tee: BuiltMine):
     made = MineEnv(tee.bundle, {"tilt": False, "terrain": False})
     made.reset(seed=0)
-    assert made.explorers.qpos[0, [4, 5]] == pytest.approx(0.0, abs=1e-9)
-    model = made.explorers.windows.spec(None).compile()
-    assert all(model.geom(g.geom).friction[0] == 1.0 for g in made.world.grounds)
+    assert made.robots.qpos[0, [4, 5]] == pytest.approx(0.0, abs=1e-9)
+    model = made.robots.local_models.spec(None).compile()
+    assert all(model.geom(g.geom).friction[0] == 1.0 for g in made.world.floor_zones)
 
 
 def test_unknown_fields_worlds_and_modes_are_refused_with_the_choices(tee: BuiltMine):
@@ -194,7 +194,7 @@ def test_unknown_fields_worlds_and_modes_are_refused_with_the_choices(tee: Built
         MineEnv(tee.bundle, render_mode="ascii")
     with pytest.raises(ValueError, match="valid choices are chase, top"):
         MineEnv(tee.bundle, camera="side")
-    with pytest.raises(ValueError, match="want auto, embree, open3d, mujoco"):
+    with pytest.raises(ValueError, match="want auto, embree, open3d"):
         MineEnv(tee.bundle, lidar="sonar")
 
 

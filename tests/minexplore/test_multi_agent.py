@@ -3,17 +3,13 @@ import pytest
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from minexplore.multi_agent import MineParallelEnv
-from minexplore.robot import stand
 from tests.mines import BuiltMine
 
 
 def put(env, poses):
-    """Stand the team at poses of the mine frame."""
-    team = env.team
+    """Place the team at poses of the mine frame, at rest."""
     for i, (x, y, yaw) in enumerate(poses):
-        team.qpos[i, :7] = stand(team.T_world_mine, team.robot, x, y, yaw)
-    team.data.qpos[team._qpos_at] = team.qpos
-    team.data.qvel[:] = 0
+        env.team.place(i, x, y, yaw)
 
 
 def test_pettingzoos_own_tests_pass(tee: BuiltMine):
@@ -33,11 +29,11 @@ def test_robots_see_each_other(tee: BuiltMine):
     env = MineParallelEnv(robots=2, world=tee.bundle)
     env.reset(seed=0)
     put(env, [(20.0, 2.5, 0.0), (24.0, 2.5, np.pi)])
-    ranges, _ = env.team._look(np.arange(2))
+    ranges = env.team.true_ranges(np.arange(2))
     assert ranges[0, 0] == pytest.approx(4.0 - env.robot.scanner_radius_m, abs=0.02)
     assert ranges[1, 0] == pytest.approx(4.0 - env.robot.scanner_radius_m, abs=0.02)
     put(env, [(20.0, 2.5, 0.0), (24.0, 3.5, np.pi)])
-    ranges, _ = env.team._look(np.arange(2))
+    ranges = env.team.true_ranges(np.arange(2))
     assert ranges[0, 0] == 10.0
 
 

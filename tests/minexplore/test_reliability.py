@@ -9,8 +9,8 @@ import shapely
 from tqdm import tqdm
 
 from minexplore.env import MineEnv
-from minexplore.explorers import Explorers
 from minexplore.robot import RobotParams
+from minexplore.robot_batch import RobotBatch
 from minexplore.task import TaskParams
 from minexplore.vector import MineVectorEnv
 from minexplore.world import load_world
@@ -75,11 +75,11 @@ def test_a_reset_takes_no_more_than_a_millisecond(tee: BuiltMine):
     assert (time.perf_counter() - start) / (160 * 64) < 1e-3
 
 
-def drive_hard(explorers: Explorers, inside, steps: int, seed: int) -> int:
+def drive_hard(robots: RobotBatch, inside, steps: int, seed: int) -> int:
     """Drive at random, full throttle and into walls; return how many control steps were made."""
-    count = explorers.count
+    count = robots.count
     rngs = [np.random.default_rng([seed, i]) for i in range(count)]
-    explorers.reset(np.arange(count), rngs)
+    robots.reset(np.arange(count), rngs)
     rng = np.random.default_rng(seed)
     actions = np.zeros((count, 2))
     made = 0
@@ -87,24 +87,24 @@ def drive_hard(explorers: Explorers, inside, steps: int, seed: int) -> int:
         change = rng.random(count) < 0.1
         fresh = np.column_stack([rng.choice([1.0, -1.0, 0.3], count, p=[0.7, 0.2, 0.1]), rng.uniform(-1, 1, count)])
         actions[change] = fresh[change]
-        outcome = explorers.step(actions, rngs)
+        outcome = robots.step(actions, rngs)
         made += count
         x, y, _ = outcome.info["pose_m_rad"].T
         assert np.isfinite(outcome.observation).all()
-        assert np.isfinite(explorers.state).all()
+        assert np.isfinite(robots.state).all()
         assert shapely.contains_xy(inside, x, y).all(), (step, np.flatnonzero(~shapely.contains_xy(inside, x, y)))
         assert (outcome.reward <= 100).all()
         over = np.flatnonzero(outcome.truncated | (rng.random(count) < 1e-4))
         if len(over):
-            explorers.reset(over, rngs)
+            robots.reset(over, rngs)
     return made
 
 
 def test_hard_driving_leaves_no_nan_and_no_robot_outside(tee: BuiltMine):
     inside = tee.free_space.polygon.buffer(0.01)
     shapely.prepare(inside)
-    explorers = Explorers(load_world(tee.bundle), TaskParams(), RobotParams(), 50)
-    assert drive_hard(explorers, inside, 200, 1) == 10_000
+    robots = RobotBatch(load_world(tee.bundle), TaskParams(), RobotParams(), 50)
+    assert drive_hard(robots, inside, 200, 1) == 10_000
 
 
 @pytest.mark.slow
@@ -113,8 +113,8 @@ def test_a_million_hard_steps_on_the_real_mine(built: Project):
     bundle = built.folder / "artifacts" / "realism" / "world"
     inside = decode(bundle / "free_space.geojson", FreeSpace).polygon.buffer(0.01)
     shapely.prepare(inside)
-    explorers = Explorers(load_world(bundle), TaskParams(), RobotParams(), 200, threads=2)
-    assert drive_hard(explorers, inside, 5000, 2) == 1_000_000
+    robots = RobotBatch(load_world(bundle), TaskParams(), RobotParams(), 200, threads=2)
+    assert drive_hard(robots, inside, 5000, 2) == 1_000_000
 
 
 @pytest.mark.slow

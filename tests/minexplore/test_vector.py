@@ -9,9 +9,8 @@ import shapely
 from gymnasium.vector import AutoresetMode
 
 from minexplore.env import MineEnv
-from minexplore.explorers import Explorers
-from minexplore.lidar import Lidar, surface_meshes
-from minexplore.robot import RobotParams, stand
+from minexplore.robot import RobotParams, free_joint_qpos
+from minexplore.robot_batch import RobotBatch
 from minexplore.task import TaskParams
 from minexplore.vector import MineVectorEnv
 from minexplore.world import load_world
@@ -55,7 +54,7 @@ def test_vector_and_scalar_give_the_same_trajectories_bit_for_bit(tee: BuiltMine
 
 
 def test_a_corner_of_rock_is_met_head_on_and_as_deep_as_it_stands_in_the_disc(tee: BuiltMine):
-    explorers = Explorers(load_world(tee.bundle), TaskParams(tilt=False), RobotParams(), 1)
+    robots = RobotBatch(load_world(tee.bundle), TaskParams(tilt=False), RobotParams(), 1)
     free, pressed = tee.free_space.polygon, 0.05
     ring = shapely.get_coordinates(free.exterior)
     before, after = np.roll(ring[:-1], 1, axis=0), ring[1:]
@@ -70,15 +69,15 @@ def test_a_corner_of_rock_is_met_head_on_and_as_deep_as_it_stands_in_the_disc(te
             place = corner + away * (RobotParams().radius_m - pressed)
             if not free.contains(shapely.Point(place)) or free.boundary.distance(shapely.Point(place)) < 0.2999:
                 continue
-            explorers.place(0, *place, 0.0)
-            model = explorers.windows.model(tuple(explorers.windows.tiles_of(place[None])[0]))
+            robots.place(0, *place, 0.0)
+            model = robots.local_models.model(tuple(robots.local_models.tiles_of(place[None])[0]))
             data = mujoco.MjData(model)
-            mujoco.mj_setState(model, data, explorers.state[0], mujoco.mjtState.mjSTATE_INTEGRATION)
+            mujoco.mj_setState(model, data, robots.state[0], mujoco.mjtState.mjSTATE_INTEGRATION)
             mujoco.mj_forward(model, data)
             rock = [c for c in data.contact if model.geom(c.geom2).name.startswith("rock_")]
             assert max(-c.dist for c in rock) == pytest.approx(pressed, abs=5e-3)
             met += 1
-    explorers.close()
+    robots.close()
     assert met > 10
 
 
@@ -96,7 +95,7 @@ def side_by_side(bundle, count, steps, seed):
     """Step windowed and whole worlds with the same commands; yield both and the robots that still agree."""
     world = load_world(bundle)
     task = TaskParams(terrain=False)  # noise aside: physics is compared
-    window, whole = (Explorers(world, task, RobotParams(), count, whole=w) for w in (False, True))
+    window, whole = (RobotBatch(world, task, RobotParams(), count, whole=w) for w in (False, True))
     rngs = [np.random.default_rng(i) for i in range(count)]
     window.reset(np.arange(count), rngs)
     row, col = np.nonzero(world.clearance_m >= 0.4)
@@ -104,13 +103,13 @@ def side_by_side(bundle, count, steps, seed):
     pick = rng.integers(len(row), size=count)
     places = world.origin_m + (np.column_stack([col[pick], row[pick]]) + 0.5) * world.cell_m
     for i, (x, y) in enumerate(places):
-        window.qpos[i, :7] = stand(window.T_world_mine, window.robot, x, y, rng.uniform(-np.pi, np.pi))
+        window.qpos[i, :7] = free_joint_qpos(window.T_world_mine, window.robot, x, y, rng.uniform(-np.pi, np.pi))
     whole.state[:] = window.state
     for step in range(steps):
         actions = commands(seed, count, step)
         hits = []
-        for explorers in (window, whole):
-            outcome = explorers.step(actions, rngs)
+        for robots in (window, whole):
+            outcome = robots.step(actions, rngs)
             hits.append(outcome.info["collision"])
         yield window, whole, hits
 
@@ -125,9 +124,9 @@ def test_windows_and_the_whole_world_give_the_same_physics(tee: BuiltMine):
         apart = np.abs(window.qpos - whole.qpos).max(axis=1)
         agree &= apart < 1e-9
         assert (hits[0] == hits[1])[agree].all()
-        crossed |= {tuple(t) for t in window.windows.tiles_of(window.poses()[:, :2]).tolist()}
-        for explorers in (window, whole):
-            x, y, _ = explorers.poses().T
+        crossed |= {tuple(t) for t in window.local_models.tiles_of(window.poses()[:, :2]).tolist()}
+        for robots in (window, whole):
+            x, y, _ = robots.poses().T
             assert shapely.contains_xy(inside, x, y).all()
     assert agree.mean() > 0.9, apart
     assert len(crossed) > 10
@@ -170,21 +169,21 @@ def test_only_the_masked_robots_are_reset(tee: BuiltMine):
         before = made.step(commands(5, 3, step))[0]
     after, info = made.reset(options={"reset_mask": np.array([False, True, False])})
     np.testing.assert_array_equal(after[[0, 2]], before[[0, 2]])
-    assert made.explorers.steps.tolist() == [10, 0, 10]
+    assert made.robots.steps.tolist() == [10, 0, 10]
     assert info["_coverage"].tolist() == [False, True, False]
 
 
 def test_a_wrong_action_names_its_robot_and_changes_nothing(tee: BuiltMine):
     made = MineVectorEnv(3, tee.bundle)
     made.reset(seed=0)
-    before = made.explorers.state.copy()
+    before = made.robots.state.copy()
     actions = np.zeros((3, 2))
     actions[2, 1] = np.nan
     with pytest.raises(ValueError, match=r"action of robot 2 = \[0\.0, nan\]"):
         made.step(actions)
     with pytest.raises(ValueError, match=r"shape \(2, 2\): want \(3, 2\)"):
         made.step(np.zeros((2, 2)))
-    np.testing.assert_array_equal(made.explorers.state, before)
+    np.testing.assert_array_equal(made.robots.state, before)
 
 
 def test_step_before_reset_is_refused(tee: BuiltMine):
@@ -213,25 +212,6 @@ def test_the_scalar_env_survives_pickling_and_its_spec_a_round_trip(tee: BuiltMi
     assert again.unwrapped.task.max_steps == 9
     copy = pickle.loads(pickle.dumps(made.unwrapped))
     np.testing.assert_array_equal(copy.reset(seed=3)[0], made.reset(seed=3)[0])
-
-
-@pytest.mark.parametrize("backend", ["embree", "open3d"])
-def test_backends_see_the_same_rock_within_a_millimetre(tee: BuiltMine, backend):
-    spec = mujoco.MjSpec.from_file(str(tee.bundle / "mine.xml"))
-    meshes = surface_meshes(spec, tee.bundle)
-    rng = np.random.default_rng(0)
-    origins = np.column_stack([rng.uniform(1, 79, 60), rng.uniform(1, 4, 60), rng.uniform(0.3, 0.6, 60)])
-    directions = rng.normal(0, 1, (60, 16, 3)) * [1, 1, 0.1]
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
-    one, two = (Lidar(meshes, 10.0, b).cast(origins, directions) for b in ("mujoco", backend))
-    # A ray along an edge may slip past it in one and not in the other.
-    assert (np.abs(one - two) < 1e-3).mean() > 0.998
-
-
-def test_a_missing_backend_says_what_to_install(tee: BuiltMine, monkeypatch):
-    monkeypatch.setattr("minexplore.lidar.find_spec", lambda name: None if name == "embreex" else object())
-    with pytest.raises(ImportError, match="needs embreex: pip install embreex"):
-        Lidar({}, 10.0, "embree")
 
 
 def test_pictures_are_drawn_without_a_screen(tee: BuiltMine):

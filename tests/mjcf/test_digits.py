@@ -5,6 +5,7 @@ import pytest
 import shapely
 from shapely.affinity import rotate, translate
 
+from minexplore.bundle import GeomGroup
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError
 from pipeline.mjcf import digits
@@ -16,11 +17,11 @@ from tests.mines import BuiltMine
 
 def test_a_mine_kilometres_from_its_origin_keeps_its_millimetres(tmp_path):
     far = translate(rotate(shapely.box(0, 0, 40, 6), 21.0), 5123.4567, 7654.3219)
-    coarse = compose(["surface.overlay.spacing_m=0.5", "surface.overlay.back_spacing_m=0.5"])
+    coarse = compose(["surface.rough.spacing_m=0.5", "surface.rough.roof_spacing_m=0.5"])
     mine = BuiltMine(far, coarse, tmp_path / "world")
     world = open_bundle(mine.bundle)
     assert measure_consistency(mine.bundle, world, mine.free_space)["frame_error_m"] < 0.001
-    built = np.concatenate(part_vertices(world.model, world.record.geom_groups["rock"]))
+    built = np.concatenate(part_vertices(world.model, GeomGroup.COLLISION))
     asked = np.concatenate(list(mine.compiled["collision"]))
     assert np.abs(np.sort(built, axis=0) - np.sort(asked, axis=0)).max() < 0.00015
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
+from minexplore.bundle import ROOF_GEOM, WALLS, GeomGroup, is_rock, mesh_file, smooth_mesh
 from pipeline.errors import ArtifactError
 from pipeline.geometry.collision import footprint_errors
 from pipeline.geometry.rasterize import fill_polygon
@@ -48,7 +49,7 @@ def test_a_moved_and_zipped_bundle_is_the_same_world(tee: BuiltMine, tmp_path):
 
 def test_walls_in_the_compiled_model_stand_where_the_outline_has_them(tee: BuiltMine):
     world = open_bundle(tee.bundle)
-    parts = part_vertices(world.model, world.record.geom_groups["rock"])
+    parts = part_vertices(world.model, GeomGroup.COLLISION)
     assert len(parts) == world.record.collision_parts
     intrusion, missing = footprint_errors(parts, tee.free_space.polygon, shapely.box(*world.record.world_m))
     assert intrusion < 1e-4
@@ -97,7 +98,7 @@ def sliding_speed(world, zone, seconds=1.0, speed=2.0):
     block.add_freejoint()
     block.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.3, 0.3, 0.1], mass=20, friction=[1.0, 0.005, 0.0001])
     for geom in spec.geoms:
-        if geom.name.startswith(("rock_", "back")):
+        if is_rock(geom.name) or geom.name == ROOF_GEOM:
             geom.contype = geom.conaffinity = 0
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -121,8 +122,9 @@ def test_a_rubber_block_slides_as_each_zones_friction_says_not_as_its_own(tee: B
         assert travelled[zone] == pytest.approx(4 / (2 * friction * 9.81), rel=0.15), zone
 
 
-def test_zones_of_any_number_tile_without_gap():
-    zones = tile_zones([(f"z{i}", 1.0, (0, 0, 0, 1)) for i in range(7)], (-3.3, 0.0, 96.6, 10.0))
+def test_zones_of_any_number_tile_without_gap(config):
+    zone = config.realism.zones[0]
+    zones = tile_zones([zone.model_copy(update={"name": f"z{i}"}) for i in range(7)], (-3.3, 0.0, 96.6, 10.0))
     assert zones[0].west_m == -3.3
     assert zones[-1].east_m == 96.6
     assert all(a.east_m == b.west_m for a, b in itertools.pairwise(zones))
@@ -169,7 +171,7 @@ def test_a_tampered_bundle_is_refused_and_the_file_named(tee: BuiltMine, tmp_pat
             (bundle / "mine.xml").write_text((bundle / "mine.xml").read_text().replace("rock_0001", "rock_9991"))
             name = r"mine\.xml"
         case "drop":
-            (bundle / "meshes" / "base_walls.msh").unlink()
+            (bundle / mesh_file(smooth_mesh(WALLS))).unlink()
             name = r"walls\.msh: missing"
         case "add":
             (bundle / "extra.bin").write_bytes(b"x")

@@ -1,4 +1,3 @@
-import json
 import os
 
 import numpy as np
@@ -9,7 +8,6 @@ from pipeline.errors import ArtifactError, InputError
 from pipeline.store.codecs import Meshes, decode, encode
 from pipeline.store.files import recover_folder, replace_folder, write_atomically
 from pipeline.store.hashing import import_closure, sha256_bytes, sha256_named
-from pipeline.store.manifest import output_sha256
 from pipeline.store.registry import read_registry, register, verify_input
 from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Mask, Mesh, Occupancy, Survey
 from tests.mines import BuiltMine
@@ -36,10 +34,10 @@ def test_every_kind_of_artifact_survives_writing_and_reading(tmp_path, tee: Buil
     grid = round_trip(tmp_path, "f.npz", tee.compiled["occupancy"], Occupancy)
     assert grid.cell_m == tee.compiled["occupancy"].cell_m
     assert (grid.clearance_m == tee.compiled["occupancy"].clearance_m).all()
-    meshes = round_trip(tmp_path, "g.npz", tee.surface["meshes"], Meshes)
-    assert set(meshes) == set(tee.surface["meshes"])
+    meshes = round_trip(tmp_path, "g.npz", tee.surface["smooth"], Meshes)
+    assert set(meshes) == set(tee.surface["smooth"])
     assert isinstance(meshes["walls"], Mesh)
-    assert (meshes["walls"].faces == tee.surface["meshes"]["walls"].faces).all()
+    assert (meshes["walls"].faces == tee.surface["smooth"]["walls"].faces).all()
 
 
 def test_a_broken_artifact_is_named_and_a_pickle_is_never_opened(tmp_path):
@@ -99,15 +97,6 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
         write_atomically(path, b"new")
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_volatile_keys_do_not_change_a_hash_and_others_do():
-    one = json.dumps({"world": {"load_s": 1.0, "bytes": 5}}).encode()
-    two = json.dumps({"world": {"load_s": 2.0, "bytes": 5}}).encode()
-    three = json.dumps({"world": {"load_s": 1.0, "bytes": 6}}).encode()
-    key = ["world.load_s"]
-    assert output_sha256(one, key) == output_sha256(two, key) != output_sha256(three, key)
-    assert output_sha256(one, []) == sha256_bytes(one)
 
 
 def test_a_named_hash_is_what_sha256sum_would_say_of_its_listing():

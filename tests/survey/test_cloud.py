@@ -15,7 +15,7 @@ LIMITS = CloudLimits(
 
 @pytest.fixture
 def drift() -> np.ndarray:
-    """A drift 12 m long, 5 m wide, 3 m high, seen from its middle: points on walls, back and sill."""
+    """A drift 12 m long, 5 m wide, 3 m high, seen from its middle: points on walls, roof and floor."""
     rng = np.random.default_rng(0)
     x, u = rng.uniform(-6, 6, 6000), rng.uniform(0, 1, 6000)
     side = np.arange(6000) % 4
@@ -128,8 +128,8 @@ def test_an_unknown_ending_lists_the_readers(tmp_path):
 def test_a_drift_splits_into_walls_back_and_sill(drift):
     parts = split_surfaces(drift)
     assert np.median(np.abs(parts["wall"][:, 1])) == pytest.approx(2.5)
-    assert np.median(parts["back"][:, 2]) == pytest.approx(2.0)
-    assert np.median(parts["sill"][:, 2]) == pytest.approx(-1.0)
+    assert np.median(parts["roof"][:, 2]) == pytest.approx(2.0)
+    assert np.median(parts["floor"][:, 2]) == pytest.approx(-1.0)
     assert sum(map(len, parts.values())) == len(drift)
 
 
@@ -143,4 +143,4 @@ def test_lone_points_are_dropped_as_outliers(drift):
 def test_a_scanned_cave_is_sampled_evenly(shared_rock):
     points = read_cloud(shared_rock, "m", CloudLimits(0.02, (0.0, 100.0), 10**7, (1.0, 12.0), 2000))
     assert np.ptp(points, axis=0) == pytest.approx([11.6, 3.6, 2.0], abs=0.3)
-    assert {k for k, v in split_surfaces(points).items() if len(v) > 1000} == {"wall", "back", "sill"}
+    assert {k for k, v in split_surfaces(points).items() if len(v) > 1000} == {"wall", "roof", "floor"}

@@ -1,4 +1,4 @@
-"""Plans as pictures: PDF pages, light on dark, outlined, cropped, turned, placed in a map; occupancy grids."""
+"""Plans as pictures: PDF pages, light on dark, drawn as lines, cropped, turned, placed in a map; occupancy grids."""
 
 import cv2
 import numpy as np
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from rasterio.transform import from_origin
 
 from pipeline.errors import GeometryError, InputError
-from pipeline.geometry.outlined import fill_outlined
+from pipeline.geometry.line_drawing import fill_line_drawing
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.survey import GridSurveyParams, PlanSurveyParams
 from pipeline.survey.load import read_survey, sources
@@ -89,7 +89,7 @@ def test_outlined_drifts_are_filled_to_the_middle_of_their_walls(room, tracing):
         cv2.polylines(picture, [points], True, (0, 0, 0), 3)
     write_png(room / "plan.png", picture)
     seed = tuple(frame.to_image(np.array([[1.0, 1.0]]))[0])
-    found, _ = traced_from(plan_params("plan.png", 16.0, outlined=True, seeds_px=[seed]), tracing)
+    found, _ = traced_from(plan_params("plan.png", 16.0, line_drawing=True, seeds_px=[seed]), tracing)
     assert overlap(found, RING) > 0.985
     assert len(found.interiors) == 1
 
@@ -104,7 +104,7 @@ def test_without_seeds_walls_are_counted_from_the_edge_and_a_frame_is_none(frame
     if framed:
         cv2.rectangle(picture, (5, 5), (frame.width_px - 6, frame.height_px - 6), 1, 2)
     truth = fill_polygon(RING, frame)
-    found = fill_outlined(picture.astype(bool), [], 2.0)
+    found = fill_line_drawing(picture.astype(bool), [], 2.0)
     assert (found & truth).sum() / (found | truth).sum() > 0.97
 
 
@@ -119,11 +119,11 @@ def test_a_gap_in_a_drawn_wall_is_closed_or_named():
     lines = ~fill_polygon(shapely.box(0, 0, 20, 10).buffer(-0.5), frame_for(shapely.box(0, 0, 20, 10)))
     lines &= fill_polygon(shapely.box(0, 0, 20, 10), frame_for(shapely.box(0, 0, 20, 10)))
     lines[:, 100:104] = False
-    assert fill_outlined(lines, [(60.0, 60.0)], 6.0).any()
+    assert fill_line_drawing(lines, [(60.0, 60.0)], 6.0).any()
     with pytest.raises(GeometryError, match="a wall has a gap wider than"):
-        fill_outlined(lines, [(60.0, 60.0)], 0.0)
+        fill_line_drawing(lines, [(60.0, 60.0)], 0.0)
     with pytest.raises(GeometryError, match=r"\(9999, 0\) lies beyond"):
-        fill_outlined(lines, [(9999.0, 0.0)], 6.0)
+        fill_line_drawing(lines, [(9999.0, 0.0)], 6.0)
 
 
 def test_a_box_is_cut_out_turned_and_cleaned_of_a_colour(room, tracing):

@@ -4,8 +4,8 @@ import pytest
 import shapely
 
 from pipeline.errors import GeometryError, InputError
-from pipeline.geometry.ink import binarise, fill_islands, mend_ink, require_workings
-from pipeline.geometry.parts import choose_component
+from pipeline.geometry.binarize import binarize, clean_mask, fill_islands, require_workings
+from pipeline.geometry.components import choose_mask_component
 from pipeline.survey.draw import draw_plan, frame_around
 from pipeline.survey.image import read_image
 from pipeline.survey.scale import measure_bar
@@ -17,7 +17,7 @@ def test_a_drawn_plan_shows_the_workings_the_letters_and_a_bar_that_measures_its
     drift = shapely.box(-0.0625, -0.0625, 99.9375, 4.9375)  # pixel borders lie at odd sixteenths
     plan, (col0, row0, col1, row1) = draw_plan(drift, frame, {"A": (50, 13)}, 50.0, 40)
     assert measure_bar(plan[row0:row1, col0:col1], 50.0, "bar") == 8.0
-    mask = binarise(plan, None, 40, 2, [(col0, row0, col1, row1)])
+    mask = binarize(plan, None, 40, 2, [(col0, row0, col1, row1)])
     assert mask.sum() == drift.area * 64
     red = (plan[..., 2] > 200) & (plan[..., 1] < 60)
     assert red.sum() > 100
@@ -38,48 +38,48 @@ def test_a_plan_without_room_for_its_bar_says_so():
 def test_letters_over_the_paper_are_removed_and_over_ink_leave_only_their_own_pixels():
     frame = frame_for(RING)
     plan = plan_of(RING, frame)
-    clean_mask = binarise(plan, None, 40, 2, [])
+    clean_mask = binarize(plan, None, 40, 2, [])
     plan[5:25, 5:25] = (0, 0, 255)
-    assert (binarise(plan, None, 40, 2, []) == clean_mask).all()
+    assert (binarize(plan, None, 40, 2, []) == clean_mask).all()
 
 
 def test_gaps_are_bridged_specks_dropped_and_small_holes_filled():
     frame = frame_for(STRAIGHT)
-    mask = binarise(plan_of(STRAIGHT, frame), None, 40, 2, [])
+    mask = binarize(plan_of(STRAIGHT, frame), None, 40, 2, [])
     spoilt = mask.copy()
     spoilt[:, 400:404] = False  # a gap of half a metre
     spoilt[2:4, 2:4] = True  # a speck
     spoilt[50:54, 200:204] = False  # a hole of a quarter square metre
-    mended = fill_islands(choose_component(mend_ink(spoilt, 0.5 * 8, 0.5 * 8), frame, []), 10 * 64)
+    mended = fill_islands(choose_mask_component(clean_mask(spoilt, 0.5 * 8, 0.5 * 8), frame, []), 10 * 64)
     assert np.count_nonzero(mended != mask) <= 48  # the opening rounds the corners
 
 
 def test_of_two_workings_the_larger_stays():
     frame = frame_for(shapely.box(0, 0, 100, 30))
     two = shapely.union_all([shapely.box(0, 0, 100, 5), shapely.box(0, 20, 40, 25)])
-    kept = choose_component(binarise(plan_of(two, frame), None, 40, 0, []), frame, [])
+    kept = choose_mask_component(binarize(plan_of(two, frame), None, 40, 0, []), frame, [])
     assert kept.sum() == 100 * 5 * 64
 
 
 def test_an_island_of_the_stated_size_stays_and_a_smaller_one_is_filled():
     frame = frame_for(STRAIGHT)
     mine = STRAIGHT.difference(shapely.box(20, 1, 24, 4)).difference(shapely.box(60, 1, 62, 4))
-    kept = fill_islands(binarise(plan_of(mine, frame), None, 40, 0, []), 10 * 64)
+    kept = fill_islands(binarize(plan_of(mine, frame), None, 40, 0, []), 10 * 64)
     assert kept.sum() == (500 - 12) * 64
 
 
 def test_an_inverted_plan_is_recognised():
     frame = frame_for(STRAIGHT)
-    raw = binarise(255 - plan_of(STRAIGHT, frame), None, 40, 0, [])
+    raw = binarize(255 - plan_of(STRAIGHT, frame), None, 40, 0, [])
     with pytest.raises(GeometryError, match="is the plan inverted"):
-        require_workings(raw, choose_component(raw, frame, []), 8.0, 50.0, 0.5)
+        require_workings(raw, choose_mask_component(raw, frame, []), 8.0, 50.0, 0.5)
 
 
 def test_a_plan_with_too_little_ink_names_the_largest_region():
     frame = frame_for(shapely.box(0, 0, 20, 20))
-    raw = binarise(plan_of(shapely.box(0, 0, 4, 3), frame), None, 40, 0, [])
+    raw = binarize(plan_of(shapely.box(0, 0, 4, 3), frame), None, 40, 0, [])
     with pytest.raises(GeometryError, match=r"larger than 50 m2 \(largest is 12\.0 m2 at 8\.00 px/m\)"):
-        require_workings(raw, choose_component(raw, frame, []), 8.0, 50.0, 0.5)
+        require_workings(raw, choose_mask_component(raw, frame, []), 8.0, 50.0, 0.5)
 
 
 @pytest.mark.parametrize(

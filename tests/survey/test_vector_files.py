@@ -18,8 +18,8 @@ from pipeline.params.survey import VectorSurveyParams
 from pipeline.survey.dxf import read_dxf
 from pipeline.survey.geodata import companions, read_geodata
 from pipeline.survey.geojson import read_geojson
-from pipeline.survey.measured import draw_measured
 from pipeline.survey.shapes import Shapes, locate, workings_of
+from pipeline.survey.vector_survey import draw_vector_survey
 from tests.mines import RING, TEE
 
 
@@ -191,7 +191,7 @@ def test_walls_at_whole_and_half_metres_pass_no_pixels_centre(tmp_path, monkeypa
     (tmp_path / "data/mine.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [
         {"type": "Feature", "properties": {}, "geometry": shapely.geometry.mapping(mine)}]}))  # fmt: skip
     said = {"kind": "vector", "name": "mine", "file": "data/mine.geojson", "unit": "m", "origin": (0.0, 0.0)}
-    workings, _, _, frame = draw_measured(VectorSurveyParams.model_validate(said))
+    workings, _, _, frame = draw_vector_survey(VectorSurveyParams.model_validate(said))
     as_drawn = fill_polygon(workings, frame)
     for aside_m in (0.01, -0.01):
         assert (fill_polygon(translate(workings, aside_m, aside_m), frame) == as_drawn).all()

@@ -1,0 +1,136 @@
+"""Physics models of parts of a mine: fewer geoms make a faster step, so a model holds the rock near a robot only."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from minexplore.bundle import MINE_BODY, MODEL, RECORD, ROCK_CLASS, ROOF_GEOM, BundleError, is_rock
+from minexplore.robot import ROCK_BODY, RobotParams, attach_robot, contact_sensor, separate_contacts
+from minexplore.rotations import quaternion
+from minexplore.task import TaskParams
+from minexplore.tiles import Tile, tiles_at
+from minexplore.world import World
+
+TILE_M = 2.0
+_MARGIN_M = 0.1  # beyond the robot's radius and one control step's travel; contacts need none of it
+
+
+@dataclass(frozen=True)
+class RockPart:
+    """One convex collision part: its mesh vertices, place, and outline in plan (m, mine frame)."""
+
+    name: str
+    vertices: np.ndarray
+    place: np.ndarray
+    outline: np.ndarray
+
+
+class LocalModels:
+    """Physics models of a world, one a square tile of the plan, each with one robot and the same state layout."""
+
+    def __init__(self, world: World, task: TaskParams, robot: RobotParams, whole: bool = False) -> None:
+        """Read the world's collision parts; with `whole` every tile's model is that of all parts."""
+        self.world, self.task, self.robot, self.whole = world, task, robot, whole
+        self.T_world_mine = world.T_world_mine.copy()
+        if not task.tilt:
+            self.T_world_mine[:3, :3] = np.eye(3)
+        self._spec = world.spec()
+        self.parts = [_part(self._spec, g) for g in self._spec.geoms if is_rock(g.name)]
+        self._zones = {zone.geom: zone for zone in world.active_zones(task.terrain)}
+        absent = sorted(set(self._zones) - {geom.name for geom in self._spec.geoms})
+        if absent:
+            raise BundleError(f"{world.folder / MODEL}: no geom {absent[0]!r} of a floor zone that {RECORD} names")
+        self._margin_m = robot.radius_m + task.max_forward_mps * task.control_s + _MARGIN_M
+
+    def tiles_of(self, xy: np.ndarray) -> np.ndarray:
+        """Return each place's tile (n, 2); a whole world has one."""
+        if self.whole:
+            return np.zeros((len(xy), 2), dtype=int)
+        return tiles_at(xy, TILE_M)
+
+    def model(self, tile: Tile) -> mujoco.MjModel:
+        """Compile the model of a tile: floor, roof, the parts that a robot in it can touch, and the robot."""
+        return self.spec(tile).compile()
+
+    def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
+        """Return a physics model's spec; without a tile it holds all parts."""
+        spec = physics_spec(self.task)
+        mine = spec.worldbody.add_body(name=MINE_BODY, pos=self.T_world_mine[:3, 3])
+        mine.quat = quaternion(self.T_world_mine[:3, :3])
+        solid = mine.add_body(name=ROCK_BODY)  # one pair test of bodies then rules the rock out for the wheels
+        everything = tile is None or self.whole
+        low, high = (np.full(2, -np.inf), np.full(2, np.inf)) if everything else self.reach(np.array(tile))
+        self._add_floor_and_roof(mine, solid, low, high)
+        rock = self._spec.find_default(ROCK_CLASS).geom
+        for part in self.parts if everything else [part for part in self.parts if _meets(part.outline, low, high)]:
+            spec.add_mesh(name=part.name, uservert=part.vertices.ravel())
+            solid.add_geom(
+                name=part.name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part.name, pos=part.place,
+                friction=rock.friction, group=rock.group,
+            )  # fmt: skip
+        separate_contacts(spec)
+        for name in robots:
+            attach_robot(spec, name, self.robot)
+            contact_sensor(spec, name)
+        return spec
+
+    def _add_floor_and_roof(
+        self, mine: mujoco.MjsBody, solid: mujoco.MjsBody, low: np.ndarray, high: np.ndarray
+    ) -> None:
+        """Add the floor zones and the roof that reach into a box of the plan."""
+        for geom in self._spec.geoms:
+            zone = self._zones.get(geom.name)
+            if (zone is None and geom.name != ROOF_GEOM) or not _overlaps(geom, low, high):
+                continue
+            friction = geom.friction if zone is None else [zone.friction, *geom.friction[1:]]
+            (solid if zone is None else mine).add_geom(
+                name=geom.name, type=geom.type, pos=geom.pos, size=geom.size, friction=friction,
+                priority=geom.priority, group=geom.group,
+            )  # fmt: skip
+
+    def reach(self, tile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step.
+
+        A tile (2,) or many (n, 2).
+        """
+        low = tile * TILE_M - self._margin_m
+        return low, low + TILE_M + 2 * self._margin_m
+
+
+def physics_spec(task: TaskParams) -> mujoco.MjSpec:
+    """Return an empty spec with the solver's options that all physics of the task has."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep = task.physics_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # MuJoCo 3.17's several contacts of a cylinder at a prism's edge lie along the prism's face: the edge sinks in.
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
+    return spec
+
+
+def _overlaps(geom: mujoco.MjsGeom, low: np.ndarray, high: np.ndarray) -> bool:
+    """Return whether a box geom reaches into a box of the plan."""
+    place, half = np.array(geom.pos)[:2], np.array(geom.size)[:2]
+    return bool((place - half <= high).all() and (place + half >= low).all())
+
+
+def _part(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> RockPart:
+    vertices = np.array(spec.mesh(geom.meshname).uservert).reshape(-1, 3)
+    place = np.array(geom.pos)
+    return RockPart(geom.name, vertices, place, vertices[:, :2] + place[:2])
+
+
+def _meets(outline: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:
+    """Return whether a convex outline (n, 2), in any order, may meet a box: no edge of it separates the two."""
+    if (outline.max(axis=0) < low).any() or (outline.min(axis=0) > high).any():
+        return False
+    corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
+    centre = outline.mean(axis=0)
+    ring = outline[np.argsort(np.arctan2(*(outline - centre).T[::-1]), kind="stable")]
+    edges = np.roll(ring, -1, axis=0) - ring
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]])
+    ours, theirs = ring @ normals.T, corners @ normals.T
+    return not bool(((ours.max(axis=0) < theirs.min(axis=0)) | (ours.min(axis=0) > theirs.max(axis=0))).any())

@@ -1,0 +1,85 @@
+"""The choice of an OpenGL library where there is no display."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import os
+import sys
+from contextlib import suppress
+
+from mujoco.rendering.classic import gl_context
+
+_EGL, _OSMESA = "libEGL.so.1", ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so")
+_EGL_PLATFORM_DEVICE, _MOST_DEVICES = 0x313F, 32
+
+
+class DisplayError(RuntimeError):
+    """Nothing can be drawn on this machine as it is; the message says what to install or set."""
+
+
+def prepare_opengl(render_mode: str) -> None:
+    """Choose EGL or OSMesa for MuJoCo where a Linux machine has no display.
+
+    MuJoCo chooses by `MUJOCO_GL` when it is imported, and takes GLFW where that is unset, which needs a display. A
+    value that the user set is kept.
+
+    Raises
+    ------
+    DisplayError
+        If nothing can draw in this mode; the message says what to install or set.
+    """
+    if not sys.platform.startswith("linux") or has_display():
+        return
+    if render_mode == "human":
+        raise DisplayError("render_mode = 'human' needs a display, and DISPLAY is not set; 'rgb_array' needs none")
+    chosen = os.environ.get("MUJOCO_GL", "").strip().lower()
+    if chosen == "glfw":
+        raise DisplayError("MUJOCO_GL = 'glfw' needs a display, and DISPLAY is not set; 'egl' and 'osmesa' need none")
+    if chosen:
+        return
+    works = next((name for name, test in (("egl", egl_works), ("osmesa", osmesa_works)) if test()), None)
+    if works is None:
+        raise DisplayError(
+            "no display, and neither EGL nor OSMesa works; install one of them, on Debian by "
+            "`apt install libegl1 libgl1-mesa-dri` or `apt install libosmesa6`"
+        )
+    os.environ["MUJOCO_GL"] = works
+    importlib.reload(gl_context)  # MuJoCo is imported already, and has chosen GLFW
+
+
+def has_display() -> bool:
+    """Return whether an X or Wayland display is announced."""
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def egl_works() -> bool:
+    """Return whether EGL initialises on a device without a display, as MuJoCo asks it to."""
+    try:
+        egl = ctypes.CDLL(_EGL)
+    except OSError:
+        return False
+    egl.eglGetProcAddress.restype = ctypes.c_void_p
+    addresses = [egl.eglGetProcAddress(name) for name in (b"eglQueryDevicesEXT", b"eglGetPlatformDisplayEXT")]
+    if not all(addresses):
+        return False
+    query = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)(addresses[0])
+    display_of = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p)(addresses[1])
+    devices, count = (ctypes.c_void_p * _MOST_DEVICES)(), ctypes.c_int(0)
+    if not query(_MOST_DEVICES, devices, ctypes.byref(count)):
+        return False
+    for device in devices[: count.value]:
+        display = display_of(_EGL_PLATFORM_DEVICE, device, None)
+        if display and egl.eglInitialize(ctypes.c_void_p(display), None, None):
+            egl.eglTerminate(ctypes.c_void_p(display))
+            return True
+    return False
+
+
+def osmesa_works() -> bool:
+    """Return whether OSMesa, Mesa's renderer into memory, can be loaded."""
+    for name in _OSMESA:
+        with suppress(OSError):
+            ctypes.CDLL(name)
+            return True
+    return False

@@ -1,0 +1,20 @@
+"""Square tiles of the plan, which models and scenes of a part of the mine are made by."""
+
+from __future__ import annotations
+
+import numpy as np
+
+Tile = tuple[int, int]  # column and row
+
+
+def tiles_at(places_m: np.ndarray, size_m: float) -> np.ndarray:
+    """Return the column and row (n, 2) int of the tile under each place (n, 2) m."""
+    return np.floor(places_m / size_m).astype(int)
+
+
+def group_by_tile(tiles: np.ndarray) -> list[tuple[Tile, np.ndarray]]:
+    """Return each tile among rows (n, 2) with the numbers of its rows, in the order of the tiles."""
+    order = np.lexsort(tiles.T[::-1])
+    borders = np.flatnonzero(np.any(np.diff(tiles[order], axis=0) != 0, axis=1)) + 1
+    groups = [group for group in np.split(order, borders) if len(group)]
+    return [((int(tiles[group[0], 0]), int(tiles[group[0], 1])), group) for group in groups]

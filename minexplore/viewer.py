@@ -1,0 +1,41 @@
+"""MuJoCo's interactive viewer, closed so that the process can end."""
+
+from __future__ import annotations
+
+import atexit
+import threading
+from collections.abc import Callable
+
+import mujoco
+import mujoco.viewer
+
+_CLOSE_S = 10.0  # longest wait for the viewer's threads to end
+
+
+class Viewer:
+    """A window that shows a model's data until it is closed.
+
+    MuJoCo's passive viewer runs in threads of its own, and its `close` returns before they end. An interpreter that
+    exits meanwhile terminates GLFW under them, which is a segmentation fault. `close` therefore waits for them, and is
+    called at exit where the user does not call it.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, on_key: Callable[[int], None]) -> None:
+        """Open the window; `on_key` gets GLFW's codes of the keys that are pressed."""
+        before = set(threading.enumerate())
+        self._handle = mujoco.viewer.launch_passive(
+            model, data, key_callback=on_key, show_left_ui=False, show_right_ui=False
+        )
+        self._threads = set(threading.enumerate()) - before
+        atexit.register(self.close)
+
+    def sync(self) -> None:
+        """Show the data's present state."""
+        self._handle.sync()
+
+    def close(self) -> None:
+        """Close the window and wait for its threads."""
+        atexit.unregister(self.close)
+        self._handle.close()
+        for thread in self._threads:
+            thread.join(_CLOSE_S)

@@ -1,0 +1,162 @@
+"""Families of worlds: generated mines, or variants of one within its survey's error, in splits that share no seed."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from minexplore.bundle import read_bundle
+from pipeline.build.world import make_world
+from pipeline.compose import compose
+from pipeline.errors import InputError, LimitError
+from pipeline.metrics.limits import flatten
+from pipeline.stage import ARTIFACTS
+from pipeline.store.files import write_atomically
+
+FAMILIES = ARTIFACTS / "families"
+STYLES = ("room_and_pillar", "drift_and_crosscut", "ramp", "cave")
+SPLITS = {"train": 0, "validation": 1_000_000, "test": 2_000_000}  # the first seed of each
+
+
+@dataclass(frozen=True)
+class Member:
+    """One world of a family, and the overrides that make it."""
+
+    folder: str
+    split: str
+    seed: int
+    style: str
+    overrides: list[str]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a member; `problem` is None if every limit holds."""
+
+    member: Member
+    world_sha256: str | None
+    iou: float | None
+    certificate: bool
+    problem: str | None
+
+
+Progress = Callable[[Iterable[Outcome], int], Iterable[Outcome]]
+
+
+def generated(split: str, count: int, overrides: list[str]) -> list[Member]:
+    """Return the members of a split of generated mines, the four styles in turn."""
+    members = []
+    for i in range(count):
+        seed, style = SPLITS[split] + i, STYLES[i % len(STYLES)]
+        made = [
+            "survey=procedural",
+            f"survey.seed={seed}",
+            f"survey.mine.style={style}",
+            f"survey.name={split}-{i:04d}",
+        ]
+        members.append(Member(f"{split}/{i:04d}", split, seed, style, [*made, *overrides]))
+    return members
+
+
+def variants(
+    name: str,
+    workings: Path,
+    split: str,
+    count: int,
+    height_sd_m: float,
+    world_params: dict[str, Any],
+    overrides: list[str],
+) -> list[Member]:
+    """Return variants of one mine: each its own stations, ribs and height within the survey's error.
+
+    `world_params` are the mine's parameters (`pipeline.worlds.world_params`); variants keep its height and entrance.
+    """
+    members, place = [], world_params.get("survey.entrance_m")
+    entrance = "null" if place is None else f"[{place[0]},{place[1]}]"
+    for i in range(count):
+        seed = SPLITS[split] + i
+        height = world_params["compile3d.height_m"] + np.random.default_rng(seed).normal(0.0, height_sd_m)
+        made = ["survey=variant", f"survey.seed={seed}", f"survey.workings={workings.as_posix()}",
+                f"survey.name={name}-{split}-{i:04d}", f"survey.entrance_m={entrance}",
+                f"compile3d.height_m={height:.2f}"]  # fmt: skip
+        members.append(Member(f"{name}/{split}/{i:04d}", split, seed, f"variant of {name}", [*made, *overrides]))
+    return members
+
+
+def make_family(members: list[Member], jobs: int, progress: Progress) -> Path:
+    """Build all members, in parallel over the cores or, with `RAY_ADDRESS`, over a cluster that shares this folder.
+
+    Members that are fresh are passed over; what an interrupted run has built stays.
+
+    Returns
+    -------
+    Path
+        `artifacts/families/manifest.json`: every world that was ever asked for, its split, seed and hash.
+
+    Raises
+    ------
+    LimitError
+        If worlds breach a limit or could not be built; the manifest says which and why.
+    """
+    done = _over_cluster(members) if os.environ.get("RAY_ADDRESS") else _over_cores(members, jobs)
+    outcomes = list(progress(done, len(members)))
+    file = FAMILIES / "manifest.json"
+    known = json.loads(file.read_text()) if file.is_file() else {}
+    known |= {o.member.folder: asdict(o) for o in outcomes}
+    write_atomically(file, (json.dumps(dict(sorted(known.items())), indent=1) + "\n").encode())
+    failed = [o for o in outcomes if o.problem is not None]
+    if failed:
+        first = failed[0]
+        raise LimitError(f"{len(failed)} of {len(outcomes)} worlds failed, {first.member.folder}: {first.problem}")
+    return file
+
+
+def make_member(member: Member) -> Outcome:
+    """Build one member and say what became of it; its figures are told where all six stages have run."""
+    folder, problem = FAMILIES / member.folder, None
+    try:
+        config = compose(member.overrides)
+        if config.survey.kind == "procedural":  # an override may have changed either
+            member = replace(member, seed=config.survey.seed, style=config.survey.mine.style)
+        try:
+            make_world(config, folder)
+        except LimitError as error:
+            problem = f"LimitError: {error}"
+        figures = flatten(json.loads((folder / "validation" / "metrics.json").read_text()))
+        digest = str(read_bundle(folder / "realism" / "world")["world_sha256"])
+        iou, certificate = float(figures["iou.free_space_vs_cleaned"]), bool(figures["certificate.holds"])
+        return Outcome(member, digest, iou, certificate, problem)
+    except Exception as error:  # whatever it is, this world fails and the others go on
+        return Outcome(member, None, None, False, f"{type(error).__name__}: {error}")
+
+
+def _over_cores(members: list[Member], jobs: int) -> Iterator[Outcome]:
+    with ProcessPoolExecutor(min(jobs, len(members))) as pool:
+        yield from (future.result() for future in as_completed([pool.submit(make_member, m) for m in members]))
+
+
+def _over_cluster(members: list[Member]) -> Iterator[Outcome]:
+    try:
+        import ray
+    except ImportError:
+        raise InputError("RAY_ADDRESS is set, and Ray is not installed; `make setup-baselines` installs it") from None
+    ray.init(address=os.environ["RAY_ADDRESS"], ignore_reinit_error=True, logging_level="ERROR",
+             runtime_env={"env_vars": {"PYTHONPATH": str(Path.cwd())}})  # fmt: skip
+    here = Path.cwd()
+
+    @ray.remote  # type: ignore[untyped-decorator]
+    def build(member: Member) -> Outcome:
+        os.chdir(here)
+        return make_member(member)
+
+    waiting = [build.remote(member) for member in members]
+    while waiting:
+        (ready,), waiting = ray.wait(waiting, num_returns=1)
+        yield ray.get(ready)

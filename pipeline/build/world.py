@@ -1,0 +1,51 @@
+"""Run all six stages for one world in a folder of its own; a fresh stage is not run again, as under `dvc repro`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pipeline.params.config import Config
+from pipeline.stage import Stage, check_again, is_fresh, make_artifacts
+from pipeline.store.files import recover_folder, write_atomically
+from stages.__main__ import load_stages
+
+Progress = Callable[[list[Stage]], Iterable[Stage]]
+
+
+def make_world(config: Config, root: Path, progress: Progress = iter) -> list[str]:
+    """Bring a world's folder up to date.
+
+    Parameters
+    ----------
+    config : Config
+    root : Path
+        `artifacts/worlds/NAME`, relative to the project; `params.yaml` there says what the world was made by.
+    progress : callable, optional
+        Wraps the list of stages, such as `tqdm`.
+
+    Returns
+    -------
+    list of str
+        The stages that ran.
+
+    Raises
+    ------
+    MineError
+        What a stage refuses; the folder then holds what the stages before it made, and the next run goes on there.
+    """
+    text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)
+    write_atomically(root / "params.yaml", f"# Composed from conf/; do not edit.\n{text}".encode())
+    ran = []
+    for stage in progress(load_stages()):
+        params: Any = getattr(config, stage.name)
+        recover_folder(root / stage.name)
+        if is_fresh(stage, params, root):
+            check_again(stage, params, root)
+        else:
+            make_artifacts(stage, params, root)
+            ran.append(stage.name)
+    return ran

@@ -1,0 +1,91 @@
+"""Maintenance commands: overrides, manifests, the registry, the regression gate."""
+
+from __future__ import annotations
+
+import json
+import os
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+
+def set_overrides() -> None:
+    """Write `$OVERRIDES` to `params.yaml`, where `dvc repro` finds them; touch the file only to change it."""
+    text = f"overrides: {json.dumps(os.environ.get('OVERRIDES', ''))}\n"
+    path = Path("params.yaml")
+    if not path.is_file() or path.read_text() != text:
+        path.write_text(text)
+
+
+def verify() -> None:
+    """Walk the manifests from the survey to the world and name the first broken link."""
+    from pipeline.store.verify import verify_chain, verify_world
+
+    count = verify_chain(Path())
+    print(f"{count} artifacts hold; world {verify_world(Path('artifacts/realism/world'))}")
+
+
+def provenance(out: Path, published: date | None) -> None:
+    """Write the default world with its inputs and stage runs as an RO-Crate."""
+    from pipeline.report.provenance import last_commit_date, write_crate
+
+    print(f"{out}: {write_crate(out, published or last_commit_date())} files")
+
+
+def register(path: Path, origin: str, licence: str) -> None:
+    """Add a file below `data/` to `data/registry.txt`."""
+    from pipeline.store.registry import register as add
+
+    entry = add(path, origin, licence)
+    print(f"data/{entry.name}  {entry.sha256}  {entry.bytes} bytes")
+
+
+def roughness(sweeps: list[Path], out: Path) -> None:
+    """Measure the walls in planar sweeps by the default's gates and write the figures as JSON."""
+    from pipeline.compose import compose
+    from pipeline.metrics.roughness import roughness_of_sweeps
+    from pipeline.store.codecs import encode
+    from pipeline.store.files import write_atomically
+    from pipeline.surface.reference import roughness_json
+    from pipeline.survey.poses import read_sweep
+
+    gate = compose([]).surface.sweeps
+    read = {path.stem: read_sweep(path, gate.max_range_m, gate.max_range_var_m2) for path in sweeps}
+    measured = roughness_of_sweeps(read, gate.max_gap_m, gate.window_m, gate.footprint_m)
+    write_atomically(out, encode(out, roughness_json(measured)))
+    for window, rq, p90 in zip(measured.window_m, measured.rq_m, measured.rq_p90_m, strict=True):
+        print(f"{window:4.1f} m: median {1000 * rq:6.1f} mm, 90th percentile {1000 * p90:6.1f} mm")
+
+
+def update_baseline() -> None:
+    """Accept the present metrics as the baseline that the regression gate compares with."""
+    from pipeline.report.baseline import write_baseline
+
+    print(write_baseline())
+
+
+def update_results() -> None:
+    """Write `docs/results.md` from the present metrics and print it."""
+    from pipeline.report.baseline import write_results
+
+    print(write_results())
+
+
+def add_to(commands: Any) -> None:
+    """Declare the maintenance commands."""
+    for function in (set_overrides, verify, update_baseline, update_results):
+        name = function.__name__.replace("_", "-")
+        commands.add_parser(name, help=function.__doc__).set_defaults(run=lambda a, f=function: f())
+    crate = commands.add_parser("provenance", help=provenance.__doc__)
+    crate.add_argument("--out", type=Path, default=Path("artifacts/provenance"))
+    crate.add_argument("--date", type=date.fromisoformat, help="default: the date of the last commit")
+    crate.set_defaults(run=lambda a: provenance(a.out, a.date))
+    add = commands.add_parser("register", help=register.__doc__)
+    add.add_argument("path", type=Path)
+    add.add_argument("--origin", default="unknown")
+    add.add_argument("--licence", default="none stated")
+    add.set_defaults(run=lambda a: register(a.path, a.origin, a.licence))
+    rough = commands.add_parser("roughness", help=roughness.__doc__)
+    rough.add_argument("sweeps", type=Path, nargs="+")
+    rough.add_argument("--out", type=Path, required=True)
+    rough.set_defaults(run=lambda a: roughness(a.sweeps, a.out))

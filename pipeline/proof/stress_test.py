@@ -1,0 +1,178 @@
+"""The collision stress test: robots thrown at the places where a wall could leak, and whether one ever gets out."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from minexplore.local_models import TILE_M
+from minexplore.robot import RobotParams
+from minexplore.robot_batch import RobotBatch
+from minexplore.task import TaskParams
+from minexplore.world import load_world
+from pipeline.errors import GeometryError
+from pipeline.geometry.extrude import section_footprint
+
+_FASTEST_MPS, _SPIN_RADPS = 3.0, 3.0
+_RUN_UP_M = (0.05, 0.6)  # beyond the robot's radius, before a place at the wall
+_STEPS = 8  # control steps after a throw: it arrives, slides and is driven on
+_ROBOTS = 256
+_ON_WALL_M = 1e-3
+_UPRIGHT = np.cos(np.radians(10.0))
+
+Progress = Callable[[Iterable[int]], Iterable[int]]
+
+
+@dataclass(frozen=True)
+class StressTest:
+    """Robot steps in touch with rock, robots thrown, escapes, how deep an upright one was pressed into rock (m)."""
+
+    contacts: int
+    throws: int
+    escapes: int
+    deepest_m: float
+    targets: dict[str, int]
+
+
+def stress_walls(
+    bundle: Path, free: Polygon, parts: list[np.ndarray], zone_edges_m: list[float], contacts: int, seed: int,
+    threads: int = 1, progress: Progress = iter,
+) -> StressTest:  # fmt: skip
+    """Throw robots at corners, seams of parts, borders of zones and of local models, and anywhere at the walls.
+
+    A throw is up to 3 m/s towards the wall and full throttle after it. A robot has escaped when its centre leaves
+    the workings or is no longer between floor and roof.
+
+    Parameters
+    ----------
+    bundle : Path
+    free : shapely.Polygon, m, mine frame
+    parts : list of (n, 3) float64, m, mine frame
+        The convex parts, for their seams.
+    zone_edges_m : list of float
+        Eastings of the floor zones' borders.
+    contacts : int
+        Robot steps with a contact to reach before it ends.
+    seed : int
+    threads : int
+    progress : callable
+        Wraps the throws' numbers, as `tqdm.tqdm` does.
+
+    Raises
+    ------
+    GeometryError
+        If a robot fits beside no wall, or throws do not meet rock.
+    """
+    robot, task = RobotParams(), dataclasses.replace(TaskParams(), max_forward_mps=_FASTEST_MPS)
+    batch = RobotBatch(load_world(bundle), task, robot, _ROBOTS, threads)
+    rng = np.random.default_rng(seed)
+    kinds = _targets(free, parts, zone_edges_m, rng)
+    inside = free.buffer(-robot.radius_m)
+    shapely.prepare(inside)
+    height = batch.world.record["height_m"]
+    touched = escapes = throws = 0
+    deepest = 0.0
+    rngs = [np.random.default_rng([seed, i]) for i in range(_ROBOTS)]
+    most = max(20, 20 * contacts // (_ROBOTS * _STEPS))
+    for _ in progress(range(most)):
+        if touched >= contacts:
+            break
+        targets = np.concatenate([places[rng.integers(len(places), size=_ROBOTS)] for places in kinds.values()])
+        start, towards = _run_ups(targets[rng.permutation(len(targets))], inside, robot.radius_m, rng)
+        if not len(start):
+            continue
+        here = np.arange(min(len(start), _ROBOTS))
+        _throw(batch, here, start, towards, rng)
+        throws += len(here)
+        command = np.column_stack([np.ones(len(here)), rng.uniform(-1, 1, len(here))])
+        for _step in range(_STEPS):
+            try:
+                touched += int(batch.drive(command, rngs, here).sum())
+            except RuntimeError as error:
+                raise GeometryError(f"stress test: {error}") from error
+            out, depth = _escaped(batch, here, free, robot.radius_m, height)
+            escapes += int(out.sum())
+            deepest = max(deepest, depth)
+    batch.close()
+    if touched < contacts:
+        raise GeometryError(f"stress test: {throws} throws gave {touched} contacts of the {contacts} asked for")
+    return StressTest(touched, throws, escapes, round(deepest, 5), {name: len(p) for name, p in kinds.items()})
+
+
+def _targets(
+    free: Polygon, parts: list[np.ndarray], zone_edges_m: list[float], rng: np.random.Generator
+) -> dict[str, np.ndarray]:
+    """Return places (n, 2) m on the walls by kind."""
+    wall = free.boundary
+    west, south, east, north = free.bounds
+    ends = np.concatenate([shapely.get_coordinates(section_footprint(part)) for part in parts])
+    lines = {
+        "zone borders": [((x, south - 1), (x, north + 1)) for x in zone_edges_m],
+        "tile borders": [
+            *(((x, south - 1), (x, north + 1)) for x in np.arange(np.floor(west / TILE_M), east / TILE_M) * TILE_M),
+            *(((west - 1, y), (east + 1, y)) for y in np.arange(np.floor(south / TILE_M), north / TILE_M) * TILE_M),
+        ],
+    }
+    kinds = {
+        "corners": shapely.get_coordinates(wall),
+        "seams": np.unique(ends[shapely.distance(wall, shapely.points(ends)) < _ON_WALL_M], axis=0),
+        **{
+            name: shapely.get_coordinates(shapely.intersection(wall, shapely.multilinestrings(cuts)))
+            for name, cuts in lines.items() if cuts
+        },
+        "walls": shapely.get_coordinates(shapely.line_interpolate_point(wall, rng.random(4096), normalized=True)),
+    }  # fmt: skip
+    return {name: places for name, places in kinds.items() if len(places)}
+
+
+def _run_ups(
+    targets: np.ndarray, inside: Polygon, radius_m: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return places from which a robot can run at targets, and unit vectors to these; directions without room go."""
+    heading = rng.uniform(-np.pi, np.pi, len(targets))
+    back = np.column_stack([np.cos(heading), np.sin(heading)])
+    start = targets + back * (radius_m + rng.uniform(*_RUN_UP_M, len(targets)))[:, None]
+    room = shapely.contains_xy(inside, start[:, 0], start[:, 1])
+    return start[room], -back[room]
+
+
+def _throw(
+    batch: RobotBatch,
+    here: np.ndarray,
+    start: np.ndarray,
+    towards: np.ndarray,
+    rng: np.random.Generator,
+) -> None:
+    """Stand robots at places, facing the wall more or less, and give them a speed."""
+    T = batch.T_world_mine
+    speed, spin = rng.uniform(0.5, _FASTEST_MPS, len(here)), rng.uniform(-_SPIN_RADPS, _SPIN_RADPS, len(here))
+    yaw = np.arctan2(towards[:, 1], towards[:, 0])[: len(here)] + rng.normal(0, 0.5, len(here))
+    for i, k in enumerate(here.tolist()):
+        batch.place(k, start[i, 0], start[i, 1], yaw[i])
+        batch.qvel[k, :3] = T[:3, :3] @ [*(speed[i] * towards[i]), 0.0]
+        batch.qvel[k, 5] = spin[i]
+
+
+def _escaped(
+    batch: RobotBatch, here: np.ndarray, free: Polygon, radius_m: float, height_m: float
+) -> tuple[np.ndarray, float]:
+    """Return which robots (k,) are out of the workings, and how far the deepest upright disc stands in rock, m."""
+    T = batch.T_world_mine
+    place = (batch.qpos[here, :3] - T[:3, 3]) @ T[:3, :3]
+    centre = shapely.points(place[:, :2])
+    room = np.where(shapely.contains_xy(free, place[:, 0], place[:, 1]), 1, -1) * shapely.distance(
+        free.boundary, centre
+    )
+    out = ~np.isfinite(place).all(axis=1) | (room < 0) | (place[:, 2] < 0) | (place[:, 2] > height_m)
+    x, y = batch.qpos[here, 4], batch.qpos[here, 5]
+    mast = np.column_stack([2 * (x * batch.qpos[here, 6] + y * batch.qpos[here, 3]),
+                            2 * (y * batch.qpos[here, 6] - x * batch.qpos[here, 3]),
+                            1 - 2 * (x * x + y * y)])  # fmt: skip
+    upright = mast @ T[:3, 2] > _UPRIGHT  # one that fell on its side is narrower than its disc
+    return out, float(np.maximum(0.0, radius_m - room)[upright].max(initial=0.0))

@@ -1,0 +1,46 @@
+"""The noise of walls and roof: band spectra from the reference's roughness."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.metrics.roughness import SurfaceRoughness
+from pipeline.params.surface import SpectrumParams, SurfaceParams
+from pipeline.surface.reference import Sources
+from pipeline.surface.spectrum import Bands, Roughness, band_edges, band_wavelengths, fit_bands
+
+
+def choose_bands(params: SurfaceParams, sources: Sources) -> tuple[Bands, Bands]:
+    """Return the noise of walls and roof: the published reference's as found by search, or a fit to measurements."""
+    rough = params.rough
+    shortest = 2 * min(rough.spacing_m, rough.roof_spacing_m)
+    wavelength = band_wavelengths(shortest, rough.longest_wavelength_m)
+    if params.reference == "published":
+        wall, roof = (_interpolated(params.published, sd, wavelength) for sd in ("wall_sd_m", "roof_sd_m"))
+    else:
+        measured = sources[params.reference]
+        wall = _fitted(measured["wall"], wavelength, rough.max_rms_m)
+        roof = _fitted(measured["roof"], wavelength, rough.max_rms_m) if "roof" in measured else wall
+    return _held_by(wall, rough.spacing_m), _held_by(roof, rough.roof_spacing_m)
+
+
+def _interpolated(spectrum: SpectrumParams, name: str, wavelength: np.ndarray) -> Bands:
+    known, sd = np.array(spectrum.wavelength_m), np.maximum(getattr(spectrum, name), 1e-9)
+    found = np.exp(np.interp(np.log(wavelength), np.log(known), np.log(sd)))
+    # Below the shortest wavelength that was fitted, amplitude falls with wavelength, as real rock's does there.
+    return Bands(wavelength, found * np.minimum(1.0, wavelength / known[0]))
+
+
+def _fitted(measured: SurfaceRoughness, wavelength: np.ndarray, max_rms_m: float) -> Bands:
+    wanted = [
+        Roughness(w, rq, line=measured.line, weight=4.0 if w == 0.5 else 1.0)
+        for w, rq in zip(measured.window_m, measured.rq_m, strict=True)
+        if w >= wavelength.min()  # a window shorter than every band says nothing of them
+    ]
+    return fit_bands(wanted, wavelength, max_rms_m)
+
+
+def _held_by(bands: Bands, spacing_m: float) -> Bands:
+    """Silence the bands with waves shorter than two spacings of the mesh."""
+    held = np.array([band_edges(w)[0] >= 2 * spacing_m * (1 - 1e-9) for w in bands.wavelength_m.tolist()])
+    return Bands(bands.wavelength_m, np.where(held, bands.sd_m, 0.0))

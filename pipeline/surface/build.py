@@ -1,0 +1,76 @@
+"""Build the rough surface of a mine from the parameters, the workings and the noise."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from shapely import Polygon
+
+from pipeline.errors import InputError
+from pipeline.params.surface import SurfaceParams
+from pipeline.store.codecs import Bundle, encode
+from pipeline.surface.displacement import Bounds
+from pipeline.surface.lattice import CrossSection, lay_lattice
+from pipeline.surface.rough import Modulation, RoughSurface, cut_chunks, displace_lattice
+from pipeline.surface.spectrum import Bands
+from pipeline.surface.walls import lay_walls
+from pipeline.types import DriftNetwork
+
+_WIDEST_M = 0.5
+
+
+def cross_section(params: SurfaceParams, height_m: float) -> CrossSection:
+    """Return the cross-section of the workings, m."""
+    return CrossSection(height_m, params.floor_chamfer_m, params.roof_chamfer_m, params.rough.arch_half_span_m)
+
+
+def widen_spacing(params: SurfaceParams, free: Polygon, height_m: float) -> SurfaceParams:
+    """Widen both spacings until the rough surface has no more than `most_faces`, and print it.
+
+    Raises
+    ------
+    InputError
+        If that takes spacings beyond 0.5 m.
+    """
+    rough, profile = params.rough, cross_section(params, height_m)
+    wall_m2 = free.length * (height_m - profile.arch_rise_m)
+    faces = 2 * wall_m2 / rough.spacing_m**2 + 2 * free.area / rough.roof_spacing_m**2
+    if rough.most_faces is None or faces <= rough.most_faces:
+        return params
+    wider = math.sqrt(faces / rough.most_faces)
+    spacing, roof_spacing = (round(wider * s, 3) for s in (rough.spacing_m, rough.roof_spacing_m))
+    need = f"{free.area:.0f} m2 of workings would need {faces / 1e6:.1f} million faces of rock"
+    if max(spacing, roof_spacing) > _WIDEST_M:
+        raise InputError(f"surface: {need}, surface.rough.most_faces is {rough.most_faces}; build a part of the mine")
+    print(
+        f"surface: {need}; points are laid {spacing:g} m apart instead of {rough.spacing_m:g} m, "
+        "too wide for the limits on texture (surface.rough.most_faces)"
+    )
+    return params.model_copy(
+        update={"rough": rough.model_copy(update={"spacing_m": spacing, "roof_spacing_m": roof_spacing})}
+    )
+
+
+def build_rough_surface(
+    params: SurfaceParams, free: Polygon, network: DriftNetwork | None, height_m: float, noise: tuple[Bands, Bands]
+) -> RoughSurface:
+    """Build the rough surface from the noise of walls and roof.
+
+    Raises
+    ------
+    GeometryError
+        If the mesh cannot be laid, or cuts itself beyond mending.
+    """
+    rough, profile = params.rough, cross_section(params, height_m)
+    lattice = lay_lattice(lay_walls(free, rough.spacing_m, network), profile, rough.spacing_m, rough.roof_spacing_m)
+    return displace_lattice(
+        lattice, *noise, Modulation(rough.modulation_m, rough.modulation_spread),
+        Bounds(**rough.bounds.model_dump()), np.random.default_rng(rough.seed),
+    )  # fmt: skip
+
+
+def chunk_files(rough: RoughSurface, tile_m: float, texture_m: float) -> Bundle:
+    """Return the rough surface's chunks as `NAME.msh`."""
+    return {f"{k}.msh": encode(Path(f"{k}.msh"), mesh) for k, mesh in cut_chunks(rough, tile_m, texture_m).items()}

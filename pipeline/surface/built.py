@@ -1,0 +1,119 @@
+"""What came of the rough surface: its roughness beside the reference's, and how much displacement it kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.metrics.roughness import SurfaceRoughness, roughness_of_cloud, roughness_of_sweeps
+from pipeline.metrics.sampling import faces_near, sample_triangles
+from pipeline.params.surface import RoughParams, SurfaceParams
+from pipeline.surface.lattice import ROOF, WALL
+from pipeline.surface.reference import Sources
+from pipeline.surface.rough import RoughSurface
+from pipeline.surface.spectrum import Bands, band_edges
+
+_STRETCHES, _STRETCH_M, _POINTS = 6, 8.0, 250_000
+_BUILT_WINDOW_M = 2.0
+_SECTION_M = 0.5  # a robot's LiDAR looks about this high
+_SECTION_STEP_M = 0.025
+_TABLE_STEP_M = 5.0
+
+
+@dataclass(frozen=True)
+class RoughnessReport:
+    """What the rough surface copies and what was built; `built` has `wall`, `roof`, and `section` at robot height."""
+
+    reference: str
+    sources: Sources
+    wavelength_m: list[float]
+    wall_sd_m: list[float]
+    roof_sd_m: list[float]
+    shortest_wavelength_m: dict[str, float]
+    spacing_m: dict[str, float]
+    built: dict[str, SurfaceRoughness]
+    amplitude: dict[str, float]
+
+
+def report_roughness(
+    params: SurfaceParams, sources: Sources, noise: tuple[Bands, Bands], rough: RoughSurface
+) -> RoughnessReport:
+    """Measure an rough surface and say what it was built from."""
+    wall, roof = noise
+    return RoughnessReport(
+        reference=params.reference,
+        sources=sources,
+        wavelength_m=wall.wavelength_m.round(5).tolist(),
+        wall_sd_m=wall.sd_m.round(5).tolist(),
+        roof_sd_m=roof.sd_m.round(5).tolist(),
+        shortest_wavelength_m={"wall": _shortest(wall), "roof": _shortest(roof)},
+        spacing_m={"wall": params.rough.spacing_m, "roof": params.rough.roof_spacing_m},
+        built=measure_built(rough, params.rough),
+        amplitude=_amplitude(rough),
+    )
+
+
+def _shortest(bands: Bands) -> float:
+    return round(band_edges(float(bands.wavelength_m[bands.sd_m > 0].min()))[0], 4)
+
+
+def measure_built(rough: RoughSurface, params: RoughParams) -> dict[str, SurfaceRoughness]:
+    """Measure the rough surface by its own faces: walls and roof as clouds, the walls' section as a sweep."""
+    lattice, rng = rough.lattice, np.random.default_rng(params.seed)
+    places = lattice.walls.xy[np.linspace(0, len(lattice.walls.xy) - 1, _STRETCHES, dtype=int)]
+    built = {}
+    for piece, name, spacing in ((WALL, "wall", params.spacing_m), (ROOF, "roof", params.roof_spacing_m)):
+        corners = faces_near(rough.vertices[lattice.faces[lattice.piece == piece]], places, _STRETCH_M)
+        points, _ = sample_triangles(corners, _POINTS, rng)
+        built[name] = roughness_of_cloud(points, _BUILT_WINDOW_M, 2 * spacing, f"the rough surface's {name}")
+    rings = wall_section(rough)
+    built["section"] = roughness_of_sweeps(rings, 1.0, 2 * _BUILT_WINDOW_M, 2 * params.spacing_m)
+    return built
+
+
+def wall_section(rough: RoughSurface) -> dict[str, np.ndarray]:
+    """Return the walls' line at robot height, ring by ring, as dense points (n, 2) m."""
+    lattice = rough.lattice
+    columns = len(lattice.walls.xy)
+    levels = rough.vertices[: lattice.wall_vertices : columns, 2]
+    row = int(np.abs(levels - _SECTION_M).argmin())
+    line = rough.vertices[row * columns : (row + 1) * columns, :2]
+    dense = {}
+    for i, ring in enumerate(lattice.walls.rings):
+        part = line[ring.first : ring.first + ring.count]
+        at = np.arange(0, ring.count - 1, _SECTION_STEP_M / ring.step_m)
+        dense[f"ring {i}"] = np.column_stack([np.interp(at, np.arange(ring.count), part[:, k]) for k in (0, 1)])
+    return dense
+
+
+def _amplitude(rough: RoughSurface) -> dict[str, float]:
+    on_roof = rough.lattice.roof_share > 0.5
+    on_wall = rough.lattice.roof_share == 0
+    figures = {}
+    for name, of in (("wall", on_wall), ("roof", on_roof)):
+        figures[f"{name}_wanted_rms_m"] = round(float(np.sqrt((rough.wanted_m[of] ** 2).mean())), 4)
+        figures[f"{name}_given_rms_m"] = round(float(np.sqrt((rough.given_m[of] ** 2).mean())), 4)
+    return figures | {"mended_places": len(rough.mended)}
+
+
+def amplitude_table(rough: RoughSurface) -> str:
+    """Return CSV: along each wall, the half width, the RMS displacement wanted and given, and the share kept."""
+    lattice = rough.lattice
+    columns = len(lattice.walls.xy)
+    wanted, given = (
+        (d[: lattice.wall_vertices] ** 2).reshape(lattice.rows, columns).mean(axis=0)
+        for d in (rough.wanted_m, rough.given_m)
+    )
+    lines = ["ring,along_m,easting_m,northing_m,half_width_m,wanted_rms_m,given_rms_m,kept"]
+    for i, ring in enumerate(lattice.walls.rings):
+        step = max(1, round(_TABLE_STEP_M / ring.step_m))
+        for at in range(0, ring.count, step):
+            part = slice(ring.first + at, ring.first + min(at + step, ring.count))
+            (x, y), half = lattice.walls.xy[ring.first + at], lattice.walls.passage_m[part].mean()
+            asked, got = np.sqrt(wanted[part].mean()), np.sqrt(given[part].mean())
+            lines.append(
+                f"{i},{at * ring.step_m:.1f},{x:.2f},{y:.2f},{half:.2f},{asked:.4f},{got:.4f},"
+                f"{got / max(asked, 1e-9):.3f}"
+            )
+    return "\n".join(lines) + "\n"

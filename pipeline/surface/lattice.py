@@ -1,0 +1,202 @@
+"""The lattice of the rough surface: regular points on walls and arched roof, before noise displaces them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import Delaunay, cKDTree
+from shapely import Polygon
+
+from pipeline.errors import GeometryError
+from pipeline.surface.walls import Ring, Walls, outline_of, smoothstep
+
+WALL, ROOF = 0, 1
+_BLEND_M = 0.8  # width of the strip in which the direction turns from the wall's to the roof's
+_TOE_SHARE = 0.4  # of half the free width, where the floor chamfers of two walls come near each other
+_ZIGZAG_M = 1e-4
+_BLUR_M = 0.35  # s.d. of the smoothing that rounds the arch's crease where two walls are nearer than its span
+
+
+@dataclass(frozen=True)
+class CrossSection:
+    """Cross-section of the workings, m: height, wall chamfer at the floor, and the arch of the roof."""
+
+    height_m: float
+    floor_chamfer_m: float
+    arch_rise_m: float
+    arch_half_span_m: float
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Points, faces and displacement directions (m, mine frame).
+
+    Vertex `row * columns + column` for rows of the walls, then the inner points of the roof. `direction` are unit
+    vectors into the workings, `roof_share` (n,) goes from 0 on the walls to 1 on the roof, `column` (n,) names the
+    wall's column at or nearest to a vertex, and `piece` (m,) says whether a face belongs to a wall or to the roof.
+    """
+
+    vertices: np.ndarray
+    direction: np.ndarray
+    roof_share: np.ndarray
+    column: np.ndarray
+    faces: np.ndarray
+    piece: np.ndarray
+    walls: Walls
+    rows: int
+
+    @property
+    def wall_vertices(self) -> int:
+        """Return how many of the vertices belong to the walls, their top row included."""
+        return self.rows * len(self.walls.xy)
+
+
+def lay_lattice(walls: Walls, profile: CrossSection, spacing_m: float, roof_spacing_m: float) -> Lattice:
+    """Lay points up the walls and over the arched roof of the workings.
+
+    The roof joins the walls' top row, so corners, junctions and islands have no seam. It rises from them as a parabola
+    over `arch_half_span_m` and is level beyond.
+
+    Parameters
+    ----------
+    walls : Walls
+    profile : CrossSection
+    spacing_m, roof_spacing_m : float
+        Greatest distance of neighbouring points up the walls, and on the roof in plan.
+
+    Raises
+    ------
+    GeometryError
+        If a wall comes nearer to another than the spacing, so that points of the two cannot be told apart.
+    """
+    xy, inward = walls.xy, walls.inward
+    top_m = profile.height_m - profile.arch_rise_m
+    levels = np.linspace(0.0, top_m, max(2, int(np.ceil(top_m / spacing_m)) + 1))
+    toe = np.minimum(profile.floor_chamfer_m, _TOE_SHARE * walls.free_m)  # the floor chamfer, at 45 deg
+    rows = [np.column_stack([xy + np.maximum(0.0, toe - z)[:, None] * inward, np.full(len(xy), z)]) for z in levels]
+    inner, faces = _roof_in_plan(walls, roof_spacing_m)
+    near, column = cKDTree(xy).query(inner)
+    roof = np.column_stack([inner, _arch(inner, near, profile, roof_spacing_m)])
+    share = smoothstep(near / _BLEND_M)
+    direction = np.column_stack([inward[column] * (1 - share)[:, None], -share])
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    flat = np.column_stack([inward, np.zeros(len(xy))])
+    wall_faces = _wall_faces(walls, len(levels))
+    offset = (len(levels) - 1) * len(xy)  # the roof's first points are the walls' top row
+    return Lattice(
+        vertices=np.concatenate([*rows, roof]),
+        direction=np.concatenate([np.tile(flat, (len(levels), 1)), direction]),
+        roof_share=np.concatenate([np.zeros(len(levels) * len(xy)), share]),
+        column=np.concatenate([np.tile(np.arange(len(xy)), len(levels)), column]),
+        faces=np.concatenate([wall_faces, faces[:, ::-1] + offset]).astype(np.int32),
+        piece=np.repeat(np.array([WALL, ROOF], np.uint8), [len(wall_faces), len(faces)]),
+        walls=walls,
+        rows=len(levels),
+    )
+
+
+def _roof_in_plan(walls: Walls, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Triangulate the workings in plan: returns inner grid points (n, 2) and faces over wall columns and these.
+
+    Grid points keep so far from the walls that a Delaunay triangulation contains every piece of wall line.
+    """
+    xy, rings = walls.xy, walls.rings
+    outline = outline_of(xy, rings)
+    west, south, east, north = outline.bounds
+    across = np.arange(np.floor(west / spacing_m), np.ceil(east / spacing_m) + 1) * spacing_m
+    up = np.arange(np.floor(south / spacing_m), np.ceil(north / spacing_m) + 1) * spacing_m
+    shapely.prepare(outline)
+    inside = np.array([shapely.contains_xy(outline, across, y) for y in up])
+    row, col = np.nonzero(inside)
+    grid = np.column_stack([across[col], up[row]])
+    step = max(r.step_m for r in rings)
+    far, _ = cKDTree(xy).query(grid)
+    keep = far > np.hypot(0.71 * spacing_m, step / 2)
+    grid, row, col, far = grid[keep], row[keep], col[keep], far[keep]
+    number = np.full(inside.shape, -1)
+    number[row, col] = np.arange(len(grid)) + len(xy)
+    corner = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=-1)
+    square = np.asarray((corner >= 0).all(axis=-1))
+    a, b, c, d = corner[square].T
+    squares = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    rim = np.flatnonzero(far < 4 * spacing_m + step)
+    # A zigzag of a tenth of a millimetre: three points of a straight wall would else make a triangle of no area.
+    zigzag = xy + np.where(np.arange(len(xy)) % 2, _ZIGZAG_M, 0.0)[:, None] * walls.inward
+    points = np.concatenate([zigzag, grid[rim]])
+    strip = _strip_faces(points, outline_of(zigzag, rings), rings)
+    strip = _outside_squares(points, strip, np.array([across[0], up[0]]), spacing_m, square)
+    return grid, np.concatenate([squares, np.concatenate([np.arange(len(xy)), rim + len(xy)])[strip]])
+
+
+def _strip_faces(points: np.ndarray, outline: Polygon, rings: list[Ring]) -> np.ndarray:
+    """Triangulate points along the walls, counter-clockwise, and drop what lies in the rock.
+
+    The walls divide the triangulation into pieces; each lies wholly in the workings or in the rock.
+    """
+    mesh = Delaunay(points)
+    faces, beside = mesh.simplices.copy(), mesh.neighbors.copy()
+    right = np.concatenate([r.first + (np.arange(r.count) + 1) % r.count for r in rings])
+    wall = _edge_keys(np.column_stack([np.arange(len(right)), right]), len(points))
+    opposite = np.stack([_edge_keys(faces[:, [(k + 1) % 3, (k + 2) % 3]], len(points)) for k in range(3)], axis=1)
+    is_wall = np.isin(opposite, wall)
+    lost = ~np.isin(wall, opposite[is_wall])
+    if lost.any():
+        x, y = points[int(lost.argmax())]
+        raise GeometryError(
+            f"surface: at ({x:.1f}, {y:.1f}) m two walls stand nearer than the lattice's spacing; "
+            "give a finer surface.rough.spacing_m"
+        )
+    face, side = np.nonzero(~is_wall & (beside >= 0))
+    joins = coo_array((np.ones(len(face)), (face, beside[face, side])), shape=(len(faces), len(faces)))
+    pieces, piece = connected_components(joins, directed=False)
+    u, v = points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
+    doubled = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    faces[doubled < 0] = faces[doubled < 0][:, ::-1]
+    centre = points[faces].mean(axis=1)
+    vote = np.where(shapely.contains_xy(outline, centre[:, 0], centre[:, 1]), 1.0, -1.0) * np.abs(doubled)
+    inside = np.bincount(piece, vote, pieces) > 0
+    inside[piece[(~is_wall & (beside < 0)).any(axis=1)]] = False  # what ends at the hull but not at a wall is rock
+    return faces[inside[piece]]
+
+
+def _edge_keys(edges: np.ndarray, points: int) -> np.ndarray:
+    return np.sort(edges, axis=1).astype(np.int64) @ np.array([points, 1])
+
+
+def _outside_squares(
+    points: np.ndarray, faces: np.ndarray, origin: np.ndarray, spacing_m: float, square: np.ndarray
+) -> np.ndarray:
+    """Drop the faces that lie in full grid squares, which are triangulated already."""
+    col, row = np.floor((points[faces].mean(axis=1) - origin) / spacing_m).astype(int).T
+    row, col = np.clip(row, 0, square.shape[0] - 1), np.clip(col, 0, square.shape[1] - 1)
+    return faces[~square[row, col]]
+
+
+def _arch(inner: np.ndarray, near: np.ndarray, profile: CrossSection, spacing_m: float) -> np.ndarray:
+    """Return the roof's height over plan points whose distance from the wall is `near`, (n,) m."""
+    low = inner.min(axis=0)
+    col, row = np.round((inner - low) / spacing_m).astype(int).T
+    t = np.minimum(near / profile.arch_half_span_m, 1.0)
+    rise = np.zeros((row.max() + 1, col.max() + 1), np.float32)
+    weight = np.zeros_like(rise)
+    rise[row, col], weight[row, col] = t * (2 - t), 1.0
+    sigma = _BLUR_M / spacing_m
+    blurred = cv2.GaussianBlur(rise, (0, 0), sigma) / np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), 1e-6)
+    share = smoothstep(near / _BLEND_M)
+    smooth = share * blurred[row, col] + (1 - share) * rise[row, col]
+    return profile.height_m - profile.arch_rise_m * (1 - smooth)
+
+
+def _wall_faces(walls: Walls, rows: int) -> np.ndarray:
+    columns = len(walls.xy)
+    left = np.arange(columns)
+    right = np.concatenate([r.first + (np.arange(r.count) + 1) % r.count for r in walls.rings])
+    low = (np.arange(rows - 1) * columns)[:, None]
+    a, b, c, d = ((low + k).ravel() for k in (left, right, columns + right, columns + left))
+    # Free space lies to the left of every ring: seen from there the wall's columns run from right to left.
+    return np.concatenate([np.column_stack([a, c, b]), np.column_stack([a, d, c])])

@@ -1,0 +1,65 @@
+"""Which rock the rough surface copies: the published scan's figures, real sweeps, or a point cloud."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from pipeline.errors import InputError
+from pipeline.metrics.roughness import SurfaceRoughness, published_roughness, roughness_of_cloud, roughness_of_sweeps
+from pipeline.params.surface import CloudParams, SurfaceParams, SweepsParams
+from pipeline.survey.cloud import CloudLimits, read_cloud, split_surfaces, without_outliers
+from pipeline.survey.poses import read_sweep
+
+Sources = dict[str, dict[str, SurfaceRoughness]]  # source -> surface (wall, roof) -> its roughness
+
+
+def reference_files(params: SurfaceParams) -> list[str]:
+    """List the registered files that stage 4 reads."""
+    cloud = [params.cloud.file] if params.cloud.file else []
+    return [*params.sweeps.files.values(), params.sweeps.measured, *cloud]
+
+
+def measure_sources(params: SurfaceParams) -> Sources:
+    """Measure every source there is: the published figures, the sweeps, and the cloud if one is named."""
+    sources: Sources = {"published": {"wall": published_roughness()}, "sweeps": {"wall": measure_sweeps(params.sweeps)}}
+    if params.cloud.file:
+        sources["cloud"] = measure_cloud(params.cloud)
+    return sources
+
+
+def measure_sweeps(params: SweepsParams) -> SurfaceRoughness:
+    """Measure the sweeps that are named, or read the figures of the ones measured before."""
+    if not params.files:
+        path = Path(params.measured)
+        try:
+            return TypeAdapter(SurfaceRoughness).validate_json(path.read_bytes())
+        except (OSError, ValidationError) as error:
+            raise InputError(f"{path}: not the roughness of sweeps ({str(error).splitlines()[0]})") from error
+    sweeps = {
+        name: read_sweep(Path(file), params.max_range_m, params.max_range_var_m2) for name, file in params.files.items()
+    }
+    return roughness_of_sweeps(sweeps, params.max_gap_m, params.window_m, params.footprint_m)
+
+
+def measure_cloud(params: CloudParams) -> dict[str, SurfaceRoughness]:
+    """Read, clean and split a cloud, and measure its walls and, where it shows enough of it, its roof."""
+    assert params.file is not None
+    limits = CloudLimits(params.thin_m, params.range_m, params.max_points, params.height_m, params.mesh_points_per_m2)
+    points = read_cloud(Path(params.file), params.units, limits)
+    parts = split_surfaces(without_outliers(points, params.outlier_neighbours, params.outlier_ratio))
+    footprint = 2 * params.thin_m
+    measured = {"wall": roughness_of_cloud(parts["wall"], params.window_m, footprint, f"{params.file}: the walls")}
+    try:
+        measured["roof"] = roughness_of_cloud(parts["roof"], params.window_m, footprint, f"{params.file}: the roof")
+    except InputError as error:
+        print(f"surface: {error}; the roof copies the walls")
+    return measured
+
+
+def roughness_json(measured: SurfaceRoughness) -> dict[str, Any]:
+    """Return the figures as plain JSON values."""
+    return json.loads(TypeAdapter(SurfaceRoughness).dump_json(measured))

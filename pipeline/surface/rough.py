@@ -1,0 +1,173 @@
+"""The rough surface: the lattice displaced by solid noise, checked, mended and cut into chunks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+
+from minexplore import bundle
+from pipeline.errors import GeometryError
+from pipeline.geometry.partition import triangulate
+from pipeline.surface.displacement import Bounds, bound_displacement, damp_near, displaced
+from pipeline.surface.lattice import ROOF, WALL, Lattice
+from pipeline.surface.mesh_checks import find_crossings
+from pipeline.surface.noise import slow_modulation, solid_noise
+from pipeline.surface.spectrum import Bands
+from pipeline.surface.walls import outline_of
+from pipeline.types import Mesh
+
+_MEND_ROUNDS = 8
+_MEND_RADIUS_M = 0.6
+_MEND_FACTOR = 0.5
+
+
+@dataclass(frozen=True)
+class Modulation:
+    """A slow change of roughness along the workings: its wavelength, m, and the s.d. of its logarithm."""
+
+    wavelength_m: float
+    spread: float
+
+
+@dataclass(frozen=True)
+class RoughSurface:
+    """The displaced lattice: `vertices` (n, 3) m, displacement wanted and given (n,) m, and places mended (k, 3) m."""
+
+    lattice: Lattice
+    vertices: np.ndarray
+    wanted_m: np.ndarray
+    given_m: np.ndarray
+    mended: np.ndarray
+
+
+def displace_lattice(
+    lattice: Lattice, wall: Bands, roof: Bands, modulation: Modulation, bounds: Bounds, rng: np.random.Generator
+) -> RoughSurface:
+    """Displace the lattice by noise with the walls' and the roof's spectra, and mend where faces would meet.
+
+    Where an edge would go through a face, or the line of the walls on the floor would cross itself, the displacement
+    round the place is halved, several times if needed; the places are returned.
+
+    Raises
+    ------
+    GeometryError
+        If eight rounds do not mend it.
+    """
+    share = lattice.roof_share
+    wanted = solid_noise(lattice.vertices, [wall, roof], [1 - share, share], rng)
+    wanted *= slow_modulation(lattice.vertices, modulation.wavelength_m, modulation.spread, rng)
+    given = bound_displacement(wanted, lattice, bounds)
+    mended = np.zeros((0, 3))
+    faces = lattice.faces
+    for _ in range(_MEND_ROUNDS):
+        vertices = displaced(lattice, given)
+        wrong = np.concatenate(
+            [find_crossings(vertices, faces), _folds(vertices, faces, lattice.vertices), _knots(vertices, lattice)]
+        )
+        if not len(wrong):
+            return RoughSurface(lattice, vertices, wanted, given, mended)
+        mended = np.concatenate([mended, wrong])
+        given = damp_near(wrong, vertices, given, _MEND_RADIUS_M, _MEND_FACTOR)
+        # Elsewhere nothing moves, so nothing new can meet.
+        near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=2 * _MEND_RADIUS_M)
+        faces = lattice.faces[np.isfinite(near)[lattice.faces].any(axis=1)]
+    x, y, z = wrong[0]
+    raise GeometryError(
+        f"surface: the rough surface cuts itself at ({x:.1f}, {y:.1f}, {z:.1f}) m after {_MEND_ROUNDS} repairs"
+    )
+
+
+def _folds(vertices: np.ndarray, faces: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Return the centres (k, 3) of faces that turned over against where they lay before."""
+    over = np.einsum("ij,ij->i", _normals(vertices[faces]), _normals(before[faces])) <= 0
+    return vertices[faces[over]].mean(axis=1)
+
+
+def _normals(corners: np.ndarray) -> np.ndarray:
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def _knots(vertices: np.ndarray, lattice: Lattice) -> np.ndarray:
+    """Return the place (1, 3) where the line of the walls on the floor crosses itself, or none."""
+    foot = outline_of(vertices[: len(lattice.walls.xy), :2], lattice.walls.rings)
+    if foot.is_valid:
+        return np.zeros((0, 3))
+    reason = shapely.is_valid_reason(foot)
+    return np.array([[*map(float, reason[reason.index("[") + 1 : -1].split()), 0.0]])
+
+
+def closed_mesh(rough: RoughSurface) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices (n, 3) m and faces (m, 3) of the rough surface closed by the floor."""
+    columns = len(rough.lattice.walls.xy)
+    foot = rough.vertices[:columns, :2]
+    points, floor = triangulate(outline_of(foot, rough.lattice.walls.rings))
+    number = {xy.tobytes(): i for i, xy in enumerate(foot)}
+    index = np.array([number[xy.tobytes()] for xy in points])
+    return rough.vertices, np.concatenate([rough.lattice.faces, index[floor]])
+
+
+def cut_chunks(rough: RoughSurface, tile_m: float, texture_m: float) -> dict[str, Mesh]:
+    """Cut walls and roof into square tiles of the plan, so that a renderer can leave most of them out.
+
+    Returns
+    -------
+    dict of Mesh
+        By name: the piece, then the tile's column and row from the south-west; faces look into the workings.
+    """
+    lattice = rough.lattice
+    along = _along_walls(lattice, texture_m)
+    centre = lattice.vertices[lattice.faces].mean(axis=1)[:, :2]
+    tile = np.floor((centre - lattice.vertices[:, :2].min(axis=0)) / tile_m).astype(int)
+    chunks = {}
+    for piece, name in ((WALL, bundle.WALLS), (ROOF, bundle.ROOF)):
+        of_piece = np.flatnonzero(lattice.piece == piece)
+        tile[of_piece] = _join_lone(tile[of_piece], centre[of_piece])
+        order = of_piece[np.lexsort(tile[of_piece].T[::-1])]
+        first = np.flatnonzero(np.any(np.diff(tile[order], axis=0, prepend=-1) != 0, axis=1))
+        for part in np.split(order, first[1:]):
+            col, row = tile[part[0]]
+            chunks[bundle.chunk_mesh(name, col, row)] = _chunk(rough, lattice.faces[part], piece, along, texture_m)
+    return chunks
+
+
+def _join_lone(tile: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """Return the faces' tiles (n, 2); one alone goes to its nearest neighbour's, as MuJoCo wants four vertices."""
+    _, group, count = np.unique(tile, axis=0, return_inverse=True, return_counts=True)
+    alone = count[group.ravel()] == 1
+    join_meshes = tile.copy()
+    for face in np.flatnonzero(alone):
+        off = np.linalg.norm(centre - centre[face], axis=1)
+        join_meshes[face] = tile[np.where(alone, np.inf, off).argmin()]
+    return join_meshes
+
+
+def _along_walls(lattice: Lattice, texture_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return each column's texture coordinate along its wall, in whole repeats round a ring, and the ring's repeats."""
+    u, repeats = [], []
+    for ring in lattice.walls.rings:
+        whole = max(1, round(ring.count * ring.step_m / texture_m))
+        u.append(np.arange(ring.count) / ring.count * whole)
+        repeats.append(np.full(ring.count, float(whole)))
+    return np.concatenate(u), np.concatenate(repeats)
+
+
+def _chunk(
+    rough: RoughSurface, faces: np.ndarray, piece: int, along: tuple[np.ndarray, np.ndarray], texture_m: float
+) -> Mesh:
+    lattice = rough.lattice
+    if piece == ROOF:
+        used, index = np.unique(faces, return_inverse=True)
+        texcoords = lattice.vertices[used, :2] / texture_m
+        return Mesh(rough.vertices[used], index.reshape(-1, 3).astype(np.int32), texcoords)
+    u, repeats = along
+    corner = u[lattice.column[faces]]
+    # A face across the seam of a ring joins the last column to the first, which counts one whole round there.
+    late = (corner.max(axis=1) - corner.min(axis=1) > repeats[lattice.column[faces[:, 0]]] / 2)[:, None] & (corner < 1)
+    key, index = np.unique(faces.astype(np.int64) * 2 + late, return_inverse=True)
+    used, late_used = key // 2, (key % 2).astype(float)
+    column = lattice.column[used]
+    texcoords = np.column_stack([u[column] + late_used * repeats[column], lattice.vertices[used, 2] / texture_m])
+    return Mesh(rough.vertices[used], index.reshape(-1, 3).astype(np.int32), texcoords)

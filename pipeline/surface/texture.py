@@ -1,0 +1,42 @@
+"""A rock texture made from seeded noise, so that the world needs no picture of unknown origin."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.types import Image
+
+
+def make_texture(
+    size_px: int, spectral_exponent: float, contrast: float, rgb: tuple[int, int, int], rng: np.random.Generator
+) -> Image:
+    """Return a square texture that repeats without a seam.
+
+    Noise is shaped in the frequency domain, which makes it periodic; a shared brightness field and a weaker
+    field of its own for each channel give tone and hue.
+
+    Parameters
+    ----------
+    size_px : int
+    spectral_exponent : float
+        Amplitude falls as frequency to the minus this.
+    contrast : float
+        Standard deviation of the brightness, as a share of it.
+    rgb : 3 ints, 0-255
+        Mean colour.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    (size_px, size_px, 3) uint8
+        BGR, as OpenCV keeps pictures.
+    """
+    frequency = np.hypot(np.fft.fftfreq(size_px)[:, None], np.fft.rfftfreq(size_px)[None, :])
+    frequency[0, 0] = np.inf
+    fields = []
+    for _ in range(4):
+        white = np.fft.rfft2(rng.standard_normal((size_px, size_px)))
+        field = np.fft.irfft2(white * frequency**-spectral_exponent, s=(size_px, size_px))
+        fields.append(field / field.std())
+    tone = 1.0 + contrast * (fields[0][..., None] + 0.08 * np.stack(fields[1:], axis=-1))
+    return np.clip(np.round(np.array(rgb[::-1]) * tone), 0, 255).astype(np.uint8)

@@ -1,0 +1,100 @@
+"""Vector surveys: they have metres of their own and stay polygons; a plan is drawn of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import shapely
+from shapely import MultiPolygon
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.errors import InputError
+from pipeline.geometry.enclosure import as_polygons
+from pipeline.geometry.generate import generate_workings
+from pipeline.geometry.perturb import perturb_workings
+from pipeline.params.survey import PassageSurveyParams, ProceduralSurveyParams, VariantSurveyParams, VectorSurveyParams
+from pipeline.survey.draw import draw_workings, frame_around
+from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
+from pipeline.survey.geodata import companions
+from pipeline.survey.geojson import read_geojson
+from pipeline.survey.legs import build_workings
+from pipeline.survey.shapes import Shapes, locate, workings_of
+from pipeline.survey.survex import svx_files
+from pipeline.types import METRIC, Frame, Georeference, Image
+
+VectorSurvey = VectorSurveyParams | PassageSurveyParams | ProceduralSurveyParams | VariantSurveyParams
+_FINEST_PX_PER_M, _WIDEST_PX = 8.0, 6000
+_ORIGIN_AT = 0.25  # of a pixel: walls at whole and half metres pass no pixel's centre, where in or out is chance
+
+
+def draw_vector_survey(params: VectorSurvey) -> tuple[MultiPolygon, Georeference, Image, Frame]:
+    """Return a survey's workings (m, mine frame), where they come from, and a plan of them in its frame.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or holds no workings.
+    """
+    workings, georeference = _read(params)
+    if workings.is_empty:
+        raise InputError(f"{_name(params)}: encloses no area")
+    west, south, east, north = workings.bounds
+    m = params.margin_m
+    widest = max(east - west, north - south) + 2 * m
+    if widest > 20_000:
+        raise InputError(f"{_name(params)}: workings of {widest:.0f} m; is the unit right? (survey.unit)")
+    per_m = params.px_per_m or min(_FINEST_PX_PER_M, _WIDEST_PX / widest)
+    frame = frame_around((west - m, south - m, east + m, north + m), per_m, _ORIGIN_AT)
+    return workings, georeference, draw_workings(workings, frame, params.labels_m, params.drawing_grey), frame
+
+
+def _read(params: VectorSurvey) -> tuple[MultiPolygon, Georeference]:
+    match params.kind:
+        case "procedural":
+            rng = np.random.default_rng(params.seed)
+            return generate_workings(rib_noise_m=params.rib_noise_m, rng=rng, **params.mine.model_dump()), METRIC
+        case "variant":
+            path = Path(params.workings)
+            shapes, georeference = locate(path, read_geojson(path, None), None, None)
+            told = params.station_sd_m, params.width_sd_m, params.reach_m
+            return perturb_workings(
+                workings_of(path, shapes, 0.0, []), *told, np.random.default_rng(params.seed)
+            ), georeference
+        case "passages":
+            return _read_passages(Path(params.file), params.origin)
+    path = Path(params.file)
+    reader = SHAPE_READERS.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(f"{path}: not a vector format that is read ({', '.join(SHAPE_READERS)})")
+    shapes, georeference = locate(path, reader(path, params.layers), params.unit, params.origin)
+    return workings_of(path, shapes, params.snap_m, list(params.seeds_m)), georeference
+
+
+def _read_passages(path: Path, origin: tuple[float, float] | None) -> tuple[MultiPolygon, Georeference]:
+    reader = PASSAGE_READERS.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(f"{path}: not a passage survey that is read ({', '.join(PASSAGE_READERS)})")
+    legs, crs = reader(path)
+    built: BaseGeometry = build_workings(legs)
+    if built.is_empty:
+        raise InputError(f"{path}: the stations' walls enclose no area")
+    shapes, georeference = locate(path, Shapes([built], "m"), "m", origin)
+    where = Georeference("m", 1.0, georeference.origin, crs)
+    return as_polygons(shapely.union_all(shapes)), where
+
+
+def _name(params: VectorSurvey) -> str:
+    return vector_files(params)[0] if vector_files(params) else f"survey {params.name}"
+
+
+def vector_files(params: VectorSurvey) -> list[str]:
+    """List the files that a vector survey reads."""
+    match params.kind:
+        case "procedural":
+            return []
+        case "variant":
+            return [params.workings]
+    path = Path(params.file)
+    files = svx_files(path) if path.suffix.lower() == ".svx" else [path, *companions(path)]
+    return [file.as_posix() for file in files]

@@ -1,0 +1,120 @@
+import ctypes
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from minexplore.opengl import egl_works, osmesa_works
+from tests.mines import BuiltMine
+from tests.project import ROOT
+
+DRAW = """
+import gymnasium, minexplore, sys
+env = gymnasium.make("MineXplore/World-v0", world=sys.argv[1], render_mode="rgb_array")
+env.reset(seed=0)
+print(env.render().shape, env.render().std() > 1)
+env.close()
+"""
+
+WATCH = """
+import gymnasium, minexplore, sys
+env = gymnasium.make("MineXplore/World-v0", world=sys.argv[1], render_mode="human")
+env.reset(seed=0)
+for _ in range(3):
+    env.step(env.action_space.sample())
+if sys.argv[2] == "close":
+    env.close()
+print("done")
+"""
+
+NOTHING = "import sys, minexplore.opengl as o; o.egl_works = o.osmesa_works = lambda: False; "
+
+
+def run(*command, **variables):
+    """Run Python in an environment without a display and without MuJoCo's choice of OpenGL."""
+    clean = {k: v for k, v in os.environ.items() if k not in ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY")}
+    clean = {k: v for k, v in clean.items() if k != "PYOPENGL_PLATFORM"} | variables
+    return subprocess.run(
+        [sys.executable, *command], capture_output=True, text=True, cwd=ROOT, env=clean, timeout=300, check=False
+    )
+
+
+needs_opengl = pytest.mark.skipif(not (egl_works() or osmesa_works()), reason="neither EGL nor OSMesa is installed")
+
+
+@needs_opengl
+@pytest.mark.parametrize("first", ["", "import mujoco\n"])
+def test_pictures_need_no_display_and_no_variable(tee: BuiltMine, first):
+    done = run("-c", first + DRAW, str(tee.bundle))
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split("\n")[0] == "(480, 640, 3) True"
+
+
+@needs_opengl
+def test_a_policy_is_recorded_without_a_display(tee: BuiltMine, tmp_path):
+    pytest.importorskip("moviepy")
+    done = run(
+        "-m", "minexplore", "play", "MineXplore/World-v0", "--world", str(tee.bundle), "--policy", "ahead",
+        "--steps", "5", "--video", str(tmp_path),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert list(tmp_path.glob("*.mp4"))
+
+
+@pytest.mark.skipif(not osmesa_works(), reason="OSMesa is not installed")
+def test_a_library_that_the_user_set_is_kept(tee: BuiltMine):
+    done = run("-c", DRAW + "import os; print(os.environ['MUJOCO_GL'])", str(tee.bundle), MUJOCO_GL="osmesa")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split("\n")[1] == "osmesa"
+
+
+def test_a_machine_without_any_library_is_told_what_to_install(tee: BuiltMine):
+    play = ["minexplore", "play", "MineXplore/World-v0", "--world", str(tee.bundle), "--video", "videos"]
+    done = run("-c", NOTHING + f"import minexplore.__main__ as m; sys.argv = {play}; sys.exit(m.main())")
+    assert done.returncode == 2
+    assert done.stderr.startswith("play: no display, and neither EGL nor OSMesa works; install one of them")
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "variables", "words"),
+    [
+        ((), {}, "render_mode = 'human' needs a display"),
+        (("--video", "videos"), {"MUJOCO_GL": "glfw"}, "MUJOCO_GL = 'glfw' needs a display"),
+    ],
+)
+def test_what_needs_a_display_says_so_where_there_is_none(tee: BuiltMine, arguments, variables, words):
+    done = run("-m", "minexplore", "play", "MineXplore/World-v0", "--world", str(tee.bundle), *arguments, **variables)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.skipif(shutil.which("Xvfb") is None, reason="Xvfb is not installed (Debian: xvfb)")
+@pytest.mark.parametrize("end", ["close", "leave open"])
+def test_the_viewer_s_process_ends_well(tee: BuiltMine, end):
+    read, write = os.pipe()
+    server = subprocess.Popen(
+        ["Xvfb", "-displayfd", str(write), "-screen", "0", "640x480x24"], pass_fds=[write], stderr=subprocess.DEVNULL
+    )
+    try:
+        os.close(write)
+        display = os.read(read, 16).decode().strip()
+        done = run("-c", WATCH, str(tee.bundle), end, DISPLAY=f":{display}")
+    finally:
+        os.close(read)
+        server.terminate()
+        server.wait()
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "done"
+
+
+def test_a_library_that_is_not_there_does_not_work(monkeypatch):
+    def missing(name):
+        raise OSError(name)
+
+    monkeypatch.setattr(ctypes, "CDLL", missing)
+    assert not egl_works()
+    assert not osmesa_works()

@@ -1,0 +1,173 @@
+"""Stage 4 and the rock's part of stage 6, in memory and by the command line."""
+
+import json
+
+import numpy as np
+import pytest
+import shapely
+
+from minexplore.bundle import ROOF, GeomGroup, smooth_mesh, surface_geom
+from pipeline.compose import compose
+from pipeline.errors import GeometryError, InputError, ParamsError
+from pipeline.metrics.profile import line_roughness
+from pipeline.mjcf.bundle import open_bundle, visible_triangles
+from pipeline.proof.surface import report_texture, report_walls, texture_metrics
+from pipeline.store.codecs import decode
+from pipeline.surface.bands import choose_bands
+from pipeline.surface.build import build_rough_surface, widen_spacing
+from pipeline.surface.built import wall_section
+from pipeline.surface.reference import measure_cloud, measure_sources
+from pipeline.surface.spectrum import Roughness, band_edges
+from pipeline.types import DriftNetwork, FreeSpace
+from tests.mines import BuiltMine
+from tests.project import ROOT, Project, message_of
+from tests.surface.spectra import predicted_rq
+
+
+@pytest.fixture(scope="module")
+def opened(tee: BuiltMine):
+    """The T-junction's bundle, read back."""
+    return open_bundle(tee.bundle)
+
+
+def test_no_wave_is_shorter_than_two_spacings_of_its_mesh(config):
+    params = config.surface
+    wall, roof = choose_bands(params, measure_sources(params))
+    for bands, spacing in ((wall, params.rough.spacing_m), (roof, params.rough.roof_spacing_m)):
+        shortest = min(band_edges(w)[0] for w in bands.wavelength_m[bands.sd_m > 0])
+        assert shortest >= 2 * spacing * 0.999
+
+
+def test_a_finer_mesh_carries_shorter_waves():
+    fine = compose(["surface.rough.spacing_m=0.05", "surface.rough.roof_spacing_m=0.05"]).surface
+    wall, _ = choose_bands(fine, measure_sources(fine))
+    assert band_edges(float(wall.wavelength_m.min()))[0] == pytest.approx(0.1)
+
+
+def test_a_drift_that_copies_the_sweeps_has_their_roughness():
+    params = compose(["surface.reference=sweeps"]).surface
+    sources = measure_sources(params)
+    noise = choose_bands(params, sources)
+    rough = build_rough_surface(params, shapely.box(0, 0, 80, 7), None, 3.5, noise)
+    (line,) = wall_section(rough).values()
+    asked = dict(zip(sources["sweeps"]["wall"].window_m, sources["sweeps"]["wall"].rq_m, strict=True))
+    wall, _ = noise
+    for window in (0.5, 1.0):
+        found = float(np.sqrt((line_roughness([line], window) ** 2).mean()))
+        assert predicted_rq(wall, Roughness(window, 0.0, line=True)) == pytest.approx(asked[window], rel=0.15)
+        assert found == pytest.approx(asked[window], rel=0.25)
+
+
+def test_a_large_mine_gets_wider_spacings_and_a_huge_one_is_refused(capsys):
+    params = compose(["surface.rough.most_faces=100000"]).surface
+    drift = shapely.box(0, 0, 120, 6)
+    wide = widen_spacing(params, drift, 3.5)
+    rough = build_rough_surface(wide, drift, None, 3.5, choose_bands(wide, measure_sources(wide)))
+    assert len(rough.lattice.faces) == pytest.approx(100_000, rel=0.1)
+    assert "720 m2 of workings would need 0.2 million faces" in capsys.readouterr().out
+    assert widen_spacing(params, shapely.box(0, 0, 20, 6), 3.5) is params
+    with pytest.raises(InputError, match=r"would need .*most_faces is 100000; build a part"):
+        widen_spacing(params, shapely.box(0, 0, 5000, 6), 3.5)
+
+
+def test_a_scanned_cave_gives_walls_and_back_to_copy(shared_rock, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "cave.stl").write_bytes(shared_rock.read_bytes())
+    (tmp_path / "conf").symlink_to(ROOT / "conf")
+    params = compose(
+        ["surface.cloud.file=data/cave.stl", "surface.cloud.range_m=[0,100]", "surface.reference=cloud"]
+    ).surface
+    measured = measure_cloud(params.cloud)
+    rq = dict(zip(measured["wall"].window_m, measured["wall"].rq_m, strict=True))
+    assert 0.01 < rq[0.5] < 0.05  # the audit: 17-18 mm on scanned caves
+    assert measured["wall"].spectrum is not None
+    wall, roof = choose_bands(params, {"cloud": measured})
+    assert predicted_rq(wall, Roughness(0.5, 0.0)) == pytest.approx(rq[0.5], rel=0.25)
+    assert 0 < roof.rms_m < 0.2
+
+
+def test_a_passage_thinner_than_the_lattice_is_refused_with_its_place(config):
+    thin = shapely.union_all([shapely.box(0, 0, 20, 5), shapely.box(20, 2, 30, 2.03), shapely.box(30, 0, 50, 5)])
+    with pytest.raises(GeometryError, match=r"surface: .* at \((20|30)\.\d, 2\.\d"):
+        build_rough_surface(
+            config.surface, thin, None, 3.5, choose_bands(config.surface, measure_sources(config.surface))
+        )
+
+
+def test_the_world_shows_the_rough_surface_hides_the_smooth_one_and_lets_nothing_collide_with_either(opened):
+    model = opened.model
+    for geom in range(model.ngeom):
+        name = model.geom(geom).name
+        if name.startswith(surface_geom("")):
+            assert model.geom_contype[geom] == model.geom_conaffinity[geom] == 0
+            assert model.geom_group[geom] == (
+                GeomGroup.SMOOTH_SURFACE if name.startswith(surface_geom(smooth_mesh(""))) else GeomGroup.ROUGH_SURFACE
+            )
+            assert model.geom_matid[geom] == model.material("rock").id
+
+
+def test_texture_and_walls_are_measured_on_the_meshes_that_the_model_names(opened, tee, config):
+    params = config.validation.texture.model_copy(update={"points_per_m2": 1200.0})
+    polygon, network = tee.free_space.polygon, tee.network
+    report = report_texture(opened.model, polygon, network, params)
+    assert report.strict.overall > 0.6
+    flat = opened.model
+    before = flat.mesh_vert.copy()
+    try:
+        flat.mesh_vert[:] *= 0.5  # the formula knows nothing of this
+        shrunk = report_texture(flat, polygon, network, params)
+    finally:
+        flat.mesh_vert[:] = before
+    assert shrunk.strict_axes.bump_rq_m < 0.95 * report.strict_axes.bump_rq_m
+    metrics = texture_metrics(report)
+    assert metrics["strict"]["overall"] == pytest.approx(report.strict.overall, abs=1e-4)
+    gaps = report_walls(opened.model, polygon, network, 0.5, 0)
+    assert 0.03 < gaps.gap_median_m < 0.15
+    assert gaps.gap_max_m < 0.6
+    assert gaps.narrowest_kept >= 0.93
+
+
+def test_the_models_triangles_are_the_files_triangles(opened, tee):
+    roof = visible_triangles(opened.model, ROOF)
+    files = sorted((tee.bundle / "meshes").glob("back_*.msh"))
+    written = np.concatenate([(m := decode(f, None)).vertices[m.faces] for f in files])
+    assert len(roof) == len(written)
+    assert np.abs(np.sort(roof.mean(axis=1), axis=0) - np.sort(written.mean(axis=1), axis=0)).max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("surface.reference=cloud", "surface.reference=cloud needs surface.cloud.file"),
+        ("surface.cloud.file=/etc/passwd", "not below data/"),
+        ("surface.cloud.units=inch", "'m', 'mm' or 'ft'"),
+        ("surface.rough.bounds.wide_half_width_m=0.5", "narrow_half_width_m must be below"),
+        ("surface.published.wall_sd_m=[0.1,0.1]", "differ in length"),
+    ],
+)
+def test_bad_surface_parameters_are_refused_by_name(monkeypatch, override, words):
+    monkeypatch.chdir(ROOT)
+    with pytest.raises(ParamsError) as refused:
+        compose([override])
+    assert words in str(refused.value)
+
+
+def test_a_sweep_that_is_not_registered_is_refused_by_name(traced_project: Project):
+    said = message_of(traced_project.stage("surface", "surface.sweeps.files={a: data/raw/none.csv}"))
+    assert "data/raw/none.csv" in said
+
+
+def test_a_bad_sweep_measurement_is_refused_and_named(traced_project: Project, tmp_path):
+    project = traced_project.copy(tmp_path / "copy")
+    path = project.folder / "data" / "chilean_mine" / "bad.json"
+    path.write_text(json.dumps({"line": True}))
+    project.stage("compile3d").check_returncode()
+    project.run("python", "-m", "pipeline", "register", "data/chilean_mine/bad.json", check=True)
+    said = message_of(project.stage("surface", "surface.sweeps.measured=data/chilean_mine/bad.json"))
+    assert "data/chilean_mine/bad.json: not the roughness of sweeps" in said
+
+
+def test_free_space_and_network_travel_with_the_world(tee):
+    assert decode(tee.bundle / "free_space.geojson", FreeSpace).polygon.equals(tee.free_space.polygon)
+    assert decode(tee.bundle / "topology.json", DriftNetwork).loops == tee.network.loops

@@ -1,0 +1,92 @@
+"""What `new` finds out by itself from files as people have them."""
+
+import cv2
+import ezdxf
+import numpy as np
+import pytest
+import yaml
+from pydantic import TypeAdapter
+
+from pipeline.errors import InputError
+from pipeline.import_mine import survey_yaml
+from pipeline.params.survey import SurveyParams
+from pipeline.survey.detect import detect_survey
+from pipeline.survey.draw import draw_plan, frame_around
+from tests.mines import RING, TEE, frame_for, plan_of
+from tests.project import TINY_STATIONS
+
+
+def plan_with_bar(tmp_path, name="plan.png", invert=False, bar_m=20.0):
+    plan, box = draw_plan(TEE, frame_around((-10, -20, 90, 60), 8.0), {}, bar_m, 40)
+    cv2.imwrite(str(tmp_path / name), 255 - plan if invert else plan)
+    return tmp_path / name, box
+
+
+def test_a_scale_bar_is_found_and_its_length_chosen_by_the_width_of_the_drifts(tmp_path):
+    path, _ = plan_with_bar(tmp_path)
+    detected = detect_survey(path, {})
+    assert detected.values["kind"] == "plan"
+    assert detected.values["scale"]["source"] == "bar"
+    assert detected.values["scale"]["bar_length_m"] == 20.0
+    assert detected.width_m == pytest.approx(5.0, abs=0.4)
+    assert detect_survey(path, {"bar_length_m": 50.0}).values["scale"]["bar_length_m"] == 50.0
+
+
+def test_light_on_dark_is_seen_by_the_paper_at_the_edge(tmp_path):
+    path, _ = plan_with_bar(tmp_path, invert=True)
+    detected = detect_survey(path, {})
+    assert detected.values["light_on_dark"]
+    assert detected.values["scale"]["bar_length_m"] == 20.0
+
+
+def test_walls_drawn_as_lines_are_told_from_filled_drifts(tmp_path):
+    frame = frame_for(RING)
+    filled, line_drawing = plan_of(RING, frame), np.full((frame.height_px, frame.width_px, 3), 255, np.uint8)
+    for ring in (RING.exterior, *RING.interiors):
+        points = np.round(frame.to_image(np.array(ring.coords)) - 0.5).astype(np.int32)
+        cv2.polylines(line_drawing, [points], True, (0, 0, 0), 2)
+    for name, picture in (("filled.png", filled), ("line_drawing.png", line_drawing)):
+        cv2.imwrite(str(tmp_path / name), picture)
+        detected = detect_survey(tmp_path / name, {"px_per_m": 8.0})
+        assert detected.values["line_drawing"] == (name == "line_drawing.png")
+    assert not detect_survey(tmp_path / "filled.png", {"px_per_m": 8.0}).values["line_drawing"]
+
+
+def test_a_plan_without_a_scale_says_what_to_state(tmp_path):
+    cv2.imwrite(str(tmp_path / "plan.png"), plan_of(TEE, frame_for(TEE)))
+    with pytest.raises(InputError, match="no scale bar found; state --px-per-m"):
+        detect_survey(tmp_path / "plan.png", {})
+
+
+def test_a_drawing_without_units_gets_those_that_make_drifts_as_wide_as_drifts_are(tmp_path):
+    made = ezdxf.new()
+    made.header["$INSUNITS"] = 0
+    made.modelspace().add_lwpolyline(np.array(TEE.exterior.coords)[:-1] * 1000, close=True)
+    made.saveas(tmp_path / "mine.dxf")
+    detected = detect_survey(tmp_path / "mine.dxf", {})
+    assert detected.values["unit"] == "mm"
+    assert 3 < detected.width_m < 6
+
+
+def test_every_guess_is_a_section_that_stage_one_accepts(tmp_path):
+    path, _ = plan_with_bar(tmp_path)
+    (tmp_path / "s.csv").write_text(TINY_STATIONS)
+    for file in (path, tmp_path / "s.csv"):
+        detected = detect_survey(file, {})
+        text = survey_yaml("mine", tmp_path / file.name, detected, {"entrance_m": [1.0, 2.0]})
+        section = yaml.safe_load(text)["survey"]
+        key = "image" if "image" in section else "file"
+        assert section[key].endswith(file.name)
+        read = TypeAdapter(SurveyParams).validate_python({**section, key: f"data/{file.name}"})
+        assert read.entrance_m == (1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("none.png", "no such file"), ("a.docx", "is not a format that is read"), ("a", "without an ending")],
+)
+def test_a_file_that_nothing_reads_is_refused(tmp_path, name, message):
+    if name != "none.png":
+        (tmp_path / name).write_bytes(b"x")
+    with pytest.raises(InputError, match=message):
+        detect_survey(tmp_path / name, {})
