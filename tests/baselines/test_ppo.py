@@ -14,6 +14,7 @@ import pytest
 from baselines.errors import BaselineError
 from baselines.learned import LearnedPolicy
 from baselines.ppo import curves
+from baselines.ppo.history import History
 from baselines.ppo.run_folder import RunFolder
 from baselines.ppo.settings import TrainSettings, compose_settings
 from baselines.ppo.training_env import TrainingEnv
@@ -64,6 +65,22 @@ def test_the_training_environment_tells_each_episode_once_and_unscaled(tee):
     assert ended >= 6
 
 
+@pytest.mark.parametrize(
+    ("coverage", "steps", "count"),
+    [([0.1, 0.3], [5, 7], 2), (0.2, 6.0, 1), (float("nan"), float("nan"), 0), ([], [], 0)],
+)
+def test_every_episode_that_ended_is_logged_however_many_they_are(coverage, steps, count):
+    history = History(compose_settings([]).stop)
+    ended = {"coverage": coverage, "collisions": steps, "return": coverage, "steps": steps}
+    result = {
+        "env_runners": {"num_env_steps_sampled": 128, "episodes": ended},
+        "learners": {"default_policy": {"entropy": 1.0, "vf_explained_var": 0.5}},
+    }
+    line = history.take_result(result, 1.0)
+    assert len(line["episodes"]) == len(history.episodes) == count
+    assert line["rolling_coverage"] == (pytest.approx(0.2) if count else None)
+
+
 def test_a_run_is_trained_resumed_after_a_kill_and_its_policy_used(settings, tmp_path):
     pytest.importorskip("ray", reason="Ray comes with `make setup-baselines`")
     from baselines.ppo.train import train
@@ -98,16 +115,19 @@ def test_a_run_shows_its_progress_without_a_terminal_and_ends_quickly_with_a_che
             [sys.executable, "-m", "baselines.ppo.train", *words], cwd=project.folder, stderr=stderr,
             stdout=subprocess.DEVNULL,
         )  # fmt: skip
-        deadline = time.monotonic() + 300
+        deadline = time.monotonic() + 600
         line = r"^my-mine-beams-mlp-1: [1-9][\d,]* of 2,000,000 steps \([\d.]+ %\), [\d,]+ steps/s, coverage .* %"
-        while not re.search(line, said.read_text(), flags=re.M):
-            assert run.poll() is None, said.read_text()
-            assert time.monotonic() < deadline, said.read_text()
-            time.sleep(0.5)
-        start = time.monotonic()
-        run.send_signal(kind)
-        assert run.wait(60) == 130
-        assert time.monotonic() - start < 10
+        try:
+            while not re.search(line, said.read_text(), flags=re.M):
+                assert run.poll() is None, said.read_text()
+                assert time.monotonic() < deadline, said.read_text()
+                time.sleep(0.5)
+            start = time.monotonic()
+            run.send_signal(kind)
+            assert run.wait(60) == 130
+            assert time.monotonic() - start < 10
+        finally:
+            run.kill()
     text = said.read_text()
     assert text.splitlines()[-1] == "train: interrupted; run it again to go on"
     assert "Traceback" not in text
