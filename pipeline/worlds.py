@@ -13,7 +13,7 @@ from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
 from pipeline.params.config import Config
 from pipeline.params.validation import Limit, ValidationParams
-from pipeline.report.baseline import read_metrics
+from pipeline.report.results import read_metrics
 from pipeline.stage import ARTIFACTS
 from pipeline.store.manifest import read_manifest
 
@@ -56,7 +56,7 @@ def env_id(name: str) -> str:
 
 def read_figures(name: str) -> dict[str, Any]:
     """Return a world's metrics, one level deep."""
-    return read_metrics(world_folder(name) / "validation" / "metrics.json")
+    return read_metrics(world_folder(name) / "validation")
 
 
 def limits_of(name: str) -> dict[str, Limit]:

@@ -16,7 +16,7 @@ from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
 from pipeline.proof.replay import Replay, ReplayReport, replay_sweeps
 from pipeline.proof.surface import TextureReport
-from pipeline.proof.validator import GROUPS, Validator
+from pipeline.proof.validator import MEASURES, Validator
 from pipeline.report.graph import blocked_table
 from pipeline.report.plans import draw_agreement
 from pipeline.report.replay import draw_replay
@@ -37,7 +37,7 @@ def validate_world(params: ValidationParams, world: Path, cleaned: Mask, raw: Ma
             measured.result()
         loading = pool.submit(measure_load, world / MODEL)  # beside what keeps one core busy
         evidence = _evidence(params, found)
-        metrics = {group: found.measure(group) for group in GROUPS}
+        metrics = {group: found.measure(group) for group in MEASURES}
         timings = {"world_sha256": found.world.record.world_sha256, "world": dataclasses.asdict(loading.result())}
     return {"metrics": metrics, "timings": timings, **evidence}
 

@@ -19,8 +19,8 @@ from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import format_limit
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.params.validation import ValidationParams
-from pipeline.report.baseline import flat_walls_note, read_metrics
 from pipeline.report.mine import draw_mine, to_svg
+from pipeline.report.results import flat_walls_note, read_metrics
 from pipeline.report.scene import scene_page
 from pipeline.report.style import to_image
 from pipeline.store.codecs import decode, encode
@@ -118,7 +118,7 @@ def _read(root: Path, file: str, kind: Any) -> Any:
 
 
 def _metrics(root: Path) -> dict[str, Any]:
-    return read_metrics(root / "validation" / "metrics.json")
+    return read_metrics(root / "validation")
 
 
 def _figures(metrics: dict[str, Any], validation: Manifest) -> dict[str, list[_Figure]]:

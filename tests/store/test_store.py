@@ -1,3 +1,4 @@
+import dataclasses
 import os
 
 import numpy as np
@@ -154,7 +155,11 @@ def test_a_mesh_survives_its_round_trip_and_a_cut_one_is_refused(tmp_path):
                 rng.uniform(0, 1, (5, 2)))  # fmt: skip
     path = tmp_path / "a.msh"
     path.write_bytes(encode(path, mesh))
+    assert decode(path, Mesh).normals is None
+    mesh = dataclasses.replace(mesh, normals=np.eye(3)[[0, 1, 2, 1, 0]])
+    path.write_bytes(encode(path, mesh))
     read = decode(path, Mesh)
+    np.testing.assert_array_equal(read.normals, mesh.normals)
     np.testing.assert_array_equal(read.vertices, mesh.vertices)
     np.testing.assert_array_equal(read.faces, mesh.faces)
     np.testing.assert_allclose(read.texcoords, mesh.texcoords, atol=1e-6)
