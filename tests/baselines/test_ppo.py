@@ -1,6 +1,7 @@
 """Training by Ray and torch, which the extra `baselines` brings: `make test-train` runs these."""
 
 import json
+import os
 import re
 import shutil
 import signal
@@ -125,7 +126,8 @@ def test_a_run_shows_its_progress_without_a_terminal_and_ends_quickly_with_a_che
             start = time.monotonic()
             run.send_signal(kind)
             assert run.wait(60) == 130
-            assert time.monotonic() - start < 10
+            crowding = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))  # of a machine that does other work
+            assert time.monotonic() - start < 10 * crowding
         finally:
             run.kill()
     text = said.read_text()
