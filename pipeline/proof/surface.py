@@ -143,9 +143,9 @@ def texture_metrics(report: TextureReport) -> dict[str, Any]:
             kind: scores.axes for kind, scores in (("published", report.flat), ("strict", report.flat_strict))
         },
         # Two readings of one rock. `rq_ratio` is the RMS over all points, as in the published sweep of windows.
-        # `bump_ratio` is the mean over 0.5 m voxels, as the published bump Rq: a voxel that holds only the edge of a wall
+        # `bump_ratio` is the mean over 0.5 m voxels, as the published bump Rq: a voxel with only the edge of a wall
         # counts in full and is smooth. The default world's mean sigma is 32 mm in the quarter of the voxels with the
-        # fewest points and 82 mm in the fullest; a fifth of the points, so that fewer edges reach 30, raises it by 18 %.
+        # fewest points, 82 mm in the fullest; a fifth of the points leaves fewer edges with 30, and reads 18 % more.
         "rq_ratio": {
             f"at_{100 * ours.window_m:.0f}_cm": round(ours.rq_m / real.rq_m, 4)
             for ours in report.residuals
