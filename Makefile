@@ -10,142 +10,166 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-baselines all test test-slow check report verify data dag update-baseline lock clean bench compare-collision compare-paper search-texture roughness bench-pipeline worlds random-mines look docs fuzz stress-test mutants parity replay holdout evidence wheel env-page oracle explorers test-train train train-all time-training curves leaderboard claims $(STAGES)
+.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds roughness stress-test mutants parity replay holdout fuzz random-mines evidence compare-paper compare-collision search-texture bench bench-pipeline time-training setup-baselines oracle explorers train train-all curves leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock
 
-help:            ## show this list
-	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile | expand -t 22
-	@echo '  $(STAGES)' | sed 's/ /, /g; s/^, , /  /'
-	@echo '                      up to and including one stage; add OVERRIDES="group=choice section.key=value"'
+help:  # show the targets that have a remark of two hashes; rarer ones have one
+	@awk -F ':.*## ' '/^##@/ {print substr($$0, 5)} /^all:/ {printf "  %-18s %s\n", "$(firstword $(STAGES)) ...", "up to and including one stage: $(STAGES)"} /^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' Makefile
 
-setup:           ## make .venv from the lock, install missing system libraries; silent when done
+##@ Every day
+
+setup:  ## make .venv from the lock, install missing system packages; silent when done
 	@sh requirements/setup.sh dev
 
-setup-baselines: ## the same with Ray and torch, for training
-	@sh requirements/setup.sh baselines
-
-all: setup       ## the whole pipeline (dvc repro)
+all: setup  ## run the whole pipeline (dvc repro)
 	@$(PY) -m pipeline set-overrides
 	@dvc repro
 
+test: setup  ## run the tests, without the slow ones
+	@$(PY) -m pytest -n 2 -m "not slow" tests
+
+check: setup  ## lint, types, import contracts, dvc.yaml up to date
+	@ruff check . && ruff format --check . && mypy && lint-imports && $(PY) -m stages | cmp - dvc.yaml
+
+clean:  ## remove artifacts and caches, keep .venv, data and the metrics that git tracks
+	@find artifacts ! -type d ! -path artifacts/.gitignore ! -path artifacts/validation/metrics.json -delete
+	@find artifacts -mindepth 1 -type d -empty -delete
+	@rm -rf .dvc/cache .dvc/tmp .pytest_cache .mypy_cache .ruff_cache .hypothesis dvc_plots
+	@find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
+
+# One stage and those before it: make contours OVERRIDES="contours.tolerance_m=0.15"
 $(STAGES): setup
 	@$(PY) -m pipeline set-overrides
 	@dvc repro $@
 
-test: setup      ## all tests but the slow ones
-	@$(PY) -m pytest -n 2 -m "not slow" tests
 
-test-slow: setup ## the slow tests
-	@$(PY) -m pytest -m slow tests
+##@ Results
 
-check: setup     ## lint, types, import contracts, dvc.yaml up to date
-	@ruff check . && ruff format --check . && mypy && lint-imports && $(PY) -m stages | cmp - dvc.yaml
-
-report: all      ## the report page is artifacts/report/report.html; write docs/results.md from the same figures
+report: all  ## write docs/results.md, README's table and pictures; the page is artifacts/report/report.html
 	@$(PY) -m pipeline update-results
 
-verify: setup    ## walk the manifests from the survey to the world
+verify: setup  ## check the hashes from the survey to the world
 	@$(PY) -m pipeline verify
 
-data: setup      ## fetch the published plan and sweeps into data/raw (MIRROR=address-or-folder to take them from)
+update-baseline: setup  ## accept the present metrics for the regression gate
+	@$(PY) -m pipeline update-baseline
+
+data: setup  ## fetch the published plan and sweeps into data/raw (MIRROR=address or folder)
 	@$(PY) -m pipeline.survey.fetch $(if $(MIRROR),--mirror "$(MIRROR)")
 
-compare-collision: setup  ## exact prisms, CoACD and V-HACD side by side on the same plan
-	@$(PY) -m benchmarks.compare_collision
-
-compare-paper: setup      ## the paper's preset beside the default
-	@$(PY) -m benchmarks.compare_paper
-
-search-texture: setup     ## search the overlay's noise for the texture scores: the trade-off behind the default
-	@$(PY) -m benchmarks.search_texture
-
-roughness: setup          ## measure the sweeps below data/raw again (`make data` fetches them)
-	@$(PY) -m pipeline roughness data/raw/sweep_*.csv --out data/chilean_mine/roughness.json
-
-worlds: setup    ## a family of generated mines: N=50 SPLIT=train (validation, test); ARGS="--of NAME" for variants of one
+worlds: setup  ## generate mines: N=50 SPLIT=train|validation|test; variants: ARGS="--of NAME"
 	@$(PY) -m pipeline worlds --count $(N) --split $(SPLIT) $(ARGS)
 
-stress-test: all  ## throw robots at the walls of the present world: a million contacts (artifacts/proof/certificate.json)
+roughness: setup  # measure the sweeps below data/raw
+	@$(PY) -m pipeline roughness data/raw/sweep_*.csv --out data/chilean_mine/roughness.json
+
+
+##@ Evidence
+
+stress-test: all  ## drive robots against the walls: a million contacts
 	@$(PY) -m pipeline certify --bundle artifacts/realism/world --contacts 1000000 --out artifacts/proof/certificate.json
 
-test-train: setup-baselines  ## the tests of training, which need Ray and torch
-	@$(PY) -m pytest tests/baselines/test_ppo.py
+mutants: all  ## put faults into the world; the validator must find each
+	@$(PY) -m benchmarks.mutants
 
-random-mines: setup  ## two hundred generated mines to worlds: do all hold? (docs/random-mines.md)
+parity: all  ## cast the same rays by every backend
+	@$(PY) -m pipeline parity --bundle artifacts/realism/world --out artifacts/proof/parity.json
+
+replay: all  ## replay the sweeps below data/raw in the world
+	@$(PY) -m pipeline replay --bundle artifacts/realism/world --sweeps data/raw --poses data/raw/scan_poses.csv --out artifacts/proof
+
+holdout: setup  ## build rock from half of the sweeps, score it on the other half
+	@$(PY) -m pipeline validate --holdout --out artifacts/proof/holdout.json
+
+fuzz: setup  ## give every reader 500 broken and hostile files
+	@$(PY) -m benchmarks.fuzz
+
+random-mines: setup  ## build two hundred generated mines: do all hold?
 	@$(PY) -m benchmarks.random_mines
 
-look: all        ## open the report in headless Chromium: size, load time, console, pictures (docs/report.png)
-	@$(PY) -m benchmarks.look_at_report
+evidence: all  ## write docs/evidence-figures.md from the targets above
+	@$(PY) -m benchmarks.evidence
 
-docs: setup      ## build the documentation into artifacts/site
+
+##@ Comparisons and timings
+
+compare-paper: setup  ## the paper's choices beside the default
+	@$(PY) -m benchmarks.compare_paper
+
+compare-collision: setup  ## exact prisms, CoACD and V-HACD on the same plan
+	@$(PY) -m benchmarks.compare_collision
+
+search-texture: setup  # search the noise for the texture scores
+	@$(PY) -m benchmarks.search_texture
+
+bench: setup  ## time the environment against its references
+	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.time_env
+
+bench-pipeline: setup  # time the pipeline and each stage
+	@$(PY) -m benchmarks.time_pipeline
+
+time-training: setup-baselines  # environment steps/s while PPO learns
+	@$(PY) -m benchmarks.time_training $(ARGS)
+
+
+##@ Baselines
+
+setup-baselines:  ## the same with Ray and torch, for training
+	@sh requirements/setup.sh baselines
+
+oracle: all  ## upper bound and driven tour of every environment
+	@$(PY) -m baselines.oracle
+
+explorers: all  ## evaluate the classical explorers in every environment
+	@$(PY) -m baselines.evaluate --all
+
+train: setup-baselines  ## train PPO: SEED=42 ARGS="env=full observation=map"; run again to resume
+	@$(PY) -m baselines.ppo.train seed=$(SEED) $(ARGS)
+
+train-all: setup-baselines  # train with the paper's five seeds
+	@for seed in 42 142 242 342 442; do $(PY) -m baselines.ppo.train seed=$$seed $(ARGS) || exit $$?; done
+
+curves: setup  # draw the training runs (docs/training.md)
+	@$(PY) -m baselines.ppo.curves
+
+leaderboard: all  ## score all results files, write LEADERBOARD.md
+	@$(PY) -m baselines.leaderboard
+
+claims: setup  ## write docs/claims.md: the paper's figures beside ours
+	@$(PY) -m benchmarks.claims
+
+
+##@ Project
+
+test-slow: setup  ## run the slow tests
+	@$(PY) -m pytest -m slow tests
+
+test-train: setup-baselines  # run the tests of training
+	@$(PY) -m pytest tests/baselines/test_ppo.py
+
+docs: setup  ## build the documentation into artifacts/site
 	@$(PY) -m benchmarks.draw_styles
 	@mkdocs build -q
 
-fuzz: setup      ## throw 500 broken and hostile files at every reader (docs/fuzz.md)
-	@$(PY) -m benchmarks.fuzz
+look: all  # open the report in headless Chromium and measure it
+	@$(PY) -m benchmarks.look_at_report
 
-mutants: all     ## inject faults into the present world; the validator must catch each (artifacts/validation/mutants.json)
-	@$(PY) -m benchmarks.mutants
-
-parity: all      ## cast the same rays by every backend (artifacts/proof/parity.json)
-	@$(PY) -m pipeline parity --bundle artifacts/realism/world --out artifacts/proof/parity.json
-
-replay: all      ## replay the sweeps below data/raw in the present world (artifacts/proof/replay.json and .png)
-	@$(PY) -m pipeline replay --bundle artifacts/realism/world --sweeps data/raw --poses data/raw/scan_poses.csv --out artifacts/proof
-
-holdout: setup   ## build rock from half of the sweeps below data/raw, score it on the other half
-	@$(PY) -m pipeline validate --holdout --out artifacts/proof/holdout.json
-
-evidence: all    ## write docs/evidence-figures.md: the published plan's replay (after `make data`) and what the targets above found
-	@$(PY) -m benchmarks.evidence
-
-oracle: all      ## upper bound and driven tour of every environment (baselines/results/bounds.json, docs/oracle-*.png)
-	@$(PY) -m baselines.oracle
-
-explorers: all   ## evaluate the classical explorers in every environment (baselines/results)
-	@$(PY) -m baselines.evaluate --all
-
-train: setup-baselines  ## train PPO: SEED=42, more by ARGS="env=full observation=map"; run it again to go on
-	@$(PY) -m baselines.ppo.train seed=$(SEED) $(ARGS)
-
-train-all: setup-baselines  ## the paper's five seeds, one after another
-	@for seed in 42 142 242 342 442; do $(PY) -m baselines.ppo.train seed=$$seed $(ARGS) || exit $$?; done
-
-time-training: setup-baselines  ## environment steps/s with PPO's updates (artifacts/bench/training.json); close other programs
-	@$(PY) -m benchmarks.time_training $(ARGS)
-
-curves: setup    ## draw the training runs and tabulate them beside the paper's (docs/training.md)
-	@$(PY) -m baselines.ppo.curves
-
-leaderboard: all ## score all results files and write LEADERBOARD.md
-	@$(PY) -m baselines.leaderboard
-
-claims: setup    ## write docs/claims.md: every figure of the paper beside what is measured here
-	@$(PY) -m benchmarks.claims
-
-bench: setup     ## time the environment against its references (artifacts/bench/env.json)
-	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.time_env
-
-bench-pipeline: setup     ## time the pipeline and each stage in a copy of the project
-	@$(PY) -m benchmarks.time_pipeline
-
-wheel: setup     ## build dist/minexplore-*.whl with the default world inside
-	@PYTHONPATH=. $(PY) packaging/build_wheel.py
-
-env-page: setup  ## write docs/env.md from the environment's docstring
+env-page: setup  # write docs/env.md from the environment
 	@$(PY) -m minexplore page > docs/.env.md.new && mv docs/.env.md.new docs/env.md
 
-update-baseline: setup    ## update-baseline the present metrics as the regression gate's baseline
-	@$(PY) -m pipeline update-baseline
+wheel: setup  ## build dist/minexplore-*.whl with the default world
+	@PYTHONPATH=. $(PY) packaging/build_wheel.py
 
-dag: setup       ## write dvc.yaml from the stages' declarations
+sbom: setup  ## list every package with its licence (artifacts/sbom.json)
+	@cyclonedx-py environment --pyproject pyproject.toml --output-reproducible -o artifacts/sbom.json .venv/bin/python
+
+provenance: setup  ## write the world's provenance as an RO-Crate (artifacts/provenance)
+	@$(PY) -m pipeline provenance
+
+dag: setup  # write dvc.yaml from the stages' declarations
 	@$(PY) -m stages > .dvc.yaml.new && mv .dvc.yaml.new dvc.yaml
 
-lock: setup      ## renew requirements/*.txt from pyproject.toml
+lock: setup  ## renew requirements/*.txt from pyproject.toml
 	@echo 'torch; python_version < "3"' | uv pip compile -q $(LOCK) --extra baselines --overrides /dev/stdin \
 	  pyproject.toml --group dev -o requirements/baselines.txt
 	@uv pip compile -q $(LOCK) -c requirements/baselines.txt pyproject.toml --group dev -o requirements/dev.txt
 	@uv pip compile -q $(LOCK) --group bootstrap -o requirements/bootstrap.txt
-
-clean:           ## remove artifacts and caches, keep .venv and data
-	@rm -rf artifacts/params.yaml artifacts/*/ .dvc/cache .dvc/tmp .pytest_cache .mypy_cache .ruff_cache .hypothesis dvc_plots
-	@find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +

@@ -1,7 +1,8 @@
-"""What can go wrong: every message names the thing, the value and what would be valid; commands exit with code 2."""
+"""Expected failures: every message names the thing, the value and the limit; commands exit with code 2."""
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable
 
@@ -11,12 +12,18 @@ class BaselineError(Exception):
 
 
 def need(package: str, extra: str = "make setup-baselines") -> BaselineError:
-    """Return the error of a package that an extra brings."""
+    """Return the error of a missing package that belongs to an extra."""
     return BaselineError(f"{package} is not installed; it comes with the extra `baselines`: run `{extra}`")
 
 
+def interrupt(kind: int, frame: object) -> None:
+    """Handle a signal as Ctrl-C is handled."""
+    raise KeyboardInterrupt
+
+
 def run_command(name: str, command: Callable[[], None]) -> int:
-    """Run a command; return its exit code: 2 after an expected error, 130 when interrupted."""
+    """Run a command; return its exit code: 2 after an expected error, 130 when it was ended by Ctrl-C or SIGTERM."""
+    signal.signal(signal.SIGTERM, interrupt)
     try:
         command()
     except BaselineError as error:

@@ -7,41 +7,52 @@ import os
 import sys
 from pathlib import Path
 
-from tqdm import tqdm
-
-import minexplore
+from baselines.bounds import bound_of
+from baselines.environments import BENCHMARK, find_id, make_env
 from baselines.errors import BaselineError, run_command
-from baselines.oracle.record import bound_of
-from baselines.policy import CLASSICAL, make_policy, policy_sha256
-from baselines.protocol import chain, head_of, make_env, run_episodes
-from baselines.results import RESULTS, as_text, read_results
-from baselines.statistics import figures
+from baselines.explorers import EXPLORERS
+from baselines.learned import trained_in
+from baselines.parallel import drive
+from baselines.policy import make_policy, policy_label
+from baselines.progress import Progress
+from baselines.protocol import head_of
+from baselines.result_file import CHECKPOINTS, Head, read_results, result_path, write_results
+from baselines.statistics import as_text, figures
+from minexplore.vector import MineVectorEnv
+
+SEEDS = list(range(20))
 
 
-def evaluate(policy_name: str, env_id: str, seeds: list[int], out: Path) -> None:
-    """Run a policy's episodes and write the results file.
+def evaluate(policy_name: str, env_id: str, seeds: list[int], out: Path, jobs: int = 1) -> None:
+    """Run a policy's episodes in `jobs` processes and write the results file.
 
     Raises
     ------
     BaselineError
         If policy or environment is unknown, or they do not fit each other.
     """
-    env = make_env(env_id, len(seeds), os.cpu_count() or 1)
-    policy = make_policy(policy_name, len(seeds), env.task)
-    name = Path(policy_name).stem
-    head = head_of(env_id, env, name, policy, seeds)
-    bar = tqdm(total=len(seeds) * env.task.max_steps, desc=name, unit=" steps", disable=None)
-    episodes = list(run_episodes(env, policy, seeds, bar.update))
-    bar.close()
+    env = make_env(env_id, 1)
+    head = expected_head(policy_name, env_id, env, seeds)
+    progress = Progress(f"{head.policy} in {env_id}", len(seeds) * env.task.max_steps)
     env.close()
-    out.parent.mkdir(parents=True, exist_ok=True)
-    fresh = out.with_suffix(".new")
-    fresh.write_text(chain(head, episodes))
-    fresh.rename(out)
+    episodes = drive(policy_name, env_id, seeds, progress.add, jobs)
+    progress.close()
+    write_results(out, head, episodes)
+
+
+def is_current(path: Path, head: Head) -> bool:
+    """Return whether a results file has this head: the same world, task, policy and seeds, whatever the versions."""
+    if not path.is_file():
+        return False
+    try:
+        kept, _ = read_results(path)
+    except BaselineError:
+        return False
+    return kept.model_copy(update={"versions": head.versions}) == head
 
 
 def print_table(path: Path) -> None:
-    """Print what a results file says, a figure a line."""
+    """Print the figures of a results file, one a line."""
     head, episodes = read_results(path)
     print(f"{head.policy} in {head.env}, {len(episodes)} seeds: interquartile mean (95 % interval)")
     for name, figure in figures(head, episodes, bound_of(head.env, head.world_sha256)).items():
@@ -49,63 +60,62 @@ def print_table(path: Path) -> None:
         print(f"  {name:26} {as_text(name, figure)}{some}")
 
 
-def _evaluate_all(seeds: list[int]) -> None:
-    """Evaluate every classical policy, and every kept checkpoint where it was trained; done ones are passed over."""
-    envs = [env for env, kwargs in minexplore.WORLDS.items() if "world" in kwargs]
-    for env_id in envs:
-        checkpoints = sorted(
-            (RESULTS / "checkpoints").glob(f"{env_id.removeprefix('MineXplore/').split('-v')[0]}-*.safetensors")
-        )
-        for policy in [*CLASSICAL, *map(str, checkpoints)]:
-            out = result_path(policy, env_id)
-            if _is_current(out, env_id, policy):
-                continue
-            evaluate(policy, env_id, seeds, out)
+def evaluate_all(env_ids: list[str], seeds: list[int], jobs: int) -> None:
+    """Evaluate all classical policies, and the kept checkpoints that were trained there, whose results are not current.
+
+    Results of another world, task, policy or other seeds are replaced.
+    """
+    for env_id in env_ids:
+        env = make_env(env_id, 1)
+        heads = {name: expected_head(name, env_id, env, seeds) for name in _policies_of(env_id)}
+        env.close()
+        stale = [name for name, head in heads.items() if not is_current(result_path(head.policy, env_id), head)]
+        for name in stale:
+            out = result_path(heads[name].policy, env_id)
+            evaluate(name, env_id, seeds, out, jobs)
             print_table(out)
+        print(f"{env_id}: {len(stale)} policies evaluated, the results of the others are current", flush=True)
 
 
-def _is_current(out: Path, env_id: str, policy: str) -> bool:
-    """Say whether results are of this world and of the policy as it is now."""
-    if not out.is_file():
-        return False
-    head, _ = read_results(out)
-    env = make_env(env_id, 1)
-    same = head.world_sha256 == env.world.record["world_sha256"]
-    now = policy_sha256(make_policy(policy, 1, env.task))
-    env.close()
-    return same and head.policy_sha256 == now
+def _policies_of(env_id: str) -> list[str]:
+    kept = sorted(CHECKPOINTS.glob("*.safetensors"))
+    return [*EXPLORERS, *(path.stem for path in kept if trained_in(path) == env_id)]
 
 
-def result_path(policy_name: str, env_id: str) -> Path:
-    """Return where a policy's results lie by default."""
-    mine = env_id.removeprefix("MineXplore/")
-    return RESULTS / mine / f"{Path(policy_name).stem}.jsonl"
+def expected_head(policy_name: str, env_id: str, env: MineVectorEnv, seeds: list[int]) -> Head:
+    """Return the head of a policy's results as an evaluation would write it now."""
+    policy = make_policy(policy_name, 1, env.task, env.robot)
+    return head_of(env_id, env, policy_label(policy_name), policy, seeds)
 
 
 def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(prog="python -m baselines.evaluate", description=__doc__)
-    parser.add_argument("--policy", help="a name, or a checkpoint NAME.safetensors")
-    parser.add_argument("--env")
+    parser.add_argument("--policy", help="a name, module:Class, or a checkpoint NAME.safetensors")
+    parser.add_argument("--env", help="an id, or NAME for MineXplore/NAME-v0; with --all, all that ship by default")
     parser.add_argument(
-        "--all", action="store_true", help="all classical policies in all environments, where results lack"
+        "--all", action="store_true", help="evaluate all classical and kept policies whose results are not current"
     )
-    parser.add_argument("--episodes", type=int, default=20)
+    parser.add_argument("--episodes", type=int, default=len(SEEDS))
     parser.add_argument("--seeds", type=int, nargs="*", help="one an episode; 0, 1, 2, ... by default")
     parser.add_argument("--out", type=Path, help="baselines/results/ENV/POLICY.jsonl by default")
+    parser.add_argument("--jobs", type=int, default=min(os.cpu_count() or 1, 4), help="processes; each holds the world")
     arguments = parser.parse_args()
+    if arguments.jobs < 1:
+        raise BaselineError(f"jobs = {arguments.jobs}: want 1 or more")
     if not 1 <= arguments.episodes <= 512:
         raise BaselineError(f"episodes = {arguments.episodes}: want 1 to 512")
     seeds = arguments.seeds or list(range(arguments.episodes))
     if len(set(seeds)) < len(seeds) or min(seeds) < 0:
         raise BaselineError(f"seeds = {seeds}: want different ones, none below 0")
     if arguments.all:
-        _evaluate_all(seeds)
+        evaluate_all([find_id(arguments.env)] if arguments.env else list(BENCHMARK), seeds, arguments.jobs)
         return
     if arguments.policy is None or arguments.env is None:
-        raise BaselineError("say what to evaluate: --policy and --env, or --all")
-    out = arguments.out or result_path(arguments.policy, arguments.env)
-    evaluate(arguments.policy, arguments.env, seeds, out)
+        raise BaselineError("nothing to evaluate: give --policy and --env, or --all")
+    env_id = find_id(arguments.env)
+    out = arguments.out or result_path(policy_label(arguments.policy), env_id)
+    evaluate(arguments.policy, env_id, seeds, out, arguments.jobs)
     print_table(out)
 
 

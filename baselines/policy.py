@@ -1,63 +1,123 @@
-"""What a policy is, and the classical ones by name."""
+"""What a policy is, and how one is found by name."""
 
 from __future__ import annotations
 
 import hashlib
 import inspect
+import pkgutil
+import sys
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from baselines.errors import BaselineError
+from baselines.explorers import EXPLORERS
+from baselines.learned import LearnedPolicy
+from baselines.result_file import CHECKPOINTS
+from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 
-CLASSICAL = ("random", "reactive", "wall-following", "nearest-frontier", "information-gain")
+TRAINED = Path("artifacts/train")  # NAME/policy.safetensors, written by training
 
 
 class Policy(Protocol):
     """Drives n robots, each alone in its own copy of a mine, by their local observations and true poses."""
 
     def reset(self, robots: np.ndarray, seeds: np.ndarray) -> None:
-        """Begin new episodes of robots (k,); what they draw at random comes from their seeds (k,)."""
+        """Begin new episodes of robots (k,); all random numbers are drawn from their seeds (k,)."""
 
     def act(self, observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
-        """Return commands (n, 2) in [-1, 1] from observations (n, beams + 3) and infos, of which poses may be used."""
+        """Return commands (n, 2) in [-1, 1].
+
+        Parameters
+        ----------
+        observation : (n, features) float32
+            What `minexplore.observation.observation_space` describes.
+        info : dict
+            The environment's. A policy may use the poses `pose_m_rad` (n, 3) and nothing else.
+        """
 
 
-def make_policy(name: str, robots: int, task: TaskParams) -> Policy:
-    """Return a policy by its name, or the one that a checkpoint holds.
+def make_policy(name: str, count: int, task: TaskParams, robot: RobotParams | None = None) -> Policy:
+    """Return a policy for `count` robots.
+
+    Parameters
+    ----------
+    name : str
+        A classical explorer; `package.module:Class`, made as `Class(count, task, robot)`; the name of a learned policy
+        below `baselines/results/checkpoints` or `artifacts/train`; or a file NAME.safetensors.
+    count : int
+    task : TaskParams
+    robot : RobotParams, optional
+        The default robot without it.
 
     Raises
     ------
     BaselineError
-        If there is none of that name; the message lists those that there are.
+        If there is no policy of that name; the message lists the choices.
     """
-    from baselines.frontier import InformationGain, NearestFrontier
-    from baselines.learned import LearnedPolicy
-    from baselines.random_walk import RandomWalk
-    from baselines.reactive import Reactive
-    from baselines.wall_following import WallFollowing
+    robot = robot or RobotParams()
+    if name in EXPLORERS:
+        return EXPLORERS[name](count, task, robot)
+    if ":" in name:
+        return _import_class(name)(count, task, robot)
+    return LearnedPolicy(find_checkpoint(name), count, task)
 
-    kinds: tuple[Any, ...] = (RandomWalk, Reactive, WallFollowing, NearestFrontier, InformationGain)
-    if name in CLASSICAL:
-        return dict(zip(CLASSICAL, kinds, strict=True))[name](robots, task)
+
+def find_checkpoint(name: str) -> Path:
+    """Return the file of a learned policy by its path or its name.
+
+    Raises
+    ------
+    BaselineError
+        If there is none; the message lists what can be evaluated.
+    """
     if name.endswith(".safetensors"):
-        return LearnedPolicy(Path(name), robots, task)
-    raise BaselineError(f"policy = {name!r}: valid choices are {', '.join(CLASSICAL)}, or a file NAME.safetensors")
+        return Path(name)
+    for path in (CHECKPOINTS / f"{name}.safetensors", TRAINED / name / "policy.safetensors"):
+        if path.is_file():
+            return path
+    kept = ", ".join(sorted(path.stem for path in CHECKPOINTS.glob("*.safetensors"))) or "none"
+    raise BaselineError(
+        f"policy = {name!r}: valid choices are {', '.join(EXPLORERS)}, module:Class, a file NAME.safetensors, "
+        f"or a learned policy by name (kept: {kept})"
+    )
+
+
+def policy_label(name: str) -> str:
+    """Return what results call a policy: its name, or that of its checkpoint without folder and ending."""
+    if not name.endswith(".safetensors"):
+        return name
+    path = Path(name)
+    return path.resolve().parent.name if path.stem == "policy" else path.stem
 
 
 def policy_sha256(policy: Policy) -> str:
-    """Return the hash of what a policy does: of its name, its source and what that builds on, its weights."""
+    """Return the hash of what a policy does: its class, its source with all that it imports here, its weights."""
     checkpoint = getattr(policy, "path", None)
-    rooms = {inspect.getfile(kind) for kind in type(policy).__mro__ if kind.__module__.startswith("baselines.")}
-    rooms |= {inspect.getfile(module) for module in getattr(policy, "builds_on", ())}
-    learned = [Path(checkpoint).read_bytes()] if checkpoint is not None else []
-    parts = [type(policy).__qualname__.encode(), *learned, *(Path(file).read_bytes() for file in sorted(rooms))]
+    parts = [type(policy).__qualname__.encode(), *(path.read_bytes() for path in source_files(type(policy)))]
+    if isinstance(checkpoint, Path):
+        parts.append(checkpoint.read_bytes())
     return hashlib.sha256(b"".join(parts)).hexdigest()
 
 
-def ranges_m(observation: np.ndarray, task: TaskParams) -> np.ndarray:
-    """Return the beams' ranges (n, beams), m, of observations."""
-    near, far = task.range_m
-    return near + observation[:, : task.beams].astype(float) * (far - near)
+def source_files(kind: type) -> list[Path]:
+    """Return the files of a class's module and of the modules that it uses, of `baselines` and its own package."""
+    packages = {"baselines", kind.__module__.partition(".")[0]}
+    found, waiting = set(), {base.__module__ for base in kind.__mro__ if base.__module__.partition(".")[0] in packages}
+    while waiting:
+        module = waiting.pop()
+        found.add(module)
+        for value in vars(sys.modules[module]).values():
+            used = value.__name__ if inspect.ismodule(value) else getattr(value, "__module__", None)
+            if isinstance(used, str) and used.partition(".")[0] in packages and used not in found:
+                waiting.add(used)
+    return [Path(inspect.getfile(sys.modules[module])) for module in sorted(found)]
+
+
+def _import_class(name: str) -> Any:
+    try:
+        return pkgutil.resolve_name(name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise BaselineError(f"policy = {name!r}: cannot be imported ({error})") from error

@@ -1,4 +1,4 @@
-"""What is told of a policy's episodes: interquartile means with bootstrap intervals over seeds."""
+"""Figures of a policy's episodes: interquartile means with bootstrap intervals over seeds."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import bootstrap, trim_mean
 
-from baselines.protocol import SAMPLE_STEPS, Episode, Head
+from baselines.result_file import SAMPLE_STEPS, Episode, Head
 
 _TIMES_S, _SHARES = (60, 300, 600), (0.5, 0.75, 0.9)
 _RESAMPLES, _CONFIDENCE = 2000, 0.95
+_CURVE_POINTS = 601
 
 
 @dataclass(frozen=True)
@@ -52,40 +53,55 @@ def figures(head: Head, episodes: list[Episode], bound: Callable[[float], int] |
     head, episodes
         A results file's.
     bound : callable, optional
-        Gives the most cells that any robot can have seen after so many seconds.
+        Returns the most cells that any robot can have seen after so many seconds.
     """
+    found: dict[str, list[float]] = {}
+    for episode in episodes:
+        for name, value in (_coverage_of(head, episode, bound) | _motion_of(episode)).items():
+            found.setdefault(name, []).append(value)
+    return {name: estimate(values) for name, values in found.items()}
+
+
+def _coverage_of(head: Head, episode: Episode, bound: Callable[[float], int] | None) -> dict[str, float]:
+    """Return the figures of an episode's coverage curve; an episode that ended early keeps what it had seen."""
     control = float(head.task["control_s"])
     horizon = int(head.task["max_steps"]) * control
-    found: dict[str, list[float]] = {}
+    times, share = sample_times(episode, control), np.array(episode.seen) / head.cells
+    found: dict[str, float] = {}
+    for at in (*(t for t in _TIMES_S if t < horizon), horizon):
+        now = float(np.interp(at, times, share))
+        found[f"coverage at {at:g} s"] = now
+        if bound is not None:
+            found[f"share of bound at {at:g} s"] = now * head.cells / bound(at)
+    curve = np.interp(np.linspace(0, horizon, _CURVE_POINTS), times, share)
+    found["area under coverage"] = float(np.trapezoid(curve) / (_CURVE_POINTS - 1))
+    for part in _SHARES:
+        if share[-1] >= part:
+            found[f"time to {100 * part:g} %, s"] = float(times[int((share >= part).argmax())])
+    return found
 
-    def add(name: str, value: float) -> None:
-        found.setdefault(name, []).append(value)
 
-    for episode in episodes:
-        times, share = sample_times(episode, control), np.array(episode.seen) / head.cells
-        for at in (t for t in _TIMES_S if t <= horizon):
-            now = float(np.interp(at, times, share))  # an episode that ended keeps what it had seen
-            add(f"coverage at {at} s", now)
-            if bound is not None:
-                add(f"share of bound at {at} s", now * head.cells / bound(at))
-        if horizon not in _TIMES_S:
-            add(f"coverage at {horizon:g} s", float(share[-1]))
-            if bound is not None:
-                add(f"share of bound at {horizon:g} s", episode.seen[-1] / bound(horizon))
-        curve = np.interp(np.linspace(0, horizon, 601), times, share)
-        add("area under coverage", float(np.trapezoid(curve) / 600))
-        for part in _SHARES:
-            if share[-1] >= part:
-                add(f"time to {100 * part:g} %, s", float(times[int((share >= part).argmax())]))
-        length = max(episode.path_m, 1e-9)
-        new = episode.seen[-1] - episode.seen[0]
-        add("new cells per 100 m", 100 * new / length if episode.path_m > 1 else 0.0)
-        add("collisions per 100 m", 100 * episode.collided / length if episode.path_m > 1 else float(episode.collided))
-        add("return", episode.returned)
-        add("path, m", episode.path_m)
-    return {name: estimate(values) for name, values in found.items()}
+def _motion_of(episode: Episode) -> dict[str, float]:
+    """Return the figures of an episode's path, collisions and return."""
+    new, moved = episode.seen[-1] - episode.seen[0], episode.path_m > 1
+    per_100_m = 100 / episode.path_m if moved else 0.0
+    return {
+        "new cells per 100 m": new * per_100_m,
+        "collisions per 100 m": episode.collided * per_100_m if moved else float(episode.collided),
+        "return": episode.returned,
+        "path, m": episode.path_m,
+    }
 
 
 def sample_times(episode: Episode, control_s: float) -> np.ndarray:
     """Return the times, s, of an episode's samples."""
     return np.array([*range(0, episode.steps, SAMPLE_STEPS), episode.steps]) * control_s
+
+
+def as_text(name: str, figure: Figure) -> str:
+    """Return a figure with its interval as tables print it."""
+    if figure.value is None or figure.low is None or figure.high is None:
+        return "never"
+    percent = name.startswith(("coverage at", "share", "area"))
+    scale, unit = (100, " %") if percent else (1, "")
+    return f"{scale * figure.value:.1f}{unit} ({scale * figure.low:.1f}-{scale * figure.high:.1f})"

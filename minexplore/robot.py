@@ -45,6 +45,14 @@ class RobotParams:
         half = turn_radps * self.wheel_base_m / 2
         return (forward_mps - half) / self.wheel_radius_m, (forward_mps + half) / self.wheel_radius_m
 
+    def controls(self, forward_mps: np.ndarray, turn_radps: np.ndarray) -> np.ndarray:
+        """Return the actuators' controls (k, actuators) of twists (k,); another robot overrides this and `attach`."""
+        return np.column_stack(self.wheel_speeds(forward_mps, turn_radps))
+
+    def attach(self, spec: mujoco.MjSpec, name: str) -> None:
+        """Add the robot to a world; see `attach_robot` for the names that the environment expects."""
+        attach_robot(spec, name, self)
+
 
 def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
     """Add a robot to a world: body, free joint, two wheels with velocity servos, castors, and a sensor site.

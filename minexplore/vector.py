@@ -73,7 +73,8 @@ class MineVectorEnv(VectorEnv):
         self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
         self.world = load_world(find_world(world))
         self.robots = RobotBatch(self.world, self.task, self.robot, num_envs, threads, lidar, whole)
-        self.single_observation_space = observation_space(self.task)
+        one = observation_space(self.task)
+        self.single_observation_space = one
         self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)

@@ -3,88 +3,109 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
-import minexplore
+from baselines.bounds import Bound, read_bounds, write_bound
+from baselines.environments import BENCHMARK, find_id, make_env
 from baselines.errors import BaselineError, run_command
+from baselines.evaluate import SEEDS, is_current
 from baselines.oracle.bound import best_walk
 from baselines.oracle.figure import draw_oracle
-from baselines.oracle.network import time_network
-from baselines.oracle.record import BOUNDS, Bound, read_bounds
+from baselines.oracle.network import TimeNetwork, time_network
 from baselines.oracle.tour import OracleTour, plan_tour
-from baselines.protocol import Episode, chain, head_of, make_env, run_episodes
-from baselines.results import RESULTS
+from baselines.progress import Progress
+from baselines.protocol import head_of, run_episodes
+from baselines.result_file import Episode, Head, line_sha256, read_results, result_path, write_results
+from minexplore.vector import MineVectorEnv
 
-_BANDS = 150  # of the horizon; shorter bands make a closer bound and a harder problem
+LABEL = "oracle-tour"
+_BANDS = 150  # of the horizon; shorter bands give a closer bound and a harder problem
 _TIMES_S = (0, 10, 20, 30, 45, 60, 90, 120, 150, 200, 250, 300, 350, 400, 450, 500, 550, 600)
-_BUDGETS = (
-    1.0,
-    0.92,
-    0.85,
-    0.78,
-)  # of the horizon, for which a tour is planned: turning takes time that a bound does not
-_SEEDS = list(range(20))
+_BUDGETS = (1.0, 0.92, 0.85, 0.78)  # of the horizon: a tour is planned for each, as turning takes time, the best kept
 
 
-def settle(env_id: str, limit_s: float, pictures: Path) -> tuple[Bound, float]:
-    """Compute an environment's bound, drive its oracle tour, write its results; return bound and the tour's cells."""
-    env = make_env(env_id, len(_SEEDS), os.cpu_count() or 1)
-    horizon = env.task.max_steps * env.task.control_s
-    network = time_network(env.explorers, horizon / _BANDS)
-    times = [t for t in _TIMES_S if t <= horizon]
-    bar = tqdm([*times, *_BUDGETS], desc=env_id, disable=None)
-    most: list[int] = []
-    best: tuple[float, list[Episode], np.ndarray] = (-1.0, [], np.zeros((0, 2)))
-    for ask in bar:
-        if len(most) < len(times):
-            most.append(max(best_walk(network, ask, limit_s).most, most[-1] if most else 0))
-            continue
-        path = plan_tour(network, best_walk(network, ask * horizon, limit_s), env.world)
-        tour = OracleTour(len(_SEEDS), env.task, path)
-        episodes = list(run_episodes(env, tour, _SEEDS, lambda n: None))
-        reached = float(np.mean([e.seen[-1] for e in episodes]))
-        if reached > best[0]:
-            best = (reached, episodes, path)
-            text = chain(head_of(env_id, env, "oracle-tour", tour, _SEEDS), episodes)
-    bound = Bound(
-        world_sha256=env.world.record["world_sha256"], cells=env.explorers.grid.total,
-        time_s=[float(t) for t in times], most=most,
-    )  # fmt: skip
-    mine = env_id.removeprefix("MineXplore/")
-    (RESULTS / mine).mkdir(parents=True, exist_ok=True)
-    (RESULTS / mine / "oracle-tour.jsonl").write_text(text)
-    draw_oracle(env_id, env, bound, best[1], pictures / f"oracle-{mine}.png")
+def renew(env_id: str, seeds: list[int], limit_s: float, picture: Path) -> None:
+    """Bring an environment's bound, tour and picture up to date; what is current is kept."""
+    env = make_env(env_id, len(seeds), os.cpu_count() or 1)
+    head = head_of(env_id, env, LABEL, OracleTour(1, env.task, env.robot, np.zeros((1, 2))), seeds)
+    known, results, times = _known_bound(env_id, head), result_path(LABEL, env_id), _times(env)
+    bounded, driven = len(known.time_s) == len(times), is_current(results, head)
+    network = None if bounded and driven else time_network(env.robots, times[-1] / _BANDS)
+    bound = known if network is None else _bound(env_id, network, known, times, limit_s)
+    if network is not None and not driven:
+        write_results(results, head, _tour(env_id, env, network, seeds, limit_s))
+    episodes = read_results(results)[1]
+    if network is not None or not picture.is_file():
+        draw_oracle(env_id, env, bound, episodes, picture)
     env.close()
-    return bound, best[0]
+    reached = float(np.mean([e.seen[-1] for e in episodes]))
+    print(
+        f"{env_id}: at {bound.time_s[-1]:g} s no robot can have seen more than {bound.most[-1]} of {bound.cells} "
+        f"cells ({bound.most[-1] / bound.cells:.1%}); the tour saw {reached:.0f} ({reached / bound.cells:.1%})"
+        f"{'; both were current' if network is None else ''}",
+        flush=True,
+    )
+
+
+def _times(env: MineVectorEnv) -> list[float]:
+    """Return the times, s, at which a bound is computed: those of the table up to the horizon, and the horizon."""
+    horizon = env.task.max_steps * env.task.control_s
+    return [*(float(t) for t in _TIMES_S if t < horizon), horizon]
+
+
+def _known_bound(env_id: str, head: Head) -> Bound:
+    """Return the bound that is kept, whole or begun, or an empty one if that is of another world, task or code."""
+    inputs = line_sha256(head.model_copy(update={"versions": {}, "seeds": [0]}).model_dump_json())
+    known = read_bounds().get(env_id)
+    if known is not None and known.inputs_sha256 == inputs:
+        return known
+    return Bound(world_sha256=head.world_sha256, inputs_sha256=inputs, cells=head.cells, time_s=[], most=[])
+
+
+def _bound(env_id: str, network: TimeNetwork, known: Bound, times: list[float], limit_s: float) -> Bound:
+    """Return a bound at all times; it is written after each of them, as the part that is done is a bound already."""
+    progress, bound = Progress(f"{env_id}: bound", len(times), len(known.time_s), "times"), known
+    for seconds in times[len(known.time_s) :]:
+        most = max([best_walk(network, seconds, limit_s).most, *bound.most[-1:]])
+        bound = bound.model_copy(update={"time_s": [*bound.time_s, seconds], "most": [*bound.most, most]})
+        write_bound(env_id, bound)
+        progress.add(1)
+    progress.close()
+    return bound
+
+
+def _tour(env_id: str, env: MineVectorEnv, network: TimeNetwork, seeds: list[int], limit_s: float) -> list[Episode]:
+    """Drive a tour for each budget and return the episodes of the one that sees most."""
+    horizon = env.task.max_steps * env.task.control_s
+    progress = Progress(f"{env_id}: tours", len(_BUDGETS) * len(seeds) * env.task.max_steps)
+    tours = []
+    for budget in _BUDGETS:
+        path = plan_tour(network, best_walk(network, budget * horizon, limit_s), env.world)
+        tour = OracleTour(len(seeds), env.task, env.robot, path)
+        tours.append(list(run_episodes(env, tour, seeds, progress.add)))
+    progress.close()
+    return max(tours, key=lambda episodes: sum(e.seen[-1] for e in episodes))
 
 
 def main() -> None:
     """Read the command line."""
-    known = [env for env, kwargs in minexplore.WORLDS.items() if "world" in kwargs]
     parser = argparse.ArgumentParser(prog="python -m baselines.oracle", description=__doc__)
-    parser.add_argument("--env", nargs="*", default=known)
-    parser.add_argument("--limit", type=float, default=60.0, help="seconds for the solver, each time it is asked")
+    parser.add_argument("--env", nargs="*", help="ids, or NAME for MineXplore/NAME-v0; all that ship by default")
+    parser.add_argument("--episodes", type=int, default=len(SEEDS), help="of the tour, a seed each")
+    parser.add_argument("--limit", type=float, default=60.0, help="seconds for the solver, for each of its problems")
     parser.add_argument("--pictures", type=Path, default=Path("docs"))
     arguments = parser.parse_args()
-    for env_id in arguments.env:
-        if env_id not in known:
-            raise BaselineError(f"env = {env_id!r}: valid choices are {', '.join(known)}")
-    for env_id in arguments.env:
-        bound, reached = settle(env_id, arguments.limit, arguments.pictures)
-        BOUNDS.parent.mkdir(parents=True, exist_ok=True)
-        bounds = {env: b.model_dump() for env, b in sorted((read_bounds() | {env_id: bound}).items())}
-        BOUNDS.write_text(json.dumps(bounds, indent=1) + "\n")
-        share = reached / bound.cells
-        print(
-            f"{env_id}: at {bound.time_s[-1]:g} s no robot can have seen more than {bound.most[-1]} of {bound.cells} "
-            f"cells ({bound.most[-1] / bound.cells:.1%}); the tour saw {reached:.0f} ({share:.1%})"
+    if not 1 <= arguments.episodes <= 512 or not arguments.limit > 0:
+        raise BaselineError(
+            f"episodes = {arguments.episodes}, limit = {arguments.limit:g}: want 1 to 512 and more than 0 s"
         )
+    for env_id in [find_id(name) for name in arguments.env or BENCHMARK]:
+        picture = arguments.pictures / f"oracle-{result_path(LABEL, env_id).parent.name}.png"
+        renew(env_id, list(range(arguments.episodes)), arguments.limit, picture)
 
 
 if __name__ == "__main__":

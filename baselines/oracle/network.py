@@ -1,4 +1,4 @@
-"""A mine as a network of times: bands that the fastest robot reaches one after another, and what is seen from each."""
+"""A mine as a network of driving times: bands that the fastest robot reaches in turn, and the cells seen from each."""
 
 from __future__ import annotations
 
@@ -6,27 +6,28 @@ from dataclasses import dataclass
 
 import networkx as nx
 import numpy as np
-from scipy.ndimage import binary_dilation, label
+from scipy.ndimage import label
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from baselines.oracle.visibility import cells_in_view
 from baselines.speed import top_speed_mps
-from minexplore.explorers import Explorers
+from minexplore.robot_batch import RobotBatch
+from minexplore.world import World
 
 _STEPS = [(i, j) for i in range(-3, 4) for j in range(-3, 4) if np.gcd(i, j) == 1]
-_METRIC = 1.014  # most by which a way in these 32 directions is longer than the straight one
+_METRIC = 1.014  # a path in these 32 directions is at most this many times as long as the straight line
 _SINK_M = 0.2  # half a cell's diagonal and a soft contact: how much nearer to rock than its radius a robot may be
-_SURFACE_M = 0.5  # how far behind the collision wall the visible rock may stand back
-_SAMPLE_M, _RAYS, _MARCH_M = 0.75, 360, 0.2
-_LEAVING = 0.3  # the last part of a band, in which the place between it and the next is chosen
+_EXIT_PART = 0.3  # the last part of a band, in which the place between it and the next one is chosen
 
 
 @dataclass(frozen=True)
 class TimeNetwork:
     """The bands' network, and the coverage cells that can be seen when a node is touched.
 
-    An edge is a band: to pass it takes at least `band_s`. Nodes lie between bands; `credit[node]` holds the flat
-    indices of reachable coverage cells in view from the bands that meet there, `places[node]` where to drive to (m).
+    An edge is a band, which takes at least `band_s` to cross. Nodes lie between bands; `credit[node]` holds the flat
+    indices of the reachable coverage cells in view from the bands that meet there, `places[node]` the place (m) to
+    drive to. `standing` is where a robot can be, `arrival_s` the least time to come there.
     """
 
     graph: nx.MultiGraph
@@ -38,52 +39,62 @@ class TimeNetwork:
     arrival_s: np.ndarray
 
 
-def time_network(explorers: Explorers, band_s: float) -> TimeNetwork:
-    """Cut the places where a robot can be into bands of the least time it takes to come there from the spawn.
+def time_network(batch: RobotBatch, band_s: float) -> TimeNetwork:
+    """Cut the places where a robot can be into bands of equal least driving time from the spawn.
 
-    That least time changes between two places by no more than the way between them takes, so whoever passes a band
-    from one side to the other needs at least `band_s`; to turn round in a band is taken to cost nothing. Both, and that
-    a band is seen whole as soon as it is touched, can only make a bound higher.
+    The least time differs between two places by at most the driving time between them, so a robot that crosses a band
+    from one side to the other needs at least `band_s`. Two simplifications make a bound higher, never lower: turning
+    round inside a band costs nothing, and a band counts as seen whole as soon as it is touched.
 
     Parameters
     ----------
-    explorers : Explorers
-        Gives world, task, robot and the reachable coverage cells.
+    batch : RobotBatch
+        Holds world, task, robot and the reachable coverage cells.
     band_s : float
     """
-    world = explorers.world
-    standing = world.clearance_m >= explorers.robot.radius_m - _SINK_M
+    world = batch.world
+    standing = world.clearance_m >= batch.robot.radius_m - _SINK_M
     spawn = np.array(world.record["spawn"]["anchor_m"])
     start = tuple(np.floor((spawn - world.origin_m) / world.cell_m).astype(int)[::-1].tolist())
-    arrival = _arrival(explorers, standing, start)
-    band = np.where(np.isfinite(arrival), np.where(np.isfinite(arrival), arrival, 0) // band_s, -1).astype(int)
+    arrival = _arrival(batch, standing, start)
+    reached_s = np.where(np.isfinite(arrival), arrival, 0.0)
+    band = np.where(np.isfinite(arrival), reached_s // band_s, -1).astype(int)
     regions = _regions(band)
-    count = int(regions.max())
     ends = _join(regions, band)
-    passable = np.unique(_touching(regions, band)[:, 0])  # regions with something beyond them
+    passable = np.unique(_touching(regions, band)[:, 0])  # regions with another one beyond them
     graph: nx.MultiGraph = nx.MultiGraph()
     graph.add_nodes_from(ends[1:, 0].tolist())
     graph.add_edges_from(ends[passable].tolist())
     root = int(ends[regions[start], 0])
-    seen = _in_view(explorers, regions, count)
-    credit: dict[int, set[int]] = {node: set() for node in graph}
-    for region in range(1, count + 1):
+    late = np.where(reached_s % band_s > (1 - _EXIT_PART) * band_s, regions, 0)
+    places = _places(world, regions, late, {region: int(ends[region, 1]) for region in passable.tolist()})
+    credit = _credit(cells_in_view(batch, regions), ends, passable, list(graph))
+    return TimeNetwork(graph, root, band_s, credit, places | {root: spawn}, standing, arrival)
+
+
+def _credit(seen: list[np.ndarray], ends: np.ndarray, passable: np.ndarray, nodes: list[int]) -> dict[int, np.ndarray]:
+    """Return the cells in view from the regions that meet at each node."""
+    credit: dict[int, set[int]] = {node: set() for node in nodes}
+    for region in range(1, len(seen)):
         credit[int(ends[region, 0])].update(seen[region])
     for region in passable.tolist():
         credit[int(ends[region, 1])].update(seen[region])
-    late = np.where(np.isfinite(arrival), arrival, 0.0) % band_s > (1 - _LEAVING) * band_s
-    leaving = np.where(late, regions, 0)
-    places = {root: spawn}
-    for region in sorted(passable.tolist(), key=lambda r: float(world.clearance_m[leaving == r].max(initial=0.0))):
-        rows, cols = np.nonzero(leaving == region if (leaving == region).any() else regions == region)
+    return {node: np.array(sorted(cells), dtype=int) for node, cells in credit.items()}
+
+
+def _places(world: World, regions: np.ndarray, late: np.ndarray, node_of: dict[int, int]) -> dict[int, np.ndarray]:
+    """Return the place (2,) m of each node: where the last part of its regions is widest."""
+    widest = {region: float(world.clearance_m[late == region].max(initial=0.0)) for region in node_of}
+    places = {}
+    for region in sorted(node_of, key=lambda region: widest[region]):
+        rows, cols = np.nonzero(late == region if (late == region).any() else regions == region)
         best = int(world.clearance_m[rows, cols].argmax())
-        places[int(ends[region, 1])] = world.origin_m + (np.array([cols[best], rows[best]]) + 0.5) * world.cell_m
-    kept = {node: np.array(sorted(cells), dtype=int) for node, cells in credit.items()}
-    return TimeNetwork(graph, root, band_s, kept, places | {root: spawn}, standing, arrival)
+        places[node_of[region]] = world.origin_m + (np.array([cols[best], rows[best]]) + 0.5) * world.cell_m
+    return places
 
 
 def _regions(band: np.ndarray) -> np.ndarray:
-    """Return the connected parts of every band, numbered from 1; 0 where no robot can be."""
+    """Return the connected components of every band, numbered from 1; 0 where no robot can be."""
     regions = np.zeros(band.shape, dtype=int)
     for level in range(band.max() + 1):
         found, _ = label(band == level, structure=np.ones((3, 3)))
@@ -91,21 +102,21 @@ def _regions(band: np.ndarray) -> np.ndarray:
     return regions
 
 
-def _arrival(explorers: Explorers, standing: np.ndarray, start: tuple[int, int]) -> np.ndarray:
-    """Return the least time, s, in which a robot can come to each cell; infinite where it cannot."""
-    world, task = explorers.world, explorers.task
+def _arrival(batch: RobotBatch, standing: np.ndarray, start: tuple[int, int]) -> np.ndarray:
+    """Return the least time, s, in which a robot can reach each cell; infinite where it cannot."""
+    world, task = batch.world, batch.task
     east = world.origin_m[0] + (np.arange(standing.shape[1]) + 0.5) * world.cell_m
     speed = top_speed_mps(world, task, east)
     slowness = np.broadcast_to(world.cell_m / speed, standing.shape)
     number = np.full(standing.shape, -1)
     number[standing] = np.arange(standing.sum())
-    ways = []
+    links = []
     for i, j in _STEPS:
         ours, theirs = _shifted(number, i, j), _shifted(number, -i, -j)
         both = (ours >= 0) & (theirs >= 0)
         cost = np.hypot(i, j) * (_shifted(slowness, i, j)[both] + _shifted(slowness, -i, -j)[both]) / 2
-        ways.append((ours[both], theirs[both], cost))
-    row, col, cost = (np.concatenate(part) for part in zip(*ways, strict=True))
+        links.append((ours[both], theirs[both], cost))
+    row, col, cost = (np.concatenate(part) for part in zip(*links, strict=True))
     graph = coo_matrix((cost, (row, col)), shape=(standing.sum(),) * 2).tocsr()
     times = np.full(standing.shape, np.inf)
     times[standing] = dijkstra(graph, indices=number[start]) / _METRIC
@@ -113,7 +124,7 @@ def _arrival(explorers: Explorers, standing: np.ndarray, start: tuple[int, int])
 
 
 def _shifted(grid: np.ndarray, i: int, j: int) -> np.ndarray:
-    """Return the part of a grid whose cells have a neighbour (i, j) away; with (-i, -j) those neighbours."""
+    """Return the part of a grid whose cells have a neighbour at (i, j); with (-i, -j) those neighbours."""
     rows, cols = grid.shape
     return grid[max(0, -i) : rows - max(0, i), max(0, -j) : cols - max(0, j)]
 
@@ -135,41 +146,9 @@ def _touching(regions: np.ndarray, band: np.ndarray) -> np.ndarray:
 
 
 def _join(regions: np.ndarray, band: np.ndarray) -> np.ndarray:
-    """Return the nodes (regions + 1, 2) at the near and the far side of every region; what touches shares a node."""
+    """Return the nodes (regions + 1, 2) at the near and the far side of every region; touching ones share a node."""
     count = int(regions.max())
     sides = nx.utils.UnionFind(range(2 * count + 2))
     for below, above in _touching(regions, band).tolist():
         sides.union(2 * below + 1, 2 * above)
     return np.array([[sides[2 * region], sides[2 * region + 1]] for region in range(count + 1)])
-
-
-def _in_view(explorers: Explorers, regions: np.ndarray, count: int) -> list[np.ndarray]:
-    """Return the reachable coverage cells (flat indices) that beams from anywhere in each region may cross."""
-    world, grid = explorers.world, explorers.grid
-    far = explorers.task.range_m[1] + _SAMPLE_M / np.sqrt(2)
-    open_ = binary_dilation(world.clearance_m > 0, iterations=round(_SURFACE_M / world.cell_m))
-    every = max(1, round(_SAMPLE_M / world.cell_m))
-    picked = np.zeros_like(regions, dtype=bool)
-    picked[::every, ::every] = True
-    rows, cols = np.nonzero((regions > 0) & picked)
-    lost = np.setdiff1d(np.arange(1, count + 1), regions[rows, cols])  # regions that the sampling missed
-    for region in lost.tolist():
-        row, col = np.argwhere(regions == region)[0]
-        rows, cols = np.append(rows, row), np.append(cols, col)
-    angle = np.linspace(0, 2 * np.pi, _RAYS, endpoint=False)
-    steps = np.arange(0.0, far + _MARCH_M, _MARCH_M)
-    offsets = np.stack([np.sin(angle), np.cos(angle)], axis=-1)[:, None, :] * steps[:, None]  # (rays, steps, 2): y, x
-    reachable = grid.reachable.ravel()
-    seen: list[set[int]] = [set() for _ in range(count + 1)]
-    for row, col in zip(rows.tolist(), cols.tolist(), strict=True):
-        place = world.origin_m[::-1] + (np.array([row, col]) + 0.5) * world.cell_m
-        points = place + offsets
-        at = np.floor((points - world.origin_m[::-1]) / world.cell_m).astype(int)
-        inside = ((at >= 0) & (at < open_.shape)).all(axis=-1)
-        at[~inside] = 0
-        clear = np.logical_and.accumulate(open_[at[..., 0], at[..., 1]] & inside, axis=1)
-        cell = np.floor((points[clear] - grid.origin_m[::-1]) / grid.cell_m).astype(int)
-        within = ((cell >= 0) & (cell < grid.reachable.shape)).all(axis=-1)
-        flat = np.unique(np.ravel_multi_index(cell[within].T, grid.reachable.shape))
-        seen[regions[row, col]].update(flat[reachable[flat]].tolist())
-    return [np.array(sorted(cells), dtype=int) for cells in seen]

@@ -1,4 +1,4 @@
-"""RLlib's PPO for a run's settings: what needs Ray and torch."""
+"""RLlib's PPO built from a run's settings; this module needs Ray and torch."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _ENV = "minexplore-training"
 
 
 def build_algorithm(settings: TrainSettings, steps_done: int) -> Algorithm:
-    """Return PPO; `steps_done` moves the seed on, so that a resumed run does not meet its first episodes again."""
+    """Return PPO; `steps_done` is added to the seed, so that a resumed run does not repeat its first episodes."""
     register_env(_ENV, make_training_env)
     seed = settings.seed + steps_done
     context = {
@@ -26,7 +26,7 @@ def build_algorithm(settings: TrainSettings, steps_done: int) -> Algorithm:
     single = make_training_env(context)
     ppo, recurrent = settings.ppo, settings.model.kind == "lstm"
     memory = {"lstm_cell_size": settings.model.cell, "max_seq_len": settings.model.sequence}
-    # RLlib 2.60 has no spread of its own for the steps of a sequence: an LSTM gives it with the mean.
+    # RLlib 2.60 cannot hold one standard deviation for all steps of a sequence: an LSTM returns it with the mean.
     model = DefaultModelConfig(
         fcnet_hiddens=settings.model.hidden, fcnet_activation="tanh", vf_share_layers=False, free_log_std=not recurrent,
         use_lstm=recurrent, **(memory if recurrent else {}),
@@ -50,15 +50,15 @@ def build_algorithm(settings: TrainSettings, steps_done: int) -> Algorithm:
         )
         .rl_module(model_config=model)
         .learners(num_learners=0)
-        .callbacks(on_episode_end=tell_episode)
+        .callbacks(on_episode_end=log_episode)
         .debugging(seed=seed, log_level="ERROR")
     )  # fmt: skip
     single.close()
     return config.build_algo()
 
 
-def tell_episode(episode: Any, metrics_logger: Any, **kwargs: Any) -> None:
-    """Hand an episode's figures to the log."""
+def log_episode(episode: Any, metrics_logger: Any, **kwargs: Any) -> None:
+    """Add an episode's figures to the metrics."""
     last = episode.get_infos(-1)
     for name in FIGURES:
         metrics_logger.log_value(("episodes", name), float(last[name]), reduce="item_series")

@@ -1,4 +1,4 @@
-"""Training curves and the table of runs, beside the paper's: `python -m baselines.ppo.curves`."""
+"""Training curves, and the table of runs beside the paper's: `python -m baselines.ppo.curves`."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import matplotlib
 import numpy as np
 
 from baselines.errors import BaselineError, run_command
+from baselines.policy import TRAINED
 from baselines.ppo.settings import TrainSettings
-from baselines.ppo.train import RUNS
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -23,13 +23,21 @@ _PAPER = {42: ("TC", 257, 100.00, 89.79), 142: ("ED", 962, 70.05, 85.43), 242: (
 _PAPER_MEAN = "84.53, 12.02; 88.89, 1.74 (population SD)"
 _HEADLINE = "ChileanMineEntrance-beams-mlp"
 _STOPS = {"target coverage": "TC", "coverage drop": "ED", "steps": "steps"}
-_AXES = (("rolling_coverage", "coverage"), ("rolling_collisions", "steps in touch with rock, an episode"),
+_AXES = (("rolling_coverage", "coverage"), ("rolling_collisions", "steps in contact with rock, an episode"),
          ("rolling_return", "return, the paper's reward"))  # fmt: skip
 _POINTS = 200
+_PAGE = """# Training runs
+
+Written by `make curves` from `baselines/results/training/`. Coverage is the mean over the last 100 episodes,
+with commands drawn at random as in training. The paper does not state what its coverage is a share of.
+
+![Coverage, collisions and return over training](training.png)
+
+"""
 
 
-def keep(runs: Path = RUNS, kept: Path = KEPT) -> None:
-    """Thin the finished and unfinished runs' progress to what the curves need, small enough to be tracked."""
+def keep(runs: Path = TRAINED, kept: Path = KEPT) -> None:
+    """Write the points of all runs' logs that the curves need, few enough to be tracked by git."""
     for progress in sorted(runs.glob("*/progress.jsonl")):
         lines = [json.loads(line) for line in progress.read_text().splitlines()]
         if not lines:
@@ -55,12 +63,12 @@ def keep(runs: Path = RUNS, kept: Path = KEPT) -> None:
 
 
 def read_runs(kept: Path = KEPT) -> dict[str, list[dict[str, Any]]]:
-    """Return the runs by what was trained (environment, observation, model), each sorted by seed.
+    """Return the runs by environment, observation and model, each group sorted by seed.
 
     Raises
     ------
     BaselineError
-        If there is none.
+        If there is no run.
     """
     runs: dict[str, list[dict[str, Any]]] = {}
     for file in sorted(kept.glob("*.json")):
@@ -72,7 +80,7 @@ def read_runs(kept: Path = KEPT) -> dict[str, list[dict[str, Any]]]:
 
 
 def draw_curves(runs: dict[str, list[dict[str, Any]]], path: Path) -> None:
-    """Draw coverage, collisions and return over training, mean and spread (1 SD) over seeds."""
+    """Draw coverage, collisions and return over training: mean and standard deviation over seeds."""
     figure, axes = plt.subplots(1, 3, figsize=(13, 3.8), layout="constrained")
     for axis, (key, label) in zip(axes, _AXES, strict=True):
         for colour, (name, group) in zip(("#1f5a94", "#b04a2f", "#3c7d4e", "#7a5aa0"), runs.items(), strict=False):
@@ -97,7 +105,7 @@ def _along(at: np.ndarray, steps: list[float], values: list[float | None]) -> np
 
 
 def table(runs: dict[str, list[dict[str, Any]]]) -> str:
-    """Return the runs as Markdown, the paper's Table I beside the five seeds."""
+    """Return the runs as a Markdown table, with the paper's Table I beside the five seeds."""
     names = ("run", "seed", "stop", "steps", "episodes", "final coverage, %", "best rolling, %", "steps/s",
              "paper: stop, episodes, final, best")  # fmt: skip
     rows: list[tuple[Any, ...]] = [names, ("---",) * len(names)]
@@ -122,11 +130,7 @@ def main() -> None:
     keep()
     runs = read_runs()
     draw_curves(runs, Path("docs/training.png"))
-    Path("docs/training.md").write_text(
-        "# Training runs\n\nWritten by `make curves` from `baselines/results/training/`. Coverage with commands drawn\n"
-        "by chance, as in training, over the last 100 episodes; the paper's denominator is not stated.\n\n"
-        "![Coverage, collisions and return over training](training.png)\n\n" + table(runs)
-    )
+    Path("docs/training.md").write_text(_PAGE + table(runs))
     print("docs/training.md and docs/training.png are written")
 
 

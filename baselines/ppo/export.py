@@ -1,4 +1,4 @@
-"""The policy network alone, as plain arrays: what is kept of a run, and all that using it needs."""
+"""Export of the policy network as plain arrays: the part of a run that is kept, and all that its use needs."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from typing import Any
 
 from safetensors.numpy import save_file
 
+from baselines.learned import FORMAT
 from baselines.ppo.settings import TrainSettings
 
 
 def export_policy(module: Any, settings: TrainSettings, facts: dict[str, Any], path: Path) -> None:
-    """Write the policy's weights as safetensors; the metadata says what it was trained on and how it is read."""
+    """Write the policy's weights as safetensors; the metadata hold its environment, observation and layers."""
     arrays = {
         name: value.detach().cpu().numpy().copy()
         for name, value in module.state_dict().items()
         if name.startswith(("encoder.actor_encoder.", "pi."))
     }
     about = {
-        "format": "minexplore-policy/1", "env": settings.env, "observation": settings.observation,
+        "format": FORMAT, "env": settings.env, "observation": settings.observation,
         "model": settings.model.model_dump_json(), "seed": str(settings.seed), "reached": json.dumps(facts),
     }  # fmt: skip
     save_file(arrays, str(path), metadata=about)

@@ -7,27 +7,21 @@ from typing import Literal
 
 import yaml
 from hydra import compose, initialize_config_dir
-from hydra.errors import HydraException
+from hydra.core.config_store import ConfigStore
+from hydra.errors import HydraException, MissingConfigException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from baselines.environments import known_ids, short_name
 from baselines.errors import BaselineError
+from baselines.learned import Model
 
 CONF = Path("conf/train")
 
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Model(_Strict):
-    """The networks, one for the policy and one for the value."""
-
-    kind: Literal["mlp", "lstm"]
-    hidden: list[int] = Field(min_length=1)
-    cell: int = Field(ge=0)
-    sequence: int = Field(ge=0)
 
 
 class Stop(_Strict):
@@ -40,7 +34,7 @@ class Stop(_Strict):
 
 
 class Ppo(_Strict):
-    """PPO's own numbers; see `conf/train/config.yaml` for where they come from."""
+    """PPO's own numbers; `conf/train/config.yaml` gives their sources."""
 
     lr: float = Field(gt=0)
     lr_end: float | None = Field(default=None, gt=0)
@@ -58,7 +52,7 @@ class Ppo(_Strict):
 
 
 class TrainSettings(_Strict):
-    """One run: what is trained, where, for how long."""
+    """One run: its environment, observation, network and length."""
 
     env: str
     observation: Literal["beams", "map"]
@@ -74,8 +68,7 @@ class TrainSettings(_Strict):
     @property
     def name(self) -> str:
         """Return the run's name: its folder under `artifacts/train`."""
-        mine = self.env.removeprefix("MineXplore/").split("-v")[0]
-        return f"{mine}-{self.observation}-{self.model.kind}-{self.seed}"
+        return f"{short_name(self.env)}-{self.observation}-{self.model.kind}-{self.seed}"
 
 
 def compose_settings(overrides: list[str]) -> TrainSettings:
@@ -88,6 +81,7 @@ def compose_settings(overrides: list[str]) -> TrainSettings:
     """
     if not (CONF / "config.yaml").is_file():
         raise BaselineError(f"{CONF / 'config.yaml'}: missing; run from the project's root")
+    _offer_environments()
     try:
         with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
             values = OmegaConf.to_container(compose("config", overrides), resolve=True)
@@ -95,5 +89,14 @@ def compose_settings(overrides: list[str]) -> TrainSettings:
     except ValidationError as error:
         first = error.errors()[0]
         raise BaselineError(f"{'.'.join(map(str, first['loc']))} = {first['input']!r}: {first['msg']}") from error
+    except MissingConfigException as error:
+        choice = str(error.missing_cfg_file).replace("/", "=")
+        raise BaselineError(f"{choice}: valid choices are {', '.join(error.options or [])}") from error
     except (HydraException, OmegaConfBaseException, yaml.YAMLError, ValueError, TypeError) as error:
         raise BaselineError(f"{' '.join(overrides)}: {str(error).splitlines()[0]}") from error
+
+
+def _offer_environments() -> None:
+    """Make `env=NAME` a choice for every registered environment, beside the files of `conf/train/env`."""
+    for env_id in known_ids():
+        ConfigStore.instance().store(short_name(env_id), {"env": env_id}, group="env", package="_global_")

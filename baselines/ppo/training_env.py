@@ -1,4 +1,4 @@
-"""The vector environment as PPO trains in it: scaled rewards, figures at an episode's end only, an optional map."""
+"""The vector environment that PPO trains in: scaled rewards, figures at an episode's end only, an optional map."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 from gymnasium.vector import VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
 
-import minexplore
-from baselines.errors import BaselineError
+from baselines.environments import make_env
 from baselines.map_observation import MapObserver
 from minexplore.vector import MineVectorEnv
 
@@ -18,10 +17,10 @@ FIGURES = ("coverage", "collisions", "return", "steps")
 
 
 class TrainingEnv(VectorWrapper):
-    """`FIGURES` of an episode come in the info of its last step, unscaled.
+    """Adds an episode's unscaled `FIGURES` to the info of its last step.
 
-    Rewards are the paper's, scaled, and a bonus for every new cell if one is asked for. The first episodes end at
-    random steps, so that the robots' episodes do not all end in one iteration.
+    Rewards are the paper's, scaled, plus a bonus for every new cell if the settings have one. The first episodes end
+    at random steps, so that the robots' episodes do not all end in one iteration.
     """
 
     def __init__(self, env: VectorEnv, observation: str, reward_scale: float, cell_bonus: float, seed: int) -> None:
@@ -42,7 +41,7 @@ class TrainingEnv(VectorWrapper):
     def reset(self, **kwargs: Any) -> tuple[np.ndarray, dict[str, Any]]:  # type: ignore[override]
         """Reset all robots."""
         observation, info = self.env.reset(**kwargs)
-        self._mine.explorers.steps[:] = self._rng.integers(self._mine.task.max_steps, size=self.num_envs)
+        self._mine.robots.steps[:] = self._rng.integers(self._mine.task.max_steps, size=self.num_envs)
         self._return[:], self._steps[:], self._over[:] = 0.0, 0, False
         self._cells = info["cells_seen"].copy()
         return self._with_map(observation, np.arange(self.num_envs), info), {}
@@ -58,12 +57,12 @@ class TrainingEnv(VectorWrapper):
         self._cells = info["cells_seen"].copy()
         observation = self._with_map(observation, np.flatnonzero(self._over), info)
         self._over = truncated.copy()
-        told: dict[str, Any] = {}
+        last: dict[str, Any] = {}
         if truncated.any():
             figures = (info["coverage"], info["collisions"], self._return, self._steps)
             for name, values in zip(FIGURES, figures, strict=True):
-                told[name], told[f"_{name}"] = values.astype(float), truncated
-        return observation, reward * self._scale + new * self._bonus, terminated, truncated, told
+                last[name], last[f"_{name}"] = values.astype(float), truncated
+        return observation, reward * self._scale + new * self._bonus, terminated, truncated, last
 
     def _with_map(self, observation: np.ndarray, started: np.ndarray, info: dict[str, Any]) -> np.ndarray:
         if self._maps is None:
@@ -78,10 +77,7 @@ def make_training_env(context: dict[str, Any]) -> TrainingEnv:
     Raises
     ------
     BaselineError
-        If the id is unknown; the message lists those that there are.
+        If the id is unknown or its world cannot be loaded.
     """
-    env_id = context["env"]
-    if env_id not in minexplore.WORLDS:
-        raise BaselineError(f"env = {env_id!r}: valid choices are {', '.join(minexplore.WORLDS)}")
-    env = MineVectorEnv(context.get("num_envs", 1), **minexplore.WORLDS[env_id])
+    env = make_env(context["env"], context.get("num_envs", 1))
     return TrainingEnv(env, context["observation"], context["reward_scale"], context["cell_bonus"], context["seed"])

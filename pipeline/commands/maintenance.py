@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,13 @@ def verify() -> None:
 
     count = verify_chain(Path())
     print(f"{count} artifacts hold; world {verify_world(Path('artifacts/realism/world'))}")
+
+
+def provenance(out: Path, published: date | None) -> None:
+    """Write the default world with its inputs and stage runs as an RO-Crate."""
+    from pipeline.report.provenance import last_commit_date, write_crate
+
+    print(f"{out}: {write_crate(out, published or last_commit_date())} files")
 
 
 def register(path: Path, origin: str, licence: str) -> None:
@@ -58,7 +66,7 @@ def update_baseline() -> None:
 
 def update_results() -> None:
     """Write `docs/results.md` from the present metrics and print it."""
-    from pipeline.report.baseline import write_results
+    from pipeline.report.results import write_results
 
     print(write_results())
 
@@ -68,6 +76,10 @@ def add_to(commands: Any) -> None:
     for function in (set_overrides, verify, update_baseline, update_results):
         name = function.__name__.replace("_", "-")
         commands.add_parser(name, help=function.__doc__).set_defaults(run=lambda a, f=function: f())
+    crate = commands.add_parser("provenance", help=provenance.__doc__)
+    crate.add_argument("--out", type=Path, default=Path("artifacts/provenance"))
+    crate.add_argument("--date", type=date.fromisoformat, help="default: the date of the last commit")
+    crate.set_defaults(run=lambda a: provenance(a.out, a.date))
     add = commands.add_parser("register", help=register.__doc__)
     add.add_argument("path", type=Path)
     add.add_argument("--origin", default="unknown")

@@ -1,4 +1,4 @@
-"""What a file from outside is, and how it should be read: looked at and measured, not asked."""
+"""Detect what a survey file is and how it should be read: kind, scale, unit, style."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.binarize import dark_pixels
 from pipeline.geometry.line_drawing import fill_line_drawing
 from pipeline.params.survey import PassageSurveyParams, VectorSurveyParams
+from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
 from pipeline.survey.georeference import read_placement, world_file
 from pipeline.survey.grid import draw_grid
 from pipeline.survey.image import read_image
@@ -20,12 +21,12 @@ from pipeline.survey.nav2 import nav2_picture
 from pipeline.survey.picture import draw_page
 from pipeline.survey.scale import find_bar, measure_bar
 from pipeline.survey.shapes import METRES
-from pipeline.survey.vector_survey import PASSAGE_SUFFIXES, VECTOR_SUFFIXES, draw_vector_survey, vector_files
+from pipeline.survey.vector_survey import draw_vector_survey, vector_files
 from pipeline.types import Image, Mask
 
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pdf")
-WIDTHS_M = (1.5, 12.0)  # between them lies what people have driven and what robots drive through
-_LIKELY_M = 5.5  # drifts that machines drive; the published mine's at scan 02S
+WIDTHS_M = (1.5, 12.0)  # the widths that drifts have in practice
+_LIKELY_M = 5.5  # width of drifts that machines drive; the published mine's at scan 02S
 _BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
 _MEGAPIXELS = 200.0
 _LINE_PX = 6.0  # a stroke that is wider is no line, where the scale is not known
@@ -42,14 +43,14 @@ class Detection:
 
 
 def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
-    """Look at a file and say how to read it.
+    """Detect how a file should be read.
 
     Parameters
     ----------
     path : Path
         Any file that stage 1 reads, wherever it lies.
     stated : dict
-        What is known beforehand: `px_per_m`, `bar_length_m`, `bar_box_px`, `unit`, `layers`, `snap_m`, `page`, `dpi`.
+        What the user states: `px_per_m`, `bar_length_m`, `bar_box_px`, `unit`, `layers`, `snap_m`, `page`, `dpi`.
 
     Raises
     ------
@@ -65,17 +66,17 @@ def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
         plan, frame, _ = draw_grid(path, False)
         width = typical_width_px(plan[..., 0] < 128) / frame.px_per_m
         return Detection({"kind": "grid", "map": path.name}, {}, [path, nav2_picture(path)], width)
-    if suffix in VECTOR_SUFFIXES:
+    if suffix in SHAPE_READERS:
         return _detect_vector(path, stated)
-    if suffix in PASSAGE_SUFFIXES:
+    if suffix in PASSAGE_READERS:
         params = PassageSurveyParams(kind="passages", name="detect", file="data/x")
         params = params.model_copy(update={"file": path.as_posix()})
         workings, place, _, _ = draw_vector_survey(params)
         values = {"kind": "passages", "file": path.name, "origin": list(place.origin)}
         remarks = {"origin": "of the mine frame, in the file's coordinates"}
         return Detection(values, remarks, [Path(f) for f in vector_files(params)], 2 * workings.area / workings.length)
-    known = ", ".join([*PICTURE_SUFFIXES, ".yaml", *VECTOR_SUFFIXES, *PASSAGE_SUFFIXES])
-    raise InputError(f"{path}: {suffix or 'a file without an ending'} is nothing we read ({known})")
+    known = ", ".join([*PICTURE_SUFFIXES, ".yaml", *SHAPE_READERS, *PASSAGE_READERS])
+    raise InputError(f"{path}: {suffix or 'a file without an ending'} is not a format that is read ({known})")
 
 
 def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:

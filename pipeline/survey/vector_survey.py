@@ -1,4 +1,4 @@
-"""Surveys that have metres of their own: their workings stay vectors, and a plan is drawn of them."""
+"""Vector surveys: they have metres of their own and stay polygons; a plan is drawn of them."""
 
 from __future__ import annotations
 
@@ -14,31 +14,21 @@ from pipeline.geometry.enclosure import as_polygons
 from pipeline.geometry.generate import generate_workings
 from pipeline.geometry.perturb import perturb_workings
 from pipeline.params.survey import PassageSurveyParams, ProceduralSurveyParams, VariantSurveyParams, VectorSurveyParams
-from pipeline.survey.compass import read_plt
 from pipeline.survey.draw import draw_workings, frame_around
-from pipeline.survey.dxf import read_dxf
-from pipeline.survey.geodata import companions, read_geodata
+from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
+from pipeline.survey.geodata import companions
 from pipeline.survey.geojson import read_geojson
-from pipeline.survey.legs import SurveyLeg, build_workings
+from pipeline.survey.legs import build_workings
 from pipeline.survey.shapes import Shapes, locate, workings_of
-from pipeline.survey.stations import read_stations
-from pipeline.survey.survex import read_svx, svx_files
+from pipeline.survey.survex import svx_files
 from pipeline.types import METRIC, Frame, Georeference, Image
 
-Measured = VectorSurveyParams | PassageSurveyParams | ProceduralSurveyParams | VariantSurveyParams
+VectorSurvey = VectorSurveyParams | PassageSurveyParams | ProceduralSurveyParams | VariantSurveyParams
 _FINEST_PX_PER_M, _WIDEST_PX = 8.0, 6000
 _ORIGIN_AT = 0.25  # of a pixel: walls at whole and half metres pass no pixel's centre, where in or out is chance
-VECTOR_SUFFIXES = {
-    ".dxf": read_dxf,
-    ".geojson": read_geojson,
-    ".json": read_geojson,
-    ".gpkg": read_geodata,
-    ".shp": read_geodata,
-}
-PASSAGE_SUFFIXES = (".csv", ".svx", ".plt")
 
 
-def draw_vector_survey(params: Measured) -> tuple[MultiPolygon, Georeference, Image, Frame]:
+def draw_vector_survey(params: VectorSurvey) -> tuple[MultiPolygon, Georeference, Image, Frame]:
     """Return a survey's workings (m, mine frame), where they come from, and a plan of them in its frame.
 
     Raises
@@ -59,7 +49,7 @@ def draw_vector_survey(params: Measured) -> tuple[MultiPolygon, Georeference, Im
     return workings, georeference, draw_workings(workings, frame, params.labels_m, params.drawing_grey), frame
 
 
-def _read(params: Measured) -> tuple[MultiPolygon, Georeference]:
+def _read(params: VectorSurvey) -> tuple[MultiPolygon, Georeference]:
     match params.kind:
         case "procedural":
             rng = np.random.default_rng(params.seed)
@@ -74,25 +64,18 @@ def _read(params: Measured) -> tuple[MultiPolygon, Georeference]:
         case "passages":
             return _read_passages(Path(params.file), params.origin)
     path = Path(params.file)
-    reader = VECTOR_SUFFIXES.get(path.suffix.lower())
+    reader = SHAPE_READERS.get(path.suffix.lower())
     if reader is None:
-        raise InputError(f"{path}: no vector file we read ({', '.join(VECTOR_SUFFIXES)})")
+        raise InputError(f"{path}: not a vector format that is read ({', '.join(SHAPE_READERS)})")
     shapes, georeference = locate(path, reader(path, params.layers), params.unit, params.origin)
     return workings_of(path, shapes, params.snap_m, list(params.seeds_m)), georeference
 
 
 def _read_passages(path: Path, origin: tuple[float, float] | None) -> tuple[MultiPolygon, Georeference]:
-    legs: list[SurveyLeg]
-    crs = None
-    match path.suffix.lower():
-        case ".csv":
-            legs = read_stations(path)
-        case ".svx":
-            legs, crs = read_svx(path)
-        case ".plt":
-            legs = read_plt(path)
-        case _:
-            raise InputError(f"{path}: no passage survey we read ({', '.join(PASSAGE_SUFFIXES)})")
+    reader = PASSAGE_READERS.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(f"{path}: not a passage survey that is read ({', '.join(PASSAGE_READERS)})")
+    legs, crs = reader(path)
     built: BaseGeometry = build_workings(legs)
     if built.is_empty:
         raise InputError(f"{path}: the stations' walls enclose no area")
@@ -101,12 +84,12 @@ def _read_passages(path: Path, origin: tuple[float, float] | None) -> tuple[Mult
     return as_polygons(shapely.union_all(shapes)), where
 
 
-def _name(params: Measured) -> str:
+def _name(params: VectorSurvey) -> str:
     return vector_files(params)[0] if vector_files(params) else f"survey {params.name}"
 
 
-def vector_files(params: Measured) -> list[str]:
-    """List the files that a survey with metres of its own reads."""
+def vector_files(params: VectorSurvey) -> list[str]:
+    """List the files that a vector survey reads."""
     match params.kind:
         case "procedural":
             return []

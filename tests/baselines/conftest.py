@@ -1,8 +1,8 @@
 from collections.abc import Iterator
 
+import gymnasium
 import pytest
 
-import minexplore
 from tests.mines import BuiltMine
 
 TEE_ID = "MineXplore/Tee-v0"
@@ -11,6 +11,9 @@ TEE_ID = "MineXplore/Tee-v0"
 @pytest.fixture(scope="module")
 def tee_id(tee: BuiltMine) -> Iterator[str]:
     """Return the id of a short task in the T-junction's world."""
-    minexplore.WORLDS[TEE_ID] = {"world": str(tee.bundle), "task": {"max_steps": 1000, "terrain": False}}
+    gymnasium.register(
+        TEE_ID, "minexplore.env:MineEnv", vector_entry_point="minexplore.vector:MineVectorEnv",
+        kwargs={"world": str(tee.bundle), "task": {"max_steps": 1000, "terrain": False}},
+    )  # fmt: skip
     yield TEE_ID
-    del minexplore.WORLDS[TEE_ID]
+    del gymnasium.registry[TEE_ID]

@@ -6,11 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from baselines.bounds import read_bounds, write_bound
+from baselines.environments import make_env
+from baselines.oracle import __main__ as oracle
 from baselines.oracle.bound import best_walk
 from baselines.oracle.network import TimeNetwork, time_network
 from baselines.oracle.tour import OracleTour, plan_tour
 from baselines.policy import make_policy
-from baselines.protocol import make_env, run_episodes
+from baselines.protocol import run_episodes
 from baselines.speed import top_speed_mps
 
 TEE_LONGEST_M = 85.0  # from any place of the tee to any other, round its corner
@@ -57,13 +60,13 @@ def test_the_best_walk_is_that_of_trying_all(data):
 
 def test_no_explorer_beats_the_bound_and_the_tour_comes_near(tee_id):
     env = make_env(tee_id, 2)
-    network = time_network(env.explorers, 2.0)
+    network = time_network(env.robots, 2.0)
     horizon = env.task.max_steps * env.task.control_s
     bounds = {t: best_walk(network, t).most for t in np.linspace(0, horizon, 11)}
-    tour = OracleTour(2, env.task, plan_tour(network, best_walk(network, horizon), env.world))
+    tour = OracleTour(2, env.task, env.robot, plan_tour(network, best_walk(network, horizon), env.world))
     reached = []
     for policy in (tour, make_policy("information-gain", 2, env.task)):
-        for episode in run_episodes(env, policy, [0, 1], lambda n: None):
+        for episode in run_episodes(env, policy, [0, 1]):
             reached.append(episode.seen[-1])
             for t, most in bounds.items():  # samples lie 2 s apart
                 sample = min(int(t / 2), len(episode.seen) - 1)
@@ -72,9 +75,32 @@ def test_no_explorer_beats_the_bound_and_the_tour_comes_near(tee_id):
     env.close()
 
 
+@pytest.mark.slow
+def test_a_begun_bound_is_completed_and_a_current_one_is_kept(tee_id, tmp_path, monkeypatch):
+    monkeypatch.setattr("baselines.bounds.BOUNDS", tmp_path / "bounds.json")
+    monkeypatch.setattr("baselines.result_file.RESULTS", tmp_path)
+    asked = []
+    monkeypatch.setattr(oracle, "best_walk", lambda *args: asked.append(args[1]) or best_walk(*args))
+    oracle.renew(tee_id, [0], 5.0, tmp_path / "oracle.png")
+    whole = read_bounds()[tee_id]
+    assert asked == [*whole.time_s, *(budget * whole.time_s[-1] for budget in (1.0, 0.92, 0.85, 0.78))]
+    asked.clear()
+    oracle.renew(tee_id, [0], 5.0, tmp_path / "oracle.png")
+    assert asked == []
+    write_bound(tee_id, whole.model_copy(update={"time_s": whole.time_s[:4], "most": whole.most[:4]}))
+    oracle.renew(tee_id, [0], 5.0, tmp_path / "oracle.png")
+    assert asked == whole.time_s[4:]
+    assert read_bounds()[tee_id] == whole
+    asked.clear()
+    write_bound(tee_id, whole.model_copy(update={"inputs_sha256": "0" * 64}))  # of another world or task
+    oracle.renew(tee_id, [0], 5.0, tmp_path / "oracle.png")
+    assert asked == whole.time_s
+    assert read_bounds()[tee_id] == whole
+
+
 def test_a_straight_drift_is_a_path_of_bands(tee_id):
     env = make_env(tee_id, 1)
-    network = time_network(env.explorers, 2.0)
+    network = time_network(env.robots, 2.0)
     graph = nx.Graph(network.graph)
     assert nx.is_forest(graph.subgraph(nx.node_connected_component(graph, network.root)))
     ends = [n for n in graph if graph.degree(n) == 1 and n != network.root]
@@ -97,7 +123,7 @@ def test_a_straight_drift_is_a_path_of_bands(tee_id):
 def test_water_under_a_dip_lets_a_robot_slide_a_tenth_faster_than_commanded(tee_id):
     env = make_env(tee_id, 1)
     level = dataclasses.replace(env.task, tilt=False)
-    east = np.array([(g.west_m + g.east_m) / 2 for g in env.world.grounds])
+    east = np.array([(g.west_m + g.east_m) / 2 for g in env.world.floor_zones])
     np.testing.assert_allclose(top_speed_mps(env.world, level, east) / top_speed_mps(env.world, level, east)[0], 1.0)
     faster = top_speed_mps(env.world, env.task, east) / top_speed_mps(env.world, level, east)
     assert faster.tolist() == pytest.approx([1.0, 1.04 / 1.02, 1.12 / 1.02])

@@ -1,15 +1,20 @@
+import re
+
 import numpy as np
 import pytest
 
-from baselines import pursuit
+from baselines.environments import make_env
 from baselines.errors import BaselineError
+from baselines.explorers import EXPLORERS
+from baselines.explorers.frontier import NearestFrontier
+from baselines.explorers.own_map import FINE, FREE, ROCK, OwnMap
+from baselines.explorers.pursuit import PathFollower
 from baselines.map_observation import RINGS_M, MapObserver
-from baselines.mapping import FINE, FREE, ROCK, OwnMap
-from baselines.policy import CLASSICAL, make_policy, policy_sha256
-from baselines.protocol import make_env, run_episodes
+from baselines.policy import make_policy, policy_sha256, source_files
+from baselines.protocol import run_episodes
+from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
-
-BEARINGS = (2 * np.pi * np.arange(16) / 16 + np.pi) % (2 * np.pi) - np.pi
+from tests.project import ROOT
 
 
 def seen_from(place, yaw, box):
@@ -65,12 +70,21 @@ def test_an_own_map_knows_a_room_and_its_open_end():
 
 def test_pursuit_turns_towards_its_path_and_stops_before_rock():
     clear, path = np.full(16, 10.0), np.column_stack([np.linspace(0, 5, 20), np.zeros(20)])
-    assert pursuit.follow(path, np.array([0.0, 0.0, 0.0]), BEARINGS, clear) == pytest.approx((1.0, 0.0))
-    assert pursuit.follow(path, np.array([0.0, 0.0, -0.5]), BEARINGS, clear)[1] > 0.5
-    assert pursuit.follow(path, np.array([0.0, 0.0, np.pi]), BEARINGS, clear)[0] == 0.0
+    pursuit = PathFollower(TaskParams(), RobotParams())
+    assert pursuit.follow(path, np.array([0.0, 0.0, 0.0]), clear) == pytest.approx((1.0, 0.0))
+    assert pursuit.follow(path, np.array([0.0, 0.0, -0.5]), clear)[1] > 0.5
+    assert pursuit.follow(path, np.array([0.0, 0.0, np.pi]), clear)[0] == 0.0
     blocked = clear.copy()
     blocked[0] = 0.4
-    assert pursuit.follow(path, np.array([0.0, 0.0, 0.0]), BEARINGS, blocked)[0] <= 0.0
+    assert pursuit.follow(path, np.array([0.0, 0.0, 0.0]), blocked)[0] <= 0.0
+
+
+def test_a_wider_robot_stops_farther_from_rock():
+    path, ranges = np.column_stack([np.linspace(0, 5, 20), np.zeros(20)]), np.full(16, 10.0)
+    ranges[0] = 0.7
+    narrow, wide = (PathFollower(TaskParams(), RobotParams(radius_m=radius)) for radius in (0.35, 0.6))
+    assert narrow.follow(path, np.zeros(3), ranges)[0] > 0.0
+    assert wide.follow(path, np.zeros(3), ranges)[0] < 0.0
 
 
 def test_the_authors_heuristic_is_their_formula():
@@ -95,17 +109,45 @@ def test_random_commands_depend_on_the_seed_alone():
 )
 def test_an_explorer_sees_a_small_mine_and_touches_nothing(tee_id, name, least):
     env = make_env(tee_id, 2)
-    episodes = list(run_episodes(env, make_policy(name, 2, env.task), [0, 1], lambda n: None))
+    episodes = list(run_episodes(env, make_policy(name, 2, env.task), [0, 1]))
     for episode in episodes:
-        assert episode.seen[-1] / env.explorers.grid.total >= least
+        assert episode.seen[-1] / env.robots.grid.total >= least
         assert episode.collided == 0
     env.close()
 
 
+def test_every_explorer_is_described_in_the_documentation():
+    text = (ROOT / "docs/benchmark.md").read_text()
+    assert [name for name in EXPLORERS if f"| `{name}` |" not in text] == []
+
+
+def test_the_explorer_of_the_documentation_drives_and_its_hash_covers_its_source(tee_id, tmp_path, monkeypatch):
+    code = re.search(r"^```python\n(.*?)^```", (ROOT / "docs/benchmark.md").read_text(), flags=re.M | re.S)[1]
+    (tmp_path / "my_explorer.py").write_text(code)
+    monkeypatch.syspath_prepend(tmp_path)
+    env = make_env(tee_id, 2)
+    policy = make_policy("my_explorer:Bouncer", 2, env.task, env.robot)
+    for episode in run_episodes(env, policy, [0, 1]):
+        assert episode.seen[-1] > episode.seen[0]
+        assert episode.path_m > 10
+    env.close()
+    before = policy_sha256(policy)
+    (tmp_path / "my_explorer.py").write_text(code + "\n")
+    assert policy_sha256(policy) != before
+    with pytest.raises(BaselineError, match=r"policy = 'my_explorer:Walker': cannot be imported"):
+        make_policy("my_explorer:Walker", 1, env.task)
+
+
+def test_a_hash_covers_the_modules_that_a_policy_imports():
+    files = {path.name for path in source_files(NearestFrontier)}
+    assert {"frontier.py", "planner.py", "own_map.py", "pursuit.py", "beams.py"} <= files
+    assert not {"policy.py", "wall_following.py", "evaluate.py"} & files
+
+
 def test_every_policy_has_a_hash_of_its_own_and_unknown_ones_are_refused_with_the_choices():
-    hashes = {policy_sha256(make_policy(name, 1, TaskParams())) for name in CLASSICAL}
-    assert len(hashes) >= len(CLASSICAL) - 1  # the two frontier policies share their source
+    hashes = {policy_sha256(make_policy(name, 1, TaskParams())) for name in EXPLORERS}
+    assert len(hashes) >= len(EXPLORERS) - 1  # the two frontier policies share their source
     with pytest.raises(BaselineError, match=r"greedy.*valid choices are random, reactive"):
         make_policy("greedy", 1, TaskParams())
-    with pytest.raises(BaselineError, match="valid choices are MineXplore/World-v0"):
+    with pytest.raises(BaselineError, match="valid choices are MineXplore/ChileanMine-v0"):
         make_env("MineXplore/Moon-v0", 1)

@@ -1,6 +1,12 @@
 """Training by Ray and torch, which the extra `baselines` brings: `make test-train` runs these."""
 
 import json
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
@@ -8,11 +14,13 @@ import pytest
 from baselines.errors import BaselineError
 from baselines.learned import LearnedPolicy
 from baselines.ppo import curves
-from baselines.ppo.settings import compose_settings
+from baselines.ppo.history import History
+from baselines.ppo.run_folder import RunFolder
+from baselines.ppo.settings import TrainSettings, compose_settings
 from baselines.ppo.training_env import TrainingEnv
 from minexplore.task import TaskParams
 from minexplore.vector import MineVectorEnv
-from tests.project import ROOT
+from tests.project import ROOT, Project
 
 
 @pytest.fixture
@@ -36,11 +44,11 @@ def test_the_training_environment_tells_each_episode_once_and_unscaled(tee):
     env.reset(seed=0)
     twin = MineVectorEnv(3, tee.bundle, task={"max_steps": 40})
     _, before = twin.reset(seed=0)
-    twin.explorers.steps[:] = env.unwrapped.explorers.steps
+    twin.robots.steps[:] = env.unwrapped.robots.steps
     seen, total, ended = before["cells_seen"].copy(), np.zeros(3), 0
     for _ in range(90):
         action = np.tile([1.0, 0.3], (3, 1))
-        _, reward, _, truncated, told = env.step(action)
+        _, reward, _, truncated, last = env.step(action)
         _, plain, _, over, info = twin.step(action)
         new = info["cells_seen"] - seen
         begun = new < 0
@@ -50,11 +58,27 @@ def test_the_training_environment_tells_each_episode_once_and_unscaled(tee):
         np.testing.assert_array_equal(truncated, over)
         if truncated.any():
             ended += truncated.sum()
-            np.testing.assert_allclose(told["return"][truncated], total[truncated])
-            np.testing.assert_allclose(told["coverage"][truncated], info["coverage"][truncated])
+            np.testing.assert_allclose(last["return"][truncated], total[truncated])
+            np.testing.assert_allclose(last["coverage"][truncated], info["coverage"][truncated])
         else:
-            assert told == {}
+            assert last == {}
     assert ended >= 6
+
+
+@pytest.mark.parametrize(
+    ("coverage", "steps", "count"),
+    [([0.1, 0.3], [5, 7], 2), (0.2, 6.0, 1), (float("nan"), float("nan"), 0), ([], [], 0)],
+)
+def test_every_episode_that_ended_is_logged_however_many_they_are(coverage, steps, count):
+    history = History(compose_settings([]).stop)
+    ended = {"coverage": coverage, "collisions": steps, "return": coverage, "steps": steps}
+    result = {
+        "env_runners": {"num_env_steps_sampled": 128, "episodes": ended},
+        "learners": {"default_policy": {"entropy": 1.0, "vf_explained_var": 0.5}},
+    }
+    line = history.take_result(result, 1.0)
+    assert len(line["episodes"]) == len(history.episodes) == count
+    assert line["rolling_coverage"] == (pytest.approx(0.2) if count else None)
 
 
 def test_a_run_is_trained_resumed_after_a_kill_and_its_policy_used(settings, tmp_path):
@@ -76,6 +100,41 @@ def test_a_run_is_trained_resumed_after_a_kill_and_its_policy_used(settings, tmp
     assert np.abs(policy.act(np.zeros((2, 19), np.float32), {})).max() <= 1
     with pytest.raises(BaselineError, match=r"run of other settings \(ppo\)"):
         train(settings("ppo.lr=0.1"), folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_shows_its_progress_without_a_terminal_and_ends_quickly_with_a_checkpoint(tee, tmp_path, kind):
+    pytest.importorskip("ray", reason="Ray comes with `make setup-baselines`")
+    project = Project(tmp_path / "mine", tiny=False)
+    shutil.copytree(tee.bundle, project.folder / "artifacts/worlds/my-mine/realism/world")
+    words = ["env=my-mine", "seed=1", "robots=4", "ppo.fragment=32", "ppo.minibatch=64", "ppo.epochs=1"]
+    said = tmp_path / "said.txt"
+    with said.open("w") as stderr:
+        run = subprocess.Popen(
+            [sys.executable, "-m", "baselines.ppo.train", *words], cwd=project.folder, stderr=stderr,
+            stdout=subprocess.DEVNULL,
+        )  # fmt: skip
+        deadline = time.monotonic() + 600
+        line = r"^my-mine-beams-mlp-1: [1-9][\d,]* of 2,000,000 steps \([\d.]+ %\), [\d,]+ steps/s, coverage .* %"
+        try:
+            while not re.search(line, said.read_text(), flags=re.M):
+                assert run.poll() is None, said.read_text()
+                assert time.monotonic() < deadline, said.read_text()
+                time.sleep(0.5)
+            start = time.monotonic()
+            run.send_signal(kind)
+            assert run.wait(60) == 130
+            assert time.monotonic() - start < 10
+        finally:
+            run.kill()
+    text = said.read_text()
+    assert text.splitlines()[-1] == "train: interrupted; run it again to go on"
+    assert "Traceback" not in text
+    folder = project.folder / "artifacts/train/my-mine-beams-mlp-1"
+    lines = read(folder)
+    settings = TrainSettings.model_validate_json((folder / "settings.json").read_bytes())
+    assert RunFolder(folder, settings).read_history().steps == lines[-1]["steps"] > 0  # no iteration is lost
 
 
 @pytest.mark.parametrize("overrides", [["model=lstm", "model.cell=16", "model.sequence=8"], ["observation=map"]])

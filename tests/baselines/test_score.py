@@ -5,14 +5,19 @@ import sys
 import numpy as np
 import pytest
 
+from baselines.bounds import Bound
+from baselines.environments import make_env
 from baselines.errors import BaselineError
+from baselines.evaluate import evaluate, evaluate_all
+from baselines.explorers import EXPLORERS
 from baselines.leaderboard import leaderboard
-from baselines.oracle.record import Bound
-from baselines.policy import make_policy
-from baselines.protocol import Episode, chain, head_of, make_env, run_episodes
-from baselines.results import read_results
+from baselines.parallel import drive
+from baselines.policy import find_checkpoint, make_policy
+from baselines.protocol import head_of, run_episodes
+from baselines.result_file import RESULTS, Episode, chain, read_results
 from baselines.score import RejectedError, score
 from baselines.statistics import estimate, figures, interquartile_mean, sample_times
+from tests.baselines.test_learned import write_policy
 from tests.project import ROOT
 
 SEEDS = [3, 4]
@@ -24,7 +29,7 @@ def written(tee_id):
     env = make_env(tee_id, len(SEEDS))
     policy = make_policy("wall-following", len(SEEDS), env.task)
     head = head_of(tee_id, env, "wall-following", policy, SEEDS)
-    text = chain(head, list(run_episodes(env, policy, SEEDS, lambda n: None)))
+    text = chain(head, list(run_episodes(env, policy, SEEDS)))
     env.close()
     return text
 
@@ -48,6 +53,57 @@ def forge(path, change_head=lambda head: head, change=lambda episode: episode):
 def test_an_honest_file_passes_and_comes_out_the_same_when_driven_again(honest):
     score(honest)
     score(honest, rerun=2)
+    score(honest, rerun=1)  # an episode does not depend on which others run beside it
+
+
+def test_episodes_driven_in_two_processes_are_those_driven_in_one(honest, tee_id):
+    counted = []
+    parallel = drive("wall-following", tee_id, SEEDS, counted.append, jobs=2)
+    head, episodes = read_results(honest)
+    assert chain(head, parallel) == chain(head, episodes)
+    assert sum(counted) == sum(episode.steps for episode in episodes)
+
+
+def test_a_learned_row_is_driven_again_by_its_name(tee_id, tmp_path, monkeypatch):
+    name = "Tee-beams-mlp-1"
+    monkeypatch.setattr("baselines.policy.CHECKPOINTS", tmp_path)
+    write_policy(tmp_path / f"{name}.safetensors", "mlp", hidden=64)
+    out = tmp_path / "elsewhere" / f"{name}.jsonl"
+    evaluate(str(tmp_path / f"{name}.safetensors"), tee_id, [0, 1, 2], out)
+    assert read_results(out)[0].policy == name
+    score(out, rerun=3)
+    score(out, rerun=1)
+
+
+def test_every_kept_result_is_of_a_policy_that_is_found_by_its_name():
+    files = sorted(RESULTS.glob("*/*.jsonl"))
+    assert files
+    for path in files:
+        label = read_results(path)[0].policy
+        assert label in (*EXPLORERS, "oracle-tour") or find_checkpoint(label).is_file()
+
+
+def test_results_of_another_world_or_policy_are_recognised_as_stale_and_renewed(tee_id, tmp_path, monkeypatch):
+    monkeypatch.setattr("baselines.result_file.RESULTS", tmp_path)
+    monkeypatch.setattr("baselines.evaluate.EXPLORERS", ["reactive"])
+    out = tmp_path / "Tee-v0" / "reactive.jsonl"
+    evaluate_all([tee_id], [0], 1)
+    written, made = out.read_bytes(), out.stat().st_mtime_ns
+    evaluate_all([tee_id], [0], 1)
+    assert out.stat().st_mtime_ns == made  # current: kept
+    head, _ = read_results(out)
+    for change in (
+        {"world_sha256": "0" * 64},
+        {"policy_sha256": "0" * 64},
+        {"task": head.task | {"beams": 8}},
+        {"robot": {}},
+    ):
+        forge(out, _set(**change))
+        evaluate_all([tee_id], [0], 1)
+        assert out.read_bytes() == written
+    out.write_bytes(written[: len(written) // 2])  # what an interrupted copy leaves
+    evaluate_all([tee_id], [0], 1)
+    assert out.read_bytes() == written
 
 
 def _set(**changes):
@@ -87,15 +143,15 @@ def _in_rock(episode):
     [
         ({"world_sha256": "0" * 64}, None, "world 000000000000 is not"),
         ({"cells": 100}, None, "100 reachable cells, the world has"),
-        ({}, _more_cells, "its cells, steps and collisions make|lie within"),
+        ({}, _more_cells, "its cells, steps and collisions give|lie within"),
         ({}, _falling, "coverage falls"),
-        ({}, _teleport, r"it goes [\d.]+ m, a robot"),
+        ({}, _teleport, r"it drives [\d.]+ m, a robot"),
         ({}, _far_sight, "lie within"),
-        ({}, _in_rock, "it is in rock|it goes"),
+        ({}, _in_rock, "it is in rock|it drives"),
         ({}, _set(returned=99.0), "return 99.0, its cells"),
-        ({}, _set(returned=860.0), "return 860.0, the equation allows 100"),
-        ({}, _set(collided=0, idle=0), "steps saw something new"),
-        ({}, _set(path_m=5000.0), "a way of 5000.0 m"),
+        ({}, _set(returned=860.0), "return 860.0, the reward allows at most 100"),
+        ({}, _set(collided=0, idle=0), "steps saw a new cell"),
+        ({}, _set(path_m=5000.0), "a path of 5000.0 m"),
         ({}, _short, "without standing still"),
         ({}, _set(steps=5000), "an episode has at most 1000"),
     ],
@@ -117,6 +173,12 @@ def test_a_seed_that_comes_twice_is_rejected(honest):
 def test_another_task_is_rejected(honest):
     forge(honest, lambda head: head | {"task": head["task"] | {"max_forward_mps": 3.0}})
     with pytest.raises(RejectedError, match=r"max_forward_mps = 3.0, it is 1.5"):
+        score(honest)
+
+
+def test_another_robot_is_rejected(honest):
+    forge(honest, lambda head: head | {"robot": head["robot"] | {"radius_m": 0.1}})
+    with pytest.raises(RejectedError, match=r"the robot is not .*: radius_m = 0.1, it is 0.35"):
         score(honest)
 
 
@@ -193,13 +255,18 @@ def test_figures_of_an_episode_are_those_of_its_curve(honest):
     [
         (["baselines.evaluate", "--policy", "greedy", "--env", "MineXplore/Moon-v0"], "valid choices are MineXplore/"),
         (["baselines.evaluate", "--policy", "random"], "--policy and --env"),
+        (["baselines.evaluate", "--policy", "a:b", "--env", "ChileanMine"], "cannot be imported"),
+        (["baselines.evaluate", "--all", "--env", "mars"], "env = 'mars': valid choices are MineXplore/"),
+        (["baselines.evaluate", "--all", "--jobs", "0"], "jobs = 0"),
+        (["baselines.score", "README.md", "--rerun", "-1"], "rerun = -1"),
+        (["baselines.oracle", "--episodes", "0"], "episodes = 0"),
         (["baselines.evaluate", "--policy", "random", "--env", "x", "--episodes", "0"], "episodes = 0"),
         (["baselines.score", "README.md"], "not the head of a results file"),
         (["baselines.score", "no.jsonl"], "no.jsonl"),
         (["baselines.oracle", "--env", "x"], "valid choices are MineXplore/"),
         (["baselines.ppo.train", "ppo.lr=-1"], "ppo.lr = -1"),
-        (["baselines.ppo.train", "model=transformer"], "transformer"),
-        (["baselines.ppo.train", "env=moon"], "moon"),
+        (["baselines.ppo.train", "model=transformer"], "model=transformer: valid choices are lstm, mlp"),
+        (["baselines.ppo.train", "env=moon"], "env=moon: valid choices are ChileanMine, "),
     ],
 )
 def test_bad_input_ends_with_one_message_and_code_two(arguments, message):

@@ -82,7 +82,8 @@ def test_every_guess_is_a_section_that_stage_one_accepts(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "message"), [("none.png", "no such file"), ("a.docx", "is nothing we read"), ("a", "without an ending")]
+    ("name", "message"),
+    [("none.png", "no such file"), ("a.docx", "is not a format that is read"), ("a", "without an ending")],
 )
 def test_a_file_that_nothing_reads_is_refused(tmp_path, name, message):
     if name != "none.png":

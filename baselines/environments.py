@@ -1,0 +1,58 @@
+"""The environments that policies are compared in: the ones that ship, and a user's own mines."""
+
+from __future__ import annotations
+
+import gymnasium
+from gymnasium.envs.registration import EnvSpec
+
+import minexplore
+from baselines.errors import BaselineError
+from minexplore.vector import MineVectorEnv
+
+BENCHMARK = tuple(env_id for env_id, kwargs in minexplore.WORLDS.items() if "world" in kwargs)
+_ENTRY_POINT = "minexplore.vector:MineVectorEnv"
+
+
+def known_ids() -> list[str]:
+    """Return all registered ids with a world: the benchmark's, then own mines and other registered tasks."""
+    ids = [env_id for env_id, spec in gymnasium.registry.items() if _is_task(spec)]
+    return sorted(ids, key=lambda env_id: (env_id not in BENCHMARK, env_id))
+
+
+def _is_task(spec: EnvSpec) -> bool:
+    return spec.vector_entry_point == _ENTRY_POINT and "world" in spec.kwargs
+
+
+def find_id(name: str) -> str:
+    """Return the registered id of a name: the id itself, or `NAME` for `MineXplore/NAME-v0`.
+
+    Raises
+    ------
+    BaselineError
+        If there is none; the message lists the ids that can be used.
+    """
+    known = known_ids()
+    for env_id in (name, f"MineXplore/{name}-v0"):
+        if env_id in known:
+            return env_id
+    raise BaselineError(f"env = {name!r}: valid choices are {', '.join(known)}")
+
+
+def short_name(env_id: str) -> str:
+    """Return an id without namespace and version: `my-mine` for `MineXplore/my-mine-v0`."""
+    return env_id.rpartition("/")[2].rpartition("-v")[0]
+
+
+def make_env(name: str, robots: int, threads: int = 1) -> MineVectorEnv:
+    """Return the vector environment of a registered id or its short name.
+
+    Raises
+    ------
+    BaselineError
+        If there is no such id, or its world is missing, damaged, or too narrow for the robot.
+    """
+    env_id = find_id(name)
+    try:
+        return MineVectorEnv(robots, threads=threads, **gymnasium.spec(env_id).kwargs)
+    except (FileNotFoundError, ValueError) as error:
+        raise BaselineError(f"{env_id}: {error}") from error

@@ -1,0 +1,86 @@
+"""Episodes of a policy driven in several processes; an episode does not depend on which others run beside it."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, wait
+from typing import Any
+
+import gymnasium
+from gymnasium.envs.registration import EnvSpec
+
+from baselines.environments import make_env
+from baselines.policy import make_policy
+from baselines.protocol import run_episodes
+from baselines.result_file import Episode
+
+_POLL_S = 1.0
+_steps_done: Any = None  # the steps that all workers have made
+
+
+def drive(
+    policy_name: str, env_id: str, seeds: list[int], step_done: Callable[[int], Any], jobs: int = 1
+) -> list[Episode]:
+    """Run one episode of each seed in `jobs` processes and return the episodes in the order of the seeds.
+
+    `step_done` is called now and then with the number of new robot steps.
+    """
+    jobs = min(jobs, len(seeds))
+    if jobs == 1:
+        return _drive_part(policy_name, env_id, seeds, step_done)
+    context = multiprocessing.get_context("spawn")  # a world's ray caster does not survive a fork
+    counter = context.Value("q", 0)
+    parts = [seeds[k::jobs] for k in range(jobs)]
+    pool = ProcessPoolExecutor(jobs, context, _begin, (gymnasium.spec(env_id), counter))
+    try:
+        futures = [pool.submit(_drive_counting, policy_name, env_id, part) for part in parts]
+        waiting, shown = set(futures), 0
+        while waiting:
+            waiting = wait(waiting, _POLL_S).not_done
+            now = counter.value
+            step_done(now - shown)
+            shown = now
+        episodes = {episode.seed: episode for future in futures for episode in future.result()}
+    except BaseException:
+        for worker in multiprocessing.active_children():
+            worker.terminate()
+        raise
+    finally:
+        pool.shutdown()
+    return [episodes[seed] for seed in seeds]
+
+
+def _begin(spec: EnvSpec, counter: Any) -> None:
+    """Prepare a worker: it knows its parent's environment, leaves Ctrl-C to its parent, and ends with it."""
+    global _steps_done
+    gymnasium.registry.setdefault(spec.id, spec)
+    _steps_done = counter
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+    os._exit(1)
+
+
+def _drive_counting(policy_name: str, env_id: str, seeds: list[int]) -> list[Episode]:
+    def count(steps: int) -> None:
+        with _steps_done.get_lock():
+            _steps_done.value += steps
+
+    return _drive_part(policy_name, env_id, seeds, count)
+
+
+def _drive_part(policy_name: str, env_id: str, seeds: list[int], step_done: Callable[[int], Any]) -> list[Episode]:
+    env = make_env(env_id, len(seeds))
+    policy = make_policy(policy_name, len(seeds), env.task, env.robot)
+    episodes = list(run_episodes(env, policy, seeds, step_done))
+    env.close()
+    return episodes

@@ -1,0 +1,34 @@
+"""The formats of vector surveys: which reader takes a file of which ending.
+
+To add a format, write its reader in a module of its own and one line here. `new` and stage 1 find it by its ending.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from pipeline.survey.compass import read_plt
+from pipeline.survey.dxf import read_dxf
+from pipeline.survey.geodata import read_geodata
+from pipeline.survey.geojson import read_geojson
+from pipeline.survey.legs import SurveyLeg
+from pipeline.survey.shapes import Shapes
+from pipeline.survey.stations import read_stations
+from pipeline.survey.survex import read_svx
+
+ShapeReader = Callable[[Path, list[str] | None], Shapes]  # file, layers (None: all) -> polygons and lines
+PassageReader = Callable[[Path], tuple[list[SurveyLeg], str | None]]  # file -> legs, coordinate system if it names one
+
+SHAPE_READERS: dict[str, ShapeReader] = {
+    ".dxf": read_dxf,
+    ".geojson": read_geojson,
+    ".json": read_geojson,
+    ".gpkg": read_geodata,
+    ".shp": read_geodata,
+}
+PASSAGE_READERS: dict[str, PassageReader] = {
+    ".csv": lambda path: (read_stations(path), None),
+    ".svx": read_svx,
+    ".plt": lambda path: (read_plt(path), None),
+}
