@@ -39,7 +39,7 @@ def model_surface(
         reported = pool.submit(report_roughness, params, sources, noise, rough)
         return {
             "smooth": smooth,
-            "rough": chunk_files(rough, params.rough.tile_m, repeat_m),
+            "rough": chunk_files(rough, params),
             "texture": _texture(params.texture),
             "sections": draw_sections(rough, smooth, extent.height_m),
             "amplitude": amplitude_table(rough),

@@ -106,6 +106,7 @@ class RoughParams(Params):
     modulation_m: float = Field(gt=0)
     modulation_spread: float = Field(ge=0, le=1)
     tile_m: float = Field(ge=2)
+    normals: bool = Field(False, description="write normals: chunks meet without a seam, a vertex costs 12 bytes more")
     seed: int = Field(ge=0)
     bounds: BoundsParams
 

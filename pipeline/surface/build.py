@@ -71,6 +71,7 @@ def build_rough_surface(
     )  # fmt: skip
 
 
-def chunk_files(rough: RoughSurface, tile_m: float, texture_m: float) -> Bundle:
+def chunk_files(rough: RoughSurface, params: SurfaceParams) -> Bundle:
     """Return the rough surface's chunks as `NAME.msh`."""
-    return {f"{k}.msh": encode(Path(f"{k}.msh"), mesh) for k, mesh in cut_chunks(rough, tile_m, texture_m).items()}
+    chunks = cut_chunks(rough, params.rough.tile_m, params.texture.repeat_m, params.rough.normals)
+    return {f"{name}.msh": encode(Path(f"{name}.msh"), mesh) for name, mesh in chunks.items()}

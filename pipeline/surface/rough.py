@@ -110,17 +110,24 @@ def closed_mesh(rough: RoughSurface) -> tuple[np.ndarray, np.ndarray]:
     return rough.vertices, np.concatenate([rough.lattice.faces, index[floor]])
 
 
-def cut_chunks(rough: RoughSurface, tile_m: float, texture_m: float) -> dict[str, Mesh]:
+def cut_chunks(rough: RoughSurface, tile_m: float, texture_m: float, normals: bool = False) -> dict[str, Mesh]:
     """Cut walls and roof into square tiles of the plan, so that a renderer can leave most of them out.
+
+    Parameters
+    ----------
+    rough : RoughSurface
+    tile_m, texture_m : float
+        Side of a tile, and length on the rock that one repeat of the texture covers.
+    normals : bool
+        Give each vertex the normal of the whole surface, so that chunks meet without a seam; 12 bytes a vertex.
 
     Returns
     -------
     dict of Mesh
         By name: the piece, then the tile's column and row from the south-west; faces look into the workings.
-        Normals are those of the whole surface, so chunks meet without a seam.
     """
     lattice = rough.lattice
-    shaded = shade_mesh(rough.vertices, lattice.faces)
+    shaded = shade_mesh(rough.vertices, lattice.faces) if normals else _unshaded(rough)
     along = _along_walls(lattice, texture_m)
     centre = lattice.vertices[lattice.faces].mean(axis=1)[:, :2]
     tile = np.floor((centre - lattice.vertices[:, :2].min(axis=0)) / tile_m).astype(int)
@@ -140,11 +147,11 @@ def _join_lone(tile: np.ndarray, centre: np.ndarray) -> np.ndarray:
     """Return the faces' tiles (n, 2); one alone goes to its nearest neighbour's, as MuJoCo wants four vertices."""
     _, group, count = np.unique(tile, axis=0, return_inverse=True, return_counts=True)
     alone = count[group.ravel()] == 1
-    join_meshes = tile.copy()
+    joined = tile.copy()
     for face in np.flatnonzero(alone):
         off = np.linalg.norm(centre - centre[face], axis=1)
-        join_meshes[face] = tile[np.where(alone, np.inf, off).argmin()]
-    return join_meshes
+        joined[face] = tile[np.where(alone, np.inf, off).argmin()]
+    return joined
 
 
 def _along_walls(lattice: Lattice, texture_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -182,4 +189,8 @@ def _chunk(
         repeat = u[column[used]] + late * repeats[column[used]]
         texcoords = np.column_stack([repeat, lattice.vertices[source, 2] / texture_m])
     index = index.reshape(-1, 3).astype(np.int32)
-    return Mesh(rough.vertices[source], index, texcoords, shaded.normals[used])
+    return Mesh(rough.vertices[source], index, texcoords, shaded.normals[used] if len(shaded.normals) else None)
+
+
+def _unshaded(rough: RoughSurface) -> ShadedMesh:
+    return ShadedMesh(np.arange(len(rough.vertices)), np.zeros((0, 3)), rough.lattice.faces)
