@@ -142,8 +142,9 @@ def shrink_picture(source: Path) -> bytes:
 
 def flat_walls_note(metrics: dict[str, Any], name: str) -> str:
     """Return what flat walls score on a texture axis, to stand behind its score; nothing for other figures."""
-    flat = metrics.get(name.replace("texture.", "texture.flat_walls.", 1))
-    if flat is None or ".flat_walls." in name:
+    group, _, axis = name.partition(".")
+    flat = metrics.get(f"{group}.flat_walls.{axis}")
+    if flat is None:
         return ""
     return f" (flat walls {flat:.3f}{': uninformative' if is_uninformative(flat) else ''})"
 
