@@ -1,4 +1,4 @@
-"""A stage's manifest: what went in, what came out, with which parameters and which code."""
+"""A stage's manifest: the hashes of its inputs, outputs and code, and its parameters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pipeline.store.hashing import import_closure, sha256_bytes, sha256_file, sh
 class Manifest:
     """The provenance of one stage's artifacts; file names are relative to the project, hashes are sha256.
 
-    `volatile` names, for an output that holds timings, the keys that were left out of its hash.
+    `volatile` lists for each output with timings the keys that its hash leaves out.
     """
 
     stage: str
@@ -31,7 +31,7 @@ class Manifest:
 
 
 def code_sha256(stage: str, root: Path) -> str:
-    """Return one hash for the stage's declaration and everything of the project that it imports."""
+    """Return one hash of the stage's declaration and all project modules that it imports."""
     closure = import_closure(root / "stages" / f"{stage}.py", root)
     return sha256_named({path.as_posix(): sha256_file(root / path) for path in closure})
 
@@ -39,7 +39,7 @@ def code_sha256(stage: str, root: Path) -> str:
 def new_manifest(
     stage: str, params: dict[str, Any], inputs: dict[str, str], outputs: dict[str, str], volatile: dict[str, list[str]]
 ) -> Manifest:
-    """Make the manifest of a stage of the project in the working directory."""
+    """Return the manifest of a stage; the project is the working directory."""
     return Manifest(stage, __version__, code_sha256(stage, Path.cwd()), params, inputs, outputs, volatile)
 
 
@@ -49,7 +49,7 @@ def read_manifest(path: Path) -> Manifest:
     Raises
     ------
     ArtifactError
-        If it is missing or not a manifest.
+        If the file is missing or is not a manifest.
     """
     try:
         return TypeAdapter(Manifest).validate_json(path.read_bytes())
@@ -60,7 +60,7 @@ def read_manifest(path: Path) -> Manifest:
 
 
 def output_sha256(data: bytes, volatile: list[str]) -> str:
-    """Return an output's sha256; for JSON with volatile keys, that of the rest (dots separate nested keys)."""
+    """Return an output's sha256, for JSON without the volatile keys; dots separate nested keys."""
     try:
         record = json.loads(data) if volatile else None
     except ValueError:

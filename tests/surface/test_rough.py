@@ -9,7 +9,6 @@ from scipy.spatial import cKDTree
 
 from minexplore import bundle
 from pipeline.compose import compose
-from pipeline.errors import GeometryError
 from pipeline.metrics.planefit import sweep_residuals
 from pipeline.surface.displacement import Bounds, bound_displacement
 from pipeline.surface.lattice import ROOF, WALL, CrossSection, lay_lattice
