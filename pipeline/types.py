@@ -185,8 +185,8 @@ class ConvexParts:
 class Occupancy:
     """A 2-D grid over the world frame; cell [i, j] is centred at origin + (j + 0.5, i + 0.5) * cell (m, mine).
 
-    `free` is true if the cell's centre lies in the workings. `clearance_m` is the centre's distance from rock, 0 in rock.
-    Row 0 is the south edge.
+    `free` is true if the cell's centre lies in the workings. `clearance_m` is its distance from rock, 0 in rock. Row 0
+    is the south edge.
     """
 
     free: Bool[np.ndarray, "rows cols"]
