@@ -172,5 +172,5 @@ def test_a_mesh_survives_a_round_trip_and_a_truncated_file_is_refused(tmp_path):
     np.testing.assert_array_equal(decoded.faces, mesh.faces)
     np.testing.assert_allclose(decoded.texcoords, mesh.texcoords, atol=1e-6)
     path.write_bytes(path.read_bytes()[:-4])
-    with pytest.raises(ArtifactError, match=r"a\.msh: not a readable Mesh: its counts do not match its size"):
+    with pytest.raises(ArtifactError, match=r"a\.msh: not a readable Mesh: .* do not match its size"):
         decode(path, Mesh)
