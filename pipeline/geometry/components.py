@@ -102,7 +102,6 @@ def mend(workings: MultiPolygon, bridge_m: float, min_island_m2: float) -> Multi
         for piece in as_polygons(closed.difference(whole)).geoms
         if sum(component.distance(piece) < 1e-9 for component in whole.geoms) > 1
     ]
-    grown = [
-        piece.buffer(1e-6, join_style="mitre") for piece in bridges
-    ]  # the bridge must overlap its components, not only touch them
+    # A bridge must overlap its components, not only touch them.
+    grown = [piece.buffer(1e-6, join_style="mitre") for piece in bridges]
     return as_polygons(shapely.union_all([whole, *grown]))

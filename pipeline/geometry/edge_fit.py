@@ -37,10 +37,10 @@ def fit_edges(traced: Points2, kept: Points2, tolerance_m: float) -> Points2:
         ends = [i for i, run in enumerate(runs) if _max_distance(run, moved[i], moved[following[i]]) > tolerance_m]
         ends += [int(following[i]) for i in ends]
         # An edge too far from its stretch gets its old vertices back.
-        back = [i for i in ends if not np.array_equal(moved[i], corners[i])]
-        if not back:
+        restored = [i for i in ends if not np.array_equal(moved[i], corners[i])]
+        if not restored:
             return np.vstack([moved, moved[:1]])
-        moved[back] = corners[back]
+        moved[restored] = corners[restored]
 
 
 def _runs(traced: Points2, kept: Points2) -> list[Points2]:

@@ -107,11 +107,11 @@ def _ramp(
     path, ends = [], []
     for turn in range(turns):
         y = turn * spacing_m
-        there, back = ((0.0, long), (long, 0.0))[turn % 2]
-        path += [(there, y), (back, y)]
+        x_start, x_end = ((0.0, long), (long, 0.0))[turn % 2]
+        path += [(x_start, y), (x_end, y)]
         if turn + 1 < turns:
-            side = 1.0 if back > 0 else -1.0
-            middle = np.array([back, y + spacing_m / 2])
+            side = 1.0 if x_end > 0 else -1.0
+            middle = np.array([x_end, y + spacing_m / 2])
             angles = np.linspace(-np.pi / 2, np.pi / 2, 9)[1:-1]
             path += [tuple(middle + spacing_m / 2 * np.array([side * np.cos(a), np.sin(a)])) for a in angles]
             ends.append((middle + np.array([side * spacing_m / 2, 0.0]), side))

@@ -180,12 +180,12 @@ class ScanCostGrid:
         cost = (self.cost + penalty[:, None, None]).min(axis=0)
         steps = math.floor(search.correction_m / _CELL_M)
         dy, dx = np.mgrid[-steps : steps + 1, -steps : steps + 1] * _CELL_M
-        apart = np.hypot(dx, dy)
-        near = apart <= search.correction_m
+        distance = np.hypot(dx, dy)
+        near = distance <= search.correction_m
         return grey_erosion(
             np.where(np.isfinite(cost), cost, _UNREACHED),
             footprint=near,
-            structure=-_penalty(apart / search.correction_m),
+            structure=-_penalty(distance / search.correction_m),
             mode="constant",
             cval=_UNREACHED,
         )
@@ -209,10 +209,10 @@ class ScanCostGrid:
 
         cells = np.indices(self.cost.shape[1:])
         places = self.low + np.stack([cells[1], cells[0]], axis=-1) * _CELL_M
-        apart = np.linalg.norm(places - about[:2], axis=-1)
+        distance = np.linalg.norm(places - about[:2], axis=-1)
         turned = _penalty((self.heading - about[2]) / search.correction_rad)
-        penalty = _penalty(apart / search.correction_m) + turned[:, None, None]
-        whole = np.where(apart <= search.correction_m, self.cost + penalty, np.inf)
+        penalty = _penalty(distance / search.correction_m) + turned[:, None, None]
+        whole = np.where(distance <= search.correction_m, self.cost + penalty, np.inf)
         k, row, col = np.unravel_index(int(whole.argmin()), whole.shape)
         start = np.array([*places[row, col], self.heading[k]])
         simplex = start + np.array([[0, 0, 0], [0.3, 0, 0], [0, 0.3, 0], [0, 0, 0.01]])

@@ -54,7 +54,7 @@ def verify_chain(root: Path) -> int:
             elif name not in produced:
                 raise ArtifactError(f"{name}: {stage} reads it, but no earlier stage wrote it")
             else:
-                _expect(name, produced[name], digest, f"what {stage} read")
+                _expect(name, produced[name], digest, f"the inputs of {stage}")
         produced |= _verify_outputs(manifest, artifacts / stage)
     verify_world(artifacts / "realism" / "world")
     return len(produced)

@@ -127,9 +127,9 @@ def _crosses(start: np.ndarray, end: np.ndarray, triangles: np.ndarray) -> np.nd
     normal = np.cross(side, other)
     doubled = np.maximum(np.einsum("ni,ni->n", normal, normal), 1e-30)
     low, high = (np.einsum("ni,ni->n", p - origin, normal) / np.sqrt(doubled) for p in (start, end))
-    apart = (np.minimum(low, high) < -_TOUCH_M) & (np.maximum(low, high) > _TOUCH_M)
-    share = np.divide(low, low - high, out=np.zeros(len(low)), where=apart)
+    opposite = (np.minimum(low, high) < -_TOUCH_M) & (np.maximum(low, high) > _TOUCH_M)
+    share = np.divide(low, low - high, out=np.zeros(len(low)), where=opposite)
     point = start + share[:, None] * (end - start) - origin
     v = np.einsum("ni,ni->n", np.cross(point, other), normal) / doubled
     w = np.einsum("ni,ni->n", np.cross(side, point), normal) / doubled
-    return apart & (v > _TOUCH_M) & (w > _TOUCH_M) & (v + w < 1 - _TOUCH_M)
+    return opposite & (v > _TOUCH_M) & (w > _TOUCH_M) & (v + w < 1 - _TOUCH_M)

@@ -141,11 +141,11 @@ def cut_chunks(rough: RoughSurface, tile_m: float, texture_m: float) -> dict[str
 def _merge_single_faces(tile: np.ndarray, centre: np.ndarray) -> np.ndarray:
     """Return the faces' tiles (n, 2); a single face joins the nearest tile, since MuJoCo needs four vertices a mesh."""
     _, group, count = np.unique(tile, axis=0, return_inverse=True, return_counts=True)
-    alone = count[group.ravel()] == 1
+    single = count[group.ravel()] == 1
     merged = tile.copy()
-    for face in np.flatnonzero(alone):
+    for face in np.flatnonzero(single):
         distance = np.linalg.norm(centre - centre[face], axis=1)
-        merged[face] = tile[np.where(alone, np.inf, distance).argmin()]
+        merged[face] = tile[np.where(single, np.inf, distance).argmin()]
     return merged
 
 
@@ -170,9 +170,8 @@ def _chunk(
     u, repeats = along
     corner = u[lattice.column[faces]]
     # A face across the seam of a ring connects the last column to the first; the first then counts one round more.
-    wrapped = (corner.max(axis=1) - corner.min(axis=1) > repeats[lattice.column[faces[:, 0]]] / 2)[:, None] & (
-        corner < 1
-    )
+    across_seam = np.ptp(corner, axis=1) > repeats[lattice.column[faces[:, 0]]] / 2
+    wrapped = across_seam[:, None] & (corner < 1)
     key, index = np.unique(faces.astype(np.int64) * 2 + wrapped, return_inverse=True)
     used, rounds = key // 2, (key % 2).astype(float)
     column = lattice.column[used]

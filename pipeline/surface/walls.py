@@ -19,7 +19,7 @@ _TURN_M = 0.4  # s.d. of the smoothing along a wall that turns its direction gra
 _REACH_M = 9.0  # walls farther apart than this do not limit each other's displacement
 _OWN_WALL_M = 0.6  # points nearer than this belong to the same piece of wall
 _EVEN_M = 1.0
-_BESIDE, _BESIDE_M = 1.25, 0.3  # a wall borders a passage within 1.25 half widths + 0.3 m of its middle
+_BORDER, _BORDER_M = 1.25, 0.3  # a wall borders a passage within 1.25 half widths + 0.3 m of its middle
 
 
 @dataclass(frozen=True)
@@ -119,9 +119,8 @@ def _passages(xy: np.ndarray, disc_m: np.ndarray, network: DriftNetwork) -> np.n
     """Return half the width (n,) m of the narrowest passage that a column borders, or its disc's radius."""
     stations, half = passage_stations(network)
     least = np.full(len(xy), np.inf)
-    for columns, half_width in zip(
-        cKDTree(xy).query_ball_point(stations, _BESIDE * half + _BESIDE_M), half, strict=True
-    ):
+    bordering = cKDTree(xy).query_ball_point(stations, _BORDER * half + _BORDER_M)
+    for columns, half_width in zip(bordering, half, strict=True):
         least[columns] = np.minimum(least[columns], half_width)
     return np.where(np.isfinite(least), least, disc_m)
 

@@ -27,8 +27,8 @@ def inside(places):
 
 def test_a_fan_in_a_rectangular_room_has_the_distances_to_its_walls():
     caster = RayCaster(upright_walls(shapely.box(0, 0, 4, 2), 3.0))
-    found = caster.fan(np.array([[1.0, 1.0]]), np.array([[0.0, np.pi / 2, np.pi, np.pi / 4]]), 1.0)
-    assert found[0] == pytest.approx([3.0, 1.0, 1.0, math.sqrt(2)], abs=1e-5)
+    ranges = caster.fan(np.array([[1.0, 1.0]]), np.array([[0.0, np.pi / 2, np.pi, np.pi / 4]]), 1.0)
+    assert ranges[0] == pytest.approx([3.0, 1.0, 1.0, math.sqrt(2)], abs=1e-5)
 
 
 @pytest.mark.parametrize("scale", [0.97, 1.0, 1.03])
@@ -45,13 +45,13 @@ def test_scans_and_scale_are_found_from_inaccurate_poses(cast, scale):
         ranges = cast(np.array([[x, y]]), (heading + BEARINGS)[None])[0]
         near = ranges < 25
         scans[name] = (BEARINGS[near], ranges[near] + rng.normal(0, 0.02, near.sum()))
-    found = register_scans(poses, scans, cast, inside, SEARCH)
+    registration = register_scans(poses, scans, cast, inside, SEARCH)
     for name, (x, y, heading) in truth.items():
-        assert found.poses[name][:2] == pytest.approx((x, y), abs=0.1)
-        assert found.poses[name][2] == pytest.approx(heading, abs=0.01)
-        assert math.hypot(*found.corrections[name][:2]) < 1.0
-    assert found.similarity.scale == pytest.approx(scale, abs=0.006)
-    assert found.scale_interval[0] <= scale <= found.scale_interval[1]
+        assert registration.poses[name][:2] == pytest.approx((x, y), abs=0.1)
+        assert registration.poses[name][2] == pytest.approx(heading, abs=0.01)
+        assert math.hypot(*registration.corrections[name][:2]) < 1.0
+    assert registration.similarity.scale == pytest.approx(scale, abs=0.006)
+    assert registration.scale_interval[0] <= scale <= registration.scale_interval[1]
 
 
 def test_poses_far_from_any_drift_are_refused(cast):
@@ -70,9 +70,9 @@ def test_one_pose_with_a_large_error_does_not_move_the_similarity_beyond_its_bou
     scans = {n: (BEARINGS, cast(np.array([p[:2]]), (p[2] + BEARINGS)[None])[0]) for n, p in truth.items()}
     poses = {**truth, "b": (114.1, 4.6, -0.3)}
     search = Search((0.99, 1.01), math.radians(0.5), 2.0, 1.5, math.radians(3))
-    found = register_scans(poses, scans, cast, inside, search)
-    assert 0.99 <= found.similarity.scale <= 1.01
-    for dx, dy, _ in found.corrections.values():
+    registration = register_scans(poses, scans, cast, inside, search)
+    assert 0.99 <= registration.similarity.scale <= 1.01
+    for dx, dy, _ in registration.corrections.values():
         assert math.hypot(dx, dy) <= 1.5 + 0.01
 
 

@@ -128,9 +128,9 @@ def test_a_crossing_far_from_the_origin_is_found():
     k = int(np.argmin(distance + 10 * (vertices[:, 2] < 3)))
     vertices = vertices.copy()
     vertices[k, 2] -= 5.0  # a spike from the roof through the floor
-    found = find_crossings(vertices, faces)
-    assert len(found)
-    assert np.linalg.norm(found[:, :2] - vertices[k, :2], axis=1).min() < 0.6
+    crossings = find_crossings(vertices, faces)
+    assert len(crossings)
+    assert np.linalg.norm(crossings[:, :2] - vertices[k, :2], axis=1).min() < 0.6
 
 
 def test_chunks_lie_in_their_tiles_and_cover_the_rough_surface_once():
@@ -176,5 +176,5 @@ def test_the_built_wall_has_the_roughness_that_its_spectrum_predicts():
     rough = displace_lattice(lattice, spectrum, spectrum, STEADY, BOUNDS, np.random.default_rng(8))
     wall = rough.vertices[: lattice.wall_vertices]
     wall = wall[(np.abs(wall[:, 1]) < 0.4) & (wall[:, 0] > 3) & (wall[:, 0] < 117) & (wall[:, 2] > 0.45)]
-    found = sweep_residuals(wall + np.array([0, 0.5, 0]), (1.0,), 60)[0]
-    assert found.rq_m == pytest.approx(predicted_rq(spectrum, Roughness(1.0, 0.0)), rel=0.15)
+    residuals = sweep_residuals(wall + np.array([0, 0.5, 0]), (1.0,), 60)[0]
+    assert residuals.rq_m == pytest.approx(predicted_rq(spectrum, Roughness(1.0, 0.0)), rel=0.15)
