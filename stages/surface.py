@@ -1,4 +1,4 @@
-"""Stage 4: the visible rock: a smooth octagonal surface, and over it one as rough as measured rock (m, mine frame)."""
+"""Stage 4: model the visible rock: a smooth octagonal surface under a rough one (metres, mine frame)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from pipeline.types import DriftNetwork, FreeSpace, Image, SolidExtent
 def model_surface(
     params: SurfaceParams, free_space: FreeSpace, topology: DriftNetwork, extent: SolidExtent
 ) -> dict[str, Any]:
-    """Return both surfaces, the texture, and the roughness report."""
+    """Return both surfaces, the texture, and reports on roughness and meshes."""
     free, repeat_m = free_space.polygon, params.texture.repeat_m
     params = widen_spacing(params, free, extent.height_m)
     smooth = smooth_surface(free, extent.height_m, params.floor_chamfer_m, params.roof_chamfer_m, repeat_m)

@@ -105,7 +105,7 @@ def test_a_manifest_that_was_made_from_another_input_breaks_the_chain(traced_pro
     (folder / "artifacts/params.yaml").write_text(text)
     done = project.run(sys.executable, "-m", "pipeline", "verify")
     assert "artifacts/survey/plan.png" in message_of(done)
-    assert "what contours read" in done.stderr
+    assert "the inputs of contours" in done.stderr
 
 
 def test_dvc_repro_runs_everything_once_then_nothing_and_an_experiment_only_what_changed(repro, tmp_path):
