@@ -29,21 +29,28 @@ def read(path: Path, target: str) -> Any:
 def replay_table(report: dict[str, Any]) -> list[str]:
     """Return the replay's figures as Markdown."""
     lines = [
-        "## LiDAR replay on the published plan (`survey=plan`)", "",
+        "## LiDAR replay on the published plan (`survey=plan`)",
+        "",
         "| sweep | returns counted | median, m | p90, m | within 0.25 m | within 0.5 m | bias, m "
         "| median against the rough surface, m | median, range and angle not gated, m "
         "| own correction, m, deg |",
         "|---" * 10 + "|",
-    ]  # fmt: skip
+    ]
     for name, s in report["sweeps"].items():
         c = s["collision"]
         dx, dy = s["correction_m"]
         shown = [
-            name, f"{s['used']:,} of {s['returns']:,}", f"{c['median_m']:.3f}", f"{c['p90_m']:.2f}",
-            f"{c['within_0_25_m']:.2f}", f"{c['within_0_5_m']:.2f}", f"{c['bias_m']:+.3f}",
-            f"{s['visible']['median_m']:.3f}", f"{s['every_return_median_m']:.3f}",
+            name,
+            f"{s['used']:,} of {s['returns']:,}",
+            f"{c['median_m']:.3f}",
+            f"{c['p90_m']:.2f}",
+            f"{c['within_0_25_m']:.2f}",
+            f"{c['within_0_5_m']:.2f}",
+            f"{c['bias_m']:+.3f}",
+            f"{s['visible']['median_m']:.3f}",
+            f"{s['every_return_median_m']:.3f}",
             f"{dx:+.2f}, {dy:+.2f}, {s['correction_deg']:+.2f}",
-        ]  # fmt: skip
+        ]
         lines.append(f"| {' | '.join(shown)} |")
     low, high = (scale * report["plan_px_per_m"] for scale in report["scale_interval"])
     lines += [
@@ -61,8 +68,13 @@ def certificate_table(title: str, certificate: dict[str, Any]) -> list[str]:
         f"| {'yes' if clause['holds'] else 'NO'} |"
         for name, clause in certificate["clauses"].items()
     ]
-    return [f"## Certificate: {title}, {certificate['contacts']:,} contacts", "",
-            "| clause | value | limit | holds |", "|---|---|---|---|", *rows]  # fmt: skip
+    return [
+        f"## Certificate: {title}, {certificate['contacts']:,} contacts",
+        "",
+        "| clause | value | limit | holds |",
+        "|---|---|---|---|",
+        *rows,
+    ]
 
 
 def proof_tables() -> list[str]:

@@ -140,10 +140,13 @@ def fuzz_reader(reader: str, count: int, tell: Callable[[int], object]) -> dict[
                 break
     good = {"valid", "refused"}
     return {
-        "cases": len(verdicts), "valid": verdicts.count("valid"), "refused": verdicts.count("refused"),
-        "slowest_s": slowest, "slowest_case": slow,
+        "cases": len(verdicts),
+        "valid": verdicts.count("valid"),
+        "refused": verdicts.count("refused"),
+        "slowest_s": slowest,
+        "slowest_case": slow,
         "failed": {i: v for i, v in enumerate(verdicts) if v not in good},
-    }  # fmt: skip
+    }
 
 
 def table(found: dict[str, dict[str, Any]]) -> str:

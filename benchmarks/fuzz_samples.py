@@ -57,8 +57,9 @@ def _geotiff() -> Files:
     def write(path: Path) -> None:
         grey = cv2.imdecode(np.frombuffer(_plan(".png"), np.uint8), cv2.IMREAD_GRAYSCALE)
         place = from_origin(381_000, 6_290_500, 0.125, 0.125)
-        with rasterio.open(path, "w", driver="GTiff", width=200, height=120, count=1, dtype="uint8", crs="EPSG:32719",
-                           transform=place) as out:  # fmt: skip
+        with rasterio.open(
+            path, "w", driver="GTiff", width=200, height=120, count=1, dtype="uint8", crs="EPSG:32719", transform=place
+        ) as out:
             out.write(grey, 1)
 
     return _saved("plan.tif", write)
@@ -99,8 +100,15 @@ def _geojson() -> Files:
 
 
 def _map() -> Files:
-    said = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate": 0, "occupied_thresh": 0.65,
-            "free_thresh": 0.25, "mode": "trinary"}  # fmt: skip
+    said = {
+        "image": "map.pgm",
+        "resolution": 0.1,
+        "origin": [0.0, 0.0, 0.0],
+        "negate": 0,
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.25,
+        "mode": "trinary",
+    }
     return {"map.yaml": yaml.safe_dump(said).encode(), "map.pgm": _plan(".pgm")}
 
 
@@ -146,14 +154,23 @@ D 1089.00 426.51 0 Sd P 4.92 6.56 1.64 4.92
 """
 
 SAMPLES: dict[str, Callable[[], Files]] = {
-    "png": _picture(".png"), "jpeg": _picture(".jpg"), "tiff": _picture(".tif"), "pdf": _pdf, "geotiff": _geotiff,
+    "png": _picture(".png"),
+    "jpeg": _picture(".jpg"),
+    "tiff": _picture(".tif"),
+    "pdf": _pdf,
+    "geotiff": _geotiff,
     "world file": lambda: {"plan.png": _plan(".png"), "plan.pgw": b"0.125\n0\n0\n-0.125\n5000\n7000\n"},
-    "map.yaml": _map, "dxf": _dxf, "geojson": _geojson, "geopackage": _geodata("mine.gpkg"),
-    "shapefile": _geodata("mine.shp"), "stations": lambda: {"s.csv": _CSV},
+    "map.yaml": _map,
+    "dxf": _dxf,
+    "geojson": _geojson,
+    "geopackage": _geodata("mine.gpkg"),
+    "shapefile": _geodata("mine.shp"),
+    "stations": lambda: {"s.csv": _CSV},
     "survex": lambda: {"cave.svx": _SVX, "more.svx": b"*data normal from to tape compass clino\n2 9 4 4 4\n"},
-    "compass": lambda: {"cave.plt": _PLT}, "bundle": _bundle,
+    "compass": lambda: {"cave.plt": _PLT},
+    "bundle": _bundle,
     "survey section": lambda: {"conf.yaml": Path("conf/survey/plan.yaml").read_bytes()},
-}  # fmt: skip
+}
 
 
 def _png_of(width: int, height: int) -> bytes:
@@ -189,26 +206,40 @@ def _deep(depth: int) -> bytes:
 
 _PICTURES = [{"plan.png": _png_of(100_000, 100_000)}, {"plan.png": _png_of(2**31 - 1, 1)}, {"plan.png": _png_of(0, 0)}]
 HOSTILE: dict[str, list[Files]] = {
-    "png": _PICTURES, "world file": [{"plan.pgw": b"1e308\n" * 6}, {"plan.pgw": b"0\n" * 6}],
+    "png": _PICTURES,
+    "world file": [{"plan.pgw": b"1e308\n" * 6}, {"plan.pgw": b"0\n" * 6}],
     "map.yaml": [
-        _map_with(image="../../../../etc/passwd"), _map_with(image="/etc/passwd"), _map_with(resolution=1e-300),
-        _map_with(resolution=float("nan")), _map_with(origin=[1e300, 0, 0]), _map_with(origin=[0, 0, 1e300]),
-        {"map.yaml": _TAGGED}, {"map.yaml": _LAUGHS}, {"map.yaml": b"[" * 20_000},
+        _map_with(image="../../../../etc/passwd"),
+        _map_with(image="/etc/passwd"),
+        _map_with(resolution=1e-300),
+        _map_with(resolution=float("nan")),
+        _map_with(origin=[1e300, 0, 0]),
+        _map_with(origin=[0, 0, 1e300]),
+        {"map.yaml": _TAGGED},
+        {"map.yaml": _LAUGHS},
+        {"map.yaml": b"[" * 20_000},
         {"map.pgm": b"P5 999999999 999999999 255\n"},
     ],
     "geojson": [{"mine.geojson": _deep(200_000)}, {"mine.geojson": b"[" * 1_000_000}, {"mine.geojson": _BOMB}],
     "geopackage": [{"mine.gpkg": _BOMB}, {"mine.gpkg": b"<OGRVRTDataSource><OGRVRTLayer/></OGRVRTDataSource>"}],
     "shapefile": [{"mine.shp": b"\x00\x00\x27\x0a" + b"\xff" * 96}, {"mine.dbf": b"\xff" * 4096}],
     "survex": [
-        {"cave.svx": b"*include ../../../etc/passwd\n"}, {"cave.svx": b"*include cave\n"},
+        {"cave.svx": b"*include ../../../etc/passwd\n"},
+        {"cave.svx": b"*include cave\n"},
         {"more.svx": b"*include cave\n"},
-        {"cave.svx": b"*begin a\n" * 100_000}, {"cave.svx": b"1 2 1e308 0 0\n" * 3},
+        {"cave.svx": b"*begin a\n" * 100_000},
+        {"cave.svx": b"1 2 1e308 0 0\n" * 3},
     ],
-    "bundle": [_listing("../../x"), _listing("/etc/passwd"), _listing("a/../../b"), _listing(""),
-               {"world.json": b"{" * 100_000}],
+    "bundle": [
+        _listing("../../x"),
+        _listing("/etc/passwd"),
+        _listing("a/../../b"),
+        _listing(""),
+        {"world.json": b"{" * 100_000},
+    ],
     "survey section": [{"conf.yaml": _TAGGED}, {"conf.yaml": _LAUGHS}, {"conf.yaml": b"kind: ${oc.env:HOME}\n"}],
     "dxf": [{"mine.dxf": b"0\nSECTION\n2\nENTITIES\n" + b"0\nLINE\n" * 300_000 + b"0\nENDSEC\n0\nEOF\n"}],
-}  # fmt: skip
+}
 
 
 def _read_plan(path: Path) -> None:
@@ -273,5 +304,7 @@ READERS: dict[str, Callable[[Path], None]] = {
     **dict.fromkeys(("geotiff", "world file"), _read_placed),
     **dict.fromkeys(("dxf", "geojson", "geopackage", "shapefile"), _read_vector_survey),
     **dict.fromkeys(("stations", "survex", "compass"), _read_vector_survey),
-    "map.yaml": _read_map, "bundle": _read_bundle, "survey section": _read_section,
-}  # fmt: skip
+    "map.yaml": _read_map,
+    "bundle": _read_bundle,
+    "survey section": _read_section,
+}

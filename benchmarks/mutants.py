@@ -111,9 +111,10 @@ def main() -> int:
     """Inject every fault into the present world; exit code 1 if one is not caught by the check that should."""
     try:
         plan = (
-            decode(ARTIFACTS / "contours/cleaned.png", Mask), decode(ARTIFACTS / "contours/raw.png", Mask),
+            decode(ARTIFACTS / "contours/cleaned.png", Mask),
+            decode(ARTIFACTS / "contours/raw.png", Mask),
             decode(ARTIFACTS / "survey/survey.json", Survey),
-        )  # fmt: skip
+        )
         params = composed_section("validation")
         params = params.model_copy(update={"certificate": _without_stress(params.certificate)})
         good = ARTIFACTS / "realism/world"

@@ -48,8 +48,9 @@ def judge(seed: int) -> dict[str, Any]:
             "connected": topology["parts_world"] == 1 and topology["loops_difference"] == 0,
             "certificate": bool(found.certificate.holds),
             "iou": round(float(found.measure("iou")["free_space_vs_cleaned"]), 5),
-            "area_m2": round(free.polygon.area), "loops": topology["loops_world"],
-        }  # fmt: skip
+            "area_m2": round(free.polygon.area),
+            "loops": topology["loops_world"],
+        }
     except Exception as error:  # whatever it is, this mine fails and the others go on
         return said | {"problem": f"{type(error).__name__}: {error}"}
     finally:

@@ -97,9 +97,13 @@ class TestDrift:
         walls, roof = turned(walls), turned(roof)
         sweep = sweep_walls(walls)
         axes = TextureAxes(
-            wall_jaggedness_deg(walls), bump_rq_m(walls), roughness_integral_m2(sweep),
-            along_m, roof_irregularity_m(roof), wall_heterogeneity_m(walls),
-        )  # fmt: skip
+            wall_jaggedness_deg(walls),
+            bump_rq_m(walls),
+            roughness_integral_m2(sweep),
+            along_m,
+            roof_irregularity_m(roof),
+            wall_heterogeneity_m(walls),
+        )
         on_wall = share == 0
         return {
             "axes": axes,
@@ -135,9 +139,12 @@ def search(price: float) -> dict[str, Any]:
     drift = TestDrift()
     simplex = np.vstack([_START, _START + 0.4 * np.eye(len(_START))])
     found = minimize(
-        drift.cost, _START, (price,), method="Nelder-Mead",
+        drift.cost,
+        _START,
+        (price,),
+        method="Nelder-Mead",
         options={"maxfev": _EVALUATIONS, "initial_simplex": simplex, "xatol": 0.02, "fatol": 1e-4},
-    )  # fmt: skip
+    )
     measured = drift.measure(found.x)
     axes: TextureAxes = measured.pop("axes")
     return {

@@ -33,8 +33,7 @@ def time_training(overrides: list[str]) -> dict[str, Any]:
         raise need(str(error.name)) from error
     torch.set_num_threads(int(os.environ["OMP_NUM_THREADS"]))
     settings = compose_settings(overrides)
-    ray.init(include_dashboard=False, logging_level="ERROR",
-             runtime_env={"env_vars": {"PYTHONPATH": str(Path.cwd())}})  # fmt: skip
+    ray.init(include_dashboard=False, logging_level="ERROR", runtime_env={"env_vars": {"PYTHONPATH": str(Path.cwd())}})
     algorithm = build_algorithm(settings, 0)
     speeds = []
     for _ in range(_WARM + _TIMED):

@@ -108,8 +108,10 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: dict[str, An
             values[key] = file.as_posix()
     values |= {"poses": None, "entrance_m": stated.get("entrance_m"), "labels_m": {}}
     remarks = {
-        "entrance_m": "[x, y]; null: the start of the longest drift", "labels_m": "{A: [x, y], ...}", **detected.remarks
-    }  # fmt: skip
+        "entrance_m": "[x, y]; null: the start of the longest drift",
+        "labels_m": "{A: [x, y], ...}",
+        **detected.remarks,
+    }
     lines = [
         f"# @package _global_\n# Written by `python -m pipeline new {name}`; correct what is wrong and run it again.",
         "defaults:\n  - /mine/own  # tolerance, room for rock and limits of a mine other than the published one",

@@ -107,13 +107,15 @@ def compare_worlds(one: str, other: str) -> str:
     rows = [["figure", one, other]]
     rows += [
         [key, _say(first.get(key)), _say(second.get(key))]
-        for key in [*first, *(k for k in second if k not in first)] if first.get(key) != second.get(key)
-    ]  # fmt: skip
+        for key in [*first, *(k for k in second if k not in first)]
+        if first.get(key) != second.get(key)
+    ]
     left, right = world_params(one), world_params(other)
     rows += [
         [key, _say(left.get(key)), _say(right.get(key))]
-        for key in [*left, *(k for k in right if k not in left)] if left.get(key) != right.get(key)
-    ]  # fmt: skip
+        for key in [*left, *(k for k in right if k not in left)]
+        if left.get(key) != right.get(key)
+    ]
     return _table(rows)
 
 

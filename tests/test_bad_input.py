@@ -126,8 +126,11 @@ def test_a_full_disk_is_said_and_keeps_what_was_there(traced_project, tmp_path):
     # A limit on the size of any file stands in for a disk that fills while the stage writes.
     done = subprocess.run(
         ["bash", "-c", f"trap '' XFSZ; ulimit -f 4; {sys.executable} -m stages.contours"],
-        cwd=folder, capture_output=True, text=True, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
-    )  # fmt: skip
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+    )
     assert "cannot be written" in message_of(done)
     assert project.hashes() == before
     assert not list((folder / "artifacts").glob(".*partial"))

@@ -117,8 +117,18 @@ def test_the_report_opens_without_a_network_and_draws_the_mine(owned, tmp_path):
 @pytest.mark.slow
 def test_a_family_is_built_resumed_and_listed_in_one_manifest(owned):
     project, _ = owned
-    arguments = ("worlds", "--count", "1", "--split", "validation", "--jobs", "1", "survey.mine.size_m=[30,40]",
-                 "survey.mine.style=drift_and_crosscut", "survey.mine.spacing_m=16")  # fmt: skip
+    arguments = (
+        "worlds",
+        "--count",
+        "1",
+        "--split",
+        "validation",
+        "--jobs",
+        "1",
+        "survey.mine.size_m=[30,40]",
+        "survey.mine.style=drift_and_crosscut",
+        "survey.mine.spacing_m=16",
+    )
     done = pipeline(project, *arguments)
     assert done.returncode == 0, done.stderr
     (world,) = json.loads((project.folder / "artifacts/families/manifest.json").read_text()).values()

@@ -148,10 +148,20 @@ def _detect_picture(path: Path, stated: dict[str, Any]) -> Detection:
         remarks["scale"] = f"the bar is {bar:.0f} px long; {length:g} m was {how}"
     line_drawing, width_px = _wall_style(drawn, per_m)
     values: dict[str, Any] = {
-        "kind": "plan", "image": path.name, "max_megapixels": _MEGAPIXELS, "light_on_dark": inverted,
-        "line_drawing": line_drawing, "seeds_px": [], "wall_gap_px": 3.0, "crop_px": None, "turn_deg": 0.0,
-        "ignore_colours": [], **({"page": page, "dpi": dpi} if is_pdf else {}), "origin_px": None, "scale": scale,
-    }  # fmt: skip
+        "kind": "plan",
+        "image": path.name,
+        "max_megapixels": _MEGAPIXELS,
+        "light_on_dark": inverted,
+        "line_drawing": line_drawing,
+        "seeds_px": [],
+        "wall_gap_px": 3.0,
+        "crop_px": None,
+        "turn_deg": 0.0,
+        "ignore_colours": [],
+        **({"page": page, "dpi": dpi} if is_pdf else {}),
+        "origin_px": None,
+        "scale": scale,
+    }
     remarks |= {
         "light_on_dark": "true: light workings on dark paper",
         "line_drawing": "true: walls are drawn as lines, what they enclose is filled",
@@ -169,8 +179,12 @@ def _detect_scale(
     path: Path, picture: Image, stated: dict[str, Any]
 ) -> tuple[dict[str, Any], dict[str, str], list[Path]]:
     scale: dict[str, Any] = {
-        "source": "bar", "bar_box_px": None, "bar_length_m": 100.0, "bar_image": None, "px_per_m": None,
-    }  # fmt: skip
+        "source": "bar",
+        "bar_box_px": None,
+        "bar_length_m": 100.0,
+        "bar_image": None,
+        "px_per_m": None,
+    }
     if stated.get("px_per_m"):
         return {**scale, "source": "stated", "px_per_m": float(stated["px_per_m"])}, {"scale": "stated"}, []
     beside = world_file(path)

@@ -50,9 +50,12 @@ def fetch_raw(entries: dict[str, Entry], folder: Path, mirror: str | None = None
                 target.write_bytes(local.read_bytes())
             else:
                 pooch.retrieve(
-                    source, f"sha256:{entry.sha256}", fname=target.name, path=target.parent,
+                    source,
+                    f"sha256:{entry.sha256}",
+                    fname=target.name,
+                    path=target.parent,
                     downloader=pooch.HTTPDownloader(progressbar=sys.stderr.isatty(), timeout=60),
-                )  # fmt: skip
+                )
         except ValueError as error:
             raise InputError(f"{source}: not the registered file ({entry.bytes} bytes): {error}") from error
         except (OSError, requests.RequestException) as error:

@@ -89,8 +89,10 @@ def _read_scaled(params: Scaled) -> tuple[Image, Frame, Scale, list[Box], Georef
     frame = found.frame.resampled(width, scale.px_per_m)
     if width != wide:
         plan = cv2.resize(plan, (frame.width_px, frame.height_px), interpolation=cv2.INTER_AREA)
-        boxes = [(round(a * width / wide), round(b * width / wide), round(c * width / wide), round(d * width / wide))
-                 for a, b, c, d in boxes]  # fmt: skip
+        boxes = [
+            (round(a * width / wide), round(b * width / wide), round(c * width / wide), round(d * width / wide))
+            for a, b, c, d in boxes
+        ]
     return plan, frame, scale, boxes, found.georeference
 
 

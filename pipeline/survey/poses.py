@@ -166,9 +166,12 @@ def scale_from_poses(
     search = Search((low / middle, high / middle), _TURN_RAD, _SHIFT_M, CORRECTION_M, CORRECTION_RAD)
     try:
         found = register_scans(
-            {name: poses[name].planar for name in sweeps}, {name: s.fan for name, s in sweeps.items()}, cast,
-            lambda places: shapely.contains_xy(free, places[:, 0], places[:, 1]), search,
-        )  # fmt: skip
+            {name: poses[name].planar for name in sweeps},
+            {name: s.fan for name, s in sweeps.items()},
+            cast,
+            lambda places: shapely.contains_xy(free, places[:, 0], places[:, 1]),
+            search,
+        )
     except GeometryError as error:
         raise InputError(f"poses: no scale inside {low:g}-{high:g} px/m puts them into the plan's drifts") from error
     errors = [

@@ -88,9 +88,10 @@ def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:
             f"{name}: the scale bar ({width} x {height} px) is cut by the edge; leave some light around it"
         )
     beside = [
-        i for i in range(1, count)
+        i
+        for i in range(1, count)
         if i != bar and stats[i, 1] < top + height and stats[i, 1] + stats[i, 3] > top and stats[i, 4] >= _SPECK_PX
-    ]  # fmt: skip
+    ]
     if beside:
         raise InputError(f"{name}: the scale bar is broken into {len(beside) + 1} pieces (longest {width} px)")
     if area < _FILLED * width * height:

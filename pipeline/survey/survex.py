@@ -26,8 +26,26 @@ from pipeline.survey.survex_readings import (
 )
 
 _MAX_FILES, _MAX_SHOTS, _MAX_DEPTH = 200, 200_000, 100
-_QUIET = {"title", "date", "team", "instrument", "copyright", "entrance", "export", "infer", "ref", "require", "sd",
-          "set", "solve", "truncate", "flags", "cs", "default", "alias"}  # fmt: skip
+_QUIET = {
+    "title",
+    "date",
+    "team",
+    "instrument",
+    "copyright",
+    "entrance",
+    "export",
+    "infer",
+    "ref",
+    "require",
+    "sd",
+    "set",
+    "solve",
+    "truncate",
+    "flags",
+    "cs",
+    "default",
+    "alias",
+}
 
 
 @dataclass

@@ -10,17 +10,64 @@ import numpy as np
 from pipeline.errors import InputError
 
 _NORMAL = ("from", "to", "tape", "compass", "clino")
-_SAME = {"length": "tape", "bearing": "compass", "gradient": "clino", "backbearing": "backcompass",
-         "backgradient": "backclino", "dx": "easting", "dy": "northing", "dz": "altitude"}  # fmt: skip
-_KNOWN = {*_NORMAL, "backcompass", "backclino", "easting", "northing", "altitude", "station", "left", "right", "up",
-          "down", "ignore", "ignoreall", "newline", "direction"}  # fmt: skip
-_UNITS = {"metres": 1.0, "meters": 1.0, "metric": 1.0, "feet": 0.3048, "yards": 0.9144,
-          "degrees": 1.0, "degs": 1.0, "grads": 0.9, "mils": 0.9, "minutes": 1 / 60, "quadrants": 90.0}  # fmt: skip
+_SAME = {
+    "length": "tape",
+    "bearing": "compass",
+    "gradient": "clino",
+    "backbearing": "backcompass",
+    "backgradient": "backclino",
+    "dx": "easting",
+    "dy": "northing",
+    "dz": "altitude",
+}
+_KNOWN = {
+    *_NORMAL,
+    "backcompass",
+    "backclino",
+    "easting",
+    "northing",
+    "altitude",
+    "station",
+    "left",
+    "right",
+    "up",
+    "down",
+    "ignore",
+    "ignoreall",
+    "newline",
+    "direction",
+}
+_UNITS = {
+    "metres": 1.0,
+    "meters": 1.0,
+    "metric": 1.0,
+    "feet": 0.3048,
+    "yards": 0.9144,
+    "degrees": 1.0,
+    "degs": 1.0,
+    "grads": 0.9,
+    "mils": 0.9,
+    "minutes": 1 / 60,
+    "quadrants": 90.0,
+}
 _UPRIGHT = {"up": 90.0, "u": 90.0, "+v": 90.0, "down": -90.0, "d": -90.0, "-v": -90.0, "level": 0.0, "h": 0.0}
-_QUANTITIES = {"tape": ("tape",), "length": ("tape",), "compass": ("compass",), "bearing": ("compass",),
-               "clino": ("clino",), "gradient": ("clino",), "backcompass": ("backcompass",),
-               "backclino": ("backclino",), "position": ("easting", "northing", "altitude"), "left": ("left",),
-               "right": ("left",), "declination": (), "up": (), "down": (), "default": ()}  # fmt: skip
+_QUANTITIES = {
+    "tape": ("tape",),
+    "length": ("tape",),
+    "compass": ("compass",),
+    "bearing": ("compass",),
+    "clino": ("clino",),
+    "gradient": ("clino",),
+    "backcompass": ("backcompass",),
+    "backclino": ("backclino",),
+    "position": ("easting", "northing", "altitude"),
+    "left": ("left",),
+    "right": ("left",),
+    "declination": (),
+    "up": (),
+    "down": (),
+    "default": (),
+}
 
 
 @dataclass

@@ -87,8 +87,10 @@ def test_passage_blocks_become_legs_that_share_their_stations(tmp_path):
 
 def test_a_loop_is_closed_by_moving_every_shot_a_little(tmp_path):
     path = tmp_path / "loop.svx"
-    path.write_text("a b 10 0 0\nb c 10 90 0\nc d 10 180 0\nd a 10.4 270 0\n*data passage station left right up down\n"
-                    "a 1 1 1 1\nb 1 1 1 1\nc 1 1 1 1\nd 1 1 1 1\na 1 1 1 1\n")  # fmt: skip
+    path.write_text(
+        "a b 10 0 0\nb c 10 90 0\nc d 10 180 0\nd a 10.4 270 0\n*data passage station left right up down\n"
+        "a 1 1 1 1\nb 1 1 1 1\nc 1 1 1 1\nd 1 1 1 1\na 1 1 1 1\n"
+    )
     (leg,), _ = read_svx(path)
     steps = np.diff(leg.positions_m, axis=0)
     np.testing.assert_allclose(steps.sum(axis=0), 0, atol=1e-6)
@@ -169,9 +171,14 @@ def test_plot_files_count_in_feet_and_unknown_walls_are_filled_in(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("M 1 2\n", "want M north east up Sname"), ("M 1 x 0 Sa\n", ":1: 'x' is not a number"), ("", "no legs"),
-     ("M 1 2 0 Sa P 1 1\n", "want P left up down right"), ("M 1 inf 0 Sa\n", "not finite")],
-)  # fmt: skip
+    [
+        ("M 1 2\n", "want M north east up Sname"),
+        ("M 1 x 0 Sa\n", ":1: 'x' is not a number"),
+        ("", "no legs"),
+        ("M 1 2 0 Sa P 1 1\n", "want P left up down right"),
+        ("M 1 inf 0 Sa\n", "not finite"),
+    ],
+)
 def test_a_plot_file_that_cannot_be_used_is_refused(tmp_path, text, message):
     path = tmp_path / "bad.plt"
     path.write_text(text)

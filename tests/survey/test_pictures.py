@@ -180,7 +180,7 @@ def test_a_geotiff_carries_its_scale_system_and_place(room, tracing):
         crs="EPSG:32719",
         transform=from_origin(381_000, 6_290_500, 0.125, 0.125),
     ) as out:
-        out.write(grey, 1)  # fmt: skip
+        out.write(grey, 1)
     found, survey = traced_from(plan_params("plan.tif", source="georeference"), tracing)
     assert overlap(found, TEE) > 0.99
     assert survey.georeference.crs == "EPSG:32719"
@@ -189,10 +189,14 @@ def test_a_geotiff_carries_its_scale_system_and_place(room, tracing):
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("1 2 3", "want six finite numbers, found 3"), ("a\n" * 6, "not six numbers"),
-     ("1\n0\n0\n-2\n0\n0", "want square ones"),
-     ("1\n0\n0\n1\n0\n0", "not mirrored"), ("nan\n" * 6, "six finite numbers")],
-)  # fmt: skip
+    [
+        ("1 2 3", "want six finite numbers, found 3"),
+        ("a\n" * 6, "not six numbers"),
+        ("1\n0\n0\n-2\n0\n0", "want square ones"),
+        ("1\n0\n0\n1\n0\n0", "not mirrored"),
+        ("nan\n" * 6, "six finite numbers"),
+    ],
+)
 def test_a_world_file_that_cannot_be_meant_is_refused(room, text, message):
     write_png(room / "plan.png", plan_of(TEE, frame_for(TEE)))
     (room / "plan.pgw").write_text(text)
@@ -210,8 +214,14 @@ def write_map(room, polygon, yaw_rad=0.0, **more):
         grey = np.where(free, 0, 100).astype(np.uint8)
     write_png(room / "map.pgm", grey)
     south_west = frame.to_mine(np.array([[0, frame.height_px]]))[0]
-    said = {"image": "map.pgm", "resolution": 0.1, "origin": [*map(float, south_west), yaw_rad],
-            "occupied_thresh": 0.65, "free_thresh": 0.25, **shown}  # fmt: skip
+    said = {
+        "image": "map.pgm",
+        "resolution": 0.1,
+        "origin": [*map(float, south_west), yaw_rad],
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.25,
+        **shown,
+    }
     (room / "map.yaml").write_text(yaml.safe_dump(said))
     return GridSurveyParams(kind="grid", name="m", map="data/map.yaml"), south_west
 

@@ -134,8 +134,16 @@ def test_polygons_in_a_map_system_come_back_about_a_local_origin(tmp_path, name)
 def test_layers_of_a_geopackage_are_chosen_by_name(tmp_path):
     path = tmp_path / "two.gpkg"
     for layer, shape in (("ribs", RING), ("surface", TEE)):
-        pyogrio.raw.write(path, np.array([shape.wkb], dtype=object), [], [], layer=layer, geometry_type="Polygon",
-                          crs="EPSG:32719", append=path.exists())  # fmt: skip
+        pyogrio.raw.write(
+            path,
+            np.array([shape.wkb], dtype=object),
+            [],
+            [],
+            layer=layer,
+            geometry_type="Polygon",
+            crs="EPSG:32719",
+            append=path.exists(),
+        )
     same(workings_from(path, read_geodata(path, ["ribs"]))[0], RING)
     with pytest.raises(InputError, match="no layer roads; there are ribs, surface"):
         read_geodata(path, ["roads"])
@@ -171,12 +179,15 @@ def test_shapes_that_cannot_be_a_mine_are_refused(tmp_path, shapes, unit, origin
 @pytest.mark.parametrize(
     ("name", "data", "reader"),
     [
-        ("a.geojson", b"{}", read_geojson), ("a.geojson", b"[1, 2", read_geojson), ("a.dxf", b"nothing", read_dxf),
+        ("a.geojson", b"{}", read_geojson),
+        ("a.geojson", b"[1, 2", read_geojson),
+        ("a.dxf", b"nothing", read_dxf),
         ("a.geojson", b'{"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [[1]]}}', read_geojson),
-        ("a.gpkg", b"<OGRVRTDataSource/>", read_geodata), ("a.shp", b"", read_geodata),
+        ("a.gpkg", b"<OGRVRTDataSource/>", read_geodata),
+        ("a.shp", b"", read_geodata),
         ("a.gpkg", b"SQLite format 3\x00" + bytes(900), read_geodata),
     ],
-)  # fmt: skip
+)
 def test_a_file_that_is_not_of_its_kind_is_refused_by_name(tmp_path, name, data, reader):
     (tmp_path / name).write_bytes(data)
     with pytest.raises(InputError, match=name):
@@ -188,8 +199,14 @@ def test_walls_at_whole_and_half_metres_pass_no_pixels_centre(tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     (tmp_path / "data").mkdir()
     mine = shapely.transform(TEE, lambda xy: xy + corner)
-    (tmp_path / "data/mine.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [
-        {"type": "Feature", "properties": {}, "geometry": shapely.geometry.mapping(mine)}]}))  # fmt: skip
+    (tmp_path / "data/mine.geojson").write_text(
+        json.dumps(
+            {
+                "type": "FeatureCollection",
+                "features": [{"type": "Feature", "properties": {}, "geometry": shapely.geometry.mapping(mine)}],
+            }
+        )
+    )
     said = {"kind": "vector", "name": "mine", "file": "data/mine.geojson", "unit": "m", "origin": (0.0, 0.0)}
     workings, _, _, frame = draw_vector_survey(VectorSurveyParams.model_validate(said))
     as_drawn = fill_polygon(workings, frame)
