@@ -100,7 +100,7 @@ def test_a_plan_with_its_bar_in_a_box_is_measured_and_the_bar_is_no_drift(projec
         (np.zeros((99, 99, 3), np.uint8), (), "data/plan.png: the image is all black"),
         (np.full((99, 99, 3), 255, np.uint8), (), "data/plan.png: the image is all white"),
         (drift_picture(), ("survey.scale.bar_box_px=null",), "no bar to measure"),
-        (drift_picture(), ("survey.scale.bar_box_px=[0,0,2000,10]",), "not inside 900 x 160 px"),
+        (drift_picture(), ("survey.scale.bar_box_px=[0,0,2000,10]",), "not inside the picture of 900 x 160 px"),
         (drift_picture(), ("survey.scale.bar_box_px=[400,5,600,40]",), "no scale bar"),
         (drift_picture(), ("survey.scale.bar_box_px=[45,130,50,156]",), "lie horizontally"),
     ],

@@ -44,7 +44,7 @@ def test_negated_and_raw_maps_and_unknown_cells(tmp_path):
     [
         ("image: map.png\n", "resolution: Field required"),
         ("- 1\n", "map.yaml"),
-        ("image: ../../etc/passwd\nresolution: 1\norigin: [0, 0, 0]\n", "leads out of"),
+        ("image: ../../etc/passwd\nresolution: 1\norigin: [0, 0, 0]\n", "is outside"),
         ("image: none.png\nresolution: 1\norigin: [0, 0, 0]\n", "missing, though map.yaml names it"),
         ("image: map.png\nresolution: -1\norigin: [0, 0, 0]\n", "greater than 0"),
         ("image: map.png\nresolution: 1\norigin: [0, x, 0]\n", "origin"),

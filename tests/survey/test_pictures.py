@@ -65,9 +65,9 @@ def test_a_page_of_a_pdf_is_drawn_at_its_scale(room, tracing):
     per_m = 200 * 10 / 20 / 200 / 0.0254  # the axes show 20 inches on 10
     found, _ = traced_from(plan_params("plan.pdf", per_m, dpi=200), tracing)
     assert overlap(found, TEE) > 0.985
-    with pytest.raises(InputError, match=r"survey\.page = 2: it has 1 pages"):
+    with pytest.raises(InputError, match=r"survey\.page = 2: the document has 1 pages"):
         read_survey(plan_params("plan.pdf", per_m, page=2))
-    with pytest.raises(InputError, match="megapixels are read"):
+    with pytest.raises(InputError, match="the limits are 16384 px a side"):
         read_survey(plan_params("plan.pdf", per_m, dpi=1200))
 
 
@@ -190,9 +190,9 @@ def test_a_geotiff_carries_its_scale_system_and_place(room, tracing):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("1 2 3", "want six finite numbers, found 3"),
+        ("1 2 3", "expected six finite numbers, got 3"),
         ("a\n" * 6, "not six numbers"),
-        ("1\n0\n0\n-2\n0\n0", "want square ones"),
+        ("1\n0\n0\n-2\n0\n0", "they must be square"),
         ("1\n0\n0\n1\n0\n0", "not mirrored"),
         ("nan\n" * 6, "six finite numbers"),
     ],

@@ -89,7 +89,7 @@ def test_a_plan_with_too_little_ink_names_the_largest_region():
         (b"not an image at all", "not an image that OpenCV can read"),
         (cv2.imencode(".png", np.zeros((30, 30, 3), np.uint8))[1].tobytes(), "all black"),
         (cv2.imencode(".png", np.full((30, 30, 3), 255, np.uint8))[1].tobytes(), "all white"),
-        (cv2.imencode(".png", np.eye(2000, dtype=np.uint8) * 255)[1].tobytes(), r"4\.0 megapixels, at most 1"),
+        (cv2.imencode(".png", np.eye(2000, dtype=np.uint8) * 255)[1].tobytes(), r"4\.0 megapixels, the limit is 1"),
         (cv2.imencode(".png", np.eye(300, dtype=np.uint8) * 255)[1].tobytes()[:200], "not an image|OpenCV"),
     ],
     ids=["empty", "text", "black", "white", "huge", "cut"],

@@ -47,9 +47,9 @@ def test_a_byte_order_mark_and_windows_line_ends_are_read(tmp_path):
         ("A,a,0,0,2,2\nA,b,ten,0,2,2\n", r":3: easting_m = 'ten' is not a number"),
         ("A,a,0,0,2,2\nA,b,9,0,2\n", r":3: right_m = None"),
         ("A,a,0,0,2,2\nA,b,9,0,-2,2\n", r":3: left_m = -2 of station b is negative"),
-        ("A,a,0,0,2,2\nA,a,9,0,2,2\n", r":3: station a at \(9, 0\) stands at \(0, 0\) in line 2"),
+        ("A,a,0,0,2,2\nA,a,9,0,2,2\n", r":3: station a at \(9, 0\) is at \(0, 0\) in line 2"),
         ("A,a,0,0,2,2\nA,b,5,0,2,2\nA,c,9,0,2,2\nA,b,5,0,2,2\n", r":5: station b occurs twice in leg A"),
-        ("A,a,0,0,2,2\nA,b,0,0,2,2\n", "stations a and b of leg A stand in one place"),
+        ("A,a,0,0,2,2\nA,b,0,0,2,2\n", "stations a and b of leg A have one position"),
         ("A,a,0,0,2,2\nA,b,9,0,2,2\nB,c,0,50,2,2\nB,d,9,50,2,2\n", "legs B share no station with leg A"),
         (
             "A,a,0,0,2,2\nA,b,9,0,2,2\nB,b,9,0,2,2\nB,c,9,9,2,2\nB,d,5,9,2,2\nB,e,5,-9,2,2\n",
