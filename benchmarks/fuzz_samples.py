@@ -1,4 +1,4 @@
-"""For every reader a sound file, the hostile ones that we know of, and the call that reads it."""
+"""Input of the fuzzer: for every reader a valid file and the known hostile files."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ _RING = [(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0), (0.0, 0.0)]
 _HOLE = [(6.0, 6.0), (54.0, 6.0), (54.0, 34.0), (6.0, 34.0), (6.0, 6.0)]
 
 
-def _plan(ending: str) -> bytes:
+def _plan(suffix: str) -> bytes:
     picture = np.full((120, 200, 3), 255, np.uint8)
     picture[40:80, 20:180] = 40
     picture[100:104, 20:100] = 0
-    return cv2.imencode(ending, picture[..., 0] if ending == ".pgm" else picture)[1].tobytes()
+    return cv2.imencode(suffix, picture[..., 0] if suffix == ".pgm" else picture)[1].tobytes()
 
 
-def _picture(ending: str) -> Callable[[], Files]:
-    return lambda: {f"plan{ending}": _plan(ending)}
+def _picture(suffix: str) -> Callable[[], Files]:
+    return lambda: {f"plan{suffix}": _plan(suffix)}
 
 
 def _saved(name: str, write: Callable[[Path], Any]) -> Files:
@@ -100,7 +100,7 @@ def _geojson() -> Files:
 
 
 def _map() -> Files:
-    said = {
+    fields = {
         "image": "map.pgm",
         "resolution": 0.1,
         "origin": [0.0, 0.0, 0.0],
@@ -109,7 +109,7 @@ def _map() -> Files:
         "free_thresh": 0.25,
         "mode": "trinary",
     }
-    return {"map.yaml": yaml.safe_dump(said).encode(), "map.pgm": _plan(".pgm")}
+    return {"map.yaml": yaml.safe_dump(fields).encode(), "map.pgm": _plan(".pgm")}
 
 
 def _bundle() -> Files:
@@ -191,8 +191,8 @@ _BOMB = (
 
 
 def _map_with(**more: Any) -> Files:
-    said = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], **more}
-    return {"map.yaml": yaml.safe_dump(said).encode()}
+    fields = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], **more}
+    return {"map.yaml": yaml.safe_dump(fields).encode()}
 
 
 def _listing(*names: str) -> Files:
@@ -239,72 +239,4 @@ HOSTILE: dict[str, list[Files]] = {
     ],
     "survey section": [{"conf.yaml": _TAGGED}, {"conf.yaml": _LAUGHS}, {"conf.yaml": b"kind: ${oc.env:HOME}\n"}],
     "dxf": [{"mine.dxf": b"0\nSECTION\n2\nENTITIES\n" + b"0\nLINE\n" * 300_000 + b"0\nENDSEC\n0\nEOF\n"}],
-}
-
-
-def _read_plan(path: Path) -> None:
-    from pipeline.params.survey import PlanSurveyParams
-    from pipeline.survey.picture import make_ready, read_picture
-
-    scale = {"source": "stated", "px_per_m": 8.0}
-    params = PlanSurveyParams.model_validate(
-        {"kind": "plan", "name": "m", "image": "data/x", "max_megapixels": 100, "scale": scale}
-    )
-    make_ready(path, read_picture(path, params), params)
-
-
-def _read_placed(path: Path) -> None:
-    from pipeline.survey.georeference import read_placement
-
-    _read_plan(path)
-    read_placement(path)
-
-
-def _read_map(path: Path) -> None:
-    from pipeline.survey.grid import draw_grid
-
-    draw_grid(path, unknown_is_free=False)
-
-
-def _read_vector_survey(path: Path) -> None:
-    from pipeline.survey.detect import detect_survey
-
-    detect_survey(path, {})
-
-
-def _read_bundle(path: Path) -> None:
-    from minexplore.bundle import BundleError, read_bundle
-    from pipeline.errors import ArtifactError
-
-    try:
-        read_bundle(path.parent)
-    except BundleError as error:
-        raise ArtifactError(str(error)) from error
-
-
-def _read_section(path: Path) -> None:
-    from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
-    from pydantic import TypeAdapter, ValidationError
-
-    from pipeline.compose import require_plain_yaml
-    from pipeline.errors import ParamsError
-    from pipeline.params.survey import SurveyParams
-
-    require_plain_yaml(path)
-    try:
-        values = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
-        TypeAdapter(SurveyParams).validate_python(values)
-    except (OmegaConfBaseException, yaml.YAMLError, ValidationError, ValueError, TypeError, OSError) as error:
-        raise ParamsError(str(error) or type(error).__name__) from error
-
-
-READERS: dict[str, Callable[[Path], None]] = {
-    **dict.fromkeys(("png", "jpeg", "tiff", "pdf"), _read_plan),
-    **dict.fromkeys(("geotiff", "world file"), _read_placed),
-    **dict.fromkeys(("dxf", "geojson", "geopackage", "shapefile"), _read_vector_survey),
-    **dict.fromkeys(("stations", "survex", "compass"), _read_vector_survey),
-    "map.yaml": _read_map,
-    "bundle": _read_bundle,
-    "survey section": _read_section,
 }
