@@ -31,8 +31,8 @@ def head_faults(head: Head, env: MineVectorEnv) -> Iterator[str]:
     yield from _params_faults(f"the task is not {head.env}'s", head.task, params_facts(env.task))
     if head.robot:
         yield from _params_faults(f"the robot is not {head.env}'s", head.robot, params_facts(env.robot))
-    if head.cells != env.explorers.grid.total:
-        yield f"{head.cells} reachable cells, the world has {env.explorers.grid.total}"
+    if head.cells != env.robots.grid.total:
+        yield f"{head.cells} reachable cells, the world has {env.robots.grid.total}"
     if len(set(head.seeds)) < len(head.seeds):
         yield "a seed comes twice"
 
@@ -117,7 +117,7 @@ def _speed_faults(episode: Episode, env: MineVectorEnv, times: np.ndarray, place
 
 def _range_faults(places: np.ndarray, seen: np.ndarray, env: MineVectorEnv) -> Iterator[str]:
     """Yield a sample that claims more cells than lie within the beams' range of the path so far."""
-    grid, task = env.explorers.grid, env.task
+    grid, task = env.robots.grid, env.task
     row, col = np.nonzero(grid.reachable)
     cells = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
     between = task.max_forward_mps * SAMPLE_STEPS * task.control_s / 2

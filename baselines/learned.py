@@ -12,7 +12,7 @@ from safetensors import SafetensorError, safe_open
 
 from baselines.errors import BaselineError
 from baselines.map_observation import MapObserver
-from minexplore.explorers import observation_bounds
+from minexplore.observation import observation_space
 from minexplore.task import TaskParams
 
 FORMAT = "minexplore-policy/1"
@@ -45,7 +45,7 @@ class LearnedPolicy:
         self.model = Model.model_validate_json(about["model"])
         self.observation = about["observation"]
         self._maps = MapObserver(count, task) if self.observation == "map" else None
-        size = observation_bounds(task)[0].size + (self._maps.size if self._maps else 0)
+        size = observation_space(task).shape[0] + (self._maps.size if self._maps else 0)
         taken = self._first_layer().shape[1]
         if taken != size:
             raise BaselineError(f"{path}: takes {taken} numbers, an observation of this environment has {size}")

@@ -33,7 +33,7 @@ class Policy(Protocol):
         Parameters
         ----------
         observation : (n, features) float32
-            What `minexplore.explorers.observation_bounds` describes.
+            What `minexplore.observation.observation_space` describes.
         info : dict
             The environment's. A policy may use the poses `pose_m_rad` (n, 3) and nothing else.
         """

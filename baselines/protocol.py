@@ -26,7 +26,7 @@ def head_of(env_id: str, env: MineVectorEnv, label: str, policy: Policy, seeds: 
     return Head(
         format=FORMAT, env=env_id, world_sha256=env.world.record["world_sha256"], task=params_facts(env.task),
         robot=params_facts(env.robot),
-        cells=env.explorers.grid.total, policy=label, policy_sha256=policy_sha256(policy), versions=versions,
+        cells=env.robots.grid.total, policy=label, policy_sha256=policy_sha256(policy), versions=versions,
         seeds=seeds,
     )  # fmt: skip
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from minexplore.task import TERRAIN, TaskParams
+from minexplore.task import TaskParams
 from minexplore.world import World
 
 # Of the commanded speed, down the dip of 5 deg: medians over 32 places were 1.00, 1.02 and 1.10.
@@ -15,13 +15,13 @@ _LEVEL = 1.02
 
 def top_speed_mps(world: World, task: TaskParams, east_m: np.ndarray) -> np.ndarray:
     """Return the mean speed (n,), m/s, that no robot exceeds at eastings (n,), m; noise is added to it."""
-    scale = np.array([TERRAIN.get(g.name, (1.0, 0.0))[0] if task.terrain else 1.0 for g in world.grounds])
-    slip = np.array([_DOWNHILL.get(g.name, _ANY_ZONE) if task.tilt else _LEVEL for g in world.grounds])
+    scale = np.array([zone.command_scale for zone in world.active_zones(task.terrain)])
+    slip = np.array([_DOWNHILL.get(zone.name, _ANY_ZONE) if task.tilt else _LEVEL for zone in world.floor_zones])
     zones = world.zones_at(east_m)
     return task.max_forward_mps * scale[zones] * slip[zones]
 
 
 def noise_mps(world: World, task: TaskParams, east_m: np.ndarray) -> np.ndarray:
     """Return the standard deviation (n,), m/s, of the noise on the forward speed at eastings (n,), m."""
-    noise = np.array([TERRAIN.get(g.name, (1.0, 0.0))[1] if task.terrain else 0.0 for g in world.grounds])
+    noise = np.array([zone.speed_noise_mps for zone in world.active_zones(task.terrain)])
     return noise[world.zones_at(east_m)]

@@ -10,7 +10,7 @@ from typing import Any
 from benchmarks.compare_paper import run_pipeline
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError, MineError
-from pipeline.report.baseline import shrink_picture
+from pipeline.report.results import shrink_picture
 from pipeline.store.files import write_atomically
 
 PLAN = Path("artifacts/benchmarks/plan")

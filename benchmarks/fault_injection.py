@@ -19,11 +19,11 @@ from minexplore.bundle import (
     MODEL,
     RECORD,
     ROCK_CLASS,
+    decode_msh,
     is_floor,
     is_rock,
     world_sha256,
 )
-from minexplore.lidar import read_msh
 from pipeline.errors import MineError
 from pipeline.store.codecs import decode, encode
 from pipeline.store.hashing import sha256_bytes
@@ -36,6 +36,7 @@ def edit_model(change: Callable[[mujoco.MjSpec], object]) -> Callable[[Path], No
     def inject(bundle: Path) -> None:
         spec = mujoco.MjSpec.from_file(str(bundle / MODEL))
         change(spec)
+        spec.compiler.savecompiled = False  # keeps every digit
         (bundle / MODEL).write_text(spec.to_xml())
 
     return inject
@@ -58,7 +59,7 @@ def move_vertices(prefix: str, change: Callable[[np.ndarray], np.ndarray]) -> Ca
     def inject(bundle: Path) -> None:
         for path in sorted((bundle / "meshes").glob(f"{prefix}*.msh")):
             data = path.read_bytes()
-            vertices, _ = read_msh(path)
+            vertices = decode_msh(data).vertices
             moved = change(vertices.astype(np.float64)).astype("<f4").tobytes()
             path.write_bytes(data[:16] + moved + data[16 + len(moved) :])
 

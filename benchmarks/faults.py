@@ -9,6 +9,30 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from benchmarks.fault_injection import (
+    block_drift,
+    change_image,
+    crop_occupancy,
+    drop_island,
+    edit_model,
+    edit_record,
+    flip_byte,
+    flip_tilt,
+    leak_wall,
+    move_rock,
+    move_vertices,
+    raise_prism,
+    remove_prism,
+    rock_geoms,
+    rotation,
+    scale_wall_distance,
+    set_all,
+    set_geom,
+    shift_map_origin,
+    shift_prism,
+    stale_occupancy,
+    swap_zones,
+)
 from minexplore.bundle import (
     FREE_SPACE,
     MINE_BODY,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import inspect
 import sys
 import time
 from collections.abc import Callable
@@ -12,11 +11,12 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from minexplore import WORLDS, environments
+from minexplore import environments
 from minexplore.bundle import BundleError
 from minexplore.env import MineEnv
 from minexplore.observation import COMMANDS
 from minexplore.opengl import DisplayError
+from minexplore.page import page
 from minexplore.world import find_world, load_world
 
 _KEYS = {265: (0.2, 0.0), 264: (-0.2, 0.0), 263: (0.0, 0.25), 262: (0.0, -0.25)}  # GLFW's arrow keys
@@ -97,16 +97,6 @@ def time_env(env_id: str, world: str | None, robots: int, threads: int, steps: i
     rate = steps * robots / (time.perf_counter() - start)
     print(f"{rate:,.0f} control steps/s: {robots} robots, {threads} threads, beams by {env.robots.lidar.backend}")  # type: ignore[attr-defined]
     env.close()
-
-
-def page() -> str:
-    """Return the environment's page as Markdown, from its docstring."""
-    text = inspect.cleandoc(MineEnv.__doc__ or "")
-    title, _, rest = text.partition("\n")
-    rows = "\n".join(f"| `{env_id}` | {kwargs or 'any world'} |" for env_id, kwargs in WORLDS.items())
-    ids = f"## Environments\n\n| id | arguments |\n|---|---|\n{rows}\n"
-    use = '```python\nimport gymnasium, minexplore\n\nenv = gymnasium.make("MineXplore/ChileanMine-v0")\n```\n'
-    return f"# Explore a mine\n\n{title}\n\n{use}\n{ids}{rest}\n"
 
 
 def main() -> int:

@@ -35,7 +35,8 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     | 0 | forward speed | -1 to 1 | 1.5 m/s |
     | 1 | turn rate, counter-clockwise | -1 to 1 | 1.5 rad/s |
 
-    In mud both are multiplied by 0.7 and noise of 0.04 m/s s.d. is added to the speed; in water 0.4 and 0.10 m/s.
+    A floor zone multiplies both by its `command_scale` and adds normal noise of `speed_noise_mps` to the speed, drawn once
+    a control step: in the default world 1 and 0 m/s on dry ground, 0.7 and 0.04 m/s in mud, 0.4 and 0.10 m/s in water.
 
     ## Observation Space
     `Box((19,), float32)`

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import MINE_BODY, MODEL, RECORD, ROCK_CLASS, ROOF_GEOM, BundleError, is_rock
-from minexplore.robot import ROCK_BODY, RobotParams, attach_robot, contact_sensor, separate_contacts
+from minexplore.robot import ROCK_BODY, RobotParams, contact_sensor, separate_contacts
 from minexplore.rotations import quaternion
 from minexplore.task import TaskParams
 from minexplore.tiles import Tile, tiles_at
@@ -74,7 +74,7 @@ class LocalModels:
             )  # fmt: skip
         separate_contacts(spec)
         for name in robots:
-            attach_robot(spec, name, self.robot)
+            self.robot.attach(spec, name)
             contact_sensor(spec, name)
         return spec
 

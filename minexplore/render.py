@@ -7,7 +7,7 @@ import numpy as np
 
 from minexplore.bundle import MINE_BODY, GeomGroup
 from minexplore.coverage import CoverageGrid
-from minexplore.robot import RobotParams, attach_robot, qpos_address, separate_contacts
+from minexplore.robot import RobotParams, qpos_address, separate_contacts
 from minexplore.rotations import quaternion
 from minexplore.world import World
 
@@ -48,7 +48,7 @@ class Renderer:
         spec = self.world.spec()
         separate_contacts(spec)
         for i in range(self.robots):
-            attach_robot(spec, f"robot_{i}", self.robot)
+            self.robot.attach(spec, f"robot_{i}")
         mine = spec.body(MINE_BODY)
         mine.quat, mine.pos = quaternion(self.T_world_mine[:3, :3]), self.T_world_mine[:3, 3]
         spec.visual.global_.offwidth, spec.visual.global_.offheight = self.size_px

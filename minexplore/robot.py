@@ -13,7 +13,7 @@ from minexplore.rotations import quaternion
 
 ROCK_BODY = "rock"  # of a physics model; it holds what a chassis collides with
 _HIDDEN_GROUP = GeomGroup.SMOOTH_SURFACE  # no viewer shows it unless asked
-_ROCK_BIT, _FLOOR_BIT, _ROBOT_BIT = 1, 2, 4
+ROCK_BIT, FLOOR_BIT, ROBOT_BIT = 1, 2, 4  # of contype and conaffinity
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,14 @@ class RobotParams:
         half = turn_radps * self.wheel_base_m / 2
         return (forward_mps - half) / self.wheel_radius_m, (forward_mps + half) / self.wheel_radius_m
 
+    def controls(self, forward_mps: np.ndarray, turn_radps: np.ndarray) -> np.ndarray:
+        """Return the actuators' controls (k, actuators) of twists (k,); another robot overrides this and `attach`."""
+        return np.column_stack(self.wheel_speeds(forward_mps, turn_radps))
+
+    def attach(self, spec: mujoco.MjSpec, name: str) -> None:
+        """Add the robot to a world; see `attach_robot` for the names that the environment expects."""
+        attach_robot(spec, name, self)
+
 
 def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
     """Add a robot to a world: body, free joint, two wheels with velocity servos, castors, and a sensor site.
@@ -58,12 +66,12 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
     body.add_geom(
         name=f"{name}_chassis", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[params.radius_m, params.height_m / 2, 0],
         pos=[0, 0, middle], mass=params.mass_kg * 0.8, group=GeomGroup.ROBOT, contype=0,
-        conaffinity=_ROCK_BIT, friction=[0.5, 0.005, 0.0001], rgba=[0.85, 0.65, 0.1, 1],
+        conaffinity=ROCK_BIT, friction=[0.5, 0.005, 0.0001], rgba=[0.85, 0.65, 0.1, 1],
     )  # fmt: skip
     # Robots meet as spheres of the disc's radius: two upright cylinders side by side make MuJoCo 3.17's solver diverge.
     body.add_geom(
         name=f"{name}_bumper", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[params.radius_m, 0, 0], pos=[0, 0, middle],
-        mass=0, group=_HIDDEN_GROUP, contype=_ROBOT_BIT, conaffinity=_ROBOT_BIT, friction=[0.5, 0.005, 0.0001],
+        mass=0, group=_HIDDEN_GROUP, contype=ROBOT_BIT, conaffinity=ROBOT_BIT, friction=[0.5, 0.005, 0.0001],
     )  # fmt: skip
     for side, y in (("left", params.wheel_base_m / 2), ("right", -params.wheel_base_m / 2)):
         wheel = body.add_body(name=f"{name}_{side}", pos=[0, y, 0])
@@ -74,7 +82,7 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
         # The sphere touches the floor where a thin wheel would, by an analytic test. The cylinder is what is drawn.
         wheel.add_geom(
             name=f"{name}_{side}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[params.wheel_radius_m, 0, 0],
-            mass=params.mass_kg * 0.1, group=_HIDDEN_GROUP, contype=0, conaffinity=_FLOOR_BIT,
+            mass=params.mass_kg * 0.1, group=_HIDDEN_GROUP, contype=0, conaffinity=FLOOR_BIT,
             friction=[1.0, 0.005, 0.0001],
         )  # fmt: skip
         wheel.add_geom(
@@ -93,7 +101,7 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
         body.add_geom(
             name=f"{name}_{end}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[castor, 0, 0],
             pos=[x, 0, castor - params.wheel_radius_m + 0.002], mass=0.1, group=GeomGroup.ROBOT, contype=0,
-            conaffinity=_FLOOR_BIT, priority=2, condim=1, rgba=[0.1, 0.1, 0.1, 1],
+            conaffinity=FLOOR_BIT, priority=2, condim=1, rgba=[0.1, 0.1, 0.1, 1],
         )  # fmt: skip
     # The scanner on its mast is what other robots' beams hit: they pass over the chassis.
     top = params.ground_clearance_m + params.height_m - params.wheel_radius_m
@@ -110,9 +118,9 @@ def separate_contacts(spec: mujoco.MjSpec) -> None:
     """Give floor and rock geoms the contact bits that robots expect."""
     for geom in spec.geoms:
         if is_floor(geom.name):
-            geom.contype, geom.conaffinity = _FLOOR_BIT, 0
+            geom.contype, geom.conaffinity = FLOOR_BIT, 0
         elif is_rock(geom.name) or geom.name == ROOF_GEOM:
-            geom.contype, geom.conaffinity = _ROCK_BIT, 0
+            geom.contype, geom.conaffinity = ROCK_BIT, 0
 
 
 def free_joint_qpos(

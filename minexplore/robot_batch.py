@@ -155,8 +155,8 @@ class RobotBatch:
         forward = command[:, 0] * task.max_forward_mps * self._scale[zone]
         for k in np.flatnonzero(self._noise[zone]).tolist():
             forward[k] += rngs[robots[k]].normal(0.0, self._noise[zone[k]])
-        left, right = self.robot.wheel_speeds(forward, command[:, 1] * task.max_turn_radps * self._scale[zone])
-        self.stepper.ctrl[robots] = np.column_stack([left, right])
+        turn = command[:, 1] * task.max_turn_radps * self._scale[zone]
+        self.stepper.ctrl[robots] = self.robot.controls(forward, turn)
         return self._advance(robots)
 
     def _advance(self, robots: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import gymnasium
@@ -14,7 +14,7 @@ import minexplore
 from minexplore.robot_batch import info_of_robot
 from minexplore.vector import MineVectorEnv
 
-Indices = None | int | Sequence[int]
+Indices = None | int | Iterable[int]
 
 
 class MineVecEnv(VecEnv):

@@ -79,7 +79,7 @@ class MineVectorEnv(VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._rngs: list[np.random.Generator] = []
         self._ended = np.zeros(num_envs, dtype=bool)
-        self._observation: np.ndarray = np.zeros(self.observation_space.shape, np.float32)
+        self._observation: np.ndarray = np.zeros((num_envs, *observation_space(self.task).shape), np.float32)
         self._renderer: Renderer | None = None
         self.closed = False
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from minexplore.__main__ import page
+from minexplore.page import page
 from minexplore.world import DEFAULT_WORLD
 from pipeline.compose import COMPOSED, compose
 from pipeline.errors import ArtifactError, MineError

@@ -12,8 +12,8 @@ from pipeline.compose import compose, composed_section, root_overrides
 from pipeline.errors import ArtifactError, MineError
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import recover_folder, replace_folder
-from pipeline.store.hashing import sha256_file
-from pipeline.store.manifest import code_sha256, new_manifest, output_sha256, read_manifest
+from pipeline.store.hashing import sha256_bytes, sha256_file
+from pipeline.store.manifest import code_sha256, new_manifest, read_manifest
 from pipeline.store.registry import read_registry, verify_input
 
 ARTIFACTS = Path("artifacts")
@@ -23,12 +23,14 @@ ARTIFACTS = Path("artifacts")
 class Artifact:
     """A file (or, for a `Bundle`, a folder) below `artifacts/`, and the type its codec makes of it.
 
-    `volatile` names keys of a JSON artifact that hold timings: they are left out of its hash in the manifest.
+    `in_git` marks a small result of the default world that git keeps instead of DVC's cache. `volatile` marks timings,
+    which differ from run to run: neither the manifest nor `dvc.yaml` names them.
     """
 
     path: str
     kind: Any
-    volatile: tuple[str, ...] = ()
+    in_git: bool = False
+    volatile: bool = False
 
     def at(self, root: Path) -> Path:
         """Return the path below a world's folder, `artifacts` or one of `artifacts/worlds`."""
@@ -92,10 +94,8 @@ def is_fresh(stage: Stage, params: Any, root: Path) -> bool:
             manifest.code_sha256 == code_sha256(stage.name, Path.cwd())
             and manifest.params == params.model_dump(mode="json")
             and manifest.inputs == _input_hashes(stage, params, root)
-            and all(
-                output_sha256(Path(name).read_bytes(), manifest.volatile.get(name, [])) == digest
-                for name, digest in manifest.outputs.items()
-            )
+            and all(sha256_file(Path(name)) == digest for name, digest in manifest.outputs.items())
+            and all(artifact.at(root).is_file() for artifact in stage.writes.values() if artifact.volatile)
         )
     except (MineError, OSError):
         return False
@@ -122,7 +122,7 @@ def _input_hashes(stage: Stage, params: Any, root: Path) -> dict[str, str]:
         if file.is_dir():
             hashes |= {p.as_posix(): sha256_file(p) for p in sorted(file.rglob("*")) if p.is_file()}
         else:
-            hashes[file.as_posix()] = output_sha256(file.read_bytes(), list(artifact.volatile))
+            hashes[file.as_posix()] = sha256_file(file)
     return hashes
 
 
@@ -135,12 +135,11 @@ def _write_outputs(stage: Stage, params: Any, root: Path, inputs: dict[str, str]
         else:
             files[place.as_posix()] = encode(place, outputs[key])
     folder = root / stage.name
-    volatile = {a.at(root).as_posix(): list(a.volatile) for a in stage.writes.values() if a.volatile}
+    volatile = {a.at(root) for a in stage.writes.values() if a.volatile}
     hashes = {
-        (folder / name).as_posix(): output_sha256(data, volatile.get((folder / name).as_posix(), []))
-        for name, data in files.items()
+        (folder / name).as_posix(): sha256_bytes(data) for name, data in files.items() if folder / name not in volatile
     }
-    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, hashes, volatile)
+    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, hashes)
     replace_folder(folder, {**files, "manifest.json": encode(Path("manifest.json"), manifest)})
 
 

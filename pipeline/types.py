@@ -216,8 +216,12 @@ class Spawn:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A triangle mesh with one texture coordinate a vertex (m, mine frame; faces wind towards the viewer)."""
+    """A triangle mesh with one texture coordinate a vertex (m, mine frame; faces wind towards the viewer).
+
+    `normals` are unit vectors, one a vertex; without them a renderer makes its own from this mesh's faces alone.
+    """
 
     vertices: Float64[np.ndarray, "n 3"]
     faces: Int32[np.ndarray, "m 3"]
     texcoords: Float64[np.ndarray, "n 2"]
+    normals: Float64[np.ndarray, "n 3"] | None = None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
 from pipeline.params.config import Config
 from pipeline.params.validation import Limit, ValidationParams
+from pipeline.report.results import read_metrics
 from pipeline.stage import ARTIFACTS
 from pipeline.store.manifest import read_manifest
 
@@ -58,11 +58,7 @@ def env_id(name: str) -> str:
 
 def read_figures(name: str) -> dict[str, Any]:
     """Return a world's metrics as a flat dict with dotted keys."""
-    path = world_folder(name) / "validation" / "metrics.json"
-    try:
-        return flatten(json.loads(path.read_text()))
-    except (OSError, ValueError) as error:
-        raise ArtifactError(f"{path}: cannot be read; has the world been validated? ({error})") from error
+    return read_metrics(world_folder(name) / "validation")
 
 
 def limits_of(name: str) -> dict[str, Limit]:

@@ -50,7 +50,8 @@ def render_dag(root: Path) -> str:
             *((ARTIFACTS / name / "manifest.json").as_posix() for name in STAGES),
             *_closure(root, "pipeline/report/page.py"),
         ],
-        "outs": [_kept((ARTIFACTS / "report").as_posix())],
+        # The page itself shows load times, which differ from run to run: the lock names what is written with it.
+        "outs": [_kept((ARTIFACTS / "report" / name).as_posix()) for name in ("mine.png", "mine.svg")],
     }  # fmt: skip
     plots = [next(iter(p)) if next(iter(p.values())) is None else p for p in _PLOTS]
     return _HEADER + yaml.safe_dump({"stages": stages, "plots": plots}, sort_keys=False, width=120)
@@ -58,17 +59,19 @@ def render_dag(root: Path) -> str:
 
 def _stage_entry(stage: Stage, root: Path) -> dict[str, Any]:
     doc = sys.modules[f"stages.{stage.name}"].__doc__ or ""
-    outs = [artifact.at(ARTIFACTS).as_posix() for artifact in stage.writes.values()]
-    metrics = [path for path in outs if path.endswith("/metrics.json")]
+    locked = [a for a in stage.writes.values() if not a.volatile]
+    outs = [artifact.at(ARTIFACTS).as_posix() for artifact in locked if not artifact.in_git]
+    metrics = [artifact.at(ARTIFACTS).as_posix() for artifact in locked if artifact.in_git]
     inputs = [artifact.at(ARTIFACTS).as_posix() for artifact in stage.reads.values()]
     entry = {
         "desc": doc.splitlines()[0],
         "cmd": f"python -m stages.{stage.name}",
         "deps": ["data"] * (stage.name == "survey") + inputs + _closure(root, f"stages/{stage.name}.py"),
         "params": [{(ARTIFACTS / "params.yaml").as_posix(): [stage.name]}],
-        "outs": [_kept(p) for p in [*outs, (ARTIFACTS / stage.name / "manifest.json").as_posix()] if p not in metrics],
+        "outs": [_kept(p) for p in [*outs, (ARTIFACTS / stage.name / "manifest.json").as_posix()]],
     }
-    return {**entry, "metrics": [_kept(p) for p in metrics]} if metrics else entry
+    # DVC's cache stays on one machine; figures kept in git can be compared with any commit (`dvc metrics diff`).
+    return {**entry, "metrics": [{p: {"cache": False, "persist": True}} for p in metrics]} if metrics else entry
 
 
 def _closure(root: Path, module: str) -> list[str]:

@@ -1,5 +1,6 @@
 """Certificate, consistency, parity and replay of a world that is known to be good, and of ones that are not."""
 
+import dataclasses
 import json
 import math
 import shutil
@@ -69,6 +70,15 @@ def test_a_wall_across_a_drift_fails_the_clauses_that_it_should(tee, config, tmp
     assert found["intrusion_m2"] == pytest.approx(0.5 * 5, rel=0.02)
 
 
+def test_the_certificate_slices_by_the_frame_that_the_record_states(tee, opened, config):
+    T = np.array(opened.record.T_world_mine)
+    T[:3, 3] += 0.1 * T[:3, 1]  # the record puts the mine 0.1 m farther north than the model does
+    moved = dataclasses.replace(opened, record=dataclasses.replace(opened.record, T_world_mine=T.tolist()))
+    found = measure_containment(tee.bundle, moved, tee.free_space, without_pushes(config), TRACING)
+    assert found["intrusion_m2"] == pytest.approx(0.1 * 80, rel=0.01)  # along the 80 m of walls that face south
+    assert measure_consistency(tee.bundle, moved, tee.free_space)["frame_error_m"] == pytest.approx(0.1)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -103,7 +113,7 @@ def test_robots_thrown_at_every_kind_of_place_stay_in(tee, opened):
     found = stress_walls(tee.bundle, tee.free_space.polygon, parts, borders, 1000, 1)
     assert found.contacts >= 1000
     assert found.escapes == 0
-    assert set(found.targets) == {"corners", "seams", "zone borders", "window borders", "walls"}
+    assert set(found.targets) == {"corners", "seams", "zone borders", "tile borders", "walls"}
 
 
 def test_a_good_bundle_is_consistent_and_each_edit_shows_where_it_should(tee, opened, config, tmp_path):
@@ -127,7 +137,7 @@ def test_a_good_bundle_is_consistent_and_each_edit_shows_where_it_should(tee, op
 
 def test_every_backend_sees_the_same_mine(tee, opened):
     report = compare_backends(tee.bundle, opened, tee.free_space.polygon, 2000, seed=0)
-    assert {"Open3D RaycastingScene", "windows of the environment", "Nav2 map"} <= set(report.backends)
+    assert {"Open3D RaycastingScene", "local models of the environment", "Nav2 map"} <= set(report.backends)
     for name, found in report.backends.items():
         assert found.agree == found.rays > 50, (name, found.disagreements)
 

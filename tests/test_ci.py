@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -132,3 +133,26 @@ def test_the_comment_measures_the_build_and_says_when_it_drew_other_pictures_tha
     text = run("sh", str(ROOT / ".github" / "comment.sh"))
     assert "| none changed |" in text
     assert "drew other pictures" in text
+
+
+def test_setup_on_a_bare_system_asks_for_python_git_and_certificates(tmp_path):
+    # A PATH without Python and git, an apt-get that notes what it is asked for, and no library in the linker's cache.
+    tools = tmp_path / "bin"
+    tools.mkdir()
+    for name in ("sh", "cmp", "cat", "env"):
+        (tools / name).symlink_to(shutil.which(name))
+    stubs = {"apt-get": f'echo "$@" >> {tmp_path}/asked', "ldconfig": "true", "id": "echo 0"}
+    for name, script in stubs.items():
+        (tools / name).write_text(f"#!{shutil.which('sh')}\n{script}\n")
+        (tools / name).chmod(0o755)
+    done = subprocess.run(
+        [shutil.which("sh"), str(ROOT / "requirements" / "setup.sh"), "dev"],
+        cwd=tmp_path,
+        env={"PATH": str(tools)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2  # the stub installs nothing
+    assert "no Python 3.11, 3.12 or 3.13 found" in done.stderr
+    asked = (tmp_path / "asked").read_text().splitlines()[-1].split()
+    assert {"python3", "python3-venv", "git", "ca-certificates", "libosmesa6"} <= set(asked)

@@ -34,7 +34,7 @@ def renew(env_id: str, seeds: list[int], limit_s: float, picture: Path) -> None:
     head = head_of(env_id, env, LABEL, OracleTour(1, env.task, env.robot, np.zeros((1, 2))), seeds)
     known, results, times = _known_bound(env_id, head), result_path(LABEL, env_id), _times(env)
     bounded, driven = len(known.time_s) == len(times), is_current(results, head)
-    network = None if bounded and driven else time_network(env.explorers, times[-1] / _BANDS)
+    network = None if bounded and driven else time_network(env.robots, times[-1] / _BANDS)
     bound = known if network is None else _bound(env_id, network, known, times, limit_s)
     if network is not None and not driven:
         write_results(results, head, _tour(env_id, env, network, seeds, limit_s))

@@ -34,7 +34,7 @@ def draw_oracle(env_id: str, env: MineVectorEnv, bound: Bound, episodes: list[Ep
 
 def _draw_plan(plan: Any, env: MineVectorEnv, episode: Episode) -> Any:
     """Draw the mine and an episode's path; return the path's dots."""
-    world, task, grid = env.world, env.task, env.explorers.grid
+    world, task, grid = env.world, env.task, env.robots.grid
     rows, cols = world.clearance_m.shape
     west, south = world.origin_m
     frame = (west, west + cols * world.cell_m, south, south + rows * world.cell_m)

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from baselines.oracle.visibility import cells_in_view
 from baselines.speed import top_speed_mps
-from minexplore.explorers import Explorers
+from minexplore.robot_batch import RobotBatch
 from minexplore.world import World
 
 _STEPS = [(i, j) for i in range(-3, 4) for j in range(-3, 4) if np.gcd(i, j) == 1]
@@ -39,7 +39,7 @@ class TimeNetwork:
     arrival_s: np.ndarray
 
 
-def time_network(explorers: Explorers, band_s: float) -> TimeNetwork:
+def time_network(batch: RobotBatch, band_s: float) -> TimeNetwork:
     """Cut the places where a robot can be into bands of equal least driving time from the spawn.
 
     The least time differs between two places by at most the driving time between them, so a robot that crosses a band
@@ -48,15 +48,15 @@ def time_network(explorers: Explorers, band_s: float) -> TimeNetwork:
 
     Parameters
     ----------
-    explorers : Explorers
+    batch : RobotBatch
         Holds world, task, robot and the reachable coverage cells.
     band_s : float
     """
-    world = explorers.world
-    standing = world.clearance_m >= explorers.robot.radius_m - _SINK_M
+    world = batch.world
+    standing = world.clearance_m >= batch.robot.radius_m - _SINK_M
     spawn = np.array(world.record["spawn"]["anchor_m"])
     start = tuple(np.floor((spawn - world.origin_m) / world.cell_m).astype(int)[::-1].tolist())
-    arrival = _arrival(explorers, standing, start)
+    arrival = _arrival(batch, standing, start)
     reached_s = np.where(np.isfinite(arrival), arrival, 0.0)
     band = np.where(np.isfinite(arrival), reached_s // band_s, -1).astype(int)
     regions = _regions(band)
@@ -68,7 +68,7 @@ def time_network(explorers: Explorers, band_s: float) -> TimeNetwork:
     root = int(ends[regions[start], 0])
     late = np.where(reached_s % band_s > (1 - _EXIT_PART) * band_s, regions, 0)
     places = _places(world, regions, late, {region: int(ends[region, 1]) for region in passable.tolist()})
-    credit = _credit(cells_in_view(explorers, regions), ends, passable, list(graph))
+    credit = _credit(cells_in_view(batch, regions), ends, passable, list(graph))
     return TimeNetwork(graph, root, band_s, credit, places | {root: spawn}, standing, arrival)
 
 
@@ -102,9 +102,9 @@ def _regions(band: np.ndarray) -> np.ndarray:
     return regions
 
 
-def _arrival(explorers: Explorers, standing: np.ndarray, start: tuple[int, int]) -> np.ndarray:
+def _arrival(batch: RobotBatch, standing: np.ndarray, start: tuple[int, int]) -> np.ndarray:
     """Return the least time, s, in which a robot can reach each cell; infinite where it cannot."""
-    world, task = explorers.world, explorers.task
+    world, task = batch.world, batch.task
     east = world.origin_m[0] + (np.arange(standing.shape[1]) + 0.5) * world.cell_m
     speed = top_speed_mps(world, task, east)
     slowness = np.broadcast_to(world.cell_m / speed, standing.shape)

@@ -32,9 +32,7 @@ class History:
     def take_result(self, result: dict[str, Any], seconds: float) -> dict[str, Any]:
         """Add an iteration as RLlib returns it; return its line of the log."""
         sampled = int(result["env_runners"]["num_env_steps_sampled"])
-        ended = result["env_runners"].get("episodes", {})  # RLlib gives NaN where no episode ended
-        series = [ended[name] if isinstance(ended.get(name), list) else [] for name in FIGURES]
-        episodes = [dict(zip(FIGURES, map(float, row), strict=True)) for row in zip(*series, strict=True)]
+        episodes = _episodes_of(result["env_runners"].get("episodes") or {})
         self.iteration += 1
         self.steps += sampled
         self.episodes += episodes
@@ -64,3 +62,10 @@ class History:
             if self.steps >= self.stop.after and coverage <= self.best - self.stop.drop:
                 return "coverage drop"
         return "steps" if self.steps >= settings.steps else None
+
+
+def _episodes_of(ended: dict[str, Any]) -> list[dict[str, float]]:
+    """Return the figures of the episodes that ended; RLlib gives a list, a number for one episode, NaN for none."""
+    series = [np.atleast_1d(np.asarray(ended.get(name, []), dtype=float)) for name in FIGURES]
+    rows = [row for row in zip(*series, strict=True) if not np.isnan(row).any()]
+    return [dict(zip(FIGURES, map(float, row), strict=True)) for row in rows]

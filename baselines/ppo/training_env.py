@@ -41,7 +41,7 @@ class TrainingEnv(VectorWrapper):
     def reset(self, **kwargs: Any) -> tuple[np.ndarray, dict[str, Any]]:  # type: ignore[override]
         """Reset all robots."""
         observation, info = self.env.reset(**kwargs)
-        self._mine.explorers.steps[:] = self._rng.integers(self._mine.task.max_steps, size=self.num_envs)
+        self._mine.robots.steps[:] = self._rng.integers(self._mine.task.max_steps, size=self.num_envs)
         self._return[:], self._steps[:], self._over[:] = 0.0, 0, False
         self._cells = info["cells_seen"].copy()
         return self._with_map(observation, np.arange(self.num_envs), info), {}

@@ -66,7 +66,7 @@ def update_baseline() -> None:
 
 def update_results() -> None:
     """Write `docs/results.md` from the present metrics and print it."""
-    from pipeline.report.baseline import write_results
+    from pipeline.report.results import write_results
 
     print(write_results())
 

@@ -9,6 +9,7 @@ from scipy.signal import lombscargle
 from scipy.signal.windows import hann
 
 from pipeline.geometry.polyline import arc_length
+from pipeline.metrics.digits import repeatable
 from pipeline.metrics.planefit import fit_voxel_planes
 
 _LEAST_POINTS = 24
@@ -120,8 +121,8 @@ def spectrum_of(profiles: list[Profile], wavelength_m: np.ndarray, window_m: flo
         power = lombscargle(profile[:, 0], offset, omega)
         total += 2 * length / len(profile) * power / np.mean(taper**2)
     return Spectrum(
-        wavelength_m.tolist(), (total / max(1, len(profiles))).tolist(), (max(2 * step, footprint_m), window_m / 2),
-        len(profiles),
+        wavelength_m.tolist(), repeatable((total / max(1, len(profiles))).tolist()),
+        repeatable((max(2 * step, footprint_m), window_m / 2)), len(profiles),
     )  # fmt: skip
 
 

@@ -22,6 +22,7 @@ _ROOF_CELL_M, _ROOF_POINTS = 0.5, 25
 _RING_M = (1.65, 1.85)
 _ARC_STEP_M, _ARC_WINDOW_M = 0.025, 8.0
 _TURN_RAD = 0.4
+_FLAT_SCORE = 0.9
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,11 @@ def _score(real: TextureAxes, model: TextureAxes, factor: float, most: float) ->
         ratio = min(getattr(model, name) / getattr(real, name), most)
         axes[name] = math.exp(-0.5 * (math.log(ratio) / math.log(factor)) ** 2) if ratio > 0 else 0.0
     return Scores(axes, math.prod(axes.values()) ** (1 / len(axes)))
+
+
+def is_uninformative(flat_score: float) -> bool:
+    """Return whether an axis scores flat walls so high, above 0.9, that it says nothing of texture."""
+    return flat_score > _FLAT_SCORE
 
 
 def turned(points: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from minexplore.bundle import GEOM_GROUPS, MINE_BODY, MODEL, RECORD, smooth_mesh, surface_geom, world_sha256
 from pipeline.errors import ArtifactError
-from pipeline.mjcf.digits import digits_for
+from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.world import FloorZone, MineScene, build_spec
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.verify import verify_world
@@ -69,9 +69,7 @@ def compile_bundle(scene: MineScene) -> dict[str, bytes]:
         spec.compile()
     except ValueError as error:
         raise ArtifactError(f"mine.xml: MuJoCo does not compile it: {error}") from error
-    with digits_for(max(map(abs, scene.extent.world_m))):
-        text = spec.to_xml().encode()
-    return {MODEL: text, **{name: bytes(data) for name, data in spec.assets.items()}}
+    return {MODEL: spec.to_xml().encode(), **{name: bytes(data) for name, data in spec.assets.items()}}
 
 
 def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes]:
@@ -101,7 +99,7 @@ def open_bundle(folder: Path) -> World:
     warned: list[str] = []
     mujoco.set_mju_user_warning(warned.append)
     try:
-        model = mujoco.MjModel.from_xml_path(str(folder / MODEL))
+        model = load_model(folder / MODEL)
         mujoco.mj_forward(model, mujoco.MjData(model))
     except ValueError as error:
         raise ArtifactError(f"{folder / MODEL}: MuJoCo does not load it: {error}") from error
@@ -118,11 +116,17 @@ def visible_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
 
     They are the rough surface's; where there is none, the smooth surface's.
     """
-    for prefix in (surface_geom(piece), surface_geom(smooth_mesh(piece))):
-        found = _triangles(model, [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(prefix)])
-        if len(found):
-            break
-    return found
+    rough = _triangles_of_geoms(model, surface_geom(piece))
+    return rough if len(rough) else smooth_triangles(model, piece)
+
+
+def smooth_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
+    """Return the triangles (n, 3, 3), m, mine frame, of a piece of the smooth surface, from the model."""
+    return _triangles_of_geoms(model, surface_geom(smooth_mesh(piece)))
+
+
+def _triangles_of_geoms(model: mujoco.MjModel, prefix: str) -> np.ndarray:
+    return _triangles(model, [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(prefix)])
 
 
 def geom_triangles(model: mujoco.MjModel, group: int) -> np.ndarray:
@@ -139,8 +143,28 @@ def _triangles(model: mujoco.MjModel, geoms: list[int]) -> np.ndarray:
     return np.concatenate(found)
 
 
+def placed_parts(model: mujoco.MjModel, group: int, T_world_mine: np.ndarray) -> list[np.ndarray]:
+    """Return the vertices (n, 3), m, of every mesh or box of a group, in the mine frame that `T_world_mine` states.
+
+    They are taken to the world by the pose of the model's body `mine`, and back by `T_world_mine` (4, 4): where the
+    two differ, the parts stand elsewhere than `part_vertices` has them.
+    """
+    T = mine_from_body(model, T_world_mine)
+    return [vertices @ T[:3, :3].T + T[:3, 3] for vertices in part_vertices(model, group)]
+
+
+def mine_from_body(model: mujoco.MjModel, T_world_mine: np.ndarray) -> np.ndarray:
+    """Return the pose (4, 4) of the model's body `mine` in the mine frame that `T_world_mine` (4, 4) states."""
+    body = model.body(MINE_BODY)
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, body.quat)
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), body.pos
+    return np.linalg.solve(T_world_mine, pose)
+
+
 def part_vertices(model: mujoco.MjModel, group: int) -> list[np.ndarray]:
-    """Return the vertices (n, 3), m, mine frame, of every mesh or box of a group, from the compiled model itself."""
+    """Return the vertices (n, 3), m, of every mesh or box of a group, in the frame of the model's body `mine`."""
     boxes = np.flatnonzero((model.geom_group == group) & (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX)).tolist()
     return [_mesh_vertices(model, geom) for geom in _mesh_geoms(model, group)] + [_box_corners(model, g) for g in boxes]
 

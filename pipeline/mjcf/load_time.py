@@ -1,4 +1,4 @@
-"""How long a model takes to load, in a process that does nothing else: `python -m pipeline.mjcf.load_time mine.xml`."""
+"""What loading a model costs, in a process that does nothing else: `python -m pipeline.mjcf.load_time mine.xml`."""
 
 from __future__ import annotations
 
@@ -14,18 +14,24 @@ import mujoco
 from pipeline.errors import ArtifactError
 
 _LOADS, _QUICK_S = 12, 1.5  # MuJoCo keeps meshes that it has read: loads are timed until that shows, or the tries end
+_KIB_PER_MB = 1e6 / 1024
 
 
 @dataclass(frozen=True)
-class LoadTime:
-    """Seconds of a process's first load, and of the best of those after it, for which MuJoCo had kept the meshes."""
+class LoadCost:
+    """Seconds of a process's first load and of the best later one, and the memory that the first load takes.
+
+    `load_s` profits from the meshes that MuJoCo keeps. `load_memory_mb` (10^6 bytes) is the peak of resident memory
+    during the first load, less what the process held after `import mujoco`.
+    """
 
     first_load_s: float
     load_s: float
+    load_memory_mb: int
 
 
-def measure_load(model: Path) -> LoadTime:
-    """Load a model again and again in a process of its own and return how long it took.
+def measure_load(model: Path) -> LoadCost:
+    """Load a model again and again in a process of its own and return what that cost.
 
     Raises
     ------
@@ -36,17 +42,36 @@ def measure_load(model: Path) -> LoadTime:
     if done.returncode:
         reason = done.stderr.rpartition("Error: ")[2].strip()[-300:]
         raise ArtifactError(f"{model}: a process of its own does not load it: {reason}")
-    return LoadTime(**json.loads(done.stdout))
+    return LoadCost(**json.loads(done.stdout))
 
 
-def _time_loads(model: Path) -> LoadTime:
+def _measure(model: Path) -> LoadCost:
+    before = _peak_kib()
     seconds: list[float] = []
+    peaks: list[int] = []
     while len(seconds) < 2 or (len(seconds) < _LOADS and min(seconds[1:]) > _QUICK_S):
         start = time.perf_counter()
         mujoco.MjModel.from_xml_path(str(model))
         seconds.append(time.perf_counter() - start)
-    return LoadTime(round(seconds[0], 4), round(min(seconds[1:]), 4))
+        peaks.append(_peak_kib())
+    memory = round((peaks[0] - before) / _KIB_PER_MB)
+    return LoadCost(round(seconds[0], 4), round(min(seconds[1:]), 4), memory)
+
+
+def _peak_kib() -> int:
+    """Return the peak of this process's resident memory, KiB.
+
+    `getrusage` would do on other systems; on Linux a child's `ru_maxrss` starts from its parent's, which may be larger.
+    """
+    status = Path("/proc/self/status")
+    if not status.exists():
+        import resource
+
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return peak // 1024 if sys.platform == "darwin" else peak
+    line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM:"))
+    return int(line.split()[1])
 
 
 if __name__ == "__main__":
-    print(json.dumps(asdict(_time_loads(Path(sys.argv[1])))))
+    print(json.dumps(asdict(_measure(Path(sys.argv[1])))))

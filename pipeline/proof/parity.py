@@ -12,9 +12,9 @@ import shapely
 from shapely import Polygon
 
 from minexplore.bundle import NAV2_MAP, GeomGroup
+from minexplore.local_models import LocalModels
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
-from minexplore.windows import Windows
 from minexplore.world import load_world
 from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.bundle import World, geom_triangles
@@ -83,8 +83,10 @@ def compare_backends(folder: Path, world: World, free: Polygon, rays: int, seed:
     rock = GeomGroup.COLLISION
     exact = _by_mujoco(world.model, np.array(world.record.T_world_mine), places, bearings, rock)
     backends = {"Open3D RaycastingScene": _ranges(places, bearings, exact, _by_open3d(world, rock, places, bearings))}
-    inside, windows = _by_windows(folder, places, bearings, exact, rock)
-    backends["windows of the environment"] = _ranges(places[inside], bearings[inside], exact[inside], windows[inside])
+    inside, in_local_models = _by_local_models(folder, places, bearings, exact, rock)
+    backends["local models of the environment"] = _ranges(
+        places[inside], bearings[inside], exact[inside], in_local_models[inside]
+    )
     backends["Nav2 map"] = _by_map(folder, free, places, bearings, exact)
     left_out = {}
     if find_spec("mujoco_warp") is None:
@@ -131,20 +133,20 @@ def _by_open3d(world: World, group: int, places: np.ndarray, bearings: np.ndarra
     return np.minimum(caster.cast(starts, _level(bearings)), _RANGE_M)
 
 
-def _by_windows(
+def _by_local_models(
     folder: Path, places: np.ndarray, bearings: np.ndarray, exact: np.ndarray, group: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return which rays end within what a window holds all rock of, and their ranges by the window's own model."""
-    windows = Windows(load_world(folder), TaskParams(), RobotParams())
+    models = LocalModels(load_world(folder), TaskParams(), RobotParams())
     ends = places + exact[:, None] * _level(bearings)[:, :2]
-    tiles = windows.tiles_of(places)
-    low, high = windows.reach(tiles)
+    tiles = models.tiles_of(places)
+    low, high = models.reach(tiles)
     inside = (exact < _RANGE_M) & ((ends >= low) & (ends <= high)).all(axis=1)
     ranges = np.full(len(places), _RANGE_M)
     for tile in np.unique(tiles[inside], axis=0).tolist():
         those = inside & (tiles == tile).all(axis=1)
-        model = windows.model(tuple(tile))
-        ranges[those] = _by_mujoco(model, windows.T_world_mine, places[those], bearings[those], group)
+        model = models.model(tuple(tile))
+        ranges[those] = _by_mujoco(model, models.T_world_mine, places[those], bearings[those], group)
     return inside, ranges
 
 

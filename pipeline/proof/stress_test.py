@@ -11,10 +11,10 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from minexplore.explorers import Explorers
+from minexplore.local_models import TILE_M
 from minexplore.robot import RobotParams
+from minexplore.robot_batch import RobotBatch
 from minexplore.task import TaskParams
-from minexplore.windows import WINDOW_M
 from minexplore.world import load_world
 from pipeline.errors import GeometryError
 from pipeline.geometry.extrude import section_footprint
@@ -44,7 +44,7 @@ def stress_walls(
     bundle: Path, free: Polygon, parts: list[np.ndarray], zone_edges_m: list[float], contacts: int, seed: int,
     threads: int = 1, progress: Progress = iter,
 ) -> StressTest:  # fmt: skip
-    """Throw robots at corners, seams of parts, borders of zones and windows, and anywhere at the walls.
+    """Throw robots at corners, seams of parts, borders of zones and of local models, and anywhere at the walls.
 
     A throw is up to 3 m/s towards the wall and full throttle after it. A robot has escaped when its centre leaves
     the workings or is no longer between floor and roof.
@@ -70,12 +70,12 @@ def stress_walls(
         If a robot fits beside no wall, or throws do not meet rock.
     """
     robot, task = RobotParams(), dataclasses.replace(TaskParams(), max_forward_mps=_FASTEST_MPS)
-    explorers = Explorers(load_world(bundle), task, robot, _ROBOTS, threads)
+    batch = RobotBatch(load_world(bundle), task, robot, _ROBOTS, threads)
     rng = np.random.default_rng(seed)
     kinds = _targets(free, parts, zone_edges_m, rng)
     inside = free.buffer(-robot.radius_m)
     shapely.prepare(inside)
-    height = explorers.world.record["height_m"]
+    height = batch.world.record["height_m"]
     touched = escapes = throws = 0
     deepest = 0.0
     rngs = [np.random.default_rng([seed, i]) for i in range(_ROBOTS)]
@@ -88,18 +88,18 @@ def stress_walls(
         if not len(start):
             continue
         here = np.arange(min(len(start), _ROBOTS))
-        _throw(explorers, here, start, towards, rng)
+        _throw(batch, here, start, towards, rng)
         throws += len(here)
         command = np.column_stack([np.ones(len(here)), rng.uniform(-1, 1, len(here))])
         for _step in range(_STEPS):
             try:
-                touched += int(explorers.drive(command, rngs, here).sum())
+                touched += int(batch.drive(command, rngs, here).sum())
             except RuntimeError as error:
                 raise GeometryError(f"stress test: {error}") from error
-            out, depth = _escaped(explorers, here, free, robot.radius_m, height)
+            out, depth = _escaped(batch, here, free, robot.radius_m, height)
             escapes += int(out.sum())
             deepest = max(deepest, depth)
-    explorers.close()
+    batch.close()
     if touched < contacts:
         raise GeometryError(f"stress test: {throws} throws gave {touched} contacts of the {contacts} asked for")
     return StressTest(touched, throws, escapes, round(deepest, 5), {name: len(p) for name, p in kinds.items()})
@@ -114,15 +114,9 @@ def _targets(
     ends = np.concatenate([shapely.get_coordinates(section_footprint(part)) for part in parts])
     lines = {
         "zone borders": [((x, south - 1), (x, north + 1)) for x in zone_edges_m],
-        "window borders": [
-            *(
-                ((x, south - 1), (x, north + 1))
-                for x in np.arange(np.floor(west / WINDOW_M), east / WINDOW_M) * WINDOW_M
-            ),
-            *(
-                ((west - 1, y), (east + 1, y))
-                for y in np.arange(np.floor(south / WINDOW_M), north / WINDOW_M) * WINDOW_M
-            ),
+        "tile borders": [
+            *(((x, south - 1), (x, north + 1)) for x in np.arange(np.floor(west / TILE_M), east / TILE_M) * TILE_M),
+            *(((west - 1, y), (east + 1, y)) for y in np.arange(np.floor(south / TILE_M), north / TILE_M) * TILE_M),
         ],
     }
     kinds = {
@@ -149,36 +143,36 @@ def _run_ups(
 
 
 def _throw(
-    explorers: Explorers,
+    batch: RobotBatch,
     here: np.ndarray,
     start: np.ndarray,
     towards: np.ndarray,
     rng: np.random.Generator,
 ) -> None:
     """Stand robots at places, facing the wall more or less, and give them a speed."""
-    T = explorers.T_world_mine
+    T = batch.T_world_mine
     speed, spin = rng.uniform(0.5, _FASTEST_MPS, len(here)), rng.uniform(-_SPIN_RADPS, _SPIN_RADPS, len(here))
     yaw = np.arctan2(towards[:, 1], towards[:, 0])[: len(here)] + rng.normal(0, 0.5, len(here))
     for i, k in enumerate(here.tolist()):
-        explorers.place(k, start[i, 0], start[i, 1], yaw[i])
-        explorers.qvel[k, :3] = T[:3, :3] @ [*(speed[i] * towards[i]), 0.0]
-        explorers.qvel[k, 5] = spin[i]
+        batch.place(k, start[i, 0], start[i, 1], yaw[i])
+        batch.qvel[k, :3] = T[:3, :3] @ [*(speed[i] * towards[i]), 0.0]
+        batch.qvel[k, 5] = spin[i]
 
 
 def _escaped(
-    explorers: Explorers, here: np.ndarray, free: Polygon, radius_m: float, height_m: float
+    batch: RobotBatch, here: np.ndarray, free: Polygon, radius_m: float, height_m: float
 ) -> tuple[np.ndarray, float]:
     """Return which robots (k,) are out of the workings, and how far the deepest upright disc stands in rock, m."""
-    T = explorers.T_world_mine
-    place = (explorers.qpos[here, :3] - T[:3, 3]) @ T[:3, :3]
+    T = batch.T_world_mine
+    place = (batch.qpos[here, :3] - T[:3, 3]) @ T[:3, :3]
     centre = shapely.points(place[:, :2])
     room = np.where(shapely.contains_xy(free, place[:, 0], place[:, 1]), 1, -1) * shapely.distance(
         free.boundary, centre
     )
     out = ~np.isfinite(place).all(axis=1) | (room < 0) | (place[:, 2] < 0) | (place[:, 2] > height_m)
-    x, y = explorers.qpos[here, 4], explorers.qpos[here, 5]
-    mast = np.column_stack([2 * (x * explorers.qpos[here, 6] + y * explorers.qpos[here, 3]),
-                            2 * (y * explorers.qpos[here, 6] - x * explorers.qpos[here, 3]),
+    x, y = batch.qpos[here, 4], batch.qpos[here, 5]
+    mast = np.column_stack([2 * (x * batch.qpos[here, 6] + y * batch.qpos[here, 3]),
+                            2 * (y * batch.qpos[here, 6] - x * batch.qpos[here, 3]),
                             1 - 2 * (x * x + y * y)])  # fmt: skip
     upright = mast @ T[:3, 2] > _UPRIGHT  # one that fell on its side is narrower than its disc
     return out, float(np.maximum(0.0, radius_m - room)[upright].max(initial=0.0))

@@ -12,8 +12,9 @@ from shapely import Polygon
 
 from minexplore.bundle import ROOF, WALLS
 from pipeline.metrics.clearance import WallGaps, measure_walls
+from pipeline.metrics.digits import repeatable
 from pipeline.metrics.planefit import Residuals, fit_voxel_planes
-from pipeline.metrics.published import REAL
+from pipeline.metrics.published import REAL, REAL_SWEEP
 from pipeline.metrics.sampling import faces_near, sample_triangles, with_noise
 from pipeline.metrics.texture import (
     Scores,
@@ -31,7 +32,7 @@ from pipeline.metrics.texture import (
     wall_jaggedness_deg,
     wall_wavelength_m,
 )
-from pipeline.mjcf.bundle import visible_triangles
+from pipeline.mjcf.bundle import smooth_triangles, visible_triangles
 from pipeline.params.validation import TextureReportParams
 from pipeline.types import DriftNetwork
 
@@ -46,7 +47,8 @@ class TextureReport:
     """Both readings of the six axes and their scores, the residuals over voxel sizes, and sigma along the mine.
 
     `published_axes` are of points with the paper's noise, `strict_axes` of the mesh as it is; `roof_unevenness_m` is
-    the other reading of the roof's axis. `heat` rows are easting, northing, mean sigma (m) of 0.5 m voxels.
+    the other reading of the roof's axis. `heat` rows are easting, northing, mean sigma (m) of 0.5 m voxels. `flat`
+    and `flat_strict` are the scores of the smooth surface, measured in the same way: what an axis gives to no texture.
     """
 
     published_axes: TextureAxes
@@ -57,14 +59,50 @@ class TextureReport:
     roof_unevenness_m: float
     bump_rms_m: float
     heat: list[tuple[float, float, float]]
+    flat: Scores
+    flat_strict: Scores
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """The two readings of one surface's axes, its residuals over voxel sizes, and the points they were taken from."""
+
+    as_paper: TextureAxes
+    as_is: TextureAxes
+    sweep: list[Residuals]
+    everywhere: np.ndarray
+    wall: np.ndarray
+    roof: np.ndarray
 
 
 def report_texture(
     model: mujoco.MjModel, free: Polygon, network: DriftNetwork, params: TextureReportParams
 ) -> TextureReport:
-    """Measure the visible rock of a compiled world on the paper's six axes."""
-    rng = np.random.default_rng(params.seed)
+    """Measure the visible rock of a compiled world on the paper's six axes, and the smooth surface beside it."""
     walls, roof = (visible_triangles(model, piece) for piece in (WALLS, ROOF))
+    smooth_walls, smooth_roof = (smooth_triangles(model, piece) for piece in (WALLS, ROOF))
+    rock = _measure(walls, roof, free, network, params)
+    flat = _measure(smooth_walls, smooth_roof, free, network, _fewer(params))
+    sigma = fit_voxel_planes(rock.wall, 0.5, 30).sigma
+    return repeatable(TextureReport(
+        rock.as_paper, rock.as_is, published_score(REAL, rock.as_paper), strict_score(REAL, rock.as_is), rock.sweep,
+        roof_unevenness_m(rock.roof), float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0,
+        _heat(rock.everywhere), published_score(REAL, flat.as_paper), strict_score(REAL, flat.as_is),
+    ))  # fmt: skip
+
+
+def _fewer(params: TextureReportParams) -> TextureReportParams:
+    """Return the parameters for a quarter of the stretches at the same density: a smooth surface is alike all over."""
+    part = max(1, params.stretches // 4)
+    wall, roof = (max(1000, n * part // params.stretches) for n in (params.wall_points, params.roof_points))
+    return params.model_copy(update={"stretches": part, "wall_points": wall, "roof_points": roof})
+
+
+def _measure(
+    walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNetwork, params: TextureReportParams
+) -> _Measured:
+    """Measure a surface, given as the triangles (n, 3, 3) of its walls and roof, m."""
+    rng = np.random.default_rng(params.seed)
     everywhere, _ = sample_triangles(walls, _count(walls, params.wall_points, params.points_per_m2), rng)
     places = _places(network, params.stretches)
     near, far_up = (faces_near(_fine(c), places, params.stretch_radius_m) for c in (walls, roof))
@@ -81,12 +119,7 @@ def report_texture(
         noisy_wall, sweep_walls(noisy_wall), noisy_roof,
         published_wavelength_m(_between(everywhere, params.wall_z_m)),
     )  # fmt: skip
-    as_is = _axes(wall, sweep, roof, along_m)
-    sigma = fit_voxel_planes(wall, 0.5, 30).sigma
-    return TextureReport(
-        as_paper, as_is, published_score(REAL, as_paper), strict_score(REAL, as_is), sweep,
-        roof_unevenness_m(roof), float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0, _heat(everywhere),
-    )  # fmt: skip
+    return _Measured(as_paper, _axes(wall, sweep, roof, along_m), sweep, everywhere, wall, roof)
 
 
 def texture_metrics(report: TextureReport) -> dict[str, Any]:
@@ -102,6 +135,19 @@ def texture_metrics(report: TextureReport) -> dict[str, Any]:
     return {
         **rounded,
         **measured,
+        "flat_walls": {
+            kind: {k: round(v, 4) for k, v in scores.axes.items()}
+            for kind, scores in (("published", report.flat), ("strict", report.flat_strict))
+        },
+        # The same rock reads otherwise by voxel and by point. `bump_ratio` takes the mean of the voxels' RMS residuals,
+        # each voxel counting once, as the published bump Rq does; a voxel that the wall only touches counts in full and
+        # is smooth. `rq_ratio` takes the RMS over all points, as the published sweep of windows does.
+        "rq_ratio": {
+            f"at_{100 * ours.window_m:.0f}_cm": round(ours.rq_m / real.rq_m, 4)
+            for ours in report.residuals
+            for real in REAL_SWEEP
+            if real.window_m == ours.window_m
+        },
         "bump_ratio": round(report.strict_axes.bump_rq_m / REAL.bump_rq_m, 4),
         "bump_rms_ratio": round(report.bump_rms_m / REAL.bump_rq_m, 4),
         "roof_unevenness_m": round(report.roof_unevenness_m, 4),

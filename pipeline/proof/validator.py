@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -83,55 +84,74 @@ class Validator:
         return certify(self.world.record.world_sha256, self.containment, self.params.certificate.limits)
 
     def measure(self, group: str) -> dict[str, Any]:
-        """Return the metrics of one group of `GROUPS`."""
-        return getattr(self, f"_{group}")()
-
-    def _iou(self) -> dict[str, float]:
-        return {
-            "free_space_vs_cleaned": round(intersection_over_union(self.seen, self.cleaned), 6),
-            "free_space_vs_raw": round(intersection_over_union(self.seen, self.raw), 6),
-            "rock": round(intersection_over_union(~self.seen, ~self.cleaned), 6),
-        }
-
-    def _navigability(self) -> dict[str, Any]:
-        return {k: v for k, v in dataclasses.asdict(self.columns).items() if not isinstance(v, np.ndarray)}
-
-    def _topology(self) -> dict[str, Any]:
-        return vars(compare_topology(self.cleaned, self.seen, self.survey.frame, *self._tracing))
-
-    def _areas(self) -> dict[str, float]:
-        pixels = float(self.cleaned.sum()) / self.survey.frame.px_per_m**2
-        return {**vars(self.world.record.areas), "tunnel_pixels_m2": round(pixels, 3)}
-
-    def _collision(self) -> dict[str, int]:
-        return {"parts": len(part_vertices(self.world.model, GeomGroup.COLLISION))}
-
-    def _certificate(self) -> dict[str, Any]:
-        return {"holds": self.certificate.holds, **self.containment}
-
-    def _texture(self) -> dict[str, Any]:
-        return texture_metrics(self.texture)
-
-    def _walls(self) -> dict[str, Any]:
-        return vars(self.walls)
-
-    def _scale(self) -> dict[str, float]:
-        return {k: v for k, v in vars(self.survey.scale).items() if isinstance(v, float)}
-
-    def _world(self) -> dict[str, Any]:
-        world, record = self.world, self.world.record
-        return {
-            "bytes": world.bytes,
-            "warnings": world.warnings,
-            "geoms": int(world.model.ngeom),
-            "lights": int(world.model.nlight),
-            "floor_zones": len(record.zones),
-            "gain_entrance_region_m": record.gain_m["entrance_region"],
-            "gain_whole_frame_m": record.gain_m["whole_frame"],
-            **self.consistency,
-        }
+        """Return the metrics of one group of `MEASURES`."""
+        return MEASURES[group](self)
 
 
-GROUPS = (
-    "iou", "navigability", "topology", "areas", "collision", "certificate", "texture", "walls", "scale", "world",
-)  # fmt: skip
+def _iou(found: Validator) -> dict[str, float]:
+    return {
+        "free_space_vs_cleaned": round(intersection_over_union(found.seen, found.cleaned), 6),
+        "free_space_vs_raw": round(intersection_over_union(found.seen, found.raw), 6),
+        "rock": round(intersection_over_union(~found.seen, ~found.cleaned), 6),
+    }
+
+
+def _navigability(found: Validator) -> dict[str, Any]:
+    return {k: v for k, v in dataclasses.asdict(found.columns).items() if not isinstance(v, np.ndarray)}
+
+
+def _topology(found: Validator) -> dict[str, Any]:
+    return vars(compare_topology(found.cleaned, found.seen, found.survey.frame, *found._tracing))
+
+
+def _areas(found: Validator) -> dict[str, float]:
+    pixels = float(found.cleaned.sum()) / found.survey.frame.px_per_m**2
+    return {**vars(found.world.record.areas), "tunnel_pixels_m2": round(pixels, 3)}
+
+
+def _collision(found: Validator) -> dict[str, int]:
+    return {"parts": len(part_vertices(found.world.model, GeomGroup.COLLISION))}
+
+
+def _certificate(found: Validator) -> dict[str, Any]:
+    return {"holds": found.certificate.holds, **found.containment}
+
+
+def _texture(found: Validator) -> dict[str, Any]:
+    return texture_metrics(found.texture)
+
+
+def _walls(found: Validator) -> dict[str, Any]:
+    return vars(found.walls)
+
+
+def _scale(found: Validator) -> dict[str, float]:
+    return {k: v for k, v in vars(found.survey.scale).items() if isinstance(v, float)}
+
+
+def _world(found: Validator) -> dict[str, Any]:
+    world, record = found.world, found.world.record
+    return {
+        "bytes": world.bytes,
+        "warnings": world.warnings,
+        "geoms": int(world.model.ngeom),
+        "lights": int(world.model.nlight),
+        "floor_zones": len(record.zones),
+        "gain_entrance_region_m": record.gain_m["entrance_region"],
+        "gain_whole_frame_m": record.gain_m["whole_frame"],
+        **found.consistency,
+    }
+
+
+MEASURES: dict[str, Callable[[Validator], dict[str, Any]]] = {  # group of metrics.json -> its metrics
+    "iou": _iou,
+    "navigability": _navigability,
+    "topology": _topology,
+    "areas": _areas,
+    "collision": _collision,
+    "certificate": _certificate,
+    "texture": _texture,
+    "walls": _walls,
+    "scale": _scale,
+    "world": _world,
+}

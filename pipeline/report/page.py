@@ -16,10 +16,11 @@ from pydantic import TypeAdapter
 from minexplore.bundle import BundleError, read_bundle
 from pipeline import __version__
 from pipeline.errors import ArtifactError
-from pipeline.metrics.limits import flatten, format_limit
+from pipeline.metrics.limits import format_limit
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.params.validation import ValidationParams
 from pipeline.report.mine import draw_mine, to_svg
+from pipeline.report.results import flat_walls_note, read_metrics
 from pipeline.report.scene import scene_page
 from pipeline.report.style import to_image
 from pipeline.store.codecs import decode, encode
@@ -117,7 +118,7 @@ def _read(root: Path, file: str, kind: Any) -> Any:
 
 
 def _metrics(root: Path) -> dict[str, Any]:
-    return flatten(_read(root, "validation/metrics.json", dict))
+    return read_metrics(root / "validation")
 
 
 def _figures(metrics: dict[str, Any], validation: Manifest) -> dict[str, list[_Figure]]:
@@ -128,6 +129,7 @@ def _figures(metrics: dict[str, Any], validation: Manifest) -> dict[str, list[_F
         group, _, rest = key.partition(".")
         value, limit = metrics[key], limits.get(key)
         shown = f"{value:,.4g}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else str(value)
+        shown += flat_walls_note(metrics, key)
         holds = None if limit is None else isinstance(value, int | float) and limit.holds(value)
         groups.setdefault(group, []).append(_Figure(rest, shown, format_limit(limit) if limit else "", holds))
     return groups

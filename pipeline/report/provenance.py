@@ -120,21 +120,30 @@ def _record_run(
     """Add one stage run: its code, inputs, parameters, outputs, and the manifest that says so."""
     stage = manifest.stage
     inputs = [
-        _input(crate, files, registry[name.removeprefix("data/")]) if name.startswith("data/")
-        else _file(crate, files, name) for name in manifest.inputs
-    ]  # fmt: skip
+        _input(crate, files, registry[name.removeprefix("data/")])
+        if name.startswith("data/")
+        else _file(crate, files, name)
+        for name in manifest.inputs
+    ]
     params = [
         _context(crate, f"#{stage}.{name}", "PropertyValue", name=name, value=value)
         for name, value in flatten(manifest.params)
     ]
     code = _file(
-        crate, files, f"stages/{stage}.py", type=["File", "SoftwareSourceCode"], version=manifest.code_sha256,
+        crate,
+        files,
+        f"stages/{stage}.py",
+        type=["File", "SoftwareSourceCode"],
+        version=manifest.code_sha256,
         description="The version is one sha256 over this file and every module of the project that it imports.",
-    )  # fmt: skip
+    )
     action = crate.add_action(
-        code, f"#run-{stage}", object=inputs + params, result=[_file(crate, files, name) for name in manifest.outputs],
+        code,
+        f"#run-{stage}",
+        object=inputs + params,
+        result=[_file(crate, files, name) for name in manifest.outputs],
         properties={"name": f"Stage {stage}", "description": f"Run of stage {stage}, MineXplore {manifest.version}"},
-    )  # fmt: skip
+    )
     _file(crate, files, written, description=f"What the run of stage {stage} recorded")["about"] = action
     return action
 
@@ -155,9 +164,12 @@ def _input(crate: ROCrate, files: dict[str, bytes], entry: Entry) -> Entity:
         known = {"name": name, "sha256": entry.sha256, "description": f"Origin: {entry.origin}. No licence stated."}
         return _context(crate, f"#{name}", "CreativeWork", **known)
     return _file(
-        crate, files, f"data/{entry.name}",
-        description=f"Origin: {entry.origin}", license=_licence(crate, entry.licence),
-    )  # fmt: skip
+        crate,
+        files,
+        f"data/{entry.name}",
+        description=f"Origin: {entry.origin}",
+        license=_licence(crate, entry.licence),
+    )
 
 
 def _file(crate: ROCrate, files: dict[str, bytes], name: str, **properties: Any) -> Entity:
@@ -183,9 +195,12 @@ def _licence(crate: ROCrate, licence: str) -> Entity:
     """Return the entity of an SPDX identifier, or of another text as it stands in the registry."""
     spdx = f"https://spdx.org/licenses/{licence}"
     return _context(
-        crate, spdx if " " not in licence else f"#licence-{sha256_bytes(licence.encode())[:8]}", "CreativeWork",
-        name=licence, description=f"Licence {licence}",
-    )  # fmt: skip
+        crate,
+        spdx if " " not in licence else f"#licence-{sha256_bytes(licence.encode())[:8]}",
+        "CreativeWork",
+        name=licence,
+        description=f"Licence {licence}",
+    )
 
 
 def _context(crate: ROCrate, identifier: str, kind: str, **properties: Any) -> Entity:

@@ -6,7 +6,7 @@ import numpy as np
 from shapely import Polygon
 
 from pipeline.metrics.published import PAPER_SCORES, REAL, REAL_SWEEP
-from pipeline.metrics.texture import AXES
+from pipeline.metrics.texture import AXES, is_uninformative
 from pipeline.proof.surface import TextureReport
 from pipeline.report.style import GREY, OCHRE, ROCK, STEEL, new_figure, to_image
 from pipeline.types import Image
@@ -31,11 +31,16 @@ def draw_texture(report: TextureReport) -> Image:
     ):
         bars = scores.bar(at + shift, values, 0.26, color=colour, label=label)
         scores.bar_label(bars, [f"{100 * v:.0f}" for v in values], fontsize=6, padding=1)
+    flat = [report.flat.axes[a] for a in AXES]
+    scores.plot(at[:-1], flat, "_", color="black", ms=34, mew=1.2, label="flat walls, published score")
     ratios = [getattr(report.strict_axes, a) / getattr(REAL, a) for a in AXES]
-    names = [f"{_SHORT[a]}\nx {r:.2f}" for a, r in zip(AXES, ratios, strict=True)]
+    names = [
+        f"{_SHORT[a]}\nx {r:.2f}" + "\nuninformative" * is_uninformative(f)
+        for a, r, f in zip(AXES, ratios, flat, strict=True)
+    ]
     scores.set_xticks(at, [*names, "overall"], fontsize=7)
-    scores.set(ylim=(0, 1.15), ylabel="similarity", title="Texture scores (x: model / real, no noise added)")
-    scores.legend(fontsize=7, ncols=3, loc="upper center")
+    scores.set(ylim=(0, 1.25), ylabel="similarity", title="Texture scores (x: model / real, no noise added)")
+    scores.legend(fontsize=7, ncols=2, loc="upper center")
     for name, style in (("ra_m", "--"), ("rq_m", "-"), ("p95_m", ":")):
         label = {"ra_m": "Ra", "rq_m": "Rq", "p95_m": "95th percentile"}[name]
         scale.plot(

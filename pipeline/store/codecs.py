@@ -132,7 +132,7 @@ def _decode_geojson(collection: dict) -> FreeSpace:
 
 def _encode_npz(value: Any) -> bytes:
     arrays = (
-        {f"{name}/{k}": v for name, mesh in value.items() for k, v in vars(mesh).items()}
+        {f"{name}/{k}": v for name, mesh in value.items() for k, v in vars(mesh).items() if v is not None}
         if isinstance(value, dict)
         else vars(value)
     )
@@ -144,19 +144,26 @@ def _encode_npz(value: Any) -> bytes:
 def _decode_npz(arrays: dict[str, np.ndarray], kind: Any) -> Any:
     if kind == Meshes:
         names = sorted({key.partition("/")[0] for key in arrays})
-        return {n: Mesh(*(arrays[f"{n}/{f.name}"] for f in dataclasses.fields(Mesh))) for n in names}
+        fields = [f.name for f in dataclasses.fields(Mesh)]
+        return {n: Mesh(**{f: arrays[f"{n}/{f}"] for f in fields if f"{n}/{f}" in arrays}) for n in names}
     return kind(**{k: v if v.ndim else v.item() for k, v in arrays.items()})
 
 
 def _encode_msh(mesh: Mesh) -> bytes:
     # Pictures count rows downwards, texture coordinates upwards.
     flipped = np.column_stack([mesh.texcoords[:, 0], 1.0 - mesh.texcoords[:, 1]])
-    return encode_msh(TriangleMesh(mesh.vertices, mesh.faces, flipped, np.zeros((0, 3))))
+    normals = np.zeros((0, 3)) if mesh.normals is None else mesh.normals
+    return encode_msh(TriangleMesh(mesh.vertices, mesh.faces, flipped, normals))
 
 
 def _decode_msh(data: bytes) -> Mesh:
     found = decode_msh(data)
+    if len(found.normals) not in (0, len(found.vertices)):
+        raise ValueError(f"{len(found.normals)} normals for {len(found.vertices)} vertices")
     uv = found.texcoords.astype(np.float64)
     return Mesh(
-        found.vertices.astype(np.float64), found.faces.astype(np.int32), np.column_stack([uv[:, 0], 1.0 - uv[:, 1]])
+        found.vertices.astype(np.float64),
+        found.faces.astype(np.int32),
+        np.column_stack([uv[:, 0], 1.0 - uv[:, 1]]),
+        found.normals.astype(np.float64) if len(found.normals) else None,
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,15 +10,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from pipeline import __version__
 from pipeline.errors import ArtifactError
-from pipeline.store.hashing import import_closure, sha256_bytes, sha256_file, sha256_named
+from pipeline.store.hashing import import_closure, sha256_file, sha256_named
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """The provenance of one stage's artifacts; file names are relative to the project, hashes are sha256.
-
-    `volatile` names, for an output that holds timings, the keys that were left out of its hash.
-    """
+    """The provenance of one stage's artifacts; file names are relative to the project, hashes are sha256."""
 
     stage: str
     version: str
@@ -27,7 +23,6 @@ class Manifest:
     params: dict[str, Any]
     inputs: dict[str, str]
     outputs: dict[str, str]
-    volatile: dict[str, list[str]]
 
 
 def code_sha256(stage: str, root: Path) -> str:
@@ -36,11 +31,9 @@ def code_sha256(stage: str, root: Path) -> str:
     return sha256_named({path.as_posix(): sha256_file(root / path) for path in closure})
 
 
-def new_manifest(
-    stage: str, params: dict[str, Any], inputs: dict[str, str], outputs: dict[str, str], volatile: dict[str, list[str]]
-) -> Manifest:
+def new_manifest(stage: str, params: dict[str, Any], inputs: dict[str, str], outputs: dict[str, str]) -> Manifest:
     """Make the manifest of a stage of the project in the working directory."""
-    return Manifest(stage, __version__, code_sha256(stage, Path.cwd()), params, inputs, outputs, volatile)
+    return Manifest(stage, __version__, code_sha256(stage, Path.cwd()), params, inputs, outputs)
 
 
 def read_manifest(path: Path) -> Manifest:
@@ -57,21 +50,3 @@ def read_manifest(path: Path) -> Manifest:
         raise ArtifactError(f"{path}: missing; its stage has not run (`make all`)") from None
     except ValidationError as error:
         raise ArtifactError(f"{path}: not a manifest: {error.errors()[0]['msg']}") from error
-
-
-def output_sha256(data: bytes, volatile: list[str]) -> str:
-    """Return an output's sha256; for JSON with volatile keys, that of the rest (dots separate nested keys)."""
-    try:
-        record = json.loads(data) if volatile else None
-    except ValueError:
-        record = None
-    if not isinstance(record, dict):
-        return sha256_bytes(data)
-    for key in volatile:
-        *groups, last = key.split(".")
-        group: Any = record
-        for name in groups:
-            group = group.get(name) if isinstance(group, dict) else None
-        if isinstance(group, dict):
-            group.pop(last, None)
-    return sha256_bytes(json.dumps(record, sort_keys=True).encode())

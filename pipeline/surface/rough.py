@@ -15,6 +15,7 @@ from pipeline.surface.displacement import Bounds, bound_displacement, damp_near,
 from pipeline.surface.lattice import ROOF, WALL, Lattice
 from pipeline.surface.mesh_checks import find_crossings
 from pipeline.surface.noise import slow_modulation, solid_noise
+from pipeline.surface.normals import ShadedMesh, shade_mesh
 from pipeline.surface.spectrum import Bands
 from pipeline.surface.walls import outline_of
 from pipeline.types import Mesh
@@ -116,8 +117,10 @@ def cut_chunks(rough: RoughSurface, tile_m: float, texture_m: float) -> dict[str
     -------
     dict of Mesh
         By name: the piece, then the tile's column and row from the south-west; faces look into the workings.
+        Normals are those of the whole surface, so chunks meet without a seam.
     """
     lattice = rough.lattice
+    shaded = shade_mesh(rough.vertices, lattice.faces)
     along = _along_walls(lattice, texture_m)
     centre = lattice.vertices[lattice.faces].mean(axis=1)[:, :2]
     tile = np.floor((centre - lattice.vertices[:, :2].min(axis=0)) / tile_m).astype(int)
@@ -129,7 +132,7 @@ def cut_chunks(rough: RoughSurface, tile_m: float, texture_m: float) -> dict[str
         first = np.flatnonzero(np.any(np.diff(tile[order], axis=0, prepend=-1) != 0, axis=1))
         for part in np.split(order, first[1:]):
             col, row = tile[part[0]]
-            chunks[bundle.chunk_mesh(name, col, row)] = _chunk(rough, lattice.faces[part], piece, along, texture_m)
+            chunks[bundle.chunk_mesh(name, col, row)] = _chunk(rough, shaded, part, piece, along, texture_m)
     return chunks
 
 
@@ -155,19 +158,28 @@ def _along_walls(lattice: Lattice, texture_m: float) -> tuple[np.ndarray, np.nda
 
 
 def _chunk(
-    rough: RoughSurface, faces: np.ndarray, piece: int, along: tuple[np.ndarray, np.ndarray], texture_m: float
+    rough: RoughSurface,
+    shaded: ShadedMesh,
+    part: np.ndarray,
+    piece: int,
+    along: tuple[np.ndarray, np.ndarray],
+    texture_m: float,
 ) -> Mesh:
-    lattice = rough.lattice
+    lattice, faces = rough.lattice, shaded.faces[part]
     if piece == ROOF:
         used, index = np.unique(faces, return_inverse=True)
-        texcoords = lattice.vertices[used, :2] / texture_m
-        return Mesh(rough.vertices[used], index.reshape(-1, 3).astype(np.int32), texcoords)
-    u, repeats = along
-    corner = u[lattice.column[faces]]
-    # A face across the seam of a ring joins the last column to the first, which counts one whole round there.
-    late = (corner.max(axis=1) - corner.min(axis=1) > repeats[lattice.column[faces[:, 0]]] / 2)[:, None] & (corner < 1)
-    key, index = np.unique(faces.astype(np.int64) * 2 + late, return_inverse=True)
-    used, late_used = key // 2, (key % 2).astype(float)
-    column = lattice.column[used]
-    texcoords = np.column_stack([u[column] + late_used * repeats[column], lattice.vertices[used, 2] / texture_m])
-    return Mesh(rough.vertices[used], index.reshape(-1, 3).astype(np.int32), texcoords)
+        source = shaded.source[used]
+        texcoords = lattice.vertices[source, :2] / texture_m
+    else:
+        u, repeats = along
+        column = lattice.column[shaded.source]
+        corner = u[column[faces]]
+        # A face across the seam of a ring joins the last column to the first, which counts one whole round there.
+        wide = corner.max(axis=1) - corner.min(axis=1) > repeats[column[faces[:, 0]]] / 2
+        key, index = np.unique(faces.astype(np.int64) * 2 + (wide[:, None] & (corner < 1)), return_inverse=True)
+        used, late = key // 2, (key % 2).astype(float)
+        source = shaded.source[used]
+        repeat = u[column[used]] + late * repeats[column[used]]
+        texcoords = np.column_stack([repeat, lattice.vertices[source, 2] / texture_m])
+    index = index.reshape(-1, 3).astype(np.int32)
+    return Mesh(rough.vertices[source], index, texcoords, shaded.normals[used])

@@ -60,7 +60,7 @@ def test_the_best_walk_is_that_of_trying_all(data):
 
 def test_no_explorer_beats_the_bound_and_the_tour_comes_near(tee_id):
     env = make_env(tee_id, 2)
-    network = time_network(env.explorers, 2.0)
+    network = time_network(env.robots, 2.0)
     horizon = env.task.max_steps * env.task.control_s
     bounds = {t: best_walk(network, t).most for t in np.linspace(0, horizon, 11)}
     tour = OracleTour(2, env.task, env.robot, plan_tour(network, best_walk(network, horizon), env.world))
@@ -100,7 +100,7 @@ def test_a_begun_bound_is_completed_and_a_current_one_is_kept(tee_id, tmp_path, 
 
 def test_a_straight_drift_is_a_path_of_bands(tee_id):
     env = make_env(tee_id, 1)
-    network = time_network(env.explorers, 2.0)
+    network = time_network(env.robots, 2.0)
     graph = nx.Graph(network.graph)
     assert nx.is_forest(graph.subgraph(nx.node_connected_component(graph, network.root)))
     ends = [n for n in graph if graph.degree(n) == 1 and n != network.root]
@@ -123,7 +123,7 @@ def test_a_straight_drift_is_a_path_of_bands(tee_id):
 def test_water_under_a_dip_lets_a_robot_slide_a_tenth_faster_than_commanded(tee_id):
     env = make_env(tee_id, 1)
     level = dataclasses.replace(env.task, tilt=False)
-    east = np.array([(g.west_m + g.east_m) / 2 for g in env.world.grounds])
+    east = np.array([(g.west_m + g.east_m) / 2 for g in env.world.floor_zones])
     np.testing.assert_allclose(top_speed_mps(env.world, level, east) / top_speed_mps(env.world, level, east)[0], 1.0)
     faster = top_speed_mps(env.world, env.task, east) / top_speed_mps(env.world, level, east)
     assert faster.tolist() == pytest.approx([1.0, 1.04 / 1.02, 1.12 / 1.02])

@@ -1,7 +1,11 @@
 """A user's own mine, registered from artifacts/worlds, in every command of the benchmark."""
 
 import shutil
+import signal
+import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -37,6 +41,31 @@ def test_an_own_mine_can_be_chosen_for_training(own):
     code = "from baselines.ppo.settings import compose_settings as c; s = c(['env=my-mine']); print(s.env, s.name)"
     done = own.run(sys.executable, "-c", code)
     assert done.stdout.split() == ["MineXplore/my-mine-v0", "my-mine-beams-mlp-42"], done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [signal.SIGTERM, signal.SIGKILL])
+def test_an_evaluation_that_is_ended_leaves_no_process_behind(own, kind):
+    words = ["--policy", "random", "--env", "my-mine", "--episodes", "2", "--jobs", "2"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "baselines.evaluate", *words], cwd=own.folder, stderr=subprocess.PIPE, text=True
+    ) as run:
+        children = Path(f"/proc/{run.pid}/task/{run.pid}/children")
+        assert eventually(lambda: len(children.read_text().split()) == 3)  # two workers and multiprocessing's tracker
+        workers = [Path(f"/proc/{child}") for child in children.read_text().split()]
+        run.send_signal(kind)
+        assert run.wait(30) == (130 if kind == signal.SIGTERM else -kind)
+        assert eventually(lambda: not any(worker.exists() for worker in workers))
+        assert "Traceback" not in run.stderr.read()
+    assert not (own.folder / "baselines/results/my-mine-v0/random.jsonl").exists()
+
+
+def eventually(holds, within_s=120):
+    """Return whether a condition comes to hold within a time."""
+    end = time.monotonic() + within_s
+    while not holds() and time.monotonic() < end:
+        time.sleep(0.2)
+    return holds()
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """Training by Ray and torch, which the extra `baselines` brings: `make test-train` runs these."""
 
 import json
+import os
 import re
 import shutil
 import signal
@@ -14,6 +15,7 @@ import pytest
 from baselines.errors import BaselineError
 from baselines.learned import LearnedPolicy
 from baselines.ppo import curves
+from baselines.ppo.history import History
 from baselines.ppo.run_folder import RunFolder
 from baselines.ppo.settings import TrainSettings, compose_settings
 from baselines.ppo.training_env import TrainingEnv
@@ -43,7 +45,7 @@ def test_the_training_environment_tells_each_episode_once_and_unscaled(tee):
     env.reset(seed=0)
     twin = MineVectorEnv(3, tee.bundle, task={"max_steps": 40})
     _, before = twin.reset(seed=0)
-    twin.explorers.steps[:] = env.unwrapped.explorers.steps
+    twin.robots.steps[:] = env.unwrapped.robots.steps
     seen, total, ended = before["cells_seen"].copy(), np.zeros(3), 0
     for _ in range(90):
         action = np.tile([1.0, 0.3], (3, 1))
@@ -62,6 +64,22 @@ def test_the_training_environment_tells_each_episode_once_and_unscaled(tee):
         else:
             assert last == {}
     assert ended >= 6
+
+
+@pytest.mark.parametrize(
+    ("coverage", "steps", "count"),
+    [([0.1, 0.3], [5, 7], 2), (0.2, 6.0, 1), (float("nan"), float("nan"), 0), ([], [], 0)],
+)
+def test_every_episode_that_ended_is_logged_however_many_they_are(coverage, steps, count):
+    history = History(compose_settings([]).stop)
+    ended = {"coverage": coverage, "collisions": steps, "return": coverage, "steps": steps}
+    result = {
+        "env_runners": {"num_env_steps_sampled": 128, "episodes": ended},
+        "learners": {"default_policy": {"entropy": 1.0, "vf_explained_var": 0.5}},
+    }
+    line = history.take_result(result, 1.0)
+    assert len(line["episodes"]) == len(history.episodes) == count
+    assert line["rolling_coverage"] == (pytest.approx(0.2) if count else None)
 
 
 def test_a_run_is_trained_resumed_after_a_kill_and_its_policy_used(settings, tmp_path):
@@ -98,16 +116,20 @@ def test_a_run_shows_its_progress_without_a_terminal_and_ends_quickly_with_a_che
             [sys.executable, "-m", "baselines.ppo.train", *words], cwd=project.folder, stderr=stderr,
             stdout=subprocess.DEVNULL,
         )  # fmt: skip
-        deadline = time.monotonic() + 300
+        deadline = time.monotonic() + 600
         line = r"^my-mine-beams-mlp-1: [1-9][\d,]* of 2,000,000 steps \([\d.]+ %\), [\d,]+ steps/s, coverage .* %"
-        while not re.search(line, said.read_text(), flags=re.M):
-            assert run.poll() is None, said.read_text()
-            assert time.monotonic() < deadline, said.read_text()
-            time.sleep(0.5)
-        start = time.monotonic()
-        run.send_signal(kind)
-        assert run.wait(60) == 130
-        assert time.monotonic() - start < 10
+        try:
+            while not re.search(line, said.read_text(), flags=re.M):
+                assert run.poll() is None, said.read_text()
+                assert time.monotonic() < deadline, said.read_text()
+                time.sleep(0.5)
+            start = time.monotonic()
+            run.send_signal(kind)
+            assert run.wait(60) == 130
+            crowding = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))  # of a machine that does other work
+            assert time.monotonic() - start < 10 * crowding
+        finally:
+            run.kill()
     text = said.read_text()
     assert text.splitlines()[-1] == "train: interrupted; run it again to go on"
     assert "Traceback" not in text

@@ -4,7 +4,7 @@ import sys
 import pytest
 
 from minexplore import WORLDS
-from minexplore.__main__ import page
+from minexplore.page import page
 from tests.mines import BuiltMine
 from tests.project import ROOT
 
@@ -30,6 +30,7 @@ def test_the_committed_page_is_the_docstrings():
         "Starting State",
         "Episode End",
         "Arguments",
+        "Physics",
         "Version History",
     ):
         assert f"## {heading}" in page()

@@ -1,0 +1,155 @@
+"""The environment's page as Markdown: its docstring, its ids, and the physics read from a compiled model."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+import mujoco
+
+from minexplore import WORLDS
+from minexplore.env import MineEnv
+from minexplore.local_models import physics_spec
+from minexplore.robot import FLOOR_BIT, ROCK_BIT, RobotParams, attach_robot
+from minexplore.task import TaskParams
+
+_ROBOT = "robot"
+_PHYSICS = """## Physics
+
+Written from a compiled model. Everything that is not named is MuJoCo's default. A control step of {control_s:g} s is
+{substeps} physics steps. The wheel speeds of a command are set once before them: (v - w b / 2) / r left and
+(v + w b / 2) / r right, where b is the wheel base of {wheel_base_m:g} m and r the wheel radius of {wheel_radius_m:g} m.
+A robot starts at rest and level with the floor, with its wheels' centres r above it.
+
+| option | value |
+|---|---|
+{options}
+
+### Contacts
+
+Two geoms touch where a bit of one's `contype` is in the other's `conaffinity`. Floor zones have the contype {floor},
+rock and roof {rock}, each with the conaffinity 0. A floor zone is a box with priority 1 and the friction (the
+zone's, 0.005, 0.0001), which holds whatever the wheel's is. Rock is convex meshes; its sliding friction is
+`rock_friction` of `world.json`. A collision is a contact of the chassis with rock or roof in any physics step of a
+control step.
+
+| geom of the robot | shape | size, m | place, m | contype | conaffinity | condim | priority | friction |
+|---|---|---|---|---|---|---|---|---|
+{geoms}
+
+Places are in the robot's frame: origin midway between the wheels' centres, x ahead, z up. The bumper touches
+other robots.
+
+| body | mass, kg | centre of mass, m | principal inertia, kg m2 |
+|---|---|---|---|
+{bodies}
+
+{servos}
+
+### Random numbers
+
+Each robot draws from a generator of its own, `gymnasium.utils.seeding.np_random(seed)`, which is
+`numpy.random.Generator(numpy.random.PCG64(seed))`; robot i of a vector or a team has the seed `seed + i`.
+
+- `reset` draws, in this order: where the anchor is too narrow, `integers(n)` over the n free cells of the entrance
+  region, row by row; the yaw, `uniform(-pi, pi)`; the beams' noise, `standard_normal(beams)`.
+- `step` draws, in this order: in a zone with noise, `normal(0, speed_noise_mps)` for the forward speed; the beams'
+  noise, `standard_normal(beams)`.
+"""
+
+
+def page() -> str:
+    """Return the environment's page."""
+    text = inspect.cleandoc(MineEnv.__doc__ or "")
+    title, _, rest = text.partition("\n")
+    rows = "\n".join(f"| `{env_id}` | {kwargs or 'any world'} |" for env_id, kwargs in WORLDS.items())
+    ids = f"## Environments\n\n| id | arguments |\n|---|---|\n{rows}\n"
+    use = '```python\nimport gymnasium, minexplore\n\nenv = gymnasium.make("MineXplore/ChileanMine-v0")\n```\n'
+    body, versions, history = rest.partition("## Version History")
+    return f"# Explore a mine\n\n{title}\n\n{use}\n{ids}{body}{physics()}\n{versions}{history}\n"
+
+
+def physics() -> str:
+    """Return the section on physics: options, contacts, the robot, and the order of random numbers."""
+    task, robot = TaskParams(), RobotParams()
+    spec = physics_spec(task)
+    attach_robot(spec, _ROBOT, robot)
+    model = spec.compile()
+    return _PHYSICS.format(
+        control_s=task.control_s,
+        substeps=task.substeps,
+        wheel_base_m=robot.wheel_base_m,
+        wheel_radius_m=robot.wheel_radius_m,
+        options="\n".join(f"| {name} | {value} |" for name, value in option_values(model).items()),
+        floor=FLOOR_BIT,
+        rock=ROCK_BIT,
+        geoms=_geoms(model),
+        bodies=_bodies(model),
+        servos=_servos(model),
+    )
+
+
+def option_values(model: mujoco.MjModel) -> dict[str, str]:
+    """Return the options that decide how a model moves, as the page prints them."""
+    opt = model.opt
+    return {
+        "timestep": f"{opt.timestep:g} s",
+        "integrator": mujoco.mjtIntegrator(opt.integrator).name,
+        "solver": mujoco.mjtSolver(opt.solver).name,
+        "iterations, tolerance": f"{opt.iterations}, {opt.tolerance:g}",
+        "line search: iterations, tolerance": f"{opt.ls_iterations}, {opt.ls_tolerance:g}",
+        "friction cone": mujoco.mjtCone(opt.cone).name,
+        "impratio": f"{opt.impratio:g}",
+        "Jacobian": mujoco.mjtJacobian(opt.jacobian).name,
+        "disabled": _flags(opt.disableflags, mujoco.mjtDisableBit),
+        "enabled": _flags(opt.enableflags, mujoco.mjtEnableBit),
+        "gravity": f"({', '.join(f'{g:g}' for g in opt.gravity)}) m/s2",
+    }
+
+
+def _flags(value: int, kind: Any) -> str:
+    names = [name for name, bit in kind.__members__.items() if not name.startswith("mjN") and value & int(bit)]
+    return ", ".join(names) or "nothing"
+
+
+def _geoms(model: mujoco.MjModel) -> str:
+    """Return a table row for each of the robot's geoms that can touch something."""
+    rows = []
+    for geom in (model.geom(g) for g in range(model.ngeom)):
+        if not (geom.contype[0] or geom.conaffinity[0]):
+            continue
+        body = model.body(int(geom.bodyid[0]))
+        place = geom.pos + (body.pos if body.name != _ROBOT else 0.0)
+        shape = mujoco.mjtGeom(geom.type[0]).name.removeprefix("mjGEOM_").lower()
+        size = " x ".join(f"{s:g}" for s in geom.size if s)
+        kind = geom.name.removeprefix(f"{_ROBOT}_")
+        friction = ", ".join(f"{f:g}" for f in geom.friction)
+        rows.append(
+            f"| {kind} | {shape} | {size} | {', '.join(f'{p:.4g}' for p in place)} | {geom.contype[0]} | "
+            f"{geom.conaffinity[0]} | {geom.condim[0]} | {geom.priority[0]} | {friction} |"
+        )
+    return "\n".join(rows)
+
+
+def _bodies(model: mujoco.MjModel) -> str:
+    """Return a table row for each of the robot's bodies."""
+    rows = []
+    for body in (model.body(name) for name in (_ROBOT, f"{_ROBOT}_left", f"{_ROBOT}_right")):
+        centre = body.ipos + (body.pos if body.name != _ROBOT else 0.0)
+        numbers = (", ".join(f"{value:.4g}" for value in values) for values in (centre, body.inertia))
+        rows.append(f"| {body.name.removeprefix(f'{_ROBOT}_')} | {body.mass[0]:.4g} | {' | '.join(numbers)} |")
+    return "\n".join(rows)
+
+
+def _servos(model: mujoco.MjModel) -> str:
+    """Return a sentence on the wheels' joints and motors."""
+    motor, joint = model.actuator(f"{_ROBOT}_left"), model.joint(f"{_ROBOT}_left")
+    low, high = motor.forcerange
+    gain, friction, armature, damping = (
+        f"{value:g}" for value in (motor.gainprm[0], joint.frictionloss[0], joint.armature[0], joint.damping[0])
+    )
+    return (
+        f"A velocity servo turns each wheel about the robot's y axis: its torque is {gain} N m s times the wanted\n"
+        f"less the present wheel speed, clipped to {low:g} and {high:g} N m. The joints have dry friction\n"
+        f"{friction} N m, armature {armature} kg m2 and damping {damping} N m s."
+    )

@@ -1,0 +1,189 @@
+"""The results table and the pictures of the docs, written from what the stages measured."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+from pydantic import TypeAdapter
+
+from pipeline.errors import ArtifactError
+from pipeline.metrics.limits import flatten, format_limit
+from pipeline.metrics.published import PAPER
+from pipeline.metrics.texture import AXES, WINDOWS_M, is_uninformative
+from pipeline.params.validation import Limit, ValidationParams
+from pipeline.store.files import write_atomically
+from pipeline.store.manifest import read_manifest
+
+VALIDATION = Path("artifacts/validation")
+TIMINGS = "timings.json"  # beside the metrics
+RESULTS, README = Path("docs/results.md"), Path("README.md")
+PICTURES = {
+    "world.jpg": Path("artifacts/realism/world/preview.png"),
+    "contours.jpg": Path("artifacts/contours/contours.png"),
+    "views.jpg": VALIDATION / "views.png",
+    "texture.jpg": VALIDATION / "texture.png",
+    "heat.jpg": VALIDATION / "heat.png",
+    "roughness.jpg": Path("artifacts/surface/roughness.png"),
+    "sections.jpg": Path("artifacts/surface/sections.png"),
+}
+_OPEN, _CLOSE = "<!-- results -->", "<!-- /results -->"
+_PICTURE_WIDTH = 1200
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of the table: its title, the metrics that it shows and how, and whether the README shows it too."""
+
+    title: str
+    metrics: tuple[str, ...]
+    form: str
+    headline: bool = False
+
+
+def _row(title: str, metric: str, form: str, headline: bool = False) -> Row:
+    return Row(title, (metric,), form, headline)
+
+
+AXIS_TITLES = {
+    "wall_jaggedness_deg": "wall jaggedness",
+    "bump_rq_m": "bump Rq",
+    "roughness_integral_m2": "roughness scale integral",
+    "dominant_wavelength_m": "dominant wavelength",
+    "roof_irregularity_m": "roof irregularity",
+    "wall_heterogeneity_m": "wall heterogeneity",
+}
+ROWS = [
+    _row("IoU, free space, rendered, vs cleaned plan", "iou.free_space_vs_cleaned", ".4f", headline=True),
+    _row("IoU, free space, vs raw binarized plan", "iou.free_space_vs_raw", ".4f"),
+    _row("IoU, rock", "iou.rock", ".4f"),
+    _row("free columns tested", "navigability.columns", ",d"),
+    _row("blocked columns", "navigability.blocked", "d", headline=True),
+    _row("columns that simplification moved into the wall", "navigability.blocked_at_wall", ",d"),
+    _row("the deepest of those, m from the plan's wall", "navigability.deepest_blocked_m", ".3f"),
+    Row("loops, plan / world", ("topology.loops_plan", "topology.loops_world"), "d"),
+    Row("drifts lost / added", ("topology.drifts_lost", "topology.drifts_added"), "d", headline=True),
+    _row("tunnel, m2", "areas.tunnel_m2", ",.0f"),
+    _row("islands, m2", "areas.islands_m2", ",.0f"),
+    _row("outside, m2", "areas.outside_m2", ",.0f"),
+    _row("convex collision parts", "collision.parts", "d", headline=True),
+    _row("intrusion: collision in the free space, m2", "certificate.intrusion_m2", ".4f", headline=True),
+    _row("rock without collision, m2", "certificate.missing_m2", ".4f"),
+    _row("containment certificate holds", "certificate.holds", "d", headline=True),
+    _row("texture, published score, overall", "texture.published.overall", ".3f", headline=True),
+    *(_row(f"- {title}", f"texture.published.{axis}", ".3f") for axis, title in AXIS_TITLES.items()),
+    _row("texture, strict score, overall", "texture.strict.overall", ".3f", headline=True),
+    *(_row(f"- {title}, strict", f"texture.strict.{axis}", ".3f") for axis, title in AXIS_TITLES.items()),
+    _row("bump Rq, mean of 0.5 m voxels, model / real", "texture.bump_ratio", ".3f"),
+    Row(
+        "Rq over all points in voxels of " + " / ".join(f"{w:g}" for w in WINDOWS_M) + " m, model / real",
+        tuple(f"texture.rq_ratio.at_{100 * w:.0f}_cm" for w in WINDOWS_M),
+        ".2f",
+    ),
+    Row(
+        "visible to collision wall at 0.5 m height, median / p95 / max, m",
+        ("walls.gap_median_m", "walls.gap_p95_m", "walls.gap_max_m"),
+        ".2f",
+        headline=True,
+    ),
+    _row("narrowest passage, clear width kept", "walls.narrowest_kept", ".3f"),
+    _row("bundle, MB", "world.bytes", "MB", headline=True),
+    _row("MjModel load, the first in a process, s", "world.first_load_s", ".2f", headline=True),
+    _row("MjModel load, again, s", "world.load_s", ".2f"),
+    _row("MjModel load, peak of memory, MB", "world.load_memory_mb", ",.0f", headline=True),
+]
+
+
+def read_metrics(folder: Path = VALIDATION) -> dict[str, Any]:
+    """Return a world's flat metrics, with the load times that were measured in the same world.
+
+    Raises
+    ------
+    ArtifactError
+        If a file is missing or not JSON.
+    """
+    metrics, certificate = _read_json(folder / "metrics.json"), _read_json(folder / "certificate.json")
+    timings = folder / TIMINGS
+    loads = flatten(_read_json(timings)) if timings.is_file() else {}  # `dvc checkout` brings none
+    return metrics | (loads if loads.pop("world_sha256", None) == certificate["world_sha256"] else {})
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        return flatten(json.loads(path.read_text()))
+    except FileNotFoundError:
+        raise ArtifactError(f"{path}: missing; stage 6 writes it (`make all`)") from None
+    except ValueError as error:
+        raise ArtifactError(f"{path}: not JSON: {error}") from error
+
+
+def read_limits(folder: Path = VALIDATION) -> dict[str, Limit]:
+    """Return the limits to which a world's metrics were held, the certificate's clauses included, by metric name."""
+    params = TypeAdapter(ValidationParams).validate_python(read_manifest(folder / "manifest.json").params)
+    return {**params.limits, **{f"certificate.{name}": limit for name, limit in params.certificate.limits.items()}}
+
+
+def write_results() -> str:
+    """Write the table to `docs/results.md`, its headline rows to the README, and the pictures; return the table."""
+    for name, source in PICTURES.items():
+        write_atomically(RESULTS.with_name(name), shrink_picture(source))
+    metrics, limits = read_metrics(), read_limits()
+    text = results_table(ROWS, metrics, limits)
+    header = "# Results\n\nThe embedded survey, as measured by `make all`; written by `make report`.\n\n"
+    write_atomically(RESULTS, (header + text).encode())
+    headlines = results_table([row for row in ROWS if row.headline], metrics, limits)
+    before, _, rest = README.read_text().partition(_OPEN)
+    write_atomically(README, f"{before}{_OPEN}\n{headlines}{_CLOSE}{rest.partition(_CLOSE)[2]}".encode())
+    return text
+
+
+def shrink_picture(source: Path) -> bytes:
+    """Return a picture as a JPEG of the width that the docs show."""
+    picture = cv2.imread(str(source))
+    if picture is None:
+        raise ArtifactError(f"{source}: missing; run `make all` first")
+    size = (_PICTURE_WIDTH, round(picture.shape[0] * _PICTURE_WIDTH / picture.shape[1]))
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    return cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
+
+
+def flat_walls_note(metrics: Mapping[str, Any], name: str) -> str:
+    """Return the score of flat walls on a texture axis as a remark on its score; nothing for other metrics."""
+    flat = metrics.get(name.replace("texture.", "texture.flat_walls.", 1))
+    if flat is None or name.rpartition(".")[2] not in AXES or ".flat_walls." in name:
+        return ""
+    return f" (flat walls {flat:.3f}{': uninformative' if is_uninformative(flat) else ''})"
+
+
+def results_table(rows: list[Row], metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> str:
+    """Return rows as a Markdown table: measured, limit, and what the paper states.
+
+    Raises
+    ------
+    ArtifactError
+        If the load times of this world were not measured.
+    """
+    if "world.load_s" not in metrics:
+        raise ArtifactError(f"{TIMINGS}: no load times of this world; `python -m stages.validation` measures them")
+    lines = ["| figure | measured | limit | paper |", "|---|---|---|---|"]
+    for row in rows:
+        measured = " / ".join(_format(metrics[name], row.form) for name in row.metrics)
+        note = flat_walls_note(metrics, row.metrics[0]) if len(row.metrics) == 1 else ""
+        held = " / ".join(_format_limit(limits[name], row.form) for name in row.metrics if name in limits)
+        paper = " / ".join(str(PAPER[name]) for name in row.metrics if name in PAPER)
+        lines.append(f"| {row.title} | {measured}{note} | {held} | {paper or '-'} |")
+    return "\n".join(lines) + "\n"
+
+
+def _format(value: float, form: str) -> str:
+    return f"{value / 1e6:.2f}" if form == "MB" else format(value, form)
+
+
+def _format_limit(limit: Limit, form: str) -> str:
+    if form == "MB":
+        limit = Limit(**{k: v / 1e6 for k, v in limit.model_dump().items() if v is not None})
+    return format_limit(limit)
