@@ -63,8 +63,8 @@ def look_at(page_file: Path, browser: str, pictures: Path) -> PageCheck:
         phone_px = page.evaluate("document.documentElement.scrollWidth")
         page.screenshot(path=str(pictures / "phone.png"))
         chromium.close()
-    drawn = cv2.imread(str(pictures / "scene.png"))
-    colours = len(np.unique(drawn.reshape(-1, 3), axis=0)) if drawn is not None else 0
+    picture = cv2.imread(str(pictures / "scene.png"))
+    colours = len(np.unique(picture.reshape(-1, 3), axis=0)) if picture is not None else 0
     return PageCheck(load_ms / 1000, console_errors, requests, colours, int(phone_px))
 
 

@@ -151,7 +151,7 @@ def _detect_picture(path: Path, stated: dict[str, Any]) -> Detection:
         scale["bar_length_m"], per_m = float(length), bar / length
         drift_m = width_px / per_m
         reason = "as stated" if stated.get("bar_length_m") else f"detected: drifts are then {drift_m:.1f} m wide"
-        remarks["scale"] = f"the bar is {bar:.0f} px long and stands for {length:g} m ({reason})"
+        remarks["scale"] = f"the bar is {bar:.0f} px long and represents {length:g} m ({reason})"
     line_drawing, width_px = _wall_style(dark, per_m)
     values: dict[str, Any] = {
         "kind": "plan",
