@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
-from benchmarks.faults import edit_model, edit_record, seal
+from benchmarks.fault_injection import edit_model, edit_record, seal
 from minexplore.bundle import GeomGroup
 from pipeline.errors import ArtifactError, InputError
 from pipeline.mjcf.bundle import open_bundle, part_vertices
