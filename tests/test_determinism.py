@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from pipeline.errors import ArtifactError
-from pipeline.report.baseline import flat_walls_note, read_metrics, results_table
+from pipeline.report.results import ROWS, flat_walls_note, read_metrics, results_table
 from tests.project import ROOT, Project
 
 # Kernels of a machine with AVX2 only and of one with SSE only, and one BLAS thread instead of all.
@@ -36,7 +36,7 @@ def test_other_kernels_and_thread_counts_give_the_same_lock(repro, tmp_path, ker
 
 def test_other_kernels_fit_the_same_bands():
     code = (
-        "from pipeline.geometry.spectrum import *; from pipeline.metrics.published import REAL_SWEEP\n"
+        "from pipeline.surface.spectrum import *; from pipeline.metrics.published import REAL_SWEEP\n"
         "wanted = [Roughness(r.window_m, r.rq_m) for r in REAL_SWEEP]\n"
         "print(fit_bands(wanted, band_wavelengths(0.1, 4.0), 1.0).sd_m.tolist())"
     )
@@ -56,13 +56,13 @@ def test_neither_the_lock_nor_a_manifest_nor_the_metrics_hold_load_times(repro):
 
 def test_load_times_of_another_world_are_not_shown(repro, tmp_path):
     folder = repro.copy(tmp_path / "mine").folder / "artifacts/validation"
-    assert read_metrics(folder / "metrics.json")["world.load_s"] > 0
+    assert read_metrics(folder)["world.load_s"] > 0
     timings = json.loads((folder / "timings.json").read_text())
     (folder / "timings.json").write_text(json.dumps({**timings, "world_sha256": "0" * 64}))
-    metrics = read_metrics(folder / "metrics.json")
+    metrics = read_metrics(folder)
     assert "world.load_s" not in metrics
     with pytest.raises(ArtifactError, match="no load times of this world"):
-        results_table(metrics)
+        results_table(ROWS, metrics, {})
 
 
 def test_a_clone_compares_its_metrics_with_any_commit(repro, tmp_path):
