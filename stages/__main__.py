@@ -20,9 +20,15 @@ _HEADER = """\
 _PLOTS: list[dict[str, Any]] = [
     {"artifacts/contours/contours.png": None},
     {"artifacts/validation/agreement.png": None},
-    {"artifacts/contours/widths.csv": {
-        "x": "easting_m", "y": "width_m", "template": "scatter", "title": "Clear width of the drifts"}},
-]  # fmt: skip
+    {
+        "artifacts/contours/widths.csv": {
+            "x": "easting_m",
+            "y": "width_m",
+            "template": "scatter",
+            "title": "Clear width of the drifts",
+        }
+    },
+]
 
 
 def load_stages() -> list[Stage]:
@@ -46,13 +52,14 @@ def render_dag(root: Path) -> str:
         "desc": "The report: one page with all the evidence",
         "cmd": "python -m pipeline report",
         "deps": [
-            "conf", "pipeline/report/page.html.j2",
+            "conf",
+            "pipeline/report/page.html.j2",
             *((ARTIFACTS / name / "manifest.json").as_posix() for name in STAGES),
             *_closure(root, "pipeline/report/page.py"),
         ],
         # The page itself shows load times, which differ from run to run: the lock names what is written with it.
         "outs": [_kept((ARTIFACTS / "report" / name).as_posix()) for name in ("mine.png", "mine.svg")],
-    }  # fmt: skip
+    }
     plots = [next(iter(p)) if next(iter(p.values())) is None else p for p in _PLOTS]
     return _HEADER + yaml.safe_dump({"stages": stages, "plots": plots}, sort_keys=False, width=120)
 

@@ -74,7 +74,7 @@ def test_the_certificate_slices_by_the_frame_that_the_record_states(tee, opened,
     T = np.array(opened.record.T_world_mine)
     T[:3, 3] += 0.1 * T[:3, 1]  # the record puts the mine 0.1 m farther north than the model does
     moved = dataclasses.replace(opened, record=dataclasses.replace(opened.record, T_world_mine=T.tolist()))
-    found = measure_containment(tee.bundle, moved, tee.free_space, without_pushes(config), TRACING)
+    found = measure_containment(tee.bundle, moved, tee.free_space, without_stress(config), TRACING)
     assert found["intrusion_m2"] == pytest.approx(0.1 * 80, rel=0.01)  # along the 80 m of walls that face south
     assert measure_consistency(tee.bundle, moved, tee.free_space)["frame_error_m"] == pytest.approx(0.1)
 
@@ -236,9 +236,17 @@ def test_a_grade_is_the_median_slope():
 def test_the_published_sweeps_lie_on_the_published_plans_walls(shared_mine, built):
     """On the station survey's world; the plan's own is measured by `make test-slow`."""
     done = built.run(
-        sys.executable, "-m", "pipeline", "replay", "--bundle", "artifacts/realism/world",
-        "--sweeps", str(shared_mine), "--poses", str(shared_mine / "scan_poses.csv"),
-    )  # fmt: skip
+        sys.executable,
+        "-m",
+        "pipeline",
+        "replay",
+        "--bundle",
+        "artifacts/realism/world",
+        "--sweeps",
+        str(shared_mine),
+        "--poses",
+        str(shared_mine / "scan_poses.csv"),
+    )
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
     assert set(report["sweeps"]) == {"00S", "11S", "25S", "40S"}

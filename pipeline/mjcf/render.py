@@ -44,9 +44,13 @@ def render_camera(
 
 
 def render_from(
-    model: mujoco.MjModel, eye_m: np.ndarray, towards_m: np.ndarray, fovy_deg: float, size_px: tuple[int, int],
+    model: mujoco.MjModel,
+    eye_m: np.ndarray,
+    towards_m: np.ndarray,
+    fovy_deg: float,
+    size_px: tuple[int, int],
     groups: Iterable[int],
-) -> Image:  # fmt: skip
+) -> Image:
     """Render the view from one place (3,) towards another (m, world frame) as (height, width, 3) uint8, BGR."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -65,9 +69,14 @@ def render_from(
 
 
 def _render(
-    model: mujoco.MjModel, data: mujoco.MjData, camera: str | mujoco.MjvCamera, eye_m: np.ndarray,
-    size_px: tuple[int, int], groups: Iterable[int], spots: bool,
-) -> Image:  # fmt: skip
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    camera: str | mujoco.MjvCamera,
+    eye_m: np.ndarray,
+    size_px: tuple[int, int],
+    groups: Iterable[int],
+    spots: bool,
+) -> Image:
     width, height = size_px
     distance = np.linalg.norm(data.light_xpos - eye_m, axis=1)
     lit = model.light_active.copy()

@@ -177,10 +177,17 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     spec.assets = {**meshes, ROCK_TEXTURE: encode(Path(ROCK_TEXTURE), scene.texture)}
     for i, light in enumerate(scene.lights):
         mine.add_light(
-            name=f"spot_{i:02d}", pos=light.place_m, dir=light.direction, type=mujoco.mjtLightType.mjLIGHT_SPOT,
-            cutoff=light.cutoff_deg, exponent=8.0, castshadow=False, attenuation=[1.0, 0.0, 0.004],
-            diffuse=[1.0, 0.93, 0.8], specular=[0.1, 0.1, 0.1],
-        )  # fmt: skip
+            name=f"spot_{i:02d}",
+            pos=light.place_m,
+            dir=light.direction,
+            type=mujoco.mjtLightType.mjLIGHT_SPOT,
+            cutoff=light.cutoff_deg,
+            exponent=8.0,
+            castshadow=False,
+            attenuation=[1.0, 0.0, 0.004],
+            diffuse=[1.0, 0.93, 0.8],
+            specular=[0.1, 0.1, 0.1],
+        )
     _add_cameras(mine, scene)
     return spec
 
@@ -233,16 +240,24 @@ def _add_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> N
         size = [(zone.east_m - zone.west_m) / 2, (zone.north_m - zone.south_m) / 2, scene.floor_thickness_m / 2]
         # Without priority MuJoCo takes the larger friction of the two geoms, and a rubber wheel would not feel water.
         mine.add_geom(
-            name=zone.geom, type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, size=size,
-            material=f"ground_{zone.name}", priority=1,
-            friction=[zone.friction, 0.005, 0.0001], group=GeomGroup.FLOOR,
-        )  # fmt: skip
+            name=zone.geom,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=centre,
+            size=size,
+            material=f"ground_{zone.name}",
+            priority=1,
+            friction=[zone.friction, 0.005, 0.0001],
+            group=GeomGroup.FLOOR,
+        )
     west, south, east, north = scene.extent.world_m
     mine.add_geom(
-        spec.find_default(ROCK_CLASS), name=ROOF_GEOM, type=mujoco.mjtGeom.mjGEOM_BOX, group=GeomGroup.ROOF,
+        spec.find_default(ROCK_CLASS),
+        name=ROOF_GEOM,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        group=GeomGroup.ROOF,
         pos=[(west + east) / 2, (south + north) / 2, scene.extent.height_m + scene.floor_thickness_m / 2],
         size=[(east - west) / 2, (north - south) / 2, scene.floor_thickness_m / 2],
-    )  # fmt: skip
+    )
 
 
 def _add_surface(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> Bundle:

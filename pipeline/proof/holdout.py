@@ -76,9 +76,10 @@ def score_holdout(sweeps: dict[str, Path], params: SurfaceParams, progress: Prog
     halves = halves[:: -(-len(halves) // _MOST_HALVES)]
     splits = [_score(half, sweeps, params) for half in progress(halves)]
     return HoldoutReport(
-        splits, _factor([r for s in splits for r in s.built_vs_held_out]),
+        splits,
+        _factor([r for s in splits for r in s.built_vs_held_out]),
         _factor([r for s in splits for r in s.source_vs_held_out]),
-    )  # fmt: skip
+    )
 
 
 def _score(half: tuple[str, ...], sweeps: dict[str, Path], params: SurfaceParams) -> Split:

@@ -167,10 +167,17 @@ def _by_warp(
         count = len(places)
         distance = warp.empty((1, count), dtype=float)
         mujoco_warp.rays(
-            m, d, warp.array(starts[None], dtype=warp.vec3), warp.array(ahead[None], dtype=warp.vec3), groups, True,
-            warp.full(count, -1, dtype=int), distance, warp.empty((1, count), dtype=int),
+            m,
+            d,
+            warp.array(starts[None], dtype=warp.vec3),
+            warp.array(ahead[None], dtype=warp.vec3),
+            groups,
+            True,
+            warp.full(count, -1, dtype=int),
+            distance,
+            warp.empty((1, count), dtype=int),
             warp.empty((1, count), dtype=warp.vec3),
-        )  # fmt: skip
+        )
         ranges = distance.numpy()[0].astype(np.float64)
     return np.where((ranges < 0) | (ranges > _RANGE_M), _RANGE_M, ranges)
 

@@ -41,9 +41,15 @@ class StressTest:
 
 
 def stress_walls(
-    bundle: Path, free: Polygon, parts: list[np.ndarray], zone_edges_m: list[float], contacts: int, seed: int,
-    threads: int = 1, progress: Progress = iter,
-) -> StressTest:  # fmt: skip
+    bundle: Path,
+    free: Polygon,
+    parts: list[np.ndarray],
+    zone_edges_m: list[float],
+    contacts: int,
+    seed: int,
+    threads: int = 1,
+    progress: Progress = iter,
+) -> StressTest:
     """Throw robots at corners, seams of parts, borders of zones and of local models, and anywhere at the walls.
 
     A throw is up to 3 m/s towards the wall and full throttle after it. A robot has escaped when its centre leaves
@@ -124,10 +130,11 @@ def _targets(
         "seams": np.unique(ends[shapely.distance(wall, shapely.points(ends)) < _ON_WALL_M], axis=0),
         **{
             name: shapely.get_coordinates(shapely.intersection(wall, shapely.multilinestrings(cuts)))
-            for name, cuts in lines.items() if cuts
+            for name, cuts in lines.items()
+            if cuts
         },
         "walls": shapely.get_coordinates(shapely.line_interpolate_point(wall, rng.random(4096), normalized=True)),
-    }  # fmt: skip
+    }
     return {name: places for name, places in kinds.items() if len(places)}
 
 
@@ -171,8 +178,12 @@ def _escaped(
     )
     out = ~np.isfinite(place).all(axis=1) | (room < 0) | (place[:, 2] < 0) | (place[:, 2] > height_m)
     x, y = batch.qpos[here, 4], batch.qpos[here, 5]
-    mast = np.column_stack([2 * (x * batch.qpos[here, 6] + y * batch.qpos[here, 3]),
-                            2 * (y * batch.qpos[here, 6] - x * batch.qpos[here, 3]),
-                            1 - 2 * (x * x + y * y)])  # fmt: skip
+    mast = np.column_stack(
+        [
+            2 * (x * batch.qpos[here, 6] + y * batch.qpos[here, 3]),
+            2 * (y * batch.qpos[here, 6] - x * batch.qpos[here, 3]),
+            1 - 2 * (x * x + y * y),
+        ]
+    )
     upright = mast @ T[:3, 2] > _UPRIGHT  # one that fell on its side is narrower than its disc
     return out, float(np.maximum(0.0, radius_m - room)[upright].max(initial=0.0))

@@ -24,10 +24,10 @@ from pipeline.metrics.texture import (
     published_wavelength_m,
     roof_irregularity_m,
     roof_unevenness_m,
+    rotate_about_z,
     roughness_integral_m2,
     strict_score,
     sweep_walls,
-    turned,
     wall_heterogeneity_m,
     wall_jaggedness_deg,
     wall_wavelength_m,
@@ -84,11 +84,20 @@ def report_texture(
     rock = _measure(walls, roof, free, network, params)
     flat = _measure(smooth_walls, smooth_roof, free, network, _fewer(params))
     sigma = fit_voxel_planes(rock.wall, 0.5, 30).sigma
-    return repeatable(TextureReport(
-        rock.as_paper, rock.as_is, published_score(REAL, rock.as_paper), strict_score(REAL, rock.as_is), rock.sweep,
-        roof_unevenness_m(rock.roof), float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0,
-        _heat(rock.everywhere), published_score(REAL, flat.as_paper), strict_score(REAL, flat.as_is),
-    ))  # fmt: skip
+    return repeatable(
+        TextureReport(
+            rock.as_paper,
+            rock.as_is,
+            published_score(REAL, rock.as_paper),
+            strict_score(REAL, rock.as_is),
+            rock.sweep,
+            roof_unevenness_m(rock.roof),
+            float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0,
+            _heat(rock.everywhere),
+            published_score(REAL, flat.as_paper),
+            strict_score(REAL, flat.as_is),
+        )
+    )
 
 
 def _fewer(params: TextureReportParams) -> TextureReportParams:
@@ -113,12 +122,14 @@ def _measure(
     noisy_roof = _between(with_noise(roof, roof_normal, *noise), params.roof_z_m)
     wall, roof = _between(wall, params.wall_z_m), _between(roof, params.roof_z_m)
     along_m = wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free)
-    wall, roof, noisy_wall, noisy_roof = map(turned, (wall, roof, noisy_wall, noisy_roof))
+    wall, roof, noisy_wall, noisy_roof = map(rotate_about_z, (wall, roof, noisy_wall, noisy_roof))
     sweep = sweep_walls(wall)
     as_paper = _axes(
-        noisy_wall, sweep_walls(noisy_wall), noisy_roof,
+        noisy_wall,
+        sweep_walls(noisy_wall),
+        noisy_roof,
         published_wavelength_m(_between(everywhere, params.wall_z_m)),
-    )  # fmt: skip
+    )
     return _Measured(as_paper, _axes(wall, sweep, roof, along_m), sweep, everywhere, wall, roof)
 
 
@@ -165,9 +176,13 @@ def report_walls(model: mujoco.MjModel, free: Polygon, network: DriftNetwork, he
 
 def _axes(walls: np.ndarray, sweep: list[Residuals], roof: np.ndarray, wavelength_m: float) -> TextureAxes:
     return TextureAxes(
-        wall_jaggedness_deg(walls), bump_rq_m(walls), roughness_integral_m2(sweep), wavelength_m,
-        roof_irregularity_m(roof), wall_heterogeneity_m(walls),
-    )  # fmt: skip
+        wall_jaggedness_deg(walls),
+        bump_rq_m(walls),
+        roughness_integral_m2(sweep),
+        wavelength_m,
+        roof_irregularity_m(roof),
+        wall_heterogeneity_m(walls),
+    )
 
 
 def _places(network: DriftNetwork, count: int) -> np.ndarray:

@@ -53,9 +53,15 @@ class Validator:
         """Return which of the plan's free columns are open."""
         record = self.world.record
         return cast_columns(
-            self.world.model, np.array(record.T_world_mine), self.cleaned, self.survey.frame, record.height_m,
-            self.free_space.tolerance_m, GeomGroup.FLOOR, GeomGroup.COLLISION,
-        )  # fmt: skip
+            self.world.model,
+            np.array(record.T_world_mine),
+            self.cleaned,
+            self.survey.frame,
+            record.height_m,
+            self.free_space.tolerance_m,
+            GeomGroup.FLOOR,
+            GeomGroup.COLLISION,
+        )
 
     @functools.cached_property
     def texture(self) -> TextureReport:

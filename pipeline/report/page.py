@@ -92,20 +92,36 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
     groups = _figures(metrics, manifests[-1])
     judged = [figure.holds for group in groups.values() for figure in group if figure.holds is not None]
     template = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=jinja2.StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    ).get_template("page.html.j2")  # fmt: skip
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    ).get_template("page.html.j2")
     page = template.render(
-        name=record.name, env_id=env_id, record=record, version=__version__,
+        name=record.name,
+        env_id=env_id,
+        record=record,
+        version=__version__,
         survey=_read(root, "survey/survey.json", Survey),
-        mine_svg=svg[svg.index(b"<svg") :].decode(), glance=_pictures(root, _GLANCE), texture=_pictures(root, _TEXTURE),
-        scene=scene_page(root / "realism" / "world", record, free_space), groups=groups,
-        held=sum(judged), judged=len(judged), iou=metrics["iou.free_space_vs_cleaned"],
-        certificate=_read(root, "validation/certificate.json", dict), replay=_replay(root), network=network,
-        widths=_width_quantiles(network), manifests=manifests, changed=changed,
+        mine_svg=svg[svg.index(b"<svg") :].decode(),
+        glance=_pictures(root, _GLANCE),
+        texture=_pictures(root, _TEXTURE),
+        scene=scene_page(root / "realism" / "world", record, free_space),
+        groups=groups,
+        held=sum(judged),
+        judged=len(judged),
+        iou=metrics["iou.free_space_vs_cleaned"],
+        certificate=_read(root, "validation/certificate.json", dict),
+        replay=_replay(root),
+        network=network,
+        widths=_width_quantiles(network),
+        manifests=manifests,
+        changed=changed,
         inputs={k: v for m in manifests for k, v in m.inputs.items() if k.startswith("data/")},
-        bundle="../realism/world", tolerance_m=free_space.tolerance_m,
-    )  # fmt: skip
+        bundle="../realism/world",
+        tolerance_m=free_space.tolerance_m,
+    )
     replace_folder(
         root / FOLDER,
         {PAGE: page.encode(), "mine.svg": svg, "mine.png": encode(Path("mine.png"), to_image(plan))},

@@ -45,8 +45,11 @@ def draw_spectra(report: RoughnessReport) -> Image:
     spectrum.annotate(
         f" shortest wave built, {report.shortest_wavelength_m['wall']:.2f} m = "
         f"{report.shortest_wavelength_m['wall'] / report.spacing_m['wall']:.1f} x spacing",
-        (report.shortest_wavelength_m["wall"], 0.03), xycoords=("data", "axes fraction"), fontsize=7, color=GREY,
-    )  # fmt: skip
+        (report.shortest_wavelength_m["wall"], 0.03),
+        xycoords=("data", "axes fraction"),
+        fontsize=7,
+        color=GREY,
+    )
     for axes, x, y in (
         (rough, "window, m", "RMS residual, m"),
         (spectrum, "wavelength, m", "power spectral density, m$^3$"),

@@ -13,10 +13,17 @@ ROCK, STEEL, OCHRE, MOSS, GREY = "#7a4b32", "#2f5d8a", "#d28e1f", "#4f7d4b", "#8
 
 matplotlib.rcParams.update(
     {
-        "font.size": 9, "axes.grid": True, "grid.color": "#e3e3e3", "axes.axisbelow": True, "axes.spines.top": False,
-        "axes.spines.right": False, "legend.frameon": False, "figure.dpi": 150, "svg.hashsalt": "minexplore",
+        "font.size": 9,
+        "axes.grid": True,
+        "grid.color": "#e3e3e3",
+        "axes.axisbelow": True,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "legend.frameon": False,
+        "figure.dpi": 150,
+        "svg.hashsalt": "minexplore",
     }
-)  # fmt: skip
+)
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:

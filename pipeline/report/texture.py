@@ -12,10 +12,13 @@ from pipeline.report.style import GREY, OCHRE, ROCK, STEEL, new_figure, to_image
 from pipeline.types import Image
 
 _SHORT = {
-    "wall_jaggedness_deg": "wall\njaggedness", "bump_rq_m": "bump Rq", "roughness_integral_m2": "roughness\nintegral",
-    "dominant_wavelength_m": "dominant\nwavelength", "roof_irregularity_m": "roof\nirregularity",
+    "wall_jaggedness_deg": "wall\njaggedness",
+    "bump_rq_m": "bump Rq",
+    "roughness_integral_m2": "roughness\nintegral",
+    "dominant_wavelength_m": "dominant\nwavelength",
+    "roof_irregularity_m": "roof\nirregularity",
     "wall_heterogeneity_m": "wall\nheterogeneity",
-}  # fmt: skip
+}
 
 
 def draw_texture(report: TextureReport) -> Image:
