@@ -1,4 +1,4 @@
-"""Places in `mine.xml` hold every digit: the mine frame of the model is that of `world.json`."""
+"""Positions in `mine.xml` keep every digit, so the model and `world.json` have the same mine frame."""
 
 import mujoco
 import numpy as np
@@ -13,14 +13,14 @@ from pipeline.proof.consistency import measure_consistency
 from tests.mines import BuiltMine
 
 
-def test_the_models_mine_frame_is_that_of_the_record_to_a_nanometre(tee):
+def test_the_mine_frames_of_model_and_record_agree_to_a_nanometre(tee):
     world = open_bundle(tee.bundle)
     T = mine_from_body(world.model, np.array(world.record.T_world_mine))
     assert np.abs(T - np.eye(4)).max() < 1e-9
     assert measure_consistency(tee.bundle, world, tee.free_space)["frame_error_m"] < 1e-9
 
 
-def test_parts_are_placed_by_the_stated_frame_and_not_by_the_models():
+def test_parts_are_placed_by_the_records_frame_and_not_by_the_models():
     xml = """<mujoco><worldbody><body name="mine" pos="1 2 3" quat="0 0 0 1">
     <geom type="box" size="1 2 3" pos="10 0 0" group="3"/></body></worldbody></mujoco>"""
     model = mujoco.MjModel.from_xml_string(xml)
@@ -31,12 +31,12 @@ def test_parts_are_placed_by_the_stated_frame_and_not_by_the_models():
     assert placed.max(axis=0) == pytest.approx([1 - 9, 2 + 2, 3 + 3])
 
 
-def test_a_mine_kilometres_from_its_origin_keeps_its_hundredths_of_a_millimetre(tmp_path):
+def test_a_mine_kilometres_from_the_origin_is_exact_to_a_hundredth_of_a_millimetre(tmp_path):
     far = translate(rotate(shapely.box(0, 0, 40, 6), 21.0), 5123.4567, 7654.3219)
     coarse = compose(["surface.rough.spacing_m=0.5", "surface.rough.roof_spacing_m=0.5"])
     mine = BuiltMine(far, coarse, tmp_path / "world")
     world = open_bundle(mine.bundle)
     assert measure_consistency(mine.bundle, world, mine.free_space)["frame_error_m"] < 1e-9
     built = np.concatenate(part_vertices(world.model, GeomGroup.COLLISION))
-    asked = np.concatenate(list(mine.compiled["collision"]))
-    assert np.abs(np.sort(built, axis=0) - np.sort(asked, axis=0)).max() < 1e-5
+    given = np.concatenate(list(mine.compiled["collision"]))
+    assert np.abs(np.sort(built, axis=0) - np.sort(given, axis=0)).max() < 1e-5
