@@ -1,4 +1,4 @@
-"""One look for all diagrams: figures become pixels, so that stages encode them as they do every picture."""
+"""The common style of all diagrams, and their conversion to pixels, which stages encode as pictures."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ matplotlib.rcParams.update(
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
-    """Return a figure that draws without a screen."""
+    """Return a figure that needs no screen."""
     figure = Figure(figsize=(width_in, height_in), layout="constrained")
     FigureCanvasAgg(figure)
     return figure

@@ -1,4 +1,4 @@
-"""Pictures of the texture report: scores, roughness against scale, and sigma along the mine."""
+"""Pictures of the texture report: scores, roughness over voxel size, and sigma along the mine."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SHORT = {
 
 
 def draw_texture(report: TextureReport) -> Image:
-    """Draw both scores of each axis beside the paper's, and roughness against voxel size beside the real scan's."""
+    """Draw both scores of each axis with the paper's, and roughness over voxel size with the real scan's."""
     figure = new_figure(12, 4.4)
     scores, scale = figure.subplots(1, 2, width_ratios=[3, 2])
     at = np.arange(len(AXES) + 1)
