@@ -25,10 +25,10 @@ from pipeline.metrics.texture import (
     bump_rq_m,
     published_score,
     roof_irregularity_m,
+    rotate_about_z,
     roughness_integral_m2,
     strict_score,
     sweep_walls,
-    turned,
     wall_heterogeneity_m,
     wall_jaggedness_deg,
     wall_wavelength_m,
@@ -96,7 +96,7 @@ class TestDrift:
         walls = points[WALL][(points[WALL][:, 2] >= 0.5) & (points[WALL][:, 2] <= 3.0)]
         roof = points[ROOF][(points[ROOF][:, 2] >= 3.0) & (points[ROOF][:, 2] <= 3.8)]
         along_m = wall_wavelength_m(walls[::2], self.free)
-        walls, roof = turned(walls), turned(roof)
+        walls, roof = rotate_about_z(walls), rotate_about_z(roof)
         sweep = sweep_walls(walls)
         axes = TextureAxes(
             wall_jaggedness_deg(walls),

@@ -1,4 +1,4 @@
-"""A stage: what it reads, what it writes, which pure function lies between, and how it is run."""
+"""A stage of the pipeline: the files it reads and writes, the pure function it calls, and how it runs."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ ARTIFACTS = Path("artifacts")
 
 @dataclass(frozen=True)
 class Artifact:
-    """A file (or, for a `Bundle`, a folder) below `artifacts/`, and the type its codec makes of it.
+    """A file below `artifacts/` (for a `Bundle`, a folder), and the type that its codec decodes it to.
 
-    `in_git` marks a small result of the default world that git keeps instead of DVC's cache. `volatile` marks timings,
-    which differ from run to run: neither the manifest nor `dvc.yaml` names them.
+    `in_git` marks a small result of the default world that git stores instead of DVC's cache. `volatile` marks timings,
+    which differ from run to run; the manifest and `dvc.yaml` do not name them.
     """
 
     path: str
@@ -41,10 +41,10 @@ class Artifact:
 class Stage:
     """One stage of the pipeline.
 
-    `run(params, **inputs)` gets the section of the configuration that is named like the stage and one decoded
-    artifact for each entry of `reads`; it returns one value for each entry of `writes`. `sources(params)` lists the
-    registered files below `data/` that it uses. `check(params, outputs)` may raise `LimitError` after the artifacts
-    are written.
+    `run(params, **inputs)` receives the section of the configuration with the stage's name, and one decoded artifact
+    for each entry of `reads`. It returns one value for each entry of `writes`. `sources(params)` lists the registered
+    files below `data/` that the stage uses. `check(params, outputs)` may raise `LimitError` after the artifacts are
+    written.
     """
 
     name: str
@@ -56,12 +56,12 @@ class Stage:
 
 
 def run_stage(stage: Stage, overrides: list[str]) -> None:
-    """Run one stage of the default world by its composed parameters, or by overrides.
+    """Run one stage of the default world with the composed parameters, or with overrides.
 
     Raises
     ------
     MineError
-        With one message; artifacts are then as they were before.
+        If the stage fails; the artifacts are unchanged.
     """
     recover_folder(ARTIFACTS / stage.name)
     params = getattr(compose(root_overrides() + overrides), stage.name) if overrides else composed_section(stage.name)
@@ -69,12 +69,12 @@ def run_stage(stage: Stage, overrides: list[str]) -> None:
 
 
 def make_artifacts(stage: Stage, params: Any, root: Path) -> None:
-    """Run a stage in a world's folder: inputs, the pure function, then all outputs and the manifest at once.
+    """Run a stage in a world's folder; all outputs and the manifest are replaced at once.
 
     Raises
     ------
     MineError
-        With one message; artifacts are then as they were before, unless a limit is breached by those just written.
+        If the stage fails. The artifacts are unchanged, except after a breached limit: then the new ones are kept.
     """
     inputs, values = _input_hashes(stage, params, root), {}
     for key, artifact in stage.reads.items():
@@ -87,7 +87,7 @@ def make_artifacts(stage: Stage, params: Any, root: Path) -> None:
 
 
 def is_fresh(stage: Stage, params: Any, root: Path) -> bool:
-    """Return whether a world's folder holds what this stage would make: same code, parameters, inputs, and outputs."""
+    """Return whether a world's folder holds this stage's outputs of the same code, parameters and inputs."""
     try:
         manifest = read_manifest(root / stage.name / "manifest.json")
         return (
@@ -102,12 +102,12 @@ def is_fresh(stage: Stage, params: Any, root: Path) -> bool:
 
 
 def check_again(stage: Stage, params: Any, root: Path) -> None:
-    """Hold the figures that a stage has written earlier to its limits.
+    """Check the figures that a stage wrote earlier against its limits.
 
     Raises
     ------
     LimitError
-        If one breaches its limit.
+        If a figure breaches its limit.
     """
     stage.check(params, {key: decode(a.at(root), a.kind) for key, a in stage.writes.items() if a.kind is dict})
 
@@ -129,11 +129,11 @@ def _input_hashes(stage: Stage, params: Any, root: Path) -> dict[str, str]:
 def _write_outputs(stage: Stage, params: Any, root: Path, inputs: dict[str, str], outputs: Mapping[str, Any]) -> None:
     files: dict[str, bytes] = {}
     for key, artifact in stage.writes.items():
-        place = Path(artifact.path).relative_to(stage.name)
+        path = Path(artifact.path).relative_to(stage.name)
         if artifact.kind == Bundle:
-            files |= {(place / name).as_posix(): data for name, data in outputs[key].items()}
+            files |= {(path / name).as_posix(): data for name, data in outputs[key].items()}
         else:
-            files[place.as_posix()] = encode(place, outputs[key])
+            files[path.as_posix()] = encode(path, outputs[key])
     folder = root / stage.name
     volatile = {a.at(root) for a in stage.writes.values() if a.volatile}
     hashes = {
@@ -144,7 +144,7 @@ def _write_outputs(stage: Stage, params: Any, root: Path, inputs: dict[str, str]
 
 
 def main(stage: Stage) -> int:
-    """Run a stage from the command line: Hydra overrides as arguments, exit code 2 with one message on bad input."""
+    """Run a stage from the command line; arguments are Hydra overrides. Bad input gives one message and exit code 2."""
     try:
         run_stage(stage, sys.argv[1:])
     except MineError as error:

@@ -1,25 +1,25 @@
 #!/bin/sh
-# Make .venv from a lock, dev or baselines (which holds all of dev), and install the system packages that are missing.
-# Silent when there is nothing to do.
+# Make .venv from a lock, dev or baselines (which includes dev), and install missing system packages.
+# It prints nothing if there is nothing to do.
 set -eu
 lock=requirements/${1:-dev}.txt
 stamp=.venv/.installed
-[ -e .venv/.baselines ] && lock=requirements/baselines.txt # who has Ray and torch keeps them
+[ -e .venv/.baselines ] && lock=requirements/baselines.txt # an environment with Ray and torch keeps them
 
 install() {
     if ! command -v apt-get >/dev/null 2>&1; then
-        echo "setup: please install: $* (this system has no apt-get)" >&2
+        echo "setup: this system has no apt-get; install these packages: $*" >&2
         exit 2
     fi
     root=""
     if [ "$(id -u)" -ne 0 ]; then
         root="sudo"
         command -v sudo >/dev/null 2>&1 || {
-            echo "setup: please install: $* (this needs root, and sudo is missing)" >&2
+            echo "setup: no root rights and no sudo; install these packages as root: $*" >&2
             exit 2
         }
     fi
-    echo "setup: installing $*" >&2
+    echo "setup: installing system packages: $*" >&2
     $root apt-get update -qq
     $root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null
 }
@@ -55,11 +55,11 @@ for candidate in $pythons; do
     if works "$candidate"; then python=$candidate && break; fi
 done
 if [ -z "$python" ]; then
-    echo "setup: no Python 3.11, 3.12 or 3.13 found; install one or name it: make setup PYTHON=/path/to/python" >&2
+    echo "setup: no Python 3.11, 3.12 or 3.13 found; install one, or give its path: make setup PYTHON=/path/to/python" >&2
     exit 2
 fi
 echo "setup: installing Python packages into .venv ($("$python" --version))" >&2
-if ! works .venv/bin/python; then # --clear empties .venv and keeps the folder, which may be a container's mount
+if ! works .venv/bin/python; then # --clear empties .venv but keeps the folder, which may be a mount of a container
     "$python" -m venv --clear .venv >/dev/null 2>&1 || {
         install python3-venv
         "$python" -m venv --clear .venv
@@ -67,7 +67,7 @@ if ! works .venv/bin/python; then # --clear empties .venv and keeps the folder, 
 fi
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/bootstrap.txt
 .venv/bin/uv pip sync --quiet --compile-bytecode --require-hashes --python .venv/bin/python "$lock" requirements/bootstrap.txt
-if [ "$lock" = requirements/baselines.txt ]; then # torch's wheels differ by platform: pinned, not hashed
+if [ "$lock" = requirements/baselines.txt ]; then # torch's wheels differ by platform, so it is pinned without hashes
     .venv/bin/python -m pip install --quiet --disable-pip-version-check \
         "$(sed -n 's/^ *"\(torch==[^"]*\)".*/\1/p' pyproject.toml)"
     touch .venv/.baselines

@@ -1,4 +1,4 @@
-"""Print `dvc.yaml` from the stages' declarations: `python -m stages > dvc.yaml` (`make dag`; a test compares)."""
+"""Print `dvc.yaml`, made from the stages' declarations: `python -m stages > dvc.yaml` (`make dag`)."""
 
 from __future__ import annotations
 
@@ -15,14 +15,20 @@ from pipeline.store.hashing import import_closure
 STAGES = ("survey", "contours", "compile3d", "surface", "realism", "validation")
 _HEADER = """\
 # The only DAG. Written by `make dag` from the stages' declarations and their imports (DVC does not follow imports);
-# `persist` keeps earlier artifacts until a stage has new ones whole.
+# `persist` keeps earlier artifacts until a stage has written all new ones.
 """
 _PLOTS: list[dict[str, Any]] = [
     {"artifacts/contours/contours.png": None},
     {"artifacts/validation/agreement.png": None},
-    {"artifacts/contours/widths.csv": {
-        "x": "easting_m", "y": "width_m", "template": "scatter", "title": "Clear width of the drifts"}},
-]  # fmt: skip
+    {
+        "artifacts/contours/widths.csv": {
+            "x": "easting_m",
+            "y": "width_m",
+            "template": "scatter",
+            "title": "Clear width of the drifts",
+        }
+    },
+]
 
 
 def load_stages() -> list[Stage]:
@@ -37,7 +43,7 @@ def render_dag(root: Path) -> str:
         "cmd": "python -m pipeline.compose",
         "deps": ["conf", *_closure(root, "pipeline/compose.py")],
         "params": ["overrides"],
-        "outs": [_kept("artifacts/params.yaml")],
+        "outs": [_persistent("artifacts/params.yaml")],
     }
     stages: dict[str, Any] = {"compose": compose}
     for stage in load_stages():
@@ -46,13 +52,14 @@ def render_dag(root: Path) -> str:
         "desc": "The report: one page with all the evidence",
         "cmd": "python -m pipeline report",
         "deps": [
-            "conf", "pipeline/report/page.html.j2",
+            "conf",
+            "pipeline/report/page.html.j2",
             *((ARTIFACTS / name / "manifest.json").as_posix() for name in STAGES),
             *_closure(root, "pipeline/report/page.py"),
         ],
-        # The page itself shows load times, which differ from run to run: the lock names what is written with it.
-        "outs": [_kept((ARTIFACTS / "report" / name).as_posix()) for name in ("mine.png", "mine.svg")],
-    }  # fmt: skip
+        # The page shows load times, which differ from run to run, so the lock names the files written with it.
+        "outs": [_persistent((ARTIFACTS / "report" / name).as_posix()) for name in ("mine.png", "mine.svg")],
+    }
     plots = [next(iter(p)) if next(iter(p.values())) is None else p for p in _PLOTS]
     return _HEADER + yaml.safe_dump({"stages": stages, "plots": plots}, sort_keys=False, width=120)
 
@@ -68,9 +75,9 @@ def _stage_entry(stage: Stage, root: Path) -> dict[str, Any]:
         "cmd": f"python -m stages.{stage.name}",
         "deps": ["data"] * (stage.name == "survey") + inputs + _closure(root, f"stages/{stage.name}.py"),
         "params": [{(ARTIFACTS / "params.yaml").as_posix(): [stage.name]}],
-        "outs": [_kept(p) for p in [*outs, (ARTIFACTS / stage.name / "manifest.json").as_posix()]],
+        "outs": [_persistent(p) for p in [*outs, (ARTIFACTS / stage.name / "manifest.json").as_posix()]],
     }
-    # DVC's cache stays on one machine; figures kept in git can be compared with any commit (`dvc metrics diff`).
+    # DVC's cache is local to a machine. Metrics in git can be compared with any commit (`dvc metrics diff`).
     return {**entry, "metrics": [{p: {"cache": False, "persist": True}} for p in metrics]} if metrics else entry
 
 
@@ -78,7 +85,7 @@ def _closure(root: Path, module: str) -> list[str]:
     return [path.as_posix() for path in import_closure(root / module, root)]
 
 
-def _kept(path: str) -> dict[str, Any]:
+def _persistent(path: str) -> dict[str, Any]:
     return {path: {"persist": True}}
 
 

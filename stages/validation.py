@@ -26,44 +26,44 @@ from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle
 from pipeline.types import Image, Mask, Survey
 
-_LONG = ("texture", "containment", "columns", "walls", "consistency")
+_SLOW_MEASURES = ("texture", "containment", "columns", "walls", "consistency")
 
 
 def validate_world(params: ValidationParams, world: Path, cleaned: Mask, raw: Mask, survey: Survey) -> dict[str, Any]:
-    """Return the metrics, how long the world takes to load, the certificate, and the evidence to look at."""
-    found = Validator(params, world, cleaned, raw, survey)
-    with ThreadPoolExecutor(2) as pool:  # the long measures beside each other: they are mostly outside the interpreter
-        for measured in [pool.submit(getattr, found, name) for name in _LONG]:
+    """Return the metrics, the load times, the certificate, and reports and pictures as evidence."""
+    validator = Validator(params, world, cleaned, raw, survey)
+    with ThreadPoolExecutor(2) as pool:  # long measures run in parallel: they mostly run outside the interpreter
+        for measured in [pool.submit(getattr, validator, name) for name in _SLOW_MEASURES]:
             measured.result()
-        loading = pool.submit(measure_load, world / MODEL)  # beside what keeps one core busy
-        evidence = _evidence(params, found)
-        metrics = {group: found.measure(group) for group in MEASURES}
-        timings = {"world_sha256": found.world.record.world_sha256, "world": dataclasses.asdict(loading.result())}
+        loading = pool.submit(measure_load, world / MODEL)  # parallel to work that keeps one core busy
+        evidence = _evidence(params, validator)
+        metrics = {group: validator.measure(group) for group in MEASURES}
+        timings = {"world_sha256": validator.world.record.world_sha256, "world": dataclasses.asdict(loading.result())}
     return {"metrics": metrics, "timings": timings, **evidence}
 
 
-def _evidence(params: ValidationParams, found: Validator) -> dict[str, Any]:
-    """Return the certificate, and the reports and pictures to look at."""
-    free, columns = found.free_space.polygon, found.columns
-    replay = _replay(params.replay, found)
+def _evidence(params: ValidationParams, validator: Validator) -> dict[str, Any]:
+    """Return the certificate, the reports and the pictures."""
+    free, columns = validator.free_space.polygon, validator.columns
+    replay = _replay(params.replay, validator)
     return {
-        "certificate": found.certificate,
-        "agreement": draw_agreement(found.cleaned, found.seen),
+        "certificate": validator.certificate,
+        "agreement": draw_agreement(validator.cleaned, validator.world_free),
         "blocked": blocked_table(columns.blocked_places_m, columns.blocked_depths_m, columns.wall_band_m),
-        "texture": found.texture,
-        "texture_picture": draw_texture(found.texture),
-        "heat": draw_heat(found.texture, free),
-        "views": draw_views(found.world, found.network),
+        "texture": validator.texture,
+        "texture_picture": draw_texture(validator.texture),
+        "heat": draw_heat(validator.texture, free),
+        "views": draw_views(validator.world, validator.network),
         "replay": replay.report,
         "replay_picture": draw_replay(replay, free),
     }
 
 
-def _replay(params: ReplayParams, found: Validator) -> Replay:
+def _replay(params: ReplayParams, validator: Validator) -> Replay:
     if params.poses is None or not params.sweeps:
         return Replay(ReplayReport({}))
     sweeps = {name: Path(file) for name, file in params.sweeps.items()}
-    return replay_sweeps(found.world, found.free_space.polygon, Path(params.poses), sweeps, params)
+    return replay_sweeps(validator.world, validator.free_space.polygon, Path(params.poses), sweeps, params)
 
 
 def replayed_files(params: ValidationParams) -> list[str]:
@@ -72,7 +72,7 @@ def replayed_files(params: ValidationParams) -> list[str]:
 
 
 def check_limits(params: ValidationParams, outputs: Mapping[str, Any]) -> None:
-    """Fail the stage when a metric breaches its limit in conf."""
+    """Fail the stage if a metric breaches its limit in `conf/`."""
     require_limits(flatten(outputs["metrics"]) | flatten(outputs["timings"]), params.limits)
 
 

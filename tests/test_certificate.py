@@ -226,9 +226,17 @@ def test_a_grade_is_the_median_slope():
 def test_the_published_sweeps_lie_on_the_published_plans_walls(shared_mine, built):
     """On the station survey's world; the plan's own is measured by `make test-slow`."""
     done = built.run(
-        sys.executable, "-m", "pipeline", "replay", "--bundle", "artifacts/realism/world",
-        "--sweeps", str(shared_mine), "--poses", str(shared_mine / "scan_poses.csv"),
-    )  # fmt: skip
+        sys.executable,
+        "-m",
+        "pipeline",
+        "replay",
+        "--bundle",
+        "artifacts/realism/world",
+        "--sweeps",
+        str(shared_mine),
+        "--poses",
+        str(shared_mine / "scan_poses.csv"),
+    )
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
     assert set(report["sweeps"]) == {"00S", "11S", "25S", "40S"}

@@ -1,1 +1,1 @@
-"""What is measured of a world: one measure a file, each value with its unit in its name."""
+"""Measures of a world: one measure per file. Each value has its unit in its name."""

@@ -1,4 +1,4 @@
-"""What a LiDAR sees against what a robot hits: gaps along the walls, and the width that passages keep."""
+"""Visible rock against collision walls: the gaps between them, and the clear width that remains in passages."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from shapely import Polygon
 from pipeline.geometry.skeleton import passage_stations
 from pipeline.types import DriftNetwork
 
-_NUDGES_M = np.array([-0.2, -0.1, 0.0, 0.1, 0.2])  # the widest place across a passage shifts a little with its walls
-_LEAST_HALF_WIDTH_M = 0.35  # narrower ends are not passages for the robot
+_NUDGES_M = np.array([-0.2, -0.1, 0.0, 0.1, 0.2])  # rough walls move the widest place of a section a little
+_LEAST_HALF_WIDTH_M = 0.35  # narrower passages do not admit the robot
 
 
 @dataclass(frozen=True)
 class WallGaps:
-    """Distances along all walls at one height between the visible rock and the collision wall, m, and passages' widths.
+    """Distances, m, between visible rock and collision wall at one height, and the clear widths of passages.
 
-    `kept` are shares of the plan's clear width: of the narrowest passage's, and at the median station.
+    `narrowest_kept` and `median_kept` are the shares of the plan's clear width that the visible rock leaves, in the
+    narrowest passage and at the median station.
     """
 
     gap_median_m: float
@@ -36,7 +37,7 @@ class WallGaps:
 def measure_walls(seen: np.ndarray, free: Polygon, network: DriftNetwork) -> WallGaps:
     """Compare visible wall points (n, 2) m at one height with the free space that the collision walls enclose.
 
-    Passages are the network's stations, but for those nearer to a dead end than their own half width.
+    Passages are the network's stations, except those nearer to a dead end than their own half width.
     """
     points = shapely.points(seen)
     gap = shapely.distance(free.boundary, points)

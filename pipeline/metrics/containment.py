@@ -1,4 +1,4 @@
-"""Whether collision walls enclose the workings: slices of the convex parts against the free space, exactly, in plan."""
+"""Whether collision walls enclose the workings: exact comparison of slices of the convex parts with the free space."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-_SEAM_M = 0.002  # neighbours' edges may differ by rounding of the MJCF's decimals
+_SEAM_M = 0.002  # edges of neighbouring parts may differ by the rounding of decimals in the MJCF
 
 
 @dataclass(frozen=True)
 class WallCover:
-    """Of the worst height: rock in the free space and rock left open, m2, and the widest gap along a wall, m."""
+    """Worst values over all heights: rock in the free space, m2; missing rock, m2; the widest gap along a wall, m."""
 
     intrusion_m2: float
     missing_m2: float
@@ -30,23 +30,27 @@ def cover_walls(parts: Iterable[np.ndarray], free: Polygon, world: Polygon, heig
     parts : iterable of (n, 3) float64, m, mine frame
         Vertices of convex parts, in any order.
     free, world : shapely.Polygon, m, mine frame
-        The workings, and what rock and workings fill together.
+        The workings, and the box that rock and workings fill together.
     heights_m : iterable of float
         Heights of the slices.
     """
-    everything = list(parts)
+    all_parts = list(parts)
     worst = [0.0, 0.0, 0.0]
     for height in heights_m:
-        rock = shapely.union_all([_slice(part, height) for part in everything])
-        bare = free.boundary.intersection(world.buffer(-_SEAM_M)).difference(rock.buffer(_SEAM_M))
-        gaps = [piece.length for piece in shapely.get_parts(shapely.line_merge(bare))] if not bare.is_empty else [0.0]
-        found = (rock.intersection(free).area, world.difference(free).difference(rock).area, max(gaps))
-        worst = [max(a, b) for a, b in zip(worst, found, strict=True)]
+        rock = shapely.union_all([_slice(part, height) for part in all_parts])
+        uncovered = free.boundary.intersection(world.buffer(-_SEAM_M)).difference(rock.buffer(_SEAM_M))
+        gaps = (
+            [piece.length for piece in shapely.get_parts(shapely.line_merge(uncovered))]
+            if not uncovered.is_empty
+            else [0.0]
+        )
+        errors = (rock.intersection(free).area, world.difference(free).difference(rock).area, max(gaps))
+        worst = [max(a, b) for a, b in zip(worst, errors, strict=True)]
     return WallCover(*(round(float(v), 6) for v in worst))
 
 
 def _slice(part: np.ndarray, height_m: float) -> BaseGeometry:
-    """Return the level slice of a convex body: what all segments between vertices below and above it pass through."""
+    """Return the horizontal slice of a convex body: the hull of the crossings of all segments between its vertices."""
     below, above = part[part[:, 2] <= height_m], part[part[:, 2] > height_m]
     if not len(below) or not len(above):
         return Polygon()
@@ -56,5 +60,5 @@ def _slice(part: np.ndarray, height_m: float) -> BaseGeometry:
 
 
 def open_area_m2(slabs: Iterable[tuple[float, float, float, float]], free: Polygon) -> float:
-    """Return the free space's area, m2, that no slab (west, south, east, north) m lies under or over."""
+    """Return the area of free space, m2, that no slab covers in plan; slabs are (west, south, east, north), m."""
     return round(float(free.difference(shapely.union_all([shapely.box(*slab) for slab in slabs])).area), 6)

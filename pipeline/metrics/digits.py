@@ -1,4 +1,4 @@
-"""Figures rounded to the digits that every machine repeats."""
+"""Rounding of figures to the digits that are equal on every machine."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Any, TypeVar
 
 # BLAS kernels and SIMD widths order sums differently. The texture report of the default world, made with AVX-512, with
 # AVX2 and with SSE kernels, with one thread and with two, agrees to a relative 3.3e-13 or better; nine digits leave
-# three orders of magnitude, so that a figure on the edge between two roundings is unlikely.
+# a margin of three orders of magnitude, so that two machines rarely round one figure differently.
 DIGITS = 9
 
 T = TypeVar("T")
 
 
 def repeatable(value: T) -> T:
-    """Return a float, or a dataclass, dict, list or tuple of them, with floats of nine significant digits."""
+    """Round every float in a value to nine significant digits; dataclasses, dicts, lists and tuples are searched."""
     return _rounded(value)
 
 

@@ -1,4 +1,4 @@
-"""Metrics against their limits."""
+"""Comparison of metrics with their limits."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pipeline.params.validation import Limit
 
 
 def flatten(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested metrics as one level, names joined by dots."""
+    """Return nested metrics as one flat dict, with names joined by dots."""
     flat: dict[str, Any] = {}
     for key, value in metrics.items():
         flat |= flatten(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
@@ -31,7 +31,7 @@ def breaches(metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> list[st
 
 
 def require_limits(metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> None:
-    """Raise `LimitError` with every breach, if there is one."""
+    """Raise `LimitError` with all breaches if there is any."""
     lines = breaches(metrics, limits)
     if lines:
         raise LimitError("\n  ".join([f"{len(lines)} of {len(limits)} limits breached (conf/validation)", *lines]))

@@ -1,4 +1,4 @@
-"""Whether every column that the plan calls free is open in the world: one vertical ray a pixel."""
+"""Whether every column of the plan's free space is open in the world: one vertical ray per pixel."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from pipeline.types import Frame, Mask, Points2
 
 @dataclass(frozen=True)
 class Navigability:
-    """Blocked columns, counted and located.
+    """Number and places of blocked columns.
 
-    `blocked` are those deeper in the plan's free space than `wall_band_m`: the simplification tolerance and half a
-    pixel's diagonal, by which a wall may stand elsewhere than in the plan. `blocked_at_wall` are the rest.
-    Places and depths are those of all of them.
+    A wall may differ from the plan by `wall_band_m`: the simplification tolerance plus half a pixel's diagonal.
+    `blocked` counts the columns deeper in the plan's free space than this, `blocked_at_wall` the others.
+    `blocked_places_m` and `blocked_depths_m` list both.
     """
 
     columns: int
@@ -32,10 +32,16 @@ class Navigability:
 
 
 def cast_columns(
-    model: mujoco.MjModel, T_world_mine: np.ndarray, free: Mask, frame: Frame, height_m: float, tolerance_m: float,
-    floor_group: int, rock_group: int,
-) -> Navigability:  # fmt: skip
-    """Cast a ray down through the rock's height at every free pixel's centre; a column is open when it meets the floor.
+    model: mujoco.MjModel,
+    T_world_mine: np.ndarray,
+    free: Mask,
+    frame: Frame,
+    height_m: float,
+    tolerance_m: float,
+    floor_group: int,
+    rock_group: int,
+) -> Navigability:
+    """Cast a ray down at the centre of every free pixel; a column is open when its ray hits the floor.
 
     Parameters
     ----------
@@ -44,11 +50,11 @@ def cast_columns(
     free : (rows, cols) bool
         The plan's free space.
     frame : Frame
-        Its pixel grid.
+        The plan's pixel grid.
     height_m : float
-        Top of the rock; rays start above it and the roof is left out, so that a start is never inside a part.
+        Top of the rock. Rays start above it and ignore the roof, so that no ray starts inside a part.
     tolerance_m : float
-        By how much a wall was allowed to move.
+        Largest distance, m, by which simplification may have moved a wall.
     floor_group, rock_group : int
         Geom groups.
 
@@ -88,7 +94,7 @@ def cast_columns(
 
 
 def _depth_m(free: Mask, frame: Frame) -> np.ndarray:
-    """Return each free pixel's distance from the plan's wall, m: its centre to the nearest rock pixel's edge."""
+    """Return the distance, m, from each free pixel's centre to the edge of the nearest rock pixel."""
     padded = np.pad(free.astype(np.uint8), 1)
     distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
     return np.maximum(distance - 0.5, 0.0) / frame.px_per_m

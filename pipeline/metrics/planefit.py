@@ -1,4 +1,4 @@
-"""Planes through the points of each voxel: normals, and residuals in the manner of ISO 4287."""
+"""Planes fitted to the points of each voxel: normals, and residuals as defined in ISO 4287."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import numpy as np
 class VoxelPlanes:
     """Planes of the voxels that hold enough points.
 
-    `cell` (k, 3) voxel indices in lexical order, `centre` (k, 3) m, `normal` (k, 3) unit, sign arbitrary, `sigma` (k,)
-    m RMS residual; `residual` (n,) m of the points that were used, voxel by voxel from `start` (k,) with `count` (k,).
+    `cell` (k, 3): voxel indices in lexical order. `centre` (k, 3): m. `normal` (k, 3): unit, sign arbitrary. `sigma`
+    (k,): RMS residual, m. `residual` (n,): m, of the points used, sorted by voxel; voxel i has the `count[i]` residuals
+    from index `start[i]`.
     """
 
     cell: np.ndarray
@@ -26,7 +27,7 @@ class VoxelPlanes:
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals to the planes of one voxel size, m: mean, RMS, mean peak-to-valley of a voxel, 95th percentile."""
+    """Residuals to planes in voxels of one size, m: mean, RMS, mean peak-to-valley per voxel, 95th percentile."""
 
     window_m: float
     ra_m: float
@@ -45,7 +46,7 @@ def fit_voxel_planes(points: np.ndarray, size_m: float | tuple[float, float, flo
     size_m : float or 3 floats
         Edge of a voxel.
     min_points : int
-        Voxels with fewer are left out.
+        Voxels with fewer points are left out.
     """
     cells = np.floor(points / np.asarray(size_m)).astype(np.int64)
     low = cells.min(axis=0) if len(cells) else np.zeros(3, np.int64)
@@ -75,28 +76,32 @@ def fit_voxel_planes(points: np.ndarray, size_m: float | tuple[float, float, flo
 
 
 def sweep_residuals(points: np.ndarray, windows_m: tuple[float, ...], min_points: int) -> list[Residuals]:
-    """Return the residuals' figures for each voxel size; a size that no voxel fills is left out."""
-    found = []
+    """Return the residuals for each voxel size; sizes at which no voxel has enough points are left out."""
+    swept = []
     for window in windows_m:
         planes = fit_voxel_planes(points, window, min_points)
         if not len(planes.count):
             continue
         size = np.abs(planes.residual)
         peak = np.maximum.reduceat(planes.residual, planes.start) - np.minimum.reduceat(planes.residual, planes.start)
-        found.append(
+        swept.append(
             Residuals(
-                window, float(size.mean()), float(np.sqrt((size**2).mean())), float(peak.mean()),
-                float(np.percentile(size, 95)), len(planes.count),
+                window,
+                float(size.mean()),
+                float(np.sqrt((size**2).mean())),
+                float(peak.mean()),
+                float(np.percentile(size, 95)),
+                len(planes.count),
             )
-        )  # fmt: skip
-    return found
+        )
+    return swept
 
 
 def normal_scatter_deg(planes: VoxelPlanes) -> np.ndarray:
     """Return each voxel's angle, deg, between its normal and the mean normal of its 3 x 3 x 3 neighbourhood.
 
-    Signs are arbitrary, so neighbours are turned to the voxel's own side before averaging. Voxels without a neighbour
-    are left out.
+    The sign of a normal is arbitrary, so neighbours' normals are flipped to the voxel's side before averaging. Voxels
+    without a neighbour are left out.
     """
     low = planes.cell.min(axis=0) - 1
     span = planes.cell.max(axis=0) - low + 2
@@ -106,14 +111,15 @@ def normal_scatter_deg(planes: VoxelPlanes) -> np.ndarray:
     for step in np.ndindex(3, 3, 3):
         wanted = _keys(planes.cell - low + np.array(step) - 1, span)
         at = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
-        there = key[at] == wanted
+        present = key[at] == wanted
         other = planes.normal[at]
         side = np.where(np.einsum("ij,ij->i", other, planes.normal) < 0, -1.0, 1.0)
-        total += np.where(there, side, 0.0)[:, None] * other
-        neighbours += there
-    some = neighbours > 1
-    mean = total[some] / np.linalg.norm(total[some], axis=1, keepdims=True)
-    return np.degrees(np.arccos(np.clip(np.abs(np.einsum("ij,ij->i", mean, planes.normal[some])), 0.0, 1.0)))
+        total += np.where(present, side, 0.0)[:, None] * other
+        neighbours += present
+    has_neighbour = neighbours > 1
+    mean = total[has_neighbour] / np.linalg.norm(total[has_neighbour], axis=1, keepdims=True)
+    cosine = np.abs(np.einsum("ij,ij->i", mean, planes.normal[has_neighbour]))
+    return np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0)))
 
 
 def _keys(cell: np.ndarray, span: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Profiles of rock: offsets along lines, and their spectrum, amplitude and roughness, each with its valid band."""
+"""Profiles of rock (offsets along lines), and their spectrum, amplitude and roughness."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from pipeline.metrics.digits import repeatable
 from pipeline.metrics.planefit import fit_voxel_planes
 
 _LEAST_POINTS = 24
-_FILL = 0.8  # of a window that a profile must span
+_FILL = 0.8  # share of a window that a profile must span
 
 
 @dataclass(frozen=True)
 class Spectrum:
-    """One-sided power spectral density over wavelength, m2 per cycle/m, valid between two wavelengths, m."""
+    """One-sided power spectral density, m2 per cycle/m, by wavelength; valid between the two wavelengths `valid_m`."""
 
     wavelength_m: list[float]
     psd_m3: list[float]
@@ -30,8 +30,8 @@ class Spectrum:
 class Amplitude:
     """Offsets from the smooth local surface.
 
-    Percentiles 5, 25, 50, 75, 95 (mm), s.d. (mm), skewness, excess kurtosis, and the coefficient of variation of the
-    s.d. from window to window.
+    Percentiles 5, 25, 50, 75 and 95, mm; s.d., mm; skewness; excess kurtosis; and `variation`, the coefficient of
+    variation of the s.d. over windows.
     """
 
     percentiles_mm: list[float]
@@ -41,7 +41,7 @@ class Amplitude:
     variation: float
 
 
-Profile = np.ndarray  # (n, 2): along the line and offset from it, m, in order along the line
+Profile = np.ndarray  # (n, 2): position along a line and offset from it, m; sorted by position
 
 
 def sweep_runs(sweep: np.ndarray, max_gap_m: float) -> list[np.ndarray]:
@@ -51,7 +51,7 @@ def sweep_runs(sweep: np.ndarray, max_gap_m: float) -> list[np.ndarray]:
 
 
 def profiles_of_runs(runs: list[np.ndarray], window_m: float) -> list[Profile]:
-    """Cut lines of points (n, 2) m into windows and give the offsets from each window's own straight line."""
+    """Cut lines of points (n, 2) m into windows and return the offsets from the straight line fitted to each window."""
     profiles = []
     for run in runs:
         along = arc_length(run)
@@ -65,7 +65,7 @@ def profiles_of_runs(runs: list[np.ndarray], window_m: float) -> list[Profile]:
 
 
 def profiles_of_cloud(points: np.ndarray, window_m: float, strip_m: float = 0.05) -> list[Profile]:
-    """Cut a surface (n, 3) m into voxels, and each voxel's points into strips along its plane's level direction."""
+    """Cut points of a surface (n, 3) m into voxels, and each voxel into horizontal strips along its fitted plane."""
     planes = fit_voxel_planes(points, window_m, 4 * _LEAST_POINTS)
     cells = np.floor(points / window_m).astype(np.int64)
     order = np.lexsort(cells.T[::-1])
@@ -87,19 +87,19 @@ def _strips(local: np.ndarray, normal: np.ndarray, window_m: float, strip_m: flo
     level /= np.linalg.norm(level)
     across = np.cross(normal, level)
     strip = np.floor(local @ across / strip_m).astype(int)
-    found = []
+    profiles = []
     for value in np.unique(strip):
         part = local[strip == value]
         if len(part) >= _LEAST_POINTS:
             flat = np.column_stack([part @ level, part @ normal])
             flat = flat[np.argsort(flat[:, 0], kind="stable")]
             if np.ptp(flat[:, 0]) >= _FILL * window_m * 0.8:
-                found.append(_from_line(flat))
-    return found
+                profiles.append(_from_line(flat))
+    return profiles
 
 
 def _from_line(points: np.ndarray) -> Profile:
-    """Return positions along and offsets from the straight line that fits points (n, 2) best."""
+    """Fit a straight line to points (n, 2); return the positions along it and the offsets from it."""
     centred = points - points.mean(axis=0)
     _, vectors = np.linalg.eigh(centred.T @ centred)
     profile = centred @ vectors[:, ::-1]
@@ -107,9 +107,10 @@ def _from_line(points: np.ndarray) -> Profile:
 
 
 def spectrum_of(profiles: list[Profile], wavelength_m: np.ndarray, window_m: float, footprint_m: float) -> Spectrum:
-    """Average the profiles' periodograms (Lomb-Scargle, Hann taper), so that their integral is the variance.
+    """Average the profiles' periodograms (Lomb-Scargle, Hann taper), scaled so that the integral is the variance.
 
-    The band is valid from twice the median sampling step, or the sensor's footprint, to half the window.
+    The valid band begins at twice the median sampling step or at the sensor's footprint, whichever is larger, and ends
+    at half the window.
     """
     step = float(np.median([np.median(np.diff(p[:, 0])) for p in profiles])) if profiles else 0.0
     omega = 2 * np.pi / wavelength_m
@@ -121,13 +122,15 @@ def spectrum_of(profiles: list[Profile], wavelength_m: np.ndarray, window_m: flo
         power = lombscargle(profile[:, 0], offset, omega)
         total += 2 * length / len(profile) * power / np.mean(taper**2)
     return Spectrum(
-        wavelength_m.tolist(), repeatable((total / max(1, len(profiles))).tolist()),
-        repeatable((max(2 * step, footprint_m), window_m / 2)), len(profiles),
-    )  # fmt: skip
+        wavelength_m.tolist(),
+        repeatable((total / max(1, len(profiles))).tolist()),
+        repeatable((max(2 * step, footprint_m), window_m / 2)),
+        len(profiles),
+    )
 
 
 def amplitude_of(profiles: list[Profile]) -> Amplitude | None:
-    """Describe the distribution of the profiles' offsets, or None without profiles."""
+    """Describe the distribution of the profiles' offsets; return None without profiles."""
     if not profiles:
         return None
     offset = np.concatenate([p[:, 1] for p in profiles])
@@ -144,8 +147,8 @@ def amplitude_of(profiles: list[Profile]) -> Amplitude | None:
 
 
 def line_roughness(runs: list[np.ndarray], window_m: float, min_points: int = 6) -> np.ndarray:
-    """Return the RMS residuals (k,) m to a straight line over windows of runs (n, 2) m, laid end to end."""
-    found = [np.zeros(0)]
+    """Return the RMS residual to a straight line, (k,) m, of each of the adjoining windows along runs (n, 2) m."""
+    residuals = [np.zeros(0)]
     for run in runs:
         along = arc_length(run)
         index = np.floor(along / window_m).astype(int)
@@ -156,5 +159,5 @@ def line_roughness(runs: list[np.ndarray], window_m: float, min_points: int = 6)
         x, y = x - mx[index], y - my[index]
         xx, xy, yy = (np.bincount(index, v) for v in (x * x, x * y, y * y))
         least = (xx + yy) / 2 - np.hypot((xx - yy) / 2, xy)  # the smaller eigenvalue of the scatter
-        found.append(np.sqrt(np.maximum(least, 0.0) / np.maximum(count, 1))[count >= min_points])
-    return np.concatenate(found)
+        residuals.append(np.sqrt(np.maximum(least, 0.0) / np.maximum(count, 1))[count >= min_points])
+    return np.concatenate(residuals)

@@ -1,4 +1,4 @@
-"""What the paper's authors published of rock texture: the real scan, their model, and their scores.
+"""Published rock texture: the paper's values of the real scan and of its model, and its scores.
 
 From the text files of their repository (Badri1401/MineXplore, commit 3f7fe7c): scan 12M, first 2,000,000 returns.
 """
@@ -21,7 +21,7 @@ REAL_SWEEP = [
     Residuals(2.00, 0.17567, 0.25373, 1.4727, 0.5523, 0),
 ]
 
-PAPER: dict[str, float | str] = {  # what the paper states, by the name of our metric
+PAPER: dict[str, float | str] = {  # the values that the paper states, under the names of our metrics
     "iou.free_space_vs_cleaned": 0.9538,
     "navigability.blocked": "none",
     "topology.loops_world": 1,

@@ -1,4 +1,4 @@
-"""Where a robot can get: the reached cells of two clearance fields, and whether their drift networks are one graph."""
+"""The cells that a robot can reach, and whether the reached workings of plan and world have the same network."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from pipeline.geometry.skeleton import trace_alike
 from pipeline.types import DriftNetwork, Frame, Mask
 
 _STATIONS_M = 3.0
-_NEVER = 1e6
+_UNMATCHED_COST = 1e6
 
 
 @dataclass(frozen=True)
 class ReachMatch:
-    """What a robot reaches in the world against the plan.
+    """Comparison of the area that a robot reaches in the world with the area that it reaches in the plan.
 
-    Areas, m2, that only one of them lets it reach; whether the two drift networks are the same graph (nodes matched
-    within `node_m`); the greatest difference of matched legs' lengths, m, none unless it is; and both networks' loops
-    and dead ends.
+    `only_world_m2` and `only_plan_m2` are the areas that are reached in one of them only. `same_graph` is true when
+    both drift networks are the same graph. The difference is the largest between the lengths of matched legs; it is
+    None when the graphs differ.
     """
 
     reached_m2: float
@@ -39,23 +39,23 @@ class ReachMatch:
 
 
 def reached_cells(clearance_m: np.ndarray, radius_m: float, start: tuple[int, int]) -> Mask:
-    """Return the cells that hang together (by edges) with a start cell where a robot of a radius fits; none if not."""
-    parts, _ = label(clearance_m >= radius_m)
-    return np.asarray((parts == parts[start]) & (parts[start] > 0), dtype=bool)
+    """Return the cells connected by edges to the start cell; no cell if the robot does not fit at the start."""
+    components, _ = label(clearance_m >= radius_m)
+    return np.asarray((components == components[start]) & (components[start] > 0), dtype=bool)
 
 
 def compare_reach(
     plan: Mask, world: Mask, frame: Frame, radius_m: float, cell_m: float, min_leg_m: float
 ) -> ReachMatch:
-    """Compare reached cells (rows from the north, as in a plan's pixels) of plan and world, and their networks.
+    """Compare the reached cells of plan and world, and the networks traced from them; rows run from the north.
 
     Parameters
     ----------
     plan, world : (rows, cols) bool
     frame : Frame
-        The cells as pixels.
+        The grid of the cells.
     radius_m : float
-        The robot's; cells within it of a reached cell count to the traced workings.
+        The robot's radius; reached cells are dilated by it before a network is traced.
     cell_m, min_leg_m : float
         See `trace_network`.
     """
@@ -87,32 +87,31 @@ def _networks(
 
 
 def _same_graph(one: DriftNetwork, two: DriftNetwork, node_m: float) -> tuple[bool, float | None]:
-    """Say whether matched nodes are joined by the same legs, and if so how far the legs' lengths differ, m."""
-    (nodes, legs), (others, their_legs) = (_joined_crossings(network, node_m) for network in (one, two))
-    if len(nodes) != len(others) or len(legs) != len(their_legs):
+    """Return whether legs join the same matched nodes, and if so the largest difference of leg lengths, m."""
+    (nodes, legs), (other_nodes, other_legs) = (_merge_close_junctions(network, node_m) for network in (one, two))
+    if len(nodes) != len(other_nodes) or len(legs) != len(other_legs):
         return False, None
-    names, twins = list(nodes), list(others)
-    apart = np.linalg.norm(
-        np.array([nodes[n] for n in names]).reshape(-1, 1, 2) - np.array([others[n] for n in twins]).reshape(1, -1, 2),
-        axis=2,
-    )
-    rows, columns = linear_sum_assignment(np.where(apart <= node_m, apart, _NEVER))
-    if len(rows) and apart[rows, columns].max() > node_m:
+    names, other_names = list(nodes), list(other_nodes)
+    ends = np.array([nodes[n] for n in names]).reshape(-1, 1, 2)
+    other_ends = np.array([other_nodes[n] for n in other_names]).reshape(1, -1, 2)
+    distance = np.linalg.norm(ends - other_ends, axis=2)
+    rows, columns = linear_sum_assignment(np.where(distance <= node_m, distance, _UNMATCHED_COST))
+    if len(rows) and distance[rows, columns].max() > node_m:
         return False, None
-    twin = {names[r]: twins[c] for r, c in zip(rows, columns, strict=True)}
-    ours = _lengths([(twin[start], twin[end], length) for start, end, length in legs])
-    theirs = _lengths(their_legs)
+    match = {names[r]: other_names[c] for r, c in zip(rows, columns, strict=True)}
+    ours = _lengths([(match[start], match[end], length) for start, end, length in legs])
+    theirs = _lengths(other_legs)
     if {k: len(v) for k, v in ours.items()} != {k: len(v) for k, v in theirs.items()}:
         return False, None
     return True, max((abs(a - b) for k in ours for a, b in zip(ours[k], theirs[k], strict=True)), default=0.0)
 
 
-def _joined_crossings(
+def _merge_close_junctions(
     network: DriftNetwork, node_m: float
 ) -> tuple[dict[str, np.ndarray], list[tuple[str, str, float]]]:
-    """Return nodes and legs, each group of junctions that short legs join made one node at their middle.
+    """Return nodes and legs after merging junctions that short legs join into one node at their mean.
 
-    A skeleton has a crossing as one junction or as two beside each other, by a hair of its walls; loops stay.
+    A skeleton shows a crossing as one junction or as two close ones, depending on details of the walls. Loops stay.
     """
     groups: UnionFind = UnionFind(network.nodes_m)
     junctions, kept = set(network.junctions), []
@@ -127,10 +126,10 @@ def _joined_crossings(
 
 def _lengths(legs: list[tuple[str, str, float]]) -> dict[tuple[str, ...], list[float]]:
     """Return the sorted lengths, m, of the legs between each pair of nodes."""
-    found: dict[tuple[str, ...], list[float]] = {}
+    lengths: dict[tuple[str, ...], list[float]] = {}
     for start, end, length in legs:
-        found.setdefault(tuple(sorted((start, end))), []).append(length)
-    return {k: sorted(v) for k, v in found.items()}
+        lengths.setdefault(tuple(sorted((start, end))), []).append(length)
+    return {k: sorted(v) for k, v in lengths.items()}
 
 
 def start_cell(place_m: tuple[float, float], frame: Frame) -> tuple[int, int]:
@@ -139,7 +138,7 @@ def start_cell(place_m: tuple[float, float], frame: Frame) -> tuple[int, int]:
     Raises
     ------
     GeometryError
-        If it lies outside the frame.
+        If the place lies outside the frame.
     """
     col, row = np.floor(frame.to_image(np.array([place_m]))[0]).astype(int).tolist()
     if not (0 <= row < frame.height_px and 0 <= col < frame.width_px):

@@ -1,4 +1,4 @@
-"""How rough rock is, from sweeps, from clouds or from a mesh's points, in the same figures."""
+"""Roughness of rock from sweeps, from clouds or from points of a mesh, with the same figures for each."""
 
 from __future__ import annotations
 
@@ -30,8 +30,9 @@ _LEAST_WINDOWS = 8
 class SurfaceRoughness:
     """Roughness of one surface of one source.
 
-    `rq_m` is the RMS residual over windows: to a straight line along the wall (`line`; median of the windows, with
-    `rq_p90_m`), or to a plane in voxels. `parts_rq_m` is the 0.5 m figure of each part of the source.
+    `rq_m` is the RMS residual by window. If `line`, it is to a straight line along the wall, the median over windows
+    (`rq_p90_m` is their 90th percentile); else it is to a plane in voxels. `parts_rq_m` holds the value for 0.5 m of
+    each sweep.
     """
 
     line: bool
@@ -46,30 +47,30 @@ class SurfaceRoughness:
 def roughness_of_sweeps(
     sweeps: dict[str, np.ndarray], max_gap_m: float, window_m: float, footprint_m: float
 ) -> SurfaceRoughness:
-    """Measure the walls in planar sweeps, (n, 2) m each, in order of bearing.
+    """Measure the walls in planar sweeps; each is (n, 2), m, in order of bearing.
 
     Raises
     ------
     InputError
-        If no piece of wall is long enough for the window; the message gives both.
+        If no piece of wall is long enough for the window; the message states both lengths.
     """
     runs = {name: sweep_runs(sweep, max_gap_m) for name, sweep in sweeps.items()}
-    every = [run for found in runs.values() for run in found]
-    each = {w: line_roughness(every, w) for w in LINE_WINDOWS_M}
-    enough = [w for w in LINE_WINDOWS_M if len(each[w]) >= _LEAST_WINDOWS]
-    profiles = profiles_of_runs(every, window_m)
-    if not enough or not profiles:
-        longest = max((float(np.linalg.norm(np.diff(r, axis=0), axis=1).sum()) for r in every), default=0.0)
+    all_runs = [run for of_sweep in runs.values() for run in of_sweep]
+    residuals = {w: line_roughness(all_runs, w) for w in LINE_WINDOWS_M}
+    windows = [w for w in LINE_WINDOWS_M if len(residuals[w]) >= _LEAST_WINDOWS]
+    profiles = profiles_of_runs(all_runs, window_m)
+    if not windows or not profiles:
+        longest = max((float(np.linalg.norm(np.diff(r, axis=0), axis=1).sum()) for r in all_runs), default=0.0)
         raise InputError(
             f"sweeps {', '.join(sorted(sweeps))}: the longest wall without a gap ({max_gap_m:g} m) is {longest:.2f} m; "
             f"a spectrum over {window_m:g} m needs {0.8 * window_m:.2f} m (surface.sweeps.window_m)"
         )
-    parts = {name: line_roughness(found, 0.5) for name, found in runs.items()}
+    parts = {name: line_roughness(of_sweep, 0.5) for name, of_sweep in runs.items()}
     return SurfaceRoughness(
         line=True,
-        window_m=enough,
-        rq_m=[round(float(np.median(each[w])), 5) for w in enough],
-        rq_p90_m=[round(float(np.percentile(each[w], 90)), 5) for w in enough],
+        window_m=windows,
+        rq_m=[round(float(np.median(residuals[w])), 5) for w in windows],
+        rq_p90_m=[round(float(np.percentile(residuals[w], 90)), 5) for w in windows],
         spectrum=spectrum_of(profiles, _wavelengths(footprint_m / 2, window_m / 2), window_m, footprint_m),
         amplitude=amplitude_of(profiles),
         parts_rq_m={name: round(float(np.median(rq)), 5) for name, rq in parts.items() if len(rq)},
@@ -82,7 +83,7 @@ def roughness_of_cloud(points: np.ndarray, window_m: float, footprint_m: float, 
     Raises
     ------
     InputError
-        If the points fill no voxel, or no strip as long as the window.
+        If the points fill no voxel, or fill no strip as long as the window.
     """
     sweep = [r for r in sweep_residuals(points, VOXELS_M, _VOXEL_POINTS) if r.voxels >= _LEAST_WINDOWS]
     profiles = profiles_of_cloud(points, window_m)
@@ -103,10 +104,8 @@ def roughness_of_cloud(points: np.ndarray, window_m: float, footprint_m: float, 
 
 
 def published_roughness() -> SurfaceRoughness:
-    """Return the published reference's figures; its points are not public, so it has no spectrum of its own."""
-    return SurfaceRoughness(
-        False, [r.window_m for r in REAL_SWEEP], [r.rq_m for r in REAL_SWEEP], [], None, None, {}
-    )  # fmt: skip
+    """Return the published figures of the reference; it has no spectrum, because its points are not public."""
+    return SurfaceRoughness(False, [r.window_m for r in REAL_SWEEP], [r.rq_m for r in REAL_SWEEP], [], None, None, {})
 
 
 def _wavelengths(shortest_m: float, longest_m: float) -> np.ndarray:

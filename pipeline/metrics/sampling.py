@@ -1,4 +1,4 @@
-"""Points on triangle meshes, evenly by area."""
+"""Random points on triangle meshes, uniform by area."""
 
 from __future__ import annotations
 
@@ -6,27 +6,27 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 
-def sample_triangles(corners: np.ndarray, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Draw points evenly from triangles (n, 3, 3) m; returns points (count, 3) m and their faces' unit normals."""
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+def sample_triangles(triangles: np.ndarray, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Draw points (count, 3) m uniformly from triangles (n, 3, 3) m; return them and their faces' unit normals."""
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     doubled = np.linalg.norm(normal, axis=1)
     total = np.cumsum(doubled)
-    face = np.minimum(np.searchsorted(total, rng.random(count) * total[-1]), len(corners) - 1)
+    face = np.minimum(np.searchsorted(total, rng.random(count) * total[-1]), len(triangles) - 1)
     u, v = rng.random((2, count))
     root = np.sqrt(u)
     share = np.column_stack([1 - root, root * (1 - v), root * v])
-    points = np.einsum("ij,ijk->ik", share, corners[face])
+    points = np.einsum("ij,ijk->ik", share, triangles[face])
     return points, normal[face] / np.maximum(doubled[face], 1e-30)[:, None]
 
 
-def faces_near(corners: np.ndarray, places: np.ndarray, radius_m: float) -> np.ndarray:
-    """Return the triangles (k, 3, 3) whose centres lie within a radius of places (p, 2) in plan."""
-    near, _ = cKDTree(places).query(corners.mean(axis=1)[:, :2], distance_upper_bound=radius_m)
-    return corners[np.isfinite(near)]
+def faces_near(triangles: np.ndarray, places: np.ndarray, radius_m: float) -> np.ndarray:
+    """Return the triangles (k, 3, 3) whose centres lie within a radius of any of the places (p, 2), in plan."""
+    near, _ = cKDTree(places).query(triangles.mean(axis=1)[:, :2], distance_upper_bound=radius_m)
+    return triangles[np.isfinite(near)]
 
 
 def with_noise(
     points: np.ndarray, normals: np.ndarray, along_m: float, in_plane_m: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return the points shifted at random: s.d. along the normal, and in every direction."""
+    """Return the points with Gaussian noise: s.d. `along_m` along the normal plus `in_plane_m` in every direction."""
     return points + normals * rng.normal(0, along_m, (len(points), 1)) + rng.normal(0, in_plane_m, points.shape)

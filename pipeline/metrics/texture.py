@@ -1,4 +1,4 @@
-"""The six texture axes of a rock surface, and two scores: as the paper scores them, and strictly."""
+"""The six texture axes of a rock surface, and two scores: the published score and the strict score."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _FLAT_SCORE = 0.9
 
 @dataclass(frozen=True)
 class TextureAxes:
-    """The six axes of the paper's texture report."""
+    """The six axes of the texture report in the paper."""
 
     wall_jaggedness_deg: float
     bump_rq_m: float
@@ -42,19 +42,19 @@ AXES = tuple(field.name for field in fields(TextureAxes))
 
 @dataclass(frozen=True)
 class Scores:
-    """Similarity of each axis, 0 to 1, and their geometric mean."""
+    """The similarity of each axis, 0 to 1, and the geometric mean of all."""
 
     axes: dict[str, float]
     overall: float
 
 
 def published_score(real: TextureAxes, model: TextureAxes) -> Scores:
-    """Score as the paper does: ratio clipped to 1.5, a factor of 5 is one s.d."""
+    """Score as the paper does: ratios are clipped to 1.5, and a factor of 5 is one s.d."""
     return _score(real, model, 5.0, 1.5)
 
 
 def strict_score(real: TextureAxes, model: TextureAxes) -> Scores:
-    """Score without a clip, a factor of 2 either way being one s.d."""
+    """Score without clipping; a factor of 2, up or down, is one s.d."""
     return _score(real, model, 2.0, math.inf)
 
 
@@ -67,36 +67,36 @@ def _score(real: TextureAxes, model: TextureAxes, factor: float, most: float) ->
 
 
 def is_uninformative(flat_score: float) -> bool:
-    """Return whether an axis scores flat walls so high, above 0.9, that it says nothing of texture."""
+    """Return whether flat walls score above 0.9 on an axis, so that the axis does not measure texture."""
     return flat_score > _FLAT_SCORE
 
 
-def turned(points: np.ndarray) -> np.ndarray:
-    """Return points (n, 3) turned by 0.4 rad about the vertical, to lay voxels at that angle to the mine.
+def rotate_about_z(points: np.ndarray) -> np.ndarray:
+    """Return points (n, 3) rotated by 0.4 rad about the vertical, so that voxels lie at this angle to the mine.
 
-    Mines are often drawn along the axes. A wall on the border of its voxels is cut into halves that each look too
-    smooth: bump Rq of a 60 m mine read 7 % less at 0 than at 0.3, 0.5 and 1 rad; the embedded mine reads the same.
+    Mines are often drawn along the axes. A border between voxels then cuts a wall into halves that are each too smooth:
+    bump Rq of a 60 m mine was 7 % less at 0 than at 0.3, 0.5 and 1 rad. For the embedded mine it is the same.
     """
     cos, sin = math.cos(_TURN_RAD), math.sin(_TURN_RAD)
     return points @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
 def wall_jaggedness_deg(walls: np.ndarray) -> float:
-    """Return the mean angle of 0.30 m voxel normals to their neighbourhood's; 0 without voxels."""
+    """Return the mean angle between normals of 0.30 m voxels and the mean normals around them; 0 without voxels."""
     planes = fit_voxel_planes(walls, 0.30, _MIN_POINTS)
     angles = normal_scatter_deg(planes) if len(planes.count) > 1 else np.zeros(0)
     return float(angles.mean()) if len(angles) else 0.0
 
 
 def bump_rq_m(walls: np.ndarray) -> float:
-    """Return the mean RMS plane residual of 0.50 m voxels, of those between 0.1 mm and 0.5 m; 0 without any."""
+    """Return the mean RMS plane residual of 0.50 m voxels with a residual from 0.1 mm to 0.5 m; 0 without any."""
     sigma = fit_voxel_planes(walls, 0.50, _MIN_POINTS).sigma
     kept = sigma[(sigma > 1e-4) & (sigma < 0.5)]
     return float(kept.mean()) if len(kept) else 0.0
 
 
 def sweep_walls(walls: np.ndarray) -> list[Residuals]:
-    """Return the walls' residuals for voxels of 0.10 to 2.00 m."""
+    """Return the plane residuals of walls for voxels of 0.10 to 2.00 m."""
     return sweep_residuals(walls, WINDOWS_M, _SWEEP_MIN_POINTS)
 
 
@@ -106,7 +106,7 @@ def roughness_integral_m2(sweep: list[Residuals]) -> float:
 
 
 def roof_irregularity_m(roof: np.ndarray) -> float:
-    """Return the RMS residual of the roof to a quadratic in 0.5 m cells of the plan, over all cells; 0 without any."""
+    """Return the RMS residual of roof points to a quadratic fitted in each 0.5 m cell of the plan; 0 without cells."""
     cell = np.floor(roof[:, :2] / _ROOF_CELL_M).astype(np.int64)
     order = np.lexsort(cell.T)
     _, start, count = np.unique(cell[order], axis=0, return_index=True, return_counts=True)
@@ -122,7 +122,7 @@ def roof_irregularity_m(roof: np.ndarray) -> float:
 
 
 def roof_unevenness_m(roof: np.ndarray) -> float:
-    """Return the other reading of the roof's axis: the RMS of the cells' mean heights about one quadratic."""
+    """Return the alternative reading of the roof axis: the RMS of the cells' mean heights about one quadratic."""
     cell, index, count = np.unique(
         np.floor(roof[:, :2] / _ROOF_CELL_M).astype(np.int64), axis=0, return_inverse=True, return_counts=True
     )
@@ -137,7 +137,7 @@ def roof_unevenness_m(roof: np.ndarray) -> float:
 
 
 def wall_heterogeneity_m(walls: np.ndarray) -> float:
-    """Return the s.d. of the plane residual's sigma over 0.25 m cells at z = 1.75 +- 0.10 m."""
+    """Return the s.d. of the plane residual over 0.25 m cells of wall at z = 1.75 +- 0.10 m."""
     low, high = _RING_M
     ring = walls[(walls[:, 2] >= low) & (walls[:, 2] < high)] - [0.0, 0.0, low]
     sigma = fit_voxel_planes(ring, (0.25, 0.25, high - low + 1e-6), 20).sigma
@@ -147,8 +147,8 @@ def wall_heterogeneity_m(walls: np.ndarray) -> float:
 def published_wavelength_m(walls: np.ndarray) -> float:
     """Return the strongest wavelength from 0.05 to 2 m as the paper finds it; 0 without a slab of 400 points.
 
-    In each 5 cm slab all walls together are put in order along the slab's principal axis, so a step is mostly one from
-    wall to wall; on a long mine 1,024 samples resolve little below 2 m. It is kept for comparison.
+    It sorts the points of all walls in a 5 cm slab along the slab's principal axis, so most steps go from one wall to
+    another. On a long mine 1,024 samples resolve little below 2 m. The measure is kept for comparison.
     """
     lengths = np.geomspace(*_BAND_M, 400)
     total = np.zeros(len(lengths))
@@ -166,12 +166,12 @@ def published_wavelength_m(walls: np.ndarray) -> float:
 def wall_wavelength_m(walls: np.ndarray, free: Polygon) -> float:
     """Return the strongest wavelength from 0.05 to 2 m along the walls themselves; 0 without 8 m of wall.
 
-    Each 5 cm slab's points are laid out along the arc of the plan's nearest wall, never across to another one.
+    The points of each 5 cm slab are placed by arc length along the nearest wall of the plan, so that walls never mix.
     """
     lengths = np.geomspace(*_BAND_M, 400)
     total = np.zeros(len(lengths))
     level = np.floor(walls[:, 2] / _SLAB_M).astype(int)
-    nearest, along, offset = _laid_along([free.exterior, *free.interiors], walls[:, :2])
+    nearest, along, offset = _project_on_rings([free.exterior, *free.interiors], walls[:, :2])
     offset = np.where(shapely.contains_xy(free, walls[:, 0], walls[:, 1]), offset, -offset)
     for k in np.unique(nearest):
         for value in np.unique(level[nearest == k]):
@@ -182,8 +182,8 @@ def wall_wavelength_m(walls: np.ndarray, free: Polygon) -> float:
     return float(lengths[total.argmax()]) if total.any() else 0.0
 
 
-def _laid_along(rings: list[LinearRing], places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return each place's (n, 2) nearest ring, its arc length there, and its distance from it, (n,)."""
+def _project_on_rings(rings: list[LinearRing], places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return for each place (n, 2): its nearest ring, the arc length on it, and the distance from it, (n,) each."""
     starts, ends, ring, before = [], [], [], []
     for k, line in enumerate(rings):
         xy = np.asarray(line.coords)[:, :2]
@@ -195,25 +195,25 @@ def _laid_along(rings: list[LinearRing], places: np.ndarray) -> tuple[np.ndarray
     a, b, number, passed = (np.concatenate(v) for v in (starts, ends, ring, before))
     tree = shapely.STRtree(shapely.linestrings(np.stack([a, b], axis=1)))
     (point, piece), distance = tree.query_nearest(shapely.points(places), return_distance=True, all_matches=False)
-    found = np.empty(len(places), dtype=int)
-    found[point] = piece
-    step = b[found] - a[found]
-    share = ((places - a[found]) * step).sum(axis=1) / np.maximum((step**2).sum(axis=1), 1e-30)
-    apart = np.empty(len(places))
-    apart[point] = distance
-    return number[found], passed[found] + np.clip(share, 0, 1) * np.linalg.norm(step, axis=1), apart
+    nearest = np.empty(len(places), dtype=int)
+    nearest[point] = piece
+    step = b[nearest] - a[nearest]
+    share = ((places - a[nearest]) * step).sum(axis=1) / np.maximum((step**2).sum(axis=1), 1e-30)
+    from_ring = np.empty(len(places))
+    from_ring[point] = distance
+    return number[nearest], passed[nearest] + np.clip(share, 0, 1) * np.linalg.norm(step, axis=1), from_ring
 
 
 def _arc_windows(along: np.ndarray, offset: np.ndarray) -> list[np.ndarray]:
-    """Return offsets at even steps over windows of the arc in which no gap is wider than four steps."""
+    """Return the offsets at even steps in windows of the arc; no window contains a gap wider than four steps."""
     order = np.argsort(along, kind="stable")
     along, offset = along[order], offset[order]
     gaps = np.flatnonzero(np.diff(along) > 4 * _ARC_STEP_M) + 1
-    found = []
+    windows = []
     for s, v in zip(np.split(along, gaps), np.split(offset, gaps), strict=True):
         for start in np.arange(s[0], s[-1] - _ARC_WINDOW_M + 1e-9, _ARC_WINDOW_M / 2) if len(s) else ():
-            found.append(np.interp(start + np.arange(round(_ARC_WINDOW_M / _ARC_STEP_M)) * _ARC_STEP_M, s, v))
-    return found
+            windows.append(np.interp(start + np.arange(round(_ARC_WINDOW_M / _ARC_STEP_M)) * _ARC_STEP_M, s, v))
+    return windows
 
 
 def _slabs(walls: np.ndarray) -> list[np.ndarray]:

@@ -1,4 +1,4 @@
-"""Whether a world's drifts hang together as the plan's do."""
+"""Whether the drifts of a world are connected as in its plan."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from pipeline.geometry.skeleton import trace_alike
 from pipeline.types import DriftNetwork, Frame, Mask
 
 _SPECK_M2 = 0.25
-_SMALLEST_PART_M2 = 1.0
-_SAME_FACE_M = 6.0  # a skeleton may end in either corner of a drift's face; the widest drift has 5.9 m
+_SMALLEST_COMPONENT_M2 = 1.0
+_SAME_FACE_M = 6.0  # a skeleton may end in either corner of a face; the widest drift measures 5.9 m
 _STATIONS_M = 3.0
 
 
 @dataclass(frozen=True)
 class TopologyMatch:
-    """Loops, drifts (legs of the network), dead ends and separate parts of plan and world.
+    """Loops, drifts (legs of the network), dead ends and components (`parts`) of plan and world.
 
-    `drifts_lost` counts dead-end drifts of the plan that the world lacks, `drifts_added` those it has beyond the
-    plan's. A stub whose length is within a quarter of the threshold may be traced in one and not in the other; it is
-    neither lost nor added.
+    `drifts_lost` counts the plan's dead-end drifts that are missing in the world, `drifts_added` the world's that are
+    missing in the plan. A stub whose length is within a quarter of the threshold may be traced in one of them only; it
+    counts as neither.
     """
 
     loops_plan: int
@@ -62,30 +62,30 @@ def compare_topology(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_l
         loops_difference=abs(one.loops - two.loops),
         drifts_plan=len(one.legs),
         drifts_world=len(two.legs),
-        drifts_lost=_unmatched(sure_one, any_two),
-        drifts_added=_unmatched(sure_two, any_one),
-        parts_plan=_parts(plan, frame),
-        parts_world=_parts(world, frame),
+        drifts_lost=_count_unmatched(sure_one, any_two),
+        drifts_added=_count_unmatched(sure_two, any_one),
+        parts_plan=_count_components(plan, frame),
+        parts_world=_count_components(world, frame),
         length_plan_m=one.total_length_m,
         length_world_m=two.total_length_m,
     )
 
 
 def _without_specks(outline: Polygon) -> Polygon:
-    """Fill islands of a few pixels, which pixels that touch by a corner leave where rock comes to a point."""
+    """Remove islands of a few pixels; they arise at pointed rock, where pixels touch by a corner only."""
     return Polygon(outline.exterior, [ring for ring in outline.interiors if Polygon(ring).area > _SPECK_M2])
 
 
-def _unmatched(drifts: DriftNetwork, among: DriftNetwork) -> int:
-    """Count the dead ends of one network that have no partner in another: one to one, nearest in sum."""
+def _count_unmatched(drifts: DriftNetwork, among: DriftNetwork) -> int:
+    """Count the dead ends of one network that have no match in another; the matching has the least total distance."""
     ends = np.array([drifts.nodes_m[name] for name in drifts.dead_ends]).reshape(-1, 1, 2)
     others = np.array([among.nodes_m[name] for name in among.dead_ends]).reshape(1, -1, 2)
     distance = np.linalg.norm(ends - others, axis=2)
-    # A pair beyond the gate costs more than any number of pairs within it, so it is never preferred to them.
+    # A pair beyond the limit costs more than all pairs within it together, so it is never preferred.
     matched = linear_sum_assignment(np.where(distance <= _SAME_FACE_M, distance, 1e6))
     return len(ends) - int((distance[matched] <= _SAME_FACE_M).sum())
 
 
-def _parts(mask: Mask, frame: Frame) -> int:
+def _count_components(mask: Mask, frame: Frame) -> int:
     _, _, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
-    return int((stats[1:, cv2.CC_STAT_AREA] > _SMALLEST_PART_M2 * frame.px_per_m**2).sum())
+    return int((stats[1:, cv2.CC_STAT_AREA] > _SMALLEST_COMPONENT_M2 * frame.px_per_m**2).sum())

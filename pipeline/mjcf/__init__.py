@@ -1,1 +1,1 @@
-"""The world as MJCF: built, bundled, read back and rendered. A world is a place; it holds no robot."""
+"""The world as MJCF: it is built, bundled, read back and rendered here. A world contains no robot."""

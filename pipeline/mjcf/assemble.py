@@ -1,4 +1,4 @@
-"""Stage 5's work: from compiled geometry and the realism parameters to the sealed world bundle."""
+"""The work of stage 5: build the sealed world bundle from the compiled geometry and the realism parameters."""
 
 from __future__ import annotations
 
@@ -52,10 +52,10 @@ def assemble_world(
     map_png: bytes,
     map_yaml: bytes,
 ) -> dict[str, Bundle]:
-    """Return `world`: the bundle's files by name.
+    """Return `world`: the files of the bundle by name.
 
-    `rough` is the folder of the rough surface's chunks, or those files by name. The bundle carries the last four
-    unchanged.
+    `rough` is the folder with the chunks of the rough surface, or these files by name. The last four arguments enter
+    the bundle unchanged.
     """
     scene = MineScene(
         name=survey.name,
@@ -88,10 +88,10 @@ def _lights(params: RealismParams, topology: DriftNetwork) -> list:
 
 
 def _heading_at(topology: DriftNetwork, place_m: tuple[float, float]) -> float:
-    """Return the main drift's heading, rad, where it passes nearest to a place, towards its far end."""
+    """Return the heading of the main drift, rad, at the point nearest to a place; it runs towards the drift's end."""
     line = np.array(topology.main_drift_m)
-    at = int(np.linalg.norm(line - place_m, axis=1).argmin())
-    dx, dy = line[min(at + 20, len(line) - 1)] - line[max(at - 20, 0)]
+    nearest = int(np.linalg.norm(line - place_m, axis=1).argmin())
+    dx, dy = line[min(nearest + 20, len(line) - 1)] - line[max(nearest - 20, 0)]
     return math.atan2(dy, dx)
 
 
@@ -129,13 +129,13 @@ def _record(
 
 
 def _preview(files: Bundle, width_px: int) -> Image:
-    """Return the mine from above over the view from the entrance."""
+    """Return two views, one below the other: the mine from above, and the view from the entrance."""
     model = mujoco.MjModel.from_xml_string(files[MODEL].decode(), _assets(files))
     solid, visible = (GeomGroup.FLOOR, GeomGroup.COLLISION), (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE)
-    above = render_camera(model, "overview", width_px, width_px * 9 // 16, solid, spots=False)
-    rows = np.flatnonzero((above != above[0, 0]).any(axis=(1, 2)))
-    inside = render_camera(model, "entrance", width_px, width_px * 7 // 16, visible)
-    return cv2.vconcat([above[rows[0] : rows[-1] + 1], inside])
+    overview = render_camera(model, "overview", width_px, width_px * 9 // 16, solid, spots=False)
+    rows = np.flatnonzero((overview != overview[0, 0]).any(axis=(1, 2)))
+    entrance = render_camera(model, "entrance", width_px, width_px * 7 // 16, visible)
+    return cv2.vconcat([overview[rows[0] : rows[-1] + 1], entrance])
 
 
 def _assets(files: Bundle) -> Bundle:

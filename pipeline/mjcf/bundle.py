@@ -1,4 +1,4 @@
-"""The world bundle: `mine.xml`, its meshes, and everything known of the world, every file under its hash."""
+"""The world bundle: `mine.xml`, its meshes, and the record `world.json`, which lists every file with its hash."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from pipeline.types import Areas, Frame, Spawn
 
 @dataclass(frozen=True)
 class WorldRecord:
-    """What `world.json` says: units are m, rad, kg, s throughout."""
+    """The content of `world.json`; all units are m, rad, kg and s, except where a name states another."""
 
     format: str
     name: str
@@ -59,7 +59,7 @@ class WorldRecord:
 
 @dataclass(frozen=True)
 class World:
-    """A bundle that was read back: its record and compiled model, what MuJoCo warned of, and its size."""
+    """A bundle that was read back: record, compiled model, number of MuJoCo's warnings, and size in bytes."""
 
     record: WorldRecord
     model: mujoco.MjModel
@@ -68,12 +68,12 @@ class World:
 
 
 def compile_bundle(scene: MineScene) -> dict[str, bytes]:
-    """Write the scene as `mine.xml` with the meshes and textures it names, and check that MuJoCo takes it.
+    """Return `mine.xml` and the meshes and textures that it names, after a check that MuJoCo compiles them.
 
     Raises
     ------
     ArtifactError
-        With MuJoCo's own message when it refuses the world.
+        If MuJoCo refuses the world; the message is MuJoCo's.
     """
     spec = build_spec(scene)
     try:
@@ -86,12 +86,12 @@ def compile_bundle(scene: MineScene) -> dict[str, bytes]:
 
 
 def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes]:
-    """Add `world.json`: the record, each file's sha256, and the world's hash over both."""
-    facts = TypeAdapter(WorldRecord).dump_python(record, mode="json")
-    facts["zones"] = [shorten_zone(zone) for zone in facts["zones"]]
-    facts["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
-    facts["world_sha256"] = world_sha256(facts)
-    return {**files, RECORD: (json.dumps(facts, indent=2, allow_nan=False) + "\n").encode()}
+    """Add `world.json`: the record, the sha256 of each file, and the world's hash over both."""
+    fields = TypeAdapter(WorldRecord).dump_python(record, mode="json")
+    fields["zones"] = [shorten_zone(zone) for zone in fields["zones"]]
+    fields["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
+    fields["world_sha256"] = world_sha256(fields)
+    return {**files, RECORD: (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()}
 
 
 def open_bundle(folder: Path) -> World:
@@ -100,7 +100,7 @@ def open_bundle(folder: Path) -> World:
     Raises
     ------
     ArtifactError
-        If a file is missing or changed, the record is not one, or MuJoCo refuses or warns of the model.
+        If a file is missing or changed, the record is invalid, or MuJoCo refuses the model.
     """
     verify_world(folder)
     try:
@@ -112,8 +112,8 @@ def open_bundle(folder: Path) -> World:
         raise ArtifactError(f"{folder / RECORD}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
     if record.geom_groups != GEOM_GROUPS:
         raise ArtifactError(f"{folder / RECORD}: geom_groups = {record.geom_groups}, a world has {GEOM_GROUPS}")
-    warned: list[str] = []
-    mujoco.set_mju_user_warning(warned.append)
+    warnings: list[str] = []
+    mujoco.set_mju_user_warning(warnings.append)
     try:
         model = load_model(folder / MODEL)
         mujoco.mj_forward(model, mujoco.MjData(model))
@@ -124,20 +124,20 @@ def open_bundle(folder: Path) -> World:
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, MINE_BODY) < 0:
         raise ArtifactError(f"{folder / MODEL}: no body of the name {MINE_BODY}, which carries the mine frame")
     size = sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
-    return World(record, model, len(warned), size)
+    return World(record, model, len(warnings), size)
 
 
 def visible_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
-    """Return the triangles (n, 3, 3), m, mine frame, that a world shows of a piece, walls or roof, from the model.
+    """Return the visible triangles (n, 3, 3), m, mine frame, of a piece (walls or roof) of a compiled world.
 
-    They are the rough surface's; where there is none, the smooth surface's.
+    They belong to the rough surface, or to the smooth surface if the world has no rough one.
     """
     rough = _triangles_of_geoms(model, surface_geom(piece))
     return rough if len(rough) else smooth_triangles(model, piece)
 
 
 def smooth_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
-    """Return the triangles (n, 3, 3), m, mine frame, of a piece of the smooth surface, from the model."""
+    """Return the triangles (n, 3, 3), m, mine frame, of a piece of the smooth surface of a compiled world."""
     return _triangles_of_geoms(model, surface_geom(smooth_mesh(piece)))
 
 
@@ -146,17 +146,17 @@ def _triangles_of_geoms(model: mujoco.MjModel, prefix: str) -> np.ndarray:
 
 
 def geom_triangles(model: mujoco.MjModel, group: int) -> np.ndarray:
-    """Return the triangles (n, 3, 3), m, mine frame, of the mesh geoms of a group, from the model itself."""
+    """Return the triangles (n, 3, 3), m, mine frame, of all mesh geoms of a group of a compiled world."""
     return _triangles(model, _mesh_geoms(model, group))
 
 
 def _triangles(model: mujoco.MjModel, geoms: list[int]) -> np.ndarray:
-    found = [np.zeros((0, 3, 3))]
+    triangles = [np.zeros((0, 3, 3))]
     for geom in geoms:
         mesh = model.geom_dataid[geom]
         first, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-        found.append(_mesh_vertices(model, geom)[model.mesh_face[first : first + count]])
-    return np.concatenate(found)
+        triangles.append(_mesh_vertices(model, geom)[model.mesh_face[first : first + count]])
+    return np.concatenate(triangles)
 
 
 def part_vertices(model: mujoco.MjModel, group: int) -> list[np.ndarray]:
@@ -173,8 +173,8 @@ def _box_corners(model: mujoco.MjModel, box: int) -> np.ndarray:
 
 
 def _mesh_geoms(model: mujoco.MjModel, group: int) -> list[int]:
-    chosen = (model.geom_group == group) & (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)
-    return np.flatnonzero(chosen).tolist()
+    of_group = (model.geom_group == group) & (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)
+    return np.flatnonzero(of_group).tolist()
 
 
 def _mesh_vertices(model: mujoco.MjModel, geom: int) -> np.ndarray:

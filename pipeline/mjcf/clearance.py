@@ -1,4 +1,4 @@
-"""Clearance to the collision rock by MuJoCo's own distance queries."""
+"""Clearance to the collision rock, measured by MuJoCo's distance queries."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ _PROBE_M = 0.01
 def rock_clearance(
     world: Path, T_world_mine: np.ndarray, group: int, places: np.ndarray, height_m: float, most_m: float
 ) -> np.ndarray:
-    """Return the distance (n,) m, at most `most_m`, from places (n, 2) m to the nearest collision part at a height.
+    """Return the distance (n,), m, from places (n, 2), m, at a height to the nearest collision part; 0 inside rock.
 
-    A small sphere joins the world and is put to every place that has a part within reach; 0 inside rock.
+    Distances above `most_m` are returned as `most_m`. `T_world_mine` (4, 4) is the pose of the mine frame. A small
+    sphere is added to the world and moved to every place that has a part within `most_m`.
     """
     spec = mujoco.MjSpec.from_file(str(world / MODEL))
     _keep_group(spec, group)
@@ -39,17 +40,17 @@ def rock_clearance(
     tree = shapely.STRtree([section_footprint(part) for part in part_vertices(model, group)])
     place, part = tree.query(shapely.points(places), predicate="dwithin", distance=most_m)
     at = (np.column_stack([places, np.full(len(places), height_m)]) @ T_world_mine[:3, :3].T) + T_world_mine[:3, 3]
-    clearance, between = np.full(len(places), most_m), np.zeros(6)
+    clearance, segment = np.full(len(places), most_m), np.zeros(6)
     for i, geom in zip(place.tolist(), rock[part].tolist(), strict=True):
         data.geom_xpos[probe] = at[i]
-        distance = mujoco.mj_geomDistance(model, data, probe, geom, most_m, between) + _PROBE_M
+        distance = mujoco.mj_geomDistance(model, data, probe, geom, most_m, segment) + _PROBE_M
         if distance < clearance[i]:
             clearance[i] = max(distance, 0.0)
     return clearance
 
 
 def _keep_group(spec: mujoco.MjSpec, group: int) -> None:
-    """Remove all other geoms, and the meshes that only they used: most of a world is rock that is only seen."""
+    """Remove all other geoms, and the meshes that only they use: most meshes of a world are visible rock."""
     for geom in [geom for geom in spec.geoms if geom.group != group]:
         spec.delete(geom)
     used = {geom.meshname for geom in spec.geoms}

@@ -1,4 +1,4 @@
-"""What loading a model costs, in a process that does nothing else: `python -m pipeline.mjcf.load_time mine.xml`."""
+"""Time and memory to load a model in a process of its own: `python -m pipeline.mjcf.load_time mine.xml`."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ import mujoco
 
 from pipeline.errors import ArtifactError
 
-_LOADS, _QUICK_S = 12, 1.5  # MuJoCo keeps meshes that it has read: loads are timed until that shows, or the tries end
+_LOADS, _QUICK_S = 12, 1.5  # MuJoCo caches meshes: loads repeat until one is quick, at most 12 times
 _KIB_PER_MB = 1e6 / 1024
 
 
 @dataclass(frozen=True)
 class LoadCost:
-    """Seconds of a process's first load and of the best later one, and the memory that the first load takes.
+    """Seconds of the first load in a process and of the fastest later one, and the memory of the first load.
 
-    `load_s` profits from the meshes that MuJoCo keeps. `load_memory_mb` (10^6 bytes) is the peak of resident memory
-    during the first load, less what the process held after `import mujoco`.
+    Later loads use the meshes that MuJoCo caches. `load_memory_mb` (10^6 bytes) is the peak resident memory during the
+    first load, minus the peak before it, after `import mujoco`.
     """
 
     first_load_s: float
@@ -31,7 +31,7 @@ class LoadCost:
 
 
 def measure_load(model: Path) -> LoadCost:
-    """Load a model again and again in a process of its own and return what that cost.
+    """Load a model several times in a process of its own and return the time and memory.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def measure_load(model: Path) -> LoadCost:
     done = subprocess.run([sys.executable, "-m", __name__, str(model)], capture_output=True, text=True, check=False)
     if done.returncode:
         reason = done.stderr.rpartition("Error: ")[2].strip()[-300:]
-        raise ArtifactError(f"{model}: a process of its own does not load it: {reason}")
+        raise ArtifactError(f"{model}: a separate process cannot load it: {reason}")
     return LoadCost(**json.loads(done.stdout))
 
 
@@ -61,7 +61,7 @@ def _measure(model: Path) -> LoadCost:
 def _peak_kib() -> int:
     """Return the peak of this process's resident memory, KiB.
 
-    `getrusage` would do on other systems; on Linux a child's `ru_maxrss` starts from its parent's, which may be larger.
+    Linux starts a child's `ru_maxrss` from its parent's, which may be larger, so `getrusage` serves other systems only.
     """
     status = Path("/proc/self/status")
     if not status.exists():

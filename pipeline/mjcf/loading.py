@@ -1,4 +1,4 @@
-"""How the pipeline loads a world: without the copies that MuJoCo would keep of it."""
+"""Loading of a world without the copies that MuJoCo would keep in memory."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import mujoco
 
 
 def load_model(path: Path) -> mujoco.MjModel:
-    """Compile a model file; afterwards the process holds the model and nothing else.
+    """Compile a model file; afterwards only the model stays in memory.
 
     `MjModel.from_xml_path` keeps the compiled specification for `mj_saveLastXML`, and up to 500 MB of meshes in a
-    cache: 1.6 GB for the default world, beside a model of 0.4 GB. Without the cache the peak is 0.5 GB lower.
+    cache: 1.6 GB for the default world, whose model takes 0.4 GB. Without the cache the peak is 0.5 GB lower.
 
     Raises
     ------
     ValueError
-        MuJoCo's own, when it refuses the model.
+        If MuJoCo refuses the model; the error is MuJoCo's.
     """
     cache = mujoco.mj_getCache()
     capacity = mujoco.mj_getCacheCapacity(cache)

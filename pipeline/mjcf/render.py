@@ -1,4 +1,4 @@
-"""Pictures of a compiled world by OSMesa: off screen, on any machine."""
+"""Pictures of a compiled world, rendered off screen by OSMesa on any machine."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from minexplore.bundle import GeomGroup
 from pipeline.errors import ArtifactError
 from pipeline.types import Frame, Image, Mask
 
-_OPENGL_LIGHTS = 7  # OpenGL's eight less the headlight
+_OPENGL_LIGHTS = 7  # OpenGL has eight; the headlight takes one
 _CAMERA_HEIGHT_M = 50.0
 
 
@@ -21,7 +21,7 @@ def render_camera(
 ) -> Image:
     """Render one of the world's cameras.
 
-    OpenGL lights a scene by eight lights at most; of the world's spot lights those nearest to the camera are lit.
+    OpenGL lights a scene with at most eight lights, so only the spot lights nearest to the camera are on.
 
     Parameters
     ----------
@@ -30,9 +30,9 @@ def render_camera(
     width, height : int
         px.
     groups : iterable of int
-        Geom groups that are shown.
+        The visible geom groups.
     spots : bool
-        Light the spots; without them the headlight alone.
+        Switch on spot lights; if False, only the headlight is on.
 
     Returns
     -------
@@ -44,10 +44,14 @@ def render_camera(
 
 
 def render_from(
-    model: mujoco.MjModel, eye_m: np.ndarray, towards_m: np.ndarray, fovy_deg: float, size_px: tuple[int, int],
+    model: mujoco.MjModel,
+    eye_m: np.ndarray,
+    towards_m: np.ndarray,
+    fovy_deg: float,
+    size_px: tuple[int, int],
     groups: Iterable[int],
-) -> Image:  # fmt: skip
-    """Render the view from one place (3,) towards another (m, world frame) as (height, width, 3) uint8, BGR."""
+) -> Image:
+    """Render the view from `eye_m` (3,) towards `towards_m` (3,), m, world frame, as (height, width, 3) uint8, BGR."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     along = (towards_m - eye_m) / np.linalg.norm(towards_m - eye_m)
@@ -65,12 +69,17 @@ def render_from(
 
 
 def _render(
-    model: mujoco.MjModel, data: mujoco.MjData, camera: str | mujoco.MjvCamera, eye_m: np.ndarray,
-    size_px: tuple[int, int], groups: Iterable[int], spots: bool,
-) -> Image:  # fmt: skip
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    camera: str | mujoco.MjvCamera,
+    eye_m: np.ndarray,
+    size_px: tuple[int, int],
+    groups: Iterable[int],
+    spots: bool,
+) -> Image:
     width, height = size_px
     distance = np.linalg.norm(data.light_xpos - eye_m, axis=1)
-    lit = model.light_active.copy()
+    active = model.light_active.copy()
     model.light_active[:] = 0
     if spots:
         model.light_active[np.argsort(distance, kind="stable")[:_OPENGL_LIGHTS]] = 1
@@ -80,18 +89,18 @@ def _render(
             renderer.update_scene(data, camera, _options(groups))
             return renderer.render()[..., ::-1].copy()
     finally:
-        model.light_active[:] = lit
+        model.light_active[:] = active
 
 
 def render_free_space(model: mujoco.MjModel, T_world_mine: np.ndarray, frame: Frame, z_top_m: float) -> Mask:
-    """Look straight down onto the world, mine frame, one pixel of the plan at a time, and mark where the floor shows.
+    """Render the world from straight above on the pixel grid of the plan and mark the pixels that show the floor.
 
     Parameters
     ----------
     model : mujoco.MjModel
         Floor geoms in group 0, rock in group 3.
     T_world_mine : (4, 4)
-        Where the mine frame is said to lie.
+        The pose of the mine frame that the record states.
     frame : Frame
         The plan's pixel grid.
     z_top_m : float
@@ -105,7 +114,7 @@ def render_free_space(model: mujoco.MjModel, T_world_mine: np.ndarray, frame: Fr
     mujoco.mj_forward(model, data)
     west, south, east, north = frame.extent_m
     model.vis.global_.offwidth, model.vis.global_.offheight = frame.width_px, frame.height_px
-    model.vis.quality.offsamples = 0  # a pixel shows one geom
+    model.vis.quality.offsamples = 0  # no antialiasing: a pixel shows one geom
     with _Renderer(model, frame.height_px, frame.width_px) as renderer:
         renderer.enable_segmentation_rendering()
         renderer.update_scene(data, mujoco.MjvCamera(), _options((GeomGroup.FLOOR, GeomGroup.COLLISION)))
@@ -116,9 +125,9 @@ def render_free_space(model: mujoco.MjModel, T_world_mine: np.ndarray, frame: Fr
             camera.frustum_center, camera.frustum_width = 0.0, 0.0
             camera.frustum_bottom, camera.frustum_top = -(north - south) / 2, (north - south) / 2
             camera.frustum_near, camera.frustum_far = 1.0, 2 * _CAMERA_HEIGHT_M + z_top_m
-        seen = renderer.render()[..., 0]
+        geoms = renderer.render()[..., 0]
     floor = np.flatnonzero(model.geom_group == GeomGroup.FLOOR)
-    return np.isin(seen, floor)
+    return np.isin(geoms, floor)
 
 
 def _options(groups: Iterable[int]) -> mujoco.MjvOption:
@@ -129,9 +138,9 @@ def _options(groups: Iterable[int]) -> mujoco.MjvOption:
 
 
 class _Renderer(mujoco.Renderer):
-    """A renderer that says what is missing when OSMesa is, and is closed by `with`."""
+    """A renderer that reports a missing OSMesa; `with` closes it."""
 
-    _gl_context = _mjr_context = None  # so that `close` finds them when the constructor fails
+    _gl_context = _mjr_context = None  # `close` reads them even if the constructor fails
 
     def __init__(self, model: mujoco.MjModel, height: int, width: int) -> None:
         try:
@@ -139,6 +148,6 @@ class _Renderer(mujoco.Renderer):
         except (AttributeError, ImportError, RuntimeError, mujoco.FatalError) as error:
             backend = os.environ["MUJOCO_GL"]
             raise ArtifactError(
-                f"rendering: no OpenGL context of {width} x {height} px by MUJOCO_GL={backend} ({error}); "
+                f"rendering: MUJOCO_GL={backend} gives no OpenGL context of {width} x {height} px ({error}); "
                 "`make setup` installs libosmesa6"
             ) from error

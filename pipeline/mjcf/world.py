@@ -1,4 +1,4 @@
-"""The world as an `MjSpec`: one tilted body that carries rock, floor zones, roof, visible rock, lights and cameras."""
+"""The world as an `MjSpec`: one tilted body with collision rock, floor zones, roof, surfaces, lights and cameras."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from pipeline.params.realism import ZoneParams
 from pipeline.store.codecs import Bundle, encode
 from pipeline.types import ConvexParts, Image, Mesh, SolidExtent
 
-_VISIBLE_PIECES = (FLOOR_CHAMFER, WALLS, ROOF)  # without the flat floor: the floor zones show it
+_VISIBLE_PIECES = (FLOOR_CHAMFER, WALLS, ROOF)  # not the flat floor: the floor zones show it
 
 
 @dataclass(frozen=True)
 class FloorZone:
-    """One floor zone: a box of the floor and what it does to a robot; extents are full sizes (m, mine frame).
+    """One floor zone: a strip of the floor (edges in m, mine frame) and its effect on a robot.
 
     `friction` is sliding friction. `command_scale` multiplies a commanded twist; `speed_noise_mps` is the standard
     deviation of the noise on the forward speed in each control step.
@@ -60,7 +60,7 @@ class FloorZone:
 
 @dataclass(frozen=True)
 class SpotLight:
-    """A spot light: place and direction (unit vector) in the mine frame, cut-off in degrees."""
+    """A spot light: place and direction (unit vector) in the mine frame, and cut-off angle in degrees."""
 
     place_m: tuple[float, float, float]
     direction: tuple[float, float, float]
@@ -69,9 +69,10 @@ class SpotLight:
 
 @dataclass(frozen=True)
 class MineScene:
-    """All that a world consists of, in the mine frame.
+    """The complete content of a world, in the mine frame.
 
-    `smooth` is the octagonal surface; `rough` holds the rough surface's chunks as `NAME.msh`, and hides the smooth one.
+    `smooth` is the octagonal surface. `rough` holds the chunks of the rough surface as `NAME.msh`; if there are any,
+    the smooth surface is hidden.
     """
 
     name: str
@@ -90,7 +91,7 @@ class MineScene:
 
 
 def tile_zones(zones: list[ZoneParams], world_m: tuple[float, float, float, float]) -> list[FloorZone]:
-    """Tile a box (west, south, east, north; m) with zones from the west, in equal shares to 0.1 m."""
+    """Divide a box (west, south, east, north; m) into zones from west to east, of equal length to 0.1 m."""
     west, south, east, north = world_m
     edges = np.linspace(west, east, len(zones) + 1).round(1)  # a half extent then has few enough digits for MJCF text
     return [
@@ -108,21 +109,21 @@ def tile_zones(zones: list[ZoneParams], world_m: tuple[float, float, float, floa
 def place_lights(
     lines_m: list[np.ndarray], spacing_m: float, height_m: float, pitch_deg: float, cutoff_deg: float, count: int | None
 ) -> list[SpotLight]:
-    """Hang spot lights at even distances along lines, each looking along its line and slightly down.
+    """Place spot lights at even distances along lines; each points along its line and slightly down.
 
     Parameters
     ----------
     lines_m : list of (n, 2), m, mine frame
     spacing_m : float
-        Distance along the line; the first and last light stand half the remainder from its ends.
+        Distance along the line. The first and the last light are half the remainder away from the line's ends.
     height_m : float
-        Above the floor.
+        Height above the floor.
     pitch_deg : float
-        Below the horizontal.
+        Angle below the horizontal.
     cutoff_deg : float
         MuJoCo's `cutoff`: the angle between the axis and the cone's edge.
     count : int, optional
-        At most this many on each line, centred on it.
+        Maximum number of lights per line; they are centred on it.
     """
     down = math.radians(pitch_deg)
     lights = []
@@ -130,10 +131,10 @@ def place_lights(
         along = arc_length(line)
         n = int(along[-1] // spacing_m) + 1
         n = n if count is None else min(n, count)
-        for at in (along[-1] - (n - 1) * spacing_m) / 2 + spacing_m * np.arange(n):
-            x, y = (float(np.interp(at, along, line[:, k])) for k in (0, 1))
-            ahead = [np.interp(min(at + 2.0, along[-1]), along, line[:, k]) for k in (0, 1)]
-            behind = [np.interp(max(at - 2.0, 0.0), along, line[:, k]) for k in (0, 1)]
+        for distance in (along[-1] - (n - 1) * spacing_m) / 2 + spacing_m * np.arange(n):
+            x, y = (float(np.interp(distance, along, line[:, k])) for k in (0, 1))
+            ahead = [np.interp(min(distance + 2.0, along[-1]), along, line[:, k]) for k in (0, 1)]
+            behind = [np.interp(max(distance - 2.0, 0.0), along, line[:, k]) for k in (0, 1)]
             heading = math.atan2(ahead[1] - behind[1], ahead[0] - behind[0])
             direction = (math.cos(heading) * math.cos(down), math.sin(heading) * math.cos(down), -math.sin(down))
             lights.append(SpotLight((round(x, 3), round(y, 3), height_m), direction, cutoff_deg))
@@ -141,7 +142,7 @@ def place_lights(
 
 
 def tilt_about_centre(tilt_deg: float, world_m: tuple[float, float, float, float]) -> np.ndarray:
-    """Return T_world_mine (4, 4): the box's centre becomes the world's origin, then a rotation about Y by the tilt.
+    """Return T_world_mine (4, 4), which moves the box's centre to the world's origin and then rotates about Y.
 
     A positive tilt lowers the east.
     """
@@ -155,7 +156,7 @@ def tilt_about_centre(tilt_deg: float, world_m: tuple[float, float, float, float
 
 
 def build_spec(scene: MineScene) -> mujoco.MjSpec:
-    """Build the world.
+    """Build the specification of a world.
 
     Returns
     -------
@@ -176,16 +177,23 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     spec.assets = {**meshes, ROCK_TEXTURE: encode(Path(ROCK_TEXTURE), scene.texture)}
     for i, light in enumerate(scene.lights):
         mine.add_light(
-            name=f"spot_{i:02d}", pos=light.place_m, dir=light.direction, type=mujoco.mjtLightType.mjLIGHT_SPOT,
-            cutoff=light.cutoff_deg, exponent=8.0, castshadow=False, attenuation=[1.0, 0.0, 0.004],
-            diffuse=[1.0, 0.93, 0.8], specular=[0.1, 0.1, 0.1],
-        )  # fmt: skip
+            name=f"spot_{i:02d}",
+            pos=light.place_m,
+            dir=light.direction,
+            type=mujoco.mjtLightType.mjLIGHT_SPOT,
+            cutoff=light.cutoff_deg,
+            exponent=8.0,
+            castshadow=False,
+            attenuation=[1.0, 0.0, 0.004],
+            diffuse=[1.0, 0.93, 0.8],
+            specular=[0.1, 0.1, 0.1],
+        )
     _add_cameras(mine, scene)
     return spec
 
 
 def _set_view(spec: mujoco.MjSpec, scene: MineScene) -> None:
-    # Clipping planes scale with the extent; one of a drift's size keeps both a wall at arm's length and the far end.
+    # Clipping planes scale with the extent. With the extent of a drift, near walls and the far end are both visible.
     spec.stat.extent = 10.0
     spec.stat.center = (scene.T_world_mine @ [*scene.anchor_m, 0.5, 1.0])[:3].round(3)
     spec.visual.map.znear = 0.005
@@ -213,7 +221,7 @@ def _add_rock_class(spec: mujoco.MjSpec, friction: float) -> None:
 
 
 def _add_rock(spec: mujoco.MjSpec, mine: mujoco.MjsBody, parts: ConvexParts) -> None:
-    """Add each convex part as a mesh about its own centre: MuJoCo keeps mesh vertices in 32 bits, a place in 64."""
+    """Add each convex part as a mesh about its centre: MuJoCo stores mesh vertices in 32 bits, positions in 64."""
     digits = max(0, 6 - math.ceil(math.log10(max(10.0, float(np.abs(parts.vertices).max()) * 1.1))))
     for i in range(len(parts)):
         vertices = parts[i]
@@ -227,38 +235,46 @@ def _add_rock(spec: mujoco.MjSpec, mine: mujoco.MjsBody, parts: ConvexParts) -> 
 
 def _add_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> None:
     for zone in scene.zones:
-        # OpenGL lights corners, which on a floor of this size are far from every lamp: the ground glows a little.
+        # OpenGL lights vertices, and those of a large floor are far from every lamp, so the floor emits a little light.
         spec.add_material(name=f"ground_{zone.name}", rgba=zone.rgba, emission=0.25, specular=0.0, shininess=0.0)
         centre = [(zone.west_m + zone.east_m) / 2, (zone.south_m + zone.north_m) / 2, -scene.floor_thickness_m / 2]
         size = [(zone.east_m - zone.west_m) / 2, (zone.north_m - zone.south_m) / 2, scene.floor_thickness_m / 2]
-        # Without priority MuJoCo takes the larger friction of the two geoms, and a rubber wheel would not feel water.
+        # Without priority MuJoCo uses the larger friction of two geoms, so that water would not affect a rubber wheel.
         mine.add_geom(
-            name=zone.geom, type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, size=size,
-            material=f"ground_{zone.name}", priority=1,
-            friction=[zone.friction, 0.005, 0.0001], group=GeomGroup.FLOOR,
-        )  # fmt: skip
+            name=zone.geom,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=centre,
+            size=size,
+            material=f"ground_{zone.name}",
+            priority=1,
+            friction=[zone.friction, 0.005, 0.0001],
+            group=GeomGroup.FLOOR,
+        )
     west, south, east, north = scene.extent.world_m
     mine.add_geom(
-        spec.find_default(ROCK_CLASS), name=ROOF_GEOM, type=mujoco.mjtGeom.mjGEOM_BOX, group=GeomGroup.ROOF,
+        spec.find_default(ROCK_CLASS),
+        name=ROOF_GEOM,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        group=GeomGroup.ROOF,
         pos=[(west + east) / 2, (south + north) / 2, scene.extent.height_m + scene.floor_thickness_m / 2],
         size=[(east - west) / 2, (north - south) / 2, scene.floor_thickness_m / 2],
-    )  # fmt: skip
+    )
 
 
 def _add_surface(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> Bundle:
-    """Add both layers to a body of their own, which the collision phases pass over at once; return the mesh files."""
+    """Add both surfaces to a separate body, which collision detection skips as a whole; return the mesh files."""
     surface = mine.add_body(name=SURFACE_BODY)
     files = {smooth_mesh(k): encode(Path(f"{k}.msh"), mesh) for k, mesh in scene.smooth.items() if k in _VISIBLE_PIECES}
     for name in files:
-        _add_sheet(spec, surface, name, GeomGroup.SMOOTH_SURFACE if scene.rough else GeomGroup.ROUGH_SURFACE)
+        _add_surface_mesh(spec, surface, name, GeomGroup.SMOOTH_SURFACE if scene.rough else GeomGroup.ROUGH_SURFACE)
     chunks = {name.removesuffix(".msh"): data for name, data in sorted(scene.rough.items())}
     for name in chunks:
-        _add_sheet(spec, surface, name, GeomGroup.ROUGH_SURFACE)
+        _add_surface_mesh(spec, surface, name, GeomGroup.ROUGH_SURFACE)
     return {mesh_file(name): data for name, data in (files | chunks).items()}
 
 
-def _add_sheet(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, group: int) -> None:
-    # An open sheet has no volume; MuJoCo takes the inertia of a thin shell, which nothing uses.
+def _add_surface_mesh(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, group: int) -> None:
+    # An open surface has no volume, so MuJoCo needs the inertia of a thin shell; nothing uses it.
     spec.add_mesh(name=name, file=mesh_file(name), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
     body.add_geom(spec.find_default(SURFACE_CLASS), name=surface_geom(name), meshname=name, group=group)
 
@@ -267,19 +283,19 @@ def _add_cameras(mine: mujoco.MjsBody, scene: MineScene) -> None:
     west, south, east, north = scene.extent.world_m
     c, s = math.cos(scene.heading_rad), math.sin(scene.heading_rad)
     mine.add_camera(
-        name="entrance", pos=[*scene.anchor_m, 1.2], quat=_looking((s, -c, 0.0), (0.0, 0.0, 1.0)), fovy=70.0
+        name="entrance", pos=[*scene.anchor_m, 1.2], quat=_camera_quat((s, -c, 0.0), (0.0, 0.0, 1.0)), fovy=70.0
     )
-    # The whole mine from above, a little from the south; the roof faces down and so does not hide the drifts.
+    # The whole mine from above, slightly from the south; the roof faces down and does not hide the drifts.
     pitch, fovy = math.radians(60.0), 30.0
     reach = max((east - west) / 16 * 9, north - south) / 2 / math.tan(math.radians(fovy / 2)) * 1.05
     centre = np.array([(west + east) / 2, (south + north) / 2, 0.0])
     up = (0.0, math.sin(pitch), math.cos(pitch))
     place = centre + reach * np.array([0.0, -math.cos(pitch), math.sin(pitch)])
-    mine.add_camera(name="overview", pos=place.round(2), quat=_looking((1.0, 0.0, 0.0), up), fovy=fovy)
+    mine.add_camera(name="overview", pos=place.round(2), quat=_camera_quat((1.0, 0.0, 0.0), up), fovy=fovy)
 
 
-def _looking(right: tuple[float, float, float], up: tuple[float, float, float]) -> np.ndarray:
-    """Return the quaternion of a camera with these axes; it looks along up x right."""
+def _camera_quat(right: tuple[float, float, float], up: tuple[float, float, float]) -> np.ndarray:
+    """Return the quaternion of a camera with these axes; it points along up x right."""
     axes = np.column_stack([right, up, np.cross(right, up)])
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, axes.ravel())

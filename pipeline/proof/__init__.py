@@ -1,1 +1,1 @@
-"""What a world's bundle proves: measures of the compiled model against the plan, the real rock, and real LiDAR."""
+"""Proofs about a bundle: comparison of the compiled model with the plan, with real rock and with real LiDAR."""

@@ -1,4 +1,4 @@
-"""The containment certificate: what a bundle's collision world encloses, clause by clause, from its compiled model."""
+"""The containment certificate: proof, clause by clause, that a bundle's collision geometry encloses the workings."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from pipeline.params.validation import CertificateParams, Limit
 from pipeline.proof.stress_test import Progress, stress_walls
 from pipeline.types import Frame, FreeSpace
 
-_SLICES_M = (0.05, 0.5, 1.0)  # and just below the roof
+_SLICES_M = (0.05, 0.5, 1.0)  # one more slice is just below the roof
 _LEVEL_M = 1e-3
-_MARGIN_M = 4.0  # beyond the workings, within the frame that rock fills, so that a leak shows
+_MARGIN_M = 4.0  # grid beyond the workings, within the rock's box in plan, so that a leak is visible
 _PROBE_HEIGHT_M = 0.35
-_SEEN_M = 0.25  # clearances are compared up to this much more than the robot's radius
+_COMPARED_M = 0.25  # clearances are compared up to the robot's radius plus this
 
 
 @dataclass(frozen=True)
 class Clause:
-    """One measured figure, its limits, and whether they hold; what could not be measured does not."""
+    """One measured figure, its limits, and whether it is within them; a figure that is not measured is not."""
 
     value: float | None
     limit: dict[str, float]
@@ -39,7 +39,7 @@ class Clause:
 
 @dataclass(frozen=True)
 class Certificate:
-    """All clauses, whether every one holds, and the world they are of; `contacts` robot steps touched rock."""
+    """All clauses of one world, and whether all hold; `contacts` is the number of robot steps that touched rock."""
 
     world_sha256: str
     holds: bool
@@ -56,35 +56,35 @@ def measure_containment(
     threads: int = 1,
     progress: Progress = iter,
 ) -> dict[str, Any]:
-    """Measure walls, floor and roof, reach, and the stress test of a bundle.
+    """Measure walls, floor, roof, reachable area and the collision stress test of a bundle.
 
     Parameters
     ----------
     folder : Path
     world : World
-        The same, opened.
+        The bundle, opened.
     free_space : FreeSpace
-        The plan's free space that it must enclose.
+        The plan's free space, which the bundle must enclose.
     params : CertificateParams
     network : (cell_m, min_leg_m)
-        How drift networks are traced.
+        Parameters with which drift networks are traced.
     threads : int
     progress : callable
-        Wraps the numbers of the throws, as `tqdm.tqdm` does.
+        Wraps the indices of the rounds of throws, as `tqdm.tqdm` does.
     """
     record, free = world.record, free_space.polygon
     parts = part_vertices(world.model, GeomGroup.COLLISION)
     box = shapely.box(*record.world_m)
-    found: dict[str, Any] = vars(cover_walls(parts, free, box, (*_SLICES_M, record.height_m - 0.05))).copy()
-    found["rock_round_m"] = round(float(free.distance(box.exterior)) if box.contains(free) else 0.0, 3)
-    found["floor_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.FLOOR, 0.0, top=True), free)
-    found["roof_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.ROOF, record.height_m, top=False), free)
-    found |= _reach(folder, world, free_space, params, network)
+    figures: dict[str, Any] = vars(cover_walls(parts, free, box, (*_SLICES_M, record.height_m - 0.05))).copy()
+    figures["rock_round_m"] = round(float(free.distance(box.exterior)) if box.contains(free) else 0.0, 3)
+    figures["floor_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.FLOOR, 0.0, top=True), free)
+    figures["roof_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.ROOF, record.height_m, top=False), free)
+    figures |= _reach(folder, world, free_space, params, network)
     if params.contacts:
         borders = [zone.east_m for zone in record.zones[:-1]]
         stress = stress_walls(folder, free, parts, borders, params.contacts, params.seed, threads, progress)
-        found |= {k: v for k, v in dataclasses.asdict(stress).items() if k != "targets"}
-    return found
+        figures |= {k: v for k, v in dataclasses.asdict(stress).items() if k != "targets"}
+    return figures
 
 
 def _slabs(model: mujoco.MjModel, group: int, level_m: float, top: bool) -> list[tuple[float, float, float, float]]:
@@ -108,18 +108,18 @@ def _reach(
     frame = Frame(1 / cell, (margin - west) / cell, (north + margin) / cell, width, height)
     rows, cols = np.indices((height, width))
     places = frame.to_mine(np.column_stack([cols.ravel(), rows.ravel()]) + 0.5)
-    round_it = free.buffer(_MARGIN_M).intersection(shapely.box(*record.world_m))
-    asked = np.flatnonzero(shapely.contains_xy(round_it, places[:, 0], places[:, 1]))
-    most = radius + _SEEN_M
-    plan, seen = np.zeros(len(places)), np.zeros(len(places))
-    points = shapely.points(places[asked])
-    inside = shapely.contains_xy(free, places[asked, 0], places[asked, 1])
-    plan[asked] = np.where(inside, np.minimum(shapely.distance(free.boundary, points), most), 0.0)
+    around = free.buffer(_MARGIN_M).intersection(shapely.box(*record.world_m))
+    queried = np.flatnonzero(shapely.contains_xy(around, places[:, 0], places[:, 1]))
+    most = radius + _COMPARED_M
+    plan, measured = np.zeros(len(places)), np.zeros(len(places))
+    points = shapely.points(places[queried])
+    inside = shapely.contains_xy(free, places[queried, 0], places[queried, 1])
+    plan[queried] = np.where(inside, np.minimum(shapely.distance(free.boundary, points), most), 0.0)
     T = np.array(record.T_world_mine)
-    seen[asked] = rock_clearance(folder, T, GeomGroup.COLLISION, places[asked], _PROBE_HEIGHT_M, most)
+    measured[queried] = rock_clearance(folder, T, GeomGroup.COLLISION, places[queried], _PROBE_HEIGHT_M, most)
     start = start_cell(record.spawn.anchor_m, frame)
-    by_plan, by_world = (reached_cells(c.reshape(height, width), radius, start) for c in (plan, seen))
-    error = float(np.abs(plan - seen).max())
+    by_plan, by_world = (reached_cells(c.reshape(height, width), radius, start) for c in (plan, measured))
+    error = float(np.abs(plan - measured).max())
     if not (by_plan.any() and by_world.any()):  # the anchor itself is in rock
         return {"clearance_error_m": round(error, 5), "reached_m2": 0.0, "same_graph": False}
     match = compare_reach(by_plan, by_world, frame, radius, *network)
@@ -127,7 +127,7 @@ def _reach(
 
 
 def certify(world_sha256: str, measured: Mapping[str, Any], limits: Mapping[str, Limit]) -> Certificate:
-    """Hold measured figures against the limit of each clause."""
+    """Compare the measured figures with the limit of each clause."""
     clauses = {}
     for name, limit in limits.items():
         value = measured.get(name)

@@ -1,4 +1,4 @@
-"""Whether a bundle's parts tell one story: the record, the compiled model, and the grids that travel with it."""
+"""Whether the parts of a bundle agree: the record, the compiled model, and the grids in the bundle."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from pipeline.types import FreeSpace, Occupancy
 _GRAVITY = (0.0, 0.0, -9.81)
 _LEVEL = 1e-3
 _KNEE_M, _CELLS_TRIED = 0.4, 5000
-_BORDER_SHARE = 2**-0.5  # of a cell: nearer to a wall a cell's centre may fall either way
+_BORDER_SHARE = 2**-0.5  # of a cell: a cell nearer to a wall than this may be free or not
 
 
 def measure_consistency(folder: Path, world: World, free_space: FreeSpace) -> dict[str, Any]:
-    """Return the counts and errors by which a bundle's files differ from its record and its model."""
+    """Return counts and errors: how far the files of a bundle differ from its record and from its model."""
     model, record = world.model, world.record
     w, _, y, _ = model.body(MINE_BODY).quat
     tilt_deg = math.degrees(2 * math.atan2(y, w))
@@ -46,7 +46,7 @@ def measure_consistency(folder: Path, world: World, free_space: FreeSpace) -> di
 
 
 def _frame_error_m(world: World) -> float:
-    """Return how far the model puts the mine's corners from where the record's frame does."""
+    """Return the largest distance, m, between the mine's corners in the model and in the record's frame."""
     body = world.model.body(MINE_BODY)
     rotation = np.zeros(9)
     mujoco.mju_quat2Mat(rotation, body.quat)
@@ -58,7 +58,7 @@ def _frame_error_m(world: World) -> float:
 
 
 def _zones_wrong(world: World) -> int:
-    """Count the floor zones whose geom lacks, lies elsewhere, or has other friction than the record says."""
+    """Count the floor zones whose geom is missing or differs from the record in place or friction, and extra geoms."""
     wrong, names = 0, [world.model.geom(g).name for g in range(world.model.ngeom)]
     for zone in world.record.zones:
         if zone.geom not in names:
@@ -66,74 +66,74 @@ def _zones_wrong(world: World) -> int:
             continue
         geom = world.model.geom(zone.geom)
         low, high = geom.pos - geom.size, geom.pos + geom.size
-        found = [low[0], high[0], low[1], high[1], high[2], geom.friction[0]]
-        said = [zone.west_m, zone.east_m, zone.south_m, zone.north_m, 0.0, zone.friction]
-        wrong += not (np.abs(np.array(found) - said).max() < _LEVEL and geom.priority[0] == 1)
+        modelled = [low[0], high[0], low[1], high[1], high[2], geom.friction[0]]
+        recorded = [zone.west_m, zone.east_m, zone.south_m, zone.north_m, 0.0, zone.friction]
+        wrong += not (np.abs(np.array(modelled) - recorded).max() < _LEVEL and geom.priority[0] == 1)
     return wrong + abs(sum(is_floor(name) for name in names) - len(world.record.zones))
 
 
 def _colliders_wrong(world: World) -> int:
-    """Count geoms that collide and should not, or the other way round, and solid ones outside the mine's own frame.
+    """Count geoms that wrongly collide or wrongly do not, and solid geoms of a wrong shape or body.
 
-    Rock, floor and roof collide, nothing else does; rock is convex meshes or boxes; all of it hangs on the body `mine`,
-    whose frame every measure takes theirs for.
+    Only rock, floor and roof collide. They are convex meshes or boxes, and belong to the body `mine`, because every
+    measure reads their positions in its frame.
     """
     model = world.model
     collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     solid = np.isin(model.geom_group, [GeomGroup.COLLISION, GeomGroup.FLOOR, GeomGroup.ROOF])
-    shape = np.isin(model.geom_type, [mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_BOX])
-    elsewhere = model.geom_bodyid != model.body(MINE_BODY).id
-    return int((collides != solid).sum() + (solid & ~shape).sum() + (solid & elsewhere).sum())
+    allowed_shape = np.isin(model.geom_type, [mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_BOX])
+    of_other_body = model.geom_bodyid != model.body(MINE_BODY).id
+    return int((collides != solid).sum() + (solid & ~allowed_shape).sum() + (solid & of_other_body).sum())
 
 
 def _rock_friction_error(world: World) -> float:
     rock = world.model.geom_group == GeomGroup.COLLISION
-    off = np.abs(world.model.geom_friction[rock, 0] - world.record.rock_friction)
-    return round(float(off.max(initial=0.0)), 6)
+    error = np.abs(world.model.geom_friction[rock, 0] - world.record.rock_friction)
+    return round(float(error.max(initial=0.0)), 6)
 
 
 def _grid_errors(folder: Path, free_space: FreeSpace) -> dict[str, int]:
-    """Count cells of the clearance grid, the Nav2 map and the octree that differ from the free space; borders aside."""
+    """Count cells of clearance grid, Nav2 map and octree that differ from the free space, except at its border."""
     grid = decode(folder / CLEARANCE_GRID, Occupancy)
     free, origin, cell = grid.free, grid.origin_m, float(grid.cell_m)
-    drawn = read_nav2_map(folder / NAV2_MAP)
+    nav2 = read_nav2_map(folder / NAV2_MAP)
     tree = from_bt(decode(folder / OCTREE, bytes))
     return {
         "occupancy_wrong": _wrong_cells(free, origin, cell, free_space.polygon)
         + _wrong_clearances(free, grid.clearance_m, origin, cell, free_space.polygon),
-        "map_wrong": _wrong_cells(drawn.free, np.array(drawn.origin_m), drawn.cell_m, free_space.polygon),
+        "map_wrong": _wrong_cells(nav2.free, np.array(nav2.origin_m), nav2.cell_m, free_space.polygon),
         "octree_wrong": _wrong_voxels(tree, free, origin, cell),
     }
 
 
 def _wrong_cells(free: np.ndarray, origin_m: np.ndarray, cell_m: float, polygon: Polygon) -> int:
-    """Count cells that are free where the polygon is not, or the other way round, by half a diagonal, or that lack."""
+    """Count cells that differ from the polygon by more than half a diagonal, and cells missing at the grid's edge."""
     rows, cols = free.shape
-    covered = shapely.box(*origin_m, origin_m[0] + cols * cell_m, origin_m[1] + rows * cell_m)
-    beyond = int(np.ceil(polygon.difference(covered).area / cell_m**2))
+    grid_box = shapely.box(*origin_m, origin_m[0] + cols * cell_m, origin_m[1] + rows * cell_m)
+    missing = int(np.ceil(polygon.difference(grid_box).area / cell_m**2))
     places = _centres(free.shape, origin_m, cell_m)
     inside = shapely.contains_xy(polygon, places[:, 0], places[:, 1])
     differ = shapely.points(places[inside != free.ravel()])
-    return beyond + int((shapely.distance(polygon.boundary, differ) > _BORDER_SHARE * cell_m).sum())
+    return missing + int((shapely.distance(polygon.boundary, differ) > _BORDER_SHARE * cell_m).sum())
 
 
 def _wrong_clearances(
     free: np.ndarray, clearance_m: np.ndarray, origin_m: np.ndarray, cell_m: float, polygon: Polygon
 ) -> int:
-    """Count, of some 5,000 free cells, those whose clearance is off by more than a cell."""
-    some = np.flatnonzero(free.ravel())
-    some = some[:: max(1, len(some) // _CELLS_TRIED)]
-    exact = shapely.distance(polygon.boundary, shapely.points(_centres(free.shape, origin_m, cell_m)[some]))
-    return int((np.abs(exact - clearance_m.ravel()[some]) > cell_m).sum())
+    """Return how many of about 5,000 free cells have a clearance with an error of more than one cell."""
+    sample = np.flatnonzero(free.ravel())
+    sample = sample[:: max(1, len(sample) // _CELLS_TRIED)]
+    exact = shapely.distance(polygon.boundary, shapely.points(_centres(free.shape, origin_m, cell_m)[sample]))
+    return int((np.abs(exact - clearance_m.ravel()[sample]) > cell_m).sum())
 
 
 def _wrong_voxels(tree: Octree, free: np.ndarray, origin_m: np.ndarray, cell_m: float) -> int:
-    """Count grid cells that the octree calls otherwise at knee height."""
+    """Count grid cells that the octree classifies differently at knee height."""
     places = np.column_stack([_centres(free.shape, origin_m, cell_m), np.full(free.size, _KNEE_M)])
     return int(((tree.query(places) == FREE) != free.ravel()).sum())
 
 
 def _centres(shape: tuple[int, ...], origin_m: np.ndarray, cell_m: float) -> np.ndarray:
-    """Return the cells' centres (n, 2) m, row by row from the south."""
+    """Return the centres of all cells, (n, 2) m, row by row from the south."""
     rows, cols = np.indices(shape)
     return np.asarray(origin_m) + (np.stack([cols, rows], axis=-1).reshape(-1, 2) + 0.5) * cell_m

@@ -1,4 +1,4 @@
-"""Independent validation: rock built from half of the sweeps, scored on the half that it has not seen."""
+"""Hold-out validation: rock is built from one half of the sweeps and scored on the other half."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pipeline.surface.build import build_rough_surface
 from pipeline.surface.built import report_roughness
 from pipeline.surface.reference import measure_sweeps
 
-_DRIFT = shapely.box(0, 0, 80, 7)  # m; long enough for many of the longest windows
+_DRIFT = shapely.box(0, 0, 80, 7)  # m; it holds many of the longest windows
 _HEIGHT_M = 3.5
 _MOST_HALVES = 40
 
@@ -27,7 +27,7 @@ Progress = Callable[[list[tuple[str, ...]]], Iterable[tuple[str, ...]]]
 
 @dataclass(frozen=True)
 class Split:
-    """One split: residual RMS, mm, by window (m) of the sweeps built from, of the built wall, and of those held out."""
+    """One split: residual RMS, mm, by window, m, of the source sweeps, the built wall and the held-out sweeps."""
 
     built_from: list[str]
     held_out: list[str]
@@ -41,9 +41,10 @@ class Split:
 
 @dataclass(frozen=True)
 class HoldoutReport:
-    """All splits, and typical factors (exp of the mean absolute logarithm) by which the two differ from the held out.
+    """All splits, and the typical factors by which built wall and source sweeps differ from the held-out sweeps.
 
-    What `source_factor` is above 1 no builder can avoid: the halves differ by that much themselves.
+    A factor is exp of the mean absolute logarithm of ratios. No builder can do better than `source_factor` on average,
+    because the two halves of the sweeps differ by this factor.
     """
 
     splits: list[Split]
@@ -52,14 +53,14 @@ class HoldoutReport:
 
 
 def score_holdout(sweeps: dict[str, Path], params: SurfaceParams, progress: Progress = list) -> HoldoutReport:
-    """Build a straight drift's rock from every half of the sweeps and compare its section with the other half.
+    """Build the rock of a straight drift from every half of the sweeps and compare its section with the other half.
 
-    Of many sweeps there are more halves than can be built: then at most 40, evenly out of their list.
+    With many sweeps, at most 40 halves are built; they are taken evenly from the list of all halves.
 
     Parameters
     ----------
     sweeps : dict of Path
-        By name; at least two.
+        The files by name; at least two.
     params : SurfaceParams
     progress : callable
         Wraps the list of halves, as `tqdm.tqdm` does.
@@ -76,24 +77,26 @@ def score_holdout(sweeps: dict[str, Path], params: SurfaceParams, progress: Prog
     halves = halves[:: -(-len(halves) // _MOST_HALVES)]
     splits = [_score(half, sweeps, params) for half in progress(halves)]
     return HoldoutReport(
-        splits, _factor([r for s in splits for r in s.built_vs_held_out]),
+        splits,
+        _factor([r for s in splits for r in s.built_vs_held_out]),
         _factor([r for s in splits for r in s.source_vs_held_out]),
-    )  # fmt: skip
+    )
 
 
 def _score(half: tuple[str, ...], sweeps: dict[str, Path], params: SurfaceParams) -> Split:
     rest = sorted(set(sweeps) - set(half))
-    ours, theirs = (
+    source_roughness, held_out_roughness = (
         measure_sweeps(params.sweeps.model_copy(update={"files": {n: str(sweeps[n]) for n in part}}))
         for part in (half, rest)
     )
     copy = params.model_copy(update={"reference": "sweeps"})
-    sources = {"sweeps": {"wall": ours}}
+    sources = {"sweeps": {"wall": source_roughness}}
     noise = choose_bands(copy, sources)
     report = report_roughness(copy, sources, noise, build_rough_surface(copy, _DRIFT, None, _HEIGHT_M, noise))
-    by_window = [dict(zip(r.window_m, r.rq_m, strict=True)) for r in (ours, report.built["section"], theirs)]
+    measured = (source_roughness, report.built["section"], held_out_roughness)
+    by_window = [dict(zip(r.window_m, r.rq_m, strict=True)) for r in measured]
     windows = [w for w in by_window[0] if all(w in other for other in by_window[1:])]
-    source, built, held = (np.array([of[w] for w in windows]) for of in by_window)
+    source, built, held = (np.array([rq[w] for w in windows]) for rq in by_window)
     return Split(
         built_from=list(half),
         held_out=rest,

@@ -1,4 +1,4 @@
-"""The same rays by every backend that stands for a world, and whether they see one mine."""
+"""The same rays cast in every representation of a world, and whether their ranges agree."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _HEIGHT_M, _RANGE_M = 0.3, 10.0
 _AGREE_M = 0.01
 _CLEAR_M = 0.4  # rays start where a robot can stand
 _LISTED = 20
-_STEP_SHARE = 0.05  # of a cell, by which a ray walks over the map
+_STEP_SHARE = 0.05  # of a cell: the step of a ray over the map
 
 
 @dataclass(frozen=True)
 class Disagreement:
-    """A ray on which a backend departs: start (m), bearing (rad), range by MuJoCo on the bundle and by it, m."""
+    """A ray on which a backend differs: start, m, bearing, rad, and the ranges by MuJoCo and by the backend, m."""
 
     x_m: float
     y_m: float
@@ -40,10 +40,10 @@ class Disagreement:
 
 @dataclass(frozen=True)
 class Parity:
-    """One backend against `mj_ray` on the bundle: rays compared, how many agree, the worst difference, others.
+    """One backend against `mj_ray` on the bundle: compared rays, agreeing rays, worst difference, some disagreements.
 
-    `tolerance_m` is of ranges; for the map it is a cell, and of the places that the rays end at: along a wall a cell's
-    width can be metres of range.
+    Differences and `tolerance_m` are of ranges. For the map they are distances of the rays' ends from the rock, and the
+    tolerance is the diagonal of a cell, because along a wall one cell can mean metres of range.
     """
 
     rays: int
@@ -55,20 +55,20 @@ class Parity:
 
 @dataclass(frozen=True)
 class ParityReport:
-    """All backends, and the ones that were left out and why."""
+    """All compared backends, and for each omitted backend the reason."""
 
     backends: dict[str, Parity]
     left_out: dict[str, str]
 
 
 def compare_backends(folder: Path, world: World, free: Polygon, rays: int, seed: int) -> ParityReport:
-    """Cast level rays from random places where a robot can stand against the collision rock.
+    """Cast level rays at the collision rock from random places where a robot can stand.
 
     Parameters
     ----------
     folder : Path
     world : World
-        The same, opened.
+        The bundle, opened.
     free : shapely.Polygon, m, mine frame
     rays : int
     seed : int
@@ -97,16 +97,16 @@ def compare_backends(folder: Path, world: World, free: Polygon, rays: int, seed:
     return ParityReport(backends, left_out)
 
 
-def _rays(room: Polygon, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    west, south, east, north = room.bounds
+def _rays(standing: Polygon, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    west, south, east, north = standing.bounds
     places = np.zeros((0, 2))
     while len(places) < count:
-        tried = rng.uniform([west, south], [east, north], (4 * count, 2))
-        places = np.concatenate([places, tried[shapely.contains_xy(room, tried[:, 0], tried[:, 1])]])
+        drawn = rng.uniform([west, south], [east, north], (4 * count, 2))
+        places = np.concatenate([places, drawn[shapely.contains_xy(standing, drawn[:, 0], drawn[:, 1])]])
     return places[:count], rng.uniform(-np.pi, np.pi, count)
 
 
-def _level(bearings: np.ndarray) -> np.ndarray:
+def _directions(bearings: np.ndarray) -> np.ndarray:
     return np.column_stack([np.cos(bearings), np.sin(bearings), np.zeros_like(bearings)])
 
 
@@ -119,7 +119,7 @@ def _by_mujoco(
     groups = np.zeros(mujoco.mjNGROUP, np.uint8)
     groups[group] = 1
     starts = np.column_stack([places, np.full(len(places), _HEIGHT_M)]) @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
-    ahead = _level(bearings) @ T_world_mine[:3, :3].T
+    ahead = _directions(bearings) @ T_world_mine[:3, :3].T
     hit = np.zeros(1, np.int32)
     ranges = np.array(
         [mujoco.mj_ray(model, data, p, v, groups, 1, -1, hit, None) for p, v in zip(starts, ahead, strict=True)]
@@ -130,23 +130,23 @@ def _by_mujoco(
 def _by_open3d(world: World, group: int, places: np.ndarray, bearings: np.ndarray) -> np.ndarray:
     caster = RayCaster(geom_triangles(world.model, group))
     starts = np.column_stack([places, np.full(len(places), _HEIGHT_M)])
-    return np.minimum(caster.cast(starts, _level(bearings)), _RANGE_M)
+    return np.minimum(caster.cast(starts, _directions(bearings)), _RANGE_M)
 
 
 def _by_local_models(
     folder: Path, places: np.ndarray, bearings: np.ndarray, exact: np.ndarray, group: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return which rays end within what a window holds all rock of, and their ranges by the window's own model."""
+    """Return which rays end inside the area whose rock their local model holds, and the ranges by that model."""
     models = LocalModels(load_world(folder), TaskParams(), RobotParams())
-    ends = places + exact[:, None] * _level(bearings)[:, :2]
+    ends = places + exact[:, None] * _directions(bearings)[:, :2]
     tiles = models.tiles_of(places)
     low, high = models.reach(tiles)
     inside = (exact < _RANGE_M) & ((ends >= low) & (ends <= high)).all(axis=1)
     ranges = np.full(len(places), _RANGE_M)
     for tile in np.unique(tiles[inside], axis=0).tolist():
-        those = inside & (tiles == tile).all(axis=1)
+        selected = inside & (tiles == tile).all(axis=1)
         model = models.model(tuple(tile))
-        ranges[those] = _by_mujoco(model, models.T_world_mine, places[those], bearings[those], group)
+        ranges[selected] = _by_mujoco(model, models.T_world_mine, places[selected], bearings[selected], group)
     return inside, ranges
 
 
@@ -161,44 +161,53 @@ def _by_warp(
     mujoco.mj_forward(model, data)
     groups = warp.types.vector(mujoco.mjNGROUP, warp.float32)(*[1.0 * (k == group) for k in range(mujoco.mjNGROUP)])
     starts = np.column_stack([places, np.full(len(places), _HEIGHT_M)]) @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
-    ahead = _level(bearings) @ T_world_mine[:3, :3].T
+    ahead = _directions(bearings) @ T_world_mine[:3, :3].T
     with warp.ScopedDevice("cpu"):
         m, d = mujoco_warp.put_model(model), mujoco_warp.put_data(model, data)
         count = len(places)
         distance = warp.empty((1, count), dtype=float)
         mujoco_warp.rays(
-            m, d, warp.array(starts[None], dtype=warp.vec3), warp.array(ahead[None], dtype=warp.vec3), groups, True,
-            warp.full(count, -1, dtype=int), distance, warp.empty((1, count), dtype=int),
+            m,
+            d,
+            warp.array(starts[None], dtype=warp.vec3),
+            warp.array(ahead[None], dtype=warp.vec3),
+            groups,
+            True,
+            warp.full(count, -1, dtype=int),
+            distance,
+            warp.empty((1, count), dtype=int),
             warp.empty((1, count), dtype=warp.vec3),
-        )  # fmt: skip
+        )
         ranges = distance.numpy()[0].astype(np.float64)
     return np.where((ranges < 0) | (ranges > _RANGE_M), _RANGE_M, ranges)
 
 
 def _by_map(folder: Path, free: Polygon, places: np.ndarray, bearings: np.ndarray, exact: np.ndarray) -> Parity:
-    """Walk the rays over the bundle's Nav2 map; a hit agrees if it lies within a cell of the rock that is there."""
-    drawn = read_nav2_map(folder / NAV2_MAP)
-    cell, (west, south), occupied = drawn.cell_m, drawn.origin_m, ~drawn.free
+    """Step the rays over the bundle's Nav2 map; a hit agrees if it lies within a cell of rock."""
+    nav2 = read_nav2_map(folder / NAV2_MAP)
+    cell, (west, south), occupied = nav2.cell_m, nav2.origin_m, ~nav2.free
     step = _STEP_SHARE * cell
     at, ranges = places.copy(), np.full(len(places), _RANGE_M)
     going = np.ones(len(places), bool)
     for k in range(1, int(_RANGE_M / step) + 1):
-        at[going] = places[going] + k * step * _level(bearings[going])[:, :2]
+        at[going] = places[going] + k * step * _directions(bearings[going])[:, :2]
         col, row = np.floor((at[going] - [west, south]) / cell).astype(int).T
         hit = np.ones(len(col), bool)
-        on = (row >= 0) & (row < occupied.shape[0]) & (col >= 0) & (col < occupied.shape[1])
-        hit[on] = occupied[row[on], col[on]]
+        inside = (row >= 0) & (row < occupied.shape[0]) & (col >= 0) & (col < occupied.shape[1])
+        hit[inside] = occupied[row[inside], col[inside]]
         stopped = np.flatnonzero(going)[hit]
         ranges[stopped] = k * step
         going[stopped] = False
-    ahead = _level(bearings)[:, :2]
-    ours, theirs = (shapely.points(places + r[:, None] * ahead) for r in (ranges, exact))
-    # Where the map stops short there is rock within a cell; where it goes on, what it passed lay within a cell of rock.
-    passed = shapely.linestrings(np.stack([shapely.get_coordinates(theirs), shapely.get_coordinates(ours)], axis=1))
-    short = np.where(ranges < _RANGE_M, shapely.distance(free.boundary, ours), 0.0)
+    ahead = _directions(bearings)[:, :2]
+    map_ends, true_ends = (shapely.points(places + r[:, None] * ahead) for r in (ranges, exact))
+    # A ray that ends too early must end within a cell of rock. One that ends too late may pass only rock that lies
+    # within a cell's diagonal of the free space.
+    ends = [shapely.get_coordinates(points) for points in (true_ends, map_ends)]
+    passed = shapely.linestrings(np.stack(ends, axis=1))
+    short = np.where(ranges < _RANGE_M, shapely.distance(free.boundary, map_ends), 0.0)
     deepest = np.where(ranges > exact, shapely.length(shapely.difference(passed, free.buffer(2**0.5 * cell))), 0.0)
-    apart = np.where(ranges <= exact, short, np.where(deepest > 0, cell + deepest, 0.0))
-    return _parity(places, bearings, exact, ranges, apart, 2**0.5 * cell)
+    difference = np.where(ranges <= exact, short, np.where(deepest > 0, cell + deepest, 0.0))
+    return _parity(places, bearings, exact, ranges, difference, 2**0.5 * cell)
 
 
 def _ranges(places: np.ndarray, bearings: np.ndarray, exact: np.ndarray, ranges: np.ndarray) -> Parity:
@@ -206,12 +215,12 @@ def _ranges(places: np.ndarray, bearings: np.ndarray, exact: np.ndarray, ranges:
 
 
 def _parity(
-    places: np.ndarray, bearings: np.ndarray, exact: np.ndarray, ranges: np.ndarray, apart: np.ndarray, most: float
+    places: np.ndarray, bearings: np.ndarray, exact: np.ndarray, ranges: np.ndarray, difference: np.ndarray, most: float
 ) -> Parity:
-    wrong = np.flatnonzero(apart > most)
+    wrong = np.flatnonzero(difference > most)
     listed = [
         Disagreement(*(round(float(v), 4) for v in (*places[i], bearings[i], exact[i], ranges[i])))
         for i in wrong[:_LISTED]
     ]
-    worst = round(float(apart.max()), 6) if len(apart) else 0.0
-    return Parity(len(apart), len(apart) - len(wrong), worst, round(most, 4), listed)
+    worst = round(float(difference.max()), 6) if len(difference) else 0.0
+    return Parity(len(difference), len(difference) - len(wrong), worst, round(most, 4), listed)

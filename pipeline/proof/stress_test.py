@@ -1,4 +1,4 @@
-"""The collision stress test: robots thrown at the places where a wall could leak, and whether one ever gets out."""
+"""The collision stress test: robots are thrown at places where a wall could leak, and must never get out."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from pipeline.errors import GeometryError
 from pipeline.geometry.extrude import section_footprint
 
 _FASTEST_MPS, _SPIN_RADPS = 3.0, 3.0
-_RUN_UP_M = (0.05, 0.6)  # beyond the robot's radius, before a place at the wall
-_STEPS = 8  # control steps after a throw: it arrives, slides and is driven on
+_RUN_UP_M = (0.05, 0.6)  # distance from the target minus the robot's radius
+_STEPS = 8  # control steps after a throw: the robot arrives, slides and drives on
 _ROBOTS = 256
 _ON_WALL_M = 1e-3
 _UPRIGHT = np.cos(np.radians(10.0))
@@ -31,7 +31,7 @@ Progress = Callable[[Iterable[int]], Iterable[int]]
 
 @dataclass(frozen=True)
 class StressTest:
-    """Robot steps in touch with rock, robots thrown, escapes, how deep an upright one was pressed into rock (m)."""
+    """Robot steps in contact with rock, thrown robots, escapes, largest depth of an upright robot in rock (m)."""
 
     contacts: int
     throws: int
@@ -41,33 +41,39 @@ class StressTest:
 
 
 def stress_walls(
-    bundle: Path, free: Polygon, parts: list[np.ndarray], zone_edges_m: list[float], contacts: int, seed: int,
-    threads: int = 1, progress: Progress = iter,
-) -> StressTest:  # fmt: skip
-    """Throw robots at corners, seams of parts, borders of zones and of local models, and anywhere at the walls.
+    bundle: Path,
+    free: Polygon,
+    parts: list[np.ndarray],
+    zone_edges_m: list[float],
+    contacts: int,
+    seed: int,
+    threads: int = 1,
+    progress: Progress = iter,
+) -> StressTest:
+    """Throw robots at corners, seams of parts, borders of zones and of local models, and random places of walls.
 
-    A throw is up to 3 m/s towards the wall and full throttle after it. A robot has escaped when its centre leaves
-    the workings or is no longer between floor and roof.
+    A thrown robot starts towards the wall at up to 3 m/s and then drives at full throttle. It has escaped when its
+    centre leaves the workings or is not between floor and roof.
 
     Parameters
     ----------
     bundle : Path
     free : shapely.Polygon, m, mine frame
     parts : list of (n, 3) float64, m, mine frame
-        The convex parts, for their seams.
+        The convex parts, whose seams are targets.
     zone_edges_m : list of float
         Eastings of the floor zones' borders.
     contacts : int
-        Robot steps with a contact to reach before it ends.
+        The test ends after this number of robot steps in contact with rock.
     seed : int
     threads : int
     progress : callable
-        Wraps the throws' numbers, as `tqdm.tqdm` does.
+        Wraps the indices of the rounds of throws, as `tqdm.tqdm` does.
 
     Raises
     ------
     GeometryError
-        If a robot fits beside no wall, or throws do not meet rock.
+        If the throws do not reach the requested number of contacts, or a simulation step fails.
     """
     robot, task = RobotParams(), dataclasses.replace(TaskParams(), max_forward_mps=_FASTEST_MPS)
     batch = RobotBatch(load_world(bundle), task, robot, _ROBOTS, threads)
@@ -101,14 +107,14 @@ def stress_walls(
             deepest = max(deepest, depth)
     batch.close()
     if touched < contacts:
-        raise GeometryError(f"stress test: {throws} throws gave {touched} contacts of the {contacts} asked for")
+        raise GeometryError(f"stress test: {throws} throws gave {touched} of {contacts} requested contacts")
     return StressTest(touched, throws, escapes, round(deepest, 5), {name: len(p) for name, p in kinds.items()})
 
 
 def _targets(
     free: Polygon, parts: list[np.ndarray], zone_edges_m: list[float], rng: np.random.Generator
 ) -> dict[str, np.ndarray]:
-    """Return places (n, 2) m on the walls by kind."""
+    """Return target places (n, 2), m, on the walls, by kind."""
     wall = free.boundary
     west, south, east, north = free.bounds
     ends = np.concatenate([shapely.get_coordinates(section_footprint(part)) for part in parts])
@@ -124,22 +130,23 @@ def _targets(
         "seams": np.unique(ends[shapely.distance(wall, shapely.points(ends)) < _ON_WALL_M], axis=0),
         **{
             name: shapely.get_coordinates(shapely.intersection(wall, shapely.multilinestrings(cuts)))
-            for name, cuts in lines.items() if cuts
+            for name, cuts in lines.items()
+            if cuts
         },
         "walls": shapely.get_coordinates(shapely.line_interpolate_point(wall, rng.random(4096), normalized=True)),
-    }  # fmt: skip
+    }
     return {name: places for name, places in kinds.items() if len(places)}
 
 
 def _run_ups(
     targets: np.ndarray, inside: Polygon, radius_m: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return places from which a robot can run at targets, and unit vectors to these; directions without room go."""
+    """Return start places near the targets and unit vectors to the targets; starts where no robot fits are dropped."""
     heading = rng.uniform(-np.pi, np.pi, len(targets))
-    back = np.column_stack([np.cos(heading), np.sin(heading)])
-    start = targets + back * (radius_m + rng.uniform(*_RUN_UP_M, len(targets)))[:, None]
-    room = shapely.contains_xy(inside, start[:, 0], start[:, 1])
-    return start[room], -back[room]
+    away = np.column_stack([np.cos(heading), np.sin(heading)])
+    start = targets + away * (radius_m + rng.uniform(*_RUN_UP_M, len(targets)))[:, None]
+    fits = shapely.contains_xy(inside, start[:, 0], start[:, 1])
+    return start[fits], -away[fits]
 
 
 def _throw(
@@ -149,7 +156,7 @@ def _throw(
     towards: np.ndarray,
     rng: np.random.Generator,
 ) -> None:
-    """Stand robots at places, facing the wall more or less, and give them a speed."""
+    """Place robots at their starts, facing roughly the wall, and set their velocity."""
     T = batch.T_world_mine
     speed, spin = rng.uniform(0.5, _FASTEST_MPS, len(here)), rng.uniform(-_SPIN_RADPS, _SPIN_RADPS, len(here))
     yaw = np.arctan2(towards[:, 1], towards[:, 0])[: len(here)] + rng.normal(0, 0.5, len(here))
@@ -162,17 +169,21 @@ def _throw(
 def _escaped(
     batch: RobotBatch, here: np.ndarray, free: Polygon, radius_m: float, height_m: float
 ) -> tuple[np.ndarray, float]:
-    """Return which robots (k,) are out of the workings, and how far the deepest upright disc stands in rock, m."""
+    """Return which robots (k,) are out of the workings, and the largest depth of an upright robot's disc in rock, m."""
     T = batch.T_world_mine
     place = (batch.qpos[here, :3] - T[:3, 3]) @ T[:3, :3]
     centre = shapely.points(place[:, :2])
-    room = np.where(shapely.contains_xy(free, place[:, 0], place[:, 1]), 1, -1) * shapely.distance(
+    clearance = np.where(shapely.contains_xy(free, place[:, 0], place[:, 1]), 1, -1) * shapely.distance(
         free.boundary, centre
     )
-    out = ~np.isfinite(place).all(axis=1) | (room < 0) | (place[:, 2] < 0) | (place[:, 2] > height_m)
+    out = ~np.isfinite(place).all(axis=1) | (clearance < 0) | (place[:, 2] < 0) | (place[:, 2] > height_m)
     x, y = batch.qpos[here, 4], batch.qpos[here, 5]
-    mast = np.column_stack([2 * (x * batch.qpos[here, 6] + y * batch.qpos[here, 3]),
-                            2 * (y * batch.qpos[here, 6] - x * batch.qpos[here, 3]),
-                            1 - 2 * (x * x + y * y)])  # fmt: skip
-    upright = mast @ T[:3, 2] > _UPRIGHT  # one that fell on its side is narrower than its disc
-    return out, float(np.maximum(0.0, radius_m - room)[upright].max(initial=0.0))
+    mast = np.column_stack(
+        [
+            2 * (x * batch.qpos[here, 6] + y * batch.qpos[here, 3]),
+            2 * (y * batch.qpos[here, 6] - x * batch.qpos[here, 3]),
+            1 - 2 * (x * x + y * y),
+        ]
+    )
+    upright = mast @ T[:3, 2] > _UPRIGHT  # a robot on its side is narrower than its disc
+    return out, float(np.maximum(0.0, radius_m - clearance)[upright].max(initial=0.0))

@@ -1,4 +1,4 @@
-"""Stage 6's work: every measure of a world bundle against the plan, group by group."""
+"""The work of stage 6: all measures of a world bundle against its plan, by group."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from pipeline.types import DriftNetwork, FreeSpace, Mask, Survey
 
 
 class Validator:
-    """A world bundle, opened, and what it is measured against; each measure is made once, when it is asked for."""
+    """An opened world bundle and the plan for comparison; each measure is computed once, at first use."""
 
     def __init__(self, params: ValidationParams, bundle: Path, cleaned: Mask, raw: Mask, survey: Survey) -> None:
         """Open a bundle.
@@ -43,19 +43,25 @@ class Validator:
         self._tracing = params.network_cell_m, params.network_min_leg_m
 
     @functools.cached_property
-    def seen(self) -> Mask:
-        """Return the pixels that a camera above the opened mine sees as floor."""
+    def world_free(self) -> Mask:
+        """Return the pixels that show the floor in a view from above, with the roof hidden."""
         record = self.world.record
         return render_free_space(self.world.model, np.array(record.T_world_mine), self.survey.frame, record.height_m)
 
     @functools.cached_property
     def columns(self) -> Navigability:
-        """Return which of the plan's free columns are open."""
+        """Return which free columns of the plan are open in the world."""
         record = self.world.record
         return cast_columns(
-            self.world.model, np.array(record.T_world_mine), self.cleaned, self.survey.frame, record.height_m,
-            self.free_space.tolerance_m, GeomGroup.FLOOR, GeomGroup.COLLISION,
-        )  # fmt: skip
+            self.world.model,
+            np.array(record.T_world_mine),
+            self.cleaned,
+            self.survey.frame,
+            record.height_m,
+            self.free_space.tolerance_m,
+            GeomGroup.FLOOR,
+            GeomGroup.COLLISION,
+        )
 
     @functools.cached_property
     def texture(self) -> TextureReport:
@@ -69,13 +75,13 @@ class Validator:
 
     @functools.cached_property
     def walls(self) -> WallGaps:
-        """Return how far the visible walls are from those that collide."""
+        """Return the distances between visible walls and collision walls."""
         height, seed = self.params.robot_height_m, self.params.texture.seed
         return report_walls(self.world.model, self.free_space.polygon, self.network, height, seed)
 
     @functools.cached_property
     def consistency(self) -> dict[str, Any]:
-        """Return by how much the bundle's files differ from its record and its model."""
+        """Return how far the files of the bundle differ from its record and its model."""
         return measure_consistency(self.bundle, self.world, self.free_space)
 
     @property
@@ -88,49 +94,49 @@ class Validator:
         return MEASURES[group](self)
 
 
-def _iou(found: Validator) -> dict[str, float]:
+def _iou(validator: Validator) -> dict[str, float]:
     return {
-        "free_space_vs_cleaned": round(intersection_over_union(found.seen, found.cleaned), 6),
-        "free_space_vs_raw": round(intersection_over_union(found.seen, found.raw), 6),
-        "rock": round(intersection_over_union(~found.seen, ~found.cleaned), 6),
+        "free_space_vs_cleaned": round(intersection_over_union(validator.world_free, validator.cleaned), 6),
+        "free_space_vs_raw": round(intersection_over_union(validator.world_free, validator.raw), 6),
+        "rock": round(intersection_over_union(~validator.world_free, ~validator.cleaned), 6),
     }
 
 
-def _navigability(found: Validator) -> dict[str, Any]:
-    return {k: v for k, v in dataclasses.asdict(found.columns).items() if not isinstance(v, np.ndarray)}
+def _navigability(validator: Validator) -> dict[str, Any]:
+    return {k: v for k, v in dataclasses.asdict(validator.columns).items() if not isinstance(v, np.ndarray)}
 
 
-def _topology(found: Validator) -> dict[str, Any]:
-    return vars(compare_topology(found.cleaned, found.seen, found.survey.frame, *found._tracing))
+def _topology(validator: Validator) -> dict[str, Any]:
+    return vars(compare_topology(validator.cleaned, validator.world_free, validator.survey.frame, *validator._tracing))
 
 
-def _areas(found: Validator) -> dict[str, float]:
-    pixels = float(found.cleaned.sum()) / found.survey.frame.px_per_m**2
-    return {**vars(found.world.record.areas), "tunnel_pixels_m2": round(pixels, 3)}
+def _areas(validator: Validator) -> dict[str, float]:
+    pixels = float(validator.cleaned.sum()) / validator.survey.frame.px_per_m**2
+    return {**vars(validator.world.record.areas), "tunnel_pixels_m2": round(pixels, 3)}
 
 
-def _collision(found: Validator) -> dict[str, int]:
-    return {"parts": len(part_vertices(found.world.model, GeomGroup.COLLISION))}
+def _collision(validator: Validator) -> dict[str, int]:
+    return {"parts": len(part_vertices(validator.world.model, GeomGroup.COLLISION))}
 
 
-def _certificate(found: Validator) -> dict[str, Any]:
-    return {"holds": found.certificate.holds, **found.containment}
+def _certificate(validator: Validator) -> dict[str, Any]:
+    return {"holds": validator.certificate.holds, **validator.containment}
 
 
-def _texture(found: Validator) -> dict[str, Any]:
-    return texture_metrics(found.texture)
+def _texture(validator: Validator) -> dict[str, Any]:
+    return texture_metrics(validator.texture)
 
 
-def _walls(found: Validator) -> dict[str, Any]:
-    return vars(found.walls)
+def _walls(validator: Validator) -> dict[str, Any]:
+    return vars(validator.walls)
 
 
-def _scale(found: Validator) -> dict[str, float]:
-    return {k: v for k, v in vars(found.survey.scale).items() if isinstance(v, float)}
+def _scale(validator: Validator) -> dict[str, float]:
+    return {k: v for k, v in vars(validator.survey.scale).items() if isinstance(v, float)}
 
 
-def _world(found: Validator) -> dict[str, Any]:
-    world, record = found.world, found.world.record
+def _world(validator: Validator) -> dict[str, Any]:
+    world, record = validator.world, validator.world.record
     return {
         "bytes": world.bytes,
         "warnings": world.warnings,
@@ -139,7 +145,7 @@ def _world(found: Validator) -> dict[str, Any]:
         "floor_zones": len(record.zones),
         "gain_entrance_region_m": record.gain_m["entrance_region"],
         "gain_whole_frame_m": record.gain_m["whole_frame"],
-        **found.consistency,
+        **validator.consistency,
     }
 
 

@@ -1,1 +1,1 @@
-"""Pictures and tables: the only room that draws."""
+"""Pictures and tables: the only package that uses matplotlib."""

@@ -1,4 +1,4 @@
-"""The regression gate: IoU and texture scores against those that were accepted."""
+"""The regression gate: IoU and texture scores against the accepted baseline."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ def gated(metrics: dict[str, float]) -> dict[str, float]:
 
 
 def regressions(metrics: dict[str, float], baseline: dict[str, float]) -> list[str]:
-    """Return one line for each gated metric that fell by more than its allowance, or is missing."""
+    """Return one line for each gated metric that is missing or fell by more than its allowance."""
     lines = []
     for name, before in baseline.items():
         allowed = TEXTURE_DROP if name.startswith("texture.") else IOU_DROP
         now = metrics.get(name)
         if now is None or now < before - allowed:
-            lines.append(f"{name}: {now} fell by more than {allowed} from {before}")
+            lines.append(f"{name} = {now}: more than {allowed} below the baseline {before}")
     return lines
 
 
 def write_baseline() -> str:
-    """Write the present gated metrics to the baseline and return the changes, a line each."""
+    """Write the current gated metrics to the baseline and return the changes, one per line."""
     now = gated(read_metrics())
     before = json.loads(BASELINE.read_text()) if BASELINE.is_file() else {}
     write_atomically(BASELINE, (json.dumps(now, indent=2) + "\n").encode())

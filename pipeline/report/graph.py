@@ -1,4 +1,4 @@
-"""The drift network as Graphviz text; widths and places as tables."""
+"""The drift network as Graphviz text, and tables of widths and blocked columns."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pipeline.types import DriftNetwork, Points2
 
 
 def network_dot(network: DriftNetwork) -> str:
-    """Return the network as Graphviz: nodes where they lie in the mine (`neato -n2`), legs with their lengths."""
+    """Return the network as Graphviz text: nodes at their places in the mine (`neato -n2`), legs with their lengths."""
     lines = ["graph drifts {", "  node [shape=circle, fontsize=10, width=0.3, fixedsize=true];", "  edge [fontsize=8];"]
     for name, (x, y) in network.nodes_m.items():
         style = ", style=filled, fillcolor=lightblue" if name in network.dead_ends else ""
@@ -30,7 +30,7 @@ def width_table(network: DriftNetwork) -> str:
 
 
 def blocked_table(places_m: Points2, depths_m: np.ndarray, wall_band_m: float) -> str:
-    """Return blocked columns as CSV, the deepest first: easting_m, northing_m, depth_m, at_wall (0 or 1)."""
+    """Return blocked columns as CSV, deepest first: easting_m, northing_m, depth_m, at_wall (0 or 1)."""
     order = np.lexsort((places_m[:, 1], places_m[:, 0], -np.round(depths_m, 4)))
     rows = ["easting_m,northing_m,depth_m,at_wall"]
     for (x, y), depth in zip(places_m[order], depths_m[order], strict=True):

@@ -1,4 +1,4 @@
-"""The mine in plan as a figure for paper: workings, drift network, zones, lights, entrance, scale."""
+"""The plan of the mine as a figure for print: workings, floor zones, drift network and spawn."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.types import DriftNetwork
 
 
 def draw_mine(polygon: Polygon, network: DriftNetwork, record: WorldRecord) -> Figure:
-    """Draw the workings (m, mine frame) over the floor zones, with the network, the spawn and a metre scale."""
+    """Draw the workings (m, mine frame) over the floor zones, with the network, the spawn and axes in metres."""
     west, south, east, north = polygon.bounds
     wide, high = east - west, north - south
     figure = new_figure(9.0, float(np.clip(9.0 * high / wide + 0.7, 2.2, 10.0)))
@@ -40,7 +40,7 @@ def draw_mine(polygon: Polygon, network: DriftNetwork, record: WorldRecord) -> F
 
 
 def outline_path(polygon: Polygon) -> Outline:
-    """Return a polygon with its islands as a path to fill."""
+    """Return a polygon with its islands as a path that can be filled."""
     rings = [np.asarray(ring.coords)[:, :2] for ring in (polygon.exterior, *polygon.interiors)]
     codes = [
         np.concatenate([[Outline.MOVETO], np.full(len(r) - 2, Outline.LINETO), [Outline.CLOSEPOLY]]) for r in rings
@@ -49,7 +49,7 @@ def outline_path(polygon: Polygon) -> Outline:
 
 
 def to_svg(figure: Figure) -> bytes:
-    """Return a figure as SVG; the same figure gives the same bytes."""
+    """Return a figure as SVG; equal figures give equal bytes."""
     stream = io.BytesIO()
     figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
     return stream.getvalue()

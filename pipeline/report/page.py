@@ -1,4 +1,4 @@
-"""The report: one HTML page with all the evidence for a world, which needs no network."""
+"""The report: one HTML page with all evidence about a world; it needs no network."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ from pipeline.types import DriftNetwork, FreeSpace, Image, Survey
 
 FOLDER, PAGE = "report", "report.html"
 _STAGES = ("survey", "contours", "compile3d", "surface", "realism", "validation")
-_WIDTH, _QUALITY = 1400, 82  # of the pictures within the page
+_WIDTH, _QUALITY = 1400, 82  # px and JPEG quality of the pictures in the page
 # file below the world's folder, caption
 _GLANCE = [
-    ("survey/plan.png", "The plan as it was read."),
-    ("contours/contours.png", "Traced: outer ribs green, islands red, the drift network amber."),
-    ("validation/agreement.png", "World seen from above against the plan: both free green, one only blue."),
-    ("validation/views.png", "What a robot sees: into the longest drift, and at the junction where most drifts meet."),
+    ("survey/plan.png", "The plan as read."),
+    ("contours/contours.png", "Traced contours: outer walls green, islands red, the drift network amber."),
+    ("validation/agreement.png", "World from above against the plan: green where both are free, blue where one is."),
+    ("validation/views.png", "Views of a robot: along the longest drift, and at the junction where most drifts meet."),
 ]
 _TEXTURE = [
-    ("validation/texture.png", "The six axes of the rock's texture, world against real rock."),
+    ("validation/texture.png", "The six texture axes of the rock, world against real rock."),
     ("surface/roughness.png", "Roughness over wavelength."),
-    ("surface/sections.png", "Cross-sections of the drifts: the smooth surface, and the rough one over it."),
-    ("validation/heat.png", "Where the rock is rougher or smoother than the real one."),
+    ("surface/sections.png", "Cross-sections of drifts: the smooth surface, and the rough surface over it."),
+    ("validation/heat.png", "Roughness along the walls."),
 ]
 
 
 @dataclass(frozen=True)
 class _Figure:
-    """One measured figure beside its limit; `holds` is None where it has none."""
+    """One measured figure with its limit; `holds` is None if it has no limit."""
 
     name: str
     value: str
@@ -57,21 +57,21 @@ class _Figure:
 
 
 def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> Path:
-    """Write a world's report: `report/report.html`, and its plan as SVG and PNG of paper quality.
+    """Write the report of a world: `report/report.html`, and its plan as SVG and PNG in print quality.
 
     Parameters
     ----------
     root : Path
-        The world's folder; all six stages have run, though a limit may be breached.
+        The world's folder. All six stages must have run; limits may be breached.
     env_id : str
         The Gymnasium id of the world.
     changed : dict
-        Parameter to (default, this world's) where they differ.
+        Parameter to (default, value of this world), where they differ.
 
     Returns
     -------
     Path
-        The page.
+        Path of the page.
 
     Raises
     ------
@@ -90,22 +90,38 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
     svg = to_svg(plan)
     metrics, manifests = _metrics(root), [read_manifest(root / stage / "manifest.json") for stage in _STAGES]
     groups = _figures(metrics, manifests[-1])
-    judged = [figure.holds for group in groups.values() for figure in group if figure.holds is not None]
+    limited = [figure.holds for group in groups.values() for figure in group if figure.holds is not None]
     template = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=jinja2.StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    ).get_template("page.html.j2")  # fmt: skip
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    ).get_template("page.html.j2")
     page = template.render(
-        name=record.name, env_id=env_id, record=record, version=__version__,
+        name=record.name,
+        env_id=env_id,
+        record=record,
+        version=__version__,
         survey=_read(root, "survey/survey.json", Survey),
-        mine_svg=svg[svg.index(b"<svg") :].decode(), glance=_pictures(root, _GLANCE), texture=_pictures(root, _TEXTURE),
-        scene=scene_page(root / "realism" / "world", record, free_space), groups=groups,
-        held=sum(judged), judged=len(judged), iou=metrics["iou.free_space_vs_cleaned"],
-        certificate=_read(root, "validation/certificate.json", dict), replay=_replay(root), network=network,
-        widths=_width_quantiles(network), manifests=manifests, changed=changed,
+        mine_svg=svg[svg.index(b"<svg") :].decode(),
+        glance=_pictures(root, _GLANCE),
+        texture=_pictures(root, _TEXTURE),
+        scene=scene_page(root / "realism" / "world", record, free_space),
+        groups=groups,
+        held=sum(limited),
+        limited=len(limited),
+        iou=metrics["iou.free_space_vs_cleaned"],
+        certificate=_read(root, "validation/certificate.json", dict),
+        replay=_replay(root),
+        network=network,
+        widths=_width_quantiles(network),
+        manifests=manifests,
+        changed=changed,
         inputs={k: v for m in manifests for k, v in m.inputs.items() if k.startswith("data/")},
-        bundle="../realism/world", tolerance_m=free_space.tolerance_m,
-    )  # fmt: skip
+        bundle="../realism/world",
+        tolerance_m=free_space.tolerance_m,
+    )
     replace_folder(
         root / FOLDER,
         {PAGE: page.encode(), "mine.svg": svg, "mine.png": encode(Path("mine.png"), to_image(plan))},
@@ -122,7 +138,7 @@ def _metrics(root: Path) -> dict[str, Any]:
 
 
 def _figures(metrics: dict[str, Any], validation: Manifest) -> dict[str, list[_Figure]]:
-    """Return every figure by its group, those with a limit first."""
+    """Return all figures by group; figures with a limit come first."""
     limits = TypeAdapter(ValidationParams).validate_python(validation.params).limits
     groups: dict[str, list[_Figure]] = {}
     for key in sorted(metrics, key=lambda k: k not in limits):
@@ -135,9 +151,9 @@ def _figures(metrics: dict[str, Any], validation: Manifest) -> dict[str, list[_F
     return groups
 
 
-def _pictures(root: Path, wanted: list[tuple[str, str]]) -> list[tuple[str, str, str]]:
-    """Return (data address, caption, full-size file) of each picture."""
-    return [(_embedded(_read(root, file, Image)), caption, f"../{file}") for file, caption in wanted]
+def _pictures(root: Path, pictures: list[tuple[str, str]]) -> list[tuple[str, str, str]]:
+    """Return (data URL, caption, full-size file) of each picture."""
+    return [(_embedded(_read(root, file, Image)), caption, f"../{file}") for file, caption in pictures]
 
 
 def _embedded(picture: np.ndarray) -> str:
@@ -149,7 +165,7 @@ def _embedded(picture: np.ndarray) -> str:
 
 
 def _replay(root: Path) -> dict[str, Any] | None:
-    """Return the replay of real sweeps with its picture, where the survey has any."""
+    """Return the replay of real sweeps with its picture, or None if the survey has no sweeps."""
     report = json.loads((root / "validation/replay.json").read_text())
     if not report.get("sweeps"):
         return None
@@ -157,6 +173,6 @@ def _replay(root: Path) -> dict[str, Any] | None:
 
 
 def _width_quantiles(network: DriftNetwork) -> list[float]:
-    """Return the clear width that 5, 50 and 95 % of the stations have at most, m."""
+    """Return the 5, 50 and 95 % quantiles of clear width over all stations, m."""
     widths = 2 * np.array([half for leg in network.legs for half in leg.half_width_m])
     return [round(float(v), 2) for v in np.quantile(widths, [0.05, 0.5, 0.95])]

@@ -1,4 +1,4 @@
-"""Plan-view pictures: contours over the binarised plan, agreement of world and plan."""
+"""Pictures in plan: contours over the binarized plan, and agreement of world and plan."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _GREEN, _RED, _BLUE, _AMBER = (40, 160, 40), (40, 40, 220), (220, 90, 30), (0, 1
 
 
 def draw_contours(raw: Mask, outline: Polygon, network: DriftNetwork, frame: Frame) -> Image:
-    """Draw the outer boundary green and islands red over the binarised plan, the drift network amber."""
+    """Draw the outer boundary green and islands red over the binarized plan, and the drift network amber."""
     picture = cv2.cvtColor(np.where(raw, 90, 255).astype(np.uint8), cv2.COLOR_GRAY2BGR)
     line = max(1, round(frame.px_per_m * 0.6))
     for leg in network.legs:
@@ -32,7 +32,7 @@ def _polyline(picture: Image, frame: Frame, xy: np.ndarray, colour: tuple, line:
 
 
 def draw_agreement(plan_free: Mask, world_free: Mask) -> Image:
-    """Draw pixels that world and plan both call free green, those that only one calls free blue."""
+    """Draw pixels green that are free in both world and plan, and blue if free in one of them only."""
     picture = np.full((*plan_free.shape, 3), 255, dtype=np.uint8)
     picture[plan_free & world_free] = _GREEN
     picture[plan_free ^ world_free] = _BLUE

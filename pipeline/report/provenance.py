@@ -1,4 +1,4 @@
-"""The stages' manifests as an RO-Crate: the files of the default world, and which run of which code made each."""
+"""The manifests as an RO-Crate: the files of the default world, and the stage run and code that made each file."""
 
 from __future__ import annotations
 
@@ -39,25 +39,26 @@ _FORMATS = {
 def write_crate(folder: Path, published: date) -> int:
     """Write the default world, its inputs and its stages as an RO-Crate with copies of the files.
 
-    Run it in the project's root. Each stage run is a `CreateAction`: instrument the stage's code, object its inputs
-    and parameters, result its outputs. The crate holds no time but `published`, so equal artifacts give equal bytes.
+    The working directory must be the project's root. Each stage run is a `CreateAction`: its instrument is the stage's
+    code, its objects are inputs and parameters, its results are outputs. The only date in the crate is `published`, so
+    equal artifacts give equal bytes.
 
     Parameters
     ----------
     folder : Path
-        Replaced as a whole.
+        The folder of the crate; its content is replaced.
     published : date
-        RO-Crate wants one; the command gives the day of the last commit.
+        The date of publication, which RO-Crate requires; the command uses the day of the last commit.
 
     Returns
     -------
     int
-        How many files the crate holds, its metadata left out.
+        Number of files in the crate, without its metadata.
 
     Raises
     ------
     ArtifactError, InputError
-        If `make verify` would fail: the crate is written only of manifests that hold.
+        If `make verify` would fail; a crate is written only from valid manifests.
 
     References
     ----------
@@ -87,18 +88,18 @@ def last_commit_date() -> date:
     """
     done = subprocess.run(["git", "log", "-1", "--format=%cs"], capture_output=True, text=True)
     if done.returncode != 0:
-        raise ArtifactError("the crate's date is the day of the last commit, and git names none here; give --date")
+        raise ArtifactError("crate: git knows no commit in this folder, whose date the crate needs; give --date")
     return date.fromisoformat(done.stdout.strip())
 
 
 def _describe_project(published: date) -> ROCrate:
-    """Return a crate with title, authors and licence of `CITATION.cff`."""
+    """Return a crate with title, authors and licence from `CITATION.cff`."""
     citation = yaml.safe_load(Path("CITATION.cff").read_text())
     crate = ROCrate(version=_CRATE_VERSION)
     crate.metadata.extra_terms["sha256"] = _SHA256
     root = crate.root_dataset
     root["name"] = citation["title"]
-    root["description"] = "A mine world for MuJoCo: the survey it was made of, every intermediate result, and each run."
+    root["description"] = "A mine world for MuJoCo: its survey, every intermediate result, and every stage run."
     root["datePublished"] = published.isoformat()
     root["conformsTo"] = _context(crate, _PROFILE, "CreativeWork", name="Process Run Crate", version="0.5")
     root["license"] = _licence(crate, citation["license"])
@@ -115,9 +116,9 @@ def _author(crate: ROCrate, number: int, author: dict[str, str]) -> Entity:
 
 
 def _record_run(
-    crate: ROCrate, files: dict[str, bytes], registry: dict[str, Entry], manifest: Manifest, written: str
+    crate: ROCrate, files: dict[str, bytes], registry: dict[str, Entry], manifest: Manifest, manifest_file: str
 ) -> Entity:
-    """Add one stage run: its code, inputs, parameters, outputs, and the manifest that says so."""
+    """Add one stage run: its code, inputs, parameters, outputs and manifest."""
     stage = manifest.stage
     inputs = [
         _input(crate, files, registry[name.removeprefix("data/")])
@@ -135,7 +136,7 @@ def _record_run(
         f"stages/{stage}.py",
         type=["File", "SoftwareSourceCode"],
         version=manifest.code_sha256,
-        description="The version is one sha256 over this file and every module of the project that it imports.",
+        description="The version is one sha256 over this file and all modules of the project that it imports.",
     )
     action = crate.add_action(
         code,
@@ -144,12 +145,12 @@ def _record_run(
         result=[_file(crate, files, name) for name in manifest.outputs],
         properties={"name": f"Stage {stage}", "description": f"Run of stage {stage}, MineXplore {manifest.version}"},
     )
-    _file(crate, files, written, description=f"What the run of stage {stage} recorded")["about"] = action
+    _file(crate, files, manifest_file, description=f"What the run of stage {stage} recorded")["about"] = action
     return action
 
 
 def flatten(params: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield parameters with dotted names; a list is one value, as JSON, and null is the text `null`."""
+    """Yield parameters with dotted names; a list is one value in JSON, and null is the text `null`."""
     for name, value in params.items():
         if isinstance(value, dict):
             yield from flatten(value, f"{prefix}{name}.")
@@ -158,7 +159,7 @@ def flatten(params: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
 
 
 def _input(crate: ROCrate, files: dict[str, bytes], entry: Entry) -> Entity:
-    """Add an input of the registry; without a stated licence it is named and hashed but not copied."""
+    """Add an input of the registry; without a stated licence, only name and hash are added, not the file."""
     if entry.licence == "none stated":
         name = f"data/{entry.name}"
         known = {"name": name, "sha256": entry.sha256, "description": f"Origin: {entry.origin}. No licence stated."}
@@ -173,7 +174,7 @@ def _input(crate: ROCrate, files: dict[str, bytes], entry: Entry) -> Entity:
 
 
 def _file(crate: ROCrate, files: dict[str, bytes], name: str, **properties: Any) -> Entity:
-    """Return the crate's entity of a file of the project; add it, and its bytes to `files`, when it is new."""
+    """Return the entity of a file of the project; if it is new, add it to the crate and its bytes to `files`."""
     if name not in files:
         files[name] = data = Path(name).read_bytes()
         kind = properties.pop("type", "File")
@@ -192,7 +193,7 @@ def _group_world(crate: ROCrate, files: dict[str, bytes]) -> None:
 
 
 def _licence(crate: ROCrate, licence: str) -> Entity:
-    """Return the entity of an SPDX identifier, or of another text as it stands in the registry."""
+    """Return the entity of a licence: an SPDX identifier, or another text from the registry."""
     spdx = f"https://spdx.org/licenses/{licence}"
     return _context(
         crate,

@@ -18,7 +18,7 @@ _WIDEST_M = 3.0
 
 
 def draw_replay(replay: Replay, free: Polygon) -> Image:
-    """Draw each sweep's returns over the walls that it was compared with, and the errors of all."""
+    """Draw the returns of each sweep over the collision walls, and the range errors of all sweeps."""
     names = sorted(replay.points)
     columns = 3 if len(names) > 1 else 2
     rows = max(1, math.ceil((len(names) + 1) / columns))
@@ -46,12 +46,12 @@ def _draw_sweep(panel: Axes, replay: Replay, name: str, free: Polygon, colour: s
 def _draw_errors(panel: Axes, replay: Replay, names: list[str]) -> None:
     if not names:
         panel.set_axis_off()
-        panel.text(0.5, 0.5, "no sweeps were given", ha="center", color=GREY)
+        panel.text(0.5, 0.5, "no sweeps", ha="center", color=GREY)
         return
     bins = np.linspace(-_WIDEST_M, _WIDEST_M, 61).tolist()
     for k, name in enumerate(names):
         clipped = np.clip(replay.errors[name], -_WIDEST_M, _WIDEST_M)
         panel.hist(clipped, bins, density=True, histtype="step", color=_COLOURS[k % len(_COLOURS)], label=name)
-    panel.set(xlabel="range in the world less range measured, m", ylabel="density")
-    panel.set_title("errors of the returns that count")
+    panel.set(xlabel="range in the world minus measured range, m", ylabel="density")
+    panel.set_title("errors of the used returns")
     panel.legend()

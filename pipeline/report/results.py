@@ -1,4 +1,4 @@
-"""The results table and the pictures of the docs, written from what the stages measured."""
+"""The results table and the pictures of the docs, made from the artifacts of the stages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pipeline.store.files import write_atomically
 from pipeline.store.manifest import read_manifest
 
 VALIDATION = Path("artifacts/validation")
-TIMINGS = "timings.json"  # beside the metrics
+TIMINGS = "timings.json"  # in the folder of the metrics
 RESULTS, README = Path("docs/results.md"), Path("README.md")
 PICTURES = {
     "world.jpg": Path("artifacts/realism/world/preview.png"),
@@ -37,7 +37,7 @@ _PICTURE_WIDTH = 1200
 
 @dataclass(frozen=True)
 class Row:
-    """One row of the table: its title, the metrics that it shows and how, and whether the README shows it too."""
+    """One row of the table: title, metrics, their format, and whether the README shows the row too."""
 
     title: str
     metrics: tuple[str, ...]
@@ -99,7 +99,7 @@ ROWS = [
 
 
 def read_metrics(folder: Path = VALIDATION) -> dict[str, Any]:
-    """Return a world's flat metrics, with the load times that were measured in the same world.
+    """Return the flat metrics of a world, and its load times if they were measured on the same world.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def read_metrics(folder: Path = VALIDATION) -> dict[str, Any]:
     """
     metrics, certificate = _read_json(folder / "metrics.json"), _read_json(folder / "certificate.json")
     timings = folder / TIMINGS
-    loads = flatten(_read_json(timings)) if timings.is_file() else {}  # `dvc checkout` brings none
+    loads = flatten(_read_json(timings)) if timings.is_file() else {}  # `dvc checkout` restores no timings
     return metrics | (loads if loads.pop("world_sha256", None) == certificate["world_sha256"] else {})
 
 
@@ -122,7 +122,7 @@ def _read_json(path: Path) -> dict[str, Any]:
 
 
 def read_limits(folder: Path = VALIDATION) -> dict[str, Limit]:
-    """Return the limits to which a world's metrics were held, the certificate's clauses included, by metric name."""
+    """Return the limits of a world's metrics by name, with those of the certificate's clauses."""
     params = TypeAdapter(ValidationParams).validate_python(read_manifest(folder / "manifest.json").params)
     return {**params.limits, **{f"certificate.{name}": limit for name, limit in params.certificate.limits.items()}}
 
@@ -142,7 +142,7 @@ def write_results() -> str:
 
 
 def shrink_picture(source: Path) -> bytes:
-    """Return a picture as a JPEG of the width that the docs show."""
+    """Return a picture as JPEG, 1200 px wide, for the docs."""
     picture = cv2.imread(str(source))
     if picture is None:
         raise ArtifactError(f"{source}: missing; run `make all` first")
@@ -152,7 +152,7 @@ def shrink_picture(source: Path) -> bytes:
 
 
 def flat_walls_note(metrics: Mapping[str, Any], name: str) -> str:
-    """Return the score of flat walls on a texture axis as a remark on its score; nothing for other metrics."""
+    """Return a remark with the score of flat walls for a texture score; an empty text for other metrics."""
     flat = metrics.get(name.replace("texture.", "texture.flat_walls.", 1))
     if flat is None or not name.startswith("texture.") or ".flat_walls." in name:
         return ""
@@ -160,7 +160,7 @@ def flat_walls_note(metrics: Mapping[str, Any], name: str) -> str:
 
 
 def results_table(rows: list[Row], metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> str:
-    """Return rows as a Markdown table: measured, limit, and what the paper states.
+    """Return rows as a Markdown table with the measured value, the limit and the paper's value.
 
     Raises
     ------
@@ -173,9 +173,9 @@ def results_table(rows: list[Row], metrics: Mapping[str, Any], limits: Mapping[s
     for row in rows:
         measured = " / ".join(_format(metrics[name], row.form) for name in row.metrics)
         note = flat_walls_note(metrics, row.metrics[0]) if len(row.metrics) == 1 else ""
-        held = " / ".join(_format_limit(limits[name], row.form) for name in row.metrics if name in limits)
+        limit = " / ".join(_format_limit(limits[name], row.form) for name in row.metrics if name in limits)
         paper = " / ".join(str(PAPER[name]) for name in row.metrics if name in PAPER)
-        lines.append(f"| {row.title} | {measured}{note} | {held} | {paper or '-'} |")
+        lines.append(f"| {row.title} | {measured}{note} | {limit} | {paper or '-'} |")
     return "\n".join(lines) + "\n"
 
 

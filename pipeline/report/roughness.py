@@ -1,4 +1,4 @@
-"""Pictures of the rock: spectra of sources and built mesh, and cross-sections of the two layers."""
+"""Pictures of the rock: spectra of sources and built mesh, and cross-sections of both surfaces."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.report.style import GREY, MOSS, OCHRE, ROCK, STEEL, new_figure, to
 from pipeline.surface.built import RoughnessReport
 from pipeline.surface.rough import RoughSurface
 from pipeline.surface.spectrum import Bands, band_edges, band_wavelengths, fit_bands
-from pipeline.surface.spectrum import Roughness as Wanted
+from pipeline.surface.spectrum import Roughness as TargetRoughness
 from pipeline.types import Image, Mesh
 
 _COLOURS = {"published": OCHRE, "sweeps": STEEL, "cloud": MOSS}
@@ -19,7 +19,7 @@ _DEPTH_M = 4.0
 
 
 def draw_spectra(report: RoughnessReport) -> Image:
-    """Draw roughness against window and spectra against wavelength, thick in the valid bands."""
+    """Draw roughness over window and spectra over wavelength; lines are thick in the valid bands."""
     figure = new_figure(11, 4.6)
     rough, spectrum = figure.subplots(1, 2)
     for name, surfaces in report.sources.items():
@@ -45,8 +45,11 @@ def draw_spectra(report: RoughnessReport) -> Image:
     spectrum.annotate(
         f" shortest wave built, {report.shortest_wavelength_m['wall']:.2f} m = "
         f"{report.shortest_wavelength_m['wall'] / report.spacing_m['wall']:.1f} x spacing",
-        (report.shortest_wavelength_m["wall"], 0.03), xycoords=("data", "axes fraction"), fontsize=7, color=GREY,
-    )  # fmt: skip
+        (report.shortest_wavelength_m["wall"], 0.03),
+        xycoords=("data", "axes fraction"),
+        fontsize=7,
+        color=GREY,
+    )
     for axes, x, y in (
         (rough, "window, m", "RMS residual, m"),
         (spectrum, "wavelength, m", "power spectral density, m$^3$"),
@@ -76,8 +79,8 @@ def _spectrum(axes: Axes, measured: SurfaceRoughness, label: str, colour: str, s
 
 
 def _equivalent_bands(measured: SurfaceRoughness) -> Bands:
-    wanted = [Wanted(w, rq) for w, rq in zip(measured.window_m, measured.rq_m, strict=True)]
-    return fit_bands(wanted, band_wavelengths(0.1, 4.0), 1.0)
+    targets = [TargetRoughness(w, rq) for w, rq in zip(measured.window_m, measured.rq_m, strict=True)]
+    return fit_bands(targets, band_wavelengths(0.1, 4.0), 1.0)
 
 
 def _density(bands: Bands) -> np.ndarray:
@@ -86,7 +89,7 @@ def _density(bands: Bands) -> np.ndarray:
 
 
 def draw_sections(rough: RoughSurface, base: dict[str, Mesh], height_m: float) -> Image:
-    """Draw three cross-sections of the workings, the smooth surface alone beside both surfaces."""
+    """Draw three cross-sections of the workings: the smooth surface alone (top) and both surfaces (bottom)."""
     walls = rough.lattice.walls
     order = np.argsort(walls.passage_m, kind="stable")
     figure = new_figure(11, 5.2)
@@ -106,12 +109,12 @@ def draw_sections(rough: RoughSurface, base: dict[str, Mesh], height_m: float) -
         rows[0, k].set_title(f"half width {walls.passage_m[column]:.1f} m, at ({place[0]:.0f}, {place[1]:.0f}) m")
         rows[1, k].set_xlabel("across, m")
     rows[0, 0].set_ylabel("smooth surface\nheight, m")
-    rows[1, 0].set_ylabel("two layers\nheight, m")
+    rows[1, 0].set_ylabel("both surfaces\nheight, m")
     return to_image(figure)
 
 
 def _cut(layer: Mesh | trimesh.Trimesh, place: np.ndarray, across: np.ndarray, half_m: float) -> list[np.ndarray]:
-    """Return a layer's lines (n, 2) m, across and up, in the upright plane through a wall's place and its direction."""
+    """Return the section of a surface as lines (n, 2), m, across and up, in the vertical plane at a wall point."""
     middle = place + half_m * across
     near = np.linalg.norm(layer.vertices[:, :2] - middle, axis=1) < half_m + _DEPTH_M
     faces = layer.faces[near[layer.faces].any(axis=1)]

@@ -1,4 +1,4 @@
-"""The world's own meshes as a scene that a browser can turn: ribs thinned to fit a page, the floor in its zones."""
+"""The meshes of a world as a 3D scene for a browser: simplified rock walls, and the floor in its zones."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from pipeline.store.codecs import decode
 from pipeline.types import FreeSpace, Mesh
 
 _MAX_FACES = 120_000
-_CELL_M = 0.3  # first cell in which vertices are merged; doubled until the page is small enough
-_RIB_RGB = (150, 116, 92)
+_CELL_M = 0.3  # first cell for merging vertices; it grows until the page is small enough
+_WALL_RGB = (150, 116, 92)
 _ASIDE, _DOWN = np.radians(-25.0), np.radians(50.0)
 
 
 def scene_page(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> str:
-    """Return an HTML page, three.js and the mesh within, that draws the workings without their roof.
+    """Return an HTML page that draws the workings without roof; it contains three.js and the meshes.
 
-    The roof is left out so that one looks into the drifts from above; what is shown is the bundle's rough, its
-    vertices merged in cells until it has at most 120,000 faces.
+    Without the roof, the drifts are visible from above. The walls are the bundle's rough surface; its vertices are
+    merged in cells until it has at most 120,000 faces.
     """
     scene = trimesh.Scene()
-    ribs = _thinned([decode(path, Mesh) for path in sorted((bundle / "meshes").glob("walls_*.msh"))])
-    scene.add_geometry(_coloured(ribs[0], ribs[1], _RIB_RGB))
+    walls = _simplify([decode(path, Mesh) for path in sorted((bundle / "meshes").glob("walls_*.msh"))])
+    scene.add_geometry(_coloured(walls[0], walls[1], _WALL_RGB))
     for zone in record.zones:
         part = free_space.polygon.intersection(shapely.box(zone.west_m, zone.south_m, zone.east_m, zone.north_m))
         if part.area > 0:
@@ -37,14 +37,16 @@ def scene_page(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> str:
             flat = np.column_stack([points, np.zeros(len(points))])
             scene.add_geometry(_coloured(flat, faces, tuple(round(255 * v) for v in zone.rgba[:3])))
     west, south, east, north = free_space.polygon.bounds
-    scene.apply_translation([-(west + east) / 2, -(south + north) / 2, 0.0])  # its lights shine on the origin
+    scene.apply_translation(
+        [-(west + east) / 2, -(south + north) / 2, 0.0]
+    )  # the lights of the scene point at the origin
     scene.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))  # browsers have y up
     short, long = sorted((east - west, north - south))
     scene.set_camera(angles=(-_DOWN, _ASIDE, 0.0), distance=max(0.75 * long, 1.5 * short), fov=(55, 40))
     return scene_to_html(scene)
 
 
-def _thinned(meshes: list[Mesh]) -> tuple[np.ndarray, np.ndarray]:
+def _simplify(meshes: list[Mesh]) -> tuple[np.ndarray, np.ndarray]:
     vertices = np.vstack([mesh.vertices for mesh in meshes])
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     faces = np.vstack([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])

@@ -1,4 +1,4 @@
-"""One look for all diagrams: figures become pixels, so that stages encode them as they do every picture."""
+"""The common style of all diagrams, and their conversion to pixels, which stages encode as pictures."""
 
 from __future__ import annotations
 
@@ -13,14 +13,21 @@ ROCK, STEEL, OCHRE, MOSS, GREY = "#7a4b32", "#2f5d8a", "#d28e1f", "#4f7d4b", "#8
 
 matplotlib.rcParams.update(
     {
-        "font.size": 9, "axes.grid": True, "grid.color": "#e3e3e3", "axes.axisbelow": True, "axes.spines.top": False,
-        "axes.spines.right": False, "legend.frameon": False, "figure.dpi": 150, "svg.hashsalt": "minexplore",
+        "font.size": 9,
+        "axes.grid": True,
+        "grid.color": "#e3e3e3",
+        "axes.axisbelow": True,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "legend.frameon": False,
+        "figure.dpi": 150,
+        "svg.hashsalt": "minexplore",
     }
-)  # fmt: skip
+)
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
-    """Return a figure that draws without a screen."""
+    """Return a figure that needs no screen."""
     figure = Figure(figsize=(width_in, height_in), layout="constrained")
     FigureCanvasAgg(figure)
     return figure

@@ -1,4 +1,4 @@
-"""Pictures of the texture report: scores, roughness against scale, and sigma along the mine."""
+"""Pictures of the texture report: scores, roughness over voxel size, and sigma along the mine."""
 
 from __future__ import annotations
 
@@ -12,14 +12,17 @@ from pipeline.report.style import GREY, OCHRE, ROCK, STEEL, new_figure, to_image
 from pipeline.types import Image
 
 _SHORT = {
-    "wall_jaggedness_deg": "wall\njaggedness", "bump_rq_m": "bump Rq", "roughness_integral_m2": "roughness\nintegral",
-    "dominant_wavelength_m": "dominant\nwavelength", "roof_irregularity_m": "roof\nirregularity",
+    "wall_jaggedness_deg": "wall\njaggedness",
+    "bump_rq_m": "bump Rq",
+    "roughness_integral_m2": "roughness\nintegral",
+    "dominant_wavelength_m": "dominant\nwavelength",
+    "roof_irregularity_m": "roof\nirregularity",
     "wall_heterogeneity_m": "wall\nheterogeneity",
-}  # fmt: skip
+}
 
 
 def draw_texture(report: TextureReport) -> Image:
-    """Draw both scores of each axis beside the paper's, and roughness against voxel size beside the real scan's."""
+    """Draw both scores of each axis with the paper's, and roughness over voxel size with the real scan's."""
     figure = new_figure(12, 4.4)
     scores, scale = figure.subplots(1, 2, width_ratios=[3, 2])
     at = np.arange(len(AXES) + 1)

@@ -1,4 +1,4 @@
-"""What a robot sees: into the longest drift and at the junction where most drifts meet, under the spot lights."""
+"""Views of a robot under the spot lights: along the longest drift, and at the junction where most drifts meet."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ def draw_views(world: World, network: DriftNetwork) -> Image:
     """Return two robot-eye views side by side (600, 1800, 3) uint8, BGR."""
     longest = max(network.legs, key=lambda leg: leg.length_m)
     middle = len(longest.stations_m) // 3
-    into = _view(world, longest.stations_m, middle)
-    meeting = sorted(network.junctions, key=lambda j: -sum(j in (leg.start, leg.end) for leg in network.legs))
-    if not meeting:
-        return into
-    arriving = max((leg for leg in network.legs if meeting[0] in (leg.start, leg.end)), key=lambda leg: leg.length_m)
-    stations = arriving.stations_m if arriving.end == meeting[0] else arriving.stations_m[::-1]
-    return cv2.hconcat([into, _view(world, stations, _back_from_end(stations))])
+    along_longest = _view(world, longest.stations_m, middle)
+    junctions = sorted(network.junctions, key=lambda j: -sum(j in (leg.start, leg.end) for leg in network.legs))
+    if not junctions:
+        return along_longest
+    arriving = max((leg for leg in network.legs if junctions[0] in (leg.start, leg.end)), key=lambda leg: leg.length_m)
+    stations = arriving.stations_m if arriving.end == junctions[0] else arriving.stations_m[::-1]
+    return cv2.hconcat([along_longest, _view(world, stations, _back_from_end(stations))])
 
 
 def _back_from_end(stations: list[tuple[float, float]]) -> int:

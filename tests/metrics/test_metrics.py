@@ -28,9 +28,15 @@ def test_iou_of_overlapping_squares_is_known():
 def columns_of(built: BuiltMine, model: mujoco.MjModel, free=None):
     record = open_bundle(built.bundle).record
     return cast_columns(
-        model, np.array(record.T_world_mine), built.cleaned if free is None else free, built.frame, 3.5, 0.2,
-        GeomGroup.FLOOR, GeomGroup.COLLISION,
-    )  # fmt: skip
+        model,
+        np.array(record.T_world_mine),
+        built.cleaned if free is None else free,
+        built.frame,
+        3.5,
+        0.2,
+        GeomGroup.FLOOR,
+        GeomGroup.COLLISION,
+    )
 
 
 def test_every_column_of_a_faithful_world_is_open(tee: BuiltMine):
@@ -99,8 +105,9 @@ def test_metrics_within_limits_pass_and_breaches_name_metric_value_and_limit():
     with pytest.raises(LimitError, match=r"iou\.a = 0\.98: limit >= 0\.99"):
         require_limits({"iou": {"a": 0.98}, "blocked": 0}, LIMITS)
     assert breaches({"iou": {"a": float("nan")}, "blocked": 3}, LIMITS) == [
-        "iou.a = nan: limit >= 0.99", "blocked = 3: limit <= 0",
-    ]  # fmt: skip
+        "iou.a = nan: limit >= 0.99",
+        "blocked = 3: limit <= 0",
+    ]
     assert breaches({"blocked": 0}, LIMITS) == ["iou.a: not measured (limit >= 0.99)"]
 
 

@@ -14,10 +14,10 @@ from pipeline.metrics.texture import (
     published_wavelength_m,
     roof_irregularity_m,
     roof_unevenness_m,
+    rotate_about_z,
     roughness_integral_m2,
     strict_score,
     sweep_walls,
-    turned,
     wall_heterogeneity_m,
     wall_jaggedness_deg,
     wall_wavelength_m,
@@ -55,10 +55,13 @@ def test_a_plane_scores_near_nothing():
     plane = wall(lambda x, z: np.zeros_like(x))
     flat = np.column_stack([plane[:, 0], plane[:, 2] * 2, np.full(len(plane), 3.4)])
     axes = TextureAxes(
-        wall_jaggedness_deg(plane), bump_rq_m(plane), roughness_integral_m2(sweep_walls(plane)),
+        wall_jaggedness_deg(plane),
+        bump_rq_m(plane),
+        roughness_integral_m2(sweep_walls(plane)),
         wall_wavelength_m(plane, FREE),
-        roof_irregularity_m(flat), wall_heterogeneity_m(plane),
-    )  # fmt: skip
+        roof_irregularity_m(flat),
+        wall_heterogeneity_m(plane),
+    )
     assert strict_score(REAL, axes).overall < 0.01
     assert published_score(REAL, axes).overall < 0.01
 
@@ -161,7 +164,7 @@ def test_a_wall_along_the_axes_reads_the_same_wherever_it_stands():
     rough = wall(lambda x, z: 0.05 * np.sin(2 * np.pi * x / 0.31) * np.sin(2 * np.pi * z / 0.37))
     border, middle = (rough + np.array([0, y, 0]) for y in (2.5, 2.75))
     assert bump_rq_m(border) < 0.8 * bump_rq_m(middle)
-    on_border, inside = bump_rq_m(turned(border)), bump_rq_m(turned(middle))
+    on_border, inside = bump_rq_m(rotate_about_z(border)), bump_rq_m(rotate_about_z(middle))
     assert on_border == pytest.approx(inside, rel=0.03)
 
 

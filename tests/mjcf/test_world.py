@@ -25,7 +25,7 @@ def forward(world):
     return data
 
 
-def test_the_bundle_loads_without_a_warning_and_says_what_it_is(tee: BuiltMine):
+def test_a_bundle_loads_without_warnings_and_its_record_matches_the_plan(tee: BuiltMine):
     world = open_bundle(tee.bundle)
     assert world.warnings == 0
     assert world.record.loops == 0
@@ -47,7 +47,7 @@ def test_a_moved_and_zipped_bundle_is_the_same_world(tee: BuiltMine, tmp_path):
     assert 'file="/' not in text
 
 
-def test_walls_in_the_compiled_model_stand_where_the_outline_has_them(tee: BuiltMine):
+def test_walls_of_the_compiled_model_match_the_outline(tee: BuiltMine):
     world = open_bundle(tee.bundle)
     parts = part_vertices(world.model, GeomGroup.COLLISION)
     assert len(parts) == world.record.collision_parts
@@ -68,7 +68,7 @@ def test_the_mine_is_tilted_five_degrees_about_y_with_the_east_lower(tee: BuiltM
     assert np.column_stack([rotation, data.xpos[body]]) == pytest.approx(
         np.array(world.record.T_world_mine)[:3], abs=1e-4
     )
-    # 60 m of tunnel gain what the paper prints; the whole length gains far more.
+    # 60 m of tunnel gain the height that the paper states; the whole length gains far more.
     assert world.record.gain_m["entrance_region"] == pytest.approx(5.2, abs=0.05)
 
 
@@ -89,8 +89,8 @@ def test_three_zones_tile_the_floor_in_thirds_with_their_frictions(tee: BuiltMin
         assert geom.pos[2] + geom.size[2] == pytest.approx(0.0)
 
 
-def sliding_speed(world, zone, seconds=1.0, speed=2.0):
-    """Return what is left of the speed of a block that slides north on one zone, its own friction being high."""
+def slide(world, zone, seconds=1.0, speed=2.0):
+    """Return the displacement (3,), m, of a block of high friction that slides north on one zone."""
     spec = mujoco.MjSpec.from_file(str(world))
     mine = spec.body("mine")
     floor = spec.geom(f"floor_{zone}")
@@ -111,18 +111,17 @@ def sliding_speed(world, zone, seconds=1.0, speed=2.0):
     start = data.qpos[:3].copy()
     while data.time < seconds:
         mujoco.mj_step(model, data)
-    moved = rotation.reshape(3, 3).T @ (data.qpos[:3] - start)
-    return moved
+    return rotation.reshape(3, 3).T @ (data.qpos[:3] - start)
 
 
-def test_a_rubber_block_slides_as_each_zones_friction_says_not_as_its_own(tee: BuiltMine):
-    travelled = {zone: sliding_speed(tee.bundle / "mine.xml", zone)[1] for zone in ("dry", "mud", "water")}
+def test_the_zones_friction_and_not_the_blocks_own_decides_how_far_it_slides(tee: BuiltMine):
+    travelled = {zone: slide(tee.bundle / "mine.xml", zone)[1] for zone in ("dry", "mud", "water")}
     # v^2 / (2 mu g): 0.20 m dry, 0.37 m in mud, 0.82 m in water.
     for zone, friction in (("dry", 1.0), ("mud", 0.55), ("water", 0.25)):
         assert travelled[zone] == pytest.approx(4 / (2 * friction * 9.81), rel=0.15), zone
 
 
-def test_zones_of_any_number_tile_without_gap(config):
+def test_any_number_of_zones_covers_the_floor_without_gaps(config):
     zone = config.realism.zones[0]
     zones = tile_zones([zone.model_copy(update={"name": f"z{i}"}) for i in range(7)], (-3.3, 0.0, 96.6, 10.0))
     assert zones[0].west_m == -3.3
@@ -130,7 +129,7 @@ def test_zones_of_any_number_tile_without_gap(config):
     assert all(a.east_m == b.west_m for a, b in itertools.pairwise(zones))
 
 
-def test_lights_hang_every_twenty_metres_and_look_along_the_drift_and_down():
+def test_lights_are_twenty_metres_apart_and_point_along_the_drift_and_down():
     lights = place_lights([np.array([[0.0, 0.0], [100.0, 0.0]])], 20.0, 3.0, 20.0, 45.0, None)
     assert [light.place_m for light in lights] == [(float(x), 0.0, 3.0) for x in range(0, 101, 20)]
     for light in lights:
@@ -145,13 +144,13 @@ def test_tilting_keeps_lengths_and_centres_the_mine():
 
 
 @pytest.mark.parametrize("mine", ["tee", "ring"])
-def test_polygon_to_render_and_back_gives_the_same_pixels(mine, request):
+def test_the_rendered_world_has_the_same_free_pixels_as_its_polygon(mine, request):
     built: BuiltMine = request.getfixturevalue(mine)
     world = open_bundle(built.bundle)
-    seen = render_free_space(world.model, np.array(world.record.T_world_mine), built.frame, 3.5)
+    rendered = render_free_space(world.model, np.array(world.record.T_world_mine), built.frame, 3.5)
     drawn = fill_polygon(built.free_space.polygon, built.frame)
-    assert np.count_nonzero(seen != drawn) <= 4
-    assert (seen & built.cleaned).sum() / (seen | built.cleaned).sum() > 0.999
+    assert np.count_nonzero(rendered != drawn) <= 4
+    assert (rendered & built.cleaned).sum() / (rendered | built.cleaned).sum() > 0.999
 
 
 def test_the_same_inputs_give_the_same_bytes(tee: BuiltMine, config, tmp_path):
@@ -162,7 +161,7 @@ def test_the_same_inputs_give_the_same_bytes(tee: BuiltMine, config, tmp_path):
 
 
 @pytest.mark.parametrize("change", ["edit", "drop", "add", "record", "escape"])
-def test_a_tampered_bundle_is_refused_and_the_file_named(tee: BuiltMine, tmp_path, change):
+def test_a_changed_bundle_is_refused_with_the_name_of_the_file(tee: BuiltMine, tmp_path, change):
     bundle = tmp_path / "b"
     shutil.copytree(tee.bundle, bundle)
     record = bundle / "world.json"
@@ -186,7 +185,7 @@ def test_a_tampered_bundle_is_refused_and_the_file_named(tee: BuiltMine, tmp_pat
         open_bundle(bundle)
 
 
-def test_a_missing_opengl_is_said_with_its_remedy(tee: BuiltMine, monkeypatch):
+def test_the_error_for_a_missing_opengl_says_how_to_install_it(tee: BuiltMine, monkeypatch):
     world = open_bundle(tee.bundle)
 
     def no_context(*args, **kwargs):
