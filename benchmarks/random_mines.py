@@ -45,7 +45,7 @@ def judge(seed: int) -> dict[str, Any]:
         topology = validator.measure("topology")
         return row | {
             "valid": bool(free.polygon.is_valid),
-            "connected": topology["parts_world"] == 1 and topology["loops_difference"] == 0,
+            "connected": topology["components_world"] == 1 and topology["loops_difference"] == 0,
             "certificate": bool(validator.certificate.holds),
             "iou": round(float(validator.measure("iou")["free_space_vs_cleaned"]), 5),
             "area_m2": round(free.polygon.area),

@@ -126,7 +126,7 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: dict[str, An
             lines += [f"    {inner}: {json.dumps(inner_value)}" for inner, inner_value in value.items()]
         else:
             lines.append(_line(f"  {key}: {json.dumps(value)}", remarks.get(key)))
-    lines += ["contours:", _line("  parts: largest", "or spawn: the component at entrance_m; or [[x, y], ...]")]
+    lines += ["contours:", _line("  components: largest", "or spawn: the component at entrance_m; or [[x, y], ...]")]
     return "\n".join(lines) + "\n"
 
 

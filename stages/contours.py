@@ -66,12 +66,12 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
 
 def chosen_places(params: ContoursParams, survey: Survey) -> list[tuple[float, float]]:
     """Return the places (m, mine frame) that the workings must contain; none if the largest component is kept."""
-    if params.parts == "largest":
+    if params.components == "largest":
         return []
-    if params.parts != "spawn":
-        return list(params.parts)
+    if params.components != "spawn":
+        return list(params.components)
     if survey.entrance_m is None:
-        raise ParamsError("contours.parts = spawn: needs survey.entrance_m")
+        raise ParamsError("contours.components = spawn: needs survey.entrance_m")
     return [survey.entrance_m]
 
 

@@ -25,7 +25,7 @@ def check_mine(seed, drifts, folder, contacts=0):
     assert intersection_over_union(rendered, built.cleaned) >= 1 - 0.5 * tolerance_m * polygon.length / polygon.area
     match = compare_topology(built.cleaned, rendered, built.frame, 0.25, 2.0)
     assert match.loops_difference == 0
-    assert match.parts_world == 1
+    assert match.components_world == 1
     assert match.drifts_lost == match.drifts_added == 0
     assert built.network.loops == built.free_space.areas.islands
     params = config.validation.certificate.model_copy(update={"contacts": contacts})

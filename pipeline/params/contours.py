@@ -26,7 +26,7 @@ class ContoursParams(Params):
     bridge_m: float = Field(ge=0, le=20)
     despeck_m: float = Field(ge=0, le=20)
     min_island_m2: float = Field(ge=0)
-    parts: Literal["largest", "spawn"] | list[tuple[float, float]] = "largest"
+    components: Literal["largest", "spawn"] | list[tuple[float, float]] = "largest"
     min_tunnel_m2: float = Field(gt=0)
     max_workings_share: float = Field(gt=0, lt=1)
     tolerance_m: float | None = Field(ge=0, le=50, description="null: the largest that keeps auto_iou")

@@ -94,7 +94,7 @@ def test_a_lost_and_an_added_drift_are_told_apart():
 def test_workings_that_fell_apart_are_counted_as_parts():
     apart = TEE.difference(shapely.box(20, -1, 22, 6))
     found = compare_topology(*masks(TEE, apart), 0.25, 2.0)
-    assert (found.parts_plan, found.parts_world) == (1, 2)
+    assert (found.components_plan, found.components_world) == (1, 2)
 
 
 LIMITS = {"iou.a": Limit(min=0.99), "blocked": Limit(max=0)}

@@ -251,14 +251,14 @@ def test_points_choose_among_disconnected_workings(data, config):
     plain = config.contours.model_copy(update={"tolerance_m": 0.0})
     areas = []
     for parts in ("largest", "spawn", [(2.0, 14.0), (20.0, 14.0)]):
-        areas.append(traced_from(params, plain.model_copy(update={"parts": parts}))[0].area)
+        areas.append(traced_from(params, plain.model_copy(update={"components": parts}))[0].area)
     assert [round(a) for a in areas] == [300, 150, 150]
     for parts, message in (
         ([(2.0, 14.0), (2.0, 2.0)], r"are 7\.\d\d m away from those"),
         ([(2.0, 60.0)], "no workings at"),
     ):
         with pytest.raises(GeometryError, match=message):
-            traced_from(params, plain.model_copy(update={"parts": parts}))
+            traced_from(params, plain.model_copy(update={"components": parts}))
 
 
 def test_licences_come_from_the_registry(data):
