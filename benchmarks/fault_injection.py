@@ -36,7 +36,6 @@ def edit_model(change: Callable[[mujoco.MjSpec], object]) -> Callable[[Path], No
     def inject(bundle: Path) -> None:
         spec = mujoco.MjSpec.from_file(str(bundle / MODEL))
         change(spec)
-        spec.compiler.savecompiled = False  # keeps every digit
         (bundle / MODEL).write_text(spec.to_xml())
 
     return inject

@@ -58,7 +58,7 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 def physics_ratios(world: World) -> tuple[float, float]:
-    """Return windowed physics rate over that on a bare floor, with the mine's dip and level, one thread.
+    """Return the local models' physics rate over that on a bare floor, with the mine's dip and level, one thread.
 
     Robots drive at stations spread over the mine. On a slope more wheels and castors bear, whatever stands around.
     """
@@ -136,7 +136,7 @@ def measure() -> dict[str, float]:
     one, two = (MineVectorEnv(_ROBOTS, folder, threads=t) for t in (1, 2))
     for env in (one, two):
         env.reset(seed=0)
-        steps_per_s(env, 60)  # windows and scenes are made as robots reach them
+        steps_per_s(env, 60)  # models and scenes are made as robots reach them
     rows: dict[str, list[float]] = {
         name: [] for name in (*_LIMITS, "physics_vs_dipping_floor", "vector_steps_per_s", "plain_steps_per_s")
     }

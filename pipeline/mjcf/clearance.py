@@ -10,7 +10,7 @@ import shapely
 
 from minexplore.bundle import MODEL
 from pipeline.geometry.extrude import section_footprint
-from pipeline.mjcf.bundle import placed_parts
+from pipeline.mjcf.bundle import part_vertices
 
 _PROBE_M = 0.01
 
@@ -20,8 +20,7 @@ def rock_clearance(
 ) -> np.ndarray:
     """Return the distance (n,) m, at most `most_m`, from places (n, 2) m to the nearest collision part at a height.
 
-    Places are in the mine frame that `T_world_mine` (4, 4) states. A small sphere joins the world and is put to every
-    place that has a part within reach; 0 inside rock.
+    A small sphere joins the world and is put to every place that has a part within reach; 0 inside rock.
     """
     spec = mujoco.MjSpec.from_file(str(world / MODEL))
     _keep_group(spec, group)
@@ -36,8 +35,8 @@ def rock_clearance(
         np.flatnonzero((model.geom_group == group) & (model.geom_type == kind))
         for kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_BOX)
     ]
-    rock = np.concatenate(of_group)  # in the order of `placed_parts`
-    tree = shapely.STRtree([section_footprint(part) for part in placed_parts(model, group, T_world_mine)])
+    rock = np.concatenate(of_group)  # in the order of `part_vertices`
+    tree = shapely.STRtree([section_footprint(part) for part in part_vertices(model, group)])
     place, part = tree.query(shapely.points(places), predicate="dwithin", distance=most_m)
     at = (np.column_stack([places, np.full(len(places), height_m)]) @ T_world_mine[:3, :3].T) + T_world_mine[:3, 3]
     clearance, between = np.full(len(places), most_m), np.zeros(6)
