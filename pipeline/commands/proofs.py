@@ -74,7 +74,7 @@ def validate(holdout: bool, sweeps: Path, out: Path | None) -> None:
     from pipeline.store.files import write_atomically
 
     if not holdout:
-        raise InputError("validate needs --holdout; stage 6 is run by `make validation`")
+        raise InputError("--holdout is required; stage 6 is run by `make validation`")
     report = score_holdout(find_sweeps(sweeps), compose([]).surface, partial(tqdm, desc="halves", disable=None))
     if out is not None:
         write_atomically(out, encode(out, report))
