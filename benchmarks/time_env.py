@@ -35,10 +35,14 @@ RESULTS, TABLE = Path("artifacts/bench/env.json"), Path("docs/env-speed.md")
 HULLS = Path("artifacts/benchmarks/vhacd.npz")
 _RUNS, _ROBOTS = 5, 64
 _LIMITS = {
-    "physics_vs_bare_floor": (0.80, None), "vector_vs_plain": (5.0, None), "vector_vs_paper_design": (8.0, None),
-    "two_threads_vs_one": (1.5, None), "reset_ms": (None, 1.0), "make_vec_256_s": (None, 2.0),
+    "physics_vs_bare_floor": (0.80, None),
+    "vector_vs_plain": (5.0, None),
+    "vector_vs_paper_design": (8.0, None),
+    "two_threads_vs_one": (1.5, None),
+    "reset_ms": (None, 1.0),
+    "make_vec_256_s": (None, 2.0),
     "make_vec_256_mb": (None, 1000),
-}  # fmt: skip
+}
 _MAKE = """
 import time
 start = time.perf_counter()

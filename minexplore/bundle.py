@@ -50,7 +50,7 @@ _FLOOR, _ROCK, _SURFACE, _SMOOTH = "floor_", "rock_", "surface_", "base_"
 
 
 class BundleError(ValueError):
-    """A bundle is incomplete, changed, or none at all; the message names the file."""
+    """A bundle is incomplete or changed, or the folder holds none; the message names the file."""
 
 
 class GeomGroup(IntEnum):

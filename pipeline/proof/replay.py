@@ -124,9 +124,15 @@ def replay_sweeps(world: World, free: Polygon, poses: Path, sweeps: dict[str, Pa
     reports, points, errors = {}, {}, {}
     for name, pose in registration.poses.items():
         reports[name], errors[name] = _compare(
-            sweeps[name], len(returns[name].range_m), gated[name], pose, registration.corrections[name],
-            (collision, visible), world, params.sensor_height_m,
-        )  # fmt: skip
+            sweeps[name],
+            len(returns[name].range_m),
+            gated[name],
+            pose,
+            registration.corrections[name],
+            (collision, visible),
+            world,
+            params.sensor_height_m,
+        )
         points[name] = _points(gated[name].registered, pose)
     return Replay(_report(registration, reports, surveyed, world, params), points, errors)
 

@@ -113,9 +113,11 @@ def test_a_run_shows_its_progress_without_a_terminal_and_ends_quickly_with_a_che
     said = tmp_path / "said.txt"
     with said.open("w") as stderr:
         run = subprocess.Popen(
-            [sys.executable, "-m", "baselines.ppo.train", *words], cwd=project.folder, stderr=stderr,
+            [sys.executable, "-m", "baselines.ppo.train", *words],
+            cwd=project.folder,
+            stderr=stderr,
             stdout=subprocess.DEVNULL,
-        )  # fmt: skip
+        )
         deadline = time.monotonic() + 600
         line = r"^my-mine-beams-mlp-1: [1-9][\d,]* of 2,000,000 steps \([\d.]+ %\), [\d,]+ steps/s, coverage .* %"
         try:
@@ -196,8 +198,15 @@ def test_curves_show_every_run_beside_the_paper(tmp_path):
     run = tmp_path / "runs" / "ChileanMineEntrance-beams-mlp-42"
     run.mkdir(parents=True)
     (run / "settings.json").write_text(compose_settings([]).model_dump_json())
-    line = {"steps": 0, "steps_per_s": 1.0, "episodes": [{}], "rolling_coverage": None, "rolling_collisions": None,
-            "rolling_return": None, "best_rolling_coverage": 0.0}  # fmt: skip
+    line = {
+        "steps": 0,
+        "steps_per_s": 1.0,
+        "episodes": [{}],
+        "rolling_coverage": None,
+        "rolling_collisions": None,
+        "rolling_return": None,
+        "best_rolling_coverage": 0.0,
+    }
     later = (
         {"rolling_coverage": 0.1 * i, "rolling_collisions": 2.0 / i, "rolling_return": 5.0 * i} for i in range(1, 5)
     )
