@@ -165,9 +165,7 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     """
     spec = mujoco.MjSpec()
     spec.modelname = scene.name
-    spec.compiler.savecompiled = (
-        False  # write given values in full; compiled values have six digits
-    )
+    spec.compiler.savecompiled = False  # given values keep all digits; compiled ones keep six
     _set_view(spec, scene)
     mine = spec.worldbody.add_body(name=MINE_BODY)
     tilt = math.atan2(scene.T_world_mine[0, 2], scene.T_world_mine[0, 0])
