@@ -82,7 +82,7 @@ def test_the_certificate_slices_in_the_mine_frame_of_the_record(tee, opened, con
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (edit_record(lambda record: record["geom_groups"].pop("rock")), r"geom_groups = \{.*\}, a world has"),
+        (edit_record(lambda record: record["geom_groups"].pop("collision")), r"geom_groups = \{.*\}, a world has"),
         (edit_model(lambda spec: setattr(spec.body("mine"), "name", "pit")), "no body of the name mine"),
     ],
 )
@@ -191,9 +191,7 @@ def test_sweeps_cast_in_the_world_are_replayed_with_errors_equal_to_their_noise(
     for name, sweep in found.sweeps.items():
         assert sweep.collision.median_m < 0.03, name
         assert sweep.collision.within_0_25_m > 0.95
-        assert (
-            sweep.visible.median_m > sweep.collision.median_m
-        )  # they were cast at the collision walls
+        assert sweep.visible.median_m > sweep.collision.median_m  # they were cast at the collision walls
         assert sum(sweep.gated.values()) + sweep.used == sweep.returns
         assert sweep.pose_m[:2] == pytest.approx(POSES[name][:2], abs=0.1)
 
