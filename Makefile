@@ -10,7 +10,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds roughness stress-test mutants parity replay holdout fuzz random-mines evidence compare-paper compare-collision search-texture bench bench-pipeline time-training setup-baselines oracle explorers train train-all curves leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock
+.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds roughness stress-test mutants parity replay holdout fuzz random-mines evidence compare-paper compare-collision search-texture bench bench-pipeline time-training setup-baselines oracle explorers train train-all curves renew-benchmark leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock
 
 help:  # show the targets that have a remark of two hashes; rarer ones have one
 	@awk -F ':.*## ' '/^##@/ {print substr($$0, 5)} /^all:/ {printf "  %-18s %s\n", "$(firstword $(STAGES)) ...", "up to and including one stage: $(STAGES)"} /^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' Makefile
@@ -117,10 +117,10 @@ setup-baselines:  ## the same with Ray and torch, for training
 	@sh requirements/setup.sh baselines
 
 oracle: all  ## upper bound and driven tour of every environment
-	@$(PY) -m baselines.oracle
+	@$(PY) -m baselines.oracle $(ARGS)
 
 explorers: all  ## evaluate the classical explorers in every environment
-	@$(PY) -m baselines.evaluate --all
+	@$(PY) -m baselines.evaluate --all $(ARGS)
 
 train: setup-baselines  ## train PPO: SEED=42 ARGS="env=full observation=map"; run again to resume
 	@$(PY) -m baselines.ppo.train seed=$(SEED) $(ARGS)
@@ -130,6 +130,9 @@ train-all: setup-baselines  # train with the paper's five seeds
 
 curves: setup  # draw the training runs (docs/training.md)
 	@$(PY) -m baselines.ppo.curves
+
+renew-benchmark: all  ## measure all that depends on the world again: oracle, policies, leaderboard; resumes
+	@$(PY) -m baselines.oracle && $(PY) -m baselines.evaluate --all && $(PY) -m baselines.leaderboard
 
 leaderboard: all  ## score all results files, write LEADERBOARD.md
 	@$(PY) -m baselines.leaderboard

@@ -50,8 +50,9 @@ def _section(env_id: str, rows: list[_Row], bound: Bound | None) -> str:
     if bound is not None:
         lines += [
             f"{bound.cells:,} cells. No robot can have seen more than {bound.most[-1]:,} of them "
-            f"({bound.most[-1] / bound.cells:.1%}) at {bound.time_s[-1]:g} s.", "",
-        ]  # fmt: skip
+            f"({bound.most[-1] / bound.cells:.1%}) at {bound.time_s[-1]:g} s.",
+            "",
+        ]
     names = list(rows[0][2])
     coverage = [name for name in names if name.startswith("coverage at")]
     shares = [name for name in names if name.startswith("share of bound")]

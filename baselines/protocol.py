@@ -24,11 +24,17 @@ def head_of(env_id: str, env: MineVectorEnv, label: str, policy: Policy, seeds: 
     """Return a results file's first line."""
     versions = {package: _version(package) for package in _PACKAGES} | {"python": platform.python_version()}
     return Head(
-        format=FORMAT, env=env_id, world_sha256=env.world.record["world_sha256"], task=params_facts(env.task),
+        format=FORMAT,
+        env=env_id,
+        world_sha256=env.world.record["world_sha256"],
+        task=params_facts(env.task),
         robot=params_facts(env.robot),
-        cells=env.robots.grid.total, policy=label, policy_sha256=policy_sha256(policy), versions=versions,
+        cells=env.robots.grid.total,
+        policy=label,
+        policy_sha256=policy_sha256(policy),
+        versions=versions,
         seeds=seeds,
-    )  # fmt: skip
+    )
 
 
 def params_facts(params: TaskParams | RobotParams) -> dict[str, Any]:
@@ -65,12 +71,16 @@ class _Recorder:
         samples = [*range(0, last, SAMPLE_STEPS), last]
         path = self._path[robot]
         return Episode(
-            seed=self._seeds[robot], steps=last, seen=self._seen[robot, samples].tolist(),
+            seed=self._seeds[robot],
+            steps=last,
+            seen=self._seen[robot, samples].tolist(),
             path_cm=np.rint(100 * path[samples]).astype(int).tolist(),
-            idle=int(self._idle[robot]), collided=int(self._collided[robot]), previous="",
+            idle=int(self._idle[robot]),
+            collided=int(self._collided[robot]),
+            previous="",
             returned=round(float(self._returned[robot]), 6),
             path_m=round(float(np.linalg.norm(np.diff(path[: last + 1], axis=0), axis=1).sum()), 3),
-        )  # fmt: skip
+        )
 
 
 def run_episodes(

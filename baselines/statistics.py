@@ -39,9 +39,13 @@ def estimate(values: list[float], seed: int = 0) -> Figure:
     if len(found) < 2 or np.ptp(found) == 0:
         return Figure(middle, middle, middle, len(found))
     interval = bootstrap(
-        (found,), interquartile_mean, n_resamples=_RESAMPLES, confidence_level=_CONFIDENCE, method="percentile",
+        (found,),
+        interquartile_mean,
+        n_resamples=_RESAMPLES,
+        confidence_level=_CONFIDENCE,
+        method="percentile",
         rng=np.random.default_rng(seed),
-    ).confidence_interval  # fmt: skip
+    ).confidence_interval
     return Figure(middle, float(interval.low), float(interval.high), len(found))
 
 

@@ -1,3 +1,3 @@
-"""Measurements that take longer than a test, each with its own make target."""
+"""Measurements that take longer than a test. Each has its own make target."""
 
-import pipeline  # noqa: F401  it chooses the renderer, before MuJoCo is imported
+import pipeline  # noqa: F401  chooses the renderer; must come before the import of MuJoCo

@@ -1,4 +1,4 @@
-"""Exact prisms, CoACD and V-HACD side by side on the present plan: parts, seconds, errors, step cost."""
+"""Compare exact prisms, CoACD and V-HACD on the present plan: parts, seconds, errors, step cost."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ def measure_method(method: str, free_space: FreeSpace, spawn: Spawn) -> dict[str
     }
 
 
-def step_cost_us(parts: ConvexParts, place_m: tuple[float, float]) -> float:
-    """Return the median cost of `mj_step`, us, of a pushed box on the floor between the given walls."""
+def step_cost_us(parts: ConvexParts, start_m: tuple[float, float]) -> float:
+    """Return the median time of `mj_step`, us, for a box that is pushed over the floor between the given walls."""
     spec = mujoco.MjSpec()
     spec.option.timestep = 0.005
     floor = [0, 0, 1]
@@ -57,7 +57,7 @@ def step_cost_us(parts: ConvexParts, place_m: tuple[float, float]) -> float:
         centre = parts[i].mean(axis=0)
         spec.add_mesh(name=f"part_{i}", uservert=(parts[i] - centre).ravel().tolist())
         spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"part_{i}", pos=centre)
-    box = spec.worldbody.add_body(pos=[*place_m, 0.3])
+    box = spec.worldbody.add_body(pos=[*start_m, 0.3])
     box.add_freejoint()
     box.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.35, 0.3, 0.2], mass=50.0)
     model = spec.compile()
@@ -75,7 +75,7 @@ def step_cost_us(parts: ConvexParts, place_m: tuple[float, float]) -> float:
 def table(results: dict[str, dict[str, Any]]) -> str:
     """Return the comparison as Markdown."""
     lines = [
-        "| method | parts | seconds | m2 pushed into the free space | m2 of rock missing | step, us | step, ratio |",
+        "| method | parts | seconds | intrusion, m2 | missing rock, m2 | step, us | step / exact |",
         "|---|---|---|---|---|---|---|",
     ]
     exact = results["exact"]["step_us"]
@@ -88,26 +88,29 @@ def table(results: dict[str, dict[str, Any]]) -> str:
 
 
 def main() -> int:
-    """Measure what is not yet measured for this plan, print the table and write it to `docs/`."""
+    """Measure the methods that are not yet measured for this plan, print the table and write it to `docs/`."""
     try:
         source = Path("artifacts/contours/free_space.geojson")
         free_space, spawn = decode(source, FreeSpace), decode(Path("artifacts/compile3d/spawn.json"), Spawn)
         params = [compose([*root_overrides(), f"collision={m}"]).compile3d.model_dump_json() for m in METHODS]
         key = sha256_bytes(source.read_bytes() + "".join([*params, code_sha256("compile3d", Path.cwd())]).encode())
-        kept = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
-        results = kept["results"] if kept.get("key") == key else {}
+        earlier = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
+        results = earlier["results"] if earlier.get("key") == key else {}
         for method in METHODS:
-            if method not in results:  # an interrupted run goes on with the next method
+            if method not in results:  # an interrupted run continues with the next method
                 results[method] = measure_method(method, free_space, spawn)
                 write_atomically(RESULTS, json.dumps({"key": key, "results": results}, indent=2).encode())
     except MineError as error:
         print(f"compare-collision: {error}", file=sys.stderr)
         return 2
     text = table(results)
-    where = f"Free space of {free_space.areas.tunnel_m2:,.0f} m2, {shapely.get_num_coordinates(free_space.polygon)} "
-    head = "# Collision methods compared\n\nWritten by `make compare-collision`; the paper's parameters for V-HACD.\n"
-    note = f"\n{where}vertices; errors are of the parts' footprints.\n\n"
-    write_atomically(TABLE, (head + note + text).encode())
+    head = (
+        "# Collision methods compared\n\nWritten by `make compare-collision`. V-HACD has the paper's parameters.\n\n"
+        f"The free space has {free_space.areas.tunnel_m2:,.0f} m2 and "
+        f"{shapely.get_num_coordinates(free_space.polygon)} vertices. Intrusion and missing rock are measured on the\n"
+        "parts' footprints.\n\n"
+    )
+    write_atomically(TABLE, (head + text).encode())
     print(text, end="")
     return 0
 

@@ -1,4 +1,4 @@
-"""Draw four generated mines of each style side by side (docs/generated.png)."""
+"""Draw four generated mines of each style (docs/generated.png)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SEEDS = 4
 
 
 def main() -> int:
-    """Draw them by the default's parameters."""
+    """Draw the mines with the default parameters."""
     params = compose(["survey=procedural"]).survey
     assert params.kind == "procedural"
     figure = new_figure(9.0, 9.0)

@@ -1,4 +1,4 @@
-"""The figures of `docs/evidence.md`: the published plan's replay, and what the proof targets wrote before."""
+"""Write the figures of `docs/evidence.md`: the replay on the published plan, and the results of the proof targets."""
 
 from __future__ import annotations
 
@@ -19,7 +19,13 @@ DOCS = Path("docs")
 
 
 def read(path: Path, target: str) -> Any:
-    """Return a JSON file, or say which target writes it."""
+    """Return the content of a JSON file.
+
+    Raises
+    ------
+    ArtifactError
+        If the file is missing. The message names the make target that writes it.
+    """
     try:
         return json.loads(path.read_text())
     except FileNotFoundError:
@@ -27,29 +33,36 @@ def read(path: Path, target: str) -> Any:
 
 
 def replay_table(report: dict[str, Any]) -> list[str]:
-    """Return the replay's figures as Markdown."""
+    """Return the replay's results as Markdown."""
     lines = [
-        "## LiDAR replay on the published plan (`survey=plan`)", "",
-        "| sweep | returns counted | median, m | p90, m | within 0.25 m | within 0.5 m | bias, m "
-        "| median against the rough surface, m | median, range and angle not gated, m "
-        "| own correction, m, deg |",
+        "## LiDAR replay on the published plan (`survey=plan`)",
+        "",
+        "| sweep | returns used | median, m | p90, m | within 0.25 m | within 0.5 m | bias, m "
+        "| median on the rough surface, m | median without range and angle gates, m "
+        "| correction of the pose, m, deg |",
         "|---" * 10 + "|",
-    ]  # fmt: skip
+    ]
     for name, s in report["sweeps"].items():
         c = s["collision"]
         dx, dy = s["correction_m"]
         shown = [
-            name, f"{s['used']:,} of {s['returns']:,}", f"{c['median_m']:.3f}", f"{c['p90_m']:.2f}",
-            f"{c['within_0_25_m']:.2f}", f"{c['within_0_5_m']:.2f}", f"{c['bias_m']:+.3f}",
-            f"{s['visible']['median_m']:.3f}", f"{s['every_return_median_m']:.3f}",
+            name,
+            f"{s['used']:,} of {s['returns']:,}",
+            f"{c['median_m']:.3f}",
+            f"{c['p90_m']:.2f}",
+            f"{c['within_0_25_m']:.2f}",
+            f"{c['within_0_5_m']:.2f}",
+            f"{c['bias_m']:+.3f}",
+            f"{s['visible']['median_m']:.3f}",
+            f"{s['every_return_median_m']:.3f}",
             f"{dx:+.2f}, {dy:+.2f}, {s['correction_deg']:+.2f}",
-        ]  # fmt: skip
+        ]
         lines.append(f"| {' | '.join(shown)} |")
     low, high = (scale * report["plan_px_per_m"] for scale in report["scale_interval"])
     lines += [
         "",
-        f"Scale implied: {report['implied_px_per_m']:.2f} px/m ({low:.2f} to {high:.2f}), the plan's bar "
-        f"{report['plan_px_per_m']:.2f}; all poses turned by {report['turn_deg']:.2f} deg.",
+        f"The sweeps imply a scale of {report['implied_px_per_m']:.2f} px/m ({low:.2f} to {high:.2f}); the plan's bar "
+        f"gives {report['plan_px_per_m']:.2f}. All poses are rotated by {report['turn_deg']:.2f} deg.",
     ]
     return lines
 
@@ -61,12 +74,17 @@ def certificate_table(title: str, certificate: dict[str, Any]) -> list[str]:
         f"| {'yes' if clause['holds'] else 'NO'} |"
         for name, clause in certificate["clauses"].items()
     ]
-    return [f"## Certificate: {title}, {certificate['contacts']:,} contacts", "",
-            "| clause | value | limit | holds |", "|---|---|---|---|", *rows]  # fmt: skip
+    return [
+        f"## Certificate: {title}, {certificate['contacts']:,} contacts",
+        "",
+        "| clause | value | limit | holds |",
+        "|---|---|---|---|",
+        *rows,
+    ]
 
 
 def proof_tables() -> list[str]:
-    """Return what the stress test, parity, holdout and mutants found."""
+    """Return the results of the stress test, parity, holdout and mutants as Markdown."""
     lines = certificate_table("the embedded survey", read(PROOF / "certificate.json", "stress-test"))
     parity = read(PROOF / "parity.json", "parity")
     lines += ["", "## Backends", "", "| backend | rays | agree | within, m | worst, m |", "|---|---|---|---|---|"]
@@ -74,9 +92,9 @@ def proof_tables() -> list[str]:
         f"| {name} | {p['rays']:,} | {p['agree']:,} | {p['tolerance_m']:g} | {p['worst_m']:g} |"
         for name, p in parity["backends"].items()
     ]
-    lines += [f"| {name} | left out: {why} | | | |" for name, why in parity["left_out"].items()]
+    lines += [f"| {name} | not run: {reason} | | | |" for name, reason in parity["left_out"].items()]
     holdout = read(PROOF / "holdout.json", "holdout")
-    lines += ["", "## Held-out sweeps: built wall / wall not seen", ""]
+    lines += ["", "## Held-out sweeps: roughness of the built wall / roughness of the held-out sweeps", ""]
     windows = holdout["splits"][0]["window_m"]
     lines += [
         "| built from | held out | " + " | ".join(f"{w:g} m" for w in windows) + " |",
@@ -87,7 +105,8 @@ def proof_tables() -> list[str]:
         lines.append(f"| {', '.join(split['built_from'])} | {', '.join(split['held_out'])} | {ratios} |")
     lines += [
         "",
-        f"Typical factor {holdout['built_factor']:.2f}; of the halves themselves {holdout['source_factor']:.2f}.",
+        f"The typical factor is {holdout['built_factor']:.2f}; between the two halves of the sweeps it is "
+        f"{holdout['source_factor']:.2f}.",
     ]
     mutants = read(PROOF / "mutants.json", "mutants")
     lines += [
@@ -102,7 +121,7 @@ def proof_tables() -> list[str]:
 
 
 def main() -> int:
-    """Run the plan's pipeline if need be and write `docs/evidence-figures.md` and `docs/replay.jpg`."""
+    """Run the pipeline on the plan if necessary, and write `docs/evidence-figures.md` and `docs/replay.jpg`."""
     try:
         proof = proof_tables()
         run_pipeline(PLAN, compose(["survey=plan"]).model_dump(mode="json"))
@@ -111,7 +130,7 @@ def main() -> int:
         head = [
             "# Figures of the evidence",
             "",
-            "Written by `make evidence`; [evidence.md](evidence.md) says what they mean.",
+            "Written by `make evidence`. [evidence.md](evidence.md) explains the figures.",
             "",
         ]
         lines = [*head, *replay_table(report), "", *certificate_table("the published plan", plan), "", *proof]

@@ -1,4 +1,4 @@
-"""Throw broken and hostile files at every reader: an error message or a valid result, never a crash, a hang, a leak."""
+"""Fuzz every reader with broken and hostile files: it must return a result or an error message, and never crash."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _NUMBERS = [b"-1", b"0", b"1e308", b"nan", b"inf", b"99999999999", b"-0.0", b"42
 
 
 class _Hang(BaseException):
-    """Time is up; no reader catches it."""
+    """The time limit is exceeded. It is a BaseException so that no reader catches it."""
 
 
 def mutate(data: bytes, rng: np.random.Generator) -> bytes:
-    """Return a broken copy: cut off, bits flipped, pieces lost, doubled or moved, numbers made absurd."""
+    """Return a broken copy: truncated, with bits flipped, pieces removed, repeated or moved, or numbers replaced."""
     if not data:
         return rng.bytes(int(rng.integers(64)))
     at, end = sorted(rng.integers(len(data) + 1, size=2).tolist())
@@ -65,29 +65,29 @@ def mutate(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 def cases(reader: str, count: int) -> list[dict[str, bytes]]:
-    """Return a reader's inputs: file name to bytes, the first of which is read; hostile ones first."""
+    """Return a reader's inputs, hostile ones first. An input maps file names to bytes; the first file is read."""
     sample, rng = SAMPLES[reader](), np.random.default_rng(zlib.crc32(reader.encode()))
-    made = [{**sample, **hostile} for hostile in HOSTILE.get(reader, [])]
-    while len(made) < count:
+    inputs = [{**sample, **hostile} for hostile in HOSTILE.get(reader, [])]
+    while len(inputs) < count:
         name = list(sample)[int(rng.integers(len(sample)))]
-        made.append({**sample, name: mutate(sample[name], rng)})
-    return made
+        inputs.append({**sample, name: mutate(sample[name], rng)})
+    return inputs
 
 
-def try_case(read: Callable[[Path], Any], files: dict[str, bytes], room: Path) -> str:
-    """Return `valid`, `refused`, `hang` or what was raised instead of an error of ours."""
+def try_case(read: Callable[[Path], Any], files: dict[str, bytes], folder: Path) -> str:
+    """Return `valid`, `refused`, `hang`, or the exception that is not a `MineError`."""
     for name, data in files.items():
-        (room / name).parent.mkdir(parents=True, exist_ok=True)
-        (room / name).write_bytes(data)
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(data)
     signal.signal(signal.SIGALRM, _stop)
     signal.alarm(_HANG_S)
     try:
-        read(room / next(iter(files)))
+        read(folder / next(iter(files)))
     except MineError as error:
         return "refused" if str(error) else "an empty message"
     except _Hang:
         return "hang"
-    except Exception as error:  # the finding that this looks for
+    except Exception as error:  # every other exception is a finding
         return f"{type(error).__name__}: {str(error)[:200]}"
     finally:
         signal.alarm(0)
@@ -99,8 +99,8 @@ def _stop(*_: object) -> None:
 
 
 def _child(reader: str, first: int, count: int) -> None:
-    """Run cases and say after each what became of it."""
-    from benchmarks.fuzz_samples import READERS
+    """Run a reader's cases from `first` on and print the verdict of each."""
+    from benchmarks.fuzz_readers import READERS
 
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     os.environ["MINEXPLORE_FUZZ"] = "1"
@@ -109,18 +109,18 @@ def _child(reader: str, first: int, count: int) -> None:
         os.dup2(quiet.fileno(), 1)
         os.dup2(quiet.fileno(), 2)
     for number, files in list(enumerate(cases(reader, count)))[first:]:
-        with tempfile.TemporaryDirectory() as folder:
-            room = Path(folder) / "in"
-            room.mkdir()
+        with tempfile.TemporaryDirectory() as parent:
+            folder = Path(parent) / "in"
+            folder.mkdir()
             start = time.perf_counter()
-            verdict = try_case(READERS[reader], files, room)
-            if [p.name for p in Path(folder).iterdir()] != ["in"]:
+            verdict = try_case(READERS[reader], files, folder)
+            if [p.name for p in Path(parent).iterdir()] != ["in"]:
                 verdict = "a file outside its folder"
         print(json.dumps([number, verdict, round(time.perf_counter() - start, 3)]), file=out, flush=True)
 
 
-def fuzz_reader(reader: str, count: int, tell: Callable[[int], object]) -> dict[str, Any]:
-    """Run a reader's cases in a process of their own, begun again after every one that kills it."""
+def fuzz_reader(reader: str, count: int, progress: Callable[[int], object]) -> dict[str, Any]:
+    """Run a reader's cases in a child process. After a case that kills the process, a new process continues."""
     verdicts: list[str] = []
     slowest, slow = 0.0, 0
     while len(verdicts) < count:
@@ -132,27 +132,30 @@ def fuzz_reader(reader: str, count: int, tell: Callable[[int], object]) -> dict[
                 _, verdict, seconds = json.loads(line)
                 verdicts.append(verdict)
                 slowest, slow = max((slowest, slow), (seconds, len(verdicts) - 1))
-                tell(1)
+                progress(1)
         if len(verdicts) < count:
             verdicts.append(f"crash (exit code {child.returncode})")
-            tell(1)
+            progress(1)
             if len(verdicts) == before + 1 and before == 0:
                 break
     good = {"valid", "refused"}
     return {
-        "cases": len(verdicts), "valid": verdicts.count("valid"), "refused": verdicts.count("refused"),
-        "slowest_s": slowest, "slowest_case": slow,
+        "cases": len(verdicts),
+        "valid": verdicts.count("valid"),
+        "refused": verdicts.count("refused"),
+        "slowest_s": slowest,
+        "slowest_case": slow,
         "failed": {i: v for i, v in enumerate(verdicts) if v not in good},
-    }  # fmt: skip
+    }
 
 
-def table(found: dict[str, dict[str, Any]]) -> str:
-    """Return the findings as Markdown."""
-    names = ("reader", "cases", "refused with a message", "valid", "crashed, hung or leaked", "slowest, s")
+def table(results: dict[str, dict[str, Any]]) -> str:
+    """Return the results as Markdown."""
+    names = ("reader", "cases", "refused with a message", "valid", "failed", "slowest, s")
     lines = [f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
-    for reader, row in found.items():
-        told = (reader, row["cases"], row["refused"], row["valid"], len(row["failed"]), f"{row['slowest_s']:.1f}")
-        lines.append(f"| {' | '.join(map(str, told))} |")
+    for reader, row in results.items():
+        cells = (reader, row["cases"], row["refused"], row["valid"], len(row["failed"]), f"{row['slowest_s']:.1f}")
+        lines.append(f"| {' | '.join(map(str, cells))} |")
     return "\n".join(lines) + "\n"
 
 
@@ -165,22 +168,22 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=500)
     parser.add_argument("--readers", nargs="*", choices=list(SAMPLES), default=list(SAMPLES))
     arguments = parser.parse_args()
-    found = {}
+    results = {}
     with tqdm(total=arguments.count * len(arguments.readers), unit="case", disable=None) as bar:
         for reader in arguments.readers:
             bar.set_postfix_str(reader)
-            found[reader] = fuzz_reader(reader, arguments.count, bar.update)
-    write_atomically(RESULTS, (json.dumps(found, indent=1) + "\n").encode())
-    print(table(found))
-    failed = {f"{reader} {case}": v for reader, row in found.items() for case, v in row["failed"].items()}
+            results[reader] = fuzz_reader(reader, arguments.count, bar.update)
+    write_atomically(RESULTS, (json.dumps(results, indent=1) + "\n").encode())
+    print(table(results))
+    failed = {f"{reader} {case}": v for reader, row in results.items() for case, v in row["failed"].items()}
     for case, verdict in failed.items():
         print(f"{case}: {verdict}")
     if not failed and arguments.readers == list(SAMPLES):
         head = (
-            "# Fuzzing\n\nBroken and hostile files thrown at every reader, written by `make fuzz`. A case passes\n"
-            "if it ends within 10 s in a result or a message, and leaves no file outside its folder.\n\n"
+            "# Fuzzing\n\nEvery reader is given broken and hostile files. Written by `make fuzz`. A case passes if it\n"
+            "ends within 10 s with a result or a message, and leaves no file outside its folder. Other cases fail.\n\n"
         )
-        write_atomically(TABLE, (head + table(found)).encode())
+        write_atomically(TABLE, (head + table(results)).encode())
     return 2 if failed else 0
 
 

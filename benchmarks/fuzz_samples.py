@@ -1,4 +1,4 @@
-"""For every reader a sound file, the hostile ones that we know of, and the call that reads it."""
+"""Input of the fuzzer: for every reader a valid file and the known hostile files."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ _RING = [(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0), (0.0, 0.0)]
 _HOLE = [(6.0, 6.0), (54.0, 6.0), (54.0, 34.0), (6.0, 34.0), (6.0, 6.0)]
 
 
-def _plan(ending: str) -> bytes:
+def _plan(suffix: str) -> bytes:
     picture = np.full((120, 200, 3), 255, np.uint8)
     picture[40:80, 20:180] = 40
     picture[100:104, 20:100] = 0
-    return cv2.imencode(ending, picture[..., 0] if ending == ".pgm" else picture)[1].tobytes()
+    return cv2.imencode(suffix, picture[..., 0] if suffix == ".pgm" else picture)[1].tobytes()
 
 
-def _picture(ending: str) -> Callable[[], Files]:
-    return lambda: {f"plan{ending}": _plan(ending)}
+def _picture(suffix: str) -> Callable[[], Files]:
+    return lambda: {f"plan{suffix}": _plan(suffix)}
 
 
 def _saved(name: str, write: Callable[[Path], Any]) -> Files:
@@ -57,8 +57,9 @@ def _geotiff() -> Files:
     def write(path: Path) -> None:
         grey = cv2.imdecode(np.frombuffer(_plan(".png"), np.uint8), cv2.IMREAD_GRAYSCALE)
         place = from_origin(381_000, 6_290_500, 0.125, 0.125)
-        with rasterio.open(path, "w", driver="GTiff", width=200, height=120, count=1, dtype="uint8", crs="EPSG:32719",
-                           transform=place) as out:  # fmt: skip
+        with rasterio.open(
+            path, "w", driver="GTiff", width=200, height=120, count=1, dtype="uint8", crs="EPSG:32719", transform=place
+        ) as out:
             out.write(grey, 1)
 
     return _saved("plan.tif", write)
@@ -99,9 +100,16 @@ def _geojson() -> Files:
 
 
 def _map() -> Files:
-    said = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate": 0, "occupied_thresh": 0.65,
-            "free_thresh": 0.25, "mode": "trinary"}  # fmt: skip
-    return {"map.yaml": yaml.safe_dump(said).encode(), "map.pgm": _plan(".pgm")}
+    fields = {
+        "image": "map.pgm",
+        "resolution": 0.1,
+        "origin": [0.0, 0.0, 0.0],
+        "negate": 0,
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.25,
+        "mode": "trinary",
+    }
+    return {"map.yaml": yaml.safe_dump(fields).encode(), "map.pgm": _plan(".pgm")}
 
 
 def _bundle() -> Files:
@@ -146,14 +154,23 @@ D 1089.00 426.51 0 Sd P 4.92 6.56 1.64 4.92
 """
 
 SAMPLES: dict[str, Callable[[], Files]] = {
-    "png": _picture(".png"), "jpeg": _picture(".jpg"), "tiff": _picture(".tif"), "pdf": _pdf, "geotiff": _geotiff,
+    "png": _picture(".png"),
+    "jpeg": _picture(".jpg"),
+    "tiff": _picture(".tif"),
+    "pdf": _pdf,
+    "geotiff": _geotiff,
     "world file": lambda: {"plan.png": _plan(".png"), "plan.pgw": b"0.125\n0\n0\n-0.125\n5000\n7000\n"},
-    "map.yaml": _map, "dxf": _dxf, "geojson": _geojson, "geopackage": _geodata("mine.gpkg"),
-    "shapefile": _geodata("mine.shp"), "stations": lambda: {"s.csv": _CSV},
+    "map.yaml": _map,
+    "dxf": _dxf,
+    "geojson": _geojson,
+    "geopackage": _geodata("mine.gpkg"),
+    "shapefile": _geodata("mine.shp"),
+    "stations": lambda: {"s.csv": _CSV},
     "survex": lambda: {"cave.svx": _SVX, "more.svx": b"*data normal from to tape compass clino\n2 9 4 4 4\n"},
-    "compass": lambda: {"cave.plt": _PLT}, "bundle": _bundle,
+    "compass": lambda: {"cave.plt": _PLT},
+    "bundle": _bundle,
     "survey section": lambda: {"conf.yaml": Path("conf/survey/plan.yaml").read_bytes()},
-}  # fmt: skip
+}
 
 
 def _png_of(width: int, height: int) -> bytes:
@@ -174,8 +191,8 @@ _BOMB = (
 
 
 def _map_with(**more: Any) -> Files:
-    said = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], **more}
-    return {"map.yaml": yaml.safe_dump(said).encode()}
+    fields = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], **more}
+    return {"map.yaml": yaml.safe_dump(fields).encode()}
 
 
 def _listing(*names: str) -> Files:
@@ -189,89 +206,37 @@ def _deep(depth: int) -> bytes:
 
 _PICTURES = [{"plan.png": _png_of(100_000, 100_000)}, {"plan.png": _png_of(2**31 - 1, 1)}, {"plan.png": _png_of(0, 0)}]
 HOSTILE: dict[str, list[Files]] = {
-    "png": _PICTURES, "world file": [{"plan.pgw": b"1e308\n" * 6}, {"plan.pgw": b"0\n" * 6}],
+    "png": _PICTURES,
+    "world file": [{"plan.pgw": b"1e308\n" * 6}, {"plan.pgw": b"0\n" * 6}],
     "map.yaml": [
-        _map_with(image="../../../../etc/passwd"), _map_with(image="/etc/passwd"), _map_with(resolution=1e-300),
-        _map_with(resolution=float("nan")), _map_with(origin=[1e300, 0, 0]), _map_with(origin=[0, 0, 1e300]),
-        {"map.yaml": _TAGGED}, {"map.yaml": _LAUGHS}, {"map.yaml": b"[" * 20_000},
+        _map_with(image="../../../../etc/passwd"),
+        _map_with(image="/etc/passwd"),
+        _map_with(resolution=1e-300),
+        _map_with(resolution=float("nan")),
+        _map_with(origin=[1e300, 0, 0]),
+        _map_with(origin=[0, 0, 1e300]),
+        {"map.yaml": _TAGGED},
+        {"map.yaml": _LAUGHS},
+        {"map.yaml": b"[" * 20_000},
         {"map.pgm": b"P5 999999999 999999999 255\n"},
     ],
     "geojson": [{"mine.geojson": _deep(200_000)}, {"mine.geojson": b"[" * 1_000_000}, {"mine.geojson": _BOMB}],
     "geopackage": [{"mine.gpkg": _BOMB}, {"mine.gpkg": b"<OGRVRTDataSource><OGRVRTLayer/></OGRVRTDataSource>"}],
     "shapefile": [{"mine.shp": b"\x00\x00\x27\x0a" + b"\xff" * 96}, {"mine.dbf": b"\xff" * 4096}],
     "survex": [
-        {"cave.svx": b"*include ../../../etc/passwd\n"}, {"cave.svx": b"*include cave\n"},
+        {"cave.svx": b"*include ../../../etc/passwd\n"},
+        {"cave.svx": b"*include cave\n"},
         {"more.svx": b"*include cave\n"},
-        {"cave.svx": b"*begin a\n" * 100_000}, {"cave.svx": b"1 2 1e308 0 0\n" * 3},
+        {"cave.svx": b"*begin a\n" * 100_000},
+        {"cave.svx": b"1 2 1e308 0 0\n" * 3},
     ],
-    "bundle": [_listing("../../x"), _listing("/etc/passwd"), _listing("a/../../b"), _listing(""),
-               {"world.json": b"{" * 100_000}],
+    "bundle": [
+        _listing("../../x"),
+        _listing("/etc/passwd"),
+        _listing("a/../../b"),
+        _listing(""),
+        {"world.json": b"{" * 100_000},
+    ],
     "survey section": [{"conf.yaml": _TAGGED}, {"conf.yaml": _LAUGHS}, {"conf.yaml": b"kind: ${oc.env:HOME}\n"}],
     "dxf": [{"mine.dxf": b"0\nSECTION\n2\nENTITIES\n" + b"0\nLINE\n" * 300_000 + b"0\nENDSEC\n0\nEOF\n"}],
-}  # fmt: skip
-
-
-def _read_plan(path: Path) -> None:
-    from pipeline.params.survey import PlanSurveyParams
-    from pipeline.survey.picture import make_ready, read_picture
-
-    scale = {"source": "stated", "px_per_m": 8.0}
-    params = PlanSurveyParams.model_validate(
-        {"kind": "plan", "name": "m", "image": "data/x", "max_megapixels": 100, "scale": scale}
-    )
-    make_ready(path, read_picture(path, params), params)
-
-
-def _read_placed(path: Path) -> None:
-    from pipeline.survey.georeference import read_placement
-
-    _read_plan(path)
-    read_placement(path)
-
-
-def _read_map(path: Path) -> None:
-    from pipeline.survey.grid import draw_grid
-
-    draw_grid(path, unknown_is_free=False)
-
-
-def _read_vector_survey(path: Path) -> None:
-    from pipeline.survey.detect import detect_survey
-
-    detect_survey(path, {})
-
-
-def _read_bundle(path: Path) -> None:
-    from minexplore.bundle import BundleError, read_bundle
-    from pipeline.errors import ArtifactError
-
-    try:
-        read_bundle(path.parent)
-    except BundleError as error:
-        raise ArtifactError(str(error)) from error
-
-
-def _read_section(path: Path) -> None:
-    from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
-    from pydantic import TypeAdapter, ValidationError
-
-    from pipeline.compose import require_plain_yaml
-    from pipeline.errors import ParamsError
-    from pipeline.params.survey import SurveyParams
-
-    require_plain_yaml(path)
-    try:
-        values = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
-        TypeAdapter(SurveyParams).validate_python(values)
-    except (OmegaConfBaseException, yaml.YAMLError, ValidationError, ValueError, TypeError, OSError) as error:
-        raise ParamsError(str(error) or type(error).__name__) from error
-
-
-READERS: dict[str, Callable[[Path], None]] = {
-    **dict.fromkeys(("png", "jpeg", "tiff", "pdf"), _read_plan),
-    **dict.fromkeys(("geotiff", "world file"), _read_placed),
-    **dict.fromkeys(("dxf", "geojson", "geopackage", "shapefile"), _read_vector_survey),
-    **dict.fromkeys(("stations", "survex", "compass"), _read_vector_survey),
-    "map.yaml": _read_map, "bundle": _read_bundle, "survey section": _read_section,
-}  # fmt: skip
+}

@@ -1,4 +1,4 @@
-"""Open a world's report in headless Chromium: how large it is, how long it loads, what the console says; pictures."""
+"""Check a world's report in headless Chromium: its size, load time, console errors and network requests."""
 
 from __future__ import annotations
 
@@ -21,33 +21,33 @@ _LOCAL = ("file:", "data:", "blob:", "about:")
 
 
 @dataclass(frozen=True)
-class Look:
-    """What a browser made of a page: `colours` in the picture of the 3-D view, `phone_px` the width on a phone."""
+class PageCheck:
+    """A page in a browser. `colours` counts the colours of the 3-D view; `phone_px` is the page's width on a phone."""
 
     load_s: float
-    complaints: list[str]
+    console_errors: list[str]
     requests: list[str]
     colours: int
     phone_px: int
 
 
 def find_browser() -> str | None:
-    """Return the path of a Chromium, if there is one."""
+    """Return the path of Chromium, or None if it is not installed."""
     return next((path for name in _BROWSERS if (path := shutil.which(name))), None)
 
 
-def look_at(page_file: Path, browser: str, pictures: Path) -> Look:
-    """Open a page from its file, as a reader would, and look at it on a desk and on a phone."""
+def look_at(page_file: Path, browser: str, pictures: Path) -> PageCheck:
+    """Open a page from its file, check it at the widths of a desktop and a phone, and save screenshots."""
     from playwright.sync_api import sync_playwright
 
     pictures.mkdir(parents=True, exist_ok=True)
-    complaints: list[str] = []
+    console_errors: list[str] = []
     requests: list[str] = []
     with sync_playwright() as run:
         chromium = run.chromium.launch(executable_path=browser, args=_SOFTWARE_GL)
         page = chromium.new_page(viewport={"width": 1200, "height": 900})
-        page.on("console", lambda m: complaints.append(m.text) if m.type == "error" else None)
-        page.on("pageerror", lambda e: complaints.append(str(e)))
+        page.on("console", lambda m: console_errors.append(m.text) if m.type == "error" else None)
+        page.on("pageerror", lambda e: console_errors.append(str(e)))
         page.on(
             "request", lambda r: requests.append(r.url) if not r.url.startswith(("file:", "data:", "blob:")) else None
         )
@@ -63,13 +63,13 @@ def look_at(page_file: Path, browser: str, pictures: Path) -> Look:
         phone_px = page.evaluate("document.documentElement.scrollWidth")
         page.screenshot(path=str(pictures / "phone.png"))
         chromium.close()
-    drawn = cv2.imread(str(pictures / "scene.png"))
-    colours = len(np.unique(drawn.reshape(-1, 3), axis=0)) if drawn is not None else 0
-    return Look(load_ms / 1000, complaints, requests, colours, int(phone_px))
+    picture = cv2.imread(str(pictures / "scene.png"))
+    colours = len(np.unique(picture.reshape(-1, 3), axis=0)) if picture is not None else 0
+    return PageCheck(load_ms / 1000, console_errors, requests, colours, int(phone_px))
 
 
 def main() -> int:
-    """Print what there is to see; exit code 2 if the page is too large, too slow, or not sound."""
+    """Print the results; exit code 2 if the page is too large, too slow or has errors."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.look_at_report", description=__doc__)
     parser.add_argument("name", nargs="?", default="default")
     arguments = parser.parse_args()
@@ -78,7 +78,7 @@ def main() -> int:
         browser = find_browser()
         if browser is None:
             raise InputError(f"no Chromium found ({', '.join(_BROWSERS)}); Debian has chromium-headless-shell")
-        found = look_at(page, browser, Path("artifacts/bench/report"))
+        check = look_at(page, browser, Path("artifacts/bench/report"))
         if arguments.name == DEFAULT:
             shutil.copyfile("artifacts/bench/report/report.png", "docs/report.png")
     except MineError as error:
@@ -86,13 +86,13 @@ def main() -> int:
         return 2
     size_mb = page.stat().st_size / 1e6
     print(f"size              {size_mb:.1f} MB (at most 15)")
-    print(f"load              {found.load_s:.2f} s (at most 2)")
-    print(f"console errors    {len(found.complaints)} {found.complaints[:3]}")
-    print(f"network requests  {len(found.requests)}")
-    print(f"3-D view          {found.colours} colours")
-    print(f"width on a phone  {found.phone_px} px of {_PHONE}")
-    sound = not found.complaints and not found.requests and found.colours > 16 and found.phone_px <= _PHONE
-    return 0 if sound and size_mb <= 15 and found.load_s <= 2 else 2
+    print(f"load              {check.load_s:.2f} s (at most 2)")
+    print(f"console errors    {len(check.console_errors)} {check.console_errors[:3]}")
+    print(f"network requests  {len(check.requests)}")
+    print(f"3-D view          {check.colours} colours")
+    print(f"width on a phone  {check.phone_px} px of {_PHONE}")
+    faultless = not check.console_errors and not check.requests and check.colours > 16 and check.phone_px <= _PHONE
+    return 0 if faultless and size_mb <= 15 and check.load_s <= 2 else 2
 
 
 if __name__ == "__main__":

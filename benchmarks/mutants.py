@@ -1,4 +1,4 @@
-"""Faults put into a good world one after another, and which check catches each: the validator is itself tested."""
+"""Test the validator: inject faults into a good world one by one, and check that each is found."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from benchmarks.faults import Mutant, edit_model, faults, seal
+from benchmarks.fault_injection import edit_model, seal
+from benchmarks.faults import Mutant, faults
 from pipeline.compose import composed_section
 from pipeline.errors import MineError
 from pipeline.metrics.limits import breaches
@@ -22,7 +23,8 @@ from pipeline.store.verify import verify_chain
 from pipeline.types import Mask, Survey
 
 ARTIFACTS = Path("artifacts")
-TABLES = [ARTIFACTS / room / "mutants.json" for room in ("validation", "proof")]  # a new validation empties the first
+# Stage 6 empties artifacts/validation, so a second copy is kept.
+TABLES = [ARTIFACTS / folder / "mutants.json" for folder in ("validation", "proof")]
 
 
 def examine(mutant: Mutant, good: Path, params: ValidationParams, plan: tuple[Mask, Mask, Survey]) -> dict:
@@ -44,16 +46,15 @@ def examine(mutant: Mutant, good: Path, params: ValidationParams, plan: tuple[Ma
             validator = Validator(params, bundle, *plan)
             if mutant.refused:
                 return row | {"found": "accepted"}
-            found = {group: validator.measure(group)}
+            metrics = {group: validator.measure(group)}
             if group == "certificate":
                 clauses = {
                     k: v for k, v in validator.certificate.clauses.items() if not v.holds and v.value is not None
                 }
-                seen = ", ".join(f"{k} = {v.value}" for k, v in clauses.items())
-                row |= {"found": seen, "caught": figure in clauses}
+                failed = ", ".join(f"{k} = {v.value}" for k, v in clauses.items())
+                row |= {"found": failed, "caught": figure in clauses}
             else:
-                limits = _of_groups(params, (group,))
-                lines = breaches(found, limits)
+                lines = breaches(metrics, _limits_of_groups(params, (group,)))
                 row |= {
                     "found": "; ".join(lines),
                     "caught": any(line.startswith(f"{mutant.expected} = ") for line in lines),
@@ -63,13 +64,13 @@ def examine(mutant: Mutant, good: Path, params: ValidationParams, plan: tuple[Ma
     return row
 
 
-def _of_groups(params: ValidationParams, groups: tuple[str, ...]) -> dict[str, Limit]:
-    """Return the limits on groups of figures; how long a world takes to load is no fault of it."""
+def _limits_of_groups(params: ValidationParams, groups: tuple[str, ...]) -> dict[str, Limit]:
+    """Return the limits on some groups of metrics, without the load time, which depends on the machine."""
     return {k: v for k, v in params.limits.items() if k.partition(".")[0] in groups and k != "world.load_s"}
 
 
 def control_failures(good: Path, params: ValidationParams, plan: tuple[Mask, Mask, Survey]) -> list[str]:
-    """Return what fails in a copy that was read, written and sealed anew without a fault: nothing should."""
+    """Return the limits that a copy without a fault breaches after it is read, written and sealed again."""
     with tempfile.TemporaryDirectory() as folder:
         bundle = Path(folder) / "world"
         shutil.copytree(good, bundle)
@@ -77,12 +78,12 @@ def control_failures(good: Path, params: ValidationParams, plan: tuple[Mask, Mas
         seal(bundle)
         validator = Validator(params, bundle, *plan)
         groups = ("iou", "navigability", "topology", "certificate", "texture", "walls", "world")
-        limits = _of_groups(params, groups)
+        limits = _limits_of_groups(params, groups)
         return breaches({group: validator.measure(group) for group in groups}, limits)
 
 
 def break_chain(root: Path) -> dict:
-    """Change a hash in the chain of manifests and return whether the walk along it names the place."""
+    """Change a hash in the chain of manifests and return whether the check names the broken link."""
     row = {"fault": "hash chain broken", "expected": "refused: what contours read", "found": "", "caught": False}
     with tempfile.TemporaryDirectory() as folder:
         for name in ("artifacts", "conf", "data", "pipeline", "stages", "minexplore", "dvc.yaml", "params.yaml"):
@@ -101,31 +102,32 @@ def break_chain(root: Path) -> dict:
     return row
 
 
-def say(row: dict) -> None:
-    """Print what became of one fault."""
+def _print_row(row: dict) -> None:
+    """Print the result of one fault."""
     tqdm.write(f"{'caught' if row['caught'] else 'MISSED'}  {row['fault']}: {row['found'][:110]}", file=sys.stdout)
     sys.stdout.flush()
 
 
 def main() -> int:
-    """Inject every fault into the present world; exit code 1 if one is not caught by the check that should."""
+    """Inject every fault into the present world; exit code 1 if the expected check misses one."""
     try:
         plan = (
-            decode(ARTIFACTS / "contours/cleaned.png", Mask), decode(ARTIFACTS / "contours/raw.png", Mask),
+            decode(ARTIFACTS / "contours/cleaned.png", Mask),
+            decode(ARTIFACTS / "contours/raw.png", Mask),
             decode(ARTIFACTS / "survey/survey.json", Survey),
-        )  # fmt: skip
+        )
         params = composed_section("validation")
         params = params.model_copy(update={"certificate": _without_stress(params.certificate)})
         good = ARTIFACTS / "realism/world"
         control = control_failures(good, params, plan)
         if control:
-            raise MineError(f"the unchanged world fails already: {'; '.join(control)}")
+            raise MineError(f"the world without a fault fails: {'; '.join(control)}")
         rows = []
         for mutant in tqdm(faults(good), desc="mutants", disable=None):
             rows.append(examine(mutant, good, params, plan))
-            say(rows[-1])
+            _print_row(rows[-1])
         rows.append(break_chain(Path()))
-        say(rows[-1])
+        _print_row(rows[-1])
     except MineError as error:
         print(f"mutants: {error}", file=sys.stderr)
         return 2

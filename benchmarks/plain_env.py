@@ -94,6 +94,10 @@ def _replace_rock(spec: mujoco.MjSpec, parts: ConvexParts) -> None:
         centre = parts[i].mean(axis=0)
         spec.add_mesh(name=f"hull_{i}", uservert=(parts[i] - centre).ravel().tolist())
         mine.add_geom(
-            name=rock_geom(i), type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"hull_{i}", pos=centre,
-            group=GeomGroup.COLLISION, friction=friction,
-        )  # fmt: skip
+            name=rock_geom(i),
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=f"hull_{i}",
+            pos=centre,
+            group=GeomGroup.COLLISION,
+            friction=friction,
+        )

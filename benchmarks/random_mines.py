@@ -1,4 +1,4 @@
-"""Generated mines of all four styles, taken to worlds: valid, connected, the certificate holds, IoU at least 0.99."""
+"""Build worlds from generated mines of all four styles, and check validity, connectivity, certificate and IoU."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from stages.__main__ import load_stages
 
 RESULTS, TABLE = Path("artifacts/bench/random-mines.jsonl"), Path("docs/random-mines.md")
 _IOU = 0.99
-# The rock's mesh is laid wide: what is asked here is about the collision world, not about texture.
+# The rough surface is coarse, because this benchmark checks the collision walls and not the texture.
 _COARSE = ["surface.rough.spacing_m=0.5", "surface.rough.roof_spacing_m=0.5", "validation.certificate.contacts=100"]
 
 
 def judge(seed: int) -> dict[str, Any]:
-    """Make one mine's world in a folder of its own and say what holds of it."""
+    """Build one mine's world in a temporary folder and return the results of its checks."""
     style = STYLES[seed % len(STYLES)]
     root = Path(tempfile.mkdtemp(prefix="mine-"))
-    said: dict[str, Any] = {"seed": seed, "style": style}
+    row: dict[str, Any] = {"seed": seed, "style": style}
     try:
         config = compose(["survey=procedural", f"survey.seed={seed}", f"survey.mine.style={style}", *_COARSE])
         for stage in load_stages()[:-1]:
@@ -41,28 +41,29 @@ def judge(seed: int) -> dict[str, Any]:
         free = decode(root / "contours/free_space.geojson", FreeSpace)
         cleaned, raw = (decode(root / f"contours/{name}.png", Mask) for name in ("cleaned", "raw"))
         survey = decode(root / "survey/survey.json", Survey)
-        found = Validator(config.validation, root / "realism/world", cleaned, raw, survey)
-        topology = found.measure("topology")
-        return said | {
+        validator = Validator(config.validation, root / "realism/world", cleaned, raw, survey)
+        topology = validator.measure("topology")
+        return row | {
             "valid": bool(free.polygon.is_valid),
-            "connected": topology["parts_world"] == 1 and topology["loops_difference"] == 0,
-            "certificate": bool(found.certificate.holds),
-            "iou": round(float(found.measure("iou")["free_space_vs_cleaned"]), 5),
-            "area_m2": round(free.polygon.area), "loops": topology["loops_world"],
-        }  # fmt: skip
-    except Exception as error:  # whatever it is, this mine fails and the others go on
-        return said | {"problem": f"{type(error).__name__}: {error}"}
+            "connected": topology["components_world"] == 1 and topology["loops_difference"] == 0,
+            "certificate": bool(validator.certificate.holds),
+            "iou": round(float(validator.measure("iou")["free_space_vs_cleaned"]), 5),
+            "area_m2": round(free.polygon.area),
+            "loops": topology["loops_world"],
+        }
+    except Exception as error:  # this mine fails and the others continue
+        return row | {"problem": f"{type(error).__name__}: {error}"}
     finally:
         shutil.rmtree(root, ignore_errors=True)
 
 
 def holds(row: dict[str, Any]) -> bool:
-    """Say whether a mine passes."""
+    """Return whether a mine passes all checks."""
     return all(row.get(key) for key in ("valid", "connected", "certificate")) and row["iou"] >= _IOU
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Return the findings by style as Markdown."""
+    """Return the results by style as Markdown."""
     lines = ["| style | mines | pass | lowest IoU | area, m2 | loops |", "|---|---|---|---|---|---|"]
     for style in (*STYLES, None):
         some = [row for row in rows if style in (None, row["style"])]
@@ -84,7 +85,7 @@ def _rows(wanted: list[int], jobs: int) -> Iterator[dict[str, Any]]:
 
 
 def main() -> int:
-    """Judge mines that were not judged yet; exit code 2 if one fails."""
+    """Build and check the mines that have no result yet; exit code 2 if one fails."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.random_mines", description=__doc__)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--jobs", type=int, default=2)
@@ -97,10 +98,14 @@ def main() -> int:
             rows.append(row)
             log.write(json.dumps(row) + "\n")
             log.flush()
-    told = table(rows)
-    head = "# Random mines\n\nGenerated mines taken to worlds, written by `make random-mines`: valid, in one part with the plan's loops,\nthe containment certificate holds, and IoU at least 0.99.\n\n"  # noqa: E501
-    write_atomically(TABLE, (head + told).encode())
-    print(told)
+    text = table(rows)
+    head = (
+        "# Random mines\n\nWorlds built from generated mines, written by `make random-mines`. A mine passes if its\n"
+        "free space is valid, its world has one component with the plan's loops, the containment certificate holds,\n"
+        "and IoU is at least 0.99.\n\n"
+    )
+    write_atomically(TABLE, (head + text).encode())
+    print(text)
     failed = [row for row in sorted(rows, key=lambda r: r["seed"]) if not holds(row)]
     for row in failed:
         print(row)

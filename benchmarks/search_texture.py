@@ -44,51 +44,53 @@ from pipeline.surface.walls import lay_walls
 
 RESULTS = Path("artifacts/benchmarks/texture-search.json")
 TABLE, PICTURE = Path("docs/texture-search.md"), Path("docs/texture-search.png")
-PRICES = (0.01, 0.03, 0.1, 0.3)  # of (RMS / 0.15 m)^2, against the mean squared log ratio of the axes
+PENALTIES = (0.01, 0.03, 0.1, 0.3)  # weight of (RMS / 0.15 m)^2; the mean squared log ratio of the axes has weight 1
 CHOSEN = 0.1
-KNOTS_M = {"wall": (0.24, 0.48, 1.0, 2.7), "roof": (0.34, 0.48, 1.0, 2.7)}  # the roof holds no shorter wave
+KNOTS_M = {"wall": (0.24, 0.48, 1.0, 2.7), "roof": (0.34, 0.48, 1.0, 2.7)}  # the roof's mesh cannot hold shorter waves
 WRITTEN_M = (0.24, 0.34, 0.48, 1.0, 2.7)
 _START = np.log([0.075, 0.09, 0.03, 0.015, 0.15, 0.08, 0.03, 0.02])
 _EVALUATIONS, _SEED = 260, 3
-_LENGTH_M, _WIDTH_M, _TURN_DEG = 44.0, 6.6, 17.3  # a straight drift of the mine's usual width, askew to the voxels
+_LENGTH_M, _WIDTH_M, _TURN_DEG = 44.0, 6.6, 17.3  # a straight drift of usual width, oblique to the voxels
 _HEIGHT_M = 3.5
-_BUMP_AIM, _BUMP_SLACK = 1.0, 0.04  # the mine, with its narrow places, comes out 6 % below this drift
-_SMOOTH = 0.003  # penalises spectra of a single wave
+_BUMP_AIM, _BUMP_SLACK = 1.0, 0.04  # the whole mine has narrow places and gives 6 % less than this drift
+_SMOOTH = 0.003  # weight of the spectrum's curvature; avoids spectra with a single wave
 
 
 class TestDrift:
-    """A straight drift whose noise bands are evaluated once; a trial only mixes them."""
+    """A straight drift. Its noise bands are evaluated once; each trial only mixes them."""
 
     def __init__(self) -> None:
-        """Lay the drift."""
+        """Build the drift's lattice and its noise bands."""
         self.params = compose([]).surface
-        look = self.params.rough
-        turn = shapely.affinity.rotate(shapely.box(0, 0, _LENGTH_M, _WIDTH_M), _TURN_DEG, origin=(0, 0))
-        self.free = turn
+        rough = self.params.rough
+        drift = shapely.affinity.rotate(shapely.box(0, 0, _LENGTH_M, _WIDTH_M), _TURN_DEG, origin=(0, 0))
+        self.free = drift
         profile = CrossSection(
-            _HEIGHT_M, self.params.floor_chamfer_m, self.params.roof_chamfer_m, look.arch_half_span_m
+            _HEIGHT_M, self.params.floor_chamfer_m, self.params.roof_chamfer_m, rough.arch_half_span_m
         )
-        self.lattice = lay_lattice(lay_walls(turn, look.spacing_m), profile, look.spacing_m, look.roof_spacing_m)
-        self.wavelength = band_wavelengths(2 * look.spacing_m, look.longest_wavelength_m)
+        self.lattice = lay_lattice(lay_walls(drift, rough.spacing_m), profile, rough.spacing_m, rough.roof_spacing_m)
+        self.wavelength = band_wavelengths(2 * rough.spacing_m, rough.longest_wavelength_m)
         shortest = np.array([band_edges(w)[0] for w in self.wavelength.tolist()])
-        self.roof_holds = shortest >= 2 * look.roof_spacing_m * (1 - 1e-9)
+        self.roof_holds = shortest >= 2 * rough.roof_spacing_m * (1 - 1e-9)
         rng = np.random.default_rng(_SEED)
         self.unit = np.stack(list(unit_bands(self.lattice.vertices, self.wavelength, rng)))
-        self.slow = slow_modulation(self.lattice.vertices, look.modulation_m, look.modulation_spread, rng)
+        self.slow = slow_modulation(self.lattice.vertices, rough.modulation_m, rough.modulation_spread, rng)
         angle = np.radians(_TURN_DEG)
         along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
-        self.places = np.array([x * along + _WIDTH_M / 2 * across for x in (13.0, 31.0)])
+        self.viewpoints = np.array([x * along + _WIDTH_M / 2 * across for x in (13.0, 31.0)])
 
     def measure(self, log_sd: np.ndarray) -> dict[str, Any]:
         """Build one trial and measure it."""
         wall, roof = at_wavelengths(log_sd, self.wavelength)
         share = self.lattice.roof_share
         wanted = ((1 - share) * (wall @ self.unit) + share * ((roof * self.roof_holds) @ self.unit)) * self.slow
-        given = bound_displacement(wanted, self.lattice, Bounds(**self.params.rough.bounds.model_dump()))
-        corners = displaced(self.lattice, given)[self.lattice.faces]
+        displacement = bound_displacement(wanted, self.lattice, Bounds(**self.params.rough.bounds.model_dump()))
+        triangles = displaced(self.lattice, displacement)[self.lattice.faces]
         rng = np.random.default_rng(_SEED)
         points = {
-            piece: sample_triangles(faces_near(corners[self.lattice.piece == piece], self.places, 8.0), count, rng)[0]
+            piece: sample_triangles(
+                faces_near(triangles[self.lattice.piece == piece], self.viewpoints, 8.0), count, rng
+            )[0]
             for piece, count in ((WALL, 350_000), (ROOF, 80_000))
         }
         walls = points[WALL][(points[WALL][:, 2] >= 0.5) & (points[WALL][:, 2] <= 3.0)]
@@ -97,32 +99,37 @@ class TestDrift:
         walls, roof = rotate_about_z(walls), rotate_about_z(roof)
         sweep = sweep_walls(walls)
         axes = TextureAxes(
-            wall_jaggedness_deg(walls), bump_rq_m(walls), roughness_integral_m2(sweep),
-            along_m, roof_irregularity_m(roof), wall_heterogeneity_m(walls),
-        )  # fmt: skip
+            wall_jaggedness_deg(walls),
+            bump_rq_m(walls),
+            roughness_integral_m2(sweep),
+            along_m,
+            roof_irregularity_m(roof),
+            wall_heterogeneity_m(walls),
+        )
         on_wall = share == 0
         return {
             "axes": axes,
             "sweep": sweep,
-            "wall_rms_m": float(given[on_wall].std()),
-            "roof_rms_m": float(given[share > 0.5].std()),
-            "gap_p95_m": float(np.percentile(np.abs(given[on_wall]), 95)),
+            "wall_rms_m": float(displacement[on_wall].std()),
+            "roof_rms_m": float(displacement[share > 0.5].std()),
+            "gap_p95_m": float(np.percentile(np.abs(displacement[on_wall]), 95)),
         }
 
-    def cost(self, log_sd: np.ndarray, price: float) -> float:
-        """Return the mean squared log ratio of the axes, plus the price of amplitude and a leash on bump Rq."""
-        found = self.measure(log_sd)
-        off = sum(np.log(max(getattr(found["axes"], a), 1e-6) / getattr(REAL, a)) ** 2 for a in AXES) / len(AXES)
+    def cost(self, log_sd: np.ndarray, penalty: float) -> float:
+        """Return the mean squared log ratio of the axes, plus penalties on amplitude, bump Rq and curvature."""
+        measured = self.measure(log_sd)
+        axes = measured["axes"]
+        ratios = sum(np.log(max(getattr(axes, a), 1e-6) / getattr(REAL, a)) ** 2 for a in AXES) / len(AXES)
         real = {r.window_m: r.rq_m for r in REAL_SWEEP}
-        scale = np.mean([np.log(r.rq_m / real[r.window_m]) ** 2 for r in found["sweep"]])
-        leash = max(0.0, abs(np.log(found["axes"].bump_rq_m / REAL.bump_rq_m / _BUMP_AIM)) - _BUMP_SLACK)
-        amplitude = (found["wall_rms_m"] ** 2 + found["roof_rms_m"] ** 2) / 0.15**2
-        bent = sum(float((np.diff(q, 2) ** 2).sum()) for q in np.split(log_sd, 2))
-        return float(off + 0.05 * scale + 30 * leash**2 + price * amplitude + _SMOOTH * bent)
+        scale = np.mean([np.log(r.rq_m / real[r.window_m]) ** 2 for r in measured["sweep"]])
+        excess = max(0.0, abs(np.log(axes.bump_rq_m / REAL.bump_rq_m / _BUMP_AIM)) - _BUMP_SLACK)
+        amplitude = (measured["wall_rms_m"] ** 2 + measured["roof_rms_m"] ** 2) / 0.15**2
+        curvature = sum(float((np.diff(q, 2) ** 2).sum()) for q in np.split(log_sd, 2))
+        return float(ratios + 0.05 * scale + 30 * excess**2 + penalty * amplitude + _SMOOTH * curvature)
 
 
 def at_wavelengths(log_sd: np.ndarray, wavelength_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the walls' and the roof's s.d. at wavelengths, from the logarithms at the knots of both."""
+    """Interpolate the standard deviations of walls and roof, m, from their logarithms at the knots."""
     wall, roof = (
         np.exp(np.interp(np.log(wavelength_m), np.log(knots), q))
         for knots, q in zip(KNOTS_M.values(), np.split(log_sd, 2), strict=True)
@@ -130,21 +137,24 @@ def at_wavelengths(log_sd: np.ndarray, wavelength_m: np.ndarray) -> tuple[np.nda
     return wall, roof
 
 
-def search(price: float) -> dict[str, Any]:
-    """Search at one price of amplitude."""
+def search(penalty: float) -> dict[str, Any]:
+    """Search at one penalty on amplitude and return the best trial."""
     drift = TestDrift()
     simplex = np.vstack([_START, _START + 0.4 * np.eye(len(_START))])
-    found = minimize(
-        drift.cost, _START, (price,), method="Nelder-Mead",
+    best = minimize(
+        drift.cost,
+        _START,
+        (penalty,),
+        method="Nelder-Mead",
         options={"maxfev": _EVALUATIONS, "initial_simplex": simplex, "xatol": 0.02, "fatol": 1e-4},
-    )  # fmt: skip
-    measured = drift.measure(found.x)
+    )
+    measured = drift.measure(best.x)
     axes: TextureAxes = measured.pop("axes")
     return {
-        "price": price,
+        "penalty": penalty,
         **{
             f"{k}_sd_m": sd.round(4).tolist()
-            for k, sd in zip(KNOTS_M, at_wavelengths(found.x, np.array(WRITTEN_M)), strict=True)
+            for k, sd in zip(KNOTS_M, at_wavelengths(best.x, np.array(WRITTEN_M)), strict=True)
         },
         "ratios": {a: round(getattr(axes, a) / getattr(REAL, a), 3) for a in AXES},
         "strict": asdict(strict_score(REAL, axes)),
@@ -157,7 +167,7 @@ def search(price: float) -> dict[str, Any]:
 def write_table(rows: list[dict[str, Any]]) -> str:
     """Write and return the trade-off as Markdown."""
     head = [
-        "price of amplitude",
+        "penalty on amplitude",
         "strict, overall",
         "published, overall",
         *(a.rsplit("_", 1)[0].replace("_", " ") for a in AXES),
@@ -167,14 +177,14 @@ def write_table(rows: list[dict[str, Any]]) -> str:
     ]
     lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
     for r in rows:
-        name = f"**{r['price']}** (default)" if r["price"] == CHOSEN else str(r["price"])
+        name = f"**{r['penalty']}** (default)" if r["penalty"] == CHOSEN else str(r["penalty"])
         cells = [name, f"{r['strict']['overall']:.3f}", f"{r['published_without_noise']['overall']:.3f}"]
         cells += [f"x {r['ratios'][a]:.2f}" for a in AXES]
         cells += [f"{r['wall_rms_m']:.3f}", f"{r['gap_p95_m']:.3f}", f"{r['roof_rms_m']:.3f}"]
         lines.append(f"| {' | '.join(cells)} |")
     text = (
-        "# What texture costs\n\nThe best noise for the published axes, four prices of amplitude, on a straight drift: "
-        "`x` is model over real. Written by `make search-texture`.\n\n"
+        "# Texture against wall error\n\nThe best noise for the published axes on a straight drift, at four penalties "
+        "on amplitude. `x` is model / real. Written by `make search-texture`.\n\n"
         + "\n".join(lines)
         + "\n\n![trade-off](texture-search.png)\n"
     )
@@ -190,7 +200,7 @@ def draw(rows: list[dict[str, Any]]) -> None:
     scores.plot(gap, [r["strict"]["overall"] for r in rows], "o-", color=ROCK, label="strict")
     scores.plot(gap, [r["published_without_noise"]["overall"] for r in rows], "o-", color=OCHRE, label="published")
     for r in rows:
-        scores.annotate(f" {r['price']}", (r["gap_p95_m"], r["strict"]["overall"]), fontsize=7)
+        scores.annotate(f" {r['penalty']}", (r["gap_p95_m"], r["strict"]["overall"]), fontsize=7)
     for k, axis in enumerate(AXES):
         ratios.plot(
             gap,
@@ -201,22 +211,22 @@ def draw(rows: list[dict[str, Any]]) -> None:
             color=None if k else STEEL,
         )
     ratios.axhline(1.0, color="k", lw=0.6)
-    ratios.set(xlabel="95th percentile of visible to collision wall, m", ylabel="model / real", yscale="log")
-    scores.set(xlabel="95th percentile of visible to collision wall, m", ylabel="overall score")
+    ratios.set(xlabel="gap from visible to collision wall, p95, m", ylabel="model / real", yscale="log")
+    scores.set(xlabel="gap from visible to collision wall, p95, m", ylabel="overall score")
     scores.legend()
     ratios.legend(fontsize=7)
     write_atomically(PICTURE, encode(PICTURE, to_image(figure)))
 
 
 def main() -> int:
-    """Search at every price, two at a time."""
+    """Search at every penalty, two in parallel."""
     try:
         with multiprocessing.get_context("spawn").Pool(2) as pool:
-            rows = list(tqdm(pool.imap(search, PRICES), total=len(PRICES), desc="prices", disable=None))
+            rows = list(tqdm(pool.imap(search, PENALTIES), total=len(PENALTIES), desc="penalties", disable=None))
         write_atomically(RESULTS, (json.dumps(rows, indent=2) + "\n").encode())
         draw(rows)
         print(write_table(rows))
-        chosen = next(r for r in rows if r["price"] == CHOSEN)
+        chosen = next(r for r in rows if r["penalty"] == CHOSEN)
         print(f"default: wavelength_m: {list(WRITTEN_M)}", f"wall_sd_m: {chosen['wall_sd_m']}", end=", ")
         print(f"roof_sd_m: {chosen['roof_sd_m']}")
     except MineError as error:

@@ -35,10 +35,14 @@ RESULTS, TABLE = Path("artifacts/bench/env.json"), Path("docs/env-speed.md")
 HULLS = Path("artifacts/benchmarks/vhacd.npz")
 _RUNS, _ROBOTS = 5, 64
 _LIMITS = {
-    "physics_vs_bare_floor": (0.80, None), "vector_vs_plain": (5.0, None), "vector_vs_paper_design": (8.0, None),
-    "two_threads_vs_one": (1.5, None), "reset_ms": (None, 1.0), "make_vec_256_s": (None, 2.0),
+    "physics_vs_bare_floor": (0.80, None),
+    "vector_vs_plain": (5.0, None),
+    "vector_vs_paper_design": (8.0, None),
+    "two_threads_vs_one": (1.5, None),
+    "reset_ms": (None, 1.0),
+    "make_vec_256_s": (None, 2.0),
     "make_vec_256_mb": (None, 1000),
-}  # fmt: skip
+}
 _MAKE = """
 import time
 start = time.perf_counter()
@@ -58,7 +62,7 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 def physics_ratios(world: World) -> tuple[float, float]:
-    """Return windowed physics rate over that on a bare floor, with the mine's dip and level, one thread.
+    """Return the local models' physics rate over that on a bare floor, with the mine's dip and level, one thread.
 
     Robots drive at stations spread over the mine. On a slope more wheels and castors bear, whatever stands around.
     """
@@ -136,7 +140,7 @@ def measure() -> dict[str, float]:
     one, two = (MineVectorEnv(_ROBOTS, folder, threads=t) for t in (1, 2))
     for env in (one, two):
         env.reset(seed=0)
-        steps_per_s(env, 60)  # windows and scenes are made as robots reach them
+        steps_per_s(env, 60)  # models and scenes are made as robots reach them
     rows: dict[str, list[float]] = {
         name: [] for name in (*_LIMITS, "physics_vs_dipping_floor", "vector_steps_per_s", "plain_steps_per_s")
     }

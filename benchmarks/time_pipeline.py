@@ -1,4 +1,4 @@
-"""Time `dvc repro` from clean and with nothing changed, and each stage by itself, in a copy of the project."""
+"""Time `dvc repro` on a clean copy of the project and again without changes, and each stage alone."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ def main() -> int:
     ).stdout.splitlines()
     with tempfile.TemporaryDirectory() as folder:
         for name in listed:
-            place = Path(folder) / name
+            target = Path(folder) / name
             if Path(name).is_file() and name != "dvc.lock":
-                place.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(name, place)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(name, target)
         timed: list[tuple[str, float, float | None]] = [
-            ("whole pipeline from clean", _seconds(folder, "dvc", "repro"), 90.0)
+            ("whole pipeline, clean", _seconds(folder, "dvc", "repro"), 90.0)
         ]
-        timed += [("again, nothing changed", _seconds(folder, "dvc", "repro"), 3.0)]
+        timed += [("again, without changes", _seconds(folder, "dvc", "repro"), 3.0)]
         for stage in STAGES:
             timed += [(f"stage {stage}", _seconds(folder, sys.executable, "-m", f"stages.{stage}"), _LIMITS.get(stage))]
-    lines = ["| what | seconds | limit |", "|---|---|---|"]
+    lines = ["| run | seconds | limit |", "|---|---|---|"]
     lines += [
         f"| {title} | {seconds:.1f} | {'' if limit is None else f'{limit:g}'} |" for title, seconds, limit in timed
     ]
     text = "\n".join(lines) + "\n"
-    head = f"# Timings\n\nWritten by `make bench` on {os.cpu_count()} cores; wall time, set-up not included.\n\n"
+    head = f"# Timings\n\nWritten by `make bench` on {os.cpu_count()} cores. Wall time without set-up.\n\n"
     write_atomically(TABLE, (head + text).encode())
     print(text, end="")
     slow = [title for title, seconds, limit in timed if limit is not None and seconds > limit]
     if slow:
-        print(f"bench: over the limit: {', '.join(slow)}", file=sys.stderr)
+        print(f"bench-pipeline: over the limit: {', '.join(slow)}", file=sys.stderr)
     return 2 if slow else 0
 
 

@@ -1,4 +1,4 @@
-"""Time PPO on the entrance variant, sampling and updates together: environment steps per second on this machine."""
+"""Time PPO training on the entrance variant: environment steps per second, sampling and updates included."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _WARM, _TIMED = 2, 12  # iterations
 
 
 def time_training(overrides: list[str]) -> dict[str, Any]:
-    """Train for some iterations and return the median steps/s and the quarters about it."""
+    """Train for some iterations and return the median and quartiles of steps/s after the warm-up."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
     try:
@@ -33,8 +33,7 @@ def time_training(overrides: list[str]) -> dict[str, Any]:
         raise need(str(error.name)) from error
     torch.set_num_threads(int(os.environ["OMP_NUM_THREADS"]))
     settings = compose_settings(overrides)
-    ray.init(include_dashboard=False, logging_level="ERROR",
-             runtime_env={"env_vars": {"PYTHONPATH": str(Path.cwd())}})  # fmt: skip
+    ray.init(include_dashboard=False, logging_level="ERROR", runtime_env={"env_vars": {"PYTHONPATH": str(Path.cwd())}})
     algorithm = build_algorithm(settings, 0)
     speeds = []
     for _ in range(_WARM + _TIMED):
@@ -55,17 +54,17 @@ def time_training(overrides: list[str]) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Time the settings named on the command line, as for `baselines.ppo.train`."""
+    """Time the overrides on the command line, which are those of `baselines.ppo.train`."""
     try:
-        found = time_training(sys.argv[1:])
+        timing = time_training(sys.argv[1:])
     except BaselineError as error:
         print(f"time_training: {error}", file=sys.stderr)
         return 2
-    write_atomically(RESULTS, (json.dumps(found, indent=1) + "\n").encode())
-    low, high = found["quarters"]
+    write_atomically(RESULTS, (json.dumps(timing, indent=1) + "\n").encode())
+    low, high = timing["quarters"]
     print(
-        f"{found['steps_per_s']:,} environment steps/s with updates ({low:,} to {high:,}), "
-        f"{found['ratio']} times the paper's {_PAPER}, {found['cores']} cores"
+        f"{timing['steps_per_s']:,} environment steps/s with updates ({low:,} to {high:,}), "
+        f"{timing['ratio']} times the paper's {_PAPER}, {timing['cores']} cores"
     )
     return 0
 

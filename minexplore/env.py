@@ -80,7 +80,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     | `render_mode` | None | `"rgb_array"` (without a display by EGL or OSMesa, or as `MUJOCO_GL` says), `"human"` (MuJoCo's viewer) |
     | `camera` | `"chase"` | `"chase"` or `"top"`: the plan with the coverage painted on it |
     | `lidar` | `"auto"` | `"embree"` or `"open3d"`; they agree within 1 mm, and `"auto"` takes the first that is installed |
-    | `whole` | False | step the robot in the model of all rock instead of the window round it |
+    | `whole` | False | step the robot in the model of all rock instead of that of the rock round it |
 
     ## Version History
     * v0: the paper's task.

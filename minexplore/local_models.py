@@ -69,9 +69,13 @@ class LocalModels:
         for part in self.parts if everything else [part for part in self.parts if _meets(part.outline, low, high)]:
             spec.add_mesh(name=part.name, uservert=part.vertices.ravel())
             solid.add_geom(
-                name=part.name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part.name, pos=part.place,
-                friction=rock.friction, group=rock.group,
-            )  # fmt: skip
+                name=part.name,
+                type=mujoco.mjtGeom.mjGEOM_MESH,
+                meshname=part.name,
+                pos=part.place,
+                friction=rock.friction,
+                group=rock.group,
+            )
         separate_contacts(spec)
         for name in robots:
             self.robot.attach(spec, name)
@@ -88,9 +92,14 @@ class LocalModels:
                 continue
             friction = geom.friction if zone is None else [zone.friction, *geom.friction[1:]]
             (solid if zone is None else mine).add_geom(
-                name=geom.name, type=geom.type, pos=geom.pos, size=geom.size, friction=friction,
-                priority=geom.priority, group=geom.group,
-            )  # fmt: skip
+                name=geom.name,
+                type=geom.type,
+                pos=geom.pos,
+                size=geom.size,
+                friction=friction,
+                priority=geom.priority,
+                group=geom.group,
+            )
 
     def reach(self, tile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step.

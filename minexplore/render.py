@@ -21,9 +21,14 @@ class Renderer:
     """Draws robots given as rows of `qpos` (n, 9)."""
 
     def __init__(
-        self, world: World, T_world_mine: np.ndarray, grid: CoverageGrid, robot: RobotParams, robots: int,
+        self,
+        world: World,
+        T_world_mine: np.ndarray,
+        grid: CoverageGrid,
+        robot: RobotParams,
+        robots: int,
         size_px: tuple[int, int] = (640, 480),
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Prepare; the world is compiled with its meshes when a camera is first used."""
         self.world, self.grid, self.robot, self.robots, self.size_px = world, grid, robot, robots, size_px
         self.T_world_mine = T_world_mine

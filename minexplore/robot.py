@@ -64,53 +64,97 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
     body.add_freejoint(name=f"{name}_free")
     middle = params.ground_clearance_m + params.height_m / 2 - params.wheel_radius_m
     body.add_geom(
-        name=f"{name}_chassis", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[params.radius_m, params.height_m / 2, 0],
-        pos=[0, 0, middle], mass=params.mass_kg * 0.8, group=GeomGroup.ROBOT, contype=0,
-        conaffinity=ROCK_BIT, friction=[0.5, 0.005, 0.0001], rgba=[0.85, 0.65, 0.1, 1],
-    )  # fmt: skip
+        name=f"{name}_chassis",
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        size=[params.radius_m, params.height_m / 2, 0],
+        pos=[0, 0, middle],
+        mass=params.mass_kg * 0.8,
+        group=GeomGroup.ROBOT,
+        contype=0,
+        conaffinity=ROCK_BIT,
+        friction=[0.5, 0.005, 0.0001],
+        rgba=[0.85, 0.65, 0.1, 1],
+    )
     # Robots meet as spheres of the disc's radius: two upright cylinders side by side make MuJoCo 3.17's solver diverge.
     body.add_geom(
-        name=f"{name}_bumper", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[params.radius_m, 0, 0], pos=[0, 0, middle],
-        mass=0, group=_HIDDEN_GROUP, contype=ROBOT_BIT, conaffinity=ROBOT_BIT, friction=[0.5, 0.005, 0.0001],
-    )  # fmt: skip
+        name=f"{name}_bumper",
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[params.radius_m, 0, 0],
+        pos=[0, 0, middle],
+        mass=0,
+        group=_HIDDEN_GROUP,
+        contype=ROBOT_BIT,
+        conaffinity=ROBOT_BIT,
+        friction=[0.5, 0.005, 0.0001],
+    )
     for side, y in (("left", params.wheel_base_m / 2), ("right", -params.wheel_base_m / 2)):
         wheel = body.add_body(name=f"{name}_{side}", pos=[0, y, 0])
         wheel.add_joint(
-            name=f"{name}_{side}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=0.05,
+            name=f"{name}_{side}",
+            type=mujoco.mjtJoint.mjJNT_HINGE,
+            axis=[0, 1, 0],
+            armature=0.05,
             frictionloss=params.wheel_friction_nm,
-        )  # fmt: skip
+        )
         # The sphere touches the floor where a thin wheel would, by an analytic test. The cylinder is what is drawn.
         wheel.add_geom(
-            name=f"{name}_{side}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[params.wheel_radius_m, 0, 0],
-            mass=params.mass_kg * 0.1, group=_HIDDEN_GROUP, contype=0, conaffinity=FLOOR_BIT,
+            name=f"{name}_{side}",
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[params.wheel_radius_m, 0, 0],
+            mass=params.mass_kg * 0.1,
+            group=_HIDDEN_GROUP,
+            contype=0,
+            conaffinity=FLOOR_BIT,
             friction=[1.0, 0.005, 0.0001],
-        )  # fmt: skip
+        )
         wheel.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[params.wheel_radius_m, params.wheel_width_m / 2, 0],
-            quat=[math.sqrt(0.5), math.sqrt(0.5), 0, 0], mass=0, group=GeomGroup.ROBOT, contype=0, conaffinity=0,
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+            size=[params.wheel_radius_m, params.wheel_width_m / 2, 0],
+            quat=[math.sqrt(0.5), math.sqrt(0.5), 0, 0],
+            mass=0,
+            group=GeomGroup.ROBOT,
+            contype=0,
+            conaffinity=0,
             rgba=[0.1, 0.1, 0.1, 1],
-        )  # fmt: skip
+        )
         motor = spec.add_actuator(
-            name=f"{name}_{side}", target=f"{name}_{side}", trntype=mujoco.mjtTrn.mjTRN_JOINT,
-            forcerange=[-params.wheel_torque_nm, params.wheel_torque_nm], forcelimited=True,
-        )  # fmt: skip
+            name=f"{name}_{side}",
+            target=f"{name}_{side}",
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            forcerange=[-params.wheel_torque_nm, params.wheel_torque_nm],
+            forcelimited=True,
+        )
         motor.set_to_velocity(kv=params.wheel_gain_nms)
     castor = 0.05
     # Frictionless by dimension: with friction near zero a castor on the border of two zones makes the solver diverge.
     for end, x in (("front", params.radius_m - castor), ("rear", castor - params.radius_m)):
         body.add_geom(
-            name=f"{name}_{end}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[castor, 0, 0],
-            pos=[x, 0, castor - params.wheel_radius_m + 0.002], mass=0.1, group=GeomGroup.ROBOT, contype=0,
-            conaffinity=FLOOR_BIT, priority=2, condim=1, rgba=[0.1, 0.1, 0.1, 1],
-        )  # fmt: skip
+            name=f"{name}_{end}",
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[castor, 0, 0],
+            pos=[x, 0, castor - params.wheel_radius_m + 0.002],
+            mass=0.1,
+            group=GeomGroup.ROBOT,
+            contype=0,
+            conaffinity=FLOOR_BIT,
+            priority=2,
+            condim=1,
+            rgba=[0.1, 0.1, 0.1, 1],
+        )
     # The scanner on its mast is what other robots' beams hit: they pass over the chassis.
     top = params.ground_clearance_m + params.height_m - params.wheel_radius_m
     reach = params.sensor_height_m - params.wheel_radius_m + params.scanner_height_m / 2
     body.add_geom(
-        name=f"{name}_scanner", type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        name=f"{name}_scanner",
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
         size=[params.scanner_radius_m, (reach - top) / 2, 0],
-        pos=[0, 0, (reach + top) / 2], mass=0, group=GeomGroup.ROBOT, contype=0, conaffinity=0, rgba=[0.2, 0.3, 0.4, 1],
-    )  # fmt: skip
+        pos=[0, 0, (reach + top) / 2],
+        mass=0,
+        group=GeomGroup.ROBOT,
+        contype=0,
+        conaffinity=0,
+        rgba=[0.2, 0.3, 0.4, 1],
+    )
     body.add_site(name=f"{name}_lidar", pos=[0, 0, params.sensor_height_m - params.wheel_radius_m], group=_HIDDEN_GROUP)
 
 
@@ -148,6 +192,11 @@ def qvel_address(model: mujoco.MjModel, name: str) -> np.ndarray:
 def contact_sensor(spec: mujoco.MjSpec, name: str) -> None:
     """Add a sensor that counts contacts between a robot's chassis and the body that holds the rock."""
     spec.add_sensor(
-        name=f"{name}_touches_rock", type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=mujoco.mjtObj.mjOBJ_GEOM,
-        objname=f"{name}_chassis", reftype=mujoco.mjtObj.mjOBJ_BODY, refname=ROCK_BODY, intprm=[1, 0, 1],
-    )  # fmt: skip
+        name=f"{name}_touches_rock",
+        type=mujoco.mjtSensor.mjSENS_CONTACT,
+        objtype=mujoco.mjtObj.mjOBJ_GEOM,
+        objname=f"{name}_chassis",
+        reftype=mujoco.mjtObj.mjOBJ_BODY,
+        refname=ROCK_BODY,
+        intprm=[1, 0, 1],
+    )

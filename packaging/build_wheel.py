@@ -36,9 +36,11 @@ def main() -> int:
         shutil.copy2("LICENSE", folder)
         (folder / "README.md").write_text(page())
         done = subprocess.run(
-            [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(DIST.resolve())], cwd=folder,
-            capture_output=True, text=True,
-        )  # fmt: skip
+            [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(DIST.resolve())],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+        )
     if done.returncode:
         print(f"wheel: {done.stderr.strip() or done.stdout.strip()}", file=sys.stderr)
         return 2

@@ -6,7 +6,7 @@ from importlib.util import find_spec
 
 __version__ = "0.1.0"
 
-# MuJoCo chooses its OpenGL when it is first imported; the pipeline renders off screen, wherever it runs.
+# MuJoCo chooses its OpenGL backend at the first import; the pipeline always renders off screen.
 os.environ.setdefault("MUJOCO_GL", "osmesa")
 
 _missing = [name for name in ("cv2", "hydra", "mujoco", "open3d", "pydantic", "shapely") if find_spec(name) is None]

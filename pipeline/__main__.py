@@ -1,4 +1,4 @@
-"""`python -m pipeline COMMAND`: maintenance, proofs, and your own worlds."""
+"""`python -m pipeline COMMAND`: maintenance, proofs, and worlds of your own mines."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pipeline.errors import MineError
 
 
 def command_line() -> argparse.ArgumentParser:
-    """Return the parser of all commands; what it parses has `run`."""
+    """Return the parser of all commands; its result has the function `run`."""
     parser = argparse.ArgumentParser(prog="python -m pipeline", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     for group in (maintenance, proofs, worlds):
@@ -19,12 +19,12 @@ def command_line() -> argparse.ArgumentParser:
 
 
 def parse(words: list[str]) -> argparse.Namespace:
-    """Parse a command line; overrides may stand before, between and after the options."""
+    """Parse a command line; overrides are allowed before, between and after options."""
     parser = command_line()
     arguments, rest = parser.parse_known_args(words)
     if rest and (not hasattr(arguments, "overrides") or any(word.startswith("-") for word in rest)):
         parser.error(f"unrecognized arguments: {' '.join(rest)}")
-    if rest:  # argparse takes positional words of one run alone
+    if rest:  # argparse accepts only one uninterrupted run of positional words
         arguments.overrides += rest
     return arguments
 

@@ -24,8 +24,8 @@ from pipeline.store.files import write_atomically
 CONF = Path("conf")
 ROOT_PARAMS = Path("params.yaml")
 COMPOSED = Path("artifacts/params.yaml")
-_CHOSEN = ("survey", "collision")  # sections of several kinds: pydantic names the kind after them
-# The robot's measures stand in the environment alone; conf/ names them as ${robot:radius_m}.
+_CHOSEN = ("survey", "collision")  # unions of several kinds: pydantic inserts the kind after their names
+# The robot's dimensions are defined only in the environment; conf/ refers to them as ${robot:radius_m}.
 OmegaConf.register_new_resolver("robot", lambda field: getattr(RobotParams(), field), replace=True)
 _REFUSALS = (HydraException, OmegaConfBaseException, yaml.YAMLError)
 
@@ -41,7 +41,7 @@ def compose(overrides: list[str]) -> Config:
     Raises
     ------
     ParamsError
-        Naming the override, its value and what would be valid.
+        The message names the override, its value and the valid choices.
     """
     if not (CONF / "config.yaml").is_file():
         raise ParamsError(f"{CONF / 'config.yaml'}: missing; run from the project's root")
@@ -60,25 +60,25 @@ def compose(overrides: list[str]) -> Config:
 
 
 def require_plain_yaml(path: Path) -> None:
-    """Refuse a file with aliases, which can stand for more than memory holds, or tags, which can stand for code.
+    """Refuse a file with aliases, which can expand beyond memory, or tags, which can execute code.
 
     Raises
     ------
     ParamsError
-        Naming the file and the line.
+        The message names the file and the line.
     """
     try:
         for event in yaml.parse(path.read_bytes(), Loader=yaml.CSafeLoader):
-            named = isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) or getattr(event, "tag", None)
-            if named:
+            alias = isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None)
+            if alias or getattr(event, "tag", None):
                 line = event.start_mark.line + 1 if event.start_mark is not None else 0
-                raise ParamsError(f"{path}:{line}: aliases and tags are not read")
+                raise ParamsError(f"{path}:{line}: aliases and tags are not allowed")
     except (yaml.YAMLError, RecursionError) as error:
         raise ParamsError(f"{path}: not YAML: {error}") from error
 
 
 def root_overrides() -> list[str]:
-    """Return the overrides that `params.yaml` holds, split as a shell would."""
+    """Return the overrides in `params.yaml`, split as by a shell."""
     try:
         text = yaml.safe_load(ROOT_PARAMS.read_text())["overrides"] or ""
         if not isinstance(text, str):
@@ -91,7 +91,7 @@ def root_overrides() -> list[str]:
 
 
 def composed_section(section: str) -> Any:
-    """Return one stage's parameters as `artifacts/params.yaml` holds them."""
+    """Return one stage's parameters from `artifacts/params.yaml`."""
     try:
         return getattr(Config.model_validate(yaml.safe_load(COMPOSED.read_text())), section)
     except FileNotFoundError:
@@ -112,10 +112,10 @@ def _describe(error: Any) -> str:
 
 
 def _explain(overrides: list[str], error: Exception) -> str:
-    """Say which override Hydra refused, and list the valid choices."""
+    """Return a message that names the override that Hydra refused, and the valid choices."""
     pairs = [(key.lstrip("+~"), value) for key, _, value in (override.partition("=") for override in overrides)]
     groups = [(key, value) for key, value in pairs if key and (CONF / key).is_dir()]
-    for key, value in groups:  # before the keys: without its groups no configuration has any
+    for key, value in groups:  # groups before keys: an invalid group leaves no configuration to look keys up in
         choices = sorted(path.stem for path in (CONF / key).glob("*.yaml"))
         if value not in choices:
             return f"{key} = {value}: valid choices are {', '.join(choices)}"
@@ -149,7 +149,7 @@ def _unknown_key(config: DictConfig, key: str) -> str | None:
 
 
 def main() -> int:
-    """Write the composed configuration; exit code 2 with one message when it is not valid."""
+    """Write the composed configuration; if it is invalid, print one message and return 2."""
     try:
         config = compose(root_overrides())
         text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)

@@ -1,12 +1,12 @@
-"""What can go wrong, said once: every message names the thing, the value and the limit."""
+"""The expected errors. Every message names the thing, the value and the limit."""
 
 
 class MineError(Exception):
-    """Base of all expected failures; a command that meets one prints it and exits with code 2."""
+    """Base of all expected errors; a command prints the message and exits with code 2."""
 
 
 class InputError(MineError):
-    """A file from outside (plan, scale bar, survey, poses) cannot be used."""
+    """An input file (plan, scale bar, survey, poses) cannot be used."""
 
 
 class ParamsError(MineError):
@@ -18,7 +18,7 @@ class GeometryError(MineError):
 
 
 class ArtifactError(MineError):
-    """An artifact is missing, broken or not the one its manifest names."""
+    """An artifact is missing, broken, or different from its manifest."""
 
 
 class LimitError(MineError):

@@ -1,4 +1,4 @@
-"""A mine of your own: its file is looked at, copied and registered, and a survey section with remarks is written."""
+"""Import a user's mine: detect its format, copy and register its files, write a commented survey section."""
 
 from __future__ import annotations
 
@@ -26,54 +26,55 @@ _KINDS = {
     "passages": "a station survey",
 }
 _NAME = r"[A-Za-z][A-Za-z0-9_-]{0,63}"
-_WORDS = {"default", "true", "false", "null", "none", "nan", "inf", "yes", "no", "on", "off"}  # mean something else
+# YAML or this project gives these words another meaning.
+_WORDS = {"default", "true", "false", "null", "none", "nan", "inf", "yes", "no", "on", "off"}
 
 
 def survey_file(name: str) -> Path:
-    """Return where a mine's survey section lies."""
+    """Return the path of a mine's survey section."""
     return CONF / "survey" / f"{name}.yaml"
 
 
 def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any]) -> list[str]:
-    """Copy and register a mine's files and write `conf/survey/NAME.yaml`, unless it is there: then it is kept.
+    """Copy and register a mine's files and write `conf/survey/NAME.yaml`. An existing section is kept.
 
     Returns
     -------
     list of str
-        What was found out, one line each, with the YAML line that corrects a wrong reading.
+        One line for each detected value, with the YAML key that corrects it.
 
     Raises
     ------
     InputError, ParamsError
-        If the name or the file cannot be used; nothing is then written.
+        If the name or the file cannot be used. Then nothing is written.
     """
     conf = survey_file(name)
     if not re.fullmatch(_NAME, name) or name.lower() in _WORDS:
-        raise ParamsError(f"name = {name!r}: want a letter, then letters, digits, - and _, at most 64")
+        raise ParamsError(f"name = {name!r}: expected a letter, then letters, digits, - and _, at most 64 in all")
     if f"MineXplore/{name}-v0" in WORLDS:
-        raise ParamsError(f"name = {name}: MineXplore/{name}-v0 is an environment of the project's own")
+        raise ParamsError(f"name = {name}: MineXplore/{name}-v0 is an environment of this project; choose another name")
     if conf.is_file():
         if f"`python -m pipeline new {name}`" not in conf.read_text() or not (DATA / name).is_dir():
-            raise ParamsError(f"name = {name}: {conf} is a survey of the project's own; choose another name")
-        return [f"{conf} is kept as it is; remove it to look at the file anew"]
+            raise ParamsError(f"name = {name}: {conf} is a survey of this project; choose another name")
+        return [f"{conf} exists and is kept; remove it to detect the file again"]
     detected = detect_survey(source, stated)
     folder = DATA / name
-    placed = {file: folder / file.absolute().relative_to(source.parent.absolute()) for file in detected.files}
-    for file, place in placed.items():
-        if place.is_file() and place.read_bytes() != file.read_bytes():
-            raise InputError(f"{place}: holds another file; remove it, or choose another name than {name}")
-    text = survey_yaml(name, placed[detected.files[0]], detected, stated)
+    targets = {file: folder / file.absolute().relative_to(source.parent.absolute()) for file in detected.files}
+    for file, target in targets.items():
+        if target.is_file() and target.read_bytes() != file.read_bytes():
+            raise InputError(f"{target}: a different file exists; remove it, or choose another name than {name}")
+    text = survey_yaml(name, targets[detected.files[0]], detected, stated)
     _require_section(text)
-    for file, place in placed.items():
-        if not place.is_file():
-            write_atomically(place, file.read_bytes())
-        register(place, origin, licence)
+    for file, target in targets.items():
+        if not target.is_file():
+            write_atomically(target, file.read_bytes())
+        register(target, origin, licence)
     write_atomically(conf, text.encode())
     return _findings(conf, detected)
 
 
 def _require_section(text: str) -> None:
-    """Refuse a section that stage 1 would not take: a value was stated that it cannot be."""
+    """Refuse a survey section that stage 1 would not accept, because a stated value is out of range."""
     try:
         TypeAdapter(SurveyParams).validate_python(yaml.safe_load(text)["survey"])
     except ValidationError as error:
@@ -83,45 +84,49 @@ def _require_section(text: str) -> None:
 
 
 def import_workings(name: str, source: Path) -> Path:
-    """Copy a world's free space below data/ and register it, so that variants of it can be made.
+    """Copy a world's free space below data/ and register it as the source of variants.
 
     Raises
     ------
+    ArtifactError
+        If the world has no free space yet.
     InputError
-        If another one of that name was copied before.
+        If a different free space of this name was copied before.
     """
     if not source.is_file():
         raise ArtifactError(f"{source}: missing; make the world first")
-    place = DATA / name / "variants" / source.name
-    if place.is_file() and place.read_bytes() != source.read_bytes():
-        raise InputError(f"{place}: is of an earlier {name}; remove it and its line in data/registry.txt")
-    write_atomically(place, source.read_bytes())
-    register(place, f"made from the world {name}", "as its sources")
-    return place
+    target = DATA / name / "variants" / source.name
+    if target.is_file() and target.read_bytes() != source.read_bytes():
+        raise InputError(f"{target}: comes from an earlier {name}; remove it and its line in data/registry.txt")
+    write_atomically(target, source.read_bytes())
+    register(target, f"made from the world {name}", "as its sources")
+    return target
 
 
 def survey_yaml(name: str, file: Path, detected: Detection, stated: dict[str, Any]) -> str:
-    """Return the text of a survey section: what was detected, and a remark beside each value."""
+    """Return the text of a survey section: the detected values, each with a comment."""
     values = {"kind": detected.values["kind"], "name": name, **detected.values}
     for key in ("image", "file", "map"):
         if key in values:
             values[key] = file.as_posix()
     values |= {"poses": None, "entrance_m": stated.get("entrance_m"), "labels_m": {}}
     remarks = {
-        "entrance_m": "[x, y]; null: the start of the longest drift", "labels_m": "{A: [x, y], ...}", **detected.remarks
-    }  # fmt: skip
+        "entrance_m": "[x, y]; null: the start of the longest drift",
+        "labels_m": "{A: [x, y], ...}",
+        **detected.remarks,
+    }
     lines = [
-        f"# @package _global_\n# Written by `python -m pipeline new {name}`; correct what is wrong and run it again.",
-        "defaults:\n  - /mine/own  # tolerance, room for rock and limits of a mine other than the published one",
+        f"# @package _global_\n# Written by `python -m pipeline new {name}`; correct wrong values and run it again.",
+        "defaults:\n  - /mine/own  # tolerance, space for the rough surface and limits of a user's mine",
         "  - _self_\nsurvey:",
     ]
     for key, value in values.items():
         if isinstance(value, dict) and value:
             lines.append(f"  {key}:{'  # ' + remarks[key] if key in remarks else ''}")
-            lines += [f"    {inner}: {json.dumps(held)}" for inner, held in value.items()]
+            lines += [f"    {inner}: {json.dumps(inner_value)}" for inner, inner_value in value.items()]
         else:
             lines.append(_line(f"  {key}: {json.dumps(value)}", remarks.get(key)))
-    lines += ["contours:", _line("  parts: largest", "or spawn: those at entrance_m; or [[x, y], ...]")]
+    lines += ["contours:", _line("  components: largest", "or spawn: the component at entrance_m; or [[x, y], ...]")]
     return "\n".join(lines) + "\n"
 
 
@@ -130,22 +135,25 @@ def _line(text: str, remark: str | None) -> str:
 
 
 def _findings(conf: Path, detected: Detection) -> list[str]:
-    lines = [f"{detected.files[0].name}: {_KINDS[detected.values['kind']]}; wrong? correct {conf}"]
+    lines = [f"{detected.files[0].name}: {_KINDS[detected.values['kind']]}; if wrong, correct {conf}"]
     if detected.values.get("line_drawing"):
-        lines.append("walls are drawn as lines and what they enclose is filled; wrong? survey.line_drawing: false")
+        lines.append(
+            "walls are drawn as lines; the areas that they enclose are filled; if wrong, set survey.line_drawing: false"
+        )
     if detected.values.get("light_on_dark"):
-        lines.append("light on dark paper; wrong? survey.light_on_dark: false")
+        lines.append("light workings on dark paper; if wrong, set survey.light_on_dark: false")
     if "scale" in detected.remarks:
-        lines.append(f"scale: {detected.remarks['scale']}; wrong? survey.scale")
+        lines.append(f"scale: {detected.remarks['scale']}; if wrong, correct survey.scale")
     if detected.values.get("unit"):
         lines.append(
-            f"unit: {detected.values['unit']}, as drifts are then {detected.width_m:.1f} m wide; wrong? survey.unit"
+            f"unit: {detected.values['unit']}, because drifts are then {detected.width_m:.1f} m wide; "
+            "if wrong, correct survey.unit"
         )
     low, high = WIDTHS_M
     if not low <= detected.width_m <= high:
         where = "survey.scale" if "scale" in detected.values else "survey.unit"
         lines.append(
-            f"WARNING: drifts would be {detected.width_m:.2f} m wide, outside {low:g} to {high:g} m; "
-            f"is the scale right? {where}"
+            f"WARNING: drifts are {detected.width_m:.2f} m wide, outside {low:g} to {high:g} m; "
+            f"if the scale is wrong, correct {where}"
         )
     return lines

@@ -1,4 +1,4 @@
-"""What the stages hand to each other: frozen records, arrays and polygons with their frames."""
+"""The types of the stages' inputs and outputs: frozen records of arrays and polygons in stated frames."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Points3 = Float64[np.ndarray, "n 3"]
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the plan's pixels lie in the mine frame (metres, x east, y north, z up from the floor).
+    """The map between the plan's pixels and the mine frame (metres, x east, y north, z up from the floor).
 
-    A pixel (col, row) covers [col, col + 1) x [row, row + 1) of the image plane; rows grow southwards.
+    A pixel (col, row) covers [col, col + 1) x [row, row + 1) of the image plane; rows increase southwards.
     `origin_col`, `origin_row` are the image-plane coordinates of the mine frame's origin.
     """
 
@@ -45,7 +45,7 @@ class Frame:
         return float(west), float(south), float(east), float(north)
 
     def resampled(self, width_px: int, px_per_m: float) -> Frame:
-        """Return the frame of the same picture redrawn `width_px` wide and read at another scale."""
+        """Return the frame of the same picture resampled to a width, with another scale."""
         ratio = width_px / self.width_px
         return Frame(
             px_per_m, self.origin_col * ratio, self.origin_row * ratio, width_px, round(self.height_px * ratio)
@@ -54,7 +54,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Scale:
-    """The plan's scale in px/m: the one used, and every other reading of it for comparison."""
+    """The plan's scale in px/m: the value used, and values from other sources for comparison."""
 
     px_per_m: float
     source: str
@@ -67,10 +67,10 @@ class Scale:
 
 @dataclass(frozen=True)
 class Georeference:
-    """How a file's own coordinates became the mine frame's: metres = (own - `origin`) * `metres_per_unit`.
+    """The map from a file's coordinates to the mine frame: metres = (coordinates - `origin`) * `metres_per_unit`.
 
-    `crs` is the system that the file names, None for a local grid; degrees are first projected, and `projection` says
-    how. `turned_deg` is how far a picture was turned counter-clockwise to have north up.
+    `crs` is the reference system that the file names, None for a local grid. Degrees are first projected by
+    `projection`. `turned_deg` is the counter-clockwise turn of a picture that brings north up.
     """
 
     unit: str
@@ -81,19 +81,19 @@ class Georeference:
     turned_deg: float = 0.0
 
 
-METRIC = Georeference("m", 1.0)  # a local grid in metres, as the mine frame is
+METRIC = Georeference("m", 1.0)  # a local grid in metres, like the mine frame
 
 
 @dataclass(frozen=True)
 class Workings:
-    """The workings as a vector survey has them (m, mine frame); no polygons where the survey is a picture."""
+    """The workings of a vector survey (m, mine frame); no polygons if the survey is a picture."""
 
     polygons: MultiPolygon
 
 
 @dataclass(frozen=True)
 class Survey:
-    """What stage 1 knows of the plan beside its pixels; `licences` is what the registry says of each source."""
+    """The plan's frame, scale, places and sources; `licences` holds the registered licence of each source."""
 
     name: str
     kind: str
@@ -109,10 +109,10 @@ class Survey:
 
 @dataclass(frozen=True)
 class Areas:
-    """The plan's areas under their own names: tunnel + islands + outside is the plan's frame.
+    """Areas of the plan; tunnel + islands + outside is the area of the plan's frame.
 
-    `traced_tunnel_m2` is the tunnel before simplification, `unconnected_m2` the drawn pieces of 1 m2 and more that are
-    connected to nothing and therefore no part of the workings.
+    `traced_tunnel_m2` is the tunnel before simplification. `unconnected_m2` is the area of drawn pieces of 1 m2 and
+    more that are not connected to the workings and do not belong to them.
     """
 
     tunnel_m2: float
@@ -125,7 +125,7 @@ class Areas:
 
 @dataclass(frozen=True)
 class FreeSpace:
-    """The traced workings: one polygon with islands as holes (m, mine frame), within `tolerance_m` of the plan."""
+    """The traced workings: one polygon with islands as holes (m, mine frame), simplified by `tolerance_m`."""
 
     polygon: Polygon
     areas: Areas
@@ -148,7 +148,7 @@ class Leg:
 
 @dataclass(frozen=True)
 class DriftNetwork:
-    """The drift network as a graph: nodes are junctions and dead ends, edges are legs; thinned in cells of `cell_m`."""
+    """The drift network as a graph: nodes are junctions and dead ends, edges are legs; traced on cells of `cell_m`."""
 
     nodes_m: dict[str, tuple[float, float]]
     legs: list[Leg]
@@ -165,7 +165,7 @@ class DriftNetwork:
 
 @dataclass(frozen=True)
 class ConvexParts:
-    """Convex collision parts: part i owns `vertices[offsets[i]:offsets[i + 1]]` (m, mine frame)."""
+    """Convex collision parts: part i is `vertices[offsets[i]:offsets[i + 1]]` (m, mine frame)."""
 
     vertices: Float64[np.ndarray, "n 3"]
     offsets: Int32[np.ndarray, " parts_plus_one"]
@@ -185,8 +185,8 @@ class ConvexParts:
 class Occupancy:
     """A 2-D grid over the world frame; cell [i, j] is centred at origin + (j + 0.5, i + 0.5) * cell (m, mine).
 
-    `free` says that the cell's centre lies in the workings, `clearance_m` how far that centre is from rock
-    (0 in rock). Row 0 is the south edge.
+    `free` is true if the cell's centre lies in the workings. `clearance_m` is its distance from rock, 0 in rock. Row 0
+    is the south edge.
     """
 
     free: Bool[np.ndarray, "rows cols"]
@@ -197,7 +197,7 @@ class Occupancy:
 
 @dataclass(frozen=True)
 class SolidExtent:
-    """What the solid rock fills: its height above the floor, and its box in plan (west, south, east, north; m)."""
+    """The extent of the solid rock: its height above the floor, and its box in plan (west, south, east, north; m)."""
 
     height_m: float
     world_m: tuple[float, float, float, float]
@@ -205,7 +205,7 @@ class SolidExtent:
 
 @dataclass(frozen=True)
 class Spawn:
-    """Where robots start: the anchor, and the region round the entrance to fall back to (m, mine frame)."""
+    """Where robots start: the anchor, and the fallback region around the entrance (m, mine frame)."""
 
     anchor_m: tuple[float, float]
     anchor_clearance_m: float
@@ -216,9 +216,9 @@ class Spawn:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A triangle mesh with one texture coordinate a vertex (m, mine frame; faces wind towards the viewer).
+    """A triangle mesh with texture coordinates (m, mine frame; faces are counter-clockwise as seen by the viewer).
 
-    `normals` are unit vectors, one a vertex; without them a renderer makes its own from this mesh's faces alone.
+    `normals` are unit vectors, one a vertex; without them a renderer computes its own from this mesh alone.
     """
 
     vertices: Float64[np.ndarray, "n 3"]

@@ -1,4 +1,4 @@
-"""The worlds that were built here: where they lie, what they measure, how they differ."""
+"""The worlds in this project: their folders, their metrics, and their differences."""
 
 from __future__ import annotations
 
@@ -30,57 +30,59 @@ _COLUMNS = [
 
 
 def world_folder(name: str) -> Path:
-    """Return a world's folder: `artifacts` for the default, below `artifacts/worlds` for others.
+    """Return a world's folder: `artifacts` for the default world, `artifacts/worlds/NAME` for others.
 
     Raises
     ------
     ArtifactError
-        If there is none of that name; those that there are are listed.
+        If there is no world of this name. The message lists the worlds.
     """
     folder = ARTIFACTS if name == DEFAULT else WORLDS / name
     if not re.fullmatch(r"[A-Za-z0-9_-]+", name) or not (folder / "survey").is_dir():
-        raise ArtifactError(f"world = {name!r}: there are {', '.join(world_names()) or 'none; `make all` builds one'}")
+        existing = ", ".join(world_names())
+        hint = f"the worlds are {existing}" if existing else "there are no worlds; `make all` builds one"
+        raise ArtifactError(f"world = {name!r}: unknown; {hint}")
     return folder
 
 
 def world_names() -> list[str]:
-    """Return the names of all worlds that were begun here, the default first."""
+    """Return the names of all worlds in this project, finished or not, the default first."""
     named = sorted(p.name for p in WORLDS.iterdir() if (p / "survey").is_dir()) if WORLDS.is_dir() else []
     return [DEFAULT] * (ARTIFACTS / "survey").is_dir() + named
 
 
 def env_id(name: str) -> str:
-    """Return the Gymnasium id under which a world built here is registered."""
+    """Return the Gymnasium id of a world."""
     return "MineXplore/ChileanMine-v0" if name == DEFAULT else f"MineXplore/{name}-v0"
 
 
 def read_figures(name: str) -> dict[str, Any]:
-    """Return a world's metrics, one level deep."""
+    """Return a world's metrics as a flat dict with dotted keys."""
     return read_metrics(world_folder(name) / "validation")
 
 
 def limits_of(name: str) -> dict[str, Limit]:
-    """Return the limits to which a world's figures were held."""
+    """Return the limits that a world's metrics were checked against."""
     manifest = read_manifest(world_folder(name) / "validation" / "manifest.json")
     return TypeAdapter(ValidationParams).validate_python(manifest.params).limits
 
 
 def list_worlds() -> str:
-    """Return a table of all worlds: what each measures and its env id."""
+    """Return a table of all worlds with their main metrics and env ids."""
     rows = [["name", *(title for title, _, _ in _COLUMNS), "world", "env id"]]
     for name in world_names():
         try:
             figures = read_figures(name)
-            held = [format(figures[key], form) for _, key, form in _COLUMNS]
+            cells = [format(figures[key], form) for _, key, form in _COLUMNS]
             digest = str(read_bundle(world_folder(name) / "realism" / "world")["world_sha256"])[:12]
         except (ArtifactError, BundleError, KeyError):
-            held, digest = ["-"] * len(_COLUMNS), "unfinished"
-        rows.append([name, *held, digest, env_id(name)])
+            cells, digest = ["-"] * len(_COLUMNS), "unfinished"
+        rows.append([name, *cells, digest, env_id(name)])
     return _table(rows)
 
 
 def show_world(name: str) -> str:
-    """Return every figure of a world that has a limit, the limit, and whether it holds."""
+    """Return a table of every metric that has a limit, its limit, and whether the limit holds."""
     figures, limits = read_figures(name), limits_of(name)
     rows = [["figure", "measured", "limit", ""]]
     for key, limit in limits.items():
@@ -98,38 +100,40 @@ def show_world(name: str) -> str:
 
 
 def compare_worlds(one: str, other: str) -> str:
-    """Return the figures in which two worlds differ, and what they were made by where that differs."""
+    """Return a table of the metrics and parameters that differ between two worlds."""
     first, second = read_figures(one), read_figures(other)
     rows = [["figure", one, other]]
     rows += [
-        [key, _say(first.get(key)), _say(second.get(key))]
-        for key in [*first, *(k for k in second if k not in first)] if first.get(key) != second.get(key)
-    ]  # fmt: skip
+        [key, _format_value(first.get(key)), _format_value(second.get(key))]
+        for key in [*first, *(k for k in second if k not in first)]
+        if first.get(key) != second.get(key)
+    ]
     left, right = world_params(one), world_params(other)
     rows += [
-        [key, _say(left.get(key)), _say(right.get(key))]
-        for key in [*left, *(k for k in right if k not in left)] if left.get(key) != right.get(key)
-    ]  # fmt: skip
+        [key, _format_value(left.get(key)), _format_value(right.get(key))]
+        for key in [*left, *(k for k in right if k not in left)]
+        if left.get(key) != right.get(key)
+    ]
     return _table(rows)
 
 
 def world_params(name: str) -> dict[str, Any]:
-    """Return the parameters that a world was made by, one level deep."""
-    found: dict[str, Any] = {}
+    """Return the parameters that made a world, as a flat dict with dotted keys."""
+    params: dict[str, Any] = {}
     for section in Config.model_fields:
         manifest = read_manifest(world_folder(name) / section / "manifest.json")
-        found |= flatten({manifest.stage: manifest.params})
-    return found
+        params |= flatten({manifest.stage: manifest.params})
+    return params
 
 
 def changed_params(name: str, default: Config) -> dict[str, tuple[Any, Any]]:
-    """Return the parameters in which a world differs from the default: (default, this world's)."""
+    """Return the parameters of a world that differ from the default, as (default value, the world's value)."""
     before, now = flatten(default.model_dump(mode="json")), world_params(name)
     keys = [*before, *(key for key in now if key not in before)]
     return {k: (before.get(k, "-"), now.get(k, "-")) for k in keys if before.get(k) != now.get(k)}
 
 
-def _say(value: Any) -> str:
+def _format_value(value: Any) -> str:
     text = f"{value:.6g}" if isinstance(value, float) else str(value)
     return text if len(text) <= 40 else text[:37] + "..."
 

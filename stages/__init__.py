@@ -1,3 +1,3 @@
 """The six stages, one declaration each; `python -m stages.NAME [OVERRIDE ...]` runs one."""
 
-import pipeline as pipeline  # first: it says what is missing when the environment is not the project's
+import pipeline as pipeline  # first, so that it can report missing packages

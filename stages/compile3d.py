@@ -1,4 +1,4 @@
-"""Stage 3: extrude the rock into convex collision parts, and map where a robot can stand (metres, mine frame)."""
+"""Stage 3: extrude the rock into convex collision parts, and map the space for robots (metres, mine frame)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, Occupanc
 def compile_rock(
     params: Compile3dParams, free_space: FreeSpace, topology: DriftNetwork, survey: Survey
 ) -> dict[str, Any]:
-    """Return collision parts, occupancy in three forms, and the spawn region."""
+    """Return collision parts, occupancy (grid, octree and Nav2 map), extent, and the spawn region."""
     free = free_space.polygon
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
     rock = rock_around(free, world)
@@ -45,7 +45,7 @@ def collision_parts(params: Compile3dParams, rock: list[Polygon]) -> ConvexParts
     choice = params.collision
     if choice.method == "exact":
         return exact_prisms(rock, params.height_m)
-    # Imported only here: the decomposers are compared alternatives and slow to load.
+    # Imported here because the decomposers are slow to load and only used for comparison.
     from pipeline.geometry.decompose import coacd_decomposer, vhacd_decomposer
 
     if choice.method == "coacd":

@@ -23,7 +23,7 @@ from pipeline.types import Areas, DriftNetwork, Frame, FreeSpace, Image, Mask, S
 
 
 def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workings: Workings) -> dict[str, Any]:
-    """Return the binarised and the cleaned plan, the free space, its network and their pictures."""
+    """Return the binarised plan, the cleaned plan, the free space, its drift network, a picture and tables."""
     frame = survey.frame
     places = chosen_places(params, survey)
     try:
@@ -65,20 +65,20 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
 
 
 def chosen_places(params: ContoursParams, survey: Survey) -> list[tuple[float, float]]:
-    """Return the places (m, mine frame) that must lie in the workings; none: the largest workings are kept."""
-    if params.parts == "largest":
+    """Return the places (m, mine frame) that the workings must contain; none if the largest component is kept."""
+    if params.components == "largest":
         return []
-    if params.parts != "spawn":
-        return list(params.parts)
+    if params.components != "spawn":
+        return list(params.components)
     if survey.entrance_m is None:
-        raise ParamsError("contours.parts = spawn: needs survey.entrance_m")
+        raise ParamsError("contours.components = spawn: needs survey.entrance_m")
     return [survey.entrance_m]
 
 
 def _read_mask(
     params: ContoursParams, plan: Image, survey: Survey, places: list[tuple[float, float]]
 ) -> tuple[Mask, Mask]:
-    """Return what a plan's picture shows as workings, and the same cleaned."""
+    """Return the workings in the plan's picture, and the same cleaned."""
     frame, scale = survey.frame, survey.frame.px_per_m
     threshold = None if params.threshold == "otsu" else params.threshold
     margin = params.annotation_margin_m * scale
@@ -88,7 +88,7 @@ def _read_mask(
 
 
 def _unconnected_m2(raw: Mask, cleaned: Mask, frame: Frame) -> float:
-    """Return the area of the drawn pieces that are connected to nothing, and print where: a drift may be missing."""
+    """Return the area of unconnected drawn pieces, and print where the largest is: a drift may be missing."""
     pieces = left_out(raw, cleaned, frame.px_per_m**2)
     if not pieces:
         return 0.0

@@ -1,4 +1,4 @@
-"""Stage 5: tilt the mine, lay the floor zones, hang the lights, and seal the world bundle."""
+"""Stage 5: tilt the mine, add floor zones and lights, and write the world bundle."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STAGE = Stage(
         "smooth": Artifact("surface/smooth.npz", Meshes),
         "texture": Artifact("surface/texture.png", Image),
         "rough": Artifact("surface/rough", Bundle),
-        # These travel with the world as they are.
+        # The bundle holds unchanged copies of these.
         "occupancy": Artifact("compile3d/occupancy.npz", bytes),
         "free_space_bt": Artifact("compile3d/free_space.bt", bytes),
         "map_png": Artifact("compile3d/map.png", bytes),

@@ -1,4 +1,4 @@
-"""Stage 4: the visible rock: a smooth octagonal surface, and over it one as rough as measured rock (m, mine frame)."""
+"""Stage 4: model the visible rock: a smooth octagonal surface under a rough one (metres, mine frame)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from pipeline.types import DriftNetwork, FreeSpace, Image, SolidExtent
 def model_surface(
     params: SurfaceParams, free_space: FreeSpace, topology: DriftNetwork, extent: SolidExtent
 ) -> dict[str, Any]:
-    """Return both surfaces, the texture, and the roughness report."""
+    """Return both surfaces, the texture, and reports on roughness and meshes."""
     free, repeat_m = free_space.polygon, params.texture.repeat_m
     params = widen_spacing(params, free, extent.height_m)
     smooth = smooth_surface(free, extent.height_m, params.floor_chamfer_m, params.roof_chamfer_m, repeat_m)
@@ -39,7 +39,7 @@ def model_surface(
         reported = pool.submit(report_roughness, params, sources, noise, rough)
         return {
             "smooth": smooth,
-            "rough": chunk_files(rough, params.rough.tile_m, repeat_m),
+            "rough": chunk_files(rough, params),
             "texture": _texture(params.texture),
             "sections": draw_sections(rough, smooth, extent.height_m),
             "amplitude": amplitude_table(rough),

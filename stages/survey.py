@@ -1,4 +1,4 @@
-"""Stage 1: read the survey, draw or load its plan, and settle the plan's scale."""
+"""Stage 1: read the survey, draw or load its plan, and determine the plan's scale."""
 
 from __future__ import annotations
 

@@ -18,14 +18,14 @@ from stages.compile3d import compile_rock
 from stages.contours import trace_free_space
 from stages.surface import model_surface
 
-# Straight drift, ring drift with one island, T-junction: areas, loops and dead ends are known without a computer.
+# Straight drift, ring drift with one island, T-junction: areas, loops and dead ends are known by hand.
 STRAIGHT = shapely.box(0, 0, 100, 5)
 RING = shapely.box(0, 0, 60, 40).difference(shapely.box(6, 6, 54, 34))
 TEE = shapely.union_all([shapely.box(0, 0, 80, 5), shapely.box(38, 5, 43, 40)])
 
 
 def frame_for(polygon: Polygon, px_per_m: float = 8.0, margin_m: float = 4.0) -> Frame:
-    """Return a pixel grid around a polygon, the mine's origin on a pixel corner."""
+    """Return a pixel grid around a polygon, with the mine's origin at a pixel corner."""
     west, south, east, north = polygon.bounds
     left, above = round((margin_m - west) * px_per_m), round((north + margin_m) * px_per_m)
     width, height = left + round((east + margin_m) * px_per_m), above + round((margin_m - south) * px_per_m)
@@ -33,24 +33,24 @@ def frame_for(polygon: Polygon, px_per_m: float = 8.0, margin_m: float = 4.0) ->
 
 
 def survey_of(frame: Frame, entrance_m: tuple[float, float]) -> Survey:
-    """Return the record of a plan drawn at a stated scale."""
+    """Return the survey of a plan with a stated scale."""
     return Survey("test", "plan", frame, Scale(frame.px_per_m, "stated"), [], entrance_m, {}, ["plan.png"])
 
 
 def plan_of(polygon: Polygon, frame: Frame) -> np.ndarray:
-    """Draw a polygon dark on light paper."""
+    """Return a plan (rows, cols, 3) uint8 of a polygon, dark on white."""
     grey = np.where(fill_polygon(polygon, frame), 40, 255).astype(np.uint8)
     return cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
 
 
-PICTURE = Workings(MultiPolygon())  # the workings of a survey that is a picture
+PICTURE = Workings(MultiPolygon())  # a survey that is a picture has no polygons
 
 
 class BuiltMine:
-    """A mine taken through stages 2 to 5 in memory, its bundle written to a folder."""
+    """A mine built by stages 2 to 5 in memory; its bundle is written to a folder."""
 
     def __init__(self, polygon: Polygon, config: Config, folder: Path, px_per_m: float = 8.0) -> None:
-        """Run the stages' own functions."""
+        """Run the functions of the stages."""
         self.frame = frame_for(polygon, px_per_m)
         inside = polygon.representative_point()
         self.survey = survey_of(self.frame, (inside.x, inside.y))
@@ -61,12 +61,21 @@ class BuiltMine:
         self.compiled = compile_rock(config.compile3d, self.free_space, self.network, self.survey)
         self.surface = model_surface(config.surface, self.free_space, self.network, self.compiled["extent"])
         world = assemble_world(
-            config.realism, self.survey, self.free_space, self.network, self.compiled["extent"],
-            self.compiled["collision"], self.compiled["spawn"], self.surface["smooth"], self.surface["texture"],
+            config.realism,
+            self.survey,
+            self.free_space,
+            self.network,
+            self.compiled["extent"],
+            self.compiled["collision"],
+            self.compiled["spawn"],
+            self.surface["smooth"],
+            self.surface["texture"],
             self.surface["rough"],
-            occupancy=encode(Path("o.npz"), self.compiled["occupancy"]), free_space_bt=self.compiled["octree"],
-            map_png=encode(Path("map.png"), self.compiled["map"]), map_yaml=self.compiled["map_yaml"].encode(),
-        )["world"]  # fmt: skip
+            occupancy=encode(Path("o.npz"), self.compiled["occupancy"]),
+            free_space_bt=self.compiled["octree"],
+            map_png=encode(Path("map.png"), self.compiled["map"]),
+            map_yaml=self.compiled["map_yaml"].encode(),
+        )["world"]
         self.bundle = folder
         for name, data in world.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -74,7 +83,7 @@ class BuiltMine:
 
 
 def random_mine(rng: np.random.Generator, drifts: int) -> Polygon:
-    """Return connected workings: drifts of random widths from random stations of the ones before."""
+    """Return connected workings: drifts of random width, each from an end of an earlier one."""
     points = [np.array([0.0, 0.0])]
     shapes = []
     for _ in range(drifts):

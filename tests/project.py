@@ -1,4 +1,4 @@
-"""Copies of the project to run commands in."""
+"""Copies of the project in which tests run commands."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ Run = Callable[..., subprocess.CompletedProcess]
 
 
 class Project:
-    """A copy of the tracked files, with a small survey in place of the embedded one."""
+    """A copy of the project's files, with the embedded survey or a small one."""
 
     def __init__(self, folder: Path, tiny: bool) -> None:
-        """Copy the project into `folder` and make it a git repository of its own."""
+        """Copy the project into `folder` and make it a git repository; `tiny` selects the small survey."""
         self.folder = folder
         files = subprocess.run(
             ["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True, check=True
@@ -71,26 +71,26 @@ class Project:
         )
 
     def coarsen(self) -> None:
-        """Lay the rock's mesh wide and sample it thinly; the texture limits, the default's own, are left out."""
+        """Use a coarse rock mesh and few samples, without the limits on texture and walls, which need a fine mesh."""
         surface, validation = (self.folder / "conf" / name / "default.yaml" for name in ("surface", "validation"))
         set_values(surface, {"rough.spacing_m": 0.3, "rough.roof_spacing_m": 0.4})
         coarse = {"texture.points_per_m2": 200, "certificate.contacts": 100}
         set_values(validation, {**coarse, "limits.texture": None, "limits.walls": None})
 
     def copy(self, folder: Path) -> Project:
-        """Return a private copy, artifacts included."""
+        """Copy this project, with its artifacts, into `folder`."""
         shutil.copytree(self.folder, folder, symlinks=True)
         return Project.at(folder)
 
     @classmethod
     def at(cls, folder: Path) -> Project:
-        """Return a copy that is there already."""
+        """Return the project that already is in `folder`."""
         project = cls.__new__(cls)
         project.folder = folder
         return project
 
     def run(self, *command: str, check: bool = False, **env: str) -> subprocess.CompletedProcess:
-        """Run a command in the project with its own imports and the environment's tools first on the path."""
+        """Run a command in the project, with the environment's tools first on the path and without PYTHONPATH."""
         variables = {**os.environ, "PATH": f"{Path(sys.prefix) / 'bin'}:{os.environ['PATH']}", **env}
         variables.pop("PYTHONPATH", None)
         return subprocess.run(
@@ -102,35 +102,35 @@ class Project:
         return self.run(sys.executable, "-m", f"stages.{name}", *overrides, **env)
 
     def stages(self, *names: str) -> None:
-        """Compose and run stages, all of which must succeed."""
+        """Compose the parameters and run stages; raise if one fails."""
         self.run(sys.executable, "-m", "pipeline.compose", check=True)
         for name in names:
             self.stage(name).check_returncode()
 
     def hashes(self) -> dict[str, bytes]:
-        """Return every artifact's bytes by name."""
+        """Return the bytes of every artifact by name."""
         base = self.folder / "artifacts"
         return {p.relative_to(base).as_posix(): p.read_bytes() for p in sorted(base.rglob("*")) if p.is_file()}
 
 
 def set_values(path: Path, values: dict[str, Any]) -> None:
-    """Set values of a YAML file by their dotted keys; a key that the file does not have is a `KeyError`."""
+    """Set values of a YAML file by dotted keys; raise KeyError for a key that the file does not have."""
     text = path.read_text()
     package = "".join(line for line in text.splitlines(True) if line.startswith("# @package"))
-    held = yaml.safe_load(text)
+    content = yaml.safe_load(text)
     for key, value in values.items():
         *sections, last = key.split(".")
-        section = held
+        section = content
         for name in sections:
             section = section[name]
         if last not in section:
             raise KeyError(f"{path}: no {key}")
         section[last] = value
-    path.write_text(package + yaml.safe_dump(held, sort_keys=False))
+    path.write_text(package + yaml.safe_dump(content, sort_keys=False))
 
 
 def message_of(done: subprocess.CompletedProcess) -> str:
-    """Return the one message of a refused command."""
+    """Return the message of a command that refused its input with exit code 2."""
     assert done.returncode == 2, (done.returncode, done.stderr)
     assert "Traceback" not in done.stderr
     return done.stderr.strip()

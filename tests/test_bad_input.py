@@ -1,4 +1,4 @@
-"""Bad input, run as a user runs it: exit code 2, one message, earlier artifacts as they were."""
+"""Bad input on the command line: exit code 2, one message, and unchanged artifacts."""
 
 import json
 import os
@@ -31,7 +31,7 @@ from tests.project import TINY_STATIONS, message_of
         ("realism", "", "compile3d/"),
     ],
 )
-def test_bad_input_ends_with_one_message_and_keeps_what_was_there(traced_project, stage, override, message):
+def test_bad_input_ends_with_one_message_and_keeps_the_artifacts(traced_project, stage, override, message):
     if stage == "surface":
         traced_project.stage("compile3d").check_returncode()
     before = traced_project.hashes()
@@ -62,7 +62,7 @@ def test_a_survey_with_a_fault_names_file_line_and_value(project):
 
 
 def plan_project(project, picture, *overrides):
-    """Make `picture` the plan of a project and return the survey stage's result."""
+    """Make `picture` the plan of a project, run the survey stage and return its result."""
     path = project.folder / "data/plan.png"
     path.write_bytes(picture if isinstance(picture, bytes) else cv2.imencode(".png", picture)[1].tobytes())
     project.run(sys.executable, "-m", "pipeline", "register", "data/plan.png", check=True)
@@ -80,7 +80,7 @@ def drift_picture():
     return picture
 
 
-def test_a_plan_with_its_bar_in_a_box_is_measured_and_the_bar_is_no_drift(project):
+def test_a_scale_bar_in_a_box_is_measured_and_is_not_a_drift(project):
     done = plan_project(
         project, drift_picture(), "survey.scale.bar_box_px=[30,130,260,156]", "survey.scale.bar_length_m=25"
     )
@@ -100,7 +100,7 @@ def test_a_plan_with_its_bar_in_a_box_is_measured_and_the_bar_is_no_drift(projec
         (np.zeros((99, 99, 3), np.uint8), (), "data/plan.png: the image is all black"),
         (np.full((99, 99, 3), 255, np.uint8), (), "data/plan.png: the image is all white"),
         (drift_picture(), ("survey.scale.bar_box_px=null",), "no bar to measure"),
-        (drift_picture(), ("survey.scale.bar_box_px=[0,0,2000,10]",), "not inside 900 x 160 px"),
+        (drift_picture(), ("survey.scale.bar_box_px=[0,0,2000,10]",), "not inside the picture of 900 x 160 px"),
         (drift_picture(), ("survey.scale.bar_box_px=[400,5,600,40]",), "no scale bar"),
         (drift_picture(), ("survey.scale.bar_box_px=[45,130,50,156]",), "lie horizontally"),
     ],
@@ -111,7 +111,7 @@ def test_a_plan_or_bar_that_cannot_be_used_is_refused(project, picture, override
     assert not (project.folder / "artifacts/survey").exists()
 
 
-def test_an_inverted_plan_is_asked_about_by_name(project):
+def test_an_inverted_plan_is_refused_by_name(project):
     done = plan_project(project, 255 - drift_picture(), "survey.scale.source=stated", "survey.scale.px_per_m=8")
     assert done.returncode == 0, done.stderr
     text = message_of(project.stage("contours"))
@@ -119,25 +119,28 @@ def test_an_inverted_plan_is_asked_about_by_name(project):
     assert "is the plan inverted?" in text
 
 
-def test_a_full_disk_is_said_and_keeps_what_was_there(traced_project, tmp_path):
+def test_a_full_disk_is_reported_and_the_artifacts_are_kept(traced_project, tmp_path):
     project = traced_project.copy(tmp_path / "copy")
     folder = project.folder
     before = project.hashes()
-    # A limit on the size of any file stands in for a disk that fills while the stage writes.
+    # A limit on file size replaces a disk that fills while the stage writes.
     done = subprocess.run(
         ["bash", "-c", f"trap '' XFSZ; ulimit -f 4; {sys.executable} -m stages.contours"],
-        cwd=folder, capture_output=True, text=True, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
-    )  # fmt: skip
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+    )
     assert "cannot be written" in message_of(done)
     assert project.hashes() == before
     assert not list((folder / "artifacts").glob(".*partial"))
 
 
-def test_a_killed_stage_leaves_the_old_artifacts_and_the_next_run_recovers(traced_project, tmp_path):
+def test_a_killed_stage_keeps_the_old_artifacts_and_the_next_run_recovers(traced_project, tmp_path):
     project = traced_project.copy(tmp_path / "copy")
     folder = project.folder
     before = project.hashes()
-    # Killed while the third file is written, then between the two renames that put the new folder in place.
+    # Kill the stage while it writes the third file, then between the two renames that replace the folder.
     for moment in ("os.fsync", "pathlib.Path.rename"):
         script = (
             "import os, pathlib, signal\n"
@@ -155,7 +158,7 @@ def test_a_killed_stage_leaves_the_old_artifacts_and_the_next_run_recovers(trace
         assert killed.returncode == -signal.SIGKILL, killed.stderr
         left = {p.name for p in (folder / "artifacts").iterdir() if p.name.startswith(".contours")}
         assert left == ({".contours.partial"} if moment == "os.fsync" else {".contours.partial", ".contours.old"})
-        # A run that is refused puts the earlier artifacts right and changes nothing else.
+        # A refused run restores the earlier artifacts and changes nothing else.
         message_of(project.stage("contours", "contours.min_tunnel_m2=5000"))
         assert project.hashes() == before
     project.stage("contours", "contours.tolerance_m=0.3").check_returncode()
@@ -176,12 +179,12 @@ def copied(traced_project, tmp_path):
     return traced_project.copy(tmp_path / "copy")
 
 
-def test_stations_beyond_a_stated_frame_are_refused_not_cut(copied):
+def test_stations_outside_a_stated_frame_are_refused(copied):
     text = message_of(copied.stage("survey", "survey.frame_m=[-20,-20,40,40]"))
     assert "beyond survey.frame_m = [-20.0, -20.0, 40.0, 40.0]" in text
 
 
-def test_ink_that_hangs_together_with_nothing_is_said_and_counted(project):
+def test_a_dark_region_that_is_not_connected_is_reported_and_measured(project):
     picture = drift_picture()
     picture[20:40, 600:700] = 30
     options = ("survey.scale.bar_box_px=[30,130,260,156]", "survey.scale.bar_length_m=25")
@@ -193,7 +196,7 @@ def test_ink_that_hangs_together_with_nothing_is_said_and_counted(project):
     assert facts["features"][0]["properties"]["areas"]["unconnected_m2"] == pytest.approx(20 * 100 / 64)
 
 
-def test_a_transparent_plan_lies_on_white_paper(project):
+def test_transparent_pixels_of_a_plan_are_white_paper(project):
     opaque = drift_picture()
     alpha = np.where(opaque.min(axis=2) < 255, 255, 0).astype(np.uint8)
     clear = np.dstack([np.where(alpha[..., None] > 0, opaque, 0), alpha])
@@ -219,7 +222,7 @@ def test_an_override_out_of_range_is_one_line(copied, override, message):
 
 
 @pytest.mark.parametrize("text", ["overrides: [a, b]\n", "overrides: 5\n", "other: 1\n", "overrides: 'a\n"])
-def test_a_root_file_that_is_no_line_of_overrides_is_refused(copied, text):
+def test_a_params_file_without_a_valid_overrides_line_is_refused(copied, text):
     (copied.folder / "params.yaml").write_text(text)
     assert "params.yaml" in message_of(copied.run(sys.executable, "-m", "pipeline.compose"))
 
@@ -250,7 +253,7 @@ def test_a_broken_artifact_is_named_by_the_stage_that_reads_it(copied, name, dat
         (lambda m: m["params"].update(height_m=9.0), "made with other params"),
     ],
 )
-def test_a_manifest_that_was_edited_breaks_the_chain(built, tmp_path, change, message):
+def test_an_edited_manifest_breaks_the_chain(built, tmp_path, change, message):
     project = built.copy(tmp_path / "copy")
     path = project.folder / "artifacts/compile3d/manifest.json"
     manifest = json.loads(path.read_text())
@@ -262,7 +265,7 @@ def test_a_manifest_that_was_edited_breaks_the_chain(built, tmp_path, change, me
 
 
 @pytest.mark.parametrize("data", [b"rubbish", b'{"world": 5}'])
-def test_tampered_metrics_are_named_whatever_they_hold(built, tmp_path, data):
+def test_changed_metrics_are_named_for_any_content(built, tmp_path, data):
     project = built.copy(tmp_path / "copy")
     (project.folder / "artifacts/validation/metrics.json").write_bytes(data)
     assert "validation/metrics.json" in message_of(project.run(sys.executable, "-m", "pipeline", "verify"))

@@ -24,11 +24,11 @@ def test_an_override_changes_one_value_and_nothing_else():
 
 
 @pytest.mark.parametrize("method", ["exact", "coacd", "vhacd"])
-def test_collision_methods_are_a_choice_of_their_own(method):
+def test_the_collision_group_selects_the_method(method):
     assert compose([f"collision={method}"]).compile3d.collision.method == method
 
 
-def test_the_papers_preset_makes_all_its_choices_and_brings_its_own_limits():
+def test_the_paper_preset_sets_all_the_papers_choices_and_its_own_limits():
     config = compose(["preset=paper"])
     assert config.survey.resample_width_px == 948
     assert config.survey.scale.px_per_m == 1.36
@@ -46,11 +46,11 @@ def test_the_papers_preset_makes_all_its_choices_and_brings_its_own_limits():
     assert config.validation.limits["iou.free_space_vs_cleaned"].min < 0.990
 
 
-def test_another_mine_is_held_to_every_limit_but_the_published_wavelength():
+def test_another_mine_has_every_limit_except_those_that_depend_on_the_published_wavelength():
     default, own = (compose(o).validation.limits for o in ([], ["survey=procedural"]))
-    dropped = set(default) - set(own)
-    assert dropped == {"texture.published.overall", "texture.published.dominant_wavelength_m"}
-    assert own == {name: limit for name, limit in default.items() if name not in dropped}
+    absent = set(default) - set(own)
+    assert absent == {"texture.published.overall", "texture.published.dominant_wavelength_m"}
+    assert own == {name: limit for name, limit in default.items() if name not in absent}
 
 
 @pytest.mark.parametrize(
@@ -89,12 +89,12 @@ def test_a_wrong_override_is_named_with_its_value_and_the_valid_choices(override
         ["contours.tolerence_m=0.3", "surface=base"],
     ],
 )
-def test_a_wrong_choice_is_named_whatever_other_overrides_stand_beside_it(overrides):
+def test_a_wrong_choice_is_named_whatever_the_other_overrides(overrides):
     with pytest.raises(ParamsError, match=r"^surface = base: valid choices are default$"):
         compose(overrides)
 
 
-def test_configuration_text_is_data_and_never_code():
+def test_configuration_text_is_never_executed():
     with pytest.raises(ParamsError):
         compose(["+contours._target_=os.system"])
     tag = "contours.tolerance_m: !!python/object/apply:os.system ['true']"

@@ -1,4 +1,4 @@
-"""A mine of one's own, from a file to a world, by the commands that a user types."""
+"""A user's mine, from a file to a world, by the commands that a user types."""
 
 import json
 import re
@@ -20,7 +20,7 @@ def pipeline(project, *arguments):
 
 @pytest.fixture(scope="module")
 def owned(tmp_path_factory, repro):
-    """Return a project whose user has made a world of a plan with a scale bar, and what that printed."""
+    """Return a project with a world made from a plan with a scale bar, and the result of the command."""
     project = repro.copy(tmp_path_factory.mktemp("own") / "mine")
     plan, _ = draw_plan(TEE, frame_around((-10, -20, 90, 60), 8.0), {}, 20.0, 40)
     cv2.imwrite(str(project.folder / "plan.png"), plan)
@@ -31,12 +31,12 @@ def owned(tmp_path_factory, repro):
 
 def test_one_command_makes_a_world_a_report_and_an_environment(owned):
     project, done = owned
-    told = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
-    told = {key: value.removeprefix("id").strip() for key, value in told.items()}
-    assert told["world"] == "artifacts/worlds/my-tee/realism/world"
-    assert (project.folder / told["report"]).stat().st_size > 500_000
-    assert told["env"] == "MineXplore/my-tee-v0"
-    assert "the bar is 160 px long; 20 m was taken" in done.stderr
+    printed = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
+    printed = {key: value.removeprefix("id").strip() for key, value in printed.items()}
+    assert printed["world"] == "artifacts/worlds/my-tee/realism/world"
+    assert (project.folder / printed["report"]).stat().st_size > 500_000
+    assert printed["env"] == "MineXplore/my-tee-v0"
+    assert "the bar is 160 px long and represents 20 m (detected" in done.stderr
     program = (
         "import gymnasium, minexplore\nenv = gymnasium.make('MineXplore/my-tee-v0')\nprint(env.reset(seed=1)[0].shape)"
     )
@@ -46,13 +46,13 @@ def test_one_command_makes_a_world_a_report_and_an_environment(owned):
     assert line.endswith("CC0")
 
 
-def test_the_default_world_is_left_as_it_was_and_a_second_run_makes_nothing(owned, repro):
+def test_the_default_world_is_unchanged_and_a_second_run_makes_nothing(owned, repro):
     project, _ = owned
     assert {k: v for k, v in project.hashes().items() if not k.startswith("worlds/")} == repro.hashes()
     before = {p: p.stat().st_mtime_ns for p in (project.folder / "artifacts/worlds/my-tee").rglob("manifest.json")}
     again = pipeline(project, "new", "my-tee", "--from", "plan.png")
     assert again.returncode == 0
-    assert "is kept as it is" in again.stderr
+    assert "exists and is kept" in again.stderr
     assert before == {p: p.stat().st_mtime_ns for p in before}
 
 
@@ -71,15 +71,15 @@ def test_worlds_are_listed_shown_and_compared(owned):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("new", "a/b", "--from", "plan.png"), "want a letter, then letters, digits"),
-        (("new", "true", "--from", "plan.png"), "want a letter"),
+        (("new", "a/b", "--from", "plan.png"), "expected a letter, then letters, digits"),
+        (("new", "true", "--from", "plan.png"), "expected a letter"),
         (("new", "x", "--from", "plan.png", "--bar-length", "-5"), "survey.scale.bar_length_m = -5.0"),
-        (("report", ".."), "there are default, my-tee"),
-        (("new", "plan", "--from", "plan.png"), "is a survey of the project's own"),
-        (("new", "ChileanMine", "--from", "plan.png"), "is an environment of the project's own"),
+        (("report", ".."), "the worlds are default, my-tee"),
+        (("new", "plan", "--from", "plan.png"), "is a survey of this project"),
+        (("new", "ChileanMine", "--from", "plan.png"), "is an environment of this project"),
         (("new", "x", "--from", "none.png"), "none.png: no such file"),
-        (("show", "nowhere"), "there are default, my-tee"),
-        (("compare", "default", "../x"), "there are default, my-tee"),
+        (("show", "nowhere"), "the worlds are default, my-tee"),
+        (("compare", "default", "../x"), "the worlds are default, my-tee"),
     ],
 )
 def test_wrong_names_and_files_are_refused_and_leave_nothing(owned, arguments, message):
@@ -90,7 +90,7 @@ def test_wrong_names_and_files_are_refused_and_leave_nothing(owned, arguments, m
 
 
 @pytest.mark.slow
-def test_a_corrected_line_makes_the_world_anew(owned, tmp_path):
+def test_a_corrected_survey_section_rebuilds_the_world(owned, tmp_path):
     project = owned[0].copy(tmp_path / "copy")
     conf = project.folder / "conf/survey/my-tee.yaml"
     conf.write_text(conf.read_text().replace("bar_length_m: 20.0", "bar_length_m: 24.0"))
@@ -107,18 +107,28 @@ def test_the_report_opens_without_a_network_and_draws_the_mine(owned, tmp_path):
         pytest.skip("no Chromium on this machine (Debian: chromium-headless-shell)")
     page = owned[0].folder / "artifacts/worlds/my-tee/report/report.html"
     assert page.stat().st_size < 15e6
-    found = look_at(page, browser, tmp_path)
-    assert found.complaints == []
-    assert found.requests == []
-    assert found.colours > 16
-    assert found.phone_px <= 390
+    result = look_at(page, browser, tmp_path)
+    assert result.console_errors == []
+    assert result.requests == []
+    assert result.colours > 16
+    assert result.phone_px <= 390
 
 
 @pytest.mark.slow
-def test_a_family_is_built_resumed_and_listed_in_one_manifest(owned):
+def test_a_family_of_worlds_is_built_resumed_and_listed_in_one_manifest(owned):
     project, _ = owned
-    arguments = ("worlds", "--count", "1", "--split", "validation", "--jobs", "1", "survey.mine.size_m=[30,40]",
-                 "survey.mine.style=drift_and_crosscut", "survey.mine.spacing_m=16")  # fmt: skip
+    arguments = (
+        "worlds",
+        "--count",
+        "1",
+        "--split",
+        "validation",
+        "--jobs",
+        "1",
+        "survey.mine.size_m=[30,40]",
+        "survey.mine.style=drift_and_crosscut",
+        "survey.mine.spacing_m=16",
+    )
     done = pipeline(project, *arguments)
     assert done.returncode == 0, done.stderr
     (world,) = json.loads((project.folder / "artifacts/families/manifest.json").read_text()).values()

@@ -1,4 +1,4 @@
-"""The whole pipeline, run as a user runs it."""
+"""The whole pipeline, run by a user's commands."""
 
 import json
 import resource
@@ -14,17 +14,17 @@ from stages.__main__ import STAGES
 from tests.project import ROOT, Project, message_of
 
 
-def work_of_children_s() -> float:
-    """Return the processor time, s, that commands run from here have taken."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+def children_cpu_s() -> float:
+    """Return the processor time, s, of all finished child processes."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 def metrics_of(project):
     return json.loads((project.folder / "artifacts/validation/metrics.json").read_text())
 
 
-def test_the_embedded_survey_reaches_its_figures(built):
+def test_the_embedded_survey_meets_its_limits(built):
     m = metrics_of(built)
     assert m["iou"]["free_space_vs_cleaned"] >= 0.990
     assert m["iou"]["free_space_vs_raw"] >= 0.970
@@ -39,6 +39,7 @@ def test_the_embedded_survey_reaches_its_figures(built):
     assert m["certificate"]["missing_m2"] < 0.01
     assert m["collision"]["parts"] <= 800
     assert m["world"]["bytes"] <= 60e6
+    assert read_metrics(built.folder / "artifacts/validation")["world.load_s"] <= 2.0
     assert m["areas"]["tunnel_m2"] == pytest.approx(9376, rel=0.005)
     frame = 5329 * 1400 / 7.82**2
     assert m["areas"]["tunnel_m2"] + m["areas"]["islands_m2"] + m["areas"]["outside_m2"] == pytest.approx(
@@ -46,7 +47,7 @@ def test_the_embedded_survey_reaches_its_figures(built):
     )
 
 
-def test_iou_and_texture_scores_did_not_fall_since_the_accepted_baseline(built):
+def test_iou_and_texture_scores_are_not_below_the_accepted_baseline(built):
     metrics = read_metrics(built.folder / "artifacts/validation")
     baseline = json.loads((ROOT / BASELINE).read_text())
     assert set(baseline) == set(gated(metrics))
@@ -71,12 +72,12 @@ def test_two_clean_builds_give_identical_bytes(repro, tmp_path):
     one, two = (build.hashes() for build in (repro, again))
     assert set(one) == set(two)
     differing = [name for name in one if one[name] != two[name]]
-    # Only the load time may differ, which the report shows; it is no part of the manifest's hash.
-    assert set(differing) <= {"validation/metrics.json", "report/report.html"}
+    # Only the load times may differ. The report shows them; neither the manifest nor dvc.lock names their file.
+    assert set(differing) <= {"validation/timings.json", "report/report.html"}
     assert one["realism/world/world.json"] == two["realism/world/world.json"]
 
 
-def test_the_chain_of_manifests_holds_and_names_the_first_broken_link(built, tmp_path):
+def test_verify_accepts_an_intact_chain_and_names_the_first_broken_link(built, tmp_path):
     project = built.copy(tmp_path / "copy")
     folder = project.folder
 
@@ -96,7 +97,7 @@ def test_the_chain_of_manifests_holds_and_names_the_first_broken_link(built, tmp
     assert "artifacts/survey/plan.png: missing" in message_of(verify())
 
 
-def test_a_manifest_that_was_made_from_another_input_breaks_the_chain(traced_project, tmp_path):
+def test_a_manifest_made_from_another_input_breaks_the_chain(traced_project, tmp_path):
     project = traced_project.copy(tmp_path / "copy")
     folder = project.folder
     project.stage("survey", "survey.drawing_grey=60").check_returncode()
@@ -104,18 +105,18 @@ def test_a_manifest_that_was_made_from_another_input_breaks_the_chain(traced_pro
     (folder / "artifacts/params.yaml").write_text(text)
     done = project.run(sys.executable, "-m", "pipeline", "verify")
     assert "artifacts/survey/plan.png" in message_of(done)
-    assert "what contours read" in done.stderr
+    assert "the inputs of contours" in done.stderr
 
 
-def test_dvc_repro_runs_everything_once_then_nothing_and_an_experiment_only_what_changed(repro, tmp_path):
+def test_dvc_repro_runs_all_stages_once_then_none_and_an_experiment_runs_the_changed_stages(repro, tmp_path):
     assert "Running stage 'validation'" in (repro.folder.parent / "stdout").read_text()
     project = repro.copy(tmp_path / "mine")
     assert "Running stage" not in project.run("dvc", "repro", check=True).stdout  # copied files are hashed once
     seconds = []
     for _ in range(3):
-        start = work_of_children_s()
+        start = children_cpu_s()
         assert "Running stage" not in project.run("dvc", "repro", check=True).stdout
-        seconds.append(work_of_children_s() - start)  # the clock would tell of the other worker, too
+        seconds.append(children_cpu_s() - start)  # wall time would include other processes
     assert min(seconds) < 3.0
     project.run("git", "add", "-A", check=True)
     project.run("git", "-c", "user.name=t", "-c", "user.email=t@e.org", "commit", "-qm", "run", check=True)
@@ -138,7 +139,7 @@ def test_dvc_repro_runs_everything_once_then_nothing_and_an_experiment_only_what
 
 @pytest.mark.slow
 def test_make_all_takes_overrides_and_returns_to_the_default(project):
-    # `setup` is replaced: the copy uses the environment that the tests run in.
+    # `setup` is replaced, because the copy uses the environment of the tests.
     (project.folder / "requirements" / "setup.sh").write_text("exit 0\n")
     done = project.run("make", "all", OVERRIDES="survey.drawing_grey=60 contours.tolerance_m=0.1")
     assert done.returncode == 0, done.stderr
@@ -161,7 +162,7 @@ def test_one_stage_runs_alone_with_overrides(traced_project, tmp_path):
 
 def test_the_tiny_survey_has_the_areas_of_its_stations(traced_project):
     facts = json.loads((traced_project.folder / "artifacts/contours/free_space.geojson").read_text())
-    # 60 m and 30 m of 5 m, less the overlap, and half a disc at each of the three ends.
+    # 60 m and 30 m of drift, 5 m wide, without the overlap, and half a disc at each of the three ends.
     expected = 60 * 5 + 27.5 * 5 + 3 * np.pi * 2.5**2 / 2
     assert facts["features"][0]["properties"]["areas"]["tunnel_m2"] == pytest.approx(expected, rel=0.01)
 
@@ -170,7 +171,7 @@ def test_the_tiny_survey_has_the_areas_of_its_stations(traced_project):
 
 
 @pytest.mark.slow
-def test_the_published_plan_reaches_the_same_figures(shared_mine, tmp_path):
+def test_the_published_plan_meets_the_same_limits(shared_mine, tmp_path):
     project = Project(tmp_path / "mine", tiny=False)
     command = [sys.executable, "-m", "pipeline.survey.fetch", "--mirror", str(shared_mine)]
     assert project.run(*command).returncode == 0
@@ -184,7 +185,8 @@ def test_the_published_plan_reaches_the_same_figures(shared_mine, tmp_path):
     assert m["topology"]["drifts_lost"] == m["topology"]["drifts_added"] == 0
     assert json.loads((project.folder / "artifacts/validation/certificate.json").read_text())["holds"]
     assert m["collision"]["parts"] <= 800
-    # The pixel counts of the published plan: about 9,420 m2 of tunnel cleaned harder, a 13,490 m2 island.
+    assert read_metrics(project.folder / "artifacts/validation")["world.load_s"] <= 2.0
+    # Pixel counts of the published plan, with more cleaning: about 9,420 m2 of tunnel and an island of 13,490 m2.
     assert m["areas"]["tunnel_m2"] == pytest.approx(9420, rel=0.025)
     assert m["areas"]["islands_m2"] == pytest.approx(13490, rel=0.01)
     survey = json.loads((project.folder / "artifacts/survey/survey.json").read_text())

@@ -1,4 +1,4 @@
-"""Random mines through stages 2 to 6 in memory: valid, connected, loops kept, the certificate holds."""
+"""Random mines through stages 2 to 6 in memory: they stay valid and connected, and the certificate holds."""
 
 import numpy as np
 import pytest
@@ -19,29 +19,29 @@ def check_mine(seed, drifts, folder, contacts=0):
     built = BuiltMine(random_mine(np.random.default_rng(seed), drifts), config, folder)
     world = open_bundle(built.bundle)
     assert built.free_space.polygon.is_valid
-    seen = render_free_space(world.model, np.array(world.record.T_world_mine), built.frame, 3.5)
-    # Walls may stand off by the tolerance; on average they must do far better than half of it.
+    rendered = render_free_space(world.model, np.array(world.record.T_world_mine), built.frame, 3.5)
+    # A wall's error may reach the tolerance; the mean error must be below half of it.
     polygon, tolerance_m = built.free_space.polygon, config.contours.tolerance_m
-    assert intersection_over_union(seen, built.cleaned) >= 1 - 0.5 * tolerance_m * polygon.length / polygon.area
-    match = compare_topology(built.cleaned, seen, built.frame, 0.25, 2.0)
+    assert intersection_over_union(rendered, built.cleaned) >= 1 - 0.5 * tolerance_m * polygon.length / polygon.area
+    match = compare_topology(built.cleaned, rendered, built.frame, 0.25, 2.0)
     assert match.loops_difference == 0
-    assert match.parts_world == 1
+    assert match.components_world == 1
     assert match.drifts_lost == match.drifts_added == 0
     assert built.network.loops == built.free_space.areas.islands
     params = config.validation.certificate.model_copy(update={"contacts": contacts})
     limits = {k: v for k, v in params.limits.items() if contacts or k not in ("contacts", "escapes", "deepest_m")}
-    found = measure_containment(built.bundle, world, built.free_space, params, (0.25, 2.0))
-    certificate = certify(world.record.world_sha256, found, limits)
+    measured = measure_containment(built.bundle, world, built.free_space, params, (0.25, 2.0))
+    certificate = certify(world.record.world_sha256, measured, limits)
     assert certificate.holds, {name: clause for name, clause in certificate.clauses.items() if not clause.holds}
 
 
 @given(seed=st.integers(0, 100_000), drifts=st.integers(2, 6))
 @settings(deadline=None, max_examples=3, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_a_random_mine_becomes_a_world_that_agrees_with_it(seed, drifts, tmp_path_factory):
+def test_a_random_mine_becomes_a_world_that_matches_its_plan(seed, drifts, tmp_path_factory):
     check_mine(seed, drifts, tmp_path_factory.mktemp("mine"))
 
 
 @pytest.mark.slow
-def test_two_hundred_random_mines_become_worlds_that_agree_with_them(tmp_path_factory):
+def test_two_hundred_random_mines_become_worlds_that_match_their_plans(tmp_path_factory):
     for seed in range(200):
         check_mine(seed, 2 + seed % 7, tmp_path_factory.mktemp("mine"), contacts=500 if seed < 50 else 0)

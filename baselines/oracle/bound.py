@@ -43,9 +43,12 @@ def best_walk(network: TimeNetwork, seconds: float, limit_s: float = 60.0) -> Wa
     """
     program = _Program(network, int(seconds // network.band_s))
     answer = milp(
-        program.objective(), integrality=program.integrality(), bounds=program.bounds(),
-        constraints=program.constraints(), options={"time_limit": limit_s, "mip_rel_gap": _RELATIVE_GAP},
-    )  # fmt: skip
+        program.objective(),
+        integrality=program.integrality(),
+        bounds=program.bounds(),
+        constraints=program.constraints(),
+        options={"time_limit": limit_s, "mip_rel_gap": _RELATIVE_GAP},
+    )
     most = int(-program.objective().sum())
     if answer.mip_dual_bound is not None:
         most = min(most, int(np.floor(-answer.mip_dual_bound + 1e-6)))

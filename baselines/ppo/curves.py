@@ -18,13 +18,21 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 KEPT = Path("baselines/results/training")
-_PAPER = {42: ("TC", 257, 100.00, 89.79), 142: ("ED", 962, 70.05, 85.43), 242: ("ED", 416, 70.77, 89.39),
-          342: ("TC", 432, 89.83, 89.95), 442: ("TC", 282, 92.00, 89.88)}  # fmt: skip
+_PAPER = {
+    42: ("TC", 257, 100.00, 89.79),
+    142: ("ED", 962, 70.05, 85.43),
+    242: ("ED", 416, 70.77, 89.39),
+    342: ("TC", 432, 89.83, 89.95),
+    442: ("TC", 282, 92.00, 89.88),
+}
 _PAPER_MEAN = "84.53, 12.02; 88.89, 1.74 (population SD)"
 _HEADLINE = "ChileanMineEntrance-beams-mlp"
 _STOPS = {"target coverage": "TC", "coverage drop": "ED", "steps": "steps"}
-_AXES = (("rolling_coverage", "coverage"), ("rolling_collisions", "steps in contact with rock, an episode"),
-         ("rolling_return", "return, the paper's reward"))  # fmt: skip
+_AXES = (
+    ("rolling_coverage", "coverage"),
+    ("rolling_collisions", "steps in contact with rock, an episode"),
+    ("rolling_return", "return, the paper's reward"),
+)
 _POINTS = 200
 _PAGE = """# Training runs
 
@@ -106,18 +114,34 @@ def _along(at: np.ndarray, steps: list[float], values: list[float | None]) -> np
 
 def table(runs: dict[str, list[dict[str, Any]]]) -> str:
     """Return the runs as a Markdown table, with the paper's Table I beside the five seeds."""
-    names = ("run", "seed", "stop", "steps", "episodes", "final coverage, %", "best rolling, %", "steps/s",
-             "paper: stop, episodes, final, best")  # fmt: skip
+    names = (
+        "run",
+        "seed",
+        "stop",
+        "steps",
+        "episodes",
+        "final coverage, %",
+        "best rolling, %",
+        "steps/s",
+        "paper: stop, episodes, final, best",
+    )
     rows: list[tuple[Any, ...]] = [names, ("---",) * len(names)]
     for name, group in runs.items():
         headline = name == _HEADLINE
         for r in group:
-            rows.append((
-                name, r["seed"], _STOPS.get(r["stop"], r["stop"]), f"{r['steps']:,}", f"{r['episodes']:,}",
-                f"{100 * r['final_coverage']:.2f}", f"{100 * r['best_rolling_coverage']:.2f}",
-                f"{r['steps_per_s']:,.0f}",
-                ", ".join(map(str, _PAPER[r["seed"]])) if headline and r["seed"] in _PAPER else "",
-            ))  # fmt: skip
+            rows.append(
+                (
+                    name,
+                    r["seed"],
+                    _STOPS.get(r["stop"], r["stop"]),
+                    f"{r['steps']:,}",
+                    f"{r['episodes']:,}",
+                    f"{100 * r['final_coverage']:.2f}",
+                    f"{100 * r['best_rolling_coverage']:.2f}",
+                    f"{r['steps_per_s']:,.0f}",
+                    ", ".join(map(str, _PAPER[r["seed"]])) if headline and r["seed"] in _PAPER else "",
+                )
+            )
         if len(group) > 1:
             final, best = (np.array([100 * r[k] for r in group]) for k in ("final_coverage", "best_rolling_coverage"))
             spread = (f"{v.mean():.2f}, {v.std(ddof=1):.2f}" for v in (final, best))

@@ -20,7 +20,11 @@ def export_policy(module: Any, settings: TrainSettings, facts: dict[str, Any], p
         if name.startswith(("encoder.actor_encoder.", "pi."))
     }
     about = {
-        "format": FORMAT, "env": settings.env, "observation": settings.observation,
-        "model": settings.model.model_dump_json(), "seed": str(settings.seed), "reached": json.dumps(facts),
-    }  # fmt: skip
+        "format": FORMAT,
+        "env": settings.env,
+        "observation": settings.observation,
+        "model": settings.model.model_dump_json(),
+        "seed": str(settings.seed),
+        "reached": json.dumps(facts),
+    }
     save_file(arrays, str(path), metadata=about)

@@ -40,13 +40,19 @@ class History:
         if len(self.episodes) >= self.stop.window and rolling["coverage"] is not None:
             self.best = max(self.best, rolling["coverage"])
         return {
-            "iteration": self.iteration, "steps": self.steps, "seconds": round(seconds, 3),
-            "steps_per_s": round(sampled / seconds, 1), "entropy": round(float(learner["entropy"]), 4),
+            "iteration": self.iteration,
+            "steps": self.steps,
+            "seconds": round(seconds, 3),
+            "steps_per_s": round(sampled / seconds, 1),
+            "entropy": round(float(learner["entropy"]), 4),
             "kl": round(float(learner["mean_kl_loss"]), 5) if "mean_kl_loss" in learner else None,
             "value_explained": round(float(learner["vf_explained_var"]), 4),
-            "rolling_coverage": rolling["coverage"], "rolling_return": rolling["return"],
-            "rolling_collisions": rolling["collisions"], "best_rolling_coverage": self.best, "episodes": episodes,
-        }  # fmt: skip
+            "rolling_coverage": rolling["coverage"],
+            "rolling_return": rolling["return"],
+            "rolling_collisions": rolling["collisions"],
+            "best_rolling_coverage": self.best,
+            "episodes": episodes,
+        }
 
     def rolling(self) -> dict[str, float | None]:
         """Return the mean figures of the last episodes; None before the first one has ended."""

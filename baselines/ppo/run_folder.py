@@ -25,8 +25,10 @@ class RunFolder:
         """
         self.path, self._settings = folder, settings
         self.log, self.checkpoint, self.policy = (
-            folder / "progress.jsonl", folder / "checkpoint", folder / "policy.safetensors"
-        )  # fmt: skip
+            folder / "progress.jsonl",
+            folder / "checkpoint",
+            folder / "policy.safetensors",
+        )
         self._reached, self._fresh = folder / "reached.json", folder / "checkpoint.new"
         folder.mkdir(parents=True, exist_ok=True)
         file = folder / "settings.json"

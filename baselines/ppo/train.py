@@ -52,9 +52,13 @@ def train(settings: TrainSettings, folder: Path) -> dict[str, Any]:
     finally:
         progress.close()
     facts = {
-        "run": settings.name, "stop": stop, "steps": history.steps, "episodes": len(history.episodes),
-        "final_coverage": history.rolling()["coverage"], "best_rolling_coverage": round(history.best, 4),
-    }  # fmt: skip
+        "run": settings.name,
+        "stop": stop,
+        "steps": history.steps,
+        "episodes": len(history.episodes),
+        "final_coverage": history.rolling()["coverage"],
+        "best_rolling_coverage": round(history.best, 4),
+    }
     _export(algorithm, settings, facts, run)
     algorithm.stop()
     return facts
@@ -72,9 +76,11 @@ def _start(settings: TrainSettings, run: RunFolder, history: History) -> Any:
     torch.set_num_threads(int(os.environ["OMP_NUM_THREADS"]))
     if not ray.is_initialized():
         ray.init(
-            address=os.environ.get("RAY_ADDRESS"), include_dashboard=False, logging_level="ERROR",
+            address=os.environ.get("RAY_ADDRESS"),
+            include_dashboard=False,
+            logging_level="ERROR",
             runtime_env={"env_vars": {"PYTHONPATH": str(Path.cwd())}},
-        )  # fmt: skip
+        )
         signal.signal(signal.SIGTERM, interrupt)  # Ray has set a handler of its own
     algorithm = build_algorithm(settings, history.steps)
     if run.checkpoint.is_dir():
@@ -100,8 +106,9 @@ def _iterate(algorithm: Any, settings: TrainSettings, run: RunFolder, history: H
                         writer.add_scalar(key, line[key], line["steps"])
                 if line["rolling_coverage"] is not None:
                     progress.figures = {
-                        "coverage": f"{100 * line['rolling_coverage']:.1f} %", "return": f"{line['rolling_return']:.1f}"
-                    }  # fmt: skip
+                        "coverage": f"{100 * line['rolling_coverage']:.1f} %",
+                        "return": f"{line['rolling_return']:.1f}",
+                    }
                 progress.add(history.steps - progress.done)
                 stop = history.stop_reason(settings)
                 if stop is not None or history.iteration % settings.checkpoint_every == 0:

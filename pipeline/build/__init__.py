@@ -1,1 +1,1 @@
-"""Worlds beside the default one: all six stages in a folder of their own, and families of such worlds."""
+"""Build worlds other than the default one, each in its own folder, and families of worlds."""

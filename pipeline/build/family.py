@@ -1,4 +1,4 @@
-"""Families of worlds: generated mines, or variants of one within its survey's error, in splits that share no seed."""
+"""Families of worlds: procedural mines, or variants of one mine. Training, validation and test share no seed."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a member; `problem` is None if every limit holds."""
+    """The result of building a member; `problem` is None if every limit holds."""
 
     member: Member
     world_sha256: str | None
@@ -51,17 +51,17 @@ Progress = Callable[[Iterable[Outcome], int], Iterable[Outcome]]
 
 
 def generated(split: str, count: int, overrides: list[str]) -> list[Member]:
-    """Return the members of a split of generated mines, the four styles in turn."""
+    """Return the members of a split of procedural mines; the four styles alternate."""
     members = []
     for i in range(count):
         seed, style = SPLITS[split] + i, STYLES[i % len(STYLES)]
-        made = [
+        own = [
             "survey=procedural",
             f"survey.seed={seed}",
             f"survey.mine.style={style}",
             f"survey.name={split}-{i:04d}",
         ]
-        members.append(Member(f"{split}/{i:04d}", split, seed, style, [*made, *overrides]))
+        members.append(Member(f"{split}/{i:04d}", split, seed, style, [*own, *overrides]))
     return members
 
 
@@ -74,43 +74,48 @@ def variants(
     world_params: dict[str, Any],
     overrides: list[str],
 ) -> list[Member]:
-    """Return variants of one mine: each its own stations, ribs and height within the survey's error.
+    """Return variants of one mine; stations, widths and height vary within the errors of the survey.
 
-    `world_params` are the mine's parameters (`pipeline.worlds.world_params`); variants keep its height and entrance.
+    `world_params` are the mine's parameters (`pipeline.worlds.world_params`); variants use its height and entrance.
     """
-    members, place = [], world_params.get("survey.entrance_m")
-    entrance = "null" if place is None else f"[{place[0]},{place[1]}]"
+    members, entrance_m = [], world_params.get("survey.entrance_m")
+    entrance = "null" if entrance_m is None else f"[{entrance_m[0]},{entrance_m[1]}]"
     for i in range(count):
         seed = SPLITS[split] + i
         height = world_params["compile3d.height_m"] + np.random.default_rng(seed).normal(0.0, height_sd_m)
-        made = ["survey=variant", f"survey.seed={seed}", f"survey.workings={workings.as_posix()}",
-                f"survey.name={name}-{split}-{i:04d}", f"survey.entrance_m={entrance}",
-                f"compile3d.height_m={height:.2f}"]  # fmt: skip
-        members.append(Member(f"{name}/{split}/{i:04d}", split, seed, f"variant of {name}", [*made, *overrides]))
+        own = [
+            "survey=variant",
+            f"survey.seed={seed}",
+            f"survey.workings={workings.as_posix()}",
+            f"survey.name={name}-{split}-{i:04d}",
+            f"survey.entrance_m={entrance}",
+            f"compile3d.height_m={height:.2f}",
+        ]
+        members.append(Member(f"{name}/{split}/{i:04d}", split, seed, f"variant of {name}", [*own, *overrides]))
     return members
 
 
 def make_family(members: list[Member], jobs: int, progress: Progress) -> Path:
     """Build all members, in parallel over the cores or, with `RAY_ADDRESS`, over a cluster that shares this folder.
 
-    Members that are fresh are passed over; what an interrupted run has built stays.
+    Members that are up to date are skipped, so an interrupted run continues where it stopped.
 
     Returns
     -------
     Path
-        `artifacts/families/manifest.json`: every world that was ever asked for, its split, seed and hash.
+        `artifacts/families/manifest.json`: split, seed and hash of every world of this and earlier calls.
 
     Raises
     ------
     LimitError
-        If worlds breach a limit or could not be built; the manifest says which and why.
+        If worlds breach a limit or cannot be built; the manifest lists them with their problems.
     """
-    done = _over_cluster(members) if os.environ.get("RAY_ADDRESS") else _over_cores(members, jobs)
-    outcomes = list(progress(done, len(members)))
+    built = _over_cluster(members) if os.environ.get("RAY_ADDRESS") else _over_cores(members, jobs)
+    outcomes = list(progress(built, len(members)))
     file = FAMILIES / "manifest.json"
-    known = json.loads(file.read_text()) if file.is_file() else {}
-    known |= {o.member.folder: asdict(o) for o in outcomes}
-    write_atomically(file, (json.dumps(dict(sorted(known.items())), indent=1) + "\n").encode())
+    manifest = json.loads(file.read_text()) if file.is_file() else {}
+    manifest |= {o.member.folder: asdict(o) for o in outcomes}
+    write_atomically(file, (json.dumps(dict(sorted(manifest.items())), indent=1) + "\n").encode())
     failed = [o for o in outcomes if o.problem is not None]
     if failed:
         first = failed[0]
@@ -119,11 +124,11 @@ def make_family(members: list[Member], jobs: int, progress: Progress) -> Path:
 
 
 def make_member(member: Member) -> Outcome:
-    """Build one member and say what became of it; its figures are told where all six stages have run."""
+    """Build one member and return the result; it has figures if all six stages have run."""
     folder, problem = FAMILIES / member.folder, None
     try:
         config = compose(member.overrides)
-        if config.survey.kind == "procedural":  # an override may have changed either
+        if config.survey.kind == "procedural":  # an override may have changed seed or style
             member = replace(member, seed=config.survey.seed, style=config.survey.mine.style)
         try:
             make_world(config, folder)
@@ -133,7 +138,7 @@ def make_member(member: Member) -> Outcome:
         digest = str(read_bundle(folder / "realism" / "world")["world_sha256"])
         iou, certificate = float(figures["iou.free_space_vs_cleaned"]), bool(figures["certificate.holds"])
         return Outcome(member, digest, iou, certificate, problem)
-    except Exception as error:  # whatever it is, this world fails and the others go on
+    except Exception as error:  # this world fails; the others continue
         return Outcome(member, None, None, False, f"{type(error).__name__}: {error}")
 
 
@@ -146,14 +151,15 @@ def _over_cluster(members: list[Member]) -> Iterator[Outcome]:
     try:
         import ray
     except ImportError:
-        raise InputError("RAY_ADDRESS is set, and Ray is not installed; `make setup-baselines` installs it") from None
-    ray.init(address=os.environ["RAY_ADDRESS"], ignore_reinit_error=True, logging_level="ERROR",
-             runtime_env={"env_vars": {"PYTHONPATH": str(Path.cwd())}})  # fmt: skip
-    here = Path.cwd()
+        raise InputError("RAY_ADDRESS is set, but Ray is not installed; `make setup-baselines` installs it") from None
+    project = Path.cwd()
+    environment = {"env_vars": {"PYTHONPATH": str(project)}}
+    address = os.environ["RAY_ADDRESS"]
+    ray.init(address=address, ignore_reinit_error=True, logging_level="ERROR", runtime_env=environment)
 
     @ray.remote  # type: ignore[untyped-decorator]
     def build(member: Member) -> Outcome:
-        os.chdir(here)
+        os.chdir(project)
         return make_member(member)
 
     waiting = [build.remote(member) for member in members]

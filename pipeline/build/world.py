@@ -1,4 +1,4 @@
-"""Run all six stages for one world in a folder of its own; a fresh stage is not run again, as under `dvc repro`."""
+"""Run all six stages for one world in its own folder; as with `dvc repro`, only stages that are out of date run."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ def make_world(config: Config, root: Path, progress: Progress = iter) -> list[st
     ----------
     config : Config
     root : Path
-        `artifacts/worlds/NAME`, relative to the project; `params.yaml` there says what the world was made by.
+        `artifacts/worlds/NAME`, relative to the project. Its `params.yaml` holds the world's parameters.
     progress : callable, optional
-        Wraps the list of stages, such as `tqdm`.
+        Iterates over the list of stages and reports progress, as `tqdm` does.
 
     Returns
     -------
     list of str
-        The stages that ran.
+        The names of the stages that ran.
 
     Raises
     ------
     MineError
-        What a stage refuses; the folder then holds what the stages before it made, and the next run goes on there.
+        If a stage fails. The artifacts of earlier stages are kept, and the next run continues from there.
     """
     text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)
     write_atomically(root / "params.yaml", f"# Composed from conf/; do not edit.\n{text}".encode())

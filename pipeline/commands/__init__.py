@@ -1,1 +1,1 @@
-"""What `python -m pipeline` does: each module declares its commands by `add_to`."""
+"""Commands of `python -m pipeline`. Each module declares its commands in `add_to`."""

@@ -1,4 +1,4 @@
-"""Numbers on a command line."""
+"""Parsers of numbers on the command line."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from collections.abc import Callable
 
 
 def positive(text: str) -> int:
-    """Return a whole number of 1 or more."""
+    """Return an integer of 1 or more."""
     value = int(text)
     if value < 1:
-        raise argparse.ArgumentTypeError(f"{value}: want 1 or more")
+        raise argparse.ArgumentTypeError(f"{value}: expected 1 or more")
     return value
 
 
 def numbers(count: int) -> Callable[[str], list[float]]:
-    """Return a parser of `count` finite numbers, separated by commas."""
+    """Return a parser of `count` finite numbers separated by commas."""
 
     def parse(text: str) -> list[float]:
         values = [float(part) for part in text.split(",")]
         if len(values) != count or not all(map(math.isfinite, values)):
-            raise argparse.ArgumentTypeError(f"{text!r}: want {count} numbers, separated by commas")
+            raise argparse.ArgumentTypeError(f"{text!r}: expected {count} finite numbers separated by commas")
         return values
 
     return parse

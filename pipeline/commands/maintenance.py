@@ -1,4 +1,4 @@
-"""Maintenance commands: overrides, manifests, the registry, the regression gate."""
+"""Maintenance commands: overrides, manifests, provenance, the registry, the regression gate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 
 def set_overrides() -> None:
-    """Write `$OVERRIDES` to `params.yaml`, where `dvc repro` finds them; touch the file only to change it."""
+    """Write `$OVERRIDES` to `params.yaml` for `dvc repro`. The file is written only if it changes."""
     text = f"overrides: {json.dumps(os.environ.get('OVERRIDES', ''))}\n"
     path = Path("params.yaml")
     if not path.is_file() or path.read_text() != text:
@@ -18,11 +18,11 @@ def set_overrides() -> None:
 
 
 def verify() -> None:
-    """Walk the manifests from the survey to the world and name the first broken link."""
+    """Check the manifests from the survey to the world and name the first broken link."""
     from pipeline.store.verify import verify_chain, verify_world
 
     count = verify_chain(Path())
-    print(f"{count} artifacts hold; world {verify_world(Path('artifacts/realism/world'))}")
+    print(f"{count} artifacts verified; world {verify_world(Path('artifacts/realism/world'))}")
 
 
 def provenance(out: Path, published: date | None) -> None:
@@ -41,7 +41,7 @@ def register(path: Path, origin: str, licence: str) -> None:
 
 
 def roughness(sweeps: list[Path], out: Path) -> None:
-    """Measure the walls in planar sweeps by the default's gates and write the figures as JSON."""
+    """Measure the roughness of walls in planar sweeps and write it as JSON."""
     from pipeline.compose import compose
     from pipeline.metrics.roughness import roughness_of_sweeps
     from pipeline.store.codecs import encode
@@ -50,15 +50,15 @@ def roughness(sweeps: list[Path], out: Path) -> None:
     from pipeline.survey.poses import read_sweep
 
     gate = compose([]).surface.sweeps
-    read = {path.stem: read_sweep(path, gate.max_range_m, gate.max_range_var_m2) for path in sweeps}
-    measured = roughness_of_sweeps(read, gate.max_gap_m, gate.window_m, gate.footprint_m)
+    points = {path.stem: read_sweep(path, gate.max_range_m, gate.max_range_var_m2) for path in sweeps}
+    measured = roughness_of_sweeps(points, gate.max_gap_m, gate.window_m, gate.footprint_m)
     write_atomically(out, encode(out, roughness_json(measured)))
     for window, rq, p90 in zip(measured.window_m, measured.rq_m, measured.rq_p90_m, strict=True):
         print(f"{window:4.1f} m: median {1000 * rq:6.1f} mm, 90th percentile {1000 * p90:6.1f} mm")
 
 
 def update_baseline() -> None:
-    """Accept the present metrics as the baseline that the regression gate compares with."""
+    """Accept the present metrics as the baseline of the regression gate."""
     from pipeline.report.baseline import write_baseline
 
     print(write_baseline())
@@ -85,7 +85,7 @@ def add_to(commands: Any) -> None:
     add.add_argument("--origin", default="unknown")
     add.add_argument("--licence", default="none stated")
     add.set_defaults(run=lambda a: register(a.path, a.origin, a.licence))
-    rough = commands.add_parser("roughness", help=roughness.__doc__)
-    rough.add_argument("sweeps", type=Path, nargs="+")
-    rough.add_argument("--out", type=Path, required=True)
-    rough.set_defaults(run=lambda a: roughness(a.sweeps, a.out))
+    measure = commands.add_parser("roughness", help=roughness.__doc__)
+    measure.add_argument("sweeps", type=Path, nargs="+")
+    measure.add_argument("--out", type=Path, required=True)
+    measure.set_defaults(run=lambda a: roughness(a.sweeps, a.out))

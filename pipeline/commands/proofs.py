@@ -1,4 +1,4 @@
-"""Proofs of a world that was built: replay, certificate, what was held out, parity."""
+"""Commands that check a built world: LiDAR replay, certificate, held-out sweeps, parity of ray casters."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.commands.arguments import positive
 
 
 def replay(bundle: Path, sweeps: Path, poses: Path, out: Path | None, overrides: list[str]) -> None:
-    """Cast real sweeps in a world and compare ranges; figures as JSON, and with --out a picture beside them."""
+    """Replay real sweeps in a world and compare ranges. Print JSON; --out also writes it and a picture."""
     from pipeline.compose import compose
     from pipeline.mjcf.bundle import open_bundle
     from pipeline.proof.replay import find_sweeps, replay_sweeps
@@ -21,16 +21,16 @@ def replay(bundle: Path, sweeps: Path, poses: Path, out: Path | None, overrides:
     from pipeline.types import FreeSpace
 
     free = decode(bundle / FREE_SPACE, FreeSpace).polygon
-    found = replay_sweeps(open_bundle(bundle), free, poses, find_sweeps(sweeps), compose(overrides).validation.replay)
-    figures = encode(Path("replay.json"), found.report)
+    result = replay_sweeps(open_bundle(bundle), free, poses, find_sweeps(sweeps), compose(overrides).validation.replay)
+    figures = encode(Path("replay.json"), result.report)
     print(figures.decode(), end="")
     if out is not None:
         write_atomically(out / "replay.json", figures)
-        write_atomically(out / "replay.png", encode(Path("replay.png"), draw_replay(found, free)))
+        write_atomically(out / "replay.png", encode(Path("replay.png"), draw_replay(result, free)))
 
 
 def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str]) -> None:
-    """Prove that a bundle's collision world encloses its plan; the certificate as JSON, exit code 2 if it fails."""
+    """Check that the collision walls enclose the plan. Print the certificate as JSON; exit code 2 if it fails."""
     from functools import partial
 
     from tqdm import tqdm
@@ -38,30 +38,30 @@ def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str])
     from pipeline.compose import compose
     from pipeline.errors import LimitError
     from pipeline.mjcf.bundle import open_bundle
-    from pipeline.proof.certificate import certify as judge
+    from pipeline.proof.certificate import certify as apply_limits
     from pipeline.proof.certificate import measure_containment
     from pipeline.store.codecs import decode, encode
     from pipeline.store.files import write_atomically
     from pipeline.types import FreeSpace
 
     params = compose(overrides).validation
-    asked = params.certificate.model_copy(update={"contacts": contacts})
+    settings = params.certificate.model_copy(update={"contacts": contacts})
     world, free_space = open_bundle(bundle), decode(bundle / FREE_SPACE, FreeSpace)
     tracing = params.network_cell_m, params.network_min_leg_m
-    progress = partial(tqdm, desc="throws", disable=None)
-    measured = measure_containment(bundle, world, free_space, asked, tracing, os.cpu_count() or 1, progress)
-    certificate = judge(world.record.world_sha256, measured, asked.limits)
-    written = encode(Path("certificate.json"), certificate)
-    print(written.decode(), end="")
+    progress = partial(tqdm, desc="stress test", disable=None)
+    measured = measure_containment(bundle, world, free_space, settings, tracing, os.cpu_count() or 1, progress)
+    certificate = apply_limits(world.record.world_sha256, measured, settings.limits)
+    text = encode(Path("certificate.json"), certificate)
+    print(text.decode(), end="")
     if out is not None:
-        write_atomically(out, written)
+        write_atomically(out, text)
     if not certificate.holds:
         failed = [name for name, clause in certificate.clauses.items() if not clause.holds]
         raise LimitError(f"{bundle}: the certificate does not hold: {', '.join(failed)}")
 
 
 def validate(holdout: bool, sweeps: Path, out: Path | None) -> None:
-    """Score what was built on data that it has not seen: --holdout builds rock from half of the sweeps."""
+    """Build the rough surface from half of the sweeps and score it on the other half (--holdout)."""
     from functools import partial
 
     from tqdm import tqdm
@@ -74,18 +74,18 @@ def validate(holdout: bool, sweeps: Path, out: Path | None) -> None:
     from pipeline.store.files import write_atomically
 
     if not holdout:
-        raise InputError("say what to hold out: --holdout (the stage's own validation is `make validation`)")
+        raise InputError("--holdout is required; stage 6 is run by `make validation`")
     report = score_holdout(find_sweeps(sweeps), compose([]).surface, partial(tqdm, desc="halves", disable=None))
     if out is not None:
         write_atomically(out, encode(out, report))
     for split in report.splits:
         ratios = ", ".join(f"{w:g} m {r:.2f}" for w, r in zip(split.window_m, split.built_vs_held_out, strict=True))
         print(f"from {'+'.join(split.built_from)}, held out {'+'.join(split.held_out)}: built / held out {ratios}")
-    print(f"typical factor {report.built_factor}; of the halves themselves {report.source_factor}")
+    print(f"typical factor of the built wall {report.built_factor}, of the sweeps' halves {report.source_factor}")
 
 
 def parity(bundle: Path, rays: int, out: Path | None) -> None:
-    """Cast the same rays by every backend and compare ranges; exit code 2 if one differs on over a ray in 1,000."""
+    """Cast the same rays by every backend and compare ranges. Exit code 2 if over one ray in 1,000 differs."""
     from pipeline.errors import LimitError
     from pipeline.mjcf.bundle import open_bundle
     from pipeline.proof.parity import compare_backends
@@ -97,38 +97,38 @@ def parity(bundle: Path, rays: int, out: Path | None) -> None:
     report = compare_backends(bundle, open_bundle(bundle), free, rays, seed=0)
     if out is not None:
         write_atomically(out, encode(out, report))
-    for name, found in report.backends.items():
-        print(f"{name}: {found.agree} of {found.rays} rays within {found.tolerance_m} m, worst {found.worst_m} m")
+    for name, result in report.backends.items():
+        print(f"{name}: {result.agree} of {result.rays} rays within {result.tolerance_m} m, worst {result.worst_m} m")
     for name, reason in report.left_out.items():
-        print(f"{name}: left out, {reason}")
-    # A ray along a wall can miss by a centimetre in 32 bits: one in a thousand may.
-    wrong = [name for name, found in report.backends.items() if not found.rays or found.agree < 0.999 * found.rays]
+        print(f"{name}: not run, {reason}")
+    # With 32-bit numbers, a ray along a wall can miss it by a centimetre. One ray in 1,000 may.
+    wrong = [name for name, result in report.backends.items() if not result.rays or result.agree < 0.999 * result.rays]
     if wrong:
         raise LimitError(f"{bundle}: {', '.join(wrong)} disagree" + (f"; see {out}" if out else ""))
 
 
 def add_to(commands: Any) -> None:
-    """Declare the proofs."""
-    again = commands.add_parser("replay", help=replay.__doc__)
-    again.add_argument("--bundle", type=Path, required=True)
-    again.add_argument("--sweeps", type=Path, required=True, help="folder of sweep_NAME.csv")
-    again.add_argument("--poses", type=Path, required=True)
-    again.add_argument("--out", type=Path)
-    again.add_argument("overrides", nargs="*", help="such as validation.replay.max_range_m=12")
-    again.set_defaults(run=lambda a: replay(a.bundle, a.sweeps, a.poses, a.out, a.overrides))
-    proof = commands.add_parser("certify", help=certify.__doc__)
-    proof.add_argument("--bundle", type=Path, required=True)
-    proof.add_argument("--contacts", type=positive, default=20_000, help="robot steps in touch with rock")
-    proof.add_argument("--out", type=Path)
-    proof.add_argument("overrides", nargs="*")
-    proof.set_defaults(run=lambda a: certify(a.bundle, a.contacts, a.out, a.overrides))
-    unseen = commands.add_parser("validate", help=validate.__doc__)
-    unseen.add_argument("--holdout", action="store_true")
-    unseen.add_argument("--sweeps", type=Path, default=Path("data/raw"), help="folder of sweep_NAME.csv")
-    unseen.add_argument("--out", type=Path)
-    unseen.set_defaults(run=lambda a: validate(a.holdout, a.sweeps, a.out))
-    alike = commands.add_parser("parity", help=parity.__doc__)
-    alike.add_argument("--bundle", type=Path, required=True)
-    alike.add_argument("--rays", type=positive, default=10_000)
-    alike.add_argument("--out", type=Path)
-    alike.set_defaults(run=lambda a: parity(a.bundle, a.rays, a.out))
+    """Declare the commands that check a world."""
+    replay_parser = commands.add_parser("replay", help=replay.__doc__)
+    replay_parser.add_argument("--bundle", type=Path, required=True)
+    replay_parser.add_argument("--sweeps", type=Path, required=True, help="folder of sweep_NAME.csv")
+    replay_parser.add_argument("--poses", type=Path, required=True)
+    replay_parser.add_argument("--out", type=Path)
+    replay_parser.add_argument("overrides", nargs="*", help="for example validation.replay.max_range_m=12")
+    replay_parser.set_defaults(run=lambda a: replay(a.bundle, a.sweeps, a.poses, a.out, a.overrides))
+    certify_parser = commands.add_parser("certify", help=certify.__doc__)
+    certify_parser.add_argument("--bundle", type=Path, required=True)
+    certify_parser.add_argument("--contacts", type=positive, default=20_000, help="robot steps in contact with rock")
+    certify_parser.add_argument("--out", type=Path)
+    certify_parser.add_argument("overrides", nargs="*")
+    certify_parser.set_defaults(run=lambda a: certify(a.bundle, a.contacts, a.out, a.overrides))
+    validate_parser = commands.add_parser("validate", help=validate.__doc__)
+    validate_parser.add_argument("--holdout", action="store_true")
+    validate_parser.add_argument("--sweeps", type=Path, default=Path("data/raw"), help="folder of sweep_NAME.csv")
+    validate_parser.add_argument("--out", type=Path)
+    validate_parser.set_defaults(run=lambda a: validate(a.holdout, a.sweeps, a.out))
+    parity_parser = commands.add_parser("parity", help=parity.__doc__)
+    parity_parser.add_argument("--bundle", type=Path, required=True)
+    parity_parser.add_argument("--rays", type=positive, default=10_000)
+    parity_parser.add_argument("--out", type=Path)
+    parity_parser.set_defaults(run=lambda a: parity(a.bundle, a.rays, a.out))

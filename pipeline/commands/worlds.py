@@ -1,4 +1,4 @@
-"""Worlds of one's own: made, listed, shown, compared, reported."""
+"""Commands that make, list, show, compare and report worlds."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from pipeline.commands.arguments import numbers, positive
 
 
 def new(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any], overrides: list[str]) -> None:
-    """Make a world of a mine's file: look at it, write conf/survey/NAME.yaml, run all stages, draw the report."""
+    """Make a world from a mine's file: detect the format, write conf/survey/NAME.yaml, run all stages and report."""
     from pipeline.errors import LimitError
     from pipeline.import_mine import import_mine
     from pipeline.worlds import WORLDS, env_id
 
     for line in import_mine(name, source, origin, licence, stated):
         print(line, file=sys.stderr)
-    broken = None
+    failure = None
     try:
         build(name, [f"survey={name}", *overrides])
     except LimitError as error:
-        broken = error
+        failure = error
     print(f"world   {WORLDS / name / 'realism' / 'world'}")
     print("report ", end=" ")
     report(name)
     print(f"env id  {env_id(name)}")
-    if broken is not None:
-        raise broken
+    if failure is not None:
+        raise failure
 
 
 def build(name: str, overrides: list[str]) -> None:
-    """Bring a world's folder up to date by the stages that are not."""
+    """Run the stages of a world that are out of date."""
     from tqdm import tqdm
 
     from pipeline.build.world import make_world
@@ -50,7 +50,7 @@ def build(name: str, overrides: list[str]) -> None:
 
 
 def worlds(count: int, split: str, of: str | None, height_sd_m: float, jobs: int, overrides: list[str]) -> None:
-    """Make a family of worlds: generated mines, or with --of variants of one within its survey's error."""
+    """Make many worlds: generated mines, or with --of variants of one world within its survey's error."""
     from tqdm import tqdm
 
     from pipeline.build.family import generated, make_family, variants
@@ -66,28 +66,28 @@ def worlds(count: int, split: str, of: str | None, height_sd_m: float, jobs: int
 
 
 def list_() -> None:
-    """List the worlds that were built here."""
+    """List the worlds in this project."""
     from pipeline.worlds import list_worlds
 
     print(list_worlds())
 
 
 def show(name: str) -> None:
-    """Show a world's figures and their limits."""
+    """Show a world's metrics and their limits."""
     from pipeline.worlds import show_world
 
     print(show_world(name))
 
 
 def compare(one: str, other: str) -> None:
-    """Show the figures and the parameters in which two worlds differ."""
+    """Show the metrics and parameters that differ between two worlds."""
     from pipeline.worlds import compare_worlds
 
     print(compare_worlds(one, other))
 
 
 def report(name: str) -> None:
-    """Write a world's report.html: one page that needs no network."""
+    """Write a world's report.html, a single page that needs no network."""
     from pipeline.compose import compose
     from pipeline.report.page import write_page
     from pipeline.worlds import changed_params, env_id, world_folder
@@ -97,22 +97,22 @@ def report(name: str) -> None:
 
 
 def add_to(commands: Any) -> None:
-    """Declare the commands that make and look at worlds of one's own."""
+    """Declare the commands for worlds."""
     make = commands.add_parser("new", help=new.__doc__)
-    make.add_argument("name", help="of the world; conf/survey/NAME.yaml and artifacts/worlds/NAME are made")
+    make.add_argument("name", help="name of the world; conf/survey/NAME.yaml and artifacts/worlds/NAME are made")
     make.add_argument("--from", dest="source", type=Path, required=True, help="plan, map.yaml, drawing or survey")
-    make.add_argument("--origin", default="not stated", help="where the file comes from")
+    make.add_argument("--origin", default="not stated", help="source of the file")
     make.add_argument("--licence", default="not stated")
-    make.add_argument("--px-per-m", type=float, help="of a plan without a scale bar")
-    make.add_argument("--bar-length", dest="bar_length_m", type=float, help="m that the scale bar stands for")
-    make.add_argument("--bar-box", dest="bar_box_px", type=numbers(4), help="COL0,ROW0,COL1,ROW1 round the bar")
-    make.add_argument("--unit", choices=["m", "cm", "mm", "ft", "in"], help="of a drawing")
+    make.add_argument("--px-per-m", type=float, help="scale of a plan without a scale bar")
+    make.add_argument("--bar-length", dest="bar_length_m", type=float, help="length that the scale bar represents, m")
+    make.add_argument("--bar-box", dest="bar_box_px", type=numbers(4), help="COL0,ROW0,COL1,ROW1 around the bar, px")
+    make.add_argument("--unit", choices=["m", "cm", "mm", "ft", "in"], help="unit of a drawing")
     make.add_argument("--entrance", dest="entrance_m", type=numbers(2), help="X,Y in the mine frame, m")
-    make.add_argument("overrides", nargs="*", help="such as compile3d.height_m=2.8")
-    make.add_argument("--layer", dest="layers", action="append", help="of a drawing; again for more")
-    make.add_argument("--snap", dest="snap_m", type=float, help="m, between the ends of walls that are joined")
-    make.add_argument("--page", type=positive, help="of a PDF")
-    make.add_argument("--dpi", type=float, help="at which a PDF's page is drawn")
+    make.add_argument("overrides", nargs="*", help="for example compile3d.height_m=2.8")
+    make.add_argument("--layer", dest="layers", action="append", help="layer of a drawing; repeat for more layers")
+    make.add_argument("--snap", dest="snap_m", type=float, help="largest gap between wall ends that are joined, m")
+    make.add_argument("--page", type=positive, help="page of a PDF")
+    make.add_argument("--dpi", type=float, help="resolution at which a PDF page is rendered")
     stated = ("px_per_m", "bar_length_m", "bar_box_px", "unit", "entrance_m", "layers", "snap_m", "page", "dpi")
     make.set_defaults(
         run=lambda a: new(a.name, a.source, a.origin, a.licence, {k: getattr(a, k) for k in stated}, a.overrides)
@@ -120,17 +120,17 @@ def add_to(commands: Any) -> None:
     many = commands.add_parser("worlds", help=worlds.__doc__)
     many.add_argument("--count", type=positive, default=10)
     many.add_argument("--split", choices=["train", "validation", "test"], default="train")
-    many.add_argument("--of", help="a world whose variants are made")
-    many.add_argument("--height-sd", type=float, default=0.1, help="m, of a variant's height")
+    many.add_argument("--of", help="make variants of this world")
+    many.add_argument("--height-sd", type=float, default=0.1, help="standard deviation of the variants' height, m")
     many.add_argument("--jobs", type=positive, default=os.cpu_count() or 1)
-    many.add_argument("overrides", nargs="*", help="such as survey.mine.loops=0.8")
+    many.add_argument("overrides", nargs="*", help="for example survey.mine.loops=0.8")
     many.set_defaults(run=lambda a: worlds(a.count, a.split, a.of, a.height_sd, a.jobs, a.overrides))
     commands.add_parser("list", help=list_.__doc__).set_defaults(run=lambda a: list_())
     for function in (show, report):
-        look = commands.add_parser(function.__name__, help=function.__doc__)
-        look.add_argument("name", nargs="?", default="default")
-        look.set_defaults(run=lambda a, f=function: f(a.name))
-    beside = commands.add_parser("compare", help=compare.__doc__)
-    beside.add_argument("one")
-    beside.add_argument("other")
-    beside.set_defaults(run=lambda a: compare(a.one, a.other))
+        parser = commands.add_parser(function.__name__, help=function.__doc__)
+        parser.add_argument("name", nargs="?", default="default")
+        parser.set_defaults(run=lambda a, f=function: f(a.name))
+    pair = commands.add_parser("compare", help=compare.__doc__)
+    pair.add_argument("one")
+    pair.add_argument("other")
+    pair.set_defaults(run=lambda a: compare(a.one, a.other))

@@ -1,1 +1,1 @@
-"""Pure plane and solid geometry: arrays and shapely in, arrays and shapely out."""
+"""Plane and solid geometry. The functions take and return arrays and shapely geometries, and touch no files."""

@@ -1,4 +1,4 @@
-"""From a plan's pixels to a clean mask of the workings: threshold, annotation, morphology in metres."""
+"""Turn a plan's pixels into a clean mask of the workings: threshold, removal of annotation, morphology."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ from pipeline.types import Image, Mask
 
 
 def otsu_threshold(grey: np.ndarray) -> int:
-    """Return the grey value that best separates dark from light pixels of a uint8 array; dark ones are at most it."""
+    """Return the grey value that best separates the dark pixels of a uint8 array, at or below it, from the light."""
     return int(cv2.threshold(grey.reshape(-1, 1), 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[0])
 
 
 def dark_pixels(grey: np.ndarray) -> Mask:
-    """Return which pixels of a grey picture (rows, cols) uint8 are dark, by Otsu's threshold over all of them."""
+    """Return a mask of the dark pixels of a grey picture (rows, cols) uint8, by Otsu's threshold over all pixels."""
     return grey <= otsu_threshold(grey)
 
 
 def binarize(
     plan: Image, threshold: int | None, annotation_chroma: int, annotation_margin_px: float, boxes: list
 ) -> Mask:
-    """Mark dark, colourless pixels: the workings as the plan shows them, annotation removed, nothing else cleaned.
+    """Mark dark, colourless pixels: the workings as the plan shows them, without annotation, not cleaned.
 
     Parameters
     ----------
     plan : (rows, cols, 3) uint8
-        BGR.
+        Channels in the order blue, green, red.
     threshold : int or None
-        Pixels at or below this grey value are workings; None chooses it by Otsu's method over the pixels that are kept.
+        Pixels at or below this grey value are workings. None: Otsu's method over the pixels that are kept.
     annotation_chroma : int
         Pixels whose channels differ by more than this are coloured annotation.
     annotation_margin_px : float
-        Removed around annotation as well: the fringe of a letter.
+        Width of the fringe around annotation that is removed too.
     boxes : list of (col0, row0, col1, row1)
-        Left out altogether: the scale bar.
+        Areas to ignore, such as the scale bar.
 
     Returns
     -------
@@ -57,25 +57,25 @@ def binarize(
 
 
 def clean_mask(raw: Mask, bridge_px: float, despeck_px: float) -> Mask:
-    """Bridge gaps and drop specks.
+    """Close gaps and remove specks.
 
     Parameters
     ----------
     raw : (rows, cols) bool
     bridge_px, despeck_px : float
-        Radii of the closing and of the opening that follows.
+        Radius of the closing, and radius of the opening after it.
 
     Returns
     -------
     (rows, cols) bool
     """
-    pad = int(np.ceil(max(bridge_px, despeck_px))) + 1  # morphology must not see the border as rock or workings
+    pad = int(np.ceil(max(bridge_px, despeck_px))) + 1  # so that the picture's edge affects neither operation
     bridged = cv2.morphologyEx(np.pad(raw.astype(np.uint8), pad), cv2.MORPH_CLOSE, _disc(bridge_px))
     return _open(bridged, despeck_px)[pad:-pad, pad:-pad].astype(bool)
 
 
 def fill_islands(workings: Mask, min_island_px: float) -> Mask:
-    """Fill holes smaller than `min_island_px` px2: too small to be pillars."""
+    """Fill holes smaller than `min_island_px` px2, which are too small to be pillars."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats((~workings).astype(np.uint8), connectivity=8)
     rows, cols = workings.shape
     inside = (stats[:, 0] > 0) & (stats[:, 1] > 0)
@@ -86,9 +86,9 @@ def fill_islands(workings: Mask, min_island_px: float) -> Mask:
 
 
 def left_out(raw: Mask, cleaned: Mask, min_px: float) -> list[tuple[float, float, float]]:
-    """Return the drawn pieces that are connected to nothing: area px2, column, row; largest first.
+    """Return the drawn pieces that are not connected to the workings: area px2, column, row; largest first.
 
-    Pieces smaller than `min_px` are specks and not listed.
+    Pieces smaller than `min_px` are specks and are not listed.
     """
     near = cv2.dilate(cleaned.astype(np.uint8), _disc(2.0))
     _, _, stats, middle = cv2.connectedComponentsWithStats((raw & (near == 0)).astype(np.uint8), connectivity=8)
@@ -97,7 +97,7 @@ def left_out(raw: Mask, cleaned: Mask, min_px: float) -> list[tuple[float, float
 
 
 def _open(mask: np.ndarray, radius_px: float) -> np.ndarray:
-    """Open a mask by a disc without rounding its corners: what lies within a right angle's reach is given back."""
+    """Open a mask by a disc, then restore the right-angled corners that the opening rounded."""
     if radius_px < 1.0:  # a disc of one pixel changes nothing
         return mask
     opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, _disc(radius_px))
@@ -107,12 +107,12 @@ def _open(mask: np.ndarray, radius_px: float) -> np.ndarray:
 def require_workings(
     raw: Mask, cleaned: Mask, px_per_m: float, min_tunnel_m2: float, max_workings_share: float
 ) -> None:
-    """Refuse a plan that shows no workings, or more workings than paper.
+    """Refuse a plan with too small workings, or with too many dark pixels.
 
     Raises
     ------
     GeometryError
-        With the measured area or share and the limit.
+        The message gives the measured area or share and the limit.
     """
     share = float(raw.mean())
     if share > max_workings_share:
@@ -124,7 +124,7 @@ def require_workings(
     if area < min_tunnel_m2:
         raise GeometryError(
             f"no dark region larger than {min_tunnel_m2:g} m2 (largest is {area:.1f} m2 at {px_per_m:.2f} px/m); "
-            "is the plan inverted or its scale wrong?"
+            "is the plan inverted, or its scale wrong?"
         )
 
 

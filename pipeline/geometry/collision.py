@@ -1,4 +1,4 @@
-"""Collision parts of the rock by the method that is asked for."""
+"""Collision parts of the rock, by exact partition or by convex decomposition of tiles."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ Progress = Callable[[list[BaseGeometry]], Iterable[BaseGeometry]]
 
 
 def exact_prisms(rock: Iterable[Polygon], height_m: float) -> ConvexParts:
-    """Partition the rock exactly and stand each part up as a prism; see `convex_partition`."""
+    """Partition the rock exactly and extrude each part into a prism; see `convex_partition`."""
     return collect_parts([prism(part, height_m) for polygon in rock for part in convex_partition(polygon)])
 
 
 def tile_rock(rock: Iterable[Polygon], tiles: int) -> list[BaseGeometry]:
-    """Cut the rock by a regular grid into the given number of tiles, as square as may be.
+    """Cut the rock by a regular grid into the given number of tiles, as square as possible.
 
     Parameters
     ----------
     rock : iterable of shapely.Polygon, m, mine frame
     tiles : int
-        Cells of the grid. A tile is in several pieces where a drift crosses it.
+        Cells of the grid. A drift may divide a tile into several pieces.
 
     Returns
     -------
     list of shapely geometries, m
-        One polygon or multipolygon a tile, row by row from the south-west; tiles without rock are left out.
+        One polygon or multipolygon for each tile with rock, row by row from the south-west.
     """
     whole = shapely.union_all(list(rock))
     west, south, east, north = whole.bounds
@@ -66,7 +66,7 @@ def decomposed_hulls(
     tiles : int
     decompose : Decomposer
     progress : callable
-        Wraps the list of tiles, as `tqdm.tqdm` does.
+        Iterates over the list of tiles and reports progress, as `tqdm.tqdm` does.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def decomposed_hulls(
 
 
 def _has_volume(hull: Points3) -> bool:
-    """Say whether a hull is solid: V-HACD returns a flat one now and then, which no physics engine takes."""
+    """Return whether a hull has volume. V-HACD sometimes returns a flat hull, which physics engines refuse."""
     try:
         return ConvexHull(hull).volume > _FLAT_M3
     except QhullError:
@@ -91,7 +91,7 @@ def _has_volume(hull: Points3) -> bool:
 
 
 def footprint_errors(parts: Iterable[np.ndarray], free: Polygon, world: Polygon) -> tuple[float, float]:
-    """Measure how far collision parts, seen from above, depart from the rock.
+    """Measure in plan where collision parts and rock differ.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def footprint_errors(parts: Iterable[np.ndarray], free: Polygon, world: Polygon)
         Vertices of convex parts.
     free : shapely.Polygon, m, mine frame
     world : shapely.Polygon, m, mine frame
-        What rock and free space fill together.
+        Rock and free space together.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Approximate convex decompositions of the rock, kept beside the exact partition for comparison."""
+"""Approximate convex decompositions of the rock, for comparison with the exact partition."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from pipeline.types import Points3
 
 
 def vhacd_decomposer(height_m: float, resolution: int, max_hulls: int, volume_error_percent: float) -> Decomposer:
-    """Return V-HACD with the paper's kind of parameters.
+    """Return V-HACD with parameters like the paper's.
 
-    V-HACD 4 has no concavity threshold; its stopping rule is the volume error of a hull in percent, to which the
-    paper's concavity of 0.5 is carried over.
+    V-HACD 4 has no concavity threshold. It stops at a volume error of a hull in percent; the paper's concavity of 0.5
+    is used for that.
 
     References
     ----------
@@ -29,9 +29,12 @@ def vhacd_decomposer(height_m: float, resolution: int, max_hulls: int, volume_er
         mesh = extrude_polygon(tile, height_m)
         faces = np.column_stack([np.full(len(mesh.faces), 3), mesh.faces]).astype(np.uint32).ravel()
         hulls = vhacdx.compute_vhacd(
-            mesh.vertices, faces, maxConvexHulls=max_hulls, resolution=resolution,
+            mesh.vertices,
+            faces,
+            maxConvexHulls=max_hulls,
+            resolution=resolution,
             minimumVolumePercentErrorAllowed=volume_error_percent,
-        )  # fmt: skip
+        )
         return [np.asarray(vertices, dtype=np.float64) for vertices, _ in hulls]
 
     return decompose

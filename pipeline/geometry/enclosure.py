@@ -1,4 +1,4 @@
-"""Walls drawn as lines to the workings that they enclose."""
+"""Find the workings that walls, drawn as lines, enclose."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ _NEIGHBOURS = 8
 
 
 def enclose_workings(walls: list[LineString], snap_m: float, seeds_m: list[tuple[float, float]]) -> MultiPolygon:
-    """Return what walls enclose.
+    """Return the workings that walls enclose.
 
-    Closed walls alone nest: the outermost enclose workings, those within them pillars, and so on; ones that overlap
-    are workings together. Where strings are open, those whose ends are near are joined and the plane is cut into faces:
-    a face is workings if an odd number of walls lies between it and the outside, or, with seeds, if a seed lies in it.
+    If all walls are closed, they are nested: the outermost walls enclose workings, the walls within them pillars, and
+    so on. Overlapping walls of one level are united. If some walls are open, each open end is joined to the nearest
+    wall, and the walls then cut the plane into faces. With seeds, a face is workings if it contains a seed; without,
+    if an odd number of walls separates it from the outside.
 
     Parameters
     ----------
@@ -27,12 +28,12 @@ def enclose_workings(walls: list[LineString], snap_m: float, seeds_m: list[tuple
     snap_m : float
         An open end is joined to the nearest wall within this distance.
     seeds_m : list of (x, y)
-        Inside the workings.
+        Places inside the workings.
 
     Raises
     ------
     GeometryError
-        If the walls enclose nothing, or a seed lies in no face; the message says where the widest gap is.
+        If the walls enclose nothing, or a seed lies in no face; the message locates a gap.
     """
     closed = [wall for wall in walls if wall.is_closed and len(wall.coords) > 3]
     if len(closed) == len(walls) and not seeds_m:
@@ -40,16 +41,16 @@ def enclose_workings(walls: list[LineString], snap_m: float, seeds_m: list[tuple
     linework = shapely.union_all([*walls, *_joints(walls, snap_m)])
     faces = shapely.get_parts(shapely.polygonize([linework]))
     if not len(faces):
-        raise GeometryError(f"the walls enclose nothing{_widest_gap(walls, snap_m)}")
+        raise GeometryError(f"the walls enclose nothing{_describe_gap(walls, snap_m)}")
     chosen = _faces_of_seeds(faces, seeds_m, walls, snap_m) if seeds_m else _odd_faces(faces)
     return as_polygons(shapely.union_all(chosen))
 
 
 def nest_rings(rings: list[LineString]) -> MultiPolygon:
-    """Return what closed rings enclose, each ring within another turning workings into pillar and back."""
-    found = (shapely.normalize(shapely.make_valid(Polygon(ring))) for ring in rings)
-    once = {shape.wkb: shape for shape in found if shape.area > 0}  # drawings often hold a line twice
-    polygons = np.array(list(once.values()), dtype=object)
+    """Return the workings that closed rings enclose: odd levels of nesting are workings, even levels pillars."""
+    shapes = (shapely.normalize(shapely.make_valid(Polygon(ring))) for ring in rings)
+    distinct = {shape.wkb: shape for shape in shapes if shape.area > 0}  # drawings often hold a line twice
+    polygons = np.array(list(distinct.values()), dtype=object)
     if not len(polygons):
         raise GeometryError("the walls enclose nothing")
     inner, outer = shapely.STRtree(polygons).query(polygons, predicate="covered_by")
@@ -69,7 +70,7 @@ def as_polygons(geometry: BaseGeometry) -> MultiPolygon:
 
 
 def _open_ends(walls: list[LineString]) -> np.ndarray:
-    """Return the ends (n, 2) at which a single wall ends."""
+    """Return the ends (n, 2) m that belong to one wall only."""
     ends = [place for wall in walls if not wall.is_closed for place in (wall.coords[0][:2], wall.coords[-1][:2])]
     if not ends:
         return np.zeros((0, 2))
@@ -78,14 +79,16 @@ def _open_ends(walls: list[LineString]) -> np.ndarray:
 
 
 def _joints(walls: list[LineString], snap_m: float) -> list[LineString]:
-    """Return a short line from every open end to the nearest wall within reach."""
+    """Return a line from every open end to the nearest wall within `snap_m`."""
     joints, tree = [], shapely.STRtree(walls)
     for place in _open_ends(walls):
         end = shapely.Point(place)
         best: tuple[float, LineString] | None = None
         for i in tree.query(end.buffer(snap_m)).tolist():
             wall = walls[i]
-            if min(end.distance(shapely.Point(wall.coords[k])) for k in (0, -1)) < 1e-5:  # its own: the other end alone
+            if (
+                min(end.distance(shapely.Point(wall.coords[k])) for k in (0, -1)) < 1e-5
+            ):  # its own wall: join only to the other end
                 wall = shapely.Point(wall.coords[-1 if end.distance(shapely.Point(wall.coords[0])) < 1e-5 else 0])
             line = shapely.shortest_line(end, wall)
             if line.length <= snap_m and (best is None or line.length < best[0]):
@@ -96,7 +99,7 @@ def _joints(walls: list[LineString], snap_m: float) -> list[LineString]:
 
 
 def _odd_faces(faces: np.ndarray) -> list[Polygon]:
-    """Return the faces with an odd number of walls between them and the outside."""
+    """Return the faces that an odd number of walls separates from the outside."""
     neighbours: nx.Graph = nx.Graph()
     neighbours.add_nodes_from(range(-1, len(faces)))
     edges = shapely.boundary(faces)
@@ -119,23 +122,23 @@ def _faces_of_seeds(
     for x, y in seeds:
         inside = np.flatnonzero(shapely.contains_xy(faces, x, y))
         if not len(inside):
-            raise GeometryError(f"the walls round the seed ({x:g}, {y:g}) are open{_widest_gap(walls, snap_m)}")
+            raise GeometryError(f"the walls round the seed ({x:g}, {y:g}) are open{_describe_gap(walls, snap_m)}")
         chosen[int(inside[0])] = faces[inside[0]]
     return list(chosen.values())
 
 
-def _widest_gap(walls: list[LineString], snap_m: float) -> str:
-    """Say where the nearest pair of ends lies that was not joined, if there is one."""
+def _describe_gap(walls: list[LineString], snap_m: float) -> str:
+    """Return text that locates the nearest pair of open ends farther apart than `snap_m`, or empty text."""
     ends = _open_ends(walls)
     if len(ends) < 2:
         return ""
-    apart, _ = cKDTree(ends).query(ends, k=min(_NEIGHBOURS, len(ends)))
-    apart[apart <= snap_m] = np.inf
-    i, _ = np.unravel_index(int(apart.argmin()), apart.shape)
-    gap = float(apart[i].min())
+    distance, _ = cKDTree(ends).query(ends, k=min(_NEIGHBOURS, len(ends)))
+    distance[distance <= snap_m] = np.inf
+    i, _ = np.unravel_index(int(distance.argmin()), distance.shape)
+    gap = float(distance[i].min())
     if not np.isfinite(gap):
         return ""
     return (
         f": the nearest ends left open are {gap:.2f} m apart, at ({ends[i][0]:.2f}, {ends[i][1]:.2f}); "
-        f"survey.snap_m = {snap_m:g} joins nearer ones"
+        f"survey.snap_m = {snap_m:g} joins ends nearer than that"
     )

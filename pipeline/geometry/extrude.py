@@ -1,4 +1,4 @@
-"""Plane parts to solids: prisms for collision, meshes for decomposition."""
+"""Extrude plane polygons: to prisms for collision, to meshes for decomposition."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from pipeline.types import ConvexParts, Points2, Points3
 
 
 def prism(part: Points2, height_m: float) -> Points3:
-    """Stand a convex polygon (n, 2) up into the (2 n, 3) vertices of a prism from the floor to `height_m`."""
+    """Extrude a convex polygon (n, 2) m into the (2 n, 3) vertices of a prism from the floor to `height_m`."""
     return np.vstack([np.column_stack([part, np.full(len(part), z)]) for z in (0.0, height_m)])
 
 
 def collect_parts(parts: list[Points3]) -> ConvexParts:
-    """Pack vertex arrays into one ragged record."""
+    """Pack the vertex arrays of parts into one record."""
     offsets = np.concatenate([[0], np.cumsum([len(part) for part in parts])]).astype(np.int32)
     return ConvexParts(np.vstack(parts) if parts else np.empty((0, 3)), offsets)
 

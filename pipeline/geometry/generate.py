@@ -1,4 +1,4 @@
-"""Mines that were never dug: plans of four styles, drawn from a seed."""
+"""Procedural mines: plans of four styles, generated from a seed."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from pipeline.geometry.enclosure import as_polygons
 from pipeline.geometry.perturb import displace
 
 Range = tuple[float, float]
-_RIB_WAVE_M = 6.0  # ribs of drilled and blasted drifts change over a round's length and the drift's width
-_THIN_M = 1.5  # rock between drifts that is thinner would not stand: it is taken out
-_STEP_M = 3.0  # between the stations of a winding passage
+_RIB_WAVE_M = 6.0  # walls of blasted drifts vary over about the length of a round and the width of the drift
+_THIN_M = 1.5  # rock between drifts thinner than this would not stand and is removed
+_STEP_M = 3.0  # distance between the stations of a winding passage
 
 
 def generate_workings(
@@ -31,29 +31,29 @@ def generate_workings(
     spacing_m: float,
     wander: float,
 ) -> MultiPolygon:
-    """Draw a mine's workings.
+    """Generate a mine's workings.
 
     Parameters
     ----------
     style : {"room_and_pillar", "drift_and_crosscut", "ramp", "cave"}
     rng : Generator
     size_m, width_m : (low, high)
-        Of the mine and of its drifts.
+        Range of the mine's side, and range of the drifts' widths, m.
     loops : float
-        Share of the crosscuts beyond a tree that are driven.
+        Share of the crosscuts that are driven in addition to a spanning tree.
     dead_ends : float
-        Share of the places that may end blind that do.
+        Share of the possible dead ends that stay dead ends.
     rib_noise_m : float
-        Standard deviation of the ribs about their lines.
+        Standard deviation of the walls about their lines, m.
     pillar_m, spacing_m : float
-        Side of a pillar of room and pillar; between drifts, or the ramp's lengths, of the two styles that follow.
+        Side of a pillar (room and pillar), m; distance between drifts or between the ramp's straights, m.
     wander : float
-        How far a cave's passages stray, in [0, 1].
+        How much a cave's passages wind, in [0, 1].
 
     Returns
     -------
     shapely.MultiPolygon, m
-        One polygon; it begins near the origin.
+        One polygon near the origin.
     """
     drawn = {
         "room_and_pillar": lambda: _rooms(rng, size_m, width_m, loops, dead_ends, pillar_m),
@@ -82,14 +82,14 @@ def _on_lattice(
     spacing: float,
     jitter: float,
 ) -> list[BaseGeometry]:
-    """Drive a random tree of a lattice's edges, a share of the others, and on from a share of the blind ends."""
+    """Drive a random spanning tree of a lattice and a share of its other edges; extend a share of the dead ends."""
     east, north = (max(2, round(rng.uniform(*size_m) / spacing) + 1) for _ in range(2))
     lattice = nx.grid_2d_graph(east, north)
     for a, b in lattice.edges:
         lattice.edges[a, b]["weight"] = rng.random()
     driven: nx.Graph = nx.Graph(nx.minimum_spanning_tree(lattice))
-    left = [edge for edge in lattice.edges if not driven.has_edge(*edge)]
-    driven.add_edges_from(edge for edge in left if rng.random() < loops)
+    others = [edge for edge in lattice.edges if not driven.has_edge(*edge)]
+    driven.add_edges_from(edge for edge in others if rng.random() < loops)
     for node in [n for n in driven if driven.degree(n) == 1]:
         closed = [n for n in lattice[node] if not driven.has_edge(node, n)]
         if closed and driven.degree(node) == 1 and rng.random() >= dead_ends:
@@ -101,17 +101,17 @@ def _on_lattice(
 def _ramp(
     rng: np.random.Generator, size_m: Range, width_m: Range, loops: float, dead_ends: float, spacing_m: float
 ) -> list[BaseGeometry]:
-    """Draw a ramp to and fro, with a level off every turn; levels that are joined make loops."""
+    """Draw a zigzag ramp with a level at every turn; a drift between two levels makes a loop."""
     long, width = rng.uniform(*size_m), rng.uniform(*width_m)
     turns = max(2, round(rng.uniform(*size_m) / spacing_m))
     path, ends = [], []
     for turn in range(turns):
         y = turn * spacing_m
-        there, back = ((0.0, long), (long, 0.0))[turn % 2]
-        path += [(there, y), (back, y)]
+        x_start, x_end = ((0.0, long), (long, 0.0))[turn % 2]
+        path += [(x_start, y), (x_end, y)]
         if turn + 1 < turns:
-            side = 1.0 if back > 0 else -1.0
-            middle = np.array([back, y + spacing_m / 2])
+            side = 1.0 if x_end > 0 else -1.0
+            middle = np.array([x_end, y + spacing_m / 2])
             angles = np.linspace(-np.pi / 2, np.pi / 2, 9)[1:-1]
             path += [tuple(middle + spacing_m / 2 * np.array([side * np.cos(a), np.sin(a)])) for a in angles]
             ends.append((middle + np.array([side * spacing_m / 2, 0.0]), side))
@@ -132,7 +132,7 @@ def _ramp(
 def _cave(
     rng: np.random.Generator, size_m: Range, width_m: Range, loops: float, dead_ends: float, wander: float
 ) -> list[BaseGeometry]:
-    """Draw winding passages, each from a place on one before, some with a chamber, some led back to another."""
+    """Draw winding passages. Each starts on an earlier one; some lead back to another, some have a chamber."""
     long = rng.uniform(*size_m)
     passages = [_wind(rng, np.zeros(2), 0.0, long, wander)]
     for _ in range(max(2, round(long / 25))):
@@ -157,7 +157,7 @@ def _cave(
 
 
 def _wind(rng: np.random.Generator, start: np.ndarray, heading: float, length: float, wander: float) -> np.ndarray:
-    """Return the stations (n, 2) m of a passage whose heading strays, and returns to where it began."""
+    """Return the stations (n, 2) m of a passage whose heading varies at random about its initial heading."""
     stations, stray = [start], 0.0
     for _ in range(max(4, round(length / _STEP_M))):
         stray = 0.9 * stray + rng.normal(0.0, 0.35 * wander)

@@ -1,4 +1,4 @@
-"""A plan whose walls are drawn as lines to one whose workings are filled."""
+"""Fill the workings of a plan whose walls are drawn as lines."""
 
 from __future__ import annotations
 
@@ -8,21 +8,22 @@ import numpy as np
 from pipeline.errors import GeometryError
 from pipeline.types import Mask
 
-_FRAME = 0.9  # of the picture's sides: what spans more is a frame round the plan
+_FRAME = 0.9  # of the picture's sides; a larger region lies within a frame round the plan
 
 
 def fill_line_drawing(lines: Mask, seeds_px: list[tuple[float, float]], gap_px: float) -> Mask:
-    """Fill what drawn walls enclose, to the middle of their lines.
+    """Fill the regions that drawn walls enclose, up to the middle of the lines.
 
-    Gaps up to `gap_px` are closed first. With seeds, what hangs together with one is filled; without, what an odd
-    number of walls parts from the picture's edge, where a frame drawn round the whole plan is no wall.
+    Gaps up to `gap_px` are closed first. With seeds, the regions that contain a seed are filled. Without seeds, the
+    regions that an odd number of walls separates from the picture's edge are filled; a frame round the whole plan does
+    not count as a wall.
 
     Parameters
     ----------
     lines : (rows, cols) bool
         True where a wall is drawn.
     seeds_px : list of (col, row)
-        Inside the workings.
+        Places inside the workings.
     gap_px : float
 
     Returns
@@ -32,10 +33,12 @@ def fill_line_drawing(lines: Mask, seeds_px: list[tuple[float, float]], gap_px: 
     Raises
     ------
     GeometryError
-        If nothing is enclosed, a seed lies on a wall or beyond the picture, or what it lies in reaches the edge.
+        If nothing is enclosed, or a seed lies on a wall, outside the picture, or in a region that reaches its edge.
     """
     closed = cv2.morphologyEx(
-        np.pad(lines.astype(np.uint8), 1), cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, _odd(gap_px))
+        np.pad(lines.astype(np.uint8), 1),
+        cv2.MORPH_CLOSE,
+        cv2.getStructuringElement(cv2.MORPH_ELLIPSE, _odd_size(gap_px)),
     )[1:-1, 1:-1]
     _, regions, stats, _ = cv2.connectedComponentsWithStats(1 - closed, connectivity=4)
     rows, cols = lines.shape
@@ -53,7 +56,7 @@ def fill_line_drawing(lines: Mask, seeds_px: list[tuple[float, float]], gap_px: 
 
 
 def _odd_regions(regions: np.ndarray, stats: np.ndarray, touches: np.ndarray, half: int) -> list[int]:
-    """Return the regions with an odd number of walls between them and the edge; label 0 is the walls."""
+    """Return the regions that an odd number of walls separates from the edge; label 0 is the walls."""
     rows, cols = regions.shape
     reach = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (4 * half + 5, 4 * half + 5))  # across one wall
     depth = {i: 0 for i in range(1, len(stats)) if touches[i]}
@@ -66,7 +69,7 @@ def _odd_regions(regions: np.ndarray, stats: np.ndarray, touches: np.ndarray, ha
         if level == 1 and len(layer) == 1 and frame:
             level = 0
         depth |= dict.fromkeys(layer, level)
-    return [i for i, deep in depth.items() if deep % 2 == 1]
+    return [i for i, walls in depth.items() if walls % 2 == 1]
 
 
 def _region_of(seed: tuple[float, float], regions: np.ndarray, touches: np.ndarray) -> int:
@@ -80,18 +83,18 @@ def _region_of(seed: tuple[float, float], regions: np.ndarray, touches: np.ndarr
         raise GeometryError(f"survey.seeds_px: ({seed[0]:g}, {seed[1]:g}) lies on a wall")
     if touches[region]:
         raise GeometryError(
-            f"survey.seeds_px: what ({seed[0]:g}, {seed[1]:g}) lies in reaches the picture's edge: "
+            f"survey.seeds_px: the region of ({seed[0]:g}, {seed[1]:g}) reaches the picture's edge; "
             "a wall has a gap wider than survey.wall_gap_px"
         )
     return region
 
 
 def _half_line(lines: np.ndarray) -> int:
-    """Return half the width of the drawn lines, px: twice the mean distance to paper in a line is half its width."""
-    deep = cv2.distanceTransform(lines, cv2.DIST_L2, 3)
-    return round(float(2 * deep[lines > 0].mean() - 0.5)) if lines.any() else 0
+    """Return half the width of the drawn lines, px: twice the mean distance to paper over the pixels of the lines."""
+    distance = cv2.distanceTransform(lines, cv2.DIST_L2, 3)
+    return round(float(2 * distance[lines > 0].mean() - 0.5)) if lines.any() else 0
 
 
-def _odd(gap_px: float) -> tuple[int, int]:
+def _odd_size(gap_px: float) -> tuple[int, int]:
     size = 2 * int(np.ceil(gap_px / 2)) + 1
     return size, size

@@ -1,4 +1,4 @@
-"""Where a robot can stand: the occupancy and clearance grid, the spawn region, and the Nav2 map."""
+"""Where robots can be: the occupancy and clearance grid, the spawn region, and the Nav2 map."""
 
 from __future__ import annotations
 
@@ -29,54 +29,54 @@ def occupancy_grid(free: Polygon, cell_m: float, world_m: tuple[float, float, fl
     _, _, east, north = world_m
     west, south = (float(np.floor(v / cell_m) * cell_m) for v in world_m[:2])
     cols, rows = int(np.ceil((east - west) / cell_m)), int(np.ceil((north - south) / cell_m))
-    # fill_polygon counts rows from the north; the grid counts them from the south.
+    # Row 0 is in the north for fill_polygon, in the south for the grid.
     frame = Frame(1.0 / cell_m, -west / cell_m, rows + south / cell_m, cols, rows)
     cells = fill_polygon(free, frame)[::-1]
     row, col = np.nonzero(cells)
     centres = shapely.points(west + (col + 0.5) * cell_m, south + (row + 0.5) * cell_m)
     clearance = np.zeros(cells.shape, dtype=np.float32)
-    clearance[row, col] = _distance_to(free, centres)
+    clearance[row, col] = _wall_distance(free, centres)
     return Occupancy(cells.copy(), clearance, np.array([west, south]), cell_m)
 
 
-def _distance_to(free: Polygon, points: np.ndarray) -> np.ndarray:
-    corners = [np.asarray(ring.coords)[:, :2] for ring in (free.exterior, *free.interiors)]
-    walls = np.concatenate([shapely.linestrings(np.stack([c[:-1], c[1:]], axis=1)) for c in corners])
-    (nearest, _), distance = STRtree(walls).query_nearest(points, return_distance=True, all_matches=False)
-    out = np.empty(len(points))
-    out[nearest] = distance
-    return out
+def _wall_distance(free: Polygon, points: np.ndarray) -> np.ndarray:
+    rings = [np.asarray(ring.coords)[:, :2] for ring in (free.exterior, *free.interiors)]
+    walls = np.concatenate([shapely.linestrings(np.stack([xy[:-1], xy[1:]], axis=1)) for xy in rings])
+    (index, _), distance = STRtree(walls).query_nearest(points, return_distance=True, all_matches=False)
+    ordered = np.empty(len(points))
+    ordered[index] = distance
+    return ordered
 
 
 def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: float, clearance_m: float) -> Spawn:
-    """Choose the spawn anchor: the roomiest cell within half the radius of the entrance, else within all of it.
+    """Choose the spawn anchor: the cell with the largest clearance within half the radius, or else the whole radius.
 
     Parameters
     ----------
     grid : Occupancy
     entrance_m : (x, y), m, mine frame
     radius_m : float
-        Size of the entrance region.
+        Radius of the entrance region.
     clearance_m : float
-        What a spawn pose must keep from rock.
+        Least distance of a spawn pose from rock.
 
     Raises
     ------
     GeometryError
-        If no cell of the region offers the clearance.
+        If no cell of the region has the clearance.
     """
     row, col = np.nonzero(grid.free & (grid.clearance_m >= clearance_m))
     centres = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
     distance = np.linalg.norm(centres - np.asarray(entrance_m), axis=1)
-    room = grid.clearance_m[row, col]
+    clearance = grid.clearance_m[row, col]
     for reach in (radius_m / 2, radius_m):
         near = distance <= reach
         if near.any():
-            # Of equally roomy cells the nearest, so that the choice does not hang on the grid's order.
-            best = np.lexsort((distance[near], -np.round(room[near], 3)))[0]
+            # The nearest of the cells with equal clearance, so that the choice does not depend on the grid's order.
+            best = np.lexsort((distance[near], -np.round(clearance[near], 3)))[0]
             x, y = centres[near][best]
             centre = (float(entrance_m[0]), float(entrance_m[1]))
-            return Spawn((float(x), float(y)), float(room[near][best]), centre, radius_m, clearance_m)
+            return Spawn((float(x), float(y)), float(clearance[near][best]), centre, radius_m, clearance_m)
     raise GeometryError(
         f"spawn: within {radius_m:g} m of the entrance ({entrance_m[0]:.1f}, {entrance_m[1]:.1f}) nothing is "
         f"{clearance_m:g} m from rock; move survey.entrance_m"

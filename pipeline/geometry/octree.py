@@ -1,4 +1,4 @@
-"""An octree of the free and occupied volume, and its OctoMap form (`.bt`)."""
+"""An octree of the free and occupied volume, and its OctoMap file format (`.bt`)."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ UNKNOWN, FREE, OCCUPIED, INNER = 0, 1, 2, 3  # OctoMap's two bits for a child: 0
 class Octree:
     """A tree of depth 16 over cubes of `resolution_m`; level k holds nodes 2 ** (16 - k) voxels wide.
 
-    `keys[k]` are the sorted node keys of level k, (n, 3) ints (x, y, z); `states[k]` say what each is. A node that is
-    FREE or OCCUPIED is a leaf; space without a node is UNKNOWN. Coordinates are the mine frame's.
+    `keys[k]` are the sorted node keys of level k, (n, 3) ints (x, y, z); `states[k]` their states. A FREE or OCCUPIED
+    node is a leaf; space without a node is UNKNOWN. Coordinates are in the mine frame.
     """
 
     resolution_m: float
@@ -29,19 +29,19 @@ class Octree:
     def query(self, points: np.ndarray) -> np.ndarray:
         """Return the state at each of (n, 3) points, m, mine frame: UNKNOWN, FREE or OCCUPIED."""
         voxel = np.floor(np.asarray(points) / self.resolution_m).astype(np.int64) + _CENTRE
-        found = np.full(len(voxel), UNKNOWN, dtype=np.uint8)
+        states = np.full(len(voxel), UNKNOWN, dtype=np.uint8)
         for level in range(_DEPTH + 1):
             if len(self.keys[level]):
                 codes, wanted = _code(self.keys[level]), _code(voxel >> (_DEPTH - level))
                 at = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
                 state = self.states[level][at]
                 leaf = (codes[at] == wanted) & (state != INNER)
-                found[leaf] = state[leaf]
-        return found
+                states[leaf] = state[leaf]
+        return states
 
     @property
     def nodes(self) -> int:
-        """Count all nodes, inner ones and leaves."""
+        """Return the number of nodes: inner nodes and leaves."""
         return sum(len(k) for k in self.keys)
 
     def volume_m3(self, state: int) -> float:
@@ -51,9 +51,9 @@ class Octree:
 
 
 def build_octree(free: np.ndarray, origin_m: np.ndarray, cell_m: float, height_m: float) -> Octree:
-    """Build the octree of workings extruded to a height, closed by one voxel of rock all round, below and above.
+    """Build the octree of workings extruded to a height, enclosed by one voxel of rock on all sides.
 
-    Rock farther in stays unknown, as in a map that a sensor made.
+    Rock deeper than that stays unknown, as in a map made by a sensor.
 
     Parameters
     ----------
@@ -76,14 +76,14 @@ def build_octree(free: np.ndarray, origin_m: np.ndarray, cell_m: float, height_m
     last = first + volume.shape[::-1]
     if first.min() < 0 or last.max() > 2 * _CENTRE:
         raise GeometryError(
-            f"octree: the workings reach beyond +-{_CENTRE * cell_m:g} m, as far as 16 levels of {cell_m:g} m count; "
+            f"octree: the workings reach beyond +-{_CENTRE * cell_m:g} m, the range of 16 levels of {cell_m:g} m; "
             "use a larger compile3d.grid_cell_m"
         )
     return _grow(volume, first, cell_m)
 
 
 def _grow(volume: np.ndarray, first: np.ndarray, cell_m: float) -> Octree:
-    """Merge eight equal leaves to their parent, level by level; `volume` is (z, y, x), `first` its corner's key."""
+    """Merge eight equal leaves into their parent, level by level; `volume` is (z, y, x), `first` its corner's key."""
     levels: list[tuple[np.ndarray, np.ndarray]] = []
     for _ in range(_DEPTH):
         pad = [(int(first[axis]) & 1, (int(first[axis]) + volume.shape[2 - axis]) & 1) for axis in (2, 1, 0)]
@@ -101,7 +101,7 @@ def _grow(volume: np.ndarray, first: np.ndarray, cell_m: float) -> Octree:
 
 
 def _code(keys: np.ndarray) -> np.ndarray:
-    """Interleave (x, y, z) to a Morton code, x lowest: the order in which OctoMap numbers children."""
+    """Interleave (x, y, z) into a Morton code, x lowest: OctoMap's order of children."""
     code = np.zeros(len(keys), dtype=np.int64)
     for axis in range(3):
         v = keys[:, axis].astype(np.int64)
@@ -114,7 +114,7 @@ def _code(keys: np.ndarray) -> np.ndarray:
 
 
 def to_bt(tree: Octree) -> bytes:
-    """Serialise to OctoMap's binary stream: two bits a child, nodes in depth-first order.
+    """Serialise to OctoMap's binary stream: two bits for each child, nodes in depth-first order.
 
     References
     ----------
@@ -144,7 +144,7 @@ def from_bt(data: bytes) -> Octree:
     Raises
     ------
     InputError
-        If the header is not that of an OctoMap binary tree, or the stream is cut short.
+        If the header is not that of an OctoMap binary tree, or the stream is truncated.
     """
     head, separator, body = data.partition(b"\ndata\n")
     fields = dict(line.split(" ", 1) for line in head.decode("ascii", "replace").splitlines()[1:] if " " in line)
@@ -154,14 +154,16 @@ def from_bt(data: bytes) -> Octree:
     keys: list[list[tuple[int, int, int]]] = [[] for _ in range(_DEPTH + 1)]
     states: list[list[int]] = [[] for _ in range(_DEPTH + 1)]
     stack, read = [], 0
-    if len(words) or fields.get("size") != "0":  # a tree of unknown space only has no root
+    if len(words) or fields.get("size") != "0":  # a tree that holds only unknown space has no root
         keys[0].append((0, 0, 0))
         states[0].append(INNER)
         stack.append((0, (0, 0, 0)))
     while stack:
         level, (x, y, z) = stack.pop()
         if read >= len(words) or level >= _DEPTH:
-            raise InputError(f"octree: the stream ends or is too deep at node {read} of {fields.get('size')}")
+            raise InputError(
+                f"octree: the stream ends, or the tree is too deep, at node {read} of {fields.get('size')}"
+            )
         word, inner = int(words[read]), []
         read += 1
         for child in range(8):

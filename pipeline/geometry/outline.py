@@ -1,4 +1,4 @@
-"""Free-space pixels to a polygon with islands, and its simplification."""
+"""Trace free-space pixels into a polygon with islands, and simplify it."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _TOLERANCES_M = (0.21, 0.16, 0.12, 0.09, 0.06, 0.04, 0.02)
 def trace_outline(free: Mask, frame: Frame) -> Polygon:
     """Trace the largest free region into a polygon with its islands as holes.
 
-    `cv2.findContours` runs through the centres of the border pixels and so loses half a pixel all round; the mask is
-    doubled first (nothing is then one pixel wide) and the polygon is grown back by half a sub-pixel.
+    `cv2.findContours` runs through the centres of the border pixels, so it loses half a pixel on every side. The mask
+    is therefore doubled first, so that nothing is one pixel wide, and the polygon is grown by half a sub-pixel.
 
     Parameters
     ----------
@@ -51,58 +51,60 @@ def trace_outline(free: Mask, frame: Frame) -> Polygon:
         raise GeometryError(f"outline: {shapely.is_valid_reason(traced)} (sub-pixels)")
     grown = traced.buffer(0.5, join_style="mitre")
     if not isinstance(grown, Polygon):
-        raise GeometryError(f"outline: the traced region falls into {len(grown.geoms)} parts")
+        raise GeometryError(f"outline: the traced region has {len(grown.geoms)} components, want one")
 
     def to_mine(points: np.ndarray) -> np.ndarray:
-        # Sub-pixel index to image plane: the doubled mask's pixel centre k lies at (k + 0.5) / 2 - 1 (the pad).
+        # The centre of the doubled mask's pixel k lies at (k + 0.5) / 2 - 1 in the image plane; 1 is the padding.
         return frame.to_mine((points + 0.5) / _SUBPIXELS - 1.0)
 
     return orient(shapely.transform(grown, to_mine))
 
 
 def _fill_diagonal_contacts(mask: np.ndarray) -> np.ndarray:
-    """Fill the corner between free pixels that touch by a corner only, where an outline would cross itself."""
-    out = mask.copy()
+    """Fill around free pixels that touch only at a corner, where an outline would cross itself."""
+    filled = mask.copy()
     while True:
-        a, b, c, d = out[:-1, :-1], out[:-1, 1:], out[1:, :-1], out[1:, 1:]
+        a, b, c, d = filled[:-1, :-1], filled[:-1, 1:], filled[1:, :-1], filled[1:, 1:]
         falling, rising = (a & d) > (b | c), (b & c) > (a | d)
         if not (falling.any() or rising.any()):
-            return out
+            return filled
         rows, cols = np.nonzero(falling | rising)
         for dr, dc in ((0, 0), (0, 1), (1, 0), (1, 1)):
-            out[rows + dr, cols + dc] = 1
+            filled[rows + dr, cols + dc] = 1
 
 
 def simplify_outline(outline: Polygon, tolerance_m: float) -> Polygon:
-    """Simplify by Douglas-Peucker within a tolerance, keeping the outline simple and its islands apart.
+    """Simplify by Douglas-Peucker within a tolerance; the outline stays valid and keeps its islands.
 
-    The vertices that stay are then moved, within the tolerance, so that each edge runs along the middle of its wall:
-    on the published plan that halves the area error (see `fit_edges`).
+    The remaining vertices are then moved, within the tolerance, so that each edge runs along the middle of its wall.
+    On the published plan that halves the area error (see `fit_edges`).
 
     Parameters
     ----------
     outline : shapely.Polygon, m
     tolerance_m : float
-        No vertex of `outline` ends farther than this from the result. 0 removes collinear vertices only.
+        Greatest distance of a vertex of `outline` from the result. 0 removes only collinear vertices.
 
     Returns
     -------
     shapely.Polygon, m
-        Valid, as many holes as `outline`, every coordinate a multiple of `grid_m(outline)`.
+        Valid, with as many holes as `outline`; every coordinate is a multiple of `grid_m(outline)`.
 
     Raises
     ------
     GeometryError
-        If the tolerance would lose an island or break the outline; the message names the tolerance.
+        If the result would lose an island or be invalid; the message names the tolerance.
 
     References
     ----------
     Douglas & Peucker 1973, doi:10.3138/FM57-6770-U75U-7727; the topology-preserving form is that of JTS and GEOS.
     """
     kept = shapely.simplify(outline, tolerance_m, preserve_topology=True)
-    simple = shapely.set_precision(_fit_edge(outline, kept, tolerance_m), grid_m(outline))
+    simple = shapely.set_precision(_fit_rings(outline, kept, tolerance_m), grid_m(outline))
     if not isinstance(simple, Polygon) or simple.is_empty or not simple.is_valid:
-        raise GeometryError(f"contours.tolerance_m = {tolerance_m}: the outline would break; use a smaller tolerance")
+        raise GeometryError(
+            f"contours.tolerance_m = {tolerance_m}: the outline would be invalid; use a smaller tolerance"
+        )
     if len(simple.interiors) != len(outline.interiors):
         raise GeometryError(
             f"contours.tolerance_m = {tolerance_m}: {len(outline.interiors)} islands would become "
@@ -112,18 +114,18 @@ def simplify_outline(outline: Polygon, tolerance_m: float) -> Polygon:
 
 
 def simplify_to_iou(outline: Polygon, iou: float) -> tuple[Polygon, float]:
-    """Simplify as coarsely as an intersection over union with the outline allows.
+    """Simplify with the largest tolerance that keeps an intersection over union with the outline.
 
     Returns
     -------
     shapely.Polygon, m
     float
-        The tolerance, m, one of `_TOLERANCES_M`; the finest if none reaches the IoU.
+        The tolerance, m, one of `_TOLERANCES_M`; the smallest if none reaches the IoU.
 
     Raises
     ------
     GeometryError
-        If even the finest tolerance breaks the outline.
+        If even the smallest tolerance makes the outline invalid.
     """
     for tolerance_m in _TOLERANCES_M:
         try:
@@ -137,8 +139,8 @@ def simplify_to_iou(outline: Polygon, iou: float) -> tuple[Polygon, float]:
     return simple, tolerance_m
 
 
-def _fit_edge(outline: Polygon, kept: Polygon, tolerance_m: float) -> Polygon:
-    """Refit every ring; where the moved edges would cross, the kept outline stays."""
+def _fit_rings(outline: Polygon, kept: Polygon, tolerance_m: float) -> Polygon:
+    """Fit the edges of every ring; return `kept` if the moved edges would cross."""
     if len(kept.interiors) != len(outline.interiors):
         return kept
     pairs = zip((outline.exterior, *outline.interiors), (kept.exterior, *kept.interiors), strict=True)
@@ -148,9 +150,9 @@ def _fit_edge(outline: Polygon, kept: Polygon, tolerance_m: float) -> Polygon:
 
 
 def grid_m(outline: Polygon) -> float:
-    """Return the finest decimal grid on which six digits say every coordinate exactly: 1 mm up to a kilometre.
+    """Return the finest decimal grid, m, on which six digits state every coordinate exactly: 1 mm up to a kilometre.
 
-    MJCF text holds six significant digits; walls on this grid stand in the world exactly where the outline has them.
+    MJCF text holds six significant digits, so walls on this grid have exactly the outline's coordinates in the world.
     """
     reach = max(1.0, *(abs(v) for v in outline.bounds))
     return float(10.0 ** (np.ceil(np.log10(reach * 1.1)) - 6))

@@ -1,4 +1,4 @@
-"""An exact convex partition of the rock, so that collision walls stand where the survey has them."""
+"""Exact convex partition of the rock, so that collision walls are exactly at the surveyed walls."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ Box = tuple[float, float, float, float]
 
 
 def world_box(free: Polygon, margin_m: float, extent_m: Box) -> Box:
-    """Return the box (west, south, east, north; m) that rock and workings fill together.
+    """Return the box (west, south, east, north; m) of rock and workings together.
 
-    It is the plan's extent grown by a margin, so that no drift ends in the open, in whole decimetres, which MJCF text
-    says exactly.
+    The box contains the plan's extent and the workings with a margin of rock, so that every drift is closed. It is in
+    whole decimetres, which MJCF text holds exactly.
     """
     (w, s, e, n), (west, south, east, north) = extent_m, free.bounds
     low = np.floor(10 * (np.minimum([w, s], [west, south]) - margin_m)) / 10
@@ -26,15 +26,15 @@ def world_box(free: Polygon, margin_m: float, extent_m: Box) -> Box:
 
 
 def rock_around(free: Polygon, world_m: Box) -> list[Polygon]:
-    """Return the rock of a box (west, south, east, north; m): one polygon round the workings, one for each island."""
+    """Return the rock in a box (west, south, east, north; m): polygons round the workings and one for each island."""
     return [part for part in shapely.get_parts(shapely.box(*world_m).difference(free)) if isinstance(part, Polygon)]
 
 
 def convex_partition(rock: Polygon) -> list[Points2]:
     """Partition a polygon with holes into convex parts that cover it exactly.
 
-    A constrained Delaunay triangulation, then inessential diagonals removed, shortest first: on the published plan that
-    leaves 5 % fewer parts than longest first and 4 % fewer than a random order.
+    The polygon is triangulated (constrained Delaunay), then inessential diagonals are removed, shortest first. On the
+    published plan this order leaves 5 % fewer parts than longest first and 4 % fewer than a random order.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def convex_partition(rock: Polygon) -> list[Points2]:
 def triangulate(polygon: BaseGeometry) -> tuple[Points2, np.ndarray]:
     """Return the points (n, 2) m and counter-clockwise faces (m, 3) of a constrained Delaunay triangulation.
 
-    No point is added: the triangulation's corners are the polygon's own vertices.
+    The points are the polygon's vertices; none is added.
     """
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
     corners = shapely.get_coordinates(shapely.get_exterior_ring(triangles)).reshape(-1, 4, 2)[:, :3]
@@ -93,7 +93,7 @@ def _merge_convex(points: np.ndarray, loops: list[list[int]]) -> list[list[int]]
             continue
         one, two = loops[left], loops[right]
         i, j = one.index(b), two.index(a)
-        # one, read from b round to a; two, read from a round to b: joined they drop the edge a-b.
+        # `head` is loop one from b to a, `tail` loop two from a to b: joined, they omit the edge a-b.
         head, tail = one[i:] + one[:i], two[j:] + two[:j]
         if not (turns_left(head[-2], a, tail[1]) and turns_left(tail[-2], b, head[1])):
             continue

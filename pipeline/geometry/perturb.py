@@ -1,4 +1,4 @@
-"""The same workings as a survey of limited accuracy could have told them."""
+"""Random variants of workings, within the errors of a survey."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from pipeline.errors import GeometryError
 from pipeline.geometry.enclosure import as_polygons
 
 _WAVES = 64
-_STEEPEST = 0.7  # of the field's gradient, of one at which it would fold the plane
+_STEEPEST = 0.7  # bound on the field's gradient; the field folds the plane at 1
 
 
 def perturb_workings(
     workings: BaseGeometry, station_sd_m: float, width_sd_m: float, reach_m: float, rng: np.random.Generator
 ) -> MultiPolygon:
-    """Return workings within a survey's error of some others, with the same loops and dead ends.
+    """Return workings that differ from the given ones by a survey's errors and have the same loops and dead ends.
 
     Parameters
     ----------
     workings : shapely geometry, m
     station_sd_m : float
-        Standard deviation of a place in each coordinate; neighbouring places move together.
+        Standard deviation of each coordinate of a place; neighbouring places move together.
     width_sd_m : float
-        Of the offset of all ribs, one draw for the mine.
+        Standard deviation of the offset of all walls, drawn once for the mine.
     reach_m : float
         Distance over which places move together.
     rng : Generator
@@ -33,7 +33,7 @@ def perturb_workings(
     Raises
     ------
     GeometryError
-        If the errors would fold or close a drift; the message names them.
+        If the errors would fold the plan, or close or open a drift; the message names them.
     """
     moved = displace(workings, station_sd_m, 2 * reach_m, rng)
     offset = rng.normal(0.0, width_sd_m) if width_sd_m else 0.0
@@ -52,7 +52,7 @@ def displace(shape: BaseGeometry, sd_m: float, wave_m: float, rng: np.random.Gen
     sd_m : float
         Standard deviation in each coordinate.
     wave_m : float
-        Wavelength about which the field varies.
+        The field's wavelengths are 0.8 to 1.6 times this.
     rng : Generator
 
     Raises
@@ -70,11 +70,11 @@ def displace(shape: BaseGeometry, sd_m: float, wave_m: float, rng: np.random.Gen
     if steepest > _STEEPEST:
         raise GeometryError(
             f"errors of {sd_m:g} m over waves of {wave_m:g} m would fold the plan: "
-            f"the field's gradient is {steepest:.2f}, at most {_STEEPEST:g} is safe"
+            f"the gradient of the errors is {steepest:.2f} (at most {_STEEPEST:g})"
         )
 
     def moved(points: np.ndarray) -> np.ndarray:
-        # Each place once: a product of matrices may round equal rows differently, and a ring's ends must stay one.
+        # Equal rows of a matrix product may be rounded differently, but a ring's first and last point must stay equal.
         places, index = np.unique(points, axis=0, return_inverse=True)
         return (places + np.cos(places @ along.T + phase) @ size)[index.ravel()]
 
@@ -82,6 +82,6 @@ def displace(shape: BaseGeometry, sd_m: float, wave_m: float, rng: np.random.Gen
 
 
 def _network(shape: BaseGeometry) -> tuple[int, int]:
-    """Return the numbers of parts and of islands, which is that of loops."""
-    parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon)]
-    return len(parts), sum(len(part.interiors) for part in parts)
+    """Return the number of components and the number of islands, which equals the number of loops."""
+    components = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon)]
+    return len(components), sum(len(component.interiors) for component in components)

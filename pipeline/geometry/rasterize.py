@@ -1,4 +1,4 @@
-"""Polygons to pixels by the pixel-centre rule."""
+"""Rasterise polygons by the pixel-centre rule."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pipeline.types import Frame, Mask
 
 
 def fill_polygon(geometry: BaseGeometry, frame: Frame) -> Mask:
-    """Mark the pixels whose centres lie inside a polygon, by the even-odd rule along each row.
+    """Mark the pixels whose centres lie inside a polygon, by the even-odd rule in each row.
 
     Parameters
     ----------
     geometry : shapely.Polygon or MultiPolygon, m, mine frame
-        Parts must not overlap (an even-odd fill would cancel).
+        Polygons of a multipolygon must not overlap: the even-odd rule would clear the overlap.
     frame : Frame
         The pixel grid.
 
@@ -23,7 +23,7 @@ def fill_polygon(geometry: BaseGeometry, frame: Frame) -> Mask:
     -------
     (height_px, width_px) bool
     """
-    crossings = np.zeros((frame.height_px, frame.width_px + 1), dtype=np.uint8)  # parity of the edges left of a pixel
+    crossings = np.zeros((frame.height_px, frame.width_px + 1), dtype=np.uint8)  # then: parity of the edges to the left
     for ring in _rings(geometry):
         points = frame.to_image(np.asarray(ring.coords)[:, :2])
         a, b = points[:-1], points[1:]

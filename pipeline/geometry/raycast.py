@@ -1,4 +1,4 @@
-"""Rays against triangles: fans of level rays as a planar scanner casts them."""
+"""Cast rays against triangles, also in level fans as a planar scanner does."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from pipeline.errors import GeometryError
 
 
 class RayCaster:
-    """Casts rays against triangles (n, 3, 3) m; 32 bits about their middle, so good to a tenth of a millimetre."""
+    """Casts rays against triangles (n, 3, 3) m, in 32 bits about their mean, exact to a tenth of a millimetre."""
 
-    def __init__(self, corners: np.ndarray) -> None:
-        """Take the triangles.
+    def __init__(self, triangles: np.ndarray) -> None:
+        """Index the triangles.
 
         Raises
         ------
         GeometryError
-            If there are none.
+            If there are no triangles.
         """
-        if not len(corners):
-            raise GeometryError("rays: no triangles to cast them against")
+        if not len(triangles):
+            raise GeometryError("rays: there are no triangles to cast rays against")
         tensor: Any = open3d.core.Tensor
         self._tensor = tensor
-        self._middle = corners.reshape(-1, 3).mean(axis=0)
+        self._middle = triangles.reshape(-1, 3).mean(axis=0)
         self._scene = open3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(
-            self._tensor((corners - self._middle).reshape(-1, 3).astype(np.float32)),
-            self._tensor(np.arange(3 * len(corners), dtype=np.uint32).reshape(-1, 3)),
+            self._tensor((triangles - self._middle).reshape(-1, 3).astype(np.float32)),
+            self._tensor(np.arange(3 * len(triangles), dtype=np.uint32).reshape(-1, 3)),
         )
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """Return distances (n,) m along unit rays (n, 3) from origins (n, 3); inf where nothing is hit."""
+        """Return distances (n,) m along unit directions (n, 3) from origins (n, 3) m; inf where a ray hits nothing."""
         rays = np.concatenate([origins - self._middle, directions], axis=1).astype(np.float32)
         return self._scene.cast_rays(self._tensor(rays))["t_hit"].numpy().astype(np.float64)
 
     def fan(self, places: np.ndarray, bearings: np.ndarray, height_m: float) -> np.ndarray:
-        """Return ranges (n, k) m of level rays along bearings (n, k) rad from places (n, 2) m at one height."""
+        """Return ranges (n, k) m of level rays at bearings (n, k) rad from places (n, 2) m at one height."""
         count = bearings.shape[1]
         origins = np.column_stack([places, np.full(len(places), height_m)]).repeat(count, axis=0)
         level = np.stack([np.cos(bearings), np.sin(bearings), np.zeros_like(bearings)], axis=-1).reshape(-1, 3)

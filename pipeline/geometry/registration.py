@@ -1,4 +1,4 @@
-"""Where scans were taken: one similarity lays all surveyed poses into the mine, and each scan may shift a little."""
+"""Locate scans in the mine: one similarity maps all surveyed poses, and each scan has a small correction."""
 
 from __future__ import annotations
 
@@ -19,21 +19,23 @@ Contains = Callable[[np.ndarray], np.ndarray]  # places (n, 2) -> bool (n,)
 
 _CELL_M, _TURN_STEP, _HEADING_STEP = 0.5, math.radians(0.25), math.radians(1.0)
 _SCALE_STEP = 0.002
-_LOSS_M = 0.2  # of Cauchy's loss: an outline is known to about that; from 0.15 to 0.4 the scale stays within 0.1 %
-_FAR_M = 5.0  # a greater error says no more
+_LOSS_M = (
+    0.2  # scale of Cauchy's loss, about the error of an outline; from 0.15 to 0.4 the result's scale stays within 0.1 %
+)
+_FAR_M = 5.0  # larger errors count as this
 _FAN = 240
 _FARTHEST_M = 400.0
 _CORRECTION_WEIGHT = 0.2  # cost of a correction at its bound, in units of the mean Cauchy loss
-_UNREACHED = 1e3  # cost of a place outside the workings, above any real one, for the erosion that has no infinity
+_UNREACHED = 1e3  # cost of a place outside the workings, above any real cost; the erosion accepts no infinity
 _BEYOND_BOUND = 1e3  # slope of the cost beyond a correction's bound
-_AS_GOOD = 1.05  # scales whose cost is within a twentieth of the best explain the scans as well
+_AS_GOOD = 1.05  # scales whose cost is within 5 % of the best are in the interval
 
 
 @dataclass(frozen=True)
 class Search:
-    """What is searched: scales (low, high), the turn and shift of all poses together, and each scan's own correction.
+    """Bounds of the search: scales (low, high), turn and shift of all poses together, correction of each scan.
 
-    A correction costs `_CORRECTION_WEIGHT` times its square over the square of its bound, and never exceeds the bound.
+    The penalty of a correction is `_CORRECTION_WEIGHT` times the square of its share of the bound.
     """
 
     scale: tuple[float, float]
@@ -45,7 +47,7 @@ class Search:
 
 @dataclass(frozen=True)
 class Similarity:
-    """Survey frame to mine frame: scaled, turned, shifted (m, rad)."""
+    """Map from the survey frame to the mine frame: scale, turn, shift (m, rad)."""
 
     scale: float
     turn_rad: float
@@ -61,7 +63,7 @@ class Similarity:
 
 @dataclass(frozen=True)
 class Registration:
-    """The similarity, the scales that explain the scans nearly as well, each scan's pose and its own correction."""
+    """The similarity, the interval of scales that fit nearly as well, and each scan's pose and correction."""
 
     similarity: Similarity
     scale_interval: tuple[float, float]
@@ -77,29 +79,29 @@ def register_scans(
     search: Search,
     fine: dict[str, Fan] | None = None,
 ) -> Registration:
-    """Find where scans were taken by casting their bearings into the mine and comparing ranges.
+    """Find where scans were taken: cast their bearings in the mine and compare the ranges.
 
-    The cost of each scan is laid out once over a grid of places and headings. A similarity then costs, for each scan,
-    the least of cost and correction about the place it gives; every similarity of the search is tried, so a straight
-    drift, along which many places look alike, cannot hold the search in the wrong one. The poses are then refined.
+    The cost of each scan is computed once on a grid of places and headings. The cost of a similarity is the sum over
+    the scans of the least cost plus penalty near the place that it gives. Every similarity of the search is tried: many
+    places along a straight drift look alike, and a local search could stop at a wrong one. The poses are then refined.
 
     Parameters
     ----------
     poses : dict of (x, y, heading)
-        m, rad, survey frame: x and y axes and origin near those of the mine frame, within the search.
+        m, rad, survey frame: its axes and origin differ from the mine frame's by no more than the search.
     scans : dict of (bearings (n,), ranges (n,))
     cast : callable
-        Ranges, m, that the mine gives from places (n, 2) m along bearings (n, k) rad of the mine frame.
+        Ranges, m, in the mine from places (n, 2) m at bearings (n, k) rad of the mine frame.
     inside : callable
         Whether places (n, 2) m lie in the workings.
     search : Search
     fine : dict, optional
-        The returns by which the poses are refined, if not by all: near and steep ones tell best where a scan stood.
+        The returns used to refine the poses, all by default; near returns at steep incidence are the most exact.
 
     Raises
     ------
     GeometryError
-        If no place within the search lies in the workings.
+        If no pose of the search lies in the workings, or a pose lies too far from the survey's origin.
     """
     fields = {name: ScanCostGrid(poses[name], fan, cast, inside, search) for name, fan in sorted(scans.items())}
     turns = np.arange(-search.turn_rad, search.turn_rad + 1e-9, _TURN_STEP)
@@ -118,22 +120,22 @@ def register_scans(
                 best = Similarity(scale, turn, (col - steps) * _CELL_M, (row - steps) * _CELL_M)
             profile[k] = min(profile[k], total[row, col])
     if not np.isfinite(profile).any():
-        raise GeometryError("registration: within the search no pose lies in the workings")
+        raise GeometryError("registration: no pose lies in the workings within the bounds of the search")
     as_good = scales[profile <= _AS_GOOD * profile.min()]
     placed = {name: field.refined(best, cast, (fine or scans)[name]) for name, field in fields.items()}
     similarity = _similarity_between([poses[n] for n in placed], list(placed.values()), best)
     if not _within(_corrections(similarity, poses, placed), search):
-        similarity = best  # one pose far off bends a fit to all; the search itself cannot be bent beyond its bounds
+        similarity = best  # one pose far off distorts the fit to all; the searched one stays within its bounds
     interval = sorted([float(as_good[0]), float(as_good[-1]), similarity.scale])
     return Registration(similarity, (interval[0], interval[-1]), placed, _corrections(similarity, poses, placed))
 
 
 def _corrections(similarity: Similarity, poses: dict[str, Pose], placed: dict[str, Pose]) -> dict[str, Pose]:
-    found = {}
+    corrections = {}
     for name, (x, y, heading) in placed.items():
         at = similarity.place(poses[name])
-        found[name] = (x - at[0], y - at[1], heading - at[2])
-    return found
+        corrections[name] = (x - at[0], y - at[1], heading - at[2])
+    return corrections
 
 
 def _within(corrections: dict[str, Pose], search: Search) -> bool:
@@ -162,15 +164,15 @@ class ScanCostGrid:
         rows, cols = np.indices((2 * half + 1, 2 * half + 1))
         places = self.low + np.stack([cols, rows], axis=-1).reshape(-1, 2) * _CELL_M
         free = np.flatnonzero(inside(places))
-        wide = search.turn_rad + search.correction_rad
-        self.heading = pose[2] + np.arange(-wide, wide + 1e-9, _HEADING_STEP)
+        widest = search.turn_rad + search.correction_rad
+        self.heading = pose[2] + np.arange(-widest, widest + 1e-9, _HEADING_STEP)
         self.cost = np.full((len(self.heading), *rows.shape), np.inf)
         for k, heading in enumerate(self.heading):
             at = np.broadcast_to(heading + bearing, (len(free), len(bearing)))
             self.cost[k].reshape(-1)[free] = _loss(cast(places[free], at) - measured)
 
     def with_corrections(self, turn: float) -> np.ndarray:
-        """Return the least cost and correction (rows, cols) about each place, all poses being turned by `turn`."""
+        """Return the least cost plus penalty (rows, cols) near each place, with all poses turned by `turn` rad."""
         search = self.search
         off = self.heading - self.pose[2] - turn
         allowed = np.abs(off) <= search.correction_rad + 1e-9
@@ -178,21 +180,24 @@ class ScanCostGrid:
         cost = (self.cost + penalty[:, None, None]).min(axis=0)
         steps = math.floor(search.correction_m / _CELL_M)
         dy, dx = np.mgrid[-steps : steps + 1, -steps : steps + 1] * _CELL_M
-        apart = np.hypot(dx, dy)
-        near = apart <= search.correction_m
+        distance = np.hypot(dx, dy)
+        near = distance <= search.correction_m
         return grey_erosion(
-            np.where(np.isfinite(cost), cost, _UNREACHED), footprint=near,
-            structure=-_penalty(apart / search.correction_m), mode="constant", cval=_UNREACHED,
-        )  # fmt: skip
+            np.where(np.isfinite(cost), cost, _UNREACHED),
+            footprint=near,
+            structure=-_penalty(distance / search.correction_m),
+            mode="constant",
+            cval=_UNREACHED,
+        )
 
     def window(self, cost: np.ndarray, pose: Pose, steps: int) -> np.ndarray:
         """Return costs (2 steps + 1, 2 steps + 1) at a pose shifted north (rows) and east by whole cells."""
         col, row = np.round((np.array(pose[:2]) - self.low) / _CELL_M).astype(int)
-        found = cost[row - steps : row + steps + 1, col - steps : col + steps + 1]
-        return np.where(found < _UNREACHED, found, np.inf)
+        near = cost[row - steps : row + steps + 1, col - steps : col + steps + 1]
+        return np.where(near < _UNREACHED, near, np.inf)
 
     def refined(self, similarity: Similarity, cast: CastFan, fan: Fan) -> Pose:
-        """Return the pose of least cost within the correction's bound about the place that a similarity gives."""
+        """Return the pose of least cost within the correction's bounds of the pose that a similarity gives."""
         search, about = self.search, np.array(similarity.place(self.pose))
         bound = np.array([search.correction_m, search.correction_m, search.correction_rad])
 
@@ -204,15 +209,15 @@ class ScanCostGrid:
 
         cells = np.indices(self.cost.shape[1:])
         places = self.low + np.stack([cells[1], cells[0]], axis=-1) * _CELL_M
-        apart = np.linalg.norm(places - about[:2], axis=-1)
+        distance = np.linalg.norm(places - about[:2], axis=-1)
         turned = _penalty((self.heading - about[2]) / search.correction_rad)
-        penalty = _penalty(apart / search.correction_m) + turned[:, None, None]
-        whole = np.where(apart <= search.correction_m, self.cost + penalty, np.inf)
+        penalty = _penalty(distance / search.correction_m) + turned[:, None, None]
+        whole = np.where(distance <= search.correction_m, self.cost + penalty, np.inf)
         k, row, col = np.unravel_index(int(whole.argmin()), whole.shape)
         start = np.array([*places[row, col], self.heading[k]])
         simplex = start + np.array([[0, 0, 0], [0.3, 0, 0], [0, 0.3, 0], [0, 0, 0.01]])
-        found = minimize(cost, start, method="Nelder-Mead", options={"initial_simplex": simplex, "xatol": 1e-3})
-        return float(found.x[0]), float(found.x[1]), float(found.x[2])
+        result = minimize(cost, start, method="Nelder-Mead", options={"initial_simplex": simplex, "xatol": 1e-3})
+        return float(result.x[0]), float(result.x[1]), float(result.x[2])
 
 
 def _loss(error: np.ndarray) -> np.ndarray:
@@ -225,7 +230,7 @@ def _penalty(share: np.ndarray) -> np.ndarray:
 
 
 def _similarity_between(survey: list[Pose], mine: list[Pose], found: Similarity) -> Similarity:
-    """Return the similarity that fits placed poses best in least squares; of fewer than three, the one found before.
+    """Return the least-squares similarity between poses; `found` if there are fewer than three or all at one place.
 
     References
     ----------
@@ -234,9 +239,9 @@ def _similarity_between(survey: list[Pose], mine: list[Pose], found: Similarity)
     if len(survey) < 3:
         return found
     a, b = np.array(survey)[:, :2] @ [1, 1j], np.array(mine)[:, :2] @ [1, 1j]
-    away, there = a - a.mean(), b - b.mean()
-    if np.abs(away).max() < 1.0:  # scans of one place say nothing of scale
+    from_mean, to_mean = a - a.mean(), b - b.mean()
+    if np.abs(from_mean).max() < 1.0:  # scans at one place do not determine the scale
         return found
-    ratio = np.vdot(away, there) / np.vdot(away, away)
+    ratio = np.vdot(from_mean, to_mean) / np.vdot(from_mean, from_mean)
     shift = b.mean() - ratio * a.mean()
     return Similarity(float(abs(ratio)), float(np.angle(ratio)), float(shift.real), float(shift.imag))

@@ -1,4 +1,4 @@
-"""Thinning: a polygon's skeleton in cells of a grid, as a graph of pixels."""
+"""Thin a polygon on a grid; the skeleton is a graph of pixels."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from pipeline.types import Frame, Mask
 
 
 def thin_polygon(free: Polygon, cell_m: float) -> tuple[nx.Graph, Frame]:
-    """Rasterise and thin a polygon, m; return the skeleton's pixels (row, column) as a graph, and their grid.
+    """Rasterise and thin a polygon, m; return the skeleton's pixels (row, column) as a graph, and the grid.
 
     References
     ----------
-    Lee, Kashyap & Chu 1994, doi:10.1006/cgip.1994.1042 (by scikit-image; it keeps holes and parts, which Zhang and
-    Suen's does not always)
+    Lee, Kashyap & Chu 1994, doi:10.1006/cgip.1994.1042 (by scikit-image; it keeps holes and components, which the
+    method of Zhang and Suen does not always)
     """
     west, south, east, north = free.bounds
     width, height = (int(np.ceil(size / cell_m)) + 4 for size in (east - west, north - south))
@@ -29,7 +29,7 @@ def thin_polygon(free: Polygon, cell_m: float) -> tuple[nx.Graph, Frame]:
 
 
 def _without_tips(cells: Mask, free: Polygon, frame: Frame) -> Mask:
-    """Clear cells of rock that hang together with nothing: the sharp tip of a pillar is no island of its own."""
+    """Mark as free the cells of rock cut off from their pillar: its sharp tip is not a second island."""
     rock, parts = label(~cells)
     if parts == len(free.interiors) + 1:
         return cells
@@ -39,12 +39,12 @@ def _without_tips(cells: Mask, free: Polygon, frame: Frame) -> Mask:
     pillar_of = np.zeros(parts, int)  # 0 is the rock outside
     pillar_of[part] = pillar + 1
     by_size, whole = np.argsort(np.bincount(rock.ravel())[1:], kind="stable"), np.zeros(len(free.interiors) + 1, int)
-    whole[pillar_of[by_size]] = number[by_size]  # the largest part of each stays
+    whole[pillar_of[by_size]] = number[by_size]  # the largest piece of each stays
     return ~np.isin(rock, whole[whole > 0])
 
 
 def _pixel_graph(skeleton: Mask) -> nx.Graph:
-    """Join skeleton pixels to their neighbours; a diagonal only where no orthogonal step leads the same way."""
+    """Connect neighbouring skeleton pixels; diagonally only if no two orthogonal steps connect them."""
     graph: nx.Graph = nx.Graph()
     cells = {(int(r), int(c)) for r, c in np.argwhere(skeleton)}
     graph.add_nodes_from(sorted(cells))

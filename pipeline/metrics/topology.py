@@ -21,7 +21,7 @@ _STATIONS_M = 3.0
 
 @dataclass(frozen=True)
 class TopologyMatch:
-    """Loops, drifts (legs of the network), dead ends and components (`parts`) of plan and world.
+    """Loops, drifts (legs of the network), dead ends and components of plan and world.
 
     `drifts_lost` counts the plan's dead-end drifts that are missing in the world, `drifts_added` the world's that are
     missing in the plan. A stub whose length is within a quarter of the threshold may be traced in one of them only; it
@@ -35,8 +35,8 @@ class TopologyMatch:
     drifts_world: int
     drifts_lost: int
     drifts_added: int
-    parts_plan: int
-    parts_world: int
+    components_plan: int
+    components_world: int
     length_plan_m: float
     length_world_m: float
 
@@ -64,8 +64,8 @@ def compare_topology(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_l
         drifts_world=len(two.legs),
         drifts_lost=_count_unmatched(sure_one, any_two),
         drifts_added=_count_unmatched(sure_two, any_one),
-        parts_plan=_count_components(plan, frame),
-        parts_world=_count_components(world, frame),
+        components_plan=_count_components(plan, frame),
+        components_world=_count_components(world, frame),
         length_plan_m=one.total_length_m,
         length_world_m=two.total_length_m,
     )

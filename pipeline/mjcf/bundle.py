@@ -11,8 +11,19 @@ import mujoco
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from minexplore.bundle import GEOM_GROUPS, MINE_BODY, MODEL, RECORD, smooth_mesh, surface_geom, world_sha256
+from minexplore.bundle import (
+    GEOM_GROUPS,
+    MINE_BODY,
+    MODEL,
+    RECORD,
+    complete_zone,
+    shorten_zone,
+    smooth_mesh,
+    surface_geom,
+    world_sha256,
+)
 from pipeline.errors import ArtifactError
+from pipeline.mjcf.digits import digits_for
 from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.world import FloorZone, MineScene, build_spec
 from pipeline.store.hashing import sha256_bytes
@@ -69,12 +80,15 @@ def compile_bundle(scene: MineScene) -> dict[str, bytes]:
         spec.compile()
     except ValueError as error:
         raise ArtifactError(f"mine.xml: MuJoCo does not compile it: {error}") from error
-    return {MODEL: spec.to_xml().encode(), **{name: bytes(data) for name, data in spec.assets.items()}}
+    with digits_for(max(map(abs, scene.extent.world_m))):
+        text = spec.to_xml().encode()
+    return {MODEL: text, **{name: bytes(data) for name, data in spec.assets.items()}}
 
 
 def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes]:
     """Add `world.json`: the record, the sha256 of each file, and the world's hash over both."""
     fields = TypeAdapter(WorldRecord).dump_python(record, mode="json")
+    fields["zones"] = [shorten_zone(zone) for zone in fields["zones"]]
     fields["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
     fields["world_sha256"] = world_sha256(fields)
     return {**files, RECORD: (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()}
@@ -90,7 +104,9 @@ def open_bundle(folder: Path) -> World:
     """
     verify_world(folder)
     try:
-        record = TypeAdapter(WorldRecord).validate_json((folder / RECORD).read_bytes())
+        facts = json.loads((folder / RECORD).read_bytes())
+        facts["zones"] = [complete_zone(zone) for zone in facts["zones"]]
+        record = TypeAdapter(WorldRecord).validate_python(facts)
     except ValidationError as error:
         first = error.errors()[0]
         raise ArtifactError(f"{folder / RECORD}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
@@ -143,28 +159,8 @@ def _triangles(model: mujoco.MjModel, geoms: list[int]) -> np.ndarray:
     return np.concatenate(triangles)
 
 
-def placed_parts(model: mujoco.MjModel, group: int, T_world_mine: np.ndarray) -> list[np.ndarray]:
-    """Return the vertices (n, 3), m, of every mesh or box of a group, in the mine frame that `T_world_mine` states.
-
-    The pose of the model's body `mine` maps them to the world frame, and the inverse of `T_world_mine` (4, 4) maps them
-    back. If the two differ, the result differs from that of `part_vertices`.
-    """
-    T = mine_from_body(model, T_world_mine)
-    return [vertices @ T[:3, :3].T + T[:3, 3] for vertices in part_vertices(model, group)]
-
-
-def mine_from_body(model: mujoco.MjModel, T_world_mine: np.ndarray) -> np.ndarray:
-    """Return the pose (4, 4) of the model's body `mine` in the mine frame that `T_world_mine` (4, 4) states."""
-    body = model.body(MINE_BODY)
-    rotation = np.zeros(9)
-    mujoco.mju_quat2Mat(rotation, body.quat)
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), body.pos
-    return np.linalg.solve(T_world_mine, pose)
-
-
 def part_vertices(model: mujoco.MjModel, group: int) -> list[np.ndarray]:
-    """Return the vertices (n, 3), m, of every mesh or box of a group, in the frame of the model's body `mine`."""
+    """Return the vertices (n, 3), m, mine frame, of every mesh or box of a group, from the compiled model itself."""
     boxes = np.flatnonzero((model.geom_group == group) & (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX)).tolist()
     return [_mesh_vertices(model, geom) for geom in _mesh_geoms(model, group)] + [_box_corners(model, g) for g in boxes]
 

@@ -93,7 +93,7 @@ class MineScene:
 def tile_zones(zones: list[ZoneParams], world_m: tuple[float, float, float, float]) -> list[FloorZone]:
     """Divide a box (west, south, east, north; m) into zones from west to east, of equal length to 0.1 m."""
     west, south, east, north = world_m
-    edges = np.linspace(west, east, len(zones) + 1).round(1)
+    edges = np.linspace(west, east, len(zones) + 1).round(1)  # a half extent then has few enough digits for MJCF text
     return [
         FloorZone(
             **zone.model_dump(),
@@ -165,7 +165,6 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     """
     spec = mujoco.MjSpec()
     spec.modelname = scene.name
-    spec.compiler.savecompiled = False  # given values keep all digits; compiled ones keep six
     _set_view(spec, scene)
     mine = spec.worldbody.add_body(name=MINE_BODY)
     tilt = math.atan2(scene.T_world_mine[0, 2], scene.T_world_mine[0, 0])
@@ -223,9 +222,10 @@ def _add_rock_class(spec: mujoco.MjSpec, friction: float) -> None:
 
 def _add_rock(spec: mujoco.MjSpec, mine: mujoco.MjsBody, parts: ConvexParts) -> None:
     """Add each convex part as a mesh about its centre: MuJoCo stores mesh vertices in 32 bits, positions in 64."""
+    digits = max(0, 6 - math.ceil(math.log10(max(10.0, float(np.abs(parts.vertices).max()) * 1.1))))
     for i in range(len(parts)):
         vertices = parts[i]
-        centre = ((vertices.min(axis=0) + vertices.max(axis=0)) / 2).round(3)
+        centre = ((vertices.min(axis=0) + vertices.max(axis=0)) / 2).round(digits)
         name = rock_geom(i)
         spec.add_mesh(name=name, uservert=(vertices - centre).ravel().tolist())
         mine.add_geom(

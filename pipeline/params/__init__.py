@@ -1,1 +1,1 @@
-"""The stages' parameters: frozen schemas that reject what they do not know; units stand in the names."""
+"""The parameters of the stages: frozen schemas that reject unknown keys; names end in their units."""

@@ -1,4 +1,4 @@
-"""What all parameter schemas share."""
+"""The base of all parameter schemas, and the type of input paths."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict
 
 
 class Params(BaseModel):
-    """A frozen section of the configuration that refuses unknown keys and infinite numbers."""
+    """A frozen section of the configuration. Unknown keys, infinite numbers and NaN are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -17,7 +17,7 @@ class Params(BaseModel):
 def _inside_project(path: str) -> str:
     pure = PurePosixPath(path)
     if pure.is_absolute() or ".." in pure.parts or pure.parts[:1] != ("data",):
-        raise ValueError(f"{path!r} is not below data/ (inputs live there and are listed in data/registry.txt)")
+        raise ValueError(f"{path!r} is not below data/ (inputs must be there and listed in data/registry.txt)")
     return path
 
 

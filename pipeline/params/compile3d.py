@@ -1,4 +1,4 @@
-"""Stage 3: rock, collision parts, and where a robot can stand."""
+"""Stage 3: collision parts of the rock, occupancy and spawn."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ CollisionParams = Annotated[ExactParams | CoacdParams | VhacdParams, Field(discr
 
 
 class SpawnParams(Params):
-    """The entrance region, in which robots start."""
+    """The region around the entrance where robots start."""
 
     radius_m: float = Field(gt=0)
     clearance_m: float = Field(gt=0)

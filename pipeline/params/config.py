@@ -1,4 +1,4 @@
-"""The whole configuration: one section a stage."""
+"""The whole configuration, with one section for each stage."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.params.validation import ValidationParams
 
 
 class Config(Params):
-    """Everything a run depends on beside its inputs and its code."""
+    """Everything that a run depends on, except its inputs and its code."""
 
     survey: SurveyParams
     contours: ContoursParams

@@ -10,7 +10,7 @@ from pipeline.params.base import Params
 
 
 class NetworkParams(Params):
-    """How the drift network is traced."""
+    """Cells, shortest leg and stations of the drift network."""
 
     cell_m: float = Field(gt=0.02, le=2)
     min_leg_m: float = Field(ge=0, le=50)
@@ -26,9 +26,9 @@ class ContoursParams(Params):
     bridge_m: float = Field(ge=0, le=20)
     despeck_m: float = Field(ge=0, le=20)
     min_island_m2: float = Field(ge=0)
-    parts: Literal["largest", "spawn"] | list[tuple[float, float]] = "largest"
+    components: Literal["largest", "spawn"] | list[tuple[float, float]] = "largest"
     min_tunnel_m2: float = Field(gt=0)
     max_workings_share: float = Field(gt=0, lt=1)
-    tolerance_m: float | None = Field(ge=0, le=50, description="null: as coarse as keeps auto_iou")
+    tolerance_m: float | None = Field(ge=0, le=50, description="null: the largest that keeps auto_iou")
     auto_iou: float = Field(0.9925, gt=0.5, lt=1)
     network: NetworkParams

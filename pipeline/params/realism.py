@@ -1,4 +1,4 @@
-"""Stage 5: slope, ground and light."""
+"""Stage 5: tilt, floor zones and lights."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class ZoneParams(Params):
-    """One floor zone, whole: what it looks like and what it does to a robot; zones tile the floor from west to east."""
+    """A floor zone: its colour and its effect on a robot. Zones divide the floor from west to east."""
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
-    friction: float = Field(gt=0, le=2, description="sliding friction of any wheel on it")
-    command_scale: float = Field(gt=0, le=1, description="share of a commanded speed that the ground lets through")
-    speed_noise_mps: float = Field(ge=0, le=1, description="s.d. of the noise on the forward speed, each control step")
+    friction: float = Field(gt=0, le=2, description="sliding friction between floor and wheel")
+    command_scale: float = Field(gt=0, le=1, description="share of a commanded speed that the robot reaches")
+    speed_noise_mps: float = Field(
+        ge=0, le=1, description="s.d. of the noise on the forward speed in each control step"
+    )
     rgba: tuple[Share, Share, Share, Share]
 
 
@@ -33,7 +35,7 @@ class LightParams(Params):
 
 
 class RealismParams(Params):
-    """What is added to the compiled geometry to make the world bundle."""
+    """Tilt, floor, friction and lights of the world bundle."""
 
     tilt_deg: float = Field(ge=-30, le=30)
     entrance_length_m: float = Field(gt=0)

@@ -23,7 +23,7 @@ Deviations = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_leng
 
 
 class TextureParams(Params):
-    """The rock's colour picture, made from seeded noise."""
+    """The colour texture of the rock, made of seeded noise."""
 
     size_px: int = Field(ge=16, le=4096)
     repeat_m: float = Field(gt=0)
@@ -34,10 +34,10 @@ class TextureParams(Params):
 
 
 class SweepsParams(Params):
-    """Planar sweeps whose walls are measured; without files the project's own measurement of the dataset's is shown."""
+    """Planar sweeps whose walls are measured. Without files, the stored measurement of the dataset is used."""
 
-    files: dict[str, DataFile] = Field(description="sweep -> file")
-    measured: DataFile = Field(description="roughness of sweeps measured before (`python -m pipeline roughness`)")
+    files: dict[str, DataFile] = Field(description="name of a sweep -> file")
+    measured: DataFile = Field(description="stored roughness of sweeps (written by `python -m pipeline roughness`)")
     max_range_m: float = Field(gt=0)
     max_range_var_m2: float = Field(gt=0)
     max_gap_m: float = Field(gt=0)
@@ -61,7 +61,7 @@ class CloudParams(Params):
 
 
 class SpectrumParams(Params):
-    """The rock's noise: s.d. of half-octave bands at wavelengths; between them the logarithms are interpolated."""
+    """The noise of the rock: s.d. of half-octave bands at wavelengths, interpolated linearly in the logarithms."""
 
     wavelength_m: Lengths
     wall_sd_m: Deviations
@@ -77,7 +77,7 @@ class SpectrumParams(Params):
 
 
 class BoundsParams(Params):
-    """How far the rock may stand out."""
+    """Bounds on the displacement of the rock; see `pipeline.surface.displacement.Bounds`."""
 
     wall_m: float = Field(gt=0, le=1)
     roof_m: float = Field(gt=0, le=1)
@@ -95,23 +95,24 @@ class BoundsParams(Params):
 
 
 class RoughParams(Params):
-    """The rough surface, displaced by noise, over the smooth one."""
+    """The rough surface: its mesh, noise and bounds."""
 
     spacing_m: float = Field(ge=0.02, le=0.5)
     roof_spacing_m: float = Field(ge=0.02, le=0.5)
-    most_faces: int | None = Field(ge=10_000, description="more would be laid wider; null: as many as there are")
+    most_faces: int | None = Field(ge=10_000, description="above this both spacings are widened; null: no bound")
     arch_half_span_m: float = Field(gt=0)
     longest_wavelength_m: float = Field(gt=0.2, le=20)
     max_rms_m: float = Field(gt=0, le=0.5)
     modulation_m: float = Field(gt=0)
     modulation_spread: float = Field(ge=0, le=1)
     tile_m: float = Field(ge=2)
+    normals: bool = Field(False, description="write normals: chunks meet without a seam, a vertex costs 12 bytes more")
     seed: int = Field(ge=0)
     bounds: BoundsParams
 
 
 class SurfaceParams(Params):
-    """The smooth and the rough surface, the rock that the rough one copies, and the texture."""
+    """The smooth surface, the rough surface, its reference rock, and the texture."""
 
     floor_chamfer_m: float = Field(gt=0)
     roof_chamfer_m: float = Field(gt=0)

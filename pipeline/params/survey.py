@@ -1,4 +1,4 @@
-"""Stage 1: where the survey comes from and how its scale is known."""
+"""Stage 1: the source of the survey and of its scale."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Unit = Literal["m", "cm", "mm", "ft", "in"]
 
 
 class ScaleParams(Params):
-    """How metres are read off the plan."""
+    """The source of the plan's scale."""
 
     source: Literal["bar", "stated", "poses", "georeference"]
     bar_image: DataFile | None = None
@@ -42,7 +42,7 @@ class ScaleParams(Params):
 
 
 class PosesParams(Params):
-    """Surveyed scanner poses and their planar sweeps, from which a scale can be derived."""
+    """Surveyed scanner poses and their planar sweeps, which determine a scale."""
 
     file: DataFile
     sweeps: dict[str, DataFile] = Field(description="pose number -> sweep file")
@@ -59,7 +59,7 @@ class _SurveyParams(Params):
 
 
 class _ScaledParams(_SurveyParams):
-    """A survey whose picture says how long its metre is."""
+    """A survey that is a picture with a scale."""
 
     scale: ScaleParams
     resample_width_px: int | None = Field(None, ge=64, le=20000)
@@ -74,7 +74,7 @@ class _ScaledParams(_SurveyParams):
 
 
 class StationSurveyParams(_ScaledParams):
-    """A station survey, drawn as a plan and traced from the drawing, as a published plan is."""
+    """A station survey. It is drawn as a plan and traced like a published plan."""
 
     kind: Literal["stations"]
     stations: DataFile
@@ -85,58 +85,62 @@ class StationSurveyParams(_ScaledParams):
 
 
 class IgnoredColour(Params):
-    """A colour that is no workings: grid lines, water, notes."""
+    """A colour that does not show workings, such as grid lines, water or notes."""
 
     rgb: tuple[Grey, Grey, Grey]
-    within: int = Field(30, ge=0, le=255, description="largest difference in any channel")
+    within: int = Field(30, ge=0, le=255, description="largest difference in a channel")
 
 
 class PlanSurveyParams(_ScaledParams):
-    """A plan image: PNG, JPEG, TIFF or a page of a PDF; cropped, turned, dark or light, filled or drawn as lines."""
+    """A plan image: PNG, JPEG, TIFF or a page of a PDF. Workings are filled, or drawn as lines."""
 
     kind: Literal["plan"]
     image: DataFile
     origin_px: tuple[float, float] | None = Field(
-        None, description="pixel (col, row) whose centre is the mine's origin; of the cropped and turned picture"
+        None, description="pixel (col, row) of the cropped and turned picture whose centre is the mine's origin"
     )
     max_megapixels: float = Field(gt=0)
-    page: int = Field(1, ge=1, description="of a PDF")
-    dpi: float = Field(200.0, ge=36, le=1200, description="at which a PDF's page is drawn")
-    crop_px: BoxPx | None = Field(None, description="col0, row0, col1, row1 of the picture as it is")
+    page: int = Field(1, ge=1, description="page of a PDF")
+    dpi: float = Field(200.0, ge=36, le=1200, description="resolution of a PDF's page")
+    crop_px: BoxPx | None = Field(None, description="col0, row0, col1, row1 in the original picture")
     turn_deg: float = Field(0.0, ge=-180, le=180, description="counter-clockwise, after cropping")
     light_on_dark: bool = False
     ignore_colours: list[IgnoredColour] = Field(default_factory=list)
-    line_drawing: bool = Field(False, description="walls are drawn as lines; what they enclose is the workings")
-    seeds_px: list[tuple[float, float]] = Field(default_factory=list, description="inside workings drawn as lines")
-    wall_gap_px: float = Field(3.0, ge=0, le=200, description="gaps in drawn walls up to this are closed")
+    line_drawing: bool = Field(False, description="walls are drawn as lines that enclose the workings")
+    seeds_px: list[tuple[float, float]] = Field(
+        default_factory=list, description="places (col, row) inside workings drawn as lines"
+    )
+    wall_gap_px: float = Field(3.0, ge=0, le=200, description="gaps in drawn walls up to this width are closed")
 
 
 class _DrawnParams(_SurveyParams):
-    """A survey that has metres of its own: it stays as it is and is drawn for the pictures and the IoU only."""
+    """A survey in metres. Its workings stay vectors; a drawing serves only the pictures and the IoU."""
 
     px_per_m: float | None = Field(
-        default=None, gt=0, le=100, description="null: as fine as 8 px/m or 6,000 px a side allow"
+        default=None, gt=0, le=100, description="null: 8 px/m, less if a side would exceed 6,000 px"
     )
     margin_m: float = Field(default=6.0, ge=1, le=100)
     drawing_grey: Grey = 40
 
 
 class VectorSurveyParams(_DrawnParams):
-    """Workings as polygons or walls as lines: DXF, GeoJSON, GeoPackage, Shapefile."""
+    """A vector file with workings as polygons or walls as lines: DXF, GeoJSON, GeoPackage, Shapefile."""
 
     kind: Literal["vector"]
     file: DataFile
     layers: list[str] | None = Field(default=None, description="null: all")
-    unit: Unit | None = Field(default=None, description="null: what the file says")
+    unit: Unit | None = Field(default=None, description="null: the unit that the file states")
     origin: PointM | None = Field(
-        None, description="of the mine frame in the file's coordinates; null: chosen if needed"
+        None, description="the mine frame's origin in the file's coordinates; null: chosen if needed"
     )
-    snap_m: float = Field(default=0.25, ge=0, le=10, description="walls whose ends are nearer than this are joined")
-    seeds_m: list[PointM] = Field(default_factory=list, description="inside the workings; null: what walls enclose")
+    snap_m: float = Field(default=0.25, ge=0, le=10, description="open ends of walls nearer than this are joined")
+    seeds_m: list[PointM] = Field(
+        default_factory=list, description="places inside the workings; none: the workings are what the walls enclose"
+    )
 
 
 class PassageSurveyParams(_DrawnParams):
-    """Stations with the distances to their walls, kept as vectors: our CSV, Survex .svx, Compass .plt of Therion."""
+    """Stations with the distances to their walls: the project's CSV, Survex .svx, Compass .plt from Therion."""
 
     kind: Literal["passages"]
     file: DataFile
@@ -144,7 +148,7 @@ class PassageSurveyParams(_DrawnParams):
 
 
 class GridSurveyParams(_SurveyParams):
-    """A ROS occupancy grid: `map.yaml` and its picture."""
+    """A ROS occupancy grid: `map.yaml` and its image."""
 
     kind: Literal["grid"]
     map: DataFile
@@ -152,35 +156,37 @@ class GridSurveyParams(_SurveyParams):
 
 
 class MineParams(Params):
-    """What a generated mine looks like; a style uses those of the last three that it knows."""
+    """The shape of a procedural mine; the last three parameters apply to the styles in their descriptions."""
 
     style: Literal["room_and_pillar", "drift_and_crosscut", "ramp", "cave"]
     size_m: Range
     width_m: Range
-    loops: Share = Field(description="share of the crosscuts beyond a tree that are driven")
-    dead_ends: Share = Field(description="share of the places that may end blind that do")
+    loops: Share = Field(description="share of the crosscuts driven in addition to a spanning tree")
+    dead_ends: Share = Field(description="share of the possible dead ends that stay dead ends")
     pillar_m: float = Field(ge=3, le=50, description="room_and_pillar")
     spacing_m: float = Field(ge=10, le=100, description="drift_and_crosscut, ramp")
     wander: Share = Field(description="cave")
 
 
 class ProceduralSurveyParams(_DrawnParams):
-    """A mine that was never dug, drawn from a seed."""
+    """A procedural mine, generated from a seed."""
 
     kind: Literal["procedural"]
     seed: int = Field(ge=0)
     mine: MineParams
-    rib_noise_m: float = Field(0.15, ge=0, le=1, description="standard deviation of the ribs about their lines")
+    rib_noise_m: float = Field(0.15, ge=0, le=1, description="standard deviation of the walls about their lines")
 
 
 class VariantSurveyParams(_DrawnParams):
-    """Another mine's workings as a survey of limited accuracy could have told them."""
+    """A random variant of another mine's workings, within the errors of a survey."""
 
     kind: Literal["variant"]
     workings: DataFile = Field(description="free_space.geojson or workings.geojson of the mine")
     seed: int = Field(ge=0)
-    station_sd_m: float = Field(0.3, ge=0, le=5, description="of a place, correlated over the reach")
-    width_sd_m: float = Field(0.1, ge=0, le=1, description="of each rib's offset, correlated over the reach")
+    station_sd_m: float = Field(
+        0.3, ge=0, le=5, description="s.d. of each coordinate of a place, correlated over reach_m"
+    )
+    width_sd_m: float = Field(0.1, ge=0, le=1, description="s.d. of the offset of all walls, drawn once")
     reach_m: float = Field(20.0, gt=0, le=500)
 
 

@@ -1,4 +1,4 @@
-"""Stage 6: what is measured and within which limits it must lie."""
+"""Stage 6: measurements and their limits."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ class Limit(Params):
         return self
 
     def holds(self, value: float) -> bool:
-        """Say whether a value lies within; one that is not a number does not."""
+        """Return whether a value is within the limit; NaN is not."""
         return (self.min is None or value >= self.min) and (self.max is None or value <= self.max)
 
 
 class TextureReportParams(Params):
-    """How the rock's texture is sampled: evenly by area in stretches of the workings, and the paper's added noise."""
+    """Sampling of the rock's texture, evenly by area in stretches of the workings, with the paper's added noise."""
 
     wall_points: int = Field(ge=1000, le=20_000_000)
     roof_points: int = Field(ge=1000, le=20_000_000)
-    points_per_m2: float = Field(gt=0, description="upper bound; small mines need fewer points")
+    points_per_m2: float = Field(gt=0, description="upper bound on the density; small mines need fewer points")
     stretches: int = Field(ge=1, le=200)
     stretch_radius_m: float = Field(gt=0)
     wall_z_m: tuple[float, float]
@@ -42,7 +42,7 @@ class TextureReportParams(Params):
 
 
 class ReplayParams(Params):
-    """Real sweeps to be replayed in the world, the search that places them, and which returns count."""
+    """Real sweeps to replay in the world, the search for their poses, and the returns that are compared."""
 
     poses: DataFile | None
     sweeps: dict[str, DataFile] = Field(description="pose number -> sweep file")
@@ -65,25 +65,24 @@ class ReplayParams(Params):
 
 
 class CertificateParams(Params):
-    """How containment is proved: a robot's radius, the grid of distance queries, how many contacts, and the clauses."""
+    """The proof of containment: robot radius, grid of distance queries, number of contacts, and clauses."""
 
     robot_radius_m: float = Field(gt=0, le=5)
     cell_m: float = Field(gt=0.02, le=1)
-    contacts: int = Field(ge=0, description="robot steps in touch with rock; 0 leaves the stress test out")
+    contacts: int = Field(ge=0, description="robot steps in contact with rock; 0: no stress test")
     seed: int = Field(ge=0)
-    limits: dict[str, Limit] = Field(description="clauses by the figure's name")
+    limits: dict[str, Limit] = Field(description="limit of each figure, by the figure's name")
 
 
 class ValidationParams(Params):
-    """Limits by metric name and how networks are traced.
+    """Limits by metric, and how networks are traced and surfaces sampled.
 
-    In `conf/` the limits are nested as the metrics are, and null says that there is none; here a name joins its groups
-    by dots.
+    In `conf/` the limits are nested like the metrics, and null means no limit. Here, dots join the nested names.
     """
 
     network_cell_m: float = Field(gt=0.02, le=2)
     network_min_leg_m: float = Field(ge=0, le=50)
-    robot_height_m: float = Field(gt=0, description="at which LiDAR and walls are compared")
+    robot_height_m: float = Field(gt=0, description="height at which LiDAR and walls are compared")
     texture: TextureReportParams
     replay: ReplayParams
     certificate: CertificateParams

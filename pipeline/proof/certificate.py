@@ -1,7 +1,4 @@
-"""The containment certificate: proof, clause by clause, that a bundle's collision geometry encloses the workings.
-
-The shapes come from the compiled model. They are sliced in the mine frame that `world.json` states.
-"""
+"""The containment certificate: proof, clause by clause, that a bundle's collision geometry encloses the workings."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ import shapely
 from minexplore.bundle import GeomGroup
 from pipeline.metrics.containment import cover_walls, open_area_m2
 from pipeline.metrics.reach import compare_reach, reached_cells, start_cell
-from pipeline.mjcf.bundle import World, mine_from_body, placed_parts
+from pipeline.mjcf.bundle import World, part_vertices
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
 from pipeline.proof.stress_test import Progress, stress_walls
@@ -26,7 +23,6 @@ from pipeline.types import Frame, FreeSpace
 
 _SLICES_M = (0.05, 0.5, 1.0)  # one more slice is just below the roof
 _LEVEL_M = 1e-3
-_UPRIGHT = 1e-6  # rad: an error of half a millimetre at the far end of the longest slab
 _MARGIN_M = 4.0  # grid beyond the workings, within the rock's box in plan, so that a leak is visible
 _PROBE_HEIGHT_M = 0.35
 _COMPARED_M = 0.25  # clearances are compared up to the robot's radius plus this
@@ -77,14 +73,12 @@ def measure_containment(
         Wraps the indices of the rounds of throws, as `tqdm.tqdm` does.
     """
     record, free = world.record, free_space.polygon
-    T_world_mine = np.array(record.T_world_mine)
-    parts = placed_parts(world.model, GeomGroup.COLLISION, T_world_mine)
+    parts = part_vertices(world.model, GeomGroup.COLLISION)
     box = shapely.box(*record.world_m)
     figures: dict[str, Any] = vars(cover_walls(parts, free, box, (*_SLICES_M, record.height_m - 0.05))).copy()
     figures["rock_round_m"] = round(float(free.distance(box.exterior)) if box.contains(free) else 0.0, 3)
-    figures["floor_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.FLOOR, T_world_mine, 0.0, top=True), free)
-    roof = _slabs(world.model, GeomGroup.ROOF, T_world_mine, record.height_m, top=False)
-    figures["roof_open_m2"] = open_area_m2(roof, free)
+    figures["floor_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.FLOOR, 0.0, top=True), free)
+    figures["roof_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.ROOF, record.height_m, top=False), free)
     figures |= _reach(folder, world, free_space, params, network)
     if params.contacts:
         borders = [zone.east_m for zone in record.zones[:-1]]
@@ -93,20 +87,15 @@ def measure_containment(
     return figures
 
 
-def _slabs(
-    model: mujoco.MjModel, group: int, T_world_mine: np.ndarray, level_m: float, top: bool
-) -> list[tuple[float, float, float, float]]:
-    """Return the boxes (west, south, east, north) m of a group whose top face (or bottom face) lies at a level."""
-    slabs = []
-    T = mine_from_body(model, T_world_mine)
-    rotation = np.zeros(9)
+def _slabs(model: mujoco.MjModel, group: int, level_m: float, top: bool) -> list[tuple[float, float, float, float]]:
+    """Return the boxes (west, south, east, north) m of a group whose upper, or lower, face lies at a level."""
+    found = []
     for geom in np.flatnonzero((model.geom_group == group) & (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX)):
-        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
-        upright = np.allclose(T[:3, :3] @ rotation.reshape(3, 3), np.eye(3), atol=_UPRIGHT)
-        (x, y, z), (a, b, c) = T[:3, :3] @ model.geom_pos[geom] + T[:3, 3], model.geom_size[geom]
-        if upright and abs(z + (c if top else -c) - level_m) < _LEVEL_M:
-            slabs.append((x - a, y - b, x + a, y + b))
-    return slabs
+        (x, y, z), (a, b, c) = model.geom_pos[geom], model.geom_size[geom]
+        level = np.allclose(model.geom_quat[geom], [1, 0, 0, 0])
+        if level and abs(z + (c if top else -c) - level_m) < _LEVEL_M:
+            found.append((x - a, y - b, x + a, y + b))
+    return found
 
 
 def _reach(

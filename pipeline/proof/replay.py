@@ -1,4 +1,4 @@
-"""LiDAR replay: real sweeps laid into a world, their bearings cast in its model, and the ranges compared."""
+"""LiDAR replay: place real sweeps in a world, cast their bearings in its model, and compare the ranges."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pipeline.survey.poses import Returns, SurveyedPose, gate_returns, read_pose
 _NEAR_M, _FAR_M = 0.25, 0.5
 _NEIGHBOUR_RAD = math.radians(1.0)
 _LEAST_HEIGHTS = 3
-_MISS_M = 100.0  # a ray that meets nothing errs by this much
+_MISS_M = 100.0  # error of a ray that hits nothing
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class RangeErrors:
 
 @dataclass(frozen=True)
 class SweepReplay:
-    """One sweep: what was gated and why, where it was taken, its own correction, and its errors on both walls.
+    """One sweep: the returns that each gate removed, its pose and correction, and its errors against both walls.
 
-    `collision` are errors against what a robot hits, `visible` against what its LiDAR sees (the rough surface), and
-    `every_return_median_m` against the collision walls with no gate but the registration's.
+    `collision` are errors against the collision walls, `visible` against the rough surface. `every_return_median_m` is
+    against the collision walls, with the gates of the registration only.
     """
 
     returns: int
@@ -115,21 +115,67 @@ def replay_sweeps(world: World, free: Polygon, poses: Path, sweeps: dict[str, Pa
         If a file cannot be read, a sweep has no pose, or no placement puts the poses into the workings.
     """
     surveyed = read_poses(poses)
-    everything = {name: read_returns(path) for name, path in sweeps.items()}
-    require_poses(surveyed, everything)
-    laid = {
-        name: gate_returns(sweeps[name], returns, params.register_range_m, params.max_range_var_m2)
-        for name, returns in everything.items()
-    }
-    static = {name: _static(returns, params) for name, returns in everything.items()}
-    for name, (kept, gated) in static.items():
-        if not len(kept.range_m):
-            raise InputError(f"{sweeps[name]}: no return passes the gates ({gated})")
-    hit = RayCaster(geom_triangles(world.model, GeomGroup.COLLISION))
-    seen = RayCaster(visible_triangles(world.model, WALLS))
+    returns = {name: read_returns(path) for name, path in sweeps.items()}
+    require_poses(surveyed, returns)
+    gated = {name: _gate(sweeps[name], each, params) for name, each in returns.items()}
+    collision = RayCaster(geom_triangles(world.model, GeomGroup.COLLISION))
+    visible = RayCaster(visible_triangles(world.model, WALLS))
+    registration = _register(poses, surveyed, gated, collision, free, params)
+    reports, points, errors = {}, {}, {}
+    for name, pose in registration.poses.items():
+        reports[name], errors[name] = _compare(
+            sweeps[name],
+            len(returns[name].range_m),
+            gated[name],
+            pose,
+            registration.corrections[name],
+            (collision, visible),
+            world,
+            params.sensor_height_m,
+        )
+        points[name] = _points(gated[name].registered, pose)
+    return Replay(_report(registration, reports, surveyed, world, params), points, errors)
+
+
+@dataclass(frozen=True)
+class _GatedReturns:
+    """The returns that place a scan, those that count for the errors, and how many each rule removed from these."""
+
+    registered: Returns
+    counted: Returns
+    removed: dict[str, int]
+
+
+def _gate(sweep: Path, returns: Returns, params: ReplayParams) -> _GatedReturns:
+    """Gate the returns of one sweep.
+
+    Raises
+    ------
+    InputError
+        If no return is left.
+    """
+    registered = gate_returns(sweep, returns, params.register_range_m, params.max_range_var_m2)
+    counted, removed = _static(returns, params)
+    if not len(counted.range_m):
+        raise InputError(f"{sweep}: no return passes the gates ({removed})")
+    return _GatedReturns(registered, counted, removed)
+
+
+def _register(
+    poses: Path,
+    surveyed: dict[str, SurveyedPose],
+    gated: dict[str, _GatedReturns],
+    collision: RayCaster,
+    free: Polygon,
+    params: ReplayParams,
+) -> Registration:
+    """Place the surveyed poses in the mine by their returns and the collision walls."""
 
     def cast(places: np.ndarray, bearings: np.ndarray) -> np.ndarray:
-        return hit.fan(places, bearings, params.sensor_height_m)
+        return collision.fan(places, bearings, params.sensor_height_m)
+
+    def inside(places: np.ndarray) -> np.ndarray:
+        return shapely.contains_xy(free, places[:, 0], places[:, 1])
 
     search = Search(
         params.scale,
@@ -138,41 +184,55 @@ def replay_sweeps(world: World, free: Polygon, poses: Path, sweeps: dict[str, Pa
         params.correction_m,
         math.radians(params.correction_deg),
     )
+    coarse = {name: each.registered.fan for name, each in gated.items()}
+    fine = {name: each.counted.fan for name, each in gated.items()}
     try:
-        found = register_scans(
-            {name: surveyed[name].planar for name in laid}, {name: r.fan for name, r in laid.items()}, cast,
-            lambda places: shapely.contains_xy(free, places[:, 0], places[:, 1]), search,
-            {name: kept.fan for name, (kept, _) in static.items()},
-        )  # fmt: skip
+        return register_scans({name: surveyed[name].planar for name in gated}, coarse, cast, inside, search, fine)
     except GeometryError as error:
         raise InputError(f"{poses}: {error}") from error
-    reports, points, errors = {}, {}, {}
-    for name, pose in found.poses.items():
-        place, heading = np.array([pose[:2]]), pose[2]
 
-        def error_of(caster: RayCaster, of: Returns, place: np.ndarray = place, heading: float = heading) -> np.ndarray:
-            return caster.fan(place, (heading + of.bearing)[None], params.sensor_height_m)[0] - of.range_m
 
-        kept, gated = static[name]
-        within = _inside_frame(kept, pose, world)
-        kept, gated = kept.kept(within), {**gated, "beyond_the_frame": int((~within).sum())}
-        if not len(kept.range_m):
-            raise InputError(f"{sweeps[name]}: no return passes the gates ({gated})")
-        dx, dy, dturn = found.corrections[name]
-        reports[name] = SweepReplay(
-            returns=len(everything[name].range_m),
-            used=len(kept.range_m),
-            gated=gated,
-            pose_m=(round(pose[0], 3), round(pose[1], 3), round(heading, 5)),
-            correction_m=(round(dx, 3), round(dy, 3)),
-            correction_deg=round(math.degrees(dturn), 3),
-            collision=_errors(error_of(hit, kept)),
-            visible=_errors(error_of(seen, kept)),
-            every_return_median_m=round(float(np.median(np.abs(error_of(hit, laid[name])))), 4),
-        )
-        points[name] = _points(laid[name], pose)
-        errors[name] = error_of(hit, kept)
-    return Replay(_report(found, reports, surveyed, world, params), points, errors)
+def _compare(
+    sweep: Path,
+    returns: int,
+    gated: _GatedReturns,
+    pose: Pose,
+    correction: Pose,
+    walls: tuple[RayCaster, RayCaster],
+    world: World,
+    sensor_height_m: float,
+) -> tuple[SweepReplay, np.ndarray]:
+    """Compare one placed sweep with the collision and the visible walls; return its report and collision errors, m.
+
+    Raises
+    ------
+    InputError
+        If no counted return lies within the plan's frame.
+    """
+
+    def errors_against(caster: RayCaster, some: Returns) -> np.ndarray:
+        return caster.fan(np.array([pose[:2]]), (pose[2] + some.bearing)[None], sensor_height_m)[0] - some.range_m
+
+    within = _inside_frame(gated.counted, pose, world)
+    counted = gated.counted.kept(within)
+    removed = {**gated.removed, "beyond_the_frame": int((~within).sum())}
+    if not len(counted.range_m):
+        raise InputError(f"{sweep}: no return passes the gates ({removed})")
+    collision, visible = walls
+    errors = errors_against(collision, counted)
+    dx, dy, dturn = correction
+    report = SweepReplay(
+        returns=returns,
+        used=len(counted.range_m),
+        gated=removed,
+        pose_m=(round(pose[0], 3), round(pose[1], 3), round(pose[2], 5)),
+        correction_m=(round(dx, 3), round(dy, 3)),
+        correction_deg=round(math.degrees(dturn), 3),
+        collision=_errors(errors),
+        visible=_errors(errors_against(visible, counted)),
+        every_return_median_m=round(float(np.median(np.abs(errors_against(collision, gated.registered)))), 4),
+    )
+    return report, errors
 
 
 def _static(returns: Returns, params: ReplayParams) -> tuple[Returns, dict[str, int]]:

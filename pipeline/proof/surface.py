@@ -95,10 +95,15 @@ def report_texture(
             roof_unevenness_m(rock.roof),
             float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0,
             _heat(rock.everywhere),
-            published_score(REAL, flat.as_paper),
-            strict_score(REAL, flat.as_is),
+            _short(published_score(REAL, flat.as_paper)),
+            _short(strict_score(REAL, flat.as_is)),
         )
     )
+
+
+def _short(scores: Scores) -> Scores:
+    """Return scores of four decimals: angles between normals of a plane are rounding errors that no machine repeats."""
+    return Scores({k: round(v, 4) for k, v in scores.axes.items()}, round(scores.overall, 4))
 
 
 def _quarter(params: TextureReportParams) -> TextureReportParams:
@@ -148,8 +153,7 @@ def texture_metrics(report: TextureReport) -> dict[str, Any]:
         **rounded,
         **measured,
         "flat_walls": {
-            kind: {k: round(v, 4) for k, v in scores.axes.items()}
-            for kind, scores in (("published", report.flat), ("strict", report.flat_strict))
+            kind: scores.axes for kind, scores in (("published", report.flat), ("strict", report.flat_strict))
         },
         # A mean over voxels and a mean over points differ. `bump_ratio` uses the mean of the voxels' RMS residuals, as
         # the published bump Rq does: every voxel counts once, even one that holds only a smooth edge of the wall.

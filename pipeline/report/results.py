@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
 from pipeline.metrics.published import PAPER
-from pipeline.metrics.texture import AXES, WINDOWS_M, is_uninformative
+from pipeline.metrics.texture import WINDOWS_M, is_uninformative
 from pipeline.params.validation import Limit, ValidationParams
 from pipeline.store.files import write_atomically
 from pipeline.store.manifest import read_manifest
@@ -154,7 +154,7 @@ def shrink_picture(source: Path) -> bytes:
 def flat_walls_note(metrics: Mapping[str, Any], name: str) -> str:
     """Return a remark with the score of flat walls for a texture score; an empty text for other metrics."""
     flat = metrics.get(name.replace("texture.", "texture.flat_walls.", 1))
-    if flat is None or name.rpartition(".")[2] not in AXES or ".flat_walls." in name:
+    if flat is None or not name.startswith("texture.") or ".flat_walls." in name:
         return ""
     return f" (flat walls {flat:.3f}{': uninformative' if is_uninformative(flat) else ''})"
 

@@ -1,1 +1,1 @@
-"""Files with proof: hashes, manifests, the input registry and the codecs of every artifact."""
+"""Artifacts on disk: codecs, hashes, manifests, and the registry of inputs."""

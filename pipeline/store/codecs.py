@@ -1,4 +1,4 @@
-"""How every kind of artifact is written and read: the file's ending and the value's type decide, never pickle."""
+"""Write and read artifacts; suffix and type choose the format. Pickle is never used."""
 
 from __future__ import annotations
 
@@ -21,16 +21,29 @@ from pipeline.errors import ArtifactError
 from pipeline.types import Areas, Frame, FreeSpace, Mask, Mesh, Workings
 
 _UNREADABLE = (
-    ValueError, KeyError, TypeError, OSError, EOFError,
-    ValidationError, cv2.error, zipfile.BadZipFile, shapely.GEOSException,
-)  # fmt: skip
+    ValueError,
+    KeyError,
+    TypeError,
+    OSError,
+    EOFError,
+    ValidationError,
+    cv2.error,
+    zipfile.BadZipFile,
+    shapely.GEOSException,
+)
 
 Meshes = dict[str, Mesh]
 Bundle = dict[str, bytes]
 
 
 def encode(path: Path, value: Any) -> bytes:
-    """Return the bytes that `path`'s ending asks for."""
+    """Return a value as bytes in the format of `path`'s suffix.
+
+    Raises
+    ------
+    ArtifactError
+        If no codec writes the suffix, or OpenCV cannot encode a picture.
+    """
     if isinstance(value, bytes):
         return value
     if isinstance(value, str):
@@ -55,7 +68,7 @@ def decode(path: Path, kind: Any) -> Any:
     Raises
     ------
     ArtifactError
-        If the file is missing or not of its kind; the message names the file.
+        If the file is missing or is not a `kind`; the message names the file.
     """
     if not path.exists():
         raise ArtifactError(f"{path}: missing; run the stage that writes it (`dvc dag` shows which), or `make all`")

@@ -1,4 +1,4 @@
-"""Files and folders that appear whole or not at all."""
+"""Write files and folders atomically: completely or not at all."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def _disk_errors(path: Path) -> Iterator[None]:
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file beside its place and rename it there.
+    """Write a file under a temporary name in its folder, then rename it.
 
     Raises
     ------
     ArtifactError
-        If the disk is full or the place cannot be written.
+        If the disk is full or the file cannot be written.
     """
     partial = path.with_name(f".{path.name}.partial")
     with _disk_errors(path):
@@ -43,17 +43,17 @@ def write_atomically(path: Path, data: bytes) -> None:
 
 
 def replace_folder(folder: Path, files: dict[str, bytes]) -> None:
-    """Replace a folder by the given files: all of them, or the folder stays as it was.
+    """Replace a folder by one with the given files, completely or not at all.
 
-    The new folder is written beside the old one and the two change names; what a killed run leaves behind is put
-    right by `recover_folder`.
+    The new folder is written next to the old one and takes its name. `recover_folder` repairs the state that a killed
+    run leaves.
 
     Raises
     ------
     ArtifactError
-        If the disk is full or the place cannot be written; the old folder is then untouched.
+        If the disk is full or the folder cannot be written; the old folder is then unchanged.
     """
-    partial, old = _beside(folder, "partial"), _beside(folder, "old")
+    partial, old = _hidden_sibling(folder, "partial"), _hidden_sibling(folder, "old")
     with _disk_errors(folder):
         recover_folder(folder)
         try:
@@ -70,15 +70,15 @@ def replace_folder(folder: Path, files: dict[str, bytes]) -> None:
 
 
 def recover_folder(folder: Path) -> None:
-    """Undo what a killed `replace_folder` left: drop the half-written folder, give a folder set aside its name back."""
-    shutil.rmtree(_beside(folder, "partial"), ignore_errors=True)
-    old = _beside(folder, "old")
+    """Undo a killed `replace_folder`: delete the partial folder, and give a renamed old folder its name back."""
+    shutil.rmtree(_hidden_sibling(folder, "partial"), ignore_errors=True)
+    old = _hidden_sibling(folder, "old")
     if old.exists() and not folder.exists():
         old.rename(folder)
     shutil.rmtree(old, ignore_errors=True)
 
 
-def _beside(folder: Path, state: str) -> Path:
+def _hidden_sibling(folder: Path, state: str) -> Path:
     return folder.with_name(f".{folder.name}.{state}")
 
 

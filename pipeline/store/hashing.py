@@ -30,41 +30,41 @@ def sha256_file(path: Path) -> str:
 
 
 def sha256_named(hashes: dict[str, str]) -> str:
-    """Return one hash for a set of named hashes: sha256 over its sorted lines `sha256  name`, as sha256sum prints."""
+    """Return the sha256 of the sorted lines `sha256  name`, in the format of sha256sum."""
     return sha256_bytes("".join(f"{digest}  {name}\n" for name, digest in sorted(hashes.items())).encode())
 
 
 def import_closure(module_file: Path, root: Path) -> list[Path]:
-    """List a module's own source and that of every project module it imports, directly or not.
+    """List the sources of a module and of every project module that it imports, directly or indirectly.
 
-    Imports inside functions count too; packages count by their `__init__.py`.
+    Imports inside functions and the `__init__.py` of packages are included.
 
     Parameters
     ----------
     module_file : Path
         A Python file below `root`.
     root : Path
-        The project; modules found elsewhere are not followed.
+        The project's folder; modules outside it are ignored.
 
     Returns
     -------
     list of Path
         Relative to `root`, sorted.
     """
-    found: set[Path] = set()
+    closure: set[Path] = set()
     queue = [module_file.relative_to(root)]
     while queue:
         source = queue.pop()
-        if source in found:
+        if source in closure:
             continue
-        found.add(source)
+        closure.add(source)
         queue += [p / "__init__.py" for p in source.parents if (root / p / "__init__.py").is_file()]
         for name in _imported_names((root / source).read_text()):
             parts = name.split(".")
             for depth in range(1, len(parts) + 1):
                 stem = Path(*parts[:depth])
                 queue += [p for p in (stem.with_suffix(".py"), stem / "__init__.py") if (root / p).is_file()]
-    return sorted(found)
+    return sorted(closure)
 
 
 def _imported_names(source: str) -> set[str]:

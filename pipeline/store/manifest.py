@@ -1,4 +1,4 @@
-"""A stage's manifest: what went in, what came out, with which parameters and which code."""
+"""A stage's manifest: the hashes of its inputs, outputs and code, and its parameters."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Manifest:
 
 
 def code_sha256(stage: str, root: Path) -> str:
-    """Return one hash for the stage's declaration and everything of the project that it imports."""
+    """Return one hash of the stage's declaration and all project modules that it imports."""
     closure = import_closure(root / "stages" / f"{stage}.py", root)
     return sha256_named({path.as_posix(): sha256_file(root / path) for path in closure})
 
@@ -42,7 +42,7 @@ def read_manifest(path: Path) -> Manifest:
     Raises
     ------
     ArtifactError
-        If it is missing or not a manifest.
+        If the file is missing or is not a manifest.
     """
     try:
         return TypeAdapter(Manifest).validate_json(path.read_bytes())

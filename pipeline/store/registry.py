@@ -1,4 +1,4 @@
-"""The registry of inputs: each file's sha256, size, origin and licence, one line each, checked before use."""
+"""The registry of inputs: sha256, size, origin and licence of each file, checked before use."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def read_registry(path: Path = REGISTRY) -> dict[str, Entry]:
     Raises
     ------
     InputError
-        If the file is missing or a line has another form.
+        If the file is missing or a line is malformed.
     """
     if not path.is_file():
         raise InputError(f"{path}: missing; run from the project's root")
@@ -38,7 +38,7 @@ def read_registry(path: Path = REGISTRY) -> dict[str, Entry]:
             continue
         fields = line.split("\t")
         if len(fields) != 5 or len(fields[1]) != 64 or not fields[2].isdigit():
-            raise InputError(f"{path}:{number}: want name, sha256, bytes, origin, licence separated by tabs")
+            raise InputError(f"{path}:{number}: want name, sha256, bytes, origin and licence, separated by tabs")
         entries[fields[0]] = Entry(fields[0], fields[1], int(fields[2]), fields[3], fields[4])
     return entries
 
@@ -49,7 +49,7 @@ def verify_input(path: Path, entries: dict[str, Entry]) -> str:
     Raises
     ------
     InputError
-        If the file is missing, unregistered, or not the registered one; the message says what to do.
+        If the file is missing, unregistered or changed; the message gives the remedy.
     """
     name = path.relative_to("data").as_posix()
     entry = entries.get(name)
@@ -68,22 +68,29 @@ def verify_input(path: Path, entries: dict[str, Entry]) -> str:
 
 
 def register(path: Path, origin: str, licence: str) -> Entry:
-    """Append a file below `data/` to the registry, or refuse if its name stands there with another hash."""
+    """Append a file below `data/` to the registry.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, is not below `data/`, or is registered with another sha256, or if a text holds a tab or
+        line break.
+    """
     try:
         name = path.relative_to("data").as_posix()
     except ValueError:
-        raise InputError(f"{path}: inputs live below data/; copy it there first") from None
+        raise InputError(f"{path}: inputs must be below data/; copy it there first") from None
     if not path.is_file():
         raise InputError(f"{path}: missing")
     if any("\t" in text or "\n" in text for text in (name, origin, licence)):
         raise InputError(f"{path}: a name, origin or licence with a tab or line break cannot be registered")
     entry = Entry(name, sha256_file(path), path.stat().st_size, origin, licence)
-    known = read_registry().get(name)
-    if known is not None and known.sha256 != entry.sha256:
+    registered = read_registry().get(name)
+    if registered is not None and registered.sha256 != entry.sha256:
         raise InputError(
-            f"{path}: registered with sha256 {known.sha256}, the file has {entry.sha256}; remove that line first"
+            f"{path}: registered with sha256 {registered.sha256}, the file has {entry.sha256}; remove that line first"
         )
-    if known is None:
+    if registered is None:
         with REGISTRY.open("a") as stream:
             stream.write("\t".join([name, entry.sha256, str(entry.bytes), origin, licence]) + "\n")
     return entry

@@ -1,4 +1,4 @@
-"""Walk the chain of manifests from the survey to the world and name the first broken link."""
+"""Check the chain of manifests from the survey to the world; name the first link that fails."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ _UNLISTED = {"artifacts/validation/mutants.json", "artifacts/validation/timings.
 
 
 def verify_chain(root: Path) -> int:
-    """Check every link: inputs, parameters, code, stage to stage, and the world bundle's own hashes.
+    """Check every link: inputs, parameters, code, the outputs that later stages read, and the hashes of the bundle.
 
     Parameters
     ----------
     root : Path
-        The project; `dvc.yaml` says which stage reads what.
+        The project's folder; its `dvc.yaml` lists what each stage reads.
 
     Returns
     -------
     int
-        How many files were checked.
+        The number of checked files.
 
     Raises
     ------
     ArtifactError, InputError
-        Naming the first link that does not hold.
+        The message names the first link that fails.
     """
     stages, artifacts = _read_yaml(root / "dvc.yaml")["stages"], root / "artifacts"
     registry, params = read_registry(), _read_yaml(artifacts / "params.yaml")
@@ -43,9 +43,9 @@ def verify_chain(root: Path) -> int:
         if manifest.stage != stage:
             raise ArtifactError(f"{where}: written by stage {manifest.stage!r}")
         if manifest.params != params.get(stage):
-            raise ArtifactError(f"{where}: made with other params than {artifacts / 'params.yaml'} holds")
+            raise ArtifactError(f"{where}: made with other params than those in {artifacts / 'params.yaml'}")
         if manifest.code_sha256 != code_sha256(stage, root):
-            raise ArtifactError(f"{where}: made by other code than the project's (`make all` makes it anew)")
+            raise ArtifactError(f"{where}: made by other code than the project's (`make all` renews it)")
         reads = [dep for dep in stages[stage]["deps"] if dep.startswith("artifacts/") or dep == "data"]
         for dep in reads:
             if not any(name == dep or name.startswith(f"{dep}/") for name in manifest.inputs):
@@ -54,9 +54,9 @@ def verify_chain(root: Path) -> int:
             if name.startswith("data/"):
                 _expect(name, verify_input(Path(name), registry), digest, f"the manifest of {stage}")
             elif name not in produced:
-                raise ArtifactError(f"{name}: read by {stage}, written by no stage before it")
+                raise ArtifactError(f"{name}: {stage} reads it, but no earlier stage wrote it")
             else:
-                _expect(name, produced[name], digest, f"what {stage} read")
+                _expect(name, produced[name], digest, f"the inputs of {stage}")
         produced |= _verify_outputs(manifest, artifacts / stage)
     verify_world(artifacts / "realism" / "world")
     return len(produced)
@@ -70,7 +70,7 @@ def _read_yaml(path: Path) -> dict:
     except yaml.YAMLError as error:
         raise ArtifactError(f"{path}: not YAML: {error}") from error
     if not isinstance(content, dict):
-        raise ArtifactError(f"{path}: no sections")
+        raise ArtifactError(f"{path}: want a mapping of sections")
     return content
 
 
@@ -78,19 +78,19 @@ def _verify_outputs(manifest: Manifest, folder: Path) -> dict[str, str]:
     for name, digest in manifest.outputs.items():
         path = folder.parent.parent / name
         if not path.is_file():
-            raise ArtifactError(f"{name}: missing, though {manifest.stage} wrote it")
+            raise ArtifactError(f"{name}: missing, but {manifest.stage} wrote it")
         _expect(name, sha256_file(path), digest, f"the manifest of {manifest.stage}")
-    known = {*manifest.outputs, *_UNLISTED, (folder / "manifest.json").relative_to(folder.parent.parent).as_posix()}
+    expected = {*manifest.outputs, *_UNLISTED, (folder / "manifest.json").relative_to(folder.parent.parent).as_posix()}
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):
         name = path.relative_to(folder.parent.parent).as_posix()
-        if name not in known:
+        if name not in expected:
             raise ArtifactError(f"{name}: no stage wrote it")
     return manifest.outputs
 
 
-def _expect(name: str, found: str, wanted: str, who: str) -> None:
-    if found != wanted:
-        raise ArtifactError(f"{name}: sha256 {found} differs from {wanted} in {who}")
+def _expect(name: str, digest: str, wanted: str, source: str) -> None:
+    if digest != wanted:
+        raise ArtifactError(f"{name}: sha256 {digest} differs from {wanted} in {source}")
 
 
 def verify_world(bundle: Path) -> str:
@@ -99,7 +99,7 @@ def verify_world(bundle: Path) -> str:
     Raises
     ------
     ArtifactError
-        Naming the file that is missing, changed, or not listed.
+        If a file is missing, changed or not listed; the message names it.
     """
     try:
         return str(read_bundle(bundle)["world_sha256"])

@@ -1,1 +1,1 @@
-"""Stage 4: the visible rock. Where its roughness comes from, its noise, walls, mesh, checks and texture."""
+"""Stage 4: the visible rock. Reference roughness, noise, walls, mesh, mesh checks and texture."""

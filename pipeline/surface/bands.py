@@ -1,4 +1,4 @@
-"""The noise of walls and roof: band spectra from the reference's roughness."""
+"""Choose the band spectra of walls and roof from the roughness of the reference."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.surface.spectrum import Bands, Roughness, band_edges, band_wavelen
 
 
 def choose_bands(params: SurfaceParams, sources: Sources) -> tuple[Bands, Bands]:
-    """Return the noise of walls and roof: the published reference's as found by search, or a fit to measurements."""
+    """Return the spectra of walls and roof: the configured ones for the published scan, else a fit to measurements."""
     rough = params.rough
     shortest = 2 * min(rough.spacing_m, rough.roof_spacing_m)
     wavelength = band_wavelengths(shortest, rough.longest_wavelength_m)
@@ -21,26 +21,26 @@ def choose_bands(params: SurfaceParams, sources: Sources) -> tuple[Bands, Bands]
         measured = sources[params.reference]
         wall = _fitted(measured["wall"], wavelength, rough.max_rms_m)
         roof = _fitted(measured["roof"], wavelength, rough.max_rms_m) if "roof" in measured else wall
-    return _held_by(wall, rough.spacing_m), _held_by(roof, rough.roof_spacing_m)
+    return _resolved_by(wall, rough.spacing_m), _resolved_by(roof, rough.roof_spacing_m)
 
 
 def _interpolated(spectrum: SpectrumParams, name: str, wavelength: np.ndarray) -> Bands:
-    known, sd = np.array(spectrum.wavelength_m), np.maximum(getattr(spectrum, name), 1e-9)
-    found = np.exp(np.interp(np.log(wavelength), np.log(known), np.log(sd)))
-    # Below the shortest wavelength that was fitted, amplitude falls with wavelength, as real rock's does there.
-    return Bands(wavelength, found * np.minimum(1.0, wavelength / known[0]))
+    given, sd = np.array(spectrum.wavelength_m), np.maximum(getattr(spectrum, name), 1e-9)
+    interpolated = np.exp(np.interp(np.log(wavelength), np.log(given), np.log(sd)))
+    # Below the shortest given wavelength, amplitude is proportional to wavelength, as for real rock.
+    return Bands(wavelength, interpolated * np.minimum(1.0, wavelength / given[0]))
 
 
 def _fitted(measured: SurfaceRoughness, wavelength: np.ndarray, max_rms_m: float) -> Bands:
     wanted = [
         Roughness(w, rq, line=measured.line, weight=4.0 if w == 0.5 else 1.0)
         for w, rq in zip(measured.window_m, measured.rq_m, strict=True)
-        if w >= wavelength.min()  # a window shorter than every band says nothing of them
+        if w >= wavelength.min()  # a window shorter than every band does not constrain them
     ]
     return fit_bands(wanted, wavelength, max_rms_m)
 
 
-def _held_by(bands: Bands, spacing_m: float) -> Bands:
-    """Silence the bands with waves shorter than two spacings of the mesh."""
-    held = np.array([band_edges(w)[0] >= 2 * spacing_m * (1 - 1e-9) for w in bands.wavelength_m.tolist()])
-    return Bands(bands.wavelength_m, np.where(held, bands.sd_m, 0.0))
+def _resolved_by(bands: Bands, spacing_m: float) -> Bands:
+    """Set bands to zero that hold waves shorter than two spacings of the mesh."""
+    resolved = np.array([band_edges(w)[0] >= 2 * spacing_m * (1 - 1e-9) for w in bands.wavelength_m.tolist()])
+    return Bands(bands.wavelength_m, np.where(resolved, bands.sd_m, 0.0))

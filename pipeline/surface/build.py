@@ -1,4 +1,4 @@
-"""Build the rough surface of a mine from the parameters, the workings and the noise."""
+"""Build the rough surface of a mine from parameters, workings and band spectra."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def cross_section(params: SurfaceParams, height_m: float) -> CrossSection:
 
 
 def widen_spacing(params: SurfaceParams, free: Polygon, height_m: float) -> SurfaceParams:
-    """Widen both spacings until the rough surface has no more than `most_faces`, and print it.
+    """Widen both spacings until the rough surface has at most `most_faces`, and print the new spacings.
 
     Raises
     ------
     InputError
-        If that takes spacings beyond 0.5 m.
+        If a spacing would exceed 0.5 m.
     """
     rough, profile = params.rough, cross_section(params, height_m)
     wall_m2 = free.length * (height_m - profile.arch_rise_m)
@@ -41,12 +41,12 @@ def widen_spacing(params: SurfaceParams, free: Polygon, height_m: float) -> Surf
         return params
     wider = math.sqrt(faces / rough.most_faces)
     spacing, roof_spacing = (round(wider * s, 3) for s in (rough.spacing_m, rough.roof_spacing_m))
-    need = f"{free.area:.0f} m2 of workings would need {faces / 1e6:.1f} million faces of rock"
+    size = f"{free.area:.0f} m2 of workings would need {faces / 1e6:.1f} million faces of rock"
     if max(spacing, roof_spacing) > _WIDEST_M:
-        raise InputError(f"surface: {need}, surface.rough.most_faces is {rough.most_faces}; build a part of the mine")
+        raise InputError(f"surface: {size}, surface.rough.most_faces is {rough.most_faces}; build a part of the mine")
     print(
-        f"surface: {need}; points are laid {spacing:g} m apart instead of {rough.spacing_m:g} m, "
-        "too wide for the limits on texture (surface.rough.most_faces)"
+        f"surface: {size}, more than surface.rough.most_faces = {rough.most_faces}; points are {spacing:g} m apart "
+        f"instead of {rough.spacing_m:g} m, too far for the limits on texture"
     )
     return params.model_copy(
         update={"rough": rough.model_copy(update={"spacing_m": spacing, "roof_spacing_m": roof_spacing})}
@@ -61,16 +61,20 @@ def build_rough_surface(
     Raises
     ------
     GeometryError
-        If the mesh cannot be laid, or cuts itself beyond mending.
+        If the mesh cannot be built, or intersects itself after all repairs.
     """
     rough, profile = params.rough, cross_section(params, height_m)
     lattice = lay_lattice(lay_walls(free, rough.spacing_m, network), profile, rough.spacing_m, rough.roof_spacing_m)
     return displace_lattice(
-        lattice, *noise, Modulation(rough.modulation_m, rough.modulation_spread),
-        Bounds(**rough.bounds.model_dump()), np.random.default_rng(rough.seed),
-    )  # fmt: skip
+        lattice,
+        *noise,
+        Modulation(rough.modulation_m, rough.modulation_spread),
+        Bounds(**rough.bounds.model_dump()),
+        np.random.default_rng(rough.seed),
+    )
 
 
-def chunk_files(rough: RoughSurface, tile_m: float, texture_m: float) -> Bundle:
+def chunk_files(rough: RoughSurface, params: SurfaceParams) -> Bundle:
     """Return the rough surface's chunks as `NAME.msh`."""
-    return {f"{k}.msh": encode(Path(f"{k}.msh"), mesh) for k, mesh in cut_chunks(rough, tile_m, texture_m).items()}
+    chunks = cut_chunks(rough, params.rough.tile_m, params.texture.repeat_m, params.rough.normals)
+    return {f"{name}.msh": encode(Path(f"{name}.msh"), mesh) for name, mesh in chunks.items()}

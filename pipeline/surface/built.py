@@ -1,4 +1,4 @@
-"""What came of the rough surface: its roughness beside the reference's, and how much displacement it kept."""
+"""Measure the built rough surface: its roughness, and the displacement that the bounds left."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from pipeline.surface.spectrum import Bands, band_edges
 
 _STRETCHES, _STRETCH_M, _POINTS = 6, 8.0, 250_000
 _BUILT_WINDOW_M = 2.0
-_SECTION_M = 0.5  # a robot's LiDAR looks about this high
+_SECTION_M = 0.5  # about the height of a robot's LiDAR
 _SECTION_STEP_M = 0.025
 _TABLE_STEP_M = 5.0
 
 
 @dataclass(frozen=True)
 class RoughnessReport:
-    """What the rough surface copies and what was built; `built` has `wall`, `roof`, and `section` at robot height."""
+    """The reference, the spectra and the built roughness; `built` has `wall`, `roof`, and `section` at robot height."""
 
     reference: str
     sources: Sources
@@ -39,7 +39,7 @@ class RoughnessReport:
 def report_roughness(
     params: SurfaceParams, sources: Sources, noise: tuple[Bands, Bands], rough: RoughSurface
 ) -> RoughnessReport:
-    """Measure an rough surface and say what it was built from."""
+    """Measure the rough surface and record the reference and the spectra that it was built from."""
     wall, roof = noise
     return RoughnessReport(
         reference=params.reference,
@@ -59,13 +59,13 @@ def _shortest(bands: Bands) -> float:
 
 
 def measure_built(rough: RoughSurface, params: RoughParams) -> dict[str, SurfaceRoughness]:
-    """Measure the rough surface by its own faces: walls and roof as clouds, the walls' section as a sweep."""
+    """Measure the faces of the rough surface: walls and roof as point clouds, a section of the walls as a sweep."""
     lattice, rng = rough.lattice, np.random.default_rng(params.seed)
     places = lattice.walls.xy[np.linspace(0, len(lattice.walls.xy) - 1, _STRETCHES, dtype=int)]
     built = {}
     for piece, name, spacing in ((WALL, "wall", params.spacing_m), (ROOF, "roof", params.roof_spacing_m)):
-        corners = faces_near(rough.vertices[lattice.faces[lattice.piece == piece]], places, _STRETCH_M)
-        points, _ = sample_triangles(corners, _POINTS, rng)
+        triangles = faces_near(rough.vertices[lattice.faces[lattice.piece == piece]], places, _STRETCH_M)
+        points, _ = sample_triangles(triangles, _POINTS, rng)
         built[name] = roughness_of_cloud(points, _BUILT_WINDOW_M, 2 * spacing, f"the rough surface's {name}")
     rings = wall_section(rough)
     built["section"] = roughness_of_sweeps(rings, 1.0, 2 * _BUILT_WINDOW_M, 2 * params.spacing_m)
@@ -73,7 +73,7 @@ def measure_built(rough: RoughSurface, params: RoughParams) -> dict[str, Surface
 
 
 def wall_section(rough: RoughSurface) -> dict[str, np.ndarray]:
-    """Return the walls' line at robot height, ring by ring, as dense points (n, 2) m."""
+    """Return the walls' line at robot height as dense points (n, 2) m for each ring."""
     lattice = rough.lattice
     columns = len(lattice.walls.xy)
     levels = rough.vertices[: lattice.wall_vertices : columns, 2]
@@ -91,14 +91,14 @@ def _amplitude(rough: RoughSurface) -> dict[str, float]:
     on_roof = rough.lattice.roof_share > 0.5
     on_wall = rough.lattice.roof_share == 0
     figures = {}
-    for name, of in (("wall", on_wall), ("roof", on_roof)):
-        figures[f"{name}_wanted_rms_m"] = round(float(np.sqrt((rough.wanted_m[of] ** 2).mean())), 4)
-        figures[f"{name}_given_rms_m"] = round(float(np.sqrt((rough.given_m[of] ** 2).mean())), 4)
+    for name, mask in (("wall", on_wall), ("roof", on_roof)):
+        figures[f"{name}_wanted_rms_m"] = round(float(np.sqrt((rough.wanted_m[mask] ** 2).mean())), 4)
+        figures[f"{name}_given_rms_m"] = round(float(np.sqrt((rough.given_m[mask] ** 2).mean())), 4)
     return figures | {"mended_places": len(rough.mended)}
 
 
 def amplitude_table(rough: RoughSurface) -> str:
-    """Return CSV: along each wall, the half width, the RMS displacement wanted and given, and the share kept."""
+    """Return CSV along each wall: half width, RMS displacement before and after the bounds, and the share kept."""
     lattice = rough.lattice
     columns = len(lattice.walls.xy)
     wanted, given = (
@@ -111,9 +111,9 @@ def amplitude_table(rough: RoughSurface) -> str:
         for at in range(0, ring.count, step):
             part = slice(ring.first + at, ring.first + min(at + step, ring.count))
             (x, y), half = lattice.walls.xy[ring.first + at], lattice.walls.passage_m[part].mean()
-            asked, got = np.sqrt(wanted[part].mean()), np.sqrt(given[part].mean())
+            before, after = np.sqrt(wanted[part].mean()), np.sqrt(given[part].mean())
             lines.append(
-                f"{i},{at * ring.step_m:.1f},{x:.2f},{y:.2f},{half:.2f},{asked:.4f},{got:.4f},"
-                f"{got / max(asked, 1e-9):.3f}"
+                f"{i},{at * ring.step_m:.1f},{x:.2f},{y:.2f},{half:.2f},{before:.4f},{after:.4f},"
+                f"{after / max(before, 1e-9):.3f}"
             )
     return "\n".join(lines) + "\n"

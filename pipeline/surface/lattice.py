@@ -1,4 +1,4 @@
-"""The lattice of the rough surface: regular points on walls and arched roof, before noise displaces them."""
+"""The lattice of the rough surface: regular points on walls and arched roof, before displacement."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from pipeline.surface.walls import Ring, Walls, outline_of, smoothstep
 
 WALL, ROOF = 0, 1
 _BLEND_M = 0.8  # width of the strip in which the direction turns from the wall's to the roof's
-_TOE_SHARE = 0.4  # of half the free width, where the floor chamfers of two walls come near each other
+_TOE_SHARE = 0.4  # of the free disc's radius: bound on the floor chamfer in narrow places
 _ZIGZAG_M = 1e-4
-_BLUR_M = 0.35  # s.d. of the smoothing that rounds the arch's crease where two walls are nearer than its span
+_BLUR_M = 0.35  # s.d. of the smoothing that rounds the arch's ridge where two walls are nearer than its span
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class CrossSection:
 class Lattice:
     """Points, faces and displacement directions (m, mine frame).
 
-    Vertex `row * columns + column` for rows of the walls, then the inner points of the roof. `direction` are unit
-    vectors into the workings, `roof_share` (n,) goes from 0 on the walls to 1 on the roof, `column` (n,) names the
-    wall's column at or nearest to a vertex, and `piece` (m,) says whether a face belongs to a wall or to the roof.
+    Vertices are the wall points, with number `row * columns + column`, then the inner points of the roof. `direction`
+    (n, 3) are unit vectors into the workings. `roof_share` (n,) is 0 on the walls and rises to 1 on the roof. `column`
+    (n,) is the wall column at or nearest to a vertex. `piece` (m,) is `WALL` or `ROOF` for each face.
     """
 
     vertices: np.ndarray
@@ -52,27 +52,27 @@ class Lattice:
 
     @property
     def wall_vertices(self) -> int:
-        """Return how many of the vertices belong to the walls, their top row included."""
+        """Return the number of wall vertices, the top row included."""
         return self.rows * len(self.walls.xy)
 
 
 def lay_lattice(walls: Walls, profile: CrossSection, spacing_m: float, roof_spacing_m: float) -> Lattice:
-    """Lay points up the walls and over the arched roof of the workings.
+    """Place points on the walls and the arched roof of the workings.
 
-    The roof joins the walls' top row, so corners, junctions and islands have no seam. It rises from them as a parabola
-    over `arch_half_span_m` and is level beyond.
+    The roof starts at the walls' top row, so corners, junctions and islands have no seam. It rises as a parabola over
+    `arch_half_span_m` and is level beyond.
 
     Parameters
     ----------
     walls : Walls
     profile : CrossSection
     spacing_m, roof_spacing_m : float
-        Greatest distance of neighbouring points up the walls, and on the roof in plan.
+        Greatest distance of neighbouring points up the walls, and in plan on the roof.
 
     Raises
     ------
     GeometryError
-        If a wall comes nearer to another than the spacing, so that points of the two cannot be told apart.
+        If two walls are nearer to each other than the spacing.
     """
     xy, inward = walls.xy, walls.inward
     top_m = profile.height_m - profile.arch_rise_m
@@ -87,7 +87,7 @@ def lay_lattice(walls: Walls, profile: CrossSection, spacing_m: float, roof_spac
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     flat = np.column_stack([inward, np.zeros(len(xy))])
     wall_faces = _wall_faces(walls, len(levels))
-    offset = (len(levels) - 1) * len(xy)  # the roof's first points are the walls' top row
+    offset = (len(levels) - 1) * len(xy)  # the first points of the roof are the walls' top row
     return Lattice(
         vertices=np.concatenate([*rows, roof]),
         direction=np.concatenate([np.tile(flat, (len(levels), 1)), direction]),
@@ -101,9 +101,9 @@ def lay_lattice(walls: Walls, profile: CrossSection, spacing_m: float, roof_spac
 
 
 def _roof_in_plan(walls: Walls, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Triangulate the workings in plan: returns inner grid points (n, 2) and faces over wall columns and these.
+    """Triangulate the workings in plan; return inner grid points (n, 2) m, and faces over wall columns and grid points.
 
-    Grid points keep so far from the walls that a Delaunay triangulation contains every piece of wall line.
+    Grid points are far enough from the walls that a Delaunay triangulation contains every edge of the wall lines.
     """
     xy, rings = walls.xy, walls.rings
     outline = outline_of(xy, rings)
@@ -115,17 +115,17 @@ def _roof_in_plan(walls: Walls, spacing_m: float) -> tuple[np.ndarray, np.ndarra
     row, col = np.nonzero(inside)
     grid = np.column_stack([across[col], up[row]])
     step = max(r.step_m for r in rings)
-    far, _ = cKDTree(xy).query(grid)
-    keep = far > np.hypot(0.71 * spacing_m, step / 2)
-    grid, row, col, far = grid[keep], row[keep], col[keep], far[keep]
+    distance, _ = cKDTree(xy).query(grid)
+    keep = distance > np.hypot(0.71 * spacing_m, step / 2)
+    grid, row, col, distance = grid[keep], row[keep], col[keep], distance[keep]
     number = np.full(inside.shape, -1)
     number[row, col] = np.arange(len(grid)) + len(xy)
     corner = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=-1)
     square = np.asarray((corner >= 0).all(axis=-1))
     a, b, c, d = corner[square].T
     squares = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-    rim = np.flatnonzero(far < 4 * spacing_m + step)
-    # A zigzag of a tenth of a millimetre: three points of a straight wall would else make a triangle of no area.
+    rim = np.flatnonzero(distance < 4 * spacing_m + step)
+    # A zigzag of 0.1 mm: otherwise three points of a straight wall would make a triangle without area.
     zigzag = xy + np.where(np.arange(len(xy)) % 2, _ZIGZAG_M, 0.0)[:, None] * walls.inward
     points = np.concatenate([zigzag, grid[rim]])
     strip = _strip_faces(points, outline_of(zigzag, rings), rings)
@@ -134,25 +134,25 @@ def _roof_in_plan(walls: Walls, spacing_m: float) -> tuple[np.ndarray, np.ndarra
 
 
 def _strip_faces(points: np.ndarray, outline: Polygon, rings: list[Ring]) -> np.ndarray:
-    """Triangulate points along the walls, counter-clockwise, and drop what lies in the rock.
+    """Triangulate points along the walls, counter-clockwise, without the triangles in the rock.
 
-    The walls divide the triangulation into pieces; each lies wholly in the workings or in the rock.
+    The walls divide the triangulation into pieces, each of which lies entirely in the workings or in the rock.
     """
     mesh = Delaunay(points)
-    faces, beside = mesh.simplices.copy(), mesh.neighbors.copy()
+    faces, neighbour = mesh.simplices.copy(), mesh.neighbors.copy()
     right = np.concatenate([r.first + (np.arange(r.count) + 1) % r.count for r in rings])
     wall = _edge_keys(np.column_stack([np.arange(len(right)), right]), len(points))
     opposite = np.stack([_edge_keys(faces[:, [(k + 1) % 3, (k + 2) % 3]], len(points)) for k in range(3)], axis=1)
     is_wall = np.isin(opposite, wall)
-    lost = ~np.isin(wall, opposite[is_wall])
-    if lost.any():
-        x, y = points[int(lost.argmax())]
+    missing = ~np.isin(wall, opposite[is_wall])
+    if missing.any():
+        x, y = points[int(missing.argmax())]
         raise GeometryError(
-            f"surface: at ({x:.1f}, {y:.1f}) m two walls stand nearer than the lattice's spacing; "
-            "give a finer surface.rough.spacing_m"
+            f"surface: two walls at ({x:.1f}, {y:.1f}) m are nearer to each other than the spacing of the lattice; "
+            "use a smaller surface.rough.spacing_m"
         )
-    face, side = np.nonzero(~is_wall & (beside >= 0))
-    joins = coo_array((np.ones(len(face)), (face, beside[face, side])), shape=(len(faces), len(faces)))
+    face, side = np.nonzero(~is_wall & (neighbour >= 0))
+    joins = coo_array((np.ones(len(face)), (face, neighbour[face, side])), shape=(len(faces), len(faces)))
     pieces, piece = connected_components(joins, directed=False)
     u, v = points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
     doubled = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
@@ -160,7 +160,9 @@ def _strip_faces(points: np.ndarray, outline: Polygon, rings: list[Ring]) -> np.
     centre = points[faces].mean(axis=1)
     vote = np.where(shapely.contains_xy(outline, centre[:, 0], centre[:, 1]), 1.0, -1.0) * np.abs(doubled)
     inside = np.bincount(piece, vote, pieces) > 0
-    inside[piece[(~is_wall & (beside < 0)).any(axis=1)]] = False  # what ends at the hull but not at a wall is rock
+    inside[piece[(~is_wall & (neighbour < 0)).any(axis=1)]] = (
+        False  # a piece that ends at the hull and not at a wall is rock
+    )
     return faces[inside[piece]]
 
 
@@ -171,14 +173,14 @@ def _edge_keys(edges: np.ndarray, points: int) -> np.ndarray:
 def _outside_squares(
     points: np.ndarray, faces: np.ndarray, origin: np.ndarray, spacing_m: float, square: np.ndarray
 ) -> np.ndarray:
-    """Drop the faces that lie in full grid squares, which are triangulated already."""
+    """Return the faces that do not lie in full grid squares, which are already triangulated."""
     col, row = np.floor((points[faces].mean(axis=1) - origin) / spacing_m).astype(int).T
     row, col = np.clip(row, 0, square.shape[0] - 1), np.clip(col, 0, square.shape[1] - 1)
     return faces[~square[row, col]]
 
 
 def _arch(inner: np.ndarray, near: np.ndarray, profile: CrossSection, spacing_m: float) -> np.ndarray:
-    """Return the roof's height over plan points whose distance from the wall is `near`, (n,) m."""
+    """Return the height (n,) m of the roof over plan points (n, 2) m; `near` (n,) m is their distance from the wall."""
     low = inner.min(axis=0)
     col, row = np.round((inner - low) / spacing_m).astype(int).T
     t = np.minimum(near / profile.arch_half_span_m, 1.0)
@@ -198,5 +200,5 @@ def _wall_faces(walls: Walls, rows: int) -> np.ndarray:
     right = np.concatenate([r.first + (np.arange(r.count) + 1) % r.count for r in walls.rings])
     low = (np.arange(rows - 1) * columns)[:, None]
     a, b, c, d = ((low + k).ravel() for k in (left, right, columns + right, columns + left))
-    # Free space lies to the left of every ring: seen from there the wall's columns run from right to left.
+    # Free space lies to the left of every ring; seen from there, the columns of the wall run from right to left.
     return np.concatenate([np.column_stack([a, c, b]), np.column_stack([a, d, c])])

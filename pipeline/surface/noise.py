@@ -1,4 +1,4 @@
-"""Seeded solid noise with a given band spectrum: the same at the same place, so surfaces in it have no seam."""
+"""Seeded solid noise with a given band spectrum. It depends only on the place, so surfaces have no seams."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 
 from pipeline.surface.spectrum import Bands, band_edges
 
-_WAVES = 96  # a band: a stretch of drift then shows no repetition
+_WAVES = 96  # in each band, enough that the noise does not visibly repeat along a drift
 _BLOCK = 8192
 
 
 def solid_noise(
     points: np.ndarray, bands: list[Bands], shares: list[np.ndarray], rng: np.random.Generator
 ) -> np.ndarray:
-    """Evaluate band noise, mixed at each point from several spectra over the same waves.
+    """Evaluate band noise; several spectra are mixed at each point over the same waves.
 
     Parameters
     ----------
@@ -45,13 +45,13 @@ def unit_bands(points: np.ndarray, wavelength_m: np.ndarray, rng: np.random.Gene
 
 
 def slow_modulation(points: np.ndarray, wavelength_m: float, spread: float, rng: np.random.Generator) -> np.ndarray:
-    """Return a positive factor (n,) of mean square 1 that varies slowly along the workings, log-normal by `spread`."""
+    """Return a log-normal factor (n,) of mean square 1 that varies slowly in space; its logarithm has s.d. `spread`."""
     k, phase = _waves(wavelength_m, rng)
     return np.exp(spread * _sum_of_waves(points, k, phase) - spread**2)
 
 
 def _waves(wavelength_m: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Draw waves of a band: cycles per metre (3, n) and phase in cycles (n,)."""
+    """Draw the waves of a band: cycles per metre (3, n) and phases (n,) in cycles."""
     direction = rng.standard_normal((3, _WAVES))
     direction /= np.linalg.norm(direction, axis=0)
     shortest, longest = band_edges(wavelength_m)
@@ -63,6 +63,6 @@ def _sum_of_waves(points: np.ndarray, cycles_per_m: np.ndarray, phase: np.ndarra
     total = np.empty(len(points))
     for at in range(0, len(points), _BLOCK):
         cycles = points[at : at + _BLOCK] @ cycles_per_m + phase
-        cycles -= np.rint(cycles)  # before 32 bits would lose the phase far from the origin
+        cycles -= np.rint(cycles)  # in 64 bits: 32 bits would lose the phase far from the origin
         total[at : at + _BLOCK] = np.cos(np.float32(2 * np.pi) * cycles.astype(np.float32)).sum(axis=1)
     return total * np.sqrt(2 / cycles_per_m.shape[1])

@@ -1,4 +1,4 @@
-"""Which rock the rough surface copies: the published scan's figures, real sweeps, or a point cloud."""
+"""Measure the rock that the rough surface copies: the published figures, real sweeps, or a point cloud."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def reference_files(params: SurfaceParams) -> list[str]:
 
 
 def measure_sources(params: SurfaceParams) -> Sources:
-    """Measure every source there is: the published figures, the sweeps, and the cloud if one is named."""
+    """Return the roughness of every source: the published figures, the sweeps, and the cloud if one is configured."""
     sources: Sources = {"published": {"wall": published_roughness()}, "sweeps": {"wall": measure_sweeps(params.sweeps)}}
     if params.cloud.file:
         sources["cloud"] = measure_cloud(params.cloud)
@@ -32,7 +32,7 @@ def measure_sources(params: SurfaceParams) -> Sources:
 
 
 def measure_sweeps(params: SweepsParams) -> SurfaceRoughness:
-    """Measure the sweeps that are named, or read the figures of the ones measured before."""
+    """Measure the configured sweeps, or read an earlier measurement if there are none."""
     if not params.files:
         path = Path(params.measured)
         try:
@@ -46,7 +46,7 @@ def measure_sweeps(params: SweepsParams) -> SurfaceRoughness:
 
 
 def measure_cloud(params: CloudParams) -> dict[str, SurfaceRoughness]:
-    """Read, clean and split a cloud, and measure its walls and, where it shows enough of it, its roof."""
+    """Read, clean and split a cloud; measure its walls and, if it has enough points there, its roof."""
     assert params.file is not None
     limits = CloudLimits(params.thin_m, params.range_m, params.max_points, params.height_m, params.mesh_points_per_m2)
     points = read_cloud(Path(params.file), params.units, limits)

@@ -1,4 +1,4 @@
-"""The rough surface: the lattice displaced by solid noise, checked, mended and cut into chunks."""
+"""The rough surface: the lattice displaced by solid noise, checked, repaired and cut into chunks."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MEND_FACTOR = 0.5
 
 @dataclass(frozen=True)
 class Modulation:
-    """A slow change of roughness along the workings: its wavelength, m, and the s.d. of its logarithm."""
+    """A slow variation of roughness along the workings: its wavelength, m, and the s.d. of its logarithm."""
 
     wavelength_m: float
     spread: float
@@ -35,7 +35,11 @@ class Modulation:
 
 @dataclass(frozen=True)
 class RoughSurface:
-    """The displaced lattice: `vertices` (n, 3) m, displacement wanted and given (n,) m, and places mended (k, 3) m."""
+    """The displaced lattice, m.
+
+    `vertices` (n, 3); displacements (n,) `wanted_m` before and `given_m` after bounds and repairs; `mended` (k, 3), the
+    repaired places.
+    """
 
     lattice: Lattice
     vertices: np.ndarray
@@ -47,15 +51,15 @@ class RoughSurface:
 def displace_lattice(
     lattice: Lattice, wall: Bands, roof: Bands, modulation: Modulation, bounds: Bounds, rng: np.random.Generator
 ) -> RoughSurface:
-    """Displace the lattice by noise with the walls' and the roof's spectra, and mend where faces would meet.
+    """Displace the lattice by noise with the spectra of walls and roof, and repair self-intersections.
 
-    Where an edge would go through a face, or the line of the walls on the floor would cross itself, the displacement
-    round the place is halved, several times if needed; the places are returned.
+    Where an edge crosses a face, a face turns over, or the line of the walls on the floor crosses itself, the
+    displacement around the place is halved, several times if needed. The result holds the places.
 
     Raises
     ------
     GeometryError
-        If eight rounds do not mend it.
+        If the surface intersects itself after eight rounds of repairs.
     """
     share = lattice.roof_share
     wanted = solid_noise(lattice.vertices, [wall, roof], [1 - share, share], rng)
@@ -72,27 +76,28 @@ def displace_lattice(
             return RoughSurface(lattice, vertices, wanted, given, mended)
         mended = np.concatenate([mended, wrong])
         given = damp_near(wrong, vertices, given, _MEND_RADIUS_M, _MEND_FACTOR)
-        # Elsewhere nothing moves, so nothing new can meet.
+        # Only faces near the repairs have moved, so only these are checked again.
         near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=2 * _MEND_RADIUS_M)
         faces = lattice.faces[np.isfinite(near)[lattice.faces].any(axis=1)]
     x, y, z = wrong[0]
     raise GeometryError(
-        f"surface: the rough surface cuts itself at ({x:.1f}, {y:.1f}, {z:.1f}) m after {_MEND_ROUNDS} repairs"
+        f"surface: the rough surface intersects itself at ({x:.1f}, {y:.1f}, {z:.1f}) m "
+        f"after {_MEND_ROUNDS} rounds of repairs"
     )
 
 
 def _folds(vertices: np.ndarray, faces: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Return the centres (k, 3) of faces that turned over against where they lay before."""
-    over = np.einsum("ij,ij->i", _normals(vertices[faces]), _normals(before[faces])) <= 0
-    return vertices[faces[over]].mean(axis=1)
+    """Return the centres (k, 3) m of faces that the displacement has turned over; `before` are the old vertices."""
+    turned = np.einsum("ij,ij->i", _normals(vertices[faces]), _normals(before[faces])) <= 0
+    return vertices[faces[turned]].mean(axis=1)
 
 
-def _normals(corners: np.ndarray) -> np.ndarray:
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+def _normals(triangles: np.ndarray) -> np.ndarray:
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
 
 
 def _knots(vertices: np.ndarray, lattice: Lattice) -> np.ndarray:
-    """Return the place (1, 3) where the line of the walls on the floor crosses itself, or none."""
+    """Return the place (1, 3) m where the line of the walls on the floor crosses itself, or (0, 3) if it does not."""
     foot = outline_of(vertices[: len(lattice.walls.xy), :2], lattice.walls.rings)
     if foot.is_valid:
         return np.zeros((0, 3))
@@ -110,24 +115,31 @@ def closed_mesh(rough: RoughSurface) -> tuple[np.ndarray, np.ndarray]:
     return rough.vertices, np.concatenate([rough.lattice.faces, index[floor]])
 
 
-def cut_chunks(rough: RoughSurface, tile_m: float, texture_m: float) -> dict[str, Mesh]:
-    """Cut walls and roof into square tiles of the plan, so that a renderer can leave most of them out.
+def cut_chunks(rough: RoughSurface, tile_m: float, texture_m: float, normals: bool = False) -> dict[str, Mesh]:
+    """Cut walls and roof into square tiles of the plan, so that a renderer can skip most of them.
+
+    Parameters
+    ----------
+    rough : RoughSurface
+    tile_m, texture_m : float
+        Side of a tile, and length on the rock that one repeat of the texture covers.
+    normals : bool
+        Give each vertex the normal of the whole surface, so that chunks meet without a seam; 12 bytes a vertex.
 
     Returns
     -------
     dict of Mesh
-        By name: the piece, then the tile's column and row from the south-west; faces look into the workings.
-        Normals are those of the whole surface, so chunks meet without a seam.
+        The name holds the piece, and the tile's column and row from the south-west. Faces face the workings.
     """
     lattice = rough.lattice
-    shaded = shade_mesh(rough.vertices, lattice.faces)
+    shaded = shade_mesh(rough.vertices, lattice.faces) if normals else _unshaded(rough)
     along = _along_walls(lattice, texture_m)
     centre = lattice.vertices[lattice.faces].mean(axis=1)[:, :2]
     tile = np.floor((centre - lattice.vertices[:, :2].min(axis=0)) / tile_m).astype(int)
     chunks = {}
     for piece, name in ((WALL, bundle.WALLS), (ROOF, bundle.ROOF)):
         of_piece = np.flatnonzero(lattice.piece == piece)
-        tile[of_piece] = _join_lone(tile[of_piece], centre[of_piece])
+        tile[of_piece] = _merge_single_faces(tile[of_piece], centre[of_piece])
         order = of_piece[np.lexsort(tile[of_piece].T[::-1])]
         first = np.flatnonzero(np.any(np.diff(tile[order], axis=0, prepend=-1) != 0, axis=1))
         for part in np.split(order, first[1:]):
@@ -136,19 +148,19 @@ def cut_chunks(rough: RoughSurface, tile_m: float, texture_m: float) -> dict[str
     return chunks
 
 
-def _join_lone(tile: np.ndarray, centre: np.ndarray) -> np.ndarray:
-    """Return the faces' tiles (n, 2); one alone goes to its nearest neighbour's, as MuJoCo wants four vertices."""
+def _merge_single_faces(tile: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """Return the faces' tiles (n, 2); a single face joins the nearest tile, since MuJoCo needs four vertices a mesh."""
     _, group, count = np.unique(tile, axis=0, return_inverse=True, return_counts=True)
-    alone = count[group.ravel()] == 1
-    join_meshes = tile.copy()
-    for face in np.flatnonzero(alone):
-        off = np.linalg.norm(centre - centre[face], axis=1)
-        join_meshes[face] = tile[np.where(alone, np.inf, off).argmin()]
-    return join_meshes
+    single = count[group.ravel()] == 1
+    merged = tile.copy()
+    for face in np.flatnonzero(single):
+        distance = np.linalg.norm(centre - centre[face], axis=1)
+        merged[face] = tile[np.where(single, np.inf, distance).argmin()]
+    return merged
 
 
 def _along_walls(lattice: Lattice, texture_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return each column's texture coordinate along its wall, in whole repeats round a ring, and the ring's repeats."""
+    """Return each column's texture coordinate along its wall, and its ring's number of repeats, a whole number."""
     u, repeats = [], []
     for ring in lattice.walls.rings:
         whole = max(1, round(ring.count * ring.step_m / texture_m))
@@ -182,4 +194,8 @@ def _chunk(
         repeat = u[column[used]] + late * repeats[column[used]]
         texcoords = np.column_stack([repeat, lattice.vertices[source, 2] / texture_m])
     index = index.reshape(-1, 3).astype(np.int32)
-    return Mesh(rough.vertices[source], index, texcoords, shaded.normals[used])
+    return Mesh(rough.vertices[source], index, texcoords, shaded.normals[used] if len(shaded.normals) else None)
+
+
+def _unshaded(rough: RoughSurface) -> ShadedMesh:
+    return ShadedMesh(np.arange(len(rough.vertices)), np.zeros((0, 3)), rough.lattice.faces)

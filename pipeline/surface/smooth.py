@@ -14,8 +14,8 @@ from pipeline.geometry.partition import triangulate
 from pipeline.geometry.polyline import arc_length
 from pipeline.types import Mesh
 
-FLOOR = "floor"  # the flat floor, which closes the surface and is in no bundle
-_RINGS = 4  # steps of a chamfer; in drifts narrower than two chamfers the ridge is found to a step
+FLOOR = "floor"  # the flat floor closes the surface; a bundle does not hold it
+_RINGS = 4  # contours of a chamfer; in drifts narrower than two chamfers the ridge is exact to one contour
 
 
 def smooth_surface(
@@ -23,23 +23,23 @@ def smooth_surface(
 ) -> dict[str, Mesh]:
     """Build the closed inner surface of the workings with chamfered edges at floor and roof.
 
-    Floor and roof are offsets of the free space, so chamfers meet properly round junctions, corners and islands;
-    where a drift is narrower than two chamfers they meet in a ridge.
+    Floor and roof are offsets of the free space, so chamfers meet at junctions, corners and islands. Where a drift is
+    narrower than two chamfers, they meet in a ridge.
 
     Parameters
     ----------
     free : shapely.Polygon, m, mine frame
     height_m : float
-        Sill to roof.
+        From floor to roof.
     floor_chamfer_m, roof_chamfer_m : float
         Width and height of the 45 deg chamfers.
     texture_m : float
-        Length on the rock that one repeat of the texture covers.
+        Length of one repeat of the texture.
 
     Returns
     -------
     dict of Mesh
-        `floor`, `floor_chamfer`, `walls`, `roof` (chamfers included): together watertight, facing inwards.
+        `floor`, `floor_chamfer`, `walls`, `roof` (with its chamfers); together watertight, facing inwards.
 
     Raises
     ------
@@ -65,8 +65,8 @@ def smooth_surface(
 def _sloping_cap(free: Polygon, chamfer_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Triangulate the free space along contour rings inside it.
 
-    Returns the triangles' corners (n, 3, 3) as x, y and depth, which is how far the surface is raised from the wall's
-    edge there (the offset of the ring the corner lies on), and (n,) whether a triangle is in the flat middle.
+    Returns triangles (n, 3, 3) with vertices x, y and depth, m, and (n,) whether a triangle is in the flat middle. The
+    depth is the offset of the vertex's contour ring: how far the surface there is above or below the wall's edge.
     """
     outer: BaseGeometry = free
     triangles, flat = [], []
@@ -88,16 +88,16 @@ def _cap_mesh(triangles: np.ndarray, edge_z_m: float, direction: float, texture_
     points, index = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     faces = index.reshape(-1, 3).astype(np.int32)
     vertices = np.column_stack([points[:, :2], edge_z_m + direction * points[:, 2]])
-    # The triangulation is counter-clockwise from above: right for a floor seen from inside, wrong for a roof.
+    # The triangulation is counter-clockwise seen from above: correct for a floor, reversed for a roof.
     return Mesh(vertices, faces if direction < 0 else faces[:, ::-1].copy(), points[:, :2] / texture_m)
 
 
 def _wall_mesh(free: Polygon, bottom_m: float, top_m: float, texture_m: float) -> Mesh:
     vertices, faces, texcoords, count = [], [], [], 0
     for ring in (free.exterior, *free.interiors):
-        xy = np.asarray(ring.coords)[:, :2]  # closed: the seam's vertex comes twice, with its own texture coordinate
+        xy = np.asarray(ring.coords)[:, :2]  # closed: the seam has two vertices with different texture coordinates
         along = arc_length(xy)
-        # Whole repeats round a ring, so that the texture meets itself at the seam.
+        # A whole number of repeats round a ring, so that the texture continues across the seam.
         u = along / along[-1] * max(1, round(along[-1] / texture_m))
         n = len(xy)
         for z in (bottom_m, top_m):
@@ -105,7 +105,7 @@ def _wall_mesh(free: Polygon, bottom_m: float, top_m: float, texture_m: float) -
             texcoords.append(np.column_stack([u, np.full(n, z / texture_m)]))
         low = count + np.arange(n - 1)
         high = low + n
-        # Free space lies to the left of every ring, so the wall's inner face looks left.
+        # Free space lies to the left of every ring, so the wall faces left.
         faces.append(np.column_stack([low, high + 1, low + 1]))
         faces.append(np.column_stack([low, high, high + 1]))
         count += 2 * n

@@ -1,4 +1,4 @@
-"""A rock texture made from seeded noise, so that the world needs no picture of unknown origin."""
+"""A rock texture made of seeded noise, so that the world needs no photograph."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ def make_texture(
 ) -> Image:
     """Return a square texture that repeats without a seam.
 
-    Noise is shaped in the frequency domain, which makes it periodic; a shared brightness field and a weaker
-    field of its own for each channel give tone and hue.
+    Noise is filtered in the frequency domain, which makes it periodic. All channels share one brightness field, and
+    each has a weaker field of its own, which varies the hue.
 
     Parameters
     ----------
     size_px : int
     spectral_exponent : float
-        Amplitude falls as frequency to the minus this.
+        Amplitude is proportional to frequency to the power of minus this.
     contrast : float
-        Standard deviation of the brightness, as a share of it.
+        Standard deviation of the brightness as a share of its mean.
     rgb : 3 ints, 0-255
         Mean colour.
     rng : numpy.random.Generator
@@ -29,7 +29,7 @@ def make_texture(
     Returns
     -------
     (size_px, size_px, 3) uint8
-        BGR, as OpenCV keeps pictures.
+        Channels in OpenCV's order: blue, green, red.
     """
     frequency = np.hypot(np.fft.fftfreq(size_px)[:, None], np.fft.rfftfreq(size_px)[None, :])
     frequency[0, 0] = np.inf

@@ -1,4 +1,4 @@
-"""The walls in plan: columns at even distances round every ring of the free space, and the room they have."""
+"""The walls in plan: columns at even distances along every ring of the free space, and the space around them."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from shapely.geometry.polygon import orient
 from pipeline.geometry.skeleton import passage_stations
 from pipeline.types import DriftNetwork
 
-_FILLET_M = 0.2  # corners are rounded by this much, so that displaced walls have room to turn
+_FILLET_M = 0.2  # radius to which corners are rounded, so that displaced walls do not cross there
 _TURN_M = 0.4  # s.d. of the smoothing along a wall that turns its direction gradually at corners
-_REACH_M = 9.0  # walls farther than this are out of each other's way
+_REACH_M = 9.0  # walls farther apart than this do not limit each other's displacement
 _OWN_WALL_M = 0.6  # points nearer than this belong to the same piece of wall
 _EVEN_M = 1.0
-_BESIDE, _BESIDE_M = 1.25, 0.3  # a wall borders a passage if no farther from its middle than half the width and this
+_BORDER, _BORDER_M = 1.25, 0.3  # a wall borders a passage within 1.25 half widths + 0.3 m of its middle
 
 
 @dataclass(frozen=True)
 class Ring:
-    """One closed wall line: its columns are `first .. first + count`, at even distances `step_m`."""
+    """One closed wall line with `count` columns from number `first`, at even distances `step_m`."""
 
     first: int
     count: int
@@ -35,9 +35,10 @@ class Ring:
 class Walls:
     """Wall columns in plan.
 
-    Places `xy` (n, 2) m, unit vectors `inward` (n, 2) into the workings, and (n,) m: the largest discs in the workings
-    and in the rock that touch the wall there, `free_m` and `rock_m`, and half the width of the narrowest passage that
-    the wall borders, `passage_m`. In a bay of a rough surface wall the disc is small, however wide the passage.
+    `xy` (n, 2) m are their places, `inward` (n, 2) unit vectors into the workings. `free_m` and `rock_m` (n,) are radii
+    of the largest discs in the workings and in the rock that touch the wall at the column. `passage_m` (n,) is half the
+    width of the narrowest passage that the wall borders. In a bay of the wall, the disc is small even if the passage is
+    wide.
     """
 
     xy: np.ndarray
@@ -49,9 +50,9 @@ class Walls:
 
 
 def lay_walls(free: Polygon, spacing_m: float, network: DriftNetwork | None = None) -> Walls:
-    """Lay columns round the free space, at most `spacing_m` apart, and measure the room at each.
+    """Place columns along the walls, at most `spacing_m` apart, and measure the space around each.
 
-    Without a drift network, a wall's passage is as wide as its disc.
+    Without a drift network, `passage_m` is `free_m`.
     """
     free = _fillet(free)
     rings: list[Ring] = []
@@ -62,25 +63,25 @@ def lay_walls(free: Polygon, spacing_m: float, network: DriftNetwork | None = No
         rings.append(Ring(sum(r.count for r in rings), count, line.length / count))
     xy = np.concatenate(points)
     inward = np.concatenate([_inward(xy[r.first : r.first + r.count], r.step_m) for r in rings])
-    clear_m, rock_m = _largest_discs(xy, inward)
-    passage_m = clear_m if network is None else _passages(xy, clear_m, network)
-    return Walls(xy, inward, _evened(clear_m, rings), _evened(rock_m, rings), _evened(passage_m, rings), rings)
+    free_m, rock_m = _largest_discs(xy, inward)
+    passage_m = free_m if network is None else _passages(xy, free_m, network)
+    return Walls(xy, inward, _smoothed(free_m, rings), _smoothed(rock_m, rings), _smoothed(passage_m, rings), rings)
 
 
 def outline_of(xy: np.ndarray, rings: list[Ring]) -> Polygon:
-    """Return the polygon whose rings pass through the columns' places (n, 2) m."""
+    """Return the polygon through the places (n, 2) m of the columns, ring by ring."""
     outer, *holes = (xy[r.first : r.first + r.count] for r in rings)
     return Polygon(outer, holes)
 
 
 def smoothstep(t: np.ndarray) -> np.ndarray:
-    """Return 0 up to t = 0, 1 from t = 1, and 3 t^2 - 2 t^3 between."""
+    """Return 3 t^2 - 2 t^3 for t in [0, 1], 0 below and 1 above."""
     t = np.clip(t, 0.0, 1.0)
     return t * t * (3 - 2 * t)
 
 
 def _fillet(free: Polygon) -> Polygon:
-    """Round the corners; less where a passage or pillar is too thin for it."""
+    """Round the corners, with a smaller radius if a passage or pillar is too thin for it."""
     radius = _FILLET_M
     while radius > 0.02:
         rounded = free.buffer(-radius).buffer(2 * radius).buffer(-radius)
@@ -100,35 +101,36 @@ def _inward(ring: np.ndarray, step_m: float) -> np.ndarray:
 
 
 def _largest_discs(xy: np.ndarray, inward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the radii (n,) m of the largest discs in the workings and in the rock that touch the wall at a column."""
+    """Return the radii (n,) m of the largest discs in workings and rock that touch the wall at each column."""
     pairs = cKDTree(xy).query_pairs(_REACH_M, output_type="ndarray")
     free, rock = np.full(len(xy), _REACH_M / 2), np.full(len(xy), _REACH_M / 2)
     for one, two in ((pairs[:, 0], pairs[:, 1]), (pairs[:, 1], pairs[:, 0])):
-        apart = xy[two] - xy[one]
-        squared = (apart**2).sum(axis=1)
-        ahead = (apart * inward[one]).sum(axis=1)
-        far = squared > _OWN_WALL_M**2
+        offset = xy[two] - xy[one]
+        squared = (offset**2).sum(axis=1)
+        ahead = (offset * inward[one]).sum(axis=1)
+        other_wall = squared > _OWN_WALL_M**2
         for radius, side in ((free, ahead), (rock, -ahead)):
-            faces = far & (side > 1e-6)
+            faces = other_wall & (side > 1e-6)
             np.minimum.at(radius, one[faces], squared[faces] / (2 * side[faces]))
     return free, rock
 
 
 def _passages(xy: np.ndarray, disc_m: np.ndarray, network: DriftNetwork) -> np.ndarray:
-    """Return half the width (n,) m of the narrowest passage beside each column; where there is none, its disc."""
+    """Return half the width (n,) m of the narrowest passage that a column borders, or its disc's radius."""
     stations, half = passage_stations(network)
     least = np.full(len(xy), np.inf)
-    for beside, width in zip(cKDTree(xy).query_ball_point(stations, _BESIDE * half + _BESIDE_M), half, strict=True):
-        least[beside] = np.minimum(least[beside], width)
+    bordering = cKDTree(xy).query_ball_point(stations, _BORDER * half + _BORDER_M)
+    for columns, half_width in zip(bordering, half, strict=True):
+        least[columns] = np.minimum(least[columns], half_width)
     return np.where(np.isfinite(least), least, disc_m)
 
 
-def _evened(radius: np.ndarray, rings: list[Ring]) -> np.ndarray:
-    """Take the least of the neighbourhood along each wall, then smooth it within that neighbourhood."""
-    even = np.empty_like(radius)
+def _smoothed(radius: np.ndarray, rings: list[Ring]) -> np.ndarray:
+    """Take the minimum over a neighbourhood along each wall, then smooth it over the same neighbourhood."""
+    smooth = np.empty_like(radius)
     for ring in rings:
         part = slice(ring.first, ring.first + ring.count)
         reach = min(int(_EVEN_M / ring.step_m), (ring.count - 1) // 2)
         least = minimum_filter1d(radius[part], 2 * reach + 1, mode="wrap")
-        even[part] = gaussian_filter1d(least, max(reach / 3, 0.1), mode="wrap", truncate=3)
-    return even
+        smooth[part] = gaussian_filter1d(least, max(reach / 3, 0.1), mode="wrap", truncate=3)
+    return smooth

@@ -1,1 +1,1 @@
-"""Stage 1's readers: plan images, station surveys, scale bars, surveyed poses; and the fetcher of the real data."""
+"""Stage 1: readers of plans, drawings, station surveys, scale bars and poses; the download of the real data."""

@@ -1,4 +1,4 @@
-"""Shots between stations to the stations' places: the adjustment of a survey network."""
+"""Adjustment of a survey network: compute the positions of stations from the shots between them."""
 
 from __future__ import annotations
 
@@ -16,31 +16,37 @@ Shot = tuple[str, str, np.ndarray, float]
 
 
 def adjust_network(
-    path: Path, shots: list[Shot], known: dict[str, np.ndarray], equal: list[tuple[str, str]]
+    path: Path, shots: list[Shot], fixed: dict[str, np.ndarray], equal: list[tuple[str, str]]
 ) -> dict[str, np.ndarray]:
-    """Return the places of stations that agree best with all shots, by weighted least squares.
+    """Compute the positions of all stations from all shots by weighted least squares.
 
     Parameters
     ----------
     path : Path
-        Named in errors.
+        The survey file; errors name it.
     shots : list of (from, to, step (3,) m, length m)
-        The variance of a step grows with its length.
-    known : dict
-        Fixed stations' places (3,) m; if there are none, the first station stands at the origin.
+        The variance of a step is proportional to its length.
+    fixed : dict
+        Positions (3,) m of the fixed stations. Without any, the first station is the origin.
     equal : list of (name, name)
-        Stations that are one.
+        Pairs of names of the same station.
+
+    Returns
+    -------
+    dict
+        Position (3,) m of every station.
 
     Raises
     ------
     InputError
-        If there are no shots or some hang together with no fixed station.
+        If there are no shots, or if some stations are not connected to a fixed station.
     """
     if not shots:
         raise InputError(f"{path}: no shots")
     same = _representatives(equal)
     names = sorted({same.get(n, n) for a, b, _, _ in shots for n in (a, b)})
-    fixed = {same.get(n, n): place for n, place in known.items()} or {same.get(shots[0][0], shots[0][0]): np.zeros(3)}
+    first = shots[0][0]
+    fixed = {same.get(n, n): position for n, position in fixed.items()} or {same.get(first, first): np.zeros(3)}
     index = {name: i for i, name in enumerate(names)}
     rows, cols, values, right = [], [], [], np.zeros((len(names), 3))
     for a, b, step, length in shots:
@@ -50,30 +56,31 @@ def adjust_network(
         values += [weight, weight, -weight, -weight]
         right[i] -= weight * step
         right[j] += weight * step
-    for name, place in fixed.items():
+    for name, position in fixed.items():
         if name in index:
             rows.append(index[name])
             cols.append(index[name])
             values.append(1e6)
-            right[index[name]] += 1e6 * place
+            right[index[name]] += 1e6 * position
     _require_connected(path, shots, same, fixed)
     matrix = coo_matrix((values, (rows, cols)), shape=(len(names), len(names))).tocsc()
-    found = np.column_stack([spsolve(matrix, right[:, k]) for k in range(3)])
-    if not np.isfinite(found).all():
-        raise InputError(f"{path}: the shots give no finite places")
-    places = {name: found[i] for name, i in index.items()}
-    return places | {name: places[to] for name, to in same.items() if to in places}
+    solution = np.column_stack([spsolve(matrix, right[:, k]) for k in range(3)])
+    if not np.isfinite(solution).all():
+        raise InputError(f"{path}: the shots give no finite positions")
+    positions = {name: solution[i] for name, i in index.items()}
+    return positions | {name: positions[to] for name, to in same.items() if to in positions}
 
 
 def _representatives(equal: list[tuple[str, str]]) -> dict[str, str]:
-    """Return for every equated station the one that stands for it and its equals."""
+    """Map every equated station to one representative of its group."""
     return {name: min(group) for group in nx.connected_components(nx.Graph(equal)) for name in group}
 
 
 def _require_connected(path: Path, shots: list[Shot], same: dict[str, str], fixed: dict[str, np.ndarray]) -> None:
     graph = nx.Graph([(same.get(a, a), same.get(b, b)) for a, b, _, _ in shots])
-    loose = [part for part in nx.connected_components(graph) if not part & set(fixed)]
-    if loose:
+    unconnected = [part for part in nx.connected_components(graph) if not part & set(fixed)]
+    if unconnected:
         raise InputError(
-            f"{path}: no shot joins station {min(loose[0])} to a fixed one; *equate or *fix one of its survey"
+            f"{path}: no shot joins station {min(unconnected[0])} to a fixed station; "
+            "add *equate or *fix for one station of its survey"
         )

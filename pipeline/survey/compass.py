@@ -1,4 +1,4 @@
-"""Reader of Compass plot files (.plt), the form in which Therion exports a centreline with its passages."""
+"""Reader of Compass plot files (.plt). Therion exports a centreline with passages in this format."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from pipeline.survey.legs import SurveyLeg, legs_of_chains
 from pipeline.survey.shapes import read_text_bytes
 
 _FOOT_M = 0.3048
-_UNKNOWN_FT = 900.0  # Compass writes 999.9 or a negative distance where none was measured
+_UNKNOWN_FT = 900.0  # Compass writes 999.9 or a negative number for a distance that was not measured
 
 
 def read_plt(path: Path) -> list[SurveyLeg]:
-    """Read the legs of a plot file; a leg ends where the pen is lifted.
+    """Read the legs of a plot file. A move (`M`) begins a new leg.
 
     Returns
     -------
     list of SurveyLeg
-        Metres in the file's own frame, x east, y north; vertical legs are left out.
+        Metres in the file's own frame, x east, y north. Vertical legs are omitted.
 
     Raises
     ------
     InputError
-        Naming file, line and value.
+        If a line cannot be read. The message names the file, the line and the value.
 
     References
     ----------
@@ -37,18 +37,18 @@ def read_plt(path: Path) -> list[SurveyLeg]:
             continue
         name = next((f[1:] for f in fields[4:] if f.startswith("S")), "")
         if len(fields) < 5 or not name:
-            raise InputError(f"{path}:{number}: want {fields[0]} north east up Sname, found {line[:60]!r}")
+            raise InputError(f"{path}:{number}: expected {fields[0]} north east up Sname, got {line[:60]!r}")
         north, east, _ = (_feet(path, number, text) for text in fields[1:4])
-        sides = (math.nan, math.nan)
+        walls = (math.nan, math.nan)
         if "P" in fields[4:]:
-            at = fields.index("P", 4)
-            widths = [_feet(path, number, text) for text in fields[at + 1 : at + 5]]
+            start = fields.index("P", 4) + 1
+            widths = [_feet(path, number, text) for text in fields[start : start + 4]]
             if len(widths) < 4:
-                raise InputError(f"{path}:{number}: want P left up down right, found {line[:60]!r}")
-            sides = _side(widths[0]), _side(widths[3])
+                raise InputError(f"{path}:{number}: expected P left up down right, got {line[:60]!r}")
+            walls = _wall_m(widths[0]), _wall_m(widths[3])
         if fields[0] == "M" or not chains:
             chains.append([])
-        chains[-1].append((name, (east, north), sides))
+        chains[-1].append((name, (east, north), walls))
     return legs_of_chains(path, chains)
 
 
@@ -62,5 +62,6 @@ def _feet(path: Path, number: int, text: str) -> float:
     return value
 
 
-def _side(metres: float) -> float:
+def _wall_m(metres: float) -> float:
+    """Return a wall distance, m; nan if it was not measured."""
     return metres if 0 <= metres < _UNKNOWN_FT * _FOOT_M else math.nan

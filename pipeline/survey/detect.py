@@ -1,4 +1,4 @@
-"""Detect what a survey file is and how it should be read: kind, scale, unit, style."""
+"""Detect the kind, scale, unit and style of a survey file."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from pipeline.survey.vector_survey import draw_vector_survey, vector_files
 from pipeline.types import Image, Mask
 
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pdf")
-WIDTHS_M = (1.5, 12.0)  # the widths that drifts have in practice
-_LIKELY_M = 5.5  # width of drifts that machines drive; the published mine's at scan 02S
+WIDTHS_M = (1.5, 12.0)  # range of drift widths in practice
+_LIKELY_M = 5.5  # usual width of a mechanized drift; that of the published mine at scan 02S
 _BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
 _MEGAPIXELS = 200.0
-_LINE_PX = 6.0  # a stroke that is wider is no line, where the scale is not known
+_LINE_PX = 6.0  # widest stroke of a line drawing if the scale is unknown
 
 
 @dataclass(frozen=True)
 class Detection:
-    """How a file is read: the survey section's values, each with a remark, and the files that belong to it."""
+    """Values and remarks of a survey section, the files it needs, and the typical drift width, m."""
 
     values: dict[str, Any]
     remarks: dict[str, str] = field(default_factory=dict)
@@ -48,14 +48,19 @@ def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
     Parameters
     ----------
     path : Path
-        Any file that stage 1 reads, wherever it lies.
+        Any file that stage 1 reads, in any folder.
     stated : dict
-        What the user states: `px_per_m`, `bar_length_m`, `bar_box_px`, `unit`, `layers`, `snap_m`, `page`, `dpi`.
+        The user's values of `px_per_m`, `bar_length_m`, `bar_box_px`, `unit`, `layers`, `snap_m`, `page`, `dpi`.
+
+    Returns
+    -------
+    Detection
 
     Raises
     ------
     InputError
-        If there is no such file, nothing reads it, or its scale cannot be found; the message says what to state.
+        If the file does not exist, its format is not supported, or its scale cannot be found. The message names the
+        option that states the scale.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file")
@@ -75,12 +80,12 @@ def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
         values = {"kind": "passages", "file": path.name, "origin": list(place.origin)}
         remarks = {"origin": "of the mine frame, in the file's coordinates"}
         return Detection(values, remarks, [Path(f) for f in vector_files(params)], 2 * workings.area / workings.length)
-    known = ", ".join([*PICTURE_SUFFIXES, ".yaml", *SHAPE_READERS, *PASSAGE_READERS])
-    raise InputError(f"{path}: {suffix or 'a file without an ending'} is not a format that is read ({known})")
+    supported = ", ".join([*PICTURE_SUFFIXES, ".yaml", *SHAPE_READERS, *PASSAGE_READERS])
+    raise InputError(f"{path}: {suffix or 'a file without a suffix'} is not a supported format ({supported})")
 
 
 def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
-    """Read the shapes by the unit that the file names, or the one that makes the drifts as wide as drifts are."""
+    """Use the unit that the file names, or the unit in which the drifts have a plausible width."""
     tried: dict[str | None, tuple[float, Any]] = {}
     units = [stated["unit"]] if stated.get("unit") else [None, *METRES]
     problem: InputError | None = None
@@ -95,9 +100,9 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
         if unit is None and WIDTHS_M[0] <= tried[None][0] <= WIDTHS_M[1]:
             break
     if not tried:
-        raise problem or InputError(f"{path}: holds no workings")
-    stays = None in tried and (WIDTHS_M[0] <= tried[None][0] <= WIDTHS_M[1] or tried[None][1].crs is not None)
-    unit = None if stays else min(tried, key=lambda u: abs(np.log(tried[u][0] / _LIKELY_M)))
+        raise problem or InputError(f"{path}: has no workings")
+    keeps_unit = None in tried and (WIDTHS_M[0] <= tried[None][0] <= WIDTHS_M[1] or tried[None][1].crs is not None)
+    unit = None if keeps_unit else min(tried, key=lambda u: abs(np.log(tried[u][0] / _LIKELY_M)))
     width, place = tried[unit]
     values = {
         "kind": "vector",
@@ -109,20 +114,20 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
         "seeds_m": [],
     }
     remarks = {
-        "layers": "null: all; or a list",
-        "unit": f"null: what the file says ({place.unit}); or m, cm, mm, ft, in",
+        "layers": "null: all layers; or a list",
+        "unit": f"null: the file's unit ({place.unit}); or m, cm, mm, ft, in",
         "origin": "of the mine frame, in the file's coordinates",
-        "snap_m": "walls whose ends are nearer than this are joined",
-        "seeds_m": "[[x, y], ...] inside the workings, where walls alone do not tell",
+        "snap_m": "wall ends closer than this are joined",
+        "seeds_m": "[[x, y], ...] points inside the workings, if the walls enclose other areas too",
     }
     return Detection(values, remarks, [Path(f) for f in vector_files(_vector(path, unit, stated))], width)
 
 
 def _vector(path: Path, unit: str | None, stated: dict[str, Any]) -> VectorSurveyParams:
-    """Return a section that reads a file from wherever it lies, before it is copied below data/."""
-    told = {key: stated[key] for key in ("layers", "snap_m") if stated.get(key) is not None}
+    """Return a survey section for a file in any folder, before it is copied below data/."""
+    options = {key: stated[key] for key in ("layers", "snap_m") if stated.get(key) is not None}
     section = VectorSurveyParams.model_validate(
-        {"kind": "vector", "name": "detect", "file": "data/x", "unit": unit, **told}
+        {"kind": "vector", "name": "detect", "file": "data/x", "unit": unit, **options}
     )
     return section.model_copy(update={"file": path.as_posix()})
 
@@ -136,27 +141,38 @@ def _detect_picture(path: Path, stated: dict[str, Any]) -> Detection:
     inverted = bool(np.median(edge) < 128)
     picture = 255 - picture if inverted else picture
     scale, remarks, files = _detect_scale(path, picture, stated)
-    drawn = _workings_mask(picture, scale.get("bar_box_px"))
+    dark = _workings_mask(picture, scale.get("bar_box_px"))
     per_m = scale["px_per_m"] or 0.0
     line_drawing = False
     if scale["source"] == "bar":
         bar = measure_bar(_cut(picture, scale["bar_box_px"]), 1.0, f"{path}")
-        line_drawing, width_px = _wall_style(drawn, 0.0)
+        line_drawing, width_px = _wall_style(dark, 0.0)
         length = stated.get("bar_length_m") or min(_BARS_M, key=lambda m: abs(np.log(width_px * m / bar / _LIKELY_M)))
         scale["bar_length_m"], per_m = float(length), bar / length
-        how = "stated" if stated.get("bar_length_m") else f"taken, as drifts are then {width_px / per_m:.1f} m wide"
-        remarks["scale"] = f"the bar is {bar:.0f} px long; {length:g} m was {how}"
-    line_drawing, width_px = _wall_style(drawn, per_m)
+        drift_m = width_px / per_m
+        reason = "as stated" if stated.get("bar_length_m") else f"detected: drifts are then {drift_m:.1f} m wide"
+        remarks["scale"] = f"the bar is {bar:.0f} px long and represents {length:g} m ({reason})"
+    line_drawing, width_px = _wall_style(dark, per_m)
     values: dict[str, Any] = {
-        "kind": "plan", "image": path.name, "max_megapixels": _MEGAPIXELS, "light_on_dark": inverted,
-        "line_drawing": line_drawing, "seeds_px": [], "wall_gap_px": 3.0, "crop_px": None, "turn_deg": 0.0,
-        "ignore_colours": [], **({"page": page, "dpi": dpi} if is_pdf else {}), "origin_px": None, "scale": scale,
-    }  # fmt: skip
+        "kind": "plan",
+        "image": path.name,
+        "max_megapixels": _MEGAPIXELS,
+        "light_on_dark": inverted,
+        "line_drawing": line_drawing,
+        "seeds_px": [],
+        "wall_gap_px": 3.0,
+        "crop_px": None,
+        "turn_deg": 0.0,
+        "ignore_colours": [],
+        **({"page": page, "dpi": dpi} if is_pdf else {}),
+        "origin_px": None,
+        "scale": scale,
+    }
     remarks |= {
         "light_on_dark": "true: light workings on dark paper",
-        "line_drawing": "true: walls are drawn as lines, what they enclose is filled",
-        "seeds_px": "[[col, row], ...] inside workings drawn as lines; []: what an odd number of walls encloses",
-        "wall_gap_px": "gaps in drawn walls up to this are closed",
+        "line_drawing": "true: walls are drawn as lines; the areas that they enclose are filled",
+        "seeds_px": "[[col, row], ...] points inside drawn workings; []: areas inside an odd number of walls",
+        "wall_gap_px": "gaps in drawn walls up to this width are closed",
         "crop_px": "[col0, row0, col1, row1]; null: the whole picture",
         "turn_deg": "counter-clockwise, after cropping",
         "ignore_colours": "[{rgb: [r, g, b], within: 30}, ...]",
@@ -169,16 +185,20 @@ def _detect_scale(
     path: Path, picture: Image, stated: dict[str, Any]
 ) -> tuple[dict[str, Any], dict[str, str], list[Path]]:
     scale: dict[str, Any] = {
-        "source": "bar", "bar_box_px": None, "bar_length_m": 100.0, "bar_image": None, "px_per_m": None,
-    }  # fmt: skip
+        "source": "bar",
+        "bar_box_px": None,
+        "bar_length_m": 100.0,
+        "bar_image": None,
+        "px_per_m": None,
+    }
     if stated.get("px_per_m"):
         return {**scale, "source": "stated", "px_per_m": float(stated["px_per_m"])}, {"scale": "stated"}, []
-    beside = world_file(path)
-    if beside is not None or (path.suffix.lower() in (".tif", ".tiff") and _is_placed(path)):
+    file = world_file(path)
+    if file is not None or (path.suffix.lower() in (".tif", ".tiff") and _has_georeference(path)):
         place = read_placement(path)
         per_m = 1.0 / (place.size * place.metres_per_unit)
-        told = f"{per_m:.3f} px/m, as {beside.name if beside else 'the file itself'} says"
-        return {**scale, "source": "georeference", "px_per_m": per_m}, {"scale": told}, [beside] if beside else []
+        remark = f"{per_m:.3f} px/m from {file.name if file else 'the file itself'}"
+        return {**scale, "source": "georeference", "px_per_m": per_m}, {"scale": remark}, [file] if file else []
     box = stated.get("bar_box_px") or find_bar(picture)
     if box is None:
         raise InputError(
@@ -187,7 +207,7 @@ def _detect_scale(
     return {**scale, "bar_box_px": [int(v) for v in box]}, {}, []
 
 
-def _is_placed(path: Path) -> bool:
+def _has_georeference(path: Path) -> bool:
     try:
         read_placement(path)
     except InputError as error:
@@ -198,6 +218,7 @@ def _is_placed(path: Path) -> bool:
 
 
 def _workings_mask(picture: Image, bar_box: list[int] | None) -> Mask:
+    """Return the dark, colourless pixels outside the scale bar's box."""
     dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
     dark[picture.max(axis=2) - picture.min(axis=2) > 40] = False
     if bar_box is not None:
@@ -209,24 +230,24 @@ def _cut(picture: Image, box: list[int]) -> Image:
     return picture[box[1] : box[3], box[0] : box[2]]
 
 
-def _wall_style(drawn: Mask, px_per_m: float) -> tuple[bool, float]:
-    """Return whether walls are drawn as lines, and the drifts' typical width, px; a scale of 0 is not known yet."""
-    stroke = typical_width_px(drawn)
+def _wall_style(dark: Mask, px_per_m: float) -> tuple[bool, float]:
+    """Return whether walls are drawn as lines, and the typical drift width, px. A scale of 0 means unknown."""
+    stroke = typical_width_px(dark)
     if stroke >= (WIDTHS_M[0] * px_per_m if px_per_m else _LINE_PX):
         return False, stroke
     try:
-        inside = typical_width_px(fill_line_drawing(drawn, [], 3.0))
+        inside = typical_width_px(fill_line_drawing(dark, [], 3.0))
     except GeometryError:
         return False, stroke
     return inside > 3 * stroke, inside if inside > 3 * stroke else stroke
 
 
-def typical_width_px(drawn: Mask) -> float:
-    """Return the median width of strokes, px: along the middle of its largest piece."""
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(drawn.astype(np.uint8), connectivity=4)
+def typical_width_px(mask: Mask) -> float:
+    """Return the median width, px, along the middle of a mask's largest component."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
     if count < 2:
         return 0.0
     largest = np.pad((labels == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()).astype(np.uint8), 1)
-    deep = cv2.distanceTransform(largest, cv2.DIST_L2, 5)
-    ridge = (deep >= cv2.dilate(deep, np.ones((3, 3)))) & (deep > 0)
-    return float(2 * np.median(deep[ridge]))
+    distance = cv2.distanceTransform(largest, cv2.DIST_L2, 5)
+    ridge = (distance >= cv2.dilate(distance, np.ones((3, 3)))) & (distance > 0)
+    return float(2 * np.median(distance[ridge]))

@@ -1,4 +1,4 @@
-"""A station survey drawn the way a published plan looks: grey workings, red letters, a black scale bar."""
+"""Draw a survey like a published plan: grey workings, red labels, a black scale bar."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from pipeline.types import Frame, Image
 
 _OVERSAMPLE = 4
 _LETTER_HEIGHT_M = 12.0
-_MAX_PIXELS = 64e6  # sixteen times as many are filled to draw them
+_MAX_PIXELS = 64e6  # drawing fills 16 times as many, because of oversampling
 
 
 def frame_around(extent_m: tuple[float, float, float, float], px_per_m: float, share: float = 0.5) -> Frame:
     """Return the pixel grid that covers (west, south, east, north), m.
 
-    The mine's origin lies at a share of a pixel from its edges: by 0.5 on its centre.
+    `share` is the position of the mine's origin inside its pixel: 0.5 is the pixel's centre.
     """
     west, south, east, north = extent_m
     left, above = int(np.ceil(-west * px_per_m - share)), int(np.ceil(north * px_per_m - share))
@@ -40,13 +40,13 @@ def draw_workings(
     """Draw workings (m, mine frame) and labels as (rows, cols, 3) uint8 BGR, anti-aliased by area."""
     grey = 255 - np.round(_cover(workings, frame).astype(np.float32) / 255 * (255 - drawing_grey)).astype(np.uint8)
     plan = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
-    for text, place in labels_m.items():
-        _draw_label(plan, text, frame, place)
+    for text, centre_m in labels_m.items():
+        _draw_label(plan, text, frame, centre_m)
     return plan
 
 
 def _cover(workings: BaseGeometry, frame: Frame) -> np.ndarray:
-    """Return how much of each pixel is workings (rows, cols) uint8, 255 all of it."""
+    """Return the share of workings in each pixel as (rows, cols) uint8; 255 means the whole pixel."""
     fine = replace(
         frame,
         px_per_m=frame.px_per_m * _OVERSAMPLE,
@@ -73,9 +73,9 @@ def draw_plan(
     workings : shapely geometry, m, mine frame
     frame : Frame
     labels_m : dict
-        Text to the centre of its letters, m, mine frame.
+        Label text to its centre, m, mine frame.
     bar_length_m : float
-        Length of the scale bar; it goes where it touches no workings, bottom left first.
+        Length of the scale bar. The bar is drawn in the first corner without workings, bottom left first.
     drawing_grey : int
         Grey value of the workings.
 
@@ -84,7 +84,7 @@ def draw_plan(
     (rows, cols, 3) uint8
         BGR, anti-aliased by area.
     (col0, row0, col1, row1)
-        The box around the scale bar, px.
+        The scale bar's box, px.
 
     Raises
     ------
@@ -96,11 +96,11 @@ def draw_plan(
     return plan, box
 
 
-def _draw_label(plan: np.ndarray, text: str, frame: Frame, place_m: tuple[float, float]) -> None:
+def _draw_label(plan: np.ndarray, text: str, frame: Frame, centre_m: tuple[float, float]) -> None:
     scale = cv2.getFontScaleFromHeight(cv2.FONT_HERSHEY_SIMPLEX, max(8, round(_LETTER_HEIGHT_M * frame.px_per_m)))
     thickness = max(1, round(frame.px_per_m * 1.2))
     (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, thickness)
-    col, row = frame.to_image(np.array([place_m]))[0]
+    col, row = frame.to_image(np.array([centre_m]))[0]
     corner = (round(col - width / 2), round(row + height / 2))
     cv2.putText(plan, text, corner, cv2.FONT_HERSHEY_SIMPLEX, scale, (0, 0, 255), thickness, cv2.LINE_AA)
 

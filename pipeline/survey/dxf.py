@@ -1,4 +1,4 @@
-"""Reader of DXF drawings: closed polylines, open wall strings, arcs and splines, blocks resolved."""
+"""Reader of DXF drawings: polylines, lines, arcs and splines. Blocks are resolved."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ from pipeline.errors import InputError
 from pipeline.survey.shapes import Shapes, read_text_bytes
 
 _UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
-_CHORD_SHARE = 1e-4  # of the drawing's size, between a curve and the chords that stand for it
+_CHORD_SHARE = 1e-4  # largest distance between a curve and its chords, as a share of the drawing's size
 _MAX_ENTITIES = 100_000
-_ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?$", re.MULTILINE)  # group code 0 begins each
+_ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?$", re.MULTILINE)  # each entity begins with group code 0
 _DRAWN = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
 
 
 def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
-    """Read the lines of some layers, or of all.
+    """Read the lines of the given layers; None reads all layers.
 
     Returns
     -------
     Shapes
-        Lines in drawing units; the unit is `$INSUNITS` where the drawing says one we know.
+        Lines in drawing units. The unit is `$INSUNITS` if it is in, ft, mm, cm or m, else None.
 
     Raises
     ------
     InputError
-        If the file is no DXF, holds more than 100,000 entities, or a layer is unknown (they are listed).
+        If the file is not DXF, holds more than 100,000 entities, or a layer is unknown. The message lists the layers.
     """
     count = len(_ENTITY.findall(read_text_bytes(path)))
     if count > _MAX_ENTITIES:
         raise InputError(
-            f"{path}: {count} entities and tables, at most {_MAX_ENTITIES} are read; save the plan's layers alone"
+            f"{path}: {count} entities and tables, the limit is {_MAX_ENTITIES}; save only the plan's layers"
         )
     try:
         drawing = readfile(path)
-        known = {layer.dxf.name for layer in drawing.layers} | {e.dxf.layer for e in drawing.modelspace()}
+        existing = {layer.dxf.name for layer in drawing.layers} | {e.dxf.layer for e in drawing.modelspace()}
         lines = _lines(path, drawing, layers)
     except InputError:
         raise
@@ -60,9 +60,9 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
         StopIteration,
     ) as error:
         raise InputError(f"{path}: not a readable DXF drawing ({type(error).__name__}: {str(error)[:120]})") from error
-    unknown = sorted(set(layers or []) - known)
+    unknown = sorted(set(layers or []) - existing)
     if unknown and not lines:
-        raise InputError(f"{path}: no layer {', '.join(unknown)}; there are {', '.join(sorted(known))}")
+        raise InputError(f"{path}: no layer {', '.join(unknown)}; there are {', '.join(sorted(existing))}")
     return Shapes(list(lines), _UNITS.get(int(drawing.header.get("$INSUNITS", 0))))
 
 
@@ -72,10 +72,10 @@ def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> list[LineS
         raise InputError(f"{path}: more than {_MAX_ENTITIES} entities with blocks resolved")
     kept = [e for e in entities if e.dxftype() in _DRAWN and (layers is None or e.dxf.layer in layers)]
     paths = [p.path for p in disassemble.to_primitives(kept) if p.path is not None and len(p.path)]
-    corners = [point for p in paths for point in p.control_vertices()]
-    if not corners:
+    vertices = [point for p in paths for point in p.control_vertices()]
+    if not vertices:
         return []
-    size = max(max(v[k] for v in corners) - min(v[k] for v in corners) for k in (0, 1))
+    size = max(max(v[k] for v in vertices) - min(v[k] for v in vertices) for k in (0, 1))
     lines = []
     for p in paths:
         points = [(v.x, v.y) for v in p.flattening(max(size * _CHORD_SHARE, 1e-9), segments=4)]

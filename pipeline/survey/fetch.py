@@ -1,4 +1,4 @@
-"""Fetch the real plan, poses and sweeps into `data/raw/`, each checked against the registry (`make data`)."""
+"""Download the real plan, poses and sweeps into `data/raw/` and check them against the registry (`make data`)."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ def fetch_raw(entries: dict[str, Entry], folder: Path, mirror: str | None = None
     Parameters
     ----------
     entries : dict
-        The registry; names below `raw/` are fetched.
+        The registry. Entries without an https origin are skipped.
     folder : Path
         The data folder.
     mirror : str, optional
-        An http(s) address or a folder that holds the files under their registered names, in place of their origins.
+        An http(s) address or a folder that holds the files under their registered names. It replaces the origins.
 
     Returns
     -------
     list of Path
-        All fetched files; one that is there already with the right hash is left alone.
+        The path of every such file. A file with the right hash is not downloaded again.
 
     Raises
     ------
     InputError
-        If a file cannot be had or is not the registered one; nothing wrong is left behind.
+        If a file cannot be downloaded or differs from the registered one. A wrong file is not kept.
     """
-    fetched = []
+    paths = []
     for name, entry in sorted(entries.items()):
         if not entry.origin.startswith("https://"):
             continue
@@ -50,21 +50,24 @@ def fetch_raw(entries: dict[str, Entry], folder: Path, mirror: str | None = None
                 target.write_bytes(local.read_bytes())
             else:
                 pooch.retrieve(
-                    source, f"sha256:{entry.sha256}", fname=target.name, path=target.parent,
+                    source,
+                    f"sha256:{entry.sha256}",
+                    fname=target.name,
+                    path=target.parent,
                     downloader=pooch.HTTPDownloader(progressbar=sys.stderr.isatty(), timeout=60),
-                )  # fmt: skip
+                )
         except ValueError as error:
             raise InputError(f"{source}: not the registered file ({entry.bytes} bytes): {error}") from error
         except (OSError, requests.RequestException) as error:
             raise InputError(f"{source}: cannot be fetched ({error})") from error
-        fetched.append(target)
-    return fetched
+        paths.append(target)
+    return paths
 
 
 def main() -> int:
-    """Fetch, list what is there, and return 2 with one message when a file cannot be had."""
+    """Download the files and list them. Return 2 with one message if a file cannot be downloaded."""
     parser = argparse.ArgumentParser(prog="python -m pipeline.survey.fetch", description=__doc__)
-    parser.add_argument("--mirror", help="address or folder to take the files from, by their registered names")
+    parser.add_argument("--mirror", help="address or folder that holds the files under their registered names")
     try:
         entries = read_registry()
         for path in fetch_raw(entries, Path("data"), parser.parse_args().mirror):

@@ -1,6 +1,6 @@
-"""The formats of vector surveys: which reader takes a file of which ending.
+"""The formats of vector surveys: file name suffix to reader.
 
-To add a format, write its reader in a module of its own and one line here. `new` and stage 1 find it by its ending.
+To add a format, write its reader in a new module and add one line here. `new` and stage 1 choose the reader by suffix.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from pipeline.survey.shapes import Shapes
 from pipeline.survey.stations import read_stations
 from pipeline.survey.survex import read_svx
 
-ShapeReader = Callable[[Path, list[str] | None], Shapes]  # file, layers (None: all) -> polygons and lines
-PassageReader = Callable[[Path], tuple[list[SurveyLeg], str | None]]  # file -> legs, coordinate system if it names one
+ShapeReader = Callable[[Path, list[str] | None], Shapes]  # (file, layers or None for all) -> polygons and lines
+PassageReader = Callable[[Path], tuple[list[SurveyLeg], str | None]]  # file -> (legs, coordinate system or None)
 
 SHAPE_READERS: dict[str, ShapeReader] = {
     ".dxf": read_dxf,

@@ -1,4 +1,4 @@
-"""Reader of GeoJSON: polygons of the workings, or lines of their walls."""
+"""Reader of GeoJSON: polygons of workings, or lines of walls."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ def read_geojson(path: Path, layers: list[str] | None) -> Shapes:
     ----------
     path : Path
     layers : list of str or None
-        Keeps the features whose property `layer` is one of them; None keeps all.
+        Read only the features whose property `layer` is in this list; None reads all features.
 
     Raises
     ------
     InputError
-        If the file is no GeoJSON.
+        If the file is not GeoJSON.
 
     References
     ----------
-    RFC 7946; the member `crs` is that of the 2008 specification, still written by GDAL for other systems.
+    RFC 7946. The member `crs` is from the 2008 specification; GDAL still writes it for other systems than WGS 84.
     """
     data = read_text_bytes(path)
     try:
         content = json.loads(data)
-        found = [shape for feature in _features(content) if _chosen(feature, layers) for shape in _shapes(feature)]
+        shapes = [shape for feature in _features(content) if _is_chosen(feature, layers) for shape in _shapes(feature)]
     except (ValueError, TypeError, KeyError, RecursionError, shapely.GEOSException, AttributeError) as error:
         raise InputError(f"{path}: not GeoJSON ({str(error)[:120]})") from error
-    if "note" in content and "metres" in str(content["note"]):  # our own artifacts
-        return Shapes(found, "m")
-    named = content.get("crs") or {}
-    about = named.get("properties") if isinstance(named, dict) else None
-    name = about.get("name") if isinstance(about, dict) else None
-    return Shapes(found, None, str(name) if name else "OGC:CRS84")
+    if "note" in content and "metres" in str(content["note"]):  # this project's own artifacts
+        return Shapes(shapes, "m")
+    crs = content.get("crs") or {}
+    properties = crs.get("properties") if isinstance(crs, dict) else None
+    name = properties.get("name") if isinstance(properties, dict) else None
+    return Shapes(shapes, None, str(name) if name else "OGC:CRS84")
 
 
 def _features(content: Any) -> list[dict]:
@@ -53,7 +53,7 @@ def _features(content: Any) -> list[dict]:
     return [content if content["type"] == "Feature" else {"type": "Feature", "geometry": content}]
 
 
-def _chosen(feature: dict, layers: list[str] | None) -> bool:
+def _is_chosen(feature: dict, layers: list[str] | None) -> bool:
     return layers is None or str((feature.get("properties") or {}).get("layer")) in layers
 
 

@@ -1,4 +1,4 @@
-"""Where a picture's pixels lie in a map's coordinates: world files and GeoTIFF."""
+"""Georeference of a picture: the map coordinates of its pixels, from a world file or a GeoTIFF."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _SUFFIXES = {
 
 @dataclass(frozen=True)
 class Placement:
-    """A picture in a map: a pixel's size, how far its columns run north of east, and the corner of pixel (0, 0).
+    """Georeference of a picture: pixel size, rotation, and the corner of pixel (0, 0).
 
-    `size`, `east` and `north` are in units of the map's system, `turned_deg` counter-clockwise.
+    `size`, `east` and `north` are in units of the map's system; `turned_deg` is counter-clockwise.
     """
 
     size: float
@@ -39,27 +39,27 @@ class Placement:
 
 
 def world_file(image: Path) -> Path | None:
-    """Return the world file beside a picture, if there is one."""
-    endings = [*_SUFFIXES.get(image.suffix.lower(), []), ".wld"]
-    beside = [p for p in sorted(image.parent.glob("*")) if p.stem == image.stem and p.is_file()]
-    return next((p for ending in endings for p in beside if p.suffix.lower() == ending), None)
+    """Return the world file in a picture's folder, or None."""
+    suffixes = [*_SUFFIXES.get(image.suffix.lower(), []), ".wld"]
+    same_stem = [p for p in sorted(image.parent.glob("*")) if p.stem == image.stem and p.is_file()]
+    return next((p for suffix in suffixes for p in same_stem if p.suffix.lower() == suffix), None)
 
 
 def read_placement(image: Path) -> Placement:
-    """Read where a picture lies, from its world file or, for GeoTIFF, from itself.
+    """Read a picture's georeference from its world file, or from the GeoTIFF itself.
 
     Raises
     ------
     InputError
-        If it has neither, its pixels are not square or mirrored, or its system counts in degrees.
+        If it has no georeference, its pixels are not square or are mirrored, or its system is in degrees.
 
     References
     ----------
     Esri, "World files for raster datasets"; OGC GeoTIFF 1.1.
     """
-    beside = world_file(image)
-    if beside is not None:
-        return _placed(beside, _six_numbers(beside), 1.0, "m", None)
+    file = world_file(image)
+    if file is not None:
+        return _placement(file, _six_numbers(file), 1.0, "m", None)
     if image.suffix.lower() in (".tif", ".tiff"):
         try:
             with warnings.catch_warnings():
@@ -72,9 +72,9 @@ def read_placement(image: Path) -> Placement:
             if crs is not None and crs.is_geographic:
                 raise InputError(f"{image}: its pixels are in degrees ({crs}); warp it to a metric system first")
             unit, metres = crs.linear_units_factor if crs is not None and crs.is_projected else ("m", 1.0)
-            corner = (t.a, t.d, t.b, t.e, t.c + (t.a + t.b) / 2, t.f + (t.d + t.e) / 2)
-            return _placed(image, corner, float(metres), str(unit), crs.to_string() if crs is not None else None)
-    raise InputError(f"{image}: no world file beside it and no GeoTIFF; survey.scale.source=georeference needs one")
+            six = (t.a, t.d, t.b, t.e, t.c + (t.a + t.b) / 2, t.f + (t.d + t.e) / 2)
+            return _placement(image, six, float(metres), str(unit), crs.to_string() if crs is not None else None)
+    raise InputError(f"{image}: has no world file and is not a GeoTIFF; survey.scale.source=georeference needs one")
 
 
 def _six_numbers(path: Path) -> tuple[float, ...]:
@@ -84,13 +84,15 @@ def _six_numbers(path: Path) -> tuple[float, ...]:
     except ValueError as error:
         raise InputError(f"{path}: not six numbers ({error})") from error
     if len(numbers) != 6 or not all(map(math.isfinite, numbers)):
-        raise InputError(f"{path}: want six finite numbers, found {len(numbers)}")
+        raise InputError(f"{path}: expected six finite numbers, got {len(numbers)}")
     return numbers
 
 
-def _placed(path: Path, six: tuple[float, ...], metres: float, unit: str, crs: str | None) -> Placement:
-    a, d, b, e, c, f = six  # a pixel along a row goes (a, d), down a column (b, e); (c, f) is pixel (0, 0)'s centre
+def _placement(path: Path, six: tuple[float, ...], metres: float, unit: str, crs: str | None) -> Placement:
+    a, d, b, e, c, f = six  # one column right is (a, d), one row down is (b, e); (c, f) is the centre of pixel (0, 0)
     size, down = math.hypot(a, d), math.hypot(b, e)
     if not (1e-6 < size < 1e6) or abs(size - down) > 0.005 * size or a * e - b * d >= 0:
-        raise InputError(f"{path}: pixels of {size:g} by {down:g} units; want square ones, north up, not mirrored")
+        raise InputError(
+            f"{path}: pixels of {size:g} by {down:g} units; they must be square, north up and not mirrored"
+        )
     return Placement(size, math.degrees(math.atan2(d, a)), c - (a + b) / 2, f - (d + e) / 2, metres, unit, crs)

@@ -1,4 +1,4 @@
-"""Plan images: read safely, whatever the file holds."""
+"""Read plan images, and refuse files that are not usable images."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.types import Image
 
-MAX_SIDE_PX = 16_384  # OSMesa's largest framebuffer, in which stage 6 looks at the world
+MAX_SIDE_PX = 16_384  # the largest framebuffer of OSMesa, in which stage 6 renders the world
 
 
 def read_image(path: Path, max_megapixels: float) -> Image:
@@ -19,9 +19,9 @@ def read_image(path: Path, max_megapixels: float) -> Image:
     Parameters
     ----------
     path : Path
-        PNG, JPEG, TIFF or any other format OpenCV reads.
+        PNG, JPEG, TIFF or any other format that OpenCV reads.
     max_megapixels : float
-        Larger images are refused.
+        Upper limit of the image's size.
 
     Returns
     -------
@@ -37,27 +37,27 @@ def read_image(path: Path, max_megapixels: float) -> Image:
         raise InputError(f"{path}: empty file")
     try:
         picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    except cv2.error as error:  # OpenCV's own limits on width, height and pixels
-        raise InputError(f"{path}: not decoded by OpenCV ({error.err or error})") from error
+    except cv2.error as error:  # OpenCV has its own limits on width, height and pixels
+        raise InputError(f"{path}: OpenCV cannot decode it ({error.err or error})") from error
     if picture is None:
         raise InputError(f"{path}: not an image that OpenCV can read ({data.size} bytes)")
     if max(picture.shape[:2]) > MAX_SIDE_PX:
-        raise InputError(
-            f"{path}: {picture.shape[1]} x {picture.shape[0]} px, at most {MAX_SIDE_PX} px a side are rendered"
-        )
+        raise InputError(f"{path}: {picture.shape[1]} x {picture.shape[0]} px, the limit is {MAX_SIDE_PX} px a side")
     megapixels = picture.shape[0] * picture.shape[1] / 1e6
     if megapixels > max_megapixels:
-        raise InputError(f"{path}: {megapixels:.1f} megapixels, at most {max_megapixels:g} (survey.max_megapixels)")
-    return require_workings_drawn(path, _on_paper(picture))
+        raise InputError(
+            f"{path}: {megapixels:.1f} megapixels, the limit is {max_megapixels:g} (survey.max_megapixels)"
+        )
+    return require_workings_drawn(path, _to_bgr(picture))
 
 
 def require_workings_drawn(path: Path, picture: Image) -> Image:
-    """Return a picture, unless it is of one colour only.
+    """Return the picture if it has more than one colour.
 
     Raises
     ------
     InputError
-        Naming the file and the colour.
+        If it has one colour only. The message names the file and the colour.
     """
     if (picture == picture[0, 0]).all():
         colour = {0: "black", 765: "white"}.get(int(picture[0, 0].astype(int).sum()), "of one colour")
@@ -65,8 +65,8 @@ def require_workings_drawn(path: Path, picture: Image) -> Image:
     return picture
 
 
-def _on_paper(picture: np.ndarray) -> Image:
-    """Return any decoded picture as 8-bit BGR: 16 bits scaled down, grey tripled, transparency laid on white paper."""
+def _to_bgr(picture: np.ndarray) -> Image:
+    """Convert a decoded picture to 8-bit BGR. Transparent pixels become white."""
     if picture.dtype == np.uint16:
         picture = (picture // 257).astype(np.uint8)
     elif picture.dtype != np.uint8:

@@ -1,4 +1,4 @@
-"""Legs of a station survey, whichever file they come from: their network is checked, their workings rebuilt."""
+"""Legs of a station survey: check their network and rebuild the workings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pipeline.types import Points2
 
 @dataclass(frozen=True)
 class SurveyLeg:
-    """One leg: its stations' names, positions (n, 2) m and wall distances left and right (n, 2) m."""
+    """One leg: names of its stations, positions (n, 2) m, and distances to the left and right wall (n, 2) m."""
 
     name: str
     stations: list[str]
@@ -25,19 +25,20 @@ class SurveyLeg:
     walls_m: Points2
 
 
-Chain = list[tuple[str, tuple[float, float], tuple[float, float]]]  # station, place, walls left and right; nan: unknown
+Chain = list[
+    tuple[str, tuple[float, float], tuple[float, float]]
+]  # station, position, wall distances left and right (nan: not measured)
 
 
 def legs_of_chains(path: Path, chains: list[Chain]) -> list[SurveyLeg]:
-    """Make legs of stations as they follow each other in a file, filling in wall distances that were not measured.
+    """Make legs from sequences of stations, and interpolate wall distances that were not measured.
 
-    A station that stands where the one before it does, as in a shaft, is left out; so are legs of one station. What
-    was not measured is taken from the stations before and after along the leg.
+    A station at the same position as the one before it, as in a shaft, is omitted. Legs of one station are omitted.
 
     Raises
     ------
     InputError
-        If no leg is left, a leg has no wall distance at all, or the network does not hold (see `check_network`).
+        If no leg remains, a leg has no wall distance at all, or the network is not valid (see `check_network`).
     """
     legs = []
     for number, chain in enumerate(chains, start=1):
@@ -46,12 +47,12 @@ def legs_of_chains(path: Path, chains: list[Chain]) -> list[SurveyLeg]:
         )
         if len(kept) < 2:
             continue
-        walls = np.array([sides for _, _, sides in kept], dtype=float)
+        walls = np.array([distances for _, _, distances in kept], dtype=float)
         for side, column in zip(("left", "right"), walls.T, strict=True):
-            known = np.flatnonzero(np.isfinite(column))
-            if not len(known):
+            measured = np.flatnonzero(np.isfinite(column))
+            if not len(measured):
                 raise InputError(f"{path}: no distance to the {side} wall from {kept[0][0]} to {kept[-1][0]}")
-            column[:] = np.interp(np.arange(len(column)), known, column[known])
+            column[:] = np.interp(np.arange(len(column)), measured, column[measured])
         legs.append(SurveyLeg(str(number), [s for s, _, _ in kept], np.array([p for _, p, _ in kept]), walls))
     if not legs:
         raise InputError(f"{path}: no legs with passages; widths left and right of the stations are needed")
@@ -60,20 +61,20 @@ def legs_of_chains(path: Path, chains: list[Chain]) -> list[SurveyLeg]:
 
 
 def check_network(path: Path, legs: list[SurveyLeg]) -> None:
-    """Check that all legs hang together and that none crosses another without a station.
+    """Check that all legs are connected and that legs cross only at stations.
 
     Raises
     ------
     InputError
-        Naming the file and the legs.
+        If not. The message names the file and the legs.
     """
     graph: nx.Graph = nx.Graph()
     for leg in legs:
         nx.add_path(graph, leg.stations)
-    parts = sorted(nx.connected_components(graph), key=len, reverse=True)
-    if len(parts) > 1:
-        loose = [leg.name for leg in legs if leg.stations[0] not in parts[0]]
-        raise InputError(f"{path}: legs {', '.join(loose)} share no station with leg {_leg_of(legs, parts[0])}")
+    components = sorted(nx.connected_components(graph), key=len, reverse=True)
+    if len(components) > 1:
+        separate = [leg.name for leg in legs if leg.stations[0] not in components[0]]
+        raise InputError(f"{path}: legs {', '.join(separate)} share no station with leg {_leg_of(legs, components[0])}")
     segments = [(leg, a, b) for leg in legs for a, b in pairwise(range(len(leg.stations)))]
     lines = shapely.linestrings([leg.positions_m[[a, b]] for leg, a, b in segments])
     for i, j in shapely.STRtree(lines).query(lines, predicate="crosses").T:
@@ -91,14 +92,14 @@ def _leg_of(legs: list[SurveyLeg], stations: set[str]) -> str:
 
 
 def build_workings(legs: list[SurveyLeg]) -> BaseGeometry:
-    """Rebuild the workings in plan: a quad between neighbouring stations, a disc at each station.
+    """Rebuild the workings in plan: a quadrilateral between neighbouring stations and a disc at each station.
 
-    A disc's radius is the smaller wall distance, so it never reaches beyond a wall that was measured.
+    A disc's radius is the smaller wall distance, so the disc never crosses a measured wall.
 
     Returns
     -------
     shapely geometry, m, mine frame
-        May be in parts where a survey narrows to nothing.
+        Several polygons where both wall distances of a station are zero.
     """
     shapes: list[BaseGeometry] = []
     for leg in legs:

@@ -1,4 +1,4 @@
-"""Stage 1's work: a plan, its frame and its scale, from whatever survey the parameters name."""
+"""Stage 1: read the survey that the parameters name into a plan, its frame and its scale."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Scaled = StationSurveyParams | PlanSurveyParams
 
 @dataclass(frozen=True)
 class Reading:
-    """A plan as its file has it: pixels whose frame counts 1 px/m until the scale is settled."""
+    """A plan as read from its file, and the readings of its scale. Its frame uses 1 px/m until the scale is chosen."""
 
     plan: Image
     frame: Frame
@@ -43,12 +43,18 @@ class Reading:
 
 
 def read_survey(params: SurveyParams) -> dict[str, Any]:
-    """Return `plan`, the picture (rows, cols, 3) uint8 BGR, `workings` and `survey`, what is known of both.
+    """Read a survey.
+
+    Returns
+    -------
+    dict
+        `plan`, the picture (rows, cols, 3) uint8 BGR; `workings`, polygons in m, mine frame, empty unless the survey is
+        a vector survey; `survey`, the frame, scale and origin of both.
 
     Raises
     ------
     InputError
-        If an input is unusable or gives no scale; the message names file, value and limit.
+        If an input cannot be used or has no scale. The message names the file, the value and the limit.
     """
     match params.kind:
         case "stations" | "plan":
@@ -60,9 +66,9 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
         case _:
             workings, georeference, plan, frame = draw_vector_survey(params)
             boxes, scale = [], Scale(frame.px_per_m, "drawn")
-    registry, named = read_registry(), sources(params)
+    registry, files = read_registry(), sources(params)
     licences = {
-        name: registry[name.removeprefix("data/")].licence for name in named if name.removeprefix("data/") in registry
+        name: registry[name.removeprefix("data/")].licence for name in files if name.removeprefix("data/") in registry
     }
     survey = Survey(
         params.name,
@@ -72,7 +78,7 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
         boxes,
         params.entrance_m,
         dict(params.labels_m),
-        named,
+        files,
         georeference,
         licences,
     )
@@ -80,22 +86,30 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
 
 
 def _read_scaled(params: Scaled) -> tuple[Image, Frame, Scale, list[Box], Georeference]:
-    """Read a survey whose scale has to be measured, and settle it."""
-    found = draw_stations(params) if params.kind == "stations" else read_plan(params)
-    plan, boxes = found.plan, found.boxes
-    poses = None if params.poses is None else _scale_of_poses(params.poses, plan, found.frame)
-    wide, width = plan.shape[1], params.resample_width_px or plan.shape[1]
-    scale = _settle_scale(params, found, poses, width / wide)
-    frame = found.frame.resampled(width, scale.px_per_m)
-    if width != wide:
+    """Read a survey whose scale must be measured, and choose its scale."""
+    reading = draw_stations(params) if params.kind == "stations" else read_plan(params)
+    plan, boxes = reading.plan, reading.boxes
+    poses = None if params.poses is None else _scale_of_poses(params.poses, plan, reading.frame)
+    read_width, width = plan.shape[1], params.resample_width_px or plan.shape[1]
+    ratio = width / read_width
+    scale = _choose_scale(params, reading, poses, ratio)
+    frame = reading.frame.resampled(width, scale.px_per_m)
+    if width != read_width:
         plan = cv2.resize(plan, (frame.width_px, frame.height_px), interpolation=cv2.INTER_AREA)
-        boxes = [(round(a * width / wide), round(b * width / wide), round(c * width / wide), round(d * width / wide))
-                 for a, b, c, d in boxes]  # fmt: skip
-    return plan, frame, scale, boxes, found.georeference
+        boxes = [
+            (
+                round(col0 * width / read_width),
+                round(row0 * width / read_width),
+                round(col1 * width / read_width),
+                round(row1 * width / read_width),
+            )
+            for col0, row0, col1, row1 in boxes
+        ]
+    return plan, frame, scale, boxes, reading.georeference
 
 
 def draw_stations(params: StationSurveyParams) -> Reading:
-    """Draw a station survey as a plan; its scale is read off the drawn bar."""
+    """Draw a station survey as a plan and measure the scale from the drawn bar."""
     legs = read_stations(Path(params.stations))
     workings = build_workings(legs)
     if workings.is_empty:
@@ -106,7 +120,7 @@ def draw_stations(params: StationSurveyParams) -> Reading:
     if not (extent[0] <= west and extent[1] <= south and east <= extent[2] and north <= extent[3]):
         raise InputError(
             f"{params.stations}: the workings reach from ({west:.1f}, {south:.1f}) to ({east:.1f}, {north:.1f}) m, "
-            f"beyond survey.frame_m = {list(extent)}; survey.frame_m=null fits the frame to them"
+            f"beyond survey.frame_m = {list(extent)}; survey.frame_m=null fits the frame to the workings"
         )
     frame = frame_around(extent, params.px_per_m)
     plan, box = draw_plan(workings, frame, params.labels_m, params.scale.bar_length_m, params.drawing_grey)
@@ -115,7 +129,7 @@ def draw_stations(params: StationSurveyParams) -> Reading:
 
 
 def read_plan(params: PlanSurveyParams) -> Reading:
-    """Read a plan image, ready to trace."""
+    """Read a plan image, prepared for tracing."""
     path, length = Path(params.image), params.scale.bar_length_m
     plan = make_ready(path, read_picture(path, params), params)
     boxes, bar, per_m, georeference = [], None, None, Georeference("m", 1.0, turned_deg=params.turn_deg)
@@ -126,7 +140,9 @@ def read_plan(params: PlanSurveyParams) -> Reading:
     elif params.scale.bar_box_px is not None:
         col0, row0, col1, row1 = box = params.scale.bar_box_px
         if not (0 <= col0 < col1 <= plan.shape[1] and 0 <= row0 < row1 <= plan.shape[0]):
-            raise InputError(f"survey.scale.bar_box_px = {list(box)}: not inside {plan.shape[1]} x {plan.shape[0]} px")
+            raise InputError(
+                f"survey.scale.bar_box_px = {list(box)}: not inside the picture of {plan.shape[1]} x {plan.shape[0]} px"
+            )
         bar = measure_bar(plan[row0:row1, col0:col1], length, f"{params.image} within {list(box)}")
         boxes.append(box)
     if params.scale.source == "georeference":
@@ -139,11 +155,11 @@ def read_plan(params: PlanSurveyParams) -> Reading:
 
 
 def _place_in_map(path: Path, plan: Image, params: PlanSurveyParams) -> tuple[Image, float, Georeference]:
-    """Turn a plan north up as its map says; return it, its scale, and the map's coordinates of the mine's origin."""
+    """Rotate a plan north up by its georeference. Return the plan, its scale in px/m, and its new georeference."""
     place = read_placement(path)
     if params.crop_px is not None or params.turn_deg:
-        raise InputError(f"{path}: survey.crop_px and survey.turn_deg do not go with scale.source=georeference")
-    corner = np.zeros(2)  # where the picture's own corner is, in the turned picture
+        raise InputError(f"{path}: survey.crop_px and survey.turn_deg cannot be used with scale.source=georeference")
+    corner = np.zeros(2)  # the picture's corner in the rotated picture
     if abs(place.turned_deg) > 0.01:
         plan, turn = turn_picture(plan, place.turned_deg)
         corner = turn[:, 2]
@@ -160,13 +176,13 @@ def _scale_of_poses(poses: PosesParams, plan: Image, frame: Frame) -> PoseScale:
     return scale_from_poses(plan, read_poses(Path(poses.file)), sweeps, origin, poses.scale_range_px_per_m)
 
 
-def _settle_scale(params: Scaled, found: Reading, poses: PoseScale | None, shrink: float) -> Scale:
-    """Choose the scale that is asked for and compare the other readings with it, in px/m of the final picture."""
+def _choose_scale(params: Scaled, reading: Reading, poses: PoseScale | None, ratio: float) -> Scale:
+    """Return the scale from the requested source, compared with the other sources, in px/m of the resampled picture."""
     readings = {
-        "bar": None if found.bar_px_per_m is None else found.bar_px_per_m * shrink,
-        "poses": None if poses is None else poses.px_per_m * shrink,
+        "bar": None if reading.bar_px_per_m is None else reading.bar_px_per_m * ratio,
+        "poses": None if poses is None else poses.px_per_m * ratio,
         "stated": params.scale.px_per_m,
-        "georeference": None if found.map_px_per_m is None else found.map_px_per_m * shrink,
+        "georeference": None if reading.map_px_per_m is None else reading.map_px_per_m * ratio,
     }
     used = readings[params.scale.source]
     if used is None:
@@ -175,21 +191,21 @@ def _settle_scale(params: Scaled, found: Reading, poses: PoseScale | None, shrin
             "or state survey.scale.px_per_m with survey.scale.source=stated"
         )
     difference = {k: round(100 * (v / used - 1), 3) for k, v in readings.items() if v is not None}
-    interval = None if poses is None else (poses.low_px_per_m * shrink, poses.high_px_per_m * shrink)
+    interval = None if poses is None else (poses.low_px_per_m * ratio, poses.high_px_per_m * ratio)
     return Scale(
         used, params.scale.source, readings["bar"], readings["poses"], interval, readings["stated"], difference
     )
 
 
 def sources(params: SurveyParams) -> list[str]:
-    """List the input files that a survey section names, with those that belong to them."""
+    """List the input files of a survey section, with their companion files."""
     match params.kind:
         case "stations":
             files = [params.stations]
         case "plan":
             files = [params.image]
-            beside = world_file(Path(params.image)) if params.scale.source == "georeference" else None
-            files += [beside.as_posix()] if beside is not None else []
+            georeference = world_file(Path(params.image)) if params.scale.source == "georeference" else None
+            files += [georeference.as_posix()] if georeference is not None else []
         case "grid":
             files = [params.map, nav2_picture(Path(params.map)).as_posix()]
         case _:

@@ -1,4 +1,4 @@
-"""Reader of ROS Nav2 maps: `map.yaml` and the picture beside it."""
+"""Reader of ROS Nav2 maps: `map.yaml` and its picture."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MAX_MEGAPIXELS = 100.0
 
 
 class _MapFile(BaseModel):
-    """What `map.yaml` may say; other keys are left alone."""
+    """The keys of `map.yaml` that are read; other keys are ignored."""
 
     model_config = ConfigDict(extra="ignore", strict=False)
 
@@ -35,9 +35,9 @@ class _MapFile(BaseModel):
 
 @dataclass(frozen=True)
 class Nav2Map:
-    """A map: `free` and `occupied` (rows, cols), row 0 in the south; what is neither is unknown.
+    """An occupancy grid: `free` and `occupied` (rows, cols), row 0 in the south. All other cells are unknown.
 
-    `origin_m` is the south-west corner of the cell [0, 0], `yaw_rad` the grid's turn about it, `cell_m` a cell's edge.
+    `origin_m` is the south-west corner of cell [0, 0], `yaw_rad` the rotation about it, `cell_m` the edge of a cell.
     """
 
     free: Mask
@@ -48,28 +48,28 @@ class Nav2Map:
 
 
 def read_nav2_map(path: Path) -> Nav2Map:
-    """Read a map by its YAML file.
+    """Read a map from its YAML file.
 
     Raises
     ------
     InputError
-        If the YAML is not a map's, or its picture is missing, outside the folder, or none.
+        If the YAML file does not describe a map, or its picture is missing, not readable or outside the folder.
 
     References
     ----------
-    Nav2 map_server, "Map yaml format"; a cell's occupancy is (255 - grey) / 255, or grey / 255 where negated.
+    Nav2 map_server, "Map yaml format". A cell's occupancy is (255 - grey) / 255, or grey / 255 if negated.
     """
-    said = _read_map_file(path)
-    picture = path.parent / said.image
+    header = _read_map_file(path)
+    picture = path.parent / header.image
     if not picture.is_file():
         raise InputError(f"{picture}: missing, though {path.name} names it")
     grey = cv2.cvtColor(read_image(picture, _MAX_MEGAPIXELS), cv2.COLOR_BGR2GRAY)
-    share = grey[::-1] / 255.0 if said.negate else 1.0 - grey[::-1] / 255.0
-    x, y, yaw = said.origin
-    if said.mode == "raw":
+    share = grey[::-1] / 255.0 if header.negate else 1.0 - grey[::-1] / 255.0
+    x, y, yaw = header.origin
+    if header.mode == "raw":
         value = grey[::-1].astype(float)
-        return Nav2Map(value == 0, (value > 0) & (value <= 100), (x, y), yaw, said.resolution)
-    return Nav2Map(share < said.free_thresh, share > said.occupied_thresh, (x, y), yaw, said.resolution)
+        return Nav2Map(value == 0, (value > 0) & (value <= 100), (x, y), yaw, header.resolution)
+    return Nav2Map(share < header.free_thresh, share > header.occupied_thresh, (x, y), yaw, header.resolution)
 
 
 def nav2_picture(path: Path) -> Path:
@@ -78,21 +78,21 @@ def nav2_picture(path: Path) -> Path:
     Raises
     ------
     InputError
-        If the YAML is not a map's, or the picture lies outside its folder.
+        If the YAML file does not describe a map, or the picture is outside its folder.
     """
     return path.parent / _read_map_file(path).image
 
 
 def _read_map_file(path: Path) -> _MapFile:
     try:
-        said = _MapFile.model_validate(yaml.safe_load(read_text_bytes(path)))
+        header = _MapFile.model_validate(yaml.safe_load(read_text_bytes(path)))
     except (UnicodeDecodeError, yaml.YAMLError, RecursionError, ValueError) as error:
         if isinstance(error, ValidationError):
             first = error.errors()[0]
             raise InputError(f"{path}: {'.'.join(map(str, first['loc'])) or 'map'}: {first['msg']}") from error
         raise InputError(f"{path}: cannot be read as YAML ({str(error)[:200]})") from error
-    if not (math.isfinite(said.resolution) and all(map(math.isfinite, said.origin))):
-        raise InputError(f"{path}: resolution = {said.resolution}, origin = {said.origin}: want finite numbers")
-    if not (path.parent / said.image).resolve().is_relative_to(path.parent.resolve()):
-        raise InputError(f"{path}: image = {said.image[:80]!r} leads out of the map's folder")
-    return said
+    if not (math.isfinite(header.resolution) and all(map(math.isfinite, header.origin))):
+        raise InputError(f"{path}: resolution = {header.resolution}, origin = {header.origin}: expected finite numbers")
+    if not (path.parent / header.image).resolve().is_relative_to(path.parent.resolve()):
+        raise InputError(f"{path}: image = {header.image[:80]!r} is outside the map's folder")
+    return header

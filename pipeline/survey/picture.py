@@ -1,4 +1,4 @@
-"""A plan's picture made ready to trace: a page drawn, a box cut out, turned, dark workings on light paper."""
+"""Prepare a plan's picture for tracing: render a PDF page, crop, rotate, and make workings dark on light paper."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pipeline.types import Image
 
 
 def read_picture(path: Path, params: PlanSurveyParams) -> Image:
-    """Read an image or a page of a PDF, as it is.
+    """Read an image or a PDF page without changing it.
 
     Raises
     ------
@@ -31,51 +31,53 @@ def read_picture(path: Path, params: PlanSurveyParams) -> Image:
 
 
 def draw_page(path: Path, page: int, dpi: float, max_megapixels: float) -> Image:
-    """Draw a page of a PDF on white paper as (rows, cols, 3) uint8 BGR.
+    """Render a PDF page on white paper as (rows, cols, 3) uint8 BGR.
 
     Raises
     ------
     InputError
-        If the file is no PDF, has no such page, or the page would be larger than is read.
+        If the file is not PDF, has no such page, or the page exceeds the limits on size.
     """
     try:
         document = pypdfium2.PdfDocument(read_text_bytes(path))
         try:
             if page > len(document):
-                raise InputError(f"{path}: survey.page = {page}: it has {len(document)} pages")
+                raise InputError(f"{path}: survey.page = {page}: the document has {len(document)} pages")
             sheet = document[page - 1]
-            wide, high = (side * dpi / 72 for side in sheet.get_size())
-            if max(wide, high) > MAX_SIDE_PX or wide * high > max_megapixels * 1e6 or min(wide, high) < 8:
+            width, height = (side * dpi / 72 for side in sheet.get_size())
+            if max(width, height) > MAX_SIDE_PX or width * height > max_megapixels * 1e6 or min(width, height) < 8:
                 raise InputError(
-                    f"{path}: page {page} is {wide:.0f} x {high:.0f} px at survey.dpi = {dpi:g}; "
-                    f"at most {MAX_SIDE_PX} px a side and {max_megapixels:g} megapixels are read"
+                    f"{path}: page {page} is {width:.0f} x {height:.0f} px at survey.dpi = {dpi:g}; "
+                    f"the limits are {MAX_SIDE_PX} px a side and {max_megapixels:g} megapixels"
                 )
             return np.ascontiguousarray(sheet.render(scale=dpi / 72).to_numpy()[..., :3])
         finally:
             document.close()
     except pypdfium2.PdfiumError as error:
-        raise InputError(f"{path}: not a PDF that can be read ({error})") from error
+        raise InputError(f"{path}: cannot be read as PDF ({error})") from error
 
 
 def make_ready(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
-    """Cut, clean and turn a picture as the parameters say, to dark on light.
+    """Crop, clean and rotate a picture by the parameters; the result is dark on light.
 
     Raises
     ------
     InputError
-        If the box lies beyond the picture.
+        If the crop box is not inside the picture.
     """
     if params.crop_px is not None:
         col0, row0, col1, row1 = params.crop_px
         if not (col0 >= 0 and row0 >= 0 and col1 <= picture.shape[1] and row1 <= picture.shape[0]):
             raise InputError(
-                f"survey.crop_px = {[*params.crop_px]}: not inside {picture.shape[1]} x {picture.shape[0]} px"
+                f"survey.crop_px = {[*params.crop_px]}: not inside the picture of "
+                f"{picture.shape[1]} x {picture.shape[0]} px"
             )
         picture = picture[row0:row1, col0:col1]
     for ignored in params.ignore_colours:
-        apart = np.abs(picture.astype(int) - np.array(ignored.rgb[::-1])).max(axis=2)
-        paper = np.median(picture[apart > ignored.within], axis=0) if (apart > ignored.within).any() else 255
-        picture = np.where(apart[..., None] <= ignored.within, paper, picture).astype(np.uint8)
+        difference = np.abs(picture.astype(int) - np.array(ignored.rgb[::-1])).max(axis=2)
+        kept = difference > ignored.within
+        paper = np.median(picture[kept], axis=0) if kept.any() else 255
+        picture = np.where(kept[..., None], picture, paper).astype(np.uint8)
     if params.light_on_dark:
         picture = 255 - picture
     if params.turn_deg:
@@ -84,12 +86,12 @@ def make_ready(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
 
 
 def fill_walls(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
-    """Return the plan with the workings filled dark, where it draws their walls as lines.
+    """Fill the workings of a line drawing, so that they are dark on light paper.
 
     Raises
     ------
     InputError
-        If the walls enclose nothing, or a seed lies outside them.
+        If the walls enclose no area, or a seed is outside the walls.
     """
     dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
     try:
@@ -100,25 +102,28 @@ def fill_walls(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
 
 
 def turn_picture(picture: Image, turn_deg: float, paper: int = 255) -> tuple[Image, np.ndarray]:
-    """Turn a picture counter-clockwise onto larger paper; return it and the (2, 3) map of image points.
+    """Rotate a picture counter-clockwise. Return it and the (2, 3) affine map of image points.
 
-    `paper` is the grey value of what is added.
+    The result is large enough to hold the whole picture. The added pixels have the grey value `paper`.
 
     Raises
     ------
     InputError
-        If the turned picture is larger than is rendered.
+        If the rotated picture exceeds 16,384 px a side.
     """
     rows, cols = picture.shape[:2]
     turn = cv2.getRotationMatrix2D((cols / 2, rows / 2), turn_deg, 1.0)
     cos, sin = abs(turn[0, 0]), abs(turn[0, 1])
-    wide, high = int(np.ceil(cols * cos + rows * sin - 1e-6)), int(np.ceil(cols * sin + rows * cos - 1e-6))
-    if max(wide, high) > MAX_SIDE_PX:
+    width, height = int(np.ceil(cols * cos + rows * sin - 1e-6)), int(np.ceil(cols * sin + rows * cos - 1e-6))
+    if max(width, height) > MAX_SIDE_PX:
         raise InputError(
-            f"survey.turn_deg = {turn_deg:g}: the picture would be {wide} x {high} px, at most {MAX_SIDE_PX} a side"
+            f"survey.turn_deg = {turn_deg:g}: the picture would be {width} x {height} px, "
+            f"the limit is {MAX_SIDE_PX} px a side"
         )
-    turn[:, 2] += wide / 2 - cols / 2, high / 2 - rows / 2
-    on_centres = turn.copy()  # OpenCV counts from pixel centres, the image plane from corners
+    turn[:, 2] += width / 2 - cols / 2, height / 2 - rows / 2
+    on_centres = turn.copy()  # OpenCV's origin is a pixel's centre, that of the image plane its corner
     on_centres[:, 2] += turn[:, :2] @ (0.5, 0.5) - 0.5
-    turned = cv2.warpAffine(picture, on_centres, (wide, high), flags=cv2.INTER_AREA, borderValue=(paper, paper, paper))
+    turned = cv2.warpAffine(
+        picture, on_centres, (width, height), flags=cv2.INTER_AREA, borderValue=(paper, paper, paper)
+    )
     return turned, turn

@@ -1,4 +1,4 @@
-"""Surveyed scanner poses and their planar sweeps, and the plan's scale that they imply."""
+"""Read surveyed scanner poses and planar sweeps, and fit the plan's scale to them."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from pipeline.geometry.raycast import RayCaster, upright_walls
 from pipeline.geometry.registration import Pose, Search, register_scans
 from pipeline.types import Frame, Image
 
-_MAX_ERROR_M = 1.0  # the published plan draws its drifts 1 to 2 m wider than they are; a wrong scale errs by more
+_MAX_ERROR_M = 1.0  # the published plan draws drifts 1 to 2 m too wide; a wrong scale has a larger error
 _TURN_RAD, _SHIFT_M = math.radians(2.0), 10.0
-CORRECTION_M, CORRECTION_RAD = 1.5, math.radians(3.0)  # how far off a surveyed pose may be
+CORRECTION_M, CORRECTION_RAD = 1.5, math.radians(3.0)  # largest error of a surveyed pose
 _LEAST_RETURNS = 30
 _WORKINGS_CHROMA = 40
 _QUATERNION_COLUMNS = 8
 
 
 class SurveyedPose(NamedTuple):
-    """A scanner's pose in the survey's own frame: m, heading in rad, elevation where it was measured."""
+    """A scanner's pose in the survey's own frame: x, y in m, heading in rad, elevation z in m if it was measured."""
 
     x: float
     y: float
@@ -50,7 +50,7 @@ class Returns:
     variance_m2: np.ndarray
 
     def kept(self, mask: np.ndarray) -> Returns:
-        """Return the returns that a mask (n,) keeps."""
+        """Return the returns where a mask (n,) is true."""
         return Returns(self.bearing[mask], self.range_m[mask], self.variance_m2[mask])
 
     @property
@@ -62,8 +62,8 @@ class Returns:
 def read_poses(path: Path) -> dict[str, SurveyedPose]:
     """Read surveyed poses by number.
 
-    A table with columns pose_num, x_truth, y_truth, theta_truth and perhaps z_truth (m, rad), or the dataset's
-    `scanPoseEstimates.dat`: rows `id qx qy qz qw x y z` without a header.
+    The file is a CSV table with the columns pose_num, x_truth, y_truth, theta_truth and optionally z_truth (m, rad), or
+    the dataset's `scanPoseEstimates.dat` with rows `id qx qy qz qw x y z` and no header.
     """
     if path.suffix == ".dat":
         return _read_pose_estimates(path)
@@ -83,7 +83,7 @@ def _read_pose_estimates(path: Path) -> dict[str, SurveyedPose]:
     poses = {}
     for number, line in enumerate(lines, start=1):
         if len(line) != _QUATERNION_COLUMNS:
-            raise InputError(f"{path}: line {number} has {len(line)} values; want id qx qy qz qw x y z")
+            raise InputError(f"{path}: line {number} has {len(line)} values; expected id qx qy qz qw x y z")
         qx, qy, qz, qw, x, y, z = (_finite(path, v) for v in line[1:])
         heading = math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
         poses[line[0]] = SurveyedPose(x, y, heading, z)
@@ -98,7 +98,7 @@ def read_returns(path: Path) -> Returns:
 
 
 def gate_returns(path: Path, returns: Returns, max_range_m: float, max_range_var_m2: float) -> Returns:
-    """Drop far returns, and bins that straddle an edge: a large variance averages a near and a far surface."""
+    """Drop far returns, and bins on an edge: their range has a large variance and averages two surfaces."""
     kept = returns.kept((returns.range_m <= max_range_m) & (returns.variance_m2 <= max_range_var_m2))
     if len(kept.range_m) < _LEAST_RETURNS:
         raise InputError(
@@ -109,14 +109,14 @@ def gate_returns(path: Path, returns: Returns, max_range_m: float, max_range_var
 
 
 def read_sweep(path: Path, max_range_m: float, max_range_var_m2: float) -> np.ndarray:
-    """Read a planar sweep as (n, 2) m in the scanner's frame; far returns and edges are dropped."""
+    """Read a planar sweep as points (n, 2) m in the scanner's frame, without far returns and edges."""
     kept = gate_returns(path, read_returns(path), max_range_m, max_range_var_m2)
     return np.column_stack([kept.range_m * np.cos(kept.bearing), kept.range_m * np.sin(kept.bearing)])
 
 
 @dataclass(frozen=True)
 class PoseScale:
-    """A scale fitted to sweeps, px/m, the interval that explains them nearly as well, and the fit's error, m."""
+    """A scale fitted to sweeps, px/m, the interval of scales that fit nearly as well, and the fit's error, m."""
 
     px_per_m: float
     low_px_per_m: float
@@ -131,7 +131,7 @@ def scale_from_poses(
     origin_px: tuple[float, float],
     scale_range_px_per_m: tuple[float, float],
 ) -> PoseScale:
-    """Fit one similarity from the survey's frame to the plan so that the sweeps' ranges are those of its walls.
+    """Fit one similarity from the survey's frame to the plan, so that the sweeps agree with the plan's walls.
 
     Parameters
     ----------
@@ -139,9 +139,9 @@ def scale_from_poses(
     poses : dict of SurveyedPose
     sweeps : dict of Returns
     origin_px : (col, row)
-        Roughly where the survey's origin lies in the plan; the search reaches 10 m about it.
+        Approximate position of the survey's origin in the plan. The search extends 10 m around it.
     scale_range_px_per_m : (low, high)
-        The scales searched.
+        The range of scales to search.
 
     Returns
     -------
@@ -151,7 +151,7 @@ def scale_from_poses(
     Raises
     ------
     InputError
-        If a sweep has no pose, or no scale in the range lays the returns onto walls.
+        If a sweep has no pose, or no scale in the range fits the returns to the walls.
     """
     require_poses(poses, sweeps)
     low, high = scale_range_px_per_m
@@ -165,23 +165,26 @@ def scale_from_poses(
 
     search = Search((low / middle, high / middle), _TURN_RAD, _SHIFT_M, CORRECTION_M, CORRECTION_RAD)
     try:
-        found = register_scans(
-            {name: poses[name].planar for name in sweeps}, {name: s.fan for name, s in sweeps.items()}, cast,
-            lambda places: shapely.contains_xy(free, places[:, 0], places[:, 1]), search,
-        )  # fmt: skip
+        registration = register_scans(
+            {name: poses[name].planar for name in sweeps},
+            {name: s.fan for name, s in sweeps.items()},
+            cast,
+            lambda places: shapely.contains_xy(free, places[:, 0], places[:, 1]),
+            search,
+        )
     except GeometryError as error:
-        raise InputError(f"poses: no scale inside {low:g}-{high:g} px/m puts them into the plan's drifts") from error
+        raise InputError(f"poses: no scale inside {low:g}-{high:g} px/m places them in the plan's drifts") from error
     errors = [
         np.median(np.abs(cast(np.array([pose[:2]]), (pose[2] + sweeps[name].bearing)[None])[0] - sweeps[name].range_m))
-        for name, pose in found.poses.items()
+        for name, pose in registration.poses.items()
     ]
-    error_m, scale = float(np.mean(errors)), found.similarity.scale
+    error_m, scale = float(np.mean(errors)), registration.similarity.scale
     if not search.scale[0] < scale < search.scale[1] or error_m > _MAX_ERROR_M:
         raise InputError(
-            f"poses: no scale inside {low:g}-{high:g} px/m lays the sweeps onto the plan's walls "
-            f"(best {scale * middle:.2f} px/m, error {error_m:.2f} m, at most {_MAX_ERROR_M} m)"
+            f"poses: no scale inside {low:g}-{high:g} px/m fits the sweeps to the plan's walls "
+            f"(best {scale * middle:.2f} px/m, error {error_m:.2f} m, limit {_MAX_ERROR_M} m)"
         )
-    interval = [s * middle for s in (*found.scale_interval, scale)]
+    interval = [s * middle for s in (*registration.scale_interval, scale)]
     return PoseScale(scale * middle, min(interval), max(interval), error_m)
 
 
@@ -199,7 +202,7 @@ def _dark_region(plan: Image, frame: Frame) -> shapely.Polygon:
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (9, 9))
     dark = cv2.morphologyEx(cv2.morphologyEx(dark, cv2.MORPH_CLOSE, disc), cv2.MORPH_OPEN, disc)
     if not dark.any():
-        raise InputError("poses: the plan shows no dark region to lay the sweeps onto")
+        raise InputError("poses: the plan has no dark region to fit the sweeps to")
     return trace_outline(dark > 0, frame)
 
 

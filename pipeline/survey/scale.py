@@ -1,4 +1,4 @@
-"""The plan's scale from its scale bar."""
+"""Find a plan's scale bar and measure the scale, px/m."""
 
 from __future__ import annotations
 
@@ -10,18 +10,20 @@ from pipeline.geometry.binarize import dark_pixels
 from pipeline.types import Image
 
 _MIN_BAR_PX = 20
-_SPECK_PX = 5  # JPEG leaves smaller ones
-_SLENDER = 5.0  # a bar is at least so many times as long as it is thick
-_FILLED = 0.85  # of its bounding box; a bar that slants by more than its thickness fills less
+_SPECK_PX = 5  # JPEG compression produces smaller specks
+_MIN_ASPECT = 5.0  # smallest ratio of a bar's length to its thickness
+_FILLED = 0.85  # smallest filled share of its bounding box; a bar that slants by its thickness fills less
 
 
 def find_bar(picture: Image) -> tuple[int, int, int, int] | None:
-    """Look for a scale bar: the longest dark, straight, level piece that is alone, and not the largest of the plan.
+    """Find a scale bar: the longest dark, straight, horizontal region that stands alone.
+
+    The plan's largest region is never the bar.
 
     Returns
     -------
     (col0, row0, col1, row1), px, or None
-        The bar with some paper round it.
+        The bar's box with some paper around it.
     """
     dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)).astype(np.uint8)
     count, _, stats, _ = cv2.connectedComponentsWithStats(dark)
@@ -31,7 +33,7 @@ def find_bar(picture: Image) -> tuple[int, int, int, int] | None:
     best: tuple[int, tuple[int, int, int, int]] | None = None
     for i in range(1, count):
         left, top, width, height, area = (int(v) for v in stats[i])
-        if i == largest or width < _MIN_BAR_PX or width < _SLENDER * height or area < _FILLED * width * height:
+        if i == largest or width < _MIN_BAR_PX or width < _MIN_ASPECT * height or area < _FILLED * width * height:
             continue
         gap = max(3, height // 2)
         box = (
@@ -55,28 +57,30 @@ def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:
     Parameters
     ----------
     picture : (rows, cols, 3) uint8
-        The bar, dark on light, with some light around it and nothing else dark.
+        The bar, dark on light, with light pixels around it and no other dark region.
     bar_length_m : float
-        What the bar stands for.
+        The length that the bar represents.
     name : str
-        Named in errors.
+        The picture's name in errors.
 
     Returns
     -------
     float
-        px/m. Its resolution is one pixel in the bar's length.
+        px/m. The error is up to one pixel in the bar's length.
 
     Raises
     ------
     InputError
-        If there is no bar, or it stands upright, is broken or too short; the message gives its size in px.
+        If there is no bar, or it is vertical, broken or too short. The message states its size in px.
     """
     if picture.size == 0:
         raise InputError(f"{name}: the scale bar's box is empty")
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
     dark = dark_pixels(grey).astype(np.uint8)
     if int(grey.max()) - int(grey.min()) < 64 or not dark.any():
-        raise InputError(f"{name}: no scale bar (grey values {grey.min()}-{grey.max()}, want a dark bar on light)")
+        raise InputError(
+            f"{name}: no scale bar (grey values {grey.min()}-{grey.max()}, expected a dark bar on light paper)"
+        )
     count, labels, stats, _ = cv2.connectedComponentsWithStats(dark)
     sizes = stats[1:, cv2.CC_STAT_AREA]
     bar = int(sizes.argmax()) + 1
@@ -85,17 +89,18 @@ def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:
         raise InputError(f"{name}: the scale bar is {width} px wide and {height} px high; it must lie horizontally")
     if left == 0 or top == 0 or left + width == dark.shape[1] or top + height == dark.shape[0]:
         raise InputError(
-            f"{name}: the scale bar ({width} x {height} px) is cut by the edge; leave some light around it"
+            f"{name}: the scale bar ({width} x {height} px) touches the edge; leave some light paper around it"
         )
-    beside = [
-        i for i in range(1, count)
+    other_pieces = [
+        i
+        for i in range(1, count)
         if i != bar and stats[i, 1] < top + height and stats[i, 1] + stats[i, 3] > top and stats[i, 4] >= _SPECK_PX
-    ]  # fmt: skip
-    if beside:
-        raise InputError(f"{name}: the scale bar is broken into {len(beside) + 1} pieces (longest {width} px)")
+    ]
+    if other_pieces:
+        raise InputError(f"{name}: the scale bar is broken into {len(other_pieces) + 1} pieces (longest {width} px)")
     if area < _FILLED * width * height:
         raise InputError(
-            f"{name}: the dark region of {width} x {height} px is no straight bar (it fills "
+            f"{name}: the dark region of {width} x {height} px is not a straight bar (it fills "
             f"{100 * area / width / height:.0f} % of its box, at least {100 * _FILLED:.0f} % are needed)"
         )
     if width < _MIN_BAR_PX:

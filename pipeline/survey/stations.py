@@ -1,4 +1,4 @@
-"""Reader of our own station table: CSV of legs, stations and the distances to the left and right wall."""
+"""Reader of this project's station table: a CSV file of legs, stations and distances to the left and right wall."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]
 
 
 def read_stations(path: Path) -> list[SurveyLeg]:
-    """Read a station survey and check that it is one.
+    """Read a station survey and check it.
 
     Parameters
     ----------
     path : Path
-        CSV with the columns leg, station, easting_m, northing_m, left_m, right_m; left and right as seen along the
-        leg. A station that two legs share carries the same name in both.
+        CSV with the columns leg, station, easting_m, northing_m, left_m, right_m. Left and right are as seen along the
+        leg. A station that two legs share has the same name in both.
 
     Returns
     -------
@@ -33,23 +33,23 @@ def read_stations(path: Path) -> list[SurveyLeg]:
     Raises
     ------
     InputError
-        Naming file, line or leg, and the value: missing columns, values that are no numbers, negative widths,
-        stations in two places or twice in a leg, legs of one station, legs that cross without a station, legs that
-        are connected to no other.
+        If a column is missing, a value is not a number or a width is negative; if a station has two positions or is
+        twice in a leg; if a leg has one station, crosses another leg without a station, or is not connected. The
+        message names the file, the line or leg, and the value.
     """
     rows = _read_rows(path)
     legs: dict[str, list[tuple[str, tuple[float, ...]]]] = {}
-    places: dict[str, tuple[tuple[float, float], int]] = {}
+    positions: dict[str, tuple[tuple[float, float], int]] = {}
     for line, row in rows:
         values = tuple(_number(path, line, column, row[column]) for column in _COLUMNS[2:])
         for column, value in zip(_COLUMNS[4:], values[2:], strict=True):
             if value < 0:
                 raise InputError(f"{path}:{line}: {column} = {value:g} of station {row['station']} is negative")
-        place, first = places.setdefault(row["station"], ((values[0], values[1]), line))
-        if place != (values[0], values[1]):
+        position, first = positions.setdefault(row["station"], ((values[0], values[1]), line))
+        if position != (values[0], values[1]):
             raise InputError(
-                f"{path}:{line}: station {row['station']} at ({values[0]:g}, {values[1]:g}) stands at "
-                f"({place[0]:g}, {place[1]:g}) in line {first}"
+                f"{path}:{line}: station {row['station']} at ({values[0]:g}, {values[1]:g}) is at "
+                f"({position[0]:g}, {position[1]:g}) in line {first}"
             )
         leg = legs.setdefault(row["leg"], [])
         if any(station == row["station"] for station, _ in leg[1:]) or (leg and leg[-1][0] == row["station"]):
@@ -69,7 +69,7 @@ def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
     try:
         missing = [column for column in _COLUMNS if column not in (reader.fieldnames or [])]
         if missing:
-            raise InputError(f"{path}: no column {', '.join(missing)}; want {','.join(_COLUMNS)}")
+            raise InputError(f"{path}: no column {', '.join(missing)}; expected {','.join(_COLUMNS)}")
         rows = [(reader.line_num, row) for row in reader]
     except csv.Error as error:
         raise InputError(f"{path}:{reader.line_num}: not CSV ({error})") from error
@@ -85,7 +85,7 @@ def _number(path: Path, line: int, column: str, text: str | None) -> float:
         raise InputError(f"{path}:{line}: {column} = {text!r} is not a number") from None
     if not math.isfinite(value) or abs(value) > REACH_M:
         raise InputError(
-            f"{path}:{line}: {column} = {text} is not within +-{REACH_M:g} m; state coordinates from a local origin"
+            f"{path}:{line}: {column} = {text} is not within +-{REACH_M:g} m; use coordinates from a local origin"
         )
     return value
 
@@ -96,8 +96,6 @@ def _leg(path: Path, name: str, stations: list[tuple[str, tuple[float, ...]]]) -
     values = np.array([v for _, v in stations])
     step = np.linalg.norm(np.diff(values[:, :2], axis=0), axis=1)
     if step.min() == 0:
-        at = int(step.argmin())
-        raise InputError(
-            f"{path}: stations {stations[at][0]} and {stations[at + 1][0]} of leg {name} stand in one place"
-        )
+        i = int(step.argmin())
+        raise InputError(f"{path}: stations {stations[i][0]} and {stations[i + 1][0]} of leg {name} have one position")
     return SurveyLeg(name, [s for s, _ in stations], values[:, :2], values[:, 2:])

@@ -1,4 +1,4 @@
-"""Reader of Survex data (.svx): shots adjusted to places, passage data to legs."""
+"""Reader of Survex data (.svx): read shots and passage data, adjust the shots, and build legs."""
 
 from __future__ import annotations
 
@@ -26,13 +26,31 @@ from pipeline.survey.survex_readings import (
 )
 
 _MAX_FILES, _MAX_SHOTS, _MAX_DEPTH = 200, 200_000, 100
-_QUIET = {"title", "date", "team", "instrument", "copyright", "entrance", "export", "infer", "ref", "require", "sd",
-          "set", "solve", "truncate", "flags", "cs", "default", "alias"}  # fmt: skip
+_IGNORED_COMMANDS = {
+    "title",
+    "date",
+    "team",
+    "instrument",
+    "copyright",
+    "entrance",
+    "export",
+    "infer",
+    "ref",
+    "require",
+    "sd",
+    "set",
+    "solve",
+    "truncate",
+    "flags",
+    "cs",
+    "default",
+    "alias",
+}
 
 
 @dataclass
 class _Survey:
-    """What the files say."""
+    """The content of all files of a survey."""
 
     shots: list[Shot] = field(default_factory=list)
     fixed: dict[str, np.ndarray] = field(default_factory=dict)
@@ -47,39 +65,40 @@ def read_svx(path: Path) -> tuple[list[SurveyLeg], str | None]:
     Returns
     -------
     list of SurveyLeg
-        One for each `*data passage` block; metres, x east, y north, in the frame of the fixed stations.
+        One for each `*data passage` block, m, x east, y north, in the frame of the fixed stations.
     str or None
-        The system that `*cs` names.
+        The coordinate system that `*cs` names.
 
     Raises
     ------
     InputError
-        Naming file, line and value.
+        If a line cannot be read. The message names the file, the line and the value.
 
     References
     ----------
-    Survex manual, "Survex data files". Loops are closed by least squares, a shot's variance growing with its length.
+    Survex manual, "Survex data files". Loops are closed by least squares; a shot's variance is proportional to its
+    length.
     """
     survey = _Survey()
     _read(path, path.parent.resolve(), Settings(), survey, [path])
-    places = adjust_network(path, survey.shots, survey.fixed, survey.equal)
+    positions = adjust_network(path, survey.shots, survey.fixed, survey.equal)
     chains: list[Chain] = []
     for block in survey.passages:
-        lost = [name for name, _ in block if name not in places]
-        if lost:
-            raise InputError(f"{path}: station {lost[0]} has passage data, and no shot leads to it")
-        chains.append([(n, (float(places[n][0]), float(places[n][1])), sides) for n, sides in block])
+        unknown = [name for name, _ in block if name not in positions]
+        if unknown:
+            raise InputError(f"{path}: station {unknown[0]} has passage data, but no shot leads to it")
+        chains.append([(n, (float(positions[n][0]), float(positions[n][1])), walls) for n, walls in block])
     return legs_of_chains(path, _joined_names(chains)), survey.crs
 
 
 def svx_files(path: Path) -> list[Path]:
-    """Return a survey's files: itself and all that it includes."""
+    """Return a survey's files: the file and all files that it includes."""
     files = [path]
     _read(path, path.parent.resolve(), Settings(), _Survey(), files)
     return files
 
 
-def _read(path: Path, room: Path, settings: Settings, survey: _Survey, files: list[Path]) -> None:
+def _read(path: Path, folder: Path, settings: Settings, survey: _Survey, files: list[Path]) -> None:
     stack: list[tuple[str, Settings]] = []
     block: list[tuple[str, tuple[float, float]]] | None = None
     pending: str | None = None
@@ -91,7 +110,7 @@ def _read(path: Path, room: Path, settings: Settings, survey: _Survey, files: li
             match command:
                 case "begin":
                     if len(stack) >= _MAX_DEPTH:
-                        raise InputError(f"{where}: *begin {_MAX_DEPTH} deep")
+                        raise InputError(f"{where}: *begin is nested more than {_MAX_DEPTH} deep")
                     stack.append((rest[0].lower() if rest else "", settings))
                     settings = replace(settings, prefix=_name(settings, rest[0]) if rest else settings.prefix)
                 case "end":
@@ -100,7 +119,7 @@ def _read(path: Path, room: Path, settings: Settings, survey: _Survey, files: li
                         raise InputError(f"{where}: *end {' '.join(rest)} closes no *begin")
                     settings = stack.pop()[1]
                 case "include":
-                    _include(where, path, room, " ".join(rest), settings, survey, files)
+                    _include(where, path, folder, " ".join(rest), settings, survey, files)
                 case "data":
                     settings = order_of_data(where, rest, settings)
                     block = [] if settings.style == "passage" else None
@@ -118,22 +137,24 @@ def _read(path: Path, room: Path, settings: Settings, survey: _Survey, files: li
                 case "calibrate":
                     settings = calibrated(where, rest, settings)
                 case "declination":
-                    auto = bool(rest) and rest[0].lower() == "auto"  # needs a model of the earth's field: left at 0
+                    auto = (
+                        bool(rest) and rest[0].lower() == "auto"
+                    )  # a model of the earth's magnetic field is missing: 0 is used
                     angle = 0.0 if auto else number_of(where, rest[0] if rest else "")
                     turned = angle * (unit_size(where, rest[1]) if len(rest) > 1 and not auto else 1.0)
                     settings = replace(settings, declination_deg=turned)
                 case "case":
                     settings = replace(settings, lower=bool(rest) and rest[0].lower() == "tolower")
-                case _ if command not in _QUIET:
-                    raise InputError(f"{where}: *{command[:30]} is not understood")
+                case _ if command not in _IGNORED_COMMANDS:
+                    raise InputError(f"{where}: *{command[:30]} is not supported")
         elif settings.style == "passage":
-            if block is None:  # the style that *end gives back goes on with a block of its own
+            if block is None:  # *end has restored the passage style: begin a new block
                 survey.passages.append(block := [])
             values = dict(zip(settings.order, words, strict=False))
             if "station" not in values:
                 raise InputError(f"{where}: passage data without a station")
-            sides = wall_m(where, values.get("left"), settings), wall_m(where, values.get("right"), settings)
-            block.append((_name(settings, values["station"]), sides))
+            walls = wall_m(where, values.get("left"), settings), wall_m(where, values.get("right"), settings)
+            block.append((_name(settings, values["station"]), walls))
         elif settings.style != "nosurvey":
             pending = _shot(where, words, settings, survey, pending)
     if stack:
@@ -151,19 +172,19 @@ def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def _include(
-    where: str, path: Path, room: Path, name: str, settings: Settings, survey: _Survey, files: list[Path]
+    where: str, path: Path, folder: Path, name: str, settings: Settings, survey: _Survey, files: list[Path]
 ) -> None:
     name = name.strip('"').replace("\\", "/")
     options = [path.parent / name, (path.parent / name).with_name(Path(name).name + ".svx")]
     file = next((option for option in options if option.is_file()), None)
     if file is None:
         raise InputError(f"{where}: *include {name[:80]!r}: no such file")
-    if not file.resolve().is_relative_to(room):
-        raise InputError(f"{where}: *include {name[:80]!r} leads out of the survey's folder")
+    if not file.resolve().is_relative_to(folder):
+        raise InputError(f"{where}: *include {name[:80]!r} is outside the survey's folder")
     if file in files or len(files) >= _MAX_FILES:
-        raise InputError(f"{where}: *include {name[:80]!r}: included before, or more than {_MAX_FILES} files")
+        raise InputError(f"{where}: *include {name[:80]!r}: already included, or more than {_MAX_FILES} files")
     files.append(file)
-    _read(file, room, replace(settings), survey, files)
+    _read(file, folder, replace(settings), survey, files)
 
 
 def _name(settings: Settings, word: str) -> str:
@@ -172,24 +193,26 @@ def _name(settings: Settings, word: str) -> str:
 
 
 def _shot(where: str, words: list[str], settings: Settings, survey: _Survey, pending: str | None) -> str | None:
-    """Take in one line of shots; return the station that the next line of an interleaved list goes on from."""
+    """Add the shot of one line. In an interleaved list, return the station where the next line's shot begins."""
     if len(survey.shots) >= _MAX_SHOTS:
         raise InputError(f"{where}: more than {_MAX_SHOTS} shots")
     order = settings.order
     if "newline" in order:
-        at = order.index("newline")
-        if len(words) == 1:  # a station's own line
+        newline = order.index("newline")
+        if len(words) == 1:  # the line of a station
             name = _name(settings, words[0])
             if pending is not None and " " in pending:
                 start, _, shot = pending.partition(" ")
-                _add_shot(where, start, name, dict(zip(order[at + 1 :], shot.split(), strict=False)), settings, survey)
+                _add_shot(
+                    where, start, name, dict(zip(order[newline + 1 :], shot.split(), strict=False)), settings, survey
+                )
             return name
         return f"{pending} {' '.join(words)}" if pending is not None else None
     values = dict(zip(order, words, strict=False))
     missing = [name for name in ("from", "to") if name not in values]
     if missing:
         raise InputError(f"{where}: no `{missing[0]}` in {' '.join(words)[:60]!r} (*data normal {' '.join(order)})")
-    if not {values["from"], values["to"]} & {".", "..", "...", "-"}:  # a splay ends at no station
+    if not {values["from"], values["to"]} & {".", "..", "...", "-"}:  # skip splays: they have no end station
         names = _name(settings, values["from"]), _name(settings, values["to"])
         _add_shot(where, *names, values, settings, survey)
     return None
@@ -201,13 +224,13 @@ def _add_shot(where: str, start: str, end: str, values: dict[str, str], settings
     else:
         length = reading(where, values, "tape", settings)
         clino = angle_deg(where, values, "clino", "backclino", settings)
-        upright = abs(abs(clino) - 90.0) < 1e-9 or length == 0
+        vertical = abs(abs(clino) - 90.0) < 1e-9 or length == 0
         compass = (
-            0.0 if upright else angle_deg(where, values, "compass", "backcompass", settings) + settings.declination_deg
+            0.0 if vertical else angle_deg(where, values, "compass", "backcompass", settings) + settings.declination_deg
         )
-        flat = length * math.cos(math.radians(clino))
+        level = length * math.cos(math.radians(clino))
         bearing = math.radians(compass)
-        step = np.array([flat * math.sin(bearing), flat * math.cos(bearing), length * math.sin(math.radians(clino))])
+        step = np.array([level * math.sin(bearing), level * math.cos(bearing), length * math.sin(math.radians(clino))])
     if start == end:
         raise InputError(f"{where}: a shot from {start} to itself")
     survey.shots.append((start, end, step, max(float(np.linalg.norm(step)), 0.1)))
@@ -218,24 +241,26 @@ def _system(where: str, rest: list[str], survey: _Survey) -> None:
     if not rest or rest[0].lower() == "out":
         return
     if rest[0].lower() in ("long-lat", "lat-long"):
-        raise InputError(f"{where}: *cs {name}: stations fixed in degrees are not read; state them in a metric system")
+        raise InputError(f"{where}: *cs {name}: degrees are not supported; use a metric coordinate system")
     if survey.crs not in (None, name) and survey.fixed:
-        raise InputError(f"{where}: *cs {name[:40]} after stations fixed in {survey.crs}; one system is read")
+        raise InputError(
+            f"{where}: *cs {name[:40]} follows stations fixed in {survey.crs}; only one coordinate system is supported"
+        )
     survey.crs = name
 
 
 def _fix(where: str, rest: list[str], settings: Settings, survey: _Survey) -> None:
     numbers = [word for word in rest[1:] if word.lower() != "reference"]
-    place = [number_of(where, word) for word in numbers[:3]] or [0.0, 0.0, 0.0]
-    if not rest or len(place) != 3:
-        raise InputError(f"{where}: want *fix station east north up")
-    survey.fixed[_name(settings, rest[0])] = np.array(place)
+    position = [number_of(where, word) for word in numbers[:3]] or [0.0, 0.0, 0.0]
+    if not rest or len(position) != 3:
+        raise InputError(f"{where}: expected *fix station east north up")
+    survey.fixed[_name(settings, rest[0])] = np.array(position)
 
 
 def _joined_names(chains: list[Chain]) -> list[Chain]:
-    """Give stations that stand in one place one name, as equated stations do."""
+    """Give stations at the same position, such as equated stations, the same name."""
     names: dict[tuple[float, float], str] = {}
     return [
-        [(names.setdefault((round(x, 6), round(y, 6)), name), (x, y), sides) for name, (x, y), sides in chain]
+        [(names.setdefault((round(x, 6), round(y, 6)), name), (x, y), walls) for name, (x, y), walls in chain]
         for chain in chains
     ]

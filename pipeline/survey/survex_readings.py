@@ -1,4 +1,4 @@
-"""Survex readings: the settings that lines are read by, and readings in metres and degrees."""
+"""Survex readings: the settings of a data line, and its readings in metres and degrees."""
 
 from __future__ import annotations
 
@@ -10,27 +10,74 @@ import numpy as np
 from pipeline.errors import InputError
 
 _NORMAL = ("from", "to", "tape", "compass", "clino")
-_SAME = {"length": "tape", "bearing": "compass", "gradient": "clino", "backbearing": "backcompass",
-         "backgradient": "backclino", "dx": "easting", "dy": "northing", "dz": "altitude"}  # fmt: skip
-_KNOWN = {*_NORMAL, "backcompass", "backclino", "easting", "northing", "altitude", "station", "left", "right", "up",
-          "down", "ignore", "ignoreall", "newline", "direction"}  # fmt: skip
-_UNITS = {"metres": 1.0, "meters": 1.0, "metric": 1.0, "feet": 0.3048, "yards": 0.9144,
-          "degrees": 1.0, "degs": 1.0, "grads": 0.9, "mils": 0.9, "minutes": 1 / 60, "quadrants": 90.0}  # fmt: skip
-_UPRIGHT = {"up": 90.0, "u": 90.0, "+v": 90.0, "down": -90.0, "d": -90.0, "-v": -90.0, "level": 0.0, "h": 0.0}
-_QUANTITIES = {"tape": ("tape",), "length": ("tape",), "compass": ("compass",), "bearing": ("compass",),
-               "clino": ("clino",), "gradient": ("clino",), "backcompass": ("backcompass",),
-               "backclino": ("backclino",), "position": ("easting", "northing", "altitude"), "left": ("left",),
-               "right": ("left",), "declination": (), "up": (), "down": (), "default": ()}  # fmt: skip
+_SYNONYMS = {
+    "length": "tape",
+    "bearing": "compass",
+    "gradient": "clino",
+    "backbearing": "backcompass",
+    "backgradient": "backclino",
+    "dx": "easting",
+    "dy": "northing",
+    "dz": "altitude",
+}
+_READINGS = {
+    *_NORMAL,
+    "backcompass",
+    "backclino",
+    "easting",
+    "northing",
+    "altitude",
+    "station",
+    "left",
+    "right",
+    "up",
+    "down",
+    "ignore",
+    "ignoreall",
+    "newline",
+    "direction",
+}
+_UNITS = {
+    "metres": 1.0,
+    "meters": 1.0,
+    "metric": 1.0,
+    "feet": 0.3048,
+    "yards": 0.9144,
+    "degrees": 1.0,
+    "degs": 1.0,
+    "grads": 0.9,
+    "mils": 0.9,
+    "minutes": 1 / 60,
+    "quadrants": 90.0,
+}
+_PLUMB_DEG = {"up": 90.0, "u": 90.0, "+v": 90.0, "down": -90.0, "d": -90.0, "-v": -90.0, "level": 0.0, "h": 0.0}
+_QUANTITIES = {
+    "tape": ("tape",),
+    "length": ("tape",),
+    "compass": ("compass",),
+    "bearing": ("compass",),
+    "clino": ("clino",),
+    "gradient": ("clino",),
+    "backcompass": ("backcompass",),
+    "backclino": ("backclino",),
+    "position": ("easting", "northing", "altitude"),
+    "left": ("left",),
+    "right": ("left",),
+    "declination": (),
+    "up": (),
+    "down": (),
+    "default": (),
+}
 
 
 @dataclass
 class Settings:
-    """What `*begin` opens and `*end` gives back."""
+    """Settings of data lines. `*begin` saves them and `*end` restores them."""
 
     prefix: str = ""
     style: str = "normal"
     order: tuple[str, ...] = _NORMAL
-    scale: dict[str, float] = field(default_factory=dict)  # of a reading's unit
+    scale: dict[str, float] = field(default_factory=dict)  # size of a reading's unit, m or deg
     zero: dict[str, float] = field(default_factory=dict)
     factor: dict[str, float] = field(default_factory=dict)
     declination_deg: float = 0.0
@@ -43,16 +90,16 @@ def order_of_data(where: str, rest: list[str], settings: Settings) -> Settings:
     if style in ("default", "ignore"):
         return replace(settings, style="normal" if style == "default" else "nosurvey", order=_NORMAL)
     if style not in ("normal", "cartesian", "passage", "nosurvey"):
-        raise InputError(f"{where}: *data {style[:30]}: understood are normal, cartesian, passage and nosurvey")
-    order = tuple(_SAME.get(word.lower(), word.lower()) for word in rest[1:])
-    unknown = [word for word in order if word not in _KNOWN]
+        raise InputError(f"{where}: *data {style[:30]}: not supported; use normal, cartesian, passage or nosurvey")
+    order = tuple(_SYNONYMS.get(word.lower(), word.lower()) for word in rest[1:])
+    unknown = [word for word in order if word not in _READINGS]
     if unknown and style != "nosurvey":
-        raise InputError(f"{where}: *data {style}: reading {unknown[0][:30]!r} is not understood")
+        raise InputError(f"{where}: *data {style}: reading {unknown[0][:30]!r} is not supported")
     return replace(settings, style=style, order=order or settings.order)
 
 
 def reading(where: str, values: dict[str, str], key: str, settings: Settings) -> float:
-    """Return one reading in metres or degrees: its unit, zero error and scale applied."""
+    """Return one reading in metres or degrees, corrected by unit, zero error and scale."""
     text = values.get(key)
     if text is None:
         raise InputError(f"{where}: no {key} in the shot")
@@ -61,22 +108,22 @@ def reading(where: str, values: dict[str, str], key: str, settings: Settings) ->
 
 
 def angle_deg(where: str, values: dict[str, str], key: str, back: str, settings: Settings) -> float:
-    """Return an angle in degrees from its reading, the one looking back, or both."""
+    """Return an angle in degrees from the foresight, the backsight, or the mean of both."""
     fore = values.get(key, "-").lower()
-    if fore in _UPRIGHT and key == "clino":
-        return _UPRIGHT[fore]
-    found = [reading(where, values, key, settings)] if fore != "-" else []
+    if fore in _PLUMB_DEG and key == "clino":
+        return _PLUMB_DEG[fore]
+    angles = [reading(where, values, key, settings)] if fore != "-" else []
     if values.get(back, "-") != "-":
-        behind = reading(where, values, back, settings)
-        turned = -behind if key == "clino" else behind + 180.0
-        found.append(found[0] + (turned - found[0] + 180.0) % 360.0 - 180.0 if found else turned)
-    if not found and key == "compass":
+        backsight = reading(where, values, back, settings)
+        reversed_deg = -backsight if key == "clino" else backsight + 180.0
+        angles.append(angles[0] + (reversed_deg - angles[0] + 180.0) % 360.0 - 180.0 if angles else reversed_deg)
+    if not angles and key == "compass":
         raise InputError(f"{where}: no compass reading in the shot")
-    return float(np.mean(found)) if found else 0.0
+    return float(np.mean(angles)) if angles else 0.0
 
 
 def wall_m(where: str, text: str | None, settings: Settings) -> float:
-    """Return the distance to a wall, m; nan where it was not measured."""
+    """Return the distance to a wall, m; nan if it was not measured."""
     if text is None or text == "-":
         return math.nan
     value = number_of(where, text) * settings.scale.get("left", 1.0)
@@ -92,7 +139,7 @@ def with_units(where: str, rest: list[str], settings: Settings) -> Settings:
     keys, words = _quantities(where, rest)
     factor = number_of(where, words[0]) if len(words) > 1 else 1.0
     if words and words[-1].lower() == "percent":
-        raise InputError(f"{where}: gradients in percent are not understood; use degrees")
+        raise InputError(f"{where}: gradients in percent are not supported; use degrees")
     return replace(
         settings, scale={**settings.scale, **dict.fromkeys(keys, factor * unit_size(where, words[-1] if words else ""))}
     )
@@ -100,7 +147,7 @@ def with_units(where: str, rest: list[str], settings: Settings) -> Settings:
 
 def calibrated(where: str, rest: list[str], settings: Settings) -> Settings:
     """Return settings with the zero errors and scales that `*calibrate` names."""
-    if rest and rest[0].lower() == "declination":  # the old way to state it: what is taken off
+    if rest and rest[0].lower() == "declination":  # the old form states the value to subtract
         return replace(settings, declination_deg=-number_of(where, rest[1] if len(rest) > 1 else ""))
     if [word.lower() for word in rest] == ["default"]:
         return replace(settings, zero={}, factor={})
@@ -115,12 +162,18 @@ def calibrated(where: str, rest: list[str], settings: Settings) -> Settings:
 def unit_size(where: str, word: str) -> float:
     """Return a unit's size in metres or degrees."""
     if word.lower() not in _UNITS:
-        raise InputError(f"{where}: unit {word[:30]!r} is not understood")
+        raise InputError(f"{where}: unit {word[:30]!r} is not supported")
     return _UNITS[word.lower()]
 
 
 def number_of(where: str, text: str) -> float:
-    """Return a number, finite and below 1e8."""
+    """Return a finite number below 1e8.
+
+    Raises
+    ------
+    InputError
+        If the text is not such a number. The message names the place and the text.
+    """
     try:
         value = float(text)
     except ValueError:
@@ -131,8 +184,8 @@ def number_of(where: str, text: str) -> float:
 
 
 def _quantities(where: str, words: list[str]) -> tuple[list[str], list[str]]:
-    """Split a command's words into the readings that it names and the rest."""
+    """Split a command's words into the readings that it names and the other words."""
     count = next((i for i, word in enumerate(words) if word.lower() not in _QUANTITIES), len(words))
     if count == 0:
-        raise InputError(f"{where}: {' '.join(words)[:60]!r} names no reading that is understood")
+        raise InputError(f"{where}: {' '.join(words)[:60]!r} names no supported reading")
     return [key for word in words[:count] for key in _QUANTITIES[word.lower()]], words[count:]

@@ -1,4 +1,4 @@
-"""Vector surveys: they have metres of their own and stay polygons; a plan is drawn of them."""
+"""Vector surveys: they are in metres and stay polygons; a plan is drawn from them."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from pipeline.types import METRIC, Frame, Georeference, Image
 
 VectorSurvey = VectorSurveyParams | PassageSurveyParams | ProceduralSurveyParams | VariantSurveyParams
 _FINEST_PX_PER_M, _WIDEST_PX = 8.0, 6000
-_ORIGIN_AT = 0.25  # of a pixel: walls at whole and half metres pass no pixel's centre, where in or out is chance
+_ORIGIN_AT = 0.25  # of a pixel: walls at whole and half metres then miss pixel centres, where rounding would decide
 
 
 def draw_vector_survey(params: VectorSurvey) -> tuple[MultiPolygon, Georeference, Image, Frame]:
-    """Return a survey's workings (m, mine frame), where they come from, and a plan of them in its frame.
+    """Return a survey's workings (m, mine frame), their georeference, their plan and its frame.
 
     Raises
     ------
@@ -38,12 +38,14 @@ def draw_vector_survey(params: VectorSurvey) -> tuple[MultiPolygon, Georeference
     """
     workings, georeference = _read(params)
     if workings.is_empty:
-        raise InputError(f"{_name(params)}: encloses no area")
+        raise InputError(f"{_name(params)}: the workings have no area")
     west, south, east, north = workings.bounds
     m = params.margin_m
     widest = max(east - west, north - south) + 2 * m
     if widest > 20_000:
-        raise InputError(f"{_name(params)}: workings of {widest:.0f} m; is the unit right? (survey.unit)")
+        raise InputError(
+            f"{_name(params)}: the workings extend over {widest:.0f} m, the limit is 20,000 m; is survey.unit right?"
+        )
     per_m = params.px_per_m or min(_FINEST_PX_PER_M, _WIDEST_PX / widest)
     frame = frame_around((west - m, south - m, east + m, north + m), per_m, _ORIGIN_AT)
     return workings, georeference, draw_workings(workings, frame, params.labels_m, params.drawing_grey), frame
@@ -57,16 +59,15 @@ def _read(params: VectorSurvey) -> tuple[MultiPolygon, Georeference]:
         case "variant":
             path = Path(params.workings)
             shapes, georeference = locate(path, read_geojson(path, None), None, None)
-            told = params.station_sd_m, params.width_sd_m, params.reach_m
-            return perturb_workings(
-                workings_of(path, shapes, 0.0, []), *told, np.random.default_rng(params.seed)
-            ), georeference
+            workings, rng = workings_of(path, shapes, 0.0, []), np.random.default_rng(params.seed)
+            perturbed = perturb_workings(workings, params.station_sd_m, params.width_sd_m, params.reach_m, rng)
+            return perturbed, georeference
         case "passages":
             return _read_passages(Path(params.file), params.origin)
     path = Path(params.file)
     reader = SHAPE_READERS.get(path.suffix.lower())
     if reader is None:
-        raise InputError(f"{path}: not a vector format that is read ({', '.join(SHAPE_READERS)})")
+        raise InputError(f"{path}: not a supported vector format ({', '.join(SHAPE_READERS)})")
     shapes, georeference = locate(path, reader(path, params.layers), params.unit, params.origin)
     return workings_of(path, shapes, params.snap_m, list(params.seeds_m)), georeference
 
@@ -74,14 +75,13 @@ def _read(params: VectorSurvey) -> tuple[MultiPolygon, Georeference]:
 def _read_passages(path: Path, origin: tuple[float, float] | None) -> tuple[MultiPolygon, Georeference]:
     reader = PASSAGE_READERS.get(path.suffix.lower())
     if reader is None:
-        raise InputError(f"{path}: not a passage survey that is read ({', '.join(PASSAGE_READERS)})")
+        raise InputError(f"{path}: not a supported passage survey ({', '.join(PASSAGE_READERS)})")
     legs, crs = reader(path)
     built: BaseGeometry = build_workings(legs)
     if built.is_empty:
         raise InputError(f"{path}: the stations' walls enclose no area")
     shapes, georeference = locate(path, Shapes([built], "m"), "m", origin)
-    where = Georeference("m", 1.0, georeference.origin, crs)
-    return as_polygons(shapely.union_all(shapes)), where
+    return as_polygons(shapely.union_all(shapes)), Georeference("m", 1.0, georeference.origin, crs)
 
 
 def _name(params: VectorSurvey) -> str:
@@ -89,7 +89,7 @@ def _name(params: VectorSurvey) -> str:
 
 
 def vector_files(params: VectorSurvey) -> list[str]:
-    """List the files that a vector survey reads."""
+    """List the input files of a vector survey."""
     match params.kind:
         case "procedural":
             return []

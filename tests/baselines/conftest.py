@@ -12,8 +12,10 @@ TEE_ID = "MineXplore/Tee-v0"
 def tee_id(tee: BuiltMine) -> Iterator[str]:
     """Return the id of a short task in the T-junction's world."""
     gymnasium.register(
-        TEE_ID, "minexplore.env:MineEnv", vector_entry_point="minexplore.vector:MineVectorEnv",
+        TEE_ID,
+        "minexplore.env:MineEnv",
+        vector_entry_point="minexplore.vector:MineVectorEnv",
         kwargs={"world": str(tee.bundle), "task": {"max_steps": 1000, "terrain": False}},
-    )  # fmt: skip
+    )
     yield TEE_ID
     del gymnasium.registry[TEE_ID]

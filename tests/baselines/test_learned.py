@@ -19,9 +19,11 @@ def write_policy(path: Path, kind: str, inputs: int = 19, hidden: int = 8, cell:
     arrays = {f"{room}mlp.0.weight": (hidden, inputs), f"{room}mlp.0.bias": (hidden,)}
     if kind == "lstm":
         arrays |= {
-            f"{ENCODER}lstm.weight_ih_l0": (4 * cell, hidden), f"{ENCODER}lstm.weight_hh_l0": (4 * cell, cell),
-            f"{ENCODER}lstm.bias_ih_l0": (4 * cell,), f"{ENCODER}lstm.bias_hh_l0": (4 * cell,),
-        }  # fmt: skip
+            f"{ENCODER}lstm.weight_ih_l0": (4 * cell, hidden),
+            f"{ENCODER}lstm.weight_hh_l0": (4 * cell, cell),
+            f"{ENCODER}lstm.bias_ih_l0": (4 * cell,),
+            f"{ENCODER}lstm.bias_hh_l0": (4 * cell,),
+        }
     arrays |= {
         "pi.net.mlp.0.weight": (2, cell if kind == "lstm" else hidden),
         "pi.net.mlp.0.bias": (2,),
@@ -29,8 +31,14 @@ def write_policy(path: Path, kind: str, inputs: int = 19, hidden: int = 8, cell:
     }
     made = {name: rng.normal(0, 0.5, shape).astype(np.float32) for name, shape in arrays.items()}
     model = {"kind": kind, "hidden": [hidden], "cell": cell if kind == "lstm" else 0, "sequence": 0}
-    about = {"format": "minexplore-policy/1", "env": "x", "observation": "beams", "model": json.dumps(model),
-             "seed": "1", "reached": "{}"}  # fmt: skip
+    about = {
+        "format": "minexplore-policy/1",
+        "env": "x",
+        "observation": "beams",
+        "model": json.dumps(model),
+        "seed": "1",
+        "reached": "{}",
+    }
     save_file(made, str(path), metadata=about)
     return made
 
@@ -80,8 +88,10 @@ def test_files_that_are_no_policy_are_refused_by_name(tmp_path):
     (tmp_path / "text.safetensors").write_text("not a policy")
     save_file({"a": np.zeros(2)}, str(tmp_path / "other.safetensors"))
     for name, message in (
-        ("wide", "takes 33 numbers, an observation of this environment has 19"), ("text", "not a policy's file"),
-        ("other", "format None"), ("none", "no such file"),
-    ):  # fmt: skip
+        ("wide", "takes 33 numbers, an observation of this environment has 19"),
+        ("text", "not a policy's file"),
+        ("other", "format None"),
+        ("none", "no such file"),
+    ):
         with pytest.raises(BaselineError, match=message):
             LearnedPolicy(tmp_path / f"{name}.safetensors", 1, TaskParams())

@@ -1,6 +1,7 @@
 """Training by Ray and torch, which the extra `baselines` brings: `make test-train` runs these."""
 
 import json
+import os
 import re
 import shutil
 import signal
@@ -112,9 +113,11 @@ def test_a_run_shows_its_progress_without_a_terminal_and_ends_quickly_with_a_che
     said = tmp_path / "said.txt"
     with said.open("w") as stderr:
         run = subprocess.Popen(
-            [sys.executable, "-m", "baselines.ppo.train", *words], cwd=project.folder, stderr=stderr,
+            [sys.executable, "-m", "baselines.ppo.train", *words],
+            cwd=project.folder,
+            stderr=stderr,
             stdout=subprocess.DEVNULL,
-        )  # fmt: skip
+        )
         deadline = time.monotonic() + 600
         line = r"^my-mine-beams-mlp-1: [1-9][\d,]* of 2,000,000 steps \([\d.]+ %\), [\d,]+ steps/s, coverage .* %"
         try:
@@ -125,7 +128,8 @@ def test_a_run_shows_its_progress_without_a_terminal_and_ends_quickly_with_a_che
             start = time.monotonic()
             run.send_signal(kind)
             assert run.wait(60) == 130
-            assert time.monotonic() - start < 10
+            crowding = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))  # of a machine that does other work
+            assert time.monotonic() - start < 10 * crowding
         finally:
             run.kill()
     text = said.read_text()
@@ -194,8 +198,15 @@ def test_curves_show_every_run_beside_the_paper(tmp_path):
     run = tmp_path / "runs" / "ChileanMineEntrance-beams-mlp-42"
     run.mkdir(parents=True)
     (run / "settings.json").write_text(compose_settings([]).model_dump_json())
-    line = {"steps": 0, "steps_per_s": 1.0, "episodes": [{}], "rolling_coverage": None, "rolling_collisions": None,
-            "rolling_return": None, "best_rolling_coverage": 0.0}  # fmt: skip
+    line = {
+        "steps": 0,
+        "steps_per_s": 1.0,
+        "episodes": [{}],
+        "rolling_coverage": None,
+        "rolling_collisions": None,
+        "rolling_return": None,
+        "best_rolling_coverage": 0.0,
+    }
     later = (
         {"rolling_coverage": 0.1 * i, "rolling_collisions": 2.0 / i, "rolling_return": 5.0 * i} for i in range(1, 5)
     )

@@ -22,12 +22,12 @@ def test_prism_walls_enclose_exactly_the_polygon():
     assert missing == pytest.approx(0, abs=1e-9)
 
 
-def test_a_part_pushed_into_the_drift_is_measured_to_the_square_metre():
+def test_intrusion_and_missing_rock_are_the_areas_of_an_added_and_a_removed_part():
     parts = exact_prisms(ROCK, 3.5)
     block = np.array([[10, 0, 0], [12, 0, 0], [12, 3, 0], [10, 3, 0]], dtype=float)
     intrusion, missing = footprint_errors([*(parts[i] for i in range(1, len(parts))), block], TEE, shapely.box(*BOX))
-    dropped = shapely.convex_hull(shapely.multipoints(parts[0][:, :2])).area
-    assert (intrusion, missing) == pytest.approx((6.0, dropped))
+    removed = shapely.convex_hull(shapely.multipoints(parts[0][:, :2])).area
+    assert (intrusion, missing) == pytest.approx((6.0, removed))
 
 
 def test_tiles_cover_the_rock_once():
@@ -41,7 +41,7 @@ def test_tiles_cover_the_rock_once():
     [vhacd_decomposer(3.5, 100_000, 16, 0.5), coacd_decomposer(3.5, 0.05, 0)],
     ids=["vhacd", "coacd"],
 )
-def test_decompositions_run_and_depart_from_the_rock_where_the_partition_does_not(decomposer):
+def test_approximate_decompositions_differ_from_the_rock(decomposer):
     parts = decomposed_hulls(ROCK, 6, decomposer)
     intrusion, missing = errors_of(parts)
     assert 0.01 < intrusion + missing < 0.2 * sum(r.area for r in ROCK)

@@ -17,16 +17,16 @@ def test_clearance_in_a_straight_drift_is_the_distance_to_the_nearer_wall():
     assert not grid.clearance_m[~grid.free].any()
 
 
-def test_the_anchor_is_the_roomiest_place_near_the_entrance():
+def test_the_anchor_is_the_place_with_the_largest_clearance_near_the_entrance():
     grid = occupancy_grid(TEE, 0.25, (-4.0, -4.0, 84.0, 44.0))
     spawn = entrance_anchor(grid, (40.5, 2.5), 15.0, 0.5)
-    # In the junction's throat the nearest rock is the far wall or a corner: more room than mid-drift.
+    # In the junction the nearest rock is the far wall or a corner, farther than the walls of a drift.
     assert spawn.anchor_clearance_m > 2.5
     with pytest.raises(GeometryError, match=r"move survey\.entrance_m"):
         entrance_anchor(grid, (0.0, 44.0), 3.0, 0.5)
 
 
-def test_the_nav2_map_says_what_the_grid_says():
+def test_the_nav2_map_shows_the_cells_of_the_grid():
     grid = occupancy_grid(TEE, 0.5, (-4.0, -4.0, 84.0, 44.0))
     image, text = nav2_map(grid)
     meta = yaml.safe_load(text)

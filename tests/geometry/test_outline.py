@@ -12,22 +12,22 @@ from tests.mines import RING, STRAIGHT, TEE, frame_for, random_mine
 
 
 @pytest.mark.parametrize("mine", [STRAIGHT, RING, TEE], ids=["straight", "ring", "tee"])
-def test_a_mine_on_the_pixel_grid_is_traced_exactly_without_losing_half_a_pixel(mine):
+def test_a_mine_on_the_pixel_grid_is_traced_exactly(mine):
     frame = frame_for(mine)
     traced = trace_outline(fill_polygon(mine, frame), frame)
-    # Exact but for the re-entrant corners, each cut by half a sub-pixel (a sub-pixel is half a pixel).
+    # Exact, except that each re-entrant corner is cut by half a sub-pixel (a sub-pixel is half a pixel).
     assert traced.symmetric_difference(mine).area <= 4 * 0.5 * (0.5 / frame.px_per_m) ** 2
     assert len(traced.interiors) == len(mine.interiors)
 
 
 @given(seed=st.integers(0, 10_000), drifts=st.integers(1, 6))
 @settings(deadline=None, max_examples=40)
-def test_tracing_and_drawing_again_gives_the_same_pixels(seed, drifts):
+def test_tracing_and_rasterising_gives_the_same_pixels(seed, drifts):
     mine = random_mine(np.random.default_rng(seed), drifts)
     frame = frame_for(mine, px_per_m=4.0)
     mask = fill_polygon(mine, frame)
     again = fill_polygon(trace_outline(mask, frame), frame)
-    # Only a corner that two pixels share may be filled on purpose.
+    # Only corners where two pixels touch are filled on purpose.
     assert (again != mask).mean() < 1e-4
 
 
@@ -55,7 +55,7 @@ def test_simplification_keeps_islands_validity_and_its_tolerance(seed, drifts, t
     assert shapely.hausdorff_distance(traced.boundary, simple.boundary) <= tolerance + 2 * grid_m(traced)
 
 
-def test_every_coordinate_of_a_simplified_outline_survives_six_digits():
+def test_six_digits_hold_every_coordinate_of_a_simplified_outline_exactly():
     frame = frame_for(TEE, px_per_m=7.82)
     simple = simplify_outline(trace_outline(fill_polygon(TEE, frame), frame), 0.2)
     coordinates = shapely.get_coordinates(simple).ravel()
@@ -67,7 +67,7 @@ def test_the_grid_is_a_millimetre_up_to_a_kilometre_and_a_centimetre_beyond():
     assert grid_m(shapely.box(0, 0, 5000, 10)) == pytest.approx(1e-2)
 
 
-def test_a_tolerance_that_closes_a_drift_is_refused_with_the_place():
+def test_a_tolerance_that_closes_a_drift_is_refused():
     stub = shapely.union_all([STRAIGHT, shapely.box(50, 5, 52, 15)])
     frame = frame_for(stub)
     traced = trace_outline(fill_polygon(stub, frame), frame)

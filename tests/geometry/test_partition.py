@@ -23,11 +23,11 @@ def test_the_partition_covers_the_rock_exactly(mine):
     assert shapely.union_all(parts).intersection(mine).area == pytest.approx(0, abs=1e-9)
 
 
-def test_a_ring_of_rock_round_one_rectangle_takes_four_parts():
+def test_rock_around_one_rectangle_has_four_parts():
     assert len(convex_partition(rock_of(STRAIGHT)[0])) == 4
 
 
-def test_an_island_that_is_convex_stays_whole():
+def test_a_convex_island_is_one_part():
     island, outer = sorted(rock_of(RING), key=lambda r: -r.bounds[0])
     assert len(convex_partition(island)) == 1
     assert len(convex_partition(outer)) == 4
@@ -49,8 +49,8 @@ def test_parts_of_a_random_mine_are_convex_disjoint_and_complete(seed, drifts):
 
 @given(seed=st.integers(0, 10_000))
 @settings(deadline=None, max_examples=20)
-def test_no_more_parts_than_hertel_and_mehlhorn_promise(seed):
-    # At most two diagonals stay at a reflex vertex; each adds one part, a hole's bridge takes one away again.
+def test_there_are_no_more_parts_than_the_bound_of_hertel_and_mehlhorn(seed):
+    # At most two diagonals remain at a reflex vertex, and each adds a part; each hole needs a diagonal that adds none.
     rock = orient(rock_of(random_mine(np.random.default_rng(seed), 6).simplify(0.1))[0])
     reflex = 0
     for ring in (rock.exterior, *rock.interiors):

@@ -8,12 +8,12 @@ from pipeline.types import Frame
 from tests.mines import RING, frame_for, random_mine
 
 
-def test_pixels_of_a_box_on_the_grid_are_exactly_its_area():
+def test_the_pixels_of_a_box_on_the_grid_have_exactly_its_area():
     frame = frame_for(shapely.box(0, 0, 10, 4))
     assert fill_polygon(shapely.box(0, 0, 10, 4), frame).sum() == 10 * 4 * 8 * 8
 
 
-def test_a_hole_is_left_out():
+def test_a_hole_is_not_filled():
     frame = frame_for(RING)
     assert fill_polygon(RING, frame).sum() == round(RING.area * 64)
 

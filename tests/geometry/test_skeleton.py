@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from shapely.affinity import rotate
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.skeleton import resample, trace_network
+from pipeline.geometry.skeleton import trace_network
 from tests.mines import RING, STRAIGHT, TEE, random_mine
 
 
@@ -22,19 +22,19 @@ def test_a_straight_drift_is_one_leg_with_two_dead_ends():
     assert max(n.legs[0].half_width_m) == pytest.approx(2.5, abs=0.13)
 
 
-def test_a_ring_drift_is_one_loop_of_the_centre_lines_length():
+def test_a_ring_drift_is_one_loop_as_long_as_its_centre_line():
     n = network(RING)
     assert (n.loops, n.components, n.dead_ends) == (1, 1, [])
     assert n.total_length_m == pytest.approx(2 * (54 + 34), rel=0.03)
 
 
-def test_a_t_junction_has_three_legs_that_meet():
+def test_a_t_junction_has_three_legs_and_one_junction():
     n = network(TEE)
     assert (len(n.legs), len(n.dead_ends), len(n.junctions), n.loops) == (3, 3, 1, 0)
     assert np.linalg.norm(np.array(n.nodes_m[n.junctions[0]]) - [40.5, 2.5]) < 1.5
 
 
-def test_the_main_drift_of_a_t_junction_is_the_longest_way_through():
+def test_the_main_drift_of_a_t_junction_is_its_longest_route():
     n = network(TEE)
     assert n.main_drift_length_m == pytest.approx(77, abs=4)
     assert n.main_drift_m[0][0] < n.main_drift_m[-1][0]
@@ -42,8 +42,8 @@ def test_the_main_drift_of_a_t_junction_is_the_longest_way_through():
 
 @given(seed=st.integers(0, 10_000), drifts=st.integers(1, 8))
 @settings(deadline=None, max_examples=40)
-def test_loops_of_a_random_mine_equal_its_islands_and_it_hangs_together(seed, drifts):
-    # Thin cracks are closed; what remains may still be thinner than the first cell.
+def test_the_network_of_a_random_mine_is_connected_and_has_a_loop_for_each_island(seed, drifts):
+    # Thin cracks are closed; the rest may still be thinner than the first cell.
     mine = random_mine(np.random.default_rng(seed), drifts).buffer(0.1).buffer(-0.1)
     islands = [hole for hole in mine.interiors if shapely.Polygon(hole).buffer(-0.1).area > 0]
     n = network(shapely.Polygon(mine.exterior, islands))
@@ -51,7 +51,7 @@ def test_loops_of_a_random_mine_equal_its_islands_and_it_hangs_together(seed, dr
     assert n.loops == len(islands)
 
 
-def test_a_crack_thinner_than_a_cell_is_no_passage():
+def test_a_network_does_not_cross_rock_thinner_than_a_cell():
     cracked = shapely.union_all([shapely.box(0, 0, 40, 5), shapely.box(0, 0, 5, 20), shapely.box(0, 15, 40, 20)])
     cracked = shapely.union_all([cracked, shapely.box(35, 5, 40, 9.9), shapely.box(35, 10, 40, 15)])  # 0.1 m of rock
     assert network(cracked).loops == 0
@@ -61,13 +61,6 @@ def test_a_crack_thinner_than_a_cell_is_no_passage():
 def test_the_sharp_tip_of_a_pillar_is_no_island_of_its_own(turn_deg):
     pillar = rotate(shapely.Polygon([(20, 10), (40, 18), (40, 20)]), turn_deg)
     assert trace_network(shapely.box(0, -10, 60, 40).difference(pillar), 0.25, 2.0, 3.0).loops == 1
-
-
-def test_resampled_stations_are_evenly_spaced_and_keep_the_ends():
-    chainage, points = resample(np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 5.0]]), 3.0)
-    assert chainage.tolist() == pytest.approx(np.linspace(0, 15, 6).tolist())
-    assert points[0].tolist() == [0, 0]
-    assert points[-1].tolist() == [10, 5]
 
 
 def test_workings_thinner_than_a_cell_are_refused():

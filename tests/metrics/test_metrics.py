@@ -94,7 +94,7 @@ def test_a_lost_drift_and_an_added_drift_are_counted_separately():
 def test_disconnected_workings_are_counted_as_components():
     cut = TEE.difference(shapely.box(20, -1, 22, 6))
     found = compare_topology(*masks(TEE, cut), 0.25, 2.0)
-    assert (found.parts_plan, found.parts_world) == (1, 2)
+    assert (found.components_plan, found.components_world) == (1, 2)
 
 
 LIMITS = {"iou.a": Limit(min=0.99), "blocked": Limit(max=0)}

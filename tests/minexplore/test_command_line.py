@@ -44,9 +44,17 @@ def test_it_times_a_world(tee: BuiltMine):
 
 def test_a_policy_plays_and_is_recorded(tee: BuiltMine, tmp_path):
     done = run(
-        "play", "MineXplore/World-v0", "--world", str(tee.bundle), "--policy", "ahead", "--steps", "30",
-        "--video", str(tmp_path),
-    )  # fmt: skip
+        "play",
+        "MineXplore/World-v0",
+        "--world",
+        str(tee.bundle),
+        "--policy",
+        "ahead",
+        "--steps",
+        "30",
+        "--video",
+        str(tmp_path),
+    )
     assert done.returncode == 0, done.stderr
     assert "coverage" in done.stdout
     assert list(tmp_path.glob("*.mp4"))

@@ -56,9 +56,19 @@ def test_pictures_need_no_display_and_no_variable(tee: BuiltMine, first):
 def test_a_policy_is_recorded_without_a_display(tee: BuiltMine, tmp_path):
     pytest.importorskip("moviepy")
     done = run(
-        "-m", "minexplore", "play", "MineXplore/World-v0", "--world", str(tee.bundle), "--policy", "ahead",
-        "--steps", "5", "--video", str(tmp_path),
-    )  # fmt: skip
+        "-m",
+        "minexplore",
+        "play",
+        "MineXplore/World-v0",
+        "--world",
+        str(tee.bundle),
+        "--policy",
+        "ahead",
+        "--steps",
+        "5",
+        "--video",
+        str(tmp_path),
+    )
     assert done.returncode == 0, done.stderr
     assert list(tmp_path.glob("*.mp4"))
 

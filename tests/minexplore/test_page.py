@@ -29,8 +29,11 @@ def test_the_page_states_the_robot_s_geoms_as_they_are_stepped(tee: BuiltMine):
     for name in ("chassis", "bumper", "front", "rear", "left", "right"):
         geom, row = model.geom(f"robot_{name}"), next(row for row in rows if row[0] == name and len(row) == 9)
         assert [int(cell) for cell in row[4:8]] == [
-            geom.contype[0], geom.conaffinity[0], geom.condim[0], geom.priority[0],
-        ]  # fmt: skip
+            geom.contype[0],
+            geom.conaffinity[0],
+            geom.condim[0],
+            geom.priority[0],
+        ]
         np.testing.assert_allclose([float(f) for f in row[8].split(",")], geom.friction)
     assert float(by_name["robot"][1]) == pytest.approx(model.body("robot").mass[0], rel=1e-3)
     np.testing.assert_allclose(
@@ -57,10 +60,10 @@ def test_random_numbers_are_drawn_in_the_page_s_order(tee: BuiltMine):
         env.robots.place(0, x, 2.5, 0.0)
         observation, _, _, _, info = env.step(np.array([0.5, 0.0]))
         assert info["zone"] == zone
-        (told,) = (z for z in env.world.floor_zones if z.name == zone)
-        drawn = rng.normal(0.0, told.speed_noise_mps) if told.speed_noise_mps else 0.0
+        (stated,) = (z for z in env.world.floor_zones if z.name == zone)
+        drawn = rng.normal(0.0, stated.speed_noise_mps) if stated.speed_noise_mps else 0.0
         speed = env.robots.stepper.ctrl[0].mean() * env.robot.wheel_radius_m
-        assert speed == pytest.approx(0.5 * 1.5 * told.command_scale + drawn, abs=1e-9)
+        assert speed == pytest.approx(0.5 * 1.5 * stated.command_scale + drawn, abs=1e-9)
         free, noise = noise_of(env, observation)
         np.testing.assert_allclose(noise, 0.01 * rng.standard_normal(16)[free], atol=1e-5)
 

@@ -92,40 +92,40 @@ def test_threads_change_nothing(tee: BuiltMine):
 
 
 def side_by_side(bundle, count, steps, seed):
-    """Step windowed and whole worlds with the same commands; yield both and the robots that still agree."""
+    """Step local models and the whole world with the same commands; yield both and the robots that still agree."""
     world = load_world(bundle)
     task = TaskParams(terrain=False)  # noise aside: physics is compared
-    window, whole = (RobotBatch(world, task, RobotParams(), count, whole=w) for w in (False, True))
+    local, whole = (RobotBatch(world, task, RobotParams(), count, whole=w) for w in (False, True))
     rngs = [np.random.default_rng(i) for i in range(count)]
-    window.reset(np.arange(count), rngs)
+    local.reset(np.arange(count), rngs)
     row, col = np.nonzero(world.clearance_m >= 0.4)
     rng = np.random.default_rng(seed)
     pick = rng.integers(len(row), size=count)
     places = world.origin_m + (np.column_stack([col[pick], row[pick]]) + 0.5) * world.cell_m
     for i, (x, y) in enumerate(places):
-        window.qpos[i, :7] = free_joint_qpos(window.T_world_mine, window.robot, x, y, rng.uniform(-np.pi, np.pi))
-    whole.state[:] = window.state
+        local.qpos[i, :7] = free_joint_qpos(local.T_world_mine, local.robot, x, y, rng.uniform(-np.pi, np.pi))
+    whole.state[:] = local.state
     for step in range(steps):
         actions = commands(seed, count, step)
         hits = []
-        for robots in (window, whole):
+        for robots in (local, whole):
             outcome = robots.step(actions, rngs)
             hits.append(outcome.info["collision"])
-        yield window, whole, hits
+        yield local, whole, hits
 
 
-def test_windows_and_the_whole_world_give_the_same_physics(tee: BuiltMine):
-    """10^5 physics steps of hard driving into walls, corners and window borders."""
+def test_local_models_and_the_whole_world_give_the_same_physics(tee: BuiltMine):
+    """10^5 physics steps of hard driving into walls, corners and borders of tiles."""
     agree = np.ones(50, dtype=bool)
     apart = np.zeros(50)
     inside = TEE.buffer(0.01)
     crossed = set()
-    for window, whole, hits in side_by_side(tee.bundle, 50, 100, 3):
-        apart = np.abs(window.qpos - whole.qpos).max(axis=1)
+    for local, whole, hits in side_by_side(tee.bundle, 50, 100, 3):
+        apart = np.abs(local.qpos - whole.qpos).max(axis=1)
         agree &= apart < 1e-9
         assert (hits[0] == hits[1])[agree].all()
-        crossed |= {tuple(t) for t in window.local_models.tiles_of(window.poses()[:, :2]).tolist()}
-        for robots in (window, whole):
+        crossed |= {tuple(t) for t in local.local_models.tiles_of(local.poses()[:, :2]).tolist()}
+        for robots in (local, whole):
             x, y, _ = robots.poses().T
             assert shapely.contains_xy(inside, x, y).all()
     assert agree.mean() > 0.9, apart
@@ -134,10 +134,10 @@ def test_windows_and_the_whole_world_give_the_same_physics(tee: BuiltMine):
 
 def test_a_robot_at_full_speed_never_leaves_the_workings_wherever_it_starts(tee: BuiltMine):
     inside = TEE.buffer(0.01)
-    for window, _, _ in side_by_side(tee.bundle, 40, 60, 11):
-        x, y, _ = window.poses().T
+    for local, _, _ in side_by_side(tee.bundle, 40, 60, 11):
+        x, y, _ = local.poses().T
         assert shapely.contains_xy(inside, x, y).all()
-        assert np.isfinite(window.state).all()
+        assert np.isfinite(local.state).all()
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])

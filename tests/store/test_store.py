@@ -27,8 +27,10 @@ def test_every_kind_of_artifact_survives_writing_and_reading(tmp_path, tee: Buil
     free = round_trip(tmp_path, "c.geojson", tee.free_space, FreeSpace)
     assert shapely.equals_exact(free.polygon, tee.free_space.polygon)
     assert (free.areas, free.frame, free.tolerance_m) == (
-        tee.free_space.areas, tee.free_space.frame, tee.free_space.tolerance_m,
-    )  # fmt: skip
+        tee.free_space.areas,
+        tee.free_space.frame,
+        tee.free_space.tolerance_m,
+    )
     assert (round_trip(tmp_path, "d.png", tee.cleaned, Mask) == tee.cleaned).all()
     parts = round_trip(tmp_path, "e.npz", tee.compiled["collision"], ConvexParts)
     assert (parts.vertices == tee.compiled["collision"].vertices).all()
@@ -51,12 +53,12 @@ def test_a_broken_artifact_is_named_and_a_pickle_is_never_opened(tmp_path):
         decode(tmp_path / "p.npz", ConvexParts)
 
 
-def test_not_a_number_is_never_written_to_json(tmp_path):
+def test_nan_is_never_written_to_json(tmp_path):
     with pytest.raises(ValueError, match=r"not JSON compliant|Out of range"):
         encode(tmp_path / "x.json", {"a": float("nan")})
 
 
-def test_a_folder_is_replaced_whole_or_stays_as_it_was(tmp_path, monkeypatch):
+def test_a_folder_is_replaced_completely_or_not_at_all(tmp_path, monkeypatch):
     folder = tmp_path / "stage"
     replace_folder(folder, {"a.txt": b"old", "sub/b.txt": b"old"})
     written = []
@@ -75,7 +77,7 @@ def test_a_folder_is_replaced_whole_or_stays_as_it_was(tmp_path, monkeypatch):
     assert [p.name for p in tmp_path.iterdir()] == ["stage"]
 
 
-def test_what_a_killed_run_leaves_is_put_right(tmp_path):
+def test_the_state_that_a_killed_run_leaves_is_repaired(tmp_path):
     folder, old, partial = tmp_path / "stage", tmp_path / ".stage.old", tmp_path / ".stage.partial"
     old.mkdir()
     (old / "a.txt").write_text("earlier")
@@ -86,7 +88,7 @@ def test_what_a_killed_run_leaves_is_put_right(tmp_path):
     assert not partial.exists()
 
 
-def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
+def test_a_file_is_written_completely_or_not_at_all(tmp_path, monkeypatch):
     path = tmp_path / "params.yaml"
     write_atomically(path, b"old")
 
@@ -100,7 +102,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_named_hash_is_what_sha256sum_would_say_of_its_listing():
+def test_a_hash_of_named_hashes_is_the_sha256_of_their_listing():
     assert sha256_named({"b": "2", "a": "1"}) == sha256_bytes(b"1  a\n2  b\n")
 
 
@@ -149,10 +151,10 @@ def test_an_unregistered_file_and_a_broken_registry_are_named(registry_folder):
         read_registry()
 
 
-def test_a_mesh_survives_its_round_trip_and_a_cut_one_is_refused(tmp_path):
+def test_a_mesh_survives_a_round_trip_and_a_truncated_file_is_refused(tmp_path):
     rng = np.random.default_rng(0)
-    mesh = Mesh(rng.uniform(-9, 9, (5, 3)).astype(np.float32).astype(float), np.array([[0, 1, 2], [2, 3, 4]], np.int32),
-                rng.uniform(0, 1, (5, 2)))  # fmt: skip
+    vertices = rng.uniform(-9, 9, (5, 3)).astype(np.float32).astype(float)
+    mesh = Mesh(vertices, np.array([[0, 1, 2], [2, 3, 4]], np.int32), rng.uniform(0, 1, (5, 2)))
     path = tmp_path / "a.msh"
     path.write_bytes(encode(path, mesh))
     assert decode(path, Mesh).normals is None
@@ -164,5 +166,5 @@ def test_a_mesh_survives_its_round_trip_and_a_cut_one_is_refused(tmp_path):
     np.testing.assert_array_equal(read.faces, mesh.faces)
     np.testing.assert_allclose(read.texcoords, mesh.texcoords, atol=1e-6)
     path.write_bytes(path.read_bytes()[:-4])
-    with pytest.raises(ArtifactError, match=r"a\.msh: not a readable Mesh: its counts do not match its size"):
+    with pytest.raises(ArtifactError, match=r"a\.msh: not a readable Mesh: .* do not match its size"):
         decode(path, Mesh)

@@ -1,13 +1,22 @@
-"""Roughness that a spectrum should give, for the tests of noise and fits."""
+"""Band spectra and their predicted roughness, for the tests of noise and surface."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from pipeline.surface.spectrum import Bands, Roughness, residual_share
+from pipeline.surface.spectrum import Bands, Roughness, band_wavelengths, residual_share
+
+WAVES = band_wavelengths(0.4, 4.0)
 
 
-def predicted_rq(bands: Bands, wanted: Roughness) -> float:
-    """Return the RMS residual, m, that a plane surface displaced by these bands has in a window."""
-    shares = [residual_share(w, wanted.window_m, wanted.degree, wanted.line) for w in bands.wavelength_m.tolist()]
+def flat_bands(rms_m: float, wavelength_m: np.ndarray = WAVES) -> Bands:
+    """Return bands of equal standard deviation, rms_m (m) together."""
+    return Bands(wavelength_m, np.full(len(wavelength_m), rms_m / math.sqrt(len(wavelength_m))))
+
+
+def predicted_rq(bands: Bands, window: Roughness) -> float:
+    """Return the RMS residual, m, in a window on a plane surface displaced by these bands."""
+    shares = [residual_share(w, window.window_m, window.degree, window.line) for w in bands.wavelength_m.tolist()]
     return float(np.sqrt(np.dot(shares, bands.sd_m**2)))

@@ -1,4 +1,4 @@
-"""Stage 4 and the rock's part of stage 6, in memory and by the command line."""
+"""Stage 4, and the part of stage 6 that measures the rock, in memory and from the command line."""
 
 import json
 
@@ -30,7 +30,7 @@ def opened(tee: BuiltMine):
     return open_bundle(tee.bundle)
 
 
-def test_no_wave_is_shorter_than_two_spacings_of_its_mesh(config):
+def test_no_wave_is_shorter_than_two_spacings_of_the_mesh(config):
     params = config.surface
     wall, roof = choose_bands(params, measure_sources(params))
     for bands, spacing in ((wall, params.rough.spacing_m), (roof, params.rough.roof_spacing_m)):
@@ -50,12 +50,12 @@ def test_a_drift_that_copies_the_sweeps_has_their_roughness():
     noise = choose_bands(params, sources)
     rough = build_rough_surface(params, shapely.box(0, 0, 80, 7), None, 3.5, noise)
     (line,) = wall_section(rough).values()
-    asked = dict(zip(sources["sweeps"]["wall"].window_m, sources["sweeps"]["wall"].rq_m, strict=True))
+    measured = dict(zip(sources["sweeps"]["wall"].window_m, sources["sweeps"]["wall"].rq_m, strict=True))
     wall, _ = noise
     for window in (0.5, 1.0):
-        found = float(np.sqrt((line_roughness([line], window) ** 2).mean()))
-        assert predicted_rq(wall, Roughness(window, 0.0, line=True)) == pytest.approx(asked[window], rel=0.15)
-        assert found == pytest.approx(asked[window], rel=0.25)
+        rq = float(np.sqrt((line_roughness([line], window) ** 2).mean()))
+        assert predicted_rq(wall, Roughness(window, 0.0, line=True)) == pytest.approx(measured[window], rel=0.15)
+        assert rq == pytest.approx(measured[window], rel=0.25)
 
 
 def test_a_large_mine_gets_wider_spacings_and_a_huge_one_is_refused(capsys):
@@ -70,7 +70,7 @@ def test_a_large_mine_gets_wider_spacings_and_a_huge_one_is_refused(capsys):
         widen_spacing(params, shapely.box(0, 0, 5000, 6), 3.5)
 
 
-def test_a_scanned_cave_gives_walls_and_back_to_copy(shared_rock, monkeypatch, tmp_path):
+def test_walls_and_roof_of_a_scanned_cave_are_measured_and_copied(shared_rock, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "cave.stl").write_bytes(shared_rock.read_bytes())
@@ -80,14 +80,14 @@ def test_a_scanned_cave_gives_walls_and_back_to_copy(shared_rock, monkeypatch, t
     ).surface
     measured = measure_cloud(params.cloud)
     rq = dict(zip(measured["wall"].window_m, measured["wall"].rq_m, strict=True))
-    assert 0.01 < rq[0.5] < 0.05  # the audit: 17-18 mm on scanned caves
+    assert 0.01 < rq[0.5] < 0.05  # 17-18 mm in scanned caves
     assert measured["wall"].spectrum is not None
     wall, roof = choose_bands(params, {"cloud": measured})
     assert predicted_rq(wall, Roughness(0.5, 0.0)) == pytest.approx(rq[0.5], rel=0.25)
     assert 0 < roof.rms_m < 0.2
 
 
-def test_a_passage_thinner_than_the_lattice_is_refused_with_its_place(config):
+def test_a_passage_narrower_than_the_spacing_of_the_lattice_is_refused_with_its_place(config):
     thin = shapely.union_all([shapely.box(0, 0, 20, 5), shapely.box(20, 2, 30, 2.03), shapely.box(30, 0, 50, 5)])
     with pytest.raises(GeometryError, match=r"surface: .* at \((20|30)\.\d, 2\.\d"):
         build_rough_surface(
@@ -95,7 +95,7 @@ def test_a_passage_thinner_than_the_lattice_is_refused_with_its_place(config):
         )
 
 
-def test_the_world_shows_the_rough_surface_hides_the_smooth_one_and_lets_nothing_collide_with_either(opened):
+def test_the_world_shows_the_rough_surface_hides_the_smooth_one_and_neither_collides(opened):
     model = opened.model
     for geom in range(model.ngeom):
         name = model.geom(geom).name
@@ -112,13 +112,13 @@ def test_texture_and_walls_are_measured_on_the_meshes_that_the_model_names(opene
     polygon, network = tee.free_space.polygon, tee.network
     report = report_texture(opened.model, polygon, network, params)
     assert report.strict.overall > 0.6
-    flat = opened.model
-    before = flat.mesh_vert.copy()
+    model = opened.model
+    before = model.mesh_vert.copy()
     try:
-        flat.mesh_vert[:] *= 0.5  # the formula knows nothing of this
-        shrunk = report_texture(flat, polygon, network, params)
+        model.mesh_vert[:] *= 0.5  # only a measurement of the model can notice this
+        shrunk = report_texture(model, polygon, network, params)
     finally:
-        flat.mesh_vert[:] = before
+        model.mesh_vert[:] = before
     assert shrunk.strict_axes.bump_rq_m < 0.95 * report.strict_axes.bump_rq_m
     metrics = texture_metrics(report)
     assert metrics["strict"]["overall"] == pytest.approx(report.strict.overall, abs=1e-4)
@@ -137,7 +137,7 @@ def test_the_models_triangles_are_the_files_triangles(opened, tee):
 
 
 @pytest.mark.parametrize(
-    ("override", "words"),
+    ("override", "message"),
     [
         ("surface.reference=cloud", "surface.reference=cloud needs surface.cloud.file"),
         ("surface.cloud.file=/etc/passwd", "not below data/"),
@@ -146,16 +146,16 @@ def test_the_models_triangles_are_the_files_triangles(opened, tee):
         ("surface.published.wall_sd_m=[0.1,0.1]", "differ in length"),
     ],
 )
-def test_bad_surface_parameters_are_refused_by_name(monkeypatch, override, words):
+def test_bad_surface_parameters_are_refused_by_name(monkeypatch, override, message):
     monkeypatch.chdir(ROOT)
     with pytest.raises(ParamsError) as refused:
         compose([override])
-    assert words in str(refused.value)
+    assert message in str(refused.value)
 
 
 def test_a_sweep_that_is_not_registered_is_refused_by_name(traced_project: Project):
-    said = message_of(traced_project.stage("surface", "surface.sweeps.files={a: data/raw/none.csv}"))
-    assert "data/raw/none.csv" in said
+    message = message_of(traced_project.stage("surface", "surface.sweeps.files={a: data/raw/none.csv}"))
+    assert "data/raw/none.csv" in message
 
 
 def test_a_bad_sweep_measurement_is_refused_and_named(traced_project: Project, tmp_path):
@@ -164,10 +164,10 @@ def test_a_bad_sweep_measurement_is_refused_and_named(traced_project: Project, t
     path.write_text(json.dumps({"line": True}))
     project.stage("compile3d").check_returncode()
     project.run("python", "-m", "pipeline", "register", "data/chilean_mine/bad.json", check=True)
-    said = message_of(project.stage("surface", "surface.sweeps.measured=data/chilean_mine/bad.json"))
-    assert "data/chilean_mine/bad.json: not the roughness of sweeps" in said
+    message = message_of(project.stage("surface", "surface.sweeps.measured=data/chilean_mine/bad.json"))
+    assert "data/chilean_mine/bad.json: not the roughness of sweeps" in message
 
 
-def test_free_space_and_network_travel_with_the_world(tee):
+def test_the_bundle_holds_the_free_space_and_the_drift_network(tee):
     assert decode(tee.bundle / "free_space.geojson", FreeSpace).polygon.equals(tee.free_space.polygon)
     assert decode(tee.bundle / "topology.json", DriftNetwork).loops == tee.network.loops

@@ -6,10 +6,12 @@ import pytest
 import trimesh
 
 from minexplore.bundle import ROOF, WALLS
+from pipeline.compose import compose
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.store.codecs import decode
 from pipeline.surface.normals import shade_mesh
 from pipeline.types import Mesh
+from tests.mines import TEE, BuiltMine
 
 
 def face_normals(corners):
@@ -58,8 +60,15 @@ def test_no_normal_lies_behind_a_face_even_where_none_is_in_front_of_all():
     np.testing.assert_array_equal(shaded.source[shaded.faces], faces)
 
 
-def test_chunks_of_a_built_world_meet_with_equal_normals(tee):
-    meshes = tee.bundle / "meshes"
+@pytest.fixture(scope="module")
+def shaded(tmp_path_factory):
+    """Return the T-junction's world with normals."""
+    coarse = compose(["surface.rough.spacing_m=0.3", "surface.rough.roof_spacing_m=0.4", "surface.rough.normals=true"])
+    return BuiltMine(TEE, coarse, tmp_path_factory.mktemp("shaded"))
+
+
+def test_chunks_of_a_built_world_meet_with_equal_normals(shaded):
+    meshes = shaded.bundle / "meshes"
     chunks = [decode(path, Mesh) for name in (WALLS, ROOF) for path in sorted(meshes.glob(f"{name}_*.msh"))]
     seen: dict[bytes, set[bytes]] = {}
     shared = 0
@@ -78,9 +87,9 @@ def test_chunks_of_a_built_world_meet_with_equal_normals(tee):
     assert shared > 500
 
 
-def test_the_compiled_model_keeps_the_normals_that_were_written(tee):
-    model = open_bundle(tee.bundle).model
-    for path in sorted((tee.bundle / "meshes").glob("walls_*.msh")):
+def test_the_compiled_model_keeps_the_normals_that_were_written(shaded):
+    model = open_bundle(shaded.bundle).model
+    for path in sorted((shaded.bundle / "meshes").glob("walls_*.msh")):
         written = decode(path, Mesh).normals
         mesh = model.mesh(path.stem)
         rotation = np.zeros(9)

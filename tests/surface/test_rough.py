@@ -9,42 +9,28 @@ from scipy.spatial import cKDTree
 
 from minexplore import bundle
 from pipeline.compose import compose
-from pipeline.errors import GeometryError
 from pipeline.metrics.planefit import sweep_residuals
 from pipeline.surface.displacement import Bounds, bound_displacement
 from pipeline.surface.lattice import ROOF, WALL, CrossSection, lay_lattice
 from pipeline.surface.mesh_checks import check_mesh, find_crossings
-from pipeline.surface.noise import slow_modulation, solid_noise, unit_bands
 from pipeline.surface.rough import Modulation, closed_mesh, cut_chunks, displace_lattice
-from pipeline.surface.spectrum import (
-    Bands,
-    Roughness,
-    band_edges,
-    band_wavelengths,
-    fit_bands,
-    residual_share,
-)
+from pipeline.surface.spectrum import Bands, Roughness, band_wavelengths
 from pipeline.surface.walls import lay_walls
 from tests.mines import RING, STRAIGHT, TEE, random_mine
-from tests.surface.spectra import predicted_rq
+from tests.surface.spectra import flat_bands, predicted_rq
 
 PROFILE = CrossSection(3.5, 0.3, 0.9, 2.75)
 BOUNDS = Bounds(0.45, 0.45, 1.2, 2.2, 0.02, 0.0, 0.5)
 STEADY = Modulation(8.0, 0.0)
-WAVES = band_wavelengths(0.4, 4.0)
-
-
-def bands(rms_m, wavelength=WAVES):
-    return Bands(wavelength, np.full(len(wavelength), rms_m / math.sqrt(len(wavelength))))
 
 
 def rough_of(free, rms_m=0.1, spacing=0.2, seed=0, bounds=BOUNDS):
     lattice = lay_lattice(lay_walls(free, spacing), PROFILE, spacing, spacing)
-    return displace_lattice(lattice, bands(rms_m), bands(rms_m), STEADY, bounds, np.random.default_rng(seed))
+    return displace_lattice(lattice, flat_bands(rms_m), flat_bands(rms_m), STEADY, bounds, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("mine", [STRAIGHT, RING, TEE], ids=["straight", "ring", "tee"])
-def test_the_rough_surface_closes_with_the_floor_round_corners_junctions_and_islands(mine):
+def test_the_rough_surface_and_the_floor_are_closed_at_corners_junctions_and_islands(mine):
     report = check_mesh(*closed_mesh(rough_of(mine)))
     assert report.watertight
     assert report.winding_consistent
@@ -57,109 +43,33 @@ def test_random_mines_have_a_rough_surface_without_crack_or_crossing():
         check_mesh(*closed_mesh(rough_of(random_mine(rng, int(rng.integers(2, 6))), rms_m=0.2, seed=seed)))
 
 
-def test_without_noise_the_bore_has_the_volume_of_its_arch_and_toe():
-    """Straight drift: wall prism, parabolic arch up to its span, toe of 45 deg."""
+def test_without_noise_the_rough_surface_has_the_volume_of_its_cross_section():
+    """Straight drift: rectangle up to the walls' top, parabolic arch, 45 deg chamfers at the floor."""
     long = shapely.box(0, 0, 200, 7)
     report = check_mesh(*closed_mesh(rough_of(long, rms_m=1e-9, spacing=0.1)))
-    arch = 0.9 * (7 - 2 * 2.75 / 3)  # a parabola over the half span lacks a third of its box on either side
+    arch = 0.9 * (7 - 2 * 2.75 / 3)  # on each side, a parabola over the half span covers two thirds of its box
     section = 7 * 2.6 + arch - 0.3**2
     assert report.volume_m3 == pytest.approx(200 * section, rel=0.015)
 
 
-def test_neighbouring_points_are_no_farther_apart_than_the_spacing_says():
+def test_neighbouring_points_are_no_farther_apart_than_the_spacing():
     lattice = lay_lattice(lay_walls(TEE, 0.1), PROFILE, 0.1, 0.14)
     for piece, spacing in ((WALL, 0.1), (ROOF, 0.14)):
         faces = lattice.faces[lattice.piece == piece]
-        faces = faces[lattice.vertices[faces, 2].min(axis=1) > 0.35]  # above the toe, which slopes
+        faces = faces[lattice.vertices[faces, 2].min(axis=1) > 0.35]  # above the floor chamfer, which slopes
         edges = lattice.vertices[faces] - lattice.vertices[np.roll(faces, 1, axis=1)]
         plan = np.linalg.norm(edges[..., : 3 if piece == WALL else 2], axis=2)
         assert np.percentile(plan, 90) <= spacing * math.sqrt(2) * 1.001  # the diagonal of a square
         assert plan.max() <= 2.3 * spacing  # where the roof's grid joins the walls
 
 
-def test_same_seed_gives_identical_points_and_another_seed_others():
+def test_the_same_seed_gives_identical_points_and_another_seed_different_ones():
     one, two, other = (rough_of(STRAIGHT, seed=s).vertices for s in (3, 3, 4))
     np.testing.assert_array_equal(one, two)
     assert np.abs(one - other).max() > 0.05
 
 
-def test_noise_is_the_same_at_the_same_place_so_no_seam_can_open():
-    points = np.random.default_rng(0).uniform(-50, 50, (400, 3))
-    whole = solid_noise(points, [bands(0.1)], [np.ones(400)], np.random.default_rng(1))
-    parts = [solid_noise(half, [bands(0.1)], [np.ones(200)], np.random.default_rng(1)) for half in np.split(points, 2)]
-    np.testing.assert_allclose(whole, np.concatenate(parts), atol=1e-9)
-
-
-def test_noise_has_the_deviation_asked_for_and_no_wave_shorter_than_said():
-    line = np.column_stack([np.arange(20_000) * 0.01, np.zeros(20_000), np.zeros(20_000)])
-    field = solid_noise(line, [bands(0.1)], [np.ones(len(line))], np.random.default_rng(2))
-    assert field.std() == pytest.approx(0.1, rel=0.1)
-    power = np.abs(np.fft.rfft(field * np.hanning(len(field)))) ** 2
-    frequency = np.fft.rfftfreq(len(field), 0.01)
-    shortest = band_edges(float(WAVES.min()))[0]
-    assert shortest >= 0.4 - 1e-9
-    assert power[frequency > 1.02 / shortest].sum() < 1e-4 * power.sum()
-
-
-def test_every_unit_band_has_deviation_one():
-    points = np.random.default_rng(3).uniform(0, 200, (20_000, 3))
-    for unit in unit_bands(points, WAVES, np.random.default_rng(4)):
-        assert unit.std() == pytest.approx(1.0, rel=0.05)
-
-
-def test_slow_modulation_keeps_the_mean_square():
-    points = np.random.default_rng(5).uniform(0, 2000, (40_000, 3))
-    factor = slow_modulation(points, 8.0, 0.3, np.random.default_rng(6))
-    assert factor.min() > 0
-    assert (factor**2).mean() == pytest.approx(1.0, rel=0.1)
-
-
-@pytest.mark.parametrize(("window", "degree", "line"), [(0.5, 1, False), (0.5, 2, False), (1.0, 1, True)])
-def test_predicted_roughness_is_what_planes_through_the_noise_find(window, degree, line):
-    """Solid noise on a flat patch, measured by least squares in windows."""
-    n, waves = 24, band_wavelengths(0.3, 3.0)
-    spectrum = bands(0.05, waves)
-    rng = np.random.default_rng(7)
-    corner = rng.uniform(0, 400, (400, 1, 2))
-    t = (np.arange(n) + 0.5) / n * window
-    grid = np.stack([t, np.zeros(n)], -1) if line else np.stack(np.meshgrid(t, t), -1).reshape(-1, 2)
-    at = (corner + grid).reshape(-1, 2)
-    points = np.column_stack([at, np.zeros(len(at))])
-    field = solid_noise(points, [spectrum], [np.ones(len(at))], rng).reshape(400, -1)
-    x, y = grid.T
-    powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1) if i + j <= degree and not (line and j)]
-    q, _ = np.linalg.qr(np.column_stack([x**i * y**j for i, j in powers]))
-    residual = field - field @ q @ q.T
-    found = math.sqrt((residual**2).mean())
-    assert predicted_rq(spectrum, Roughness(window, 0.0, degree, line)) == pytest.approx(found, rel=0.08)
-
-
-def test_long_waves_leave_nothing_and_short_ones_all_of_their_variance():
-    assert residual_share(50.0, 0.5, 1, False) < 1e-4
-    assert residual_share(0.1, 1.0, 1, False) > 0.9
-
-
-def test_a_spectrum_fitted_to_its_own_roughness_gives_it_back():
-    known = Bands(WAVES, 0.04 * (WAVES / WAVES[0]) ** 0.8)
-    wanted = [Roughness(w, predicted_rq(known, Roughness(w, 0.0))) for w in (0.3, 0.5, 1.0, 2.0)]
-    fitted = fit_bands(wanted, WAVES, 1.0)
-    for r in wanted:
-        assert predicted_rq(fitted, r) == pytest.approx(r.rq_m, rel=0.05)
-
-
-def test_the_amplitude_bound_holds_and_costs_long_windows_first():
-    wanted = [Roughness(0.5, 0.05), Roughness(2.0, 0.25)]
-    held = fit_bands(wanted, WAVES, 0.15)
-    assert held.rms_m <= 0.15 * 1.001
-    assert predicted_rq(held, wanted[1]) < 0.9 * 0.25
-
-
-def test_an_empty_band_is_refused():
-    with pytest.raises(GeometryError, match=r"no band between 2 m and 1 m"):
-        band_wavelengths(2.0, 1.0)
-
-
-def test_the_bound_is_smooth_keeps_small_displacements_and_is_never_passed():
+def test_the_bound_is_smooth_keeps_small_displacements_and_is_never_exceeded():
     lattice = lay_lattice(lay_walls(STRAIGHT, 0.5), PROFILE, 0.5, 0.5)
     wide = np.flatnonzero((lattice.walls.free_m > 2.3)[lattice.column] & (lattice.roof_share == 0))[0]
     wanted = np.zeros(len(lattice.vertices))
@@ -173,7 +83,7 @@ def test_the_bound_is_smooth_keeps_small_displacements_and_is_never_passed():
     assert np.abs(np.diff(curve, 2)).max() < 5e-4
 
 
-def test_a_narrow_passage_keeps_its_width_and_a_thin_pillar_its_rock():
+def test_a_narrow_passage_keeps_its_width_and_a_thin_pillar_does_not_intersect_itself():
     narrow = shapely.union_all([shapely.box(0, 0, 30, 6), shapely.box(30, 2.25, 50, 3.75), shapely.box(50, 0, 80, 6)])
     rough = rough_of(narrow, rms_m=0.2, spacing=0.1)
     height = rough.vertices[:, 2]
@@ -184,7 +94,7 @@ def test_a_narrow_passage_keeps_its_width_and_a_thin_pillar_its_rock():
     check_mesh(*closed_mesh(rough_of(pillar, rms_m=0.2, spacing=0.1)))
 
 
-def test_a_mine_that_is_narrow_everywhere_keeps_its_width_and_stays_rough_where_its_walls_stand_back():
+def test_the_recess_keeps_a_narrow_mine_wide_and_rough():
     def walls_of(bounds):
         rough = rough_of(drift, rms_m=0.12, spacing=0.1, bounds=bounds)
         walls = rough.vertices[: rough.lattice.wall_vertices]
@@ -202,28 +112,28 @@ def test_a_mine_that_is_narrow_everywhere_keeps_its_width_and_stays_rough_where_
     assert rough > 1.05 * flat_rough
 
 
-def test_a_place_where_faces_would_meet_is_mended_and_told():
+def test_a_self_intersection_is_repaired_and_its_place_is_recorded():
     needle = shapely.union_all([shapely.box(0, 0, 20, 5), shapely.Polygon([(20, 1.5), (20, 3.5), (26, 2.5)])])
-    rough = Bounds(0.9, 0.9, 0.05, 0.06, 0.9, 0.0, 0.9)
-    rough = rough_of(needle, rms_m=0.5, spacing=0.15, bounds=rough)
+    loose = Bounds(0.9, 0.9, 0.05, 0.06, 0.9, 0.0, 0.9)
+    rough = rough_of(needle, rms_m=0.5, spacing=0.15, bounds=loose)
     assert len(rough.mended)
     check_mesh(*closed_mesh(rough))
 
 
-def test_a_crossing_is_found_wherever_it_is():
+def test_a_crossing_far_from_the_origin_is_found():
     rough = rough_of(STRAIGHT, spacing=0.25)
     vertices, faces = closed_mesh(rough)
     assert len(find_crossings(vertices, faces)) == 0
-    far = np.linalg.norm(vertices[:, :2] - [90, 2.5], axis=1)
-    k = int(np.argmin(far + 10 * (vertices[:, 2] < 3)))
+    distance = np.linalg.norm(vertices[:, :2] - [90, 2.5], axis=1)
+    k = int(np.argmin(distance + 10 * (vertices[:, 2] < 3)))
     vertices = vertices.copy()
     vertices[k, 2] -= 5.0  # a spike from the roof through the floor
-    found = find_crossings(vertices, faces)
-    assert len(found)
-    assert np.linalg.norm(found[:, :2] - vertices[k, :2], axis=1).min() < 0.6
+    crossings = find_crossings(vertices, faces)
+    assert len(crossings)
+    assert np.linalg.norm(crossings[:, :2] - vertices[k, :2], axis=1).min() < 0.6
 
 
-def test_chunks_together_are_the_rough_surface_and_lie_in_their_tiles():
+def test_chunks_lie_in_their_tiles_and_cover_the_rough_surface_once():
     rough = rough_of(TEE, spacing=0.25)
     chunks = cut_chunks(rough, 20.0, 4.0)
     assert sum(len(m.faces) for m in chunks.values()) == len(rough.lattice.faces)
@@ -238,31 +148,33 @@ def test_chunks_together_are_the_rough_surface_and_lie_in_their_tiles():
         assert (mesh.vertices[:, :2] < low + 21.5).all()
 
 
-def test_a_face_alone_in_its_tile_joins_its_neighbours():
+def test_a_single_face_in_a_tile_joins_a_neighbouring_tile():
     rough = rough_of(TEE, spacing=0.25)
     centre = rough.lattice.vertices[rough.lattice.faces].mean(axis=1)[:, :2]
     for tile_m in (0.17, 0.22):
         tiles = np.floor((centre - rough.lattice.vertices[:, :2].min(axis=0)) / tile_m)
         piece = rough.lattice.piece[:, None]
-        assert (np.unique(np.hstack([piece, tiles]), axis=0, return_counts=True)[1] == 1).any()  # there are such faces
+        assert (
+            np.unique(np.hstack([piece, tiles]), axis=0, return_counts=True)[1] == 1
+        ).any()  # some faces are alone in their tiles
         chunks = cut_chunks(rough, tile_m, 4.0)
         assert min(len(mesh.vertices) for mesh in chunks.values()) >= 4
         assert sum(len(mesh.faces) for mesh in chunks.values()) == len(rough.lattice.faces)
 
 
-def test_the_texture_runs_on_across_the_seam_of_a_ring():
+def test_the_texture_continues_across_the_seam_of_a_ring():
     for name, mesh in cut_chunks(rough_of(RING, spacing=0.25), 20.0, 4.0).items():
         corner = mesh.texcoords[mesh.faces]
         assert np.ptp(corner[..., 0], axis=1).max() < 0.5, name
 
 
-def test_roughness_of_the_built_wall_is_what_its_spectrum_predicts():
-    """A straight wall, off the voxel borders, over all its voxels' points."""
+def test_the_built_wall_has_the_roughness_that_its_spectrum_predicts():
+    """A straight wall in the middle of the voxels, with the points of all voxels."""
     waves = band_wavelengths(0.2, 4.0)
     spectrum = Bands(waves, 0.03 * (waves / 2) ** 0.8)
     lattice = lay_lattice(lay_walls(shapely.box(0, 0, 120, 7), 0.1), PROFILE, 0.1, 0.3)
     rough = displace_lattice(lattice, spectrum, spectrum, STEADY, BOUNDS, np.random.default_rng(8))
     wall = rough.vertices[: lattice.wall_vertices]
     wall = wall[(np.abs(wall[:, 1]) < 0.4) & (wall[:, 0] > 3) & (wall[:, 0] < 117) & (wall[:, 2] > 0.45)]
-    found = sweep_residuals(wall + np.array([0, 0.5, 0]), (1.0,), 60)[0]
-    assert found.rq_m == pytest.approx(predicted_rq(spectrum, Roughness(1.0, 0.0)), rel=0.15)
+    residuals = sweep_residuals(wall + np.array([0, 0.5, 0]), (1.0,), 60)[0]
+    assert residuals.rq_m == pytest.approx(predicted_rq(spectrum, Roughness(1.0, 0.0)), rel=0.15)

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
-from pipeline.survey import cloud
+from pipeline.survey import cloud_formats
 from pipeline.survey.cloud import CloudLimits, read_cloud, split_surfaces, without_outliers
 
 LIMITS = CloudLimits(
@@ -52,24 +52,24 @@ WRITERS = {
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_every_format_gives_back_the_points_that_were_written(name, drift, tmp_path):
+def test_every_format_returns_the_points_that_were_written(name, drift, tmp_path):
     WRITERS[name](tmp_path / name, drift)
     read = read_cloud(tmp_path / name, "m", CloudLimits(0.0001, (0.0, 50.0), 10**6, (1.0, 12.0), 400))
     assert len(read) == len(drift)
     assert cKDTree(read).query(drift)[0].max() < 2e-3
 
 
-def test_thinning_leaves_one_point_a_voxel_whatever_the_blocks(drift, tmp_path, monkeypatch):
+def test_thinning_keeps_one_point_per_voxel_for_any_block_size(drift, tmp_path, monkeypatch):
     write_dat(tmp_path / "a.dat", drift)
     whole = read_cloud(tmp_path / "a.dat", "m", LIMITS)
-    monkeypatch.setattr(cloud, "_BLOCK", 777)
+    monkeypatch.setattr(cloud_formats, "_BLOCK", 777)
     parts = read_cloud(tmp_path / "a.dat", "m", LIMITS)
     cells = [set(map(tuple, np.floor(p / LIMITS.thin_m).astype(int).tolist())) for p in (whole, parts)]
     assert cells[0] == cells[1]
     assert len(cells[0]) == len(whole) == len(parts) < len(drift)
 
 
-def test_the_range_gate_drops_what_is_near_and_far(drift, tmp_path):
+def test_the_range_gate_drops_near_and_far_points(drift, tmp_path):
     write_dat(tmp_path / "a.dat", drift)
     kept = read_cloud(tmp_path / "a.dat", "m", CloudLimits(0.001, (3.0, 5.0), 10**6, (1.0, 12.0), 400))
     far = np.linalg.norm(kept, axis=1)
@@ -78,7 +78,7 @@ def test_the_range_gate_drops_what_is_near_and_far(drift, tmp_path):
 
 
 @pytest.mark.parametrize(("units", "factor"), [("mm", 1000.0), ("ft", 1 / 0.3048)])
-def test_millimetres_and_feet_are_read_as_such_and_named_when_not(units, factor, drift, tmp_path):
+def test_stated_units_are_converted_and_wrong_units_are_named(units, factor, drift, tmp_path):
     np.savetxt(tmp_path / "a.xyz", drift * factor, fmt="%.4f")
     limits = CloudLimits(0.05, (0.5, 50000.0), 10**6, (1.0, 8.0), 400)
     assert np.ptp(read_cloud(tmp_path / "a.xyz", units, limits)[:, 2]) == pytest.approx(3.0, abs=0.05)
@@ -94,11 +94,11 @@ def test_millimetres_and_feet_are_read_as_such_and_named_when_not(units, factor,
         ("time x y z intensity\n1 2 3\n", r":2: 3 columns, at least 4"),
         ("time x y z intensity\n1 2 3 four 5\n", r":2: 'four' is not a number"),
         ("time x y z intensity\n1 2 3 4 5\n1 nan 3 4 5\n", r":3: nan is not finite"),
-        ("1 2 3 4 5\n1 2 3 4 5\n", r":1: a row of numbers where the dataset has its header"),
+        ("1 2 3 4 5\n1 2 3 4 5\n", r":1: a row of numbers, expected the header line"),
         ("time x y z intensity\n1 2 3 4 5\n", "1 usable points of 1"),
     ],
 )
-def test_a_bad_cloud_is_refused_with_its_line(text, message, tmp_path):
+def test_a_faulty_cloud_is_refused_with_its_line(text, message, tmp_path):
     (tmp_path / "a.dat").write_text(text)
     with pytest.raises(InputError, match=message):
         read_cloud(tmp_path / "a.dat", "m", LIMITS)
@@ -113,19 +113,19 @@ def test_a_truncated_binary_cloud_is_refused(name, drift, tmp_path):
         read_cloud(tmp_path / name, "m", LIMITS)
 
 
-def test_a_cloud_beyond_the_memory_limit_is_refused_before_it_is_held(drift, tmp_path):
+def test_a_cloud_with_too_many_points_is_refused(drift, tmp_path):
     write_dat(tmp_path / "a.dat", drift)
-    with pytest.raises(InputError, match="more than 1,000 points are left after thinning"):
+    with pytest.raises(InputError, match="more than 1,000 points remain after thinning"):
         read_cloud(tmp_path / "a.dat", "m", CloudLimits(0.01, (0.5, 50.0), 1000, (1.0, 12.0), 400))
 
 
-def test_an_unknown_ending_lists_the_readers(tmp_path):
+def test_an_unknown_suffix_is_refused_with_a_list_of_formats(tmp_path):
     (tmp_path / "a.e57").write_bytes(b"x")
     with pytest.raises(InputError, match=r"no reader for '\.e57'; there are \.dat"):
         read_cloud(tmp_path / "a.e57", "m", LIMITS)
 
 
-def test_a_drift_splits_into_walls_back_and_sill(drift):
+def test_a_drift_is_split_into_walls_roof_and_floor(drift):
     parts = split_surfaces(drift)
     assert np.median(np.abs(parts["wall"][:, 1])) == pytest.approx(2.5)
     assert np.median(parts["roof"][:, 2]) == pytest.approx(2.0)
@@ -133,14 +133,14 @@ def test_a_drift_splits_into_walls_back_and_sill(drift):
     assert sum(map(len, parts.values())) == len(drift)
 
 
-def test_lone_points_are_dropped_as_outliers(drift):
-    lone = np.array([[0.0, 0.0, 0.5], [1.0, 0.5, 0.2]])
-    kept = without_outliers(np.concatenate([drift, lone]), 20, 3.0)
-    assert not any((kept == p).all(axis=1).any() for p in lone)
+def test_isolated_points_are_dropped_as_outliers(drift):
+    isolated = np.array([[0.0, 0.0, 0.5], [1.0, 0.5, 0.2]])
+    kept = without_outliers(np.concatenate([drift, isolated]), 20, 3.0)
+    assert not any((kept == p).all(axis=1).any() for p in isolated)
     assert len(kept) > 0.95 * len(drift)
 
 
-def test_a_scanned_cave_is_sampled_evenly(shared_rock):
+def test_a_scanned_cave_is_sampled_uniformly(shared_rock):
     points = read_cloud(shared_rock, "m", CloudLimits(0.02, (0.0, 100.0), 10**7, (1.0, 12.0), 2000))
     assert np.ptp(points, axis=0) == pytest.approx([11.6, 3.6, 2.0], abs=0.3)
     assert {k for k, v in split_surfaces(points).items() if len(v) > 1000} == {"wall", "roof", "floor"}

@@ -1,4 +1,4 @@
-"""What `new` finds out by itself from files as people have them."""
+"""Detection of a survey file's kind, scale, unit and style by `new`."""
 
 import cv2
 import ezdxf
@@ -32,14 +32,14 @@ def test_a_scale_bar_is_found_and_its_length_chosen_by_the_width_of_the_drifts(t
     assert detect_survey(path, {"bar_length_m": 50.0}).values["scale"]["bar_length_m"] == 50.0
 
 
-def test_light_on_dark_is_seen_by_the_paper_at_the_edge(tmp_path):
+def test_light_on_dark_is_detected_from_the_paper_at_the_edge(tmp_path):
     path, _ = plan_with_bar(tmp_path, invert=True)
     detected = detect_survey(path, {})
     assert detected.values["light_on_dark"]
     assert detected.values["scale"]["bar_length_m"] == 20.0
 
 
-def test_walls_drawn_as_lines_are_told_from_filled_drifts(tmp_path):
+def test_line_drawings_are_distinguished_from_filled_drifts(tmp_path):
     frame = frame_for(RING)
     filled, line_drawing = plan_of(RING, frame), np.full((frame.height_px, frame.width_px, 3), 255, np.uint8)
     for ring in (RING.exterior, *RING.interiors):
@@ -52,13 +52,13 @@ def test_walls_drawn_as_lines_are_told_from_filled_drifts(tmp_path):
     assert not detect_survey(tmp_path / "filled.png", {"px_per_m": 8.0}).values["line_drawing"]
 
 
-def test_a_plan_without_a_scale_says_what_to_state(tmp_path):
+def test_a_plan_without_a_scale_is_refused_and_the_option_is_named(tmp_path):
     cv2.imwrite(str(tmp_path / "plan.png"), plan_of(TEE, frame_for(TEE)))
     with pytest.raises(InputError, match="no scale bar found; state --px-per-m"):
         detect_survey(tmp_path / "plan.png", {})
 
 
-def test_a_drawing_without_units_gets_those_that_make_drifts_as_wide_as_drifts_are(tmp_path):
+def test_a_drawing_without_units_gets_the_unit_that_makes_drift_widths_plausible(tmp_path):
     made = ezdxf.new()
     made.header["$INSUNITS"] = 0
     made.modelspace().add_lwpolyline(np.array(TEE.exterior.coords)[:-1] * 1000, close=True)
@@ -68,7 +68,7 @@ def test_a_drawing_without_units_gets_those_that_make_drifts_as_wide_as_drifts_a
     assert 3 < detected.width_m < 6
 
 
-def test_every_guess_is_a_section_that_stage_one_accepts(tmp_path):
+def test_every_detection_is_a_section_that_stage_one_accepts(tmp_path):
     path, _ = plan_with_bar(tmp_path)
     (tmp_path / "s.csv").write_text(TINY_STATIONS)
     for file in (path, tmp_path / "s.csv"):
@@ -83,9 +83,9 @@ def test_every_guess_is_a_section_that_stage_one_accepts(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "message"),
-    [("none.png", "no such file"), ("a.docx", "is not a format that is read"), ("a", "without an ending")],
+    [("none.png", "no such file"), ("a.docx", "is not a supported format"), ("a", "without a suffix")],
 )
-def test_a_file_that_nothing_reads_is_refused(tmp_path, name, message):
+def test_an_unsupported_file_is_refused(tmp_path, name, message):
     if name != "none.png":
         (tmp_path / name).write_bytes(b"x")
     with pytest.raises(InputError, match=message):

@@ -1,4 +1,4 @@
-"""Survex and Compass surveys: what cavern and Therion make of a file, ours must too."""
+"""Survex and Compass surveys: our readers must agree with cavern and Therion."""
 
 import shutil
 import subprocess
@@ -58,7 +58,7 @@ def write_svx(folder):
     return folder / "cave.svx"
 
 
-def test_stations_stand_where_cavern_puts_them(tmp_path):
+def test_station_positions_agree_with_cavern(tmp_path):
     cavern, dump = shutil.which("cavern"), shutil.which("dump3d")
     if cavern is None or dump is None:
         pytest.skip("Survex is not installed (Debian: survex)")
@@ -66,13 +66,13 @@ def test_stations_stand_where_cavern_puts_them(tmp_path):
     subprocess.run([cavern, "-q", str(path)], cwd=tmp_path, check=True, capture_output=True)
     text = subprocess.run([dump, str(tmp_path / "cave.3d")], capture_output=True, text=True, check=True).stdout
     nodes = [line.split() for line in text.splitlines() if line.startswith("NODE")]
-    places = {words[4].strip("[]"): (float(words[1]), float(words[2])) for words in nodes}
+    expected = {words[4].strip("[]"): (float(words[1]), float(words[2])) for words in nodes}
     legs, crs = read_svx(path)
     assert crs == "EPSG:32719"
-    told = {s: p for leg in legs for s, p in zip(leg.stations, leg.positions_m, strict=True)}
-    assert len(told) == 7  # a is 2
-    for name, place in told.items():
-        np.testing.assert_allclose(place, places[name], atol=0.011)  # cavern rounds to centimetres
+    positions = {s: p for leg in legs for s, p in zip(leg.stations, leg.positions_m, strict=True)}
+    assert len(positions) == 7  # stations a and 2 are the same
+    for name, position in positions.items():
+        np.testing.assert_allclose(position, expected[name], atol=0.011)  # cavern rounds to centimetres
 
 
 def test_passage_blocks_become_legs_that_share_their_stations(tmp_path):
@@ -85,10 +85,12 @@ def test_passage_blocks_become_legs_that_share_their_stations(tmp_path):
     assert [p.name for p in svx_files(path)] == ["cave.svx", "sub.svx"]
 
 
-def test_a_loop_is_closed_by_moving_every_shot_a_little(tmp_path):
+def test_the_closing_error_of_a_loop_is_distributed_over_all_shots(tmp_path):
     path = tmp_path / "loop.svx"
-    path.write_text("a b 10 0 0\nb c 10 90 0\nc d 10 180 0\nd a 10.4 270 0\n*data passage station left right up down\n"
-                    "a 1 1 1 1\nb 1 1 1 1\nc 1 1 1 1\nd 1 1 1 1\na 1 1 1 1\n")  # fmt: skip
+    path.write_text(
+        "a b 10 0 0\nb c 10 90 0\nc d 10 180 0\nd a 10.4 270 0\n*data passage station left right up down\n"
+        "a 1 1 1 1\nb 1 1 1 1\nc 1 1 1 1\nd 1 1 1 1\na 1 1 1 1\n"
+    )
     (leg,), _ = read_svx(path)
     steps = np.diff(leg.positions_m, axis=0)
     np.testing.assert_allclose(steps.sum(axis=0), 0, atol=1e-6)
@@ -98,20 +100,20 @@ def test_a_loop_is_closed_by_moving_every_shot_a_little(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("*include ../../etc/passwd\n", "no such file|leads out"),
+        ("*include ../../etc/passwd\n", "no such file|is outside"),
         ("*begin a\n1 2 5 0 0\n", r"\*begin a is not closed"),
         ("*end a\n", "closes no"),
         ("1 2 x 0 0\n", r":1: 'x' is not a number"),
         ("1 2 nan 0 0\n", "not a finite number"),
-        ("*data diving from to tape depth\n", "understood are normal"),
-        ("*frobnicate\n", "is not understood"),
+        ("*data diving from to tape depth\n", "not supported; use normal"),
+        ("*frobnicate\n", "is not supported"),
         ("1 2 5 0 0\n", "no legs with passages"),
         ("1 2 5 0 0\n3 4 5 0 0\n", "no shot joins station 3"),
         ("1 2 5 0 0\n*data passage station left right up down\n1 1 1 1 1\n9 1 1 1 1\n", "station 9 has passage data"),
         ("1 2 5 0 0\n*data passage station left right up down\n1 - 1 1 1\n2 - 1 1 1\n", "no distance to the left wall"),
         ("", "no shots"),
-        ("*cs long-lat\n*fix 1 -70 -33 0\n", "degrees are not read"),
-        ("*cs UTM19S\n*fix 1 1 2 0\n*cs UTM20S\n*fix 2 1 2 0\n", "one system is read"),
+        ("*cs long-lat\n*fix 1 -70 -33 0\n", "degrees are not supported"),
+        ("*cs UTM19S\n*fix 1 1 2 0\n*cs UTM20S\n*fix 2 1 2 0\n", "only one coordinate system is supported"),
     ],
 )
 def test_a_survex_file_that_cannot_be_used_is_refused_with_its_line(tmp_path, text, message):
@@ -142,7 +144,7 @@ X 1 1 1 1 1 1
 """
 
 
-def test_what_therion_exports_is_read_with_its_passages(tmp_path):
+def test_a_file_exported_by_therion_is_read_with_its_passages(tmp_path):
     therion = shutil.which("therion")
     if therion is None:
         pytest.skip("Therion is not installed (Debian: therion)")
@@ -150,14 +152,14 @@ def test_what_therion_exports_is_read_with_its_passages(tmp_path):
     (tmp_path / "thconfig").write_text("source cave.th\nexport model -fmt compass -o cave.plt\n")
     subprocess.run([therion, "-q"], cwd=tmp_path, check=True, capture_output=True)
     legs = read_plt(tmp_path / "cave.plt")
-    places = {s: p for leg in legs for s, p in zip(leg.stations, leg.positions_m, strict=True)}
-    np.testing.assert_allclose(places["1"] - places["0"], (10, 0), atol=0.01)
-    np.testing.assert_allclose(places["3"] - places["1"], (0, -8), atol=0.01)
+    positions = {s: p for leg in legs for s, p in zip(leg.stations, leg.positions_m, strict=True)}
+    np.testing.assert_allclose(positions["1"] - positions["0"], (10, 0), atol=0.01)
+    np.testing.assert_allclose(positions["3"] - positions["1"], (0, -8), atol=0.01)
     walls = {s: w for leg in legs for s, w in zip(leg.stations, leg.walls_m, strict=True)}
     np.testing.assert_allclose(walls["0"], (2, 2.5), atol=0.01)
 
 
-def test_plot_files_count_in_feet_and_unknown_walls_are_filled_in(tmp_path):
+def test_plot_files_are_in_feet_and_missing_wall_distances_are_interpolated(tmp_path):
     path = tmp_path / "a.plt"
     path.write_text(PLT)
     one, two = read_plt(path)
@@ -169,9 +171,14 @@ def test_plot_files_count_in_feet_and_unknown_walls_are_filled_in(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("M 1 2\n", "want M north east up Sname"), ("M 1 x 0 Sa\n", ":1: 'x' is not a number"), ("", "no legs"),
-     ("M 1 2 0 Sa P 1 1\n", "want P left up down right"), ("M 1 inf 0 Sa\n", "not finite")],
-)  # fmt: skip
+    [
+        ("M 1 2\n", "expected M north east up Sname"),
+        ("M 1 x 0 Sa\n", ":1: 'x' is not a number"),
+        ("", "no legs"),
+        ("M 1 2 0 Sa P 1 1\n", "expected P left up down right"),
+        ("M 1 inf 0 Sa\n", "not finite"),
+    ],
+)
 def test_a_plot_file_that_cannot_be_used_is_refused(tmp_path, text, message):
     path = tmp_path / "bad.plt"
     path.write_text(text)

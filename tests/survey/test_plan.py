@@ -12,9 +12,9 @@ from pipeline.survey.scale import measure_bar
 from tests.mines import RING, STRAIGHT, frame_for, plan_of
 
 
-def test_a_drawn_plan_shows_the_workings_the_letters_and_a_bar_that_measures_its_scale():
+def test_a_drawn_plan_has_the_workings_the_labels_and_a_bar_with_the_right_scale():
     frame = frame_around((-10, -20, 110, 20), 8.0)
-    drift = shapely.box(-0.0625, -0.0625, 99.9375, 4.9375)  # pixel borders lie at odd sixteenths
+    drift = shapely.box(-0.0625, -0.0625, 99.9375, 4.9375)  # pixel borders are at odd sixteenths of a metre
     plan, (col0, row0, col1, row1) = draw_plan(drift, frame, {"A": (50, 13)}, 50.0, 40)
     assert measure_bar(plan[row0:row1, col0:col1], 50.0, "bar") == 8.0
     mask = binarize(plan, None, 40, 2, [(col0, row0, col1, row1)])
@@ -23,19 +23,19 @@ def test_a_drawn_plan_shows_the_workings_the_letters_and_a_bar_that_measures_its
     assert red.sum() > 100
 
 
-def test_the_mines_origin_lies_on_a_pixels_centre():
+def test_the_mines_origin_is_a_pixels_centre():
     frame = frame_around((-10, -20, 110, 20), 7.82)
     assert frame.origin_col % 1 == 0.5
     assert frame.origin_row % 1 == 0.5
     assert frame.to_mine(frame.to_image(np.array([[12.5, -3.25]]))) == pytest.approx(np.array([[12.5, -3.25]]))
 
 
-def test_a_plan_without_room_for_its_bar_says_so():
+def test_a_plan_without_space_for_its_scale_bar_is_refused():
     with pytest.raises(InputError, match="no corner"):
         draw_plan(STRAIGHT, frame_around((-1, -1, 101, 6), 5.0), {}, 100.0, 40)
 
 
-def test_letters_over_the_paper_are_removed_and_over_ink_leave_only_their_own_pixels():
+def test_red_letters_are_not_workings():
     frame = frame_for(RING)
     plan = plan_of(RING, frame)
     clean_mask = binarize(plan, None, 40, 2, [])
@@ -43,39 +43,39 @@ def test_letters_over_the_paper_are_removed_and_over_ink_leave_only_their_own_pi
     assert (binarize(plan, None, 40, 2, []) == clean_mask).all()
 
 
-def test_gaps_are_bridged_specks_dropped_and_small_holes_filled():
+def test_gaps_are_bridged_specks_are_dropped_and_small_holes_are_filled():
     frame = frame_for(STRAIGHT)
     mask = binarize(plan_of(STRAIGHT, frame), None, 40, 2, [])
-    spoilt = mask.copy()
-    spoilt[:, 400:404] = False  # a gap of half a metre
-    spoilt[2:4, 2:4] = True  # a speck
-    spoilt[50:54, 200:204] = False  # a hole of a quarter square metre
-    mended = fill_islands(choose_mask_component(clean_mask(spoilt, 0.5 * 8, 0.5 * 8), frame, []), 10 * 64)
-    assert np.count_nonzero(mended != mask) <= 48  # the opening rounds the corners
+    damaged = mask.copy()
+    damaged[:, 400:404] = False  # a gap of half a metre
+    damaged[2:4, 2:4] = True  # a speck
+    damaged[50:54, 200:204] = False  # a hole of a quarter square metre
+    repaired = fill_islands(choose_mask_component(clean_mask(damaged, 0.5 * 8, 0.5 * 8), frame, []), 10 * 64)
+    assert np.count_nonzero(repaired != mask) <= 48  # the morphological opening rounds the corners
 
 
-def test_of_two_workings_the_larger_stays():
+def test_the_larger_of_two_components_is_kept():
     frame = frame_for(shapely.box(0, 0, 100, 30))
     two = shapely.union_all([shapely.box(0, 0, 100, 5), shapely.box(0, 20, 40, 25)])
     kept = choose_mask_component(binarize(plan_of(two, frame), None, 40, 0, []), frame, [])
     assert kept.sum() == 100 * 5 * 64
 
 
-def test_an_island_of_the_stated_size_stays_and_a_smaller_one_is_filled():
+def test_a_large_island_is_kept_and_a_small_one_is_filled():
     frame = frame_for(STRAIGHT)
     mine = STRAIGHT.difference(shapely.box(20, 1, 24, 4)).difference(shapely.box(60, 1, 62, 4))
     kept = fill_islands(binarize(plan_of(mine, frame), None, 40, 0, []), 10 * 64)
     assert kept.sum() == (500 - 12) * 64
 
 
-def test_an_inverted_plan_is_recognised():
+def test_an_inverted_plan_is_refused():
     frame = frame_for(STRAIGHT)
     raw = binarize(255 - plan_of(STRAIGHT, frame), None, 40, 0, [])
     with pytest.raises(GeometryError, match="is the plan inverted"):
         require_workings(raw, choose_mask_component(raw, frame, []), 8.0, 50.0, 0.5)
 
 
-def test_a_plan_with_too_little_ink_names_the_largest_region():
+def test_a_plan_without_a_large_dark_region_is_refused_with_the_largest_area():
     frame = frame_for(shapely.box(0, 0, 20, 20))
     raw = binarize(plan_of(shapely.box(0, 0, 4, 3), frame), None, 40, 0, [])
     with pytest.raises(GeometryError, match=r"larger than 50 m2 \(largest is 12\.0 m2 at 8\.00 px/m\)"):
@@ -89,7 +89,7 @@ def test_a_plan_with_too_little_ink_names_the_largest_region():
         (b"not an image at all", "not an image that OpenCV can read"),
         (cv2.imencode(".png", np.zeros((30, 30, 3), np.uint8))[1].tobytes(), "all black"),
         (cv2.imencode(".png", np.full((30, 30, 3), 255, np.uint8))[1].tobytes(), "all white"),
-        (cv2.imencode(".png", np.eye(2000, dtype=np.uint8) * 255)[1].tobytes(), r"4\.0 megapixels, at most 1"),
+        (cv2.imencode(".png", np.eye(2000, dtype=np.uint8) * 255)[1].tobytes(), r"4\.0 megapixels, the limit is 1"),
         (cv2.imencode(".png", np.eye(300, dtype=np.uint8) * 255)[1].tobytes()[:200], "not an image|OpenCV"),
     ],
     ids=["empty", "text", "black", "white", "huge", "cut"],

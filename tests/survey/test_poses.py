@@ -18,14 +18,14 @@ from pipeline.survey.poses import (
 from pipeline.types import Frame
 from tests.mines import plan_of
 
-# A drift with side cuts, so that a sweep is held along it as well as across.
+# A drift with side cuts, so that a sweep also fixes the position along the drift.
 MINE = shapely.union_all(
     [shapely.box(0, 0, 160, 6), shapely.box(30, 6, 36, 18), shapely.box(90, -12, 95, 0), shapely.box(120, 6, 127, 15)]
 )
 
 
 def cast(place, heading, count=360, reach=40.0):
-    """Return what a planar scanner sees."""
+    """Return the returns of a planar scanner."""
     returns = []
     for bearing in np.linspace(-math.pi, math.pi, count, endpoint=False):
         ray = shapely.LineString(
@@ -38,7 +38,7 @@ def cast(place, heading, count=360, reach=40.0):
     return Returns(*np.array(returns).T)
 
 
-def test_a_scale_is_recovered_from_sweeps_laid_onto_the_walls():
+def test_the_true_scale_is_recovered_from_sweeps():
     true = 6.5
     frame = Frame(true, 50.5, 150.5, 1150, 260)
     poses = {"0": SurveyedPose(20, 3, 0.1), "1": SurveyedPose(85, 2.5, -0.2), "2": SurveyedPose(124, 3.5, 3.0)}
@@ -64,8 +64,8 @@ def test_a_sweep_without_a_pose_is_named():
         )
 
 
-def test_the_published_sweeps_imply_a_smaller_scale_than_the_bars(shared_mine):
-    """Junctions settle it: 7.82 px/m puts the scans' branches 2 m beside the plan's; the paper's 697 m mean 7.65."""
+def test_the_published_sweeps_imply_a_smaller_scale_than_the_bar(shared_mine):
+    """At 7.82 px/m the sweeps' junctions are 2 m away from the plan's. The paper's length of 697 m implies 7.65."""
     plan = read_image(shared_mine / "plan.jpg", 100)
     poses = read_poses(shared_mine / "scan_poses.csv")
     assert len(poses) == 44

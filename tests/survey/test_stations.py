@@ -19,19 +19,19 @@ def write(tmp_path, text):
 def test_a_straight_leg_is_a_box_with_round_ends(tmp_path):
     legs = read_stations(write(tmp_path, HEADER + "A,a,0,0,2,3\nA,b,10,0,2,3\n"))
     workings = build_workings(legs)
-    # The left wall lies to the north of a leg that runs east; a disc reaches as far as the nearer wall.
+    # The left wall is north of a leg that runs east. A disc's radius is the smaller wall distance.
     assert workings.area == pytest.approx(10 * 5 + np.pi * 4 / 2 * 2, rel=0.01)
     assert workings.bounds == pytest.approx((-2, -3, 12, 2))
 
 
-def test_the_embedded_survey_has_the_areas_its_data_card_states():
+def test_the_embedded_survey_has_the_legs_the_stations_and_the_area_of_its_data_card():
     legs = read_stations(ROOT / "data/chilean_mine/stations.csv")
     assert len(legs) == 32
     assert sum(len(leg.stations) for leg in legs) == 499
     assert build_workings(legs).area == pytest.approx(9378, abs=1)
 
 
-def test_a_byte_order_mark_and_windows_line_ends_are_read(tmp_path):
+def test_a_byte_order_mark_and_windows_line_ends_are_accepted(tmp_path):
     path = tmp_path / "s.csv"
     path.write_bytes(b"\xef\xbb\xbf" + TINY_STATIONS.replace("\n", "\r\n").encode())
     assert [leg.name for leg in read_stations(path)] == ["A", "B"]
@@ -47,9 +47,9 @@ def test_a_byte_order_mark_and_windows_line_ends_are_read(tmp_path):
         ("A,a,0,0,2,2\nA,b,ten,0,2,2\n", r":3: easting_m = 'ten' is not a number"),
         ("A,a,0,0,2,2\nA,b,9,0,2\n", r":3: right_m = None"),
         ("A,a,0,0,2,2\nA,b,9,0,-2,2\n", r":3: left_m = -2 of station b is negative"),
-        ("A,a,0,0,2,2\nA,a,9,0,2,2\n", r":3: station a at \(9, 0\) stands at \(0, 0\) in line 2"),
+        ("A,a,0,0,2,2\nA,a,9,0,2,2\n", r":3: station a at \(9, 0\) is at \(0, 0\) in line 2"),
         ("A,a,0,0,2,2\nA,b,5,0,2,2\nA,c,9,0,2,2\nA,b,5,0,2,2\n", r":5: station b occurs twice in leg A"),
-        ("A,a,0,0,2,2\nA,b,0,0,2,2\n", "stations a and b of leg A stand in one place"),
+        ("A,a,0,0,2,2\nA,b,0,0,2,2\n", "stations a and b of leg A have one position"),
         ("A,a,0,0,2,2\nA,b,9,0,2,2\nB,c,0,50,2,2\nB,d,9,50,2,2\n", "legs B share no station with leg A"),
         (
             "A,a,0,0,2,2\nA,b,9,0,2,2\nB,b,9,0,2,2\nB,c,9,9,2,2\nB,d,5,9,2,2\nB,e,5,-9,2,2\n",
@@ -63,14 +63,14 @@ def test_a_faulty_survey_is_refused_with_line_and_value(tmp_path, rows, message)
 
 
 @pytest.mark.parametrize("data", [b"\xff\xfe\x00leg", b'leg,station\n"', b"a,b\n1,2\n"])
-def test_a_file_that_is_no_survey_is_refused_with_its_name(tmp_path, data):
+def test_a_file_that_is_not_a_survey_is_refused_with_its_name(tmp_path, data):
     path = tmp_path / "s.csv"
     path.write_bytes(data)
     with pytest.raises(InputError, match=r"s\.csv"):
         read_stations(path)
 
 
-def test_a_station_without_width_leaves_a_gap_and_no_sliver(tmp_path):
+def test_stations_of_zero_width_leave_a_gap_without_slivers(tmp_path):
     text = HEADER + "A,a,0,0,2,2\nA,b,5,0,0,0\nA,c,10,0,0,0\nA,d,15,0,2,2\n"
     parts = shapely.get_parts(build_workings(read_stations(write(tmp_path, text))))
     assert len(parts) == 2

@@ -1,4 +1,4 @@
-"""Vector files written by each format's own library, read by ours."""
+"""Vector files: written by each format's own library, read by our readers."""
 
 import json
 from itertools import pairwise
@@ -23,9 +23,9 @@ from pipeline.survey.vector_survey import draw_vector_survey
 from tests.mines import RING, TEE
 
 
-def workings_from(path, found, unit=None, origin=None, snap_m=0.25, seeds=()):
-    shapes, place = locate(path, found, unit, origin)
-    return workings_of(path, shapes, snap_m, list(seeds)), place
+def workings_from(path, content, unit=None, origin=None, snap_m=0.25, seeds=()):
+    shapes, georeference = locate(path, content, unit, origin)
+    return workings_of(path, shapes, snap_m, list(seeds)), georeference
 
 
 def same(one, other, tolerance_m2=1e-6):
@@ -42,40 +42,40 @@ def drawing(path, unit=6, scale=1.0, rings=(RING.exterior, *RING.interiors), lay
 
 
 @pytest.mark.parametrize(("unit", "metres"), [(6, 1.0), (4, 0.001), (2, 0.3048)])
-def test_closed_polylines_nest_into_workings_and_pillars_in_any_drawing_unit(tmp_path, unit, metres):
+def test_nested_closed_polylines_are_workings_and_pillars_in_any_unit(tmp_path, unit, metres):
     path = tmp_path / "mine.dxf"
     drawing(path, unit, metres)
-    found, place = workings_from(path, read_dxf(path, None))
-    same(found, RING)
-    assert place.metres_per_unit == metres
+    workings, georeference = workings_from(path, read_dxf(path, None))
+    same(workings, RING)
+    assert georeference.metres_per_unit == metres
 
 
-def test_open_wall_strings_are_snapped_and_closed_to_workings(tmp_path):
+def test_open_wall_lines_are_joined_and_enclose_workings(tmp_path):
     path = tmp_path / "open.dxf"
     made = ezdxf.new()
     made.header["$INSUNITS"] = 6
     corners = np.array(TEE.exterior.coords)
     for a, b in pairwise(corners):
         along = (b - a) / np.linalg.norm(b - a)
-        made.modelspace().add_line(a + 0.05 * along, b - 0.05 * along)  # every corner is open by 7 cm
+        made.modelspace().add_line(a + 0.05 * along, b - 0.05 * along)  # every corner has a gap of 7 cm
     made.saveas(path)
     same(workings_from(path, read_dxf(path, None))[0], TEE, 0.05)
     with pytest.raises(InputError, match=r"nearest ends left open are 0\.07 m apart.*survey\.snap_m = 0\.01"):
         workings_from(path, read_dxf(path, None), snap_m=0.01)
 
 
-def test_a_seed_says_which_of_the_enclosed_faces_is_a_drift(tmp_path):
+def test_a_seed_chooses_the_enclosed_area_that_is_a_drift(tmp_path):
     path = tmp_path / "two.geojson"
     lines = [LineString(ring.coords) for ring in (RING.exterior, *RING.interiors)]
     path.write_text(shapely.to_geojson(shapely.MultiLineString(lines)))
-    found = read_geojson(path, None)
-    same(workings_from(path, found, unit="m", seeds=[(1, 1)])[0], RING)
-    same(workings_from(path, found, unit="m", seeds=[(30, 20)])[0], shapely.box(6, 6, 54, 34))
+    content = read_geojson(path, None)
+    same(workings_from(path, content, unit="m", seeds=[(1, 1)])[0], RING)
+    same(workings_from(path, content, unit="m", seeds=[(30, 20)])[0], shapely.box(6, 6, 54, 34))
     with pytest.raises(InputError, match=r"the walls round the seed \(99, 99\) are open"):
-        workings_from(path, found, unit="m", seeds=[(99, 99)])
+        workings_from(path, content, unit="m", seeds=[(99, 99)])
 
 
-def test_blocks_are_resolved_curves_flattened_and_layers_chosen(tmp_path):
+def test_blocks_are_resolved_curves_are_flattened_and_layers_are_chosen(tmp_path):
     path = tmp_path / "block.dxf"
     made = drawing(path, layer="notes")
     block = made.blocks.new("chamber")
@@ -83,26 +83,28 @@ def test_blocks_are_resolved_curves_flattened_and_layers_chosen(tmp_path):
     made.layers.add("ribs")
     made.modelspace().add_blockref("chamber", (100, 0))
     made.saveas(path)
-    found, _ = workings_from(path, read_dxf(path, ["ribs"]))
-    assert found.centroid.distance(shapely.Point(100, 0)) < 1e-6
-    assert found.area == pytest.approx(np.pi * 25, rel=2e-3)
+    workings, _ = workings_from(path, read_dxf(path, ["ribs"]))
+    assert workings.centroid.distance(shapely.Point(100, 0)) < 1e-6
+    assert workings.area == pytest.approx(np.pi * 25, rel=2e-3)
     with pytest.raises(InputError, match=r"no layer walls; there are .*notes, ribs"):
         read_dxf(path, ["walls"])
 
 
-def test_a_wall_that_is_drawn_twice_is_one_wall(tmp_path):
+def test_a_wall_drawn_twice_counts_once(tmp_path):
     for rings in ((RING.exterior, RING.exterior, *RING.interiors), (RING.exterior, *RING.interiors, *RING.interiors)):
         drawing(tmp_path / "twice.dxf", rings=rings)
         same(workings_from(tmp_path / "twice.dxf", read_dxf(tmp_path / "twice.dxf", None))[0], RING)
 
 
-def test_a_local_grid_in_a_format_of_degrees_names_no_system(tmp_path):
+def test_geojson_with_a_stated_unit_has_no_coordinate_system(tmp_path):
     (tmp_path / "local.geojson").write_text(shapely.to_geojson(RING))
-    _, place = workings_from(tmp_path / "local.geojson", read_geojson(tmp_path / "local.geojson", None), unit="m")
-    assert place.crs is None
+    _, georeference = workings_from(
+        tmp_path / "local.geojson", read_geojson(tmp_path / "local.geojson", None), unit="m"
+    )
+    assert georeference.crs is None
 
 
-def test_nested_blocks_that_multiply_are_refused(tmp_path):
+def test_nested_blocks_with_too_many_entities_are_refused(tmp_path):
     path = tmp_path / "bomb.dxf"
     made = ezdxf.new()
     made.blocks.new("b0").add_line((0, 0), (1, 1))
@@ -117,15 +119,17 @@ def test_nested_blocks_that_multiply_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["mine.gpkg", "mine.shp"])
-def test_polygons_in_a_map_system_come_back_about_a_local_origin(tmp_path, name):
+def test_polygons_in_map_coordinates_are_moved_to_a_local_origin(tmp_path, name):
     path = tmp_path / name
     moved = shapely.transform(RING, lambda p: p + np.array([381_234.0, 6_290_123.0]))
     pyogrio.raw.write(path, np.array([moved.wkb], dtype=object), [], [], geometry_type="Polygon", crs="EPSG:32719")
-    found, place = workings_from(path, read_geodata(path, None))
-    same(shapely.transform(found, lambda p: p + np.array(place.origin) - (381_234.0, 6_290_123.0)), RING, 1e-3)
-    assert place.crs is not None
-    assert "32719" in place.crs
-    assert place.origin == (381_230.0, 6_290_120.0)
+    workings, georeference = workings_from(path, read_geodata(path, None))
+    same(
+        shapely.transform(workings, lambda p: p + np.array(georeference.origin) - (381_234.0, 6_290_123.0)), RING, 1e-3
+    )
+    assert georeference.crs is not None
+    assert "32719" in georeference.crs
+    assert georeference.origin == (381_230.0, 6_290_120.0)
     assert {p.suffix for p in companions(path)} == (
         {".shx", ".dbf", ".prj", ".cpg"} if name.endswith(".shp") else set()
     )
@@ -134,8 +138,16 @@ def test_polygons_in_a_map_system_come_back_about_a_local_origin(tmp_path, name)
 def test_layers_of_a_geopackage_are_chosen_by_name(tmp_path):
     path = tmp_path / "two.gpkg"
     for layer, shape in (("ribs", RING), ("surface", TEE)):
-        pyogrio.raw.write(path, np.array([shape.wkb], dtype=object), [], [], layer=layer, geometry_type="Polygon",
-                          crs="EPSG:32719", append=path.exists())  # fmt: skip
+        pyogrio.raw.write(
+            path,
+            np.array([shape.wkb], dtype=object),
+            [],
+            [],
+            layer=layer,
+            geometry_type="Polygon",
+            crs="EPSG:32719",
+            append=path.exists(),
+        )
     same(workings_from(path, read_geodata(path, ["ribs"]))[0], RING)
     with pytest.raises(InputError, match="no layer roads; there are ribs, surface"):
         read_geodata(path, ["roads"])
@@ -148,10 +160,10 @@ def test_degrees_are_projected_to_metres(tmp_path):
         RING, lambda p: np.column_stack(to_degrees.transform(*(p + np.array([381_000.0, 6_290_000.0])).T))
     )
     path.write_text(json.dumps({"type": "Feature", "properties": {}, "geometry": json.loads(shapely.to_geojson(wide))}))
-    found, place = workings_from(path, read_geojson(path, None))
-    assert found.area == pytest.approx(RING.area, rel=1e-3)  # UTM's own scale is off by 0.04 %
-    assert len(found.geoms[0].interiors) == 1
-    assert "tmerc" in place.projection
+    workings, georeference = workings_from(path, read_geojson(path, None))
+    assert workings.area == pytest.approx(RING.area, rel=1e-3)  # UTM's own scale is off by 0.04 %
+    assert len(workings.geoms[0].interiors) == 1
+    assert "tmerc" in georeference.projection
 
 
 @pytest.mark.parametrize(
@@ -171,27 +183,36 @@ def test_shapes_that_cannot_be_a_mine_are_refused(tmp_path, shapes, unit, origin
 @pytest.mark.parametrize(
     ("name", "data", "reader"),
     [
-        ("a.geojson", b"{}", read_geojson), ("a.geojson", b"[1, 2", read_geojson), ("a.dxf", b"nothing", read_dxf),
+        ("a.geojson", b"{}", read_geojson),
+        ("a.geojson", b"[1, 2", read_geojson),
+        ("a.dxf", b"nothing", read_dxf),
         ("a.geojson", b'{"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [[1]]}}', read_geojson),
-        ("a.gpkg", b"<OGRVRTDataSource/>", read_geodata), ("a.shp", b"", read_geodata),
+        ("a.gpkg", b"<OGRVRTDataSource/>", read_geodata),
+        ("a.shp", b"", read_geodata),
         ("a.gpkg", b"SQLite format 3\x00" + bytes(900), read_geodata),
     ],
-)  # fmt: skip
-def test_a_file_that_is_not_of_its_kind_is_refused_by_name(tmp_path, name, data, reader):
+)
+def test_a_file_whose_content_does_not_match_its_suffix_is_refused_by_name(tmp_path, name, data, reader):
     (tmp_path / name).write_bytes(data)
     with pytest.raises(InputError, match=name):
         reader(tmp_path / name, None)
 
 
 @pytest.mark.parametrize("corner", [(0.0, 0.0), (0.5, 0.25), (0.125, 2.0)])
-def test_walls_at_whole_and_half_metres_pass_no_pixels_centre(tmp_path, monkeypatch, corner):
+def test_walls_at_whole_and_half_metres_miss_all_pixel_centres(tmp_path, monkeypatch, corner):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "data").mkdir()
     mine = shapely.transform(TEE, lambda xy: xy + corner)
-    (tmp_path / "data/mine.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [
-        {"type": "Feature", "properties": {}, "geometry": shapely.geometry.mapping(mine)}]}))  # fmt: skip
-    said = {"kind": "vector", "name": "mine", "file": "data/mine.geojson", "unit": "m", "origin": (0.0, 0.0)}
-    workings, _, _, frame = draw_vector_survey(VectorSurveyParams.model_validate(said))
-    as_drawn = fill_polygon(workings, frame)
-    for aside_m in (0.01, -0.01):
-        assert (fill_polygon(translate(workings, aside_m, aside_m), frame) == as_drawn).all()
+    (tmp_path / "data/mine.geojson").write_text(
+        json.dumps(
+            {
+                "type": "FeatureCollection",
+                "features": [{"type": "Feature", "properties": {}, "geometry": shapely.geometry.mapping(mine)}],
+            }
+        )
+    )
+    fields = {"kind": "vector", "name": "mine", "file": "data/mine.geojson", "unit": "m", "origin": (0.0, 0.0)}
+    workings, _, _, frame = draw_vector_survey(VectorSurveyParams.model_validate(fields))
+    drawn = fill_polygon(workings, frame)
+    for shift_m in (0.01, -0.01):
+        assert (fill_polygon(translate(workings, shift_m, shift_m), frame) == drawn).all()

@@ -1,0 +1,308 @@
+"""Injection of faults: each function changes a copy of a good bundle."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import mujoco
+import numpy as np
+import shapely
+
+from minexplore.bundle import (
+    CLEARANCE_GRID,
+    FREE_SPACE,
+    MINE_BODY,
+    MODEL,
+    RECORD,
+    ROCK_CLASS,
+    decode_msh,
+    is_floor,
+    is_rock,
+    world_sha256,
+)
+from pipeline.errors import MineError
+from pipeline.store.codecs import decode, encode
+from pipeline.store.hashing import sha256_bytes
+from pipeline.types import FreeSpace
+
+
+def edit_model(change: Callable[[mujoco.MjSpec], object]) -> Callable[[Path], None]:
+    """Return a fault that changes the MJCF."""
+
+    def inject(bundle: Path) -> None:
+        spec = mujoco.MjSpec.from_file(str(bundle / MODEL))
+        change(spec)
+        (bundle / MODEL).write_text(spec.to_xml())
+
+    return inject
+
+
+def edit_record(change: Callable[[dict], None]) -> Callable[[Path], None]:
+    """Return a fault that changes `world.json`."""
+
+    def inject(bundle: Path) -> None:
+        record = json.loads((bundle / RECORD).read_text())
+        change(record)
+        (bundle / RECORD).write_text(json.dumps(record))
+
+    return inject
+
+
+def move_vertices(prefix: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Path], None]:
+    """Return a fault that moves the vertices of the rough surface's meshes with this prefix."""
+
+    def inject(bundle: Path) -> None:
+        for path in sorted((bundle / "meshes").glob(f"{prefix}*.msh")):
+            data = path.read_bytes()
+            vertices = decode_msh(data).vertices
+            moved = change(vertices.astype(np.float64)).astype("<f4").tobytes()
+            path.write_bytes(data[:16] + moved + data[16 + len(moved) :])
+
+    return inject
+
+
+def move_rock(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Path], None]:
+    """Return a fault that transforms the collision parts and the stated free space in the same way."""
+
+    def in_model(spec: mujoco.MjSpec) -> None:
+        for geom in rock_geoms(spec):
+            mesh = spec.mesh(geom.meshname)
+            vertices = np.array(mesh.uservert).reshape(-1, 3) + geom.pos
+            vertices[:, :2] = change(vertices[:, :2])
+            geom.pos = [0.0, 0.0, 0.0]
+            mesh.uservert = vertices.ravel().tolist()
+
+    def inject(bundle: Path) -> None:
+        edit_model(in_model)(bundle)
+        path = bundle / FREE_SPACE
+        free = decode(path, FreeSpace)
+        moved = FreeSpace(shapely.transform(free.polygon, change), free.areas, free.tolerance_m, free.frame)
+        path.write_bytes(encode(path, moved))
+
+    return inject
+
+
+def rock_geoms(spec: mujoco.MjSpec) -> list:
+    """Return the collision parts."""
+    return [g for g in spec.geoms if is_rock(g.name)]
+
+
+def at_a_wall(bundle: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return the middle of the outline's longest straight, m, and the unit vector from it into the workings."""
+    free = decode(bundle / FREE_SPACE, FreeSpace).polygon
+    ring = np.asarray(free.exterior.coords)[:, :2]
+    edge = int(np.linalg.norm(np.diff(ring, axis=0), axis=1).argmax())
+    along = ring[edge + 1] - ring[edge]
+    return (ring[edge] + ring[edge + 1]) / 2, np.array([-along[1], along[0]]) / np.linalg.norm(along)
+
+
+def block_drift(bundle: Path) -> None:
+    """Add 0.5 m of rock across a drift, from wall to wall."""
+    place, inward = at_a_wall(bundle)
+
+    def change(spec: mujoco.MjSpec) -> None:
+        yaw = float(np.arctan2(inward[1], inward[0]))
+        spec.body(MINE_BODY).add_geom(
+            spec.find_default(ROCK_CLASS),
+            name="rock_fault",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[6.0, 0.25, 1.75],
+            pos=[*(place + 5.0 * inward), 1.75],
+            quat=[np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)],
+        )
+
+    edit_model(change)(bundle)
+
+
+def leak_wall(bundle: Path) -> None:
+    """Cut a slot 0.4 m wide through the part behind a wall."""
+    place, inward = at_a_wall(bundle)
+
+    def change(spec: mujoco.MjSpec) -> None:
+        behind = shapely.Point(place - 0.1 * inward)
+        for geom in rock_geoms(spec):
+            vertices = np.array(spec.mesh(geom.meshname).uservert).reshape(-1, 3) + geom.pos
+            outline = shapely.convex_hull(shapely.multipoints(vertices[:, :2]))
+            if not outline.contains(behind):
+                continue
+            slot = shapely.LineString([place + inward, place - 500.0 * inward]).buffer(0.2, cap_style="flat")
+            low, high = vertices[:, 2].min(), vertices[:, 2].max()
+            spec.delete(geom)
+            for k, piece in enumerate(shapely.get_parts(outline.difference(slot))):
+                xy = shapely.get_coordinates(piece)[:-1]
+                prism = np.concatenate([np.column_stack([xy, np.full(len(xy), z)]) for z in (low, high)])
+                spec.add_mesh(name=f"rock_half_{k}", uservert=prism.ravel().tolist())
+                spec.body(MINE_BODY).add_geom(
+                    spec.find_default(ROCK_CLASS),
+                    name=f"rock_half_{k}",
+                    type=mujoco.mjtGeom.mjGEOM_MESH,
+                    meshname=f"rock_half_{k}",
+                )
+            return
+        raise MineError("mutants: no part behind the wall")
+
+    edit_model(change)(bundle)
+
+
+def part_behind_wall(spec: mujoco.MjSpec, bundle: Path) -> object:
+    """Return the collision part behind the outline's longest straight."""
+    place, inward = at_a_wall(bundle)
+    behind = shapely.Point(place - 0.1 * inward)
+    for geom in rock_geoms(spec):
+        vertices = np.array(spec.mesh(geom.meshname).uservert).reshape(-1, 3) + geom.pos
+        if shapely.convex_hull(shapely.multipoints(vertices[:, :2])).contains(behind):
+            return geom
+    raise MineError("mutants: no part behind the wall")
+
+
+def remove_prism(bundle: Path) -> None:
+    """Remove one prism."""
+    edit_model(lambda spec: spec.delete(part_behind_wall(spec, bundle)))(bundle)
+
+
+def shift_prism(bundle: Path) -> None:
+    """Shift one prism by 0.3 m into the workings."""
+    _, inward = at_a_wall(bundle)
+
+    def change(spec: mujoco.MjSpec) -> None:
+        geom = part_behind_wall(spec, bundle)
+        geom.pos = geom.pos + 0.3 * np.array([*inward, 0.0])  # type: ignore[attr-defined]
+
+    edit_model(change)(bundle)
+
+
+def raise_prism(bundle: Path) -> None:
+    """Lift one prism by 0.6 m off the floor."""
+
+    def change(spec: mujoco.MjSpec) -> None:
+        geom = part_behind_wall(spec, bundle)
+        geom.pos = geom.pos + np.array([0.0, 0.0, 0.6])  # type: ignore[attr-defined]
+
+    edit_model(change)(bundle)
+
+
+def drop_island(bundle: Path) -> None:
+    """Remove all collision parts of the largest island, and its hole from the stated free space."""
+    path = bundle / FREE_SPACE
+    free = decode(path, FreeSpace)
+    island = max((shapely.Polygon(ring) for ring in free.polygon.interiors), key=lambda p: p.area)
+
+    def change(spec: mujoco.MjSpec) -> None:
+        for geom in rock_geoms(spec):
+            vertices = np.array(spec.mesh(geom.meshname).uservert).reshape(-1, 3) + geom.pos
+            if island.contains(shapely.Point(vertices[:, :2].mean(axis=0))):
+                spec.delete(geom)
+
+    edit_model(change)(bundle)
+    others = [ring for ring in free.polygon.interiors if not island.exterior.equals(shapely.LinearRing(ring))]
+    without_island = shapely.Polygon(free.polygon.exterior, others)
+    path.write_bytes(encode(path, FreeSpace(without_island, free.areas, free.tolerance_m, free.frame)))
+
+
+def set_geom(name: str, **values: object) -> Callable[[Path], None]:
+    """Return a fault that changes attributes of one geom."""
+
+    def change(spec: mujoco.MjSpec) -> None:
+        for key, value in values.items():
+            setattr(spec.geom(name), key, value)
+
+    return edit_model(change)
+
+
+def set_all(geoms: list, **values: object) -> None:
+    """Set attributes of several geoms."""
+    for geom in geoms:
+        for key, value in values.items():
+            setattr(geom, key, value)
+
+
+def swap_zones(spec: mujoco.MjSpec) -> None:
+    """Exchange the positions of the first and the last floor zone."""
+    floors = [g for g in spec.geoms if is_floor(g.name)]
+    one, two = np.array(floors[0].pos), np.array(floors[-1].pos)
+    floors[0].pos, floors[-1].pos = two, one
+
+
+def flip_tilt(spec: mujoco.MjSpec) -> None:
+    """Reverse the sign of the mine's tilt."""
+    mine = spec.body(MINE_BODY)
+    mine.quat = [mine.quat[0], 0.0, -mine.quat[2], 0.0]
+
+
+def change_image(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Path], None]:
+    """Return a fault that changes a picture in the bundle."""
+
+    def inject(bundle: Path) -> None:
+        grey = cv2.imread(str(bundle / name), cv2.IMREAD_UNCHANGED)
+        if grey is None:
+            raise MineError(f"{bundle / name}: cannot be read as a picture")
+        cv2.imwrite(str(bundle / name), change(grey))
+
+    return inject
+
+
+def stale_occupancy(bundle: Path) -> None:
+    """Shift the grid two metres east, as if it came from an older plan."""
+    path = bundle / CLEARANCE_GRID
+    with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as grid:
+        values = {key: grid[key] for key in grid.files}
+    values["free"] = np.roll(values["free"], 8, axis=1)
+    values["clearance_m"] = np.roll(values["clearance_m"], 8, axis=1)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **values)
+    path.write_bytes(buffer.getvalue())
+
+
+def shift_map_origin(text: str, east_m: float) -> str:
+    """Return the text of a Nav2 map file with its origin moved east."""
+    west = text.split("origin: [")[1].split(",")[0]
+    return text.replace(f"origin: [{west}", f"origin: [{float(west) + east_m:.6f}")
+
+
+def crop_occupancy(bundle: Path) -> None:
+    """Keep only the grid's south-west corner."""
+    path = bundle / CLEARANCE_GRID
+    with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as grid:
+        values = {key: grid[key] for key in grid.files}
+    for key in ("free", "clearance_m"):
+        values[key] = values[key][:40, :40]
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **values)
+    path.write_bytes(buffer.getvalue())
+
+
+def flip_byte(bundle: Path) -> None:
+    """Change one byte of a mesh without updating its hash."""
+    path = sorted((bundle / "meshes").glob("*.msh"))[0]
+    data = bytearray(path.read_bytes())
+    data[100] ^= 1
+    path.write_bytes(bytes(data))
+
+
+def scale_wall_distance(vertices: np.ndarray, factor: float, free: shapely.Polygon) -> np.ndarray:
+    """Return wall vertices (n, 3) with their distance from the plan's wall multiplied by a factor."""
+    wall = free.boundary
+    points = shapely.points(vertices[:, :2])
+    foot = shapely.get_coordinates(shapely.line_interpolate_point(wall, shapely.line_locate_point(wall, points)))
+    moved = vertices.copy()
+    moved[:, :2] = foot + factor * (vertices[:, :2] - foot)
+    return moved
+
+
+def rotation(degrees: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a function that rotates points (n, 2) counter-clockwise."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return lambda xy: xy @ np.array([[c, s], [-s, c]])
+
+
+def seal(bundle: Path) -> None:
+    """Write correct hashes into a changed bundle, so that a check must find the fault itself."""
+    record = json.loads((bundle / RECORD).read_text())
+    names = [p.relative_to(bundle).as_posix() for p in sorted(bundle.rglob("*")) if p.is_file()]
+    record["files"] = {name: sha256_bytes((bundle / name).read_bytes()) for name in names if name != RECORD}
+    record["world_sha256"] = world_sha256(record)
+    (bundle / RECORD).write_text(json.dumps(record))

@@ -1,0 +1,168 @@
+"""Formats of point clouds and scanned meshes: each reader yields blocks of points in the file's units."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+import laspy
+import numpy as np
+import open3d
+import trimesh
+
+from pipeline.errors import InputError
+
+LEAST_POINTS = 100
+_TEXT = {".dat", ".xyz", ".txt"}
+_MESHES = {".stl", ".obj"}
+_BLOCK = 1_000_000
+_WHOLE_FILE_BYTES = 4_000_000_000  # about 10^8 points; PLY, PCD and meshes are read at once
+
+
+def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
+    """Yield the points of a cloud or mesh in blocks (n, 3), in the file's units.
+
+    Text and LAS files are read block by block. PLY, PCD and meshes are read at once, up to 4 GB. Meshes are sampled.
+
+    Parameters
+    ----------
+    path : Path
+        The suffix names the format.
+    points_per_unit2 : float
+        Density at which a mesh is sampled, points per squared unit of the file.
+
+    Raises
+    ------
+    InputError
+        If the format is unknown, or the file is empty, truncated, too large, not numeric or not finite.
+    """
+    suffix = path.suffix.lower()
+    if suffix in _TEXT:
+        return _text_blocks(path)
+    if suffix in {".las", ".laz"}:
+        return _las_blocks(path)
+    if suffix in {".ply", ".pcd"} | _MESHES:
+        if path.stat().st_size > _WHOLE_FILE_BYTES:
+            raise InputError(
+                f"{path}: {path.stat().st_size:,} bytes; the limit for PLY, PCD and meshes is "
+                f"{_WHOLE_FILE_BYTES:,}; convert the file to LAZ or XYZ"
+            )
+        return iter([_whole_file(path, suffix, points_per_unit2)])
+    raise InputError(f"{path}: no reader for {suffix!r}; there are .dat .xyz .txt .ply .pcd .las .laz .stl .obj")
+
+
+def _whole_file(path: Path, suffix: str, points_per_unit2: float) -> np.ndarray:
+    if suffix == ".pcd":
+        return _pcd_points(path)
+    return _ply_points(path, points_per_unit2) if suffix == ".ply" else _mesh_points(path, points_per_unit2)
+
+
+def _text_blocks(path: Path) -> Iterator[np.ndarray]:
+    """Yield rows `x y z ...`; in `.dat` files rows `time x y z intensity` below one header line."""
+    has_header = path.suffix.lower() == ".dat"
+    columns = (1, 2, 3) if has_header else (0, 1, 2)
+    with path.open(encoding="utf-8", errors="replace") as stream:
+        number = 0
+        if has_header:
+            header = stream.readline()
+            number = 1
+            if _is_row(header):
+                raise InputError(f"{path}:1: a row of numbers, expected the header line (time x y z intensity)")
+        while lines := list(itertools.islice(stream, _BLOCK)):
+            yield _parse_rows(path, lines, number, columns)
+            number += len(lines)
+    if number <= has_header:
+        raise InputError(f"{path}: no rows")
+
+
+def _is_row(line: str) -> bool:
+    try:
+        return len([float(word) for word in line.split()]) >= 3
+    except ValueError:
+        return False
+
+
+def _parse_rows(path: Path, lines: list[str], before: int, columns: tuple[int, ...]) -> np.ndarray:
+    try:
+        block = np.loadtxt(lines, usecols=columns, ndmin=2, comments="#")
+    except (ValueError, IndexError):
+        block = None
+    if block is not None and np.isfinite(block).all():
+        return block
+    for number, line in enumerate(lines, start=before + 1):
+        words = line.split("#")[0].split()
+        if not words:
+            continue
+        if len(words) <= max(columns):
+            raise InputError(
+                f"{path}:{number}: {len(words)} columns, at least {max(columns) + 1} are needed; is the file truncated?"
+            )
+        for word in (words[k] for k in columns):
+            try:
+                finite = np.isfinite(float(word))
+            except ValueError:
+                raise InputError(f"{path}:{number}: {word[:40]!r} is not a number") from None
+            if not finite:
+                raise InputError(f"{path}:{number}: {word} is not finite")
+    raise InputError(f"{path}: rows {before + 1} to {before + len(lines)} cannot be read as numbers")
+
+
+def _las_blocks(path: Path) -> Iterator[np.ndarray]:
+    try:
+        with laspy.open(path) as reader:
+            count = 0
+            for chunk in reader.chunk_iterator(_BLOCK):
+                count += len(chunk)
+                yield _require_finite(path, np.column_stack([chunk.x, chunk.y, chunk.z]))
+            if count < reader.header.point_count:
+                raise InputError(
+                    f"{path}: {count} points, but its header states {reader.header.point_count}; the file is truncated"
+                )
+    except (laspy.errors.LaspyException, OSError, ValueError, RuntimeError, OverflowError) as error:
+        raise InputError(f"{path}: cannot be read as LAS or LAZ ({error})") from error
+
+
+def _pcd_points(path: Path) -> np.ndarray:
+    cloud = open3d.io.read_point_cloud(path, remove_nan_points=False, remove_infinite_points=False)
+    if not len(cloud.points):
+        raise InputError(f"{path}: has no points, is truncated, or is not a PCD file")
+    return _require_finite(path, np.asarray(cloud.points))
+
+
+def _ply_points(path: Path, points_per_unit2: float) -> np.ndarray:
+    if _has_faces(path):
+        return _mesh_points(path, points_per_unit2)
+    try:
+        points = np.asarray(trimesh.load(path, process=False).vertices)  # Open3D fills a truncated PLY with zeros
+    except Exception as error:  # trimesh passes on every exception of its parsers
+        raise InputError(f"{path}: cannot be read as PLY ({type(error).__name__}: {error})") from error
+    return _require_finite(path, points)
+
+
+def _has_faces(path: Path) -> bool:
+    with path.open("rb") as stream:
+        head = stream.read(4096).split(b"end_header")[0]
+    return any(line.split()[:2] == [b"element", b"face"] and int(line.split()[2]) > 0 for line in head.splitlines())
+
+
+def _mesh_points(path: Path, points_per_unit2: float) -> np.ndarray:
+    try:
+        mesh = trimesh.load(path, force="mesh", process=False)
+        area = float(mesh.area)
+    except Exception as error:  # trimesh passes on every exception of its parsers
+        raise InputError(f"{path}: cannot be read as a mesh ({type(error).__name__}: {error})") from error
+    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all() or not area > 0:
+        raise InputError(f"{path}: has no faces, or a vertex is not finite")
+    count = min(max(LEAST_POINTS, int(area * points_per_unit2)), 20 * _BLOCK)
+    return np.asarray(trimesh.sample.sample_surface(mesh, count, seed=0)[0])
+
+
+def _require_finite(path: Path, points: np.ndarray) -> np.ndarray:
+    bad = ~np.isfinite(points).all(axis=1)
+    if bad.any():
+        raise InputError(
+            f"{path}: {int(bad.sum())} of {len(points)} points are not finite "
+            f"(the first is number {int(bad.argmax()) + 1})"
+        )
+    return points
