@@ -1,4 +1,4 @@
-"""Certificate, consistency, parity and replay of a world that is known to be good, and of ones that are not."""
+"""Certificate, consistency, parity and replay of a good world and of faulty ones."""
 
 import json
 import math
@@ -42,11 +42,11 @@ def test_a_good_world_has_a_certificate(tee, opened, config):
     assert certificate.holds, [name for name, clause in certificate.clauses.items() if not clause.holds]
     assert certificate.contacts >= 200
     assert set(certificate.clauses) == set(params.limits)
-    room = TEE.buffer(-0.35)
-    assert found["reached_m2"] == pytest.approx(room.area, abs=room.length * params.cell_m / 2)
+    reachable = TEE.buffer(-0.35)
+    assert found["reached_m2"] == pytest.approx(reachable.area, abs=reachable.length * params.cell_m / 2)
 
 
-def test_a_wall_across_a_drift_fails_the_clauses_that_it_should(tee, config, tmp_path):
+def test_a_wall_across_a_drift_fails_the_expected_clauses(tee, config, tmp_path):
     bundle = tmp_path / "world"
     shutil.copytree(tee.bundle, bundle)
 
@@ -72,11 +72,11 @@ def test_a_wall_across_a_drift_fails_the_clauses_that_it_should(tee, config, tmp
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (edit_record(lambda record: record["geom_groups"].pop("rock")), r"geom_groups = \{.*\}, a world has"),
+        (edit_record(lambda record: record["geom_groups"].pop("collision")), r"geom_groups = \{.*\}, a world has"),
         (edit_model(lambda spec: setattr(spec.body("mine"), "name", "pit")), "no body of the name mine"),
     ],
 )
-def test_a_bundle_that_lacks_what_a_proof_asks_for_is_refused(tee, tmp_path, change, message):
+def test_a_bundle_without_the_expected_groups_or_body_is_refused(tee, tmp_path, change, message):
     bundle = tmp_path / "world"
     shutil.copytree(tee.bundle, bundle)
     change(bundle)
@@ -85,7 +85,7 @@ def test_a_bundle_that_lacks_what_a_proof_asks_for_is_refused(tee, tmp_path, cha
         open_bundle(bundle)
 
 
-def test_distances_by_mujoco_are_those_to_the_plans_walls(tee, opened):
+def test_distances_by_mujoco_equal_the_distances_to_the_plans_walls(tee, opened):
     rng = np.random.default_rng(0)
     places = rng.uniform([-1, -1], [81, 41], (2000, 2))
     free = tee.free_space.polygon
@@ -97,7 +97,7 @@ def test_distances_by_mujoco_are_those_to_the_plans_walls(tee, opened):
     assert (found[shapely.contains_xy(free.buffer(4).difference(free), places[:, 0], places[:, 1])] == 0).all()
 
 
-def test_robots_thrown_at_every_kind_of_place_stay_in(tee, opened):
+def test_robots_thrown_at_every_kind_of_target_stay_inside(tee, opened):
     parts = part_vertices(opened.model, GeomGroup.COLLISION)
     borders = [zone.east_m for zone in opened.record.zones[:-1]]
     found = stress_walls(tee.bundle, tee.free_space.polygon, parts, borders, 1000, 1)
@@ -106,7 +106,7 @@ def test_robots_thrown_at_every_kind_of_place_stay_in(tee, opened):
     assert set(found.targets) == {"corners", "seams", "zone borders", "tile borders", "walls"}
 
 
-def test_a_good_bundle_is_consistent_and_each_edit_shows_where_it_should(tee, opened, config, tmp_path):
+def test_a_good_bundle_is_consistent_and_each_edit_breaks_its_figure(tee, opened, config, tmp_path):
     good = measure_consistency(tee.bundle, opened, tee.free_space)
     limits = {k.removeprefix("world."): v for k, v in config.validation.limits.items() if k.startswith("world.")}
     assert all(limits[k].holds(v) for k, v in good.items() if k in limits), good
@@ -125,7 +125,7 @@ def test_a_good_bundle_is_consistent_and_each_edit_shows_where_it_should(tee, op
         assert figure in wrong
 
 
-def test_every_backend_sees_the_same_mine(tee, opened):
+def test_the_ranges_of_all_backends_agree(tee, opened):
     report = compare_backends(tee.bundle, opened, tee.free_space.polygon, 2000, seed=0)
     assert {"Open3D RaycastingScene", "local models of the environment", "Nav2 map"} <= set(report.backends)
     for name, found in report.backends.items():
@@ -149,7 +149,7 @@ POSES = {"00A": (8.0, 2.4, 0.1), "01A": (36.0, 2.6, -0.2), "02A": (40.3, 20.0, 1
 
 
 def write_sweeps(folder, tee, opened, noise=0.01, shift=(0.0, 0.0)):
-    """Write what a scanner at POSES measures in the collision world, in the dataset's derived form."""
+    """Write the sweeps of a scanner at POSES in the collision world, in the derived format of the dataset."""
     from pipeline.geometry.raycast import RayCaster
     from pipeline.mjcf.bundle import geom_triangles
 
@@ -159,17 +159,17 @@ def write_sweeps(folder, tee, opened, noise=0.01, shift=(0.0, 0.0)):
     bearing = np.radians(np.arange(-161.0, 161.0, 0.5))
     for name, (x, y, heading) in POSES.items():
         ranges = caster.fan(np.array([[x, y]]), (heading + bearing)[None], 1.0)[0]
-        seen = np.isfinite(ranges)
+        hit = np.isfinite(ranges)
         rows = [
             f"{k * 0.1},{b},1e-6,{r},1e-4"
-            for k, (b, r) in enumerate(zip(bearing[seen], ranges[seen] + rng.normal(0, noise, seen.sum()), strict=True))
+            for k, (b, r) in enumerate(zip(bearing[hit], ranges[hit] + rng.normal(0, noise, hit.sum()), strict=True))
         ]
         (folder / f"sweep_{name}.csv").write_text("times,theta_mu,theta_var,range_mu,range_var\n" + "\n".join(rows))
     lines = [f"{n},{x + shift[0]},{y + shift[1]},{h},{3 + 0.05 * x}" for n, (x, y, h) in POSES.items()]
     (folder / "poses.csv").write_text("pose_num,x_truth,y_truth,theta_truth,z_truth\n" + "\n".join(lines) + "\n")
 
 
-def test_sweeps_of_the_world_itself_come_back_with_their_noise(tee, opened, config, tmp_path):
+def test_sweeps_cast_in_the_world_are_replayed_with_errors_equal_to_their_noise(tee, opened, config, tmp_path):
     write_sweeps(tmp_path / "s", tee, opened, shift=(3.0, -2.0))
     free = tee.free_space.polygon
     found = replay_sweeps(
@@ -181,12 +181,12 @@ def test_sweeps_of_the_world_itself_come_back_with_their_noise(tee, opened, conf
     for name, sweep in found.sweeps.items():
         assert sweep.collision.median_m < 0.03, name
         assert sweep.collision.within_0_25_m > 0.95
-        assert sweep.visible.median_m > sweep.collision.median_m  # the rough's rock is not the scanned one
+        assert sweep.visible.median_m > sweep.collision.median_m  # they were cast at the collision walls
         assert sum(sweep.gated.values()) + sweep.used == sweep.returns
         assert sweep.pose_m[:2] == pytest.approx(POSES[name][:2], abs=0.1)
 
 
-def test_replay_refuses_what_it_cannot_use(tee, opened, config, tmp_path):
+def test_replay_refuses_a_folder_without_sweeps_and_a_sweep_without_pose(tee, opened, config, tmp_path):
     free, params = tee.free_space.polygon, config.validation.replay
     (tmp_path / "none").mkdir()
     with pytest.raises(InputError, match=r"no file is named sweep_NAME\.csv"):
@@ -198,7 +198,7 @@ def test_replay_refuses_what_it_cannot_use(tee, opened, config, tmp_path):
         replay_sweeps(opened, free, poses, find_sweeps(tmp_path / "s"), params)
 
 
-def test_a_scan_of_a_hall_with_nothing_near_is_refused(tee, opened, config, tmp_path):
+def test_a_sweep_without_returns_in_range_is_refused(tee, opened, config, tmp_path):
     write_sweeps(tmp_path / "s", tee, opened)
     far = config.validation.replay.model_copy(update={"max_range_m": 0.5})
     with pytest.raises(InputError, match=r"sweep_00A\.csv: no return passes the gates"):
@@ -223,8 +223,8 @@ def test_a_grade_is_the_median_slope():
 
 
 @pytest.mark.slow
-def test_the_published_sweeps_lie_on_the_published_plans_walls(shared_mine, built):
-    """On the station survey's world; the plan's own is measured by `make test-slow`."""
+def test_the_published_sweeps_fit_the_walls_of_the_published_plan(shared_mine, built):
+    """The world is that of the station survey; `make test-slow` measures the world of the plan."""
     done = built.run(
         sys.executable,
         "-m",

@@ -10,11 +10,11 @@ from tests.project import ROOT
 
 
 def test_dvc_yaml_names_every_module_that_a_stage_imports():
-    # One text for one set of declarations: deps, outs and import closures cannot drift apart.
+    # The file is generated from the declarations, so deps, outs and imports always agree.
     assert (ROOT / "dvc.yaml").read_text() == render_dag(ROOT), "run `make dag`"
 
 
-def test_every_stage_reads_only_what_a_stage_before_it_writes():
+def test_every_stage_reads_only_outputs_of_earlier_stages():
     written: set[str] = set()
     for stage in load_stages():
         assert {a.path for a in stage.reads.values()} <= written, stage.name
@@ -24,12 +24,12 @@ def test_every_stage_reads_only_what_a_stage_before_it_writes():
         written |= outs
 
 
-def test_rooms_import_each_other_in_one_direction_only():
+def test_packages_import_each_other_in_one_direction_only():
     done = subprocess.run([Path(sys.prefix) / "bin" / "lint-imports"], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
 
 
-def test_locks_hold_hashes_and_no_index_address():
+def test_locks_contain_hashes_and_no_address_of_a_package_index():
     for lock in sorted((ROOT / "requirements").glob("*.txt")):
         text = lock.read_text()
         assert not re.search(r"https?://|--(extra-)?index-url|--find-links", text), lock.name
@@ -39,7 +39,7 @@ def test_locks_hold_hashes_and_no_index_address():
         assert all("--hash=sha256:" in block for block in blocks), lock.name
 
 
-def test_ci_calls_the_two_commands_of_the_readme_and_the_workflow_too():
+def test_ci_and_workflow_run_the_two_commands_of_the_readme():
     script = (ROOT / ".ci" / "run").read_text()
     workflow = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())
     runs = [step.get("run") for job in workflow["jobs"].values() for step in job["steps"]]
@@ -49,7 +49,7 @@ def test_ci_calls_the_two_commands_of_the_readme_and_the_workflow_too():
         assert f"\n{command}" in (ROOT / "README.md").read_text()
 
 
-def test_nothing_of_unclear_licence_is_tracked():
+def test_git_tracks_only_data_with_a_clear_licence():
     tracked = subprocess.run(["git", "ls-files", "data"], cwd=ROOT, capture_output=True, text=True).stdout.split()
     ours = {"data/chilean_mine/stations.csv", "data/chilean_mine/roughness.json"}  # measured by this project
     allowed = ours | {"data/registry.txt", "data/README.md", "data/raw/.gitignore"}

@@ -21,7 +21,7 @@ _STATIONS_M = 3.0
 
 @dataclass(frozen=True)
 class TopologyMatch:
-    """Loops, drifts (legs of the network), dead ends and components (`parts`) of plan and world.
+    """Loops, drifts (legs of the network), dead ends and components of plan and world.
 
     `drifts_lost` counts the plan's dead-end drifts that are missing in the world, `drifts_added` the world's that are
     missing in the plan. A stub whose length is within a quarter of the threshold may be traced in one of them only; it

@@ -162,8 +162,8 @@ def _input(crate: ROCrate, files: dict[str, bytes], entry: Entry) -> Entity:
     """Add an input of the registry; without a stated licence, only name and hash are added, not the file."""
     if entry.licence == "none stated":
         name = f"data/{entry.name}"
-        known = {"name": name, "sha256": entry.sha256, "description": f"Origin: {entry.origin}. No licence stated."}
-        return _context(crate, f"#{name}", "CreativeWork", **known)
+        described = {"name": name, "sha256": entry.sha256, "description": f"Origin: {entry.origin}. No licence stated."}
+        return _context(crate, f"#{name}", "CreativeWork", **described)
     return _file(
         crate,
         files,
@@ -178,18 +178,18 @@ def _file(crate: ROCrate, files: dict[str, bytes], name: str, **properties: Any)
     if name not in files:
         files[name] = data = Path(name).read_bytes()
         kind = properties.pop("type", "File")
-        known = {"name": name, "sha256": sha256_bytes(data), "contentSize": str(len(data))}
-        known["encodingFormat"] = _FORMATS.get(Path(name).suffix, "application/octet-stream")
-        return crate.add_file(dest_path=name, properties={"@type": kind, **known, **properties})
+        described = {"name": name, "sha256": sha256_bytes(data), "contentSize": str(len(data))}
+        described["encodingFormat"] = _FORMATS.get(Path(name).suffix, "application/octet-stream")
+        return crate.add_file(dest_path=name, properties={"@type": kind, **described, **properties})
     return next(entity for entity in crate.data_entities if entity.get("name") == name)
 
 
 def _group_world(crate: ROCrate, files: dict[str, bytes]) -> None:
     """Add the world bundle as a folder with the world's own hash."""
     inside = [_file(crate, files, name) for name in files if Path(name).is_relative_to(WORLD)]
-    known = {"name": "World bundle", "identifier": verify_world(WORLD), "hasPart": inside}
-    known["description"] = "The MuJoCo world; its identifier is `world_sha256` of world.json."
-    crate.add_dataset(dest_path=WORLD, properties=known)
+    described = {"name": "World bundle", "identifier": verify_world(WORLD), "hasPart": inside}
+    described["description"] = "The MuJoCo world; its identifier is `world_sha256` of world.json."
+    crate.add_dataset(dest_path=WORLD, properties=described)
 
 
 def _licence(crate: ROCrate, licence: str) -> Entity:

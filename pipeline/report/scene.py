@@ -37,9 +37,8 @@ def scene_page(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> str:
             flat = np.column_stack([points, np.zeros(len(points))])
             scene.add_geometry(_coloured(flat, faces, tuple(round(255 * v) for v in zone.rgba[:3])))
     west, south, east, north = free_space.polygon.bounds
-    scene.apply_translation(
-        [-(west + east) / 2, -(south + north) / 2, 0.0]
-    )  # the lights of the scene point at the origin
+    # The lights of the scene point at the origin.
+    scene.apply_translation([-(west + east) / 2, -(south + north) / 2, 0.0])
     scene.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))  # browsers have y up
     short, long = sorted((east - west, north - south))
     scene.set_camera(angles=(-_DOWN, _ASIDE, 0.0), distance=max(0.75 * long, 1.5 * short), fov=(55, 40))

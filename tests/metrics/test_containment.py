@@ -20,20 +20,20 @@ def cover(of):
     return cover_walls(of, FREE, WORLD, (0.5, 1.5, 2.9))
 
 
-def test_exact_prisms_leave_nothing_open_and_nothing_covered():
+def test_exact_prisms_have_no_missing_rock_and_no_intrusion():
     found = cover(parts())
     assert (found.intrusion_m2, found.missing_m2, found.widest_gap_m) == pytest.approx((0, 0, 0), abs=1e-9)
 
 
-def test_a_prism_that_is_gone_leaves_its_area_and_its_wall_open():
+def test_a_removed_prism_is_measured_as_missing_area_and_as_a_gap_in_the_wall():
     rest = parts()
-    gone = shapely.convex_hull(shapely.multipoints(rest.pop(0)[:, :2]))
+    removed = shapely.convex_hull(shapely.multipoints(rest.pop(0)[:, :2]))
     found = cover(rest)
-    assert found.missing_m2 == pytest.approx(gone.area, rel=1e-6)
-    assert found.widest_gap_m == pytest.approx(FREE.boundary.intersection(gone.buffer(1e-9)).length, abs=0.02)
+    assert found.missing_m2 == pytest.approx(removed.area, rel=1e-6)
+    assert found.widest_gap_m == pytest.approx(FREE.boundary.intersection(removed.buffer(1e-9)).length, abs=0.02)
 
 
-def test_a_lifted_prism_and_one_that_leans_show_at_some_height():
+def test_a_lifted_prism_and_a_leaning_prism_are_detected():
     lifted = parts()
     lifted[0] = lifted[0] + [0, 0, 0.8]
     assert cover(lifted).missing_m2 > 1
@@ -45,12 +45,12 @@ def test_a_lifted_prism_and_one_that_leans_show_at_some_height():
     assert found.intrusion_m2 + found.missing_m2 > 0.1
 
 
-def test_the_uncovered_floor_is_the_area_between_slabs():
+def test_the_open_floor_is_the_area_between_slabs():
     assert open_area_m2([(-5, -5, 8, 10), (9, -5, 25, 10)], FREE) == pytest.approx(5.0)
     assert open_area_m2([(-5, -5, 25, 10)], FREE) == 0
 
 
-def test_a_robot_reaches_what_hangs_together_and_a_wall_across_shows_in_the_graph():
+def test_a_robot_reaches_connected_cells_and_a_wall_across_a_drift_changes_the_graph():
     frame = Frame(4.0, 0.0, 40.0, 200, 40)  # 50 m by 10 m
     clearance = np.zeros((40, 200))
     clearance[10:30, 4:196] = 1.0
@@ -70,7 +70,7 @@ def test_a_robot_reaches_what_hangs_together_and_a_wall_across_shows_in_the_grap
 
 
 @pytest.mark.parametrize("shift", [2, 4, 6])
-def test_a_crossing_that_the_skeleton_splits_is_one_node(shift):
+def test_a_crossing_that_the_skeleton_splits_into_two_junctions_is_one_node(shift):
     def crossing(shift):
         cells = np.zeros((200, 200), bool)
         cells[90:110, 4:196] = cells[4:100, 90:110] = cells[100:196, 90 + shift : 110 + shift] = True

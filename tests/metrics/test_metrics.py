@@ -16,7 +16,7 @@ from pipeline.report.baseline import regressions
 from tests.mines import RING, TEE, BuiltMine, frame_for
 
 
-def test_iou_of_overlapping_squares_is_known():
+def test_iou_of_overlapping_squares_is_exact():
     one, two = np.zeros((10, 10), dtype=bool), np.zeros((10, 10), dtype=bool)
     one[:4, :4] = two[2:6, 2:6] = True
     assert intersection_over_union(one, two) == 4 / 28
@@ -75,7 +75,7 @@ def masks(plan, world):
     return fill_polygon(plan, frame), fill_polygon(world, frame), frame
 
 
-def test_equal_networks_match_and_a_blocked_ring_loses_its_loop():
+def test_equal_networks_match_and_a_blocked_ring_has_no_loop():
     same = compare_topology(*masks(RING, RING), 0.25, 2.0)
     assert (same.loops_plan, same.loops_world, same.loops_difference) == (1, 1, 0)
     cut = RING.difference(shapely.box(25, -1, 26, 7))
@@ -83,17 +83,17 @@ def test_equal_networks_match_and_a_blocked_ring_loses_its_loop():
     assert (found.loops_plan, found.loops_world, found.loops_difference) == (1, 0, 1)
 
 
-def test_a_lost_and_an_added_drift_are_told_apart():
-    gone = shapely.box(0, 0, 80, 5)
-    lost = compare_topology(*masks(TEE, gone), 0.25, 2.0)
+def test_a_lost_drift_and_an_added_drift_are_counted_separately():
+    straight = shapely.box(0, 0, 80, 5)
+    lost = compare_topology(*masks(TEE, straight), 0.25, 2.0)
     assert (lost.drifts_lost, lost.drifts_added) == (1, 0)
     added = compare_topology(*masks(TEE, shapely.union_all([TEE, shapely.box(10, 5, 14, 20)])), 0.25, 2.0)
     assert (added.drifts_lost, added.drifts_added) == (0, 1)
 
 
-def test_workings_that_fell_apart_are_counted_as_parts():
-    apart = TEE.difference(shapely.box(20, -1, 22, 6))
-    found = compare_topology(*masks(TEE, apart), 0.25, 2.0)
+def test_disconnected_workings_are_counted_as_components():
+    cut = TEE.difference(shapely.box(20, -1, 22, 6))
+    found = compare_topology(*masks(TEE, cut), 0.25, 2.0)
     assert (found.components_plan, found.components_world) == (1, 2)
 
 
@@ -111,7 +111,7 @@ def test_metrics_within_limits_pass_and_breaches_name_metric_value_and_limit():
     assert breaches({"blocked": 0}, LIMITS) == ["iou.a: not measured (limit >= 0.99)"]
 
 
-def test_the_gate_fails_for_more_than_its_allowance_and_for_a_metric_that_is_gone():
+def test_the_gate_fails_for_a_metric_that_fell_too_far_or_is_missing():
     before = {"iou.a": 0.991, "texture.published.overall": 0.95}
     assert regressions({"iou.a": 0.9891, "texture.published.overall": 0.941}, before) == []
     assert len(regressions({"iou.a": 0.9889, "texture.published.overall": 0.939}, before)) == 2

@@ -13,7 +13,7 @@ WAVES = np.geomspace(0.05, 1.0, 200)
 
 def line(offset, length=400.0, step=0.02, seed=0):
     rng = np.random.default_rng(seed)
-    s = np.sort(rng.uniform(0, length, round(length / step)))  # uneven, as bearings make them
+    s = np.sort(rng.uniform(0, length, round(length / step)))  # uneven, as even bearings give
     return np.column_stack([s, offset(s)])
 
 
@@ -26,7 +26,7 @@ def test_the_spectrum_of_a_sine_integrates_to_its_variance_at_its_wavelength():
     assert -np.trapezoid(density[near], frequency[near]) == pytest.approx(0.03**2 / 2, rel=0.12)
 
 
-def test_the_spectrum_of_white_noise_is_flat_and_holds_its_variance():
+def test_the_spectrum_of_white_noise_is_flat_and_has_its_variance():
     rng = np.random.default_rng(1)
     step = 0.02
     run = np.column_stack([np.arange(0, 400, step), 0.01 * rng.standard_normal(round(400 / step))])
@@ -46,7 +46,7 @@ def test_the_spectrum_of_a_fractal_profile_has_its_slope():
     assert slope == pytest.approx(2.0, abs=0.15)
 
 
-def test_the_valid_band_is_bounded_by_sampling_footprint_and_window():
+def test_sampling_footprint_and_window_bound_the_valid_band():
     profiles = profiles_of_runs([line(np.zeros_like, step=0.1)], 4.0)
     low, high = spectrum_of(profiles, WAVES, 4.0, 0.05).valid_m
     assert low == pytest.approx(0.14, abs=0.03)  # twice the median gap of uniform arrivals, 0.1 ln 2
@@ -73,21 +73,21 @@ def test_a_cloud_of_a_rough_wall_has_the_walls_spectrum_and_amplitude():
     assert amplitude.kurtosis == pytest.approx(-1.5, abs=0.1)  # a sine's
 
 
-def test_too_short_a_wall_for_the_band_is_refused_with_both_lengths():
+def test_a_wall_too_short_for_the_band_is_refused_with_both_lengths():
     short = line(np.zeros_like, length=1.5, step=0.02)
     with pytest.raises(InputError, match=r"longest wall .* 1\.\d+ m; a spectrum over 4 m needs 3\.20 m"):
         roughness_of_sweeps({"a": short}, 0.3, 4.0, 0.1)
 
 
-def test_too_thin_a_cloud_for_the_band_is_refused():
+def test_a_cloud_too_sparse_for_the_band_is_refused():
     with pytest.raises(InputError, match="rock: its 50 points fill"):
         roughness_of_cloud(np.random.default_rng(0).uniform(0, 5, (50, 3)), 2.0, 0.05, "rock")
 
 
-def test_the_real_sweeps_have_the_roughness_measured_before(shared_mine):
-    """The audit's medians of seven sweeps; four of them are here."""
+def test_the_real_sweeps_have_the_roughness_of_an_independent_measurement(shared_mine):
+    """The reference values are medians of seven sweeps; four of these are measured here."""
     sweeps = {n: read_sweep(shared_mine / f"sweep_{n}.csv", 9.0, 0.05) for n in ("00S", "11S", "25S", "40S")}
     found = roughness_of_sweeps(sweeps, 0.35, 4.0, 0.3)
     rq = dict(zip(found.window_m, found.rq_m, strict=True))
-    for window, known in ((0.2, 0.0017), (0.3, 0.0029), (0.5, 0.0058), (1.0, 0.015), (2.0, 0.032)):
-        assert rq[window] == pytest.approx(known, rel=0.2)
+    for window, reference in ((0.2, 0.0017), (0.3, 0.0029), (0.5, 0.0058), (1.0, 0.015), (2.0, 0.032)):
+        assert rq[window] == pytest.approx(reference, rel=0.2)

@@ -27,7 +27,7 @@ FREE = shapely.box(0, 0, 40, 6)
 
 
 def wall(offset, n=400_000, seed=0, length=40.0):
-    """Points on a wall along y = 0, 0.5 to 3 m high, displaced by `offset(x, z)`."""
+    """Return points on a wall along y = 0, from 0.5 to 3 m high, displaced by `offset(x, z)`."""
     rng = np.random.default_rng(seed)
     x, z = rng.uniform(0, length, n), rng.uniform(0.5, 3.0, n)
     return np.column_stack([x, offset(x, z), z])
@@ -37,21 +37,21 @@ def sine(amplitude, wavelength):
     return lambda x, z: amplitude * np.sin(2 * np.pi * x / wavelength)
 
 
-def test_the_papers_own_six_scores_come_out_of_its_published_values():
+def test_the_papers_published_values_give_its_six_scores():
     scores = published_score(REAL, PAPER_MODEL)
     for axis in AXES:
         assert scores.axes[axis] == pytest.approx(getattr(PAPER_SCORES, axis), abs=2e-4)
     assert scores.overall == pytest.approx(0.7941, abs=2e-4)
 
 
-def test_a_surface_like_the_real_one_scores_one_and_a_factor_of_two_one_sd():
+def test_equal_axes_score_one_and_a_factor_of_two_scores_one_sd():
     assert strict_score(REAL, REAL).overall == 1.0
     double = TextureAxes(*(2 * v for v in vars(REAL).values()))
     assert strict_score(REAL, double).overall == pytest.approx(math.exp(-0.5))
     assert published_score(REAL, double).overall == pytest.approx(math.exp(-0.5 * (math.log(1.5) / math.log(5)) ** 2))
 
 
-def test_a_plane_scores_near_nothing():
+def test_a_plane_scores_almost_zero():
     plane = wall(lambda x, z: np.zeros_like(x))
     flat = np.column_stack([plane[:, 0], plane[:, 2] * 2, np.full(len(plane), 3.4)])
     axes = TextureAxes(
@@ -68,7 +68,7 @@ def test_a_plane_scores_near_nothing():
 
 @pytest.mark.parametrize("wavelength", [0.05, 0.1])
 def test_the_residual_of_a_sine_wall_is_its_rms(wavelength):
-    """A window of whole waves leaves A / sqrt(2) over, if they lie evenly about its middle: else the plane tilts."""
+    """A window of whole waves leaves A / sqrt(2) if they are symmetric about its middle; else the plane tilts."""
     even = sine(0.005, wavelength)
     points = wall(lambda x, z: even(x + wavelength / 4, z)) + np.array([0, 0.5, 0])  # no voxel border inside the wave
     points = points[points[:, 2] >= 1.0]  # half voxels would tilt more
@@ -87,7 +87,7 @@ def test_the_residual_of_white_noise_is_its_sd_at_every_scale():
         assert found.rq_m == pytest.approx(0.01, rel=0.05)
 
 
-def test_a_fractal_wall_has_residuals_that_grow_as_its_exponent():
+def test_residuals_of_a_fractal_wall_grow_with_its_hurst_exponent():
     """Brownian profile, Hurst exponent 0.5: residuals grow as the square root of the window."""
     rng = np.random.default_rng(2)
     step = 0.002
@@ -104,7 +104,7 @@ def test_the_wavelength_of_a_sine_wall_is_found_along_its_arc(wavelength):
     assert found == pytest.approx(wavelength, rel=0.06)
 
 
-def test_the_wavelength_is_not_read_across_two_walls():
+def test_the_wavelength_does_not_mix_two_walls():
     """Walls on both sides of a drift: the paper's reading mixes them, the strict one does not."""
     near = wall(sine(0.05, 0.4), n=300_000)
     far = near * [1, -1, 1] + [0, 6, 0]
@@ -124,7 +124,7 @@ def test_the_wavelength_follows_a_bent_wall():
 
 
 def test_a_folded_wall_has_the_jaggedness_of_its_folds():
-    """Folds of 45 deg, two voxels a face: beside a ridge two normals and one at right angles make atan(1/2)."""
+    """Folds of 45 deg, two voxels per face: at a ridge, two equal normals and one at right angles give atan(1/2)."""
     planes = fit_voxel_planes(wall(lambda x, z: np.abs((x % 1.2) - 0.6)), 0.30, 30)
     assert normal_scatter_deg(planes).max() == pytest.approx(math.degrees(math.atan(0.5)), abs=0.1)
 
@@ -141,7 +141,7 @@ def test_jaggedness_does_not_depend_on_the_signs_of_normals():
     np.testing.assert_allclose(normal_scatter_deg(planes), normal_scatter_deg(flipped))
 
 
-def test_the_ceiling_forgives_a_vault_but_not_its_bumps():
+def test_roof_irregularity_ignores_a_vault_and_measures_its_bumps():
     rng = np.random.default_rng(4)
     x, y = rng.uniform(0, 10, 200_000), rng.uniform(0, 6, 200_000)
     vault = 3.6 - 0.05 * (y - 3) ** 2
@@ -159,8 +159,8 @@ def test_heterogeneity_is_the_spread_of_roughness_not_its_size():
     assert wall_heterogeneity_m(patchy) == pytest.approx(0.01, rel=0.15)
 
 
-def test_a_wall_along_the_axes_reads_the_same_wherever_it_stands():
-    """On a border of voxels its bumps would be cut into halves that are each too smooth."""
+def test_bump_rq_of_a_wall_along_the_axes_does_not_depend_on_its_place():
+    """Without the rotation, a border between voxels cuts the bumps into halves that are each too smooth."""
     rough = wall(lambda x, z: 0.05 * np.sin(2 * np.pi * x / 0.31) * np.sin(2 * np.pi * z / 0.37))
     border, middle = (rough + np.array([0, y, 0]) for y in (2.5, 2.75))
     assert bump_rq_m(border) < 0.8 * bump_rq_m(middle)

@@ -1,4 +1,4 @@
-"""The RO-Crate of a built world: accepted by the validator of the format, and true to the files."""
+"""The RO-Crate of a built world is valid and matches the files."""
 
 import hashlib
 import json
@@ -34,10 +34,10 @@ def graph(crate):
 
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory):
-    """Return a cache that answers the validator's one request, so that it needs no network.
+    """Return a cache that answers the validator's one request, so that the tests need no network.
 
-    The `rocrate` package ships the JSON-LD context of RO-Crate 1.3, which holds every term of 1.1. `sha256` came
-    after 1.1 and is taken out.
+    The `rocrate` package contains the JSON-LD context of RO-Crate 1.3, which has every term of 1.1. `sha256` is newer
+    than 1.1 and is removed.
     """
     context = json.loads(files("rocrate").joinpath("data/ro-crate.jsonld").read_text())
     del context["@context"]["sha256"]
@@ -51,7 +51,7 @@ def cache(tmp_path_factory):
 
 
 def issues_of(folder, cache, severity="REQUIRED"):
-    """Return what the validator objects to, by the profile of process runs and RO-Crate's own."""
+    """Return the validator's messages for the profile of process runs and for RO-Crate itself."""
     found = validate(
         {
             "rocrate_uri": str(folder),
@@ -75,7 +75,6 @@ def test_the_validator_accepts_the_crate(crate, cache):
     [("instrument", "instrument"), ("license", "license"), ("sha256", "sha256"), ("file", "stages/survey.py")],
 )
 def test_the_validator_refuses_a_crate_with_one_fault(crate, cache, tmp_path, fault, message):
-    # The check above can fail.
     broken = shutil.copytree(crate, tmp_path / "crate")
     metadata = broken / "ro-crate-metadata.json"
     record = json.loads(metadata.read_bytes())
@@ -96,7 +95,7 @@ def test_the_validator_refuses_a_crate_with_one_fault(crate, cache, tmp_path, fa
 
 
 @pytest.mark.slow
-def test_every_file_of_the_crate_has_the_hash_and_size_that_it_states(crate, graph):
+def test_every_file_of_the_crate_has_its_stated_hash_and_size(crate, graph):
     stated = {unquote(name): entity for name, entity in graph.items() if "File" in entity["@type"]}
     found = {p.relative_to(crate).as_posix() for p in crate.rglob("*") if p.is_file()}
     assert found == {*stated, "ro-crate-metadata.json"}
@@ -128,7 +127,7 @@ def test_the_world_in_the_crate_has_the_worlds_own_hash(crate, graph):
 
 
 @pytest.mark.slow
-def test_an_input_is_copied_when_its_licence_is_stated_and_only_named_when_it_is_not(repro, crate, graph, tmp_path):
+def test_only_inputs_with_a_stated_licence_are_copied(repro, crate, graph, tmp_path):
     name = "data/chilean_mine/tiny.csv"
     assert graph[f"#{name}"]["sha256"] == hashlib.sha256((repro.folder / name).read_bytes()).hexdigest()
     assert not (crate / name).exists()
@@ -155,7 +154,7 @@ def test_equal_artifacts_give_equal_bytes(crate):
 
 
 @pytest.mark.slow
-def test_no_crate_is_written_of_a_world_that_was_changed_by_hand(repro, tmp_path):
+def test_no_crate_is_written_for_a_world_with_an_edited_file(repro, tmp_path):
     project = repro.copy(tmp_path / "mine")
     plan = project.folder / "artifacts" / "contours" / "free_space.geojson"
     plan.write_bytes(plan.read_bytes() + b" ")
@@ -164,7 +163,7 @@ def test_no_crate_is_written_of_a_world_that_was_changed_by_hand(repro, tmp_path
     assert not (project.folder / "artifacts" / "provenance").exists()
 
 
-def test_without_git_history_the_date_is_asked_for(tmp_path, monkeypatch):
+def test_without_git_history_the_error_requests_a_date(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
     with pytest.raises(ArtifactError, match="give --date"):
