@@ -25,12 +25,7 @@ from minexplore.bundle import (
 )
 from pipeline.mjcf.bundle import WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.render import render_camera
-from pipeline.mjcf.world import (
-    MineScene,
-    place_lights,
-    tile_zones,
-    tilt_about_centre,
-)
+from pipeline.mjcf.scene import MineScene, place_lights, tile_zones, tilt_about_centre
 from pipeline.params.realism import RealismParams
 from pipeline.store.codecs import Bundle, Meshes, encode
 from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, SolidExtent, Spawn, Survey

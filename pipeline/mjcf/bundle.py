@@ -25,7 +25,8 @@ from minexplore.bundle import (
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.digits import digits_for
 from pipeline.mjcf.loading import load_model
-from pipeline.mjcf.world import FloorZone, MineScene, build_spec
+from pipeline.mjcf.scene import FloorZone, MineScene
+from pipeline.mjcf.world import build_spec
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.verify import verify_world
 from pipeline.types import Areas, Frame, Spawn

@@ -14,7 +14,7 @@ from pipeline.geometry.collision import footprint_errors
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.mjcf.bundle import open_bundle, part_vertices
 from pipeline.mjcf.render import render_free_space
-from pipeline.mjcf.world import place_lights, tile_zones, tilt_about_centre
+from pipeline.mjcf.scene import place_lights, tile_zones, tilt_about_centre
 from pipeline.store.verify import verify_world
 from tests.mines import BuiltMine
 

@@ -1,0 +1,135 @@
+"""The scene that a world is built from: floor zones, lights, surfaces and the mine's pose, in the mine frame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from minexplore.bundle import floor_geom
+from pipeline.geometry.polyline import arc_length
+from pipeline.params.realism import ZoneParams
+from pipeline.store.codecs import Bundle
+from pipeline.types import ConvexParts, Image, Mesh, SolidExtent
+
+
+@dataclass(frozen=True)
+class FloorZone:
+    """One floor zone: a strip of the floor (edges in m, mine frame) and its effect on a robot.
+
+    `friction` is sliding friction. `command_scale` multiplies a commanded twist; `speed_noise_mps` is the standard
+    deviation of the noise on the forward speed in each control step.
+    """
+
+    name: str
+    friction: float
+    command_scale: float
+    speed_noise_mps: float
+    rgba: tuple[float, float, float, float]
+    west_m: float
+    east_m: float
+    south_m: float
+    north_m: float
+
+    @property
+    def geom(self) -> str:
+        """Return the name of the zone's geom."""
+        return floor_geom(self.name)
+
+
+@dataclass(frozen=True)
+class SpotLight:
+    """A spot light: place and direction (unit vector) in the mine frame, and cut-off angle in degrees."""
+
+    place_m: tuple[float, float, float]
+    direction: tuple[float, float, float]
+    cutoff_deg: float
+
+
+@dataclass(frozen=True)
+class MineScene:
+    """The complete content of a world, in the mine frame.
+
+    `smooth` is the octagonal surface. `rough` holds the chunks of the rough surface as `NAME.msh`; if there are any,
+    the smooth surface is hidden.
+    """
+
+    name: str
+    extent: SolidExtent
+    parts: ConvexParts
+    rock_friction: float
+    floor_thickness_m: float
+    zones: list[FloorZone]
+    lights: list[SpotLight]
+    smooth: dict[str, Mesh]
+    rough: Bundle
+    texture: Image
+    anchor_m: tuple[float, float]
+    heading_rad: float
+    T_world_mine: np.ndarray
+
+
+def tile_zones(zones: list[ZoneParams], world_m: tuple[float, float, float, float]) -> list[FloorZone]:
+    """Divide a box (west, south, east, north; m) into zones from west to east, of equal length to 0.1 m."""
+    west, south, east, north = world_m
+    edges = np.linspace(west, east, len(zones) + 1).round(1)  # a half extent then has few enough digits for MJCF text
+    return [
+        FloorZone(
+            **zone.model_dump(),
+            west_m=float(edges[i]),
+            east_m=float(edges[i + 1]),
+            south_m=south,
+            north_m=north,
+        )
+        for i, zone in enumerate(zones)
+    ]
+
+
+def place_lights(
+    lines_m: list[np.ndarray], spacing_m: float, height_m: float, pitch_deg: float, cutoff_deg: float, count: int | None
+) -> list[SpotLight]:
+    """Place spot lights at even distances along lines; each points along its line and slightly down.
+
+    Parameters
+    ----------
+    lines_m : list of (n, 2), m, mine frame
+    spacing_m : float
+        Distance along the line. The first and the last light are half the remainder away from the line's ends.
+    height_m : float
+        Height above the floor.
+    pitch_deg : float
+        Angle below the horizontal.
+    cutoff_deg : float
+        MuJoCo's `cutoff`: the angle between the axis and the cone's edge.
+    count : int, optional
+        Maximum number of lights per line; they are centred on it.
+    """
+    down = math.radians(pitch_deg)
+    lights = []
+    for line in lines_m:
+        along = arc_length(line)
+        n = int(along[-1] // spacing_m) + 1
+        n = n if count is None else min(n, count)
+        for distance in (along[-1] - (n - 1) * spacing_m) / 2 + spacing_m * np.arange(n):
+            x, y = (float(np.interp(distance, along, line[:, k])) for k in (0, 1))
+            ahead = [np.interp(min(distance + 2.0, along[-1]), along, line[:, k]) for k in (0, 1)]
+            behind = [np.interp(max(distance - 2.0, 0.0), along, line[:, k]) for k in (0, 1)]
+            heading = math.atan2(ahead[1] - behind[1], ahead[0] - behind[0])
+            direction = (math.cos(heading) * math.cos(down), math.sin(heading) * math.cos(down), -math.sin(down))
+            lights.append(SpotLight((round(x, 3), round(y, 3), height_m), direction, cutoff_deg))
+    return lights
+
+
+def tilt_about_centre(tilt_deg: float, world_m: tuple[float, float, float, float]) -> np.ndarray:
+    """Return T_world_mine (4, 4), which moves the box's centre to the world's origin and then rotates about Y.
+
+    A positive tilt lowers the east.
+    """
+    a = math.radians(tilt_deg)
+    rotation = np.array([[math.cos(a), 0, math.sin(a)], [0, 1, 0], [-math.sin(a), 0, math.cos(a)]])
+    west, south, east, north = world_m
+    transform = np.eye(4)
+    transform[:3, :3] = rotation
+    transform[:3, 3] = -rotation @ np.array([(west + east) / 2, (south + north) / 2, 0.0])
+    return transform
