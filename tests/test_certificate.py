@@ -72,7 +72,7 @@ def test_a_wall_across_a_drift_fails_the_expected_clauses(tee, config, tmp_path)
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (edit_record(lambda record: record["geom_groups"].pop("collision")), r"geom_groups = \{.*\}, a world has"),
+        (edit_record(lambda record: record["geom_groups"].pop("rock")), r"geom_groups = \{.*\}, a world has"),
         (edit_model(lambda spec: setattr(spec.body("mine"), "name", "pit")), "no body of the name mine"),
     ],
 )
