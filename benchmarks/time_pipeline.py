@@ -10,6 +10,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from pipeline.compose import compose
+from pipeline.report.results import read_metrics
 from pipeline.store.files import write_atomically
 from stages.__main__ import STAGES
 
@@ -32,6 +34,10 @@ def main() -> int:
             ("whole pipeline, clean", _seconds(folder, "dvc", "repro"), 90.0)
         ]
         timed += [("again, without changes", _seconds(folder, "dvc", "repro"), 3.0)]
+        loads = read_metrics(Path(folder) / "artifacts" / "validation")
+        limit = compose([]).validation.limits["world.load_s"].max
+        timed += [("model load, the first in a process", loads["world.first_load_s"], None)]
+        timed += [("model load, again", loads["world.load_s"], limit)]
         for stage in STAGES:
             timed += [(f"stage {stage}", _seconds(folder, sys.executable, "-m", f"stages.{stage}"), _LIMITS.get(stage))]
     lines = ["| run | seconds | limit |", "|---|---|---|"]
@@ -39,7 +45,7 @@ def main() -> int:
         f"| {title} | {seconds:.1f} | {'' if limit is None else f'{limit:g}'} |" for title, seconds, limit in timed
     ]
     text = "\n".join(lines) + "\n"
-    head = f"# Timings\n\nWritten by `make bench` on {os.cpu_count()} cores. Wall time without set-up.\n\n"
+    head = f"# Timings\n\nWritten by `make bench-pipeline` on {os.cpu_count()} cores. Wall time without set-up.\n\n"
     write_atomically(TABLE, (head + text).encode())
     print(text, end="")
     slow = [title for title, seconds, limit in timed if limit is not None and seconds > limit]

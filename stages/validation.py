@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from minexplore.bundle import MODEL
-from pipeline.metrics.limits import flatten, require_limits
+from pipeline.metrics.limits import breaches, flatten, require_limits
 from pipeline.mjcf.load_time import measure_load
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
@@ -72,8 +72,16 @@ def replayed_files(params: ValidationParams) -> list[str]:
 
 
 def check_limits(params: ValidationParams, outputs: Mapping[str, Any]) -> None:
-    """Fail the stage if a metric breaches its limit in `conf/`."""
-    require_limits(flatten(outputs["metrics"]) | flatten(outputs["timings"]), params.limits)
+    """Fail the stage when a metric breaches its limit in conf; a load time depends on the machine and only warns."""
+    timings = flatten(outputs["timings"])
+    timed = {name: limit for name, limit in params.limits.items() if name in timings and name.endswith("_s")}
+    for line in breaches(timings, timed):
+        print(
+            f"validation: {line}, on this machine at its present load (`make bench-pipeline` judges it)",
+            file=sys.stderr,
+        )
+    limits = {name: limit for name, limit in params.limits.items() if name not in timed}
+    require_limits(flatten(outputs["metrics"]) | timings, limits)
 
 
 STAGE = Stage(
