@@ -95,6 +95,26 @@ def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes
     return {**files, RECORD: (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()}
 
 
+def read_record(folder: Path) -> WorldRecord:
+    """Check a bundle's hashes and read its record.
+
+    Raises
+    ------
+    ArtifactError
+        If a file is missing or changed, or the record is invalid.
+    """
+    verify_world(folder)
+    fields = json.loads((folder / RECORD).read_bytes())
+    zones = fields.get("zones")
+    if isinstance(zones, list) and all(isinstance(zone, dict) for zone in zones):
+        fields["zones"] = [complete_zone(zone) for zone in zones]
+    try:
+        return TypeAdapter(WorldRecord).validate_python(fields)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ArtifactError(f"{folder / RECORD}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+
+
 def open_bundle(folder: Path) -> World:
     """Check a bundle's hashes, read its record and load its model.
 
@@ -103,14 +123,7 @@ def open_bundle(folder: Path) -> World:
     ArtifactError
         If a file is missing or changed, the record is invalid, or MuJoCo refuses the model.
     """
-    verify_world(folder)
-    try:
-        facts = json.loads((folder / RECORD).read_bytes())
-        facts["zones"] = [complete_zone(zone) for zone in facts["zones"]]
-        record = TypeAdapter(WorldRecord).validate_python(facts)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise ArtifactError(f"{folder / RECORD}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+    record = read_record(folder)
     if record.geom_groups != GEOM_GROUPS:
         raise ArtifactError(f"{folder / RECORD}: geom_groups = {record.geom_groups}, a world has {GEOM_GROUPS}")
     warnings: list[str] = []

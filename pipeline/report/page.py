@@ -13,11 +13,9 @@ import jinja2
 import numpy as np
 from pydantic import TypeAdapter
 
-from minexplore.bundle import BundleError, read_bundle
 from pipeline import __version__
-from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import format_limit
-from pipeline.mjcf.bundle import WorldRecord
+from pipeline.mjcf.bundle import read_record
 from pipeline.params.validation import ValidationParams
 from pipeline.report.mine import draw_mine, to_svg
 from pipeline.report.results import flat_walls_note, read_metrics
@@ -78,10 +76,7 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
     ArtifactError
         If an artifact is missing; the message names it.
     """
-    try:
-        record = TypeAdapter(WorldRecord).validate_python(read_bundle(root / "realism" / "world"))
-    except BundleError as error:
-        raise ArtifactError(str(error)) from error
+    record = read_record(root / "realism" / "world")
     free_space, network = (
         decode(root / "contours/free_space.geojson", FreeSpace),
         _read(root, "contours/topology.json", DriftNetwork),
