@@ -14,7 +14,8 @@ from pipeline.metrics.limits import breaches, flatten, require_limits
 from pipeline.mjcf.load_time import measure_load
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
-from pipeline.proof.replay import Replay, ReplayReport, replay_sweeps
+from pipeline.proof.replay import replay_sweeps
+from pipeline.proof.replay_report import Replay, ReplayReport
 from pipeline.proof.surface import TextureReport
 from pipeline.proof.validator import MEASURES, Validator
 from pipeline.report.graph import blocked_table

@@ -18,7 +18,8 @@ from pipeline.mjcf.clearance import rock_clearance
 from pipeline.proof.certificate import certify, measure_containment
 from pipeline.proof.consistency import measure_consistency
 from pipeline.proof.parity import compare_backends
-from pipeline.proof.replay import find_sweeps, grade_along, replay_sweeps
+from pipeline.proof.replay import find_sweeps, replay_sweeps
+from pipeline.proof.replay_report import grade_along
 from pipeline.proof.stress_test import stress_walls
 from pipeline.survey.poses import read_poses
 from tests.mines import TEE, BuiltMine

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from shapely import Polygon
 
-from pipeline.proof.replay import Replay
+from pipeline.proof.replay_report import Replay
 from pipeline.report.style import GREY, MOSS, OCHRE, ROCK, STEEL, new_figure, to_image
 from pipeline.types import Image
 
