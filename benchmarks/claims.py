@@ -16,7 +16,8 @@ from baselines.statistics import figures
 from minexplore.reward import CAP
 from pipeline.errors import ArtifactError, MineError
 from pipeline.metrics.published import PAPER
-from pipeline.report.results import AXIS_TITLES, read_metrics
+from pipeline.metrics.texture import AXIS_TITLES
+from pipeline.report.results import read_metrics
 from pipeline.store.files import write_atomically
 
 PAGE = Path("docs/claims.md")

@@ -17,6 +17,13 @@ _LIGHTS = 7  # OpenGL's eight less the headlight
 _ROCK, _FREE, _CELL, _SEEN, _ROBOT = (54, 47, 42), (150, 140, 128), (190, 182, 170), (92, 168, 96), (232, 150, 30)
 
 
+def light_nearest(model: mujoco.MjModel, data: mujoco.MjData, eye_m: np.ndarray) -> None:
+    """Switch on the spot lights nearest to a place (3,) m, world frame, as many as OpenGL has, and the others off."""
+    distance_m = np.linalg.norm(data.light_xpos - eye_m, axis=1)
+    model.light_active[:] = 0
+    model.light_active[np.argsort(distance_m, kind="stable")[:_LIGHTS]] = 1
+
+
 class Renderer:
     """Draws robots given as rows of `qpos` (n, 9)."""
 
@@ -73,9 +80,7 @@ class Renderer:
         heading = data.xmat[body].reshape(3, 3)[:, 0]
         camera.azimuth = float(np.degrees(np.arctan2(heading[1], heading[0])))
         camera.distance, camera.elevation = 2.2, -18.0
-        near = np.argsort(np.linalg.norm(data.light_xpos - data.xpos[body], axis=1), kind="stable")
-        model.light_active[:] = 0
-        model.light_active[near[:_LIGHTS]] = 1
+        light_nearest(model, data, data.xpos[body])
         self._renderer.update_scene(data, camera, option)
         return self._renderer.render().copy()
 

@@ -46,12 +46,9 @@ def collision_parts(params: Compile3dParams, rock: list[Polygon]) -> ConvexParts
     if choice.method == "exact":
         return exact_prisms(rock, params.height_m)
     # Imported here because the decomposers are slow to load and only used for comparison.
-    from pipeline.geometry.decompose import coacd_decomposer, vhacd_decomposer
+    from pipeline.geometry.decompose import DECOMPOSERS
 
-    if choice.method == "coacd":
-        decompose = coacd_decomposer(params.height_m, choice.threshold, choice.seed)
-    else:
-        decompose = vhacd_decomposer(params.height_m, choice.resolution, choice.max_hulls, choice.volume_error_percent)
+    decompose = DECOMPOSERS[choice.method](params.height_m, **choice.model_dump(exclude={"method", "tiles"}))
     return decomposed_hulls(rock, choice.tiles, decompose, partial(tqdm, desc=choice.method, unit="tile"))
 
 

@@ -1,7 +1,11 @@
-"""Approximate convex decompositions of the rock, for comparison with the exact partition."""
+"""Approximate convex decompositions of the rock, for comparison with the exact partition.
+
+A new method is a function here and a line of `DECOMPOSERS`; its parameters have the names of its section in `conf/`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import coacd
@@ -55,3 +59,6 @@ def coacd_decomposer(height_m: float, threshold: float, seed: int) -> Decomposer
         return [np.asarray(vertices, dtype=np.float64) for vertices, _ in parts]
 
     return decompose
+
+
+DECOMPOSERS: dict[str, Callable[..., Decomposer]] = {"coacd": coacd_decomposer, "vhacd": vhacd_decomposer}

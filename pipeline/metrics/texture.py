@@ -38,6 +38,14 @@ class TextureAxes:
 
 
 AXES = tuple(field.name for field in fields(TextureAxes))
+AXIS_TITLES = {
+    "wall_jaggedness_deg": "wall jaggedness",
+    "bump_rq_m": "bump Rq",
+    "roughness_integral_m2": "roughness integral",
+    "dominant_wavelength_m": "dominant wavelength",
+    "roof_irregularity_m": "roof irregularity",
+    "wall_heterogeneity_m": "wall heterogeneity",
+}
 
 
 @dataclass(frozen=True)
@@ -221,3 +229,25 @@ def _slabs(walls: np.ndarray) -> list[np.ndarray]:
     order = np.argsort(level, kind="stable")
     _, start = np.unique(level[order], return_index=True)
     return [walls[part, :2] for part in np.split(order, start[1:]) if len(part) >= _SLAB_POINTS]
+
+
+def measure_axes(walls: np.ndarray, sweep: list[Residuals], roof: np.ndarray, wavelength_m: float) -> TextureAxes:
+    """Return the six axes of a surface.
+
+    Parameters
+    ----------
+    walls, roof : (n, 3) m
+        Points of the walls and of the roof.
+    sweep : list of Residuals
+        Of the walls, over voxel sizes.
+    wavelength_m : float
+        The dominant wavelength, in either reading.
+    """
+    return TextureAxes(
+        wall_jaggedness_deg(walls),
+        bump_rq_m(walls),
+        roughness_integral_m2(sweep),
+        wavelength_m,
+        roof_irregularity_m(roof),
+        wall_heterogeneity_m(walls),
+    )

@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import GeomGroup
+from minexplore.render import light_nearest
 from pipeline.errors import ArtifactError
 from pipeline.types import Frame, Image, Mask
 
-_OPENGL_LIGHTS = 7  # OpenGL has eight; the headlight takes one
 _CAMERA_HEIGHT_M = 50.0
 
 
@@ -78,11 +78,11 @@ def _render(
     spots: bool,
 ) -> Image:
     width, height = size_px
-    distance = np.linalg.norm(data.light_xpos - eye_m, axis=1)
     active = model.light_active.copy()
-    model.light_active[:] = 0
     if spots:
-        model.light_active[np.argsort(distance, kind="stable")[:_OPENGL_LIGHTS]] = 1
+        light_nearest(model, data, eye_m)
+    else:
+        model.light_active[:] = 0
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
     try:
         with _Renderer(model, height, width) as renderer:

@@ -19,17 +19,13 @@ from pipeline.metrics.sampling import faces_near, sample_triangles, with_noise
 from pipeline.metrics.texture import (
     Scores,
     TextureAxes,
-    bump_rq_m,
+    measure_axes,
     published_score,
     published_wavelength_m,
-    roof_irregularity_m,
     roof_unevenness_m,
     rotate_about_z,
-    roughness_integral_m2,
     strict_score,
     sweep_walls,
-    wall_heterogeneity_m,
-    wall_jaggedness_deg,
     wall_wavelength_m,
 )
 from pipeline.mjcf.bundle import smooth_triangles, visible_triangles
@@ -130,13 +126,13 @@ def _measure(
     along_m = wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free)
     wall, roof, noisy_wall, noisy_roof = map(rotate_about_z, (wall, roof, noisy_wall, noisy_roof))
     sweep = sweep_walls(wall)
-    as_paper = _axes(
+    as_paper = measure_axes(
         noisy_wall,
         sweep_walls(noisy_wall),
         noisy_roof,
         published_wavelength_m(_between(everywhere, params.wall_z_m)),
     )
-    return _Measured(as_paper, _axes(wall, sweep, roof, along_m), sweep, everywhere, wall, roof)
+    return _Measured(as_paper, measure_axes(wall, sweep, roof, along_m), sweep, everywhere, wall, roof)
 
 
 def texture_metrics(report: TextureReport) -> dict[str, Any]:
@@ -177,17 +173,6 @@ def report_walls(model: mujoco.MjModel, free: Polygon, network: DriftNetwork, he
     band = walls[(z.max(axis=1) > height_m - _BAND_M) & (z.min(axis=1) < height_m + _BAND_M)]
     points, _ = sample_triangles(_split_long(band), _WALL_POINTS, np.random.default_rng(seed))
     return measure_walls(_between(points, (height_m - _BAND_M, height_m + _BAND_M))[:, :2], free, network)
-
-
-def _axes(walls: np.ndarray, sweep: list[Residuals], roof: np.ndarray, wavelength_m: float) -> TextureAxes:
-    return TextureAxes(
-        wall_jaggedness_deg(walls),
-        bump_rq_m(walls),
-        roughness_integral_m2(sweep),
-        wavelength_m,
-        roof_irregularity_m(roof),
-        wall_heterogeneity_m(walls),
-    )
 
 
 def _stretch_centres(network: DriftNetwork, count: int) -> np.ndarray:

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
 from pipeline.metrics.published import PAPER
-from pipeline.metrics.texture import WINDOWS_M, is_uninformative
+from pipeline.metrics.texture import AXIS_TITLES, WINDOWS_M, is_uninformative
 from pipeline.params.validation import Limit, ValidationParams
 from pipeline.store.files import write_atomically
 from pipeline.store.manifest import read_manifest
@@ -49,14 +49,6 @@ def _row(title: str, metric: str, form: str, headline: bool = False) -> Row:
     return Row(title, (metric,), form, headline)
 
 
-AXIS_TITLES = {
-    "wall_jaggedness_deg": "wall jaggedness",
-    "bump_rq_m": "bump Rq",
-    "roughness_integral_m2": "roughness scale integral",
-    "dominant_wavelength_m": "dominant wavelength",
-    "roof_irregularity_m": "roof irregularity",
-    "wall_heterogeneity_m": "wall heterogeneity",
-}
 ROWS = [
     _row("IoU, free space, rendered, vs cleaned plan", "iou.free_space_vs_cleaned", ".4f", headline=True),
     _row("IoU, free space, vs raw binarized plan", "iou.free_space_vs_raw", ".4f"),

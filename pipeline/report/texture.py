@@ -5,20 +5,15 @@ from __future__ import annotations
 import numpy as np
 from shapely import Polygon
 
-from pipeline.metrics.published import PAPER_SCORES, REAL, REAL_SWEEP
-from pipeline.metrics.texture import AXES, is_uninformative
+from pipeline.metrics.published import PAPER, PAPER_SCORES, REAL, REAL_SWEEP
+from pipeline.metrics.texture import AXES, AXIS_TITLES, is_uninformative
 from pipeline.proof.surface import TextureReport
 from pipeline.report.style import GREY, OCHRE, ROCK, STEEL, new_figure, to_image
 from pipeline.types import Image
 
-_SHORT = {
-    "wall_jaggedness_deg": "wall\njaggedness",
-    "bump_rq_m": "bump Rq",
-    "roughness_integral_m2": "roughness\nintegral",
-    "dominant_wavelength_m": "dominant\nwavelength",
-    "roof_irregularity_m": "roof\nirregularity",
-    "wall_heterogeneity_m": "wall\nheterogeneity",
-}
+
+def _on_two_lines(title: str) -> str:
+    return title.replace(" ", "\n") if len(title) > 10 else title
 
 
 def draw_texture(report: TextureReport) -> Image:
@@ -26,7 +21,7 @@ def draw_texture(report: TextureReport) -> Image:
     figure = new_figure(12, 4.4)
     scores, scale = figure.subplots(1, 2, width_ratios=[3, 2])
     at = np.arange(len(AXES) + 1)
-    paper = [*(getattr(PAPER_SCORES, a) for a in AXES), 0.7941]
+    paper = [*(getattr(PAPER_SCORES, a) for a in AXES), PAPER["texture.published.overall"]]
     for shift, values, colour, label in (
         (-0.27, paper, GREY, "the paper's model, published score"),
         (0.0, [*report.published.axes.values(), report.published.overall], OCHRE, "this world, published score"),
@@ -38,7 +33,7 @@ def draw_texture(report: TextureReport) -> Image:
     scores.plot(at[:-1], flat, "_", color="black", ms=34, mew=1.2, label="flat walls, published score")
     ratios = [getattr(report.strict_axes, a) / getattr(REAL, a) for a in AXES]
     names = [
-        f"{_SHORT[a]}\nx {r:.2f}" + "\nuninformative" * is_uninformative(f)
+        f"{_on_two_lines(AXIS_TITLES[a])}\nx {r:.2f}" + "\nuninformative" * is_uninformative(f)
         for a, r, f in zip(AXES, ratios, flat, strict=True)
     ]
     scores.set_xticks(at, [*names, "overall"], fontsize=7)
