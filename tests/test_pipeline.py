@@ -111,12 +111,13 @@ def test_dvc_repro_runs_all_stages_once_then_none_and_an_experiment_runs_the_cha
     assert "Running stage 'validation'" in (repro.folder.parent / "stdout").read_text()
     project = repro.copy(tmp_path / "mine")
     assert "Running stage" not in project.run("dvc", "repro", check=True).stdout  # copied files are hashed once
-    seconds = []
+    seconds: dict[str, list[float]] = {"root": [], "repro": []}
     for _ in range(3):
-        start = children_cpu_s()
-        assert "Running stage" not in project.run("dvc", "repro", check=True).stdout
-        seconds.append(children_cpu_s() - start)  # wall time would include other processes
-    assert min(seconds) < 3.0
+        for command, times in seconds.items():
+            start = children_cpu_s()
+            assert "Running stage" not in project.run("dvc", command, check=True).stdout
+            times.append(children_cpu_s() - start)  # wall time would include other processes
+    assert min(seconds["repro"]) < 5 * min(seconds["root"])  # `dvc root` does nothing but start: compared in one run
     project.run("git", "add", "-A", check=True)
     project.run("git", "-c", "user.name=t", "-c", "user.email=t@e.org", "commit", "-qm", "run", check=True)
     before = metrics_of(project)["iou"]["free_space_vs_cleaned"]

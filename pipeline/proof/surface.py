@@ -11,6 +11,7 @@ import numpy as np
 from shapely import Polygon
 
 from minexplore.bundle import ROOF, WALLS
+from pipeline.errors import ArtifactError
 from pipeline.metrics.clearance import WallGaps, measure_walls
 from pipeline.metrics.digits import repeatable
 from pipeline.metrics.planefit import Residuals, fit_voxel_planes
@@ -114,9 +115,11 @@ def _measure(
 ) -> _Measured:
     """Measure a surface, given as the triangles (n, 3, 3) of its walls and roof, m."""
     rng = np.random.default_rng(params.seed)
-    everywhere, _ = sample_triangles(walls, _count(walls, params.wall_points, params.points_per_m2), rng)
     places = _stretch_centres(network, params.stretches)
     near_walls, near_roof = (faces_near(_split_long(c), places, params.stretch_radius_m) for c in (walls, roof))
+    if not (len(near_walls) and len(near_roof)):
+        raise ArtifactError("mine.xml: no visible walls or no roof near the stations; texture needs both")
+    everywhere, _ = sample_triangles(walls, _count(walls, params.wall_points, params.points_per_m2), rng)
     wall, wall_normal = sample_triangles(near_walls, _count(near_walls, params.wall_points, params.points_per_m2), rng)
     roof, roof_normal = sample_triangles(near_roof, _count(near_roof, params.roof_points, params.points_per_m2), rng)
     noise = (params.noise_normal_m, params.noise_in_plane_m, rng)

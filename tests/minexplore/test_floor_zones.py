@@ -98,7 +98,7 @@ def test_a_world_says_which_zone_is_not_whole(bundle):
 
 def test_a_zone_without_a_floor_is_refused(bundle):
     def rename(record):
-        record["zones"][1]["name"] = "gravel"
+        record["zones"][1] |= {"name": "gravel", "command_scale": 0.9, "speed_noise_mps": 0.0}
 
     reseal(bundle, rename)
     with pytest.raises(BundleError, match=r"mine\.xml: no geom 'floor_gravel' of a floor zone"):

@@ -33,4 +33,4 @@ def test_a_world_that_another_chain_made_is_not_packed(repro: Project, tmp_path)
     project.stages("survey")
     project.run(sys.executable, "-m", "stages.realism", "realism.tilt_deg=3", check=True)
     message = message_of(build(project))
-    assert "made with other params than artifacts/params.yaml holds" in message
+    assert "made with other params than those in artifacts/params.yaml" in message

@@ -2,13 +2,14 @@
 
 import json
 
+import mujoco
 import numpy as np
 import pytest
 import shapely
 
-from minexplore.bundle import ROOF, GeomGroup, smooth_mesh, surface_geom
+from minexplore.bundle import ROOF, WALLS, GeomGroup, smooth_mesh, surface_geom
 from pipeline.compose import compose
-from pipeline.errors import GeometryError, InputError, ParamsError
+from pipeline.errors import ArtifactError, GeometryError, InputError, ParamsError
 from pipeline.metrics.profile import line_roughness
 from pipeline.mjcf.bundle import open_bundle, visible_triangles
 from pipeline.proof.surface import report_texture, report_walls, texture_metrics
@@ -107,6 +108,12 @@ def test_the_world_shows_the_rough_surface_hides_the_smooth_one_and_neither_coll
             assert model.geom_matid[geom] == model.material("rock").id
 
 
+def test_a_world_without_walls_to_see_is_refused(tee, config):
+    bare = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
+    with pytest.raises(ArtifactError, match=r"mine\.xml: no visible walls or no roof"):
+        report_texture(bare, tee.free_space.polygon, tee.network, config.validation.texture)
+
+
 def test_texture_and_walls_are_measured_on_the_meshes_that_the_model_names(opened, tee, config):
     params = config.validation.texture.model_copy(update={"points_per_m2": 1200.0})
     polygon, network = tee.free_space.polygon, tee.network
@@ -114,8 +121,11 @@ def test_texture_and_walls_are_measured_on_the_meshes_that_the_model_names(opene
     assert report.strict.overall > 0.6
     model = opened.model
     before = model.mesh_vert.copy()
+    chunks = [i for i in range(model.nmesh) if model.mesh(i).name.startswith((WALLS, ROOF))]
     try:
-        model.mesh_vert[:] *= 0.5  # only a measurement of the model can notice this
+        for chunk in chunks:  # only a measurement of the model can notice this
+            first = model.mesh_vertadr[chunk]
+            model.mesh_vert[first : first + model.mesh_vertnum[chunk]] *= 0.5
         shrunk = report_texture(model, polygon, network, params)
     finally:
         model.mesh_vert[:] = before
