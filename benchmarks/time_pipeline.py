@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -33,7 +34,9 @@ def main() -> int:
         timed: list[tuple[str, float, float | None]] = [
             ("whole pipeline, clean", _seconds(folder, "dvc", "repro"), 90.0)
         ]
-        timed += [("again, without changes", _seconds(folder, "dvc", "repro"), 3.0)]
+        again = [_times(folder, "dvc", "repro") for _ in range(3)]
+        timed += [("again, without changes", again[0][0], 3.0)]
+        timed += [("again, processor time, best of three", min(cpu for _, cpu in again), 3.0)]
         loads = read_metrics(Path(folder) / "artifacts" / "validation")
         limit = compose([]).validation.limits["world.load_s"].max
         timed += [("model load, the first in a process", loads["world.first_load_s"], None)]
@@ -55,13 +58,24 @@ def main() -> int:
 
 
 def _seconds(folder: str, *command: str) -> float:
+    return _times(folder, *command)[0]
+
+
+def _times(folder: str, *command: str) -> tuple[float, float]:
+    """Run a command in the project; return its wall time and its processor time, s."""
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
     subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
-    start = time.perf_counter()
+    start, before = time.perf_counter(), _children_cpu_s()
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     if done.returncode:
         sys.exit(f"{' '.join(command)}: {done.stderr}")
-    return time.perf_counter() - start
+    return time.perf_counter() - start, _children_cpu_s() - before
+
+
+def _children_cpu_s() -> float:
+    """Return the processor time, s, of all finished child processes."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 if __name__ == "__main__":
