@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+import pickle
 import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import hypothesis
 import pytest
 from filelock import FileLock
+from shapely import Polygon
 
 from pipeline.compose import compose
 from pipeline.params.config import Config
@@ -55,59 +58,84 @@ def config() -> Config:
         os.chdir(before)
 
 
+def build_once(factory: pytest.TempPathFactory, name: str, build: Callable[[Path], None]) -> Path:
+    """Return a folder that all test workers share; the first worker that asks builds it, the others wait."""
+    base = factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    folder, complete = shared / name, shared / f"{name}.complete"
+    with FileLock(shared / f"{name}.lock"):
+        if not complete.exists():
+            shutil.rmtree(folder, ignore_errors=True)  # of a worker whose build failed
+            build(folder)
+            complete.touch()
+    return folder
+
+
+def build_mine(factory: pytest.TempPathFactory, name: str, polygon: Polygon, config: Config) -> BuiltMine:
+    """Return a mine that one worker builds and writes for the others."""
+
+    def build(folder: Path) -> None:
+        mine = BuiltMine(polygon, config, folder / "world")
+        (folder / "mine.pickle").write_bytes(pickle.dumps(mine))
+
+    return pickle.loads((build_once(factory, name, build) / "mine.pickle").read_bytes())
+
+
 @pytest.fixture(scope="session")
 def tee(config: Config, tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
     """Return the T-junction as a world; tests must not change its folder."""
-    return BuiltMine(TEE, config, tmp_path_factory.mktemp("tee"))
+    return build_mine(tmp_path_factory, "tee", TEE, config)
 
 
 @pytest.fixture(scope="session")
 def ring(config: Config, tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
     """Return the ring drift as a world with a coarse surface; tests must not change its folder."""
     coarse = compose(["surface.rough.spacing_m=0.3", "surface.rough.roof_spacing_m=0.4"])
-    return BuiltMine(RING, coarse, tmp_path_factory.mktemp("ring"))
+    return build_mine(tmp_path_factory, "ring", RING, coarse)
+
+
+@pytest.fixture(scope="session")
+def unbuilt(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """Return a project with the tiny survey in which nothing has run; tests work on copies."""
+    return Project.at(build_once(tmp_path_factory, "unbuilt", lambda folder: Project(folder, tiny=True)))
 
 
 @pytest.fixture
-def project(tmp_path: Path) -> Project:
+def project(unbuilt: Project, tmp_path: Path) -> Project:
     """Return a new copy of the project with the tiny survey."""
-    return Project(tmp_path / "mine", tiny=True)
+    return unbuilt.copy(tmp_path / "mine")
 
 
 @pytest.fixture(scope="session")
-def traced_project(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """Return a copy whose first two stages have run; tests may only run stages in it that fail."""
-    project = Project(tmp_path_factory.mktemp("traced") / "mine", tiny=True)
-    project.stages("survey", "contours")
-    return project
-
-
-def shared_folder(factory: pytest.TempPathFactory) -> Path:
-    """Return a folder that all test workers share."""
-    return factory.getbasetemp().parent if "PYTEST_XDIST_WORKER" in os.environ else factory.getbasetemp()
+def traced(unbuilt: Project, tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """Return a project with the tiny survey whose first two stages have run; tests work on copies."""
+    return Project.at(
+        build_once(tmp_path_factory, "traced", lambda folder: unbuilt.copy(folder).stages("survey", "contours"))
+    )
 
 
 @pytest.fixture(scope="session")
-def repro(tmp_path_factory: pytest.TempPathFactory) -> Project:
+def traced_project(traced: Project, tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """Return this worker's copy of `traced`; tests may only run stages in it that fail."""
+    return traced.copy(tmp_path_factory.mktemp("traced") / "mine")
+
+
+@pytest.fixture(scope="session")
+def repro(unbuilt: Project, tmp_path_factory: pytest.TempPathFactory) -> Project:
     """Return a project with the tiny survey, built by `dvc repro`; tests work on copies."""
-    shared = shared_folder(tmp_path_factory)
-    with FileLock(shared / "repro.lock"):
-        folder = shared / "repro" / "mine"
-        if folder.is_dir():
-            return Project.at(folder)
-        project = Project(folder, tiny=True)
-        (folder.parent / "stdout").write_text(project.run("dvc", "repro", check=True).stdout)
-    return project
+
+    def build(folder: Path) -> None:
+        project = unbuilt.copy(folder / "mine")
+        (folder / "stdout").write_text(project.run("dvc", "repro", check=True).stdout)
+
+    return Project.at(build_once(tmp_path_factory, "repro", build) / "mine")
 
 
 @pytest.fixture(scope="session")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """Return a project with the embedded survey and all six stages built; tests work on copies."""
-    shared = shared_folder(tmp_path_factory)
-    with FileLock(shared / "built.lock"):
-        folder = shared / "built" / "mine"
-        if folder.is_dir():
-            return Project.at(folder)
+
+    def build(folder: Path) -> None:
         project = Project(folder, tiny=False)
         fresh = project.run(sys.executable, "-m", "dvc", "--cd", str(ROOT), "status", "--json")
         if fresh.returncode == 0 and fresh.stdout.strip() == "{}":  # `make all` has already built it
@@ -115,4 +143,5 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
             shutil.copytree(ROOT / "artifacts", folder / "artifacts", ignore=shutil.ignore_patterns("bench*"))
         else:
             project.stages(*STAGES)
-    return project
+
+    return Project.at(build_once(tmp_path_factory, "built", build))

@@ -56,7 +56,7 @@ def test_a_changed_input_is_refused_with_both_hashes(project):
 
 def test_a_survey_with_a_fault_names_file_line_and_value(project):
     project.use_stations(TINY_STATIONS.replace("A,a1,10,0,2.5,2.5", "A,a1,10,0,-2.5,2.5"))
-    project.run(sys.executable, "-m", "pipeline.compose", check=True)
+    project.module("pipeline.compose").check_returncode()
     assert "data/chilean_mine/tiny.csv:3: left_m = -2.5" in message_of(project.stage("survey"))
     assert not (project.folder / "artifacts/survey").exists()
 
@@ -65,11 +65,11 @@ def plan_project(project, picture, *overrides):
     """Make `picture` the plan of a project, run the survey stage and return its result."""
     path = project.folder / "data/plan.png"
     path.write_bytes(picture if isinstance(picture, bytes) else cv2.imencode(".png", picture)[1].tobytes())
-    project.run(sys.executable, "-m", "pipeline", "register", "data/plan.png", check=True)
+    project.module("pipeline", "register", "data/plan.png").check_returncode()
     base = ["survey=plan", "survey.image=data/plan.png", "survey.poses=null", "survey.scale.bar_image=null"]
     base += ["survey.origin_px=null", "survey.entrance_m=null"]
     (project.folder / "params.yaml").write_text(json.dumps({"overrides": " ".join([*base, *overrides])}))
-    done = project.run(sys.executable, "-m", "pipeline.compose")
+    done = project.module("pipeline.compose")
     return done if done.returncode else project.stage("survey")
 
 
@@ -224,7 +224,7 @@ def test_an_override_out_of_range_is_one_line(copied, override, message):
 @pytest.mark.parametrize("text", ["overrides: [a, b]\n", "overrides: 5\n", "other: 1\n", "overrides: 'a\n"])
 def test_a_params_file_without_a_valid_overrides_line_is_refused(copied, text):
     (copied.folder / "params.yaml").write_text(text)
-    assert "params.yaml" in message_of(copied.run(sys.executable, "-m", "pipeline.compose"))
+    assert "params.yaml" in message_of(copied.module("pipeline.compose"))
 
 
 @pytest.mark.parametrize(
@@ -259,7 +259,7 @@ def test_an_edited_manifest_breaks_the_chain(built, tmp_path, change, message):
     manifest = json.loads(path.read_text())
     change(manifest)
     path.write_text(json.dumps(manifest))
-    text = message_of(project.run(sys.executable, "-m", "pipeline", "verify"))
+    text = message_of(project.module("pipeline", "verify"))
     assert "compile3d/manifest.json" in text
     assert message in text
 
@@ -268,4 +268,4 @@ def test_an_edited_manifest_breaks_the_chain(built, tmp_path, change, message):
 def test_changed_metrics_are_named_for_any_content(built, tmp_path, data):
     project = built.copy(tmp_path / "copy")
     (project.folder / "artifacts/validation/metrics.json").write_bytes(data)
-    assert "validation/metrics.json" in message_of(project.run(sys.executable, "-m", "pipeline", "verify"))
+    assert "validation/metrics.json" in message_of(project.module("pipeline", "verify"))

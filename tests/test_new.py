@@ -84,7 +84,7 @@ def test_worlds_are_listed_shown_and_compared(owned):
 )
 def test_wrong_names_and_files_are_refused_and_leave_nothing(owned, arguments, message):
     project, _ = owned
-    assert message in message_of(pipeline(project, *arguments))
+    assert message in message_of(project.module("pipeline", *arguments))
     assert not (project.folder / "conf/survey/x.yaml").exists()
     assert not (project.folder / "data/mines/x").exists()
 

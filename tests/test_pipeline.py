@@ -72,7 +72,7 @@ def test_the_readmes_table_shows_what_is_measured(built):
 def test_two_clean_builds_give_identical_bytes(repro, tmp_path):
     again = Project(tmp_path / "again", tiny=True)
     again.stages(*STAGES)
-    again.run(sys.executable, "-m", "pipeline", "report", check=True)
+    again.module("pipeline", "report").check_returncode()
     one, two = (build.hashes() for build in (repro, again))
     assert set(one) == set(two)
     differing = [name for name in one if one[name] != two[name]]
@@ -86,7 +86,7 @@ def test_verify_accepts_an_intact_chain_and_names_the_first_broken_link(built, t
     folder = project.folder
 
     def verify():
-        return project.run(sys.executable, "-m", "pipeline", "verify")
+        return project.module("pipeline", "verify")
 
     assert verify().returncode == 0
     mine = folder / "artifacts/realism/world/mine.xml"
@@ -107,7 +107,7 @@ def test_a_manifest_made_from_another_input_breaks_the_chain(traced_project, tmp
     project.stage("survey", "survey.drawing_grey=60").check_returncode()
     text = (folder / "artifacts/params.yaml").read_text().replace("drawing_grey: 40", "drawing_grey: 60")
     (folder / "artifacts/params.yaml").write_text(text)
-    done = project.run(sys.executable, "-m", "pipeline", "verify")
+    done = project.module("pipeline", "verify")
     assert "artifacts/survey/plan.png" in message_of(done)
     assert "the inputs of contours" in done.stderr
 

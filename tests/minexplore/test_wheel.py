@@ -21,7 +21,7 @@ def test_the_wheel_holds_the_default_world(repro: Project, tmp_path):
 def test_a_world_made_with_overrides_is_not_packed(repro: Project, tmp_path):
     project = repro.copy(tmp_path / "mine")
     (project.folder / "params.yaml").write_text('overrides: "realism.tilt_deg=3"\n')
-    project.run(sys.executable, "-m", "pipeline.compose", check=True)
+    project.module("pipeline.compose").check_returncode()
     message = message_of(build(project))
     assert "realism.tilt_deg = 3.0, the default world has 5.0" in message
     assert len(message.splitlines()) == 1
@@ -31,6 +31,6 @@ def test_a_world_made_with_overrides_is_not_packed(repro: Project, tmp_path):
 def test_a_world_that_another_chain_made_is_not_packed(repro: Project, tmp_path):
     project = repro.copy(tmp_path / "mine")
     project.stages("survey")
-    project.run(sys.executable, "-m", "stages.realism", "realism.tilt_deg=3", check=True)
+    project.stage("realism", "realism.tilt_deg=3").check_returncode()
     message = message_of(build(project))
     assert "made with other params than those in artifacts/params.yaml" in message

@@ -173,7 +173,7 @@ def test_a_bad_sweep_measurement_is_refused_and_named(traced_project: Project, t
     path = project.folder / "data" / "chilean_mine" / "bad.json"
     path.write_text(json.dumps({"line": True}))
     project.stage("compile3d").check_returncode()
-    project.run("python", "-m", "pipeline", "register", "data/chilean_mine/bad.json", check=True)
+    project.module("pipeline", "register", "data/chilean_mine/bad.json").check_returncode()
     message = message_of(project.stage("surface", "surface.sweeps.measured=data/chilean_mine/bad.json"))
     assert "data/chilean_mine/bad.json: not the roughness of sweeps" in message
 

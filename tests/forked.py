@@ -1,0 +1,43 @@
+"""Modules run as `python -m` runs them, in processes forked from one that has imported the pipeline already."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from stages.__main__ import STAGES
+
+_PRELOADED = [*(f"stages.{name}" for name in STAGES), "pipeline.compose", "pipeline.__main__", "open3d"]
+_context = multiprocessing.get_context("forkserver")
+_context.set_forkserver_preload(_PRELOADED)
+
+
+def run_forked(module: str, arguments: tuple[str, ...], folder: Path) -> subprocess.CompletedProcess:
+    """Run a module with its arguments in `folder`; return its exit code, output and messages.
+
+    The code comes from this checkout, not from `folder`, and libraries have read their environment variables before.
+    """
+    with TemporaryDirectory() as streams:
+        out, err = Path(streams) / "out", Path(streams) / "err"
+        process = _context.Process(target=_run, args=(module, arguments, str(folder), str(out), str(err)))
+        process.start()
+        process.join()
+        return subprocess.CompletedProcess(
+            [sys.executable, "-m", module, *arguments], process.exitcode, out.read_text(), err.read_text()
+        )
+
+
+def _run(module: str, arguments: tuple[str, ...], folder: str, out: str, err: str) -> None:
+    for descriptor, path in ((1, out), (2, err)):
+        os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), descriptor)
+    os.chdir(folder)
+    sys.path.insert(0, folder)
+    sys.argv = [module, *arguments]
+    main = f"{module}.__main__" if hasattr(sys.modules.get(module), "__path__") else module
+    sys.modules.pop(main, None)  # or runpy warns that it was imported before
+    runpy.run_module(module, run_name="__main__", alter_sys=True)
