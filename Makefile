@@ -25,7 +25,7 @@ all: setup  ## run the whole pipeline (dvc repro)
 	@dvc repro
 
 test: setup  ## run the tests, without the slow ones
-	@$(PY) -m pytest -n 2 -m "not slow" tests
+	@$(PY) -m pytest -n 2 --dist worksteal -m "not slow" tests
 
 check: setup  ## lint, types, import contracts, dvc.yaml up to date
 	@ruff check . && ruff format --check . && mypy && lint-imports && $(PY) -m stages | cmp - dvc.yaml
