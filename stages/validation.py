@@ -27,7 +27,7 @@ from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle
 from pipeline.types import Image, Mask, Survey
 
-_SLOW_MEASURES = ("texture", "containment", "columns", "walls", "consistency")
+_SLOW_MEASURES = ("texture", "containment", "columns", "relief", "walls", "consistency")
 
 
 def validate_world(params: ValidationParams, world: Path, cleaned: Mask, raw: Mask, survey: Survey) -> dict[str, Any]:

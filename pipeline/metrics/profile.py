@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from scipy.signal import lombscargle
 from scipy.signal.windows import hann
+from shapely import LinearRing
 
 from pipeline.geometry.polyline import arc_length
 from pipeline.metrics.digits import repeatable
@@ -161,3 +163,37 @@ def line_roughness(runs: list[np.ndarray], window_m: float, min_points: int = 6)
         least = (xx + yy) / 2 - np.hypot((xx - yy) / 2, xy)  # the smaller eigenvalue of the scatter
         residuals.append(np.sqrt(np.maximum(least, 0.0) / np.maximum(count, 1))[count >= min_points])
     return np.concatenate(residuals)
+
+
+def project_on_rings(rings: list[LinearRing], places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return for each place (n, 2): its nearest ring, the arc length on it, and the distance from it, (n,) each."""
+    starts, ends, ring, before = [], [], [], []
+    for k, line in enumerate(rings):
+        xy = np.asarray(line.coords)[:, :2]
+        size = np.linalg.norm(np.diff(xy, axis=0), axis=1)
+        starts.append(xy[:-1])
+        ends.append(xy[1:])
+        ring.append(np.full(len(size), k))
+        before.append(np.concatenate([[0.0], np.cumsum(size)[:-1]]))
+    a, b, number, passed = (np.concatenate(v) for v in (starts, ends, ring, before))
+    tree = shapely.STRtree(shapely.linestrings(np.stack([a, b], axis=1)))
+    (point, piece), distance = tree.query_nearest(shapely.points(places), return_distance=True, all_matches=False)
+    nearest = np.empty(len(places), dtype=int)
+    nearest[point] = piece
+    step = b[nearest] - a[nearest]
+    share = ((places - a[nearest]) * step).sum(axis=1) / np.maximum((step**2).sum(axis=1), 1e-30)
+    from_ring = np.empty(len(places))
+    from_ring[point] = distance
+    return number[nearest], passed[nearest] + np.clip(share, 0, 1) * np.linalg.norm(step, axis=1), from_ring
+
+
+def arc_windows(along: np.ndarray, offset: np.ndarray, step_m: float, window_m: float) -> list[np.ndarray]:
+    """Return the offsets at even steps in windows of the arc; no window contains a gap wider than four steps."""
+    order = np.argsort(along, kind="stable")
+    along, offset = along[order], offset[order]
+    gaps = np.flatnonzero(np.diff(along) > 4 * step_m) + 1
+    windows = []
+    for s, v in zip(np.split(along, gaps), np.split(offset, gaps), strict=True):
+        for start in np.arange(s[0], s[-1] - window_m + 1e-9, window_m / 2) if len(s) else ():
+            windows.append(np.interp(start + np.arange(round(window_m / step_m)) * step_m, s, v))
+    return windows

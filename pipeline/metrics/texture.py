@@ -9,9 +9,10 @@ import numpy as np
 import shapely
 from scipy.signal import detrend
 from scipy.signal.windows import hann
-from shapely import LinearRing, Polygon
+from shapely import Polygon
 
 from pipeline.metrics.planefit import Residuals, fit_voxel_planes, normal_scatter_deg, sweep_residuals
+from pipeline.metrics.profile import arc_windows, project_on_rings
 
 WINDOWS_M = (0.10, 0.15, 0.20, 0.30, 0.50, 1.00, 2.00)
 _MIN_POINTS = 30
@@ -179,49 +180,15 @@ def wall_wavelength_m(walls: np.ndarray, free: Polygon) -> float:
     lengths = np.geomspace(*_BAND_M, 400)
     total = np.zeros(len(lengths))
     level = np.floor(walls[:, 2] / _SLAB_M).astype(int)
-    nearest, along, offset = _project_on_rings([free.exterior, *free.interiors], walls[:, :2])
+    nearest, along, offset = project_on_rings([free.exterior, *free.interiors], walls[:, :2])
     offset = np.where(shapely.contains_xy(free, walls[:, 0], walls[:, 1]), offset, -offset)
     for k in np.unique(nearest):
         for value in np.unique(level[nearest == k]):
             slab = (nearest == k) & (level == value)
-            for part in _arc_windows(along[slab], offset[slab]):
+            for part in arc_windows(along[slab], offset[slab], _ARC_STEP_M, _ARC_WINDOW_M):
                 spectrum = np.abs(np.fft.rfft(detrend(part) * hann(len(part)), 4 * len(part)))
                 total += np.interp(1 / lengths, np.fft.rfftfreq(4 * len(part), _ARC_STEP_M), spectrum)
     return float(lengths[total.argmax()]) if total.any() else 0.0
-
-
-def _project_on_rings(rings: list[LinearRing], places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return for each place (n, 2): its nearest ring, the arc length on it, and the distance from it, (n,) each."""
-    starts, ends, ring, before = [], [], [], []
-    for k, line in enumerate(rings):
-        xy = np.asarray(line.coords)[:, :2]
-        size = np.linalg.norm(np.diff(xy, axis=0), axis=1)
-        starts.append(xy[:-1])
-        ends.append(xy[1:])
-        ring.append(np.full(len(size), k))
-        before.append(np.concatenate([[0.0], np.cumsum(size)[:-1]]))
-    a, b, number, passed = (np.concatenate(v) for v in (starts, ends, ring, before))
-    tree = shapely.STRtree(shapely.linestrings(np.stack([a, b], axis=1)))
-    (point, piece), distance = tree.query_nearest(shapely.points(places), return_distance=True, all_matches=False)
-    nearest = np.empty(len(places), dtype=int)
-    nearest[point] = piece
-    step = b[nearest] - a[nearest]
-    share = ((places - a[nearest]) * step).sum(axis=1) / np.maximum((step**2).sum(axis=1), 1e-30)
-    from_ring = np.empty(len(places))
-    from_ring[point] = distance
-    return number[nearest], passed[nearest] + np.clip(share, 0, 1) * np.linalg.norm(step, axis=1), from_ring
-
-
-def _arc_windows(along: np.ndarray, offset: np.ndarray) -> list[np.ndarray]:
-    """Return the offsets at even steps in windows of the arc; no window contains a gap wider than four steps."""
-    order = np.argsort(along, kind="stable")
-    along, offset = along[order], offset[order]
-    gaps = np.flatnonzero(np.diff(along) > 4 * _ARC_STEP_M) + 1
-    windows = []
-    for s, v in zip(np.split(along, gaps), np.split(offset, gaps), strict=True):
-        for start in np.arange(s[0], s[-1] - _ARC_WINDOW_M + 1e-9, _ARC_WINDOW_M / 2) if len(s) else ():
-            windows.append(np.interp(start + np.arange(round(_ARC_WINDOW_M / _ARC_STEP_M)) * _ARC_STEP_M, s, v))
-    return windows
 
 
 def _slabs(walls: np.ndarray) -> list[np.ndarray]:

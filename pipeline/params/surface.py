@@ -76,6 +76,52 @@ class SpectrumParams(Params):
         return self
 
 
+class JointSetParams(Params):
+    """A set of parallel joints."""
+
+    dip_direction_deg: float = Field(ge=0, lt=360, description="clockwise from north")
+    dip_deg: float = Field(ge=0, le=90, description="below the horizontal")
+    spacing_m: float = Field(ge=0.05, le=20)
+
+
+class FacesParams(Params):
+    """The faces that blocks leave in a wall; see `pipeline.surface.joints.Faces`."""
+
+    step_m: float = Field(ge=0, le=0.5)
+    stepped: float = Field(gt=0, le=1)
+    slope: float = Field(ge=0, le=1)
+    follow_deg: float = Field(ge=0, le=45)
+
+
+class UndulationParams(Params):
+    """Self-affine relief; see `pipeline.surface.joints.Undulation`."""
+
+    rms_m: float = Field(ge=0, le=0.5)
+    hurst: float = Field(ge=0, le=1)
+    shortest_m: float = Field(gt=0.1, le=20)
+    longest_m: float = Field(gt=0.1, le=20)
+
+    @model_validator(mode="after")
+    def _shortest_first(self) -> UndulationParams:
+        if self.shortest_m > self.longest_m:
+            raise ValueError("shortest_m must not exceed longest_m")
+        return self
+
+
+class RockParams(Params):
+    """Jointed rock; see `pipeline.surface.joints.JointedRock`."""
+
+    sets: list[JointSetParams] = Field(min_length=2, max_length=4, description="in the order of persistence")
+    jitter: float = Field(ge=0, le=0.99)
+    waviness_m: float = Field(ge=0, le=0.5)
+    block: FacesParams
+    overbreak: FacesParams
+    overbreak_size: float = Field(gt=1, le=20)
+    undulation: UndulationParams
+    patch_m: float = Field(gt=0.5, le=100)
+    patchiness: float = Field(ge=0, le=1.5)
+
+
 class BoundsParams(Params):
     """Bounds on the displacement of the rock; see `pipeline.surface.displacement.Bounds`."""
 
@@ -106,7 +152,11 @@ class RoughParams(Params):
     modulation_m: float = Field(gt=0)
     modulation_spread: float = Field(ge=0, le=1)
     tile_m: float = Field(ge=2)
+    kept_share: float | None = Field(
+        None, gt=0.02, lt=1, description="share of the lattice's faces that the mesh keeps; null: all"
+    )
     normals: bool = Field(False, description="write normals: chunks meet without a seam, a vertex costs 12 bytes more")
+    crease_deg: float = Field(180, gt=0, le=180, description="faces that meet at a sharper angle share no normal")
     seed: int = Field(ge=0)
     bounds: BoundsParams
 
@@ -118,6 +168,7 @@ class SurfaceParams(Params):
     roof_chamfer_m: float = Field(gt=0)
     texture: TextureParams
     reference: Literal["published", "sweeps", "cloud"]
+    rock: RockParams | None = Field(None, description="jointed rock; null: noise with the spectrum of the reference")
     published: SpectrumParams
     sweeps: SweepsParams
     cloud: CloudParams

@@ -16,6 +16,7 @@ from pipeline.metrics.clearance import WallGaps, measure_walls
 from pipeline.metrics.digits import repeatable
 from pipeline.metrics.planefit import Residuals, fit_voxel_planes
 from pipeline.metrics.published import REAL, REAL_SWEEP
+from pipeline.metrics.relief import Relief, measure_relief
 from pipeline.metrics.sampling import faces_near, sample_triangles, with_noise
 from pipeline.metrics.texture import (
     Scores,
@@ -37,6 +38,7 @@ _HEAT_M, _HEAT_POINTS = 0.5, 12
 _BAND_M = 0.05  # half height of the band of wall around the robot's height
 _WALL_POINTS = 400_000
 _MOST_FACES = 2_000_000
+_FLAT_RADIUS_M = 4.0
 
 
 @dataclass(frozen=True)
@@ -176,6 +178,14 @@ def report_walls(model: mujoco.MjModel, free: Polygon, network: DriftNetwork, he
     band = walls[(z.max(axis=1) > height_m - _BAND_M) & (z.min(axis=1) < height_m + _BAND_M)]
     points, _ = sample_triangles(_split_long(band), _WALL_POINTS, np.random.default_rng(seed))
     return measure_walls(_between(points, (height_m - _BAND_M, height_m + _BAND_M))[:, :2], free, network)
+
+
+def report_relief(model: mujoco.MjModel, free: Polygon, network: DriftNetwork, stretches: int) -> Relief:
+    """Measure the shape of the visible walls; flat faces in walls and roof of the texture's stretches."""
+    walls, roof = (visible_triangles(model, piece) for piece in (WALLS, ROOF))
+    places = _stretch_centres(network, stretches)
+    sample = np.concatenate([faces_near(piece, places, _FLAT_RADIUS_M) for piece in (walls, roof)])
+    return measure_relief(walls, sample, free)
 
 
 def _stretch_centres(network: DriftNetwork, count: int) -> np.ndarray:

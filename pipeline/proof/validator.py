@@ -14,13 +14,14 @@ from minexplore.bundle import FREE_SPACE, TOPOLOGY, GeomGroup
 from pipeline.metrics.clearance import WallGaps
 from pipeline.metrics.iou import intersection_over_union
 from pipeline.metrics.navigability import Navigability, cast_columns
+from pipeline.metrics.relief import Relief
 from pipeline.metrics.topology import compare_topology
 from pipeline.mjcf.bundle import World, open_bundle, part_vertices
 from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.consistency import measure_consistency
-from pipeline.proof.surface import TextureReport, report_texture, report_walls, texture_metrics
+from pipeline.proof.surface import TextureReport, report_relief, report_texture, report_walls, texture_metrics
 from pipeline.store.codecs import decode
 from pipeline.types import DriftNetwork, FreeSpace, Mask, Survey
 
@@ -67,6 +68,11 @@ class Validator:
     def texture(self) -> TextureReport:
         """Return the texture report."""
         return report_texture(self.world.model, self.free_space.polygon, self.network, self.params.texture)
+
+    @functools.cached_property
+    def relief(self) -> Relief:
+        """Return the shape of the visible walls."""
+        return report_relief(self.world.model, self.free_space.polygon, self.network, self.params.texture.stretches)
 
     @functools.cached_property
     def containment(self) -> dict[str, Any]:
@@ -127,6 +133,10 @@ def _texture(validator: Validator) -> dict[str, Any]:
     return texture_metrics(validator.texture)
 
 
+def _relief(validator: Validator) -> dict[str, Any]:
+    return dataclasses.asdict(validator.relief)
+
+
 def _walls(validator: Validator) -> dict[str, Any]:
     return vars(validator.walls)
 
@@ -157,6 +167,7 @@ MEASURES: dict[str, Callable[[Validator], dict[str, Any]]] = {  # group of metri
     "collision": _collision,
     "certificate": _certificate,
     "texture": _texture,
+    "relief": _relief,
     "walls": _walls,
     "scale": _scale,
     "world": _world,

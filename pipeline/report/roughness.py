@@ -94,7 +94,7 @@ def draw_sections(rough: RoughSurface, base: dict[str, Mesh], height_m: float) -
     order = np.argsort(walls.passage_m, kind="stable")
     figure = new_figure(11, 5.2)
     rows = figure.subplots(2, 3, sharex=True, sharey=True)
-    rock = trimesh.Trimesh(rough.vertices, rough.lattice.faces, process=False)
+    rock = trimesh.Trimesh(rough.mesh.vertices, rough.mesh.faces, process=False)
     for k, share in enumerate((0.15, 0.5, 0.9)):
         column = order[int(share * (len(order) - 1))]
         place, across = walls.xy[column], walls.inward[column]

@@ -60,11 +60,11 @@ def _shortest(bands: Bands) -> float:
 
 def measure_built(rough: RoughSurface, params: RoughParams) -> dict[str, SurfaceRoughness]:
     """Measure the faces of the rough surface: walls and roof as point clouds, a section of the walls as a sweep."""
-    lattice, rng = rough.lattice, np.random.default_rng(params.seed)
+    lattice, mesh, rng = rough.lattice, rough.mesh, np.random.default_rng(params.seed)
     places = lattice.walls.xy[np.linspace(0, len(lattice.walls.xy) - 1, _STRETCHES, dtype=int)]
     built = {}
     for piece, name, spacing in ((WALL, "wall", params.spacing_m), (ROOF, "roof", params.roof_spacing_m)):
-        triangles = faces_near(rough.vertices[lattice.faces[lattice.piece == piece]], places, _STRETCH_M)
+        triangles = faces_near(mesh.vertices[mesh.faces[mesh.piece == piece]], places, _STRETCH_M)
         points, _ = sample_triangles(triangles, _POINTS, rng)
         built[name] = roughness_of_cloud(points, _BUILT_WINDOW_M, 2 * spacing, f"the rough surface's {name}")
     rings = wall_section(rough)

@@ -90,6 +90,14 @@ def find_crossings(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         return np.concatenate([np.zeros((0, 3)), *places])
 
 
+def find_shared_edges(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the middles (k, 3) m of edges that more than two faces share."""
+    ends = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64), axis=1)
+    key = np.sort((ends[:, 0] << 32) | ends[:, 1])
+    shared = np.unique(key[2:][(key[2:] == key[1:-1]) & (key[1:-1] == key[:-2])])
+    return (vertices[shared >> 32] + vertices[shared & 0xFFFFFFFF]) / 2
+
+
 def _edge_crossings(edges: np.ndarray, scene: Any, origin: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> Any:
     """Return the places (k, 3) m where edges (n, 2) cross faces."""
     done = np.full(len(edges), _END_SHARE)

@@ -3,13 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.surface.lattice import Lattice
 from pipeline.surface.spectrum import Bands, band_edges
 
 _WAVES = 96  # in each band, enough that the noise does not visibly repeat along a drift
 _BLOCK = 8192
+
+
+@dataclass(frozen=True)
+class Modulation:
+    """A slow variation of roughness along the workings: its wavelength, m, and the s.d. of its logarithm."""
+
+    wavelength_m: float
+    spread: float
+
+
+def relief_of_noise(
+    lattice: Lattice, wall: Bands, roof: Bands, modulation: Modulation, rng: np.random.Generator
+) -> np.ndarray:
+    """Return the displacement (n,) m of the lattice by noise with the spectra of walls and roof."""
+    share = lattice.roof_share
+    wanted = solid_noise(lattice.vertices, [wall, roof], [1 - share, share], rng)
+    return wanted * slow_modulation(lattice.vertices, modulation.wavelength_m, modulation.spread, rng)
 
 
 def solid_noise(

@@ -1,4 +1,4 @@
-"""The rough surface: the lattice displaced by solid noise, checked, repaired and cut into chunks."""
+"""The rough surface: the displaced lattice, simplified, checked, repaired and cut into chunks."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ from pipeline.errors import GeometryError
 from pipeline.geometry.partition import triangulate
 from pipeline.surface.displacement import Bounds, bound_displacement, damp_near, displaced
 from pipeline.surface.lattice import ROOF, WALL, Lattice
-from pipeline.surface.mesh_checks import find_crossings
-from pipeline.surface.noise import slow_modulation, solid_noise
+from pipeline.surface.mesh_checks import find_crossings, find_shared_edges
 from pipeline.surface.normals import ShadedMesh, shade_mesh
-from pipeline.surface.spectrum import Bands
+from pipeline.surface.simplify import Mesher, Simplification, SurfaceMesh
 from pipeline.surface.walls import outline_of
 from pipeline.types import Mesh
 
@@ -26,19 +25,11 @@ _MEND_FACTOR = 0.5
 
 
 @dataclass(frozen=True)
-class Modulation:
-    """A slow variation of roughness along the workings: its wavelength, m, and the s.d. of its logarithm."""
-
-    wavelength_m: float
-    spread: float
-
-
-@dataclass(frozen=True)
 class RoughSurface:
-    """The displaced lattice, m.
+    """The displaced lattice and the mesh that is made of it, m.
 
-    `vertices` (n, 3); displacements (n,) `wanted_m` before and `given_m` after bounds and repairs; `mended` (k, 3), the
-    repaired places.
+    `vertices` (n, 3) are the lattice's points after displacement; displacements (n,) are `wanted_m` before and
+    `given_m` after bounds and repairs; `mended` (k, 3), the repaired places. `mesh` is what is built.
     """
 
     lattice: Lattice
@@ -46,39 +37,47 @@ class RoughSurface:
     wanted_m: np.ndarray
     given_m: np.ndarray
     mended: np.ndarray
+    mesh: SurfaceMesh
 
 
 def displace_lattice(
-    lattice: Lattice, wall: Bands, roof: Bands, modulation: Modulation, bounds: Bounds, rng: np.random.Generator
+    lattice: Lattice, wanted_m: np.ndarray, bounds: Bounds, simplification: Simplification | None = None
 ) -> RoughSurface:
-    """Displace the lattice by noise with the spectra of walls and roof, and repair self-intersections.
+    """Displace the lattice, simplify its mesh, and repair self-intersections.
 
-    Where an edge crosses a face, a face turns over, or the line of the walls on the floor crosses itself, the
-    displacement around the place is halved, several times if needed. The result holds the places.
+    Where an edge crosses a face, a face turns over, more than two faces share an edge, or the line of the walls on the
+    floor crosses itself, the displacement around the place is halved, several times if needed. The result holds the
+    places.
+
+    Parameters
+    ----------
+    lattice : Lattice
+    wanted_m : (n,) m
+        Displacement of each point along the lattice's direction, before bounds.
+    bounds : Bounds
+    simplification : Simplification, optional
+        Without it, the mesh has every point of the lattice.
 
     Raises
     ------
     GeometryError
-        If the surface intersects itself after eight rounds of repairs.
+        If the surface intersects itself after all rounds of repairs.
     """
-    share = lattice.roof_share
-    wanted = solid_noise(lattice.vertices, [wall, roof], [1 - share, share], rng)
-    wanted *= slow_modulation(lattice.vertices, modulation.wavelength_m, modulation.spread, rng)
-    given = bound_displacement(wanted, lattice, bounds)
-    mended = np.zeros((0, 3))
-    faces = lattice.faces
+    given = bound_displacement(wanted_m, lattice, bounds)
+    mesher, mended, moved = Mesher(lattice, simplification), np.zeros((0, 3)), np.ones(len(given), bool)
     for _ in range(_MEND_ROUNDS):
         vertices = displaced(lattice, given)
-        wrong = np.concatenate(
-            [find_crossings(vertices, faces), _folds(vertices, faces, lattice.vertices), _knots(vertices, lattice)]
-        )
+        mesh, changed = mesher.mesh(vertices, moved)
+        wrong = _defects(mesh, changed, vertices, moved, lattice, simplification is not None)
+        if not len(wrong) and simplification and not changed.all():  # tiles meet elsewhere, too
+            wrong = find_crossings(mesh.vertices, mesh.faces)
         if not len(wrong):
-            return RoughSurface(lattice, vertices, wanted, given, mended)
+            return RoughSurface(lattice, vertices, wanted_m, given, mended, mesh)
         mended = np.concatenate([mended, wrong])
         given = damp_near(wrong, vertices, given, _MEND_RADIUS_M, _MEND_FACTOR)
-        # Only faces near the repairs have moved, so only these are checked again.
+        # Only what is near the repairs has moved, so only this is built and checked again.
         near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=2 * _MEND_RADIUS_M)
-        faces = lattice.faces[np.isfinite(near)[lattice.faces].any(axis=1)]
+        moved = np.isfinite(near)
     x, y, z = wrong[0]
     raise GeometryError(
         f"surface: the rough surface intersects itself at ({x:.1f}, {y:.1f}, {z:.1f}) m "
@@ -86,9 +85,34 @@ def displace_lattice(
     )
 
 
-def _folds(vertices: np.ndarray, faces: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Return the centres (k, 3) m of faces that the displacement has turned over; `before` are the old vertices."""
-    turned = np.einsum("ij,ij->i", _normals(vertices[faces]), _normals(before[faces])) <= 0
+def _defects(
+    mesh: SurfaceMesh,
+    changed: np.ndarray,
+    vertices: np.ndarray,
+    moved: np.ndarray,
+    lattice: Lattice,
+    along_direction: bool,
+) -> np.ndarray:
+    """Return the places (k, 3) m of defects in the changed faces (m,) and at the moved points (n,)."""
+    fine = lattice.faces[moved[lattice.faces].any(axis=1)]
+    return np.concatenate(
+        [
+            find_crossings(mesh.vertices, mesh.faces[changed]),
+            find_shared_edges(mesh.vertices, mesh.faces[changed]),
+            _folds(vertices, fine, lattice, along_direction),
+            _knots(vertices, lattice),
+        ]
+    )
+
+
+def _folds(vertices: np.ndarray, faces: np.ndarray, lattice: Lattice, along_direction: bool) -> np.ndarray:
+    """Return the centres (k, 3) m of faces that the displacement has turned over.
+
+    A face is turned over if it faces away from where it faced before or, with `along_direction`, from the direction of
+    the displacement. On the floor chamfer, the first also finds steps that overhang without any fold.
+    """
+    before = lattice.direction[faces].sum(axis=1) if along_direction else _normals(lattice.vertices[faces])
+    turned = np.einsum("ij,ij->i", _normals(vertices[faces]), before) <= 0
     return vertices[faces[turned]].mean(axis=1)
 
 
@@ -111,11 +135,13 @@ def closed_mesh(rough: RoughSurface) -> tuple[np.ndarray, np.ndarray]:
     foot = rough.vertices[:columns, :2]
     points, floor = triangulate(outline_of(foot, rough.lattice.walls.rings))
     number = {xy.tobytes(): i for i, xy in enumerate(foot)}
-    index = np.array([number[xy.tobytes()] for xy in points])
-    return rough.vertices, np.concatenate([rough.lattice.faces, index[floor]])
+    index = rough.mesh.place_of(columns)[np.array([number[xy.tobytes()] for xy in points])]
+    return rough.mesh.vertices, np.concatenate([rough.mesh.faces, index[floor]])
 
 
-def cut_chunks(rough: RoughSurface, tile_m: float, texture_m: float, normals: bool = False) -> dict[str, Mesh]:
+def cut_chunks(
+    rough: RoughSurface, tile_m: float, texture_m: float, normals: bool = False, crease_deg: float = 180.0
+) -> dict[str, Mesh]:
     """Cut walls and roof into square tiles of the plan, so that a renderer can skip most of them.
 
     Parameters
@@ -125,20 +151,22 @@ def cut_chunks(rough: RoughSurface, tile_m: float, texture_m: float, normals: bo
         Side of a tile, and length on the rock that one repeat of the texture covers.
     normals : bool
         Give each vertex the normal of the whole surface, so that chunks meet without a seam; 12 bytes a vertex.
+    crease_deg : float
+        Faces that meet at a sharper angle share no normal.
 
     Returns
     -------
     dict of Mesh
         The name holds the piece, and the tile's column and row from the south-west. Faces face the workings.
     """
-    lattice = rough.lattice
-    shaded = shade_mesh(rough.vertices, lattice.faces) if normals else _unshaded(rough)
+    lattice, mesh = rough.lattice, rough.mesh
+    shaded = shade_mesh(mesh.vertices, mesh.faces, crease_deg) if normals else _unshaded(mesh)
     along = _along_walls(lattice, texture_m)
-    centre = lattice.vertices[lattice.faces].mean(axis=1)[:, :2]
+    centre = lattice.vertices[mesh.source[mesh.faces]].mean(axis=1)[:, :2]
     tile = np.floor((centre - lattice.vertices[:, :2].min(axis=0)) / tile_m).astype(int)
     chunks = {}
     for piece, name in ((WALL, bundle.WALLS), (ROOF, bundle.ROOF)):
-        of_piece = np.flatnonzero(lattice.piece == piece)
+        of_piece = np.flatnonzero(mesh.piece == piece)
         tile[of_piece] = _merge_single_faces(tile[of_piece], centre[of_piece])
         order = of_piece[np.lexsort(tile[of_piece].T[::-1])]
         first = np.flatnonzero(np.any(np.diff(tile[order], axis=0, prepend=-1) != 0, axis=1))
@@ -177,25 +205,39 @@ def _chunk(
     along: tuple[np.ndarray, np.ndarray],
     texture_m: float,
 ) -> Mesh:
-    lattice, faces = rough.lattice, shaded.faces[part]
+    mesh, faces = rough.mesh, shaded.faces[part]
+    place = _places_on_surface(rough)
     if piece == ROOF:
         used, index = np.unique(faces, return_inverse=True)
-        source = shaded.source[used]
-        texcoords = lattice.vertices[source, :2] / texture_m
+        texcoords = place[shaded.source[used], :2] / texture_m
     else:
         u, repeats = along
-        column = lattice.column[shaded.source]
-        corner = u[column[faces]]
+        column = rough.lattice.column[mesh.source[shaded.source]]
+        corner = u[column[faces]]  # without the vertices' own offsets, which could hide the seam
         # A face across the seam of a ring joins the last column to the first, which counts one whole round there.
         wide = corner.max(axis=1) - corner.min(axis=1) > repeats[column[faces[:, 0]]] / 2
         key, index = np.unique(faces.astype(np.int64) * 2 + (wide[:, None] & (corner < 1)), return_inverse=True)
         used, late = key // 2, (key % 2).astype(float)
-        source = shaded.source[used]
-        repeat = u[column[used]] + late * repeats[column[used]]
-        texcoords = np.column_stack([repeat, lattice.vertices[source, 2] / texture_m])
+        repeat = u[column[used]] + late * repeats[column[used]] + _beside(rough, shaded.source[used]) / texture_m
+        texcoords = np.column_stack([repeat, place[shaded.source[used], 2] / texture_m])
     index = index.reshape(-1, 3).astype(np.int32)
-    return Mesh(rough.vertices[source], index, texcoords, shaded.normals[used] if len(shaded.normals) else None)
+    normals = shaded.normals[used] if len(shaded.normals) else None
+    return Mesh(mesh.vertices[shaded.source[used]], index, texcoords, normals)
 
 
-def _unshaded(rough: RoughSurface) -> ShadedMesh:
-    return ShadedMesh(np.arange(len(rough.vertices)), np.zeros((0, 3)), rough.lattice.faces)
+def _beside(rough: RoughSurface, vertices: np.ndarray) -> np.ndarray:
+    """Return how far (k,) m the mesh's vertices lie along the wall from their columns."""
+    walls, source = rough.lattice.walls, rough.mesh.source[vertices]
+    inward = walls.inward[rough.lattice.column[source]]
+    offset = rough.mesh.vertices[vertices] - rough.vertices[source]
+    return offset[:, 0] * inward[:, 1] - offset[:, 1] * inward[:, 0]
+
+
+def _places_on_surface(rough: RoughSurface) -> np.ndarray:
+    """Return the places (n, 3) m of the mesh's vertices on the surface before displacement."""
+    mesh = rough.mesh
+    return rough.lattice.vertices[mesh.source] + (mesh.vertices - rough.vertices[mesh.source])
+
+
+def _unshaded(mesh: SurfaceMesh) -> ShadedMesh:
+    return ShadedMesh(np.arange(len(mesh.vertices)), np.zeros((0, 3)), mesh.faces)

@@ -2,6 +2,7 @@ import dataclasses
 import math
 
 import numpy as np
+import open3d
 import pytest
 import shapely
 import trimesh
@@ -12,8 +13,10 @@ from pipeline.compose import compose
 from pipeline.metrics.planefit import sweep_residuals
 from pipeline.surface.displacement import Bounds, bound_displacement
 from pipeline.surface.lattice import ROOF, WALL, CrossSection, lay_lattice
-from pipeline.surface.mesh_checks import check_mesh, find_crossings
-from pipeline.surface.rough import Modulation, closed_mesh, cut_chunks, displace_lattice
+from pipeline.surface.mesh_checks import check_mesh, find_crossings, find_shared_edges
+from pipeline.surface.noise import Modulation, relief_of_noise
+from pipeline.surface.rough import closed_mesh, cut_chunks, displace_lattice
+from pipeline.surface.simplify import Mesher, Simplification
 from pipeline.surface.spectrum import Bands, Roughness, band_wavelengths
 from pipeline.surface.walls import lay_walls
 from tests.mines import RING, STRAIGHT, TEE, random_mine
@@ -24,9 +27,11 @@ BOUNDS = Bounds(0.45, 0.45, 1.2, 2.2, 0.02, 0.0, 0.5)
 STEADY = Modulation(8.0, 0.0)
 
 
-def rough_of(free, rms_m=0.1, spacing=0.2, seed=0, bounds=BOUNDS):
+def rough_of(free, rms_m=0.1, spacing=0.2, seed=0, bounds=BOUNDS, simplification=None):
     lattice = lay_lattice(lay_walls(free, spacing), PROFILE, spacing, spacing)
-    return displace_lattice(lattice, flat_bands(rms_m), flat_bands(rms_m), STEADY, bounds, np.random.default_rng(seed))
+    bands = flat_bands(rms_m)
+    wanted = relief_of_noise(lattice, bands, bands, STEADY, np.random.default_rng(seed))
+    return displace_lattice(lattice, wanted, bounds, simplification)
 
 
 @pytest.mark.parametrize("mine", [STRAIGHT, RING, TEE], ids=["straight", "ring", "tee"])
@@ -173,8 +178,65 @@ def test_the_built_wall_has_the_roughness_that_its_spectrum_predicts():
     waves = band_wavelengths(0.2, 4.0)
     spectrum = Bands(waves, 0.03 * (waves / 2) ** 0.8)
     lattice = lay_lattice(lay_walls(shapely.box(0, 0, 120, 7), 0.1), PROFILE, 0.1, 0.3)
-    rough = displace_lattice(lattice, spectrum, spectrum, STEADY, BOUNDS, np.random.default_rng(8))
+    wanted = relief_of_noise(lattice, spectrum, spectrum, STEADY, np.random.default_rng(8))
+    rough = displace_lattice(lattice, wanted, BOUNDS)
     wall = rough.vertices[: lattice.wall_vertices]
     wall = wall[(np.abs(wall[:, 1]) < 0.4) & (wall[:, 0] > 3) & (wall[:, 0] < 117) & (wall[:, 2] > 0.45)]
     residuals = sweep_residuals(wall + np.array([0, 0.5, 0]), (1.0,), 60)[0]
     assert residuals.rq_m == pytest.approx(predicted_rq(spectrum, Roughness(1.0, 0.0)), rel=0.15)
+
+
+THIRD = Simplification(0.34, 20.0)
+
+
+@pytest.mark.parametrize("mine", [STRAIGHT, RING, TEE], ids=["straight", "ring", "tee"])
+def test_a_simplified_surface_is_closed_across_its_tiles_and_lies_near_the_displaced_points(mine):
+    rough = rough_of(mine, simplification=THIRD)
+    assert check_mesh(*closed_mesh(rough)).watertight
+    assert len(rough.mesh.faces) == pytest.approx(0.34 * len(rough.lattice.faces), rel=0.25)
+    scene = open3d.t.geometry.RaycastingScene()
+    scene.add_triangles(
+        open3d.core.Tensor(rough.mesh.vertices.astype(np.float32)),
+        open3d.core.Tensor(rough.mesh.faces.astype(np.uint32)),
+    )
+    off = scene.compute_distance(open3d.core.Tensor(rough.vertices.astype(np.float32))).numpy()
+    assert np.sqrt((off**2).mean()) < 0.02
+    assert off.max() < 0.15
+
+
+def test_a_flat_surface_is_simplified_without_error():
+    rough = rough_of(STRAIGHT, rms_m=1e-9, simplification=THIRD)
+    report = check_mesh(*closed_mesh(rough))
+    fine = check_mesh(*closed_mesh(rough_of(STRAIGHT, rms_m=1e-9)))
+    assert report.volume_m3 == pytest.approx(fine.volume_m3, rel=1e-3)
+
+
+def test_a_simplified_surface_keeps_the_walls_line_on_the_floor_and_the_texture_of_its_places():
+    rough = rough_of(TEE, simplification=THIRD)
+    columns = len(rough.lattice.walls.xy)
+    np.testing.assert_array_equal(rough.mesh.vertices[rough.mesh.place_of(columns)], rough.vertices[:columns])
+    for name, mesh in cut_chunks(rough, 20.0, 4.0).items():
+        edge = mesh.vertices[mesh.faces] - mesh.vertices[np.roll(mesh.faces, 1, axis=1)]
+        painted = 4.0 * (mesh.texcoords[mesh.faces] - mesh.texcoords[np.roll(mesh.faces, 1, axis=1)])
+        stretch = np.linalg.norm(painted, axis=2) / np.linalg.norm(edge, axis=2)
+        assert np.percentile(stretch, 99) < 1.35, name  # a texture is squeezed on faces that lie obliquely
+
+
+def test_the_same_lattice_is_simplified_to_identical_meshes_and_only_moved_tiles_change():
+    one, two = (rough_of(TEE, simplification=THIRD).mesh for _ in range(2))
+    np.testing.assert_array_equal(one.vertices, two.vertices)
+    np.testing.assert_array_equal(one.faces, two.faces)
+    lattice = lay_lattice(lay_walls(TEE, 0.25), PROFILE, 0.25, 0.25)
+    mesher = Mesher(lattice, Simplification(0.34, 10.0))
+    _, all_new = mesher.mesh(lattice.vertices, np.ones(len(lattice.vertices), bool))
+    moved = np.linalg.norm(lattice.vertices[:, :2] - lattice.vertices[0, :2], axis=1) < 1.0
+    _, new = mesher.mesh(lattice.vertices, moved)
+    assert all_new.all()
+    assert 0 < new.mean() < 0.5
+
+
+def test_an_edge_that_three_faces_share_is_found():
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1.0]])
+    faces = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])
+    np.testing.assert_array_equal(find_shared_edges(vertices, faces), [[0.5, 0, 0]])
+    assert len(find_shared_edges(vertices, faces[:2])) == 0

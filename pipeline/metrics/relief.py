@@ -1,0 +1,168 @@
+"""The shape of rock walls: slopes of faces, length of a level cut, spectrum along the wall, area in flat faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+import trimesh
+from scipy.signal import detrend
+from scipy.signal.windows import hann
+from shapely import Polygon
+
+from pipeline.geometry.polyline import arc_length
+from pipeline.metrics.digits import repeatable
+from pipeline.metrics.profile import arc_windows, line_roughness, project_on_rings
+
+OCTAVES_M = ((0.2, 0.5), (0.5, 1.0), (1.0, 2.0))
+CUT_HEIGHTS_M = (1.0, 1.5)
+LINE_WINDOWS_M = (0.5, 1.0, 2.0, 3.0)
+_STEP_M, _WINDOW_M = 0.025, 8.0
+_LEAST_RUN_M = 3.0
+_FLAT_DEG, _FLAT_M2 = 12.0, 0.05
+_JOIN = 1e4  # corners are one vertex if they agree to 0.1 mm
+
+
+@dataclass(frozen=True)
+class Relief:
+    """The median angle of wall faces to the plan's wall, the share of area in flat faces, and cuts by height."""
+
+    face_angle_deg: float
+    flat_face_share: float
+    cut: dict[str, Cut]
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A level cut through the walls.
+
+    `length_ratio` is its length over that of the plan's wall. `slope` is the slope of the power spectrum of the
+    distance to the plan's wall, by octave of wavelength; `line_rq_m` the median RMS residual to a line, by window.
+    """
+
+    length_ratio: float
+    slope: dict[str, float]
+    line_rq_m: dict[str, float]
+
+
+def measure_relief(walls: np.ndarray, sample: np.ndarray, free: Polygon) -> Relief:
+    """Measure the walls, faces (n, 3, 3) m in the mine frame; flat faces are grown in a `sample` (k, 3, 3) of rock."""
+    cuts = {_cm("at", z): cut_walls(walls, free, z) for z in CUT_HEIGHTS_M}
+    return repeatable(Relief(face_angle_deg(walls, free), flat_face_share(sample), cuts))
+
+
+def face_angle_deg(walls: np.ndarray, free: Polygon) -> float:
+    """Return the median angle, by area, between faces (n, 3, 3) m and the nearest wall of the plan."""
+    normal = np.cross(walls[:, 1] - walls[:, 0], walls[:, 2] - walls[:, 0])
+    area = np.linalg.norm(normal, axis=1)
+    middle = walls.mean(axis=1)[:, :2]
+    sides = np.concatenate([_sides(ring) for ring in (free.exterior, *free.interiors)])
+    nearest = shapely.STRtree(shapely.linestrings(sides)).nearest(shapely.points(middle))
+    along = sides[nearest, 1] - sides[nearest, 0]
+    across = np.abs(normal[:, 0] * along[:, 1] - normal[:, 1] * along[:, 0])
+    cosine = across / np.maximum(area * np.linalg.norm(along, axis=1), 1e-30)
+    angle = np.degrees(np.arccos(np.clip(cosine, 0, 1)))
+    order = np.argsort(angle)
+    covered = np.cumsum(area[order])
+    return float(angle[order][np.searchsorted(covered, covered[-1] / 2)])
+
+
+def _sides(ring: shapely.LinearRing) -> np.ndarray:
+    xy = shapely.get_coordinates(ring)
+    return np.stack([xy[:-1], xy[1:]], axis=1)
+
+
+def cut_walls(walls: np.ndarray, free: Polygon, height_m: float) -> Cut:
+    """Cut the walls, faces (n, 3, 3) m, at a height above the floor, and measure the cut against the plan's walls."""
+    mesh = trimesh.Trimesh(walls.reshape(-1, 3), np.arange(3 * len(walls)).reshape(-1, 3), process=False)
+    segments = trimesh.intersections.mesh_plane(mesh, [0, 0, 1], [0, 0, height_m])[:, :, :2]
+    length = float(np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1).sum())
+    joined = shapely.line_merge(shapely.multilinestrings(shapely.linestrings(np.round(segments, 4))))
+    lines = [line for line in shapely.get_parts(joined) if line.length >= _LEAST_RUN_M]
+    runs = [_evenly_spaced(shapely.get_coordinates(line)) for line in lines]
+    return Cut(
+        length / free.length,
+        _octave_slopes(runs, free),
+        {_cm("at", w): float(np.median(r)) for w in LINE_WINDOWS_M if len(r := line_roughness(runs, w))},
+    )
+
+
+def _evenly_spaced(line: np.ndarray) -> np.ndarray:
+    """Return points (k, 2) m at even distances along a line (n, 2) m."""
+    along = arc_length(line)
+    at = np.arange(0, along[-1], _STEP_M)
+    return np.column_stack([np.interp(at, along, line[:, k]) for k in (0, 1)])
+
+
+def _octave_slopes(runs: list[np.ndarray], free: Polygon) -> dict[str, float]:
+    """Return the slope of the mean spectrum in each octave, by least squares in the logarithms."""
+    rings = [free.exterior, *free.interiors]
+    total = np.zeros(round(_WINDOW_M / _STEP_M) // 2 + 1)
+    for run in runs:
+        ring, along, offset = project_on_rings(rings, run)
+        offset = np.where(shapely.contains_xy(free, run[:, 0], run[:, 1]), offset, -offset)
+        for k in np.unique(ring):
+            for part in arc_windows(along[ring == k], offset[ring == k], _STEP_M, _WINDOW_M):
+                total += np.abs(np.fft.rfft(detrend(part) * hann(len(part)))) ** 2
+    frequency = np.fft.rfftfreq(round(_WINDOW_M / _STEP_M), _STEP_M)
+    slopes = {}
+    for shortest, longest in OCTAVES_M:
+        inside = (frequency >= 1 / longest) & (frequency <= 1 / shortest)
+        if total[inside].all():
+            fit = np.polyfit(np.log(frequency[inside]), np.log(total[inside]), 1)
+            slopes[_cm("from", shortest) + _cm("_to", longest)] = float(fit[0])
+    return slopes
+
+
+def _cm(word: str, length_m: float) -> str:
+    return f"{word}_{100 * length_m:.0f}_cm"
+
+
+def flat_face_share(triangles: np.ndarray) -> float:
+    """Return the share of the area (n, 3, 3) m that lies in flat faces of 0.05 m2 and more.
+
+    Faces grow from the largest triangle over neighbours whose normals are within 12 deg of the face's mean normal.
+    """
+    units = np.ascontiguousarray(np.rint(triangles.reshape(-1, 3) * _JOIN).astype(np.int64))
+    _, faces = np.unique(units.view([("", np.int64)] * 3).ravel(), return_inverse=True)
+    vector = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]) / 2
+    area = np.linalg.norm(vector, axis=1)
+    normal = (vector / np.maximum(area, 1e-30)[:, None]).tolist()
+    beside = _neighbours(faces.reshape(-1, 3))
+    face = np.full(len(area), -1)
+    flat, least = 0.0, np.cos(np.radians(_FLAT_DEG))
+    for seed in np.argsort(-area, kind="stable").tolist():
+        if face[seed] < 0:
+            grown = _grow(seed, face, normal, vector, beside, least)
+            flat += grown if grown >= _FLAT_M2 else 0.0
+    return flat / max(float(area.sum()), 1e-30)
+
+
+def _neighbours(faces: np.ndarray) -> list[list[int]]:
+    """Return the faces that share an edge with each face (m, 3)."""
+    beside: list[list[int]] = [[] for _ in faces]
+    for one, two in trimesh.graph.face_adjacency(faces).tolist():
+        beside[one].append(two)
+        beside[two].append(one)
+    return beside
+
+
+def _grow(
+    seed: int, face: np.ndarray, normal: list, vector: np.ndarray, beside: list[list[int]], least: float
+) -> float:
+    """Mark the triangles of a flat face from its first one, and return the face's area, m2."""
+    total = vector[seed].copy()
+    size = float(np.linalg.norm(total))
+    mean = (total / max(size, 1e-30)).tolist()
+    face[seed], border = seed, [seed]
+    while border:
+        for other in beside[border.pop()]:
+            n = normal[other]
+            if face[other] < 0 and n[0] * mean[0] + n[1] * mean[1] + n[2] * mean[2] >= least:
+                face[other] = seed
+                total += vector[other]
+                size += float(np.linalg.norm(vector[other]))
+                mean = (total / np.linalg.norm(total)).tolist()
+                border.append(other)
+    return size

@@ -1,0 +1,100 @@
+"""The mesh of the rough surface: every point of the lattice, or fewer where faces are flat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import fast_simplification
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pipeline.errors import GeometryError
+from pipeline.surface.lattice import ROOF, WALL, Lattice
+
+_DIGITS = 4  # 0.1 mm, as the lattice's points
+_LEAST_FACES = 64  # a tile with fewer is kept as it is
+
+
+@dataclass(frozen=True)
+class Simplification:
+    """Keep about a share of the lattice's faces, tile by tile; points on the borders of tiles and the floor stay."""
+
+    kept_share: float
+    tile_m: float
+
+
+@dataclass(frozen=True)
+class SurfaceMesh:
+    """A mesh over a lattice: `vertices` (k, 3) m, `faces` (m, 3), `piece` (m,) as the lattice's.
+
+    `source` (k,) is the number of the lattice point that is nearest to each vertex.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    piece: np.ndarray
+    source: np.ndarray
+
+    def place_of(self, count: int) -> np.ndarray:
+        """Return the vertices (count,) that are the lattice's first `count` points, which are on the floor."""
+        place = np.full(count, -1)
+        on_floor = np.flatnonzero((self.source < count) & (self.vertices[:, 2] == 0))
+        place[self.source[on_floor]] = on_floor
+        if (place < 0).any():
+            raise GeometryError("surface: the mesh has lost a point of the walls' line on the floor")
+        return place
+
+
+class Mesher:
+    """Make meshes of a lattice again and again, and each time only in the tiles whose points have moved."""
+
+    def __init__(self, lattice: Lattice, simplification: Simplification | None) -> None:
+        """Divide the lattice's faces into tiles."""
+        self.lattice, self.simplification = lattice, simplification
+        if simplification:
+            centre = lattice.vertices[lattice.faces].mean(axis=1)[:, :2]
+            cell = np.floor((centre - centre.min(axis=0)) / simplification.tile_m).astype(np.int64)
+            _, tile = np.unique(cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1], return_inverse=True)
+            order = np.argsort(tile, kind="stable")
+            self._tiles = np.split(order, np.flatnonzero(np.diff(tile[order])) + 1)
+            self._parts: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros((0, 3)), np.zeros((0, 3), int))] * len(
+                self._tiles
+            )
+
+    def mesh(self, vertices: np.ndarray, moved: np.ndarray) -> tuple[SurfaceMesh, np.ndarray]:
+        """Return the mesh of the displaced points (n, 3) m, and (m,) which of its faces are new.
+
+        `moved` (n,) states which points have moved since the last call.
+        """
+        faces = self.lattice.faces
+        if self.simplification is None:
+            mesh = SurfaceMesh(vertices, faces, self.lattice.piece, np.arange(len(vertices)))
+            return mesh, moved[faces].any(axis=1)
+        new = [bool(moved[faces[tile]].any()) for tile in self._tiles]
+        for k in np.flatnonzero(new).tolist():
+            self._parts[k] = self._simplified(vertices, faces[self._tiles[k]])
+        changed = np.repeat(new, [len(part) for _, part in self._parts])
+        return self._joined(vertices), changed
+
+    def _simplified(self, vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        assert self.simplification is not None
+        used, local = np.unique(faces, return_inverse=True)
+        local = local.reshape(-1, 3).astype(np.int32)
+        if len(faces) < _LEAST_FACES:
+            return vertices[used], local
+        reduction = 1 - self.simplification.kept_share
+        points, kept = fast_simplification.simplify(vertices[used], local, reduction, preserve_border=True)
+        return np.round(points, _DIGITS) + 0.0, kept  # + 0.0: no negative zeros
+
+    def _joined(self, vertices: np.ndarray) -> SurfaceMesh:
+        """Join the tiles at their borders, whose points are the lattice's own."""
+        points = np.concatenate([p for p, _ in self._parts])
+        first = np.cumsum([0, *(len(p) for p, _ in self._parts)])
+        faces = np.concatenate([f + at for (_, f), at in zip(self._parts, first, strict=False)])
+        units = np.rint(points * 10**_DIGITS).astype(np.int64)
+        key = np.ascontiguousarray(units).view([("", np.int64)] * 3).ravel()
+        _, kept, number = np.unique(key, return_index=True, return_inverse=True)
+        points, faces = points[kept], number.ravel()[faces].astype(np.int32)
+        _, source = cKDTree(vertices).query(points, workers=2)
+        wall = (source < self.lattice.wall_vertices)[faces].all(axis=1)
+        return SurfaceMesh(points, faces, np.where(wall, WALL, ROOF).astype(np.uint8), source)
