@@ -100,3 +100,14 @@ def test_configuration_text_is_never_executed():
     tag = "contours.tolerance_m: !!python/object/apply:os.system ['true']"
     with pytest.raises(yaml.YAMLError):
         yaml.safe_load(tag)
+
+
+@pytest.mark.parametrize("name", ["andesite", "coal", "limestone", "sandstone"])
+def test_a_rock_sets_its_joints_its_mesh_and_its_limits(name):
+    config = compose([f"rock={name}"])
+    assert config.surface.rock is not None
+    assert len(config.surface.rock.sets) == 3
+    assert config.surface.rough.kept_share < 0.5
+    limits = config.validation.limits
+    assert ("texture.rq_ratio.at_50_cm" in limits) == (name == "andesite")  # the others copy no scan
+    assert limits["walls.gap_p95_m"] == compose([]).validation.limits["walls.gap_p95_m"]

@@ -64,7 +64,7 @@ class TextureReport:
 
 
 @dataclass(frozen=True)
-class _Measured:
+class MeasuredTexture:
     """The two readings of the axes of one surface, its residuals over voxel sizes, and its points."""
 
     as_paper: TextureAxes
@@ -81,8 +81,8 @@ def report_texture(
     """Measure the visible rock of a compiled world on the paper's six axes, and the smooth surface for comparison."""
     walls, roof = (visible_triangles(model, piece) for piece in (WALLS, ROOF))
     smooth_walls, smooth_roof = (smooth_triangles(model, piece) for piece in (WALLS, ROOF))
-    rock = _measure(walls, roof, free, network, params)
-    flat = _measure(smooth_walls, smooth_roof, free, network, _quarter(params))
+    rock = measure_texture(walls, roof, free, network, params)
+    flat = measure_texture(smooth_walls, smooth_roof, free, network, _quarter(params))
     sigma = fit_voxel_planes(rock.wall, 0.5, 30).sigma
     return repeatable(
         TextureReport(
@@ -112,12 +112,12 @@ def _quarter(params: TextureReportParams) -> TextureReportParams:
     return params.model_copy(update={"stretches": part, "wall_points": wall, "roof_points": roof})
 
 
-def _measure(
+def measure_texture(
     walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNetwork, params: TextureReportParams
-) -> _Measured:
+) -> MeasuredTexture:
     """Measure a surface, given as the triangles (n, 3, 3) of its walls and roof, m."""
     rng = np.random.default_rng(params.seed)
-    places = _stretch_centres(network, params.stretches)
+    places = stretch_centres(network, params.stretches)
     near_walls, near_roof = (faces_near(_split_long(c), places, params.stretch_radius_m) for c in (walls, roof))
     if not (len(near_walls) and len(near_roof)):
         raise ArtifactError("mine.xml: no visible walls or no roof near the stations; texture needs both")
@@ -137,7 +137,7 @@ def _measure(
         noisy_roof,
         published_wavelength_m(_between(everywhere, params.wall_z_m)),
     )
-    return _Measured(as_paper, measure_axes(wall, sweep, roof, along_m), sweep, everywhere, wall, roof)
+    return MeasuredTexture(as_paper, measure_axes(wall, sweep, roof, along_m), sweep, everywhere, wall, roof)
 
 
 def texture_metrics(report: TextureReport) -> dict[str, Any]:
@@ -181,14 +181,19 @@ def report_walls(model: mujoco.MjModel, free: Polygon, network: DriftNetwork, he
 
 
 def report_relief(model: mujoco.MjModel, free: Polygon, network: DriftNetwork, stretches: int) -> Relief:
-    """Measure the shape of the visible walls; flat faces in walls and roof of the texture's stretches."""
+    """Measure the shape of the visible walls of a compiled world."""
     walls, roof = (visible_triangles(model, piece) for piece in (WALLS, ROOF))
-    places = _stretch_centres(network, stretches)
+    return relief_of(walls, roof, free, network, stretches)
+
+
+def relief_of(walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNetwork, stretches: int) -> Relief:
+    """Measure walls (n, 3, 3) m; flat faces are searched in walls and roof near evenly spaced stations."""
+    places = stretch_centres(network, stretches)
     sample = np.concatenate([faces_near(piece, places, _FLAT_RADIUS_M) for piece in (walls, roof)])
     return measure_relief(walls, sample, free)
 
 
-def _stretch_centres(network: DriftNetwork, count: int) -> np.ndarray:
+def stretch_centres(network: DriftNetwork, count: int) -> np.ndarray:
     """Return `count` places (n, 2), m, spaced evenly over all stations, without the first and the last."""
     stations = np.array([p for leg in network.legs for p in leg.stations_m])
     return stations[np.linspace(0, len(stations) - 1, count + 2).round().astype(int)[1:-1]]

@@ -14,6 +14,7 @@ from pydantic import TypeAdapter
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
 from pipeline.metrics.published import PAPER
+from pipeline.metrics.relief import OCTAVES_M
 from pipeline.metrics.texture import AXIS_TITLES, WINDOWS_M, is_uninformative
 from pipeline.params.validation import Limit, ValidationParams
 from pipeline.store.files import write_atomically
@@ -74,6 +75,18 @@ ROWS = [
     Row(
         "Rq over all points in voxels of " + " / ".join(f"{w:g}" for w in WINDOWS_M) + " m, model / real",
         tuple(f"texture.rq_ratio.at_{100 * w:.0f}_cm" for w in WINDOWS_M),
+        ".2f",
+    ),
+    _row("angle of wall faces to the plan's wall, median, deg", "relief.face_angle_deg", ".1f"),
+    _row("area in flat faces of 0.05 m2 and more", "relief.flat_face_share", ".2f"),
+    Row(
+        "length of the walls' level cut at 1.0 / 1.5 m over the plan's walls",
+        ("relief.cut.at_100_cm.length_ratio", "relief.cut.at_150_cm.length_ratio"),
+        ".2f",
+    ),
+    Row(
+        "slope of the walls' spectrum at 1.0 m height, 0.2-0.5 / 0.5-1 / 1-2 m",
+        tuple(f"relief.cut.at_100_cm.slope.from_{100 * a:.0f}_cm_to_{100 * b:.0f}_cm" for a, b in OCTAVES_M),
         ".2f",
     ),
     Row(
@@ -163,7 +176,7 @@ def results_table(rows: list[Row], metrics: Mapping[str, Any], limits: Mapping[s
         raise ArtifactError(f"{TIMINGS}: no load times of this world; `python -m stages.validation` measures them")
     lines = ["| figure | measured | limit | paper |", "|---|---|---|---|"]
     for row in rows:
-        measured = " / ".join(_format(metrics[name], row.form) for name in row.metrics)
+        measured = " / ".join(_format(metrics.get(name), row.form) for name in row.metrics)
         note = flat_walls_note(metrics, row.metrics[0]) if len(row.metrics) == 1 else ""
         limit = " / ".join(_format_limit(limits[name], row.form) for name in row.metrics if name in limits)
         paper = " / ".join(str(PAPER[name]) for name in row.metrics if name in PAPER)
@@ -171,7 +184,9 @@ def results_table(rows: list[Row], metrics: Mapping[str, Any], limits: Mapping[s
     return "\n".join(lines) + "\n"
 
 
-def _format(value: float, form: str) -> str:
+def _format(value: float | None, form: str) -> str:
+    if value is None:
+        return "-"  # some figures need more wall than a small mine has
     return f"{value / 1e6:.2f}" if form == "MB" else format(value, form)
 
 

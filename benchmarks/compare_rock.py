@@ -1,0 +1,179 @@
+"""Compare kinds of rock on the present plan, beside flat walls and white noise: shape, roughness, scores, size."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import cv2
+import mujoco
+import numpy as np
+from shapely import Polygon
+
+from minexplore.bundle import GeomGroup
+from pipeline.compose import compose, root_overrides
+from pipeline.errors import MineError
+from pipeline.metrics.published import REAL, REAL_SWEEP
+from pipeline.metrics.texture import AXES, AXIS_TITLES, published_score, strict_score
+from pipeline.mjcf.render import render_from
+from pipeline.params.config import Config
+from pipeline.proof.surface import measure_texture, relief_of
+from pipeline.store.codecs import decode, encode
+from pipeline.store.files import write_atomically
+from pipeline.store.hashing import sha256_bytes
+from pipeline.store.manifest import code_sha256
+from pipeline.surface.bands import choose_bands
+from pipeline.surface.build import build_rough_surface, chunk_files, cross_section
+from pipeline.surface.displacement import displaced
+from pipeline.surface.lattice import ROOF, WALL, lay_lattice
+from pipeline.surface.reference import measure_sources
+from pipeline.surface.rough import cut_chunks
+from pipeline.surface.walls import lay_walls
+from pipeline.types import DriftNetwork, FreeSpace, Mesh, SolidExtent
+
+ROCKS = ("published_score", "andesite", "coal", "limestone", "sandstone")
+RESULTS = Path("artifacts/benchmarks/rock.json")
+TABLE, PICTURE = Path("docs/rock.md"), Path("docs/rock.jpg")
+_NOISE_M = 0.05
+_SIZE = (900, 600)
+_HEAD = """# Kinds of rock
+
+Written by `make compare-rock` on the present plan. `rock=NAME` selects one. *Flat* is the drift without relief.
+*White noise* moves every point of the mesh by itself (s.d. 50 mm). Both show what a figure gives for walls that are no
+rock.
+
+![Views: published_score and andesite](rock.jpg)
+
+*The same place with `rock=published_score` (left) and `rock=andesite` (right), lit from the camera.*
+
+"""
+
+
+def measure(walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNetwork, params: Config) -> dict:
+    """Measure the triangles (n, 3, 3) m of walls and roof."""
+    texture = params.validation.texture
+    found = measure_texture(walls, roof, free, network, texture)
+    relief = relief_of(walls, roof, free, network, texture.stretches)
+    published, strict = published_score(REAL, found.as_paper), strict_score(REAL, found.as_is)
+    cut = relief.cut["at_100_cm"]
+    return {
+        "face angle to the plan's wall, median, deg": relief.face_angle_deg,
+        "area in flat faces": relief.flat_face_share,
+        "wall cut at 1 m / plan's wall": cut.length_ratio,
+        **{f"spectrum's slope, {octave.replace('_', ' ')}": v for octave, v in cut.slope.items()},
+        **{
+            f"Rq / published scan, {r.window_m:g} m": r.rq_m / real.rq_m
+            for r in found.sweep
+            for real in REAL_SWEEP
+            if r.window_m == real.window_m
+        },
+        **{f"Rq of a line {window.replace('_', ' ')}, mm": 1000 * v for window, v in cut.line_rq_m.items()},
+        "published score": published.overall,
+        **{f"- {AXIS_TITLES[axis]}": published.axes[axis] for axis in AXES},
+        "strict score": strict.overall,
+    }
+
+
+def build(name: str, free: Polygon, network: DriftNetwork, height_m: float) -> tuple[dict[str, Any], dict[str, Mesh]]:
+    """Build one kind of rock, and return its figures and its chunks."""
+    params = compose([*root_overrides(), f"rock={name}"])
+    surface = params.surface
+    noise = choose_bands(surface, measure_sources(surface))
+    start = time.perf_counter()
+    rough = build_rough_surface(surface, free, network, height_m, noise)
+    size = sum(len(data) for data in chunk_files(rough, surface).values())
+    seconds = time.perf_counter() - start
+    mesh = rough.mesh
+    walls, roof = (mesh.vertices[mesh.faces[mesh.piece == piece]] for piece in (WALL, ROOF))
+    cost = {"faces": len(mesh.faces), "meshes, MB": size / 1e6, "seconds to build": seconds}
+    chunks = cut_chunks(rough, surface.rough.tile_m, surface.texture.repeat_m, True)
+    return measure(walls, roof, free, network, params) | cost, chunks
+
+
+def build_witness(name: str, free: Polygon, network: DriftNetwork, height_m: float) -> dict[str, Any]:
+    """Measure walls that are no rock: flat ones, or points that each move by themselves."""
+    params = compose([*root_overrides(), "rock=andesite"])
+    surface = params.surface
+    walls = lay_walls(free, surface.rough.spacing_m, network)
+    profile = cross_section(surface, height_m)
+    lattice = lay_lattice(walls, profile, surface.rough.spacing_m, surface.rough.roof_spacing_m)
+    noise = np.random.default_rng(1).normal(0, _NOISE_M if name == "white noise" else 0.0, len(lattice.vertices))
+    vertices = displaced(lattice, noise)
+    wall_faces, roof_faces = (vertices[lattice.faces[lattice.piece == piece]] for piece in (WALL, ROOF))
+    return measure(wall_faces, roof_faces, free, network, params)
+
+
+def draw(chunks: dict[str, Mesh], network: DriftNetwork) -> np.ndarray:
+    """Render the chunks from a third of the longest drift, lit from the camera."""
+    spec = mujoco.MjSpec()
+    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.15] * 3, [0.8] * 3
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = _SIZE
+    spec.visual.map.znear = 0.001
+    floor = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[900, 900, 1], rgba=[0.25, 0.2, 0.16, 1])
+    floor.group = GeomGroup.FLOOR
+    for name, mesh in chunks.items():
+        normals = mesh.normals if mesh.normals is not None else np.zeros((0, 3))
+        spec.add_mesh(
+            name=name,
+            uservert=mesh.vertices.ravel(),
+            usernormal=normals.ravel(),
+            userface=mesh.faces.ravel(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
+        geom = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=[0.6, 0.5, 0.42, 1])
+        geom.group = GeomGroup.ROUGH_SURFACE
+    line = np.array(max(network.legs, key=lambda leg: leg.length_m).stations_m)
+    at = len(line) // 3
+    ahead = line[min(at + 8, len(line) - 1)]
+    eye, towards = np.array([*line[at], 1.3]), np.array([*ahead, 1.3])
+    return render_from(spec.compile(), eye, towards, 70.0, _SIZE, (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE))
+
+
+def table(results: dict[str, dict[str, float]]) -> str:
+    """Return the figures as Markdown, a column for each kind."""
+    names = list(results)
+    rows = list(dict.fromkeys(row for figures in results.values() for row in figures))
+    lines = ["| | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
+    for row in rows:
+        cells = (f"{results[n][row]:.3g}" if row in results[n] else "-" for n in names)
+        lines.append(f"| {row} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> int:
+    """Measure the kinds that are not yet measured for this plan and code, and write the table and the picture."""
+    try:
+        source = Path("artifacts/contours/free_space.geojson")
+        free = decode(source, FreeSpace).polygon
+        network = decode(Path("artifacts/contours/topology.json"), DriftNetwork)
+        height_m = decode(Path("artifacts/compile3d/extent.json"), SolidExtent).height_m
+        params = [compose([*root_overrides(), f"rock={r}"]).model_dump_json() for r in ROCKS]
+        key = sha256_bytes(source.read_bytes() + "".join([*params, code_sha256("surface", Path.cwd())]).encode())
+        earlier = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
+        results = earlier["results"] if earlier.get("key") == key else {}
+        views = {}
+        for name in ("flat", "white noise", *ROCKS):
+            if name in results and name not in ROCKS[:2]:
+                continue  # an interrupted run continues with the next kind
+            print(f"compare-rock: {name}", flush=True)
+            if name in ROCKS:
+                results[name], chunks = build(name, free, network, height_m)
+                views[name] = draw(chunks, network) if name in ROCKS[:2] else None
+            else:
+                results[name] = build_witness(name, free, network, height_m)
+            write_atomically(RESULTS, json.dumps({"key": key, "results": results}, indent=2).encode())
+    except MineError as error:
+        print(f"compare-rock: {error}", file=sys.stderr)
+        return 2
+    text = table(results)
+    write_atomically(TABLE, (_HEAD + text).encode())
+    write_atomically(PICTURE, encode(PICTURE, cv2.hconcat([views[name] for name in ROCKS[:2]])))
+    print(text, end="")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
