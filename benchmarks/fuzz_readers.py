@@ -39,13 +39,9 @@ def _read_vector_survey(path: Path) -> None:
 
 
 def _read_bundle(path: Path) -> None:
-    from minexplore.bundle import BundleError, read_bundle
-    from pipeline.errors import ArtifactError
+    from pipeline.store.verify import verify_world
 
-    try:
-        read_bundle(path.parent)
-    except BundleError as error:
-        raise ArtifactError(str(error)) from error
+    verify_world(path.parent)
 
 
 def _read_section(path: Path) -> None:

@@ -9,7 +9,6 @@ import hashlib
 import json
 from dataclasses import dataclass
 from enum import IntEnum
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -176,51 +175,6 @@ def encode_msh(mesh: TriangleMesh) -> bytes:
     head = np.array([len(a) for a in arrays], dtype="<i4").tobytes()
     kinds = ("<f4", "<f4", "<f4", "<i4")
     return head + b"".join(np.asarray(a).astype(kind).tobytes() for a, kind in zip(arrays, kinds, strict=True))
-
-
-def read_bundle(folder: Path) -> dict[str, Any]:
-    """Check a bundle's files against `world.json` and return the record.
-
-    Parameters
-    ----------
-    folder : Path
-        The bundle.
-
-    Returns
-    -------
-    dict
-        What `world.json` says: units are m, rad, kg, s.
-
-    Raises
-    ------
-    BundleError
-        Naming the file that is missing, changed, not listed, or leads out of the bundle.
-    """
-    file = folder / RECORD
-    if not file.is_file():
-        raise BundleError(f"{file}: missing; not a world bundle")
-    try:
-        record = json.loads(file.read_text())
-        listed, world, form = dict(record["files"]), str(record["world_sha256"]), record["format"]
-    except (ValueError, KeyError, TypeError) as error:
-        raise BundleError(f"{file}: not a world bundle's record ({error})") from error
-    if form != FORMAT:
-        raise BundleError(f"{file}: format {form!r}, this version reads {FORMAT!r}")
-    for name, digest in sorted(listed.items()):
-        path = folder / name
-        if Path(name).is_absolute() or ".." in Path(name).parts:
-            raise BundleError(f"{file}: the file name {name!r} leads out of the bundle")
-        if not path.is_file():
-            raise BundleError(f"{path}: missing")
-        found = hashlib.sha256(path.read_bytes()).hexdigest()
-        if found != digest:
-            raise BundleError(f"{path}: sha256 {found} differs from {digest} in {RECORD}")
-    for path in sorted(p for p in folder.rglob("*") if p.is_file() and p != file):
-        if path.relative_to(folder).as_posix() not in listed:
-            raise BundleError(f"{path}: not listed in {RECORD}")
-    if world_sha256(record) != world:
-        raise BundleError(f"{file}: the world's hash {world} does not hold; the record was changed")
-    return record
 
 
 def world_sha256(record: dict[str, Any]) -> str:

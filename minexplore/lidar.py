@@ -14,7 +14,7 @@ import numpy as np
 
 from minexplore.bundle import GeomGroup, decode_msh
 from minexplore.tiles import Tile, group_by_tile, tiles_at
-from minexplore.world import load_world
+from minexplore.world import World, load_world
 
 Backend = Literal["auto", "embree", "open3d"]
 Meshes = dict[str, tuple[np.ndarray, np.ndarray]]
@@ -26,17 +26,18 @@ _BYTES_PER_FACE = {"embree": 90, "open3d": 135}  # of a scene; measured 85 and 1
 _SCENES_BYTES = 2 << 30  # kept by a process; all scenes of the embedded mine take 0.7 GB by Embree
 
 
-def surface_meshes(spec: mujoco.MjSpec, folder: Path) -> Meshes:
+def surface_meshes(world: World) -> Meshes:
     """Return the vertices (n, 3) and faces (m, 3) of the meshes that show rock, by geom name (m, mine frame)."""
+    spec = world.spec()
     shown = [g for g in spec.geoms if g.group == GeomGroup.ROUGH_SURFACE and g.type == mujoco.mjtGeom.mjGEOM_MESH]
-    meshes = {g.name: decode_msh((folder / spec.mesh(g.meshname).file).read_bytes()) for g in shown}
+    meshes = {g.name: decode_msh(world.read(spec.mesh(g.meshname).file)) for g in shown}
     return {name: (mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
 
 
 @functools.lru_cache(maxsize=8)
 def shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
     """Return what casts the beams of a world, made once a process."""
-    return Lidar(surface_meshes(load_world(folder).spec(), folder), range_m, backend)
+    return Lidar(surface_meshes(load_world(folder)), range_m, backend)
 
 
 class Lidar:

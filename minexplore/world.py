@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import functools
-import io
+import hashlib
+import threading
+from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,10 +13,15 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from minexplore.bundle import CLEARANCE_GRID, MODEL, RECORD, read_bundle
+from minexplore.bundle import MODEL, RECORD, BundleError
 from minexplore.floor_zones import FloorZone, read_zones
+from minexplore.schema import CheckedWorld, check_files, hash_files, read_folder
 
 DEFAULT_WORLD = "chilean_mine"
+
+_KEPT = 8
+_LOADED: OrderedDict[tuple[Path, tuple[tuple[str, str], ...]], World] = OrderedDict()
+_LOADING = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -33,8 +40,35 @@ class World:
     floor_zones: list[FloorZone]
 
     def spec(self) -> mujoco.MjSpec:
-        """Return the world's MJCF to attach robots to."""
-        return mujoco.MjSpec.from_file(str(self.folder / MODEL))
+        """Return the world's MJCF to attach robots to.
+
+        Raises
+        ------
+        BundleError
+            If the file has changed since the world was loaded, or MuJoCo refuses it.
+        """
+        self.read(MODEL)
+        try:
+            return mujoco.MjSpec.from_file(str(self.folder / MODEL))
+        except ValueError as error:
+            raise BundleError(f"{self.folder / MODEL}: MuJoCo does not read it: {error}") from error
+
+    def read(self, name: str) -> bytes:
+        """Return a file of the bundle.
+
+        Raises
+        ------
+        BundleError
+            If it has changed since the world was loaded.
+        """
+        path = self.folder / name
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            raise BundleError(f"{path}: cannot be read ({error.strerror})") from error
+        if hashlib.sha256(data).hexdigest() != self.record["files"][name]:
+            raise BundleError(f"{path}: changed since the world was loaded")
+        return data
 
     def places_m(self, clearance_m: float) -> np.ndarray:
         """Return the centres (n, 2) m, mine frame, of the grid's cells that have at least this clearance."""
@@ -79,17 +113,30 @@ def find_world(world: str | Path | None) -> Path:
     raise FileNotFoundError(f"world = {str(world)!r}: no such folder, and no world of that name (there are: {known})")
 
 
-@functools.lru_cache(maxsize=8)
 def load_world(folder: Path) -> World:
-    """Check a bundle and read it, once a process.
+    """Check a bundle and read it.
+
+    Every call reads and hashes all files, so that a change is noticed. Equal content is checked once a process.
 
     Raises
     ------
     BundleError
-        If a file of the bundle is missing or changed, or a floor zone is not whole; see `read_bundle`, `read_zones`.
+        If the tables of `minexplore.schema` do not allow all of the bundle, or a floor zone is not whole.
     """
-    record = read_bundle(folder)
-    with np.load(io.BytesIO((folder / CLEARANCE_GRID).read_bytes()), allow_pickle=False) as grid:
-        clearance, origin, cell = grid["clearance_m"], grid["origin_m"], float(grid["cell_m"])
+    files = read_folder(folder)
+    hashes = hash_files(files)
+    key = (folder, tuple(hashes.items()))
+    with _LOADING:
+        if key not in _LOADED:
+            _LOADED[key] = _read(folder, check_files(folder, files, hashes))
+        _LOADED.move_to_end(key)
+        while len(_LOADED) > _KEPT:
+            _LOADED.popitem(last=False)
+        return _LOADED[key]
+
+
+def _read(folder: Path, checked: CheckedWorld) -> World:
+    record, grid = checked.record, checked.grid
     zones = read_zones(folder / RECORD, record.get("zones"))
-    return World(folder, record, np.array(record["T_world_mine"]), clearance, origin, cell, zones)
+    transform = np.array(record["T_world_mine"])
+    return World(folder, record, transform, grid["clearance_m"], grid["origin_m"], float(grid["cell_m"]), zones)

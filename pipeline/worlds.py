@@ -8,7 +8,6 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from minexplore.bundle import BundleError, read_bundle
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
 from pipeline.params.config import Config
@@ -16,6 +15,7 @@ from pipeline.params.validation import Limit, ValidationParams
 from pipeline.report.results import read_metrics
 from pipeline.stage import ARTIFACTS
 from pipeline.store.manifest import read_manifest
+from pipeline.store.verify import verify_world
 
 WORLDS = ARTIFACTS / "worlds"
 DEFAULT = "default"
@@ -74,8 +74,8 @@ def list_worlds() -> str:
         try:
             figures = read_figures(name)
             cells = [format(figures[key], form) for _, key, form in _COLUMNS]
-            digest = str(read_bundle(world_folder(name) / "realism" / "world")["world_sha256"])[:12]
-        except (ArtifactError, BundleError, KeyError):
+            digest = verify_world(world_folder(name) / "realism" / "world")[:12]
+        except (ArtifactError, KeyError):
             cells, digest = ["-"] * len(_COLUMNS), "unfinished"
         rows.append([name, *cells, digest, env_id(name)])
     return _table(rows)

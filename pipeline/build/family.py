@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.bundle import read_bundle
 from pipeline.build.world import make_world
 from pipeline.compose import compose
 from pipeline.errors import InputError, LimitError
 from pipeline.metrics.limits import flatten
 from pipeline.stage import ARTIFACTS
 from pipeline.store.files import write_atomically
+from pipeline.store.verify import verify_world
 
 FAMILIES = ARTIFACTS / "families"
 STYLES = ("room_and_pillar", "drift_and_crosscut", "ramp", "cave")
@@ -135,7 +135,7 @@ def make_member(member: Member) -> Outcome:
         except LimitError as error:
             problem = f"LimitError: {error}"
         figures = flatten(json.loads((folder / "validation" / "metrics.json").read_text()))
-        digest = str(read_bundle(folder / "realism" / "world")["world_sha256"])
+        digest = verify_world(folder / "realism" / "world")
         iou, certificate = float(figures["iou.free_space_vs_cleaned"]), bool(figures["certificate.holds"])
         return Outcome(member, digest, iou, certificate, problem)
     except Exception as error:  # this world fails; the others continue

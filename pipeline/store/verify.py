@@ -6,7 +6,8 @@ from pathlib import Path
 
 import yaml
 
-from minexplore.bundle import BundleError, read_bundle
+from minexplore.bundle import BundleError
+from minexplore.schema import check_world
 from pipeline.errors import ArtifactError
 from pipeline.store.hashing import sha256_file
 from pipeline.store.manifest import Manifest, code_sha256, read_manifest
@@ -94,14 +95,14 @@ def _expect(name: str, digest: str, wanted: str, source: str) -> None:
 
 
 def verify_world(bundle: Path) -> str:
-    """Check a world bundle's files against `world.json` and return the world's hash.
+    """Check that a world bundle holds only what a world may, with the hashes of `world.json`; return the world's hash.
 
     Raises
     ------
     ArtifactError
-        If a file is missing, changed or not listed; the message names it.
+        If a file is missing, changed, not listed or not allowed; the message names it and the place in it.
     """
     try:
-        return str(read_bundle(bundle)["world_sha256"])
+        return str(check_world(bundle).record["world_sha256"])
     except BundleError as error:
         raise ArtifactError(str(error)) from error

@@ -1,15 +1,14 @@
-import mujoco
 import numpy as np
 import pytest
 
-from minexplore.bundle import MODEL
 from minexplore.lidar import Lidar, surface_meshes
+from minexplore.world import load_world
 from tests.mines import BuiltMine
 
 
 @pytest.fixture(scope="module")
 def meshes(tee: BuiltMine):
-    return surface_meshes(mujoco.MjSpec.from_file(str(tee.bundle / MODEL)), tee.bundle)
+    return surface_meshes(load_world(tee.bundle))
 
 
 def rays(count, beams, seed=0):

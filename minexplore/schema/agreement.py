@@ -1,0 +1,227 @@
+"""Whether `mine.xml`, `world.json` and the files of a bundle say the same."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from minexplore.bundle import (
+    MINE_BODY,
+    MODEL,
+    RECORD,
+    ROCK_CLASS,
+    ROOF_GEOM,
+    SURFACE_BODY,
+    BundleError,
+    GeomGroup,
+    floor_geom,
+    mesh_file,
+    rock_geom,
+    surface_geom,
+)
+from minexplore.schema.model import SMOOTH_MESHES
+from minexplore.schema.rules import numbers_in, same
+from minexplore.schema.xml import Node
+
+_BEYOND_M = 1.0  # approximate decompositions reach a little beyond the rock
+_LEAST_M = 1e-4  # size of a collision part in plan and height
+_CENTRE_M = 6e-4  # the view's centre has three decimals
+_TURN = 1e-4
+
+
+def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str]) -> None:
+    """Refuse a model that differs from its record, or names other meshes than the bundle has.
+
+    Parameters
+    ----------
+    root : Node
+        `mine.xml`, which the table of elements allows.
+    record : dict
+        `world.json`, which the table of fields allows.
+    meshes : iterable of str
+        The files below `meshes/`.
+
+    Raises
+    ------
+    BundleError
+        With the path of the first difference.
+    """
+    at = _Places(root)
+    if root.attributes["model"] != record["name"]:
+        raise BundleError(f"{MODEL}: mujoco@model: {root.attributes['model']!r}, {RECORD} says {record['name']!r}")
+    _check_pose(at, record)
+    _check_rock(at, record)
+    _check_floor(at, record)
+    _check_cameras(at, record)
+    _check_lights(at, record)
+    _check_surface(at, set(meshes))
+
+
+class _Places:
+    """The elements of a model by tag and name."""
+
+    def __init__(self, root: Node) -> None:
+        sections = {node.tag: node for node in root.children}
+        self.statistic, self.assets = sections["statistic"], sections["asset"].children
+        (self.mine,) = (node for node in sections["worldbody"].children if node.name == MINE_BODY)
+        (surface,) = (node for node in self.mine.children if node.name == SURFACE_BODY)
+        self.surface = surface.children
+        (self.rock_class,) = (
+            node.children[0] for node in sections["default"].children if node.attributes["class"] == ROCK_CLASS
+        )
+        self.of_mine = {(node.tag, node.name): node for node in self.mine.children}
+        self.of_assets = {(node.tag, node.name): node for node in self.assets}
+
+    def names(self, tag: str, prefix: str) -> list[str]:
+        return [name for kind, name in self.of_mine if kind == tag and name.startswith(prefix)]
+
+
+def _numbers(node: Node, attribute: str, default: str = "0 0 0") -> list[float]:
+    return numbers_in(node.attributes.get(attribute, default)) or []  # the table of elements has accepted it
+
+
+def _expect(node: Node, attribute: str, found: Iterable[float], wanted: Iterable[float], margin: float = 0.0) -> None:
+    found, wanted = list(found), list(wanted)
+    if not all(same(one, two) or abs(one - two) <= margin for one, two in zip(found, wanted, strict=True)):
+        raise BundleError(
+            f"{MODEL}: {node.path}@{attribute}: {' '.join(f'{v:g}' for v in found)}, {RECORD} gives "
+            f"{' '.join(f'{v:.9g}' for v in wanted)}"
+        )
+
+
+def _check_pose(at: _Places, record: Mapping[str, Any]) -> None:
+    T, half = record["T_world_mine"], math.radians(record["tilt_deg"]) / 2
+    _expect(at.mine, "pos", _numbers(at.mine, "pos"), [row[3] for row in T[:3]])
+    _expect(at.mine, "quat", _numbers(at.mine, "quat", "1 0 0 0"), [math.cos(half), 0.0, math.sin(half), 0.0])
+    anchor = [*record["spawn"]["anchor_m"], 0.5, 1.0]
+    centre = [sum(c * a for c, a in zip(row, anchor, strict=True)) for row in T[:3]]
+    _expect(at.statistic, "center", _numbers(at.statistic, "center"), centre, _CENTRE_M)
+
+
+def _check_rock(at: _Places, record: Mapping[str, Any]) -> None:
+    """Compare the collision parts with their number and with the box of the rock."""
+    names = at.names("geom", rock_geom(0)[:-4])
+    _consecutive("geom", names, [rock_geom(i) for i in range(record["collision_parts"])], "collision_parts")
+    shapes = {name for tag, name in at.of_assets if tag == "mesh" and at.of_assets[tag, name].attributes.get("vertex")}
+    west, south, east, north = record["world_m"]
+    low, high = (west, south, 0.0), (east, north, record["height_m"])
+    for name in names:
+        geom = at.of_mine["geom", name]
+        if geom.attributes["mesh"] != name or name not in shapes:
+            raise BundleError(f"{MODEL}: {geom.path}@mesh: {geom.attributes['mesh']!r}, want a mesh of the geom's name")
+        place, vertices = _numbers(geom, "pos"), _numbers(at.of_assets["mesh", name], "vertex")
+        for axis in range(3):
+            along = vertices[axis::3]
+            least, most = min(along), max(along)
+            if most - least < _LEAST_M:
+                raise BundleError(f"{MODEL}: {at.of_assets['mesh', name].path}@vertex: flat along axis {axis}")
+            if place[axis] + least < low[axis] - _BEYOND_M or place[axis] + most > high[axis] + _BEYOND_M:
+                raise BundleError(
+                    f"{MODEL}: {geom.path}@pos: from {place[axis] + least:g} to {place[axis] + most:g} m along axis "
+                    f"{axis}, the rock of {RECORD} ends at {low[axis]:g} and {high[axis]:g} m"
+                )
+    for name in sorted(shapes - set(names)):
+        raise BundleError(f"{MODEL}: {at.of_assets['mesh', name].path}: no geom has this mesh")
+    _expect(at.rock_class, "friction", _numbers(at.rock_class, "friction", "1"), [record["rock_friction"]])
+
+
+def _check_floor(at: _Places, record: Mapping[str, Any]) -> None:
+    """Compare floor zones, their materials and the roof with the record."""
+    zones = record["zones"]
+    west, south, east, north = record["world_m"]
+    roof = at.of_mine["geom", ROOF_GEOM]
+    half = _numbers(roof, "size")[2]
+    _consecutive("geom", at.names("geom", floor_geom("")), [floor_geom(zone["name"]) for zone in zones], "zones")
+    grounds = [name for tag, name in at.of_assets if tag == "material" and name != "rock"]
+    _consecutive("material", grounds, [f"ground_{zone['name']}" for zone in zones], "zones")
+    edges = [west, *(zone["east_m"] for zone in zones)]
+    for zone, left in zip(zones, edges, strict=False):
+        if (zone["south_m"], zone["north_m"], zone["west_m"]) != (south, north, left) or left >= zone["east_m"]:
+            raise BundleError(f"{RECORD}: zones: {zone['name']!r} leaves a gap, or differs from world_m")
+        geom = at.of_mine["geom", floor_geom(zone["name"])]
+        if geom.attributes["material"] != f"ground_{zone['name']}":
+            raise BundleError(f"{MODEL}: {geom.path}@material: want 'ground_{zone['name']}'")
+        _expect_box(geom, (zone["west_m"], south, zone["east_m"], north), -half, half)
+        _expect(geom, "friction", _numbers(geom, "friction", "1"), [zone["friction"]])
+        ground = at.of_assets["material", f"ground_{zone['name']}"]
+        _expect(ground, "rgba", _numbers(ground, "rgba", "1 1 1 1"), zone["rgba"])
+    if zones[-1]["east_m"] != east:
+        raise BundleError(f"{RECORD}: zones[{len(zones) - 1}].east_m = {zones[-1]['east_m']}: want {east}, as world_m")
+    _expect_box(roof, (west, south, east, north), record["height_m"] + half, half)
+
+
+def _expect_box(geom: Node, box: tuple[float, float, float, float], middle_z: float, half_z: float) -> None:
+    west, south, east, north = box
+    _expect(geom, "pos", _numbers(geom, "pos"), [(west + east) / 2, (south + north) / 2, middle_z])
+    _expect(geom, "size", _numbers(geom, "size"), [(east - west) / 2, (north - south) / 2, half_z])
+
+
+def _check_cameras(at: _Places, record: Mapping[str, Any]) -> None:
+    """Compare the cameras with the spawn's anchor, a level view, and the box of the rock."""
+    entrance, overview = at.of_mine["camera", "entrance"], at.of_mine["camera", "overview"]
+    _expect(entrance, "pos", _numbers(entrance, "pos"), [*record["spawn"]["anchor_m"], 1.2])
+    w, x, y, z = _numbers(entrance, "quat", "1 0 0 0")
+    # A level view along any heading: its up axis is the mine's z, its right axis is level.
+    if abs(2 * (y * z + w * x) - 1) > _TURN or abs(2 * (x * z - w * y)) > _TURN:
+        raise BundleError(f"{MODEL}: {entrance.path}@quat: {entrance.attributes.get('quat')!r}, want a level view")
+    west, south, east, north = record["world_m"]
+    pitch, fovy = math.radians(60.0), 30.0
+    reach = max((east - west) / 16 * 9, north - south) / 2 / math.tan(math.radians(fovy / 2)) * 1.05
+    middle = [(west + east) / 2, (south + north) / 2 - reach * math.cos(pitch), reach * math.sin(pitch)]
+    _expect(overview, "pos", _numbers(overview, "pos"), middle, 6e-3)  # two decimals
+    turn = math.radians(30.0) / 2
+    _expect(overview, "quat", _numbers(overview, "quat", "1 0 0 0"), [math.cos(turn), math.sin(turn), 0.0, 0.0], 1e-6)
+
+
+def _check_lights(at: _Places, record: Mapping[str, Any]) -> None:
+    names = at.names("light", "")
+    _consecutive("light", names, [f"spot_{i:02d}" for i in range(record["lights"])], "lights")
+    west, south, east, north = record["world_m"]
+    kinds = set()
+    for name in names:
+        light = at.of_mine["light", name]
+        x, y, z = _numbers(light, "pos")
+        if not (west <= x <= east and south <= y <= north and 0 < z <= 1000):
+            raise BundleError(f"{MODEL}: {light.path}@pos: {x:g} {y:g} {z:g}, want a place above the floor in world_m")
+        pitch = _numbers(light, "dir", "0 0 -1")[2]
+        kinds.add((round(z, 4), round(pitch, 4), light.attributes.get("cutoff", "45")))
+        if pitch > _TURN or len(kinds) > 1:
+            raise BundleError(f"{MODEL}: {light.path}: height, pitch or cutoff differ from those of {names[0]}")
+
+
+def _check_surface(at: _Places, files: set[str]) -> None:
+    """Compare the visible meshes with their files, and the groups of their geoms with what they show."""
+    meshes = [node for node in at.assets if node.tag == "mesh" and "file" in node.attributes]
+    for mesh in meshes:
+        if mesh.attributes["file"] != mesh_file(mesh.name):
+            raise BundleError(f"{MODEL}: {mesh.path}@file: {mesh.attributes['file']!r}, want {mesh_file(mesh.name)!r}")
+        if mesh.attributes["file"] not in files:
+            raise BundleError(f"{MODEL}: {mesh.path}@file: {mesh.attributes['file']!r} is not in the bundle")
+    names = {mesh.name for mesh in meshes}
+    for file in sorted(files - {mesh_file(name) for name in names}):
+        raise BundleError(f"{file}: {MODEL} does not use it")
+    missing = sorted(set(SMOOTH_MESHES) - names)
+    if missing:
+        raise BundleError(f"{MODEL}: asset: no mesh {missing[0]!r}")
+    shown = {geom.attributes["mesh"] for geom in at.surface}
+    if shown != names or len(at.surface) != len(names):
+        odd = sorted(shown ^ names)[:1] or sorted(shown)[:1]
+        raise BundleError(f"{MODEL}: worldbody/body[mine]/body[surface]: want one geom of each mesh; see {odd[0]!r}")
+    rough = len(names) > len(SMOOTH_MESHES)
+    for geom in at.surface:
+        name = geom.attributes["mesh"]
+        if geom.name != surface_geom(name):
+            raise BundleError(f"{MODEL}: {geom.path}@mesh: {name!r} is not the mesh of this name")
+        hidden = rough and name in SMOOTH_MESHES
+        group = GeomGroup.SMOOTH_SURFACE if hidden else GeomGroup.ROUGH_SURFACE
+        if geom.attributes.get("group", str(GeomGroup.ROUGH_SURFACE.value)) != str(group.value):
+            raise BundleError(f"{MODEL}: {geom.path}@group: want {group.value}")
+
+
+def _consecutive(tag: str, names: list[str], wanted: list[str], field: str) -> None:
+    if names != wanted:
+        odd = next((n for n in [*names, *wanted] if (n in names) != (n in wanted)), names[0] if names else "")
+        raise BundleError(
+            f"{MODEL}: <{tag}>: {len(names)} found, {RECORD}: {field} gives {len(wanted)}, in its order; see {odd!r}"
+        )

@@ -1,0 +1,252 @@
+"""The table of a bundle's folder: which files it has, and what the binary ones may hold."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import stat
+import struct
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from minexplore.bundle import (
+    CLEARANCE_GRID,
+    FREE_SPACE,
+    MODEL,
+    NAV2_MAP,
+    NAV2_PICTURE,
+    OCTREE,
+    PREVIEW,
+    RECORD,
+    ROCK_TEXTURE,
+    TOPOLOGY,
+    BundleError,
+    TriangleMesh,
+    decode_msh,
+)
+from minexplore.schema.model import VISIBLE_MESH
+from minexplore.schema.rules import numbers_in
+
+FIXED = (
+    CLEARANCE_GRID,
+    FREE_SPACE,
+    MODEL,
+    NAV2_MAP,
+    NAV2_PICTURE,
+    OCTREE,
+    PREVIEW,
+    RECORD,
+    ROCK_TEXTURE,
+    TOPOLOGY,
+)
+MESHES = "meshes/"
+_MESH = re.compile(rf"{MESHES}{VISIBLE_MESH}\.msh", re.ASCII)
+_FOLDERS = {"meshes", "textures"}
+_MOST_BYTES = 1 << 30  # of a bundle
+_MOST_FILES = 100_000
+_MOST_CELLS = 100_000_000  # of the clearance grid: 2,500 m square at 0.25 m
+_MOST_PIXELS = 100_000_000
+_MOST_REPEATS = 1e7  # of the texture
+_BEYOND_M = 1.0  # rough rock reaches a little beyond the box of the rock in plan
+_BELOW_M, _ABOVE_M = 1.0, 5.0  # and so far below the floor and above the height
+_GRID = {"free": ("|b1", 2), "clearance_m": ("<f4", 2), "origin_m": ("<f8", 1), "cell_m": ("<f8", 0)}
+_MAP = re.compile(
+    r"image: map\.png\nmode: trinary\nresolution: ([-0-9.e+]+)\norigin: \[([-0-9.]+), ([-0-9.]+), 0\.0\]\n"
+    r"negate: 0\noccupied_thresh: 0\.65\nfree_thresh: 0\.25\n",
+    re.ASCII,
+)
+
+
+def is_known(name: str) -> bool:
+    """Return whether a bundle may have a file of this name."""
+    return name in FIXED or bool(_MESH.fullmatch(name))
+
+
+def read_folder(folder: Path) -> dict[str, bytes]:
+    """Return the files of a bundle by name; links, other kinds of files and unknown names are refused.
+
+    Raises
+    ------
+    BundleError
+        Naming the file.
+    """
+    if not (folder / RECORD).is_file():
+        raise BundleError(f"{folder / RECORD}: missing; not a world bundle")
+    files: dict[str, bytes] = {}
+    total = 0
+    for path, name in _walk(folder):
+        if not is_known(name):
+            raise BundleError(f"{path}: not listed in {RECORD}, and no file of a world has this name")
+        try:
+            handle = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0))
+            with os.fdopen(handle, "rb") as stream:
+                total += os.fstat(stream.fileno()).st_size
+                if total > _MOST_BYTES or len(files) >= _MOST_FILES:
+                    raise BundleError(f"{folder}: more than {_MOST_BYTES} bytes or {_MOST_FILES} files")
+                files[name] = stream.read()
+        except OSError as error:
+            raise BundleError(f"{path}: cannot be read ({error.strerror})") from error
+    return files
+
+
+def _walk(folder: Path) -> list[tuple[Path, str]]:
+    found: list[tuple[Path, str]] = []
+    for path in sorted(folder.iterdir()):
+        kind = path.lstat().st_mode
+        if stat.S_ISDIR(kind) and path.name in _FOLDERS:
+            found += [(inner, f"{path.name}/{inner.name}") for inner in sorted(path.iterdir())]
+        else:
+            found.append((path, path.name))
+    for path, _ in found:
+        if not stat.S_ISREG(path.lstat().st_mode):
+            raise BundleError(f"{path}: not a plain file; a world has no links, folders or devices here")
+    return found
+
+
+def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes]) -> dict[str, np.ndarray]:
+    """Refuse meshes, grid, map or pictures that a world cannot have; return the grid's arrays.
+
+    Raises
+    ------
+    BundleError
+        Naming the file, the value and the limit.
+    """
+    for name in FIXED:
+        if name not in files:
+            raise BundleError(f"{name}: missing")
+    west, south, east, north = record["world_m"]
+    low = np.array([west - _BEYOND_M, south - _BEYOND_M, -_BELOW_M])
+    high = np.array([east + _BEYOND_M, north + _BEYOND_M, record["height_m"] + _ABOVE_M])
+    for name, data in files.items():
+        if name.startswith(MESHES):
+            _check_mesh(name, data, low, high)
+    for name in (PREVIEW, NAV2_PICTURE, ROCK_TEXTURE):
+        _check_png(name, files[name])
+    _check_map(files[NAV2_MAP])
+    return _read_checked_grid(files[CLEARANCE_GRID], record["world_m"])
+
+
+def _check_mesh(name: str, data: bytes, low: np.ndarray, high: np.ndarray) -> None:
+    try:
+        mesh: TriangleMesh = decode_msh(data)
+    except ValueError as error:
+        raise BundleError(f"{name}: {error}") from error
+    count = len(mesh.vertices)
+    if count < 4 or not len(mesh.faces) or len(mesh.texcoords) != count or len(mesh.normals) not in (0, count):
+        raise BundleError(
+            f"{name}: {count} vertices, {len(mesh.normals)} normals, {len(mesh.texcoords)} texture coordinates and "
+            f"{len(mesh.faces)} faces; want 4 vertices or more, one texture coordinate each, a normal each or none"
+        )
+    for axis, (least, most) in enumerate(zip(low.tolist(), high.tolist(), strict=True)):
+        along = mesh.vertices[:, axis]
+        first, last = float(along.min()), float(along.max())
+        if not (first >= least and last <= most):  # NaN fails as well
+            raise BundleError(
+                f"{name}: vertices from {first:g} to {last:g} m along axis {axis}, "
+                f"the rock ends at {least:g} and {most:g} m"
+            )
+    if int(mesh.faces.view(np.uint32).max()) >= count:
+        raise BundleError(f"{name}: a face of vertex {mesh.faces.min()} or {mesh.faces.max()}, there are {count}")
+    flat = mesh.texcoords.ravel()
+    if not (flat.min() >= -_MOST_REPEATS and flat.max() <= _MOST_REPEATS):
+        raise BundleError(f"{name}: a texture coordinate that is no number, or beyond {_MOST_REPEATS:g}")
+    if len(mesh.normals) and not (np.abs(np.square(mesh.normals).sum(axis=1) - 1) < 1e-2).all():
+        raise BundleError(f"{name}: a normal whose length is not 1")
+
+
+def read_grid(data: bytes) -> dict[str, np.ndarray]:
+    """Return the arrays of the clearance grid: `free`, `clearance_m` (rows, cols), `origin_m` (2,), `cell_m`.
+
+    The sizes are read before anything is unpacked.
+
+    Raises
+    ------
+    BundleError
+        If it is no archive of these arrays, or too large.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            names = sorted(archive.namelist())
+            if names != sorted(f"{name}.npy" for name in _GRID):
+                raise BundleError(f"{CLEARANCE_GRID}: holds {names}, want {', '.join(_GRID)}")
+            return {name: _read_array(archive, name, *want) for name, want in _GRID.items()}
+    except (zipfile.BadZipFile, zlib.error, ValueError, OSError, EOFError, NotImplementedError, RuntimeError) as error:
+        if isinstance(error, BundleError):
+            raise
+        raise BundleError(f"{CLEARANCE_GRID}: cannot be read ({str(error)[:100]})") from error
+
+
+def _read_array(archive: zipfile.ZipFile, name: str, kind: str, dimensions: int) -> np.ndarray:
+    with archive.open(f"{name}.npy") as stream:
+        version = np.lib.format.read_magic(stream)
+        if version != (1, 0):
+            raise BundleError(f"{CLEARANCE_GRID}: {name} has format {version}, want (1, 0)")
+        shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream, max_header_size=1000)
+        cells = int(np.prod(shape, dtype=object))
+        if dtype.str != kind or len(shape) != dimensions or fortran or cells > _MOST_CELLS:
+            raise BundleError(
+                f"{CLEARANCE_GRID}: {name} is {dtype.str} of shape {shape}, want {kind} of {dimensions} dimensions and "
+                f"at most {_MOST_CELLS} values"
+            )
+        raw = stream.read(cells * dtype.itemsize + 1)
+    if len(raw) != cells * dtype.itemsize:
+        raise BundleError(f"{CLEARANCE_GRID}: {name} does not hold {cells} values")
+    return np.frombuffer(raw, dtype).reshape(shape)
+
+
+def _read_checked_grid(data: bytes, world_m: list[float]) -> dict[str, np.ndarray]:
+    grid = read_grid(data)
+    free, clearance, origin, cell = grid["free"], grid["clearance_m"], grid["origin_m"], float(grid["cell_m"])
+    if not 0.05 <= cell <= 2 or origin.shape != (2,):
+        raise BundleError(f"{CLEARANCE_GRID}: cell_m = {cell}, want 0.05 to 2")
+    west, south = (float(np.floor(v / cell) * cell) for v in world_m[:2])
+    shape = int(np.ceil((world_m[3] - south) / cell)), int(np.ceil((world_m[2] - west) / cell))
+    if free.shape != shape or clearance.shape != shape or np.abs(origin - [west, south]).max() > 1e-9:
+        raise BundleError(
+            f"{CLEARANCE_GRID}: shapes {free.shape} and {clearance.shape} from {origin.tolist()} m; "
+            f"world_m = {world_m} gives {shape} from {[west, south]}"
+        )
+    if free.view(np.uint8).max() > 1 or not (clearance.min() >= 0 and clearance.max() < np.inf):
+        raise BundleError(
+            f"{CLEARANCE_GRID}: a clearance below 0 or not finite, or a cell that is neither true nor false"
+        )
+    if clearance[~free].any():
+        raise BundleError(f"{CLEARANCE_GRID}: a clearance above 0 in rock")
+    return grid
+
+
+def _check_png(name: str, data: bytes) -> None:
+    """Check a picture's header, the order of its chunks and their checksums."""
+    at, kinds = 8, []
+    if data[:8] != b"\x89PNG\r\n\x1a\n":
+        raise BundleError(f"{name}: not a PNG")
+    while at < len(data):
+        if at + 12 > len(data) or at + 12 + (size := struct.unpack(">I", data[at : at + 4])[0]) > len(data):
+            raise BundleError(f"{name}: a chunk ends beyond the file")
+        kind, body = data[at + 4 : at + 8], data[at + 8 : at + 8 + size]
+        if zlib.crc32(data[at + 4 : at + 8 + size]) != struct.unpack(">I", data[at + 8 + size : at + 12 + size])[0]:
+            raise BundleError(f"{name}: the checksum of chunk {kind!r} is wrong")
+        if kind == b"IHDR" and size == 13:
+            width, height, *form = struct.unpack(">IIBBBBB", body)
+            if not 0 < width * height <= _MOST_PIXELS or form not in ([8, 0, 0, 0, 0], [8, 2, 0, 0, 0]):
+                raise BundleError(f"{name}: {width} x {height} px of form {form}, want 8 bits of grey or RGB")
+        kinds.append(kind)
+        at += 12 + size
+    if len(kinds) < 3 or (kinds[0], kinds[-1]) != (b"IHDR", b"IEND") or set(kinds[1:-1]) != {b"IDAT"}:
+        raise BundleError(
+            f"{name}: chunks {sorted({k.decode('ascii', 'replace') for k in kinds})}, want IHDR, IDAT, IEND"
+        )
+
+
+def _check_map(data: bytes) -> None:
+    found = _MAP.fullmatch(data.decode("ascii", "replace"))
+    if not found or any(numbers_in(value) is None for value in found.groups()):
+        raise BundleError(
+            f"{NAV2_MAP}: want image: map.png, mode, resolution, origin, negate and the two thresholds only"
+        )

@@ -1,0 +1,197 @@
+"""The table of `world.json`: its fields, and what each may say. Units are m, rad, kg and s."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from minexplore.bundle import FORMAT, FRAMES, GEOM_GROUPS, BundleError, complete_zone
+from minexplore.schema.model import MOST_LIGHTS, MOST_PARTS, MOST_ZONES, REACH_M, WORLD_NAME, ZONE_NAME
+from minexplore.schema.rules import Rule, list_of, matching, number, same_json, whole
+
+Table = Mapping[str, "Rule | Table | Callable[[str, Any], None]"]
+
+_MOST_BYTES = 64 << 20
+_HASH = matching("[0-9a-f]{64}", "a sha256 in hexadecimal digits")
+_PLACE = list_of(number(-REACH_M, REACH_M), 2)
+_LENGTH = number(0, REACH_M)
+_AREA = number(0, REACH_M**2)
+_ROUND = 5.1e-4  # lengths of the record have three decimals
+_TINY = 1e-9
+
+_ZONE: Table = {
+    "name": matching(ZONE_NAME, f"a name like {ZONE_NAME}"),
+    "friction": number(1e-6, 2),
+    "command_scale": number(1e-6, 1),
+    "speed_noise_mps": number(0, 1),
+    "rgba": list_of(number(0, 1), 4),
+    "west_m": number(-REACH_M, REACH_M),
+    "east_m": number(-REACH_M, REACH_M),
+    "south_m": number(-REACH_M, REACH_M),
+    "north_m": number(-REACH_M, REACH_M),
+}
+
+
+def _check_zones(where: str, zones: Any) -> None:
+    if not isinstance(zones, list) or not 1 <= len(zones) <= MOST_ZONES:
+        raise BundleError(f"{where} = {_shown(zones)}: want a list of 1 to {MOST_ZONES} zones")
+    for at, zone in enumerate(zones):
+        _check_fields(f"{where}[{at}]", complete_zone(zone) if isinstance(zone, dict) else zone, _ZONE)
+
+
+def _check_files(where: str, files: Any) -> None:
+    if not isinstance(files, dict):
+        raise BundleError(f"{where} = {_shown(files)}: want file names and their sha256")
+    for name, digest in files.items():
+        if not _HASH.accepts(digest):
+            raise BundleError(f"{where}[{name[:80]!r}] = {_shown(digest)}: want {_HASH.wants}")
+
+
+RECORD_FIELDS: Table = {
+    "format": same_json(FORMAT),
+    "name": matching(WORLD_NAME, "1 to 64 letters, digits, _ and -"),
+    "frames": same_json(FRAMES),
+    "T_world_mine": list_of(list_of(number(-2 * REACH_M, 2 * REACH_M), 4), 4),
+    "tilt_deg": number(-30, 30),
+    "gain_m": {
+        "entrance_region": number(-REACH_M, REACH_M),
+        "entrance_length": number(1e-6, REACH_M),
+        "whole_frame": number(-REACH_M, REACH_M),
+    },
+    "height_m": number(0.5, 50),
+    "world_m": list_of(number(-REACH_M, REACH_M), 4),
+    "plan_frame": {
+        "px_per_m": number(1e-6, 1e6),
+        "origin_col": number(-1e12, 1e12),
+        "origin_row": number(-1e12, 1e12),
+        "width_px": whole(1, 1_000_000),
+        "height_px": whole(1, 1_000_000),
+    },
+    "areas": {
+        "tunnel_m2": _AREA,
+        "islands_m2": _AREA,
+        "outside_m2": _AREA,
+        "islands": whole(0, 1_000_000),
+        "traced_tunnel_m2": _AREA,
+        "unconnected_m2": _AREA,
+    },
+    "zones": _check_zones,
+    "rock_friction": number(1e-6, 2),
+    "lights": whole(0, MOST_LIGHTS),
+    "collision_parts": whole(1, MOST_PARTS),
+    "loops": whole(0, 1_000_000),
+    "drifts": whole(1, 1_000_000),
+    "spawn": {
+        "anchor_m": _PLACE,
+        "anchor_clearance_m": _LENGTH,
+        "centre_m": _PLACE,
+        "radius_m": number(1e-6, REACH_M),
+        "clearance_m": number(1e-6, REACH_M),
+    },
+    "geom_groups": same_json(GEOM_GROUPS),
+    "files": _check_files,
+    "world_sha256": _HASH,
+}
+
+
+def read_json(file: str, data: bytes) -> Any:
+    """Return the content of a JSON file; a key that stands twice, NaN and infinity are refused.
+
+    Raises
+    ------
+    BundleError
+        Naming the file and what is wrong.
+    """
+    if len(data) > _MOST_BYTES:
+        raise BundleError(f"{file}: {len(data)} bytes, at most {_MOST_BYTES} are read")
+
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        fields = dict(pairs)
+        if len(fields) != len(pairs):
+            names = [name for name, _ in pairs]
+            twice = next(name for name in names if names.count(name) > 1)
+            raise ValueError(f"the key {twice[:60]!r} stands twice")
+        return fields
+
+    def refuse(text: str) -> None:
+        raise ValueError(f"{text} is no JSON number")
+
+    try:
+        return json.loads(data.decode("utf-8"), object_pairs_hook=once, parse_constant=refuse)
+    except (ValueError, RecursionError) as error:
+        raise BundleError(f"{file}: not JSON ({str(error)[:200]})") from error
+
+
+def check_record(file: str, record: Any) -> None:
+    """Refuse a record with a field that is missing, unknown or out of range, or whose fields contradict one another.
+
+    Raises
+    ------
+    BundleError
+        Naming the field, its value and the limit.
+    """
+    if not isinstance(record, dict):
+        raise BundleError(f"{file}: not a world bundle's record (a JSON object)")
+    if record.get("format") != FORMAT:
+        raise BundleError(f"{file}: format {_shown(record.get('format'))}, this version reads {FORMAT!r}")
+    _check_fields(file, record, RECORD_FIELDS)
+    west, south, east, north = record["world_m"]
+    if not (west < east and south < north):
+        raise BundleError(f"{file}: world_m = {record['world_m']}: want west < east and south < north")
+    _check_frame(file, record)
+    _check_gain(file, record)
+    for name in ("anchor_m", "centre_m"):
+        x, y = record["spawn"][name]
+        if name == "anchor_m" and not (west < x < east and south < y < north):
+            raise BundleError(f"{file}: spawn.{name} = [{x}, {y}]: want a place in world_m = {record['world_m']}")
+
+
+def _check_frame(file: str, record: dict[str, Any]) -> None:
+    """Compare `T_world_mine` with the tilt about the middle of the box."""
+    west, south, east, north = record["world_m"]
+    a = math.radians(record["tilt_deg"])
+    rotation = [[math.cos(a), 0.0, math.sin(a)], [0.0, 1.0, 0.0], [-math.sin(a), 0.0, math.cos(a)]]
+    middle = ((west + east) / 2, (south + north) / 2, 0.0)
+    wanted = [[*row, -sum(c * m for c, m in zip(row, middle, strict=True))] for row in rotation]
+    wanted.append([0.0, 0.0, 0.0, 1.0])
+    for i, row in enumerate(record["T_world_mine"]):
+        for j, value in enumerate(row):
+            if abs(value - wanted[i][j]) > _TINY * max(1.0, abs(wanted[i][j])):
+                raise BundleError(
+                    f"{file}: T_world_mine[{i}][{j}] = {value!r}: want {wanted[i][j]!r}, "
+                    f"the tilt of {record['tilt_deg']} deg about the middle of world_m"
+                )
+
+
+def _check_gain(file: str, record: dict[str, Any]) -> None:
+    gain, slope = record["gain_m"], math.sin(math.radians(record["tilt_deg"]))
+    west, _, east, _ = record["world_m"]
+    for name, length in (("entrance_region", gain["entrance_length"]), ("whole_frame", east - west)):
+        if abs(gain[name] - slope * length) > _ROUND:
+            raise BundleError(f"{file}: gain_m.{name} = {gain[name]}: want {slope * length:.3f}")
+
+
+def _check_fields(where: str, values: Any, table: Table) -> None:
+    if not isinstance(values, dict):
+        raise BundleError(f"{where} = {_shown(values)}: want an object with {', '.join(table)}")
+    path = f"{where}." if "]" in where or ": " in where else f"{where}: "
+    for name in values:
+        if name not in table:
+            raise BundleError(f"{path}{name[:60]} = {_shown(values[name])}: unknown; known are {', '.join(table)}")
+    for name, rule in table.items():
+        if name not in values:
+            raise BundleError(f"{path}{name}: missing")
+        if isinstance(rule, Rule):
+            if not rule.accepts(values[name]):
+                raise BundleError(f"{path}{name} = {_shown(values[name])}: want {rule.wants}")
+        elif isinstance(rule, Mapping):
+            _check_fields(f"{path}{name}", values[name], rule)
+        else:
+            rule(f"{path}{name}", values[name])
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 100 else text[:100] + "..."

@@ -1,0 +1,90 @@
+"""A strict reader of MJCF text: plain elements and attributes, nothing that two parsers could read differently."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from minexplore.bundle import BundleError
+
+_MOST_BYTES = 64 << 20
+_MOST_ELEMENTS = 400_000
+_DEEPEST = 12
+# A document type, an entity, a comment, CDATA, a processing instruction or a declaration of another encoding begins
+# with one of these. MuJoCo writes none of them.
+_REFUSED = (b"&", b"<!", b"<?")
+
+
+@dataclass
+class Node:
+    """An element: its tag, attributes, children, and path in the file, for example `worldbody/body[mine]`.
+
+    `name` is its name, or the class that a default is for; empty if it has neither.
+    """
+
+    tag: str
+    name: str
+    attributes: dict[str, str]
+    path: str
+    children: list[Node] = field(default_factory=list)
+
+
+def read_xml(file: str, data: bytes) -> Node:
+    """Return the root element of an XML file.
+
+    Raises
+    ------
+    BundleError
+        If the file is too large or too deep, is not plain ASCII XML, or holds text, a document type, an entity, a
+        comment or a processing instruction.
+    """
+    if len(data) > _MOST_BYTES:
+        raise BundleError(f"{file}: {len(data)} bytes, at most {_MOST_BYTES} are read")
+    for mark in _REFUSED:
+        if mark in data:
+            line = data[: data.index(mark)].count(b"\n") + 1
+            raise BundleError(f"{file}: line {line}: {mark.decode()!r} is not allowed; a world has plain elements only")
+    if not data.isascii() or b"\0" in data:
+        raise BundleError(f"{file}: a byte that is not ASCII; a world has plain ASCII only")
+    reader = _Reader(file)
+    parser = expat.ParserCreate("us-ascii")
+    parser.buffer_text = True
+    parser.StartElementHandler = reader.start
+    parser.EndElementHandler = reader.end
+    parser.CharacterDataHandler = reader.text
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        raise BundleError(f"{file}: not XML ({error})") from error
+    return reader.root
+
+
+class _Reader:
+    def __init__(self, file: str) -> None:
+        self.file, self.open, self.count = file, [], 0
+        self.root = Node("", "", {}, "")
+
+    open: list[Node]
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        self.count += 1
+        if self.count > _MOST_ELEMENTS or len(self.open) >= _DEEPEST:
+            raise BundleError(
+                f"{self.file}: more than {_MOST_ELEMENTS} elements, or more than {_DEEPEST} within another"
+            )
+        name = attributes.get("name", attributes.get("class", ""))
+        step = f"{tag[:40]}[{name[:60]}]" if name else tag[:40]
+        # The root's own name is left out of the paths.
+        node = Node(tag, name, attributes, f"{self.open[-1].path}/{step}".lstrip("/") if self.open else "")
+        if self.open:
+            self.open[-1].children.append(node)
+        else:
+            self.root = node
+        self.open.append(node)
+
+    def end(self, tag: str) -> None:
+        self.open.pop()
+
+    def text(self, text: str) -> None:
+        if text.strip(" \t\r\n"):
+            raise BundleError(f"{self.file}: {self.open[-1].path}: text {text.strip()[:40]!r}; a world has none")
