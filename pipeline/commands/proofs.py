@@ -30,7 +30,7 @@ def replay(bundle: Path, sweeps: Path, poses: Path, out: Path | None, overrides:
 
 
 def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str]) -> None:
-    """Check that the collision walls enclose the plan. Print the certificate as JSON; exit code 2 if it fails."""
+    """Check that a world is what the builder writes and that its walls enclose the plan. Print the certificate."""
     from functools import partial
 
     from tqdm import tqdm
@@ -38,15 +38,16 @@ def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str])
     from pipeline.compose import compose
     from pipeline.errors import LimitError
     from pipeline.mjcf.bundle import open_bundle
+    from pipeline.proof.built import require_built
     from pipeline.proof.certificate import certify as apply_limits
     from pipeline.proof.certificate import measure_containment
-    from pipeline.store.codecs import decode, encode
+    from pipeline.store.codecs import encode
     from pipeline.store.files import write_atomically
-    from pipeline.types import FreeSpace
 
     params = compose(overrides).validation
     settings = params.certificate.model_copy(update={"contacts": contacts})
-    world, free_space = open_bundle(bundle), decode(bundle / FREE_SPACE, FreeSpace)
+    world = open_bundle(bundle)
+    free_space = require_built(bundle, world.record, params)
     tracing = params.network_cell_m, params.network_min_leg_m
     progress = partial(tqdm, desc="stress test", disable=None)
     measured = measure_containment(bundle, world, free_space, settings, tracing, os.cpu_count() or 1, progress)

@@ -64,7 +64,7 @@ def assemble_world(
         rough={p.name: p.read_bytes() for p in sorted(rough.glob("*.msh"))} if isinstance(rough, Path) else rough,
         texture=texture,
         anchor_m=spawn.anchor_m,
-        heading_rad=_heading_at(topology, spawn.anchor_m),
+        heading_rad=heading_at(topology, spawn.anchor_m),
         T_world_mine=tilt_about_centre(params.tilt_deg, extent.world_m),
     )
     files = compile_bundle(scene)
@@ -82,7 +82,7 @@ def _lights(params: RealismParams, topology: DriftNetwork) -> list:
     return place_lights(lines, lights.spacing_m, lights.height_m, lights.pitch_deg, lights.cutoff_deg, lights.count)
 
 
-def _heading_at(topology: DriftNetwork, place_m: tuple[float, float]) -> float:
+def heading_at(topology: DriftNetwork, place_m: tuple[float, float]) -> float:
     """Return the heading of the main drift, rad, at the point nearest to a place; it runs towards the drift's end."""
     line = np.array(topology.main_drift_m)
     nearest = int(np.linalg.norm(line - place_m, axis=1).argmin())

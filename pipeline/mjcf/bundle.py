@@ -16,6 +16,7 @@ from minexplore.bundle import (
     MINE_BODY,
     MODEL,
     RECORD,
+    SURFACE_BODY,
     complete_zone,
     shorten_zone,
     smooth_mesh,
@@ -30,6 +31,8 @@ from pipeline.mjcf.world import build_spec
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.verify import verify_world
 from pipeline.types import Areas, Frame, Spawn
+
+_LEVEL_M = 1e-3
 
 
 @dataclass(frozen=True)
@@ -95,15 +98,18 @@ def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes
     return {**files, RECORD: (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()}
 
 
-def read_record(folder: Path) -> WorldRecord:
-    """Check a bundle's hashes and read its record.
+def read_record(folder: Path, checked: bool = True) -> WorldRecord:
+    """Check that a bundle holds what a world may, and read its record.
+
+    Without `checked`, neither the tables of `minexplore.schema` nor hashes are applied; see `open_bundle`.
 
     Raises
     ------
     ArtifactError
-        If a file is missing or changed, or the record is invalid.
+        If a file is missing, changed or not allowed, or the record is invalid.
     """
-    verify_world(folder)
+    if checked:
+        verify_world(folder)
     fields = json.loads((folder / RECORD).read_bytes())
     zones = fields.get("zones")
     if isinstance(zones, list) and all(isinstance(zone, dict) for zone in zones):
@@ -115,15 +121,18 @@ def read_record(folder: Path) -> WorldRecord:
         raise ArtifactError(f"{folder / RECORD}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
 
 
-def open_bundle(folder: Path) -> World:
-    """Check a bundle's hashes, read its record and load its model.
+def open_bundle(folder: Path, checked: bool = True) -> World:
+    """Check that a bundle holds what a world may, read its record and load its model.
+
+    Without `checked` the tables of `minexplore.schema` are not applied: the tests of the measures behind them need
+    worlds that the tables refuse.
 
     Raises
     ------
     ArtifactError
-        If a file is missing or changed, the record is invalid, or MuJoCo refuses the model.
+        If a file is missing, changed or not allowed, the record is invalid, or MuJoCo refuses the model.
     """
-    record = read_record(folder)
+    record = read_record(folder, checked)
     if record.geom_groups != GEOM_GROUPS:
         raise ArtifactError(f"{folder / RECORD}: geom_groups = {record.geom_groups}, a world has {GEOM_GROUPS}")
     warnings: list[str] = []
@@ -198,3 +207,45 @@ def _mesh_vertices(model: mujoco.MjModel, geom: int) -> np.ndarray:
     mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
     vertices = model.mesh_vert[start : start + count].astype(np.float64)
     return vertices @ rotation.reshape(3, 3).T + model.geom_pos[geom]
+
+
+def obstacles(model: mujoco.MjModel, height_m: float) -> list[np.ndarray]:
+    """Return the corners (n, 3), m, mine frame, of whatever can be touched or seen, whatever its name, group or body.
+
+    Left out are the level boxes that are the floor and the roof, and meshes of the surface's body that do not collide.
+    A sphere, capsule or another round shape is returned as the box around it.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mine = model.body(MINE_BODY).id
+    rotation, place = data.xmat[mine].reshape(3, 3), data.xpos[mine]
+    surfaces = [body for body in range(model.nbody) if model.body(body).name == SURFACE_BODY]
+    found = []
+    for geom in range(model.ngeom):
+        collides = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
+        is_mesh = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH
+        if (is_mesh and not collides and model.geom_bodyid[geom] in surfaces) or _is_slab(model, geom, mine, height_m):
+            continue
+        own = _mesh_corners(model, geom) if is_mesh else _box_around(model, geom)
+        world = own @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+        found.append((world - place) @ rotation)
+    return found
+
+
+def _is_slab(model: mujoco.MjModel, geom: int, mine: int, height_m: float) -> bool:
+    """Return whether a geom is a level box below the floor's level or above the roof's."""
+    is_box = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_BOX and model.geom_bodyid[geom] == mine
+    level = np.allclose(model.geom_quat[geom], [1, 0, 0, 0])
+    middle, half = model.geom_pos[geom][2], model.geom_size[geom][2]
+    return bool(is_box and level and (middle + half < _LEVEL_M or middle - half > height_m - _LEVEL_M))
+
+
+def _mesh_corners(model: mujoco.MjModel, geom: int) -> np.ndarray:
+    mesh = model.geom_dataid[geom]
+    start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    return model.mesh_vert[start : start + count].astype(np.float64)
+
+
+def _box_around(model: mujoco.MjModel, geom: int) -> np.ndarray:
+    middle, half = model.geom_aabb[geom][:3], model.geom_aabb[geom][3:]
+    return middle + half * np.array(list(itertools.product((-1, 1), repeat=3)))

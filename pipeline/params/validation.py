@@ -82,6 +82,10 @@ class ValidationParams(Params):
 
     network_cell_m: float = Field(gt=0.02, le=2)
     network_min_leg_m: float = Field(ge=0, le=50)
+    network_station_spacing_m: float = Field(gt=0)
+    tolerance_m: float | None = Field(
+        ge=0, description="largest distance by which simplification may have moved a wall; null: 0.5 m"
+    )
     robot_height_m: float = Field(gt=0, description="height at which LiDAR and walls are compared")
     texture: TextureReportParams
     replay: ReplayParams

@@ -13,9 +13,10 @@ import numpy as np
 import shapely
 
 from minexplore.bundle import GeomGroup
+from pipeline.geometry.extrude import section_footprint
 from pipeline.metrics.containment import cover_walls, open_area_m2
 from pipeline.metrics.reach import compare_reach, reached_cells, start_cell
-from pipeline.mjcf.bundle import World, part_vertices
+from pipeline.mjcf.bundle import World, obstacles, part_vertices
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
 from pipeline.proof.stress_test import Progress, stress_walls
@@ -76,6 +77,9 @@ def measure_containment(
     parts = part_vertices(world.model, GeomGroup.COLLISION)
     box = shapely.box(*record.world_m)
     figures: dict[str, Any] = vars(cover_walls(parts, free, box, (*_SLICES_M, record.height_m - 0.05))).copy()
+    # A slab between two slices, or a geom of another name, group or body, would be in none of them.
+    solid = shapely.union_all([section_footprint(part) for part in obstacles(world.model, record.height_m)])
+    figures["intrusion_m2"] = max(figures["intrusion_m2"], round(float(solid.intersection(free).area), 6))
     figures["rock_round_m"] = round(float(free.distance(box.exterior)) if box.contains(free) else 0.0, 3)
     figures["floor_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.FLOOR, 0.0, top=True), free)
     figures["roof_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.ROOF, record.height_m, top=False), free)

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.bundle import FREE_SPACE, TOPOLOGY, GeomGroup
+from minexplore.bundle import FREE_SPACE, RECORD, TOPOLOGY, GeomGroup
+from pipeline.errors import ArtifactError
 from pipeline.metrics.clearance import WallGaps
 from pipeline.metrics.iou import intersection_over_union
 from pipeline.metrics.navigability import Navigability, cast_columns
@@ -19,6 +20,7 @@ from pipeline.metrics.topology import compare_topology
 from pipeline.mjcf.bundle import World, open_bundle, part_vertices
 from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
+from pipeline.proof.built import require_built, tolerance_of
 from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.consistency import measure_consistency
 from pipeline.proof.surface import TextureReport, report_relief, report_texture, report_walls, texture_metrics
@@ -29,17 +31,29 @@ from pipeline.types import DriftNetwork, FreeSpace, Mask, Survey
 class Validator:
     """An opened world bundle and the plan for comparison; each measure is computed once, at first use."""
 
-    def __init__(self, params: ValidationParams, bundle: Path, cleaned: Mask, raw: Mask, survey: Survey) -> None:
-        """Open a bundle.
+    def __init__(
+        self,
+        params: ValidationParams,
+        bundle: Path,
+        cleaned: Mask,
+        raw: Mask,
+        survey: Survey,
+        checked: bool = True,
+    ) -> None:
+        """Open a bundle; without `checked` only the measures judge it, see `open_bundle`.
 
         Raises
         ------
         ArtifactError
-            If its hashes do not hold or MuJoCo refuses it.
+            If the bundle holds what no world may, is not what the builder writes, or belongs to another survey.
         """
         self.params, self.bundle, self.cleaned, self.raw, self.survey = params, bundle, cleaned, raw, survey
-        self.world: World = open_bundle(bundle)
-        self.free_space: FreeSpace = decode(bundle / FREE_SPACE, FreeSpace)
+        self.world: World = open_bundle(bundle, checked)
+        if checked:
+            self.free_space: FreeSpace = require_built(bundle, self.world.record, params)
+            _require_survey(bundle, self.world, survey)
+        else:
+            self.free_space = decode(bundle / FREE_SPACE, FreeSpace)
         self.network: DriftNetwork = decode(bundle / TOPOLOGY, DriftNetwork)
         self._tracing = params.network_cell_m, params.network_min_leg_m
 
@@ -59,7 +73,7 @@ class Validator:
             self.cleaned,
             self.survey.frame,
             record.height_m,
-            self.free_space.tolerance_m,
+            tolerance_of(self.params),
             GeomGroup.FLOOR,
             GeomGroup.COLLISION,
         )
@@ -98,6 +112,17 @@ class Validator:
     def measure(self, group: str) -> dict[str, Any]:
         """Return the metrics of one group of `MEASURES`."""
         return MEASURES[group](self)
+
+
+def _require_survey(bundle: Path, world: World, survey: Survey) -> None:
+    """Refuse a world whose plan has another frame than the survey, or whose robots start elsewhere."""
+    record = world.record
+    if record.plan_frame != survey.frame:
+        raise ArtifactError(f"{bundle / RECORD}: plan_frame = {record.plan_frame}, the survey has {survey.frame}")
+    if survey.entrance_m is not None and not np.allclose(record.spawn.centre_m, survey.entrance_m, atol=1e-6):
+        raise ArtifactError(
+            f"{bundle / RECORD}: spawn.centre_m = {record.spawn.centre_m}, the survey's entrance is {survey.entrance_m}"
+        )
 
 
 def _iou(validator: Validator) -> dict[str, float]:

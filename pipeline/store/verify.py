@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import yaml
@@ -59,8 +60,21 @@ def verify_chain(root: Path) -> int:
             else:
                 _expect(name, produced[name], digest, f"the inputs of {stage}")
         produced |= _verify_outputs(manifest, artifacts / stage)
-    verify_world(artifacts / "realism" / "world")
+    _verify_certificate(artifacts / "validation" / "certificate.json", verify_world(artifacts / "realism" / "world"))
     return len(produced)
+
+
+def _verify_certificate(path: Path, world: str) -> None:
+    """Compare the world that a certificate names with the world that lies in the project."""
+    try:
+        certificate = json.loads(path.read_bytes())
+        stated, holds = certificate["world_sha256"], certificate["holds"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise ArtifactError(f"{path}: not a certificate ({type(error).__name__}: {str(error)[:100]})") from error
+    if stated != world:
+        raise ArtifactError(f"{path}: world_sha256 = {str(stated)[:80]}, the certified world must be {world}")
+    if holds is not True:
+        raise ArtifactError(f"{path}: holds = {str(holds)[:80]}, want true")
 
 
 def _read_yaml(path: Path) -> dict:

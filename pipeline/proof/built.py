@@ -1,0 +1,43 @@
+"""Whether a bundle is what the builder writes: its files, figures, model and visible rock, all made again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.mjcf.bundle import WorldRecord
+from pipeline.params.validation import ValidationParams
+from pipeline.proof.remake import Tracing, read_free_space, require_remade
+from pipeline.proof.same_model import require_same_model
+from pipeline.proof.visible import require_visible
+from pipeline.types import FreeSpace
+
+_MOST_TOLERANCE_M = 0.5  # where the configuration leaves the tolerance open
+
+
+def tolerance_of(params: ValidationParams) -> float:
+    """Return the largest distance, m, by which simplification may have moved a wall, whatever a bundle states."""
+    return _MOST_TOLERANCE_M if params.tolerance_m is None else params.tolerance_m
+
+
+def require_built(folder: Path, record: WorldRecord, params: ValidationParams) -> FreeSpace:
+    """Refuse a bundle that the builder does not write for any parameters, and return its free space.
+
+    Parameters
+    ----------
+    folder : Path
+        A bundle that `open_bundle` has opened.
+    record : WorldRecord
+    params : ValidationParams
+        How its network is traced, and the tolerance of its outline.
+
+    Raises
+    ------
+    ArtifactError
+        With the file, the value and the limit.
+    """
+    free_space = read_free_space(folder)
+    tracing = Tracing(params.network_cell_m, params.network_min_leg_m, params.network_station_spacing_m)
+    grid = require_remade(folder, record, free_space, tracing, tolerance_of(params))
+    require_same_model(folder, record)
+    require_visible(folder, record, free_space.polygon, grid)
+    return free_space

@@ -1,0 +1,154 @@
+"""Build a world's model again from its record, outline and meshes, and compare the compiled models field by field."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from minexplore.bundle import MODEL, ROCK_TEXTURE, ROOF_GEOM, TOPOLOGY, is_rock
+from minexplore.schema import check_world
+from minexplore.schema.model import SMOOTH_MESHES
+from pipeline.errors import ArtifactError
+from pipeline.mjcf.assemble import heading_at
+from pipeline.mjcf.bundle import WorldRecord
+from pipeline.mjcf.digits import digits_for
+from pipeline.mjcf.scene import MineScene, tilt_about_centre
+from pipeline.mjcf.world import build_spec
+from pipeline.proof.lights import remake_lights
+from pipeline.store.codecs import decode
+from pipeline.types import ConvexParts, DriftNetwork, Image, Mesh, SolidExtent
+
+_MARGIN = 1e-5  # relative and absolute: what the text of a model rounds
+_PLACE_M = 2e-3  # half a millimetre and more: six digits of coordinates up to 1 km
+# Where files lie, a checksum of the sources, and the trees that speed up collisions, which follow from the rest.
+_UNREAD = re.compile(r"signature|paths|.*_pathadr|bvh_.*|.*_bvhadr|.*_bvhnum|npaths|nbvh.*|nbuffer")
+
+
+def require_same_model(folder: Path, record: WorldRecord) -> None:
+    """Compare the compiled model with the one that the builder makes of the bundle's own parts.
+
+    Taken from the model are the vertices of the collision parts, the thickness of the floor, and height, pitch, cut-off
+    angle and distance of the lights. All else follows from `world.json`, the network, and the table of the builder.
+
+    Raises
+    ------
+    ArtifactError
+        With the field of the compiled model, the element, the value and what it should be.
+    """
+    files = check_world(folder).files
+    spec = _rebuilt(folder, record, files)
+    assets = {name: data for name, data in files.items() if name.startswith("meshes/") or name == ROCK_TEXTURE}
+    spec.assets = assets
+    try:
+        spec.compile()
+        with digits_for(max(map(abs, record.world_m))):
+            text = spec.to_xml()
+        if text.encode() == files[MODEL]:  # then the compiled models are equal too
+            return
+        made, own = (mujoco.MjModel.from_xml_string(t, assets) for t in (text, files[MODEL].decode()))
+    except ValueError as error:
+        raise ArtifactError(f"{folder / MODEL}: MuJoCo does not compile it: {error}") from error
+    differs = model_difference(own, made)
+    if differs:
+        raise ArtifactError(f"{folder / MODEL}: {differs}, as the builder makes it")
+
+
+def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes]) -> mujoco.MjSpec:
+    """Return the specification of the world that the builder makes of the bundle's parts."""
+    try:
+        stated = mujoco.MjSpec.from_file(str(folder / MODEL))
+    except ValueError as error:
+        raise ArtifactError(f"{folder / MODEL}: MuJoCo does not read it: {error}") from error
+    network: DriftNetwork = decode(folder / TOPOLOGY, DriftNetwork)
+    rock = [geom for geom in stated.geoms if is_rock(geom.name)]
+    vertices = [np.array(stated.mesh(geom.meshname).uservert).reshape(-1, 3) for geom in rock]
+    offsets = np.concatenate([[0], np.cumsum([len(v) for v in vertices])]).astype(np.int32)
+    placed = np.concatenate([v + geom.pos for v, geom in zip(vertices, rock, strict=True)])
+    meshes = {Path(name).stem: data for name, data in files.items() if name.startswith("meshes/")}
+    scene = MineScene(
+        name=record.name,
+        extent=SolidExtent(record.height_m, record.world_m),
+        parts=ConvexParts(placed, offsets),
+        rock_friction=record.rock_friction,
+        floor_thickness_m=2 * float(stated.geom(ROOF_GEOM).size[2]),
+        zones=record.zones,
+        lights=remake_lights(folder, stated, network),
+        smooth=_smooth(stated),
+        rough={f"{name}.msh": data for name, data in meshes.items() if name not in SMOOTH_MESHES},
+        texture=decode(folder / ROCK_TEXTURE, Image),
+        anchor_m=record.spawn.anchor_m,
+        heading_rad=heading_at(network, record.spawn.anchor_m),
+        T_world_mine=tilt_about_centre(record.tilt_deg, record.world_m),
+    )
+    spec = build_spec(scene)
+    for geom, own, was in zip((g for g in spec.geoms if is_rock(g.name)), vertices, rock, strict=True):
+        # The digits of the text do not round alike twice; the builder's centre is compared and then replaced.
+        if np.abs(geom.pos - was.pos).max() > _PLACE_M:
+            raise ArtifactError(
+                f"{folder / MODEL}: geom {was.name}: pos = {was.pos}, want its mesh's middle {geom.pos}"
+            )
+        geom.pos = was.pos
+        spec.mesh(geom.meshname).uservert = own.ravel().tolist()
+    return spec
+
+
+def _smooth(stated: mujoco.MjSpec) -> dict[str, Mesh]:
+    """Return empty pieces of the smooth surface in the order of the model; their bytes are replaced later."""
+    nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros((0, 2)))
+    return {mesh.name.removeprefix("base_"): nothing for mesh in stated.meshes if mesh.name in SMOOTH_MESHES}
+
+
+def model_difference(found: mujoco.MjModel, wanted: mujoco.MjModel) -> str | None:
+    """Return the first field in which two compiled models differ, with element and values, or None."""
+    for name in sorted(dir(wanted)):
+        if name.startswith("_") or _UNREAD.fullmatch(name):
+            continue
+        differs = _difference(name, getattr(found, name), getattr(wanted, name), wanted)
+        if differs:
+            return differs
+    return None
+
+
+def _difference(name: str, one: Any, two: Any, model: mujoco.MjModel) -> str | None:
+    if callable(two):
+        return None
+    if isinstance(two, np.ndarray):
+        if one.shape != two.shape:
+            return f"{name} has shape {one.shape}, want {two.shape}"
+        exact = not np.issubdtype(two.dtype, np.floating)
+        wrong = np.flatnonzero(one != two) if exact else _apart(one, two)
+        if not len(wrong):
+            return None
+        at = np.unravel_index(int(wrong[0]), two.shape)
+        return f"{_element(name, int(at[0]), model)}{name}[{', '.join(map(str, at))}] = {one[at]}, want {two[at]}"
+    if isinstance(two, bool | int | str | bytes):
+        return None if one == two else f"{name} = {str(one)[:60]}, want {str(two)[:60]}"
+    if isinstance(two, float):
+        return None if math.isclose(one, two, rel_tol=_MARGIN, abs_tol=_MARGIN) else f"{name} = {one}, want {two}"
+    for inner in sorted(dir(two)):  # options, statistics and visual settings are records of their own
+        if not inner.startswith("_"):
+            differs = _difference(f"{name}.{inner}", getattr(one, inner), getattr(two, inner), model)
+            if differs:
+                return differs
+    return None
+
+
+def _apart(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """Return the flat indices at which two arrays differ; NaN in one only is a difference."""
+    return np.flatnonzero(~np.isclose(one, two, rtol=_MARGIN, atol=_MARGIN, equal_nan=True))
+
+
+def _element(field: str, number: int, model: mujoco.MjModel) -> str:
+    """Return the name of the element that a row of a field belongs to, and a colon."""
+    accessor = {"geom": model.geom, "body": model.body, "mesh": model.mesh, "light": model.light, "cam": model.camera}
+    kind = field.partition("_")[0]
+    counts = {"geom": model.ngeom, "body": model.nbody, "mesh": model.nmesh, "light": model.nlight, "cam": model.ncam}
+    if kind not in accessor or number >= counts[kind]:
+        return ""
+    return f"{kind} {accessor[kind](number).name}: "

@@ -1,0 +1,66 @@
+"""Whether two triangle surfaces are the same, however they are cut into triangles."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import open3d
+from scipy.spatial import cKDTree
+
+from pipeline.types import Mesh
+
+_CORNER_M = 0.01  # far from the origin a vertex has millimetres
+_APART_M = 0.1  # between the same corners: a diagonal across a bend may run either way
+_AREA_SHARE = 2e-3
+_SLIVER_M2 = 1e-4  # smaller faces have no reliable normal
+_SAME_SIDE = 0.5  # cosine between normals of the two surfaces
+
+
+def surfaces_differ(found: Mesh, wanted: Mesh) -> str | None:
+    """Return how a surface differs from another in place, area or side, or None if it does not."""
+    one, two = found.vertices[found.faces], wanted.vertices[wanted.faces]
+    areas = [float(np.linalg.norm(_crossed(t), axis=1).sum() / 2) for t in (one, two)]
+    if abs(areas[0] - areas[1]) > _AREA_SHARE * areas[1]:
+        return f"an area of {areas[0]:.3f} m2, want {areas[1]:.3f} m2"
+    corners = found.vertices[found.faces].reshape(-1, 3), wanted.vertices[wanted.faces].reshape(-1, 3)
+    off = max(float(cKDTree(a).query(b)[0].max()) for a, b in (corners, corners[::-1]))
+    if not off <= _CORNER_M:
+        return f"a corner {off:.4f} m from where it should be"
+    apart, side = distances(_samples(one), two)
+    worst = max(float(apart.max()), float(distances(_samples(two), one)[0].max()))
+    if not worst <= _APART_M:
+        return f"{worst:.4f} m from where it should be"
+    normal, size = _unit(_crossed(one)), np.linalg.norm(_crossed(one), axis=1) / 2
+    facing = np.einsum("ij,ij->i", normal, _unit(_crossed(two))[side[: len(one)]])
+    if (facing[size > _SLIVER_M2] < _SAME_SIDE).any():
+        return "a face that faces the wrong way"
+    return None
+
+
+def distances(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the distance (n,) m of points (n, 3) to triangles (m, 3, 3), and the nearest triangle (n,)."""
+    tensor: Any = open3d.core.Tensor
+    middle = triangles.reshape(-1, 3).mean(axis=0)
+    scene = open3d.t.geometry.RaycastingScene()
+    scene.add_triangles(
+        tensor((triangles - middle).reshape(-1, 3).astype(np.float32)),
+        tensor(np.arange(3 * len(triangles), dtype=np.uint32).reshape(-1, 3)),
+    )
+    near = scene.compute_closest_points(tensor((points - middle).astype(np.float32)))
+    apart = np.linalg.norm(near["points"].numpy() - (points - middle), axis=1)
+    return apart, near["primitive_ids"].numpy().astype(np.int64)
+
+
+def _samples(triangles: np.ndarray) -> np.ndarray:
+    """Return centres, corners and middles of sides, the centres first."""
+    sides = (triangles + np.roll(triangles, -1, axis=1)) / 2
+    return np.concatenate([triangles.mean(axis=1), triangles.reshape(-1, 3), sides.reshape(-1, 3)])
+
+
+def _crossed(triangles: np.ndarray) -> np.ndarray:
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-30)

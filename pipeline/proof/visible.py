@@ -1,0 +1,157 @@
+"""Whether the visible rock is one closed surface along the collision walls, seen from inside, with nothing between."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+from shapely import Polygon
+
+from minexplore.bundle import RECORD, mesh_file
+from minexplore.schema.model import SMOOTH_MESHES
+from pipeline.errors import ArtifactError
+from pipeline.mjcf.bundle import WorldRecord
+from pipeline.proof.same_surface import distances
+from pipeline.store.codecs import decode
+from pipeline.types import Mesh, Occupancy
+
+HEIGHTS_M = (0.3, 0.5, 1.0, 1.5)  # where visible and collision walls are compared; the roof's arch begins above
+_FOOT_M = 1e-4  # above the floor
+_FOOT_AWAY_M = 1.0  # bumps, the floor chamfer, and rounded corners
+_FROM_SMOOTH_M = 1.0  # of a rough vertex: bumps of 0.45 m, and the arch against the chamfer of the roof
+_FROM_WALL_M = 0.6  # of a slice through the visible walls: bumps, and the floor chamfer below
+_KEPT_SHARE, _KEPT_M = 0.3, 0.15  # of a free cell's clearance, that the visible rock leaves, less this
+_SAMPLE_M, _FINE_M = 0.1, 0.02
+_SMALLEST_M = 0.35  # cells with less clearance admit no robot
+_VOLUME = (0.7, 1.3)  # of the visible space, as shares of the plan's area times the height
+
+
+def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occupancy) -> None:
+    """Check the visible surface of a bundle whose smooth surface has been made again.
+
+    Raises
+    ------
+    ArtifactError
+        With the file or place, the value and the limit.
+    """
+    smooth = _triangles(folder, [name for name in SMOOTH_MESHES])
+    names = [name.removeprefix("meshes/").removesuffix(".msh") for name in record.files if name.startswith("meshes/")]
+    rough = [name for name in names if name not in SMOOTH_MESHES]
+    for name in rough:
+        _require_near(folder / mesh_file(name), smooth, free)
+    seen = _triangles(folder, rough) if rough else smooth
+    if rough:
+        _require_closed(folder, seen, free, record.height_m)
+    for height in HEIGHTS_M:
+        if height < record.height_m / 2:
+            _require_clear(folder, seen, free, grid, height)
+
+
+def _triangles(folder: Path, names: list[str]) -> np.ndarray:
+    meshes: list[Mesh] = [decode(folder / mesh_file(name), Mesh) for name in names]
+    return np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
+
+
+def _require_near(path: Path, smooth: np.ndarray, free: Polygon) -> None:
+    """Check that all vertices of a mesh lie near the smooth surface, and are used."""
+    mesh: Mesh = decode(path, Mesh)
+    if len(np.unique(mesh.faces)) != len(mesh.vertices):
+        raise ArtifactError(f"{path}: vertices that belong to no face")
+    apart, _ = distances(mesh.vertices, smooth)
+    worst = int(apart.argmax())
+    if not apart[worst] <= _FROM_SMOOTH_M:
+        raise ArtifactError(
+            f"{path}: vertex {worst} at {mesh.vertices[worst].round(3).tolist()} m is {apart[worst]:.3f} m from the "
+            f"smooth surface, want at most {_FROM_SMOOTH_M:g} m"
+        )
+
+
+def _require_closed(folder: Path, triangles: np.ndarray, free: Polygon, height_m: float) -> None:
+    """Check that the chunks together have no hole, no flipped and no double face, and end on the floor."""
+    points = np.ascontiguousarray(triangles.reshape(-1, 3).astype(np.float32) + np.float32(0.0))  # no negative zeros
+    _, first, index = np.unique(points.view(np.dtype((np.void, 12))).ravel(), return_index=True, return_inverse=True)
+    corners, faces = points[first], index.reshape(-1, 3)
+    ahead = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
+    order, back = (np.sort(ahead[:, i] * len(corners) + ahead[:, 1 - i]) for i in (0, 1))
+    double = order[:-1][np.diff(order) == 0]
+    if len(double):
+        at = corners[int(double[0] // len(corners))]
+        raise ArtifactError(f"{folder / RECORD}: visible rock: two faces on one side of an edge at {at.tolist()} m")
+    open_ = back[order[np.minimum(np.searchsorted(order, back), len(order) - 1)] != back]
+    rim = np.column_stack([open_ // len(corners), open_ % len(corners)])
+    lifted = np.abs(corners[rim][:, :, 2]).max(axis=1, initial=0.0) > _FOOT_M
+    if lifted.any() or not len(rim):
+        at = corners[rim[lifted][0, 0]].tolist() if lifted.any() else None
+        raise ArtifactError(f"{folder / RECORD}: visible rock: a hole at {at} m; its only rim is on the floor")
+    foot = shapely.polygonize(shapely.linestrings(corners[rim][:, :, :2].astype(np.float64)))
+    shape = max(shapely.get_parts(foot), key=lambda part: part.intersection(free).area, default=Polygon())
+    rings = len(shape.interiors) == len(free.interiors) and len(shapely.get_parts(foot)) == 1 + len(free.interiors)
+    away = cKDTree(_along(free, _FINE_M)).query(corners[rim[:, 0], :2])[0]
+    if not rings or not away.max() <= _FOOT_AWAY_M:  # the slices find walls that have no foot
+        raise ArtifactError(
+            f"{folder / RECORD}: visible rock: its foot on the floor is not the outline of the workings"
+        )
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 2] / 2
+    share = -float((triangles[:, :, 2].mean(axis=1) * normal).sum()) / (free.area * height_m)
+    if not _VOLUME[0] <= share <= _VOLUME[1]:
+        raise ArtifactError(
+            f"{folder / RECORD}: visible rock: encloses {share:.3f} of the workings' volume, want {_VOLUME[0]} to "
+            f"{_VOLUME[1]}; a surface inside out encloses less than 0"
+        )
+
+
+def _require_clear(folder: Path, triangles: np.ndarray, free: Polygon, grid: Occupancy, height_m: float) -> None:
+    """Check one height: visible walls near all collision walls, none elsewhere, clearance kept at free cells."""
+    seen = slice_points(triangles, height_m)
+    walls = _along(free, _FINE_M)
+    away = cKDTree(walls).query(seen)[0] if len(seen) else np.array([np.inf])
+    if not away.max() <= _FROM_WALL_M:
+        x, y = seen[int(away.argmax())] if len(seen) else (np.nan, np.nan)
+        raise ArtifactError(
+            f"{folder / RECORD}: visible rock at ({x:.2f}, {y:.2f}) m, {height_m} m above the floor, is "
+            f"{away.max():.3f} m from the collision walls, want at most {_FROM_WALL_M:g} m"
+        )
+    tree = cKDTree(seen)
+    bare = tree.query(walls)[0]
+    if not bare.max() <= _FROM_WALL_M:
+        x, y = walls[int(bare.argmax())]
+        raise ArtifactError(
+            f"{folder / RECORD}: no visible rock within {_FROM_WALL_M:g} m of the collision wall at ({x:.2f}, "
+            f"{y:.2f}) m, {height_m} m above the floor"
+        )
+    row, col = np.nonzero(grid.clearance_m >= _SMALLEST_M)
+    places = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
+    spare = tree.query(places)[0] - (_KEPT_SHARE * grid.clearance_m[row, col] - _KEPT_M)
+    if spare.min(initial=0.0) < 0:
+        x, y = places[int(spare.argmin())]
+        raise ArtifactError(
+            f"{folder / RECORD}: visible rock stands in the drift at ({x:.2f}, {y:.2f}) m, {height_m} m above the floor"
+        )
+
+
+def _along(free: Polygon, spacing_m: float) -> np.ndarray:
+    """Return points (n, 2) m along the walls of the workings, at most a spacing apart."""
+    return shapely.get_coordinates(shapely.segmentize(free.boundary, spacing_m))
+
+
+def slice_points(triangles: np.ndarray, height_m: float) -> np.ndarray:
+    """Return points (n, 2) m along the level slice of triangles (m, 3, 3) m, at most 0.1 m apart."""
+    above = triangles[:, :, 2] > height_m
+    cut = triangles[above.any(axis=1) & ~above.all(axis=1)]
+    ends = []
+    for start, end in ((0, 1), (1, 2), (2, 0)):
+        a, b = cut[:, start], cut[:, end]
+        crosses = (a[:, 2] > height_m) != (b[:, 2] > height_m)
+        share = (height_m - a[:, 2]) / np.where(crosses, b[:, 2] - a[:, 2], 1.0)
+        ends.append(np.where(crosses[:, None], a[:, :2] + share[:, None] * (b[:, :2] - a[:, :2]), np.nan))
+    sides = np.stack(ends, axis=1)  # two of the three are numbers
+    order = np.argsort(np.isnan(sides[:, :, 0]), axis=1, kind="stable")
+    segment = np.take_along_axis(sides, order[:, :2, None], axis=1)
+    length = np.linalg.norm(segment[:, 1] - segment[:, 0], axis=1)
+    count = np.maximum(2, np.ceil(length / _SAMPLE_M).astype(int) + 1)
+    owner = np.repeat(np.arange(len(segment)), count)
+    step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    share = (step / (count[owner] - 1))[:, None]
+    return segment[owner, 0] * (1 - share) + segment[owner, 1] * share
