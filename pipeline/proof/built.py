@@ -38,6 +38,6 @@ def require_built(folder: Path, record: WorldRecord, params: ValidationParams) -
     free_space = read_free_space(folder)
     tracing = Tracing(params.network_cell_m, params.network_min_leg_m, params.network_station_spacing_m)
     grid = require_remade(folder, record, free_space, tracing, tolerance_of(params))
-    require_same_model(folder, record)
+    require_same_model(folder, record, free_space.polygon)
     require_visible(folder, record, free_space.polygon, grid)
     return free_space

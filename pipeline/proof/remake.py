@@ -228,12 +228,19 @@ def _require_spawn(folder: Path, record: WorldRecord, grid: Occupancy) -> None:
         raise ArtifactError(f"{folder / RECORD}: {differs}, by the clearance grid")
 
 
+def texture_repeat_m(folder: Path) -> float:
+    """Return the length that one repeat of the texture covers, m, by the smooth floor chamfer; 0 if it has none."""
+    floor: Mesh = decode(folder / mesh_file(smooth_mesh(FLOOR_CHAMFER)), Mesh)
+    widest = int(np.abs(floor.texcoords).max(axis=1).argmax())
+    axis = int(np.abs(floor.texcoords[widest]).argmax())
+    repeats = float(floor.texcoords[widest, axis])
+    return round(float(floor.vertices[widest, axis]) / repeats, 4) if repeats else 0.0
+
+
 def _require_smooth(folder: Path, record: WorldRecord, free: Polygon) -> None:
     """Compare the smooth surface with the one of the outline; its two chamfers and its texture's size are read off."""
     floor, roof = (decode(folder / mesh_file(smooth_mesh(piece)), Mesh) for piece in (FLOOR_CHAMFER, ROOF))
-    widest = int(np.abs(floor.texcoords).max(axis=1).argmax())
-    axis = int(np.abs(floor.texcoords[widest]).argmax())
-    repeat_m = float(floor.vertices[widest, axis] / floor.texcoords[widest, axis]) if floor.texcoords.any() else 0.0
+    repeat_m = texture_repeat_m(folder)
     chamfers = float(floor.vertices[:, 2].max()), record.height_m - float(roof.vertices[:, 2].min())
     if not (0.01 < repeat_m < 1000 and min(chamfers) > 1e-3 and sum(chamfers) < record.height_m):
         raise ArtifactError(

@@ -10,6 +10,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from shapely import Polygon
 
 from minexplore.bundle import MODEL, ROCK_TEXTURE, ROOF_GEOM, TOPOLOGY, is_rock
 from minexplore.schema import check_world
@@ -21,6 +22,7 @@ from pipeline.mjcf.digits import digits_for
 from pipeline.mjcf.scene import MineScene, tilt_about_centre
 from pipeline.mjcf.world import build_spec
 from pipeline.proof.lights import remake_lights
+from pipeline.proof.prisms import require_prisms
 from pipeline.store.codecs import decode
 from pipeline.types import ConvexParts, DriftNetwork, Image, Mesh, SolidExtent
 
@@ -30,11 +32,12 @@ _PLACE_M = 2e-3  # half a millimetre and more: six digits of coordinates up to 1
 _UNREAD = re.compile(r"signature|paths|.*_pathadr|bvh_.*|.*_bvhadr|.*_bvhnum|npaths|nbvh.*|nbuffer")
 
 
-def require_same_model(folder: Path, record: WorldRecord) -> None:
+def require_same_model(folder: Path, record: WorldRecord, free: Polygon) -> None:
     """Compare the compiled model with the one that the builder makes of the bundle's own parts.
 
-    Taken from the model are the vertices of the collision parts, the thickness of the floor, and height, pitch, cut-off
-    angle and distance of the lights. All else follows from `world.json`, the network, and the table of the builder.
+    The collision parts must be prisms on the corners of the outline. Taken from the model are these, the thickness of
+    the floor, and height, pitch, cut-off angle and distance of the lights. All else follows from `world.json`, the
+    network, and the builder.
 
     Raises
     ------
@@ -42,7 +45,12 @@ def require_same_model(folder: Path, record: WorldRecord) -> None:
         With the field of the compiled model, the element, the value and what it should be.
     """
     files = check_world(folder).files
-    spec = _rebuilt(folder, record, files)
+    try:
+        stated = mujoco.MjSpec.from_file(str(folder / MODEL))
+    except ValueError as error:
+        raise ArtifactError(f"{folder / MODEL}: MuJoCo does not read it: {error}") from error
+    require_prisms(folder, record, stated, free)
+    spec = _rebuilt(folder, record, files, stated)
     assets = {name: data for name, data in files.items() if name.startswith("meshes/") or name == ROCK_TEXTURE}
     spec.assets = assets
     try:
@@ -59,12 +67,8 @@ def require_same_model(folder: Path, record: WorldRecord) -> None:
         raise ArtifactError(f"{folder / MODEL}: {differs}, as the builder makes it")
 
 
-def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes]) -> mujoco.MjSpec:
+def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stated: mujoco.MjSpec) -> mujoco.MjSpec:
     """Return the specification of the world that the builder makes of the bundle's parts."""
-    try:
-        stated = mujoco.MjSpec.from_file(str(folder / MODEL))
-    except ValueError as error:
-        raise ArtifactError(f"{folder / MODEL}: MuJoCo does not read it: {error}") from error
     network: DriftNetwork = decode(folder / TOPOLOGY, DriftNetwork)
     rock = [geom for geom in stated.geoms if is_rock(geom.name)]
     vertices = [np.array(stated.mesh(geom.meshname).uservert).reshape(-1, 3) for geom in rock]

@@ -27,6 +27,8 @@ def surfaces_differ(found: Mesh, wanted: Mesh) -> str | None:
     off = max(float(cKDTree(a).query(b)[0].max()) for a, b in (corners, corners[::-1]))
     if not off <= _CORNER_M:
         return f"a corner {off:.4f} m from where it should be"
+    if len(one) != len(two) or _rim(found.faces) != _rim(wanted.faces):
+        return f"{len(one)} faces and a rim of {_rim(found.faces)} edges, want {len(two)} and {_rim(wanted.faces)}"
     apart, side = distances(_samples(one), two)
     worst = max(float(apart.max()), float(distances(_samples(two), one)[0].max()))
     if not worst <= _APART_M:
@@ -50,6 +52,13 @@ def distances(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np
     near = scene.compute_closest_points(tensor((points - middle).astype(np.float32)))
     apart = np.linalg.norm(near["points"].numpy() - (points - middle), axis=1)
     return apart, near["primitive_ids"].numpy().astype(np.int64)
+
+
+def _rim(faces: np.ndarray) -> int:
+    """Return the number of edges that have a face on one side only, or -1 if an edge has two faces on one side."""
+    ahead = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
+    code, back = (ahead[:, i] * (faces.max() + 1) + ahead[:, 1 - i] for i in (0, 1))
+    return -1 if len(np.unique(code)) < len(code) else int((~np.isin(code, back)).sum())
 
 
 def _samples(triangles: np.ndarray) -> np.ndarray:

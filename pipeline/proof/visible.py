@@ -9,15 +9,18 @@ import shapely
 from scipy.spatial import cKDTree
 from shapely import Polygon
 
-from minexplore.bundle import RECORD, mesh_file
+from minexplore.bundle import RECORD, WALLS, mesh_file
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import WorldRecord
+from pipeline.proof.remake import texture_repeat_m
 from pipeline.proof.same_surface import distances
 from pipeline.store.codecs import decode
 from pipeline.types import Mesh, Occupancy
 
 HEIGHTS_M = (0.3, 0.5, 1.0, 1.5)  # where visible and collision walls are compared; the roof's arch begins above
+_TEXTURED_M = 5e-3  # far from the origin a coordinate has millimetres
+_ACROSS_M = 1.5  # a face belongs to the tile of its centre before it was displaced
 _FOOT_M = 1e-4  # above the floor
 _FOOT_AWAY_M = 1.0  # bumps, the floor chamfer, and rounded corners
 _FROM_SMOOTH_M = 1.0  # of a rough vertex: bumps of 0.45 m, and the arch against the chamfer of the roof
@@ -39,8 +42,10 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     smooth = _triangles(folder, [name for name in SMOOTH_MESHES])
     names = [name.removeprefix("meshes/").removesuffix(".msh") for name in record.files if name.startswith("meshes/")]
     rough = [name for name in names if name not in SMOOTH_MESHES]
+    repeat_m = texture_repeat_m(folder)
     for name in rough:
-        _require_near(folder / mesh_file(name), smooth, free)
+        _require_near(folder / mesh_file(name), smooth, repeat_m)
+    _require_tiles(folder, rough)
     seen = _triangles(folder, rough) if rough else smooth
     if rough:
         _require_closed(folder, seen, free, record.height_m)
@@ -54,9 +59,37 @@ def _triangles(folder: Path, names: list[str]) -> np.ndarray:
     return np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
 
 
-def _require_near(path: Path, smooth: np.ndarray, free: Polygon) -> None:
-    """Check that all vertices of a mesh lie near the smooth surface, and are used."""
+def _require_tiles(folder: Path, names: list[str]) -> None:
+    """Check that the column and row in the chunks' names rise from the south-west."""
+    spans: dict[tuple[int, int], list[tuple[float, float]]] = {}
+    for name in names:
+        mesh: Mesh = decode(folder / mesh_file(name), Mesh)
+        centre = mesh.vertices[mesh.faces].mean(axis=1)
+        for axis, number in enumerate(map(int, name.split("_")[-2:])):
+            spans.setdefault((axis, number), []).append((centre[:, axis].min(), centre[:, axis].max()))
+    ends = {key: (min(low for low, _ in span), max(high for _, high in span)) for key, span in spans.items()}
+    for (axis, number), (low, high) in sorted(ends.items()):
+        before = [ends[other][1] for other in ends if other[0] == axis and other[1] < number]
+        if before and max(before) > low + _ACROSS_M:
+            raise ArtifactError(
+                f"{folder / RECORD}: visible rock: chunks of {('column', 'row')[axis]} {number} reach from {low:.2f} "
+                f"to {high:.2f} m, those before it to {max(before):.2f} m"
+            )
+
+
+def _require_near(path: Path, smooth: np.ndarray, repeat_m: float) -> None:
+    """Check that all vertices of a mesh are used, lie near the smooth surface, and carry the texture of their piece."""
     mesh: Mesh = decode(path, Mesh)
+    # Pieces are textured before they are displaced: walls by their height, which stays, the roof from above.
+    laid = mesh.texcoords * repeat_m
+    wall = path.name.startswith(f"{WALLS}_")
+    off = np.abs(laid[:, 1] - mesh.vertices[:, 2]) if wall else np.abs(laid - mesh.vertices[:, :2]).max(axis=1)
+    if not off.max() <= (_TEXTURED_M if wall else _FROM_WALL_M):
+        worst = int(off.argmax())
+        raise ArtifactError(
+            f"{path}: vertex {worst} at {mesh.vertices[worst].round(3).tolist()} m has the texture of a place "
+            f"{off[worst]:.3f} m away, want at most {_TEXTURED_M if wall else _FROM_WALL_M:g} m"
+        )
     if len(np.unique(mesh.faces)) != len(mesh.vertices):
         raise ArtifactError(f"{path}: vertices that belong to no face")
     apart, _ = distances(mesh.vertices, smooth)

@@ -1,0 +1,61 @@
+"""A small world with known walls: a ring of drifts around a pillar, and a dead end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import shapely
+from shapely import MultiPolygon
+
+from pipeline.compose import compose
+from pipeline.geometry.rasterize import fill_polygon
+from pipeline.mjcf.assemble import assemble_world
+from pipeline.store.codecs import encode
+from pipeline.types import Frame, Scale, Survey, Workings
+from stages.compile3d import compile_rock
+from stages.contours import trace_free_space
+from stages.surface import model_surface
+
+WORKINGS = shapely.box(0, 0, 26, 14).difference(shapely.box(5, 4.5, 21, 9.5)).union(shapely.box(26, 0, 40, 4))
+_PX_PER_M, _MARGIN_M = 8.0, 4.0
+_COARSE = [
+    "surface.rough.spacing_m=0.3",
+    "surface.rough.roof_spacing_m=0.4",
+    "surface.texture.size_px=32",
+    "realism.preview_width_px=64",
+]
+
+
+def build_small_world(folder: Path) -> None:
+    """Run stages 2 to 5 in memory on a drawn plan and write the bundle to a folder."""
+    config = compose(_COARSE)
+    west, south, east, north = (round(_PX_PER_M * side) for side in WORKINGS.buffer(_MARGIN_M).bounds)
+    frame = Frame(_PX_PER_M, -west, north, east - west, north - south)
+    survey = Survey("small", "plan", frame, Scale(_PX_PER_M, "stated"), [], (2.0, 2.0), {}, ["plan.png"])
+    grey = np.where(fill_polygon(WORKINGS, frame), 40, 255).astype(np.uint8)
+    plan = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+    traced = trace_free_space(config.contours, plan, survey, Workings(MultiPolygon()))
+    free_space, network = traced["free_space"], traced["topology"]
+    rock = compile_rock(config.compile3d, free_space, network, survey)
+    surface = model_surface(config.surface, free_space, network, rock["extent"])
+    world = assemble_world(
+        config.realism,
+        survey,
+        free_space,
+        network,
+        rock["extent"],
+        rock["collision"],
+        rock["spawn"],
+        surface["smooth"],
+        surface["texture"],
+        surface["rough"],
+        occupancy=encode(Path("occupancy.npz"), rock["occupancy"]),
+        free_space_bt=rock["octree"],
+        map_png=encode(Path("map.png"), rock["map"]),
+        map_yaml=rock["map_yaml"].encode(),
+    )["world"]
+    for name, data in world.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(data)

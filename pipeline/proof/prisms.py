@@ -1,0 +1,59 @@
+"""Whether collision parts are the prisms of a partition of the rock: upright, on its corners, without overlap."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+from shapely import Polygon
+
+from minexplore.bundle import MODEL, is_rock
+from pipeline.errors import ArtifactError
+from pipeline.mjcf.bundle import WorldRecord
+
+_PLACE_M = 2e-3  # the text of a model has six digits
+_OVERLAP_M = 4e-3  # of two parts along their common edges
+
+
+def require_prisms(folder: Path, record: WorldRecord, stated: mujoco.MjSpec, free: Polygon) -> None:
+    """Compare the collision parts with the corners of the outline and of the box, and with the height.
+
+    That they cover all rock and nothing else is the certificate's matter.
+
+    Raises
+    ------
+    ArtifactError
+        With the part, the vertex and what is wrong.
+    """
+    box = shapely.box(*record.world_m)
+    corners = cKDTree(np.concatenate([shapely.get_coordinates(free), shapely.get_coordinates(box)]))
+    outlines = []
+    for geom in (geom for geom in stated.geoms if is_rock(geom.name)):
+        vertices = np.array(stated.mesh(geom.meshname).uservert).reshape(-1, 3) + geom.pos
+        where = f"{folder / MODEL}: geom {geom.name}"
+        low, high = vertices[vertices[:, 2] < record.height_m / 2], vertices[vertices[:, 2] >= record.height_m / 2]
+        if len(low) != len(high) or not (
+            np.abs(low[:, 2]).max(initial=0.0) < _PLACE_M
+            and np.abs(high[:, 2] - record.height_m).max(initial=0.0) < _PLACE_M
+            and np.abs(low[:, :2] - high[:, :2]).max(initial=0.0) < _PLACE_M
+        ):
+            raise ArtifactError(f"{where}: not an upright prism from the floor to {record.height_m} m")
+        off, _ = corners.query(low[:, :2])
+        if off.max() > _PLACE_M:
+            x, y = low[int(off.argmax()), :2]
+            raise ArtifactError(
+                f"{where}: a corner at ({x:.3f}, {y:.3f}) m is {off.max():.3f} m from the corners of outline and box, "
+                f"want at most {_PLACE_M} m"
+            )
+        ring = Polygon(low[:, :2])
+        hull = ring.convex_hull
+        if not ring.is_valid or hull.area - ring.area > _OVERLAP_M * ring.length:
+            raise ArtifactError(f"{where}: its outline is not convex")
+        outlines.append(hull)
+    solid = shapely.union_all(outlines)
+    twice = sum(outline.area for outline in outlines) - solid.area
+    if twice > _OVERLAP_M * sum(outline.length for outline in outlines):
+        raise ArtifactError(f"{folder / MODEL}: collision parts overlap by {twice:.3f} m2")
