@@ -53,8 +53,17 @@ class LocalModels:
         return tiles_at(xy, TILE_M)
 
     def model(self, tile: Tile) -> mujoco.MjModel:
-        """Compile the model of a tile: floor, roof, the parts that a robot in it can touch, and the robot."""
-        return self.spec(tile).compile()
+        """Compile the model of a tile: floor, roof, the parts that a robot in it can touch, and the robot.
+
+        Raises
+        ------
+        BundleError
+            If MuJoCo refuses a part; the message is MuJoCo's.
+        """
+        try:
+            return self.spec(tile).compile()
+        except ValueError as error:
+            raise BundleError(f"{self.world.folder / MODEL}: MuJoCo does not compile it: {error}") from error
 
     def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
         """Return a physics model's spec; without a tile it holds all parts."""

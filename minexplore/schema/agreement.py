@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
+
 from minexplore.bundle import (
     MINE_BODY,
     MODEL,
@@ -25,7 +27,9 @@ from minexplore.schema.rules import numbers_in, same
 from minexplore.schema.xml import Node
 
 _BEYOND_M = 1.0  # approximate decompositions reach a little beyond the rock
-_LEAST_M = 1e-4  # size of a collision part in plan and height
+_LEAST_M = 1e-4  # size of a collision part in every direction
+_THINNEST_M = 0.05  # of floor and roof: a robot must not pass through them in one step
+_EQUAL_M = 0.0501  # what rounding to a decimetre moves the end of a floor zone
 _CENTRE_M = 6e-4  # the view's centre has three decimals
 _TURN = 1e-4
 
@@ -111,11 +115,13 @@ def _check_rock(at: _Places, record: Mapping[str, Any]) -> None:
         if geom.attributes["mesh"] != name or name not in shapes:
             raise BundleError(f"{MODEL}: {geom.path}@mesh: {geom.attributes['mesh']!r}, want a mesh of the geom's name")
         place, vertices = _numbers(geom, "pos"), _numbers(at.of_assets["mesh", name], "vertex")
+        apart = np.reshape(vertices, (-1, 3)) - np.mean(np.reshape(vertices, (-1, 3)), axis=0)
+        spread = math.sqrt(max(0.0, float(np.linalg.eigvalsh(apart.T @ apart)[0])))
+        if not spread > _LEAST_M:
+            raise BundleError(f"{MODEL}: {at.of_assets['mesh', name].path}@vertex: {spread:g} m thick, want {_LEAST_M}")
         for axis in range(3):
             along = vertices[axis::3]
             least, most = min(along), max(along)
-            if most - least < _LEAST_M:
-                raise BundleError(f"{MODEL}: {at.of_assets['mesh', name].path}@vertex: flat along axis {axis}")
             if place[axis] + least < low[axis] - _BEYOND_M or place[axis] + most > high[axis] + _BEYOND_M:
                 raise BundleError(
                     f"{MODEL}: {geom.path}@pos: from {place[axis] + least:g} to {place[axis] + most:g} m along axis "
@@ -135,6 +141,15 @@ def _check_floor(at: _Places, record: Mapping[str, Any]) -> None:
     _consecutive("geom", at.names("geom", floor_geom("")), [floor_geom(zone["name"]) for zone in zones], "zones")
     grounds = [name for tag, name in at.of_assets if tag == "material" and name != "rock"]
     _consecutive("material", grounds, [f"ground_{zone['name']}" for zone in zones], "zones")
+    if half < _THINNEST_M / 2:
+        raise BundleError(f"{MODEL}: {roof.path}@size: floor and roof are {2 * half:g} m thick, want {_THINNEST_M} m")
+    length = (east - west) / len(zones)
+    for number, zone in enumerate(zones, start=1):  # zones are of equal length, to a decimetre
+        if abs(zone["east_m"] - (west + number * length)) > _EQUAL_M:
+            raise BundleError(
+                f"{RECORD}: zones[{number - 1}].east_m = {zone['east_m']}: want {west + number * length:.1f}, "
+                f"{len(zones)} zones of equal length"
+            )
     edges = [west, *(zone["east_m"] for zone in zones)]
     for zone, left in zip(zones, edges, strict=False):
         if (zone["south_m"], zone["north_m"], zone["west_m"]) != (south, north, left) or left >= zone["east_m"]:

@@ -6,7 +6,6 @@ import io
 import os
 import re
 import stat
-import struct
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -31,6 +30,7 @@ from minexplore.bundle import (
     decode_msh,
 )
 from minexplore.schema.model import VISIBLE_MESH
+from minexplore.schema.png import GREY, RGB, check_png
 from minexplore.schema.rules import numbers_in
 
 FIXED = (
@@ -51,7 +51,8 @@ _FOLDERS = {"meshes", "textures"}
 _MOST_BYTES = 1 << 30  # of a bundle
 _MOST_FILES = 100_000
 _MOST_CELLS = 100_000_000  # of the clearance grid: 2,500 m square at 0.25 m
-_MOST_PIXELS = 100_000_000
+_PICTURES = {PREVIEW: RGB, NAV2_PICTURE: GREY, ROCK_TEXTURE: RGB}
+_MOST_PIXELS = {PREVIEW: 4096 * 16_384, NAV2_PICTURE: _MOST_CELLS, ROCK_TEXTURE: 4096 * 4096}
 _MOST_REPEATS = 1e7  # of the texture
 _BEYOND_M = 1.0  # rough rock reaches a little beyond the box of the rock in plan
 _BELOW_M, _ABOVE_M = 1.0, 5.0  # and so far below the floor and above the height
@@ -126,8 +127,10 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes]) -> dic
     for name, data in files.items():
         if name.startswith(MESHES):
             _check_mesh(name, data, low, high)
-    for name in (PREVIEW, NAV2_PICTURE, ROCK_TEXTURE):
-        _check_png(name, files[name])
+    for name, kind in _PICTURES.items():
+        width, height = check_png(name, files[name], kind, _MOST_PIXELS[name])
+        if name == ROCK_TEXTURE and (width != height or width < 16):
+            raise BundleError(f"{name}: {width} x {height} px, want a square of 16 px or more")
     _check_map(files[NAV2_MAP])
     return _read_checked_grid(files[CLEARANCE_GRID], record["world_m"])
 
@@ -219,29 +222,6 @@ def _read_checked_grid(data: bytes, world_m: list[float]) -> dict[str, np.ndarra
     if clearance[~free].any():
         raise BundleError(f"{CLEARANCE_GRID}: a clearance above 0 in rock")
     return grid
-
-
-def _check_png(name: str, data: bytes) -> None:
-    """Check a picture's header, the order of its chunks and their checksums."""
-    at, kinds = 8, []
-    if data[:8] != b"\x89PNG\r\n\x1a\n":
-        raise BundleError(f"{name}: not a PNG")
-    while at < len(data):
-        if at + 12 > len(data) or at + 12 + (size := struct.unpack(">I", data[at : at + 4])[0]) > len(data):
-            raise BundleError(f"{name}: a chunk ends beyond the file")
-        kind, body = data[at + 4 : at + 8], data[at + 8 : at + 8 + size]
-        if zlib.crc32(data[at + 4 : at + 8 + size]) != struct.unpack(">I", data[at + 8 + size : at + 12 + size])[0]:
-            raise BundleError(f"{name}: the checksum of chunk {kind!r} is wrong")
-        if kind == b"IHDR" and size == 13:
-            width, height, *form = struct.unpack(">IIBBBBB", body)
-            if not 0 < width * height <= _MOST_PIXELS or form not in ([8, 0, 0, 0, 0], [8, 2, 0, 0, 0]):
-                raise BundleError(f"{name}: {width} x {height} px of form {form}, want 8 bits of grey or RGB")
-        kinds.append(kind)
-        at += 12 + size
-    if len(kinds) < 3 or (kinds[0], kinds[-1]) != (b"IHDR", b"IEND") or set(kinds[1:-1]) != {b"IDAT"}:
-        raise BundleError(
-            f"{name}: chunks {sorted({k.decode('ascii', 'replace') for k in kinds})}, want IHDR, IDAT, IEND"
-        )
 
 
 def _check_map(data: bytes) -> None:

@@ -145,7 +145,6 @@ _LIGHT = Element(
         "specular": _constant(0.1, 0.1, 0.1),
     },
     name=r"spot_\d{2,5}",
-    least=0,
     most=MOST_LIGHTS,
 )
 _SURFACE = Element(

@@ -79,7 +79,7 @@ RECORD_FIELDS: Table = {
     },
     "zones": _check_zones,
     "rock_friction": number(1e-6, 2),
-    "lights": whole(0, MOST_LIGHTS),
+    "lights": whole(1, MOST_LIGHTS),
     "collision_parts": whole(1, MOST_PARTS),
     "loops": whole(0, 1_000_000),
     "drifts": whole(1, 1_000_000),

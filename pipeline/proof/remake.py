@@ -19,17 +19,12 @@ from shapely import Polygon
 
 from minexplore.bundle import (
     CLEARANCE_GRID,
-    FLOOR_CHAMFER,
     FREE_SPACE,
     NAV2_MAP,
     NAV2_PICTURE,
     OCTREE,
     RECORD,
-    ROOF,
     TOPOLOGY,
-    WALLS,
-    mesh_file,
-    smooth_mesh,
 )
 from pipeline.errors import ArtifactError, GeometryError
 from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
@@ -37,10 +32,9 @@ from pipeline.geometry.octree import build_octree, to_bt
 from pipeline.geometry.skeleton import trace_network
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.proof.differences import first_difference
-from pipeline.proof.same_surface import surfaces_differ
+from pipeline.proof.smooth import require_smooth
 from pipeline.store.codecs import decode, encode
-from pipeline.surface.smooth import FLOOR, smooth_surface
-from pipeline.types import Areas, DriftNetwork, FreeSpace, Image, Mesh, Occupancy
+from pipeline.types import Areas, DriftNetwork, FreeSpace, Image, Occupancy
 
 _M2 = 1.1e-3  # areas and lengths of the record have three decimals
 _CM = 1.1e-2  # the network's lengths have two; another machine's library may round the other way
@@ -87,7 +81,7 @@ def require_remade(
     grid = _require_grid(folder, record, free)
     _require_map_and_octree(folder, record, grid)
     _require_spawn(folder, record, grid)
-    _require_smooth(folder, record, free)
+    require_smooth(folder, record, free)
     return grid
 
 
@@ -226,42 +220,3 @@ def _require_spawn(folder: Path, record: WorldRecord, grid: Occupancy) -> None:
     differs = first_difference(as_json(stated), as_json(made), _CLEARANCE_M, "spawn")
     if differs:
         raise ArtifactError(f"{folder / RECORD}: {differs}, by the clearance grid")
-
-
-def texture_repeat_m(folder: Path) -> float:
-    """Return the length that one repeat of the texture covers, m, by the smooth floor chamfer; 0 if it has none."""
-    floor: Mesh = decode(folder / mesh_file(smooth_mesh(FLOOR_CHAMFER)), Mesh)
-    widest = int(np.abs(floor.texcoords).max(axis=1).argmax())
-    axis = int(np.abs(floor.texcoords[widest]).argmax())
-    repeats = float(floor.texcoords[widest, axis])
-    return round(float(floor.vertices[widest, axis]) / repeats, 4) if repeats else 0.0
-
-
-def _require_smooth(folder: Path, record: WorldRecord, free: Polygon) -> None:
-    """Compare the smooth surface with the one of the outline; its two chamfers and its texture's size are read off."""
-    floor, roof = (decode(folder / mesh_file(smooth_mesh(piece)), Mesh) for piece in (FLOOR_CHAMFER, ROOF))
-    repeat_m = texture_repeat_m(folder)
-    chamfers = float(floor.vertices[:, 2].max()), record.height_m - float(roof.vertices[:, 2].min())
-    if not (0.01 < repeat_m < 1000 and min(chamfers) > 1e-3 and sum(chamfers) < record.height_m):
-        raise ArtifactError(
-            f"{folder / mesh_file(smooth_mesh(ROOF))}: chamfers of {chamfers} m, a texture of {repeat_m} m; "
-            f"want chamfers above 0 that fit under {record.height_m} m"
-        )
-    rounded = [round(value, 4) for value in (*chamfers, repeat_m)]
-    made = smooth_surface(free, record.height_m, *rounded)
-    for piece in (name for name in made if name != FLOOR):
-        path = folder / mesh_file(smooth_mesh(piece))
-        found: Mesh = decode(path, Mesh)
-        differs = "a normal, want none" if found.normals is not None else surfaces_differ(found, made[piece])
-        # The walls have the outline's own points in its order; roof and chamfer are textured from above.
-        above = found.vertices[:, :2] / rounded[2]
-        wanted = (
-            made[piece].texcoords if piece == WALLS and len(found.texcoords) == len(made[piece].texcoords) else above
-        )
-        if differs is None and not np.allclose(found.texcoords, wanted, rtol=1e-4, atol=2e-3):
-            differs = "texture coordinates that differ"
-        if differs:
-            raise ArtifactError(
-                f"{path}: {differs}; compared with the smooth surface of the outline with chamfers of {rounded[0]:g} m "
-                f"and {rounded[1]:g} m and a texture of {rounded[2]:g} m"
-            )

@@ -12,6 +12,7 @@ import numpy as np
 
 from minexplore.bundle import FREE_SPACE, RECORD, TOPOLOGY, GeomGroup
 from pipeline.errors import ArtifactError
+from pipeline.geometry.binarize import left_out
 from pipeline.metrics.clearance import WallGaps
 from pipeline.metrics.iou import intersection_over_union
 from pipeline.metrics.navigability import Navigability, cast_columns
@@ -26,6 +27,8 @@ from pipeline.proof.consistency import measure_consistency
 from pipeline.proof.surface import TextureReport, report_relief, report_texture, report_walls, texture_metrics
 from pipeline.store.codecs import decode
 from pipeline.types import DriftNetwork, FreeSpace, Mask, Survey
+
+_AREA_M2 = 1.1e-3  # areas have three decimals
 
 
 class Validator:
@@ -52,6 +55,7 @@ class Validator:
         if checked:
             self.free_space: FreeSpace = require_built(bundle, self.world.record, params)
             _require_survey(bundle, self.world, survey)
+            _require_plan(bundle, self.free_space, cleaned, raw)
         else:
             self.free_space = decode(bundle / FREE_SPACE, FreeSpace)
         self.network: DriftNetwork = decode(bundle / TOPOLOGY, DriftNetwork)
@@ -122,6 +126,19 @@ def _require_survey(bundle: Path, world: World, survey: Survey) -> None:
     if survey.entrance_m is not None and not np.allclose(record.spawn.centre_m, survey.entrance_m, atol=1e-6):
         raise ArtifactError(
             f"{bundle / RECORD}: spawn.centre_m = {record.spawn.centre_m}, the survey's entrance is {survey.entrance_m}"
+        )
+
+
+def _require_plan(bundle: Path, free_space: FreeSpace, cleaned: Mask, raw: Mask) -> None:
+    """Compare the areas that only the plan gives: the tunnel before simplification, and unconnected pieces."""
+    stated, px_per_m = free_space.areas, free_space.frame.px_per_m
+    traced = float(cleaned.sum()) / px_per_m**2
+    unconnected = sum(piece[0] for piece in left_out(raw, cleaned, px_per_m**2)) / px_per_m**2
+    rim = free_space.polygon.length / px_per_m  # a pixel along the walls
+    if abs(stated.traced_tunnel_m2 - traced) > rim or abs(stated.unconnected_m2 - unconnected) > _AREA_M2:
+        raise ArtifactError(
+            f"{bundle / FREE_SPACE}: areas: traced_tunnel_m2 = {stated.traced_tunnel_m2}, unconnected_m2 = "
+            f"{stated.unconnected_m2}; the plan has {traced:.3f} and {unconnected:.3f}"
         )
 
 

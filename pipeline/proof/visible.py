@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from shapely import Polygon
 
@@ -13,12 +15,14 @@ from minexplore.bundle import RECORD, WALLS, mesh_file
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import WorldRecord
-from pipeline.proof.remake import texture_repeat_m
 from pipeline.proof.same_surface import distances
+from pipeline.proof.smooth import roof_foot_m, texture_repeat_m
 from pipeline.store.codecs import decode
 from pipeline.types import Mesh, Occupancy
 
 HEIGHTS_M = (0.3, 0.5, 1.0, 1.5)  # where visible and collision walls are compared; the roof's arch begins above
+_TOE_M = 0.5
+_BEHIND = 0.05  # cosine
 _TEXTURED_M = 5e-3  # far from the origin a coordinate has millimetres
 _ACROSS_M = 1.5  # a face belongs to the tile of its centre before it was displaced
 _FOOT_M = 1e-4  # above the floor
@@ -42,9 +46,10 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     smooth = _triangles(folder, [name for name in SMOOTH_MESHES])
     names = [name.removeprefix("meshes/").removesuffix(".msh") for name in record.files if name.startswith("meshes/")]
     rough = [name for name in names if name not in SMOOTH_MESHES]
-    repeat_m = texture_repeat_m(folder)
+    repeat_m, foot_m = texture_repeat_m(folder), roof_foot_m(folder)
     for name in rough:
         _require_near(folder / mesh_file(name), smooth, repeat_m)
+        _require_bounded(folder / mesh_file(name), free, foot_m)
     _require_tiles(folder, rough)
     seen = _triangles(folder, rough) if rough else smooth
     if rough:
@@ -101,6 +106,27 @@ def _require_near(path: Path, smooth: np.ndarray, repeat_m: float) -> None:
         )
 
 
+def _require_bounded(path: Path, free: Polygon, foot_m: float) -> None:
+    """Check that walls stand along the outline, the roof above its foot, and normals in front of their faces."""
+    mesh: Mesh = decode(path, Mesh)
+    if path.name.startswith(f"{WALLS}_"):
+        off = cKDTree(_along(free, _FINE_M)).query(mesh.vertices[:, :2])[0]
+        off -= np.maximum(0.0, _TOE_M - mesh.vertices[:, 2])  # the floor chamfer leans inwards
+    else:
+        off = foot_m - mesh.vertices[:, 2]
+    if not off.max() <= _FROM_WALL_M:
+        at = mesh.vertices[int(off.argmax())].round(3).tolist()
+        raise ArtifactError(f"{path}: a vertex at {at} m is {off.max():.3f} m off, want at most {_FROM_WALL_M:g} m")
+    corners = mesh.vertices[mesh.faces]
+    if mesh.normals is not None:
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        front = np.einsum(
+            "fij,fj->fi", mesh.normals[mesh.faces], normal / np.linalg.norm(normal, axis=1, keepdims=True)
+        )
+        if not front.min() > -_BEHIND:
+            raise ArtifactError(f"{path}: a normal behind its face ({front.min():.3f}), want one in front")
+
+
 def _require_closed(folder: Path, triangles: np.ndarray, free: Polygon, height_m: float) -> None:
     """Check that the chunks together have no hole, no flipped and no double face, and end on the floor."""
     points = np.ascontiguousarray(triangles.reshape(-1, 3).astype(np.float32) + np.float32(0.0))  # no negative zeros
@@ -126,6 +152,10 @@ def _require_closed(folder: Path, triangles: np.ndarray, free: Polygon, height_m
         raise ArtifactError(
             f"{folder / RECORD}: visible rock: its foot on the floor is not the outline of the workings"
         )
+    links = coo_array((np.ones(len(ahead)), (ahead[:, 0], ahead[:, 1])), shape=(len(corners), len(corners)))
+    pieces, _ = connected_components(links, directed=False)
+    if pieces != 1:
+        raise ArtifactError(f"{folder / RECORD}: visible rock: {pieces} separate surfaces, want 1")
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 2] / 2
     share = -float((triangles[:, :, 2].mean(axis=1) * normal).sum()) / (free.area * height_m)
     if not _VOLUME[0] <= share <= _VOLUME[1]:

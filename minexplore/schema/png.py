@@ -1,0 +1,44 @@
+"""Check a PNG before anything decodes it: its header, the order of its chunks and their checksums."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+from minexplore.bundle import BundleError
+
+GREY, RGB = 0, 2  # PNG's numbers
+
+
+def check_png(name: str, data: bytes, colours: int, most_px: int) -> tuple[int, int]:
+    """Return a picture's width and height.
+
+    Raises
+    ------
+    BundleError
+        If it is no PNG of 8 bits a channel with these colours, has more pixels, holds other chunks than a header, the
+        image and the end, or a checksum is wrong.
+    """
+    if data[:8] != b"\x89PNG\r\n\x1a\n":
+        raise BundleError(f"{name}: not a PNG")
+    at, kinds, size_px = 8, [], (0, 0)
+    while at < len(data):
+        if at + 12 > len(data) or at + 12 + (size := struct.unpack(">I", data[at : at + 4])[0]) > len(data):
+            raise BundleError(f"{name}: a chunk ends beyond the file")
+        kind, body = data[at + 4 : at + 8], data[at + 8 : at + 8 + size]
+        if zlib.crc32(data[at + 4 : at + 8 + size]) != struct.unpack(">I", data[at + 8 + size : at + 12 + size])[0]:
+            raise BundleError(f"{name}: the checksum of chunk {kind!r} is wrong")
+        if kind == b"IHDR" and size == 13:
+            width, height, *form = struct.unpack(">IIBBBBB", body)
+            size_px = width, height
+            if not 0 < width * height <= most_px or form != [8, colours, 0, 0, 0]:
+                raise BundleError(
+                    f"{name}: {width} x {height} px of form {form}, want at most {most_px} px of form "
+                    f"{[8, colours, 0, 0, 0]}"
+                )
+        kinds.append(kind)
+        at += 12 + size
+    if size_px == (0, 0) or (kinds[0], kinds[-1]) != (b"IHDR", b"IEND") or set(kinds[1:-1]) != {b"IDAT"}:
+        found = sorted({kind.decode("ascii", "replace") for kind in kinds})
+        raise BundleError(f"{name}: chunks {found}, want IHDR, IDAT, IEND")
+    return size_px
