@@ -6,6 +6,8 @@ import io
 import os
 import re
 import stat
+import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -49,9 +51,10 @@ MESHES = "meshes/"
 _MESH = re.compile(rf"{MESHES}{VISIBLE_MESH}\.msh", re.ASCII)
 _FOLDERS = {"meshes", "textures"}
 _MOST_BYTES = 1 << 30  # of a bundle
+_UNREADABLE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, SyntaxError, tokenize.TokenError, struct.error)
 _MOST_FILES = 100_000
 _MOST_CELLS = 100_000_000  # of the clearance grid: 2,500 m square at 0.25 m
-_PICTURES = {PREVIEW: RGB, NAV2_PICTURE: GREY, ROCK_TEXTURE: RGB}
+PICTURES = {PREVIEW: RGB, NAV2_PICTURE: GREY, ROCK_TEXTURE: RGB}
 _MOST_PIXELS = {PREVIEW: 4096 * 16_384, NAV2_PICTURE: _MOST_CELLS, ROCK_TEXTURE: 4096 * 4096}
 _MOST_REPEATS = 1e7  # of the texture
 _BEYOND_M = 1.0  # rough rock reaches a little beyond the box of the rock in plan
@@ -127,10 +130,12 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes]) -> dic
     for name, data in files.items():
         if name.startswith(MESHES):
             _check_mesh(name, data, low, high)
-    for name, kind in _PICTURES.items():
+    for name, kind in PICTURES.items():
         width, height = check_png(name, files[name], kind, _MOST_PIXELS[name])
         if name == ROCK_TEXTURE and (width != height or width < 16):
             raise BundleError(f"{name}: {width} x {height} px, want a square of 16 px or more")
+        if name == PREVIEW and not 64 <= width <= 4096:
+            raise BundleError(f"{name}: {width} x {height} px, want a width of 64 to 4096 px")
     _check_map(files[NAV2_MAP])
     return _read_checked_grid(files[CLEARANCE_GRID], record["world_m"])
 
@@ -178,10 +183,13 @@ def read_grid(data: bytes) -> dict[str, np.ndarray]:
             names = sorted(archive.namelist())
             if names != sorted(f"{name}.npy" for name in _GRID):
                 raise BundleError(f"{CLEARANCE_GRID}: holds {names}, want {', '.join(_GRID)}")
+            odd = {entry.compress_type for entry in archive.infolist()} - {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
+            if odd:
+                raise BundleError(f"{CLEARANCE_GRID}: packed by method {min(odd)}, want 0 or 8")
             return {name: _read_array(archive, name, *want) for name, want in _GRID.items()}
-    except (zipfile.BadZipFile, zlib.error, ValueError, OSError, EOFError, NotImplementedError, RuntimeError) as error:
-        if isinstance(error, BundleError):
-            raise
+    except BundleError:
+        raise
+    except (*_UNREADABLE, ValueError, RuntimeError) as error:
         raise BundleError(f"{CLEARANCE_GRID}: cannot be read ({str(error)[:100]})") from error
 
 

@@ -10,6 +10,31 @@ from minexplore.bundle import BundleError
 GREY, RGB = 0, 2  # PNG's numbers
 
 
+def inflate_png(name: str, data: bytes, colours: int) -> None:
+    """Check that the image of a picture that `check_png` accepts is whole.
+
+    Raises
+    ------
+    BundleError
+        If its bytes are damaged, or too few or too many for its size.
+    """
+    width, height = struct.unpack(">II", data[16:24])
+    size = height * (1 + width * (3 if colours == RGB else 1))
+    at, packed = 8, []
+    while at < len(data):
+        count = struct.unpack(">I", data[at : at + 4])[0]
+        if data[at + 4 : at + 8] == b"IDAT":
+            packed.append(data[at + 8 : at + 8 + count])
+        at += 12 + count
+    try:
+        engine = zlib.decompressobj()
+        found = len(engine.decompress(b"".join(packed), size + 1))
+    except zlib.error as error:
+        raise BundleError(f"{name}: the image is damaged ({error})") from error
+    if found != size or not engine.eof or engine.unused_data:
+        raise BundleError(f"{name}: the image has {found} bytes or more, want {size}")
+
+
 def check_png(name: str, data: bytes, colours: int, most_px: int) -> tuple[int, int]:
     """Return a picture's width and height.
 

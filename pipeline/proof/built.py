@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from minexplore.bundle import BundleError
+from minexplore.schema.files import PICTURES
+from minexplore.schema.png import inflate_png
+from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.remake import Tracing, read_free_space, require_remade
@@ -35,9 +39,19 @@ def require_built(folder: Path, record: WorldRecord, params: ValidationParams) -
     ArtifactError
         With the file, the value and the limit.
     """
+    _require_pictures(folder)
     free_space = read_free_space(folder)
     tracing = Tracing(params.network_cell_m, params.network_min_leg_m, params.network_station_spacing_m)
     grid = require_remade(folder, record, free_space, tracing, tolerance_of(params))
     require_same_model(folder, record, free_space.polygon)
     require_visible(folder, record, free_space.polygon, grid)
     return free_space
+
+
+def _require_pictures(folder: Path) -> None:
+    """Check that the pictures are whole; only the map's pixels are compared with anything."""
+    for name, colours in PICTURES.items():
+        try:
+            inflate_png(name, (folder / name).read_bytes(), colours)
+        except BundleError as error:
+            raise ArtifactError(f"{folder}/{error}") from error

@@ -22,6 +22,7 @@ from pipeline.types import Mesh, Occupancy
 
 HEIGHTS_M = (0.3, 0.5, 1.0, 1.5)  # where visible and collision walls are compared; the roof's arch begins above
 _TOE_M = 0.5
+_STRETCHED = 3.0  # of an edge's length, that its texture may cover
 _BEHIND = 0.05  # cosine
 _TEXTURED_M = 5e-3  # far from the origin a coordinate has millimetres
 _ACROSS_M = 1.5  # a face belongs to the tile of its centre before it was displaced
@@ -49,7 +50,7 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     repeat_m, foot_m = texture_repeat_m(folder), roof_foot_m(folder)
     for name in rough:
         _require_near(folder / mesh_file(name), smooth, repeat_m)
-        _require_bounded(folder / mesh_file(name), free, foot_m)
+        _require_bounded(folder / mesh_file(name), free, foot_m, repeat_m)
     _require_tiles(folder, rough)
     seen = _triangles(folder, rough) if rough else smooth
     if rough:
@@ -106,8 +107,8 @@ def _require_near(path: Path, smooth: np.ndarray, repeat_m: float) -> None:
         )
 
 
-def _require_bounded(path: Path, free: Polygon, foot_m: float) -> None:
-    """Check that walls stand along the outline, the roof above its foot, and normals in front of their faces."""
+def _require_bounded(path: Path, free: Polygon, foot_m: float, repeat_m: float) -> None:
+    """Check that walls stand along the outline and the roof above its foot, and that texture and normals fit faces."""
     mesh: Mesh = decode(path, Mesh)
     if path.name.startswith(f"{WALLS}_"):
         off = cKDTree(_along(free, _FINE_M)).query(mesh.vertices[:, :2])[0]
@@ -118,6 +119,15 @@ def _require_bounded(path: Path, free: Polygon, foot_m: float) -> None:
         at = mesh.vertices[int(off.argmax())].round(3).tolist()
         raise ArtifactError(f"{path}: a vertex at {at} m is {off.max():.3f} m off, want at most {_FROM_WALL_M:g} m")
     corners = mesh.vertices[mesh.faces]
+    side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    laid = (
+        np.linalg.norm(mesh.texcoords[mesh.faces] - np.roll(mesh.texcoords[mesh.faces], 1, axis=1), axis=2) * repeat_m
+    )
+    stretched = (laid - _STRETCHED * side).max()
+    if not stretched <= _FROM_WALL_M:
+        raise ArtifactError(
+            f"{path}: an edge of {side.flat[int(laid.argmax())]:.3f} m has {laid.max():.3f} m of texture"
+        )
     if mesh.normals is not None:
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         front = np.einsum(

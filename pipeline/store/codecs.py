@@ -30,6 +30,7 @@ _UNREADABLE = (
     cv2.error,
     zipfile.BadZipFile,
     shapely.GEOSException,
+    RecursionError,
 )
 
 Meshes = dict[str, Mesh]
@@ -98,7 +99,8 @@ def decode(path: Path, kind: Any) -> Any:
             case _:
                 raise ValueError(f"no codec reads {path.suffix!r}")
     except _UNREADABLE as error:
-        raise ArtifactError(f"{path}: not a readable {getattr(kind, '__name__', kind)}: {error}") from error
+        reason = " ".join(str(error).split())[:300]
+        raise ArtifactError(f"{path}: not a readable {getattr(kind, '__name__', kind)}: {reason}") from error
 
 
 def _plain(value: Any) -> Any:
