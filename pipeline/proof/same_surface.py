@@ -29,8 +29,8 @@ def surfaces_differ(found: Mesh, wanted: Mesh) -> str | None:
         return f"a corner {off:.4f} m from where it should be"
     if len(one) != len(two) or _rim(found.faces) != _rim(wanted.faces):
         return f"{len(one)} faces and a rim of {_rim(found.faces)} edges, want {len(two)} and {_rim(wanted.faces)}"
-    apart, side = distances(_samples(one), two)
-    worst = max(float(apart.max()), float(distances(_samples(two), one)[0].max()))
+    apart, side = NearestFace(two).query(_samples(one))
+    worst = max(float(apart.max()), float(NearestFace(one).query(_samples(two))[0].max()))
     if not worst <= _APART_M:
         return f"{worst:.4f} m from where it should be"
     normal, size = _unit(_crossed(one)), np.linalg.norm(_crossed(one), axis=1) / 2
@@ -40,18 +40,25 @@ def surfaces_differ(found: Mesh, wanted: Mesh) -> str | None:
     return None
 
 
-def distances(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the distance (n,) m of points (n, 3) to triangles (m, 3, 3), and the nearest triangle (n,)."""
-    tensor: Any = open3d.core.Tensor
-    middle = triangles.reshape(-1, 3).mean(axis=0)
-    scene = open3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        tensor((triangles - middle).reshape(-1, 3).astype(np.float32)),
-        tensor(np.arange(3 * len(triangles), dtype=np.uint32).reshape(-1, 3)),
-    )
-    near = scene.compute_closest_points(tensor((points - middle).astype(np.float32)))
-    apart = np.linalg.norm(near["points"].numpy() - (points - middle), axis=1)
-    return apart, near["primitive_ids"].numpy().astype(np.int64)
+class NearestFace:
+    """Finds the nearest of triangles (m, 3, 3) m, in 32 bits about their mean."""
+
+    def __init__(self, triangles: np.ndarray) -> None:
+        """Index the triangles."""
+        tensor: Any = open3d.core.Tensor
+        self._tensor = tensor
+        self._middle = triangles.reshape(-1, 3).mean(axis=0)
+        self._scene = open3d.t.geometry.RaycastingScene()
+        self._scene.add_triangles(
+            self._tensor((triangles - self._middle).reshape(-1, 3).astype(np.float32)),
+            self._tensor(np.arange(3 * len(triangles), dtype=np.uint32).reshape(-1, 3)),
+        )
+
+    def query(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the distance (n,) m of points (n, 3) m to the triangles, and the nearest triangle (n,)."""
+        near = self._scene.compute_closest_points(self._tensor((points - self._middle).astype(np.float32)))
+        apart = np.linalg.norm(near["points"].numpy() - (points - self._middle), axis=1)
+        return apart, near["primitive_ids"].numpy().astype(np.int64)
 
 
 def _rim(faces: np.ndarray) -> int:

@@ -15,7 +15,7 @@ from minexplore.bundle import RECORD, WALLS, mesh_file
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import WorldRecord
-from pipeline.proof.same_surface import distances
+from pipeline.proof.same_surface import NearestFace
 from pipeline.proof.smooth import roof_foot_m, texture_repeat_m
 from pipeline.store.codecs import decode
 from pipeline.types import Mesh, Occupancy
@@ -48,21 +48,25 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     names = [name.removeprefix("meshes/").removesuffix(".msh") for name in record.files if name.startswith("meshes/")]
     rough = [name for name in names if name not in SMOOTH_MESHES]
     repeat_m, foot_m = texture_repeat_m(folder), roof_foot_m(folder)
+    near, walls = NearestFace(smooth), cKDTree(shapely.get_coordinates(shapely.segmentize(free.boundary, _FINE_M)))
     for name in rough:
-        _require_near(folder / mesh_file(name), smooth, repeat_m)
-        _require_bounded(folder / mesh_file(name), free, foot_m, repeat_m)
+        _require_near(folder / mesh_file(name), near, repeat_m)
+        _require_bounded(folder / mesh_file(name), walls, foot_m, repeat_m)
     _require_tiles(folder, rough)
     seen = _triangles(folder, rough) if rough else smooth
     if rough:
-        _require_closed(folder, seen, free, record.height_m)
+        _require_closed(folder, _meshes(folder, rough), free, walls, record.height_m)
     for height in HEIGHTS_M:
         if height < record.height_m / 2:
-            _require_clear(folder, seen, free, grid, height)
+            _require_clear(folder, seen, walls, grid, height)
 
 
 def _triangles(folder: Path, names: list[str]) -> np.ndarray:
-    meshes: list[Mesh] = [decode(folder / mesh_file(name), Mesh) for name in names]
-    return np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
+    return np.concatenate([mesh.vertices[mesh.faces] for mesh in _meshes(folder, names)])
+
+
+def _meshes(folder: Path, names: list[str]) -> list[Mesh]:
+    return [decode(folder / mesh_file(name), Mesh) for name in names]
 
 
 def _require_tiles(folder: Path, names: list[str]) -> None:
@@ -83,7 +87,7 @@ def _require_tiles(folder: Path, names: list[str]) -> None:
             )
 
 
-def _require_near(path: Path, smooth: np.ndarray, repeat_m: float) -> None:
+def _require_near(path: Path, smooth: NearestFace, repeat_m: float) -> None:
     """Check that all vertices of a mesh are used, lie near the smooth surface, and carry the texture of their piece."""
     mesh: Mesh = decode(path, Mesh)
     # Pieces are textured before they are displaced: walls by their height, which stays, the roof from above.
@@ -98,7 +102,7 @@ def _require_near(path: Path, smooth: np.ndarray, repeat_m: float) -> None:
         )
     if len(np.unique(mesh.faces)) != len(mesh.vertices):
         raise ArtifactError(f"{path}: vertices that belong to no face")
-    apart, _ = distances(mesh.vertices, smooth)
+    apart, _ = smooth.query(mesh.vertices)
     worst = int(apart.argmax())
     if not apart[worst] <= _FROM_SMOOTH_M:
         raise ArtifactError(
@@ -107,11 +111,11 @@ def _require_near(path: Path, smooth: np.ndarray, repeat_m: float) -> None:
         )
 
 
-def _require_bounded(path: Path, free: Polygon, foot_m: float, repeat_m: float) -> None:
+def _require_bounded(path: Path, walls: cKDTree, foot_m: float, repeat_m: float) -> None:
     """Check that walls stand along the outline and the roof above its foot, and that texture and normals fit faces."""
     mesh: Mesh = decode(path, Mesh)
     if path.name.startswith(f"{WALLS}_"):
-        off = cKDTree(_along(free, _FINE_M)).query(mesh.vertices[:, :2])[0]
+        off = walls.query(mesh.vertices[:, :2])[0]
         off -= np.maximum(0.0, _TOE_M - mesh.vertices[:, 2])  # the floor chamfer leans inwards
     else:
         off = foot_m - mesh.vertices[:, 2]
@@ -137,11 +141,17 @@ def _require_bounded(path: Path, free: Polygon, foot_m: float, repeat_m: float) 
             raise ArtifactError(f"{path}: a normal behind its face ({front.min():.3f}), want one in front")
 
 
-def _require_closed(folder: Path, triangles: np.ndarray, free: Polygon, height_m: float) -> None:
+def _require_closed(folder: Path, meshes: list[Mesh], free: Polygon, walls: cKDTree, height_m: float) -> None:
     """Check that the chunks together have no hole, no flipped and no double face, and end on the floor."""
-    points = np.ascontiguousarray(triangles.reshape(-1, 3).astype(np.float32) + np.float32(0.0))  # no negative zeros
+    # Vertices on the border of two chunks are equal to the last bit.
+    points = np.concatenate([mesh.vertices for mesh in meshes]).astype(np.float32) + np.float32(
+        0.0
+    )  # no negative zeros
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    numbers = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
     _, first, index = np.unique(points.view(np.dtype((np.void, 12))).ravel(), return_index=True, return_inverse=True)
-    corners, faces = points[first], index.reshape(-1, 3)
+    corners, faces = points[first], index.ravel()[numbers]
+    triangles = corners[faces].astype(np.float64)
     ahead = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
     order, back = (np.sort(ahead[:, i] * len(corners) + ahead[:, 1 - i]) for i in (0, 1))
     double = order[:-1][np.diff(order) == 0]
@@ -157,7 +167,7 @@ def _require_closed(folder: Path, triangles: np.ndarray, free: Polygon, height_m
     foot = shapely.polygonize(shapely.linestrings(corners[rim][:, :, :2].astype(np.float64)))
     shape = max(shapely.get_parts(foot), key=lambda part: part.intersection(free).area, default=Polygon())
     rings = len(shape.interiors) == len(free.interiors) and len(shapely.get_parts(foot)) == 1 + len(free.interiors)
-    away = cKDTree(_along(free, _FINE_M)).query(corners[rim[:, 0], :2])[0]
+    away = walls.query(corners[rim[:, 0], :2])[0]
     if not rings or not away.max() <= _FOOT_AWAY_M:  # the slices find walls that have no foot
         raise ArtifactError(
             f"{folder / RECORD}: visible rock: its foot on the floor is not the outline of the workings"
@@ -175,11 +185,10 @@ def _require_closed(folder: Path, triangles: np.ndarray, free: Polygon, height_m
         )
 
 
-def _require_clear(folder: Path, triangles: np.ndarray, free: Polygon, grid: Occupancy, height_m: float) -> None:
+def _require_clear(folder: Path, triangles: np.ndarray, walls: cKDTree, grid: Occupancy, height_m: float) -> None:
     """Check one height: visible walls near all collision walls, none elsewhere, clearance kept at free cells."""
     seen = slice_points(triangles, height_m)
-    walls = _along(free, _FINE_M)
-    away = cKDTree(walls).query(seen)[0] if len(seen) else np.array([np.inf])
+    away = walls.query(seen)[0] if len(seen) else np.array([np.inf])
     if not away.max() <= _FROM_WALL_M:
         x, y = seen[int(away.argmax())] if len(seen) else (np.nan, np.nan)
         raise ArtifactError(
@@ -187,9 +196,9 @@ def _require_clear(folder: Path, triangles: np.ndarray, free: Polygon, grid: Occ
             f"{away.max():.3f} m from the collision walls, want at most {_FROM_WALL_M:g} m"
         )
     tree = cKDTree(seen)
-    bare = tree.query(walls)[0]
+    bare = tree.query(walls.data)[0]
     if not bare.max() <= _FROM_WALL_M:
-        x, y = walls[int(bare.argmax())]
+        x, y = walls.data[int(bare.argmax())]
         raise ArtifactError(
             f"{folder / RECORD}: no visible rock within {_FROM_WALL_M:g} m of the collision wall at ({x:.2f}, "
             f"{y:.2f}) m, {height_m} m above the floor"
@@ -202,11 +211,6 @@ def _require_clear(folder: Path, triangles: np.ndarray, free: Polygon, grid: Occ
         raise ArtifactError(
             f"{folder / RECORD}: visible rock stands in the drift at ({x:.2f}, {y:.2f}) m, {height_m} m above the floor"
         )
-
-
-def _along(free: Polygon, spacing_m: float) -> np.ndarray:
-    """Return points (n, 2) m along the walls of the workings, at most a spacing apart."""
-    return shapely.get_coordinates(shapely.segmentize(free.boundary, spacing_m))
 
 
 def slice_points(triangles: np.ndarray, height_m: float) -> np.ndarray:
