@@ -1,4 +1,4 @@
-"""What an honest results file must obey: the environment's facts, the robot's speed, its range, the reward's sum."""
+"""What an honest results file must obey: the environment's facts, the seeds, what is in sight, the reward."""
 
 from __future__ import annotations
 
@@ -7,24 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from baselines.protocol import params_facts
-from baselines.result_file import SAMPLE_STEPS, Episode, Head
-from baselines.speed import noise_mps, top_speed_mps
-from baselines.statistics import sample_times
+from baselines.protocol import SEEDS, params_facts
+from baselines.reference import Reference
+from baselines.result_file import Episode, Head
+from baselines.sight import Sight
+from baselines.statistics import sample_count, sample_times
+from baselines.way import Way, spare_m, way_faults, way_of
 from minexplore.reward import CAP, COLLISION_PENALTY, COVERAGE_GAIN, IDLE_PENALTY, MILESTONES
 from minexplore.vector import MineVectorEnv
 
-_NOISE_SD = 5.0  # standard deviations that the noise of mud and water may add to a distance
-_ROUNDING_M = 0.02  # of a place written in centimetres
-_RETURN_TOLERANCE = 1e-3
-_AT_REST_M = 0.1  # between samples of a robot that stands still
-_PATH_FACTOR = 1.1  # of the commanded top speed; the dip and the noise add less over an episode
+_RETURN_TOLERANCE = 1e-5  # a return is written with six decimals
+_SAME_WAY_M = 1.0  # robots that drive less may drive the same way, as they stand still
 
 Bound = Callable[[float], int]
 
 
-def head_faults(head: Head, env: MineVectorEnv) -> Iterator[str]:
-    """Yield what in a head contradicts its environment."""
+def file_faults(head: Head, episodes: list[Episode], env: MineVectorEnv) -> Iterator[str]:
+    """Yield what in a file contradicts its environment or the protocol."""
     world = env.world.record["world_sha256"]
     if head.world_sha256 != world:
         yield f"world {head.world_sha256[:12]} is not {head.env}'s, {world[:12]}"
@@ -33,8 +32,23 @@ def head_faults(head: Head, env: MineVectorEnv) -> Iterator[str]:
         yield from _params_faults(f"the robot is not {head.env}'s", head.robot, params_facts(env.robot))
     if head.cells != env.robots.grid.total:
         yield f"{head.cells} reachable cells, the world has {env.robots.grid.total}"
-    if len(set(head.seeds)) < len(head.seeds):
-        yield "a seed comes twice"
+    yield from _seed_faults(head.seeds)
+    first_of: dict[object, int] = {}
+    for episode in episodes:
+        same = first_of.setdefault(tuple(episode.path_cm), episode.seed)
+        if same != episode.seed and episode.path_m > _SAME_WAY_M:
+            yield f"seeds {same} and {episode.seed} drive the same way"
+
+
+def _seed_faults(seeds: list[int]) -> Iterator[str]:
+    missing, extra = sorted(set(SEEDS) - set(seeds)), sorted(set(seeds) - set(SEEDS))
+    protocol = f"the protocol's are {SEEDS[0]} to {SEEDS[-1]}"
+    if len(set(seeds)) < len(seeds):
+        yield f"a seed comes twice; {protocol}, each once"
+    elif missing or extra:
+        yield f"seeds: {protocol}; missing {missing or 'none'}, extra {extra or 'none'}"
+    elif seeds != list(SEEDS):
+        yield f"seeds: {protocol}, in this order"
 
 
 def _params_faults(message: str, claimed: dict[str, Any], true: dict[str, Any]) -> Iterator[str]:
@@ -43,103 +57,80 @@ def _params_faults(message: str, claimed: dict[str, Any], true: dict[str, Any]) 
         yield f"{message}: {changed[0]} = {claimed.get(changed[0])}, it is {true.get(changed[0])}"
 
 
-def episode_faults(head: Head, episode: Episode, env: MineVectorEnv, bound: Bound | None) -> Iterator[str]:
-    """Yield why an episode is impossible."""
-    times, seen = sample_times(episode, env.task.control_s), np.array(episode.seen)
+def episode_faults(episode: Episode, number: int, reference: Reference, bound: Bound | None) -> Iterator[str]:
+    """Yield why an episode is impossible; `number` is the place of its seed among the protocol's."""
+    env = reference.env
     if episode.steps > env.task.max_steps:
         yield f"{episode.steps} steps, an episode has at most {env.task.max_steps}"
-    elif not len(times) == len(seen) == len(episode.path_cm):
-        yield f"{len(seen)} samples of coverage, {len(episode.path_cm)} places; {episode.steps} steps have {len(times)}"
-    else:
-        yield from _coverage_faults(head, times, seen, bound)
-        yield from _end_faults(episode, env)
-        yield from _path_faults(episode, env, times, seen)
-        yield from _return_faults(head, episode, seen)
+        return
+    samples = sample_count(episode.steps)
+    if not samples == len(episode.seen) == len(episode.path_cm):
+        yield (
+            f"{len(episode.seen)} samples of coverage, {len(episode.path_cm)} places; "
+            f"{episode.steps} steps have {samples}"
+        )
+        return
+    seen, way = np.array(episode.seen), way_of(episode, reference)
+    yield from _coverage_faults(episode, seen, number, reference, bound)
+    yield from _return_faults(episode, seen, way, env.robots.grid.total)
+    faults = list(way_faults(episode, way, number, reference))
+    yield from faults
+    if not faults:
+        yield from _sight_faults(episode, seen, way, reference.sight)
 
 
-def _coverage_faults(head: Head, times: np.ndarray, seen: np.ndarray, bound: Bound | None) -> Iterator[str]:
-    if (np.diff(seen) < 0).any() or seen[0] < 1:
+def _coverage_faults(
+    episode: Episode, seen: np.ndarray, number: int, reference: Reference, bound: Bound | None
+) -> Iterator[str]:
+    first, total = int(reference.first_seen[number]), reference.env.robots.grid.total
+    if (np.diff(seen) < 0).any():
         yield "coverage falls"
-    if seen.max() > head.cells:
-        yield f"{seen.max()} cells seen of {head.cells}"
+    if seen[0] != first:
+        yield f"it begins with {seen[0]} cells seen, the environment gives this seed {first}"
+    if seen.max() > total:
+        yield f"{seen.max()} cells seen of {total}"
+    times = sample_times(episode, reference.env.task.control_s)
     for time_s, cells in zip(times.tolist(), seen.tolist(), strict=True):
         if bound is not None and cells > bound(time_s):
             yield f"{cells} cells after {time_s:g} s, no robot can have seen more than {bound(time_s)}"
             return
 
 
-def _end_faults(episode: Episode, env: MineVectorEnv) -> Iterator[str]:
-    task = env.task
-    if episode.steps == task.max_steps:
-        return
-    samples = max(1, task.stall_steps // SAMPLE_STEPS - 1)
-    moves = np.linalg.norm(np.diff(np.array(episode.path_cm) / 100, axis=0)[-samples:-1], axis=1)
-    if episode.steps < task.stall_steps or moves.max(initial=0.0) > _AT_REST_M:
-        yield f"it ends after {episode.steps} of {task.max_steps} steps without standing still"
-
-
-def _path_faults(episode: Episode, env: MineVectorEnv, times: np.ndarray, seen: np.ndarray) -> Iterator[str]:
-    spawn, places = env.world.record["spawn"], np.array(episode.path_cm) / 100
-    from_spawn_m = float(np.linalg.norm(places[0] - spawn["anchor_m"]))
-    if from_spawn_m > spawn["radius_m"] + _ROUNDING_M:
-        yield f"it begins at {places[0].tolist()}, {from_spawn_m:.1f} m from the spawn"
-    rock = _in_rock(places, env)
-    if rock.any():
-        first = int(rock.argmax())
-        yield f"after {times[first]:g} s it is in rock, at {places[first].tolist()}"
-        return
-    yield from _speed_faults(episode, env, times, places)
-    yield from _range_faults(places, seen, env)
-
-
-def _in_rock(places: np.ndarray, env: MineVectorEnv) -> np.ndarray:
-    """Return which places (n, 2) m lie in rock or outside the map."""
-    world = env.world
-    at = np.floor((places - world.origin_m) / world.cell_m).astype(int)
-    inside = ((at >= 0) & (at < world.clearance_m.shape[::-1])).all(axis=1)
-    at[~inside] = 0
-    return ~inside | (world.clearance_m[at[:, 1], at[:, 0]] <= 0)
-
-
-def _speed_faults(episode: Episode, env: MineVectorEnv, times: np.ndarray, places: np.ndarray) -> Iterator[str]:
-    world, task = env.world, env.task
-    speed, noise = top_speed_mps(world, task, places[:, 0]), noise_mps(world, task, places[:, 0])
-    spread = np.maximum(noise[1:], noise[:-1]) * np.sqrt(np.diff(times) * task.control_s)
-    limit = np.maximum(speed[1:], speed[:-1]) * np.diff(times) + _NOISE_SD * spread + _ROUNDING_M
-    moved = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    if (moved > limit).any():
-        k = int((moved - limit).argmax())
-        yield f"from {times[k]:g} to {times[k + 1]:g} s it drives {moved[k]:.2f} m, a robot at most {limit[k]:.2f} m"
-    longest = _PATH_FACTOR * task.max_forward_mps * times[-1] + 1
-    if not moved.sum() - _ROUNDING_M * len(moved) <= episode.path_m <= longest:
-        yield f"a path of {episode.path_m} m in {times[-1]:g} s, its samples lie {moved.sum():.1f} m apart"
-
-
-def _range_faults(places: np.ndarray, seen: np.ndarray, env: MineVectorEnv) -> Iterator[str]:
-    """Yield a sample that claims more cells than lie within the beams' range of the path so far."""
-    grid, task = env.robots.grid, env.task
-    row, col = np.nonzero(grid.reachable)
-    cells = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
-    between = task.max_forward_mps * SAMPLE_STEPS * task.control_s / 2
-    reach = task.range_m[1] + between + grid.cell_m / np.sqrt(2)
-    near = np.zeros(len(cells), dtype=bool)
-    for k, place in enumerate(places):
-        near |= np.linalg.norm(cells - place, axis=1) <= reach
-        if seen[k] > near.sum():
-            yield f"{seen[k]} cells seen, only {near.sum()} lie within {reach:.1f} m of its path so far"
+def _sight_faults(episode: Episode, seen: np.ndarray, way: Way, sight: Sight) -> Iterator[str]:
+    """Yield a sample that claims more cells than were in line of sight of the way: so far, since the last, or after."""
+    driven = way.most_m.clip(max=way.moved_m + spare_m(episode, way))
+    in_view = np.zeros((len(way.moved_m), sight.total), dtype=bool)
+    so_far = np.zeros(sight.total, dtype=bool)
+    for k, (start, end) in enumerate(zip(way.places_m[:-1], way.places_m[1:], strict=True)):
+        in_view[k] = sight.cells_between(start, end, float(driven[k]))
+        so_far |= in_view[k]
+        most, now, new = int(so_far.sum()), int(seen[k + 1]), int(seen[k + 1] - seen[k])
+        if now > most:
+            yield f"{now} cells seen after {way.times_s[k + 1]:g} s, only {most} were in sight of its way so far"
             return
+        if new > in_view[k].sum():
+            times = f"from {way.times_s[k]:g} to {way.times_s[k + 1]:g} s"
+            yield f"{new} new cells {times}, only {in_view[k].sum()} were in sight"
+            return
+    after = np.logical_or.accumulate(in_view[::-1])[::-1].sum(axis=1)
+    late = seen[-1] - seen[:-1] > after
+    if late.any():
+        k = int(late.argmax())
+        yield f"{seen[-1] - seen[k]} new cells after {way.times_s[k]:g} s, only {after[k]} were in sight from then on"
 
 
-def _return_faults(head: Head, episode: Episode, seen: np.ndarray) -> Iterator[str]:
-    new, useful = int(seen[-1] - seen[0]), episode.steps - episode.idle
+def _return_faults(episode: Episode, seen: np.ndarray, way: Way, total: int) -> Iterator[str]:
+    """Yield figures that disagree with each other: new cells, steps that saw one, collisions, and the return."""
     if episode.idle > episode.steps or episode.collided > episode.steps:
         yield f"{episode.idle} idle and {episode.collided} colliding steps of {episode.steps}"
         return
-    growing = int((np.diff(seen) > 0).sum())
-    if not growing <= useful <= new:
-        yield f"{useful} steps saw a new cell, {new} cells are new, in {growing} of its samples"
-    bonus = sum(b for share, b in MILESTONES if seen[0] < share * head.cells <= seen[-1])
-    want = new * COVERAGE_GAIN / head.cells - episode.idle * IDLE_PENALTY + bonus - episode.collided * COLLISION_PENALTY
+    gains, useful = np.diff(seen), episode.steps - episode.idle
+    least, most = int((gains > 0).sum()), int(np.minimum(gains, way.steps).sum())
+    if not least <= useful <= most:
+        yield f"{useful} steps saw a new cell: {gains.sum()} new cells at their times take {least} to {most} steps"
+    bonus = sum(b for share, b in MILESTONES if seen[0] < share * total <= seen[-1])
+    want = int(gains.sum()) * COVERAGE_GAIN / total - episode.idle * IDLE_PENALTY + bonus
+    want -= episode.collided * COLLISION_PENALTY
     if episode.returned > CAP:
         yield f"return {episode.returned}, the reward allows at most {CAP}"
     if abs(want - episode.returned) > _RETURN_TOLERANCE:

@@ -11,6 +11,10 @@ class BaselineError(Exception):
     """A policy, environment, setting, checkpoint or results file cannot be used."""
 
 
+class RejectedError(BaselineError):
+    """A results file claims what is impossible, or what its policy does not do."""
+
+
 def need(package: str, extra: str = "make setup-baselines") -> BaselineError:
     """Return the error of a missing package that belongs to an extra."""
     return BaselineError(f"{package} is not installed; it comes with the extra `baselines`: run `{extra}`")

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 from baselines.bounds import Bound, bound_of, read_bounds
 from baselines.environments import BENCHMARK
-from baselines.errors import BaselineError, run_command
-from baselines.result_file import RESULTS, read_results
+from baselines.errors import BaselineError, RejectedError, run_command
+from baselines.rerun import was_driven_again
+from baselines.result_file import RESULTS, result_path
 from baselines.score import score
-from baselines.statistics import Figure, as_text, figures
+from baselines.statistics import STATED, Figure, as_text, figures
 
 PAGE = Path("LEADERBOARD.md")
 _ALWAYS = ("area under coverage", "time to 50 %, s", "collisions per 100 m", "return")
@@ -19,8 +21,23 @@ _HEADING = """# Leaderboard
 Written by `make leaderboard` from `baselines/results/`, each file scored first. Interquartile means over
 seeds, 95 % bootstrap intervals in brackets. Coverage is of all reachable cells; the bound is what no robot
 can exceed ([docs/benchmark.md](docs/benchmark.md)). Classical explorers map with the true pose.
+
+A row is *driven again* when all its episodes came out the same from its policy here. The figures of a row *as stated*
+were only checked against the mine ([docs/security.md](docs/security.md)); such rows stand below the others, and `~`
+marks figures that the recorded way bounds but does not give.
 """
-_Row = tuple[str, int, dict[str, Figure]]  # policy, number of seeds, figures
+
+
+class _Row(NamedTuple):
+    policy: str
+    seeds: int
+    driven_again: bool
+    figures: dict[str, Figure]
+
+    def text(self, name: str) -> str:
+        """Return a figure as the table shows it."""
+        stated = "~" if name in STATED and not self.driven_again else ""
+        return stated + as_text(name, self.figures.get(name, Figure(None, None, None, 0)))
 
 
 def leaderboard(results: Path) -> str:
@@ -36,10 +53,15 @@ def leaderboard(results: Path) -> str:
         raise BaselineError(f"{results}: no results; `python -m baselines.evaluate` writes them")
     tables: dict[str, list[_Row]] = {}
     for path in files:
-        score(path)
-        head, episodes = read_results(path)
+        head, episodes = score(path)
+        place = result_path(head.policy, head.env)
+        if path.parts[-2:] != place.parts[-2:]:
+            raise RejectedError(
+                f"{path}: results of {head.policy} in {head.env}, which are kept as {'/'.join(place.parts[-2:])}"
+            )
         found = dict(figures(head, episodes, bound_of(head.env, head.world_sha256)))
-        tables.setdefault(head.env, []).append((head.policy, len(episodes), found))
+        again = was_driven_again(path, results, head, episodes)
+        tables.setdefault(head.env, []).append(_Row(head.policy, len(episodes), again, found))
     envs = sorted(tables, key=lambda env: (env not in BENCHMARK, env))
     return "\n".join([_HEADING, *(_section(env, tables[env], read_bounds().get(env)) for env in envs)])
 
@@ -53,14 +75,14 @@ def _section(env_id: str, rows: list[_Row], bound: Bound | None) -> str:
             f"({bound.most[-1] / bound.cells:.1%}) at {bound.time_s[-1]:g} s.",
             "",
         ]
-    names = list(rows[0][2])
+    names = list(rows[0].figures)
     coverage = [name for name in names if name.startswith("coverage at")]
     shares = [name for name in names if name.startswith("share of bound")]
     shown = [*coverage, *shares[-1:], *_ALWAYS]
-    lines += [f"| policy | seeds | {' | '.join(shown)} |", "|---" * (len(shown) + 2) + "|"]
-    for policy, count, found in sorted(rows, key=lambda row: -(row[2][coverage[-1]].value or 0.0)):
-        cells = [as_text(name, found.get(name, Figure(None, None, None, 0))) for name in shown]
-        lines.append(f"| {policy} | {count} | {' | '.join(cells)} |")
+    lines += [f"| policy | checked | seeds | {' | '.join(shown)} |", "|---" * (len(shown) + 3) + "|"]
+    for row in sorted(rows, key=lambda row: (not row.driven_again, -(row.figures[coverage[-1]].value or 0.0))):
+        checked = "driven again" if row.driven_again else "as stated"
+        lines.append(f"| {row.policy} | {checked} | {row.seeds} | {' | '.join(map(row.text, shown))} |")
     return "\n".join([*lines, ""])
 
 

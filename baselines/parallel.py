@@ -13,6 +13,7 @@ from typing import Any
 import gymnasium
 from gymnasium.envs.registration import EnvSpec
 
+from baselines.confined import Confined, ConfinedPolicy
 from baselines.environments import make_env
 from baselines.policy import make_policy
 from baselines.protocol import run_episodes
@@ -23,21 +24,27 @@ _steps_done: Any = None  # the steps that all workers have made
 
 
 def drive(
-    policy_name: str, env_id: str, seeds: list[int], step_done: Callable[[int], Any], jobs: int = 1
+    policy_name: str,
+    env_id: str,
+    seeds: list[int],
+    step_done: Callable[[int], Any],
+    jobs: int = 1,
+    confined: Confined | None = None,
 ) -> list[Episode]:
     """Run one episode of each seed in `jobs` processes and return the episodes in the order of the seeds.
 
-    `step_done` is called now and then with the number of new robot steps.
+    `step_done` is called now and then with the number of new robot steps. With `confined` the policy runs in a confined
+    process beside each of the `jobs`.
     """
     jobs = min(jobs, len(seeds))
     if jobs == 1:
-        return _drive_part(policy_name, env_id, seeds, step_done)
+        return _drive_part(policy_name, env_id, seeds, step_done, confined)
     context = multiprocessing.get_context("spawn")  # a world's ray caster does not survive a fork
     counter = context.Value("q", 0)
     parts = [seeds[k::jobs] for k in range(jobs)]
     pool = ProcessPoolExecutor(jobs, context, _begin, (gymnasium.spec(env_id), counter))
     try:
-        futures = [pool.submit(_drive_counting, policy_name, env_id, part) for part in parts]
+        futures = [pool.submit(_drive_counting, policy_name, env_id, part, confined) for part in parts]
         waiting, shown = set(futures), 0
         while waiting:
             waiting = wait(waiting, _POLL_S).not_done
@@ -70,17 +77,23 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def _drive_counting(policy_name: str, env_id: str, seeds: list[int]) -> list[Episode]:
+def _drive_counting(policy_name: str, env_id: str, seeds: list[int], confined: Confined | None) -> list[Episode]:
     def count(steps: int) -> None:
         with _steps_done.get_lock():
             _steps_done.value += steps
 
-    return _drive_part(policy_name, env_id, seeds, count)
+    return _drive_part(policy_name, env_id, seeds, count, confined)
 
 
-def _drive_part(policy_name: str, env_id: str, seeds: list[int], step_done: Callable[[int], Any]) -> list[Episode]:
+def _drive_part(
+    policy_name: str, env_id: str, seeds: list[int], step_done: Callable[[int], Any], confined: Confined | None
+) -> list[Episode]:
     env = make_env(env_id, len(seeds))
-    policy = make_policy(policy_name, len(seeds), env.task, env.robot)
-    episodes = list(run_episodes(env, policy, seeds, step_done))
-    env.close()
-    return episodes
+    try:
+        if confined is None:
+            policy = make_policy(policy_name, len(seeds), env.task, env.robot)
+            return list(run_episodes(env, policy, seeds, step_done))
+        with ConfinedPolicy(policy_name, len(seeds), env.task, env.robot, confined) as driver:
+            return list(run_episodes(env, driver, seeds, step_done))
+    finally:
+        env.close()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import pkgutil
+import re
 import sys
 from pathlib import Path
 from typing import Any, Protocol
@@ -14,7 +15,7 @@ import numpy as np
 from baselines.errors import BaselineError
 from baselines.explorers import EXPLORERS
 from baselines.learned import LearnedPolicy
-from baselines.result_file import CHECKPOINTS
+from baselines.result_file import CHECKPOINTS, NAME
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 
@@ -86,11 +87,20 @@ def find_checkpoint(name: str) -> Path:
 
 
 def policy_label(name: str) -> str:
-    """Return what results call a policy: its name, or that of its checkpoint without folder and ending."""
-    if not name.endswith(".safetensors"):
-        return name
-    path = Path(name)
-    return path.resolve().parent.name if path.stem == "policy" else path.stem
+    """Return what results call a policy: its name, `module.Class`, or its checkpoint without folder and ending.
+
+    Raises
+    ------
+    BaselineError
+        If that is no name that a results file may hold.
+    """
+    label = name.replace(":", ".")
+    if name.endswith(".safetensors"):
+        path = Path(name)
+        label = path.resolve().parent.name if path.stem == "policy" else path.stem
+    if not re.fullmatch(NAME, label):
+        raise BaselineError(f"policy = {label!r}: results are called by 1 to 64 of A-Z, a-z, 0-9, '.', '_' and '-'")
+    return label
 
 
 def policy_sha256(policy: Policy) -> str:

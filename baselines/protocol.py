@@ -17,6 +17,7 @@ from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.vector import MineVectorEnv
 
+SEEDS = tuple(range(20))  # of the episodes that a policy's results consist of: all of them, and no others
 _PACKAGES = ("minexplore-pipeline", "mujoco", "numpy", "gymnasium")
 
 
@@ -74,7 +75,7 @@ class _Recorder:
             seed=self._seeds[robot],
             steps=last,
             seen=self._seen[robot, samples].tolist(),
-            path_cm=np.rint(100 * path[samples]).astype(int).tolist(),
+            path_cm=[(x, y) for x, y in np.rint(100 * path[samples]).astype(int).tolist()],
             idle=int(self._idle[robot]),
             collided=int(self._collided[robot]),
             previous="",

@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import stat
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -17,24 +18,49 @@ CHECKPOINTS = RESULTS / "checkpoints"
 FORMAT = "minexplore-results/1"
 SAMPLE_STEPS = 20  # control steps between samples of the coverage curve and the path: 2 s
 
+# What a results file may hold at most; the benchmark's largest files hold a hundredth of it.
+MOST_BYTES = 16_000_000
+MOST_EPISODES = 512
+MOST_STEPS = 1_000_000  # of an episode; more than a day
+MOST_SAMPLES = MOST_STEPS // SAMPLE_STEPS + 2
+MOST_CELLS = 10_000_000
+MOST_CM = 10_000_000  # of a coordinate: 100 km
+MOST_M = 10_000_000.0  # of a path
+MOST_RETURN = 1e9
+MOST_FACTS = 64  # numbers of a task or a robot, and versions
+_MOST_SAID = 200  # characters of a message that come from the file
+NAME = r"^[A-Za-z0-9._-]{1,64}$"
+
+_Text = Annotated[str, Field(pattern=r"^[ -~]{0,100}$")]  # no control characters: it is printed
+_Name = Annotated[str, Field(pattern=NAME)]
+_Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+_Count = Annotated[int, Field(ge=0, le=MOST_STEPS)]
+_Cells = Annotated[int, Field(ge=0, le=MOST_CELLS)]
+_Cm = Annotated[int, Field(ge=-MOST_CM, le=MOST_CM)]
+_Seed = Annotated[int, Field(ge=0, lt=2**32)]
+_Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e12, le=1e12)]
+_Whole = Annotated[int, Field(ge=-(10**12), le=10**12)]
+_Fact = bool | _Whole | _Number | _Text | Annotated[list[_Number], Field(max_length=8)]
+_Facts = Annotated[dict[_Name, _Fact], Field(max_length=MOST_FACTS)]
+
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, hide_input_in_errors=True)
 
 
 class Head(_Strict):
     """The first line of a results file: environment, world, task, robot, policy, versions and seeds."""
 
-    format: str
-    env: str
-    world_sha256: str
-    task: dict[str, Any]
-    robot: dict[str, Any] = Field(default_factory=dict)  # empty in files written before it was recorded
-    cells: int = Field(gt=0)
-    policy: str
-    policy_sha256: str
-    versions: dict[str, str]
-    seeds: list[int] = Field(min_length=1)
+    format: _Text
+    env: _Text
+    world_sha256: _Sha256
+    task: _Facts
+    robot: _Facts = Field(default_factory=dict)  # empty in files written before it was recorded
+    cells: int = Field(gt=0, le=MOST_CELLS)
+    policy: _Name
+    policy_sha256: _Sha256
+    versions: Annotated[dict[_Name, _Text], Field(max_length=MOST_FACTS)]
+    seeds: list[_Seed] = Field(min_length=1, max_length=MOST_EPISODES)
 
 
 class Episode(_Strict):
@@ -44,20 +70,20 @@ class Episode(_Strict):
     those that touched rock; `path_m` is the sum over all control steps. `previous` is the hash of the line before.
     """
 
-    seed: int
-    steps: int = Field(ge=1)
-    seen: list[int] = Field(min_length=2)
-    path_cm: list[tuple[int, int]] = Field(min_length=2)
-    idle: int = Field(ge=0)
-    collided: int = Field(ge=0)
-    path_m: float = Field(ge=0, allow_inf_nan=False)
-    returned: float = Field(allow_inf_nan=False)
-    previous: str
+    seed: _Seed
+    steps: int = Field(ge=1, le=MOST_STEPS)
+    seen: list[_Cells] = Field(min_length=2, max_length=MOST_SAMPLES)
+    path_cm: list[tuple[_Cm, _Cm]] = Field(min_length=2, max_length=MOST_SAMPLES)
+    idle: _Count
+    collided: _Count
+    path_m: float = Field(ge=0, le=MOST_M, allow_inf_nan=False)
+    returned: float = Field(ge=-MOST_RETURN, le=MOST_RETURN, allow_inf_nan=False)
+    previous: str = Field(pattern=r"^([0-9a-f]{64})?$")
 
 
 def result_path(label: str, env_id: str) -> Path:
     """Return where a policy's results in an environment are kept."""
-    return RESULTS / env_id.removeprefix("MineXplore/").replace("/", "-") / f"{label.replace(':', '.')}.jsonl"
+    return RESULTS / env_id.removeprefix("MineXplore/").replace("/", "-") / f"{label}.jsonl"
 
 
 def chain(head: Head, episodes: list[Episode]) -> str:
@@ -87,15 +113,18 @@ def read_results(path: Path) -> tuple[Head, list[Episode]]:
     Raises
     ------
     BaselineError
-        If it is not a results file, is cut short, or a line was changed; the message names the line.
+        If it is not a results file, is too large or cut short, or a line was changed; the message names the line.
     """
-    try:
-        text = path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise BaselineError(f"{path}: cannot be read ({error})") from error
-    lines = text.splitlines()
-    if not lines or not text.endswith("\n"):
+    return parse_results(path, _read_text(path))
+
+
+def parse_results(path: Path, text: str) -> tuple[Head, list[Episode]]:
+    """Return head and episodes of a results file's text; errors name `path`."""
+    lines = text.split("\n")
+    if lines.pop() or not lines:
         raise BaselineError(f"{path}: cut short: the last line has no end")
+    if len(lines) > 1 + MOST_EPISODES:
+        raise BaselineError(f"{path}: {len(lines)} lines, a results file has at most {1 + MOST_EPISODES}")
     head = _read_head(path, lines[0])
     episodes = [
         _read_episode(path, number, before, line) for number, (before, line) in enumerate(itertools.pairwise(lines), 2)
@@ -105,6 +134,19 @@ def read_results(path: Path) -> tuple[Head, list[Episode]]:
             f"{path}: {len(episodes)} episodes, the head says {len(head.seeds)} seeds, in this order: {head.seeds}"
         )
     return head, episodes
+
+
+def _read_text(path: Path) -> str:
+    """Return a file's text; nothing is read that is no plain file or too large."""
+    try:
+        about = path.stat()
+        if not stat.S_ISREG(about.st_mode):
+            raise BaselineError(f"{path}: not a plain file")
+        if about.st_size > MOST_BYTES:
+            raise BaselineError(f"{path}: {about.st_size:,} bytes, a results file has at most {MOST_BYTES:,}")
+        return path.read_bytes().decode()
+    except (OSError, ValueError) as error:
+        raise BaselineError(f"{path}: cannot be read ({error})") from error
 
 
 def _read_head(path: Path, line: str) -> Head:
@@ -128,5 +170,7 @@ def _read_episode(path: Path, number: int, before: str, line: str) -> Episode:
 
 
 def _first_of(error: ValidationError) -> str:
-    first = error.errors()[0]
-    return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+    """Return the first thing that is wrong, as plain text: a field's name comes from the file."""
+    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    field = ".".join(map(str, first["loc"]))[:_MOST_SAID]
+    return f"{field.encode('unicode_escape').decode()}: {first['msg'][:_MOST_SAID]}"

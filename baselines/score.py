@@ -6,29 +6,31 @@ import argparse
 import sys
 from pathlib import Path
 
+from baselines import result_file
 from baselines.bounds import bound_of
-from baselines.checks import episode_faults, head_faults
-from baselines.environments import make_env
-from baselines.errors import BaselineError, run_command
+from baselines.checks import episode_faults, file_faults
+from baselines.confinement import Limits
+from baselines.errors import BaselineError, RejectedError, run_command
 from baselines.evaluate import print_table
-from baselines.policy import make_policy, policy_sha256
-from baselines.protocol import run_episodes
-from baselines.result_file import Episode, Head, chain, read_results
+from baselines.protocol import SEEDS
+from baselines.reference import reference_of
+from baselines.rerun import drive_again, note_rerun
+from baselines.result_file import Episode, Head, read_results
 
 
-class RejectedError(BaselineError):
-    """A results file claims what is impossible."""
-
-
-def score(path: Path, rerun: int = 0) -> None:
-    """Check a results file.
+def score(
+    path: Path, rerun: int = 0, policy: str | None = None, limits: Limits | None = None, jobs: int = 1
+) -> tuple[Head, list[Episode]]:
+    """Check a results file; return what it holds.
 
     Parameters
     ----------
     path : Path
     rerun : int
-        Number of episodes to drive again, with the checkpoint beside the file or the policy that the head names. They
-        must come out the same, which holds only on the same kind of machine with the same versions.
+        Number of episodes to drive again in a confined process. They must come out the same, which holds only on the
+        same kind of machine with the same versions. A file of the benchmark whose episodes all do is noted as such.
+    policy, limits, jobs
+        As `baselines.rerun.drive_again` takes them.
 
     Raises
     ------
@@ -38,49 +40,52 @@ def score(path: Path, rerun: int = 0) -> None:
         If it is not a results file, is cut short, or its world is not on this machine.
     """
     head, episodes = read_results(path)
-    env = make_env(head.env, 1)
-    try:
-        for reason in head_faults(head, env):
-            raise RejectedError(f"{path}: {reason}")
-        bound = bound_of(head.env, head.world_sha256)
-        for episode in episodes:
-            for reason in episode_faults(head, episode, env, bound):
-                raise RejectedError(f"{path}: seed {episode.seed}: {reason}")
-    finally:
-        env.close()
+    check(path, head, episodes)
     if rerun:
-        _drive_again(path, head, episodes[:rerun])
+        held = drive_again(path, head, episodes[:rerun], policy, limits or Limits(), jobs)
+        print(f"{path}: {min(rerun, len(episodes))} episodes driven again, the policy {held}")
+        if rerun >= len(episodes):
+            note_rerun(path, result_file.RESULTS, head, episodes)
+    return head, episodes
 
 
-def _drive_again(path: Path, head: Head, episodes: list[Episode]) -> None:
-    seeds = [episode.seed for episode in episodes]
-    env = make_env(head.env, len(seeds))
-    checkpoint = path.with_name(f"{head.policy}.safetensors")
-    name = str(checkpoint) if checkpoint.is_file() else head.policy
-    policy = make_policy(name, len(seeds), env.task, env.robot)
-    if policy_sha256(policy) != head.policy_sha256:
-        raise RejectedError(
-            f"{path}: policy {head.policy} is {policy_sha256(policy)[:12]} here, not {head.policy_sha256[:12]}"
-        )
-    again = list(run_episodes(env, policy, seeds))
-    env.close()
-    if chain(head, again) != chain(head, episodes):
-        bare = [[e.model_copy(update={"previous": ""}) for e in some] for some in (again, episodes)]
-        differs = next(ours.seed for ours, theirs in zip(*bare, strict=True) if ours != theirs)
-        raise RejectedError(f"{path}: seed {differs}: driven again, the episode comes out differently")
+def check(path: Path, head: Head, episodes: list[Episode]) -> None:
+    """Reject what the environment does not allow; see `score`."""
+    reference = reference_of(head.env)
+    for reason in file_faults(head, episodes, reference.env):
+        raise RejectedError(f"{path}: {reason}")
+    bound = bound_of(head.env, head.world_sha256)
+    for number, episode in enumerate(episodes):
+        for reason in episode_faults(episode, number, reference, bound):
+            raise RejectedError(f"{path}: seed {episode.seed}: {reason}")
 
 
 def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(prog="python -m baselines.score", description=__doc__)
     parser.add_argument("results", nargs="+", type=Path)
-    parser.add_argument("--rerun", type=int, default=0, metavar="N", help="drive the first N episodes again")
+    parser.add_argument("--rerun", default="0", metavar="N", help="drive the first N episodes again, or `all`")
+    parser.add_argument("--policy", help="what drives them: a file NAME.safetensors or module:Class")
+    parser.add_argument("--jobs", type=int, default=1, help="processes; each holds the world")
+    parser.add_argument("--memory-gb", type=float, default=4.0, help="limit on the policy's memory")
+    parser.add_argument("--time-s", type=float, default=7200.0, help="limit on the policy's own time")
     arguments = parser.parse_args()
-    if arguments.rerun < 0:
-        raise BaselineError(f"rerun = {arguments.rerun}: want 0 or more")
+    rerun = len(SEEDS) if arguments.rerun == "all" else _whole(arguments.rerun)
+    if arguments.jobs < 1 or not 0.5 <= arguments.memory_gb <= 1024 or not 1 <= arguments.time_s <= 1e6:
+        raise BaselineError(
+            f"jobs = {arguments.jobs}, memory-gb = {arguments.memory_gb:g}, time-s = {arguments.time_s:g}: "
+            "want 1 or more, 0.5 to 1024, and 1 to 1000000"
+        )
+    limits = Limits(round(arguments.memory_gb * 2**30), arguments.time_s)
     for path in arguments.results:
-        score(path, arguments.rerun)
-        print_table(path)
+        head, episodes = score(path, rerun, arguments.policy, limits, arguments.jobs)
+        print_table(head, episodes, rerun >= len(episodes))
+
+
+def _whole(text: str) -> int:
+    if not text.isdecimal() or int(text) > len(SEEDS):
+        raise BaselineError(f"rerun = {text}: want 0 to {len(SEEDS)}, or all")
+    return int(text)
 
 
 if __name__ == "__main__":

@@ -8,9 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import bootstrap, trim_mean
 
+from baselines.errors import BaselineError
 from baselines.result_file import SAMPLE_STEPS, Episode, Head
 
 _TIMES_S, _SHARES = (60, 300, 600), (0.5, 0.75, 0.9)
+# Figures made from what a results file states and its samples only bound: steps that saw a new cell, steps in contact
+# with rock, and the length of the path.
+STATED = ("new cells per 100 m", "collisions per 100 m", "return", "path, m")
 _RESAMPLES, _CONFIDENCE = 2000, 0.95
 _CURVE_POINTS = 601
 
@@ -68,8 +72,8 @@ def figures(head: Head, episodes: list[Episode], bound: Callable[[float], int] |
 
 def _coverage_of(head: Head, episode: Episode, bound: Callable[[float], int] | None) -> dict[str, float]:
     """Return the figures of an episode's coverage curve; an episode that ended early keeps what it had seen."""
-    control = float(head.task["control_s"])
-    horizon = int(head.task["max_steps"]) * control
+    control = _number(head, "control_s")
+    horizon = _number(head, "max_steps") * control
     times, share = sample_times(episode, control), np.array(episode.seen) / head.cells
     found: dict[str, float] = {}
     for at in (*(t for t in _TIMES_S if t < horizon), horizon):
@@ -85,6 +89,13 @@ def _coverage_of(head: Head, episode: Episode, bound: Callable[[float], int] | N
     return found
 
 
+def _number(head: Head, name: str) -> float:
+    value = head.task.get(name)
+    if not isinstance(value, int | float):
+        raise BaselineError(f"results of {head.policy}: task has {name} = {value!r}: want a number")
+    return value
+
+
 def _motion_of(episode: Episode) -> dict[str, float]:
     """Return the figures of an episode's path, collisions and return."""
     new, moved = episode.seen[-1] - episode.seen[0], episode.path_m > 1
@@ -95,6 +106,11 @@ def _motion_of(episode: Episode) -> dict[str, float]:
         "return": episode.returned,
         "path, m": episode.path_m,
     }
+
+
+def sample_count(steps: int) -> int:
+    """Return the number of samples of an episode: at its start, every `SAMPLE_STEPS`, and at its end."""
+    return (steps - 1) // SAMPLE_STEPS + 2
 
 
 def sample_times(episode: Episode, control_s: float) -> np.ndarray:

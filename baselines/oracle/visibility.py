@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import binary_dilation
 
+from baselines.sight import SURFACE_M
 from minexplore.robot_batch import RobotBatch
 
-_SURFACE_M = 0.5  # how far behind the collision wall the visible rock may stand back
 _SAMPLE_M, _RAYS, _MARCH_M = 0.75, 360, 0.2
 
 
@@ -28,7 +28,7 @@ def cells_in_view(batch: RobotBatch, regions: np.ndarray) -> list[np.ndarray]:
     """
     world, grid, count = batch.world, batch.grid, int(regions.max())
     far = batch.task.range_m[1] + _SAMPLE_M / np.sqrt(2)
-    open_ = binary_dilation(world.clearance_m > 0, iterations=round(_SURFACE_M / world.cell_m))
+    open_ = binary_dilation(world.clearance_m > 0, iterations=round(SURFACE_M / world.cell_m))
     angle = np.linspace(0, 2 * np.pi, _RAYS, endpoint=False)
     steps = np.arange(0.0, far + _MARCH_M, _MARCH_M)
     offsets = np.stack([np.sin(angle), np.cos(angle)], axis=-1)[:, None, :] * steps[:, None]  # (rays, steps, 2): y, x

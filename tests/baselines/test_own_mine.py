@@ -40,13 +40,13 @@ def python(project, *words):
 
 def test_an_own_mine_is_evaluated_scored_and_listed(own_short):
     own = own_short
-    python(own, "baselines.evaluate", "--policy", "reactive", "--env", "my-mine", "--episodes", "2")
+    python(own, "baselines.evaluate", "--policy", "reactive", "--env", "my-mine")
     results = own.folder / "baselines/results/my-mine-v0/reactive.jsonl"
-    assert "reactive in MineXplore/my-mine-v0, 2 seeds" in python(own, "baselines.score", str(results), "--rerun", "1")
+    assert "reactive in MineXplore/my-mine-v0, 20 seeds" in python(own, "baselines.score", str(results), "--rerun", "1")
     python(own, "baselines.leaderboard")
     page = (own.folder / "LEADERBOARD.md").read_text()
     assert "## MineXplore/my-mine-v0" in page
-    assert "| reactive | 2 |" in page
+    assert "| reactive | as stated | 20 |" in page
 
 
 def test_an_own_mine_can_be_chosen_for_training(own):
@@ -82,7 +82,7 @@ def eventually(holds, within_s=120):
 
 @pytest.mark.slow
 def test_an_own_mine_gets_a_bound_and_a_tour(own):
-    said = python(own, "baselines.oracle", "--env", "my-mine", "--episodes", "1", "--limit", "5")
+    said = python(own, "baselines.oracle", "--env", "my-mine", "--limit", "5")
     assert "MineXplore/my-mine-v0: at 600 s no robot can have seen more than" in said
     assert (own.folder / "docs/oracle-my-mine-v0.png").is_file()
     python(own, "baselines.score", str(own.folder / "baselines/results/my-mine-v0/oracle-tour.jsonl"))

@@ -1,0 +1,113 @@
+"""Drive a results file's episodes again from its policy, and keep which files were, in `driven_again.json`."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+
+from baselines.confined import Confined, what_is_held
+from baselines.confinement import Confinement, Limits
+from baselines.errors import BaselineError, RejectedError
+from baselines.explorers import EXPLORERS
+from baselines.parallel import drive
+from baselines.policy import find_checkpoint, policy_label
+from baselines.progress import Progress
+from baselines.result_file import Episode, Head, chain
+
+_FIGURES = [key for key in Episode.model_fields if key != "previous"]
+RECORD = "driven_again.json"  # in the folder of all results: a file's path below it, and the hash of its contents
+
+
+def drive_again(
+    path: Path, head: Head, episodes: list[Episode], policy: str | None, limits: Limits, jobs: int = 1
+) -> Confinement:
+    """Drive episodes again; return what the policy's process could not do.
+
+    Parameters
+    ----------
+    path : Path
+        The results file, which errors name and beside which a checkpoint may lie.
+    head : Head
+    episodes : list of Episode
+    policy : str, optional
+        A file NAME.safetensors or `module:Class`; without it, the explorer or the checkpoint that the head names.
+    limits : Limits
+    jobs : int
+        Processes with an environment, each beside a process with the policy.
+
+    Raises
+    ------
+    RejectedError
+        If the policy is another than the head says, or an episode comes out differently.
+    BaselineError
+        If there is no such policy, it fails, or it exceeds its limits.
+    """
+    name, seeds = _find_policy(path, head, policy), [episode.seed for episode in episodes]
+    held = what_is_held(limits)
+    progress = Progress(f"{head.policy} in {head.env}", sum(episode.steps for episode in episodes))
+    try:
+        again = drive(name, head.env, seeds, progress.add, jobs, Confined(limits, head.policy_sha256))
+    except BaselineError as error:
+        raise type(error)(f"{path}: {error}") from error
+    finally:
+        progress.close()
+    compare(path, episodes, again)
+    return held
+
+
+def compare(path: Path, episodes: list[Episode], again: list[Episode]) -> None:
+    """Refuse episodes that differ from those that were driven again, in any figure."""
+    for ours, theirs in zip(again, episodes, strict=True):
+        differs = [key for key in _FIGURES if getattr(ours, key) != getattr(theirs, key)]
+        if differs:
+            raise RejectedError(
+                f"{path}: seed {theirs.seed}: driven again, the episode comes out differently ({differs[0]})"
+            )
+
+
+def _find_policy(path: Path, head: Head, policy: str | None) -> str:
+    """Return the policy that a file's episodes are to be driven by; no file's text decides what code is imported."""
+    if policy is not None:
+        if policy_label(policy) != head.policy:
+            raise RejectedError(f"{path}: results of {head.policy!r}, not of {policy_label(policy)!r}")
+        return str(Path(policy).resolve()) if policy.endswith(".safetensors") else policy
+    if head.policy in EXPLORERS:
+        return head.policy
+    beside = path.with_name(f"{head.policy}.safetensors")
+    try:
+        found = beside if beside.is_file() else find_checkpoint(head.policy)
+    except BaselineError as error:
+        raise BaselineError(f"{path}: {error}; --policy names a file or module:Class") from error
+    if not found.is_file():
+        raise BaselineError(f"{path}: policy {head.policy!r} is not here; --policy names a file or module:Class")
+    return str(found.resolve())
+
+
+def note_rerun(path: Path, results: Path, head: Head, episodes: list[Episode]) -> bool:
+    """Keep that all episodes of a file were driven again; return whether it lies below the folder of results."""
+    place, results = path.resolve(), results.resolve()
+    if not place.is_relative_to(results):
+        return False
+    kept = _read_record(results) | {place.relative_to(results).as_posix(): _digest(head, episodes)}
+    there = {name: digest for name, digest in sorted(kept.items()) if (results / name).is_file()}
+    fresh = results / f".{RECORD}.{os.getpid()}"
+    fresh.write_text(json.dumps(there, indent=1) + "\n")
+    fresh.replace(results / RECORD)
+    return True
+
+
+def was_driven_again(path: Path, results: Path, head: Head, episodes: list[Episode]) -> bool:
+    """Return whether a file's present contents were driven again."""
+    name = path.resolve().relative_to(results.resolve()).as_posix()
+    return _read_record(results).get(name) == _digest(head, episodes)
+
+
+def _read_record(results: Path) -> dict[str, str]:
+    file = results / RECORD
+    return dict(json.loads(file.read_text())) if file.is_file() else {}
+
+
+def _digest(head: Head, episodes: list[Episode]) -> str:
+    return hashlib.sha256(chain(head, episodes).encode()).hexdigest()
