@@ -39,7 +39,7 @@ def drive(
     jobs = min(jobs, len(seeds))
     if jobs == 1:
         return _drive_part(policy_name, env_id, seeds, step_done, confined)
-    context = multiprocessing.get_context("spawn")  # a world's ray caster does not survive a fork
+    context = multiprocessing.get_context("spawn")  # a fork takes none of this process's threads along
     counter = context.Value("q", 0)
     parts = [seeds[k::jobs] for k in range(jobs)]
     pool = ProcessPoolExecutor(jobs, context, _begin, (gymnasium.spec(env_id), counter))

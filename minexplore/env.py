@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from minexplore.calls import check_options, numbers_of
 from minexplore.lidar import Backend
 from minexplore.observation import observation_space
 from minexplore.opengl import prepare_opengl
@@ -70,6 +71,10 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     `cells_seen`, `cells_reachable`, `coverage`, `collision` (in this step), `collisions` (so far), `zone`,
     `pose_m_rad` (x, y, yaw in the mine frame).
 
+    ## Copies
+    `copy.deepcopy` and pickle give an environment in the same state, random numbers included, without windows. An
+    environment also steps in a fork of its process. After `close` it refuses every call.
+
     ## Arguments
 
     | Parameter | Default | Description |
@@ -115,13 +120,17 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
         self._renderer: Renderer | None = None
         self._viewer: Any = None
+        self._begun = self._closed = False
         self.on_key: Callable[[int], None] = lambda code: None  # gets the viewer's key presses
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Place the robot near the entrance with a random yaw, and cast the beams once."""
+        self._require_open()
+        check_options(options, ())
         super().reset(seed=seed)
+        self._begun = True
         outcome = self.robots.reset(np.arange(1), [self.np_random])
         self._show()
         return outcome.observation[0], info_of_robot(outcome.info, 0)
@@ -133,8 +142,12 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         ------
         ValueError
             If the action is not two finite numbers.
+        gymnasium.error.ResetNeeded, gymnasium.error.ClosedEnvironmentError
+            Before the first reset, and after `close`.
         """
-        command = np.asarray(action, dtype=np.float64)
+        self._require_open()
+        self._require_begun("step")
+        command = numbers_of(action)
         if command.shape != (2,):
             raise ValueError(f"action of shape {command.shape}: want (2,)")
         outcome: Outcome = self.robots.step(command[None], [self.np_random])
@@ -146,6 +159,8 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         """Return a picture (480, 640, 3) uint8 in mode `rgb_array`, else None."""
         if self.render_mode != "rgb_array":
             return None
+        self._require_open()
+        self._require_begun("render")
         robots = self.robots
         return self._drawing().draw(self.camera, robots.qpos, robots.seen[0], robots.poses())
 
@@ -166,7 +181,8 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         self._viewer.sync()
 
     def close(self) -> None:
-        """Free renderer, viewer and threads."""
+        """Free renderer, viewer and threads; the environment cannot be used afterwards."""
+        self._closed = True
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
@@ -174,3 +190,25 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
             self._viewer.close()
             self._viewer = None
         self.robots.close()
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise gymnasium.error.ClosedEnvironmentError("the environment is closed: make another one")
+
+    def _require_begun(self, call: str) -> None:
+        if not self._begun:
+            raise gymnasium.error.ResetNeeded(f"call reset before {call}")
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the arguments and all that has changed since; a copy goes on as this environment does."""
+        names = ("_begun", "_closed", "_np_random", "_np_random_seed", "spec")
+        changed = {name: getattr(self, name) for name in names}
+        return {**super().__getstate__(), "changed": changed, "robots": self.robots.copy_state()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the environment from its arguments and bring it into its state; windows are not copied."""
+        super().__setstate__(state)
+        self.robots.restore_state(state["robots"])
+        if state["changed"]["_closed"]:
+            self.close()
+        self.__dict__.update(state["changed"])

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import gymnasium
 import numpy as np
 from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
+from minexplore.calls import numbers_of, spread_seeds
 from minexplore.lidar import Backend
 from minexplore.observation import observation_space
 from minexplore.opengl import prepare_opengl
@@ -54,8 +55,8 @@ class MineParallelEnv(ParallelEnv):
         lidar: Backend = "auto",
     ) -> None:
         """Load the world and put the team into it."""
-        if robots < 1 or reward not in ("shared", "individual"):
-            raise ValueError(f"robots = {robots}, reward = {reward!r}: want 1 or more, 'shared' or 'individual'")
+        if type(robots) is not int or robots < 1 or reward not in ("shared", "individual"):
+            raise ValueError(f"robots = {robots!r}, reward = {reward!r}: want 1 or more, 'shared' or 'individual'")
         if render_mode not in (None, "rgb_array") or camera not in CAMERAS:
             raise ValueError(f"render_mode = {render_mode!r}, camera = {camera!r}: want None or 'rgb_array', {CAMERAS}")
         if render_mode is not None:
@@ -82,11 +83,10 @@ class MineParallelEnv(ParallelEnv):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
-        """Place the team near the entrance; robot i draws from `seed + i`."""
+        """Place the team near the entrance; robot i draws from `seed + i`. There are no options; any are ignored."""
+        seeds = spread_seeds(seed, len(self.possible_agents))
         if seed is not None or not self._rngs:
-            self._rngs = [
-                seeding.np_random(None if seed is None else seed + i)[0] for i in range(len(self.possible_agents))
-            ]
+            self._rngs = [seeding.np_random(one)[0] for one in seeds]
         self.agents = self.possible_agents[:]
         outcome = self.team.reset_all(self._rngs)
         self.team_cells = int(outcome.info["cells_seen"].sum())
@@ -95,8 +95,21 @@ class MineParallelEnv(ParallelEnv):
     def step(
         self, actions: dict[str, np.ndarray]
     ) -> tuple[dict, dict[str, float], dict[str, bool], dict[str, bool], dict]:
-        """Step the team."""
-        command = np.stack([np.asarray(actions[a], dtype=np.float64) for a in self.possible_agents])
+        """Step the team.
+
+        Raises
+        ------
+        ValueError
+            If an agent has no action, or one that is not two finite numbers.
+        gymnasium.error.ResetNeeded
+            Before the first reset, and after the episode's end.
+        """
+        if not self.agents:
+            raise gymnasium.error.ResetNeeded("call reset before step: no robot is driving")
+        absent = [agent for agent in self.possible_agents if agent not in actions]
+        if absent:
+            raise ValueError(f"actions: none for {absent[0]!r}")
+        command = numbers_of([actions[agent] for agent in self.possible_agents])
         before = self.team.cells_seen.copy()
         outcome = self.team.step(command, self._rngs)
         reward = self._rewards(self.team.cells_seen - before, outcome.info["collision"])
@@ -145,6 +158,10 @@ class MineParallelEnv(ParallelEnv):
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse copies: the team's state cannot be taken along."""
+        raise TypeError("MineParallelEnv is neither copied nor pickled: make another one and reset it by the same seed")
 
 
 def parallel_env(**kwargs: Any) -> MineParallelEnv:

@@ -9,10 +9,27 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import ROOF_GEOM, GeomGroup, is_floor, is_rock
+from minexplore.limits import Span, check_numbers
 from minexplore.rotations import quaternion
 
 ROCK_BODY = "rock"  # of a physics model; it holds what a chassis collides with
 _HIDDEN_GROUP = GeomGroup.SMOOTH_SURFACE  # no viewer shows it unless asked
+_CASTOR_M = 0.05  # radius
+_SPANS = {
+    "radius_m": Span(0.06, 5.0),  # more than a castor's
+    "height_m": Span(0.01, 5.0),
+    "ground_clearance_m": Span(0.0, 5.0),
+    "mass_kg": Span(0.1, 100_000.0),
+    "wheel_radius_m": Span(0.01, 5.0),
+    "wheel_base_m": Span(0.01, 10.0),
+    "wheel_width_m": Span(0.001, 5.0),
+    "wheel_torque_nm": Span(0.001, 1_000_000.0),
+    "wheel_gain_nms": Span(0.001, 1_000_000.0),
+    "wheel_friction_nm": Span(0.0, 100_000.0),
+    "sensor_height_m": Span(0.0, 20.0),
+    "scanner_radius_m": Span(0.001, 5.0),
+    "scanner_height_m": Span(0.001, 5.0),
+}
 ROCK_BIT, FLOOR_BIT, ROBOT_BIT = 1, 2, 4  # of contype and conaffinity
 
 
@@ -39,6 +56,16 @@ class RobotParams:
     sensor_height_m: float = 0.5
     scanner_radius_m: float = 0.09
     scanner_height_m: float = 0.31
+
+    def __post_init__(self) -> None:
+        """Refuse measures that make no robot."""
+        check_numbers("robot", self, _SPANS)
+        top_m = self.ground_clearance_m + self.height_m
+        if self.sensor_height_m + self.scanner_height_m / 2 <= top_m:
+            raise ValueError(
+                f"robot: sensor_height_m = {self.sensor_height_m}: the scanner ends below the chassis, whose top is "
+                f"{top_m:g} m above the floor"
+            )
 
     def wheel_speeds(self, forward_mps: np.ndarray, turn_radps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return left and right wheel speeds, rad/s, of twists."""
@@ -125,7 +152,7 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
             forcelimited=True,
         )
         motor.set_to_velocity(kv=params.wheel_gain_nms)
-    castor = 0.05
+    castor = _CASTOR_M
     # Frictionless by dimension: with friction near zero a castor on the border of two zones makes the solver diverge.
     for end, x in (("front", params.radius_m - castor), ("rear", castor - params.radius_m)):
         body.add_geom(

@@ -18,6 +18,9 @@ from minexplore.stepper import PhysicsStepper
 from minexplore.task import TaskParams
 from minexplore.world import World
 
+# Arrays with a row for each robot that hold what changes while it drives.
+_CHANGES = ("state", "seen", "cells_seen", "previous", "steps", "stalled", "collisions")
+
 
 @dataclass
 class Outcome:
@@ -43,6 +46,8 @@ class RobotBatch:
         whole: bool = False,
     ) -> None:
         """Take a world; `whole` steps every robot in the model of all rock, for comparison."""
+        if not isinstance(whole, bool):
+            raise ValueError(f"whole = {whole!r}: want True or False")
         self.world, self.task, self.robot, self.count = world, task, robot, count
         self.local_models = LocalModels(world, task, robot, whole)
         self.T_world_mine = self.local_models.T_world_mine
@@ -218,6 +223,15 @@ class RobotBatch:
             "zone": self.world.zone_names[self.world.zones_at(poses[:, 0])],
             "pose_m_rad": poses,
         }
+
+    def copy_state(self) -> dict[str, np.ndarray]:
+        """Return a copy of all that changes while robots drive; their random numbers are the caller's."""
+        return {name: getattr(self, name).copy() for name in _CHANGES}
+
+    def restore_state(self, state: dict[str, np.ndarray]) -> None:
+        """Take what `copy_state` returned, of a batch of as many robots in the same world."""
+        for name in _CHANGES:
+            getattr(self, name)[...] = state[name]
 
     def close(self) -> None:
         """Stop the threads."""

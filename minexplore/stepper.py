@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 
 import mujoco
@@ -25,7 +26,7 @@ class PhysicsStepper:
 
     def __init__(self, models: LocalModels, count: int, threads: int, place_m: np.ndarray) -> None:
         """Give every robot the initial state of the model at a place (2,) m of the mine frame."""
-        self.models, self._threads = models, threads
+        self.models, self._threads, self._process = models, threads, os.getpid()
         tile = models.tiles_of(place_m[None])[0]
         model = models.model((int(tile[0]), int(tile[1])))
         data = mujoco.MjData(model)
@@ -60,6 +61,9 @@ class PhysicsStepper:
             for tile, rows in jobs[thread]:
                 touched[rows] = self._advance_group(thread, tile, rows, steps)
 
+        if self._process != os.getpid():  # a fork takes no threads along: without new ones the child waits for ever
+            self._process = os.getpid()
+            self._pool = ThreadPoolExecutor(self._threads) if self._pool is not None else None
         if self._pool is None:
             run(0)
         else:
@@ -90,9 +94,9 @@ class PhysicsStepper:
 
     def close(self) -> None:
         """Stop the threads."""
-        if self._pool is not None:
+        if self._pool is not None and self._process == os.getpid():
             self._pool.shutdown()
-            self._pool = None
+        self._pool = None
 
 
 def _find_controls(model: mujoco.MjModel, data: mujoco.MjData) -> int:

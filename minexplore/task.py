@@ -2,12 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, TypeVar
 
 import numpy as np
 
+from minexplore.limits import Span, check_numbers
+
 T = TypeVar("T")
+
+_LONG = 1_000_000_000  # steps: an episode that never ends by itself
+_RANGE = Span(0.0, 1000.0)
+_SPANS = {
+    "beams": Span(1, 4096, whole=True),
+    "range_noise_m": Span(0.0, 10.0),
+    "max_forward_mps": Span(0.0, 50.0),
+    "max_turn_radps": Span(0.0, 50.0),
+    "max_steps": Span(1, _LONG, whole=True),
+    "stall_steps": Span(1, _LONG, whole=True),
+    "stall_speed_mps": Span(0.0, 50.0),
+    "control_s": Span(1e-4, 10.0),
+    "cell_m": Span(0.1, 1000.0),
+    "physics_s": Span(1e-5, 0.1),
+    "region_m": Span(0.1, np.inf),
+}
 
 
 @dataclass(frozen=True)
@@ -36,13 +55,18 @@ class TaskParams:
 
     def __post_init__(self) -> None:
         """Refuse values that make no task."""
-        if self.beams < 1 or not 0 < self.range_m[0] < self.range_m[1]:
+        check_numbers("task", self, _SPANS)
+        for name in ("terrain", "tilt"):
+            if not isinstance(getattr(self, name), bool | np.bool_):
+                raise ValueError(f"task: {name} = {getattr(self, name)!r}: want True or False")
+        pair = isinstance(self.range_m, tuple) and len(self.range_m) == 2 and all(map(_RANGE.accepts, self.range_m))
+        if not pair or not 0 < self.range_m[0] < self.range_m[1]:
+            raise ValueError(f"task: range_m = {self.range_m!r}: want 0 < near < far, at most {_RANGE.high:g} m")
+        steps = self.control_s / self.physics_s
+        if steps < 1 or abs(steps - round(steps)) > 1e-6 * steps:
             raise ValueError(
-                f"task: beams = {self.beams}, range_m = {self.range_m}; want one beam or more and 0 < near < far"
-            )
-        if not 0 < self.physics_s <= self.control_s:
-            raise ValueError(
-                f"task: physics_s = {self.physics_s}, control_s = {self.control_s}; want 0 < physics <= control"
+                f"task: physics_s = {self.physics_s}, control_s = {self.control_s}; want a whole number of physics "
+                f"steps in a control step, they make {steps:g}"
             )
 
     @property
@@ -57,13 +81,15 @@ def coerce_params(kind: type[T], value: T | dict[str, Any] | None) -> T:
     Raises
     ------
     ValueError
-        If a dict has an unknown field; the message lists the known ones.
+        If it is none of these, or a dict has an unknown field; the message lists the known ones.
     """
     if value is None:
         return kind()
     if isinstance(value, kind):
         return value
-    asked: dict[str, Any] = dict(value)  # type: ignore[arg-type]
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{kind.__name__}: {value!r}: want {kind.__name__}(...), or a dict of its fields")
+    asked: dict[str, Any] = dict(value)
     names = [f.name for f in fields(kind)]  # type: ignore[arg-type]
     unknown = sorted(set(asked) - set(names))
     if unknown:

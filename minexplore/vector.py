@@ -12,6 +12,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from minexplore.calls import check_options, mask_of, numbers_of, spread_seeds
 from minexplore.lidar import Backend
 from minexplore.observation import observation_space
 from minexplore.opengl import prepare_opengl
@@ -21,8 +22,10 @@ from minexplore.robot_batch import Outcome, RobotBatch, info_of_robot
 from minexplore.task import TaskParams, coerce_params
 from minexplore.world import find_world, load_world
 
+_MOST = 1_000_000  # robots, or threads
 
-class MineVectorEnv(VectorEnv):
+
+class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
     """`num_envs` robots, each alone in its own copy of the mine; see `MineEnv` for the task.
 
     The trajectories are those of `MineEnv` with the same seeds and actions, bit for bit.
@@ -57,15 +60,16 @@ class MineVectorEnv(VectorEnv):
         threads: int = 1,
     ) -> None:
         """Load the world and put the robots into it."""
-        if num_envs < 1 or threads < 1:
-            raise ValueError(f"num_envs = {num_envs}, threads = {threads}: want 1 or more of each")
+        given = (num_envs, world, task, robot, render_mode, camera, lidar, whole, autoreset_mode, threads)
+        gymnasium.utils.EzPickle.__init__(self, *given)
+        for name, value in (("num_envs", num_envs), ("threads", threads)):
+            if not isinstance(value, int | np.integer) or isinstance(value, bool) or not 1 <= value <= _MOST:
+                raise ValueError(f"{name} = {value!r}: want a whole number from 1 to {_MOST}")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode = {render_mode!r}: valid choices are None, 'rgb_array'")
         if camera not in CAMERAS:
             raise ValueError(f"camera = {camera!r}: valid choices are {', '.join(CAMERAS)}")
-        mode = AutoresetMode(autoreset_mode)
-        if mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
-            raise ValueError(f"autoreset_mode = {autoreset_mode}: valid choices are NEXT_STEP, SAME_STEP")
+        mode = _mode_of(autoreset_mode)
         self.num_envs, self.render_mode, self.camera, self._mode = num_envs, render_mode, camera, mode
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
         if render_mode is not None:
@@ -87,25 +91,16 @@ class MineVectorEnv(VectorEnv):
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Reset all robots, or those of `options["reset_mask"]`; an int seed gives robot i the seed `seed + i`."""
-        seeds = (
-            [None if seed is None else seed + i for i in range(self.num_envs)]
-            if not isinstance(seed, Sequence)
-            else seed
-        )
-        if len(seeds) != self.num_envs:
-            raise ValueError(f"{len(seeds)} seeds for {self.num_envs} robots")
-        mask = (
-            np.ones(self.num_envs, dtype=bool)
-            if not options
-            else options.get("reset_mask", np.ones(self.num_envs, bool))
-        )
-        if not self._rngs:
-            self._rngs = [seeding.np_random(s)[0] for s in seeds]
-            mask = np.ones(self.num_envs, dtype=bool)
-        else:
-            for i in np.flatnonzero(mask).tolist():
-                if seeds[i] is not None:
-                    self._rngs[i] = seeding.np_random(seeds[i])[0]
+        self._require_open()
+        check_options(options, ("reset_mask",))
+        seeds, mask = spread_seeds(seed, self.num_envs), mask_of(options, self.num_envs)
+        if not self._rngs and not mask.all():
+            raise gymnasium.error.ResetNeeded("reset_mask: reset all robots before some of them")
+        rngs = self._rngs or [seeding.np_random(s)[0] for s in seeds]
+        for i in np.flatnonzero(mask).tolist():
+            if seeds[i] is not None and self._rngs:
+                rngs[i] = seeding.np_random(seeds[i])[0]
+        self._rngs = rngs
         self._ended[mask] = False
         outcome = self.robots.reset(np.flatnonzero(mask), self._rngs)
         self._observation[mask] = outcome.observation
@@ -113,6 +108,8 @@ class MineVectorEnv(VectorEnv):
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Step all robots; robots whose episode ended are reset as `autoreset_mode` says."""
+        self._require_open()
+        actions = numbers_of(actions)
         if not self._rngs:
             raise gymnasium.error.ResetNeeded("call reset before step")
         over = np.flatnonzero(self._ended)
@@ -151,6 +148,7 @@ class MineVectorEnv(VectorEnv):
         """Return one picture (480, 640, 3) uint8 a robot in mode `rgb_array`, else None."""
         if self.render_mode is None:
             return None
+        self._require_open()
         robots = self.robots
         if self._renderer is None:
             self._renderer = Renderer(self.world, robots.T_world_mine, robots.grid, self.robot, 1)
@@ -169,6 +167,31 @@ class MineVectorEnv(VectorEnv):
         if self._renderer is not None:
             self._renderer.close()
         self.robots.close()
+
+    def _require_open(self) -> None:
+        if self.closed:
+            raise gymnasium.error.ClosedEnvironmentError("the environment is closed: make another one")
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the arguments and all that has changed since; a copy goes on as this environment does."""
+        changed = {name: getattr(self, name) for name in ("_rngs", "_ended", "_observation", "closed", "spec")}
+        return {**super().__getstate__(), "changed": changed, "robots": self.robots.copy_state()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the environment from its arguments and bring it into its state."""
+        super().__setstate__(state)
+        self.robots.restore_state(state["robots"])
+        if state["changed"]["closed"]:
+            self.close()
+        self.__dict__.update(state["changed"])
+
+
+def _mode_of(mode: AutoresetMode | str) -> AutoresetMode:
+    """Return an autoreset mode given by itself, its name or its value."""
+    for known in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
+        if mode in (known, known.name, known.value):
+            return known
+    raise ValueError(f"autoreset_mode = {mode!r}: valid choices are NEXT_STEP, SAME_STEP")
 
 
 def _spread(outcome: Outcome, robots: np.ndarray, count: int) -> dict[str, Any]:

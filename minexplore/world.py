@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import io
+import os
 import threading
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -100,6 +102,8 @@ def find_world(world: str | Path | None) -> Path:
     """
     if world is None:
         raise FileNotFoundError("no world: give world=, the path of a world bundle or one of its names")
+    if not isinstance(world, str | os.PathLike):
+        raise FileNotFoundError(f"world = {world!r}: want the path of a world bundle, or one of its names")
     shipped = Path(__file__).parent / "worlds"
     built = Path(__file__).parents[1] / "artifacts" / "realism" / "world"  # of a source checkout
     names = {p.name: p for p in shipped.iterdir() if p.is_dir()} if shipped.is_dir() else {}

@@ -1,0 +1,81 @@
+"""What callers hand to an environment: actions, seeds, and the options of a reset."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+
+def numbers_of(action: Any) -> np.ndarray:
+    """Return an action, or the actions of many robots, as float64.
+
+    Raises
+    ------
+    ValueError
+        If it holds anything but numbers.
+    """
+    try:
+        return np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"action = {action!r:.200}: want numbers ({error})") from error
+
+
+def check_options(options: Any, known: Sequence[str]) -> None:
+    """Refuse options of a reset that are no dict or have unknown keys.
+
+    Raises
+    ------
+    ValueError
+        Naming the option and those that there are.
+    """
+    if options is None:
+        return
+    if not isinstance(options, Mapping):
+        raise ValueError(f"options = {options!r}: want a dict")
+    unknown = [key for key in options if key not in known]
+    if unknown:
+        raise ValueError(f"options: unknown {unknown[0]!r}; there are: {', '.join(known) or 'none'}")
+
+
+def spread_seeds(seed: Any, count: int) -> list[int | None]:
+    """Return a seed for each of `count` robots: an int gives robot i the seed `seed + i`.
+
+    Raises
+    ------
+    ValueError
+        If they are not ints of 0 or more or None, or not as many as robots.
+    """
+    if isinstance(seed, np.ndarray):
+        seed = seed.tolist()
+    if isinstance(seed, list | tuple):
+        if len(seed) != count:
+            raise ValueError(f"{len(seed)} seeds for {count} robots")
+        seeds = list(seed)
+    else:
+        whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
+        seeds = [seed + i for i in range(count)] if whole else [seed] * count
+    for one in seeds:
+        if one is not None and (not isinstance(one, int | np.integer) or isinstance(one, bool) or one < 0):
+            raise ValueError(f"seed = {one!r}: want None or a whole number of 0 or more")
+    return [None if one is None else int(one) for one in seeds]
+
+
+def mask_of(options: Mapping[str, Any] | None, count: int) -> np.ndarray:
+    """Return which of `count` robots a reset is for, (count,) bool: all without `options["reset_mask"]`.
+
+    Raises
+    ------
+    ValueError
+        If the mask is not an array of truth values, one a robot, or names none.
+    """
+    mask = None if options is None else options.get("reset_mask")
+    if mask is None:
+        return np.ones(count, dtype=bool)
+    found = np.asarray(mask)
+    if found.dtype != bool or found.shape != (count,):
+        raise ValueError(f"reset_mask of {found.dtype} with shape {found.shape}: want bool with shape ({count},)")
+    if not found.any():
+        raise ValueError("reset_mask: it names no robot")
+    return found
