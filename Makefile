@@ -10,7 +10,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds roughness stress-test mutants parity replay holdout fuzz random-mines evidence compare-paper compare-rock compare-collision search-texture bench bench-pipeline time-training setup-baselines oracle explorers train train-all curves renew-benchmark leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock
+.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock compare-collision search-texture bench bench-pipeline time-training setup-baselines oracle explorers train train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock
 
 help:  # show the targets that have a remark of two hashes; rarer ones have one
 	@awk -F ':.*## ' '/^##@/ {print substr($$0, 5)} /^all:/ {printf "  %-18s %s\n", "$(firstword $(STAGES)) ...", "up to and including one stage: $(STAGES)"} /^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' Makefile
@@ -80,6 +80,9 @@ replay: all  ## replay the sweeps below data/raw in the world
 holdout: setup  ## build rock from half of the sweeps, score it on the other half
 	@$(PY) -m pipeline validate --holdout --out artifacts/proof/holdout.json
 
+forged-results: all  ## give the scorer 1,000 forged results files
+	@$(PY) -m benchmarks.forged_results
+
 fuzz: setup  ## give every reader 500 broken and hostile files
 	@$(PY) -m benchmarks.fuzz
 
@@ -136,6 +139,10 @@ curves: setup  # draw the training runs (docs/training.md)
 
 renew-benchmark: all  ## measure all that depends on the world again: oracle, policies, leaderboard; resumes
 	@$(PY) -m baselines.oracle && $(PY) -m baselines.evaluate --all && $(PY) -m baselines.leaderboard
+
+rerun: all  ## drive the kept results again from their policies; LEADERBOARD.md then shows it
+	@for file in $$($(PY) -m baselines.rerun); do $(PY) -m baselines.score $$file --rerun all || exit $$?; done
+	@$(PY) -m baselines.leaderboard
 
 leaderboard: all  ## score all results files, write LEADERBOARD.md
 	@$(PY) -m baselines.leaderboard

@@ -52,6 +52,7 @@ def leaderboard(results: Path) -> str:
     if not files:
         raise BaselineError(f"{results}: no results; `python -m baselines.evaluate` writes them")
     tables: dict[str, list[_Row]] = {}
+    ways: dict[object, Path] = {}
     for path in files:
         head, episodes = score(path)
         place = result_path(head.policy, head.env)
@@ -59,6 +60,9 @@ def leaderboard(results: Path) -> str:
             raise RejectedError(
                 f"{path}: results of {head.policy} in {head.env}, which are kept as {'/'.join(place.parts[-2:])}"
             )
+        same = ways.setdefault((head.env, *(tuple(episode.path_cm) for episode in episodes)), path)
+        if same != path and any(episode.path_m > 1 for episode in episodes):
+            raise RejectedError(f"{path}: its robots drive the ways of {same}")
         found = dict(figures(head, episodes, bound_of(head.env, head.world_sha256)))
         again = was_driven_again(path, results, head, episodes)
         tables.setdefault(head.env, []).append(_Row(head.policy, len(episodes), again, found))

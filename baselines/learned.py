@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -16,6 +16,10 @@ from minexplore.observation import observation_space
 from minexplore.task import TaskParams
 
 FORMAT = "minexplore-policy/1"
+_MOST_BYTES = 256_000_000  # of a checkpoint
+_MOST_WIDTH = 8192  # of a layer
+_Width = Annotated[int, Field(ge=1, le=_MOST_WIDTH)]
+_TAKEN = -1  # numbers that the first layer takes: the observation's size
 _ENCODER, _HEAD = "encoder.actor_encoder.", "pi.net.mlp.0."
 
 
@@ -24,9 +28,9 @@ class Model(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     kind: Literal["mlp", "lstm"]
-    hidden: list[int] = Field(min_length=1)
-    cell: int = Field(ge=0)
-    sequence: int = Field(ge=0)
+    hidden: list[_Width] = Field(min_length=1, max_length=16)
+    cell: int = Field(ge=0, le=_MOST_WIDTH)
+    sequence: int = Field(ge=0, le=_MOST_WIDTH)
 
 
 class LearnedPolicy:
@@ -44,6 +48,7 @@ class LearnedPolicy:
         self._arrays, about = _read(path)
         self.model = Model.model_validate_json(about["model"])
         self.observation = about["observation"]
+        _check_arrays(path, self.model, self._arrays)
         self._maps = MapObserver(count, task) if self.observation == "map" else None
         size = observation_space(task).shape[0] + (self._maps.size if self._maps else 0)
         taken = self._first_layer().shape[1]
@@ -97,6 +102,36 @@ class LearnedPolicy:
         return self._state[0]
 
 
+def _check_arrays(path: Path, model: Model, arrays: dict[str, np.ndarray]) -> None:
+    """Refuse arrays that do not make the layers that a model names; how many numbers it takes is compared later."""
+    shapes = _shapes(model, _TAKEN, 2 if "pi.log_std" in arrays else 4)
+    for name, shape in shapes.items():
+        found = arrays.get(name)
+        if found is None:
+            raise BaselineError(f"{path}: {name} is absent")
+        if len(found.shape) != len(shape) or any(n not in (_TAKEN, m) for n, m in zip(shape, found.shape, strict=True)):
+            raise BaselineError(f"{path}: {name} has shape {found.shape}, its model wants {shape}")
+        if found.dtype.kind != "f" or not np.isfinite(found).all():
+            raise BaselineError(f"{path}: {name}: want finite numbers")
+
+
+def _shapes(model: Model, taken: int, outputs: int) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of a policy's arrays by name, for `taken` numbers in and `outputs` numbers out."""
+    lstm = model.kind == "lstm"
+    shapes: dict[str, tuple[int, ...]] = {}
+    for layer, width in enumerate(model.hidden):
+        prefix = f"{_ENCODER}{'tokenizer.' if lstm else ''}net.mlp.{2 * layer}."
+        shapes |= {f"{prefix}weight": (width, taken), f"{prefix}bias": (width,)}
+        taken = width
+    if lstm:
+        for kind, size in (("ih", taken), ("hh", model.cell)):
+            shapes[f"{_ENCODER}lstm.weight_{kind}_l0"] = (4 * model.cell, size)
+            shapes[f"{_ENCODER}lstm.bias_{kind}_l0"] = (4 * model.cell,)
+        taken = model.cell
+    shapes |= {f"{_HEAD}weight": (outputs, taken), f"{_HEAD}bias": (outputs,)}
+    return shapes | ({"pi.log_std": (2,)} if outputs == 2 else {})
+
+
 def trained_in(path: Path) -> str:
     """Return the id of the environment that a checkpoint was trained in.
 
@@ -110,16 +145,23 @@ def trained_in(path: Path) -> str:
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     try:
+        if path.exists() and not path.is_file():
+            raise BaselineError(f"{path}: not a plain file")
+        if path.exists() and path.stat().st_size > _MOST_BYTES:
+            raise BaselineError(f"{path}: {path.stat().st_size:,} bytes, a policy's file has at most {_MOST_BYTES:,}")
         with safe_open(str(path), framework="numpy") as file:
             about, arrays = file.metadata() or {}, {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         if about.get("format") != FORMAT:
             raise BaselineError(f"{path}: format {about.get('format')!r}, this version reads {FORMAT!r}")
         Model.model_validate_json(about["model"])
         json.loads(about["reached"])
+        if about["observation"] not in ("beams", "map") or not about["env"]:
+            raise BaselineError(f"{path}: observation {about['observation']!r}: want beams or map")
     except FileNotFoundError:
         raise BaselineError(f"{path}: no such file") from None
-    except (SafetensorError, KeyError, ValueError, ValidationError, OSError) as error:
-        raise BaselineError(f"{path}: not a policy's file ({error})") from error
+    except (SafetensorError, KeyError, ValueError, TypeError, ValidationError, OSError, RecursionError) as error:
+        said = str(error)[:200].encode("unicode_escape").decode()
+        raise BaselineError(f"{path}: not a policy's file ({said})") from error
     return arrays, about
 
 

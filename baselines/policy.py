@@ -19,6 +19,7 @@ from baselines.result_file import CHECKPOINTS, NAME
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 
+RESERVED = ("oracle-tour",)  # names of rows that are no policy of this module
 TRAINED = Path("artifacts/train")  # NAME/policy.safetensors, written by training
 
 
@@ -98,6 +99,8 @@ def policy_label(name: str) -> str:
     if name.endswith(".safetensors"):
         path = Path(name)
         label = path.resolve().parent.name if path.stem == "policy" else path.stem
+        if label in (*EXPLORERS, *RESERVED):
+            raise BaselineError(f"policy = {label!r}: a checkpoint must not be called as an explorer is")
     if not re.fullmatch(NAME, label):
         raise BaselineError(f"policy = {label!r}: results are called by 1 to 64 of A-Z, a-z, 0-9, '.', '_' and '-'")
     return label

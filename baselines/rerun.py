@@ -12,9 +12,9 @@ from baselines.confinement import Confinement, Limits
 from baselines.errors import BaselineError, RejectedError
 from baselines.explorers import EXPLORERS
 from baselines.parallel import drive
-from baselines.policy import find_checkpoint, policy_label
+from baselines.policy import RESERVED, find_checkpoint, policy_label
 from baselines.progress import Progress
-from baselines.result_file import Episode, Head, chain
+from baselines.result_file import RESULTS, Episode, Head, chain, read_results
 
 _FIGURES = [key for key in Episode.model_fields if key != "previous"]
 RECORD = "driven_again.json"  # in the folder of all results: a file's path below it, and the hash of its contents
@@ -106,8 +106,28 @@ def was_driven_again(path: Path, results: Path, head: Head, episodes: list[Episo
 
 def _read_record(results: Path) -> dict[str, str]:
     file = results / RECORD
-    return dict(json.loads(file.read_text())) if file.is_file() else {}
+    try:
+        kept = json.loads(file.read_text()) if file.is_file() else {}
+    except (OSError, ValueError) as error:
+        raise BaselineError(f"{file}: cannot be read ({error})") from error
+    if not isinstance(kept, dict):
+        raise BaselineError(f"{file}: want the hash of each file that was driven again")
+    return kept
 
 
 def _digest(head: Head, episodes: list[Episode]) -> str:
     return hashlib.sha256(chain(head, episodes).encode()).hexdigest()
+
+
+def pending(results: Path) -> list[Path]:
+    """Return the kept files whose present contents were not driven again, of policies that can be found by name."""
+    found = []
+    for path in sorted(results.glob("*/*.jsonl")):
+        head, episodes = read_results(path)
+        if head.policy not in RESERVED and not was_driven_again(path, results, head, episodes):
+            found.append(path)
+    return found
+
+
+if __name__ == "__main__":
+    print(*pending(RESULTS), sep="\n")

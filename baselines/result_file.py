@@ -144,9 +144,25 @@ def _read_text(path: Path) -> str:
             raise BaselineError(f"{path}: not a plain file")
         if about.st_size > MOST_BYTES:
             raise BaselineError(f"{path}: {about.st_size:,} bytes, a results file has at most {MOST_BYTES:,}")
-        return path.read_bytes().decode()
+        with path.open("rb") as file:
+            return file.read(MOST_BYTES).decode()
     except (OSError, ValueError) as error:
         raise BaselineError(f"{path}: cannot be read ({error})") from error
+
+
+def _refuse_repeated_keys(path: Path, number: int, line: str) -> None:
+    """Refuse a line in which a key comes twice: readers differ in which of the two they take."""
+
+    def once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            raise BaselineError(f"{path}:{number}: a key comes twice")
+        return found
+
+    try:
+        json.loads(line, object_pairs_hook=once)
+    except (ValueError, RecursionError) as error:
+        raise BaselineError(f"{path}:{number}: not JSON ({str(error)[:_MOST_SAID]})") from error
 
 
 def _read_head(path: Path, line: str) -> Head:
@@ -154,6 +170,7 @@ def _read_head(path: Path, line: str) -> Head:
         head = Head.model_validate_json(line)
     except ValidationError as error:
         raise BaselineError(f"{path}:1: not the head of a results file ({_first_of(error)})") from error
+    _refuse_repeated_keys(path, 1, line)
     if head.format != FORMAT:
         raise BaselineError(f"{path}:1: format {head.format!r}, this version reads {FORMAT!r}")
     return head
@@ -164,6 +181,7 @@ def _read_episode(path: Path, number: int, before: str, line: str) -> Episode:
         episode = Episode.model_validate_json(line)
     except ValidationError as error:
         raise BaselineError(f"{path}:{number}: not an episode ({_first_of(error)})") from error
+    _refuse_repeated_keys(path, number, line)
     if episode.previous != line_sha256(before):
         raise BaselineError(f"{path}:{number}: the line before it was changed: its hash is not the one written here")
     return episode

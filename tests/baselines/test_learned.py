@@ -1,8 +1,10 @@
 import json
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
+from safetensors import safe_open
 from safetensors.numpy import save_file
 
 from baselines.errors import BaselineError
@@ -95,3 +97,39 @@ def test_files_that_are_no_policy_are_refused_by_name(tmp_path):
     ):
         with pytest.raises(BaselineError, match=message):
             LearnedPolicy(tmp_path / f"{name}.safetensors", 1, TaskParams())
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda arrays, about: arrays.pop("pi.net.mlp.0.weight"), "pi.net.mlp.0.weight is absent"),
+        (lambda arrays, about: arrays["pi.net.mlp.0.bias"].fill(np.nan), "pi.net.mlp.0.bias: want finite numbers"),
+        (lambda arrays, about: arrays.update({"pi.log_std": np.zeros(2, int)}), "pi.log_std: want finite numbers"),
+        (
+            lambda arrays, about: arrays.update({"pi.net.mlp.0.weight": np.zeros((2, 9), np.float32)}),
+            r"has shape \(2, 9\), its model wants \(2, 8\)",
+        ),
+        (lambda arrays, about: about.update(observation="all"), "observation 'all': want beams or map"),
+        (lambda arrays, about: about.pop("observation"), "not a policy's file"),
+        (lambda arrays, about: about.update(reached="[" * 100_000), "not a policy's file"),
+        (
+            lambda arrays, about: about.update(model=about["model"].replace("[8]", "[1000000000]")),
+            "not a policy's file",
+        ),
+        (lambda arrays, about: about.update(model=about["model"].replace("[8]", "[8, 8]")), "mlp.2.weight is absent"),
+    ],
+)
+def test_a_checkpoint_whose_arrays_make_no_network_is_refused(tmp_path, change, message):
+    arrays, path = write_policy(tmp_path / "p.safetensors", "mlp"), tmp_path / "p.safetensors"
+    with safe_open(str(path), framework="numpy") as file:
+        about = dict(file.metadata())
+    change(arrays, about)
+    save_file(arrays, str(path), metadata=about)
+    with pytest.raises(BaselineError, match=message):
+        LearnedPolicy(path, 1, TaskParams())
+
+
+def test_a_checkpoint_that_is_no_plain_file_is_refused(tmp_path):
+    os.mkfifo(tmp_path / "p.safetensors")
+    with pytest.raises(BaselineError, match="not a plain file"):
+        LearnedPolicy(tmp_path / "p.safetensors", 1, TaskParams())

@@ -12,17 +12,33 @@ from baselines.evaluate import evaluate, evaluate_all
 from baselines.explorers import EXPLORERS
 from baselines.leaderboard import leaderboard
 from baselines.parallel import drive
-from baselines.policy import find_checkpoint, make_policy
+from baselines.policy import find_checkpoint, make_policy, policy_label
 from baselines.protocol import SEEDS, head_of, run_episodes
 from baselines.rerun import note_rerun
 from baselines.result_file import RESULTS, Episode, chain, read_results
 from baselines.score import score
 from baselines.statistics import estimate, figures, interquartile_mean, sample_times
+from benchmarks.forged_results import ACCEPTED, CHECKED, CRASHED, LATE, READ, Tally, judge
+from benchmarks.forgery import forge as forge_any
 from minexplore.reward import MILESTONES
 from tests.baselines.test_learned import write_policy
 from tests.project import ROOT
 
 FEW = [0, 1]
+TURNER = """
+import numpy as np
+
+
+class Turner:
+    def __init__(self, count, task, robot):
+        self.bias = np.zeros(count)
+
+    def reset(self, robots, seeds):
+        self.bias[robots] = 0.2 + 0.01 * seeds
+
+    def act(self, observation, info):
+        return np.column_stack([0.3 + 0 * self.bias, self.bias])
+"""
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +92,21 @@ def test_a_learned_row_is_driven_again_by_its_name(short_id, tmp_path, monkeypat
     evaluate(str(tmp_path / f"{name}.safetensors"), short_id, list(SEEDS), out)
     assert read_results(out)[0].policy == name
     score(out, rerun=3)
+
+
+def test_a_strangers_class_is_driven_again_by_one_call_and_known_by_its_source(short_id, tmp_path, monkeypatch):
+    source = tmp_path / "strange_turner.py"
+    source.write_text(TURNER)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    out = tmp_path / "results.jsonl"
+    evaluate("strange_turner:Turner", short_id, list(SEEDS), out)
+    score(out, rerun=2, policy="strange_turner:Turner")
+    with pytest.raises(BaselineError, match="valid choices are random"):
+        score(out, rerun=2)  # the file's text does not decide what is imported
+    source.write_text(TURNER + "\n")
+    with pytest.raises(RejectedError, match=r"policy strange_turner:Turner is [0-9a-f]{12} here, not [0-9a-f]{12}"):
+        score(out, rerun=2, policy="strange_turner:Turner")
 
 
 def test_every_kept_result_is_of_a_policy_that_is_found_by_its_name():
@@ -205,6 +236,31 @@ def test_more_than_the_bound_allows_is_rejected(honest, monkeypatch):
         score(honest)
 
 
+def test_a_key_that_comes_twice_is_refused(honest):
+    honest.write_text(honest.read_text().replace('{"seed"', '{"seen":[1,2],"seed"', 1))
+    with pytest.raises(BaselineError, match=r"jsonl:2: a key comes twice"):
+        score(honest)
+
+
+def test_a_checkpoint_cannot_take_an_explorers_name(honest, tmp_path):
+    for name in ("random", "oracle-tour", "a b"):
+        with pytest.raises(BaselineError, match=f"policy = '{name}'"):
+            policy_label(f"{tmp_path}/{name}.safetensors")
+    assert policy_label("my_explorer:Bouncer") == "my_explorer.Bouncer"
+    with pytest.raises(RejectedError, match="results of 'wall-following', not of 'mine'"):
+        score(honest, rerun=1, policy=f"{tmp_path}/mine.safetensors")
+
+
+def test_forged_files_neither_crash_nor_pass(honest, tmp_path):
+    head, episodes = read_results(honest)
+    tally = Tally()
+    for number in range(80):
+        forged = forge_any(head, episodes, np.random.default_rng(number))
+        judge(forged, head, episodes, tmp_path / "forged.jsonl", tally)
+    assert not any(tally.counts[kind] for kind in (ACCEPTED, CRASHED, LATE)), tally.failures
+    assert all(tally.counts[kind] > 5 for kind in (READ, CHECKED))
+
+
 def test_a_line_edited_by_hand_breaks_the_chain(honest):
     lines = honest.read_text().splitlines()
     facts = json.loads(lines[1])
@@ -242,6 +298,10 @@ def test_equal_episodes_missing_and_extra_seeds_are_rejected(honest):
     honest.write_text(chain(head, [*episodes[:5], copy, *episodes[6:]]))
     with pytest.raises(RejectedError, match="seeds 4 and 5 drive the same way"):
         score(honest)
+    beside = [episodes[4].path_cm[0], *((x + 1, y) for x, y in episodes[4].path_cm[1:])]
+    honest.write_text(chain(head, [*episodes[:5], copy.model_copy(update={"path_cm": beside}), *episodes[6:]]))
+    with pytest.raises(RejectedError, match="seeds 4 and 5 see the same number of new cells at every time"):
+        score(honest)
     honest.write_text(chain(head.model_copy(update={"seeds": head.seeds[:-1]}), episodes[:-1]))
     with pytest.raises(RejectedError, match=r"the protocol's are 0 to 19; missing \[19\], extra none"):
         score(honest)
@@ -257,7 +317,9 @@ def test_a_leaderboard_shows_first_what_was_driven_again(honest, tmp_path):
     folder.mkdir(parents=True)
     (folder / "wall-following.jsonl").write_text(chain(head, episodes))
     mine = head.model_copy(update={"policy": "a-stranger"})
-    (folder / "a-stranger.jsonl").write_text(chain(mine, episodes))
+    first, (*way, (x, y)) = episodes[0], episodes[0].path_cm
+    ways = [first.model_copy(update={"path_cm": [*way, (x + 1, y)]}), *episodes[1:]]
+    (folder / "a-stranger.jsonl").write_text(chain(mine, ways))
     assert note_rerun(folder / "wall-following.jsonl", results, head, episodes)
     rows = [line for line in leaderboard(results).splitlines() if "| 20 |" in line]
     assert [row.split(" | ")[:2] for row in rows] == [
@@ -270,6 +332,10 @@ def test_a_leaderboard_shows_first_what_was_driven_again(honest, tmp_path):
         folder / "wall-following.jsonl", change=_set(path_m=episodes[0].path_m + 0.001)
     )  # another file than was driven
     assert "driven again |" not in leaderboard(results)
+    (folder / "a-stranger.jsonl").write_text(chain(mine, episodes))
+    (folder / "wall-following.jsonl").write_text(chain(head, episodes))
+    with pytest.raises(RejectedError, match=r"wall-following\.jsonl: its robots drive the ways of .*a-stranger"):
+        leaderboard(results)
     (folder / "a-stranger.jsonl").rename(folder / "another.jsonl")
     with pytest.raises(RejectedError, match=r"another\.jsonl: results of a-stranger"):
         leaderboard(results)
