@@ -28,6 +28,8 @@ from benchmarks.forgery import forge
 
 TABLE = Path("artifacts/bench/forged_results.json")
 LIMIT_S, LIMIT_BYTES = 10.0, 1_000_000_000
+# Processor time, as a machine may be busy; a file that only waits is noticed by the clock.
+_TIMERS = ((signal.SIGPROF, signal.ITIMER_PROF, LIMIT_S), (signal.SIGALRM, signal.ITIMER_REAL, 12 * LIMIT_S))
 READ, CHECKED, DRIVEN = "refused when read", "rejected by the mine", "rejected when driven again"
 EQUAL, ACCEPTED, CRASHED, LATE = "accepted, equal figures", "accepted, other figures", "crashed", "took too long"
 
@@ -58,9 +60,10 @@ class Tally:
 def judge(data: bytes, head: Head, honest: list[Episode], file: Path, tally: Tally) -> str:
     """Return what becomes of a forged copy of an honest file; the honest episodes are what driving again gives."""
     file.write_bytes(data)
-    begun, outcome = time.monotonic(), READ
-    signal.signal(signal.SIGALRM, _interrupt)
-    signal.setitimer(signal.ITIMER_REAL, LIMIT_S)
+    begun, outcome = time.process_time(), READ
+    for kind, timer, limit in _TIMERS:
+        signal.signal(kind, _interrupt)
+        signal.setitimer(timer, limit)
     try:
         claimed, episodes = read_results(file)
         outcome = CHECKED
@@ -82,8 +85,9 @@ def judge(data: bytes, head: Head, honest: list[Episode], file: Path, tally: Tal
         outcome = CRASHED
         tally.failures.append(traceback.format_exc())
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-    tally.slowest_s = max(tally.slowest_s, time.monotonic() - begun)
+        for _, timer, _ in _TIMERS:
+            signal.setitimer(timer, 0)
+    tally.slowest_s = max(tally.slowest_s, time.process_time() - begun)
     tally.counts[outcome] += 1
     return outcome
 
@@ -118,7 +122,7 @@ def main() -> int:
                 print(f"file {number}: {outcome}", *tally.failures[-1:], file=sys.stderr)
     for kind in (READ, CHECKED, DRIVEN, EQUAL, ACCEPTED, CRASHED, LATE):
         print(f"{tally.counts[kind]:6} {kind}")
-    print(f"slowest {tally.slowest_s:.2f} s, most memory {tally.peak_bytes / 1e6:.0f} MB of the whole process")
+    print(f"slowest {tally.slowest_s:.2f} s of processor time, most memory {tally.peak_bytes / 1e6:.0f} MB in all")
     print(f"as stated, a file that only driving again rejects claims up to {tally.gained:.1%} more final coverage")
     TABLE.parent.mkdir(parents=True, exist_ok=True)
     facts = {"counts": dict(tally.counts), "slowest_s": tally.slowest_s, "peak_bytes": tally.peak_bytes}

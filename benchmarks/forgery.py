@@ -32,8 +32,9 @@ def forge(head: Head, episodes: list[Episode], rng: np.random.Generator) -> byte
         return mutate(seal(lines), rng)
     if kind == 1:
         return _random_text(rng)
-    for change in rng.choice(len(CHANGES), size=int(rng.integers(1, 4))).tolist():
-        CHANGES[change](lines, rng)
+    with np.errstate(all="ignore"):
+        for change in rng.choice(len(CHANGES), size=int(rng.integers(1, 4))).tolist():
+            CHANGES[change](lines, rng)
     return seal(lines)
 
 
