@@ -5,9 +5,9 @@ It uses the standard library only, as it must run before anything else starts a 
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
-import resource
 import signal
 from dataclasses import asdict, dataclass
 
@@ -52,6 +52,8 @@ def confine(limits: Limits) -> Confinement:
 
     Where the system allows new processes of its own, the caller goes on as the first of them.
     """
+    import resource  # Unix only; the limits are read everywhere
+
     _limit(resource.RLIMIT_AS, limits.memory_bytes)
     _limit(resource.RLIMIT_CPU, int(limits.time_s) + 1)
     _limit(resource.RLIMIT_FSIZE, 0)
@@ -60,12 +62,15 @@ def confine(limits: Limits) -> Confinement:
     network = _unshare(_NEW_USER | _NEW_NETWORK)
     files = network and _unshare(_NEW_MOUNTS | _NEW_IPC) and _make_files_read_only()
     processes = network and _unshare(_NEW_PROCESSES)
+    _die_with_parent()
     if processes:
         _go_on_as_child()
     return Confinement(network, files, processes)
 
 
 def _limit(kind: int, most: int) -> None:
+    import resource
+
     _, hard = resource.getrlimit(kind)
     most = most if hard == resource.RLIM_INFINITY else min(most, hard)
     resource.setrlimit(kind, (most, most))
@@ -86,11 +91,17 @@ def _make_files_read_only() -> bool:
     return ctypes.CDLL(None).syscall(_MOUNT_SETATTR, _FROM_HERE, b"/", _RECURSIVE, ctypes.byref(asked), size) == 0
 
 
+def _die_with_parent() -> None:
+    """Have Linux end this process when the one that started it ends; elsewhere the closed pipes end it."""
+    with contextlib.suppress(AttributeError, OSError):
+        ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+
+
 def _go_on_as_child() -> None:
     """Fork; the child, first of its own processes, goes on, and this process ends when the child does."""
     child = os.fork()
     if child == 0:
-        ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+        _die_with_parent()
         return
     _, status = os.waitpid(child, 0)
     os._exit(os.waitstatus_to_exitcode(status) & 0xFF)

@@ -22,7 +22,7 @@ from minexplore.robot_batch import Outcome, RobotBatch, info_of_robot
 from minexplore.task import TaskParams, coerce_params
 from minexplore.world import find_world, load_world
 
-_MOST = 1_000_000  # robots, or threads
+_MOST = 65_536  # robots, or threads
 
 
 class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
