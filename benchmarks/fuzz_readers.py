@@ -49,8 +49,8 @@ def _read_section(path: Path) -> None:
     from omegaconf.errors import OmegaConfBaseException
     from pydantic import TypeAdapter, ValidationError
 
-    from pipeline.compose import require_plain_yaml
     from pipeline.errors import ParamsError
+    from pipeline.params.plain_yaml import require_plain_yaml
     from pipeline.params.survey import SurveyParams
 
     require_plain_yaml(path)

@@ -19,6 +19,7 @@ from pydantic import ValidationError
 from minexplore.robot import RobotParams
 from pipeline.errors import MineError, ParamsError
 from pipeline.params.config import Config
+from pipeline.params.plain_yaml import require_plain_yaml
 from pipeline.store.files import write_atomically
 
 CONF = Path("conf")
@@ -57,24 +58,6 @@ def compose(overrides: list[str]) -> Config:
         return Config.model_validate(values)
     except ValidationError as error:
         raise ParamsError("\n".join(_describe(e) for e in error.errors())) from error
-
-
-def require_plain_yaml(path: Path) -> None:
-    """Refuse a file with aliases, which can expand beyond memory, or tags, which can execute code.
-
-    Raises
-    ------
-    ParamsError
-        The message names the file and the line.
-    """
-    try:
-        for event in yaml.parse(path.read_bytes(), Loader=yaml.CSafeLoader):
-            alias = isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None)
-            if alias or getattr(event, "tag", None):
-                line = event.start_mark.line + 1 if event.start_mark is not None else 0
-                raise ParamsError(f"{path}:{line}: aliases and tags are not allowed")
-    except (yaml.YAMLError, RecursionError) as error:
-        raise ParamsError(f"{path}: not YAML: {error}") from error
 
 
 def root_overrides() -> list[str]:

@@ -9,6 +9,10 @@ class InputError(MineError):
     """An input file (plan, scale bar, survey, poses) cannot be used."""
 
 
+class UnexpectedError(InputError):
+    """A library raised an exception while it read a file, and the reader does not name that exception."""
+
+
 class ParamsError(MineError):
     """An override or a configuration value is unknown or out of range."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,11 @@ from pydantic import TypeAdapter, ValidationError
 from minexplore import WORLDS
 from pipeline.compose import CONF
 from pipeline.errors import ArtifactError, InputError, ParamsError
+from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.survey import SurveyParams
-from pipeline.store.files import write_atomically
-from pipeline.store.registry import register
+from pipeline.store.files import remove_empty_folders, write_atomically
+from pipeline.store.registry import read_registry, register, unregister
+from pipeline.survey.child import one_line
 from pipeline.survey.detect import WIDTHS_M, Detection, detect_survey
 
 DATA = Path("data/mines")
@@ -30,47 +33,105 @@ _NAME = r"[A-Za-z][A-Za-z0-9_-]{0,63}"
 _WORDS = {"default", "true", "false", "null", "none", "nan", "inf", "yes", "no", "on", "off"}
 
 
+@dataclass(frozen=True)
+class Import:
+    """What an import found, one line for each detected value, and the files that it wrote and registered."""
+
+    findings: list[str]
+    written: list[Path]
+    registered: list[Path]
+
+
 def survey_file(name: str) -> Path:
     """Return the path of a mine's survey section."""
     return CONF / "survey" / f"{name}.yaml"
 
 
-def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any]) -> list[str]:
+def require_name(name: str) -> None:
+    """Refuse a name that is no name of a world, or belongs to this project.
+
+    Raises
+    ------
+    ParamsError
+        The message states the rule.
+    """
+    if not re.fullmatch(_NAME, name) or name.lower() in _WORDS:
+        raise ParamsError(f"name = {name!r}: expected a letter, then letters, digits, - and _, at most 64 in all")
+    if f"MineXplore/{name}-v0" in WORLDS:
+        raise ParamsError(f"name = {name}: MineXplore/{name}-v0 is an environment of this project; choose another name")
+    conf = survey_file(name)
+    if conf.is_file() and (f"`python -m pipeline new {name}`" not in conf.read_text() or not (DATA / name).is_dir()):
+        raise ParamsError(f"name = {name}: {conf} is a survey of this project; choose another name")
+
+
+def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any]) -> Import:
     """Copy and register a mine's files and write `conf/survey/NAME.yaml`. An existing section is kept.
 
     Returns
     -------
-    list of str
-        One line for each detected value, with the YAML key that corrects it.
+    Import
+        Its findings name the YAML key that corrects each detected value.
 
     Raises
     ------
     InputError, ParamsError
         If the name or the file cannot be used. Then nothing is written.
     """
+    require_name(name)
     conf = survey_file(name)
-    if not re.fullmatch(_NAME, name) or name.lower() in _WORDS:
-        raise ParamsError(f"name = {name!r}: expected a letter, then letters, digits, - and _, at most 64 in all")
-    if f"MineXplore/{name}-v0" in WORLDS:
-        raise ParamsError(f"name = {name}: MineXplore/{name}-v0 is an environment of this project; choose another name")
     if conf.is_file():
-        if f"`python -m pipeline new {name}`" not in conf.read_text() or not (DATA / name).is_dir():
-            raise ParamsError(f"name = {name}: {conf} is a survey of this project; choose another name")
-        return [f"{conf} exists and is kept; remove it to detect the file again"]
+        return Import([f"{conf} exists and is kept; remove it to detect the file again"], [], [])
     detected = detect_survey(source, stated)
-    folder = DATA / name
-    targets = {file: folder / file.absolute().relative_to(source.parent.absolute()) for file in detected.files}
-    for file, target in targets.items():
-        if target.is_file() and target.read_bytes() != file.read_bytes():
-            raise InputError(f"{target}: a different file exists; remove it, or choose another name than {name}")
+    targets = _targets(source, detected.files, DATA / name)
     text = survey_yaml(name, targets[detected.files[0]], detected, stated)
     _require_section(text)
-    for file, target in targets.items():
-        if not target.is_file():
-            write_atomically(target, file.read_bytes())
-        register(target, origin, licence)
-    write_atomically(conf, text.encode())
-    return _findings(conf, detected)
+    known = read_registry()
+    made = Import(
+        _findings(conf, detected),
+        [path for path in (*targets.values(), conf) if not path.is_file()],
+        [path for path in targets.values() if path.relative_to("data").as_posix() not in known],
+    )
+    try:
+        for file, target in targets.items():
+            if target in made.written:
+                write_atomically(target, file.read_bytes())
+            register(target, origin, licence)
+        write_atomically(conf, text.encode())
+    except BaseException:
+        forget_import(made)
+        raise
+    return made
+
+
+def forget_import(made: Import) -> None:
+    """Remove the files that an import wrote, their lines in the registry, and the folders that are then empty."""
+    unregister(made.registered)
+    for path in made.written:
+        path.unlink(missing_ok=True)
+    remove_empty_folders(DATA)
+
+
+def _targets(source: Path, files: list[Path], folder: Path) -> dict[Path, Path]:
+    """Return where each file of a mine is copied to.
+
+    Raises
+    ------
+    InputError
+        If a file's name cannot stand in a configuration, a companion file lies outside the folder of `source`, a file
+        is too large, or a different file is already there.
+    """
+    targets, most = {}, reader_limits().file_bytes
+    for file in files:
+        if not file.name.isprintable() or "$" in file.as_posix():
+            raise InputError(f"{file.name!r}: a name with $, line breaks or control characters cannot be used")
+        if file != source and not file.resolve().is_relative_to(source.parent.resolve()):
+            raise InputError(f"{file}: a link that leads out of {source.parent}; copy the file there")
+        if file.stat().st_size > most:
+            raise InputError(f"{file}: {file.stat().st_size} bytes, the limit is {most} (file_bytes in {FILE})")
+        target = targets[file] = folder / file.absolute().relative_to(source.parent.absolute())
+        if target.is_file() and target.read_bytes() != file.read_bytes():
+            raise InputError(f"{target}: a different file exists; remove it, or choose another name than {folder.name}")
+    return targets
 
 
 def _require_section(text: str) -> None:
@@ -122,7 +183,7 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: dict[str, An
     ]
     for key, value in values.items():
         if isinstance(value, dict) and value:
-            lines.append(f"  {key}:{'  # ' + remarks[key] if key in remarks else ''}")
+            lines.append(f"  {key}:{'  # ' + one_line(remarks[key], 200) if key in remarks else ''}")
             lines += [f"    {inner}: {json.dumps(inner_value)}" for inner, inner_value in value.items()]
         else:
             lines.append(_line(f"  {key}: {json.dumps(value)}", remarks.get(key)))
@@ -131,7 +192,7 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: dict[str, An
 
 
 def _line(text: str, remark: str | None) -> str:
-    return f"{text:40}  # {remark}" if remark else text
+    return f"{text:40}  # {one_line(remark, 200)}" if remark else text  # a remark may quote the user's file
 
 
 def _findings(conf: Path, detected: Detection) -> list[str]:

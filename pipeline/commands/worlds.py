@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,17 +14,35 @@ from pipeline.commands.arguments import numbers, positive
 
 def new(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any], overrides: list[str]) -> None:
     """Make a world from a mine's file: detect the format, write conf/survey/NAME.yaml, run all stages and report."""
+    from pipeline.import_mine import require_name
+    from pipeline.store.locks import hold_lock
+    from pipeline.worlds import WORLDS
+
+    require_name(name)
+    with hold_lock(WORLDS / f".{name}.lock", f"name = {name}: another command is making this world"):
+        _make(name, source, origin, licence, stated, overrides)
+
+
+def _make(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any], overrides: list[str]) -> None:
     from pipeline.errors import LimitError
-    from pipeline.import_mine import import_mine
+    from pipeline.import_mine import forget_import, import_mine
     from pipeline.worlds import WORLDS, env_id
 
-    for line in import_mine(name, source, origin, licence, stated):
+    imported = import_mine(name, source, origin, licence, stated)
+    for line in imported.findings:
         print(line, file=sys.stderr)
-    failure = None
+    existed, failure = (WORLDS / name).exists(), None
     try:
         build(name, [f"survey={name}", *overrides])
     except LimitError as error:
         failure = error
+    except Exception:
+        if imported.written:  # a refused mine leaves nothing behind
+            forget_import(imported)
+            if not existed:
+                shutil.rmtree(WORLDS / name, ignore_errors=True)
+            print("nothing is kept; state corrected values as overrides, for example survey.snap_m=1", file=sys.stderr)
+        raise
     print(f"world   {WORLDS / name / 'realism' / 'world'}")
     print("report ", end=" ")
     report(name)
@@ -41,6 +60,7 @@ def build(name: str, overrides: list[str]) -> None:
     from pipeline.worlds import WORLDS
 
     def progress(stages: list) -> Iterator:
+        tqdm.monitor_interval = 0  # no thread beside this one: stage 1 forks
         with tqdm(stages, desc=name, unit="stage", disable=None) as bar:
             for stage in bar:
                 bar.set_postfix_str(stage.name)

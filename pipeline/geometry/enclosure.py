@@ -10,6 +10,7 @@ from shapely import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError
+from pipeline.geometry.crossings import edges_of
 
 _NEIGHBOURS = 8
 
@@ -99,18 +100,24 @@ def _joints(walls: list[LineString], snap_m: float) -> list[LineString]:
 
 
 def _odd_faces(faces: np.ndarray) -> list[Polygon]:
-    """Return the faces that an odd number of walls separates from the outside."""
+    """Return the faces that an odd number of walls separates from the outside.
+
+    Faces of one linework share whole edges, so equal edges tell neighbours; an edge of one face only is outside.
+    """
+    rings, face = shapely.get_rings(faces, return_index=True)
+    edges, ring = edges_of(rings)
+    owner = face[ring]
+    (x0, y0), (x1, y1) = edges[:, 0].T, edges[:, 1].T
+    turned = (x0 > x1) | ((x0 == x1) & (y0 > y1))  # one direction for both faces of an edge
+    edges[turned] = edges[turned][:, ::-1]
+    _, edge, uses = np.unique(edges.reshape(-1, 4), axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(edge.ravel(), kind="stable")
+    first = np.cumsum(uses) - uses
     neighbours: nx.Graph = nx.Graph()
     neighbours.add_nodes_from(range(-1, len(faces)))
-    edges = shapely.boundary(faces)
-    for a, b in shapely.STRtree(faces).query(faces, predicate="touches").T:
-        if a < b and edges[a].intersection(edges[b]).length > 0:
-            neighbours.add_edge(int(a), int(b))
-    whole = shapely.union_all(faces)
-    outside = shapely.union_all([part.exterior for part in as_polygons(whole).geoms])
-    for i, edge in enumerate(edges):
-        if edge.intersection(outside).length > 0:
-            neighbours.add_edge(-1, i)
+    neighbours.add_edges_from((-1, i) for i in owner[order[first[uses == 1]]].tolist())
+    pairs = np.stack([owner[order[first[uses == 2]]], owner[order[first[uses == 2] + 1]]], axis=1)
+    neighbours.add_edges_from(pairs.tolist())
     depth = nx.single_source_shortest_path_length(neighbours, -1)
     return [faces[i] for i in range(len(faces)) if depth.get(i, 0) % 2 == 1]
 

@@ -6,7 +6,7 @@ import errno
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from pipeline.errors import ArtifactError
@@ -67,6 +67,15 @@ def replace_folder(folder: Path, files: dict[str, bytes]) -> None:
             folder.rename(old)
         partial.rename(folder)
         shutil.rmtree(old, ignore_errors=True)
+
+
+def remove_empty_folders(folder: Path) -> None:
+    """Remove a folder and the folders below it as far as they hold no file."""
+    if not folder.is_dir():
+        return
+    for inner in [*sorted((path for path in folder.rglob("*") if path.is_dir()), reverse=True), folder]:
+        with suppress(OSError):  # not empty
+            inner.rmdir()
 
 
 def recover_folder(folder: Path) -> None:

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import InputError
+from pipeline.store.files import write_atomically
 from pipeline.store.hashing import sha256_file
+from pipeline.store.locks import wait_for_lock
 
 REGISTRY = Path("data/registry.txt")
 
@@ -82,15 +84,32 @@ def register(path: Path, origin: str, licence: str) -> Entry:
         raise InputError(f"{path}: inputs must be below data/; copy it there first") from None
     if not path.is_file():
         raise InputError(f"{path}: missing")
-    if any("\t" in text or "\n" in text for text in (name, origin, licence)):
-        raise InputError(f"{path}: a name, origin or licence with a tab or line break cannot be registered")
+    if not all(text.isprintable() for text in (name, origin, licence)):
+        raise InputError(f"{str(path)!r}: a name, origin or licence with a tab or line break cannot be registered")
+    read_registry()  # it must exist before it is locked
     entry = Entry(name, sha256_file(path), path.stat().st_size, origin, licence)
-    registered = read_registry().get(name)
+    with wait_for_lock(REGISTRY):
+        _add_line(path, entry)
+    return entry
+
+
+def _add_line(path: Path, entry: Entry) -> None:
+    registered = read_registry().get(entry.name)
     if registered is not None and registered.sha256 != entry.sha256:
         raise InputError(
             f"{path}: registered with sha256 {registered.sha256}, the file has {entry.sha256}; remove that line first"
         )
     if registered is None:
         with REGISTRY.open("a") as stream:
-            stream.write("\t".join([name, entry.sha256, str(entry.bytes), origin, licence]) + "\n")
-    return entry
+            line = [entry.name, entry.sha256, str(entry.bytes), entry.origin, entry.licence]
+            stream.write("\t".join(line) + "\n")
+
+
+def unregister(paths: list[Path]) -> None:
+    """Remove files from the registry; those that are not in it are ignored."""
+    names = {path.relative_to("data").as_posix() for path in paths}
+    with wait_for_lock(REGISTRY):
+        lines = REGISTRY.read_text().splitlines(keepends=True)
+        kept = [line for line in lines if line.split("\t")[0] not in names]
+        if kept != lines:
+            write_atomically(REGISTRY, "".join(kept).encode())

@@ -1,15 +1,20 @@
-"""Read point clouds and scanned meshes as points in metres, thinned block by block so that memory is bounded."""
+"""Read point clouds and scanned meshes as points in metres, thinned block by block so that memory is bounded.
+
+The libraries are imported where they are used, because every cloud is read by a new process.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import open3d
-from tqdm import tqdm
+from pydantic import TypeAdapter
 
 from pipeline.errors import InputError
+from pipeline.params.reader_limits import reader_limits
+from pipeline.survey.child import Payload, run_limited
 from pipeline.survey.cloud_formats import LEAST_POINTS, read_blocks
 
 UNIT_M = {"m": 1.0, "mm": 0.001, "ft": 0.3048}
@@ -33,6 +38,8 @@ class CloudLimits:
 def read_cloud(path: Path, units: str, limits: CloudLimits) -> np.ndarray:
     """Read a cloud or mesh as points (n, 3) m, gated by range and thinned to one point per voxel.
 
+    A process with the limits of `conf/reader_limits.yaml` reads it. Its time grows with the size of the file.
+
     Formats: the dataset's `NN_lidar.dat` (a header line, then `time x y z intensity`), XYZ text (`x y z ...`), PLY and
     PCD clouds, LAS and LAZ, and STL, OBJ and PLY meshes, which are sampled uniformly.
 
@@ -55,11 +62,23 @@ def read_cloud(path: Path, units: str, limits: CloudLimits) -> np.ndarray:
     """
     if not path.is_file():
         raise InputError(f"{path}: missing")
+    arguments = {"path": str(path), "units": units, "limits": asdict(limits)}
+    extra_s = reader_limits().cloud_s_per_gb * path.stat().st_size / 1e9
+    # Open3D and laspy have threads of their own, which do not survive a fork.
+    return run_limited("cloud", arguments, str(path), extra_s, fresh=True).arrays["points"]
+
+
+def read_here(path: str, units: str, limits: dict[str, Any]) -> Payload:
+    """Read a cloud in this process; `read_cloud` has limits."""
+    return Payload(None, {"points": _read(Path(path), units, TypeAdapter(CloudLimits).validate_python(limits))})
+
+
+def _read(path: Path, units: str, limits: CloudLimits) -> np.ndarray:
     kept = np.zeros((0, 3))
     keys = np.zeros(0, np.uint64)
     total = 0
     blocks = read_blocks(path, limits.mesh_points_per_m2 * UNIT_M[units] ** 2)
-    for block in tqdm(blocks, desc=path.name, unit="block", disable=None, leave=False):
+    for block in blocks:
         total += len(block)
         block = block * UNIT_M[units]
         range_m = np.linalg.norm(block, axis=1)
@@ -84,12 +103,16 @@ def read_cloud(path: Path, units: str, limits: CloudLimits) -> np.ndarray:
 
 def without_outliers(points: np.ndarray, neighbours: int, ratio: float) -> np.ndarray:
     """Drop points whose mean distance to neighbours exceeds the overall mean by `ratio` standard deviations."""
+    import open3d
+
     cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
     return points[np.asarray(cloud.remove_statistical_outlier(neighbours, ratio)[1], dtype=int)]
 
 
 def split_surfaces(points: np.ndarray, neighbours: int = 30) -> dict[str, np.ndarray]:
     """Split points (n, 3) by the slope of the rock around them: `wall`, `roof` (above mid-height) and `floor`."""
+    import open3d
+
     cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
     cloud.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(neighbours))
     steep = np.abs(np.asarray(cloud.normals)[:, 2]) < np.sqrt(0.5)

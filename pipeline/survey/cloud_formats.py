@@ -5,25 +5,23 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-import laspy
 import numpy as np
-import open3d
-import trimesh
 
 from pipeline.errors import InputError
+from pipeline.params.reader_limits import FILE, reader_limits
 
 LEAST_POINTS = 100
 _TEXT = {".dat", ".xyz", ".txt"}
 _MESHES = {".stl", ".obj"}
 _BLOCK = 1_000_000
-_WHOLE_FILE_BYTES = 4_000_000_000  # about 10^8 points; PLY, PCD and meshes are read at once
 
 
 def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
     """Yield the points of a cloud or mesh in blocks (n, 3), in the file's units.
 
-    Text and LAS files are read block by block. PLY, PCD and meshes are read at once, up to 4 GB. Meshes are sampled.
+    Text and LAS files are read block by block. PLY, PCD and meshes are read at once. Meshes are sampled.
 
     Parameters
     ----------
@@ -43,10 +41,11 @@ def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
     if suffix in {".las", ".laz"}:
         return _las_blocks(path)
     if suffix in {".ply", ".pcd"} | _MESHES:
-        if path.stat().st_size > _WHOLE_FILE_BYTES:
+        most = reader_limits().cloud_bytes
+        if path.stat().st_size > most:
             raise InputError(
-                f"{path}: {path.stat().st_size:,} bytes; the limit for PLY, PCD and meshes is "
-                f"{_WHOLE_FILE_BYTES:,}; convert the file to LAZ or XYZ"
+                f"{path}: {path.stat().st_size:,} bytes; the limit for PLY, PCD and meshes is {most:,} "
+                f"(cloud_bytes in {FILE}); convert the file to LAZ or XYZ"
             )
         return iter([_whole_file(path, suffix, points_per_unit2)])
     raise InputError(f"{path}: no reader for {suffix!r}; there are .dat .xyz .txt .ply .pcd .las .laz .stl .obj")
@@ -109,6 +108,8 @@ def _parse_rows(path: Path, lines: list[str], before: int, columns: tuple[int, .
 
 
 def _las_blocks(path: Path) -> Iterator[np.ndarray]:
+    import laspy
+
     try:
         with laspy.open(path) as reader:
             count = 0
@@ -124,6 +125,8 @@ def _las_blocks(path: Path) -> Iterator[np.ndarray]:
 
 
 def _pcd_points(path: Path) -> np.ndarray:
+    import open3d
+
     cloud = open3d.io.read_point_cloud(path, remove_nan_points=False, remove_infinite_points=False)
     if not len(cloud.points):
         raise InputError(f"{path}: has no points, is truncated, or is not a PCD file")
@@ -133,28 +136,36 @@ def _pcd_points(path: Path) -> np.ndarray:
 def _ply_points(path: Path, points_per_unit2: float) -> np.ndarray:
     if _has_faces(path):
         return _mesh_points(path, points_per_unit2)
-    try:
-        points = np.asarray(trimesh.load(path, process=False).vertices)  # Open3D fills a truncated PLY with zeros
-    except Exception as error:  # trimesh passes on every exception of its parsers
-        raise InputError(f"{path}: cannot be read as PLY ({type(error).__name__}: {error})") from error
-    return _require_finite(path, points)
+    return _require_finite(path, np.asarray(_load(path, "PLY").vertices))  # Open3D fills a truncated PLY with zeros
 
 
 def _has_faces(path: Path) -> bool:
     with path.open("rb") as stream:
         head = stream.read(4096).split(b"end_header")[0]
-    return any(line.split()[:2] == [b"element", b"face"] and int(line.split()[2]) > 0 for line in head.splitlines())
+    lines = [line.split() for line in head.splitlines()]
+    return any(words[:2] == [b"element", b"face"] and words[2:] != [b"0"] for words in lines)
+
+
+def _load(path: Path, format_name: str, **options: Any) -> Any:
+    """Load a file by trimesh. The open file keeps it from following names of materials and textures in it."""
+    import trimesh
+
+    try:
+        with path.open("rb") as stream:
+            return trimesh.load(stream, path.suffix.lower()[1:], process=False, **options)
+    except MemoryError:
+        raise
+    except Exception as error:  # trimesh passes on every exception of its parsers
+        raise InputError(f"{path}: cannot be read as {format_name} ({type(error).__name__}: {error})") from error
 
 
 def _mesh_points(path: Path, points_per_unit2: float) -> np.ndarray:
-    try:
-        mesh = trimesh.load(path, force="mesh", process=False)
-        area = float(mesh.area)
-    except Exception as error:  # trimesh passes on every exception of its parsers
-        raise InputError(f"{path}: cannot be read as a mesh ({type(error).__name__}: {error})") from error
-    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all() or not area > 0:
+    import trimesh
+
+    mesh = _load(path, "a mesh", force="mesh")
+    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all() or not 0 < mesh.area < np.inf:
         raise InputError(f"{path}: has no faces, or a vertex is not finite")
-    count = min(max(LEAST_POINTS, int(area * points_per_unit2)), 20 * _BLOCK)
+    count = min(max(LEAST_POINTS, int(min(mesh.area * points_per_unit2, 1e12))), 20 * _BLOCK)
     return np.asarray(trimesh.sample.sample_surface(mesh, count, seed=0)[0])
 
 

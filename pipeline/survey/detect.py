@@ -12,7 +12,9 @@ import numpy as np
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.binarize import dark_pixels
 from pipeline.geometry.line_drawing import fill_line_drawing
+from pipeline.params.reader_limits import reader_limits
 from pipeline.params.survey import PassageSurveyParams, VectorSurveyParams
+from pipeline.survey.child import Payload, run_limited
 from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
 from pipeline.survey.georeference import read_placement, world_file
 from pipeline.survey.grid import draw_grid
@@ -28,7 +30,6 @@ PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pdf")
 WIDTHS_M = (1.5, 12.0)  # range of drift widths in practice
 _LIKELY_M = 5.5  # usual width of a mechanized drift; that of the published mine at scan 02S
 _BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
-_MEGAPIXELS = 200.0
 _LINE_PX = 6.0  # widest stroke of a line drawing if the scale is unknown
 
 
@@ -43,7 +44,7 @@ class Detection:
 
 
 def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
-    """Detect how a file should be read.
+    """Detect how a file should be read, in a process with the limits of `conf/reader_limits.yaml`.
 
     Parameters
     ----------
@@ -64,6 +65,18 @@ def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file")
+    found = run_limited("detect", {"path": str(path), "stated": stated}, str(path)).values
+    return Detection(found["values"], found["remarks"], [Path(file) for file in found["files"]], found["width_m"])
+
+
+def detect_here(path: str, stated: dict[str, Any]) -> Payload:
+    """Detect how a file should be read in this process; `detect_survey` has limits."""
+    found = _detect(Path(path), stated)
+    files = [str(file) for file in found.files]
+    return Payload({"values": found.values, "remarks": found.remarks, "files": files, "width_m": found.width_m})
+
+
+def _detect(path: Path, stated: dict[str, Any]) -> Detection:
     suffix = path.suffix.lower()
     if suffix in PICTURE_SUFFIXES:
         return _detect_picture(path, stated)
@@ -135,8 +148,10 @@ def _vector(path: Path, unit: str | None, stated: dict[str, Any]) -> VectorSurve
 def _detect_picture(path: Path, stated: dict[str, Any]) -> Detection:
     is_pdf = path.suffix.lower() == ".pdf"
     dpi = float(stated.get("dpi") or 200.0)
-    page = int(stated.get("page") or 1)
-    picture = draw_page(path, page, dpi, _MEGAPIXELS) if is_pdf else read_image(path, _MEGAPIXELS)
+    page, most = int(stated.get("page") or 1), reader_limits().megapixels
+    if not 36 <= dpi <= 1200:
+        raise InputError(f"{path}: --dpi = {dpi:g}, the limits are 36 and 1200")
+    picture = draw_page(path, page, dpi, most) if is_pdf else read_image(path, most)
     edge = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]]).mean(axis=1)
     inverted = bool(np.median(edge) < 128)
     picture = 255 - picture if inverted else picture
@@ -156,7 +171,7 @@ def _detect_picture(path: Path, stated: dict[str, Any]) -> Detection:
     values: dict[str, Any] = {
         "kind": "plan",
         "image": path.name,
-        "max_megapixels": _MEGAPIXELS,
+        "max_megapixels": most,
         "light_on_dark": inverted,
         "line_drawing": line_drawing,
         "seeds_px": [],

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
 from ezdxf import disassemble
 from ezdxf.document import Drawing
+from ezdxf.entities.insert import Insert
 from ezdxf.filemanagement import readfile
 from ezdxf.lldxf.const import DXFError
 from shapely import LineString
 
 from pipeline.errors import InputError
-from pipeline.survey.shapes import Shapes, read_text_bytes
+from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.shapes import Shapes, read_text_bytes, require_at_most, require_size
 
 _UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
 _CHORD_SHARE = 1e-4  # largest distance between a curve and its chords, as a share of the drawing's size
-_MAX_ENTITIES = 100_000
 _ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?$", re.MULTILINE)  # each entity begins with group code 0
 _DRAWN = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
 
@@ -33,15 +35,13 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
     Raises
     ------
     InputError
-        If the file is not DXF, holds more than 100,000 entities, or a layer is unknown. The message lists the layers.
+        If the file is not DXF, exceeds a limit on entities, blocks or points, or a layer is unknown. The message lists
+        the layers.
     """
-    count = len(_ENTITY.findall(read_text_bytes(path)))
-    if count > _MAX_ENTITIES:
-        raise InputError(
-            f"{path}: {count} entities and tables, the limit is {_MAX_ENTITIES}; save only the plan's layers"
-        )
+    require_at_most(path, len(_ENTITY.findall(read_text_bytes(path))), "dxf_entities", "entities and tables")
     try:
         drawing = readfile(path)
+        _require_block_size(path, drawing)
         existing = {layer.dxf.name for layer in drawing.layers} | {e.dxf.layer for e in drawing.modelspace()}
         lines = _lines(path, drawing, layers)
     except InputError:
@@ -66,19 +66,62 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
     return Shapes(list(lines), _UNITS.get(int(drawing.header.get("$INSUNITS", 0))))
 
 
+def _require_block_size(path: Path, drawing: Drawing) -> None:
+    """Refuse blocks that contain themselves, are nested too deep, or hold too many entities once resolved.
+
+    The entities are counted from the references, because resolving nested empty blocks can take for ever.
+    """
+    most, deepest = reader_limits().dxf_entities, reader_limits().dxf_block_depth
+    sizes: dict[str, int] = {}
+
+    def size_of(name: str, outer: tuple[str, ...]) -> int:
+        name = name.lower()  # names differ in more than case
+        if name in outer:
+            raise InputError(f"{path}: block {name[:60]!r} contains itself")
+        if len(outer) > deepest:
+            raise InputError(
+                f"{path}: blocks are nested more than {deepest} deep, the limit (dxf_block_depth in {FILE})"
+            )
+        if name not in sizes:
+            inner = (times * (1 + size_of(block, (*outer, name))) for block, times in references(name))
+            sizes[name] = len(drawing.blocks.get(name)) + sum(inner)
+        return sizes[name]
+
+    def references(name: str) -> Iterator[tuple[str, int]]:
+        for entity in drawing.blocks.get(name):
+            if isinstance(entity, Insert):
+                block, times = entity.dxf.get("name", ""), max(1, entity.mcount)
+            else:
+                block, times = entity.dxf.get("geometry", "") if entity.dxf.is_supported("geometry") else "", 1
+            if isinstance(block, str) and block in drawing.blocks:
+                yield block, times
+
+    size = size_of("*model_space", ())
+    if size > most:
+        raise InputError(
+            f"{path}: {size} entities with blocks resolved, the limit is {most} (dxf_entities in {FILE}); "
+            "save only the plan's layers"
+        )
+
+
 def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> list[LineString]:
-    entities = list(islice(disassemble.recursive_decompose(drawing.modelspace()), _MAX_ENTITIES + 1))
-    if len(entities) > _MAX_ENTITIES:
-        raise InputError(f"{path}: more than {_MAX_ENTITIES} entities with blocks resolved")
+    most = reader_limits().dxf_entities
+    entities = list(islice(disassemble.recursive_decompose(drawing.modelspace()), most + 1))
+    if len(entities) > most:
+        raise InputError(f"{path}: more than {most} entities with blocks resolved (dxf_entities in {FILE})")
     kept = [e for e in entities if e.dxftype() in _DRAWN and (layers is None or e.dxf.layer in layers)]
     paths = [p.path for p in disassemble.to_primitives(kept) if p.path is not None and len(p.path)]
     vertices = [point for p in paths for point in p.control_vertices()]
     if not vertices:
         return []
     size = max(max(v[k] for v in vertices) - min(v[k] for v in vertices) for k in (0, 1))
-    lines = []
+    lines: list[LineString] = []
+    count, limit = 0, reader_limits().points
     for p in paths:
-        points = [(v.x, v.y) for v in p.flattening(max(size * _CHORD_SHARE, 1e-9), segments=4)]
+        chords = p.flattening(max(size * _CHORD_SHARE, 1e-9), segments=4)
+        points = [(v.x, v.y) for v in islice(chords, limit + 1 - count)]
+        count += len(points)
+        require_size(path, count)
         if len(set(points)) > 1:
             lines.append(LineString(points))
     return lines

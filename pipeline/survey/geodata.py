@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pyogrio
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.survey.shapes import Shapes, require_size
+from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.shapes import Shapes, require_at_most, require_size
 
 _READ_ERRORS = tuple(
     getattr(pyogrio.errors, name)
@@ -27,6 +29,9 @@ def read_geodata(path: Path, layers: list[str] | None) -> Shapes:
         If the content does not match the suffix, a layer is unknown (the message lists the layers), or the layers have
         different coordinate systems.
     """
+    most = reader_limits().file_bytes
+    if path.stat().st_size > most:
+        raise InputError(f"{path}: {path.stat().st_size} bytes, the limit is {most} (file_bytes in {FILE})")
     if path.open("rb").read(len(_MAGIC[path.suffix.lower()])) != _MAGIC[path.suffix.lower()]:
         raise InputError(f"{path}: not a {'GeoPackage' if path.suffix.lower() == '.gpkg' else 'Shapefile'}")
     try:
@@ -34,12 +39,15 @@ def read_geodata(path: Path, layers: list[str] | None) -> Shapes:
         unknown = sorted(set(layers or []) - set(existing))
         if unknown:
             raise InputError(f"{path}: no layer {', '.join(unknown)}; there are {', '.join(existing)}")
-        shapes, systems, points = [], set(), 0
+        shapes: list[BaseGeometry] = []
+        systems, points = set(), 0
         for layer in layers or existing:
-            meta, _, wkb, _ = pyogrio.raw.read(path, layer=layer, columns=[])
+            most = reader_limits().shapes + 1 - len(shapes)
+            meta, _, wkb, _ = pyogrio.raw.read(path, layer=layer, columns=[], max_features=most)
             if wkb is None:
                 continue
             layer_shapes = [shape for shape in shapely.from_wkb(wkb, on_invalid="ignore") if shape is not None]
+            require_at_most(path, len(shapes) + len(wkb), "shapes", "shapes or more")
             points += int(shapely.get_num_coordinates(layer_shapes).sum())
             require_size(path, points)
             shapes += layer_shapes

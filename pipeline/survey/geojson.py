@@ -10,7 +10,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.survey.shapes import Shapes, read_text_bytes
+from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.shapes import Shapes, read_text_bytes, require_at_most, require_size
 
 
 def read_geojson(path: Path, layers: list[str] | None) -> Shapes:
@@ -32,9 +33,12 @@ def read_geojson(path: Path, layers: list[str] | None) -> Shapes:
     RFC 7946. The member `crs` is from the 2008 specification; GDAL still writes it for other systems than WGS 84.
     """
     data = read_text_bytes(path)
+    require_size(path, data.count(b"[") // 2)  # before anything is built; a point has one bracket, a ring few more
     try:
         content = json.loads(data)
-        shapes = [shape for feature in _features(content) if _is_chosen(feature, layers) for shape in _shapes(feature)]
+        features = _features(content)
+        require_at_most(path, len(features), "shapes", "features")
+        shapes = [shape for feature in features if _is_chosen(feature, layers) for shape in _shapes(path, feature)]
     except (ValueError, TypeError, KeyError, RecursionError, shapely.GEOSException, AttributeError) as error:
         raise InputError(f"{path}: not GeoJSON ({str(error)[:120]})") from error
     if "note" in content and "metres" in str(content["note"]):  # this project's own artifacts
@@ -57,6 +61,11 @@ def _is_chosen(feature: dict, layers: list[str] | None) -> bool:
     return layers is None or str((feature.get("properties") or {}).get("layer")) in layers
 
 
-def _shapes(feature: dict) -> list[BaseGeometry]:
+def _shapes(path: Path, feature: dict) -> list[BaseGeometry]:
     geometry = feature["geometry"]
+    level, most = [geometry], reader_limits().nesting
+    for _ in range(most):
+        level = [inner for part in level if isinstance(part, dict) for inner in part.get("geometries") or []]
+    if level:
+        raise InputError(f"{path}: collections are nested more than {most} deep, the limit (nesting in {FILE})")
     return [shapely.from_geojson(json.dumps(geometry))] if geometry is not None else []

@@ -64,7 +64,10 @@ def read_placement(image: Path) -> Placement:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", NotGeoreferencedWarning)
-                with rasterio.open(image, driver="GTiff") as picture:
+                with (
+                    rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR"),  # files beside it are not read
+                    rasterio.open(image, driver="GTiff") as picture,
+                ):
                     t, crs = picture.transform, picture.crs
         except (RasterioError, ValueError, TypeError) as error:
             raise InputError(f"{image}: not a GeoTIFF ({str(error)[:120]})") from error
@@ -78,7 +81,7 @@ def read_placement(image: Path) -> Placement:
 
 
 def _six_numbers(path: Path) -> tuple[float, ...]:
-    words = read_text_bytes(path).decode("latin-1").split()
+    words = read_text_bytes(path, "yaml_bytes").decode("latin-1").split()
     try:
         numbers = tuple(float(word) for word in words)
     except ValueError as error:

@@ -8,9 +8,11 @@ import cv2
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.picture_header import require_picture_size, require_size
 from pipeline.types import Image
 
-MAX_SIDE_PX = 16_384  # the largest framebuffer of OSMesa, in which stage 6 renders the world
+_STRIP_ROWS = 512  # conversions work on strips, so that they need little memory beside the picture
 
 
 def read_image(path: Path, max_megapixels: float) -> Image:
@@ -19,7 +21,7 @@ def read_image(path: Path, max_megapixels: float) -> Image:
     Parameters
     ----------
     path : Path
-        PNG, JPEG, TIFF or any other format that OpenCV reads.
+        PNG, JPEG, TIFF, BMP or PNM. The header is checked before pixels are decoded.
     max_megapixels : float
         Upper limit of the image's size.
 
@@ -32,22 +34,22 @@ def read_image(path: Path, max_megapixels: float) -> Image:
     InputError
         If the file is empty, unreadable, too large or of one colour only.
     """
-    data = np.fromfile(path, dtype=np.uint8)
-    if not data.size:
+    size = path.stat().st_size
+    if not size:
         raise InputError(f"{path}: empty file")
+    if size > reader_limits().file_bytes:
+        raise InputError(f"{path}: {size:,} bytes, the limit is {reader_limits().file_bytes:,} (file_bytes in {FILE})")
+    data = np.fromfile(path, dtype=np.uint8)
+    require_picture_size(path, data.data, max_megapixels)
     try:
         picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     except cv2.error as error:  # OpenCV has its own limits on width, height and pixels
         raise InputError(f"{path}: OpenCV cannot decode it ({error.err or error})") from error
     if picture is None:
         raise InputError(f"{path}: not an image that OpenCV can read ({data.size} bytes)")
-    if max(picture.shape[:2]) > MAX_SIDE_PX:
-        raise InputError(f"{path}: {picture.shape[1]} x {picture.shape[0]} px, the limit is {MAX_SIDE_PX} px a side")
-    megapixels = picture.shape[0] * picture.shape[1] / 1e6
-    if megapixels > max_megapixels:
-        raise InputError(
-            f"{path}: {megapixels:.1f} megapixels, the limit is {max_megapixels:g} (survey.max_megapixels)"
-        )
+    require_size(path, picture.shape[1], picture.shape[0], max_megapixels)
+    if picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[2] not in (3, 4)):
+        raise InputError(f"{path}: {picture.shape[2:]} channels; grey, colour and transparency are read")
     return require_workings_drawn(path, _to_bgr(picture))
 
 
@@ -59,18 +61,30 @@ def require_workings_drawn(path: Path, picture: Image) -> Image:
     InputError
         If it has one colour only. The message names the file and the colour.
     """
-    if (picture == picture[0, 0]).all():
+    if all((strip == picture[0, 0]).all() for strip in _strips(picture)):
         colour = {0: "black", 765: "white"}.get(int(picture[0, 0].astype(int).sum()), "of one colour")
         raise InputError(f"{path}: the image is all {colour}; there is nothing to trace")
     return picture
 
 
+def _strips(picture: np.ndarray) -> list[np.ndarray]:
+    return [picture[row : row + _STRIP_ROWS] for row in range(0, len(picture), _STRIP_ROWS)]
+
+
 def _to_bgr(picture: np.ndarray) -> Image:
     """Convert a decoded picture to 8-bit BGR. Transparent pixels become white."""
+    result = np.empty((*picture.shape[:2], 3), np.uint8)
+    for row, strip in zip(range(0, len(picture), _STRIP_ROWS), _strips(picture), strict=True):
+        result[row : row + _STRIP_ROWS] = _strip_to_bgr(strip)
+    return result
+
+
+def _strip_to_bgr(picture: np.ndarray) -> Image:
     if picture.dtype == np.uint16:
         picture = (picture // 257).astype(np.uint8)
     elif picture.dtype != np.uint8:
-        picture = np.clip(np.round(picture.astype(np.float64) * 255), 0, 255).astype(np.uint8)
+        shares = np.nan_to_num(picture.astype(np.float64), nan=1.0, posinf=1.0, neginf=0.0)
+        picture = np.round(np.clip(shares, 0, 1) * 255).astype(np.uint8)
     if picture.ndim == 2:
         return cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
     if picture.shape[2] == 4:

@@ -12,7 +12,10 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
+from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.types import Points2
+
+_BLOCK = 256
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,9 @@ def legs_of_chains(path: Path, chains: list[Chain]) -> list[SurveyLeg]:
     InputError
         If no leg remains, a leg has no wall distance at all, or the network is not valid (see `check_network`).
     """
-    legs = []
+    legs, count, most = [], sum(map(len, chains)), reader_limits().stations
+    if count > most:
+        raise InputError(f"{path}: {count} stations, the limit is {most} (stations in {FILE})")
     for number, chain in enumerate(chains, start=1):
         kept = (
             [chain[0], *(b for a, b in pairwise(chain) if np.hypot(*np.subtract(a[1], b[1])) > 1e-6)] if chain else []
@@ -77,8 +82,12 @@ def check_network(path: Path, legs: list[SurveyLeg]) -> None:
         raise InputError(f"{path}: legs {', '.join(separate)} share no station with leg {_leg_of(legs, components[0])}")
     segments = [(leg, a, b) for leg in legs for a, b in pairwise(range(len(leg.stations)))]
     lines = shapely.linestrings([leg.positions_m[[a, b]] for leg, a, b in segments])
-    for i, j in shapely.STRtree(lines).query(lines, predicate="crosses").T:
-        if i < j:
+    tree = shapely.STRtree(lines)
+    for start in range(0, len(lines), _BLOCK):  # the first crossing ends the search
+        for k, j in tree.query(lines[start : start + _BLOCK], predicate="crosses").T:
+            i = k + start
+            if i >= j:
+                continue
             (one, a, b), (two, c, d) = segments[i], segments[j]
             at = lines[i].intersection(lines[j]).centroid
             raise InputError(

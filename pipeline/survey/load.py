@@ -8,11 +8,14 @@ from typing import Any
 
 import cv2
 import numpy as np
+import shapely
+from pydantic import TypeAdapter
 from shapely import MultiPolygon
 
 from pipeline.errors import InputError
 from pipeline.params.survey import PlanSurveyParams, PosesParams, StationSurveyParams, SurveyParams
 from pipeline.store.registry import read_registry
+from pipeline.survey.child import Payload, run_limited
 from pipeline.survey.draw import draw_plan, frame_around
 from pipeline.survey.georeference import read_placement, world_file
 from pipeline.survey.grid import draw_grid
@@ -43,7 +46,7 @@ class Reading:
 
 
 def read_survey(params: SurveyParams) -> dict[str, Any]:
-    """Read a survey.
+    """Read a survey, in a process with the limits of `conf/reader_limits.yaml` if it comes from a file.
 
     Returns
     -------
@@ -56,6 +59,45 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     InputError
         If an input cannot be used or has no scale. The message names the file, the value and the limit.
     """
+    if params.kind == "procedural":
+        plan, survey, workings = _read(params)
+        return {"plan": plan, "survey": survey, "workings": Workings(workings)}
+    # A fit to poses casts rays by a library whose threads do not survive a fork.
+    arguments = {"params": params.model_dump(mode="json")}
+    payload = run_limited("survey", arguments, _subject(params), fresh=params.poses is not None)
+    polygons = shapely.from_wkb(payload.arrays["workings"].tobytes())
+    survey = TypeAdapter(Survey).validate_python(payload.values)
+    return {"plan": payload.arrays["plan"], "survey": survey, "workings": Workings(polygons)}
+
+
+def read_here(params: dict[str, Any]) -> Payload:
+    """Read a survey in this process; `read_survey` has limits."""
+    plan, survey, workings = _read(_section(params))
+    wkb = np.frombuffer(shapely.to_wkb(workings), np.uint8)
+    return Payload(TypeAdapter(Survey).dump_python(survey, mode="json"), {"plan": plan, "workings": wkb})
+
+
+def _section(params: dict[str, Any]) -> SurveyParams:
+    return TypeAdapter(SurveyParams).validate_python(params)
+
+
+def _subject(params: SurveyParams) -> str:
+    """Return the file that a survey section names."""
+    match params.kind:
+        case "stations":
+            return params.stations
+        case "plan":
+            return params.image
+        case "grid":
+            return params.map
+        case "variant":
+            return params.workings
+        case "procedural":
+            return f"survey {params.name}"
+    return params.file
+
+
+def _read(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
     match params.kind:
         case "stations" | "plan":
             plan, frame, scale, boxes, georeference = _read_scaled(params)
@@ -82,7 +124,7 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
         georeference,
         licences,
     )
-    return {"plan": plan, "survey": survey, "workings": Workings(workings)}
+    return plan, survey, workings
 
 
 def _read_scaled(params: Scaled) -> tuple[Image, Frame, Scale, list[Box], Georeference]:
@@ -199,6 +241,18 @@ def _choose_scale(params: Scaled, reading: Reading, poses: PoseScale | None, rat
 
 def sources(params: SurveyParams) -> list[str]:
     """List the input files of a survey section, with their companion files."""
+    names_others = params.kind == "grid" or (params.kind == "passages" and params.file.lower().endswith(".svx"))
+    if not names_others:
+        return _sources(params)
+    return run_limited("sources", {"params": params.model_dump(mode="json")}, _subject(params)).values
+
+
+def sources_here(params: dict[str, Any]) -> Payload:
+    """List the input files of a survey section in this process."""
+    return Payload(_sources(_section(params)))
+
+
+def _sources(params: SurveyParams) -> list[str]:
     match params.kind:
         case "stations":
             files = [params.stations]

@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import Literal
 
 import cv2
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, ParamsError
+from pipeline.params.plain_yaml import load_plain_yaml
+from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.image import read_image
-from pipeline.survey.shapes import read_text_bytes
 from pipeline.types import Mask
-
-_MAX_MEGAPIXELS = 100.0
 
 
 class _MapFile(BaseModel):
@@ -63,7 +61,7 @@ def read_nav2_map(path: Path) -> Nav2Map:
     picture = path.parent / header.image
     if not picture.is_file():
         raise InputError(f"{picture}: missing, though {path.name} names it")
-    grey = cv2.cvtColor(read_image(picture, _MAX_MEGAPIXELS), cv2.COLOR_BGR2GRAY)
+    grey = cv2.cvtColor(read_image(picture, reader_limits().map_megapixels), cv2.COLOR_BGR2GRAY)
     share = grey[::-1] / 255.0 if header.negate else 1.0 - grey[::-1] / 255.0
     x, y, yaw = header.origin
     if header.mode == "raw":
@@ -85,12 +83,12 @@ def nav2_picture(path: Path) -> Path:
 
 def _read_map_file(path: Path) -> _MapFile:
     try:
-        header = _MapFile.model_validate(yaml.safe_load(read_text_bytes(path)))
-    except (UnicodeDecodeError, yaml.YAMLError, RecursionError, ValueError) as error:
-        if isinstance(error, ValidationError):
-            first = error.errors()[0]
-            raise InputError(f"{path}: {'.'.join(map(str, first['loc'])) or 'map'}: {first['msg']}") from error
-        raise InputError(f"{path}: cannot be read as YAML ({str(error)[:200]})") from error
+        header = _MapFile.model_validate(load_plain_yaml(path))
+    except ParamsError as error:
+        raise InputError(str(error)) from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise InputError(f"{path}: {'.'.join(map(str, first['loc'])) or 'map'}: {first['msg']}") from error
     if not (math.isfinite(header.resolution) and all(map(math.isfinite, header.origin))):
         raise InputError(f"{path}: resolution = {header.resolution}, origin = {header.origin}: expected finite numbers")
     if not (path.parent / header.image).resolve().is_relative_to(path.parent.resolve()):

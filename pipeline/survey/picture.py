@@ -12,7 +12,8 @@ from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.binarize import dark_pixels
 from pipeline.geometry.line_drawing import fill_line_drawing
 from pipeline.params.survey import PlanSurveyParams
-from pipeline.survey.image import MAX_SIDE_PX, read_image, require_workings_drawn
+from pipeline.survey.image import read_image, require_workings_drawn
+from pipeline.survey.picture_header import MAX_SIDE_PX
 from pipeline.survey.shapes import read_text_bytes
 from pipeline.types import Image
 

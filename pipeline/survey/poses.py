@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +19,8 @@ from pipeline.geometry.binarize import dark_pixels
 from pipeline.geometry.outline import trace_outline
 from pipeline.geometry.raycast import RayCaster, upright_walls
 from pipeline.geometry.registration import Pose, Search, register_scans
+from pipeline.params.reader_limits import reader_limits
+from pipeline.survey.shapes import read_text_bytes, require_size
 from pipeline.types import Frame, Image
 
 _MAX_ERROR_M = 1.0  # the published plan draws drifts 1 to 2 m too wide; a wrong scale has a larger error
@@ -77,7 +81,7 @@ def read_poses(path: Path) -> dict[str, SurveyedPose]:
 
 def _read_pose_estimates(path: Path) -> dict[str, SurveyedPose]:
     try:
-        lines = [line.split() for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
+        lines = [line.split() for line in _text(path).splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read ({error})") from error
     poses = {}
@@ -208,14 +212,19 @@ def _dark_region(plan: Image, frame: Frame) -> shapely.Polygon:
 
 def _read_columns(path: Path, columns: tuple[str, ...], optional: tuple[str, ...] = ()) -> list[list[str]]:
     try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.DictReader(stream)
-            missing = [c for c in columns if c not in (reader.fieldnames or [])]
-            if missing:
-                raise InputError(f"{path}: no column {', '.join(missing)}")
-            return [[row.get(c) or "" for c in (*columns, *optional)] for row in reader]
+        reader = csv.DictReader(io.StringIO(_text(path), newline=""))
+        missing = [c for c in columns if c not in (reader.fieldnames or [])]
+        if missing:
+            raise InputError(f"{path}: no column {', '.join(missing)}")
+        rows = [[row.get(c) or "" for c in (*columns, *optional)] for row in islice(reader, reader_limits().points + 1)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read as CSV ({error})") from error
+    require_size(path, len(rows))
+    return rows
+
+
+def _text(path: Path) -> str:
+    return read_text_bytes(path).decode("utf-8-sig")
 
 
 def _finite(path: Path, text: str) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import cv2
 import numpy as np
 
@@ -30,25 +32,18 @@ def find_bar(picture: Image) -> tuple[int, int, int, int] | None:
     if count < 3:
         return None
     largest = 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())
-    best: tuple[int, tuple[int, int, int, int]] | None = None
-    for i in range(1, count):
-        left, top, width, height, area = (int(v) for v in stats[i])
-        if i == largest or width < _MIN_BAR_PX or width < _MIN_ASPECT * height or area < _FILLED * width * height:
-            continue
-        gap = max(3, height // 2)
-        box = (
-            max(0, left - gap),
-            max(0, top - gap),
-            min(dark.shape[1], left + width + gap),
-            min(dark.shape[0], top + height + gap),
-        )
-        try:
+    width, height, area = stats[:, 2].astype(float), stats[:, 3].astype(float), stats[:, 4]
+    fits = (width >= _MIN_BAR_PX) & (width >= _MIN_ASPECT * height) & (area >= _FILLED * width * height)
+    fits[[0, largest]] = False
+    candidates = np.flatnonzero(fits)
+    for i in candidates[np.argsort(-width[candidates], kind="stable")]:  # the longest bar that can be measured
+        left, top, right, bottom = (int(v) for v in (*stats[i, :2], *(stats[i, :2] + stats[i, 2:4])))
+        gap = max(3, (bottom - top) // 2)
+        box = max(0, left - gap), max(0, top - gap), min(dark.shape[1], right + gap), min(dark.shape[0], bottom + gap)
+        with suppress(InputError):
             measure_bar(picture[box[1] : box[3], box[0] : box[2]], 1.0, "bar")
-        except InputError:
-            continue
-        if best is None or width > best[0]:
-            best = width, box
-    return best[1] if best is not None else None
+            return box
+    return None
 
 
 def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:

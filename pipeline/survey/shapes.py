@@ -13,13 +13,13 @@ from shapely import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError, InputError
+from pipeline.geometry.crossings import count_crossings
 from pipeline.geometry.enclosure import as_polygons, enclose_workings
+from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.types import Georeference
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 REACH_M = 10_000.0  # larger coordinates would lose precision in the world's text and its octree
-_MAX_POINTS = 2_000_000
-_MAX_BYTES = 64_000_000
 
 
 @dataclass(frozen=True)
@@ -31,18 +31,21 @@ class Shapes:
     crs: str | None = None
 
 
-def read_text_bytes(path: Path) -> bytes:
-    """Return a text file's bytes.
+def read_text_bytes(path: Path, limit: str = "text_bytes") -> bytes:
+    """Return a text file's bytes, at most as many as the named limit of `conf/reader_limits.yaml`.
 
     Raises
     ------
     InputError
-        If the file cannot be read or is larger than 64 MB.
+        If the file cannot be read or is larger.
     """
+    most: int = getattr(reader_limits(), limit)
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise InputError(f"{path}: {path.stat().st_size} bytes, the limit is {_MAX_BYTES}")
-        return path.read_bytes()
+        with path.open("rb") as stream:
+            data = stream.read(most + 1)
+        if len(data) > most:
+            raise InputError(f"{path}: {path.stat().st_size} bytes, the limit is {most} ({limit} in {FILE})")
+        return data
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
 
@@ -53,10 +56,16 @@ def require_size(path: Path, points: int) -> None:
     Raises
     ------
     InputError
-        If there are more than 2,000,000 points. The message names the file, the count and the limit.
+        If there are more points than the limit. The message names the file, the count and the limit.
     """
-    if points > _MAX_POINTS:
-        raise InputError(f"{path}: {points} points or more, the limit is {_MAX_POINTS}")
+    require_at_most(path, points, "points", "points or more")
+
+
+def require_at_most(path: Path, count: int, limit: str, noun: str) -> None:
+    """Refuse a file with a count above the named limit of `conf/reader_limits.yaml`."""
+    most: int = getattr(reader_limits(), limit)
+    if count > most:
+        raise InputError(f"{path}: {count} {noun}, the limit is {most} ({limit} in {FILE})")
 
 
 def locate(
@@ -77,6 +86,7 @@ def locate(
     InputError
         If a coordinate is not finite or more than 10 km from the origin, or the coordinate system is unknown.
     """
+    require_at_most(path, len(content.shapes), "shapes", "shapes")
     shapes = [shapely.force_2d(shape) for shape in content.shapes if not shape.is_empty]
     if not shapes:
         raise InputError(f"{path}: holds no polygons and no lines")
@@ -141,13 +151,20 @@ def workings_of(
     Raises
     ------
     InputError
-        If there are no polygons and lines, or the lines enclose no area.
+        If there are no polygons and lines, the lines enclose no area, or their edges cross too often.
     """
-    parts = [part for shape in shapes for part in _simple_parts(shape)]
+    parts = [part for shape in shapes for part in _simple_parts(path, shape)]
+    require_at_most(path, len(parts), "shapes", "shapes")
+    most = reader_limits().crossings
+    if count_crossings(parts, most) > most:
+        raise InputError(f"{path}: its lines cross more than {most} times, the limit (crossings in {FILE})")
     polygons = [part for part in parts if isinstance(part, Polygon)]
     lines = [part for part in parts if isinstance(part, LineString) and part.length > 0]
     if polygons and not lines:
-        return as_polygons(shapely.union_all([shapely.make_valid(p) for p in polygons]))
+        try:
+            return as_polygons(shapely.union_all([shapely.make_valid(p) for p in polygons]))
+        except shapely.GEOSException as error:
+            raise InputError(f"{path}: its polygons cannot be united ({str(error)[:120]})") from error
     walls = [*lines, *(LineString(ring) for p in polygons for ring in (p.exterior, *p.interiors))]
     if not walls:
         raise InputError(f"{path}: holds no polygons and no lines")
@@ -157,6 +174,13 @@ def workings_of(
         raise InputError(f"{path}: {error}") from error
 
 
-def _simple_parts(shape: BaseGeometry) -> list[BaseGeometry]:
-    parts = shapely.get_parts(shape).tolist()
-    return [p for part in parts for p in (_simple_parts(part) if hasattr(part, "geoms") else [part])]
+def _simple_parts(path: Path, shape: BaseGeometry) -> list[BaseGeometry]:
+    """Return the parts of a collection, and of the collections in it."""
+    parts = np.array([shape], dtype=object)
+    for _ in range(reader_limits().nesting):
+        if not (shapely.get_type_id(parts) > 3).any():
+            return parts.tolist()
+        parts = shapely.get_parts(parts)
+    raise InputError(
+        f"{path}: collections are nested more than {reader_limits().nesting} deep, the limit (nesting in {FILE})"
+    )

@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.survey.legs import SurveyLeg, check_network
-from pipeline.survey.shapes import REACH_M, read_text_bytes
+from pipeline.survey.shapes import REACH_M, read_text_bytes, require_at_most
 
 _COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]
 
@@ -40,6 +40,7 @@ def read_stations(path: Path) -> list[SurveyLeg]:
     rows = _read_rows(path)
     legs: dict[str, list[tuple[str, tuple[float, ...]]]] = {}
     positions: dict[str, tuple[tuple[float, float], int]] = {}
+    later: set[tuple[str, str]] = set()  # (leg, station) of all stations but a leg's first, which may be its last too
     for line, row in rows:
         values = tuple(_number(path, line, column, row[column]) for column in _COLUMNS[2:])
         for column, value in zip(_COLUMNS[4:], values[2:], strict=True):
@@ -52,8 +53,10 @@ def read_stations(path: Path) -> list[SurveyLeg]:
                 f"({position[0]:g}, {position[1]:g}) in line {first}"
             )
         leg = legs.setdefault(row["leg"], [])
-        if any(station == row["station"] for station, _ in leg[1:]) or (leg and leg[-1][0] == row["station"]):
+        if (row["leg"], row["station"]) in later or (leg and leg[-1][0] == row["station"]):
             raise InputError(f"{path}:{line}: station {row['station']} occurs twice in leg {row['leg']}")
+        if leg:
+            later.add((row["leg"], row["station"]))
         leg.append((row["station"], values))
     result = [_leg(path, name, stations) for name, stations in legs.items()]
     check_network(path, result)
@@ -70,7 +73,10 @@ def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
         missing = [column for column in _COLUMNS if column not in (reader.fieldnames or [])]
         if missing:
             raise InputError(f"{path}: no column {', '.join(missing)}; expected {','.join(_COLUMNS)}")
-        rows = [(reader.line_num, row) for row in reader]
+        rows = []
+        for row in reader:
+            rows.append((reader.line_num, row))
+            require_at_most(path, len(rows), "stations", "stations or more")
     except csv.Error as error:
         raise InputError(f"{path}:{reader.line_num}: not CSV ({error})") from error
     if not rows:

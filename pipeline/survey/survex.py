@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.adjustment import Shot, adjust_network
 from pipeline.survey.legs import Chain, SurveyLeg, legs_of_chains
 from pipeline.survey.shapes import read_text_bytes
@@ -25,7 +26,6 @@ from pipeline.survey.survex_readings import (
     with_units,
 )
 
-_MAX_FILES, _MAX_SHOTS, _MAX_DEPTH = 200, 200_000, 100
 _IGNORED_COMMANDS = {
     "title",
     "date",
@@ -109,8 +109,9 @@ def _read(path: Path, folder: Path, settings: Settings, survey: _Survey, files: 
             pending = None
             match command:
                 case "begin":
-                    if len(stack) >= _MAX_DEPTH:
-                        raise InputError(f"{where}: *begin is nested more than {_MAX_DEPTH} deep")
+                    if len(stack) >= reader_limits().survex_depth:
+                        most = reader_limits().survex_depth
+                        raise InputError(f"{where}: *begin is nested more than {most} deep (survex_depth in {FILE})")
                     stack.append((rest[0].lower() if rest else "", settings))
                     settings = replace(settings, prefix=_name(settings, rest[0]) if rest else settings.prefix)
                 case "end":
@@ -181,8 +182,11 @@ def _include(
         raise InputError(f"{where}: *include {name[:80]!r}: no such file")
     if not file.resolve().is_relative_to(folder):
         raise InputError(f"{where}: *include {name[:80]!r} is outside the survey's folder")
-    if file in files or len(files) >= _MAX_FILES:
-        raise InputError(f"{where}: *include {name[:80]!r}: already included, or more than {_MAX_FILES} files")
+    most = reader_limits().survex_files
+    if file in files or len(files) >= most:
+        raise InputError(
+            f"{where}: *include {name[:80]!r}: already included, or more than {most} files (survex_files in {FILE})"
+        )
     files.append(file)
     _read(file, folder, replace(settings), survey, files)
 
@@ -194,8 +198,8 @@ def _name(settings: Settings, word: str) -> str:
 
 def _shot(where: str, words: list[str], settings: Settings, survey: _Survey, pending: str | None) -> str | None:
     """Add the shot of one line. In an interleaved list, return the station where the next line's shot begins."""
-    if len(survey.shots) >= _MAX_SHOTS:
-        raise InputError(f"{where}: more than {_MAX_SHOTS} shots")
+    if len(survey.shots) >= reader_limits().survex_shots:
+        raise InputError(f"{where}: more than {reader_limits().survex_shots} shots (survex_shots in {FILE})")
     order = settings.order
     if "newline" in order:
         newline = order.index("newline")

@@ -114,7 +114,7 @@ def test_nested_blocks_with_too_many_entities_are_refused(tmp_path):
             block.add_blockref(f"b{level - 1}", (0, 0))
     made.modelspace().add_blockref("b7", (0, 0))
     made.saveas(path)
-    with pytest.raises(InputError, match="more than 100000 entities"):
+    with pytest.raises(InputError, match="entities with blocks resolved, the limit is 100000"):
         read_dxf(path, None)
 
 

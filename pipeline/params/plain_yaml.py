@@ -1,0 +1,53 @@
+"""Read YAML without aliases, which can expand beyond memory, and without tags, which can execute code."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pipeline.errors import ParamsError
+from pipeline.params.reader_limits import FILE, reader_limits
+
+
+def require_plain_yaml(path: Path) -> bytes:
+    """Return a file's bytes if it is plain YAML within the limits on size and nesting.
+
+    Raises
+    ------
+    ParamsError
+        The message names the file and the line.
+    """
+    limits = reader_limits()
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(limits.yaml_bytes + 1)
+        if len(data) > limits.yaml_bytes:
+            raise ParamsError(f"{path}: more than {limits.yaml_bytes} bytes of YAML (yaml_bytes in {FILE})")
+        depth = 0
+        for event in yaml.parse(data, Loader=yaml.CSafeLoader):
+            line = event.start_mark.line + 1 if event.start_mark is not None else 0
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) or getattr(event, "tag", None):
+                raise ParamsError(f"{path}:{line}: aliases and tags are not allowed")
+            if depth > limits.nesting:
+                raise ParamsError(f"{path}:{line}: nested more than {limits.nesting} deep (nesting in {FILE})")
+    except (OSError, yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        raise ParamsError(f"{path}: not YAML: {error}") from error
+    return data
+
+
+def load_plain_yaml(path: Path) -> Any:
+    """Return the content of a plain YAML file.
+
+    Raises
+    ------
+    ParamsError
+        If `require_plain_yaml` refuses it, or a value in it has no meaning.
+    """
+    data = require_plain_yaml(path)
+    try:
+        return yaml.safe_load(data)
+    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
+        raise ParamsError(f"{path}: not YAML: {str(error)[:200]}") from error

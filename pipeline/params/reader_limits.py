@@ -1,0 +1,61 @@
+"""Limits on reading a user's file, from `conf/reader_limits.yaml`."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import yaml
+from pydantic import Field, ValidationError
+
+from pipeline.errors import ParamsError
+from pipeline.params.base import Params
+
+FILE = "conf/reader_limits.yaml"
+# Readers also work outside the project's folder, so the file is found from this module.
+_PATH = Path(__file__).resolve().parents[2] / FILE
+
+
+class ReaderLimits(Params):
+    """Named limits; `conf/reader_limits.yaml` explains each."""
+
+    memory_bytes: int = Field(ge=500_000_000)
+    time_s: float = Field(gt=0)
+    cloud_s_per_gb: float = Field(ge=0)
+    notice_s: float = Field(gt=0)
+    output_bytes: int = Field(gt=0)
+    file_bytes: int = Field(gt=0)
+    text_bytes: int = Field(gt=0)
+    yaml_bytes: int = Field(gt=0)
+    cloud_bytes: int = Field(gt=0)
+    nesting: int = Field(ge=9, le=200)
+    megapixels: float = Field(gt=0)
+    map_megapixels: float = Field(gt=0)
+    decoded_bytes: int = Field(gt=0)
+    regions: int = Field(gt=0)
+    shapes: int = Field(gt=0)
+    points: int = Field(gt=0)
+    crossings: int = Field(gt=0)
+    dxf_entities: int = Field(gt=0)
+    dxf_block_depth: int = Field(gt=0, le=200)
+    stations: int = Field(gt=0)
+    survex_shots: int = Field(gt=0)
+    survex_files: int = Field(gt=0)
+    survex_depth: int = Field(gt=0, le=200)
+
+
+@cache
+def reader_limits() -> ReaderLimits:
+    """Return the limits.
+
+    Raises
+    ------
+    ParamsError
+        If the file is missing or a limit is unknown, missing or out of range.
+    """
+    try:
+        return ReaderLimits.model_validate(yaml.safe_load(_PATH.read_text()))
+    except (OSError, yaml.YAMLError, ValidationError) as error:
+        first = error.errors()[0] if isinstance(error, ValidationError) else None
+        problem = f"{'.'.join(map(str, first['loc']))}: {first['msg']}" if first else str(error)
+        raise ParamsError(f"{FILE}: {problem}") from error

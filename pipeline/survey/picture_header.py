@@ -1,0 +1,123 @@
+"""Read a picture's size from its header, before any pixel is decoded.
+
+Only PNG, JPEG, TIFF, BMP and PNM are read. OpenCV alone would choose any of its decoders by content.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import InputError
+from pipeline.params.reader_limits import FILE, reader_limits
+
+MAX_SIDE_PX = 16_384  # the largest framebuffer of OSMesa, in which stage 6 renders the world
+_JPEG_SIZES = {0xC0 + k for k in range(16)} - {0xC4, 0xC8, 0xCC}  # markers of frames; the others are tables
+_TIFF_TYPES = {1: "B", 3: "H", 4: "I", 16: "Q"}
+_PNM = re.compile(rb"P([1-6])(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{0,9})")
+
+
+@dataclass(frozen=True)
+class PictureHeader:
+    """Size of a picture and an upper limit of the bytes of a decoded pixel."""
+
+    width: int
+    height: int
+    pixel_bytes: int
+
+
+def require_picture_size(path: Path, data: bytes | memoryview, max_megapixels: float) -> None:
+    """Refuse a picture by its header.
+
+    Raises
+    ------
+    InputError
+        If the format is not supported, the header is broken, or the picture exceeds `max_megapixels`, the side that
+        can be rendered, or the limit on decoded bytes. The message names the file, the value and the limit.
+    """
+    try:
+        header = read_header(bytes(data[:2]), memoryview(data))
+    except (struct.error, IndexError, KeyError) as error:
+        raise InputError(f"{path}: the picture's header is broken ({len(data)} bytes)") from error
+    if header is None:
+        kinds = "PNG, JPEG, TIFF, BMP or PNM"
+        raise InputError(f"{path}: not an image that OpenCV can read as {kinds} ({len(data)} bytes)")
+    require_size(path, header.width, header.height, max_megapixels)
+    decoded, most = header.width * header.height * header.pixel_bytes, reader_limits().decoded_bytes
+    if decoded > most:
+        raise InputError(
+            f"{path}: {decoded:,} bytes when decoded, the limit is {most:,} (decoded_bytes in {FILE}); "
+            "save it with 8 bits a channel"
+        )
+
+
+def require_size(path: Path, width: int, height: int, max_megapixels: float) -> None:
+    """Refuse a size in px; see `require_picture_size`."""
+    if min(width, height) < 1:
+        raise InputError(f"{path}: {width} x {height} px, at least 1 px a side is needed")
+    if max(width, height) > MAX_SIDE_PX:
+        raise InputError(f"{path}: {width} x {height} px, the limit is {MAX_SIDE_PX} px a side")
+    if width * height > max_megapixels * 1e6:
+        raise InputError(
+            f"{path}: {width * height / 1e6:.1f} megapixels, the limit is {max_megapixels:g} (survey.max_megapixels)"
+        )
+
+
+def read_header(magic: bytes, data: memoryview) -> PictureHeader | None:
+    """Return the header of a picture, or None for other content; raise `struct.error` if it is cut off."""
+    if magic == b"\x89P":
+        width, height, depth, colour = struct.unpack_from(">IIBB", data, 16)
+        return PictureHeader(width, height, (4 if colour else 1) * (2 if depth == 16 else 1))
+    if magic == b"\xff\xd8":
+        return _jpeg(data)
+    if magic == b"BM":
+        if struct.unpack_from("<I", data, 14)[0] == 12:
+            width, height = struct.unpack_from("<HH", data, 18)
+            return PictureHeader(width, height, 4)
+        width, height = struct.unpack_from("<ii", data, 18)
+        return PictureHeader(abs(width), abs(height), 4)
+    if magic in (b"II", b"MM"):
+        return _tiff("<" if magic == b"II" else ">", data)
+    found = _PNM.match(bytes(data[:4096]))
+    if found is None:
+        return None
+    kind, width, height, largest = found.groups()
+    deep = kind not in (b"1", b"4") and int(largest or 0) > 255
+    return PictureHeader(int(width), int(height), (3 if kind in (b"3", b"6") else 1) * (2 if deep else 1))
+
+
+def _jpeg(data: memoryview) -> PictureHeader:
+    at = 2
+    while True:
+        if data[at] != 0xFF:
+            at += 1
+            continue
+        marker = data[at + 1]
+        if marker in _JPEG_SIZES:
+            height, width, channels = struct.unpack_from(">HHB", data, at + 5)
+            return PictureHeader(width, height, max(3, channels))
+        alone = marker in (0x00, 0x01, 0xFF) or 0xD0 <= marker <= 0xD9  # without a length
+        at += (1 if marker == 0xFF else 2) if alone else 2 + struct.unpack_from(">H", data, at + 2)[0]
+
+
+def _tiff(order: str, data: memoryview) -> PictureHeader:
+    """Return the header of a TIFF's first picture; BigTIFF has wider offsets."""
+    big = struct.unpack_from(order + "H", data, 2)[0] == 43
+    at = struct.unpack_from(order + ("Q" if big else "I"), data, 8 if big else 4)[0]
+    count = struct.unpack_from(order + ("Q" if big else "H"), data, at)[0]
+    at, step, value = (at + 8, 20, 12) if big else (at + 2, 12, 8)
+    tags: dict[int, int] = {}
+    for entry in range(min(count, 4096)):
+        tag, kind = struct.unpack_from(order + "HH", data, at + entry * step)
+        if tag in (256, 257, 258, 277, 322, 323):  # width, height, bits, channels, tile's width and height
+            number = struct.unpack_from(order + ("Q" if big else "I"), data, at + entry * step + 4)[0]
+            inline = number * struct.calcsize(_TIFF_TYPES[kind]) <= (8 if big else 4)
+            place = at + entry * step + value
+            place = place if inline else struct.unpack_from(order + ("Q" if big else "I"), data, place)[0]
+            tags[tag] = struct.unpack_from(order + _TIFF_TYPES[kind], data, place)[0]
+    width, height = tags[256], tags[257]
+    # A tile is decoded whole, also if it is larger than the picture.
+    width, height = max(width, tags.get(322, 0)), max(height, tags.get(323, 0))
+    return PictureHeader(width, height, max(3, tags.get(277, 1)) * max(1, tags.get(258, 8) // 8))
