@@ -84,7 +84,7 @@ def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict
     detected = detect_survey(source, stated)
     targets = _targets(source, detected.files, DATA / name)
     text = survey_yaml(name, targets[detected.files[0]], detected, stated)
-    _require_section(text)
+    require_section(text)
     known = read_registry()
     made = Import(
         _findings(conf, detected),
@@ -134,7 +134,7 @@ def _targets(source: Path, files: list[Path], folder: Path) -> dict[Path, Path]:
     return targets
 
 
-def _require_section(text: str) -> None:
+def require_section(text: str) -> None:
     """Refuse a survey section that stage 1 would not accept, because a stated value is out of range."""
     try:
         TypeAdapter(SurveyParams).validate_python(yaml.safe_load(text)["survey"])

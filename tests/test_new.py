@@ -1,12 +1,17 @@
 """A user's mine, from a file to a world, by the commands that a user types."""
 
 import json
+import os
 import re
+import shutil
+import signal
+import subprocess
 import sys
 
 import cv2
 import pytest
 
+from benchmarks.fuzz_vectors import GEOPACKAGE
 from benchmarks.look_at_report import find_browser, look_at
 from pipeline.__main__ import parse
 from pipeline.survey.draw import draw_plan, frame_around
@@ -87,6 +92,62 @@ def test_wrong_names_and_files_are_refused_and_leave_nothing(owned, arguments, m
     assert message in message_of(project.module("pipeline", *arguments))
     assert not (project.folder / "conf/survey/x.yaml").exists()
     assert not (project.folder / "data/mines/x").exists()
+
+
+def state_of(project):
+    """Return the bytes of the files that `new` may write."""
+    roots = [project.folder / name for name in ("conf", "data", "artifacts/worlds")]
+    return {p: p.read_bytes() if p.is_file() else None for root in roots for p in root.rglob("*")}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--bar-length", "20", "contours.min_tunnel_m2=5000"), "no dark region larger than 5000 m2"),
+        (("--bar-length", "20", "contours.tolerence_m=1"), "contours.tolerence_m: unknown"),
+        (("--bar-length", "20", "--licence", "a\tb"), "with a tab or line break cannot be registered"),
+        (("--bar-length", "nan"), "survey.scale.bar_length_m"),
+        (("--px-per-m", "1e300"), "survey.scale.px_per_m"),
+    ],
+)
+def test_a_refused_mine_leaves_nothing_behind(owned, arguments, message):
+    project, _ = owned
+    before = state_of(project)
+    assert message in message_of(pipeline(project, "new", "x", "--from", "plan.png", *arguments))
+    assert state_of(project) == before
+
+
+def test_a_file_with_a_name_that_configuration_would_evaluate_is_refused(owned):
+    project, _ = owned
+    before = state_of(project)
+    shutil.copy(project.folder / "plan.png", project.folder / "${oc.env:HOME}.png")
+    text = message_of(pipeline(project, "new", "x", "--from", "${oc.env:HOME}.png"))
+    assert "a name with $, line breaks or control characters cannot be used" in text
+    assert state_of(project) == before
+
+
+def test_the_second_of_two_commands_for_one_world_is_told_and_an_interrupt_ends_the_first(owned):
+    project, _ = owned
+    before = state_of(project)
+    # The view counts for ever, so the command runs until it is interrupted.
+    (project.folder / "slow.gpkg").write_bytes(GEOPACKAGE["view that counts without end"]()["mine.gpkg"])
+    command = [sys.executable, "-m", "pipeline", "new", "x", "--from", "slow.gpkg"]
+    first = subprocess.Popen(command, cwd=project.folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    try:
+        for line in first.stderr:
+            if "still reading after 5 s, the limit is 60 s" in line:
+                break
+        second = message_of(pipeline(project, "new", "x", "--from", "plan.png"))
+        assert second == f"new: name = x: another command is making this world (process {first.pid})"
+        os.killpg(first.pid, signal.SIGINT)
+        assert first.wait(10) == 130
+        assert first.stderr.read().endswith("new: interrupted\n")
+        with pytest.raises(ProcessLookupError):
+            os.killpg(first.pid, 0)  # no process of the group is left
+    finally:
+        first.kill()
+        first.stderr.close()
+    assert state_of(project) == before
 
 
 @pytest.mark.slow

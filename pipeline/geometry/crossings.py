@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-_BLOCK = 256
+_BLOCK = 256  # edges compared at once
 
 
 def count_crossings(shapes: list[BaseGeometry], at_most: int) -> int:
@@ -26,10 +26,11 @@ def count_crossings(shapes: list[BaseGeometry], at_most: int) -> int:
     if len(edges) * (len(edges) - 1) // 2 <= at_most:
         return 0
     lines = shapely.linestrings(edges)
-    tree, count = shapely.STRtree(lines), 0
-    for start in range(0, len(lines), _BLOCK):
-        one, other = tree.query(lines[start : start + _BLOCK], predicate="intersects")
+    tree, count, start, block = shapely.STRtree(lines), 0, 0, 1
+    while start < len(lines):
+        one, other = tree.query(lines[start : start + block], predicate="intersects")
         one += start
+        start, block = start + block, min(2 * block, _BLOCK)
         later = one < other
         a, b = edges[one[later]], edges[other[later]]
         shared = [(a[:, i, None] == b).all(axis=2).any(axis=1) for i in (0, 1)]

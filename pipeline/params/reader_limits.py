@@ -39,6 +39,7 @@ class ReaderLimits(Params):
     dxf_entities: int = Field(gt=0)
     dxf_block_depth: int = Field(gt=0, le=200)
     stations: int = Field(gt=0)
+    sweep_rows: int = Field(gt=0)
     survex_shots: int = Field(gt=0)
     survex_files: int = Field(gt=0)
     survex_depth: int = Field(gt=0, le=200)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import json
 import os
 import select
@@ -135,6 +136,7 @@ def serve(task: str, arguments: dict[str, Any], out: int, parent: int, seconds: 
     """Restrict this process, run the task and write its answer to the descriptor `out`."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     die_with_parent(parent)
+    faulthandler.disable()  # a test runner's; the parent reports a crash
     quiet = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2):
         os.dup2(quiet, stream)
@@ -151,7 +153,10 @@ def serve(task: str, arguments: dict[str, Any], out: int, parent: int, seconds: 
     except MemoryError:
         header = _Header(error="MemoryError")
     except Exception as error:  # a library's exception that the reader does not name
-        header = _Header(error="UnexpectedError", message=f"{type(error).__name__}: {error}"[:1000])
+        no_memory = "bad_alloc" in str(error) or "Insufficient memory" in str(error)  # C++ libraries
+        header = _Header(
+            error="MemoryError" if no_memory else "UnexpectedError", message=f"{type(error).__name__}: {error}"[:1000]
+        )
     head = json.dumps(header.model_dump(), allow_nan=True).encode()
     with os.fdopen(out, "wb") as answer:
         answer.write(len(head).to_bytes(8, "little") + head)

@@ -1,6 +1,6 @@
 """Read point clouds and scanned meshes as points in metres, thinned block by block so that memory is bounded.
 
-The libraries are imported where they are used, because every cloud is read by a new process.
+The libraries are imported where they are used, because a new process may read the cloud.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ def read_cloud(path: Path, units: str, limits: CloudLimits) -> np.ndarray:
         raise InputError(f"{path}: missing")
     arguments = {"path": str(path), "units": units, "limits": asdict(limits)}
     extra_s = reader_limits().cloud_s_per_gb * path.stat().st_size / 1e9
-    # Open3D and laspy have threads of their own, which do not survive a fork.
-    return run_limited("cloud", arguments, str(path), extra_s, fresh=True).arrays["points"]
+    fresh = path.suffix.lower() == ".pcd"  # Open3D reads it, whose threads do not survive a fork
+    return run_limited("cloud", arguments, str(path), extra_s, fresh).arrays["points"]
 
 
 def read_here(path: str, units: str, limits: dict[str, Any]) -> Payload:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.survey.legs import SurveyLeg, legs_of_chains
-from pipeline.survey.shapes import read_text_bytes
+from pipeline.survey.shapes import read_text_bytes, require_at_most
 
 _FOOT_M = 0.3048
 _UNKNOWN_FT = 900.0  # Compass writes 999.9 or a negative number for a distance that was not measured
@@ -31,6 +31,7 @@ def read_plt(path: Path) -> list[SurveyLeg]:
     Compass, "Plot file format": `M` or `D` north east up `S`name `P` left up down right, in feet.
     """
     chains: list[list[tuple[str, tuple[float, float], tuple[float, float]]]] = []
+    count = 0
     for number, line in enumerate(read_text_bytes(path).decode("latin-1").splitlines(), start=1):
         fields = line.split()
         if not fields or fields[0] not in ("M", "D"):
@@ -49,6 +50,8 @@ def read_plt(path: Path) -> list[SurveyLeg]:
         if fields[0] == "M" or not chains:
             chains.append([])
         chains[-1].append((name, (east, north), walls))
+        count += 1
+        require_at_most(path, count, "stations", "stations or more")
     return legs_of_chains(path, chains)
 
 

@@ -20,10 +20,10 @@ from pipeline.survey.georeference import read_placement, world_file
 from pipeline.survey.grid import draw_grid
 from pipeline.survey.image import read_image
 from pipeline.survey.nav2 import nav2_picture
-from pipeline.survey.picture import draw_page
+from pipeline.survey.picture import draw_page, require_few_regions
 from pipeline.survey.scale import find_bar, measure_bar
 from pipeline.survey.shapes import METRES
-from pipeline.survey.vector_survey import draw_vector_survey, vector_files
+from pipeline.survey.vector_survey import draw_vector_survey, read_shapes, vector_files
 from pipeline.types import Image, Mask
 
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pdf")
@@ -102,10 +102,11 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
     tried: dict[str | None, tuple[float, Any]] = {}
     units = [stated["unit"]] if stated.get("unit") else [None, *METRES]
     problem: InputError | None = None
+    content = read_shapes(path, stated.get("layers"))
     for unit in units:
         params = _vector(path, unit, stated)
         try:
-            workings, place, _, _ = draw_vector_survey(params)
+            workings, place, _, _ = draw_vector_survey(params, content)
         except InputError as error:
             problem = problem or error
             continue
@@ -155,6 +156,7 @@ def _detect_picture(path: Path, stated: dict[str, Any]) -> Detection:
     edge = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]]).mean(axis=1)
     inverted = bool(np.median(edge) < 128)
     picture = 255 - picture if inverted else picture
+    require_few_regions(path, picture)
     scale, remarks, files = _detect_scale(path, picture, stated)
     dark = _workings_mask(picture, scale.get("bar_box_px"))
     per_m = scale["px_per_m"] or 0.0

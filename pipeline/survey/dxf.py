@@ -9,9 +9,11 @@ from pathlib import Path
 
 from ezdxf import disassemble
 from ezdxf.document import Drawing
+from ezdxf.entities.dxfentity import DXFEntity
 from ezdxf.entities.insert import Insert
 from ezdxf.filemanagement import readfile
 from ezdxf.lldxf.const import DXFError
+from ezdxf.math import Vec3
 from shapely import LineString
 
 from pipeline.errors import InputError
@@ -21,6 +23,8 @@ from pipeline.survey.shapes import Shapes, read_text_bytes, require_at_most, req
 _UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
 _CHORD_SHARE = 1e-4  # largest distance between a curve and its chords, as a share of the drawing's size
 _ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?$", re.MULTILINE)  # each entity begins with group code 0
+_POINT = re.compile(rb"^[ \t]*10[ \t]*\r?$", re.MULTILINE)  # a point begins with group code 10
+_LARGEST = 1e12  # a mine in mm at map coordinates needs 1e10
 _DRAWN = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
 
 
@@ -38,7 +42,9 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
         If the file is not DXF, exceeds a limit on entities, blocks or points, or a layer is unknown. The message lists
         the layers.
     """
-    require_at_most(path, len(_ENTITY.findall(read_text_bytes(path))), "dxf_entities", "entities and tables")
+    data = read_text_bytes(path)
+    require_at_most(path, len(_ENTITY.findall(data)), "dxf_entities", "entities and tables")
+    require_at_most(path, len(_POINT.findall(data)), "points", "points or more")
     try:
         drawing = readfile(path)
         _require_block_size(path, drawing)
@@ -64,6 +70,14 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
     if unknown and not lines:
         raise InputError(f"{path}: no layer {', '.join(unknown)}; there are {', '.join(sorted(existing))}")
     return Shapes(list(lines), _UNITS.get(int(drawing.header.get("$INSUNITS", 0))))
+
+
+def _require_plain_numbers(path: Path, entity: DXFEntity) -> None:
+    """Refuse an entity with a coordinate, radius or angle that is absurd or not finite."""
+    for name, value in entity.dxfattribs().items():
+        numbers = value if isinstance(value, Vec3 | tuple) else (value,) if isinstance(value, float) else ()
+        if not all(abs(number) < _LARGEST for number in numbers):
+            raise InputError(f"{path}: {name} = {value} of a {entity.dxftype()}, expected numbers below {_LARGEST:g}")
 
 
 def _require_block_size(path: Path, drawing: Drawing) -> None:
@@ -110,6 +124,8 @@ def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> list[LineS
     if len(entities) > most:
         raise InputError(f"{path}: more than {most} entities with blocks resolved (dxf_entities in {FILE})")
     kept = [e for e in entities if e.dxftype() in _DRAWN and (layers is None or e.dxf.layer in layers)]
+    for entity in kept:
+        _require_plain_numbers(path, entity)
     paths = [p.path for p in disassemble.to_primitives(kept) if p.path is not None and len(p.path)]
     vertices = [point for p in paths for point in p.control_vertices()]
     if not vertices:

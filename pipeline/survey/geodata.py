@@ -34,8 +34,9 @@ def read_geodata(path: Path, layers: list[str] | None) -> Shapes:
         raise InputError(f"{path}: {path.stat().st_size} bytes, the limit is {most} (file_bytes in {FILE})")
     if path.open("rb").read(len(_MAGIC[path.suffix.lower()])) != _MAGIC[path.suffix.lower()]:
         raise InputError(f"{path}: not a {'GeoPackage' if path.suffix.lower() == '.gpkg' else 'Shapefile'}")
+    source = _plain_database(path) if path.suffix.lower() == ".gpkg" else path
     try:
-        existing = [str(name) for name in pyogrio.list_layers(path)[:, 0]]
+        existing = [str(name) for name in pyogrio.list_layers(source)[:, 0]]
         unknown = sorted(set(layers or []) - set(existing))
         if unknown:
             raise InputError(f"{path}: no layer {', '.join(unknown)}; there are {', '.join(existing)}")
@@ -43,7 +44,7 @@ def read_geodata(path: Path, layers: list[str] | None) -> Shapes:
         systems, points = set(), 0
         for layer in layers or existing:
             most = reader_limits().shapes + 1 - len(shapes)
-            meta, _, wkb, _ = pyogrio.raw.read(path, layer=layer, columns=[], max_features=most)
+            meta, _, wkb, _ = pyogrio.raw.read(source, layer=layer, columns=[], max_features=most)
             if wkb is None:
                 continue
             layer_shapes = [shape for shape in shapely.from_wkb(wkb, on_invalid="ignore") if shape is not None]
@@ -60,6 +61,20 @@ def read_geodata(path: Path, layers: list[str] | None) -> Shapes:
             f"{path}: its layers have different coordinate systems; choose layers with one system by survey.layers"
         )
     return Shapes(shapes, None, next(iter(systems), None))
+
+
+def _plain_database(path: Path) -> bytes:
+    """Return a GeoPackage's bytes without its mark for a write-ahead log.
+
+    SQLite reads the copy in memory, so it makes no files beside the original and follows no journal there.
+    """
+    log = path.with_name(f"{path.name}-wal")
+    if log.is_file() and log.stat().st_size:
+        raise InputError(f"{path}: {log.name} holds changes that are not in the file; close it in its program first")
+    data = bytearray(path.read_bytes())
+    if data[18:20] == b"\x02\x02":
+        data[18:20] = b"\x01\x01"
+    return bytes(data)
 
 
 def companions(path: Path) -> list[Path]:

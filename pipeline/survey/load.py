@@ -22,7 +22,7 @@ from pipeline.survey.grid import draw_grid
 from pipeline.survey.image import read_image
 from pipeline.survey.legs import build_workings
 from pipeline.survey.nav2 import nav2_picture
-from pipeline.survey.picture import fill_walls, make_ready, read_picture, turn_picture
+from pipeline.survey.picture import fill_walls, make_ready, read_picture, require_few_regions, turn_picture
 from pipeline.survey.poses import PoseScale, gate_returns, read_poses, read_returns, scale_from_poses
 from pipeline.survey.scale import measure_bar
 from pipeline.survey.stations import read_stations
@@ -174,6 +174,7 @@ def read_plan(params: PlanSurveyParams) -> Reading:
     """Read a plan image, prepared for tracing."""
     path, length = Path(params.image), params.scale.bar_length_m
     plan = make_ready(path, read_picture(path, params), params)
+    require_few_regions(path, plan)
     boxes, bar, per_m, georeference = [], None, None, Georeference("m", 1.0, turned_deg=params.turn_deg)
     if params.scale.bar_image is not None:
         bar = measure_bar(

@@ -85,12 +85,14 @@ def _read_map_file(path: Path) -> _MapFile:
     try:
         header = _MapFile.model_validate(load_plain_yaml(path))
     except ParamsError as error:
-        raise InputError(str(error)) from error
+        raise InputError(f"{path}: cannot be read as YAML ({str(error).removeprefix(f'{path}:').strip()})") from error
     except ValidationError as error:
         first = error.errors()[0]
         raise InputError(f"{path}: {'.'.join(map(str, first['loc'])) or 'map'}: {first['msg']}") from error
     if not (math.isfinite(header.resolution) and all(map(math.isfinite, header.origin))):
         raise InputError(f"{path}: resolution = {header.resolution}, origin = {header.origin}: expected finite numbers")
+    if not header.image.isprintable():
+        raise InputError(f"{path}: image = {header.image[:80]!r} holds line breaks or control characters")
     if not (path.parent / header.image).resolve().is_relative_to(path.parent.resolve()):
         raise InputError(f"{path}: image = {header.image[:80]!r} is outside the map's folder")
     return header

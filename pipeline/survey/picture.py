@@ -11,6 +11,7 @@ import pypdfium2
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.binarize import dark_pixels
 from pipeline.geometry.line_drawing import fill_line_drawing
+from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.image import read_image, require_workings_drawn
 from pipeline.survey.picture_header import MAX_SIDE_PX
@@ -84,6 +85,23 @@ def make_ready(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
     if params.turn_deg:
         picture, _ = turn_picture(picture, params.turn_deg)
     return picture
+
+
+def require_few_regions(path: Path, picture: Image) -> None:
+    """Refuse a picture with more separate dark regions than the limit, such as noise.
+
+    Raises
+    ------
+    InputError
+        The message names the file, the count and the limit.
+    """
+    dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)).astype(np.uint8)
+    count = cv2.connectedComponents(dark)[0] - 1
+    most = reader_limits().regions
+    if count > most:
+        raise InputError(
+            f"{path}: {count} separate dark regions, the limit is {most} (regions in {FILE}); is it noise?"
+        )
 
 
 def fill_walls(path: Path, picture: Image, params: PlanSurveyParams) -> Image:

@@ -15,6 +15,8 @@ from pipeline.params.reader_limits import FILE, reader_limits
 
 MAX_SIDE_PX = 16_384  # the largest framebuffer of OSMesa, in which stage 6 renders the world
 _JPEG_SIZES = {0xC0 + k for k in range(16)} - {0xC4, 0xC8, 0xCC}  # markers of frames; the others are tables
+_MARKER = re.compile(rb"\xff[^\xff\x00\x01]", re.DOTALL)
+_MOST_SEGMENTS = 10_000
 _TIFF_TYPES = {1: "B", 3: "H", 4: "I", 16: "Q"}
 _PNM = re.compile(rb"P([1-6])(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{0,9})")
 
@@ -88,18 +90,19 @@ def read_header(magic: bytes, data: memoryview) -> PictureHeader | None:
     return PictureHeader(int(width), int(height), (3 if kind in (b"3", b"6") else 1) * (2 if deep else 1))
 
 
-def _jpeg(data: memoryview) -> PictureHeader:
-    at = 2
-    while True:
-        if data[at] != 0xFF:
-            at += 1
-            continue
-        marker = data[at + 1]
+def _jpeg(data: memoryview) -> PictureHeader | None:
+    whole, at = bytes(data), 2
+    for _ in range(_MOST_SEGMENTS):
+        found = _MARKER.search(whole, at)
+        if found is None:
+            return None
+        marker, at = found[0][-1], found.end()
         if marker in _JPEG_SIZES:
-            height, width, channels = struct.unpack_from(">HHB", data, at + 5)
+            height, width, channels = struct.unpack_from(">HHB", data, at + 3)
             return PictureHeader(width, height, max(3, channels))
-        alone = marker in (0x00, 0x01, 0xFF) or 0xD0 <= marker <= 0xD9  # without a length
-        at += (1 if marker == 0xFF else 2) if alone else 2 + struct.unpack_from(">H", data, at + 2)[0]
+        if not 0xD0 <= marker <= 0xD9:  # those have no length
+            at += struct.unpack_from(">H", data, at)[0]
+    return None
 
 
 def _tiff(order: str, data: memoryview) -> PictureHeader:

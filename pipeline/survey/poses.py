@@ -20,7 +20,7 @@ from pipeline.geometry.outline import trace_outline
 from pipeline.geometry.raycast import RayCaster, upright_walls
 from pipeline.geometry.registration import Pose, Search, register_scans
 from pipeline.params.reader_limits import reader_limits
-from pipeline.survey.shapes import read_text_bytes, require_size
+from pipeline.survey.shapes import read_text_bytes, require_at_most
 from pipeline.types import Frame, Image
 
 _MAX_ERROR_M = 1.0  # the published plan draws drifts 1 to 2 m too wide; a wrong scale has a larger error
@@ -84,6 +84,7 @@ def _read_pose_estimates(path: Path) -> dict[str, SurveyedPose]:
         lines = [line.split() for line in _text(path).splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read ({error})") from error
+    require_at_most(path, len(lines), "sweep_rows", "rows")
     poses = {}
     for number, line in enumerate(lines, start=1):
         if len(line) != _QUATERNION_COLUMNS:
@@ -216,10 +217,12 @@ def _read_columns(path: Path, columns: tuple[str, ...], optional: tuple[str, ...
         missing = [c for c in columns if c not in (reader.fieldnames or [])]
         if missing:
             raise InputError(f"{path}: no column {', '.join(missing)}")
-        rows = [[row.get(c) or "" for c in (*columns, *optional)] for row in islice(reader, reader_limits().points + 1)]
+        rows = [
+            [row.get(c) or "" for c in (*columns, *optional)] for row in islice(reader, reader_limits().sweep_rows + 1)
+        ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read as CSV ({error})") from error
-    require_size(path, len(rows))
+    require_at_most(path, len(rows), "sweep_rows", "rows or more")
     return rows
 
 

@@ -68,6 +68,35 @@ def require_at_most(path: Path, count: int, limit: str, noun: str) -> None:
         raise InputError(f"{path}: {count} {noun}, the limit is {most} ({limit} in {FILE})")
 
 
+def require_simple(path: Path, content: Shapes) -> Shapes:
+    """Return a file's shapes without collections in collections.
+
+    Raises
+    ------
+    InputError
+        If there are too many shapes or points, they are nested too deep, or their edges cross too often.
+    """
+    limits = reader_limits()
+    require_at_most(path, len(content.shapes), "shapes", "shapes")
+    parts = np.array(content.shapes, dtype=object)
+    for _ in range(limits.nesting):
+        if not (shapely.get_type_id(parts) > 3).any():
+            break
+        parts = shapely.get_parts(parts)
+    else:
+        raise InputError(
+            f"{path}: collections are nested more than {limits.nesting} deep, the limit (nesting in {FILE})"
+        )
+    require_at_most(path, len(parts), "shapes", "shapes")
+    require_size(path, int(shapely.get_num_coordinates(parts).sum()))
+    shapes = [shapely.force_2d(shape) for shape in parts if not shape.is_empty]
+    if not np.isfinite(shapely.get_coordinates(shapes)).all():
+        raise InputError(f"{path}: a coordinate is not finite")
+    if count_crossings(shapes, limits.crossings) > limits.crossings:
+        raise InputError(f"{path}: its lines cross more than {limits.crossings} times, the limit (crossings in {FILE})")
+    return Shapes(shapes, content.unit, content.crs)
+
+
 def locate(
     path: Path, content: Shapes, unit: str | None, origin: tuple[float, float] | None
 ) -> tuple[list[BaseGeometry], Georeference]:
@@ -86,7 +115,6 @@ def locate(
     InputError
         If a coordinate is not finite or more than 10 km from the origin, or the coordinate system is unknown.
     """
-    require_at_most(path, len(content.shapes), "shapes", "shapes")
     shapes = [shapely.force_2d(shape) for shape in content.shapes if not shape.is_empty]
     if not shapes:
         raise InputError(f"{path}: holds no polygons and no lines")
@@ -132,7 +160,10 @@ def _project(path: Path, shapes: list[BaseGeometry], system: pyproj.CRS) -> tupl
             "coordinate system is (GeoJSON is always longitude and latitude); state survey.unit=m for a local grid"
         )
     projection = f"+proj=tmerc +lat_0={(south + north) / 2:.6f} +lon_0={(west + east) / 2:.6f} +ellps=WGS84 +units=m"
-    to_local = pyproj.Transformer.from_crs(system, pyproj.CRS.from_proj4(projection), always_xy=True)
+    try:
+        to_local = pyproj.Transformer.from_crs(system, pyproj.CRS.from_proj4(projection), always_xy=True)
+    except pyproj.exceptions.ProjError as error:
+        raise InputError(f"{path}: its coordinate system cannot be projected ({str(error)[:160]})") from error
     return [shapely.transform(s, lambda p: np.column_stack(to_local.transform(*p.T))) for s in shapes], projection
 
 
@@ -151,13 +182,9 @@ def workings_of(
     Raises
     ------
     InputError
-        If there are no polygons and lines, the lines enclose no area, or their edges cross too often.
+        If there are no polygons and lines, or the lines enclose no area.
     """
-    parts = [part for shape in shapes for part in _simple_parts(path, shape)]
-    require_at_most(path, len(parts), "shapes", "shapes")
-    most = reader_limits().crossings
-    if count_crossings(parts, most) > most:
-        raise InputError(f"{path}: its lines cross more than {most} times, the limit (crossings in {FILE})")
+    parts = [part for shape in shapes for part in shapely.get_parts(shape)]
     polygons = [part for part in parts if isinstance(part, Polygon)]
     lines = [part for part in parts if isinstance(part, LineString) and part.length > 0]
     if polygons and not lines:
@@ -172,15 +199,3 @@ def workings_of(
         return enclose_workings(walls, snap_m, seeds)
     except (GeometryError, shapely.GEOSException) as error:
         raise InputError(f"{path}: {error}") from error
-
-
-def _simple_parts(path: Path, shape: BaseGeometry) -> list[BaseGeometry]:
-    """Return the parts of a collection, and of the collections in it."""
-    parts = np.array([shape], dtype=object)
-    for _ in range(reader_limits().nesting):
-        if not (shapely.get_type_id(parts) > 3).any():
-            return parts.tolist()
-        parts = shapely.get_parts(parts)
-    raise InputError(
-        f"{path}: collections are nested more than {reader_limits().nesting} deep, the limit (nesting in {FILE})"
-    )

@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.adjustment import Shot, adjust_network
 from pipeline.survey.legs import Chain, SurveyLeg, legs_of_chains
-from pipeline.survey.shapes import read_text_bytes
+from pipeline.survey.shapes import read_text_bytes, require_at_most
 from pipeline.survey.survex_readings import (
     Settings,
     angle_deg,
@@ -56,6 +56,7 @@ class _Survey:
     fixed: dict[str, np.ndarray] = field(default_factory=dict)
     equal: list[tuple[str, str]] = field(default_factory=list)
     passages: list[list[tuple[str, tuple[float, float]]]] = field(default_factory=list)
+    stations: int = 0  # in all passages
     crs: str | None = None
 
 
@@ -129,6 +130,7 @@ def _read(path: Path, folder: Path, settings: Settings, survey: _Survey, files: 
                 case "equate":
                     names = [_name(settings, word) for word in rest]
                     survey.equal += [(names[0], name) for name in names[1:]]
+                    require_at_most(path, len(survey.equal), "survex_shots", "equates or more")
                 case "fix":
                     _fix(where, rest, settings, survey)
                 case "cs":
@@ -156,6 +158,8 @@ def _read(path: Path, folder: Path, settings: Settings, survey: _Survey, files: 
                 raise InputError(f"{where}: passage data without a station")
             walls = wall_m(where, values.get("left"), settings), wall_m(where, values.get("right"), settings)
             block.append((_name(settings, values["station"]), walls))
+            survey.stations += 1
+            require_at_most(path, survey.stations, "stations", "stations with passages or more")
         elif settings.style != "nosurvey":
             pending = _shot(where, words, settings, survey, pending)
     if stack:
@@ -176,6 +180,8 @@ def _include(
     where: str, path: Path, folder: Path, name: str, settings: Settings, survey: _Survey, files: list[Path]
 ) -> None:
     name = name.strip('"').replace("\\", "/")
+    if not name.isprintable():
+        raise InputError(f"{where}: *include {name[:80]!r} holds control characters")
     options = [path.parent / name, (path.parent / name).with_name(Path(name).name + ".svx")]
     file = next((option for option in options if option.is_file()), None)
     if file is None:

@@ -19,7 +19,7 @@ from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
 from pipeline.survey.geodata import companions
 from pipeline.survey.geojson import read_geojson
 from pipeline.survey.legs import build_workings
-from pipeline.survey.shapes import Shapes, locate, workings_of
+from pipeline.survey.shapes import Shapes, locate, require_simple, workings_of
 from pipeline.survey.survex import svx_files
 from pipeline.types import METRIC, Frame, Georeference, Image
 
@@ -28,15 +28,19 @@ _FINEST_PX_PER_M, _WIDEST_PX = 8.0, 6000
 _ORIGIN_AT = 0.25  # of a pixel: walls at whole and half metres then miss pixel centres, where rounding would decide
 
 
-def draw_vector_survey(params: VectorSurvey) -> tuple[MultiPolygon, Georeference, Image, Frame]:
+def draw_vector_survey(
+    params: VectorSurvey, content: Shapes | None = None
+) -> tuple[MultiPolygon, Georeference, Image, Frame]:
     """Return a survey's workings (m, mine frame), their georeference, their plan and its frame.
+
+    `content` is what `read_shapes` returned for a vector file; None reads the file.
 
     Raises
     ------
     InputError
         If the file cannot be read or holds no workings.
     """
-    workings, georeference = _read(params)
+    workings, georeference = _read(params, content)
     if workings.is_empty:
         raise InputError(f"{_name(params)}: the workings have no area")
     west, south, east, north = workings.bounds
@@ -51,24 +55,36 @@ def draw_vector_survey(params: VectorSurvey) -> tuple[MultiPolygon, Georeference
     return workings, georeference, draw_workings(workings, frame, params.labels_m, params.drawing_grey), frame
 
 
-def _read(params: VectorSurvey) -> tuple[MultiPolygon, Georeference]:
+def read_shapes(path: Path, layers: list[str] | None) -> Shapes:
+    """Read the shapes of a vector file by the reader of its suffix, within the limits on their number and crossings.
+
+    Raises
+    ------
+    InputError
+        If the format is not supported, or the reader or a limit refuses the file.
+    """
+    reader = SHAPE_READERS.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(f"{path}: not a supported vector format ({', '.join(SHAPE_READERS)})")
+    return require_simple(path, reader(path, layers))
+
+
+def _read(params: VectorSurvey, content: Shapes | None) -> tuple[MultiPolygon, Georeference]:
     match params.kind:
         case "procedural":
             rng = np.random.default_rng(params.seed)
             return generate_workings(rib_noise_m=params.rib_noise_m, rng=rng, **params.mine.model_dump()), METRIC
         case "variant":
             path = Path(params.workings)
-            shapes, georeference = locate(path, read_geojson(path, None), None, None)
+            shapes, georeference = locate(path, require_simple(path, read_geojson(path, None)), None, None)
             workings, rng = workings_of(path, shapes, 0.0, []), np.random.default_rng(params.seed)
             perturbed = perturb_workings(workings, params.station_sd_m, params.width_sd_m, params.reach_m, rng)
             return perturbed, georeference
         case "passages":
             return _read_passages(Path(params.file), params.origin)
     path = Path(params.file)
-    reader = SHAPE_READERS.get(path.suffix.lower())
-    if reader is None:
-        raise InputError(f"{path}: not a supported vector format ({', '.join(SHAPE_READERS)})")
-    shapes, georeference = locate(path, reader(path, params.layers), params.unit, params.origin)
+    content = content or read_shapes(path, params.layers)
+    shapes, georeference = locate(path, content, params.unit, params.origin)
     return workings_of(path, shapes, params.snap_m, list(params.seeds_m)), georeference
 
 
