@@ -3,39 +3,56 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import chdir
+from dataclasses import asdict
 from pathlib import Path
 
 import yaml
 
-
-def _read_plan(path: Path) -> None:
-    from pipeline.params.survey import PlanSurveyParams
-    from pipeline.survey.picture import make_ready, read_picture
-
-    scale = {"source": "stated", "px_per_m": 8.0}
-    params = PlanSurveyParams.model_validate(
-        {"kind": "plan", "name": "m", "image": "data/x", "max_megapixels": 100, "scale": scale}
-    )
-    make_ready(path, read_picture(path, params), params)
+PICTURES = ("png", "jpeg", "tiff", "pdf")
+PLACED = ("geotiff", "world file")
+VECTORS = ("map.yaml", "dxf", "geojson", "geopackage", "shapefile", "stations", "survex", "compass")
+CLOUDS = ("xyz", "ply", "pcd", "las", "stl", "obj")
 
 
-def _read_placed(path: Path) -> None:
-    from pipeline.survey.georeference import read_placement
+def _read_mine(path: Path, **stated: float) -> None:
+    """Do what `new` does with a file, as far as stage 1: detect, write the section, read the survey."""
+    from pydantic import TypeAdapter
 
-    _read_plan(path)
-    read_placement(path)
-
-
-def _read_map(path: Path) -> None:
-    from pipeline.survey.grid import draw_grid
-
-    draw_grid(path, unknown_is_free=False)
-
-
-def _read_vector_survey(path: Path) -> None:
+    from pipeline.import_mine import require_section, survey_yaml
+    from pipeline.params.survey import SurveyParams
     from pipeline.survey.detect import detect_survey
+    from pipeline.survey.load import read_survey, sources
 
-    detect_survey(path, {})
+    with chdir(path.parent.parent):
+        file = Path(path.parent.name) / path.name
+        text = survey_yaml("fuzz", file, detect_survey(file, dict(stated)), {})
+        require_section(text)
+        params = TypeAdapter(SurveyParams).validate_python(yaml.safe_load(text)["survey"])
+        sources(params)
+        read_survey(params)
+
+
+def _read_picture(path: Path) -> None:
+    _read_mine(path, px_per_m=8.0)
+
+
+def _read_cloud(path: Path) -> None:
+    import laspy  # noqa: F401  imported here, so that not every child does
+    import open3d  # noqa: F401
+    import trimesh  # noqa: F401
+
+    from pipeline.survey.child import run_limited
+    from pipeline.survey.cloud import CloudLimits
+
+    limits = asdict(CloudLimits(0.01, (0.5, 50.0), 1_000_000, (1.0, 12.0), 400.0))
+    run_limited("cloud", {"path": str(path), "units": "m", "limits": limits}, str(path))
+
+
+def _read_sweep(path: Path) -> None:
+    from pipeline.survey.poses import read_sweep
+
+    read_sweep(path, 50.0, 1.0)
 
 
 def _read_bundle(path: Path) -> None:
@@ -58,15 +75,19 @@ def _read_section(path: Path) -> None:
         values = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
         TypeAdapter(SurveyParams).validate_python(values)
     except (OmegaConfBaseException, yaml.YAMLError, ValidationError, ValueError, TypeError, OSError) as error:
-        raise ParamsError(str(error) or type(error).__name__) from error
+        raise ParamsError((str(error) or type(error).__name__).splitlines()[0]) from error
+
+
+def registry_beside(folder: Path) -> None:
+    """Write the empty registry that stage 1 needs."""
+    (folder / "registry.txt").write_text("# name\tsha256\tbytes\torigin\tlicence\n")
 
 
 READERS: dict[str, Callable[[Path], None]] = {
-    **dict.fromkeys(("png", "jpeg", "tiff", "pdf"), _read_plan),
-    **dict.fromkeys(("geotiff", "world file"), _read_placed),
-    **dict.fromkeys(("dxf", "geojson", "geopackage", "shapefile"), _read_vector_survey),
-    **dict.fromkeys(("stations", "survex", "compass"), _read_vector_survey),
-    "map.yaml": _read_map,
+    **dict.fromkeys(PICTURES, _read_picture),
+    **dict.fromkeys((*PLACED, *VECTORS), _read_mine),
+    **dict.fromkeys(CLOUDS, _read_cloud),
+    "sweep": _read_sweep,
     "bundle": _read_bundle,
     "survey section": _read_section,
 }

@@ -5,9 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import struct
 import tempfile
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -153,6 +151,46 @@ M 1115.49 426.51 0 Sb P 4.92 6.56 1.64 4.92
 D 1089.00 426.51 0 Sd P 4.92 6.56 1.64 4.92
 """
 
+_SWEEP = b"theta_mu,range_mu,range_var\n" + b"".join(b"%.3f,%.3f,0.001\n" % (i / 20, 2 + i % 7) for i in range(120))
+
+
+def _cave() -> np.ndarray:
+    """Return points (300, 3) m on the walls of a drift 4 m high."""
+    at = np.arange(300)
+    return np.column_stack([2.5 * np.cos(at), at / 100, 2 + 2 * np.sin(at)])
+
+
+def _ply() -> Files:
+    head = b"ply\nformat binary_little_endian 1.0\nelement vertex 300\n"
+    return {"c.ply": head + b"".join(b"property float %c\n" % c for c in b"xyz") + b"end_header\n" + _bytes_of(_cave())}
+
+
+def _pcd() -> Files:
+    head = b"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 300\nHEIGHT 1\n"
+    return {"c.pcd": head + b"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 300\nDATA binary\n" + _bytes_of(_cave())}
+
+
+def _bytes_of(points: np.ndarray) -> bytes:
+    return points.astype("<f4").tobytes()
+
+
+def _las() -> Files:
+    import laspy
+
+    def write(path: Path) -> None:
+        cloud = laspy.LasData(laspy.LasHeader(point_format=0, version="1.2"))
+        cloud.x, cloud.y, cloud.z = _cave().T
+        cloud.write(str(path))
+
+    return _saved("c.las", write)
+
+
+def _mesh(name: str) -> Files:
+    import trimesh
+
+    return _saved(name, lambda path: trimesh.creation.cylinder(2.0, 30.0, sections=24).export(path))
+
+
 SAMPLES: dict[str, Callable[[], Files]] = {
     "png": _picture(".png"),
     "jpeg": _picture(".jpg"),
@@ -168,75 +206,13 @@ SAMPLES: dict[str, Callable[[], Files]] = {
     "stations": lambda: {"s.csv": _CSV},
     "survex": lambda: {"cave.svx": _SVX, "more.svx": b"*data normal from to tape compass clino\n2 9 4 4 4\n"},
     "compass": lambda: {"cave.plt": _PLT},
+    "xyz": lambda: {"c.xyz": b"".join(b"%.3f %.3f %.3f 9\n" % tuple(p) for p in _cave())},
+    "ply": _ply,
+    "pcd": _pcd,
+    "las": _las,
+    "stl": lambda: _mesh("c.stl"),
+    "obj": lambda: _mesh("c.obj"),
+    "sweep": lambda: {"sweep.csv": _SWEEP},
     "bundle": _bundle,
     "survey section": lambda: {"conf.yaml": Path("conf/survey/plan.yaml").read_bytes()},
-}
-
-
-def _png_of(width: int, height: int) -> bytes:
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    head = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0))
-    return b"\x89PNG\r\n\x1a\n" + head + chunk(b"IDAT", zlib.compress(bytes(10_000_000), 9)) + chunk(b"IEND", b"")
-
-
-_LAUGHS = b"a: &a [x, x, x, x, x, x, x, x, x]\n" + b"".join(
-    b"%c: &%c [%s]\n" % (98 + i, 98 + i, b", ".join([b"*%c" % (97 + i)] * 9)) for i in range(9)
-)
-_TAGGED = b"!!python/object/apply:os.system ['touch ../minexplore-was-here']\n"
-_BOMB = (
-    b'<?xml version="1.0"?><!DOCTYPE l [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;">]><l>&b;</l>'
-)
-
-
-def _map_with(**more: Any) -> Files:
-    fields = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], **more}
-    return {"map.yaml": yaml.safe_dump(fields).encode()}
-
-
-def _listing(*names: str) -> Files:
-    record = {"format": FORMAT, "files": dict.fromkeys(names, "0" * 64), "world_sha256": "0" * 64}
-    return {"world.json": json.dumps(record).encode()}
-
-
-def _deep(depth: int) -> bytes:
-    return b'{"type": "FeatureCollection", "features": ' + b"[" * depth + b"]" * depth + b"}"
-
-
-_PICTURES = [{"plan.png": _png_of(100_000, 100_000)}, {"plan.png": _png_of(2**31 - 1, 1)}, {"plan.png": _png_of(0, 0)}]
-HOSTILE: dict[str, list[Files]] = {
-    "png": _PICTURES,
-    "world file": [{"plan.pgw": b"1e308\n" * 6}, {"plan.pgw": b"0\n" * 6}],
-    "map.yaml": [
-        _map_with(image="../../../../etc/passwd"),
-        _map_with(image="/etc/passwd"),
-        _map_with(resolution=1e-300),
-        _map_with(resolution=float("nan")),
-        _map_with(origin=[1e300, 0, 0]),
-        _map_with(origin=[0, 0, 1e300]),
-        {"map.yaml": _TAGGED},
-        {"map.yaml": _LAUGHS},
-        {"map.yaml": b"[" * 20_000},
-        {"map.pgm": b"P5 999999999 999999999 255\n"},
-    ],
-    "geojson": [{"mine.geojson": _deep(200_000)}, {"mine.geojson": b"[" * 1_000_000}, {"mine.geojson": _BOMB}],
-    "geopackage": [{"mine.gpkg": _BOMB}, {"mine.gpkg": b"<OGRVRTDataSource><OGRVRTLayer/></OGRVRTDataSource>"}],
-    "shapefile": [{"mine.shp": b"\x00\x00\x27\x0a" + b"\xff" * 96}, {"mine.dbf": b"\xff" * 4096}],
-    "survex": [
-        {"cave.svx": b"*include ../../../etc/passwd\n"},
-        {"cave.svx": b"*include cave\n"},
-        {"more.svx": b"*include cave\n"},
-        {"cave.svx": b"*begin a\n" * 100_000},
-        {"cave.svx": b"1 2 1e308 0 0\n" * 3},
-    ],
-    "bundle": [
-        _listing("../../x"),
-        _listing("/etc/passwd"),
-        _listing("a/../../b"),
-        _listing(""),
-        {"world.json": b"{" * 100_000},
-    ],
-    "survey section": [{"conf.yaml": _TAGGED}, {"conf.yaml": _LAUGHS}, {"conf.yaml": b"kind: ${oc.env:HOME}\n"}],
-    "dxf": [{"mine.dxf": b"0\nSECTION\n2\nENTITIES\n" + b"0\nLINE\n" * 300_000 + b"0\nENDSEC\n0\nEOF\n"}],
 }

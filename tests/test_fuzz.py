@@ -1,11 +1,45 @@
-"""A few of the broken files of `make fuzz`, and all of its hostile files."""
+"""A few of the broken files of `make fuzz`, and its hostile files."""
+
+import json
 
 import numpy as np
 import pytest
 
 from benchmarks.fuzz import fuzz_reader, mutate
-from benchmarks.fuzz_readers import READERS
-from benchmarks.fuzz_samples import HOSTILE, SAMPLES
+from benchmarks.fuzz_hostile import HOSTILE
+from benchmarks.fuzz_readers import READERS, registry_beside
+from benchmarks.fuzz_samples import SAMPLES
+from pipeline.errors import MineError, UnexpectedError
+from pipeline.params import reader_limits
+from pipeline.survey import child
+
+# Instructive hostile files that a reader refuses at once: the limit that each must name.
+FAST = [
+    ("png", "header of 10^10 px", "100000 x 100000 px, the limit is 16384 px a side"),
+    (
+        "png",
+        "bomb of 16 bits and alpha",
+        "1,568,000,000 bytes when decoded, the limit is 800,000,000 (decoded_bytes in",
+    ),
+    ("jpeg", "header of 65500 px a side", "65500 x 65500 px, the limit is 16384"),
+    ("tiff", "sixty thousand channels", "decoded_bytes in"),
+    ("tiff", "BigTIFF of 2^60 tags", "header is broken"),
+    ("pdf", "page of 10^9 points", "the limits are 16384 px a side"),
+    ("map.yaml", "aliases", "aliases and tags are not allowed"),
+    ("map.yaml", "deep within the size", "nested more than 32 deep (nesting in"),
+    ("map.yaml", "huge grid", "the limit is 16384 px a side"),
+    ("world file", "digits without end", "expected six finite numbers"),
+    ("dxf", "blocks that hold each other", "contains itself"),
+    ("dxf", "empty blocks, ten to the tenth", "entities with blocks resolved, the limit is 100000 (dxf_entities in"),
+    ("dxf", "blocks a thousand deep", "blocks are nested more than 16 deep, the limit (dxf_block_depth in"),
+    ("dxf", "arc and circle of 10^300", "expected numbers below 1e+12"),
+    ("geojson", "collections 500 deep", "collections are nested more than 32 deep, the limit (nesting in"),
+    ("geojson", "star of 20,000 rays", "its lines cross more than 50000 times, the limit (crossings in"),
+    ("geopackage", "view without end", "shapes or more, the limit is 100000 (shapes in"),
+    ("shapefile", "polygon of 2^31 points", "cannot be read"),
+    ("survex", "begin without end", "nested more than 100 deep (survex_depth in"),
+    ("survey section", "deep", "nested more than 32 deep"),
+]
 
 
 def test_broken_copies_differ_between_seeds_and_repeat_for_the_same_seed():
@@ -15,10 +49,40 @@ def test_broken_copies_differ_between_seeds_and_repeat_for_the_same_seed():
     assert copies[7] == mutate(data, np.random.default_rng(7))
 
 
+@pytest.mark.parametrize(("reader", "name", "message"), FAST, ids=[f"{reader}-{name}" for reader, name, _ in FAST])
+def test_a_hostile_file_is_refused_with_the_limit_that_it_exceeds(tmp_path, reader, name, message):
+    folder = tmp_path / "data"
+    folder.mkdir()
+    registry_beside(folder)
+    files = {**SAMPLES[reader](), **HOSTILE[reader][name]()}
+    for file, data in files.items():
+        (folder / file).write_bytes(data)
+    with pytest.raises(MineError) as caught:
+        READERS[reader](folder / next(iter(files)))
+    assert message in str(caught.value)
+    assert next(iter(files)).split(".")[0] in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not isinstance(caught.value, UnexpectedError)
+
+
+def test_work_without_end_is_ended_by_the_limit_on_time(tmp_path, monkeypatch):
+    short = reader_limits.reader_limits().model_copy(update={"time_s": 1.0})
+    monkeypatch.setattr(child, "reader_limits", lambda: short)
+    (tmp_path / "data").mkdir()
+    path = tmp_path / "data" / "mine.gpkg"
+    path.write_bytes(HOSTILE["geopackage"]["view that counts without end"]()["mine.gpkg"])
+    with pytest.raises(MineError, match=r"mine\.gpkg: not read within 1 s, the limit \(time_s in"):
+        READERS["geopackage"](path)
+    assert [p.name for p in path.parent.iterdir()] == ["mine.gpkg"]
+
+
+def test_every_reader_has_a_sample_and_hostile_files():
+    assert set(READERS) == set(SAMPLES) == set(HOSTILE)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("reader", list(SAMPLES))
 def test_a_reader_survives_broken_and_hostile_files(reader):
-    assert reader in READERS
-    result = fuzz_reader(reader, len(HOSTILE.get(reader, [])) + 12, lambda n: None)
-    assert result["failed"] == {}
+    result = fuzz_reader(reader, len(HOSTILE[reader]) + 12, lambda n: None)
+    assert json.dumps(result["failed"]) == "{}"
     assert result["refused"] > 0

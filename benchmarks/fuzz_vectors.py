@@ -1,0 +1,233 @@
+"""Hostile drawings and geographic files, made when they are needed."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import struct
+from functools import partial
+
+import numpy as np
+
+from benchmarks import fuzz_vector_builders as make
+from benchmarks.fuzz_builders import Named, absurd_numbers, zip_of
+from benchmarks.fuzz_vector_builders import dxf_block, dxf_insert, dxf_line
+
+_DEEP = b"[" * 200_000 + b"]" * 200_000
+_ENTITIES = (
+    b'<?xml version="1.0"?><!DOCTYPE l [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;">]><l>&b;</l>'
+)
+
+
+DXF: Named = {
+    "300,000 lines": lambda: {"mine.dxf": make.dxf("0\nLINE\n" * 300_000)},
+    "blocks that hold themselves": lambda: {"mine.dxf": make.dxf(dxf_insert("a"), dxf_block("a", dxf_insert("a")))},
+    "blocks that hold each other": lambda: {
+        "mine.dxf": make.dxf(dxf_insert("a"), dxf_block("a", dxf_insert("B")) + dxf_block("b", dxf_insert("A")))
+    },
+    "empty blocks, ten to the tenth": lambda: {"mine.dxf": make.chained_blocks(10, 10)},
+    "lines in blocks, ten to the eighth": lambda: {"mine.dxf": make.chained_blocks(8, 10, dxf_line(0, 0, 1, 1))},
+    "blocks a thousand deep": lambda: {"mine.dxf": make.chained_blocks(1000, 1, dxf_line(0, 0, 1, 1))},
+    "array of 10^9 references": lambda: {
+        "mine.dxf": make.dxf(
+            dxf_insert("a", "70\n32767\n71\n32767\n44\n1\n45\n1\n"), dxf_block("a", dxf_line(0, 0, 1, 1))
+        )
+    },
+    "scales of 10^308": lambda: {
+        "mine.dxf": make.dxf(dxf_insert("a", "41\n1e308\n42\n1e308\n"), dxf_block("a", dxf_line(0, 0, 9, 9)))
+    },
+    "grid of 1000 x 1000 lines": lambda: {
+        "mine.dxf": make.dxf("".join(dxf_line(*a, *b) for a, b in make.grid_lines(1000)))
+    },
+    "arc and circle of 10^300": lambda: {
+        "mine.dxf": make.dxf(
+            "0\nCIRCLE\n8\n0\n10\n0\n20\n0\n40\n1e300\n0\nARC\n8\n0\n10\n0\n20\n0\n40\n1e-300\n50\n0\n51\n1e300\n"
+        )
+    },
+    "spline of degree 10^9": lambda: {
+        "mine.dxf": make.dxf(
+            "0\nSPLINE\n8\n0\n70\n8\n71\n999999999\n72\n9\n73\n4\n74\n0\n" + "40\n0\n" * 9 + "10\n1\n20\n2\n30\n0\n" * 4
+        )
+    },
+    "polyline of 3 million points": lambda: {
+        "mine.dxf": make.dxf("0\nLWPOLYLINE\n8\n0\n90\n3000000\n70\n1\n" + "10\n1\n20\n2\n" * 3_000_000)
+    },
+    "bulges of 10^300": lambda: {
+        "mine.dxf": make.dxf(
+            "0\nLWPOLYLINE\n8\n0\n90\n3\n70\n1\n" + "10\n1\n20\n2\n42\n1e300\n10\n5\n20\n9\n42\n-1e300\n"
+        )
+    },
+    "one line of 60 MB": lambda: {"mine.dxf": make.dxf("0\nTEXT\n1\n" + "x" * 60_000_000 + "\n")},
+    "binary": lambda: {"mine.dxf": b"AutoCAD Binary DXF\r\n\x1a\x00" + b"\x00\x00LINE\x00" * 9_000_000},
+    **absurd_numbers(
+        "mine.dxf", lambda n: make.dxf(dxf_line(0, 0, 50, 0) + dxf_line(50, 0, n, 40) + dxf_line(n, 40, 0, 0))
+    ),
+}
+
+
+def _ring(*points: tuple[float, float]) -> dict:
+    return {"type": "Polygon", "coordinates": [[*points, points[0]]]}
+
+
+def _in_system(name: str) -> dict[str, bytes]:
+    feature = {"type": "Feature", "properties": {}, "geometry": _ring((0, 0), (60, 0), (60, 5), (0, 5))}
+    system = {"type": "name", "properties": {"name": name}}
+    return {"mine.geojson": json.dumps({"type": "FeatureCollection", "crs": system, "features": [feature]}).encode()}
+
+
+# Another planet, a file, an address, a grid that is a file, and a system of three axes.
+SYSTEMS = (
+    "IAU_2015:30100",
+    "+init=/etc/passwd:a",
+    "http://127.0.0.1/x",
+    "+proj=pipeline +step +grids=/etc/passwd",
+    "EPSG:4978",
+)
+GEOJSON: Named = {
+    "deep features": lambda: {"mine.geojson": b'{"type": "FeatureCollection", "features": ' + _DEEP + b"}"},
+    "deep array": lambda: {"mine.geojson": b"[" * 1_000_000},
+    "deep objects": lambda: {"mine.geojson": b'{"type":' * 300_000},
+    "XML entities": lambda: {"mine.geojson": _ENTITIES},
+    "collections 500 deep": lambda: {"mine.geojson": make.nested_collections(450)},
+    "collections 100,000 deep": lambda: {"mine.geojson": make.nested_collections(100_000)},
+    "grid of 1000 x 1000 lines": lambda: {
+        "mine.geojson": make.geojson({"type": "MultiLineString", "coordinates": make.grid_lines(1000)})
+    },
+    "star of 20,000 rays": lambda: {
+        "mine.geojson": make.geojson({"type": "Polygon", "coordinates": [make.star_ring(20_001)]})
+    },
+    "hundred thousand equal lines": lambda: {
+        "mine.geojson": make.geojson({"type": "MultiLineString", "coordinates": [[[0, 0], [9, 9]]] * 100_000})
+    },
+    "long slanting lines side by side": lambda: {
+        "mine.geojson": make.geojson(
+            {"type": "MultiLineString", "coordinates": [[[i * 1e-3, 0], [i * 1e-3 + 500, 500]] for i in range(90_000)]}
+        )
+    },
+    "ten thousand nested rings": lambda: {
+        "mine.geojson": make.geojson(
+            {
+                "type": "MultiLineString",
+                "coordinates": [
+                    [[i, i], [40_000 - i, i], [40_000 - i, 40_000 - i], [i, 40_000 - i], [i, i]]
+                    for i in np.arange(0, 2000, 0.2).tolist()
+                ],
+            }
+        )
+    },
+    "polygon of 20,000 touching holes": lambda: {
+        "mine.geojson": make.geojson(
+            {
+                "type": "Polygon",
+                "coordinates": [[[0, 0], [900, 0], [900, 900], [0, 900], [0, 0]]]
+                + [[[i, j], [i + 5, j], [i + 5, j + 5], [i, j]] for i in range(1, 890, 6) for j in range(1, 890, 6)],
+            }
+        )
+    },
+    "three million points": lambda: {
+        "mine.geojson": make.geojson({"type": "LineString", "coordinates": [[0, 1]] * 3_000_000})
+    },
+    "million features": lambda: {
+        "mine.geojson": b'{"type":"FeatureCollection","features":[' + b"{}," * 1_000_000 + b"{}]}"
+    },
+    "digits without end": lambda: {
+        "mine.geojson": make.geojson(_ring((0, 0), (9, 0), (9, 9))).replace(
+            b"[9, 9]", b"[9, 9" + b"9" * 5_000_000 + b"]"
+        )
+    },
+    "layer names of 60 MB": lambda: {"mine.geojson": make.geojson(None, features=[{"properties": "x" * 60_000_000}])},
+    **{f"coordinate system {name[:16]}": partial(_in_system, name) for name in SYSTEMS},
+    "unit with line breaks": lambda: {
+        "mine.geojson": json.dumps(
+            {
+                "type": "FeatureCollection",
+                "crs": {"type": "name", "properties": {"name": 'LOCAL_CS["a",UNIT["b\n  image: /etc/passwd\n",1]]'}},
+                "features": [
+                    {"type": "Feature", "properties": {}, "geometry": _ring((0, 0), (60, 0), (60, 5), (0, 5))}
+                ],
+            }
+        ).encode()
+    },
+    **absurd_numbers(
+        "mine.geojson",
+        lambda n: make.geojson(_ring((0, 0), (60, 0), (60, 5), (0, 5))).replace(b"[60, 5]", f"[{n}, 5]".encode()),
+    ),
+}
+_SQUARE = struct.pack("<BIII8d", 1, 3, 1, 4, 0, 0, 60, 0, 60, 5, 0, 0)
+_BIG = "WITH RECURSIVE c(i) AS (SELECT 1 UNION ALL SELECT i+1 FROM c{}) SELECT i AS fid, {} AS geom FROM c"
+_POINT = make.gpkg_blob(struct.pack("<BIdd", 1, 1, 0.0, 0.0))
+GEOPACKAGE: Named = {
+    "XML entities": lambda: {"mine.gpkg": _ENTITIES},
+    "virtual format": lambda: {"mine.gpkg": b"<OGRVRTDataSource><OGRVRTLayer/></OGRVRTDataSource>"},
+    "gzip": lambda: {"mine.gpkg": gzip.compress(bytes(100_000_000))},
+    "zip": lambda: {"mine.gpkg": zip_of(bytes(100_000_000))},
+    "write-ahead log": lambda: {"mine.gpkg": _in_log_mode(_layer(_SQUARE))},
+    "journal to roll back": lambda: {
+        "mine.gpkg": _layer(_SQUARE),
+        "mine.gpkg-journal": bytes.fromhex("d9d505f920a163d7") + struct.pack(">IIII", 1, 1, 9, 512) + bytes(5000),
+    },
+    "view without end": lambda: {"mine.gpkg": make.gpkg("CREATE VIEW t AS " + _BIG.format("", _POINT))},
+    "view that counts without end": lambda: {
+        "mine.gpkg": make.gpkg("CREATE VIEW t AS " + _BIG.format("", _POINT) + " WHERE i < 0")
+    },
+    "blob of 1 GB from nothing": lambda: {
+        "mine.gpkg": make.gpkg("CREATE VIEW t AS SELECT 1 AS fid, zeroblob(999999999) AS geom")
+    },
+    "collections 100,000 deep": lambda: {"mine.gpkg": _layer(make.wkb_collection(100_000))},
+    "line of 2^32 points": lambda: {"mine.gpkg": _layer(struct.pack("<BII", 1, 2, 2**32 - 1))},
+    "polygon of 2^32 rings": lambda: {"mine.gpkg": _layer(struct.pack("<BII", 1, 3, 2**32 - 1))},
+    "layer that is a file": lambda: {
+        "mine.gpkg": make.gpkg("CREATE VIEW t AS SELECT 1 AS fid, readfile('/etc/passwd') AS geom")
+    },
+    "coordinate system of 5 MB": lambda: {
+        "mine.gpkg": make.gpkg("CREATE TABLE t(fid INTEGER PRIMARY KEY, geom BLOB)", "PROJCS[" * 800_000)
+    },
+    "unit with line breaks": lambda: {
+        "mine.gpkg": _layer(
+            struct.pack("<BIII8d", 1, 3, 1, 4, 0, 0, 60, 0, 60, 5, 0, 0), 'LOCAL_CS["a",UNIT["b\n  image: x\n",1]]'
+        )
+    },
+    "five thousand layers": lambda: {"mine.gpkg": make.gpkg(_many_layers(5000))},
+    **absurd_numbers(
+        "mine.gpkg", lambda n: _layer(struct.pack("<BIII8d", 1, 3, 1, 4, 0, 0, 60, 0, _double(n), 5, 0, 0))
+    ),
+}
+
+
+def _double(text: str) -> float:
+    return float.fromhex(text) if text.startswith("0x") else float(text)
+
+
+def _in_log_mode(data: bytes) -> bytes:
+    return data[:18] + b"\x02\x02" + data[20:]
+
+
+def _layer(wkb: bytes, srs: str = 'LOCAL_CS["x",UNIT["metre",1]]') -> bytes:
+    table = "CREATE TABLE t(fid INTEGER PRIMARY KEY, geom BLOB);"
+    return make.gpkg(f"{table}INSERT INTO t VALUES(1,{make.gpkg_blob(wkb)})", srs)
+
+
+def _many_layers(count: int) -> str:
+    return "".join(
+        f"CREATE TABLE l{i}(fid INTEGER PRIMARY KEY, geom BLOB);"
+        f"INSERT INTO gpkg_contents VALUES('l{i}','features','l{i}','','2026-01-01T00:00:00Z',0,0,1,1,1);"
+        f"INSERT INTO gpkg_geometry_columns VALUES('l{i}','geom','GEOMETRY',1,0,0);"
+        for i in range(count)
+    )
+
+
+SHAPEFILE: Named = {
+    "all ones": lambda: {"mine.shp": b"\x00\x00\x27\x0a" + b"\xff" * 96},
+    "table of ones": lambda: {"mine.dbf": b"\xff" * 4096},
+    "polygon of 2^31 points": lambda: make.shapefile(make.shp_record(5, 1, 2**31 - 1, bytes(64))),
+    "polygon of 2^31 parts": lambda: make.shapefile(make.shp_record(5, 2**31 - 1, 4, bytes(64))),
+    "stated length of 8 GB": lambda: make.shapefile(make.shp_record(5, 1, 4, bytes(68)), length=2**31 - 1),
+    "index of 10 million equal records": lambda: {
+        "mine.shx": struct.pack(">i20xi", 9994, 50 + 4 * 10_000_000)
+        + struct.pack("<ii8d", 1000, 5, *[0.0] * 8)
+        + struct.pack(">ii", 50, 60) * 10_000_000
+    },
+    "coordinate system of 10 MB": lambda: {"mine.prj": b"PROJCS[" * 1_500_000},
+    "unit with line breaks": lambda: {"mine.prj": b'LOCAL_CS["a",UNIT["b\n  image: x",1]]'},
+    "table of 2^32 rows": lambda: {"mine.dbf": struct.pack("<B3BIHH20x", 3, 26, 1, 1, 2**32 - 1, 65, 65_535) + b"\r"},
+}
