@@ -5,6 +5,7 @@ export OVERRIDES ?=
 SEED ?= 42
 N ?= 10
 SPLIT ?= train
+RANDOM_MUTANTS ?= 300
 PY := .venv/bin/python
 LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header
 STAGES := survey contours compile3d surface realism validation
@@ -68,8 +69,8 @@ roughness: setup  # measure the sweeps below data/raw
 stress-test: all  ## drive robots against the walls: a million contacts
 	@$(PY) -m pipeline certify --bundle artifacts/realism/world --contacts 1000000 --out artifacts/proof/certificate.json
 
-mutants: all  ## put faults into the world; the validator must find each
-	@$(PY) -m benchmarks.mutants
+mutants: all  ## put faults into worlds, listed and random (RANDOM_MUTANTS=2000); the validator must find each
+	@$(PY) -m benchmarks.mutants --random $(RANDOM_MUTANTS)
 
 parity: all  ## cast the same rays by every backend
 	@$(PY) -m pipeline parity --bundle artifacts/realism/world --out artifacts/proof/parity.json

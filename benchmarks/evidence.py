@@ -117,7 +117,7 @@ def proof_tables() -> list[str]:
         "|---|---|---|",
     ]
     lines += [f"| {r['fault']} | {r['expected']} | {'caught' if r['caught'] else 'MISSED'} |" for r in mutants["rows"]]
-    return lines
+    return [*lines, "", f"{mutants.get('random', 'no random mutants')}."]
 
 
 def main() -> int:

@@ -1,10 +1,13 @@
 """Faults of every kind in a small world: each is refused with one line that names the file, or changes nothing."""
 
+import json
+import re
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
 from benchmarks.fault_injection import edit_record, seal
 from benchmarks.random_faults import random_mutant
@@ -14,8 +17,10 @@ from minexplore.bundle import TriangleMesh, decode_msh, encode_msh
 from minexplore.schema import read_folder
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError, MineError
-from pipeline.mjcf.bundle import open_bundle
+from pipeline.geometry.extrude import section_footprint
+from pipeline.mjcf.bundle import obstacles, open_bundle
 from pipeline.proof.same_model import model_difference
+from pipeline.store.verify import verify_certificate
 
 
 @pytest.fixture(scope="session")
@@ -86,15 +91,13 @@ def moved(path: Path, change) -> None:
     [
         ("walls_00_00", lambda v, f: (v, f[:-1]), "a hole at|vertices that belong to no face"),
         ("walls_00_00", lambda v, f: (v, f[:, ::-1]), "two faces on one side of an edge|a hole"),
-        ("walls_00_00", lambda v, f: (v + np.float32([0, 0.4, 0]), f), "a hole at"),
+        ("walls_00_00", lambda v, f: (v + np.float32([0, 0.02, 0]), f), "a hole at"),
         ("back_00_00", lambda v, f: (v - np.float32([0, 0, 1.5]), f), "from the smooth surface"),
         ("base_walls", lambda v, f: (v, f[:, ::-1]), "faces the wrong way"),
         ("base_back", lambda v, f: (v - np.float32([0, 0, 0.2]), f), "chamfers of|from where it should be"),
     ],
 )
 def test_visible_rock_with_a_hole_a_panel_or_its_inside_out_is_refused(small, tmp_path, params, mesh, change, message):
-    import re
-
     found = refusal(small, tmp_path, params, lambda w: moved(w / f"meshes/{mesh}.msh", change))
     assert re.search(message, found), found
 
@@ -119,6 +122,62 @@ def test_an_outline_with_a_wide_tolerance_is_refused(small, tmp_path, params):
         path.write_text(path.read_text().replace('"tolerance_m": 0.21', '"tolerance_m": 40.0'))
 
     assert "tolerance_m = 40.0, want 0 to 0.21" in refusal(small, tmp_path, params, widen)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "message"),
+    [
+        ("free_space.geojson", b"[" * 100_000, "free_space.geojson: not a readable FreeSpace"),
+        ("free_space.geojson", b"[]", "free_space.geojson: not a readable FreeSpace"),
+        ("topology.json", b'{"a":' * 100_000, "topology.json: not a readable DriftNetwork"),
+        ("free_space.bt", b"", "free_space.bt: not the octree of the clearance grid"),
+    ],
+)
+def test_a_file_that_no_reader_reads_is_one_error_line(small, tmp_path, params, name, data, message):
+    found = refusal(small, tmp_path, params, lambda w: (w / name).write_bytes(data))
+    assert message in found
+    assert "\n" not in found
+
+
+def added_part(box: tuple[float, float, float, float, float, float]):
+    """Return a fault that adds a box of collision rock: west, east, south, north, low, high (m)."""
+    west, east, south, north, low, high = box
+    corners = [f"{x} {y} {z}" for x in (west, east) for y in (south, north) for z in (low, high)]
+
+    def change(world: Path) -> None:
+        record = json.loads((world / "world.json").read_text())
+        number = record["collision_parts"]
+        text = (world / "mine.xml").read_text()
+        last = f'<mesh name="rock_{number - 1:04d}"'
+        name = f"rock_{number:04d}"
+        at = text.index("\n", text.index(last)) + 1
+        text = text[:at] + f'<mesh name="{name}" vertex="{" ".join(corners)}"/>\n' + text[at:]
+        geom = f'<geom name="{name}" class="rock" type="mesh" mesh="{name}"/>\n'
+        at = text.index("\n", text.index(f'<geom name="rock_{number - 1:04d}"')) + 1
+        (world / "mine.xml").write_text(text[:at] + geom + text[at:])
+        (world / "world.json").write_text(json.dumps(record | {"collision_parts": number + 1}))
+
+    return change
+
+
+@pytest.mark.parametrize("heights", [(0.0, 0.04), (0.6, 0.7), (3.46, 3.5)])
+def test_a_bar_of_rock_between_two_slices_is_found(small, tmp_path, params, heights):
+    assert "not an upright prism" in refusal(small, tmp_path, params, added_part((1.0, 1.2, 0.0, 4.0, *heights)))
+    world = open_bundle(tmp_path / "w", checked=False)
+    free = shapely.box(0.5, 0.5, 3.0, 3.0)
+    solid = shapely.union_all([section_footprint(part) for part in obstacles(world.model, world.record.height_m)])
+    assert solid.intersection(free).area == pytest.approx(0.2 * 2.5, rel=1e-3)
+
+
+def test_a_certificate_of_another_world_is_noticed(tmp_path):
+    path = tmp_path / "certificate.json"
+    path.write_text(json.dumps({"world_sha256": "a" * 64, "holds": True}))
+    verify_certificate(path, "a" * 64)
+    with pytest.raises(ArtifactError, match=r"certificate\.json: world_sha256 = a+, the certified world must be b+"):
+        verify_certificate(path, "b" * 64)
+    path.write_text(json.dumps({"world_sha256": "a" * 64, "holds": False}))
+    with pytest.raises(ArtifactError, match=r"holds = False, want true"):
+        verify_certificate(path, "a" * 64)
 
 
 def test_a_world_of_another_survey_is_refused(tee, ring, config):

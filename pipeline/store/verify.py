@@ -60,12 +60,18 @@ def verify_chain(root: Path) -> int:
             else:
                 _expect(name, produced[name], digest, f"the inputs of {stage}")
         produced |= _verify_outputs(manifest, artifacts / stage)
-    _verify_certificate(artifacts / "validation" / "certificate.json", verify_world(artifacts / "realism" / "world"))
+    verify_certificate(artifacts / "validation" / "certificate.json", verify_world(artifacts / "realism" / "world"))
     return len(produced)
 
 
-def _verify_certificate(path: Path, world: str) -> None:
-    """Compare the world that a certificate names with the world that lies in the project."""
+def verify_certificate(path: Path, world: str) -> None:
+    """Compare the world that a certificate names with the hash of the world that lies in the project.
+
+    Raises
+    ------
+    ArtifactError
+        If it is no certificate, names another world, or does not hold.
+    """
     try:
         certificate = json.loads(path.read_bytes())
         stated, holds = certificate["world_sha256"], certificate["holds"]
