@@ -20,6 +20,8 @@ def test_an_override_changes_one_value_and_nothing_else():
     before, after = (compose(o).model_dump() for o in ([], ["contours.tolerance_m=0.3"]))
     assert after["contours"].pop("tolerance_m") == 0.3
     before["contours"].pop("tolerance_m")
+    assert after["validation"].pop("tolerance_m") == 0.3  # stage 6 allows walls to differ by the same
+    before["validation"].pop("tolerance_m")
     assert before == after
 
 
