@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import re
 import struct
 import zipfile
 import zlib
@@ -13,10 +12,22 @@ from collections.abc import Callable
 
 import numpy as np
 
+from benchmarks.random_model_faults import (
+    NUMBER,
+    Files,
+    attribute_added,
+    attribute_dropped,
+    attribute_value,
+    element_added,
+    element_moved,
+    other_number,
+    pick,
+    rock_vertex,
+    written,
+)
 from minexplore.bundle import (
     CLEARANCE_GRID,
     FREE_SPACE,
-    MODEL,
     NAV2_MAP,
     NAV2_PICTURE,
     OCTREE,
@@ -28,25 +39,7 @@ from minexplore.bundle import (
     world_sha256,
 )
 
-Files = dict[str, bytes]
 Change = Callable[[Files, np.random.Generator], str]  # changes the files in place and says what it did
-
-_ATTRIBUTE = re.compile(r' ([a-z_A-Z]+)="([^"]*)"')
-_ELEMENT = re.compile(r"^ *<[a-z]+ [^>]*/>\n", re.MULTILINE)
-_NUMBER = re.compile(r"-?\d+\.?\d*(?:e-?\d+)?")
-# Attributes and elements that MuJoCo knows and the builder does not write there.
-_FOREIGN = """margin="0.2"|gap="0.1"|solref="0.5 0.1"|solimp="0 0 1"|condim="1"|contype="0"|conaffinity="0"|priority="5"
-friction="0.01 0 0"|group="1"|mass="3"|density="1"|rgba="1 0 0 0"|euler="0 0 0.1"|axisangle="1 0 0 0.01"
-quat="0.99 0.1 0 0"|pos="1 1 1"|size="1 1 1"|type="sphere"|class="rock"|gravcomp="1"|mocap="true"|childclass="rock"
-scale="2 2 2"|maxhullvert="4"|active="false"|mode="track"|user="1"|fluidshape="ellipsoid"|material="ground_mud"
-mesh="rock_0001"|shellinertia="true\"""".replace("\n", "|").split("|")
-_ELEMENTS = """<option gravity="0 0 -3.7"/>|<option timestep="0.05" cone="elliptic"/>|<keyframe/>|<custom/>|<contact/>
-<option><flag contact="disable"/></option>|<size njmax="1"/>|<include file="more.xml"/>|<geom type="box" size="1 1 1"/>
-<geom name="floor_more" type="box" size="1 1 1" pos="9 2 0" group="0"/>|<site name="s"/>|<joint type="slide"/>
-<body name="b"><freejoint/><geom size="1"/></body>|<freejoint/>|<camera name="c"/>|<frame pos="0 0 1"/>|<tendon/>
-<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>|<light name="spot_77" pos="1 1 1"/>|<material name="ground_more"/>
-<mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>|<texture name="t" type="2d" builtin="flat" width="4" height="4"/>
-<numeric name="n" data="1"/>|<default class="more"/>""".replace("\n", "|").split("|")
 
 
 def random_mutant(files: Files, seed: int) -> tuple[str, Files]:
@@ -74,83 +67,6 @@ def reseal(files: Files) -> Files:
         return files
 
 
-def _pick(rng: np.random.Generator, items: list) -> int:
-    return int(rng.integers(len(items)))
-
-
-def _other_number(value: float, rng: np.random.Generator) -> float:
-    """Return another number: near, far, zero, of the other sign, or none at all."""
-    kinds = [value * 1.001 + 1e-3, value + float(rng.normal()), 2 * value + 1, -value - 0.5, 0.0 if value else 1.0, 1e9]
-    return kinds[int(rng.integers(len(kinds)))]
-
-
-def _written(value: float) -> str:
-    return f"{value:.6g}"
-
-
-# --- mine.xml ---------------------------------------------------------------------------------------------------------
-
-
-def _attribute_value(files: Files, rng: np.random.Generator) -> str:
-    text = files[MODEL].decode()
-    found = list(_ATTRIBUTE.finditer(text))
-    at = found[_pick(rng, found)]
-    numbers = list(_NUMBER.finditer(at[2]))
-    if numbers and rng.random() < 0.8:
-        number = numbers[_pick(rng, numbers)]
-        value = at[2][: number.start()] + _written(_other_number(float(number[0]), rng)) + at[2][number.end() :]
-    else:
-        value = found[_pick(rng, found)][2] if rng.random() < 0.7 else at[2] + "x"
-    files[MODEL] = (text[: at.start(2)] + value + text[at.end(2) :]).encode()
-    return f"{MODEL}: {at[1]}={at[2][:30]!r} -> {value[:30]!r}"
-
-
-def _attribute_dropped(files: Files, rng: np.random.Generator) -> str:
-    text = files[MODEL].decode()
-    found = list(_ATTRIBUTE.finditer(text))
-    at = found[_pick(rng, found)]
-    files[MODEL] = (text[: at.start()] + text[at.end() :]).encode()
-    return f"{MODEL}: {at[1]}={at[2][:30]!r} dropped"
-
-
-def _attribute_added(files: Files, rng: np.random.Generator) -> str:
-    text = files[MODEL].decode()
-    found = list(re.finditer(r"<[a-z]+(?= |/?>)", text))
-    at, more = found[_pick(rng, found)], _FOREIGN[_pick(rng, _FOREIGN)]
-    files[MODEL] = (text[: at.end()] + f" {more}" + text[at.end() :]).encode()
-    return f"{MODEL}: {more} added to {at[0]}"
-
-
-def _element_moved(files: Files, rng: np.random.Generator) -> str:
-    text = files[MODEL].decode()
-    found = list(_ELEMENT.finditer(text))
-    at, to = found[_pick(rng, found)], found[_pick(rng, found)].start()
-    kind = int(rng.integers(3))
-    without = text if kind == 0 else text[: at.start()] + text[at.end() :]
-    to = min(to, len(without)) if kind == 0 or to <= at.start() else to - len(at[0])
-    files[MODEL] = (without if kind == 1 else without[:to] + at[0] + without[to:]).encode()
-    return f"{MODEL}: {at[0].strip()[:50]} {('repeated', 'dropped', 'moved')[kind]}"
-
-
-def _element_added(files: Files, rng: np.random.Generator) -> str:
-    text = files[MODEL].decode()
-    found = [m.end() for m in re.finditer(r">\n", text)][:-1]
-    at, more = found[_pick(rng, found)], _ELEMENTS[_pick(rng, _ELEMENTS)]
-    files[MODEL] = (text[:at] + more + "\n" + text[at:]).encode()
-    return f"{MODEL}: {more[:60]} added"
-
-
-def _rock_vertex(files: Files, rng: np.random.Generator) -> str:
-    text = files[MODEL].decode()
-    found = list(re.finditer(r'vertex="([^"]*)"', text))
-    at = found[_pick(rng, found)]
-    numbers = at[1].split(" ")
-    number = _pick(rng, numbers)
-    numbers[number] = _written(float(numbers[number]) + float(rng.choice([-3, -0.3, -0.05, 0.05, 0.3, 3])))
-    files[MODEL] = (text[: at.start(1)] + " ".join(numbers) + text[at.end(1) :]).encode()
-    return f"{MODEL}: coordinate {number} of a collision part -> {numbers[number]}"
-
-
 # --- files of JSON ----------------------------------------------------------------------------------------------------
 
 
@@ -162,7 +78,7 @@ def _json_value(files: Files, rng: np.random.Generator) -> str:
     while True:
         keys = list(holder) if isinstance(holder, dict) else list(range(len(holder)))
         keys = [key for key in keys if key not in ("files", "world_sha256")]
-        key = keys[_pick(rng, keys)]
+        key = keys[pick(rng, keys)]
         path += f".{key}"
         inner = holder[key]  # type: ignore[index]
         if isinstance(inner, dict | list) and inner and rng.random() < 0.9:
@@ -171,7 +87,7 @@ def _json_value(files: Files, rng: np.random.Generator) -> str:
         break
     kind = rng.random()
     if kind < 0.7 and isinstance(inner, int | float) and not isinstance(inner, bool):
-        new = _other_number(inner, rng)
+        new = other_number(inner, rng)
         holder[key] = round(new) if isinstance(inner, int) and rng.random() < 0.7 else new  # type: ignore[index]
     elif kind < 0.8:
         del holder[key]  # type: ignore[arg-type]
@@ -189,7 +105,7 @@ def _json_value(files: Files, rng: np.random.Generator) -> str:
 
 def _mesh(files: Files, rng: np.random.Generator) -> str:
     names = sorted(name for name in files if name.startswith("meshes/"))
-    name = names[_pick(rng, names)]
+    name = names[pick(rng, names)]
     mesh = decode_msh(files[name])
     vertices, faces, texcoords = mesh.vertices.copy(), mesh.faces.copy(), mesh.texcoords.copy()
     kind = int(rng.integers(8))
@@ -209,7 +125,7 @@ def _mesh(files: Files, rng: np.random.Generator) -> str:
     elif kind == 6:
         vertices[at, int(rng.integers(3))] = rng.choice([np.nan, np.inf, 1e9])
     else:
-        other = names[_pick(rng, names)]
+        other = names[pick(rng, names)]
         files[name], files[other] = files[other], files[name]
         return f"{name} and {other} exchanged"
     files[name] = encode_msh(TriangleMesh(vertices, faces, texcoords, mesh.normals))
@@ -255,9 +171,9 @@ def _map_pixel(files: Files, rng: np.random.Generator) -> str:
 
 def _map_text(files: Files, rng: np.random.Generator) -> str:
     text = files[NAV2_MAP].decode()
-    found = list(_NUMBER.finditer(text))
-    at = found[_pick(rng, found)]
-    new = _written(_other_number(float(at[0]), rng))
+    found = list(NUMBER.finditer(text))
+    at = found[pick(rng, found)]
+    new = written(other_number(float(at[0]), rng))
     files[NAV2_MAP] = (text[: at.start()] + new + text[at.end() :]).encode()
     return f"{NAV2_MAP}: {at[0]} -> {new}"
 
@@ -269,7 +185,7 @@ def _bytes(files: Files, rng: np.random.Generator) -> str:
     names = sorted(files)
     # Half of the changes go to the files that are read by number, not by text.
     name = (
-        names[_pick(rng, names)] if rng.random() < 0.5 else (OCTREE, CLEARANCE_GRID, NAV2_PICTURE)[int(rng.integers(3))]
+        names[pick(rng, names)] if rng.random() < 0.5 else (OCTREE, CLEARANCE_GRID, NAV2_PICTURE)[int(rng.integers(3))]
     )
     data = bytearray(files[name])
     at = int(rng.integers(len(data)))
@@ -288,7 +204,7 @@ def _bytes(files: Files, rng: np.random.Generator) -> str:
 
 def _file(files: Files, rng: np.random.Generator) -> str:
     names = sorted(set(files) - {RECORD})
-    name, other = names[_pick(rng, names)], names[_pick(rng, names)]
+    name, other = names[pick(rng, names)], names[pick(rng, names)]
     kind = int(rng.integers(4))
     if kind == 0:
         del files[name]
@@ -304,7 +220,7 @@ def _file(files: Files, rng: np.random.Generator) -> str:
 
 
 CHANGES: list[Change] = [
-    _attribute_value, _attribute_value, _attribute_dropped, _attribute_added, _element_moved, _element_added,
-    _rock_vertex, _rock_vertex, _json_value, _json_value, _json_value, _mesh, _mesh, _mesh, _grid, _grid, _map_pixel,
+    attribute_value, attribute_value, attribute_dropped, attribute_added, element_moved, element_added,
+    rock_vertex, rock_vertex, _json_value, _json_value, _json_value, _mesh, _mesh, _mesh, _grid, _grid, _map_pixel,
     _map_text, _bytes, _bytes, _file,
 ]  # fmt: skip

@@ -14,7 +14,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from benchmarks.random_faults import Files, random_mutant
+from benchmarks.random_faults import random_mutant
+from benchmarks.random_model_faults import Files
 from benchmarks.small_world import build_small_world
 from minexplore.bundle import MODEL, BundleError, GeomGroup
 from minexplore.local_models import LocalModels
