@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -83,6 +83,7 @@ class ValidationParams(Params):
     network_cell_m: float = Field(gt=0.02, le=2)
     network_min_leg_m: float = Field(ge=0, le=50)
     network_station_spacing_m: float = Field(gt=0)
+    collision_method: Literal["exact", "coacd", "vhacd"]
     tolerance_m: float | None = Field(
         ge=0, description="largest distance by which simplification may have moved a wall; null: 0.5 m"
     )

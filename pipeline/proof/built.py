@@ -32,7 +32,7 @@ def require_built(folder: Path, record: WorldRecord, params: ValidationParams) -
         A bundle that `open_bundle` has opened.
     record : WorldRecord
     params : ValidationParams
-        How its network is traced, and the tolerance of its outline.
+        How its network is traced, the tolerance of its outline, and how its rock was decomposed.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def require_built(folder: Path, record: WorldRecord, params: ValidationParams) -
     free_space = read_free_space(folder)
     tracing = Tracing(params.network_cell_m, params.network_min_leg_m, params.network_station_spacing_m)
     grid = require_remade(folder, record, free_space, tracing, tolerance_of(params))
-    require_same_model(folder, record, free_space.polygon)
+    require_same_model(folder, record, free_space.polygon, prisms=params.collision_method == "exact")
     require_visible(folder, record, free_space.polygon, grid)
     return free_space
 
