@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -236,7 +237,6 @@ def _check_surface(at: _Places, files: set[str]) -> None:
 
 def _consecutive(tag: str, names: list[str], wanted: list[str], field: str) -> None:
     if names != wanted:
-        odd = next((n for n in [*names, *wanted] if (n in names) != (n in wanted)), names[0] if names else "")
-        raise BundleError(
-            f"{MODEL}: <{tag}>: {len(names)} found, {RECORD}: {field} gives {len(wanted)}, in its order; see {odd!r}"
-        )
+        pairs = zip_longest(names, wanted, fillvalue="none")
+        number, (found, want) = next((k, pair) for k, pair in enumerate(pairs, 1) if pair[0] != pair[1])
+        raise BundleError(f"{MODEL}: <{tag}> {number}: {found!r}, want {want!r} ({RECORD}: {field})")

@@ -206,20 +206,20 @@ def _chunk(
     texture_m: float,
 ) -> Mesh:
     mesh, faces = rough.mesh, shaded.faces[part]
-    place = _places_on_surface(rough)
     if piece == ROOF:
         used, index = np.unique(faces, return_inverse=True)
-        texcoords = place[shaded.source[used], :2] / texture_m
+        texcoords = _places_on_surface(rough, shaded.source[used])[:, :2] / texture_m
     else:
         u, repeats = along
-        column = rough.lattice.column[mesh.source[shaded.source]]
-        corner = u[column[faces]]  # without the vertices' own offsets, which could hide the seam
+        column = rough.lattice.column[mesh.source[shaded.source[faces]]]
+        corner = u[column]  # without the vertices' own offsets, which could hide the seam
         # A face across the seam of a ring joins the last column to the first, which counts one whole round there.
-        wide = corner.max(axis=1) - corner.min(axis=1) > repeats[column[faces[:, 0]]] / 2
+        wide = corner.max(axis=1) - corner.min(axis=1) > repeats[column[:, 0]] / 2
         key, index = np.unique(faces.astype(np.int64) * 2 + (wide[:, None] & (corner < 1)), return_inverse=True)
         used, late = key // 2, (key % 2).astype(float)
-        repeat = u[column[used]] + late * repeats[column[used]] + _beside(rough, shaded.source[used]) / texture_m
-        texcoords = np.column_stack([repeat, place[shaded.source[used], 2] / texture_m])
+        column = rough.lattice.column[mesh.source[shaded.source[used]]]
+        repeat = u[column] + late * repeats[column] + _beside(rough, shaded.source[used]) / texture_m
+        texcoords = np.column_stack([repeat, _places_on_surface(rough, shaded.source[used])[:, 2] / texture_m])
     index = index.reshape(-1, 3).astype(np.int32)
     normals = shaded.normals[used] if len(shaded.normals) else None
     return Mesh(mesh.vertices[shaded.source[used]], index, texcoords, normals)
@@ -233,10 +233,10 @@ def _beside(rough: RoughSurface, vertices: np.ndarray) -> np.ndarray:
     return offset[:, 0] * inward[:, 1] - offset[:, 1] * inward[:, 0]
 
 
-def _places_on_surface(rough: RoughSurface) -> np.ndarray:
-    """Return the places (n, 3) m of the mesh's vertices on the surface before displacement."""
-    mesh = rough.mesh
-    return rough.lattice.vertices[mesh.source] + (mesh.vertices - rough.vertices[mesh.source])
+def _places_on_surface(rough: RoughSurface, vertices: np.ndarray) -> np.ndarray:
+    """Return the places (k, 3) m of the mesh's vertices, given by number, on the surface before displacement."""
+    source = rough.mesh.source[vertices]
+    return rough.lattice.vertices[source] + (rough.mesh.vertices[vertices] - rough.vertices[source])
 
 
 def _unshaded(mesh: SurfaceMesh) -> ShadedMesh:

@@ -41,13 +41,25 @@ def own(tee, tmp_path_factory):
     return project
 
 
+@pytest.fixture
+def own_short(own, tmp_path):
+    """Return a copy of the project with the own mine, in which an episode has 600 steps instead of 6000."""
+    project = own.copy(tmp_path / "mine")
+    task = project.folder / "minexplore/task.py"
+    text = task.read_text()
+    assert "max_steps: int = 6000" in text
+    task.write_text(text.replace("max_steps: int = 6000", "max_steps: int = 600"))
+    return project
+
+
 def python(project, *words):
     done = project.run(sys.executable, "-m", *words)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
-def test_an_own_mine_is_evaluated_scored_and_listed(own):
+def test_an_own_mine_is_evaluated_scored_and_listed(own_short):
+    own = own_short
     results = evaluate_still(own)
     said = python(own, "baselines.score", str(results), "--rerun", "1", "--policy", "still:Still")
     assert "1 episodes driven again, the policy " in said
