@@ -21,7 +21,7 @@ from pipeline.metrics.texture import AXES, AXIS_TITLES, published_score, strict_
 from pipeline.mjcf.render import render_from
 from pipeline.params.config import Config
 from pipeline.proof.surface import measure_texture, relief_of
-from pipeline.store.codecs import decode, encode
+from pipeline.store.codecs import decode
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.manifest import code_sha256
@@ -170,7 +170,8 @@ def main() -> int:
         return 2
     text = table(results)
     write_atomically(TABLE, (_HEAD + text).encode())
-    write_atomically(PICTURE, encode(PICTURE, cv2.hconcat([views[name] for name in ROCKS[:2]])))
+    both = cv2.hconcat([views[name] for name in ROCKS[:2]])
+    write_atomically(PICTURE, cv2.imencode(".jpg", both, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes())
     print(text, end="")
     return 0
 
