@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pipeline.errors import GeometryError
-from pipeline.surface.lattice import ROOF, WALL, Lattice
+from pipeline.surface.lattice import Lattice
 
 _DIGITS = 4  # 0.1 mm, as the lattice's points
 _LEAST_FACES = 64  # a tile with fewer is kept as it is
@@ -54,7 +54,8 @@ class Mesher:
         if simplification:
             centre = lattice.vertices[lattice.faces].mean(axis=1)[:, :2]
             cell = np.floor((centre - centre.min(axis=0)) / simplification.tile_m).astype(np.int64)
-            _, tile = np.unique(cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1], return_inverse=True)
+            place = cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]
+            _, tile = np.unique(2 * place + lattice.piece, return_inverse=True)  # no face joins wall and roof
             order = np.argsort(tile, kind="stable")
             self._tiles = np.split(order, np.flatnonzero(np.diff(tile[order])) + 1)
             self._parts: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros((0, 3)), np.zeros((0, 3), int))] * len(
@@ -96,5 +97,6 @@ class Mesher:
         _, kept, number = np.unique(key, return_index=True, return_inverse=True)
         points, faces = points[kept], number.ravel()[faces].astype(np.int32)
         _, source = cKDTree(vertices).query(points, workers=2)
-        wall = (source < self.lattice.wall_vertices)[faces].all(axis=1)
-        return SurfaceMesh(points, faces, np.where(wall, WALL, ROOF).astype(np.uint8), source)
+        pieces = [self.lattice.piece[tile[0]] for tile in self._tiles]
+        piece = np.repeat(pieces, [len(part) for _, part in self._parts]).astype(np.uint8)
+        return SurfaceMesh(points, faces, piece, source)
