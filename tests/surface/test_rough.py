@@ -200,7 +200,7 @@ def test_a_simplified_surface_is_closed_across_its_tiles_and_lies_near_the_displ
         open3d.core.Tensor(rough.mesh.faces.astype(np.uint32)),
     )
     off = scene.compute_distance(open3d.core.Tensor(rough.vertices.astype(np.float32))).numpy()
-    assert np.sqrt((off**2).mean()) < 0.02
+    assert np.sqrt((off**2).mean()) < 0.025  # a quarter of the relief, whose waves are near the spacing
     assert off.max() < 0.15
 
 
