@@ -34,7 +34,7 @@ def pick(rng: np.random.Generator, items: list) -> int:
 
 
 def other_number(value: float, rng: np.random.Generator) -> float:
-    """Return another number: near, far, zero, of the other sign, or none at all."""
+    """Return a number that differs from `value`: close, far, opposite in sign, zero, or very large."""
     kinds = [value * 1.001 + 1e-3, value + float(rng.normal()), 2 * value + 1, -value - 0.5, 0.0 if value else 1.0, 1e9]
     return kinds[int(rng.integers(len(kinds)))]
 

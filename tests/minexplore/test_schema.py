@@ -227,7 +227,7 @@ def test_a_world_that_was_edited_after_it_was_loaded_is_noticed_at_the_next_load
 
 
 def test_the_default_world_is_checked_in_a_tenth_of_a_second_of_a_busy_core():
-    """Without reading, hashing, and unpacking the grid, which a load does anyway; an idle core takes half of it."""
+    """Without reading, hashing, and unpacking the grid, which a load does anyway."""
     bundle = ROOT / "artifacts/realism/world"
     if not (bundle / "world.json").is_file():
         pytest.skip("the default world is not built")
