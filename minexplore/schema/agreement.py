@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping
 from itertools import zip_longest
@@ -109,28 +110,41 @@ def _check_rock(at: _Places, record: Mapping[str, Any]) -> None:
     names = at.names("geom", rock_geom(0)[:-4])
     _consecutive("geom", names, [rock_geom(i) for i in range(record["collision_parts"])], "collision_parts")
     shapes = {name for tag, name in at.of_assets if tag == "mesh" and at.of_assets[tag, name].attributes.get("vertex")}
-    west, south, east, north = record["world_m"]
-    low, high = (west, south, 0.0), (east, north, record["height_m"])
     for name in names:
         geom = at.of_mine["geom", name]
         if geom.attributes["mesh"] != name or name not in shapes:
             raise BundleError(f"{MODEL}: {geom.path}@mesh: {geom.attributes['mesh']!r}, want a mesh of the geom's name")
-        place, vertices = _numbers(geom, "pos"), _numbers(at.of_assets["mesh", name], "vertex")
-        apart = np.reshape(vertices, (-1, 3)) - np.mean(np.reshape(vertices, (-1, 3)), axis=0)
-        spread = math.sqrt(max(0.0, float(np.linalg.eigvalsh(apart.T @ apart)[0])))
-        if not spread > _LEAST_M:
-            raise BundleError(f"{MODEL}: {at.of_assets['mesh', name].path}@vertex: {spread:g} m thick, want {_LEAST_M}")
-        for axis in range(3):
-            along = vertices[axis::3]
-            least, most = min(along), max(along)
-            if place[axis] + least < low[axis] - _BEYOND_M or place[axis] + most > high[axis] + _BEYOND_M:
-                raise BundleError(
-                    f"{MODEL}: {geom.path}@pos: from {place[axis] + least:g} to {place[axis] + most:g} m along axis "
-                    f"{axis}, the rock of {RECORD} ends at {low[axis]:g} and {high[axis]:g} m"
-                )
+    _check_parts(at, names, record)
     for name in sorted(shapes - set(names)):
         raise BundleError(f"{MODEL}: {at.of_assets['mesh', name].path}: no geom has this mesh")
     _expect(at.rock_class, "friction", _numbers(at.rock_class, "friction", "1"), [record["rock_friction"]])
+
+
+def _check_parts(at: _Places, names: list[str], record: Mapping[str, Any]) -> None:
+    """Check that each collision part, a geom and a mesh of this name, is solid and lies in the box of the rock."""
+    geoms, meshes = [at.of_mine["geom", name] for name in names], [at.of_assets["mesh", name] for name in names]
+    lists = [_numbers(mesh, "vertex") for mesh in meshes]
+    vertices = np.array(list(itertools.chain.from_iterable(lists))).reshape(-1, 3)
+    count = np.array([len(numbers) // 3 for numbers in lists])
+    starts = np.cumsum(count) - count
+    middle = np.add.reduceat(vertices, starts) / count[:, None]
+    apart = vertices - np.repeat(middle, count, axis=0)
+    spread = np.linalg.eigvalsh(np.add.reduceat(apart[:, :, None] * apart[:, None, :], starts))[:, 0]
+    thin = np.flatnonzero(~(spread > _LEAST_M**2))
+    if len(thin):
+        thick = math.sqrt(max(0.0, float(spread[thin[0]])))
+        raise BundleError(f"{MODEL}: {meshes[thin[0]].path}@vertex: {thick:g} m thick, want {_LEAST_M}")
+    west, south, east, north = record["world_m"]
+    low, high = np.array([west, south, 0.0]), np.array([east, north, record["height_m"]])
+    place = np.array([_numbers(geom, "pos") for geom in geoms])
+    least, most = place + np.minimum.reduceat(vertices, starts), place + np.maximum.reduceat(vertices, starts)
+    outside = np.argwhere((least < low - _BEYOND_M) | (most > high + _BEYOND_M))
+    if len(outside):
+        part, axis = outside[0]
+        raise BundleError(
+            f"{MODEL}: {geoms[part].path}@pos: from {least[part, axis]:g} to {most[part, axis]:g} m along axis "
+            f"{axis}, the rock of {RECORD} ends at {low[axis]:g} and {high[axis]:g} m"
+        )
 
 
 def _check_floor(at: _Places, record: Mapping[str, Any]) -> None:

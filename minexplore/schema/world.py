@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -78,7 +79,7 @@ def check_hashes(record: Any, hashes: Mapping[str, str]) -> None:
     if not isinstance(listed, dict) or not isinstance(record.get("world_sha256"), str):
         raise BundleError(f"{RECORD}: not a world bundle's record (files or world_sha256 missing)")
     for name, digest in sorted(listed.items()):
-        if Path(name).is_absolute() or ".." in Path(name).parts:
+        if name.startswith(("/", "\\")) or ".." in re.split(r"[/\\]", name):
             raise BundleError(f"{RECORD}: the file name {name[:80]!r} leads out of the bundle")
         if not is_known(name) or name == RECORD:
             raise BundleError(f"{RECORD}: files: {name[:80]!r} is no file of a world")

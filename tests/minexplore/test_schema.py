@@ -226,7 +226,7 @@ def test_a_world_that_was_edited_after_it_was_loaded_is_noticed_at_the_next_load
         load_world(world)
 
 
-def test_the_default_world_is_checked_in_a_tenth_of_a_second_of_a_busy_core():
+def test_the_default_world_is_checked_in_fifty_milliseconds():
     """Without reading, hashing, and unpacking the grid, which a load does anyway."""
     bundle = ROOT / "artifacts/realism/world"
     if not (bundle / "world.json").is_file():
@@ -234,10 +234,10 @@ def test_the_default_world_is_checked_in_a_tenth_of_a_second_of_a_busy_core():
     files = read_folder(bundle)
     hashes = hash_files(files)
     seconds = []
-    for _ in range(5):
+    for _ in range(10):
         start = time.process_time()
         read_grid(files["occupancy.npz"])
         middle = time.process_time()
         check_files(bundle, files, hashes)
         seconds.append(time.process_time() - middle - (middle - start))
-    assert min(seconds) < 0.1
+    assert min(seconds) < 0.05
