@@ -104,7 +104,7 @@ def control_failures(good: Path, params: ValidationParams, plan: tuple[Mask, Mas
 
 def break_chain(root: Path) -> dict:
     """Change a hash in the chain of manifests and return whether the check names the broken link."""
-    row = {"fault": "hash chain broken", "expected": "refused: what contours read", "found": "", "caught": False}
+    row = {"fault": "hash chain broken", "expected": "refused: in the inputs of contours", "found": "", "caught": False}
     with tempfile.TemporaryDirectory() as folder:
         for name in ("artifacts", "conf", "data", "pipeline", "stages", "minexplore", "dvc.yaml", "params.yaml"):
             (Path(folder) / name).symlink_to((root / name).resolve())
@@ -118,7 +118,7 @@ def break_chain(root: Path) -> dict:
         try:
             verify_chain(Path(folder))
         except MineError as error:
-            row |= {"found": str(error), "caught": "what contours read" in str(error)}
+            row |= {"found": str(error), "caught": "in the inputs of contours" in str(error)}
     return row
 
 
