@@ -188,7 +188,9 @@ def _las() -> Files:
 def _mesh(name: str) -> Files:
     import trimesh
 
-    return _saved(name, lambda path: trimesh.creation.cylinder(2.0, 30.0, sections=24).export(path))
+    lying = trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])
+    drift = trimesh.creation.cylinder(2.0, 30.0, sections=24, transform=lying)
+    return _saved(name, lambda path: drift.export(path))
 
 
 SAMPLES: dict[str, Callable[[], Files]] = {

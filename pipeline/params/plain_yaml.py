@@ -34,7 +34,7 @@ def require_plain_yaml(path: Path) -> bytes:
             if depth > limits.nesting:
                 raise ParamsError(f"{path}:{line}: nested more than {limits.nesting} deep (nesting in {FILE})")
     except (OSError, yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise ParamsError(f"{path}: not YAML: {error}") from error
+        raise ParamsError(f"{path}: not YAML: {' '.join(str(error).split())[:200]}") from error
     return data
 
 
@@ -50,4 +50,4 @@ def load_plain_yaml(path: Path) -> Any:
     try:
         return yaml.safe_load(data)
     except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
-        raise ParamsError(f"{path}: not YAML: {str(error)[:200]}") from error
+        raise ParamsError(f"{path}: not YAML: {' '.join(str(error).split())[:200]}") from error

@@ -89,7 +89,7 @@ def _read_yaml(path: Path) -> dict:
     except FileNotFoundError:
         raise ArtifactError(f"{path}: missing; run `make all` in the project's root") from None
     except yaml.YAMLError as error:
-        raise ArtifactError(f"{path}: not YAML: {error}") from error
+        raise ArtifactError(f"{path}: not YAML: {' '.join(str(error).split())[:200]}") from error
     if not isinstance(content, dict):
         raise ArtifactError(f"{path}: want a mapping of sections")
     return content

@@ -16,6 +16,8 @@ LEAST_POINTS = 100
 _TEXT = {".dat", ".xyz", ".txt"}
 _MESHES = {".stl", ".obj"}
 _BLOCK = 1_000_000
+_LAS_HEAD, _LAS_RECORDS_AT, _LAS_EXTENDED_AT = 375, 100, 243  # bytes of the header and in it
+_HUGE = 100  # times the most points of a mesh: beyond it, a vertex lies far outside any workings
 
 
 def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
@@ -47,14 +49,16 @@ def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
                 f"{path}: {path.stat().st_size:,} bytes; the limit for PLY, PCD and meshes is {most:,} "
                 f"(cloud_bytes in {FILE}); convert the file to LAZ or XYZ"
             )
-        return iter([_whole_file(path, suffix, points_per_unit2)])
+        return _whole_file(path, suffix, points_per_unit2)
     raise InputError(f"{path}: no reader for {suffix!r}; there are .dat .xyz .txt .ply .pcd .las .laz .stl .obj")
 
 
-def _whole_file(path: Path, suffix: str, points_per_unit2: float) -> np.ndarray:
+def _whole_file(path: Path, suffix: str, points_per_unit2: float) -> Iterator[np.ndarray]:
     if suffix == ".pcd":
-        return _pcd_points(path)
-    return _ply_points(path, points_per_unit2) if suffix == ".ply" else _mesh_points(path, points_per_unit2)
+        return iter([_pcd_points(path)])
+    if suffix == ".ply" and not _has_faces(path):
+        return iter([_ply_points(path)])
+    return _mesh_blocks(path, points_per_unit2)
 
 
 def _text_blocks(path: Path) -> Iterator[np.ndarray]:
@@ -110,6 +114,7 @@ def _parse_rows(path: Path, lines: list[str], before: int, columns: tuple[int, .
 def _las_blocks(path: Path) -> Iterator[np.ndarray]:
     import laspy
 
+    _require_records(path)
     try:
         with laspy.open(path) as reader:
             count = 0
@@ -124,6 +129,24 @@ def _las_blocks(path: Path) -> Iterator[np.ndarray]:
         raise InputError(f"{path}: cannot be read as LAS or LAZ ({error})") from error
 
 
+def _require_records(path: Path) -> None:
+    """Refuse a header that states more variable length records than the file can hold; laspy would look for each.
+
+    References
+    ----------
+    ASPRS, LAS Specification 1.4, tables 3 and 20
+    """
+    with path.open("rb") as stream:
+        head, size = stream.read(_LAS_HEAD), path.stat().st_size
+    for at, least in ((_LAS_RECORDS_AT, 54), (_LAS_EXTENDED_AT, 60)):
+        count = int.from_bytes(head[at : at + 4], "little")
+        if count * least > size and (at == _LAS_RECORDS_AT or head[25:26] >= b"\4"):
+            raise InputError(
+                f"{path}: its header states {count:,} variable length records, which need {count * least:,} bytes; "
+                f"the file has {size:,}"
+            )
+
+
 def _pcd_points(path: Path) -> np.ndarray:
     import open3d
 
@@ -133,10 +156,9 @@ def _pcd_points(path: Path) -> np.ndarray:
     return _require_finite(path, np.asarray(cloud.points))
 
 
-def _ply_points(path: Path, points_per_unit2: float) -> np.ndarray:
-    if _has_faces(path):
-        return _mesh_points(path, points_per_unit2)
-    return _require_finite(path, np.asarray(_load(path, "PLY").vertices))  # Open3D fills a truncated PLY with zeros
+def _ply_points(path: Path) -> np.ndarray:
+    vertices, _ = _load(path, "PLY")  # Open3D fills a truncated PLY with zeros
+    return _require_finite(path, vertices)
 
 
 def _has_faces(path: Path) -> bool:
@@ -146,27 +168,47 @@ def _has_faces(path: Path) -> bool:
     return any(words[:2] == [b"element", b"face"] and words[2:] != [b"0"] for words in lines)
 
 
-def _load(path: Path, format_name: str, **options: Any) -> Any:
-    """Load a file by trimesh. The open file keeps it from following names of materials and textures in it."""
+def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Load vertices (n, 3) and faces (m, 3), none for a cloud, by trimesh.
+
+    The open file keeps it from following names of materials and textures in it.
+    """
     import trimesh
 
     try:
         with path.open("rb") as stream:
-            return trimesh.load(stream, path.suffix.lower()[1:], process=False, **options)
+            found: Any = trimesh.load(stream, path.suffix.lower()[1:], process=False, **options)
+        vertices = np.asarray(found.vertices, float).reshape(-1, 3)
+        faces = np.asarray(getattr(found, "faces", ()), np.int64).reshape(-1, 3)
     except MemoryError:
         raise
     except Exception as error:  # trimesh passes on every exception of its parsers
-        raise InputError(f"{path}: cannot be read as {format_name} ({type(error).__name__}: {error})") from error
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(f"{path}: cannot be read as {format_name} ({type(error).__name__}: {reason})") from error
+    if len(faces) and not 0 <= faces.min() <= faces.max() < len(vertices):
+        raise InputError(
+            f"{path}: a face has vertex {faces.min()} or {faces.max()}, there are {len(vertices)}; is it truncated?"
+        )
+    return vertices, faces
 
 
-def _mesh_points(path: Path, points_per_unit2: float) -> np.ndarray:
+def _mesh_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
+    """Yield points sampled on a mesh, block by block."""
     import trimesh
 
-    mesh = _load(path, "a mesh", force="mesh")
-    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all() or not 0 < mesh.area < np.inf:
+    vertices, faces = _load(path, "a mesh", force="mesh")
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    if not len(faces) or not np.isfinite(vertices).all() or not 0 < mesh.area < np.inf:
         raise InputError(f"{path}: has no faces, or a vertex is not finite")
-    count = min(max(LEAST_POINTS, int(min(mesh.area * points_per_unit2, 1e12))), 20 * _BLOCK)
-    return np.asarray(trimesh.sample.sample_surface(mesh, count, seed=0)[0])
+    wanted, most = mesh.area * points_per_unit2, 10 * _BLOCK
+    if wanted > _HUGE * most:
+        raise InputError(
+            f"{path}: its area of {mesh.area / 1e6:.4g} million square units needs {wanted:.2g} points, want at most "
+            f"{_HUGE * most:.2g}; are its units right (surface.cloud.units)?"
+        )
+    count = min(max(LEAST_POINTS, int(wanted)), most)
+    for block, first in enumerate(range(0, count, _BLOCK)):
+        yield np.asarray(trimesh.sample.sample_surface(mesh, min(_BLOCK, count - first), seed=block)[0])
 
 
 def _require_finite(path: Path, points: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 from pipeline.errors import InputError
 from pipeline.survey import cloud_formats
 from pipeline.survey.cloud import CloudLimits, read_cloud, split_surfaces, without_outliers
+from pipeline.survey.cloud_formats import read_blocks
 
 LIMITS = CloudLimits(
     thin_m=0.05, range_m=(0.5, 50.0), max_points=1_000_000, height_m=(1.0, 12.0), mesh_points_per_m2=400
@@ -144,3 +145,35 @@ def test_a_scanned_cave_is_sampled_uniformly(shared_rock):
     points = read_cloud(shared_rock, "m", CloudLimits(0.02, (0.0, 100.0), 10**7, (1.0, 12.0), 2000))
     assert np.ptp(points, axis=0) == pytest.approx([11.6, 3.6, 2.0], abs=0.3)
     assert {k for k, v in split_surfaces(points).items() if len(v) > 1000} == {"wall", "roof", "floor"}
+
+
+def las_head(version: int, at: int, count: int) -> bytes:
+    head = bytearray(375)
+    head[:4], head[25] = b"LASF", version
+    head[at : at + 4] = count.to_bytes(4, "little")
+    return bytes(head)
+
+
+@pytest.mark.parametrize(("version", "at"), [(2, 100), (4, 243)])
+def test_a_las_file_with_more_records_than_bytes_is_refused_at_once(tmp_path, version, at):
+    path = tmp_path / "c.las"
+    path.write_bytes(las_head(version, at, 100_000))
+    with pytest.raises(InputError, match=r"header states 100,000 variable length records, .* the file has 375"):
+        list(read_blocks(path, 100.0))
+
+
+def test_a_mesh_with_a_vertex_far_away_is_refused_before_it_is_sampled(tmp_path):
+    path = tmp_path / "c.obj"
+    path.write_text("v 0 0 0\nv 1e6 0 0\nv 0 1e6 0\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"its area of 5e\+05 million square units needs 2e\+15 points"):
+        list(read_blocks(path, 4000.0))
+
+
+def test_a_mesh_whose_face_names_a_missing_vertex_is_refused(tmp_path):
+    path = tmp_path / "c.ply"
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    path.write_text(
+        head + "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n"
+    )
+    with pytest.raises(InputError, match=r"c\.ply: (a face has vertex 0 or 9|cannot be read as a mesh)"):
+        list(read_blocks(path, 100.0))
