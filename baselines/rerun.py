@@ -1,4 +1,4 @@
-"""Drive a results file's episodes again from its policy, and keep which files were, in `driven_again.json`."""
+"""Drive a results file's episodes again from its policy, and keep which files were driven, in `driven_here.json`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from baselines.progress import Progress
 from baselines.result_file import RESULTS, Episode, Head, chain, read_results
 
 _FIGURES = [key for key in Episode.model_fields if key != "previous"]
-RECORD = "driven_again.json"  # in the folder of all results: a file's path below it, and the hash of its contents
+RECORD = "driven_here.json"  # in the folder of all results: a file's path below it, and the hash of its contents
 
 
 def drive_again(
@@ -85,8 +85,8 @@ def _find_policy(path: Path, head: Head, policy: str | None) -> str:
     return str(found.resolve())
 
 
-def note_rerun(path: Path, results: Path, head: Head, episodes: list[Episode]) -> bool:
-    """Keep that all episodes of a file were driven again; return whether it lies below the folder of results."""
+def note_driven(path: Path, results: Path, head: Head, episodes: list[Episode]) -> bool:
+    """Keep that all episodes of a file were driven here; return whether it lies below the folder of results."""
     place, results = path.resolve(), results.resolve()
     if not place.is_relative_to(results):
         return False
@@ -98,8 +98,8 @@ def note_rerun(path: Path, results: Path, head: Head, episodes: list[Episode]) -
     return True
 
 
-def was_driven_again(path: Path, results: Path, head: Head, episodes: list[Episode]) -> bool:
-    """Return whether a file's present contents were driven again."""
+def was_driven_here(path: Path, results: Path, head: Head, episodes: list[Episode]) -> bool:
+    """Return whether a file's present contents were driven here."""
     name = path.resolve().relative_to(results.resolve()).as_posix()
     return _read_record(results).get(name) == _digest(head, episodes)
 
@@ -111,7 +111,7 @@ def _read_record(results: Path) -> dict[str, str]:
     except (OSError, ValueError) as error:
         raise BaselineError(f"{file}: cannot be read ({error})") from error
     if not isinstance(kept, dict):
-        raise BaselineError(f"{file}: want the hash of each file that was driven again")
+        raise BaselineError(f"{file}: want the hash of each file that was driven here")
     return kept
 
 
@@ -120,11 +120,11 @@ def _digest(head: Head, episodes: list[Episode]) -> str:
 
 
 def pending(results: Path) -> list[Path]:
-    """Return the kept files whose present contents were not driven again, of policies that can be found by name."""
+    """Return the kept files whose present contents were not driven here, of policies that can be found by name."""
     found = []
     for path in sorted(results.glob("*/*.jsonl")):
         head, episodes = read_results(path)
-        if head.policy not in RESERVED and not was_driven_again(path, results, head, episodes):
+        if head.policy not in RESERVED and not was_driven_here(path, results, head, episodes):
             found.append(path)
     return found
 
