@@ -7,6 +7,7 @@ import numpy as np
 
 from minexplore.bundle import MINE_BODY, GeomGroup
 from minexplore.coverage import CoverageGrid
+from minexplore.looks import add_haze, add_headlamp, look_of
 from minexplore.robot import RobotParams, qpos_address, separate_contacts
 from minexplore.rotations import quaternion
 from minexplore.world import World
@@ -61,6 +62,7 @@ class Renderer:
         separate_contacts(spec)
         for i in range(self.robots):
             self.robot.attach(spec, f"robot_{i}")
+            add_headlamp(spec, f"robot_{i}", look_of(self.world.record), self.robot.lamp_height_m)
         mine = spec.body(MINE_BODY)
         mine.quat, mine.pos = quaternion(self.T_world_mine[:3, :3]), self.T_world_mine[:3, 3]
         spec.visual.global_.offwidth, spec.visual.global_.offheight = self.size_px
@@ -82,6 +84,7 @@ class Renderer:
         camera.distance, camera.elevation = 2.2, -18.0
         light_nearest(model, data, data.xpos[body])
         self._renderer.update_scene(data, camera, option)
+        add_haze(model, self._renderer.scene)
         return self._renderer.render().copy()
 
     def _plan(self, seen: np.ndarray, poses: np.ndarray) -> np.ndarray:

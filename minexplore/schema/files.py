@@ -32,7 +32,7 @@ from minexplore.bundle import (
     decode_msh,
 )
 from minexplore.schema.model import VISIBLE_MESH
-from minexplore.schema.png import GREY, RGB, check_png
+from minexplore.schema.png import GREY, PALETTE, RGB, check_png
 from minexplore.schema.rules import numbers_in
 
 FIXED = (
@@ -54,7 +54,7 @@ _MOST_BYTES = 1 << 30  # of a bundle
 _UNREADABLE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, SyntaxError, tokenize.TokenError, struct.error)
 _MOST_FILES = 100_000
 _MOST_CELLS = 100_000_000  # of the clearance grid: 2,500 m square at 0.25 m
-PICTURES = {PREVIEW: RGB, NAV2_PICTURE: GREY, ROCK_TEXTURE: RGB}
+PICTURES = {PREVIEW: (RGB,), NAV2_PICTURE: (GREY,), ROCK_TEXTURE: (RGB, PALETTE)}
 _MOST_PIXELS = {PREVIEW: 4096 * 16_384, NAV2_PICTURE: _MOST_CELLS, ROCK_TEXTURE: 4096 * 4096}
 _MOST_REPEATS = 1e7  # of the texture
 _BEYOND_M = 1.0  # rough rock reaches a little beyond the box of the rock in plan

@@ -66,6 +66,7 @@ def assemble_world(
         anchor_m=spawn.anchor_m,
         heading_rad=heading_at(topology, spawn.anchor_m),
         T_world_mine=tilt_about_centre(params.tilt_deg, extent.world_m),
+        look=params.look,
     )
     files = compile_bundle(scene)
     files[PREVIEW] = encode(Path(PREVIEW), _preview(files, params.preview_width_px))
@@ -120,6 +121,7 @@ def _record(
         geom_groups=GEOM_GROUPS,
         files={},
         world_sha256="",
+        look=scene.look,
     )
 
 

@@ -23,6 +23,7 @@ from minexplore.bundle import (
     surface_geom,
     world_sha256,
 )
+from minexplore.looks import PLAIN
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.digits import digits_for
 from pipeline.mjcf.loading import load_model
@@ -59,6 +60,7 @@ class WorldRecord:
     geom_groups: dict[str, int]
     files: dict[str, str]
     world_sha256: str
+    look: str = PLAIN
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,8 @@ def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes
     """Add `world.json`: the record, the sha256 of each file, and the world's hash over both."""
     fields = TypeAdapter(WorldRecord).dump_python(record, mode="json")
     fields["zones"] = [shorten_zone(zone) for zone in fields["zones"]]
+    if record.look == PLAIN:  # as in worlds of format 1 that know no other look
+        del fields["look"]
     fields["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
     fields["world_sha256"] = world_sha256(fields)
     return {**files, RECORD: (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()}

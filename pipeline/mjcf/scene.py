@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from minexplore.bundle import floor_geom
+from minexplore.looks import PLAIN
 from pipeline.geometry.polyline import arc_length
 from pipeline.params.realism import ZoneParams
 from pipeline.store.codecs import Bundle
@@ -68,6 +69,7 @@ class MineScene:
     anchor_m: tuple[float, float]
     heading_rad: float
     T_world_mine: np.ndarray
+    look: str = PLAIN
 
 
 def tile_zones(zones: list[ZoneParams], world_m: tuple[float, float, float, float]) -> list[FloorZone]:

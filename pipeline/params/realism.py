@@ -43,4 +43,5 @@ class RealismParams(Params):
     rock_friction: float = Field(gt=0, le=2)
     zones: list[ZoneParams] = Field(min_length=1)
     lights: LightParams
+    look: Literal["plain", "dry", "wet", "dusty"] = Field("plain", description="light, haze and sheen of the rock")
     preview_width_px: int = Field(ge=64, le=4096)

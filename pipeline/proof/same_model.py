@@ -90,6 +90,7 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
         anchor_m=record.spawn.anchor_m,
         heading_rad=heading_at(network, record.spawn.anchor_m),
         T_world_mine=tilt_about_centre(record.tilt_deg, record.world_m),
+        look=record.look,
     )
     spec = build_spec(scene)
     for geom, own, was in zip((g for g in spec.geoms if is_rock(g.name)), vertices, rock, strict=True):
