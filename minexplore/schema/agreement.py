@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from minexplore.bundle import (
+    FITTINGS_BODY,
     MINE_BODY,
     MODEL,
     RECORD,
@@ -19,11 +20,13 @@ from minexplore.bundle import (
     BundleError,
     GeomGroup,
     floor_geom,
+    is_fitting,
     mesh_file,
     rock_geom,
     surface_geom,
 )
 from minexplore.looks import CUT_MATERIAL, EXTENT_M, PLAIN, look_of
+from minexplore.schema.fittings import check_fittings
 from minexplore.schema.model import SMOOTH_MESHES
 from minexplore.schema.rules import numbers_in, same
 from minexplore.schema.xml import Node
@@ -63,6 +66,7 @@ def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str]
     _check_cameras(at, record)
     _check_lights(at, record)
     _check_surface(at, set(meshes))
+    check_fittings(at.fittings, at.of_assets, record)
 
 
 class _Places:
@@ -74,6 +78,7 @@ class _Places:
         (self.mine,) = (node for node in sections["worldbody"].children if node.name == MINE_BODY)
         (surface,) = (node for node in self.mine.children if node.name == SURFACE_BODY)
         self.surface = surface.children
+        self.fittings = next((node for node in self.mine.children if node.name == FITTINGS_BODY), None)
         (self.rock_class,) = (
             node.children[0] for node in sections["default"].children if node.attributes["class"] == ROCK_CLASS
         )
@@ -240,6 +245,7 @@ def _check_surface(at: _Places, files: set[str]) -> None:
     names = {mesh.name for mesh in meshes}
     for file in sorted(files - {mesh_file(name) for name in names}):
         raise BundleError(f"{file}: {MODEL} does not use it")
+    names = {name for name in names if not is_fitting(name)}
     missing = sorted(set(SMOOTH_MESHES) - names)
     if missing:
         raise BundleError(f"{MODEL}: asset: no mesh {missing[0]!r}")

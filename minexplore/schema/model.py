@@ -21,6 +21,7 @@ from minexplore.bundle import (
 )
 from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS
 from minexplore.schema.attributes import Attribute, Element, any_of, constant, named, required
+from minexplore.schema.fittings import BODY, MATERIALS, MESH
 from minexplore.schema.rules import exactly, matching, numbers, points, unit_vector
 
 REACH_M = 1e6  # of any coordinate
@@ -84,6 +85,7 @@ _ASSETS = Element(
             },
             name="rock",
         ),
+        *MATERIALS,
         Element(
             "material",
             {
@@ -109,6 +111,7 @@ _ASSETS = Element(
         ),
         _ROCK_MESH,
         _VISIBLE_MESH,
+        MESH,
     ),
 )
 _LIGHT = Element(
@@ -209,6 +212,7 @@ _MINE = Element(
         ),
         _LIGHT,
         _SURFACE,
+        BODY,
     ),
 )
 WORLD = Element(

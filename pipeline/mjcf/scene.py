@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -53,7 +53,8 @@ class MineScene:
     """The complete content of a world, in the mine frame.
 
     `smooth` is the octagonal surface. `rough` holds the chunks of the rough surface as `NAME.msh`; if there are any,
-    the smooth surface is hidden.
+    the smooth surface is hidden. `fittings` holds the visible floor and the furniture as `NAME.msh`; water stands on
+    the floor zones named in `puddles`, `water_m` above the flat floor.
     """
 
     name: str
@@ -70,6 +71,9 @@ class MineScene:
     heading_rad: float
     T_world_mine: np.ndarray
     look: str = PLAIN
+    fittings: Bundle = field(default_factory=dict)
+    puddles: tuple[str, ...] = ()
+    water_m: float = 0.0
 
 
 def tile_zones(zones: list[ZoneParams], world_m: tuple[float, float, float, float]) -> list[FloorZone]:

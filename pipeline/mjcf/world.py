@@ -25,6 +25,7 @@ from minexplore.bundle import (
     surface_geom,
 )
 from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS, PLAIN
+from pipeline.mjcf.fittings import add_fittings
 from pipeline.mjcf.scene import MineScene
 from pipeline.store.codecs import Bundle, encode
 from pipeline.store.palette_png import encode_palette_png
@@ -51,7 +52,7 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     _add_rock_class(spec, scene.rock_friction, scene.look)
     _add_rock(spec, mine, scene.parts)
     _add_floor(spec, mine, scene)
-    meshes = _add_surface(spec, mine, scene)
+    meshes = _add_surface(spec, mine, scene) | add_fittings(spec, mine, scene)
     texture = encode_palette_png(scene.texture) or encode(Path(ROCK_TEXTURE), scene.texture)
     spec.assets = {**meshes, ROCK_TEXTURE: texture}
     for i, light in enumerate(scene.lights):

@@ -11,11 +11,12 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from shapely import Polygon
 
-from minexplore.bundle import RECORD, WALLS, mesh_file
+from minexplore.bundle import RECORD, WALLS, is_fitting, mesh_file
 from minexplore.looks import PLAIN
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import WorldRecord
+from pipeline.proof.fittings import require_fittings
 from pipeline.proof.same_surface import NearestFace
 from pipeline.proof.smooth import roof_foot_m, texture_repeat_m
 from pipeline.store.codecs import decode
@@ -47,7 +48,8 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     """
     smooth = _triangles(folder, [name for name in SMOOTH_MESHES])
     names = [name.removeprefix("meshes/").removesuffix(".msh") for name in record.files if name.startswith("meshes/")]
-    rough = [name for name in names if name not in SMOOTH_MESHES]
+    rough = [name for name in names if name not in SMOOTH_MESHES and not is_fitting(name)]
+    require_fittings(folder, [name for name in names if is_fitting(name)], free, smooth)
     repeat_m, foot_m = texture_repeat_m(folder), roof_foot_m(folder)
     near, walls = NearestFace(smooth), cKDTree(shapely.get_coordinates(shapely.segmentize(free.boundary, _FINE_M)))
     for name in rough:
