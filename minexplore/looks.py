@@ -17,7 +17,7 @@ PLAIN = "plain"
 _NO_HAZE_M = (30.0, 100.0)  # MuJoCo's own values, which a plain world keeps
 LAMP_ABOVE_M, LAMP_CUTOFF_DEG = 0.05, 45.0  # a headlamp is on top of the scanner; half of its cone
 _SHADOW_PX = 2048  # with 1024 grazing faces shadow themselves in dots; 4096 takes OSMesa a quarter longer
-CUT_MATERIAL, CUT_RGBA = "cut", (0.33, 0.29, 0.26, 1.0)  # rock's collision parts, seen from above in a cut-away view
+CUT_MATERIAL, CUT_RGBA = "cut", (0.8, 0.72, 0.64, 1.0)  # rock's collision parts, seen from above in a cut-away view
 # Colour and highlight of each kind of furniture; colour and reflectance of water.
 FURNITURE_LOOKS = {
     "bolts": ((0.66, 0.63, 0.58, 1.0), 0.4),
@@ -26,7 +26,7 @@ FURNITURE_LOOKS = {
     "pipe": ((0.36, 0.38, 0.4, 1.0), 0.3),
 }
 WATER = ((0.05, 0.055, 0.05, 1.0), 0.35)
-_COVER_GAIN, _GREYED = 1.5, 0.6  # the texture, whose mean is 0.5, darkens the zone's colour; muck is mostly grey
+_COVER_GAIN, _GREYED = 2.1, 0.6  # the texture, whose mean is 0.5, darkens the zone's colour; muck is mostly grey
 _MUCK, _TRODDEN = (1.1, 1.0, 0.88), 0.62
 TEXTURE_PER_M = 0.4  # repeats of the texture on the floor
 
@@ -70,9 +70,10 @@ def look_of(record: Mapping[str, Any]) -> Look:
 
 def cover_rgba(zone_rgba: Sequence[float], trodden: bool) -> list[float]:
     """Return the colour that the visible floor multiplies its texture with, by the colour of its floor zone."""
-    grey, gain = sum(zone_rgba[:3]) / 3, _COVER_GAIN * (_TRODDEN if trodden else 1.0)
+    grey = sum(zone_rgba[:3]) / 3
     mixed = [(1 - _GREYED) * own + _GREYED * grey * tone for own, tone in zip(zone_rgba, _MUCK, strict=False)]
-    return [round(min(1.0, gain * value), 4) for value in mixed] + [1.0]
+    gain = min(_COVER_GAIN, 1 / max(*mixed, 1e-6)) * (_TRODDEN if trodden else 1.0)  # colours keep their hue
+    return [round(gain * value, 4) for value in mixed] + [1.0]
 
 
 def has_haze(model: mujoco.MjModel) -> bool:

@@ -21,6 +21,7 @@ _EYE_M = 1.7  # height that bolts are aimed from
 _LEAST_HEIGHT_M = 2.9  # of workings: a duct under the roof then leaves 2 m below it
 _REACH_M = 3.0  # beyond half the drift's width a ray has met no rib but an opening
 _TOWARDS_RIB_M = 0.7  # a line hangs at most so far from where the plan's wall is
+_OFF_RIB_M = 0.5  # and so far off the rock, to pass its bumps
 _STEP_M, _ALIKE_M = 1.0, 2.0  # of lines: distance of their points, and how far a bump of rock pushes them away
 _SHORTEST_M = 4.0
 
@@ -108,15 +109,16 @@ def _bolts(
 
 
 def _bolt(foot: np.ndarray, out: np.ndarray, plate_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return a plate, a low pyramid, with the bolt's end, a steep one, as vertices (10, 3) m and faces (8, 3)."""
+    """Return a plate, a low pyramid, with the bolt's end, a steep one, as vertices (9, 3) m and faces (7, 3)."""
     across = np.cross(out, [0.0, 0.0, 1.0] if abs(out[2]) < 0.9 else [1.0, 0.0, 0.0])
     across /= np.linalg.norm(across)
     along = np.cross(out, across)
     square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / 2
     ring = square[:, :1] * across + square[:, 1:] * along
     base = foot + 0.05 * out
-    points = np.vstack([base + plate_m * ring, base + 0.035 * out, base + 0.05 * ring, base + 0.14 * out])
-    faces = np.array([[k, (k + 1) % 4, 4] for k in range(4)] + [[5 + k, 5 + (k + 1) % 4, 9] for k in range(4)])
+    end = base + 0.05 * np.array([across, along - across, -along])
+    points = np.vstack([base + plate_m * ring, base + 0.035 * out, end, base + 0.14 * out])
+    faces = np.array([[k, (k + 1) % 4, 4] for k in range(4)] + [[5 + k, 5 + (k + 1) % 3, 8] for k in range(3)])
     one, two, three = points[faces[0]]
     turned = np.dot(np.cross(two - one, three - one), out) < 0  # seen from the rock
     return points, faces[:, ::-1] if turned else faces
@@ -135,8 +137,8 @@ def _along_rib(
     closed = distance < half_m + _TOWARDS_RIB_M
     window = 2 * round(_ALIKE_M / _STEP_M) + 1
     for part in _runs(closed, round(_SHORTEST_M / _STEP_M)):
-        offset = minimum_filter1d(distance[part], window) - kind.gap_m - kind.radius_m
-        offset = np.maximum(gaussian_filter1d(offset, 1.0), 0.3)
+        offset = gaussian_filter1d(minimum_filter1d(distance[part], window), 1.0)
+        offset = np.clip(offset, distance[part] - _OFF_RIB_M, distance[part]) - kind.gap_m - kind.radius_m
         middle = origin[part].copy()
         middle[:, :2] += offset[:, None] * outwards[part]
         middle[:, 2] -= _sag(len(middle), kind.sag_m)

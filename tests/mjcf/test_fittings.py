@@ -23,6 +23,7 @@ from minexplore.bundle import (
 )
 from minexplore.lidar import Lidar, surface_meshes
 from minexplore.local_models import LocalModels
+from minexplore.render import far_hidden
 from minexplore.robot import RobotParams
 from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.task import TaskParams
@@ -304,3 +305,15 @@ def test_a_step_of_a_fitted_world_finds_no_contact_with_fittings(fitted: BuiltMi
         mujoco.mj_step(model, data)
         touched |= {model.geom(int(g)).name for g in data.contact.geom.ravel()}
     assert touched - {""} == {"floor_dry"}
+
+
+def test_water_is_drawn_wherever_its_zone_is(fitted: BuiltMine):
+    model = open_bundle(fitted.bundle).model
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    before = model.geom_group.copy()
+    with far_hidden(model, data, np.array([1000.0, 0.0, 0.0])):
+        assert planes.sum() == 3
+        assert (model.geom_group[planes] == before[planes]).all()
+        assert (model.geom_group[~planes] != before[~planes]).any()

@@ -9,9 +9,12 @@ import pytest
 import shapely
 
 from minexplore.bundle import BundleError, GeomGroup, world_sha256
-from minexplore.looks import CUT_MATERIAL, LOOKS, add_headlamp, has_haze
-from minexplore.robot import RobotParams
+from minexplore.coverage import CoverageGrid
+from minexplore.looks import CUT_MATERIAL, LOOKS, add_headlamp, cover_rgba, has_haze
+from minexplore.render import Renderer, far_hidden
+from minexplore.robot import RobotParams, free_joint_qpos
 from minexplore.schema import check_files, hash_files, read_folder
+from minexplore.world import load_world
 from pipeline.compose import compose
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.mjcf.render import render_camera
@@ -128,3 +131,39 @@ def test_a_robot_carries_a_lamp_that_casts_shadows_in_a_world_with_a_look_only()
         model = spec.compile()
         assert model.nlight == (name != "plain")
         assert model.light_castshadow[: model.nlight].all()
+
+
+def test_geoms_beyond_the_haze_are_hidden_while_a_frame_is_drawn(wet: BuiltMine):
+    model = open_bundle(wet.bundle).model
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    before = model.geom_group.copy()
+    with far_hidden(model, data, np.array([1000.0, 0.0, 0.0])):
+        assert (model.geom_group == GeomGroup.SMOOTH_SURFACE).all()
+    with far_hidden(model, data, data.geom_xpos.mean(axis=0)):
+        assert (model.geom_group == before).all()
+    assert (model.geom_group == before).all()
+
+
+def test_the_colour_of_a_visible_floor_keeps_its_zones_hue_and_is_darker_where_trodden():
+    for zone in ([0.52, 0.45, 0.38, 1.0], [0.9, 0.1, 0.1, 1.0], [0.0, 0.0, 0.0, 1.0]):
+        loose, trodden = cover_rgba(zone, False), cover_rgba(zone, True)
+        assert max(loose) <= 1.0
+        assert all(dark <= light for dark, light in zip(trodden[:3], loose[:3], strict=True))
+        assert np.argsort(loose[:3]).tolist() == np.argsort(trodden[:3]).tolist()
+
+
+def test_the_front_camera_looks_ahead_from_the_robot(wet: BuiltMine):
+    world, robot = load_world(wet.bundle), RobotParams()
+    grid = CoverageGrid(world, 2.0, robot.radius_m, np.array([5.0, 2.5]), 100.0)
+    renderer = Renderer(world, world.T_world_mine, grid, robot, 1, (120, 80))
+    nothing = np.zeros_like(grid.reachable)
+    pictures = []
+    for yaw in (0.0, np.pi):  # along the drift, and at the rock behind the robot
+        qpos = np.concatenate([free_joint_qpos(world.T_world_mine, robot, 1.5, 2.5, yaw), np.zeros(2)])[None]
+        pictures.append(renderer.draw("front", qpos, nothing, np.array([[1.5, 2.5, yaw]])).astype(int))
+    renderer.close()
+    robot_yellow = (pictures[0][..., 0] - pictures[0][..., 2] > 100).mean()
+    assert robot_yellow < 0.01
+    middle = [picture[35:45, 50:70].mean() for picture in pictures]
+    assert middle[1] > middle[0] + 10  # rock at 1.5 m is lit, the drift's end at 28 m is not
