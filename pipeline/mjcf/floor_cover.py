@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import fast_simplification
 import numpy as np
 import shapely
@@ -18,6 +20,7 @@ from pipeline.types import DriftNetwork, Mesh
 _BEYOND_M = 0.6  # under the rock, whose foot stands that far behind the wall
 _TILE_M = 20.0
 _STATION_M = 0.25
+_MOST_POINTS = 8_000_000  # of the grid over the box; the embedded mine has 3.3 million
 _LOWEST_M = 0.006  # above the flat floor, so that the two do not flicker
 _LAKE_M = 0.012  # by which the floor of a flooded zone lies lower: about half of it is then under water
 _UNDULATIONS_M = ((0.35, 0.35), (1.2, 0.65))  # scale of the unevenness, and its share
@@ -38,6 +41,7 @@ def cover_floor(params: FloorParams, free: Polygon, network: DriftNetwork, zones
         Ruts follow its legs.
     zones : list of FloorZone
     """
+    params = _widened(params, free)
     places, cells, shape = _grid(free, params.spacing_m)
     flooded = np.zeros(len(places), bool)
     for zone in (z for z in zones if z.name in params.puddles):
@@ -51,6 +55,16 @@ def cover_floor(params: FloorParams, free: Polygon, network: DriftNetwork, zones
     vertices = np.round(vertices.astype(np.float64), 4)
     vertices[:, 2] = np.clip(vertices[:, 2], _LOWEST_M, COVER_M)
     return _cut(vertices, _upwards(vertices, faces), zones, params.spacing_m)
+
+
+def _widened(params: FloorParams, free: Polygon) -> FloorParams:
+    """Widen the spacing until the grid over the workings' box has at most `_MOST_POINTS`, and print it."""
+    west, south, east, north = free.bounds
+    least_m = math.sqrt((east - west + 2 * _BEYOND_M) * (north - south + 2 * _BEYOND_M) / _MOST_POINTS)
+    if least_m <= params.spacing_m:
+        return params
+    print(f"realism: points of the visible floor are {least_m:.2f} m apart instead of {params.spacing_m:g} m")
+    return params.model_copy(update={"spacing_m": least_m})
 
 
 def _grid(free: Polygon, spacing_m: float) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:

@@ -317,3 +317,12 @@ def test_water_is_drawn_wherever_its_zone_is(fitted: BuiltMine):
         assert planes.sum() == 3
         assert (model.geom_group[planes] == before[planes]).all()
         assert (model.geom_group[~planes] != before[~planes]).any()
+
+
+def test_workings_that_are_far_apart_get_a_coarser_floor(fitted: BuiltMine, fitted_config: Config, capsys):
+    far = shapely.box(0, 0, 3000, 4).union(shapely.box(2996, 0, 3000, 900))
+    zone = open_bundle(fitted.bundle).record.zones[:1]
+    params = fitted_config.realism.floor.model_copy(update={"puddles": []})
+    meshes = cover_floor(params, far, fitted.network, zone)
+    assert "0.58 m apart instead of 0.2 m" in capsys.readouterr().out
+    assert sum(len(mesh.faces) for mesh in meshes.values()) > 100
