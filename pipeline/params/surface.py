@@ -43,7 +43,7 @@ class TextureParams(Params):
     layers: LayersParams | None = Field(
         None, description="layers of rock; null: one noise by the exponent and contrast"
     )
-    colours: int = Field(32, ge=4, le=256, description="of a texture in layers; fewer make a smaller file")
+    colours: int = Field(64, ge=4, le=256, description="of a texture in layers; fewer make a smaller file")
     tether_m: float | None = Field(
         None, ge=0.05, le=5, description="the texture follows the rock within about this; null: it stays on the plan"
     )
