@@ -24,8 +24,10 @@ from minexplore.bundle import (
     GeomGroup,
 )
 from pipeline.mjcf.bundle import WorldRecord, compile_bundle, seal_bundle
+from pipeline.mjcf.floor_cover import cover_floor
+from pipeline.mjcf.furniture import hang_furniture
 from pipeline.mjcf.render import render_camera
-from pipeline.mjcf.scene import MineScene, place_lights, tile_zones, tilt_about_centre
+from pipeline.mjcf.scene import FloorZone, MineScene, place_lights, tile_zones, tilt_about_centre
 from pipeline.params.realism import RealismParams
 from pipeline.store.codecs import Bundle, Meshes, encode
 from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, SolidExtent, Spawn, Survey
@@ -52,20 +54,26 @@ def assemble_world(
     `rough` is the folder with the chunks of the rough surface, or these files by name. The last four arguments enter
     the bundle unchanged.
     """
+    chunks = {p.name: p.read_bytes() for p in sorted(rough.glob("*.msh"))} if isinstance(rough, Path) else rough
+    zones = tile_zones(params.zones, extent.world_m)
     scene = MineScene(
         name=survey.name,
         extent=extent,
         parts=collision,
         rock_friction=params.rock_friction,
         floor_thickness_m=params.floor_thickness_m,
-        zones=tile_zones(params.zones, extent.world_m),
+        zones=zones,
         lights=_lights(params, topology),
         smooth=smooth,
-        rough={p.name: p.read_bytes() for p in sorted(rough.glob("*.msh"))} if isinstance(rough, Path) else rough,
+        rough=chunks,
         texture=texture,
         anchor_m=spawn.anchor_m,
         heading_rad=heading_at(topology, spawn.anchor_m),
         T_world_mine=tilt_about_centre(params.tilt_deg, extent.world_m),
+        look=params.look,
+        fittings=_fittings(params, free_space, topology, zones, chunks, extent.height_m),
+        puddles=tuple(zone.name for zone in zones if zone.name in params.floor.puddles) if params.floor else (),
+        water_m=params.floor.water_m if params.floor else 0.0,
     )
     files = compile_bundle(scene)
     files[PREVIEW] = encode(Path(PREVIEW), _preview(files, params.preview_width_px))
@@ -73,6 +81,24 @@ def assemble_world(
     files[TOPOLOGY] = encode(Path(TOPOLOGY), topology)
     files |= {CLEARANCE_GRID: occupancy, OCTREE: free_space_bt, NAV2_PICTURE: map_png, NAV2_MAP: map_yaml}
     return {"world": seal_bundle(files, _record(params, scene, free_space, topology, spawn))}
+
+
+def _fittings(
+    params: RealismParams,
+    free_space: FreeSpace,
+    topology: DriftNetwork,
+    zones: list[FloorZone],
+    rough: Bundle,
+    height_m: float,
+) -> Bundle:
+    """Return the meshes of the visible floor and of the furniture as `NAME.msh`."""
+    found: Bundle = {}
+    if params.floor:
+        cover = cover_floor(params.floor, free_space.polygon, topology, zones)
+        found |= {name: encode(Path(f"{name}.msh"), mesh) for name, mesh in cover.items()}
+    if params.furnish != "off":
+        found |= hang_furniture(params.furniture[params.furnish], topology, rough, height_m)
+    return {f"{name}.msh": found[name] for name in sorted(found)}
 
 
 def _lights(params: RealismParams, topology: DriftNetwork) -> list:
@@ -120,6 +146,7 @@ def _record(
         geom_groups=GEOM_GROUPS,
         files={},
         world_sha256="",
+        look=scene.look,
     )
 
 
