@@ -1,11 +1,17 @@
-"""Straighten a simplified ring: fit each edge to its stretch of the traced ring."""
+"""Fit the edges of a simplified ring to the traced ring."""
 
 from __future__ import annotations
 
 import numpy as np
 import shapely
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
 
 from pipeline.types import Points2
+
+_GAUSS = 1 / np.sqrt(3.0)  # two points integrate a squared distance exactly
+_ROUNDS = 3
+_HELD_M = 0.02  # weight of a vertex's place before, as metres of wall; without it collinear edges leave it free
 
 
 def fit_edges(traced: Points2, kept: Points2, tolerance_m: float) -> Points2:
@@ -77,3 +83,65 @@ def _intersection(one: tuple, two: tuple, corner: np.ndarray, tolerance_m: float
 
 def _max_distance(run: Points2, start: np.ndarray, end: np.ndarray) -> float:
     return float(shapely.distance(shapely.points(run), shapely.LineString([start, end])).max())
+
+
+def fit_vertices(traced: Points2, at: np.ndarray, most_m: float) -> tuple[Points2, np.ndarray, np.ndarray]:
+    """Move the vertices of a ring so that the squared distance of the traced wall from its edges is least.
+
+    Parameters
+    ----------
+    traced : (n, 2) float64, m
+        Closed ring.
+    at : (k + 1,) int
+        Points of `traced` at which the vertices start: increasing, the first is 0, the last n - 1.
+    most_m : float
+        A vertex that would move farther stays.
+
+    Returns
+    -------
+    ring : (k + 1, 2) float64, m
+        Closed ring.
+    off : (2 (n - 1),) float64, m
+        Distance of the two Gauss points of each segment of `traced` from the edge that replaces it.
+    edge : (2 (n - 1),) int
+        The edge of each Gauss point.
+    """
+    middle, half = (traced[:-1] + traced[1:]) / 2, np.diff(traced, axis=0) / 2
+    points = np.stack([middle - half * _GAUSS, middle + half * _GAUSS], axis=1).reshape(-1, 2)
+    weight = np.repeat(np.linalg.norm(half, axis=1), 2)
+    count = len(at) - 1
+    first = np.repeat(np.searchsorted(at, np.arange(len(middle)), side="right") - 1, 2)
+    last = (first + 1) % count
+    start = vertices = traced[at[:-1]]
+    for _ in range(_ROUNDS):
+        vertices = _least_squares(points, weight, first, last, vertices)
+    moved = np.linalg.norm(vertices - start, axis=1) <= most_m
+    vertices = np.where(moved[:, None], vertices, start)
+    _, share = _edge_frame(points, vertices[first], vertices[last])
+    nearest = vertices[first] + share[:, None] * (vertices[last] - vertices[first])
+    return np.vstack([vertices, vertices[:1]]), np.linalg.norm(points - nearest, axis=1), first
+
+
+def _least_squares(
+    points: Points2, weight: np.ndarray, first: np.ndarray, last: np.ndarray, vertices: Points2
+) -> Points2:
+    """Solve for the vertices (k, 2) with the points' places along their edges and the edges' normals held."""
+    normal, share = _edge_frame(points, vertices[first], vertices[last])
+    root = np.sqrt(weight)[:, None]
+    values = np.concatenate(
+        [(root * (1 - share)[:, None] * normal).T.ravel(), (root * share[:, None] * normal).T.ravel()]
+    )
+    row = np.tile(np.arange(len(points)), 4)
+    column = np.concatenate([2 * first, 2 * first + 1, 2 * last, 2 * last + 1])
+    matrix = sparse.csr_matrix((values, (row, column)), shape=(len(points), vertices.size))
+    right = root[:, 0] * (normal * points).sum(axis=1)
+    held = _HELD_M * sparse.identity(vertices.size)
+    return spsolve((matrix.T @ matrix + held).tocsc(), matrix.T @ right + _HELD_M * vertices.ravel()).reshape(-1, 2)
+
+
+def _edge_frame(points: Points2, start: Points2, end: Points2) -> tuple[Points2, np.ndarray]:
+    """Return the unit normal (n, 2) of each point's edge, and the share (n,) of the edge before the point."""
+    step = end - start
+    squared = np.maximum((step**2).sum(axis=1), 1e-18)
+    normal = np.column_stack([-step[:, 1], step[:, 0]]) / np.sqrt(squared)[:, None]
+    return normal, np.clip(((points - start) * step).sum(axis=1) / squared, 0, 1)
