@@ -85,7 +85,7 @@ def _max_distance(run: Points2, start: np.ndarray, end: np.ndarray) -> float:
     return float(shapely.distance(shapely.points(run), shapely.LineString([start, end])).max())
 
 
-def fit_vertices(traced: Points2, at: np.ndarray, most_m: float) -> tuple[Points2, np.ndarray, np.ndarray]:
+def fit_vertices(traced: Points2, at: np.ndarray, most_m: float) -> Points2:
     """Move the vertices of a ring so that the squared distance of the traced wall from its edges is least.
 
     Parameters
@@ -95,31 +95,51 @@ def fit_vertices(traced: Points2, at: np.ndarray, most_m: float) -> tuple[Points
     at : (k + 1,) int
         Points of `traced` at which the vertices start: increasing, the first is 0, the last n - 1.
     most_m : float
-        A vertex that would move farther stays.
+        A vertex that would move farther stays, and so do both vertices of an edge that would be farther from the wall.
 
     Returns
     -------
-    ring : (k + 1, 2) float64, m
+    (k + 1, 2) float64, m
         Closed ring.
-    off : (2 (n - 1),) float64, m
-        Distance of the two Gauss points of each segment of `traced` from the edge that replaces it.
-    edge : (2 (n - 1),) int
-        The edge of each Gauss point.
     """
-    middle, half = (traced[:-1] + traced[1:]) / 2, np.diff(traced, axis=0) / 2
-    points = np.stack([middle - half * _GAUSS, middle + half * _GAUSS], axis=1).reshape(-1, 2)
-    weight = np.repeat(np.linalg.norm(half, axis=1), 2)
-    count = len(at) - 1
-    first = np.repeat(np.searchsorted(at, np.arange(len(middle)), side="right") - 1, 2)
-    last = (first + 1) % count
+    points, weight, first, last = _gauss_points(traced, at)
     start = vertices = traced[at[:-1]]
     for _ in range(_ROUNDS):
         vertices = _least_squares(points, weight, first, last, vertices)
-    moved = np.linalg.norm(vertices - start, axis=1) <= most_m
-    vertices = np.where(moved[:, None], vertices, start)
-    _, share = _edge_frame(points, vertices[first], vertices[last])
-    nearest = vertices[first] + share[:, None] * (vertices[last] - vertices[first])
-    return np.vstack([vertices, vertices[:1]]), np.linalg.norm(points - nearest, axis=1), first
+    kept = np.linalg.norm(vertices - start, axis=1) > most_m
+    while True:
+        vertices = np.where(kept[:, None], start, vertices)
+        ring = np.vstack([vertices, vertices[:1]])
+        far = largest_distances(traced, at, ring) > most_m
+        restored = ~kept & (far | np.roll(far, 1))
+        if not restored.any():
+            return ring
+        kept |= restored
+
+
+def edge_distances(traced: Points2, at: np.ndarray, ring: Points2) -> tuple[np.ndarray, np.ndarray]:
+    """Return the distances (2 (n - 1),) m of the traced wall from the edges that replace it, and the edge of each.
+
+    They are taken at the two Gauss points of each segment of the wall.
+    """
+    points, _, first, _ = _gauss_points(traced, at)
+    start, end = ring[first], ring[first + 1]
+    _, share = _edge_frame(points, start, end)
+    return np.linalg.norm(points - start - share[:, None] * (end - start), axis=1), first
+
+
+def largest_distances(traced: Points2, at: np.ndarray, ring: Points2) -> np.ndarray:
+    """Return the largest distance (k,) m of the traced wall from each edge of the ring (k + 1, 2)."""
+    off, edge = edge_distances(traced, at, ring)
+    return np.maximum.reduceat(off, np.searchsorted(edge, np.arange(len(at) - 1)))
+
+
+def _gauss_points(traced: Points2, at: np.ndarray) -> tuple[Points2, np.ndarray, np.ndarray, np.ndarray]:
+    """Return two points on each segment of the wall, their weights, m, and the two vertices of the edge of each."""
+    middle, half = (traced[:-1] + traced[1:]) / 2, np.diff(traced, axis=0) / 2
+    points = np.stack([middle - half * _GAUSS, middle + half * _GAUSS], axis=1).reshape(-1, 2)
+    first = np.repeat(np.searchsorted(at, np.arange(len(middle)), side="right") - 1, 2)
+    return points, np.repeat(np.linalg.norm(half, axis=1), 2), first, (first + 1) % (len(at) - 1)
 
 
 def _least_squares(

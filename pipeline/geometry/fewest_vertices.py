@@ -7,7 +7,7 @@ import shapely
 from shapely import Polygon
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.edge_fit import fit_vertices
+from pipeline.geometry.edge_fit import edge_distances, fit_vertices, largest_distances
 from pipeline.geometry.polyline import line_moments
 from pipeline.types import Points2
 
@@ -39,14 +39,13 @@ class _Ring:
             while len(chosen) < 5 and penalty > _LAST_PENALTY:  # a ring needs a few edges
                 penalty /= 4
                 chosen = _cheapest_path(self.cost, penalty)
-            ring, off, edge = fit_vertices(self.traced, self.at[chosen], most_m)
-            worst = np.zeros(len(chosen) - 1)
-            np.maximum.at(worst, edge, off)
+            worst = largest_distances(self.traced, self.at[chosen], self.traced[self.at[chosen]])
             far = np.flatnonzero((worst > most_m) & (np.diff(chosen) > 1))
             if not len(far):
                 break
             self.cost[chosen[far + 1], chosen[far + 1] - chosen[far] - 1] = np.inf
-        return ring, off
+        ring = fit_vertices(self.traced, self.at[chosen], most_m)
+        return ring, edge_distances(self.traced, self.at[chosen], ring)[0]
 
 
 def simplify_to_error(outline: Polygon, error_m: float) -> Polygon:
