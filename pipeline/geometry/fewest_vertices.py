@@ -14,7 +14,9 @@ from pipeline.types import Points2
 _FINER = 3.0  # candidates for vertices lie within the error divided by this
 _LONGEST = 80  # candidates that one edge may pass
 _MOST_RATIO = 8.0  # of the largest error to the mean one; 7 where nothing bounds it (docs/adr/0012)
-_BISECTIONS = 14
+_PENALTIES = (0.1, 100.0)  # times the squared error, m3; rough drifts need 5 to 15
+_BISECTIONS = 9
+_TRIES = 6  # smaller penalties, each a tenth of the last, where the range holds none
 _LAST_PENALTY = 1e-9
 _REPAIRS = 12
 
@@ -77,20 +79,28 @@ def simplify_to_error(outline: Polygon, error_m: float) -> Polygon:
     Imai & Iri 1988, doi:10.1016/B978-0-444-70467-2.50011-4.
     """
     rings = [_Ring(np.asarray(ring.coords)[:, :2], error_m) for ring in (outline.exterior, *outline.interiors)]
-    weight = np.concatenate([np.repeat(_lengths(ring.traced) / 2, 2) for ring in rings])
-    low, high, best = np.log(_LAST_PENALTY), np.log(100.0 * error_m**2), None
+    low, high = np.log(np.array(_PENALTIES) * error_m**2)
+    best = None
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
-        fitted = [ring.fit(float(np.exp(middle)), _MOST_RATIO * error_m) for ring in rings]
-        off = np.concatenate([distance for _, distance in fitted])
-        simple = Polygon(fitted[0][0], [ring for ring, _ in fitted[1:]])
-        if simple.is_valid and float(weight @ off / weight.sum()) <= error_m and off.max() <= _MOST_RATIO * error_m:
-            low, best = middle, simple
-        else:
-            high = middle
+        simple = _fit_all(rings, float(np.exp(middle)), error_m)
+        low, high = (low, middle) if simple is None else (middle, high)
+        best = simple or best
+    for k in range(_TRIES):
+        best = best or _fit_all(rings, float(np.exp(low)) / 10**k, error_m)
     if best is None:
         raise GeometryError(f"contours.wall_error_m = {error_m:g}: the outline would be invalid; use a smaller error")
     return best
+
+
+def _fit_all(rings: list[_Ring], penalty: float, error_m: float) -> Polygon | None:
+    """Return the polygon of a penalty if it is valid and within the errors."""
+    fitted = [ring.fit(penalty, _MOST_RATIO * error_m) for ring in rings]
+    off = np.concatenate([distance for _, distance in fitted])
+    weight = np.concatenate([np.repeat(_lengths(ring.traced), 2) for ring in rings])
+    simple = Polygon(fitted[0][0], [ring for ring, _ in fitted[1:]])
+    holds = simple.is_valid and weight @ off <= error_m * weight.sum() and off.max() <= _MOST_RATIO * error_m
+    return simple if holds else None
 
 
 def _lengths(ring: Points2) -> np.ndarray:
