@@ -51,7 +51,7 @@ def test_a_mine_on_the_pixel_grid_keeps_its_walls_and_loses_only_its_corners(min
 
 @given(seed=st.integers(0, 10_000), drifts=st.integers(1, 6), drawn=st.sampled_from(list(DRAWN)))
 @settings(deadline=None, max_examples=20)
-def test_the_half_level_has_the_masks_islands_and_nearly_its_pixels(seed, drifts, drawn):
+def test_the_half_level_has_the_masks_islands_and_differs_at_few_border_pixels(seed, drifts, drawn):
     mine = random_mine(np.random.default_rng(seed), drifts)
     frame = frame_for(mine, px_per_m=4.0)
     plan = draw_picture(mine, frame, 40, *DRAWN[drawn])
@@ -61,7 +61,11 @@ def test_the_half_level_has_the_masks_islands_and_nearly_its_pixels(seed, drifts
     traced = trace_half_level(cover_of(plan, raw, mask), frame)
     _, islands = cv2.connectedComponents((~np.pad(mask, 1)).astype(np.uint8), connectivity=8)
     assert len(traced.interiors) == islands.max() - 1
-    assert (fill_polygon(traced, frame) != mask).mean() < 2e-3
+    differ = fill_polygon(traced, frame) != mask
+    square = np.ones((3, 3), np.uint8)
+    border = cv2.dilate(mask.astype(np.uint8), square) > cv2.erode(mask.astype(np.uint8), square)
+    assert not (differ & ~border).any()
+    assert differ.sum() <= 0.06 * border.sum()  # the border is two pixels wide
 
 
 def test_a_pillar_and_a_drift_of_two_pixels_survive():
