@@ -71,7 +71,12 @@ class CertificateParams(Params):
     cell_m: float = Field(gt=0.02, le=1)
     contacts: int = Field(ge=0, description="robot steps in contact with rock; 0: no stress test")
     seed: int = Field(ge=0)
-    limits: dict[str, Limit] = Field(description="limit of each figure, by the figure's name")
+    limits: dict[str, Limit] = Field(description="limit of each figure, by the figure's name; null: no limit")
+
+    @field_validator("limits", mode="before")
+    @classmethod
+    def _drop_absent(cls, value: Any) -> Any:
+        return _flatten(value) if isinstance(value, dict) else value
 
 
 class ValidationParams(Params):
