@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from baselines.bounds import bound_of
+from baselines.driven import note_driven
 from baselines.environments import BENCHMARK, find_id, make_env
 from baselines.errors import BaselineError, run_command
 from baselines.explorers import EXPLORERS
@@ -16,7 +17,6 @@ from baselines.parallel import drive
 from baselines.policy import RESERVED, make_policy, policy_label
 from baselines.progress import Progress
 from baselines.protocol import SEEDS, head_of
-from baselines.rerun import note_driven
 from baselines.result_file import (
     CHECKPOINTS,
     MOST_EPISODES,

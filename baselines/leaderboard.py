@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from baselines.bounds import Bound, bound_of, read_bounds
+from baselines.driven import was_driven_here
 from baselines.environments import BENCHMARK
 from baselines.errors import BaselineError, RejectedError, run_command
-from baselines.rerun import was_driven_here
 from baselines.result_file import RESULTS, result_path
 from baselines.score import score
 from baselines.statistics import STATED, Figure, as_text, figures

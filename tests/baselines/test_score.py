@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from baselines.bounds import Bound
+from baselines.driven import note_driven, was_driven_here
 from baselines.environments import make_env
 from baselines.errors import BaselineError, RejectedError
 from baselines.evaluate import evaluate, evaluate_all
@@ -14,7 +15,6 @@ from baselines.leaderboard import leaderboard
 from baselines.parallel import drive
 from baselines.policy import find_checkpoint, make_policy, policy_label
 from baselines.protocol import SEEDS, head_of, run_episodes
-from baselines.rerun import note_driven, was_driven_here
 from baselines.result_file import RESULTS, Episode, chain, read_results
 from baselines.score import score
 from baselines.statistics import estimate, figures, interquartile_mean, sample_times
