@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from pipeline.errors import InputError
@@ -79,7 +80,8 @@ def solve(path: Path, text: str | None = None, origin: Origin | None = None) -> 
         if status != 0 or not result.is_file():
             raise InputError(_problem(path, source, status, output, origin))
         try:
-            return read_3d(result)
+            survey = read_3d(result)
+            return survey if text is None else replace(survey, title=path.stem)
         except InputError as error:
             raise InputError(str(error).replace(str(result), f"{path}: the result of cavern")) from error
 

@@ -24,6 +24,7 @@ _SET_ITEMS = {"decimal", "minus", "names", "omit", "plus", "root", "separator"}
 # PROJ opens files that such a definition names.
 _PROJ_FILES = re.compile(r"[/\\@]|init|grids|pipeline|geoid|file", re.IGNORECASE)
 _COMPASS = {".mak", ".clp"}
+_NAME_BYTES = 240  # Linux takes 255; a suffix may be added
 
 
 def project_files(path: Path) -> list[Path]:
@@ -65,7 +66,8 @@ def inside(where: str, name: str, beside: Path, folder: Path) -> Path:
         The message begins with `where`.
     """
     clean = name.replace("\\", "/")
-    if not clean or not clean.isprintable():
+    too_long = len(clean) > 1000 or any(len(part.encode()) > _NAME_BYTES for part in clean.split("/"))
+    if not clean or not clean.isprintable() or too_long:
         raise InputError(f"{where}: {name[:80]!r} is no file name")
     candidate = beside / clean
     drive = len(clean) > 1 and clean[1] == ":"

@@ -13,12 +13,14 @@ from pipeline.params.reader_limits import FILE
 from pipeline.survey.child import Payload, one_line, run_limited
 from pipeline.survey.legs import SurveyLeg
 from pipeline.survey.solved.cavern import INSTALL, has_cavern, require_cavern, solve
+from pipeline.survey.solved.compass_sections import with_sections
 from pipeline.survey.solved.model import SolvedSurvey, from_payload, to_payload
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.project_files import project_files, text_lines
 from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.solved.therion import to_survex
 from pipeline.survey.solved.therion_lines import therion_lines
+from pipeline.survey.stations import read_station_survey
 from pipeline.survey.survex import read_svx
 
 SOLVED_SUFFIXES = (".3d", ".svx", ".th", ".dat", ".mak")
@@ -32,7 +34,7 @@ def read_solved(path: Path) -> SolvedSurvey:
     ----------
     path : Path
         `.3d` is read; `.svx` (with the files that it includes), `.dat` and `.mak` (Compass) are solved by Survex; the
-        centrelines of `.th` (Therion) are brought to Survex's form and solved.
+        centrelines of `.th` (Therion) are brought to Survex's form and solved; `.csv` is our own table with elevations.
 
     Returns
     -------
@@ -60,14 +62,21 @@ def solve_file(path: Path) -> SolvedSurvey:
     suffix = path.suffix.lower()
     if suffix == ".3d":
         return read_3d(path)
+    if suffix == ".csv":
+        return read_station_survey(path)
     if suffix not in SOLVED_SUFFIXES:
         raise InputError(f"{path}: not a survey that Survex solves ({', '.join(SOLVED_SUFFIXES)})")
     require_cavern(path)
     if suffix == ".th":
         made = to_survex(path)
         return solve(path, "\n".join(made.lines) + "\n", made.origin)
-    project_files(path)
-    return solve(path)
+    files = project_files(path)
+    survey = solve(path)
+    return survey if suffix == ".svx" else with_sections(survey, [file for file in files if _is_data(file)])
+
+
+def _is_data(path: Path) -> bool:
+    return path.suffix.lower() == ".dat"
 
 
 def survey_files(path: Path) -> list[Path]:

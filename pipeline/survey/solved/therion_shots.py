@@ -124,6 +124,9 @@ class Shots:
 
     def _keep_section(self, line: Line, values: dict[str, str]) -> None:
         """Keep the cross-section at a shot's first station; a shot that does not continue begins a new passage."""
+        if all(values.get(name, "-") in ("-", ".") for name in _LRUD):
+            self._end_passage(line)
+            return
         if values["from"] != self.tail:
             self._end_passage(line)
             self.sections.append((line, _PASSAGE))
