@@ -136,20 +136,20 @@ def _included(where: str, rest: str, path: Path, folder: Path) -> Path:
 
 
 def _compass_files(path: Path) -> list[Path]:
-    folder, files = path.parent.resolve(), []
+    folder, files, count, most = path.parent.resolve(), [], 0, reader_limits().survex_files
     for number, line in text_lines(path):
         comment = line.lstrip().startswith("/")
         for name in _MADE_OF.findall(line):
             where = f"{path}:{number}"
             if not name.strip():
                 continue
+            count += 1
+            if count >= most:
+                raise InputError(f"{where}: {most} files or more (survex_files in {FILE})")
             options = [inside(where, text, path.parent, folder) for text in (name.strip(), f"{name.strip()}.dat")]
             file = next((option for option in options if option.is_file()), None)
             if file is None and not comment:
                 raise InputError(f"{where}: #{name.strip()[:80]}: no such file")
             if file is not None and file not in files:
                 files.append(file)
-            if len(files) >= reader_limits().survex_files:
-                most = reader_limits().survex_files
-                raise InputError(f"{where}: {most} files or more (survex_files in {FILE})")
     return files
