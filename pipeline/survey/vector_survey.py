@@ -21,7 +21,7 @@ from pipeline.survey.geodata import companions
 from pipeline.survey.geojson import read_geojson
 from pipeline.survey.legs import build_workings
 from pipeline.survey.shapes import Shapes, locate, require_simple, workings_of
-from pipeline.survey.survex import svx_files
+from pipeline.survey.solved.read import SOLVED_SUFFIXES, survey_files
 from pipeline.types import METRIC, Frame, Georeference, Image
 
 VectorSurvey = VectorSurveyParams | PassageSurveyParams | ProceduralSurveyParams | VariantSurveyParams
@@ -120,5 +120,5 @@ def vector_files(params: VectorSurvey) -> list[str]:
         case "variant":
             return [params.workings]
     path = Path(params.file)
-    files = svx_files(path) if path.suffix.lower() == ".svx" else [path, *companions(path)]
+    files = survey_files(path) if path.suffix.lower() in SOLVED_SUFFIXES else [path, *companions(path)]
     return [file.as_posix() for file in files]
