@@ -13,7 +13,7 @@ from pipeline.types import Points2
 
 _FINER = 3.0  # candidates for vertices lie within the error divided by this
 _LONGEST = 80  # candidates that one edge may pass
-_MOST_RATIO = 8.0  # of the largest error to the mean one; 7 where nothing bounds it (docs/adr/0012)
+MOST_RATIO = 8.0  # of the largest error to the mean one; 7 where nothing bounds it (docs/adr/0012)
 _PENALTIES = (0.1, 100.0)  # times the squared error, m3; rough drifts need 5 to 15
 _BISECTIONS = 9
 _TRIES = 6  # smaller penalties, each a tenth of the last, where the range holds none
@@ -95,11 +95,11 @@ def simplify_to_error(outline: Polygon, error_m: float) -> Polygon:
 
 def _fit_all(rings: list[_Ring], penalty: float, error_m: float) -> Polygon | None:
     """Return the polygon of a penalty if it is valid and within the errors."""
-    fitted = [ring.fit(penalty, _MOST_RATIO * error_m) for ring in rings]
+    fitted = [ring.fit(penalty, MOST_RATIO * error_m) for ring in rings]
     off = np.concatenate([distance for _, distance in fitted])
     weight = np.concatenate([np.repeat(_lengths(ring.traced), 2) for ring in rings])
     simple = Polygon(fitted[0][0], [ring for ring, _ in fitted[1:]])
-    holds = simple.is_valid and weight @ off <= error_m * weight.sum() and off.max() <= _MOST_RATIO * error_m
+    holds = simple.is_valid and weight @ off <= error_m * weight.sum() and off.max() <= MOST_RATIO * error_m
     return simple if holds else None
 
 

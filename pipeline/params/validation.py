@@ -90,8 +90,9 @@ class ValidationParams(Params):
     network_station_spacing_m: float = Field(gt=0)
     collision_method: Literal["exact", "coacd", "vhacd"]
     tolerance_m: float | None = Field(
-        ge=0, description="largest distance by which simplification may have moved a wall; null: 0.5 m"
+        ge=0, description="largest distance by which simplification may have moved a wall; null: 8 x wall_error_m"
     )
+    wall_error_m: float = Field(gt=0)
     robot_height_m: float = Field(gt=0, description="height at which LiDAR and walls are compared")
     texture: TextureReportParams
     replay: ReplayParams
