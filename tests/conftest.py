@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 import shutil
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +20,10 @@ from pipeline.params.config import Config
 from stages.__main__ import STAGES
 from tests.mines import RING, TEE, BuiltMine
 from tests.project import ROOT, Project
+
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    # A shell starts background jobs so. Commands that tests start and interrupt would inherit it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples in every run, so that only a change of the code can fail a test. HYPOTHESIS_PROFILE=explore draws
 # new ones.
