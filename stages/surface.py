@@ -20,13 +20,15 @@ from pipeline.surface.reference import measure_sources, reference_files
 from pipeline.surface.rough import closed_mesh
 from pipeline.surface.smooth import smooth_surface
 from pipeline.surface.texture import make_texture
-from pipeline.types import DriftNetwork, FreeSpace, Image, SolidExtent
+from pipeline.types import NO_PICTURE, DriftNetwork, FreeSpace, Image, SolidExtent
 
 
 def model_surface(
     params: SurfaceParams, free_space: FreeSpace, topology: DriftNetwork, extent: SolidExtent
 ) -> dict[str, Any]:
-    """Return both surfaces, the texture, and reports on roughness and meshes."""
+    """Return both surfaces, the texture, and reports on roughness and meshes; with `overlay=none` all are empty."""
+    if params.overlay == "none":
+        return _NO_ROCK
     free, repeat_m = free_space.polygon, params.texture.repeat_m
     params = widen_spacing(params, free, extent.height_m)
     smooth = smooth_surface(free, extent.height_m, params.floor_chamfer_m, params.roof_chamfer_m, repeat_m)
@@ -49,6 +51,18 @@ def model_surface(
         }
 
 
+_NO_ROCK: dict[str, Any] = {
+    "smooth": {},
+    "rough": {"none.txt": b"surface.overlay = none: no rough surface\n"},
+    "texture": NO_PICTURE,
+    "sections": NO_PICTURE,
+    "amplitude": "",
+    "roughness": None,
+    "spectra": NO_PICTURE,
+    "mesh_checks": None,
+}
+
+
 def _texture(params: TextureParams) -> Image:
     rng = np.random.default_rng(params.seed)
     return make_texture(params.size_px, params.spectral_exponent, params.contrast, params.rgb, rng)
@@ -67,8 +81,8 @@ STAGE = Stage(
         "smooth": Artifact("surface/smooth.npz", Meshes),
         "rough": Artifact("surface/rough", Bundle),
         "texture": Artifact("surface/texture.png", Image),
-        "mesh_checks": Artifact("surface/mesh_checks.json", MeshReport),
-        "roughness": Artifact("surface/roughness.json", RoughnessReport),
+        "mesh_checks": Artifact("surface/mesh_checks.json", MeshReport | None),
+        "roughness": Artifact("surface/roughness.json", RoughnessReport | None),
         "spectra": Artifact("surface/roughness.png", Image),
         "sections": Artifact("surface/sections.png", Image),
         "amplitude": Artifact("surface/amplitude.csv", str),

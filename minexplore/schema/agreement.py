@@ -20,6 +20,7 @@ from minexplore.bundle import (
     BundleError,
     GeomGroup,
     floor_geom,
+    has_visible_rock,
     mesh_file,
     rock_geom,
     surface_geom,
@@ -61,7 +62,8 @@ def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str]
     _check_floor(at, record)
     _check_cameras(at, record)
     _check_lights(at, record)
-    _check_surface(at, set(meshes))
+    if has_visible_rock(record):
+        _check_surface(at, set(meshes))
 
 
 class _Places:
@@ -71,8 +73,8 @@ class _Places:
         sections = {node.tag: node for node in root.children}
         self.statistic, self.assets = sections["statistic"], sections["asset"].children
         (self.mine,) = (node for node in sections["worldbody"].children if node.name == MINE_BODY)
-        (surface,) = (node for node in self.mine.children if node.name == SURFACE_BODY)
-        self.surface = surface.children
+        surfaces = [node for node in self.mine.children if node.name == SURFACE_BODY]  # at most one
+        self.surface = [geom for surface in surfaces for geom in surface.children]
         (self.rock_class,) = (
             node.children[0] for node in sections["default"].children if node.attributes["class"] == ROCK_CLASS
         )

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from minexplore.bundle import FORMAT, FRAMES, GEOM_GROUPS, BundleError, complete_zone
+from minexplore.bundle import FORMAT, FRAMES, GEOM_GROUPS, NO_OVERLAY, BundleError, complete_zone
 from minexplore.schema.model import MOST_LIGHTS, MOST_PARTS, MOST_ZONES, REACH_M, WORLD_NAME, ZONE_NAME
 from minexplore.schema.rules import Rule, list_of, matching, number, same_json, whole
 
@@ -94,6 +94,7 @@ RECORD_FIELDS: Table = {
     "files": _check_files,
     "world_sha256": _HASH,
 }
+_OVERLAY: Table = {"overlay": same_json(NO_OVERLAY)}  # of a world without visible rock only
 
 
 def read_json(file: str, data: bytes) -> Any:
@@ -136,7 +137,7 @@ def check_record(file: str, record: Any) -> None:
         raise BundleError(f"{file}: not a world bundle's record (a JSON object)")
     if record.get("format") != FORMAT:
         raise BundleError(f"{file}: format {_shown(record.get('format'))}, this version reads {FORMAT!r}")
-    _check_fields(file, record, RECORD_FIELDS)
+    _check_fields(file, record, {**RECORD_FIELDS, **_OVERLAY} if "overlay" in record else RECORD_FIELDS)
     west, south, east, north = record["world_m"]
     if not (west < east and south < north):
         raise BundleError(f"{file}: world_m = {record['world_m']}: want west < east and south < north")

@@ -52,7 +52,7 @@ class MineScene:
     """The complete content of a world, in the mine frame.
 
     `smooth` is the octagonal surface. `rough` holds the chunks of the rough surface as `NAME.msh`; if there are any,
-    the smooth surface is hidden.
+    the smooth surface is hidden. Without `smooth` nothing shows rock, and `texture` is not used.
     """
 
     name: str
@@ -68,6 +68,11 @@ class MineScene:
     anchor_m: tuple[float, float]
     heading_rad: float
     T_world_mine: np.ndarray
+
+    @property
+    def has_visible_rock(self) -> bool:
+        """Return whether meshes show the rock."""
+        return bool(self.smooth)
 
 
 def tile_zones(zones: list[ZoneParams], world_m: tuple[float, float, float, float]) -> list[FloorZone]:

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import (
+    BARE_ROCK_RGBA,
     FLOOR_CHAMFER,
     MINE_BODY,
     ROCK_CLASS,
@@ -46,11 +47,11 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     tilt = math.atan2(scene.T_world_mine[0, 2], scene.T_world_mine[0, 0])
     mine.quat = [math.cos(tilt / 2), 0.0, math.sin(tilt / 2), 0.0]
     mine.pos = scene.T_world_mine[:3, 3]
-    _add_rock_class(spec, scene.rock_friction)
+    _add_rock_class(spec, scene)
     _add_rock(spec, mine, scene.parts)
     _add_floor(spec, mine, scene)
-    meshes = _add_surface(spec, mine, scene)
-    spec.assets = {**meshes, ROCK_TEXTURE: encode(Path(ROCK_TEXTURE), scene.texture)}
+    if scene.has_visible_rock:
+        spec.assets = {**_add_surface(spec, mine, scene), ROCK_TEXTURE: encode(Path(ROCK_TEXTURE), scene.texture)}
     for i, light in enumerate(scene.lights):
         mine.add_light(
             name=f"spot_{i:02d}",
@@ -80,13 +81,18 @@ def _set_view(spec: mujoco.MjSpec, scene: MineScene) -> None:
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
 
 
-def _add_rock_class(spec: mujoco.MjSpec, friction: float) -> None:
-    spec.add_texture(name="rock", type=mujoco.mjtTexture.mjTEXTURE_2D, file=ROCK_TEXTURE)
+def _add_rock_class(spec: mujoco.MjSpec, scene: MineScene) -> None:
     rock = spec.add_material(name="rock", specular=0.0, shininess=0.0)
-    rock.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "rock"
+    if scene.has_visible_rock:
+        spec.add_texture(name="rock", type=mujoco.mjtTexture.mjTEXTURE_2D, file=ROCK_TEXTURE)
+        rock.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "rock"
+    else:
+        rock.rgba = BARE_ROCK_RGBA
     solid = spec.add_default(ROCK_CLASS, spec.default)
     solid.geom.group, solid.geom.material = GeomGroup.COLLISION, "rock"
-    solid.geom.friction = [friction, 0.005, 0.0001]
+    solid.geom.friction = [scene.rock_friction, 0.005, 0.0001]
+    if not scene.has_visible_rock:
+        return
     visible = spec.add_default(SURFACE_CLASS, spec.default)
     visible.geom.type, visible.geom.group, visible.geom.material = (
         mujoco.mjtGeom.mjGEOM_MESH,

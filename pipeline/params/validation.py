@@ -71,7 +71,12 @@ class CertificateParams(Params):
     cell_m: float = Field(gt=0.02, le=1)
     contacts: int = Field(ge=0, description="robot steps in contact with rock; 0: no stress test")
     seed: int = Field(ge=0)
-    limits: dict[str, Limit] = Field(description="limit of each figure, by the figure's name")
+    limits: dict[str, Limit] = Field(description="limit of each figure, by the figure's name; null: no clause")
+
+    @field_validator("limits", mode="before")
+    @classmethod
+    def _without_nulls(cls, value: Any) -> Any:
+        return {k: v for k, v in value.items() if v is not None} if isinstance(value, dict) else value
 
 
 class ValidationParams(Params):
@@ -84,8 +89,12 @@ class ValidationParams(Params):
     network_min_leg_m: float = Field(ge=0, le=50)
     network_station_spacing_m: float = Field(gt=0)
     collision_method: Literal["exact", "coacd", "vhacd"]
+    overlay: Literal["rough", "none"] = Field("rough", description="whether the world must have visible rock")
     tolerance_m: float | None = Field(
         ge=0, description="largest distance by which simplification may have moved a wall; null: 0.5 m"
+    )
+    extent: Literal["full", "certificate"] = Field(
+        "full", description="certificate: the certificate alone, for large families of worlds that were just built"
     )
     robot_height_m: float = Field(gt=0, description="height at which LiDAR and walls are compared")
     texture: TextureReportParams
