@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import functools
 import hashlib
 from pathlib import Path
 
@@ -71,7 +70,6 @@ def import_closure(module_file: Path, root: Path) -> list[Path]:
     return sorted(closure)
 
 
-@functools.lru_cache(maxsize=1000)
 def _imported_names(source: str) -> frozenset[str]:
     names: set[str] = set()
     for node in ast.walk(ast.parse(source)):
