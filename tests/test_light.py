@@ -19,6 +19,7 @@ from pipeline.mjcf.bundle import open_bundle
 from pipeline.proof.built import require_built
 from pipeline.proof.certificate import certify
 from pipeline.proof.validator import MEASURES, Validator, groups_of
+from pipeline.report.scene import scene_page
 from tests.mines import TEE, BuiltMine
 from tests.minexplore.test_lidar import nearest, rays
 from tests.minexplore.test_schema import sealed
@@ -170,3 +171,8 @@ def test_a_robot_drives_and_sees_in_a_light_world(light):
     assert picture.std() > 5
     assert [group.name for group in shown_groups(env.world)] == ["FLOOR", "ROBOT", "COLLISION"]
     env.close()
+
+
+def test_the_report_of_a_light_world_draws_the_walls_of_its_outline(light):
+    page = scene_page(light.bundle, open_bundle(light.bundle).record, light.free_space)
+    assert len(page) > 100_000  # three.js and the geometry
