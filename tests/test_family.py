@@ -11,9 +11,12 @@ from pipeline.build import family
 from pipeline.build.family import Member, generated, make_family, to_list, variants, without_rock
 from pipeline.build.splits import LIST, Listed, read_list, write_list
 from pipeline.commands.worlds import worlds
+from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError, LimitError
 from pipeline.geometry.generate import generate_workings
 from pipeline.geometry.perturb import displace, perturb_workings
+from pipeline.survey.load import read_survey
+from stages.contours import trace_free_space
 from tests.mines import RING, TEE
 from tests.project import ROOT
 
@@ -242,3 +245,13 @@ def test_a_cluster_of_two_nodes_builds_the_worlds_that_local_processes_build(mon
         cluster.shutdown()
     assert [outcome.world_sha256 for outcome in built] == [outcome.world_sha256 for outcome in local]
     assert all(outcome.world_sha256 for outcome in built)
+
+
+def test_rooms_that_are_more_than_half_of_the_plan_are_no_inverted_plan(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    (member,) = (m for m in generated("test", 105, []) if m.seed == 2_000_104)
+    config = compose(member.overrides)
+    read = read_survey(config.survey)
+    traced = trace_free_space(config.contours, read["plan"], read["survey"], read["workings"])
+    frame = traced["free_space"].frame
+    assert traced["cleaned"].sum() > 0.5 * frame.width_px * frame.height_px
