@@ -8,15 +8,25 @@ import sys
 from pathlib import Path
 
 from baselines.bounds import bound_of
+from baselines.driven import note_driven
 from baselines.environments import BENCHMARK, find_id, make_env
 from baselines.errors import BaselineError, run_command
 from baselines.explorers import EXPLORERS
 from baselines.learned import trained_in
 from baselines.parallel import drive
-from baselines.policy import make_policy, policy_label
+from baselines.policy import RESERVED, make_policy, policy_label
 from baselines.progress import Progress
 from baselines.protocol import SEEDS, head_of
-from baselines.result_file import CHECKPOINTS, MOST_EPISODES, Episode, Head, read_results, result_path, write_results
+from baselines.result_file import (
+    CHECKPOINTS,
+    MOST_EPISODES,
+    RESULTS,
+    Episode,
+    Head,
+    read_results,
+    result_path,
+    write_results,
+)
 from baselines.statistics import STATED, as_text, figures
 from minexplore.vector import MineVectorEnv
 
@@ -50,21 +60,21 @@ def is_current(path: Path, head: Head) -> bool:
     return kept.model_copy(update={"versions": head.versions}) == head
 
 
-def print_table(head: Head, episodes: list[Episode], driven_again: bool = True) -> None:
+def print_table(head: Head, episodes: list[Episode], driven_here: bool = True) -> None:
     """Print the figures of a policy's episodes, one a line; `~` marks those that a file only states."""
     print(f"{head.policy} in {head.env}, {len(episodes)} seeds: interquartile mean (95 % interval)")
     for name, figure in figures(head, episodes, bound_of(head.env, head.world_sha256)).items():
         some = f"   in {figure.count} of {len(episodes)}" if figure.count < len(episodes) else ""
-        stated = "~" if name in STATED and not driven_again else ""
+        stated = "~" if name in STATED and not driven_here else ""
         print(f"  {name:26} {stated}{as_text(name, figure)}{some}")
-    if not driven_again:
+    if not driven_here:
         print("  ~ is what the file states, within what its way allows; only `--rerun all` proves it")
 
 
 def evaluate_all(env_ids: list[str], seeds: list[int], jobs: int) -> None:
     """Evaluate all classical policies, and the kept checkpoints that were trained there, whose results are not current.
 
-    Results of another world, task, policy or other seeds are replaced.
+    Results of another world, task, policy or other seeds are replaced. The new ones count as driven here.
     """
     for env_id in env_ids:
         env = make_env(env_id, 1)
@@ -74,6 +84,8 @@ def evaluate_all(env_ids: list[str], seeds: list[int], jobs: int) -> None:
         for name in stale:
             out = result_path(heads[name].policy, env_id)
             print_table(*evaluate(name, env_id, seeds, out, jobs))
+            if heads[name].policy not in RESERVED:
+                note_driven(out, RESULTS, *read_results(out))
         print(f"{env_id}: {len(stale)} policies evaluated, the results of the others are current", flush=True)
 
 

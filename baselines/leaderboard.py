@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from baselines.bounds import Bound, bound_of, read_bounds
+from baselines.driven import was_driven_here
 from baselines.environments import BENCHMARK
 from baselines.errors import BaselineError, RejectedError, run_command
-from baselines.rerun import was_driven_again
 from baselines.result_file import RESULTS, result_path
 from baselines.score import score
 from baselines.statistics import STATED, Figure, as_text, figures
@@ -22,21 +22,22 @@ Written by `make leaderboard` from `baselines/results/`, each file scored first.
 seeds, 95 % bootstrap intervals in brackets. Coverage is of all reachable cells; the bound is what no robot
 can exceed ([docs/benchmark.md](docs/benchmark.md)). Classical explorers map with the true pose.
 
-A row is *driven again* when all its episodes came out the same from its policy here. The figures of a row *as stated*
-were only checked against the mine ([docs/security.md](docs/security.md)); such rows stand below the others, and `~`
-marks figures that the recorded way bounds but does not give.
+A row is *driven here* when its policy drove all its episodes on the maintainers' machine: to write the row (`make
+renew-benchmark`), or to compare it with a row that somebody sent (`make rerun`). The figures of a row *as stated* were
+only checked against the mine ([docs/security.md](docs/security.md)); such rows stand below the others, and `~` marks
+figures that the recorded way bounds but does not give.
 """
 
 
 class _Row(NamedTuple):
     policy: str
     seeds: int
-    driven_again: bool
+    driven_here: bool
     figures: dict[str, Figure]
 
     def text(self, name: str) -> str:
         """Return a figure as the table shows it."""
-        stated = "~" if name in STATED and not self.driven_again else ""
+        stated = "~" if name in STATED and not self.driven_here else ""
         return stated + as_text(name, self.figures.get(name, Figure(None, None, None, 0)))
 
 
@@ -64,7 +65,7 @@ def leaderboard(results: Path) -> str:
         if same != path and any(episode.path_m > 1 for episode in episodes):
             raise RejectedError(f"{path}: its robots drive the ways of {same}")
         found = dict(figures(head, episodes, bound_of(head.env, head.world_sha256)))
-        again = was_driven_again(path, results, head, episodes)
+        again = was_driven_here(path, results, head, episodes)
         tables.setdefault(head.env, []).append(_Row(head.policy, len(episodes), again, found))
     envs = sorted(tables, key=lambda env: (env not in BENCHMARK, env))
     return "\n".join([_HEADING, *(_section(env, tables[env], read_bounds().get(env)) for env in envs)])
@@ -84,8 +85,8 @@ def _section(env_id: str, rows: list[_Row], bound: Bound | None) -> str:
     shares = [name for name in names if name.startswith("share of bound")]
     shown = [*coverage, *shares[-1:], *_ALWAYS]
     lines += [f"| policy | checked | seeds | {' | '.join(shown)} |", "|---" * (len(shown) + 3) + "|"]
-    for row in sorted(rows, key=lambda row: (not row.driven_again, -(row.figures[coverage[-1]].value or 0.0))):
-        checked = "driven again" if row.driven_again else "as stated"
+    for row in sorted(rows, key=lambda row: (not row.driven_here, -(row.figures[coverage[-1]].value or 0.0))):
+        checked = "driven here" if row.driven_here else "as stated"
         lines.append(f"| {row.policy} | {checked} | {row.seeds} | {' | '.join(map(row.text, shown))} |")
     return "\n".join([*lines, ""])
 

@@ -1,23 +1,20 @@
-"""Drive a results file's episodes again from its policy, and keep which files were, in `driven_again.json`."""
+"""Drive a results file's episodes again from its policy."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
 from pathlib import Path
 
 from baselines.confined import Confined, what_is_held
 from baselines.confinement import Confinement, Limits
+from baselines.driven import was_driven_here
 from baselines.errors import BaselineError, RejectedError
 from baselines.explorers import EXPLORERS
 from baselines.parallel import drive
 from baselines.policy import RESERVED, find_checkpoint, policy_label
 from baselines.progress import Progress
-from baselines.result_file import RESULTS, Episode, Head, chain, read_results
+from baselines.result_file import RESULTS, Episode, Head, read_results
 
 _FIGURES = [key for key in Episode.model_fields if key != "previous"]
-RECORD = "driven_again.json"  # in the folder of all results: a file's path below it, and the hash of its contents
 
 
 def drive_again(
@@ -85,46 +82,12 @@ def _find_policy(path: Path, head: Head, policy: str | None) -> str:
     return str(found.resolve())
 
 
-def note_rerun(path: Path, results: Path, head: Head, episodes: list[Episode]) -> bool:
-    """Keep that all episodes of a file were driven again; return whether it lies below the folder of results."""
-    place, results = path.resolve(), results.resolve()
-    if not place.is_relative_to(results):
-        return False
-    kept = _read_record(results) | {place.relative_to(results).as_posix(): _digest(head, episodes)}
-    there = {name: digest for name, digest in sorted(kept.items()) if (results / name).is_file()}
-    fresh = results / f".{RECORD}.{os.getpid()}"
-    fresh.write_text(json.dumps(there, indent=1) + "\n")
-    fresh.replace(results / RECORD)
-    return True
-
-
-def was_driven_again(path: Path, results: Path, head: Head, episodes: list[Episode]) -> bool:
-    """Return whether a file's present contents were driven again."""
-    name = path.resolve().relative_to(results.resolve()).as_posix()
-    return _read_record(results).get(name) == _digest(head, episodes)
-
-
-def _read_record(results: Path) -> dict[str, str]:
-    file = results / RECORD
-    try:
-        kept = json.loads(file.read_text()) if file.is_file() else {}
-    except (OSError, ValueError) as error:
-        raise BaselineError(f"{file}: cannot be read ({error})") from error
-    if not isinstance(kept, dict):
-        raise BaselineError(f"{file}: want the hash of each file that was driven again")
-    return kept
-
-
-def _digest(head: Head, episodes: list[Episode]) -> str:
-    return hashlib.sha256(chain(head, episodes).encode()).hexdigest()
-
-
 def pending(results: Path) -> list[Path]:
-    """Return the kept files whose present contents were not driven again, of policies that can be found by name."""
+    """Return the kept files whose present contents were not driven here, of policies that can be found by name."""
     found = []
     for path in sorted(results.glob("*/*.jsonl")):
         head, episodes = read_results(path)
-        if head.policy not in RESERVED and not was_driven_again(path, results, head, episodes):
+        if head.policy not in RESERVED and not was_driven_here(path, results, head, episodes):
             found.append(path)
     return found
 

@@ -10,11 +10,12 @@ from baselines import result_file
 from baselines.bounds import bound_of
 from baselines.checks import episode_faults, file_faults
 from baselines.confinement import Limits
+from baselines.driven import note_driven
 from baselines.errors import BaselineError, RejectedError, run_command
 from baselines.evaluate import print_table
 from baselines.protocol import SEEDS
 from baselines.reference import reference_of
-from baselines.rerun import drive_again, note_rerun
+from baselines.rerun import drive_again
 from baselines.result_file import Episode, Head, read_results
 
 
@@ -45,7 +46,7 @@ def score(
         held = drive_again(path, head, episodes[:rerun], policy, limits or Limits(), jobs)
         print(f"{path}: {min(rerun, len(episodes))} episodes driven again, the policy {held}")
         if rerun >= len(episodes):
-            note_rerun(path, result_file.RESULTS, head, episodes)
+            note_driven(path, result_file.RESULTS, head, episodes)
     return head, episodes
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from benchmarks import fuzz_builders as make
 from benchmarks import fuzz_pictures as pictures
+from benchmarks import fuzz_surveys as surveys
 from benchmarks import fuzz_vectors as vectors
 from benchmarks.fuzz_builders import LAUGHS, TAGGED, Named, absurd_numbers
 
@@ -161,6 +162,7 @@ HOSTILE: dict[str, Named] = {
     "stations": STATIONS,
     "survex": SURVEX,
     "compass": COMPASS,
+    **surveys.HOSTILE_3D,
     **CLOUDS,
     "sweep": SWEEP,
     "bundle": BUNDLE,

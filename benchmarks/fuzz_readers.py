@@ -12,6 +12,7 @@ import yaml
 PICTURES = ("png", "jpeg", "tiff", "pdf")
 PLACED = ("geotiff", "world file")
 VECTORS = ("map.yaml", "dxf", "geojson", "geopackage", "shapefile", "stations", "survex", "compass")
+SURVEYS = ("solved .3d", "survex project", "therion", "compass data")
 CLOUDS = ("xyz", "ply", "pcd", "las", "stl", "obj")
 
 
@@ -85,7 +86,7 @@ def registry_beside(folder: Path) -> None:
 
 READERS: dict[str, Callable[[Path], None]] = {
     **dict.fromkeys(PICTURES, _read_picture),
-    **dict.fromkeys((*PLACED, *VECTORS), _read_mine),
+    **dict.fromkeys((*PLACED, *VECTORS, *SURVEYS), _read_mine),
     **dict.fromkeys(CLOUDS, _read_cloud),
     "sweep": _read_sweep,
     "bundle": _read_bundle,

@@ -7,6 +7,7 @@ import io
 import json
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import cv2
 import numpy as np
 import yaml
 
+from benchmarks.fuzz_surveys import SAMPLES_3D
 from minexplore.bundle import FORMAT
 
 Files = dict[str, bytes]
@@ -208,6 +210,7 @@ SAMPLES: dict[str, Callable[[], Files]] = {
     "stations": lambda: {"s.csv": _CSV},
     "survex": lambda: {"cave.svx": _SVX, "more.svx": b"*data normal from to tape compass clino\n2 9 4 4 4\n"},
     "compass": lambda: {"cave.plt": _PLT},
+    **{name: partial(dict, files) for name, files in SAMPLES_3D.items()},
     "xyz": lambda: {"c.xyz": b"".join(b"%.3f %.3f %.3f 9\n" % tuple(p) for p in _cave())},
     "ply": _ply,
     "pcd": _pcd,

@@ -22,6 +22,7 @@ from pipeline.metrics.sampling import faces_near, sample_triangles
 from pipeline.metrics.texture import (
     AXES,
     TextureAxes,
+    axis_ratios,
     bump_rq_m,
     published_score,
     roof_irregularity_m,
@@ -119,10 +120,10 @@ class TestDrift:
         """Return the mean squared log ratio of the axes, plus penalties on amplitude, bump Rq and curvature."""
         measured = self.measure(log_sd)
         axes = measured["axes"]
-        ratios = sum(np.log(max(getattr(axes, a), 1e-6) / getattr(REAL, a)) ** 2 for a in AXES) / len(AXES)
+        ratios = sum(np.log(max(ratio or 0.0, 1e-6)) ** 2 for ratio in axis_ratios(REAL, axes).values()) / len(AXES)
         real = {r.window_m: r.rq_m for r in REAL_SWEEP}
         scale = np.mean([np.log(r.rq_m / real[r.window_m]) ** 2 for r in measured["sweep"]])
-        excess = max(0.0, abs(np.log(axes.bump_rq_m / REAL.bump_rq_m / _BUMP_AIM)) - _BUMP_SLACK)
+        excess = max(0.0, abs(np.log((axis_ratios(REAL, axes)["bump_rq_m"] or 1e-6) / _BUMP_AIM)) - _BUMP_SLACK)
         amplitude = (measured["wall_rms_m"] ** 2 + measured["roof_rms_m"] ** 2) / 0.15**2
         curvature = sum(float((np.diff(q, 2) ** 2).sum()) for q in np.split(log_sd, 2))
         return float(ratios + 0.05 * scale + 30 * excess**2 + penalty * amplitude + _SMOOTH * curvature)
@@ -156,7 +157,7 @@ def search(penalty: float) -> dict[str, Any]:
             f"{k}_sd_m": sd.round(4).tolist()
             for k, sd in zip(KNOTS_M, at_wavelengths(best.x, np.array(WRITTEN_M)), strict=True)
         },
-        "ratios": {a: round(getattr(axes, a) / getattr(REAL, a), 3) for a in AXES},
+        "ratios": {a: round(ratio or 0.0, 3) for a, ratio in axis_ratios(REAL, axes).items()},
         "strict": asdict(strict_score(REAL, axes)),
         "published_without_noise": asdict(published_score(REAL, axes)),
         "rq_m": {str(r.window_m): round(r.rq_m, 4) for r in measured.pop("sweep")},

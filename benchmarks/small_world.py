@@ -1,4 +1,4 @@
-"""A small world with known walls: a ring of drifts around a pillar, and a dead end."""
+"""Small worlds, built in memory: a ring of drifts around a pillar with a dead end, or other workings."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import shapely
-from shapely import MultiPolygon
+from shapely import MultiPolygon, Polygon
 
 from pipeline.compose import compose
 from pipeline.geometry.rasterize import fill_polygon
@@ -29,12 +29,17 @@ _COARSE = [
 
 
 def build_small_world(folder: Path) -> None:
-    """Run stages 2 to 5 in memory on a drawn plan and write the bundle to a folder."""
-    config = compose(_COARSE)
-    west, south, east, north = (round(_PX_PER_M * side) for side in WORKINGS.buffer(_MARGIN_M).bounds)
+    """Build the ring with a coarse surface and write its bundle to a folder."""
+    build_world(folder, WORKINGS, (2.0, 2.0), _COARSE)
+
+
+def build_world(folder: Path, workings: Polygon, entrance_m: tuple[float, float], overrides: list[str]) -> None:
+    """Run stages 2 to 5 in memory on a plan drawn from workings (m) and write the bundle to a folder."""
+    config = compose(overrides)
+    west, south, east, north = (round(_PX_PER_M * side) for side in workings.buffer(_MARGIN_M).bounds)
     frame = Frame(_PX_PER_M, -west, north, east - west, north - south)
-    survey = Survey("small", "plan", frame, Scale(_PX_PER_M, "stated"), [], (2.0, 2.0), {}, ["plan.png"])
-    grey = np.where(fill_polygon(WORKINGS, frame), 40, 255).astype(np.uint8)
+    survey = Survey("small", "plan", frame, Scale(_PX_PER_M, "stated"), [], entrance_m, {}, ["plan.png"])
+    grey = np.where(fill_polygon(workings, frame), 40, 255).astype(np.uint8)
     plan = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
     traced = trace_free_space(config.contours, plan, survey, Workings(MultiPolygon()))
     free_space, network = traced["free_space"], traced["topology"]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
@@ -37,9 +37,11 @@ FRAMES = {
     "world": "MuJoCo's: the mine frame's centre at its origin, the mine tilted about Y; gravity is -z",
 }
 
-# Bodies of the MJCF. The mine's body carries the mine frame; the surface's body holds what is seen and never touched.
+# Bodies of the MJCF. The mine's body carries the mine frame. What is seen and never touched is in two bodies: the
+# rock's surface, and the fittings, which are the visible floor, its puddles, and what hangs in a drift.
 MINE_BODY = "mine"
 SURFACE_BODY = "surface"
+FITTINGS_BODY = "fittings"
 
 # Default classes of the MJCF: collision parts with the roof, and visible meshes.
 ROCK_CLASS = "rock"
@@ -51,6 +53,14 @@ ROOF_GEOM = "back"
 WALLS, ROOF, FLOOR_CHAMFER = "walls", "back", "sill_chamfer"
 
 _FLOOR, _ROCK, _SURFACE, _SMOOTH = "floor_", "rock_", "surface_", "base_"
+
+
+# Fittings, and where they may be above the flat floor, m: the visible floor lies below `COVER_M`, furniture hangs above
+# every robot. Lines run along a rib or under the roof.
+FURNITURE = ("bolts", "cable", "duct", "pipe")
+WATER_MATERIAL = "water"
+COVER_M, FURNITURE_ABOVE_M, LINES_ABOVE_M = 0.1, 1.0, 2.0
+_COVER, _FITTING, _PUDDLE = "cover_", "fitting_", "puddle_"
 
 
 class BundleError(ValueError):
@@ -139,6 +149,52 @@ def mesh_file(mesh: str) -> str:
 def surface_geom(mesh: str) -> str:
     """Return the name of the geom that shows a mesh, or what the names of a piece's geoms begin with."""
     return f"{_SURFACE}{mesh}"
+
+
+def cover_mesh(zone: int, col: int, row: int) -> str:
+    """Return the name of the mesh of one piece of the visible floor, in a zone by number."""
+    return f"{_COVER}{zone:03d}_{col:02d}_{row:02d}"
+
+
+def is_cover(mesh: str) -> bool:
+    """Return whether a mesh of this name is a piece of the visible floor."""
+    return mesh.startswith(_COVER)
+
+
+def furniture_mesh(kind: str, col: int, row: int) -> str:
+    """Return the name of the mesh of one kind of furniture in one tile."""
+    return f"{kind}_{col:02d}_{row:02d}"
+
+
+def is_fitting(mesh: str) -> bool:
+    """Return whether a mesh of this name is part of the visible floor or of the furniture."""
+    return is_cover(mesh) or mesh.partition("_")[0] in FURNITURE
+
+
+def fitting_geom(mesh: str) -> str:
+    """Return the name of the geom that shows a fitting's mesh."""
+    return f"{_FITTING}{mesh}"
+
+
+def cover_material(zone: str) -> str:
+    """Return the material of a zone's visible floor."""
+    return f"{_COVER}{zone}"
+
+
+def trodden_material(zone: str) -> str:
+    """Return the material of the hollows of a zone's visible floor."""
+    return f"trodden_{zone}"
+
+
+def fitting_material(mesh: str, zones: Sequence[str]) -> str:
+    """Return the material of a fitting's mesh: that of its zone's floor, or of its kind of furniture."""
+    parts = mesh.split("_")
+    return cover_material(zones[int(parts[1])]) if is_cover(mesh) else f"{_FITTING}{parts[0]}"
+
+
+def puddle_geom(zone: str) -> str:
+    """Return the name of the plane that shows water, or trodden muck, in the hollows of a floor zone."""
+    return f"{_PUDDLE}{zone}"
 
 
 @dataclass(frozen=True)

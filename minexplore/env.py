@@ -83,7 +83,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     | `task` | `TaskParams()` | or a dict of its fields: beams, ranges, speeds, steps, control and physics step, `region_m` round the entrance, `terrain`, `tilt` |
     | `robot` | `RobotParams()` | or a dict of its fields: radius, mass, wheels, torques, sensor height |
     | `render_mode` | None | `"rgb_array"` (without a display by EGL or OSMesa, or as `MUJOCO_GL` says), `"human"` (MuJoCo's viewer) |
-    | `camera` | `"chase"` | `"chase"` or `"top"`: the plan with the coverage painted on it |
+    | `camera` | `"chase"` | `"chase"` from behind, `"front"` from the robot, or `"top"`: the plan with the coverage painted on it |
     | `lidar` | `"auto"` | `"embree"` or `"open3d"`; they agree within 1 mm, and `"auto"` takes the first that is installed |
     | `whole` | False | step the robot in the model of all rock instead of that of the rock round it |
 

@@ -1,17 +1,23 @@
-"""Pictures of robots in a mine: a chase camera in the world itself, and the plan with what has been seen."""
+"""Pictures of robots in a mine: cameras behind and on a robot in the world itself, and the plan with what was seen."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import mujoco
 import numpy as np
 
 from minexplore.bundle import MINE_BODY, GeomGroup, has_visible_rock
 from minexplore.coverage import CoverageGrid
+from minexplore.looks import EXTENT_M, add_haze, add_headlamp, has_haze, look_of
 from minexplore.robot import RobotParams, qpos_address, separate_contacts
 from minexplore.rotations import quaternion
 from minexplore.world import World
 
-CAMERAS = ("chase", "top")
+CAMERAS = ("chase", "top", "front")
+_FRONT_FOVY_DEG, _FRONT_DOWN_DEG, _FRONT_ABOVE_M = 75.0, 2.0, 0.1  # of the camera on a robot, above its scanner
+_SEEN_M, _HIDDEN = 90.0, GeomGroup.SMOOTH_SURFACE  # what is nearer is drawn in the haze's colour, not left out
 _LIGHTS = 7  # OpenGL's eight less the headlight
 _ROCK, _FREE, _CELL, _SEEN, _ROBOT = (54, 47, 42), (150, 140, 128), (190, 182, 170), (92, 168, 96), (232, 150, 30)
 
@@ -27,6 +33,22 @@ def light_nearest(model: mujoco.MjModel, data: mujoco.MjData, eye_m: np.ndarray)
     distance_m = np.linalg.norm(data.light_xpos - eye_m, axis=1)
     model.light_active[:] = 0
     model.light_active[np.argsort(distance_m, kind="stable")[:_LIGHTS]] = 1
+
+
+@contextmanager
+def far_hidden(model: mujoco.MjModel, data: mujoco.MjData, eye_m: np.ndarray) -> Iterator[None]:
+    """Hide what lies beyond the haze of a model that has any; a frame of the embedded mine then takes half as long."""
+    if not has_haze(model):
+        yield
+        return
+    groups = model.geom_group.copy()
+    reach_m = max(_SEEN_M, EXTENT_M * float(model.vis.map.fogend))
+    far = np.linalg.norm(data.geom_xpos - eye_m, axis=1) - model.geom_rbound > reach_m
+    model.geom_group[far & (model.geom_rbound > 0)] = _HIDDEN  # a plane has no bound
+    try:
+        yield
+    finally:
+        model.geom_group[:] = groups
 
 
 class Renderer:
@@ -48,14 +70,15 @@ class Renderer:
         self._renderer: mujoco.Renderer | None = None
 
     def draw(self, camera: str, qpos: np.ndarray, seen: np.ndarray, poses: np.ndarray) -> np.ndarray:
-        """Return a picture (height, width, 3) uint8 RGB: behind the first robot, or all from above."""
-        return self._chase(qpos) if camera == "chase" else self._plan(seen, poses)
+        """Return a picture (height, width, 3) uint8 RGB: from behind or from the first robot, or all from above."""
+        return self._plan(seen, poses) if camera == "top" else self._view(camera, qpos)
 
     def place(self, qpos: np.ndarray) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return the whole world's model and data with the robots at rows of `qpos` (n, 9)."""
         if self.model is None:
             self.model = self._compile()
             self.data = mujoco.MjData(self.model)
+            self._fovy_deg = float(self.model.vis.global_.fovy)
             self._at = np.concatenate([qpos_address(self.model, f"robot_{i}") for i in range(self.robots)])
         self.data.qpos[self._at] = qpos.ravel()
         mujoco.mj_forward(self.model, self.data)
@@ -66,12 +89,13 @@ class Renderer:
         separate_contacts(spec)
         for i in range(self.robots):
             self.robot.attach(spec, f"robot_{i}")
+            add_headlamp(spec, f"robot_{i}", look_of(self.world.record), self.robot.lamp_height_m)
         mine = spec.body(MINE_BODY)
         mine.quat, mine.pos = quaternion(self.T_world_mine[:3, :3]), self.T_world_mine[:3, 3]
         spec.visual.global_.offwidth, spec.visual.global_.offheight = self.size_px
         return spec.compile()
 
-    def _chase(self, qpos: np.ndarray) -> np.ndarray:
+    def _view(self, name: str, qpos: np.ndarray) -> np.ndarray:
         model, data = self.place(qpos)
         if self._renderer is None:
             self._renderer = mujoco.Renderer(model, self.size_px[1], self.size_px[0], max_geom=2 * model.ngeom + 1000)
@@ -79,15 +103,32 @@ class Renderer:
         option.geomgroup[:] = 0
         option.geomgroup[shown_groups(self.world)] = 1
         body = model.body("robot_0").id
-        camera = mujoco.MjvCamera()
-        camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-        camera.lookat[:] = data.xpos[body] + [0, 0, 0.3]
-        heading = data.xmat[body].reshape(3, 3)[:, 0]
-        camera.azimuth = float(np.degrees(np.arctan2(heading[1], heading[0])))
-        camera.distance, camera.elevation = 2.2, -18.0
+        camera = self._behind(data, body) if name == "chase" else self._ahead(data, body)
+        model.vis.global_.fovy = self._fovy_deg if name == "chase" else _FRONT_FOVY_DEG
         light_nearest(model, data, data.xpos[body])
-        self._renderer.update_scene(data, camera, option)
+        with far_hidden(model, data, data.xpos[body]):
+            self._renderer.update_scene(data, camera, option)
+        add_haze(model, self._renderer.scene)
         return self._renderer.render().copy()
+
+    def _behind(self, data: mujoco.MjData, body: int) -> mujoco.MjvCamera:
+        camera = _looking_along(data.xmat[body].reshape(3, 3)[:, 0])
+        camera.lookat[:] = data.xpos[body] + [0, 0, 0.3]
+        camera.distance, camera.elevation = 2.2, -18.0
+        return camera
+
+    def _ahead(self, data: mujoco.MjData, body: int) -> mujoco.MjvCamera:
+        """Return a camera on top of the scanner, which looks ahead and sees nothing of its own robot."""
+        axes = data.xmat[body].reshape(3, 3)
+        camera = _looking_along(axes[:, 0])
+        camera.elevation -= _FRONT_DOWN_DEG
+        eye = data.xpos[body] + (self.robot.lamp_height_m + _FRONT_ABOVE_M) * axes[:, 2]
+        camera.distance = 0.01
+        azimuth, elevation = np.radians([camera.azimuth, camera.elevation])
+        level = np.cos(elevation)
+        ahead = np.array([np.cos(azimuth) * level, np.sin(azimuth) * level, np.sin(elevation)])
+        camera.lookat[:] = eye + camera.distance * ahead
+        return camera
 
     def _plan(self, seen: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """Return the floor plan round the reachable cells: seen cells green, robots orange."""
@@ -117,6 +158,15 @@ class Renderer:
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+
+
+def _looking_along(heading: np.ndarray) -> mujoco.MjvCamera:
+    """Return a free camera that looks along a unit vector (3,)."""
+    camera = mujoco.MjvCamera()
+    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+    camera.azimuth = float(np.degrees(np.arctan2(heading[1], heading[0])))
+    camera.elevation = float(np.degrees(np.arcsin(np.clip(heading[2], -1.0, 1.0))))
+    return camera
 
 
 def _lookup(mask: np.ndarray, place: np.ndarray, origin_m: np.ndarray, cell_m: float) -> np.ndarray:

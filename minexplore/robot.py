@@ -10,6 +10,7 @@ import numpy as np
 
 from minexplore.bundle import ROOF_GEOM, GeomGroup, is_floor, is_rock
 from minexplore.limits import Span, check_numbers
+from minexplore.looks import LAMP_ABOVE_M
 from minexplore.rotations import quaternion
 
 ROCK_BODY = "rock"  # of a physics model; it holds what a chassis collides with
@@ -66,6 +67,11 @@ class RobotParams:
                 f"robot: sensor_height_m = {self.sensor_height_m}: the scanner ends below the chassis, whose top is "
                 f"{top_m:g} m above the floor"
             )
+
+    @property
+    def lamp_height_m(self) -> float:
+        """Return how high a headlamp is above the origin of the robot's body: on top of the scanner."""
+        return self.sensor_height_m + self.scanner_height_m / 2 - self.wheel_radius_m + LAMP_ABOVE_M
 
     def wheel_speeds(self, forward_mps: np.ndarray, turn_radps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return left and right wheel speeds, rad/s, of twists."""

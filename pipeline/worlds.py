@@ -12,7 +12,7 @@ from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
 from pipeline.params.config import Config
 from pipeline.params.validation import Limit, ValidationParams
-from pipeline.report.results import read_metrics
+from pipeline.report.results import NO_FIGURE, read_metrics
 from pipeline.stage import ARTIFACTS
 from pipeline.store.manifest import read_manifest
 from pipeline.store.verify import verify_world
@@ -91,7 +91,7 @@ def show_world(name: str) -> str:
         rows.append(
             [
                 key,
-                f"{value:.6g}" if isinstance(value, int | float) else "-",
+                f"{value:.6g}" if isinstance(value, int | float) else NO_FIGURE if key in figures else "-",
                 format_limit(limit),
                 "" if holds else "FAILS",
             ]

@@ -7,19 +7,23 @@ from typing import Any
 
 import numpy as np
 import shapely
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 
 from pipeline.errors import GeometryError, ParamsError
 from pipeline.geometry.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
 from pipeline.geometry.components import choose_component, choose_mask_component, mend
-from pipeline.geometry.outline import simplify_outline, simplify_to_iou, trace_outline
+from pipeline.geometry.half_level import cover_of, trace_half_level
+from pipeline.geometry.outline import simplify_outline, simplify_to_wall_error, trace_outline
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.skeleton import require_same_network, trace_alike
+from pipeline.metrics.wall_error import largest_error_m
 from pipeline.params.contours import ContoursParams
 from pipeline.report.graph import network_dot, width_table
 from pipeline.report.plans import draw_contours
 from pipeline.stage import Artifact, Stage, main
 from pipeline.types import Areas, DriftNetwork, Frame, FreeSpace, Image, Mask, Survey, Workings
+
+_HALVINGS = 3  # of a wall error that would change the drift network
 
 
 def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workings: Workings) -> dict[str, Any]:
@@ -29,7 +33,7 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
     try:
         if workings.polygons.is_empty:
             raw, cleaned = _read_mask(params, plan, survey, places)
-            traced = trace_outline(cleaned, frame)
+            traced = _trace(params, plan, raw, cleaned, frame)
         else:
             mended = mend(workings.polygons, params.bridge_m, params.min_island_m2)
             traced = choose_component(mended, places)
@@ -37,13 +41,7 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
         require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_workings_share)
     except GeometryError as error:
         raise GeometryError(f"{(survey.sources or [survey.name])[0]}: {error}") from error
-    if params.tolerance_m is None:
-        outline, tolerance = simplify_to_iou(traced, params.auto_iou)
-    else:
-        outline, tolerance = simplify_outline(traced, params.tolerance_m), params.tolerance_m
-    grid = params.network.cell_m, params.network.min_leg_m, params.network.station_spacing_m
-    before, network = trace_alike([traced, outline], *grid)
-    require_same_network(before, network, outline, tolerance, params.network.min_leg_m)
+    outline, network, tolerance = _simplify(params, traced)
     outer = Polygon(outline.exterior)
     areas = Areas(
         tunnel_m2=round(outline.area, 3),
@@ -56,6 +54,7 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
     return {
         "raw": raw,
         "cleaned": cleaned,
+        "traced": Workings(MultiPolygon([traced])),
         "free_space": FreeSpace(outline, areas, tolerance, frame),
         "topology": network,
         "topology_dot": network_dot(network),
@@ -87,6 +86,41 @@ def _read_mask(
     return raw, fill_islands(choose_mask_component(drawn, frame, places), params.min_island_m2 * scale**2)
 
 
+def _trace(params: ContoursParams, plan: Image, raw: Mask, cleaned: Mask, frame: Frame) -> Polygon:
+    if params.trace == "pixels":
+        return trace_outline(cleaned, frame)
+    return trace_half_level(cover_of(plan, raw, cleaned), frame)
+
+
+def _simplify(params: ContoursParams, traced: Polygon) -> tuple[Polygon, DriftNetwork, float]:
+    """Return the simplified outline, its drift network, and the largest distance, m, by which a wall moved.
+
+    A wall error that would change the network is halved, up to three times.
+    """
+    if params.tolerance_m is not None:
+        setting = f"contours.tolerance_m = {params.tolerance_m:g}"
+        outline = simplify_outline(traced, params.tolerance_m)
+        return outline, _same_network(params, traced, outline, setting), params.tolerance_m
+    for error_m in params.wall_error_m / 2.0 ** np.arange(_HALVINGS + 1):
+        try:
+            outline = simplify_to_wall_error(traced, float(error_m))
+            network = _same_network(params, traced, outline, f"contours.wall_error_m = {error_m:g}")
+            break
+        except GeometryError as error:
+            refused = error
+    else:
+        raise refused
+    return outline, network, float(np.ceil(1000 * largest_error_m(traced, outline)) / 1000)
+
+
+def _same_network(params: ContoursParams, traced: Polygon, outline: Polygon, setting: str) -> DriftNetwork:
+    """Return the network of the simplified outline; raise if it is not that of the traced outline."""
+    grid = params.network.cell_m, params.network.min_leg_m, params.network.station_spacing_m
+    before, network = trace_alike([traced, outline], *grid)
+    require_same_network(before, network, outline, setting, params.network.min_leg_m)
+    return network
+
+
 def _unconnected_m2(raw: Mask, cleaned: Mask, frame: Frame) -> float:
     """Return the area of unconnected drawn pieces, and print where the largest is: a drift may be missing."""
     pieces = left_out(raw, cleaned, frame.px_per_m**2)
@@ -112,6 +146,7 @@ STAGE = Stage(
     writes={
         "raw": Artifact("contours/raw.png", Mask),
         "cleaned": Artifact("contours/cleaned.png", Mask),
+        "traced": Artifact("contours/traced.geojson", Workings),
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
         "topology": Artifact("contours/topology.json", DriftNetwork),
         "topology_dot": Artifact("contours/topology.dot", str),

@@ -17,6 +17,7 @@ from pipeline.surface.build import build_rough_surface, chunk_files, widen_spaci
 from pipeline.surface.built import RoughnessReport, amplitude_table, report_roughness
 from pipeline.surface.mesh_checks import MeshReport, check_mesh, join_meshes
 from pipeline.surface.reference import measure_sources, reference_files
+from pipeline.surface.rock_texture import Layers, make_rock_texture
 from pipeline.surface.rough import closed_mesh
 from pipeline.surface.smooth import smooth_surface
 from pipeline.surface.texture import make_texture
@@ -65,6 +66,9 @@ _NO_ROCK: dict[str, Any] = {
 
 def _texture(params: TextureParams) -> Image:
     rng = np.random.default_rng(params.seed)
+    if params.layers:
+        layers = Layers(**params.layers.model_dump())
+        return make_rock_texture(params.size_px, params.repeat_m, params.rgb, layers, params.colours, rng)
     return make_texture(params.size_px, params.spectral_exponent, params.contrast, params.rgb, rng)
 
 

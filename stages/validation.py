@@ -11,7 +11,7 @@ from typing import Any
 
 from minexplore.bundle import MODEL
 from pipeline.metrics.limits import breaches, flatten, require_limits
-from pipeline.mjcf.load_time import measure_load
+from pipeline.mjcf.load_time import LoadCost, measure_load
 from pipeline.params.validation import Limit, ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
 from pipeline.proof.replay import replay_sweeps
@@ -25,14 +25,17 @@ from pipeline.report.texture import draw_heat, draw_texture
 from pipeline.report.views import draw_views
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle
-from pipeline.types import NO_PICTURE, Image, Mask, Survey
+from pipeline.types import NO_PICTURE, Image, Mask, Survey, Workings
 
 _SLOW_MEASURES = ("texture", "containment", "columns", "relief", "walls", "consistency")
 
 
-def validate_world(params: ValidationParams, world: Path, cleaned: Mask, raw: Mask, survey: Survey) -> dict[str, Any]:
+def validate_world(
+    params: ValidationParams, world: Path, cleaned: Mask, raw: Mask, survey: Survey, traced: Workings
+) -> dict[str, Any]:
     """Return the metrics, the load times, the certificate, and reports and pictures as evidence."""
-    validator, groups = Validator(params, world, cleaned, raw, survey), groups_of(params)
+    validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0])
+    groups = groups_of(params)
     if params.extent == "certificate":
         metrics = {group: validator.measure(group) for group in groups}
         timings: dict[str, Any] = {"world_sha256": validator.world.record.world_sha256}
@@ -44,8 +47,16 @@ def validate_world(params: ValidationParams, world: Path, cleaned: Mask, raw: Ma
         loading = pool.submit(measure_load, world / MODEL)  # parallel to work that keeps one core busy
         evidence = _evidence(params, validator)
         metrics = {group: validator.measure(group) for group in groups}
-        timings = {"world_sha256": validator.world.record.world_sha256, "world": dataclasses.asdict(loading.result())}
+        timings = _timings(validator, loading.result())
     return {"metrics": metrics, "timings": timings, **evidence}
+
+
+def _timings(validator: Validator, cost: LoadCost) -> dict[str, Any]:
+    """Return the world's hash, the cost of loading it, and that cost per metre of drift."""
+    drift_m = validator.network.total_length_m
+    per_metre = {"load_s": round(cost.load_s / drift_m, 7), "load_memory_mb": round(cost.load_memory_mb / drift_m, 4)}
+    digest = validator.world.record.world_sha256
+    return {"world_sha256": digest, "world": dataclasses.asdict(cost), "per_metre": per_metre}
 
 
 def _evidence(params: ValidationParams, validator: Validator) -> dict[str, Any]:
@@ -128,6 +139,7 @@ STAGE = Stage(
         "cleaned": Artifact("contours/cleaned.png", Mask),
         "raw": Artifact("contours/raw.png", Mask),
         "survey": Artifact("survey/survey.json", Survey),
+        "traced": Artifact("contours/traced.geojson", Workings),
     },
     writes={
         "metrics": Artifact("validation/metrics.json", dict, in_git=True),

@@ -48,11 +48,47 @@ def test_the_paper_preset_sets_all_the_papers_choices_and_its_own_limits():
     assert config.validation.limits["iou.free_space_vs_cleaned"].min < 0.990
 
 
-def test_another_mine_has_every_limit_except_those_that_depend_on_the_published_wavelength():
-    default, own = (compose(o).validation.limits for o in ([], ["survey=procedural"]))
-    absent = set(default) - set(own)
-    assert absent == {"texture.published.overall", "texture.published.dominant_wavelength_m"}
-    assert own == {name: limit for name, limit in default.items() if name not in absent}
+def test_another_mine_has_every_limit_except_those_that_depend_on_the_size_of_the_published_one():
+    default, own = (compose(o).validation for o in ([], ["survey=procedural"]))
+    assert set(default.limits) - set(own.limits) == {
+        "texture.published.overall",
+        "texture.published.dominant_wavelength_m",
+        # an error of the walls in metres, and size per metre of drift, have limits instead
+        "iou.free_space_vs_cleaned",
+        "iou.free_space_vs_raw",
+        "navigability.blocked_at_wall_share",
+        "collision.parts",
+        "world.bytes",
+        "world.load_s",
+        "world.load_memory_mb",
+    }
+    looser = {
+        "texture.bump_ratio",
+        "texture.axes_measured.published",
+        "texture.axes_measured.strict",
+        "wall_error.max_m",
+    }
+    for name, limit in own.limits.items():
+        if name not in looser:
+            assert limit.max is None or limit.max <= default.limits[name].max, name
+            assert limit.min is None or limit.min >= default.limits[name].min, name
+    clauses = default.certificate.limits, own.certificate.limits
+    assert set(clauses[0]) - set(clauses[1]) == {"intrusion_m2", "missing_m2"}
+    assert all(clauses[1][name] == clauses[0][name] for name in clauses[1])
+
+
+def test_a_limit_per_metre_of_the_embedded_survey_is_at_least_as_strict_as_its_absolute_one():
+    validation, drift_m, wall_m = compose([]).validation, 1357.59, 2614.66
+    limits, clauses = validation.limits, validation.certificate.limits
+    for name, absolute in (
+        ("parts", "collision.parts"),
+        ("bytes", "world.bytes"),
+        ("load_s", "world.load_s"),
+        ("load_memory_mb", "world.load_memory_mb"),
+    ):
+        assert drift_m * limits[f"per_metre.{name}"].max <= limits[absolute].max
+    for name in ("intrusion", "missing"):
+        assert 1e-6 * wall_m * clauses[f"{name}_um"].max <= clauses[f"{name}_m2"].max
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """A few of the broken files of `make fuzz`, and its hostile files."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from pipeline.errors import MineError, UnexpectedError
 from pipeline.params import reader_limits
 from pipeline.survey import child
 
+SOLVED_BY_SURVEX = ("survex project", "therion", "compass data")
 # Instructive hostile files that a reader refuses at once: the limit that each must name.
 FAST = [
     ("png", "header of 10^10 px", "100000 x 100000 px, the limit is 16384 px a side"),
@@ -38,6 +40,14 @@ FAST = [
     ("geopackage", "view without end", "shapes or more, the limit is 100000 (shapes in"),
     ("shapefile", "polygon of 2^31 points", "cannot be read"),
     ("survex", "begin without end", "nested more than 100 deep (survex_depth in"),
+    ("solved .3d", "label of 4 GB", "a name of more than 1000 bytes (survex_name_bytes in"),
+    ("solved .3d", "cross-section of no station", "which is no station"),
+    ("survex project", "file above, after blanks that Survex knows", "is outside the survey's folder"),
+    ("survex project", "begin a hundred thousand deep", "nested more than 100 deep (survex_depth in"),
+    ("therion", "surveys a hundred thousand deep", "nested more than 100 deep (survex_depth in"),
+    ("therion", "survex commands in names", "name '*include'"),
+    ("compass data", "two files in a line, the second outside", "is outside the survey's folder"),
+    ("compass data", "hundred thousand files", "200 files or more (survex_files in"),
     ("survey section", "deep", "nested more than 32 deep"),
 ]
 
@@ -51,11 +61,14 @@ def test_broken_copies_differ_between_seeds_and_repeat_for_the_same_seed():
 
 @pytest.mark.parametrize(("reader", "name", "message"), FAST, ids=[f"{reader}-{name}" for reader, name, _ in FAST])
 def test_a_hostile_file_is_refused_with_the_limit_that_it_exceeds(tmp_path, reader, name, message):
+    if reader in SOLVED_BY_SURVEX and shutil.which("cavern") is None:
+        pytest.skip("Survex is not installed (Debian: survex)")
     folder = tmp_path / "data"
     folder.mkdir()
     registry_beside(folder)
     files = {**SAMPLES[reader](), **HOSTILE[reader][name]()}
     for file, data in files.items():
+        (folder / file).parent.mkdir(exist_ok=True)
         (folder / file).write_bytes(data)
     with pytest.raises(MineError) as caught:
         READERS[reader](folder / next(iter(files)))

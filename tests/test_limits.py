@@ -25,6 +25,11 @@ def test_a_slow_machine_is_warned_and_passes(params, capsys):
     assert capsys.readouterr().err == ""
 
 
+def test_a_limited_metric_without_a_figure_fails_and_says_so(params):
+    with pytest.raises(LimitError, match=r"iou\.rock: there is no figure \(limit >= 0\.9\)"):
+        check_limits(params, outputs(1.5, 2100, None))
+
+
 @pytest.mark.parametrize(("memory_mb", "iou", "name"), [(2400, 0.99, "world.load_memory_mb"), (2100, 0.5, "iou.rock")])
 def test_memory_and_metrics_fail(params, memory_mb, iou, name):
     with pytest.raises(LimitError, match=name):

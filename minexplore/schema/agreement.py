@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from minexplore.bundle import (
+    FITTINGS_BODY,
     MINE_BODY,
     MODEL,
     RECORD,
@@ -21,10 +22,13 @@ from minexplore.bundle import (
     GeomGroup,
     floor_geom,
     has_visible_rock,
+    is_fitting,
     mesh_file,
     rock_geom,
     surface_geom,
 )
+from minexplore.looks import CUT_MATERIAL, EXTENT_M, PLAIN, look_of
+from minexplore.schema.fittings import check_fittings
 from minexplore.schema.model import SMOOTH_MESHES
 from minexplore.schema.rules import numbers_in, same
 from minexplore.schema.xml import Node
@@ -57,6 +61,7 @@ def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str]
     at = _Places(root)
     if root.attributes["model"] != record["name"]:
         raise BundleError(f"{MODEL}: mujoco@model: {root.attributes['model']!r}, {RECORD} says {record['name']!r}")
+    _check_look(at, record)
     _check_pose(at, record)
     _check_rock(at, record)
     _check_floor(at, record)
@@ -64,6 +69,7 @@ def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str]
     _check_lights(at, record)
     if has_visible_rock(record):
         _check_surface(at, set(meshes))
+    check_fittings(at.fittings, at.of_assets, record)
 
 
 class _Places:
@@ -75,10 +81,12 @@ class _Places:
         (self.mine,) = (node for node in sections["worldbody"].children if node.name == MINE_BODY)
         surfaces = [node for node in self.mine.children if node.name == SURFACE_BODY]  # at most one
         self.surface = [geom for surface in surfaces for geom in surface.children]
+        self.fittings = next((node for node in self.mine.children if node.name == FITTINGS_BODY), None)
         (self.rock_class,) = (
             node.children[0] for node in sections["default"].children if node.attributes["class"] == ROCK_CLASS
         )
         self.of_mine = {(node.tag, node.name): node for node in self.mine.children}
+        self.visual = {node.tag: node for node in sections["visual"].children}
         self.of_assets = {(node.tag, node.name): node for node in self.assets}
 
     def names(self, tag: str, prefix: str) -> list[str]:
@@ -96,6 +104,26 @@ def _expect(node: Node, attribute: str, found: Iterable[float], wanted: Iterable
             f"{MODEL}: {node.path}@{attribute}: {' '.join(f'{v:g}' for v in found)}, {RECORD} gives "
             f"{' '.join(f'{v:.9g}' for v in wanted)}"
         )
+
+
+def _check_look(at: _Places, record: Mapping[str, Any]) -> None:
+    """Compare light, haze and the rock's sheen with those of the look that the record states."""
+    look, plain = look_of(record), record.get("look", PLAIN) == PLAIN
+    for name, value in (("ambient", look.ambient), ("diffuse", look.diffuse), ("specular", look.glint)):
+        _expect(at.visual["headlight"], name, _numbers(at.visual["headlight"], name), [value] * 3)
+    for name, default, distance in (("fogstart", "3", look.haze_m[0]), ("fogend", "10", look.haze_m[1])):
+        _expect(at.visual["map"], name, _numbers(at.visual["map"], name, default), [distance / EXTENT_M])
+    rock = at.of_assets["material", "rock"]
+    _expect(rock, "specular", _numbers(rock, "specular"), [look.specular])
+    _expect(rock, "shininess", _numbers(rock, "shininess"), [look.shininess])
+    if ("rgba" in at.visual) != look.hazy:
+        raise BundleError(f"{MODEL}: visual/rgba: want the colour of the haze, if {RECORD}: look has any")
+    if look.hazy:
+        _expect(at.visual["rgba"], "fog", _numbers(at.visual["rgba"], "fog"), [*look.haze_rgb, 1.0])
+    cut = ("material", CUT_MATERIAL) in at.of_assets
+    wanted = "rock" if plain else CUT_MATERIAL
+    if cut == plain or at.rock_class.attributes["material"] != wanted:
+        raise BundleError(f"{MODEL}: {at.rock_class.path}@material: want {wanted!r}, as {RECORD}: look gives")
 
 
 def _check_pose(at: _Places, record: Mapping[str, Any]) -> None:
@@ -156,7 +184,7 @@ def _check_floor(at: _Places, record: Mapping[str, Any]) -> None:
     roof = at.of_mine["geom", ROOF_GEOM]
     half = _numbers(roof, "size")[2]
     _consecutive("geom", at.names("geom", floor_geom("")), [floor_geom(zone["name"]) for zone in zones], "zones")
-    grounds = [name for tag, name in at.of_assets if tag == "material" and name != "rock"]
+    grounds = [name for tag, name in at.of_assets if tag == "material" and name.startswith("ground_")]
     _consecutive("material", grounds, [f"ground_{zone['name']}" for zone in zones], "zones")
     if half < _THINNEST_M / 2:
         raise BundleError(f"{MODEL}: {roof.path}@size: floor and roof are {2 * half:g} m thick, want {_THINNEST_M} m")
@@ -233,6 +261,7 @@ def _check_surface(at: _Places, files: set[str]) -> None:
     names = {mesh.name for mesh in meshes}
     for file in sorted(files - {mesh_file(name) for name in names}):
         raise BundleError(f"{file}: {MODEL} does not use it")
+    names = {name for name in names if not is_fitting(name)}
     missing = sorted(set(SMOOTH_MESHES) - names)
     if missing:
         raise BundleError(f"{MODEL}: asset: no mesh {missing[0]!r}")

@@ -7,7 +7,7 @@ import re
 from collections import Counter
 
 from minexplore.bundle import BundleError
-from minexplore.schema.model import Attribute, Element
+from minexplore.schema.attributes import Attribute, Element
 from minexplore.schema.xml import Node
 
 _SHOWN = 60  # characters of a refused value

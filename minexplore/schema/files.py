@@ -32,9 +32,12 @@ from minexplore.bundle import (
     TriangleMesh,
     decode_msh,
     has_visible_rock,
+    is_cover,
+    is_fitting,
 )
+from minexplore.schema.fittings import FITTING_MESH, check_heights
 from minexplore.schema.model import VISIBLE_MESH
-from minexplore.schema.png import GREY, RGB, check_png
+from minexplore.schema.png import GREY, PALETTE, RGB, check_png
 from minexplore.schema.rules import numbers_in
 
 FIXED = (
@@ -51,13 +54,13 @@ FIXED = (
 )
 VISIBLE = (PREVIEW, ROCK_TEXTURE)  # of these, only worlds with visible rock have any
 MESHES = "meshes/"
-_MESH = re.compile(rf"{MESHES}{VISIBLE_MESH}\.msh", re.ASCII)
+_MESH = re.compile(rf"{MESHES}(?:{VISIBLE_MESH}|{FITTING_MESH})\.msh", re.ASCII)
 _FOLDERS = {"meshes", "textures"}
 _MOST_BYTES = 1 << 30  # of a bundle
 _UNREADABLE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, SyntaxError, tokenize.TokenError, struct.error)
 _MOST_FILES = 100_000
 _MOST_CELLS = 100_000_000  # of the clearance grid: 2,500 m square at 0.25 m
-PICTURES = {PREVIEW: RGB, NAV2_PICTURE: GREY, ROCK_TEXTURE: RGB}
+PICTURES = {PREVIEW: (RGB,), NAV2_PICTURE: (GREY,), ROCK_TEXTURE: (RGB, PALETTE)}
 _MOST_PIXELS = {PREVIEW: 4096 * 16_384, NAV2_PICTURE: _MOST_CELLS, ROCK_TEXTURE: 4096 * 4096}
 _MOST_REPEATS = 1e7  # of the texture
 _BEYOND_M = 1.0  # rough rock reaches a little beyond the box of the rock in plan
@@ -145,8 +148,8 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes]) -> dic
     return _read_checked_grid(files[CLEARANCE_GRID], record["world_m"])
 
 
-def pictures_of(record: Mapping[str, Any]) -> dict[str, int]:
-    """Return the pictures that a world of this record has, with their colour type."""
+def pictures_of(record: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
+    """Return the pictures that a world of this record has, with their colour types."""
     return {name: kind for name, kind in PICTURES.items() if has_visible_rock(record) or name not in VISIBLE}
 
 
@@ -161,11 +164,13 @@ def _check_mesh(name: str, data: bytes, low: np.ndarray, high: np.ndarray) -> No
         mesh: TriangleMesh = decode_msh(data)
     except ValueError as error:
         raise BundleError(f"{name}: {error}") from error
-    count = len(mesh.vertices)
-    if count < 4 or not len(mesh.faces) or len(mesh.texcoords) != count or len(mesh.normals) not in (0, count):
+    count, stem = len(mesh.vertices), name.removeprefix(MESHES).removesuffix(".msh")
+    textured = (count,) if is_cover(stem) or not is_fitting(stem) else (0,)
+    if count < 4 or not len(mesh.faces) or len(mesh.texcoords) not in textured or len(mesh.normals) not in (0, count):
         raise BundleError(
             f"{name}: {count} vertices, {len(mesh.normals)} normals, {len(mesh.texcoords)} texture coordinates and "
-            f"{len(mesh.faces)} faces; want 4 vertices or more, one texture coordinate each, a normal each or none"
+            f"{len(mesh.faces)} faces; want 4 vertices or more, {textured[0]} texture coordinates, a normal each or "
+            "none"
         )
     for axis, (least, most) in enumerate(zip(low.tolist(), high.tolist(), strict=True)):
         along = mesh.vertices[:, axis]
@@ -175,10 +180,12 @@ def _check_mesh(name: str, data: bytes, low: np.ndarray, high: np.ndarray) -> No
                 f"{name}: vertices from {first:g} to {last:g} m along axis {axis}, "
                 f"the rock ends at {least:g} and {most:g} m"
             )
+    if is_fitting(stem):
+        check_heights(stem, float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max()))
     if int(mesh.faces.view(np.uint32).max()) >= count:
         raise BundleError(f"{name}: a face of vertex {mesh.faces.min()} or {mesh.faces.max()}, there are {count}")
     flat = mesh.texcoords.ravel()
-    if not (flat.min() >= -_MOST_REPEATS and flat.max() <= _MOST_REPEATS):
+    if len(flat) and not (flat.min() >= -_MOST_REPEATS and flat.max() <= _MOST_REPEATS):
         raise BundleError(f"{name}: a texture coordinate that is no number, or beyond {_MOST_REPEATS:g}")
     if len(mesh.normals) and not (np.abs(np.square(mesh.normals).sum(axis=1) - 1) < 1e-2).all():
         raise BundleError(f"{name}: a normal whose length is not 1")

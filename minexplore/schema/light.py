@@ -5,10 +5,13 @@ from __future__ import annotations
 import dataclasses
 
 from minexplore.bundle import BARE_ROCK_RGBA, SURFACE_BODY, SURFACE_CLASS
-from minexplore.schema.model import VISIBLE_MESH, WORLD, Attribute, Element
+from minexplore.schema.attributes import Attribute, Element
+from minexplore.schema.fittings import BODY, MATERIALS, MESH
+from minexplore.schema.model import VISIBLE_MESH, WORLD
 from minexplore.schema.rules import equal_numbers
 
 _SHOWS = {("texture", "rock"), ("mesh", VISIBLE_MESH), ("body", SURFACE_BODY), ("default", SURFACE_CLASS)}
+_SHOWS |= {(element.tag, element.name) for element in (BODY, MESH, *MATERIALS)}
 
 
 def _without_visible_rock(element: Element) -> Element:

@@ -6,8 +6,6 @@ attribute with a default may be left out, as MuJoCo's writer does; one without i
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 from minexplore.bundle import (
     FLOOR_CHAMFER,
     MINE_BODY,
@@ -21,7 +19,10 @@ from minexplore.bundle import (
     GeomGroup,
     smooth_mesh,
 )
-from minexplore.schema.rules import Rule, equal_numbers, exactly, matching, numbers, points, unit_vector
+from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS
+from minexplore.schema.attributes import Attribute, Element, any_of, constant, named, required
+from minexplore.schema.fittings import BODY, MATERIALS, MESH
+from minexplore.schema.rules import exactly, matching, numbers, points, unit_vector
 
 REACH_M = 1e6  # of any coordinate
 MOST_ZONES, MOST_LIGHTS, MOST_PARTS, MOST_MESHES = 1000, 10_000, 100_000, 100_000
@@ -34,58 +35,27 @@ _ROCK_NAME = r"rock_\d{4,6}"
 _DIGITS_M = 1e-6  # MuJoCo's writer leaves rounding errors of about 1e-11 m in places that are zero
 
 
-@dataclass(frozen=True)
-class Attribute:
-    """The rule of an attribute, and the text that its absence means; without one it is required."""
-
-    rule: Rule
-    default: str | None = None
-
-
-@dataclass(frozen=True)
-class Element:
-    """An element: its tag, the pattern of its name, how often it stands in its parent, attributes and children."""
-
-    tag: str
-    attributes: dict[str, Attribute] = field(default_factory=dict)
-    name: str = ""
-    least: int = 1
-    most: int = 1
-    children: tuple[Element, ...] = ()
-
-
-def _required(rule: Rule) -> Attribute:
-    return Attribute(rule)
-
-
-def _constant(*values: float, default: str | None = None) -> Attribute:
-    return Attribute(equal_numbers(*values), default)
-
-
-def _named(pattern: str) -> dict[str, Attribute]:
-    return {"name": Attribute(matching(pattern, f"a name like {pattern}"))}
-
-
+_HAZY = [look for look in LOOKS.values() if look.hazy]
 _PLACE = Attribute(numbers(3, -REACH_M, REACH_M), "0 0 0")
-_SIZE = _required(numbers(3, 1e-3, REACH_M))
-_NOT_TURNED = _constant(1, 0, 0, 0, default="1 0 0 0")
+_SIZE = required(numbers(3, 1e-3, REACH_M))
+_NOT_TURNED = constant(1, 0, 0, 0, default="1 0 0 0")
 _COLOUR = Attribute(numbers(4, 0, 1), "0.5 0.5 0.5 1")
 _TURNED = Attribute(unit_vector(4), "1 0 0 0")
 _FRICTION = Attribute(numbers(1, 1e-6, 2), "1")  # MuJoCo writes the sliding friction alone where the rest is default
 
 _ROCK_MESH = Element(
     "mesh",
-    {**_named(_ROCK_NAME), "vertex": _required(points(4, 4096, REACH_M))},
+    {**named(_ROCK_NAME), "vertex": required(points(4, 4096, REACH_M))},
     name=_ROCK_NAME,
     most=MOST_PARTS,
 )
 _VISIBLE_MESH = Element(
     "mesh",
     {
-        **_named(VISIBLE_MESH),
-        "file": _required(matching(rf"meshes/{VISIBLE_MESH}\.msh", "meshes/NAME.msh")),
+        **named(VISIBLE_MESH),
+        "file": required(matching(rf"meshes/{VISIBLE_MESH}\.msh", "meshes/NAME.msh")),
         "content_type": Attribute(exactly("model/vnd.mujoco.msh"), "model/vnd.mujoco.msh"),
-        "inertia": _required(exactly("shell")),
+        "inertia": required(exactly("shell")),
     },
     name=VISIBLE_MESH,
     least=len(SMOOTH_MESHES),
@@ -97,31 +67,43 @@ _ASSETS = Element(
         Element(
             "texture",
             {
-                **_named("rock"),
-                "type": _required(exactly("2d")),
+                **named("rock"),
+                "type": required(exactly("2d")),
                 "colorspace": Attribute(exactly("linear"), "linear"),
                 "content_type": Attribute(exactly("image/png"), "image/png"),
-                "file": _required(exactly(ROCK_TEXTURE)),
+                "file": required(exactly(ROCK_TEXTURE)),
             },
             name="rock",
         ),
         Element(
             "material",
             {
-                **_named("rock"),
-                "texture": _required(exactly("rock")),
-                "specular": _constant(0),
-                "shininess": _constant(0),
+                **named("rock"),
+                "texture": required(exactly("rock")),
+                "specular": any_of(*((look.specular,) for look in LOOKS.values())),
+                "shininess": any_of(*((look.shininess,) for look in LOOKS.values())),
             },
             name="rock",
+        ),
+        *MATERIALS,
+        Element(
+            "material",
+            {
+                **named(CUT_MATERIAL),
+                "specular": constant(0),
+                "shininess": constant(0),
+                "rgba": constant(*CUT_RGBA),
+            },
+            name=CUT_MATERIAL,
+            least=0,
         ),
         Element(
             "material",
             {
-                **_named(f"ground_{ZONE_NAME}"),
-                "emission": _constant(0.25),
-                "specular": _constant(0),
-                "shininess": _constant(0),
+                **named(f"ground_{ZONE_NAME}"),
+                "emission": constant(0.25),
+                "specular": constant(0),
+                "shininess": constant(0),
                 "rgba": Attribute(numbers(4, 0, 1), "1 1 1 1"),
             },
             name=f"ground_{ZONE_NAME}",
@@ -129,41 +111,42 @@ _ASSETS = Element(
         ),
         _ROCK_MESH,
         _VISIBLE_MESH,
+        MESH,
     ),
 )
 _LIGHT = Element(
     "light",
     {
-        **_named(r"spot_\d{2,5}"),
-        "castshadow": _required(exactly("false")),
+        **named(r"spot_\d{2,5}"),
+        "castshadow": required(exactly("false")),
         "pos": _PLACE,
         "dir": Attribute(unit_vector(3), "0 0 -1"),
-        "attenuation": _constant(1, 0, 0.004),
+        "attenuation": constant(1, 0, 0.004),
         "cutoff": Attribute(numbers(1, 1e-3, 90), "45"),
-        "exponent": _constant(8),
-        "diffuse": _constant(1, 0.93, 0.8),
-        "specular": _constant(0.1, 0.1, 0.1),
+        "exponent": constant(8),
+        "diffuse": constant(1, 0.93, 0.8),
+        "specular": constant(0.1, 0.1, 0.1),
     },
     name=r"spot_\d{2,5}",
     most=MOST_LIGHTS,
 )
 _SURFACE = Element(
     "body",
-    {"name": _required(exactly(SURFACE_BODY))},
+    {"name": required(exactly(SURFACE_BODY))},
     name=SURFACE_BODY,
     children=(
         Element(
             "geom",
             {
-                **_named(f"surface_{VISIBLE_MESH}"),
-                "class": _required(exactly(SURFACE_CLASS)),
+                **named(f"surface_{VISIBLE_MESH}"),
+                "class": required(exactly(SURFACE_CLASS)),
                 "pos": Attribute(numbers(3, -_DIGITS_M, _DIGITS_M), "0 0 0"),
                 "quat": _NOT_TURNED,
                 "group": Attribute(
                     exactly(str(GeomGroup.SMOOTH_SURFACE.value), str(GeomGroup.ROUGH_SURFACE.value)),
                     str(GeomGroup.ROUGH_SURFACE.value),
                 ),
-                "mesh": _required(matching(VISIBLE_MESH, "a visible mesh")),
+                "mesh": required(matching(VISIBLE_MESH, "a visible mesh")),
             },
             name=f"surface_{VISIBLE_MESH}",
             least=len(SMOOTH_MESHES),
@@ -173,18 +156,18 @@ _SURFACE = Element(
 )
 _MINE = Element(
     "body",
-    {"name": _required(exactly(MINE_BODY)), "pos": _PLACE, "quat": _TURNED},
+    {"name": required(exactly(MINE_BODY)), "pos": _PLACE, "quat": _TURNED},
     name=MINE_BODY,
     children=(
         Element(
             "geom",
             {
-                **_named(_ROCK_NAME),
-                "class": _required(exactly(ROCK_CLASS)),
+                **named(_ROCK_NAME),
+                "class": required(exactly(ROCK_CLASS)),
                 "pos": _PLACE,
                 "quat": _NOT_TURNED,
-                "type": _required(exactly("mesh")),
-                "mesh": _required(matching(_ROCK_NAME, "a collision part's mesh")),
+                "type": required(exactly("mesh")),
+                "mesh": required(matching(_ROCK_NAME, "a collision part's mesh")),
             },
             name=_ROCK_NAME,
             most=MOST_PARTS,
@@ -192,14 +175,14 @@ _MINE = Element(
         Element(
             "geom",
             {
-                **_named(f"floor_{ZONE_NAME}"),
+                **named(f"floor_{ZONE_NAME}"),
                 "size": _SIZE,
                 "pos": _PLACE,
                 "quat": _NOT_TURNED,
-                "type": _required(exactly("box")),
-                "priority": _required(exactly("1")),
+                "type": required(exactly("box")),
+                "priority": required(exactly("1")),
                 "friction": _FRICTION,
-                "material": _required(matching(f"ground_{ZONE_NAME}", "the material of a floor zone")),
+                "material": required(matching(f"ground_{ZONE_NAME}", "the material of a floor zone")),
             },
             name=f"floor_{ZONE_NAME}",
             most=MOST_ZONES,
@@ -207,49 +190,59 @@ _MINE = Element(
         Element(
             "geom",
             {
-                "name": _required(exactly(ROOF_GEOM)),
-                "class": _required(exactly(ROCK_CLASS)),
+                "name": required(exactly(ROOF_GEOM)),
+                "class": required(exactly(ROCK_CLASS)),
                 "size": _SIZE,
                 "pos": _PLACE,
                 "quat": _NOT_TURNED,
-                "type": _required(exactly("box")),
-                "group": _required(exactly(str(GeomGroup.ROOF.value))),
+                "type": required(exactly("box")),
+                "group": required(exactly(str(GeomGroup.ROOF.value))),
             },
             name=ROOF_GEOM,
         ),
         Element(
             "camera",
-            {"name": _required(exactly("entrance")), "quat": _TURNED, "pos": _PLACE, "fovy": _constant(70)},
+            {"name": required(exactly("entrance")), "quat": _TURNED, "pos": _PLACE, "fovy": constant(70)},
             name="entrance",
         ),
         Element(
             "camera",
-            {"name": _required(exactly("overview")), "quat": _TURNED, "pos": _PLACE, "fovy": _constant(30)},
+            {"name": required(exactly("overview")), "quat": _TURNED, "pos": _PLACE, "fovy": constant(30)},
             name="overview",
         ),
         _LIGHT,
         _SURFACE,
+        BODY,
     ),
 )
 WORLD = Element(
     "mujoco",
-    {"model": _required(matching(WORLD_NAME, "a name of letters, digits, _ and -"))},
+    {"model": required(matching(WORLD_NAME, "a name of letters, digits, _ and -"))},
     children=(
-        Element("compiler", {"angle": _required(exactly("radian"))}),
-        Element("statistic", {"extent": _constant(10), "center": _required(numbers(3, -REACH_M, REACH_M))}),
+        Element("compiler", {"angle": required(exactly("radian"))}),
+        Element("statistic", {"extent": constant(10), "center": required(numbers(3, -REACH_M, REACH_M))}),
         Element(
             "visual",
             children=(
-                Element("global", {"offwidth": _constant(1920), "offheight": _constant(1080)}),
+                Element("global", {"offwidth": constant(1920), "offheight": constant(1080)}),
                 Element(
                     "headlight",
                     {
-                        "ambient": _constant(0.3, 0.3, 0.3),
-                        "diffuse": _constant(0.45, 0.45, 0.45),
-                        "specular": _constant(0, 0, 0),
+                        "ambient": any_of(*([look.ambient] * 3 for look in LOOKS.values())),
+                        "diffuse": any_of(*([look.diffuse] * 3 for look in LOOKS.values())),
+                        "specular": any_of(*([look.glint] * 3 for look in LOOKS.values())),
                     },
                 ),
-                Element("map", {"znear": _constant(0.005), "zfar": _constant(200)}),
+                Element(
+                    "map",
+                    {
+                        "fogstart": any_of(*([look.haze_m[0] / EXTENT_M] for look in _HAZY), default="3"),
+                        "fogend": any_of(*([look.haze_m[1] / EXTENT_M] for look in _HAZY), default="10"),
+                        "znear": constant(0.005),
+                        "zfar": constant(200),
+                    },
+                ),
+                Element("rgba", {"fog": any_of(*((*look.haze_rgb, 1) for look in _HAZY))}, least=0),
             ),
         ),
         Element(
@@ -257,32 +250,32 @@ WORLD = Element(
             children=(
                 Element(
                     "default",
-                    {"class": _required(exactly(ROCK_CLASS))},
+                    {"class": required(exactly(ROCK_CLASS))},
                     name=ROCK_CLASS,
                     children=(
                         Element(
                             "geom",
                             {
-                                "group": _required(exactly(str(GeomGroup.COLLISION.value))),
+                                "group": required(exactly(str(GeomGroup.COLLISION.value))),
                                 "friction": _FRICTION,
-                                "material": _required(exactly("rock")),
+                                "material": required(exactly("rock", CUT_MATERIAL)),
                             },
                         ),
                     ),
                 ),
                 Element(
                     "default",
-                    {"class": _required(exactly(SURFACE_CLASS))},
+                    {"class": required(exactly(SURFACE_CLASS))},
                     name=SURFACE_CLASS,
                     children=(
                         Element(
                             "geom",
                             {
-                                "type": _required(exactly("mesh")),
-                                "contype": _required(exactly("0")),
-                                "conaffinity": _required(exactly("0")),
-                                "group": _required(exactly(str(GeomGroup.ROUGH_SURFACE.value))),
-                                "material": _required(exactly("rock")),
+                                "type": required(exactly("mesh")),
+                                "contype": required(exactly("0")),
+                                "conaffinity": required(exactly("0")),
+                                "group": required(exactly(str(GeomGroup.ROUGH_SURFACE.value))),
+                                "material": required(exactly("rock")),
                             },
                         ),
                     ),

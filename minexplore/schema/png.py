@@ -7,11 +7,11 @@ import zlib
 
 from minexplore.bundle import BundleError
 
-GREY, RGB = 0, 2  # PNG's numbers
+GREY, RGB, PALETTE = 0, 2, 3  # PNG's numbers
 
 
-def inflate_png(name: str, data: bytes, colours: int) -> None:
-    """Check that the image of a picture that `check_png` accepts is whole.
+def inflate_png(name: str, data: bytes) -> None:
+    """Check that the image of a picture that `check_png` accepts is whole, and names only colours of its palette.
 
     Raises
     ------
@@ -19,34 +19,40 @@ def inflate_png(name: str, data: bytes, colours: int) -> None:
         If its bytes are damaged, or too few or too many for its size.
     """
     width, height = struct.unpack(">II", data[16:24])
+    colours = data[25]
     size = height * (1 + width * (3 if colours == RGB else 1))
-    at, packed = 8, []
+    at, packed, palette = 8, [], 256
     while at < len(data):
         count = struct.unpack(">I", data[at : at + 4])[0]
         if data[at + 4 : at + 8] == b"IDAT":
             packed.append(data[at + 8 : at + 8 + count])
+        elif data[at + 4 : at + 8] == b"PLTE":
+            palette = count // 3
         at += 12 + count
     try:
         engine = zlib.decompressobj()
-        found = len(engine.decompress(b"".join(packed), size + 1))
+        image = engine.decompress(b"".join(packed), size + 1)
+        found = len(image)
     except zlib.error as error:
         raise BundleError(f"{name}: the image is damaged ({error})") from error
     if found != size or not engine.eof or engine.unused_data:
         raise BundleError(f"{name}: the image has {found} bytes or more, want {size}")
+    if colours == PALETTE and (any(image[:: width + 1]) or max(image) >= palette):
+        raise BundleError(f"{name}: colour {max(image)} of a palette of {palette}, or rows that are filtered")
 
 
-def check_png(name: str, data: bytes, colours: int, most_px: int) -> tuple[int, int]:
+def check_png(name: str, data: bytes, colours: tuple[int, ...], most_px: int) -> tuple[int, int]:
     """Return a picture's width and height.
 
     Raises
     ------
     BundleError
-        If it is no PNG of 8 bits a channel with these colours, has more pixels, holds other chunks than a header, the
-        image and the end, or a checksum is wrong.
+        If it is no PNG of 8 bits a channel with one of these kinds of colours, has more pixels, holds other chunks
+        than a header, a palette where it needs one, the image and the end, or a checksum is wrong.
     """
     if data[:8] != b"\x89PNG\r\n\x1a\n":
         raise BundleError(f"{name}: not a PNG")
-    at, kinds, size_px = 8, [], (0, 0)
+    at, kinds, size_px, kind_of_colour = 8, [], (0, 0), -1
     while at < len(data):
         if at + 12 > len(data) or at + 12 + (size := struct.unpack(">I", data[at : at + 4])[0]) > len(data):
             raise BundleError(f"{name}: a chunk ends beyond the file")
@@ -56,14 +62,19 @@ def check_png(name: str, data: bytes, colours: int, most_px: int) -> tuple[int, 
         if kind == b"IHDR" and size == 13:
             width, height, *form = struct.unpack(">IIBBBBB", body)
             size_px = width, height
-            if not 0 < width * height <= most_px or form != [8, colours, 0, 0, 0]:
+            if not 0 < width * height <= most_px or form not in [[8, kind, 0, 0, 0] for kind in colours]:
                 raise BundleError(
                     f"{name}: {width} x {height} px of form {form}, want at most {most_px} px of form "
-                    f"{[8, colours, 0, 0, 0]}"
+                    f"{' or '.join(str([8, kind, 0, 0, 0]) for kind in colours)}"
                 )
+            kind_of_colour = form[1]
+        elif kind == b"PLTE" and not (0 < size <= 768 and size % 3 == 0):
+            raise BundleError(f"{name}: a palette of {size} bytes, want 3 for each of at most 256 colours")
         kinds.append(kind)
         at += 12 + size
-    if size_px == (0, 0) or (kinds[0], kinds[-1]) != (b"IHDR", b"IEND") or set(kinds[1:-1]) != {b"IDAT"}:
+    before = [b"IHDR", b"PLTE"] if kind_of_colour == PALETTE else [b"IHDR"]
+    image = kinds[len(before) : -1]
+    if size_px == (0, 0) or kinds[: len(before)] != before or kinds[-1] != b"IEND" or set(image) != {b"IDAT"}:
         found = sorted({kind.decode("ascii", "replace") for kind in kinds})
-        raise BundleError(f"{name}: chunks {found}, want IHDR, IDAT, IEND")
+        raise BundleError(f"{name}: chunks {found}, want {', '.join(k.decode() for k in before)}, IDAT, IEND")
     return size_px

@@ -8,8 +8,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from minexplore.bundle import FORMAT, FRAMES, GEOM_GROUPS, NO_OVERLAY, BundleError, complete_zone
+from minexplore.looks import LOOKS, PLAIN
 from minexplore.schema.model import MOST_LIGHTS, MOST_PARTS, MOST_ZONES, REACH_M, WORLD_NAME, ZONE_NAME
-from minexplore.schema.rules import Rule, list_of, matching, number, same_json, whole
+from minexplore.schema.rules import Rule, list_of, matching, number, one_of_texts, same_json, whole
 
 Table = Mapping[str, "Rule | Table | Callable[[str, Any], None]"]
 
@@ -94,7 +95,11 @@ RECORD_FIELDS: Table = {
     "files": _check_files,
     "world_sha256": _HASH,
 }
-_OVERLAY: Table = {"overlay": same_json(NO_OVERLAY)}  # of a world without visible rock only
+# Fields that a record may lack, and what their absence means. A record does not state that value.
+OPTIONAL_FIELDS: Mapping[str, tuple[Rule, Any]] = {
+    "look": (one_of_texts(*LOOKS), PLAIN),
+    "overlay": (same_json(NO_OVERLAY), "rough"),
+}
 
 
 def read_json(file: str, data: bytes) -> Any:
@@ -137,7 +142,10 @@ def check_record(file: str, record: Any) -> None:
         raise BundleError(f"{file}: not a world bundle's record (a JSON object)")
     if record.get("format") != FORMAT:
         raise BundleError(f"{file}: format {_shown(record.get('format'))}, this version reads {FORMAT!r}")
-    _check_fields(file, record, {**RECORD_FIELDS, **_OVERLAY} if "overlay" in record else RECORD_FIELDS)
+    _check_fields(file, {name: value for name, value in record.items() if name not in OPTIONAL_FIELDS}, RECORD_FIELDS)
+    for name, (rule, absent) in OPTIONAL_FIELDS.items():
+        if name in record and (not rule.accepts(record[name]) or record[name] == absent):
+            raise BundleError(f"{file}: {name} = {_shown(record[name])}: want {rule.wants}, and not {absent!r}")
     west, south, east, north = record["world_m"]
     if not (west < east and south < north):
         raise BundleError(f"{file}: world_m = {record['world_m']}: want west < east and south < north")

@@ -63,6 +63,11 @@ def equal_numbers(*wanted: float) -> Rule:
     return Rule(accepts, " ".join(f"{value:g}" for value in wanted))
 
 
+def one_of(*rules: Rule) -> Rule:
+    """Accept what one of these rules accepts."""
+    return Rule(lambda text: any(rule.accepts(text) for rule in rules), " or ".join(rule.wants for rule in rules))
+
+
 def numbers(count: int, low: float, high: float) -> Rule:
     """Accept so many numbers from low to high."""
 
@@ -125,6 +130,11 @@ def list_of(rule: Rule, count: int) -> Rule:
         lambda value: isinstance(value, list) and len(value) == count and all(map(rule.accepts, value)),
         f"a list of {count}, each {rule.wants}",
     )
+
+
+def one_of_texts(*texts: str) -> Rule:
+    """Accept one of these texts, and no other kind of value."""
+    return Rule(lambda value: isinstance(value, str) and value in texts, " or ".join(map(repr, texts)))
 
 
 def same_json(wanted: Any) -> Rule:

@@ -10,10 +10,10 @@ from shapely.geometry.polygon import orient
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.edge_fit import fit_edges
+from pipeline.geometry.fewest_vertices import simplify_to_error
 from pipeline.types import Frame, Mask
 
 _SUBPIXELS = 2
-_TOLERANCES_M = (0.21, 0.16, 0.12, 0.09, 0.06, 0.04, 0.02)
 
 
 def trace_outline(free: Mask, frame: Frame) -> Polygon:
@@ -100,43 +100,41 @@ def simplify_outline(outline: Polygon, tolerance_m: float) -> Polygon:
     Douglas & Peucker 1973, doi:10.3138/FM57-6770-U75U-7727; the topology-preserving form is that of JTS and GEOS.
     """
     kept = shapely.simplify(outline, tolerance_m, preserve_topology=True)
-    simple = shapely.set_precision(_fit_rings(outline, kept, tolerance_m), grid_m(outline))
-    if not isinstance(simple, Polygon) or simple.is_empty or not simple.is_valid:
-        raise GeometryError(
-            f"contours.tolerance_m = {tolerance_m}: the outline would be invalid; use a smaller tolerance"
-        )
-    if len(simple.interiors) != len(outline.interiors):
-        raise GeometryError(
-            f"contours.tolerance_m = {tolerance_m}: {len(outline.interiors)} islands would become "
-            f"{len(simple.interiors)}; use a smaller tolerance"
-        )
-    return orient(simple)
+    return _on_grid(outline, _fit_rings(outline, kept, tolerance_m), f"contours.tolerance_m = {tolerance_m:g}")
 
 
-def simplify_to_iou(outline: Polygon, iou: float) -> tuple[Polygon, float]:
-    """Simplify with the largest tolerance that keeps an intersection over union with the outline.
+def simplify_to_wall_error(outline: Polygon, error_m: float) -> Polygon:
+    """Simplify with about the fewest vertices for a mean distance of the traced wall from the result.
+
+    Parameters
+    ----------
+    outline : shapely.Polygon, m
+    error_m : float
+        Mean distance, m; no point of the traced wall is farther away than eight times this.
 
     Returns
     -------
     shapely.Polygon, m
-    float
-        The tolerance, m, one of `_TOLERANCES_M`; the smallest if none reaches the IoU.
+        As `simplify_outline` returns it.
 
     Raises
     ------
     GeometryError
-        If even the smallest tolerance makes the outline invalid.
+        If the result would lose an island or be invalid; the message names the error.
     """
-    for tolerance_m in _TOLERANCES_M:
-        try:
-            simple = simplify_outline(outline, tolerance_m)
-        except GeometryError:
-            if tolerance_m == _TOLERANCES_M[-1]:
-                raise
-            continue
-        if outline.intersection(simple).area >= iou * outline.union(simple).area:
-            break
-    return simple, tolerance_m
+    return _on_grid(outline, simplify_to_error(outline, error_m), f"contours.wall_error_m = {error_m:g}")
+
+
+def _on_grid(outline: Polygon, simplified: Polygon, setting: str) -> Polygon:
+    """Return a simplified outline on the grid of `grid_m`; refuse it if it is invalid or an island is lost."""
+    simple = shapely.set_precision(simplified, grid_m(outline))
+    if not isinstance(simple, Polygon) or simple.is_empty or not simple.is_valid:
+        raise GeometryError(f"{setting}: the outline would be invalid; use a smaller value")
+    if len(simple.interiors) != len(outline.interiors):
+        raise GeometryError(
+            f"{setting}: {len(outline.interiors)} islands would become {len(simple.interiors)}; use a smaller value"
+        )
+    return orient(simple)
 
 
 def _fit_rings(outline: Polygon, kept: Polygon, tolerance_m: float) -> Polygon:

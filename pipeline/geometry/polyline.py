@@ -39,3 +39,28 @@ def resample(path: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray
     along = arc_length(path)
     chainage = np.linspace(0.0, along[-1], max(2, round(along[-1] / spacing_m) + 1))
     return chainage, np.column_stack([np.interp(chainage, along, path[:, k]) for k in (0, 1)])
+
+
+def line_moments(points: np.ndarray) -> np.ndarray:
+    """Return the integrals over each segment of a polyline.
+
+    Parameters
+    ----------
+    points : (n, 2) m
+
+    Returns
+    -------
+    (n - 1, 6)
+        Of 1, x, y, x x, x y and y y along the segment: its length, m, first moments, m2, and second moments, m3.
+    """
+    step, middle = np.diff(points, axis=0), (points[:-1] + points[1:]) / 2
+    (dx, dy), (x, y) = step.T, middle.T
+    parts = np.column_stack([np.ones(len(x)), x, y, x * x + dx * dx / 12, x * y + dx * dy / 12, y * y + dy * dy / 12])
+    return np.linalg.norm(step, axis=1)[:, None] * parts
+
+
+def points_along(ring: np.ndarray, spacing_m: float) -> np.ndarray:
+    """Place points (n, 2) m on a closed ring at even distances of about `spacing_m`, at least four."""
+    along = arc_length(ring)
+    at = np.linspace(0.0, along[-1], max(4, round(along[-1] / spacing_m)), endpoint=False)
+    return np.column_stack([np.interp(at, along, ring[:, k]) for k in (0, 1)])

@@ -141,7 +141,7 @@ def _main_drift(graph: nx.MultiGraph) -> tuple[list[int], np.ndarray]:
 
 
 def require_same_network(
-    traced: DriftNetwork, simplified: DriftNetwork, outline: Polygon, tolerance_m: float, min_leg_m: float
+    traced: DriftNetwork, simplified: DriftNetwork, outline: Polygon, setting: str, min_leg_m: float
 ) -> None:
     """Refuse a simplification that changes the drift network: a closed passage, an opened island, a lost drift.
 
@@ -151,9 +151,9 @@ def require_same_network(
     Raises
     ------
     GeometryError
-        The message gives the tolerance, what it would change, and where.
+        The message gives the setting (parameter and value), what it would change, and where.
     """
-    problem = f"contours.tolerance_m = {tolerance_m:g} would change the topology"
+    problem = f"{setting} would change the topology"
     if (traced.loops, traced.components) != (simplified.loops, simplified.components):
         raise GeometryError(
             f"{problem}: {traced.loops} loops in {traced.components} components become "
@@ -167,7 +167,7 @@ def require_same_network(
         closed = ~shapely.contains_xy(outline, stations) & ~near_face
         if closed.any():
             x, y = stations[int(closed.argmax())]
-            raise GeometryError(f"{problem}: the drift at ({x:.1f}, {y:.1f}) would be closed; use a smaller tolerance")
+            raise GeometryError(f"{problem}: the drift at ({x:.1f}, {y:.1f}) would be closed; use a smaller value")
 
 
 def passage_stations(network: DriftNetwork) -> tuple[np.ndarray, np.ndarray]:

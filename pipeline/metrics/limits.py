@@ -23,7 +23,9 @@ def breaches(metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> list[st
     lines = []
     for name, limit in limits.items():
         value = flat.get(name)
-        if not isinstance(value, int | float):
+        if name in flat and value is None:
+            lines.append(f"{name}: there is no figure (limit {format_limit(limit)})")
+        elif not isinstance(value, int | float):
             lines.append(f"{name}: not measured (limit {format_limit(limit)})")
         elif not limit.holds(value):
             lines.append(f"{name} = {value:.6g}: limit {format_limit(limit)}")

@@ -28,14 +28,14 @@ _FLAT_SCORE = 0.9
 
 @dataclass(frozen=True)
 class TextureAxes:
-    """The six axes of the texture report in the paper."""
+    """The six axes of the texture report in the paper; None where the surface gives no figure."""
 
-    wall_jaggedness_deg: float
-    bump_rq_m: float
-    roughness_integral_m2: float
-    dominant_wavelength_m: float
-    roof_irregularity_m: float
-    wall_heterogeneity_m: float
+    wall_jaggedness_deg: float | None
+    bump_rq_m: float | None
+    roughness_integral_m2: float | None
+    dominant_wavelength_m: float | None
+    roof_irregularity_m: float | None
+    wall_heterogeneity_m: float | None
 
 
 AXES = tuple(field.name for field in fields(TextureAxes))
@@ -51,10 +51,11 @@ AXIS_TITLES = {
 
 @dataclass(frozen=True)
 class Scores:
-    """The similarity of each axis, 0 to 1, and the geometric mean of all."""
+    """The similarity of each axis, 0 to 1, None without a figure, and the geometric mean of the `measured` axes."""
 
-    axes: dict[str, float]
-    overall: float
+    axes: dict[str, float | None]
+    overall: float | None
+    measured: int
 
 
 def published_score(real: TextureAxes, model: TextureAxes) -> Scores:
@@ -67,17 +68,25 @@ def strict_score(real: TextureAxes, model: TextureAxes) -> Scores:
     return _score(real, model, 2.0, math.inf)
 
 
+def axis_ratios(real: TextureAxes, model: TextureAxes) -> dict[str, float | None]:
+    """Return model / real of each axis; None where the model has no figure."""
+    figures = vars(model)
+    return {name: None if figures[name] is None else figures[name] / vars(real)[name] for name in AXES}
+
+
 def _score(real: TextureAxes, model: TextureAxes, factor: float, most: float) -> Scores:
-    axes = {}
-    for name in AXES:
-        ratio = min(getattr(model, name) / getattr(real, name), most)
-        axes[name] = math.exp(-0.5 * (math.log(ratio) / math.log(factor)) ** 2) if ratio > 0 else 0.0
-    return Scores(axes, math.prod(axes.values()) ** (1 / len(axes)))
+    def similarity(ratio: float) -> float:
+        return math.exp(-0.5 * (math.log(min(ratio, most)) / math.log(factor)) ** 2) if ratio > 0 else 0.0
+
+    ratios = axis_ratios(real, model)
+    axes = {name: None if ratio is None else similarity(ratio) for name, ratio in ratios.items()}
+    measured = [score for score in axes.values() if score is not None]
+    return Scores(axes, math.prod(measured) ** (1 / len(measured)) if measured else None, len(measured))
 
 
-def is_uninformative(flat_score: float) -> bool:
+def is_uninformative(flat_score: float | None) -> bool:
     """Return whether flat walls score above 0.9 on an axis, so that the axis does not measure texture."""
-    return flat_score > _FLAT_SCORE
+    return flat_score is not None and flat_score > _FLAT_SCORE
 
 
 def rotate_about_z(points: np.ndarray) -> np.ndarray:
@@ -90,18 +99,18 @@ def rotate_about_z(points: np.ndarray) -> np.ndarray:
     return points @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
-def wall_jaggedness_deg(walls: np.ndarray) -> float:
-    """Return the mean angle between normals of 0.30 m voxels and the mean normals around them; 0 without voxels."""
+def wall_jaggedness_deg(walls: np.ndarray) -> float | None:
+    """Return the mean angle between normals of 0.30 m voxels and the mean normals around them; None without."""
     planes = fit_voxel_planes(walls, 0.30, _MIN_POINTS)
     angles = normal_scatter_deg(planes) if len(planes.count) > 1 else np.zeros(0)
-    return float(angles.mean()) if len(angles) else 0.0
+    return float(angles.mean()) if len(angles) else None
 
 
-def bump_rq_m(walls: np.ndarray) -> float:
-    """Return the mean RMS plane residual of 0.50 m voxels with a residual from 0.1 mm to 0.5 m; 0 without any."""
+def bump_rq_m(walls: np.ndarray) -> float | None:
+    """Return the mean RMS plane residual of 0.50 m voxels with a residual from 0.1 mm to 0.5 m; None without."""
     sigma = fit_voxel_planes(walls, 0.50, _MIN_POINTS).sigma
     kept = sigma[(sigma > 1e-4) & (sigma < 0.5)]
-    return float(kept.mean()) if len(kept) else 0.0
+    return float(kept.mean()) if len(kept) else None
 
 
 def sweep_walls(walls: np.ndarray) -> list[Residuals]:
@@ -109,13 +118,13 @@ def sweep_walls(walls: np.ndarray) -> list[Residuals]:
     return sweep_residuals(walls, WINDOWS_M, _SWEEP_MIN_POINTS)
 
 
-def roughness_integral_m2(sweep: list[Residuals]) -> float:
-    """Return the integral of Ra over the voxel size by the trapezoidal rule; 0 for fewer than two sizes."""
-    return float(np.trapezoid([r.ra_m for r in sweep], [r.window_m for r in sweep])) if len(sweep) > 1 else 0.0
+def roughness_integral_m2(sweep: list[Residuals]) -> float | None:
+    """Return the integral of Ra over the voxel size by the trapezoidal rule; None for one size or none."""
+    return float(np.trapezoid([r.ra_m for r in sweep], [r.window_m for r in sweep])) if len(sweep) > 1 else None
 
 
-def roof_irregularity_m(roof: np.ndarray) -> float:
-    """Return the RMS residual of roof points to a quadratic fitted in each 0.5 m cell of the plan; 0 without cells."""
+def roof_irregularity_m(roof: np.ndarray) -> float | None:
+    """Return the RMS residual of roof points to a quadratic fitted in each 0.5 m cell of the plan; None without."""
     cell = np.floor(roof[:, :2] / _ROOF_CELL_M).astype(np.int64)
     order = np.lexsort(cell.T)
     _, start, count = np.unique(cell[order], axis=0, return_index=True, return_counts=True)
@@ -127,7 +136,7 @@ def roof_irregularity_m(roof: np.ndarray) -> float:
         q, _ = np.linalg.qr(terms)
         squares += float(((z - q @ (q.T @ z)) ** 2).sum())
         used += int(n)
-    return math.sqrt(squares / used) if used else 0.0
+    return math.sqrt(squares / used) if used else None
 
 
 def roof_unevenness_m(roof: np.ndarray) -> float:
@@ -145,16 +154,16 @@ def roof_unevenness_m(roof: np.ndarray) -> float:
     return float(np.sqrt(((z - q @ (q.T @ z)) ** 2).mean()))
 
 
-def wall_heterogeneity_m(walls: np.ndarray) -> float:
-    """Return the s.d. of the plane residual over 0.25 m cells of wall at z = 1.75 +- 0.10 m."""
+def wall_heterogeneity_m(walls: np.ndarray) -> float | None:
+    """Return the s.d. of the plane residual over 0.25 m cells of wall at z = 1.75 +- 0.10 m; None without cells."""
     low, high = _RING_M
     ring = walls[(walls[:, 2] >= low) & (walls[:, 2] < high)] - [0.0, 0.0, low]
     sigma = fit_voxel_planes(ring, (0.25, 0.25, high - low + 1e-6), 20).sigma
-    return float(sigma.std()) if len(sigma) else 0.0
+    return float(sigma.std()) if len(sigma) else None
 
 
-def published_wavelength_m(walls: np.ndarray) -> float:
-    """Return the strongest wavelength from 0.05 to 2 m as the paper finds it; 0 without a slab of 400 points.
+def published_wavelength_m(walls: np.ndarray) -> float | None:
+    """Return the strongest wavelength from 0.05 to 2 m as the paper finds it; None without a slab of 400 points.
 
     It sorts the points of all walls in a 5 cm slab along the slab's principal axis, so most steps go from one wall to
     another. On a long mine 1,024 samples resolve little below 2 m. The measure is kept for comparison.
@@ -169,11 +178,11 @@ def published_wavelength_m(walls: np.ndarray) -> float:
         offset = detrend(np.interp(at, along[order], across[order])) * hann(_RESAMPLED)
         frequency = np.fft.rfftfreq(_RESAMPLED, at[1] - at[0])
         total += np.interp(1 / lengths, frequency, np.abs(np.fft.rfft(offset)), right=0.0)
-    return float(lengths[total.argmax()]) if total.any() else 0.0
+    return float(lengths[total.argmax()]) if total.any() else None
 
 
-def wall_wavelength_m(walls: np.ndarray, free: Polygon) -> float:
-    """Return the strongest wavelength from 0.05 to 2 m along the walls themselves; 0 without 8 m of wall.
+def wall_wavelength_m(walls: np.ndarray, free: Polygon) -> float | None:
+    """Return the strongest wavelength from 0.05 to 2 m along the walls themselves; None without 8 m of wall.
 
     The points of each 5 cm slab are placed by arc length along the nearest wall of the plan, so that walls never mix.
     """
@@ -188,7 +197,7 @@ def wall_wavelength_m(walls: np.ndarray, free: Polygon) -> float:
             for part in arc_windows(along[slab], offset[slab], _ARC_STEP_M, _ARC_WINDOW_M):
                 spectrum = np.abs(np.fft.rfft(detrend(part) * hann(len(part)), 4 * len(part)))
                 total += np.interp(1 / lengths, np.fft.rfftfreq(4 * len(part), _ARC_STEP_M), spectrum)
-    return float(lengths[total.argmax()]) if total.any() else 0.0
+    return float(lengths[total.argmax()]) if total.any() else None
 
 
 def _slabs(walls: np.ndarray) -> list[np.ndarray]:
@@ -198,7 +207,9 @@ def _slabs(walls: np.ndarray) -> list[np.ndarray]:
     return [walls[part, :2] for part in np.split(order, start[1:]) if len(part) >= _SLAB_POINTS]
 
 
-def measure_axes(walls: np.ndarray, sweep: list[Residuals], roof: np.ndarray, wavelength_m: float) -> TextureAxes:
+def measure_axes(
+    walls: np.ndarray, sweep: list[Residuals], roof: np.ndarray, wavelength_m: float | None
+) -> TextureAxes:
     """Return the six axes of a surface.
 
     Parameters
@@ -207,7 +218,7 @@ def measure_axes(walls: np.ndarray, sweep: list[Residuals], roof: np.ndarray, wa
         Points of the walls and of the roof.
     sweep : list of Residuals
         Of the walls, over voxel sizes.
-    wavelength_m : float
+    wavelength_m : float or None
         The dominant wavelength, in either reading.
     """
     return TextureAxes(

@@ -25,8 +25,10 @@ from minexplore.bundle import (
     GeomGroup,
 )
 from pipeline.mjcf.bundle import WorldRecord, compile_bundle, seal_bundle
+from pipeline.mjcf.floor_cover import cover_floor
+from pipeline.mjcf.furniture import hang_furniture
 from pipeline.mjcf.render import render_camera
-from pipeline.mjcf.scene import MineScene, place_lights, tile_zones, tilt_about_centre
+from pipeline.mjcf.scene import FloorZone, MineScene, place_lights, tile_zones, tilt_about_centre
 from pipeline.params.realism import RealismParams
 from pipeline.store.codecs import Bundle, Meshes, encode
 from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, SolidExtent, Spawn, Survey
@@ -54,20 +56,26 @@ def assemble_world(
     without visible rock, which has no texture and no preview either. The last four arguments enter the bundle as they
     are.
     """
+    chunks = _chunks(rough)
+    zones = tile_zones(params.zones, extent.world_m)
     scene = MineScene(
         name=survey.name,
         extent=extent,
         parts=collision,
         rock_friction=params.rock_friction,
         floor_thickness_m=params.floor_thickness_m,
-        zones=tile_zones(params.zones, extent.world_m),
+        zones=zones,
         lights=_lights(params, topology),
         smooth=smooth,
-        rough=_chunks(rough),
+        rough=chunks,
         texture=texture,
         anchor_m=spawn.anchor_m,
         heading_rad=heading_at(topology, spawn.anchor_m),
         T_world_mine=tilt_about_centre(params.tilt_deg, extent.world_m),
+        look=params.look,
+        fittings=_fittings(params, free_space, topology, zones, chunks, extent.height_m),
+        puddles=tuple(zone.name for zone in zones if zone.name in params.floor.puddles) if params.floor else (),
+        water_m=params.floor.water_m if params.floor else 0.0,
     )
     files = compile_bundle(scene)
     if scene.has_visible_rock:
@@ -82,6 +90,24 @@ def _chunks(rough: Path | Bundle) -> Bundle:
     if isinstance(rough, Path):
         rough = {path.name: path.read_bytes() for path in sorted(rough.glob("*.msh"))}
     return {name: data for name, data in rough.items() if name.endswith(".msh")}
+
+
+def _fittings(
+    params: RealismParams,
+    free_space: FreeSpace,
+    topology: DriftNetwork,
+    zones: list[FloorZone],
+    rough: Bundle,
+    height_m: float,
+) -> Bundle:
+    """Return the meshes of the visible floor and of the furniture as `NAME.msh`."""
+    found: Bundle = {}
+    if params.floor:
+        cover = cover_floor(params.floor, free_space.polygon, topology, zones)
+        found |= {name: encode(Path(f"{name}.msh"), mesh) for name, mesh in cover.items()}
+    if params.furnish != "off":
+        found |= hang_furniture(params.furniture[params.furnish], topology, rough, height_m)
+    return {f"{name}.msh": found[name] for name in sorted(found)}
 
 
 def _lights(params: RealismParams, topology: DriftNetwork) -> list:
@@ -130,6 +156,7 @@ def _record(
         overlay=None if scene.has_visible_rock else NO_OVERLAY,
         files={},
         world_sha256="",
+        look=scene.look,
     )
 
 

@@ -12,6 +12,8 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from minexplore.bundle import (
+    COVER_M,
+    FITTINGS_BODY,
     GEOM_GROUPS,
     MINE_BODY,
     MODEL,
@@ -24,6 +26,7 @@ from minexplore.bundle import (
     surface_geom,
     world_sha256,
 )
+from minexplore.looks import PLAIN
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.digits import digits_for
 from pipeline.mjcf.loading import load_model
@@ -63,6 +66,7 @@ class WorldRecord:
     geom_groups: dict[str, int]
     files: dict[str, str]
     world_sha256: str
+    look: str = PLAIN
     overlay: str | None = None
 
     @property
@@ -105,6 +109,8 @@ def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes
     fields["zones"] = [shorten_zone(zone) for zone in fields["zones"]]
     if record.has_visible_rock:
         del fields["overlay"]
+    if record.look == PLAIN:  # as in worlds of format 1 that know no other look
+        del fields["look"]
     fields["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
     fields["world_sha256"] = world_sha256(fields)
     return {**files, RECORD: (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()}
@@ -224,24 +230,33 @@ def _mesh_vertices(model: mujoco.MjModel, geom: int) -> np.ndarray:
 def obstacles(model: mujoco.MjModel, height_m: float) -> list[np.ndarray]:
     """Return the corners (n, 3), m, mine frame, of whatever can be touched or seen, whatever its name, group or body.
 
-    Left out are the level boxes that are the floor and the roof, and meshes of the surface's body that do not collide.
+    Left out are the level boxes that are the floor and the roof, meshes of the surface's and the fittings' bodies that
+    do not collide, and the level planes of puddles; `pipeline.proof` bounds where these may be.
     A sphere, capsule or another round shape is returned as the box around it.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mine = model.body(MINE_BODY).id
     rotation, place = data.xmat[mine].reshape(3, 3), data.xpos[mine]
-    surfaces = [body for body in range(model.nbody) if model.body(body).name == SURFACE_BODY]
+    surfaces = [body for body in range(model.nbody) if model.body(body).name in (SURFACE_BODY, FITTINGS_BODY)]
     found = []
     for geom in range(model.ngeom):
         collides = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
         is_mesh = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH
-        if (is_mesh and not collides and model.geom_bodyid[geom] in surfaces) or _is_slab(model, geom, mine, height_m):
+        seen_only = not collides and model.geom_bodyid[geom] in surfaces and (is_mesh or _is_puddle(model, geom))
+        if seen_only or _is_slab(model, geom, mine, height_m):
             continue
         own = _mesh_corners(model, geom) if is_mesh else _box_around(model, geom)
         world = own @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
         found.append((world - place) @ rotation)
     return found
+
+
+def _is_puddle(model: mujoco.MjModel, geom: int) -> bool:
+    """Return whether a geom is a level plane just above the floor."""
+    is_plane = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE
+    level = np.allclose(model.geom_quat[geom], [1, 0, 0, 0])
+    return bool(is_plane and level and 0 < model.geom_pos[geom][2] <= COVER_M)
 
 
 def _is_slab(model: mujoco.MjModel, geom: int, mine: int, height_m: float) -> bool:

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import GeomGroup
+from minexplore.looks import add_haze
 from minexplore.render import light_nearest
 from pipeline.errors import ArtifactError
 from pipeline.types import Frame, Image, Mask
@@ -87,6 +88,8 @@ def _render(
     try:
         with _Renderer(model, height, width) as renderer:
             renderer.update_scene(data, camera, _options(groups))
+            if spots:  # a view from above is farther away than any haze
+                add_haze(model, renderer.scene)
             return renderer.render()[..., ::-1].copy()
     finally:
         model.light_active[:] = active

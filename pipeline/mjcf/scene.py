@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from minexplore.bundle import floor_geom
+from minexplore.looks import PLAIN
 from pipeline.geometry.polyline import arc_length
 from pipeline.params.realism import ZoneParams
 from pipeline.store.codecs import Bundle
@@ -52,7 +53,9 @@ class MineScene:
     """The complete content of a world, in the mine frame.
 
     `smooth` is the octagonal surface. `rough` holds the chunks of the rough surface as `NAME.msh`; if there are any,
-    the smooth surface is hidden. Without `smooth` nothing shows rock, and `texture` is not used.
+    the smooth surface is hidden. Without `smooth` nothing shows rock, and `texture` is not used. `fittings` holds the
+    visible floor and the furniture as `NAME.msh`; water stands on the floor zones named in `puddles`, `water_m` above
+    the flat floor.
     """
 
     name: str
@@ -68,6 +71,10 @@ class MineScene:
     anchor_m: tuple[float, float]
     heading_rad: float
     T_world_mine: np.ndarray
+    look: str = PLAIN
+    fittings: Bundle = field(default_factory=dict)
+    puddles: tuple[str, ...] = ()
+    water_m: float = 0.0
 
     @property
     def has_visible_rock(self) -> bool:

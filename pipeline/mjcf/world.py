@@ -25,8 +25,11 @@ from minexplore.bundle import (
     smooth_mesh,
     surface_geom,
 )
+from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS, PLAIN
+from pipeline.mjcf.fittings import add_fittings
 from pipeline.mjcf.scene import MineScene
 from pipeline.store.codecs import Bundle, encode
+from pipeline.store.palette_png import encode_palette_png
 from pipeline.types import ConvexParts
 
 _VISIBLE_PIECES = (FLOOR_CHAMFER, WALLS, ROOF)  # not the flat floor: the floor zones show it
@@ -51,7 +54,9 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     _add_rock(spec, mine, scene.parts)
     _add_floor(spec, mine, scene)
     if scene.has_visible_rock:
-        spec.assets = {**_add_surface(spec, mine, scene), ROCK_TEXTURE: encode(Path(ROCK_TEXTURE), scene.texture)}
+        meshes = _add_surface(spec, mine, scene) | add_fittings(spec, mine, scene)
+        texture = encode_palette_png(scene.texture) or encode(Path(ROCK_TEXTURE), scene.texture)
+        spec.assets = {**meshes, ROCK_TEXTURE: texture}
     for i, light in enumerate(scene.lights):
         mine.add_light(
             name=f"spot_{i:02d}",
@@ -71,25 +76,34 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
 
 def _set_view(spec: mujoco.MjSpec, scene: MineScene) -> None:
     # Clipping planes scale with the extent. With the extent of a drift, near walls and the far end are both visible.
-    spec.stat.extent = 10.0
+    look = LOOKS[scene.look]
+    spec.stat.extent = EXTENT_M
     spec.stat.center = (scene.T_world_mine @ [*scene.anchor_m, 0.5, 1.0])[:3].round(3)
     spec.visual.map.znear = 0.005
     spec.visual.map.zfar = 200.0
-    spec.visual.headlight.ambient = [0.3, 0.3, 0.3]
-    spec.visual.headlight.diffuse = [0.45, 0.45, 0.45]
-    spec.visual.headlight.specular = [0.0, 0.0, 0.0]
+    spec.visual.headlight.ambient = [look.ambient] * 3
+    spec.visual.headlight.diffuse = [look.diffuse] * 3
+    spec.visual.headlight.specular = [look.glint] * 3
+    if look.hazy:
+        spec.visual.map.fogstart, spec.visual.map.fogend = (distance / EXTENT_M for distance in look.haze_m)
+        spec.visual.rgba.fog = [*look.haze_rgb, 1.0]
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
 
 
 def _add_rock_class(spec: mujoco.MjSpec, scene: MineScene) -> None:
-    rock = spec.add_material(name="rock", specular=0.0, shininess=0.0)
+    look = LOOKS[scene.look]
+    rock = spec.add_material(name="rock", specular=look.specular, shininess=look.shininess)
     if scene.has_visible_rock:
         spec.add_texture(name="rock", type=mujoco.mjtTexture.mjTEXTURE_2D, file=ROCK_TEXTURE)
         rock.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "rock"
     else:
         rock.rgba = BARE_ROCK_RGBA
+    if scene.look != PLAIN:
+        # Collision parts have no texture coordinates: a texture would run over them in streaks.
+        spec.add_material(name=CUT_MATERIAL, rgba=CUT_RGBA, specular=0.0, shininess=0.0)
     solid = spec.add_default(ROCK_CLASS, spec.default)
-    solid.geom.group, solid.geom.material = GeomGroup.COLLISION, "rock"
+    solid.geom.group = GeomGroup.COLLISION
+    solid.geom.material = "rock" if scene.look == PLAIN else CUT_MATERIAL
     solid.geom.friction = [scene.rock_friction, 0.005, 0.0001]
     if not scene.has_visible_rock:
         return

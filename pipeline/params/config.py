@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pydantic import model_validator
+
 from pipeline.params.base import Params
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.params.contours import ContoursParams
@@ -20,3 +22,17 @@ class Config(Params):
     surface: SurfaceParams
     realism: RealismParams
     validation: ValidationParams
+
+    @model_validator(mode="after")
+    def _texture_of_a_look(self) -> Config:
+        if self.surface.texture.tether_m is not None and self.realism.look == "plain":
+            raise ValueError("surface.texture.tether_m needs a look other than realism.look=plain; choose look=dry")
+        return self
+
+    @model_validator(mode="after")
+    def _fittings_on_rock(self) -> Config:
+        if self.surface.overlay == "none" and (self.realism.floor or self.realism.furnish != "off"):
+            raise ValueError(
+                "realism.floor and realism.furnish need visible rock; choose preset=light or overlay=rough"
+            )
+        return self

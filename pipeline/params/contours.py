@@ -29,6 +29,11 @@ class ContoursParams(Params):
     components: Literal["largest", "spawn"] | list[tuple[float, float]] = "largest"
     min_tunnel_m2: float = Field(gt=0)
     max_workings_share: float = Field(gt=0, lt=1)
-    tolerance_m: float | None = Field(ge=0, le=50, description="null: the largest that keeps auto_iou")
-    auto_iou: float = Field(0.9925, gt=0.5, lt=1)
+    trace: Literal["pixels", "half_level"] = Field(
+        "pixels", description="along the pixels' borders, or along the half level of the grey values"
+    )
+    tolerance_m: float | None = Field(ge=0, le=50, description="null: the fewest vertices that keep wall_error_m")
+    wall_error_m: float = Field(
+        0.03, ge=0.002, le=1, description="mean distance of the traced wall from the simplified one"
+    )
     network: NetworkParams

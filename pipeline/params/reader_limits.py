@@ -43,6 +43,11 @@ class ReaderLimits(Params):
     survex_shots: int = Field(gt=0)
     survex_files: int = Field(gt=0)
     survex_depth: int = Field(gt=0, le=200)
+    solved_items: int = Field(gt=0)
+    survex_name_bytes: int = Field(gt=0, le=100_000)
+    scratch_bytes: int = Field(gt=0)
+    flat_grade: float = Field(gt=0, le=1)
+    flat_step_m: float = Field(gt=0)
 
 
 @cache

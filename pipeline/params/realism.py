@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pipeline.params.base import Params
 
@@ -34,8 +34,35 @@ class LightParams(Params):
     count: int | None = Field(None, ge=1, le=100)
 
 
+class FloorParams(Params):
+    """The visible floor; see `pipeline.mjcf.floor_cover`."""
+
+    spacing_m: float = Field(ge=0.1, le=1, description="of the points, before flat parts lose some")
+    kept_share: float = Field(gt=0.02, le=1, description="share of the faces that the mesh keeps")
+    relief_m: float = Field(ge=0.01, le=0.04, description="mean height above the flat floor")
+    bank_m: float = Field(ge=0, le=0.05, description="height of the banks along the ribs")
+    bank_width_m: float = Field(gt=0.1, le=5)
+    gauge_m: float = Field(gt=0.3, le=4, description="distance between two wheel ruts")
+    rut_m: float = Field(ge=0, le=0.05, description="depth of a rut")
+    rut_width_m: float = Field(gt=0.05, le=1)
+    puddles: list[str] = Field(description="names of the floor zones with water on them")
+    water_m: float = Field(gt=0.005, lt=0.05, description="level of the water above the flat floor")
+    seed: int = Field(ge=0)
+
+
+class FurnitureParams(Params):
+    """Bolts, pipe, cable and duct; see `pipeline.mjcf.furniture`."""
+
+    bolt_spacing_m: float = Field(ge=0.5, le=10, description="between rings of bolts")
+    bolts: int = Field(ge=1, le=30, description="of a ring")
+    bolt_spread_deg: float = Field(gt=0, le=100, description="angle between the upright and the outermost bolt")
+    plate_m: float = Field(ge=0.05, le=0.5)
+    duct: bool
+    duct_side_m: float = Field(ge=-3, le=3, description="left of the middle of the main drift")
+
+
 class RealismParams(Params):
-    """Tilt, floor, friction and lights of the world bundle."""
+    """Tilt, floor, friction, lights and looks of the world bundle."""
 
     tilt_deg: float = Field(ge=-30, le=30)
     entrance_length_m: float = Field(gt=0)
@@ -43,4 +70,19 @@ class RealismParams(Params):
     rock_friction: float = Field(gt=0, le=2)
     zones: list[ZoneParams] = Field(min_length=1)
     lights: LightParams
+    look: Literal["plain", "dry", "wet", "dusty"] = Field("plain", description="light, haze and sheen of the rock")
+    floor: FloorParams | None = Field(None, description="the visible floor; null: the flat zones alone")
+    furnish: Literal["off", "light", "full"] = "off"
+    furniture: dict[Literal["light", "full"], FurnitureParams] = Field(default_factory=dict)
     preview_width_px: int = Field(ge=64, le=4096)
+
+    @model_validator(mode="after")
+    def _fittings_are_known(self) -> RealismParams:
+        if (self.floor is not None or self.furnish != "off") and self.look == "plain":
+            raise ValueError("a visible floor and furniture need a look other than realism.look=plain; choose look=dry")
+        if self.furnish != "off" and self.furnish not in self.furniture:
+            raise ValueError(f"realism.furnish={self.furnish} needs realism.furniture.{self.furnish}")
+        unknown = set(self.floor.puddles if self.floor else ()) - {zone.name for zone in self.zones}
+        if unknown:
+            raise ValueError(f"realism.floor.puddles: no zone {min(unknown)!r} in realism.zones")
+        return self

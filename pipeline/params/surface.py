@@ -22,6 +22,16 @@ Lengths = Annotated[list[Annotated[float, Field(gt=0)]], Field(min_length=2)]
 Deviations = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=2)]
 
 
+class LayersParams(Params):
+    """The layers of a texture of rock; see `pipeline.surface.rock_texture.Layers`."""
+
+    tint: float = Field(ge=0, le=1)
+    grain: float = Field(ge=0, le=1)
+    stain: float = Field(ge=0, le=1)
+    streaks: float = Field(ge=0, le=1)
+    dust: float = Field(ge=0, le=1)
+
+
 class TextureParams(Params):
     """The colour texture of the rock, made of seeded noise."""
 
@@ -30,6 +40,13 @@ class TextureParams(Params):
     spectral_exponent: float = Field(ge=0, le=4)
     contrast: float = Field(ge=0, le=1)
     rgb: tuple[Channel, Channel, Channel]
+    layers: LayersParams | None = Field(
+        None, description="layers of rock; null: one noise by the exponent and contrast"
+    )
+    colours: int = Field(64, ge=4, le=256, description="of a texture in layers; fewer make a smaller file")
+    tether_m: float | None = Field(
+        None, ge=0.05, le=5, description="the texture follows the rock within about this; null: it stays on the plan"
+    )
     seed: int = Field(ge=0)
 
 

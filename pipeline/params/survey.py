@@ -168,13 +168,26 @@ class MineParams(Params):
     wander: Share = Field(description="cave")
 
 
+class RoughWallsParams(Params):
+    """Self-affine roughness of a procedural mine's walls; `rms_m` is over the band from shortest to longest."""
+
+    rms_m: float = Field(gt=0, le=0.5)
+    hurst: float = Field(gt=0, le=1)
+    shortest_m: float = Field(ge=0.05, le=10)
+    longest_m: float = Field(ge=0.1, le=50)
+
+
 class ProceduralSurveyParams(_DrawnParams):
-    """A procedural mine, generated from a seed."""
+    """A procedural mine, generated from a seed; `as_picture` traces it from its drawing, as a plan's picture is."""
 
     kind: Literal["procedural"]
     seed: int = Field(ge=0)
     mine: MineParams
     rib_noise_m: float = Field(0.15, ge=0, le=1, description="standard deviation of the walls about their lines")
+    rough_walls: RoughWallsParams | None = None
+    as_picture: bool = False
+    anti_aliased: bool = True
+    jpeg_quality: int | None = Field(None, ge=30, le=100, description="null: the drawing is not compressed")
 
 
 class VariantSurveyParams(_DrawnParams):

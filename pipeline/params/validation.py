@@ -71,12 +71,12 @@ class CertificateParams(Params):
     cell_m: float = Field(gt=0.02, le=1)
     contacts: int = Field(ge=0, description="robot steps in contact with rock; 0: no stress test")
     seed: int = Field(ge=0)
-    limits: dict[str, Limit] = Field(description="limit of each figure, by the figure's name; null: no clause")
+    limits: dict[str, Limit] = Field(description="limit of each figure, by the figure's name; null: no limit")
 
     @field_validator("limits", mode="before")
     @classmethod
-    def _without_nulls(cls, value: Any) -> Any:
-        return {k: v for k, v in value.items() if v is not None} if isinstance(value, dict) else value
+    def _drop_absent(cls, value: Any) -> Any:
+        return _flatten(value) if isinstance(value, dict) else value
 
 
 class ValidationParams(Params):
@@ -91,11 +91,12 @@ class ValidationParams(Params):
     collision_method: Literal["exact", "coacd", "vhacd"]
     overlay: Literal["rough", "none"] = Field("rough", description="whether the world must have visible rock")
     tolerance_m: float | None = Field(
-        ge=0, description="largest distance by which simplification may have moved a wall; null: 0.5 m"
+        ge=0, description="largest distance by which simplification may have moved a wall; null: 8 x wall_error_m"
     )
     extent: Literal["full", "certificate"] = Field(
         "full", description="certificate: the certificate alone, for large families of worlds that were just built"
     )
+    wall_error_m: float = Field(gt=0)
     robot_height_m: float = Field(gt=0, description="height at which LiDAR and walls are compared")
     texture: TextureReportParams
     replay: ReplayParams

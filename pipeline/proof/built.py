@@ -9,6 +9,7 @@ from minexplore.bundle import BundleError
 from minexplore.schema.files import pictures_of
 from minexplore.schema.png import inflate_png
 from pipeline.errors import ArtifactError
+from pipeline.geometry.fewest_vertices import MOST_RATIO
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.remake import Tracing, read_free_space, require_remade
@@ -16,12 +17,10 @@ from pipeline.proof.same_model import require_same_model
 from pipeline.proof.visible import require_visible
 from pipeline.types import FreeSpace
 
-_MOST_TOLERANCE_M = 0.5  # where the configuration leaves the tolerance open
-
 
 def tolerance_of(params: ValidationParams) -> float:
     """Return the largest distance, m, by which simplification may have moved a wall, whatever a bundle states."""
-    return _MOST_TOLERANCE_M if params.tolerance_m is None else params.tolerance_m
+    return MOST_RATIO * params.wall_error_m if params.tolerance_m is None else params.tolerance_m
 
 
 def require_built(folder: Path, record: WorldRecord, params: ValidationParams) -> FreeSpace:
@@ -52,8 +51,8 @@ def require_built(folder: Path, record: WorldRecord, params: ValidationParams) -
 
 def _require_pictures(folder: Path, record: WorldRecord) -> None:
     """Check that the pictures are whole; only the map's pixels are compared with anything."""
-    for name, colours in pictures_of(dataclasses.asdict(record)).items():
+    for name in pictures_of(dataclasses.asdict(record)):
         try:
-            inflate_png(name, (folder / name).read_bytes(), colours)
+            inflate_png(name, (folder / name).read_bytes())
         except BundleError as error:
             raise ArtifactError(f"{folder}/{error}") from error

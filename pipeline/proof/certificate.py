@@ -81,6 +81,8 @@ def measure_containment(
     # A slab between two slices, or a geom of another name, group or body, would be in none of them.
     solid = shapely.union_all([section_footprint(part) for part in obstacles(world.model, record.height_m)])
     figures["intrusion_m2"] = max(figures["intrusion_m2"], round(float(solid.intersection(free).area), 6))
+    wall_m = free.length
+    figures |= {f"{name}_um": round(1e6 * figures[f"{name}_m2"] / wall_m, 4) for name in ("intrusion", "missing")}
     figures["rock_round_m"] = round(float(free.distance(box.exterior)) if box.contains(free) else 0.0, 3)
     figures["floor_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.FLOOR, 0.0, top=True), free)
     figures["roof_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.ROOF, record.height_m, top=False), free)

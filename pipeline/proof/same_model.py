@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from shapely import Polygon
 
-from minexplore.bundle import MODEL, ROCK_TEXTURE, ROOF_GEOM, TOPOLOGY, is_rock
+from minexplore.bundle import MODEL, ROCK_TEXTURE, ROOF_GEOM, TOPOLOGY, WATER_MATERIAL, is_fitting, is_rock, puddle_geom
 from minexplore.schema import check_world
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
@@ -76,6 +76,9 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
     offsets = np.concatenate([[0], np.cumsum([len(v) for v in vertices])]).astype(np.int32)
     placed = np.concatenate([v + geom.pos for v, geom in zip(vertices, rock, strict=True)])
     meshes = {Path(name).stem: data for name, data in files.items() if name.startswith("meshes/")}
+    chunks = {name: data for name, data in meshes.items() if name not in SMOOTH_MESHES}
+    named = {geom.name: geom for geom in stated.geoms}
+    planes = {zone: named[puddle_geom(zone.name)] for zone in record.zones if puddle_geom(zone.name) in named}
     scene = MineScene(
         name=record.name,
         extent=SolidExtent(record.height_m, record.world_m),
@@ -85,11 +88,15 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
         zones=record.zones,
         lights=remake_lights(folder, stated, network),
         smooth=_smooth(stated),
-        rough={f"{name}.msh": data for name, data in meshes.items() if name not in SMOOTH_MESHES},
+        rough={f"{name}.msh": data for name, data in chunks.items() if not is_fitting(name)},
         texture=decode(folder / ROCK_TEXTURE, Image) if record.has_visible_rock else NO_PICTURE,
         anchor_m=record.spawn.anchor_m,
         heading_rad=heading_at(network, record.spawn.anchor_m),
         T_world_mine=tilt_about_centre(record.tilt_deg, record.world_m),
+        look=record.look,
+        fittings={f"{name}.msh": chunks[name] for name in sorted(chunks) if is_fitting(name)},
+        puddles=tuple(zone.name for zone, plane in planes.items() if plane.material == WATER_MATERIAL),
+        water_m=next((float(plane.pos[2]) for plane in planes.values()), 0.0),
     )
     spec = build_spec(scene)
     for geom, own, was in zip((g for g in spec.geoms if is_rock(g.name)), vertices, rock, strict=True):

@@ -21,6 +21,7 @@ from pipeline.metrics.sampling import faces_near, sample_triangles, with_noise
 from pipeline.metrics.texture import (
     Scores,
     TextureAxes,
+    axis_ratios,
     measure_axes,
     published_score,
     published_wavelength_m,
@@ -102,7 +103,11 @@ def report_texture(
 
 def _short(scores: Scores) -> Scores:
     """Return scores of four decimals: angles between normals of a plane are rounding errors that no machine repeats."""
-    return Scores({k: round(v, 4) for k, v in scores.axes.items()}, round(scores.overall, 4))
+    return Scores({k: _round(v, 4) for k, v in scores.axes.items()}, _round(scores.overall, 4), scores.measured)
+
+
+def _round(value: float | None, digits: int) -> float | None:
+    return None if value is None else round(value, digits)
 
 
 def _quarter(params: TextureReportParams) -> TextureReportParams:
@@ -143,15 +148,17 @@ def measure_texture(
 def texture_metrics(report: TextureReport) -> dict[str, Any]:
     """Return the figures of the report for `metrics.json`."""
     rounded = {
-        kind: {"overall": round(scores.overall, 4), **{k: round(v, 4) for k, v in scores.axes.items()}}
+        kind: {"overall": _round(scores.overall, 4), **{k: _round(v, 4) for k, v in scores.axes.items()}}
         for kind, scores in (("published", report.published), ("strict", report.strict))
     }
     measured = {
-        f"measured_{kind}": {k: round(v, 6) for k, v in dataclasses.asdict(axes).items()}
+        f"measured_{kind}": {k: _round(v, 6) for k, v in dataclasses.asdict(axes).items()}
         for kind, axes in (("published", report.published_axes), ("strict", report.strict_axes))
     }
     return {
         **rounded,
+        # An axis without a figure is null and is left out of the overall score: so many axes of six are in it.
+        "axes_measured": {"published": report.published.measured, "strict": report.strict.measured},
         **measured,
         "flat_walls": {
             kind: scores.axes for kind, scores in (("published", report.flat), ("strict", report.flat_strict))
@@ -165,8 +172,8 @@ def texture_metrics(report: TextureReport) -> dict[str, Any]:
             for real in REAL_SWEEP
             if real.window_m == residuals.window_m
         },
-        "bump_ratio": round(report.strict_axes.bump_rq_m / REAL.bump_rq_m, 4),
-        "bump_rms_ratio": round(report.bump_rms_m / REAL.bump_rq_m, 4),
+        "bump_ratio": _round(axis_ratios(REAL, report.strict_axes)["bump_rq_m"], 4),
+        "bump_rms_ratio": round(report.bump_rms_m / vars(REAL)["bump_rq_m"], 4),
         "roof_unevenness_m": round(report.roof_unevenness_m, 4),
     }
 

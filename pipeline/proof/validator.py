@@ -9,15 +9,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from shapely import Polygon
 
 from minexplore.bundle import FREE_SPACE, RECORD, TOPOLOGY, GeomGroup
 from pipeline.errors import ArtifactError
 from pipeline.geometry.binarize import left_out
+from pipeline.geometry.half_level import trace_half_level
 from pipeline.metrics.clearance import WallGaps
 from pipeline.metrics.iou import intersection_over_union
 from pipeline.metrics.navigability import Navigability, cast_columns
 from pipeline.metrics.relief import Relief
 from pipeline.metrics.topology import compare_topology
+from pipeline.metrics.wall_error import WallError, measure_wall_error
 from pipeline.mjcf.bundle import World, open_bundle, part_vertices
 from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
@@ -42,10 +45,12 @@ class Validator:
         raw: Mask,
         survey: Survey,
         checked: bool = True,
+        traced: Polygon | None = None,
     ) -> None:
         """Open a bundle; without `checked` only the measures judge it, see `open_bundle`.
 
-        With `extent=certificate` the tables of `minexplore.schema` are applied, but nothing is made again.
+        With `extent=certificate` the tables of `minexplore.schema` are applied, but nothing is made again. `traced` is
+        the outline that stage 2 traced, m, mine frame; without it, the cleaned mask is traced.
 
         Raises
         ------
@@ -54,6 +59,7 @@ class Validator:
             visible rock where the parameters say that there is none.
         """
         self.params, self.bundle, self.cleaned, self.raw, self.survey = params, bundle, cleaned, raw, survey
+        self._traced = traced
         self.world: World = open_bundle(bundle, checked)
         _require_overlay(bundle, self.world, params)
         if checked and params.extent == "full":
@@ -70,6 +76,13 @@ class Validator:
         """Return the pixels that show the floor in a view from above, with the roof hidden."""
         record = self.world.record
         return render_free_space(self.world.model, np.array(record.T_world_mine), self.survey.frame, record.height_m)
+
+    @functools.cached_property
+    def wall_error(self) -> WallError:
+        """Return how far the walls stand from those that were traced."""
+        frame = self.survey.frame
+        traced = self._traced or trace_half_level(self.cleaned.astype(np.float32), frame)
+        return measure_wall_error(traced, self.free_space.polygon, self.raw, frame)
 
     @functools.cached_property
     def columns(self) -> Navigability:
@@ -161,6 +174,19 @@ def _iou(validator: Validator) -> dict[str, float]:
     }
 
 
+def _wall_error(validator: Validator) -> dict[str, float]:
+    return vars(validator.wall_error)
+
+
+def _per_metre(validator: Validator) -> dict[str, float]:
+    drift_m = validator.network.total_length_m
+    return {
+        "drift_m": drift_m,
+        "parts": round(_collision(validator)["parts"] / drift_m, 4),
+        "bytes": round(validator.world.bytes / drift_m),
+    }
+
+
 def _navigability(validator: Validator) -> dict[str, Any]:
     return {k: v for k, v in dataclasses.asdict(validator.columns).items() if not isinstance(v, np.ndarray)}
 
@@ -214,10 +240,12 @@ def _world(validator: Validator) -> dict[str, Any]:
 
 MEASURES: dict[str, Callable[[Validator], dict[str, Any]]] = {  # group of metrics.json -> its metrics
     "iou": _iou,
+    "wall_error": _wall_error,
     "navigability": _navigability,
     "topology": _topology,
     "areas": _areas,
     "collision": _collision,
+    "per_metre": _per_metre,
     "certificate": _certificate,
     "texture": _texture,
     "relief": _relief,

@@ -11,10 +11,12 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from shapely import Polygon
 
-from minexplore.bundle import RECORD, WALLS, mesh_file
+from minexplore.bundle import RECORD, WALLS, is_fitting, mesh_file
+from minexplore.looks import PLAIN
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import WorldRecord
+from pipeline.proof.fittings import require_fittings
 from pipeline.proof.same_surface import NearestFace
 from pipeline.proof.smooth import roof_foot_m, texture_repeat_m
 from pipeline.store.codecs import decode
@@ -46,11 +48,12 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     """
     smooth = _triangles(folder, [name for name in SMOOTH_MESHES])
     names = [name.removeprefix("meshes/").removesuffix(".msh") for name in record.files if name.startswith("meshes/")]
-    rough = [name for name in names if name not in SMOOTH_MESHES]
+    rough = [name for name in names if name not in SMOOTH_MESHES and not is_fitting(name)]
+    require_fittings(folder, [name for name in names if is_fitting(name)], free, smooth)
     repeat_m, foot_m = texture_repeat_m(folder), roof_foot_m(folder)
     near, walls = NearestFace(smooth), cKDTree(shapely.get_coordinates(shapely.segmentize(free.boundary, _FINE_M)))
     for name in rough:
-        _require_near(folder / mesh_file(name), near, repeat_m)
+        _require_near(folder / mesh_file(name), near, repeat_m, relaxed=record.look != PLAIN)
         _require_bounded(folder / mesh_file(name), walls, foot_m, repeat_m)
     _require_tiles(folder, rough)
     seen = _triangles(folder, rough) if rough else smooth
@@ -87,18 +90,22 @@ def _require_tiles(folder: Path, names: list[str]) -> None:
             )
 
 
-def _require_near(path: Path, smooth: NearestFace, repeat_m: float) -> None:
-    """Check that all vertices of a mesh are used, lie near the smooth surface, and carry the texture of their piece."""
+def _require_near(path: Path, smooth: NearestFace, repeat_m: float, relaxed: bool) -> None:
+    """Check that all vertices of a mesh are used, lie near the smooth surface, and carry the texture of their piece.
+
+    A `relaxed` texture follows the rock, and so leaves the wall's heights by as much as the rock leaves the wall.
+    """
     mesh: Mesh = decode(path, Mesh)
     # Pieces are textured before they are displaced: walls by their height, which stays, the roof from above.
     laid = mesh.texcoords * repeat_m
     wall = path.name.startswith(f"{WALLS}_")
     off = np.abs(laid[:, 1] - mesh.vertices[:, 2]) if wall else np.abs(laid - mesh.vertices[:, :2]).max(axis=1)
-    if not off.max() <= (_TEXTURED_M if wall else _FROM_WALL_M):
+    most = _TEXTURED_M if wall and not relaxed else _FROM_WALL_M
+    if not off.max() <= most:
         worst = int(off.argmax())
         raise ArtifactError(
             f"{path}: vertex {worst} at {mesh.vertices[worst].round(3).tolist()} m has the texture of a place "
-            f"{off[worst]:.3f} m away, want at most {_TEXTURED_M if wall else _FROM_WALL_M:g} m"
+            f"{off[worst]:.3f} m away, want at most {most:g} m"
         )
     if len(np.unique(mesh.faces)) != len(mesh.vertices):
         raise ArtifactError(f"{path}: vertices that belong to no face")

@@ -19,7 +19,7 @@ from pipeline.metrics.limits import format_limit
 from pipeline.mjcf.bundle import read_record
 from pipeline.params.validation import ValidationParams
 from pipeline.report.mine import draw_mine, to_svg
-from pipeline.report.results import flat_walls_note, read_metrics
+from pipeline.report.results import NO_FIGURE, flat_walls_note, read_metrics
 from pipeline.report.scene import scene_page
 from pipeline.report.style import to_image
 from pipeline.store.codecs import decode, encode
@@ -143,6 +143,7 @@ def _figures(metrics: dict[str, Any], validation: Manifest) -> dict[str, list[_F
         group, _, rest = key.partition(".")
         value, limit = metrics[key], limits.get(key)
         shown = f"{value:,.4g}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else str(value)
+        shown = NO_FIGURE if value is None else shown
         shown += flat_walls_note(metrics, key)
         holds = None if limit is None else isinstance(value, int | float) and limit.holds(value)
         groups.setdefault(group, []).append(_Figure(rest, shown, format_limit(limit) if limit else "", holds))

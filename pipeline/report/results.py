@@ -34,6 +34,7 @@ PICTURES = {
 }
 _OPEN, _CLOSE = "<!-- results -->", "<!-- /results -->"
 _PICTURE_WIDTH = 1200
+NO_FIGURE = "no figure"  # some need more wall than a small mine has
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,12 @@ ROWS = [
     _row("IoU, free space, rendered, vs cleaned plan", "iou.free_space_vs_cleaned", ".4f", headline=True),
     _row("IoU, free space, vs raw binarized plan", "iou.free_space_vs_raw", ".4f"),
     _row("IoU, rock", "iou.rock", ".4f"),
+    Row(
+        "wall error, built against traced, mean / 99th percentile / max, m",
+        ("wall_error.mean_m", "wall_error.p99_m", "wall_error.max_m"),
+        ".3f",
+    ),
+    _row("wall error, traced against drawn, mean, m", "wall_error.drawn_mean_m", ".3f"),
     _row("free columns tested", "navigability.columns", ",d"),
     _row("blocked columns", "navigability.blocked", "d", headline=True),
     _row("columns that simplification moved into the wall", "navigability.blocked_at_wall", ",d"),
@@ -66,6 +73,11 @@ ROWS = [
     _row("convex collision parts", "collision.parts", "d", headline=True),
     _row("intrusion: collision in the free space, m2", "certificate.intrusion_m2", ".4f", headline=True),
     _row("rock without collision, m2", "certificate.missing_m2", ".4f"),
+    Row(
+        "intrusion / missing rock over the length of the walls, micrometres",
+        ("certificate.intrusion_um", "certificate.missing_um"),
+        ".2f",
+    ),
     _row("containment certificate holds", "certificate.holds", "d", headline=True),
     _row("texture, published score, overall", "texture.published.overall", ".3f", headline=True),
     *(_row(f"- {title}", f"texture.published.{axis}", ".3f") for axis, title in AXIS_TITLES.items()),
@@ -96,10 +108,15 @@ ROWS = [
         headline=True,
     ),
     _row("narrowest passage, clear width kept", "walls.narrowest_kept", ".3f"),
+    _row("drifts, m", "per_metre.drift_m", ",.0f"),
+    _row("convex collision parts per metre of drift", "per_metre.parts", ".3f"),
+    _row("bundle, bytes per metre of drift", "per_metre.bytes", ",.0f"),
     _row("bundle, MB", "world.bytes", "MB", headline=True),
     _row("MjModel load, the first in a process, s", "world.first_load_s", ".2f", headline=True),
     _row("MjModel load, again, s", "world.load_s", ".2f"),
     _row("MjModel load, peak of memory, MB", "world.load_memory_mb", ",.0f", headline=True),
+    _row("MjModel load, again, per metre of drift, s", "per_metre.load_s", ".5f"),
+    _row("MjModel load, peak of memory per metre of drift, MB", "per_metre.load_memory_mb", ".2f"),
 ]
 
 
@@ -176,7 +193,7 @@ def results_table(rows: list[Row], metrics: Mapping[str, Any], limits: Mapping[s
         raise ArtifactError(f"{TIMINGS}: no load times of this world; `python -m stages.validation` measures them")
     lines = ["| figure | measured | limit | paper |", "|---|---|---|---|"]
     for row in rows:
-        measured = " / ".join(_format(metrics.get(name), row.form) for name in row.metrics)
+        measured = " / ".join(_format(metrics.get(name, "-"), row.form) for name in row.metrics)
         note = flat_walls_note(metrics, row.metrics[0]) if len(row.metrics) == 1 else ""
         limit = " / ".join(_format_limit(limits[name], row.form) for name in row.metrics if name in limits)
         paper = " / ".join(str(PAPER[name]) for name in row.metrics if name in PAPER)
@@ -184,9 +201,11 @@ def results_table(rows: list[Row], metrics: Mapping[str, Any], limits: Mapping[s
     return "\n".join(lines) + "\n"
 
 
-def _format(value: float | None, form: str) -> str:
+def _format(value: float | str | None, form: str) -> str:
     if value is None:
-        return "-"  # some figures need more wall than a small mine has
+        return NO_FIGURE
+    if isinstance(value, str):
+        return value
     return f"{value / 1e6:.2f}" if form == "MB" else format(value, form)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from shapely import Polygon
 
 from pipeline.metrics.published import PAPER, PAPER_SCORES, REAL, REAL_SWEEP
-from pipeline.metrics.texture import AXES, AXIS_TITLES, is_uninformative
+from pipeline.metrics.texture import AXES, AXIS_TITLES, axis_ratios, is_uninformative
 from pipeline.proof.surface import TextureReport
 from pipeline.report.style import GREY, OCHRE, ROCK, STEEL, new_figure, to_image
 from pipeline.types import Image
@@ -27,14 +27,16 @@ def draw_texture(report: TextureReport) -> Image:
         (0.0, [*report.published.axes.values(), report.published.overall], OCHRE, "this world, published score"),
         (0.27, [*report.strict.axes.values(), report.strict.overall], ROCK, "this world, strict score"),
     ):
-        bars = scores.bar(at + shift, values, 0.26, color=colour, label=label)
-        scores.bar_label(bars, [f"{100 * v:.0f}" for v in values], fontsize=6, padding=1)
+        bars = scores.bar(at + shift, [v or 0.0 for v in values], 0.26, color=colour, label=label)
+        scores.bar_label(bars, ["none" if v is None else f"{100 * v:.0f}" for v in values], fontsize=6, padding=1)
     flat = [report.flat.axes[a] for a in AXES]
-    scores.plot(at[:-1], flat, "_", color="black", ms=34, mew=1.2, label="flat walls, published score")
-    ratios = [getattr(report.strict_axes, a) / getattr(REAL, a) for a in AXES]
+    shown = [np.nan if f is None else f for f in flat]
+    scores.plot(at[:-1], shown, "_", color="black", ms=34, mew=1.2, label="flat walls, published score")
+    ratios = axis_ratios(REAL, report.strict_axes)
     names = [
-        f"{_on_two_lines(AXIS_TITLES[a])}\nx {r:.2f}" + "\nuninformative" * is_uninformative(f)
-        for a, r, f in zip(AXES, ratios, flat, strict=True)
+        f"{_on_two_lines(AXIS_TITLES[a])}\n{'no figure' if r is None else f'x {r:.2f}'}"
+        + "\nuninformative" * is_uninformative(f)
+        for (a, r), f in zip(ratios.items(), flat, strict=True)
     ]
     scores.set_xticks(at, [*names, "overall"], fontsize=7)
     scores.set(ylim=(0, 1.25), ylabel="similarity", title="Texture scores (x: model / real, no noise added)")

@@ -98,6 +98,6 @@ def jointed_rock(params: RockParams) -> JointedRock:
 
 def chunk_files(rough: RoughSurface, params: SurfaceParams) -> Bundle:
     """Return the rough surface's chunks as `NAME.msh`."""
-    build = params.rough
-    chunks = cut_chunks(rough, build.tile_m, params.texture.repeat_m, build.normals, build.crease_deg)
+    build, texture = params.rough, params.texture
+    chunks = cut_chunks(rough, build.tile_m, texture.repeat_m, build.normals, build.crease_deg, texture.tether_m)
     return {f"{name}.msh": encode(Path(f"{name}.msh"), mesh) for name, mesh in chunks.items()}

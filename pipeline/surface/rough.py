@@ -15,6 +15,7 @@ from pipeline.surface.displacement import Bounds, bound_displacement, damp_near,
 from pipeline.surface.lattice import ROOF, WALL, Lattice
 from pipeline.surface.mesh_checks import find_crossings, find_shared_edges
 from pipeline.surface.normals import ShadedMesh, shade_mesh
+from pipeline.surface.relaxed_texture import relax_texture
 from pipeline.surface.simplify import Mesher, Simplification, SurfaceMesh
 from pipeline.surface.walls import outline_of
 from pipeline.types import Mesh
@@ -140,7 +141,12 @@ def closed_mesh(rough: RoughSurface) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cut_chunks(
-    rough: RoughSurface, tile_m: float, texture_m: float, normals: bool = False, crease_deg: float = 180.0
+    rough: RoughSurface,
+    tile_m: float,
+    texture_m: float,
+    normals: bool = False,
+    crease_deg: float = 180.0,
+    tether_m: float | None = None,
 ) -> dict[str, Mesh]:
     """Cut walls and roof into square tiles of the plan, so that a renderer can skip most of them.
 
@@ -153,6 +159,8 @@ def cut_chunks(
         Give each vertex the normal of the whole surface, so that chunks meet without a seam; 12 bytes a vertex.
     crease_deg : float
         Faces that meet at a sharper angle share no normal.
+    tether_m : float, optional
+        Let the texture follow the displaced surface by `relax_texture`; without it, it is that of the plan's walls.
 
     Returns
     -------
@@ -167,12 +175,18 @@ def cut_chunks(
     chunks = {}
     for piece, name in ((WALL, bundle.WALLS), (ROOF, bundle.ROOF)):
         of_piece = np.flatnonzero(mesh.piece == piece)
+        offset = np.zeros((len(mesh.vertices), 2))
+        if tether_m is not None:
+            whole = _chunk(rough, shaded, of_piece, piece, along, texture_m, offset)
+            axes = texture_axes(rough, of_piece, piece)
+            laid_m = whole.texcoords[whole.faces] * texture_m
+            offset = relax_texture(mesh.vertices, mesh.faces[of_piece], laid_m, axes, tether_m) / texture_m
         tile[of_piece] = _merge_single_faces(tile[of_piece], centre[of_piece])
         order = of_piece[np.lexsort(tile[of_piece].T[::-1])]
         first = np.flatnonzero(np.any(np.diff(tile[order], axis=0, prepend=-1) != 0, axis=1))
         for part in np.split(order, first[1:]):
             col, row = tile[part[0]]
-            chunks[bundle.chunk_mesh(name, col, row)] = _chunk(rough, shaded, part, piece, along, texture_m)
+            chunks[bundle.chunk_mesh(name, col, row)] = _chunk(rough, shaded, part, piece, along, texture_m, offset)
     return chunks
 
 
@@ -204,6 +218,7 @@ def _chunk(
     piece: int,
     along: tuple[np.ndarray, np.ndarray],
     texture_m: float,
+    offset: np.ndarray,
 ) -> Mesh:
     mesh, faces = rough.mesh, shaded.faces[part]
     if piece == ROOF:
@@ -221,8 +236,20 @@ def _chunk(
         repeat = u[column] + late * repeats[column] + _beside(rough, shaded.source[used]) / texture_m
         texcoords = np.column_stack([repeat, _places_on_surface(rough, shaded.source[used])[:, 2] / texture_m])
     index = index.reshape(-1, 3).astype(np.int32)
+    texcoords = texcoords + offset[shaded.source[used]]
     normals = shaded.normals[used] if len(shaded.normals) else None
     return Mesh(mesh.vertices[shaded.source[used]], index, texcoords, normals)
+
+
+def texture_axes(rough: RoughSurface, faces: np.ndarray, piece: int) -> np.ndarray:
+    """Return the axes (k, 2, 3) of the texture at faces, given by number: along the wall and up, or east and north."""
+    if piece == ROOF:
+        return np.broadcast_to(np.eye(3)[:2], (len(faces), 2, 3))
+    column = rough.lattice.column[rough.mesh.source[rough.mesh.faces[faces]]]
+    inward = rough.lattice.walls.inward[column].mean(axis=1)
+    inward = inward / np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-9)
+    level, up = np.zeros(len(faces)), np.tile([0.0, 0.0, 1.0], (len(faces), 1))
+    return np.stack([np.column_stack([inward[:, 1], -inward[:, 0], level]), up], axis=1)
 
 
 def _beside(rough: RoughSurface, vertices: np.ndarray) -> np.ndarray:

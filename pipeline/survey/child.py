@@ -8,10 +8,11 @@ import os
 import select
 import signal
 import sys
+import tempfile
 import threading
 import time
 import warnings
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -51,7 +52,12 @@ class _Header(BaseModel):
 
 
 def run_limited(
-    task: str, arguments: dict[str, Any], subject: str, extra_s: float = 0.0, fresh: bool = False
+    task: str,
+    arguments: dict[str, Any],
+    subject: str,
+    extra_s: float = 0.0,
+    fresh: bool = False,
+    scratch: bool = False,
 ) -> Payload:
     """Run a task with JSON arguments in a child process, and return its payload.
 
@@ -70,6 +76,9 @@ def run_limited(
     extra_s : float
         Time in addition to the limit.
     fresh : bool
+    scratch : bool
+        Whether the task may write temporary files, each up to `scratch_bytes`: they lie in a folder that this function
+        removes.
 
     Raises
     ------
@@ -79,15 +88,17 @@ def run_limited(
     limits, start = reader_limits(), time.monotonic()
     seconds = limits.time_s + extra_s
     begin = _spawn if fresh or _other_threads() else _fork
-    pid, answer = begin(task, arguments, seconds)
-    try:
-        data = _receive(answer, subject, limits, start, seconds)
-    except BaseException:
-        _kill(pid)
-        raise
-    finally:
-        os.close(answer)
-    status = _wait(pid)
+    with ExitStack() as stack:
+        folder = stack.enter_context(_scratch_folder()) if scratch else ""
+        pid, answer = begin(task, arguments, seconds, folder)
+        try:
+            data = _receive(answer, subject, limits, start, seconds)
+        except BaseException:
+            _kill(pid)
+            raise
+        finally:
+            os.close(answer)
+        status = _wait(pid)
     if status != 0:
         _raise_ended(subject, status, limits)
     return _decode(subject, data)
@@ -99,7 +110,11 @@ def _other_threads() -> bool:
     return any(thread is not current and thread.name != "tqdm_monitor" for thread in threading.enumerate())
 
 
-def _fork(task: str, arguments: dict[str, Any], seconds: float) -> tuple[int, int]:
+def _scratch_folder() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="minexplore-", ignore_cleanup_errors=True)
+
+
+def _fork(task: str, arguments: dict[str, Any], seconds: float, scratch: str) -> tuple[int, int]:
     answer, out = os.pipe()
     parent = os.getpid()
     with warnings.catch_warnings():
@@ -111,16 +126,16 @@ def _fork(task: str, arguments: dict[str, Any], seconds: float) -> tuple[int, in
     status = 1
     try:
         os.close(answer)
-        serve(task, arguments, out, parent, seconds)
+        serve(task, arguments, out, parent, seconds, scratch)
         status = 0
     finally:
         os._exit(status)  # without the parent's exit handlers and buffers
 
 
-def _spawn(task: str, arguments: dict[str, Any], seconds: float) -> tuple[int, int]:
+def _spawn(task: str, arguments: dict[str, Any], seconds: float, scratch: str) -> tuple[int, int]:
     answer, out = os.pipe()
     os.set_inheritable(out, True)
-    words = [task, json.dumps(arguments), str(out), str(os.getpid()), str(seconds)]
+    words = [task, json.dumps(arguments), str(out), str(os.getpid()), str(seconds), scratch]
     root = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
     # Every thread reserves address space, which the limit on memory counts.
@@ -132,15 +147,20 @@ def _spawn(task: str, arguments: dict[str, Any], seconds: float) -> tuple[int, i
     return pid, answer
 
 
-def serve(task: str, arguments: dict[str, Any], out: int, parent: int, seconds: float) -> None:
-    """Restrict this process, run the task and write its answer to the descriptor `out`."""
+def serve(task: str, arguments: dict[str, Any], out: int, parent: int, seconds: float, scratch: str = "") -> None:
+    """Restrict this process, run the task and write its answer to the descriptor `out`.
+
+    Temporary files go into the folder `scratch`; without one, no file can be written.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     die_with_parent(parent)
     faulthandler.disable()  # a test runner's; the parent reports a crash
     quiet = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2):
         os.dup2(quiet, stream)
-    restrict(reader_limits().memory_bytes, seconds)
+    if scratch:
+        tempfile.tempdir = scratch
+    restrict(reader_limits().memory_bytes, seconds, reader_limits().scratch_bytes if scratch else 0)
     header, arrays = _Header(), {}
     try:
         payload = resolve(task)(**arguments)
@@ -256,5 +276,5 @@ def _wait(pid: int) -> int:
 
 
 if __name__ == "__main__":
-    _task, _arguments, _out, _parent, _seconds = sys.argv[1:]
-    serve(_task, json.loads(_arguments), int(_out), int(_parent), float(_seconds))
+    _task, _arguments, _out, _parent, _seconds, _scratch = sys.argv[1:]
+    serve(_task, json.loads(_arguments), int(_out), int(_parent), float(_seconds), _scratch)

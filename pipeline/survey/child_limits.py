@@ -18,6 +18,7 @@ TASKS = {
     "detect": "pipeline.survey.detect:detect_here",
     "survey": "pipeline.survey.load:read_here",
     "sources": "pipeline.survey.load:sources_here",
+    "solved": "pipeline.survey.solved.read:read_here",
     "cloud": "pipeline.survey.cloud:read_here",
 }
 
@@ -36,8 +37,8 @@ def die_with_parent(parent: int) -> None:
         os._exit(1)
 
 
-def restrict(memory_bytes: int, seconds: float) -> None:
-    """Limit this process: address space, processor time of all cores, no core dump, no bytes into files.
+def restrict(memory_bytes: int, seconds: float, file_bytes: int = 0) -> None:
+    """Limit this process: address space, processor time of all cores, no core dump, `file_bytes` in a written file.
 
     A forked process starts with its parent's address space. If that leaves less than 1 GB, 1 GB is granted.
     """
@@ -45,7 +46,7 @@ def restrict(memory_bytes: int, seconds: float) -> None:
     _limit(resource.RLIMIT_AS, max(memory_bytes, used + _SPARE_BYTES))
     _limit(resource.RLIMIT_CPU, int(seconds * (os.cpu_count() or 1)) + 5)  # the parent may be gone
     _limit(resource.RLIMIT_CORE, 0)
-    _limit(resource.RLIMIT_FSIZE, 0)
+    _limit(resource.RLIMIT_FSIZE, file_bytes)
     sys.dont_write_bytecode = True
     os.environ["GDAL_PAM_ENABLED"] = "NO"  # no `.aux.xml` beside the file is read or written
     with suppress(OSError, AttributeError):

@@ -23,6 +23,7 @@ from pipeline.survey.nav2 import nav2_picture
 from pipeline.survey.picture import draw_page, require_few_regions
 from pipeline.survey.scale import find_bar, measure_bar
 from pipeline.survey.shapes import METRES
+from pipeline.survey.solved.read import SOLVED_SUFFIXES
 from pipeline.survey.vector_survey import draw_vector_survey, read_shapes, vector_files
 from pipeline.types import Image, Mask
 
@@ -65,7 +66,8 @@ def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    found = run_limited("detect", {"path": str(path), "stated": stated}, str(path)).values
+    scratch = path.suffix.lower() in SOLVED_SUFFIXES
+    found = run_limited("detect", {"path": str(path), "stated": stated}, str(path), scratch=scratch).values
     return Detection(found["values"], found["remarks"], [Path(file) for file in found["files"]], found["width_m"])
 
 

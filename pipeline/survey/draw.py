@@ -45,6 +45,33 @@ def draw_workings(
     return plan
 
 
+def draw_picture(
+    workings: BaseGeometry, frame: Frame, drawing_grey: int, anti_aliased: bool, jpeg_quality: int | None
+) -> Image:
+    """Draw workings (m, mine frame) as a plan's picture (rows, cols, 3) uint8 BGR, with or without its usual defects.
+
+    Parameters
+    ----------
+    workings : shapely geometry, m, mine frame
+    frame : Frame
+    drawing_grey : int
+        Grey value of the workings.
+    anti_aliased : bool
+        Shade pixels by the share that the workings cover; else by their centres.
+    jpeg_quality : int or None
+        Compress and decompress the picture; None leaves it as it is.
+    """
+    if anti_aliased:
+        plan = draw_workings(workings, frame, {}, drawing_grey)
+    else:
+        grey = np.where(fill_polygon(workings, frame), drawing_grey, 255).astype(np.uint8)
+        plan = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+    if jpeg_quality is None:
+        return plan
+    data = cv2.imencode(".jpg", plan, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])[1]
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))
+
+
 def _cover(workings: BaseGeometry, frame: Frame) -> np.ndarray:
     """Return the share of workings in each pixel as (rows, cols) uint8; 255 means the whole pixel."""
     fine = replace(

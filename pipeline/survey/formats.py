@@ -14,8 +14,8 @@ from pipeline.survey.geodata import read_geodata
 from pipeline.survey.geojson import read_geojson
 from pipeline.survey.legs import SurveyLeg
 from pipeline.survey.shapes import Shapes
+from pipeline.survey.solved.read import read_passages, read_survex
 from pipeline.survey.stations import read_stations
-from pipeline.survey.survex import read_svx
 
 ShapeReader = Callable[[Path, list[str] | None], Shapes]  # (file, layers or None for all) -> polygons and lines
 PassageReader = Callable[[Path], tuple[list[SurveyLeg], str | None]]  # file -> (legs, coordinate system or None)
@@ -29,6 +29,10 @@ SHAPE_READERS: dict[str, ShapeReader] = {
 }
 PASSAGE_READERS: dict[str, PassageReader] = {
     ".csv": lambda path: (read_stations(path), None),
-    ".svx": read_svx,
+    ".svx": read_survex,
     ".plt": lambda path: (read_plt(path), None),
+    ".3d": read_passages,
+    ".th": read_passages,
+    ".dat": read_passages,
+    ".mak": read_passages,
 }

@@ -20,12 +20,17 @@ _BLOCK = 256
 
 @dataclass(frozen=True)
 class SurveyLeg:
-    """One leg: names of its stations, positions (n, 2) m, and distances to the left and right wall (n, 2) m."""
+    """One leg: names of its stations, positions (n, 2) m, and distances to the left and right wall (n, 2) m.
+
+    `heights_m` (n, 3) m holds elevation and the distances up to the roof and down to the floor, nan if not measured;
+    None if the survey has no elevations.
+    """
 
     name: str
     stations: list[str]
     positions_m: Points2
     walls_m: Points2
+    heights_m: np.ndarray | None = None
 
 
 Chain = list[

@@ -25,6 +25,7 @@ from pipeline.survey.nav2 import nav2_picture
 from pipeline.survey.picture import fill_walls, make_ready, read_picture, require_few_regions, turn_picture
 from pipeline.survey.poses import PoseScale, gate_returns, read_poses, read_returns, scale_from_poses
 from pipeline.survey.scale import measure_bar
+from pipeline.survey.solved.read import SOLVED_SUFFIXES
 from pipeline.survey.stations import read_stations
 from pipeline.survey.vector_survey import draw_vector_survey, vector_files
 from pipeline.types import METRIC, Frame, Georeference, Image, Scale, Survey, Workings
@@ -64,7 +65,9 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
         return {"plan": plan, "survey": survey, "workings": Workings(workings)}
     # A fit to poses casts rays by a library whose threads do not survive a fork.
     arguments = {"params": params.model_dump(mode="json")}
-    payload = run_limited("survey", arguments, _subject(params), fresh=params.poses is not None)
+    subject = _subject(params)
+    scratch = Path(subject).suffix.lower() in SOLVED_SUFFIXES
+    payload = run_limited("survey", arguments, subject, fresh=params.poses is not None, scratch=scratch)
     polygons = shapely.from_wkb(payload.arrays["workings"].tobytes())
     survey = TypeAdapter(Survey).validate_python(payload.values)
     return {"plan": payload.arrays["plan"], "survey": survey, "workings": Workings(polygons)}
@@ -242,7 +245,9 @@ def _choose_scale(params: Scaled, reading: Reading, poses: PoseScale | None, rat
 
 def sources(params: SurveyParams) -> list[str]:
     """List the input files of a survey section, with their companion files."""
-    names_others = params.kind == "grid" or (params.kind == "passages" and params.file.lower().endswith(".svx"))
+    names_others = params.kind == "grid" or (
+        params.kind == "passages" and Path(params.file).suffix.lower() in SOLVED_SUFFIXES
+    )
     if not names_others:
         return _sources(params)
     return run_limited("sources", {"params": params.model_dump(mode="json")}, _subject(params)).values

@@ -1,4 +1,4 @@
-"""Reader of this project's station table: a CSV file of legs, stations and distances to the left and right wall."""
+"""Reader of this project's station table: a CSV file of legs, stations and distances to the walls, roof and floor."""
 
 from __future__ import annotations
 
@@ -12,8 +12,12 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.survey.legs import SurveyLeg, check_network
 from pipeline.survey.shapes import REACH_M, read_text_bytes, require_at_most
+from pipeline.survey.solved.flatness import Section, require_flat
+from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
 
 _COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]
+_HEIGHTS = ["elevation_m", "up_m", "down_m"]
+_STRAY_M = 20.0  # an elevation of exactly 0 is a missing value if all others are further from 0 than this
 
 
 def read_stations(path: Path) -> list[SurveyLeg]:
@@ -23,7 +27,8 @@ def read_stations(path: Path) -> list[SurveyLeg]:
     ----------
     path : Path
         CSV with the columns leg, station, easting_m, northing_m, left_m, right_m. Left and right are as seen along the
-        leg. A station that two legs share has the same name in both.
+        leg. A station that two legs share has the same name in both. Optional: elevation_m, in all rows; up_m and
+        down_m, the distances to the roof and the floor, which may be empty.
 
     Returns
     -------
@@ -34,33 +39,115 @@ def read_stations(path: Path) -> list[SurveyLeg]:
     ------
     InputError
         If a column is missing, a value is not a number or a width is negative; if a station has two positions or is
-        twice in a leg; if a leg has one station, crosses another leg without a station, or is not connected. The
-        message names the file, the line or leg, and the value.
+        twice in a leg; if a leg has one station, crosses another leg without a station, or is not connected; if an
+        elevation is missing or a stray 0, or a roof is not above its floor; if the workings are too steep or pass over
+        each other. The message names the file, the line or leg, and the value.
     """
+    result = _read_legs(path)
+    if result[0].heights_m is not None:
+        require_flat(path, [section_of(leg) for leg in result])
+    check_network(path, result)
+    return result
+
+
+def section_of(leg: SurveyLeg) -> Section:
+    """Return a leg with elevations as a section of stations in three dimensions."""
+    assert leg.heights_m is not None
+    places = np.column_stack([leg.positions_m, leg.heights_m[:, 0]])
+    return Section(leg.stations, places, np.column_stack([leg.walls_m, leg.heights_m[:, 1:]]))
+
+
+def read_station_survey(path: Path) -> SolvedSurvey:
+    """Read a station table with elevations as a survey in three dimensions.
+
+    Raises
+    ------
+    InputError
+        If the table has no elevations or is not valid; it may be steep and pass over itself.
+    """
+    legs = _read_legs(path)
+    if legs[0].heights_m is None:
+        raise InputError(f"{path}: no column elevation_m; a survey in three dimensions needs it")
+    number: dict[str, int] = {}
+    places: list[np.ndarray] = []
+    for section in map(section_of, legs):
+        for name, place in zip(section.names, section.positions_m, strict=True):
+            if number.setdefault(name, len(number)) == len(places):
+                places.append(place)
+    rows = [np.array([number[name] for name in leg.stations]) for leg in legs]
+    pairs = np.concatenate([np.column_stack([row[:-1], row[1:]]) for row in rows])
+    passages = tuple(Passage(row, section_of(leg).lrud_m) for row, leg in zip(rows, legs, strict=True))
+    flags = np.full(len(places), StationFlag.UNDERGROUND, np.uint8)
+    styles = np.full(len(pairs), LegStyle.CARTESIAN, np.uint8)
+    plain = np.zeros(len(pairs), np.uint8)
+    return SolvedSurvey(tuple(number), np.array(places), flags, pairs, plain, styles, passages, path.stem)
+
+
+def _read_legs(path: Path) -> list[SurveyLeg]:
     rows = _read_rows(path)
+    has_heights = _has_heights(path, rows)
     legs: dict[str, list[tuple[str, tuple[float, ...]]]] = {}
-    positions: dict[str, tuple[tuple[float, float], int]] = {}
+    positions: dict[str, tuple[tuple[float, ...], int]] = {}
     later: set[tuple[str, str]] = set()  # (leg, station) of all stations but a leg's first, which may be its last too
     for line, row in rows:
         values = tuple(_number(path, line, column, row[column]) for column in _COLUMNS[2:])
         for column, value in zip(_COLUMNS[4:], values[2:], strict=True):
             if value < 0:
                 raise InputError(f"{path}:{line}: {column} = {value:g} of station {row['station']} is negative")
-        position, first = positions.setdefault(row["station"], ((values[0], values[1]), line))
-        if position != (values[0], values[1]):
-            raise InputError(
-                f"{path}:{line}: station {row['station']} at ({values[0]:g}, {values[1]:g}) is at "
-                f"({position[0]:g}, {position[1]:g}) in line {first}"
-            )
+        heights = _heights(path, line, row) if has_heights else ()
+        here = (*values[:2], *heights[:1])
+        position, first = positions.setdefault(row["station"], (here, line))
+        if position != here:
+            at, before = (", ".join(f"{value:g}" for value in place) for place in (here, position))
+            raise InputError(f"{path}:{line}: station {row['station']} at ({at}) is at ({before}) in line {first}")
         leg = legs.setdefault(row["leg"], [])
         if (row["leg"], row["station"]) in later or (leg and leg[-1][0] == row["station"]):
             raise InputError(f"{path}:{line}: station {row['station']} occurs twice in leg {row['leg']}")
         if leg:
             later.add((row["leg"], row["station"]))
-        leg.append((row["station"], values))
-    result = [_leg(path, name, stations) for name, stations in legs.items()]
-    check_network(path, result)
-    return result
+        leg.append((row["station"], (*values, *heights)))
+    if has_heights:
+        _require_no_stray_zero(path, [(line, place[2]) for place, line in positions.values()])
+    return [_leg(path, name, stations) for name, stations in legs.items()]
+
+
+def _has_heights(path: Path, rows: list[tuple[int, dict[str, str]]]) -> bool:
+    columns = rows[0][1]
+    if "elevation_m" in columns:
+        return True
+    extra = [column for column in _HEIGHTS[1:] if column in columns]
+    if extra:
+        raise InputError(f"{path}: column {extra[0]} needs a column elevation_m")
+    return False
+
+
+def _heights(path: Path, line: int, row: dict[str, str]) -> tuple[float, ...]:
+    """Return elevation, up and down of a row, m; up and down are nan if they are empty."""
+    elevation = _number(path, line, "elevation_m", row["elevation_m"])
+    up, down = (
+        _number(path, line, column, text) if (text := (row.get(column) or "").strip()) else math.nan
+        for column in _HEIGHTS[1:]
+    )
+    for column, value in zip(_HEIGHTS[1:], (up, down), strict=True):
+        if value < 0:
+            raise InputError(f"{path}:{line}: {column} = {value:g} of station {row['station']} is negative")
+    if up + down <= 0:
+        raise InputError(
+            f"{path}:{line}: station {row['station']}: the roof at {elevation + up:g} m is not above the floor at "
+            f"{elevation - down:g} m (up_m = {up:g}, down_m = {down:g})"
+        )
+    return elevation, up, down
+
+
+def _require_no_stray_zero(path: Path, elevations: list[tuple[int, float]]) -> None:
+    """Refuse an elevation of exactly 0 among elevations that all lie on one side of 0 and far from it."""
+    zeros = [line for line, value in elevations if value == 0]
+    others = [value for _, value in elevations if value != 0]
+    if zeros and others and (min(others) > _STRAY_M or max(others) < -_STRAY_M):
+        raise InputError(
+            f"{path}:{zeros[0]}: elevation_m = 0, but the others lie from {min(others):g} to {max(others):g} m; "
+            "is the elevation of this station missing?"
+        )
 
 
 def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
@@ -104,4 +191,5 @@ def _leg(path: Path, name: str, stations: list[tuple[str, tuple[float, ...]]]) -
     if step.min() == 0:
         i = int(step.argmin())
         raise InputError(f"{path}: stations {stations[i][0]} and {stations[i + 1][0]} of leg {name} have one position")
-    return SurveyLeg(name, [s for s, _ in stations], values[:, :2], values[:, 2:])
+    heights = values[:, 4:] if values.shape[1] > 4 else None
+    return SurveyLeg(name, [s for s, _ in stations], values[:, :2], values[:, 2:4], heights)

@@ -13,14 +13,15 @@ from pipeline.errors import InputError
 from pipeline.geometry.enclosure import as_polygons
 from pipeline.geometry.generate import generate_workings
 from pipeline.geometry.perturb import perturb_workings
+from pipeline.geometry.rough_walls import roughen_walls
 from pipeline.params.survey import PassageSurveyParams, ProceduralSurveyParams, VariantSurveyParams, VectorSurveyParams
-from pipeline.survey.draw import draw_workings, frame_around
+from pipeline.survey.draw import draw_picture, draw_workings, frame_around
 from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
 from pipeline.survey.geodata import companions
 from pipeline.survey.geojson import read_geojson
 from pipeline.survey.legs import build_workings
 from pipeline.survey.shapes import Shapes, locate, require_simple, workings_of
-from pipeline.survey.survex import svx_files
+from pipeline.survey.solved.read import SOLVED_SUFFIXES, survey_files
 from pipeline.types import METRIC, Frame, Georeference, Image
 
 VectorSurvey = VectorSurveyParams | PassageSurveyParams | ProceduralSurveyParams | VariantSurveyParams
@@ -32,6 +33,8 @@ def draw_vector_survey(
     params: VectorSurvey, content: Shapes | None = None
 ) -> tuple[MultiPolygon, Georeference, Image, Frame]:
     """Return a survey's workings (m, mine frame), their georeference, their plan and its frame.
+
+    A procedural mine with `as_picture` has no workings: stage 2 traces them from the plan.
 
     `content` is what `read_shapes` returned for a vector file; None reads the file.
 
@@ -52,7 +55,10 @@ def draw_vector_survey(
         )
     per_m = params.px_per_m or min(_FINEST_PX_PER_M, _WIDEST_PX / widest)
     frame = frame_around((west - m, south - m, east + m, north + m), per_m, _ORIGIN_AT)
-    return workings, georeference, draw_workings(workings, frame, params.labels_m, params.drawing_grey), frame
+    if params.kind != "procedural" or not params.as_picture:
+        return workings, georeference, draw_workings(workings, frame, params.labels_m, params.drawing_grey), frame
+    plan = draw_picture(workings, frame, params.drawing_grey, params.anti_aliased, params.jpeg_quality)
+    return MultiPolygon(), georeference, plan, frame
 
 
 def read_shapes(path: Path, layers: list[str] | None) -> Shapes:
@@ -73,7 +79,9 @@ def _read(params: VectorSurvey, content: Shapes | None) -> tuple[MultiPolygon, G
     match params.kind:
         case "procedural":
             rng = np.random.default_rng(params.seed)
-            return generate_workings(rib_noise_m=params.rib_noise_m, rng=rng, **params.mine.model_dump()), METRIC
+            workings = generate_workings(rib_noise_m=params.rib_noise_m, rng=rng, **params.mine.model_dump())
+            rough = params.rough_walls
+            return (roughen_walls(workings, rng=rng, **rough.model_dump()) if rough else workings), METRIC
         case "variant":
             path = Path(params.workings)
             shapes, georeference = locate(path, require_simple(path, read_geojson(path, None)), None, None)
@@ -112,5 +120,5 @@ def vector_files(params: VectorSurvey) -> list[str]:
         case "variant":
             return [params.workings]
     path = Path(params.file)
-    files = svx_files(path) if path.suffix.lower() == ".svx" else [path, *companions(path)]
+    files = survey_files(path) if path.suffix.lower() in SOLVED_SUFFIXES else [path, *companions(path)]
     return [file.as_posix() for file in files]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from baselines.bounds import Bound
+from baselines.driven import note_driven, was_driven_here
 from baselines.environments import make_env
 from baselines.errors import BaselineError, RejectedError
 from baselines.evaluate import evaluate, evaluate_all
@@ -14,7 +15,6 @@ from baselines.leaderboard import leaderboard
 from baselines.parallel import drive
 from baselines.policy import find_checkpoint, make_policy, policy_label
 from baselines.protocol import SEEDS, head_of, run_episodes
-from baselines.rerun import note_rerun
 from baselines.result_file import RESULTS, Episode, chain, read_results
 from baselines.score import score
 from baselines.statistics import estimate, figures, interquartile_mean, sample_times
@@ -70,7 +70,7 @@ def forge(path, change_head=lambda head: head, change=lambda episode: episode):
     path.write_text(chain(head, [first, *episodes[1:]]))
 
 
-def test_an_honest_file_passes_and_comes_out_the_same_when_driven_again(honest):
+def test_an_honest_file_passes_and_comes_out_the_same_when_driven_here(honest):
     score(honest)
     score(honest, rerun=2)  # an episode does not depend on which others run beside it
 
@@ -84,7 +84,7 @@ def test_episodes_driven_in_two_processes_are_those_driven_in_one(honest, short_
     assert sum(counted) == sum(episode.steps for episode in episodes)
 
 
-def test_a_learned_row_is_driven_again_by_its_name(short_id, tmp_path, monkeypatch):
+def test_a_learned_row_is_driven_here_by_its_name(short_id, tmp_path, monkeypatch):
     name = "Tee-beams-mlp-1"
     monkeypatch.setattr("baselines.policy.CHECKPOINTS", tmp_path)
     write_policy(tmp_path / f"{name}.safetensors", "mlp", hidden=64)
@@ -94,7 +94,7 @@ def test_a_learned_row_is_driven_again_by_its_name(short_id, tmp_path, monkeypat
     score(out, rerun=3)
 
 
-def test_a_strangers_class_is_driven_again_by_one_call_and_known_by_its_source(short_id, tmp_path, monkeypatch):
+def test_a_strangers_class_is_driven_here_by_one_call_and_known_by_its_source(short_id, tmp_path, monkeypatch):
     source = tmp_path / "strange_turner.py"
     source.write_text(TURNER)
     monkeypatch.chdir(tmp_path)
@@ -119,9 +119,11 @@ def test_every_kept_result_is_of_a_policy_that_is_found_by_its_name():
 
 def test_results_of_another_world_or_policy_are_recognised_as_stale_and_renewed(short_id, tmp_path, monkeypatch):
     monkeypatch.setattr("baselines.result_file.RESULTS", tmp_path)
+    monkeypatch.setattr("baselines.evaluate.RESULTS", tmp_path)
     monkeypatch.setattr("baselines.evaluate.EXPLORERS", ["reactive"])
     out = tmp_path / "ShortTee-v0" / "reactive.jsonl"
     evaluate_all([short_id], [0], 1)
+    assert was_driven_here(out, tmp_path, *read_results(out))
     written, made = out.read_bytes(), out.stat().st_mtime_ns
     evaluate_all([short_id], [0], 1)
     assert out.stat().st_mtime_ns == made  # current: kept
@@ -283,7 +285,7 @@ def test_a_missing_episode_is_refused(honest):
         score(honest)
 
 
-def test_a_forged_file_driven_again_differs(honest):
+def test_a_forged_file_driven_here_differs(honest):
     forge(
         honest, change=lambda e: e | {"path_cm": [*e["path_cm"][:-1], (e["path_cm"][-1][0] + 3, e["path_cm"][-1][1])]}
     )
@@ -311,7 +313,7 @@ def test_equal_episodes_missing_and_extra_seeds_are_rejected(honest):
         score(honest)
 
 
-def test_a_leaderboard_shows_first_what_was_driven_again(honest, tmp_path):
+def test_a_leaderboard_shows_first_what_was_driven_here(honest, tmp_path):
     results, (head, episodes) = tmp_path / "results", read_results(honest)
     folder = results / "ShortTee-v0"
     folder.mkdir(parents=True)
@@ -320,10 +322,10 @@ def test_a_leaderboard_shows_first_what_was_driven_again(honest, tmp_path):
     first, (*way, (x, y)) = episodes[0], episodes[0].path_cm
     ways = [first.model_copy(update={"path_cm": [*way, (x + 1, y)]}), *episodes[1:]]
     (folder / "a-stranger.jsonl").write_text(chain(mine, ways))
-    assert note_rerun(folder / "wall-following.jsonl", results, head, episodes)
+    assert note_driven(folder / "wall-following.jsonl", results, head, episodes)
     rows = [line for line in leaderboard(results).splitlines() if "| 20 |" in line]
     assert [row.split(" | ")[:2] for row in rows] == [
-        ["| wall-following", "driven again"],
+        ["| wall-following", "driven here"],
         ["| a-stranger", "as stated"],
     ]
     assert "~" in rows[1]
@@ -331,7 +333,7 @@ def test_a_leaderboard_shows_first_what_was_driven_again(honest, tmp_path):
     forge(
         folder / "wall-following.jsonl", change=_set(path_m=episodes[0].path_m + 0.001)
     )  # another file than was driven
-    assert "driven again |" not in leaderboard(results)
+    assert "driven here |" not in leaderboard(results)
     (folder / "a-stranger.jsonl").write_text(chain(mine, episodes))
     (folder / "wall-following.jsonl").write_text(chain(head, episodes))
     with pytest.raises(RejectedError, match=r"wall-following\.jsonl: its robots drive the ways of .*a-stranger"):

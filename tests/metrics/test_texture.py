@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import numpy as np
@@ -64,6 +65,15 @@ def test_a_plane_scores_almost_zero():
     )
     assert strict_score(REAL, axes).overall < 0.01
     assert published_score(REAL, axes).overall < 0.01
+
+
+def test_an_axis_without_a_figure_is_no_zero_and_is_left_out_of_the_mean():
+    short = wall(sine(0.05, 0.4), n=2000, length=3.0)
+    assert wall_wavelength_m(short, FREE) is None  # it needs 8 m of wall
+    scores = strict_score(REAL, dataclasses.replace(REAL, dominant_wavelength_m=None))
+    assert scores.axes["dominant_wavelength_m"] is None
+    assert (scores.overall, scores.measured) == (1.0, 5)
+    assert strict_score(REAL, TextureAxes(*[None] * 6)).overall is None
 
 
 @pytest.mark.parametrize("wavelength", [0.05, 0.1])

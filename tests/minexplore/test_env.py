@@ -192,7 +192,7 @@ def test_unknown_fields_worlds_and_modes_are_refused_with_the_choices(tee: Built
         MineEnv("nowhere")
     with pytest.raises(ValueError, match="valid choices are None, 'rgb_array', 'human'"):
         MineEnv(tee.bundle, render_mode="ascii")
-    with pytest.raises(ValueError, match="valid choices are chase, top"):
+    with pytest.raises(ValueError, match="valid choices are chase, top, front"):
         MineEnv(tee.bundle, camera="side")
     with pytest.raises(ValueError, match="want auto, embree, open3d"):
         MineEnv(tee.bundle, lidar="sonar")

@@ -215,7 +215,7 @@ def test_the_scalar_env_survives_pickling_and_its_spec_a_round_trip(tee: BuiltMi
 
 
 def test_pictures_are_drawn_without_a_screen(tee: BuiltMine):
-    for camera in ("chase", "top"):
+    for camera in ("chase", "top", "front"):
         made = MineVectorEnv(2, tee.bundle, render_mode="rgb_array", camera=camera)
         made.reset(seed=0)
         one, two = made.render()

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import GeometryError, InputError, UnexpectedError
+from pipeline.params.reader_limits import reader_limits
 from pipeline.survey import child, child_limits
 from pipeline.survey.child import Payload, run_limited
 from tests.project import ROOT
@@ -50,13 +52,30 @@ def write_file(path):
     Path(path).write_bytes(b"x")
 
 
+def write_temporary(size):
+    with tempfile.NamedTemporaryFile() as file:
+        file.write(bytes(size))
+        file.flush()
+        return Payload(Path(file.name).stat().st_size)
+
+
 def run_thread():
     return Payload(threading.active_count())
 
 
 @pytest.fixture(autouse=True)
 def tasks(monkeypatch):
-    for function in (give_back, sleep, allocate, return_zeros, die, raise_error, write_file, run_thread):
+    for function in (
+        give_back,
+        sleep,
+        allocate,
+        return_zeros,
+        die,
+        raise_error,
+        write_file,
+        write_temporary,
+        run_thread,
+    ):
         monkeypatch.setitem(child_limits.TASKS, function.__name__, f"{__name__}:{function.__name__}")
 
 
@@ -122,6 +141,19 @@ def test_a_reader_cannot_write_into_a_file(tmp_path):
     with pytest.raises(UnexpectedError, match="File too large"):
         run_limited("write_file", {"path": str(tmp_path / "x")}, "a.gpkg")
     assert not (tmp_path / "x").stat().st_size
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+def test_a_task_with_a_scratch_folder_writes_there_up_to_its_limit_and_leaves_nothing(tmp_path, monkeypatch, fresh):
+    monkeypatch.setattr(child.tempfile, "tempdir", str(tmp_path))
+    if fresh:
+        with pytest.raises(InputError, match=r"no such file|cannot be read"):
+            run_limited("solved", {"path": str(tmp_path / "a.3d")}, "a.3d", fresh=True, scratch=True)
+    else:
+        assert run_limited("write_temporary", {"size": 1000}, "a.svx", scratch=True).values == 1000
+        with pytest.raises(UnexpectedError, match="File too large"):
+            run_limited("write_temporary", {"size": reader_limits().scratch_bytes + 1}, "a.svx", scratch=True)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

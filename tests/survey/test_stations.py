@@ -4,6 +4,7 @@ import shapely
 
 from pipeline.errors import InputError
 from pipeline.survey.legs import build_workings
+from pipeline.survey.solved.read import read_solved
 from pipeline.survey.stations import read_stations
 from tests.project import ROOT, TINY_STATIONS
 
@@ -75,3 +76,50 @@ def test_stations_of_zero_width_leave_a_gap_without_slivers(tmp_path):
     parts = shapely.get_parts(build_workings(read_stations(write(tmp_path, text))))
     assert len(parts) == 2
     assert all(isinstance(p, shapely.Polygon) for p in parts)
+
+
+HEIGHTS = HEADER.strip() + ",elevation_m,up_m,down_m\n"
+
+
+def test_elevations_roofs_and_floors_are_read_and_change_no_plan(tmp_path):
+    rows = "A,a,0,0,2,3,2400,2.5,0.5\nA,b,10,0,2,3,2400.5,,\n"
+    legs = read_stations(write(tmp_path, HEIGHTS + rows))
+    np.testing.assert_array_equal(legs[0].heights_m, [[2400, 2.5, 0.5], [2400.5, np.nan, np.nan]])
+    plain = read_stations(write(tmp_path, HEADER + "A,a,0,0,2,3\nA,b,10,0,2,3\n"))
+    assert plain[0].heights_m is None
+    assert build_workings(legs).equals(build_workings(plain))
+
+
+def test_a_table_with_elevations_is_a_survey_in_three_dimensions(tmp_path):
+    rows = "A,a,0,0,2,3,15,2.5,0.5\nA,b,10,0,2,3,50,2,0\nB,b,10,0,1,1,50,2,0\nB,c,10,9,1,1,60,1,1\n"
+    survey = read_solved(write(tmp_path, HEIGHTS + rows))
+    assert survey.names == ("a", "b", "c")
+    assert survey.legs.tolist() == [[0, 1], [1, 2]]
+    np.testing.assert_array_equal(survey.positions_m[1], (10, 0, 50))
+    np.testing.assert_array_equal(survey.passages[1].lrud_m, [[1, 1, 2, 0], [1, 1, 1, 1]])
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("A,a,0,0,2,2,2400,2,0\nA,b,9,0,2,2,0,2,0\n", r":3: elevation_m = 0, but the others lie from 2400 to 2400 m"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,nan,2,0\n", r":3: elevation_m = nan is not within"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,inf,0\n", r":3: up_m = inf is not within"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,,2,0\n", r":3: elevation_m = '' is not a number"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,-1,0\n", r":3: up_m = -1 of station b is negative"),
+        ("A,a,0,0,2,2,5,0,0\nA,b,9,0,2,2,5,2,0\n", r":2: station a: the roof at 5 m is not above the floor at 5 m"),
+        (
+            "A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,2,0\nB,b,9,0,2,2,6,2,0\nB,c,9,9,2,2,5,2,0\n",
+            r":4: station b at \(9, 0, 6\)",
+        ),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,9,2,0\n", r"a to b at \(4\.5, 0\.0\): 4\.0 m up or down in 9\.0 m"),
+    ],
+)
+def test_faulty_elevations_are_refused_with_their_row(tmp_path, rows, message):
+    with pytest.raises(InputError, match=message):
+        read_stations(write(tmp_path, HEIGHTS + rows))
+
+
+def test_a_distance_to_the_roof_without_elevations_is_refused(tmp_path):
+    with pytest.raises(InputError, match="column up_m needs a column elevation_m"):
+        read_stations(write(tmp_path, HEADER.strip() + ",up_m\nA,a,0,0,2,2,3\nA,b,9,0,2,2,3\n"))

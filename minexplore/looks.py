@@ -1,0 +1,106 @@
+"""How a world looks: light, haze and sheen of its rock, by the name that `world.json` states under `look`.
+
+A world without that field looks plain. The values were chosen by eye on rendered pictures (docs/look.md); none of them
+is measured, and none changes what a robot can touch or what its LiDAR sees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+
+EXTENT_M = 10.0  # of every world; MuJoCo states the haze in multiples of it
+PLAIN = "plain"
+_NO_HAZE_M = (30.0, 100.0)  # MuJoCo's own values, which a plain world keeps
+LAMP_ABOVE_M, LAMP_CUTOFF_DEG = 0.05, 45.0  # a headlamp is on top of the scanner; half of its cone
+_SHADOW_PX = 2048  # with 1024 grazing faces shadow themselves in dots; 4096 takes OSMesa a quarter longer
+CUT_MATERIAL, CUT_RGBA = "cut", (0.8, 0.72, 0.64, 1.0)  # rock's collision parts, seen from above in a cut-away view
+# Colour and highlight of each kind of furniture; colour and reflectance of water.
+FURNITURE_LOOKS = {
+    "bolts": ((0.66, 0.63, 0.58, 1.0), 0.4),
+    "cable": ((0.06, 0.06, 0.07, 1.0), 0.2),
+    "duct": ((0.62, 0.47, 0.2, 1.0), 0.05),
+    "pipe": ((0.36, 0.38, 0.4, 1.0), 0.3),
+}
+WATER = ((0.05, 0.055, 0.05, 1.0), 0.35)
+_COVER_GAIN, _GREYED = 2.1, 0.6  # the texture, whose mean is 0.5, darkens the zone's colour; muck is mostly grey
+_MUCK, _TRODDEN = (1.1, 1.0, 0.88), 0.62
+TEXTURE_PER_M = 0.4  # repeats of the texture on the floor
+
+
+@dataclass(frozen=True)
+class Look:
+    """Colours are RGB from 0 to 1.
+
+    `ambient` and `diffuse` are the viewer's own light, `glint` its highlight on wet rock. Haze of colour `haze_rgb`
+    begins and is complete at distances of `haze_m` (m). `specular` and `shininess` are those of the rock, `lamp_rgb` is
+    the headlamp of a robot.
+    """
+
+    ambient: float
+    diffuse: float
+    glint: float = 0.0
+    haze_m: tuple[float, float] = _NO_HAZE_M
+    haze_rgb: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    specular: float = 0.0
+    shininess: float = 0.0
+    lamp_rgb: tuple[float, float, float] | None = None
+
+    @property
+    def hazy(self) -> bool:
+        """Return whether there is any haze."""
+        return self.haze_m != _NO_HAZE_M
+
+
+LOOKS = {
+    PLAIN: Look(ambient=0.3, diffuse=0.45),
+    "dry": Look(0.2, 0.32, 0.1, (8.0, 90.0), (0.05, 0.046, 0.042), 0.1, 0.1, (0.95, 0.92, 0.85)),
+    "wet": Look(0.18, 0.32, 0.6, (6.0, 70.0), (0.05, 0.054, 0.056), 0.6, 0.6, (0.95, 0.94, 0.9)),
+    "dusty": Look(0.22, 0.28, 0.0, (1.0, 32.0), (0.27, 0.245, 0.21), 0.0, 0.0, (0.95, 0.9, 0.8)),
+}
+
+
+def look_of(record: Mapping[str, Any]) -> Look:
+    """Return the look that a world's record states."""
+    return LOOKS[record.get("look", PLAIN)]
+
+
+def cover_rgba(zone_rgba: Sequence[float], trodden: bool) -> list[float]:
+    """Return the colour that the visible floor multiplies its texture with, by the colour of its floor zone."""
+    grey = sum(zone_rgba[:3]) / 3
+    mixed = [(1 - _GREYED) * own + _GREYED * grey * tone for own, tone in zip(zone_rgba, _MUCK, strict=False)]
+    gain = min(_COVER_GAIN, 1 / max(*mixed, 1e-6)) * (_TRODDEN if trodden else 1.0)  # colours keep their hue
+    return [round(gain * value, 4) for value in mixed] + [1.0]
+
+
+def has_haze(model: mujoco.MjModel) -> bool:
+    """Return whether a model states a haze of its own; MuJoCo draws haze only where a scene's flag asks for it."""
+    stated = EXTENT_M * float(model.vis.map.fogstart), EXTENT_M * float(model.vis.map.fogend)
+    return stated != _NO_HAZE_M
+
+
+def add_haze(model: mujoco.MjModel, scene: mujoco.MjvScene) -> None:
+    """Let a scene show the haze of its model, if that has any."""
+    scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = has_haze(model)
+
+
+def add_headlamp(spec: mujoco.MjSpec, robot: str, look: Look, height_m: float) -> None:
+    """Give a robot a lamp that casts shadows, `height_m` above its body's origin; a look without one leaves it."""
+    if look.lamp_rgb is None:
+        return
+    spec.body(robot).add_light(
+        name=f"{robot}_lamp",
+        pos=[0, 0, height_m],
+        dir=[1, 0, -0.06],
+        type=mujoco.mjtLightType.mjLIGHT_SPOT,
+        cutoff=LAMP_CUTOFF_DEG,
+        exponent=4.0,
+        castshadow=True,
+        attenuation=[0.8, 0.02, 0.004],
+        diffuse=look.lamp_rgb,
+        specular=[look.glint] * 3,
+    )
+    spec.visual.quality.shadowsize = _SHADOW_PX

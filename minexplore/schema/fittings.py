@@ -1,0 +1,238 @@
+"""The tables of fittings: the visible floor, its puddles and the furniture, which are seen and never touched."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from minexplore.bundle import (
+    COVER_M,
+    FITTINGS_BODY,
+    FURNITURE,
+    FURNITURE_ABOVE_M,
+    LINES_ABOVE_M,
+    MODEL,
+    RECORD,
+    SURFACE_CLASS,
+    WATER_MATERIAL,
+    BundleError,
+    cover_material,
+    fitting_geom,
+    fitting_material,
+    is_cover,
+    is_fitting,
+    mesh_file,
+    puddle_geom,
+    trodden_material,
+)
+from minexplore.looks import FURNITURE_LOOKS, PLAIN, TEXTURE_PER_M, WATER, cover_rgba
+from minexplore.schema.attributes import Attribute, Element, any_of, constant, named, required
+from minexplore.schema.rules import equal_numbers, exactly, matching, numbers, numbers_in, same
+from minexplore.schema.xml import Node
+
+_MOST = 100_000
+_KINDS = "|".join(FURNITURE)
+FITTING_MESH = rf"(?:cover_\d{{3,4}}_\d{{2,4}}_\d{{2,4}}|(?:{_KINDS})_\d{{2,4}}_\d{{2,4}})"
+_ZONE = r"[a-z][a-z0-9_]{0,63}"
+_RGBA = Attribute(numbers(4, 0, 1), "1 1 1 1")
+_NOT_TURNED = constant(1, 0, 0, 0, default="1 0 0 0")
+
+MATERIALS = (
+    Element(
+        "material",
+        {
+            **named(f"cover_{_ZONE}"),
+            "texture": required(exactly("rock")),
+            "specular": constant(0),
+            "shininess": constant(0),
+            "rgba": _RGBA,
+        },
+        name=f"cover_{_ZONE}",
+        least=0,
+        most=_MOST,
+    ),
+    Element(
+        "material",
+        {
+            **named(f"trodden_{_ZONE}"),
+            "texture": required(exactly("rock")),
+            "texuniform": required(exactly("true")),
+            "texrepeat": required(equal_numbers(TEXTURE_PER_M, TEXTURE_PER_M)),
+            "specular": constant(0),
+            "shininess": constant(0),
+            "rgba": _RGBA,
+        },
+        name=f"trodden_{_ZONE}",
+        least=0,
+        most=_MOST,
+    ),
+    Element(
+        "material",
+        {
+            **named(f"fitting_(?:{_KINDS})"),
+            "specular": any_of(*((specular,) for _, specular in FURNITURE_LOOKS.values())),
+            "shininess": constant(0.4),
+            "rgba": any_of(*(rgba for rgba, _ in FURNITURE_LOOKS.values())),
+        },
+        name=f"fitting_(?:{_KINDS})",
+        least=0,
+        most=len(FURNITURE),
+    ),
+    Element(
+        "material",
+        {
+            **named(WATER_MATERIAL),
+            "specular": constant(0.5, default="0.5"),
+            "shininess": constant(0.9),
+            "reflectance": constant(WATER[1]),
+            "rgba": constant(*WATER[0]),
+        },
+        name=WATER_MATERIAL,
+        least=0,
+    ),
+)
+MESH = Element(
+    "mesh",
+    {
+        **named(FITTING_MESH),
+        "file": required(matching(rf"meshes/{FITTING_MESH}\.msh", "meshes/NAME.msh")),
+        "content_type": Attribute(exactly("model/vnd.mujoco.msh"), "model/vnd.mujoco.msh"),
+        "inertia": required(exactly("shell")),
+    },
+    name=FITTING_MESH,
+    least=0,
+    most=_MOST,
+)
+BODY = Element(
+    "body",
+    {"name": required(exactly(FITTINGS_BODY))},
+    name=FITTINGS_BODY,
+    least=0,
+    children=(
+        Element(
+            "geom",
+            {
+                **named(f"fitting_{FITTING_MESH}"),
+                "class": required(exactly(SURFACE_CLASS)),
+                "pos": Attribute(numbers(3, -1e-6, 1e-6), "0 0 0"),
+                "quat": _NOT_TURNED,
+                "mesh": required(matching(FITTING_MESH, "a fitting's mesh")),
+                "material": required(matching(f"cover_{_ZONE}|fitting_(?:{_KINDS})", "a fitting's material")),
+            },
+            name=f"fitting_{FITTING_MESH}",
+            most=_MOST,
+        ),
+        Element(
+            "geom",
+            {
+                **named(f"puddle_{_ZONE}"),
+                "class": required(exactly(SURFACE_CLASS)),
+                "type": required(exactly("plane")),
+                "size": required(numbers(3, 1e-3, 1e6)),
+                "pos": required(numbers(3, -1e6, 1e6)),
+                "quat": _NOT_TURNED,
+                "material": required(matching(f"trodden_{_ZONE}|{WATER_MATERIAL}", "water or trodden floor")),
+            },
+            name=f"puddle_{_ZONE}",
+            least=0,
+            most=_MOST,
+        ),
+    ),
+)
+
+
+def check_heights(name: str, lowest_m: float, highest_m: float) -> None:
+    """Refuse a fitting's mesh that is not where fittings are: under a decimetre, or above every robot.
+
+    Raises
+    ------
+    BundleError
+        Naming the mesh, its heights and the limits.
+    """
+    kind = name.partition("_")[0]
+    least = 0.0 if is_cover(name) else FURNITURE_ABOVE_M if kind == "bolts" else LINES_ABOVE_M
+    most = COVER_M if is_cover(name) else float("inf")
+    if not (lowest_m >= least - 1e-6 and highest_m <= most + 1e-6):
+        wanted = f"{least:g} to {most:g} m" if is_cover(name) else f"{least:g} m or more"
+        raise BundleError(
+            f"{mesh_file(name)}: from {lowest_m:g} to {highest_m:g} m above the floor, want {wanted}; "
+            "it is seen and not touched"
+        )
+
+
+def check_fittings(body: Node | None, assets: Mapping[tuple[str, str], Node], record: Mapping[str, Any]) -> None:
+    """Compare the fittings with the record's zones: materials and colours, one geom a mesh, planes over their zones.
+
+    Raises
+    ------
+    BundleError
+        With the path of the first difference.
+    """
+    meshes = {name for tag, name in assets if tag == "mesh" and is_fitting(name)}
+    geoms = {node.name: node for node in body.children} if body else {}
+    if (body or meshes) and record.get("look", PLAIN) == PLAIN:
+        raise BundleError(f"{MODEL}: {FITTINGS_BODY}: a world of the plain look has none")
+    planes = {name: node for name, node in geoms.items() if node.attributes.get("type") == "plane"}
+    shown = {fitting_geom(name) for name in meshes}
+    if shown != geoms.keys() - planes.keys():
+        odd = min(shown ^ (geoms.keys() - planes.keys()))
+        raise BundleError(f"{MODEL}: {FITTINGS_BODY}: want one geom of each fitting's mesh; see {odd!r}")
+    zones = {zone["name"]: zone for zone in record["zones"]}
+    names = list(zones)
+    for mesh in sorted(meshes):
+        node = geoms[fitting_geom(mesh)]
+        if is_cover(mesh) and int(mesh.split("_")[1]) >= len(names):
+            raise BundleError(f"{MODEL}: {node.path}: {RECORD} has {len(names)} zones")
+        wanted = fitting_material(mesh, names)
+        if (node.attributes["mesh"], node.attributes["material"]) != (mesh, wanted):
+            raise BundleError(f"{MODEL}: {node.path}: want mesh {mesh!r} and material {wanted!r}")
+    if planes.keys() != ({puddle_geom(zone) for zone in zones} if any(map(is_cover, meshes)) else set()):
+        raise BundleError(
+            f"{MODEL}: {FITTINGS_BODY}: want a plane in the hollows of every zone that has a visible floor"
+        )
+    _check_planes(planes, zones)
+    _check_materials(geoms, assets, zones)
+
+
+def _check_planes(planes: Mapping[str, Node], zones: Mapping[str, Any]) -> None:
+    level = None
+    for name, zone in zones.items():
+        node = planes.get(puddle_geom(name))
+        if node is None:
+            continue
+        west, south, east, north = zone["west_m"], zone["south_m"], zone["east_m"], zone["north_m"]
+        x, y, z = numbers_in(node.attributes["pos"]) or [0.0] * 3
+        size = numbers_in(node.attributes["size"]) or [0.0] * 3
+        wanted = [(west + east) / 2, (south + north) / 2, (east - west) / 2, (north - south) / 2, 1.0]
+        level = z if level is None else level
+        if not (all(map(same, [x, y, *size], wanted)) and 0 < z <= COVER_M and same(z, level)):
+            raise BundleError(
+                f"{MODEL}: {node.path}: want its zone's size, and one level between 0 and {COVER_M:g} m for all zones"
+            )
+        if node.attributes["material"] not in (WATER_MATERIAL, trodden_material(name)):
+            raise BundleError(f"{MODEL}: {node.path}@material: want {WATER_MATERIAL!r} or {trodden_material(name)!r}")
+
+
+def _check_materials(
+    geoms: Mapping[str, Node], assets: Mapping[tuple[str, str], Node], zones: Mapping[str, Any]
+) -> None:
+    """Check that materials of fittings are used and have the colours that zones and kinds give."""
+    used = {node.attributes["material"] for node in geoms.values()}
+    colours: dict[str, Any] = {WATER_MATERIAL: WATER[0]}
+    colours |= {cover_material(name): cover_rgba(zone["rgba"], False) for name, zone in zones.items()}
+    colours |= {trodden_material(name): cover_rgba(zone["rgba"], True) for name, zone in zones.items()}
+    colours |= {fitting_material(kind, []): rgba for kind, (rgba, _) in FURNITURE_LOOKS.items()}
+    prefixes = (WATER_MATERIAL, "cover_", "trodden_", "fitting_")
+    there = {name for tag, name in assets if tag == "material" and name.startswith(prefixes)}
+    if there != used:
+        raise BundleError(f"{MODEL}: asset: material {min(there ^ used)!r}: missing, or nothing has it")
+    for name in sorted(there):
+        node = assets["material", name]
+        found = numbers_in(node.attributes.get("rgba", "1 1 1 1")) or []
+        if name not in colours or not all(map(same, found, colours[name])):
+            raise BundleError(f"{MODEL}: {node.path}@rgba: want {colours.get(name)}")
+        kind = name.removeprefix("fitting_")
+        if kind in FURNITURE_LOOKS and name != kind:
+            specular = numbers_in(node.attributes["specular"]) or [0.0]
+            if not same(specular[0], FURNITURE_LOOKS[kind][1]):
+                raise BundleError(f"{MODEL}: {node.path}@specular: want {FURNITURE_LOOKS[kind][1]:g}")

@@ -1,0 +1,210 @@
+"""What hangs in a drift: rock bolts with plates, a pipe, a cable and a ventilation duct, merged tile by tile."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+
+from minexplore.bundle import FURNITURE_ABOVE_M, LINES_ABOVE_M, TriangleMesh, decode_msh, encode_msh, furniture_mesh
+from pipeline.errors import InputError
+from pipeline.geometry.polyline import arc_length, resample
+from pipeline.geometry.raycast import RayCaster
+from pipeline.params.realism import FurnitureParams
+from pipeline.store.codecs import Bundle
+from pipeline.types import DriftNetwork
+
+_TILE_M = 20.0
+_EYE_M = 1.7  # height that bolts are aimed from
+_LEAST_HEIGHT_M = 2.9  # of workings: a duct under the roof then leaves 2 m below it
+_REACH_M = 3.0  # beyond half the drift's width a ray has met no rib but an opening
+_TOWARDS_RIB_M = 0.7  # a line hangs at most so far from where the plan's wall is
+_OFF_RIB_M = 0.5  # and so far off the rock, to pass its bumps
+_STEP_M, _ALIKE_M = 1.0, 2.0  # of lines: distance of their points, and how far a bump of rock pushes them away
+_SHORTEST_M = 4.0
+
+
+@dataclass(frozen=True)
+class Line:
+    """A tube along a rib or under the roof: side (1 left, -1 right), height, gap to the rock, radius and shape."""
+
+    kind: str
+    side: int
+    height_m: float
+    gap_m: float
+    radius_m: float
+    sides: int
+    sag_m: float
+
+
+PIPE = Line("pipe", 1, 2.2, 0.06, 0.055, 6, 0.0)  # compressed air or water, 4 inches
+CABLE = Line("cable", -1, 2.35, 0.05, 0.03, 4, 0.12)
+DUCT_RADIUS_M, DUCT_SIDES, DUCT_GAP_M = 0.3, 8, 0.12
+HANGERS_M = 3.0  # between the hooks of a cable or a duct
+
+
+def hang_furniture(params: FurnitureParams, network: DriftNetwork, rough: Bundle, height_m: float) -> Bundle:
+    """Return the furniture's meshes by name as `.msh`, m, mine frame; nothing of it collides.
+
+    All of it is fixed to the visible rock, and above all robots: bolts above `FURNITURE_ABOVE_M`, pipe, cable and duct
+    above `LINES_ABOVE_M`.
+
+    Parameters
+    ----------
+    params : FurnitureParams
+    network : DriftNetwork
+        Bolts, pipe and cable follow its legs, the duct its main drift.
+    rough : dict of bytes
+        The chunks of the visible rock as `.msh`.
+    height_m : float
+        From the floor to the roof.
+
+    Raises
+    ------
+    InputError
+        If the workings are too low.
+    """
+    if height_m < _LEAST_HEIGHT_M:
+        raise InputError(f"realism.furnish: workings of {height_m:g} m are too low, want {_LEAST_HEIGHT_M:g} m or more")
+    meshes = [decode_msh(data) for data in rough.values()]
+    rock = RayCaster(np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes]).astype(np.float64))
+    parts: list[tuple[str, np.ndarray, np.ndarray]] = []
+    for leg in network.legs:
+        line, half = np.array(leg.stations_m), float(np.median(leg.half_width_m))
+        parts += _bolts(params, rock, line, half)
+        for kind in (PIPE, CABLE):
+            parts += _along_rib(kind, rock, line, half)
+    if params.duct:
+        parts += _duct(rock, np.array(network.main_drift_m), params.duct_side_m)
+    return _merged(parts)
+
+
+def _frames(line: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return places (n, 2) m along a line and the unit vectors (n, 2) to its left."""
+    _, places = resample(line, spacing_m)
+    ahead = np.gradient(places, axis=0) if len(places) > 2 else np.diff(places, axis=0).repeat(2, axis=0)
+    ahead = ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
+    return places, np.column_stack([-ahead[:, 1], ahead[:, 0]])
+
+
+def _bolts(
+    params: FurnitureParams, rock: RayCaster, line: np.ndarray, half_m: float
+) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Yield rings of bolts, each ring turned by half a bolt against the one before."""
+    if arc_length(line)[-1] < _SHORTEST_M:
+        return
+    places, left = _frames(line, params.bolt_spacing_m)
+    spread = np.radians(np.linspace(-params.bolt_spread_deg, params.bolt_spread_deg, params.bolts))
+    stagger = (spread[1] - spread[0]) / 4 if len(spread) > 1 else 0.0
+    for number, (place, side) in enumerate(zip(places, left, strict=True)):
+        angle = spread + (stagger if number % 2 else -stagger)
+        rays = np.column_stack([np.sin(angle)[:, None] * side, np.cos(angle)])
+        eye = np.array([*place, _EYE_M])
+        reach = rock.cast(np.tile(eye, (len(rays), 1)), rays)
+        for ray, distance in zip(rays, reach, strict=True):
+            if distance < half_m + _REACH_M:
+                yield "bolts", *_bolt(eye + ray * distance, -ray, params.plate_m)
+
+
+def _bolt(foot: np.ndarray, out: np.ndarray, plate_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return a plate, a low pyramid, with the bolt's end, a steep one, as vertices (9, 3) m and faces (7, 3)."""
+    across = np.cross(out, [0.0, 0.0, 1.0] if abs(out[2]) < 0.9 else [1.0, 0.0, 0.0])
+    across /= np.linalg.norm(across)
+    along = np.cross(out, across)
+    square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / 2
+    ring = square[:, :1] * across + square[:, 1:] * along
+    base = foot + 0.05 * out
+    end = base + 0.05 * np.array([across, along - across, -along])
+    points = np.vstack([base + plate_m * ring, base + 0.035 * out, end, base + 0.14 * out])
+    faces = np.array([[k, (k + 1) % 4, 4] for k in range(4)] + [[5 + k, 5 + (k + 1) % 3, 8] for k in range(3)])
+    one, two, three = points[faces[0]]
+    turned = np.dot(np.cross(two - one, three - one), out) < 0  # seen from the rock
+    return points, faces[:, ::-1] if turned else faces
+
+
+def _along_rib(
+    kind: Line, rock: RayCaster, line: np.ndarray, half_m: float
+) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Yield tubes along a rib; a tube ends where the rib opens."""
+    if arc_length(line)[-1] < _SHORTEST_M:
+        return
+    places, left = _frames(line, _STEP_M)
+    outwards = kind.side * left
+    origin = np.column_stack([places, np.full(len(places), kind.height_m)])
+    distance = rock.cast(origin, np.column_stack([outwards, np.zeros(len(places))]))
+    closed = distance < half_m + _TOWARDS_RIB_M
+    window = 2 * round(_ALIKE_M / _STEP_M) + 1
+    for part in _runs(closed, round(_SHORTEST_M / _STEP_M)):
+        offset = gaussian_filter1d(minimum_filter1d(distance[part], window), 1.0)
+        offset = np.clip(offset, distance[part] - _OFF_RIB_M, distance[part]) - kind.gap_m - kind.radius_m
+        middle = origin[part].copy()
+        middle[:, :2] += offset[:, None] * outwards[part]
+        middle[:, 2] -= _sag(len(middle), kind.sag_m)
+        yield kind.kind, *_tube(middle, kind.radius_m, kind.sides)
+
+
+def _duct(rock: RayCaster, line: np.ndarray, side: float) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Yield a duct under the roof of the main drift, `side` m left of its middle."""
+    places, left = _frames(line, _STEP_M)
+    places = places + side * left
+    origin = np.column_stack([places, np.full(len(places), _EYE_M)])
+    roof = _EYE_M + rock.cast(origin, np.tile([0.0, 0.0, 1.0], (len(origin), 1)))
+    sideways = np.column_stack([np.sign(side or 1.0) * left, np.zeros(len(left))])
+    low = LINES_ABOVE_M + DUCT_RADIUS_M + 0.1
+    aside = np.column_stack([places, np.full(len(places), low)])
+    room = rock.cast(aside, sideways) > DUCT_RADIUS_M
+    lowest = minimum_filter1d(np.where(np.isfinite(roof), roof, 0.0), 5) - DUCT_GAP_M - DUCT_RADIUS_M
+    for part in _runs((lowest > low) & room, round(_SHORTEST_M / _STEP_M)):
+        middle = np.column_stack([places[part], gaussian_filter1d(lowest[part], 3.0)])
+        middle[:, 2] = np.maximum(middle[:, 2] - _sag(len(middle), 0.04), low)
+        yield "duct", *_tube(middle, DUCT_RADIUS_M, DUCT_SIDES)
+
+
+def _sag(count: int, sag_m: float) -> np.ndarray:
+    """Return how much points of a line hang below its hooks."""
+    share = np.arange(count) * _STEP_M / HANGERS_M % 1.0
+    return 4 * sag_m * share * (1 - share)
+
+
+def _runs(closed: np.ndarray, least: int) -> list[slice]:
+    """Return the runs of true values that have at least so many."""
+    edge = np.flatnonzero(np.diff(np.concatenate([[0], closed.astype(int), [0]])))
+    return [slice(start, end) for start, end in edge.reshape(-1, 2).tolist() if end - start >= least]
+
+
+def _tube(middle: np.ndarray, radius_m: float, sides: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a tube along points (n, 3) m as vertices and faces; its ends are open."""
+    ahead = np.gradient(middle, axis=0)
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
+    across = np.cross(ahead, [0.0, 0.0, 1.0])
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+    above = np.cross(across, ahead)
+    angle = 2 * np.pi * np.arange(sides) / sides
+    ring = np.cos(angle)[:, None] * across[:, None] + np.sin(angle)[:, None] * above[:, None]
+    vertices = (middle[:, None] + radius_m * ring).reshape(-1, 3)
+    start = sides * np.arange(len(middle) - 1)[:, None]
+    k, after = np.arange(sides), (np.arange(sides) + 1) % sides
+    quads = np.stack([start + k, start + after, start + sides + after, start + sides + k], axis=-1).reshape(-1, 4)
+    return vertices, np.concatenate([quads[:, [0, 2, 1]], quads[:, [0, 3, 2]]])
+
+
+def _merged(parts: list[tuple[str, np.ndarray, np.ndarray]]) -> Bundle:
+    """Return one mesh for each kind and tile of the plan."""
+    corner = np.min([vertices[:, :2].min(axis=0) for _, vertices, _ in parts], axis=0) if parts else np.zeros(2)
+    groups: dict[str, list[np.ndarray]] = {}
+    for kind, vertices, faces in parts:
+        if vertices[:, 2].min() < (FURNITURE_ABOVE_M if kind == "bolts" else LINES_ABOVE_M):
+            continue
+        tiles = np.floor((vertices[faces].mean(axis=1)[:, :2] - corner) / _TILE_M).astype(int)
+        for col, row in np.unique(tiles, axis=0).tolist():
+            of_tile = faces[(tiles == [col, row]).all(axis=1)]
+            groups.setdefault(furniture_mesh(kind, col, row), []).append(vertices[of_tile])
+    return {name: _encode(np.concatenate(triangles)) for name, triangles in sorted(groups.items())}
+
+
+def _encode(triangles: np.ndarray) -> bytes:
+    points, index = np.unique(triangles.reshape(-1, 3).round(4), axis=0, return_inverse=True)
+    mesh = TriangleMesh(points, index.reshape(-1, 3), np.zeros((0, 2)), np.zeros((0, 3)))
+    return encode_msh(mesh)

@@ -1,0 +1,1 @@
+"""Surveys in three dimensions: solved by Survex, or read from its result."""

@@ -1,0 +1,123 @@
+"""Solve a survey with Survex's `cavern`."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from pipeline.errors import InputError
+from pipeline.params.reader_limits import FILE
+from pipeline.survey.child import one_line
+from pipeline.survey.child_limits import die_with_parent
+from pipeline.survey.solved.model import SolvedSurvey
+from pipeline.survey.solved.survex_3d import read_3d
+
+INSTALL = "install Survex (Debian: survex; `make setup` does)"
+_MESSAGE_BYTES = 1_000_000
+_ERROR = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: (?:fatal )?error: (.*)$")
+Origin = Callable[[int], tuple[Path, int]]  # a line of a generated file -> the file and line that it comes from
+
+
+def has_cavern() -> bool:
+    """Return whether Survex is installed."""
+    return shutil.which("cavern") is not None
+
+
+def require_cavern(path: Path) -> str:
+    """Return the path of `cavern`.
+
+    Raises
+    ------
+    InputError
+        If Survex is not installed.
+    """
+    program = shutil.which("cavern")
+    if program is None:
+        raise InputError(f"{path}: needs Survex to be solved, and `cavern` is not installed; {INSTALL}")
+    return program
+
+
+def solve(path: Path, text: str | None = None, origin: Origin | None = None) -> SolvedSurvey:
+    """Solve a project whose files were checked by `project_files`.
+
+    `cavern` runs as a child of this process, inherits its limits on memory, processor time and file size, and ends with
+    it. It writes into a temporary folder only.
+
+    Parameters
+    ----------
+    path : Path
+        The main file: `.svx`, `.dat` or `.mak`. Errors name it.
+    text : str, optional
+        Survex data to solve in place of the file's content.
+    origin : callable, optional
+        Maps a line of `text` to the file and line that it was made from.
+
+    Raises
+    ------
+    InputError
+        If Survex is not installed, refuses the project, or writes no result. Its first error is given with file and
+        line.
+
+    References
+    ----------
+    Survex manual, "cavern".
+    """
+    program = require_cavern(path)
+    with tempfile.TemporaryDirectory(prefix="minexplore-") as name:
+        folder = Path(name)
+        source = path.absolute()  # Survex looks for included files beside it
+        if text is not None:
+            source = folder / "made.svx"
+            source.write_text(text, encoding="utf-8")
+        status, output = _run([program, "-q", "-s", "-o", str(folder / "solved.3d"), str(source)])
+        result = folder / "solved.3d"
+        if status != 0 or not result.is_file():
+            raise InputError(_problem(path, source, status, output, origin))
+        try:
+            survey = read_3d(result)
+            return survey if text is None else replace(survey, title=path.stem)
+        except InputError as error:
+            raise InputError(str(error).replace(str(result), f"{path}: the result of cavern")) from error
+
+
+def _run(command: list[str]) -> tuple[int, str]:
+    """Run `cavern`; return its exit status and what it prints, at most 1 MB."""
+    parent = os.getpid()
+    environment = {"PATH": os.environ.get("PATH", os.defpath), "LC_ALL": "C.UTF-8", "PROJ_NETWORK": "OFF"}
+    with subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        env=environment,
+        preexec_fn=lambda: die_with_parent(parent),
+    ) as process:
+        assert process.stdout is not None
+        data = process.stdout.read(_MESSAGE_BYTES)
+        if len(data) == _MESSAGE_BYTES:
+            process.kill()
+    return process.returncode, data.decode("utf-8", "replace")
+
+
+def _problem(path: Path, source: Path, status: int, output: str, origin: Origin | None) -> str:
+    for line in output.splitlines():
+        found = _ERROR.match(line)
+        if found is None:
+            continue
+        file, number = Path(found[1]), int(found[2])
+        if origin is not None and file == source:
+            file, number = origin(number)
+        elif file.is_relative_to(source.parent):
+            file = path.parent / file.relative_to(source.parent)
+        return f"{file}:{number}: {one_line(found[3], 300)} (Survex)"
+    if status < 0:
+        return f"{path}: Survex ended by signal {-status}; the survey needs more than a limit in {FILE}"
+    errors = [line.partition("error: ")[2] for line in output.splitlines() if "error: " in line]
+    last = errors[:1] or [line for line in output.splitlines() if line.strip()][-1:] or ["no message"]
+    return f"{path}: Survex cannot solve it: {one_line(last[0], 300)}"

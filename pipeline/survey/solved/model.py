@@ -1,0 +1,136 @@
+"""A solved survey: the positions of its stations, the legs between them, and the passages' cross-sections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
+from typing import Any
+
+import numpy as np
+
+from pipeline.survey.child import Payload
+
+
+class StationFlag(IntFlag):
+    """What a file says about a station."""
+
+    SURFACE = 0x01
+    UNDERGROUND = 0x02
+    ENTRANCE = 0x04
+    EXPORTED = 0x08
+    FIXED = 0x10
+    ANONYMOUS = 0x20
+    WALL = 0x40
+
+
+class LegFlag(IntFlag):
+    """What a file says about a leg. Legs without a flag are the survey's underground centreline."""
+
+    SURFACE = 0x01
+    DUPLICATE = 0x02
+    SPLAY = 0x04
+
+
+class LegStyle(IntEnum):
+    """How a leg was measured."""
+
+    NORMAL = 0
+    DIVING = 1
+    CARTESIAN = 2
+    CYLPOLAR = 3
+    NOSURVEY = 4
+    UNKNOWN = 255
+
+
+@dataclass(frozen=True)
+class Passage:
+    """Cross-sections in a row: station indices (k,); distances left, right, up, down (k, 4) m, nan if unknown."""
+
+    stations: np.ndarray
+    lrud_m: np.ndarray
+
+
+@dataclass(frozen=True)
+class SolvedSurvey:
+    """A survey whose loops are closed.
+
+    Attributes
+    ----------
+    names : tuple of n str
+        Station names with their surveys, `survey.station`; anonymous stations have an empty name.
+    positions_m : (n, 3) float64, m
+        East, north and up in the survey's own frame (`crs`).
+    station_flags : (n,) uint8
+        Bits of `StationFlag`.
+    legs : (m, 2) int64
+        Stations at the start and the end of each leg.
+    leg_flags, leg_styles : (m,) uint8
+        Bits of `LegFlag`; values of `LegStyle`.
+    passages : tuple of Passage
+    title : str
+    crs : str or None
+        The coordinate system as PROJ names it.
+    date : str
+        When the file was made, as it states it.
+    """
+
+    names: tuple[str, ...]
+    positions_m: np.ndarray
+    station_flags: np.ndarray
+    legs: np.ndarray
+    leg_flags: np.ndarray
+    leg_styles: np.ndarray
+    passages: tuple[Passage, ...] = ()
+    title: str = ""
+    crs: str | None = None
+    date: str = ""
+
+    def centreline(self) -> np.ndarray:
+        """Return the indices of the legs along the passages: underground, neither duplicate nor splay."""
+        return np.flatnonzero(self.leg_flags == 0)
+
+    def position_of(self) -> dict[str, np.ndarray]:
+        """Return the position (3,) m of every named station."""
+        return {name: self.positions_m[i] for i, name in enumerate(self.names) if name}
+
+
+def to_payload(survey: SolvedSurvey) -> Payload:
+    """Return plain values and arrays, which a process can hand back."""
+    values = {"names": list(survey.names), "title": survey.title, "crs": survey.crs, "date": survey.date}
+    counts = np.array([len(passage.stations) for passage in survey.passages], np.int64)
+    arrays = {
+        "positions_m": survey.positions_m,
+        "station_flags": survey.station_flags,
+        "legs": survey.legs,
+        "leg_flags": survey.leg_flags,
+        "leg_styles": survey.leg_styles,
+        "passage_counts": counts,
+        "passage_stations": _joined([passage.stations for passage in survey.passages], np.int64, 0),
+        "passage_lrud_m": _joined([passage.lrud_m for passage in survey.passages], np.float64, 4),
+    }
+    return Payload(values, arrays)
+
+
+def from_payload(payload: Payload) -> SolvedSurvey:
+    """Return the survey of a payload that `to_payload` made."""
+    values: dict[str, Any] = payload.values
+    arrays = payload.arrays
+    ends = np.cumsum(arrays["passage_counts"])[:-1]
+    parts = zip(np.split(arrays["passage_stations"], ends), np.split(arrays["passage_lrud_m"], ends), strict=True)
+    return SolvedSurvey(
+        tuple(values["names"]),
+        arrays["positions_m"],
+        arrays["station_flags"],
+        arrays["legs"],
+        arrays["leg_flags"],
+        arrays["leg_styles"],
+        tuple(Passage(stations, lrud) for stations, lrud in parts) if len(arrays["passage_counts"]) else (),
+        values["title"],
+        values["crs"],
+        values["date"],
+    )
+
+
+def _joined(parts: list[np.ndarray], dtype: type, columns: int) -> np.ndarray:
+    empty: np.ndarray = np.zeros((0, columns) if columns else 0, dtype)
+    return np.concatenate([empty, *parts]).astype(dtype)

@@ -1,0 +1,328 @@
+"""The visible floor and furniture: seen, never touched, and refused where they would stand in the drift."""
+
+import hashlib
+import json
+
+import mujoco
+import numpy as np
+import pytest
+import shapely
+
+from minexplore.bundle import (
+    COVER_M,
+    FITTINGS_BODY,
+    FURNITURE,
+    LINES_ABOVE_M,
+    BundleError,
+    TriangleMesh,
+    decode_msh,
+    encode_msh,
+    is_cover,
+    is_fitting,
+    world_sha256,
+)
+from minexplore.lidar import Lidar, surface_meshes
+from minexplore.local_models import LocalModels
+from minexplore.render import far_hidden
+from minexplore.robot import RobotParams
+from minexplore.schema import check_files, hash_files, read_folder
+from minexplore.task import TaskParams
+from minexplore.world import load_world
+from pipeline.compose import compose
+from pipeline.errors import ArtifactError, InputError, ParamsError
+from pipeline.mjcf.bundle import obstacles, open_bundle
+from pipeline.mjcf.floor_cover import cover_floor
+from pipeline.mjcf.furniture import hang_furniture
+from pipeline.params.config import Config
+from pipeline.proof.built import require_built
+from pipeline.proof.fittings import face_samples
+from tests.mines import BuiltMine
+
+DRIFT = shapely.union_all([shapely.box(0, 0, 36, 5), shapely.box(14, 5, 19, 16)])
+FITTED = [
+    "rock=andesite",
+    "look=wet",
+    "fittings=drift",
+    "realism.furnish=full",
+    "surface.texture.size_px=64",
+    "surface.rough.spacing_m=0.3",
+    "surface.rough.roof_spacing_m=0.4",
+    "surface.rough.kept_share=null",
+    "realism.preview_width_px=64",
+]
+
+
+@pytest.fixture(scope="module")
+def fitted_config() -> Config:
+    return compose(FITTED)
+
+
+@pytest.fixture(scope="module")
+def fitted(fitted_config: Config, tmp_path_factory) -> BuiltMine:
+    return BuiltMine(DRIFT, fitted_config, tmp_path_factory.mktemp("fitted") / "world")
+
+
+@pytest.fixture(scope="module")
+def files(fitted: BuiltMine) -> dict[str, bytes]:
+    return read_folder(fitted.bundle)
+
+
+def fittings(files) -> dict[str, TriangleMesh]:
+    names = {name.removeprefix("meshes/").removesuffix(".msh"): name for name in files if name.startswith("meshes/")}
+    return {stem: decode_msh(files[name]) for stem, name in names.items() if is_fitting(stem)}
+
+
+def sealed(files: dict[str, bytes]) -> dict[str, bytes]:
+    record = json.loads(files["world.json"])
+    record["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in files.items() if name != "world.json"}
+    record["world_sha256"] = world_sha256(record)
+    return {**files, "world.json": json.dumps(record).encode()}
+
+
+def refusal(files: dict[str, bytes]) -> str:
+    changed = sealed(files)
+    with pytest.raises(BundleError) as caught:
+        check_files("w", changed, hash_files(changed))
+    return str(caught.value)
+
+
+def moved(data: bytes, by_m) -> bytes:
+    mesh = decode_msh(data)
+    return encode_msh(
+        TriangleMesh(mesh.vertices + np.array(by_m, np.float32), mesh.faces, mesh.texcoords, mesh.normals)
+    )
+
+
+def test_a_fitted_world_is_what_the_builder_makes_of_its_own_parts(fitted: BuiltMine, fitted_config: Config):
+    world = open_bundle(fitted.bundle)
+    assert world.warnings == 0
+    require_built(fitted.bundle, world.record, fitted_config.validation)
+
+
+def test_every_kind_of_fitting_is_there_and_none_collides(fitted: BuiltMine, files):
+    kinds = {name.partition("_")[0] for name in fittings(files)}
+    assert kinds == {"cover", *FURNITURE}
+    model = open_bundle(fitted.bundle).model
+    of_body = model.geom_bodyid == model.body(FITTINGS_BODY).id
+    assert of_body.sum() > len(kinds)
+    assert not (model.geom_contype | model.geom_conaffinity)[of_body].any()
+
+
+def test_the_visible_floor_covers_the_drift_just_above_the_flat_floor(fitted: BuiltMine, files):
+    covers = [mesh for name, mesh in fittings(files).items() if is_cover(name)]
+    heights = np.concatenate([mesh.vertices[:, 2] for mesh in covers])
+    assert 0 < heights.min() < 0.01
+    assert 0.03 < heights.max() <= COVER_M
+    shapes = [shapely.Polygon(t[:, :2]) for mesh in covers for t in mesh.vertices[mesh.faces]]
+    assert fitted.free_space.polygon.difference(shapely.union_all(shapes).buffer(1e-3)).area < 0.01
+
+
+def test_ruts_lie_lower_than_the_floor_between_them(fitted: BuiltMine, fitted_config: Config):
+    params = fitted_config.realism.floor
+    straight = shapely.box(0, 0, 60, 5)
+    line = fitted.network.legs[0]
+    network = type(fitted.network)(
+        **{
+            **vars(fitted.network),
+            "legs": [type(line)("a", "x", "y", 60.0, [0.0, 60.0], [(0.0, 2.5), (60.0, 2.5)], [2.5, 2.5])],
+        }
+    )
+    zone = open_bundle(fitted.bundle).record.zones[:1]
+    meshes = cover_floor(params.model_copy(update={"puddles": []}), straight, network, zone)
+    vertices = np.concatenate([mesh.vertices for mesh in meshes.values()])
+    aside = np.abs(vertices[:, 1] - 2.5)
+    rut = np.abs(aside - params.gauge_m / 2) < 0.08
+    assert vertices[rut, 2].mean() < vertices[aside < 0.3, 2].mean() - 0.008
+    assert vertices[aside > 2.3, 2].mean() > vertices[aside < 0.3, 2].mean() + 0.02
+
+
+def test_furniture_hangs_above_robots_and_in_front_of_the_rock(fitted: BuiltMine, files):
+    robot = RobotParams()
+    top_m = robot.sensor_height_m + robot.scanner_height_m / 2
+    free = fitted.free_space.polygon
+    for name, mesh in fittings(files).items():
+        if not is_cover(name):
+            assert mesh.vertices[:, 2].min() > top_m + 0.3
+            if not name.startswith("bolts"):
+                assert mesh.vertices[:, 2].min() >= LINES_ABOVE_M
+            assert free.buffer(0.6).contains(shapely.MultiPoint(mesh.vertices[:, :2]))
+
+
+def test_lidar_sees_furniture_and_ends_on_the_flat_floor(fitted: BuiltMine):
+    meshes = surface_meshes(load_world(fitted.bundle))
+    assert any("duct" in name for name in meshes)
+    assert not any("cover" in name for name in meshes)
+    bare = {name: mesh for name, mesh in meshes.items() if name.startswith("surface_")}
+    duct = next(mesh for name, mesh in meshes.items() if "duct" in name)
+    below = np.array([[*duct[0][:, :2].mean(axis=0), 0.5]])
+    up, down = np.array([[[0.0, 0, 1.0]]]), np.array([[[0.0, 0, -1.0]]])
+    centre = duct[0].mean(axis=0)
+    nearest = duct[0][np.linalg.norm(duct[0] - centre, axis=1).argmin()]
+    below = np.array([[nearest[0], nearest[1], 0.5]])
+    with_duct, without = (Lidar(m, 10.0).cast(below, up)[0, 0] for m in (meshes, bare))
+    assert with_duct < without - 0.1
+    assert Lidar(meshes, 10.0).cast(below, down)[0, 0] == pytest.approx(0.5)
+
+
+def test_models_that_robots_are_stepped_in_hold_no_fitting(fitted: BuiltMine):
+    model = LocalModels(load_world(fitted.bundle), TaskParams(), RobotParams()).model((5, 1))
+    assert not [model.geom(g).name for g in range(model.ngeom) if model.geom(g).name.startswith(("fitting", "puddle"))]
+
+
+def test_fittings_are_no_obstacles_of_the_certificate(fitted: BuiltMine):
+    world = open_bundle(fitted.bundle)
+    free = fitted.free_space.polygon
+    found = obstacles(world.model, world.record.height_m)
+    assert len(found) == world.record.collision_parts
+    assert max(shapely.MultiPoint(part[:, :2]).convex_hull.intersection(free).area for part in found) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('name="fitting_duct', 'contype="1" name="fitting_duct', "@contype: '1' is not allowed"),
+        ('name="fitting_duct', 'group="0" name="fitting_duct', "@group: '0' is not allowed"),
+        ('name="fitting_duct', 'pos="0 0 -1" name="fitting_duct', "@pos: '0 0 -1'"),
+        ('<geom name="fitting_duct', '<geom name="fitting_panel', "<geom> is not allowed"),
+        ('name="puddle_water"', 'name="puddle_water" conaffinity="1"', "@conaffinity: '1' is not allowed"),
+        ('type="plane"', 'type="box"', "@type: 'box', want 'plane'"),
+        ('name="puddle_mud"', 'name="puddle_lava"', "want a plane in the hollows of every zone"),
+        ('reflectance="0.35"', 'reflectance="0.9"', "material[water]@reflectance"),
+        ('material="fitting_duct"', 'material="fitting_pipe"', "and material 'fitting_duct'"),
+        ('material="water"', 'material="trodden_dry"', "geom[puddle_water]@material"),
+    ],
+)
+def test_a_fitting_that_the_builder_does_not_write_is_refused(files, old, new, message):
+    text = files["mine.xml"].decode()
+    assert old in text
+    assert message in refusal({**files, "mine.xml": text.replace(old, new, 1).encode()})
+
+
+def test_water_high_above_the_floor_is_refused(files):
+    text = files["mine.xml"].decode()
+    assert ' 0.018"' in text
+    assert "one level between 0 and 0.1 m" in refusal({**files, "mine.xml": text.replace(' 0.018"', ' 0.3"').encode()})
+
+
+def test_a_visible_floor_of_a_plain_world_is_refused(files):
+    record = {k: v for k, v in json.loads(files["world.json"]).items() if k != "look"}
+    changed = sealed({**files, "world.json": json.dumps(record).encode()})
+    with pytest.raises(BundleError):
+        check_files("w", changed, hash_files(changed))
+
+
+def test_a_floor_that_is_lifted_or_furniture_that_is_lowered_is_refused(files):
+    cover = next(name for name in files if name.startswith("meshes/cover"))
+    assert "want 0 to 0.1 m" in refusal({**files, cover: moved(files[cover], [0, 0, 0.2])})
+    bolts = next(name for name in files if name.startswith("meshes/bolts"))
+    assert "want 1 m or more" in refusal({**files, bolts: moved(files[bolts], [0, 0, -1.0])})
+    pipe = next(name for name in files if name.startswith("meshes/pipe"))
+    assert "want 2 m or more" in refusal({**files, pipe: moved(files[pipe], [0, 0, -0.5])})
+
+
+def rewritten(fitted: BuiltMine, files, tmp_path, name: str, data: bytes):
+    """Write the world with one other file, sealed, and return its folder and record."""
+    folder = tmp_path / "w"
+    for file, content in sealed({**files, name: data}).items():
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        (folder / file).write_bytes(content)
+    return folder, open_bundle(folder).record
+
+
+@pytest.mark.parametrize(
+    ("corners", "message"),
+    [
+        ([[8, 0.2, 1.2], [8, 4.8, 1.2], [8, 4.8, 1.9], [8, 0.2, 1.9]], "more than 0.8 m from a rib"),
+        ([[8, 2.0, 2.0], [8, 3.0, 2.0], [8, 3.0, 2.05], [8, 2.0, 2.05]], "from the workings' surface"),
+        ([[8, -3.0, 2.5], [8, -2.0, 2.5], [8, -2.0, 3.0], [8, -3.0, 3.0]], "outside the workings"),
+    ],
+    ids=["a panel across the drift", "a panel in the middle", "a panel in the rock"],
+)
+def test_furniture_away_from_ribs_and_roof_is_refused(fitted, fitted_config, files, tmp_path, corners, message):
+    bolts = next(name for name in files if name.startswith("meshes/bolts"))
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    panel = encode_msh(TriangleMesh(np.array(corners, float), faces, np.zeros((0, 2)), np.zeros((0, 3))))
+    folder, record = rewritten(fitted, files, tmp_path, bolts, panel)
+    with pytest.raises(ArtifactError, match=message):
+        require_built(folder, record, fitted_config.validation)
+
+
+def test_a_visible_floor_that_faces_down_is_refused(fitted, fitted_config, files, tmp_path):
+    cover = next(name for name in files if name.startswith("meshes/cover"))
+    mesh = decode_msh(files[cover])
+    turned = encode_msh(TriangleMesh(mesh.vertices, mesh.faces[:, ::-1], mesh.texcoords, mesh.normals))
+    folder, record = rewritten(fitted, files, tmp_path, cover, turned)
+    with pytest.raises(ArtifactError, match="does not face up"):
+        require_built(folder, record, fitted_config.validation)
+
+
+def test_samples_of_a_face_leave_no_gap_and_stay_on_it():
+    triangle = np.array([[[0.0, 0, 0], [3.0, 0, 0], [0, 2.0, 1.0]]])
+    points = face_samples(triangle, 0.25)
+    dense = face_samples(triangle, 0.02)
+    apart = np.linalg.norm(dense[:, None] - points[None], axis=2).min(axis=1)
+    assert apart.max() < 0.25
+    assert np.abs(points[:, 2] - points[:, 1] / 2).max() < 1e-12
+
+
+def test_workings_that_are_too_low_for_furniture_are_refused(fitted: BuiltMine, fitted_config: Config):
+    with pytest.raises(InputError, match="too low"):
+        hang_furniture(fitted_config.realism.furniture["full"], fitted.network, {}, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["fittings=drift"], "need a look other than"),
+        (["look=dry", "realism.furnish=light"], "needs realism.furniture.light"),
+        (["look=dry", "fittings=drift", "realism.floor.puddles=[lava]"], "no zone 'lava'"),
+    ],
+)
+def test_fittings_without_what_they_need_are_refused(overrides, message):
+    with pytest.raises(ParamsError, match=message):
+        compose(overrides)
+
+
+def test_the_same_parameters_give_the_same_fittings(fitted: BuiltMine, fitted_config: Config):
+    params, record = fitted_config.realism, open_bundle(fitted.bundle).record
+    one, two = (cover_floor(params.floor, fitted.free_space.polygon, fitted.network, record.zones) for _ in range(2))
+    assert all((one[name].vertices == two[name].vertices).all() for name in one)
+    rough = fitted.surface["rough"]
+    hung = [hang_furniture(params.furniture["full"], fitted.network, rough, 3.5) for _ in range(2)]
+    assert hung[0] == hung[1]
+
+
+def test_a_step_of_a_fitted_world_finds_no_contact_with_fittings(fitted: BuiltMine):
+    world = load_world(fitted.bundle)
+    spec = world.spec()
+    ball = spec.worldbody.add_body(name="ball", pos=(world.T_world_mine @ [5.0, 2.5, 3.0, 1.0])[:3])
+    ball.add_freejoint()
+    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.1, 0, 0])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    touched = set()
+    for _ in range(1500):
+        mujoco.mj_step(model, data)
+        touched |= {model.geom(int(g)).name for g in data.contact.geom.ravel()}
+    assert touched - {""} == {"floor_dry"}
+
+
+def test_water_is_drawn_wherever_its_zone_is(fitted: BuiltMine):
+    model = open_bundle(fitted.bundle).model
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    before = model.geom_group.copy()
+    with far_hidden(model, data, np.array([1000.0, 0.0, 0.0])):
+        assert planes.sum() == 3
+        assert (model.geom_group[planes] == before[planes]).all()
+        assert (model.geom_group[~planes] != before[~planes]).any()
+
+
+def test_workings_that_are_far_apart_get_a_coarser_floor(fitted: BuiltMine, fitted_config: Config, capsys):
+    far = shapely.box(0, 0, 3000, 4).union(shapely.box(2996, 0, 3000, 900))
+    zone = open_bundle(fitted.bundle).record.zones[:1]
+    params = fitted_config.realism.floor.model_copy(update={"puddles": []})
+    meshes = cover_floor(params, far, fitted.network, zone)
+    assert "0.58 m apart instead of 0.2 m" in capsys.readouterr().out
+    assert sum(len(mesh.faces) for mesh in meshes.values()) > 100

@@ -1,0 +1,169 @@
+"""Worlds with a look: what they hold, what is refused, and that nothing a robot touches changes."""
+
+import hashlib
+import json
+
+import mujoco
+import numpy as np
+import pytest
+import shapely
+
+from minexplore.bundle import BundleError, GeomGroup, world_sha256
+from minexplore.coverage import CoverageGrid
+from minexplore.looks import CUT_MATERIAL, LOOKS, add_headlamp, cover_rgba, has_haze
+from minexplore.render import Renderer, far_hidden
+from minexplore.robot import RobotParams, free_joint_qpos
+from minexplore.schema import check_files, hash_files, read_folder
+from minexplore.world import load_world
+from pipeline.compose import compose
+from pipeline.mjcf.bundle import open_bundle
+from pipeline.mjcf.render import render_camera
+from pipeline.params.config import Config
+from pipeline.proof.built import require_built
+from tests.mines import BuiltMine
+
+DRIFT = shapely.union_all([shapely.box(0, 0, 30, 5), shapely.box(12, 5, 17, 14)])
+COARSE = [
+    "rock=andesite",
+    "surface.rough.spacing_m=0.3",
+    "surface.rough.roof_spacing_m=0.4",
+    "surface.rough.kept_share=null",
+    "realism.preview_width_px=64",
+]
+LOOKING = [*COARSE, "look=wet", "surface.texture.size_px=128"]
+
+
+@pytest.fixture(scope="module")
+def looking() -> Config:
+    return compose(LOOKING)
+
+
+@pytest.fixture(scope="module")
+def wet(looking: Config, tmp_path_factory) -> BuiltMine:
+    return BuiltMine(DRIFT, looking, tmp_path_factory.mktemp("wet") / "world")
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory) -> BuiltMine:
+    return BuiltMine(DRIFT, compose(COARSE), tmp_path_factory.mktemp("plain") / "world")
+
+
+def sealed(files: dict[str, bytes], **fields) -> dict[str, bytes]:
+    """Return the files with changed fields of the record and the hashes that belong to them."""
+    record = {**json.loads(files["world.json"]), **fields}
+    record["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in files.items() if name != "world.json"}
+    record["world_sha256"] = world_sha256(record)
+    return {**files, "world.json": json.dumps(record).encode()}
+
+
+def refusal(files: dict[str, bytes], **fields) -> str:
+    """Return the message with which a sealed world is refused by the tables."""
+    changed = sealed(files, **fields)
+    with pytest.raises(BundleError) as caught:
+        check_files("w", changed, hash_files(changed))
+    return str(caught.value)
+
+
+def test_a_world_with_a_look_is_what_the_builder_makes_of_its_own_parts(wet: BuiltMine, looking: Config):
+    world = open_bundle(wet.bundle)
+    assert world.warnings == 0
+    require_built(wet.bundle, world.record, looking.validation)
+
+
+def test_a_plain_world_does_not_state_its_look(plain: BuiltMine, wet: BuiltMine):
+    assert "look" not in json.loads((plain.bundle / "world.json").read_text())
+    assert json.loads((wet.bundle / "world.json").read_text())["look"] == "wet"
+
+
+def test_a_look_changes_no_geom_that_can_be_touched(plain: BuiltMine, wet: BuiltMine):
+    one, two = (open_bundle(mine.bundle).model for mine in (plain, wet))
+    touched = [np.flatnonzero(m.geom_contype | m.geom_conaffinity) for m in (one, two)]
+    for field in ("geom_type", "geom_pos", "geom_size", "geom_friction", "geom_group", "geom_priority"):
+        assert (getattr(one, field)[touched[0]] == getattr(two, field)[touched[1]]).all(), field
+
+
+@pytest.mark.parametrize(
+    ("look", "message"),
+    [
+        ("dry", "headlight@ambient"),
+        ("plain", "look = 'plain'"),
+        ("rainy", "look = 'rainy'"),
+        (["wet"], "look = ['wet']"),
+    ],
+)
+def test_a_look_that_the_model_does_not_have_is_refused(wet: BuiltMine, look, message):
+    assert message in refusal(read_folder(wet.bundle), look=look)
+
+
+def test_haze_or_a_cut_material_without_a_look_is_refused(plain: BuiltMine):
+    files = read_folder(plain.bundle)
+    haze = files["mine.xml"].replace(b'znear="', b'fogstart="0.6" znear="', 1)
+    assert "visual/map@fogstart" in refusal({**files, "mine.xml": haze})
+    cut = files["mine.xml"].replace(b'group="3" material="rock"', f'group="3" material="{CUT_MATERIAL}"'.encode(), 1)
+    assert "default[rock]/geom@material" in refusal({**files, "mine.xml": cut})
+
+
+def test_haze_dims_what_is_far_and_leaves_what_is_near(wet: BuiltMine):
+    model = open_bundle(wet.bundle).model
+    assert has_haze(model)
+    seen = (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE)
+    model.vis.rgba.fog[:] = [0, 1, 0, 1]  # green, which no rock is
+    hazy = render_camera(model, "entrance", 160, 90, seen).astype(int)
+    model.vis.map.fogstart, model.vis.map.fogend = 3.0, 10.0
+    clear = render_camera(model, "entrance", 160, 90, seen).astype(int)
+    greener = (hazy - clear)[..., 1]
+    assert greener.max() > 10
+    assert np.abs(greener[-5:]).mean() < 2  # the floor at the camera's feet
+
+
+def test_a_cut_away_view_shows_rock_of_one_colour(wet: BuiltMine):
+    model = open_bundle(wet.bundle).model
+    materials = {model.geom_matid[g] for g in np.flatnonzero(model.geom_group == GeomGroup.COLLISION)}
+    assert [model.mat(m).name for m in materials] == [CUT_MATERIAL]
+    assert (model.mat_texid[list(materials)] < 0).all()
+
+
+def test_a_robot_carries_a_lamp_that_casts_shadows_in_a_world_with_a_look_only():
+    for name, look in LOOKS.items():
+        spec = mujoco.MjSpec()
+        RobotParams().attach(spec, "robot")
+        add_headlamp(spec, "robot", look, RobotParams().lamp_height_m)
+        model = spec.compile()
+        assert model.nlight == (name != "plain")
+        assert model.light_castshadow[: model.nlight].all()
+
+
+def test_geoms_beyond_the_haze_are_hidden_while_a_frame_is_drawn(wet: BuiltMine):
+    model = open_bundle(wet.bundle).model
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    before = model.geom_group.copy()
+    with far_hidden(model, data, np.array([1000.0, 0.0, 0.0])):
+        assert (model.geom_group == GeomGroup.SMOOTH_SURFACE).all()
+    with far_hidden(model, data, data.geom_xpos.mean(axis=0)):
+        assert (model.geom_group == before).all()
+    assert (model.geom_group == before).all()
+
+
+def test_the_colour_of_a_visible_floor_keeps_its_zones_hue_and_is_darker_where_trodden():
+    for zone in ([0.52, 0.45, 0.38, 1.0], [0.9, 0.1, 0.1, 1.0], [0.0, 0.0, 0.0, 1.0]):
+        loose, trodden = cover_rgba(zone, False), cover_rgba(zone, True)
+        assert max(loose) <= 1.0
+        assert all(dark <= light for dark, light in zip(trodden[:3], loose[:3], strict=True))
+        assert np.argsort(loose[:3]).tolist() == np.argsort(trodden[:3]).tolist()
+
+
+def test_the_front_camera_looks_ahead_from_the_robot(wet: BuiltMine):
+    world, robot = load_world(wet.bundle), RobotParams()
+    grid = CoverageGrid(world, 2.0, robot.radius_m, np.array([5.0, 2.5]), 100.0)
+    renderer = Renderer(world, world.T_world_mine, grid, robot, 1, (120, 80))
+    nothing = np.zeros_like(grid.reachable)
+    pictures = []
+    for yaw in (0.0, np.pi):  # along the drift, and at the rock behind the robot
+        qpos = np.concatenate([free_joint_qpos(world.T_world_mine, robot, 1.5, 2.5, yaw), np.zeros(2)])[None]
+        pictures.append(renderer.draw("front", qpos, nothing, np.array([[1.5, 2.5, yaw]])).astype(int))
+    renderer.close()
+    robot_yellow = (pictures[0][..., 0] - pictures[0][..., 2] > 100).mean()
+    assert robot_yellow < 0.01
+    middle = [picture[35:45, 50:70].mean() for picture in pictures]
+    assert middle[1] > middle[0] + 10  # rock at 1.5 m is lit, the drift's end at 28 m is not

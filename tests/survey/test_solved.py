@@ -1,0 +1,218 @@
+"""Surveys in three dimensions: solved files, Survex projects, and what a flat world cannot show."""
+
+import dataclasses
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from benchmarks.fuzz_surveys import PROJECT, SAMPLES_3D, head, old_3d, place, ring_3d
+from pipeline.errors import InputError
+from pipeline.survey.legs import build_workings
+from pipeline.survey.solved import cavern
+from pipeline.survey.solved.model import LegFlag, LegStyle, StationFlag, from_payload, to_payload
+from pipeline.survey.solved.plan_view import plan_legs
+from pipeline.survey.solved.project_files import project_files
+from pipeline.survey.solved.read import read_passages, read_solved, read_survex, survey_files
+from pipeline.survey.solved.survex_3d import read_3d
+from tests.project import ROOT
+
+needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
+PELL = ROOT.parent / "shared/data/wheal_pell/pell.3d"
+
+
+def write(folder, files):
+    for name, data in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(data if isinstance(data, bytes) else data.encode())
+    return folder / next(iter(files))
+
+
+def test_a_solved_file_gives_stations_legs_and_cross_sections(tmp_path):
+    survey = read_3d(write(tmp_path, {"mine.3d": ring_3d()}))
+    assert survey.names == ("mine.0", "mine.1", "mine.2", "mine.3")
+    np.testing.assert_array_equal(survey.positions_m[2], (30.0, 20.0, 0.3))
+    assert survey.legs.tolist() == [[0, 1], [1, 2], [2, 3], [3, 0]]
+    assert (survey.leg_styles == LegStyle.NORMAL).all()
+    assert (survey.station_flags == StationFlag.UNDERGROUND).all()
+    (passage,) = survey.passages
+    assert passage.stations.tolist() == [0, 1, 2, 3, 0]
+    np.testing.assert_array_equal(passage.lrud_m[0], (2.0, 2.0, 2.5, 0.0))
+    assert (survey.title, survey.crs, survey.date) == ("mine", "EPSG:32719", "@1700000000")
+
+
+def test_a_splay_of_an_old_file_ends_at_an_anonymous_station(tmp_path):
+    survey = read_3d(write(tmp_path, {"old.3d": old_3d()}))
+    assert survey.names == ("mine.a", "mine.b", "")
+    assert survey.leg_flags.tolist() == [0, LegFlag.SPLAY]
+    assert survey.legs.tolist() == [[0, 1], [1, 2]]
+    assert survey.centreline().tolist() == [0]
+
+
+def test_a_survey_survives_the_way_out_of_its_process(tmp_path):
+    survey = read_3d(write(tmp_path, {"mine.3d": ring_3d()}))
+    back = from_payload(to_payload(survey))
+    for field in dataclasses.fields(survey):
+        if field.name != "passages":
+            np.testing.assert_array_equal(getattr(back, field.name), getattr(survey, field.name))
+    np.testing.assert_array_equal(back.passages[0].lrud_m, survey.passages[0].lrud_m)
+
+
+@pytest.mark.parametrize("cut", [0, 5, 22, 30, 47, 60, 100, len(ring_3d()) - 1])
+def test_a_file_that_is_cut_off_is_refused(tmp_path, cut):
+    with pytest.raises(InputError, match=r"not a Survex .3d file|cut off"):
+        read_3d(write(tmp_path, {"mine.3d": ring_3d()[:cut]}))
+
+
+@needs_cavern
+@pytest.mark.parametrize("version", range(3, 9))
+def test_every_version_that_survex_writes_reads_as_dump3d_prints_it(tmp_path, version):
+    deep = "*begin a_long_survey_name\n*begin another_long_name\n1 2 5 10 2\n2 .. 2 100 0\n*flags surface\n2 3 5 9 9\n"
+    text = deep + "*flags not surface duplicate\n2 4 5 9 9\n*data passage station left right up down\n1 1 2 3 400\n"
+    text += "2 - 1 1 1\n*end another_long_name\n*begin b\n*data cartesian from to dx dy dz\n1 2 3 4 5\n*end b\n"
+    path = write(tmp_path, {"a.svx": f"{text}*equate b.1 another_long_name.1\n*end a_long_survey_name\n"})
+    target = tmp_path / "a.3d"
+    subprocess.run(["cavern", "-qs", f"-v{version}", "-o", target, path], check=True, capture_output=True)
+    survey = read_3d(target)
+    dump = subprocess.run(["dump3d", target], check=True, capture_output=True, text=True).stdout.splitlines()
+    nodes = {line.split()[4].strip("[]"): line.split()[1:4] for line in dump if line.startswith("NODE")}
+    for name, at in survey.position_of().items():
+        np.testing.assert_allclose(at, np.array(nodes[name], float), atol=1e-9)
+    assert len(survey.legs) == sum(line.startswith("LINE") for line in dump) == 5
+    assert sorted(survey.leg_flags.tolist()) == [0, 0, LegFlag.SURFACE, LegFlag.DUPLICATE, LegFlag.SPLAY]
+    assert len(survey.passages) == (version >= 5)
+    if version >= 5:
+        np.testing.assert_array_equal(survey.passages[0].lrud_m, [[1, 2, 3, 400], [np.nan, 1, 1, 1]])
+
+
+def test_wheal_pell_reads_with_its_stations_and_splays():
+    if not PELL.is_file():
+        pytest.skip("../shared/data/wheal_pell is missing")
+    survey = read_solved(PELL)
+    assert len(survey.position_of()) == 275
+    assert len(survey.centreline()) == 266
+    assert (survey.leg_flags == LegFlag.SPLAY).sum() == 581
+    assert np.ptp(survey.positions_m[:, 2]) > 90
+    with pytest.raises(InputError, match=r"a shaft of 37\.0 m; 74 of 266 legs are steeper than 0\.1 \(flat_grade"):
+        plan_legs(PELL, survey)
+
+
+@needs_cavern
+def test_a_project_in_several_files_with_a_loop_becomes_connected_legs(tmp_path):
+    path = write(tmp_path, PROJECT)
+    legs, _ = read_survex(path)
+    assert [len(leg.stations) for leg in legs] == [4, 3]
+    assert len(set(legs[0].stations) & set(legs[1].stations)) == 2
+    assert build_workings(legs).geom_type == "Polygon"
+    assert [file.relative_to(tmp_path).as_posix() for file in survey_files(path)] == [
+        "main.svx", "north/a.svx", "south.svx"
+    ]  # fmt: skip
+
+
+@needs_cavern
+def test_the_plan_of_a_project_is_that_of_the_same_survey_in_one_file(tmp_path):
+    path = write(tmp_path, PROJECT)
+    text = PROJECT["main.svx"].replace(b'*include "north/a"\n', PROJECT["north/a.svx"])
+    single = tmp_path / "single.svx"
+    single.write_bytes(text.replace(b"*include south.svx\n", PROJECT["south.svx"]))
+    several, alone = (build_workings(read_survex(file)[0]) for file in (path, single))
+    assert several.boundary.hausdorff_distance(alone.boundary) < 0.1  # the adjustments weight shots differently
+
+
+@needs_cavern
+def test_a_survey_without_cross_sections_gets_its_walls_from_splays(tmp_path):
+    text = "1 2 20 0 0\n2 3 20 0 0\n" + "".join(f"{i} .. 2 90 0\n{i} .. 3 270 0\n{i} .. 9 0 80\n" for i in (1, 2, 3))
+    legs, _ = read_passages(write(tmp_path, {"a.svx": text}))
+    assert [leg.stations for leg in legs] == [["1", "2", "3"]]
+    np.testing.assert_allclose(legs[0].walls_m, [[3.0, 2.0]] * 3, atol=0.011)
+
+
+@needs_cavern
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1 2 20 0 0\n2 3 10 0 -90\n", r"2 to 3 at \(0\.0, 20\.0\): a shaft of 10\.0 m; 1 of 2 legs are steeper"),
+        ("1 2 20 0 0\n2 3 20 0 9\n", r"2 to 3 at \(0\.0, 29\.9\): 3\.1 m up or down in 19\.8 m"),
+    ],
+)
+def test_steep_workings_and_passages_over_each_other_are_refused_with_their_place(tmp_path, text, message):
+    names = sorted({word for line in text.splitlines() for word in line.split()[:2]})
+    rows = "".join(f"{name} 2 2 3 0\n" for name in names)
+    path = write(tmp_path, {"a.svx": f"{text}*data passage station left right up down\n{rows}"})
+    with pytest.raises(InputError, match=message) as caught:
+        read_passages(path)
+    assert "not supported yet" in str(caught.value)
+
+
+@needs_cavern
+def test_a_passage_that_passes_over_another_is_not_merged_with_it(tmp_path):
+    text = "1 2 40 0 4\n2 3 40 90 4\n3 4 40 180 4\n4 5 60 270 4\n"
+    rows = "".join(f"{i} 2 2 3 0\n" for i in range(1, 6))
+    path = write(tmp_path, {"a.svx": f"{text}*data passage station left right up down\n{rows}"})
+    with pytest.raises(InputError, match=r"4 to 5 passes over 1 to 2 at \(-0\.0, 1\.0\), 11\.1 m higher"):
+        read_passages(path)
+
+
+@needs_cavern
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        ({"a.svx": "*include b\n", "b.svx": "1 2 5 0 0\n\n1 1 5 0 0\n"}, r"b\.svx:3: .*same"),
+        ({"a.svx": "*include b\n", "b.svx": "1 2 5 0 0\n3 4 5 0 0\n"}, r"not all connected|not attached"),
+        ({"a.svx": "*include b\n", "b.svx": "*include /etc/passwd\n"}, r"b\.svx:1: '/etc/passwd' is outside"),
+        ({"a.svx": "*include b\n", "b.svx": "*include ../a\n"}, "is outside the survey's folder"),
+        ({"a.svx": "*include b\n", "b.svx": "*set keyword #\n"}, r"\*set keyword is not supported"),
+        ({"a.svx": "*include b\n", "b.svx": "*include a\n"}, "includes itself"),
+        ({"a.svx": "*include b\n*include c\n", "b.svx": "1 2 3 4 5\n"}, r"a\.svx:2: \*include 'c': no such file"),
+    ],
+)
+def test_a_project_that_cannot_be_solved_is_refused_with_file_and_line(tmp_path, files, message):
+    path = write(tmp_path, files)
+    with pytest.raises(InputError, match=message) as caught:
+        read_solved(path)
+    assert "\n" not in str(caught.value)
+    assert "minexplore-" not in str(caught.value)
+
+
+def test_an_included_link_that_leads_out_of_the_folder_is_refused(tmp_path):
+    (tmp_path / "secret.svx").write_text("1 2 5 0 0\n")
+    path = write(tmp_path / "mine", {"a.svx": "*include b\n"})
+    (tmp_path / "mine/b.svx").symlink_to(tmp_path / "secret.svx")
+    with pytest.raises(InputError, match="outside the survey's folder"):
+        project_files(path)
+
+
+def test_without_survex_the_message_says_how_to_install_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(cavern.shutil, "which", lambda _: None)
+    path = write(tmp_path, SAMPLES_3D["compass data"])
+    with pytest.raises(InputError, match=r"`cavern` is not installed; install Survex \(Debian: survex"):
+        read_passages(path)
+    legs, _ = read_survex(write(tmp_path, PROJECT))  # our own adjustment
+    assert len(legs) == 2
+
+
+@needs_cavern
+def test_solving_leaves_no_file_and_takes_no_longer_than_its_limit(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
+    (tmp_path / "temporary").mkdir()
+    path = write(tmp_path / "mine", PROJECT)
+    read_solved(path)
+    assert list((tmp_path / "temporary").iterdir()) == []
+    assert sorted(p.name for p in path.parent.iterdir()) == ["main.svx", "north", "south.svx"]
+
+
+@needs_cavern
+def test_compass_data_is_solved_with_its_cross_sections(tmp_path):
+    survey = read_solved(write(tmp_path, SAMPLES_3D["compass data"]))
+    np.testing.assert_allclose(survey.position_of()["A2"], (0, 30.48, 0), atol=0.006)
+    (passage,) = survey.passages
+    assert [survey.names[i] for i in passage.stations] == ["A1", "A2", "A3", "A4", "A1"]
+    np.testing.assert_allclose(passage.lrud_m[0], np.array([6, 6, 9, 1]) * 0.3048)
+    assert np.isnan(passage.lrud_m[3, :2]).all()
+
+
+def test_a_station_with_two_positions_is_refused(tmp_path):
+    data = head() + b"\x82\x01a" + place((0, 0, 0)) + b"\x82\0\0\0" + place((1, 0, 0)) + b"\0\0"
+    with pytest.raises(InputError, match="station a has two positions"):
+        read_3d(write(tmp_path, {"mine.3d": data}))
