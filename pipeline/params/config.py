@@ -33,6 +33,6 @@ class Config(Params):
     def _fittings_on_rock(self) -> Config:
         if self.surface.overlay == "none" and (self.realism.floor or self.realism.furnish != "off"):
             raise ValueError(
-                "realism.floor and realism.furnish need visible rock; choose preset=light or overlay=rough"
+                "realism.floor and realism.furnish need visible rock (surface.overlay=rough)"
             )
         return self
