@@ -11,7 +11,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock look-pictures compare-collision search-texture bench bench-pipeline time-training setup-baselines oracle explorers train train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock
+.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock look-pictures compare-collision search-texture bench bench-light bench-pipeline time-training setup-baselines oracle explorers train train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock
 
 help:  # show the targets that have a remark of two hashes; rarer ones have one
 	@awk -F ':.*## ' '/^##@/ {print substr($$0, 5)} /^all:/ {printf "  %-18s %s\n", "$(firstword $(STAGES)) ...", "up to and including one stage: $(STAGES)"} /^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' Makefile
@@ -57,8 +57,12 @@ update-baseline: setup  ## accept the present metrics for the regression gate
 data: setup  ## fetch the published plan and sweeps into data/raw (MIRROR=address or folder)
 	@$(PY) -m pipeline.survey.fetch $(if $(MIRROR),--mirror "$(MIRROR)")
 
-worlds: setup  ## generate mines: N=50 SPLIT=train|validation|test; variants: ARGS="--of NAME"
-	@$(PY) -m pipeline worlds --count $(N) --split $(SPLIT) $(ARGS)
+worlds: setup  ## generate light mines: N=1000 SPLIT=train|validation|test; with rock: ROCK=1; variants: ARGS="--of NAME"
+	@$(PY) -m pipeline worlds --count $(N) --split $(SPLIT) $(if $(ROCK),,--light) $(ARGS)
+
+splits: setup  ## build the test and validation mines and write their hashes to data/families/splits.csv
+	@$(PY) -m pipeline worlds --light --split validation --list $(ARGS)
+	@$(PY) -m pipeline worlds --light --split test --list $(ARGS)
 
 roughness: setup  # measure the sweeps below data/raw
 	@$(PY) -m pipeline roughness data/raw/sweep_*.csv --out data/chilean_mine/roughness.json
@@ -113,6 +117,9 @@ search-texture: setup  # search the noise for the texture scores
 
 bench: setup  ## time the environment against its references
 	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.time_env
+
+bench-light: setup  ## time and size of light worlds by kilometre of drift
+	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.light_worlds
 
 bench-pipeline: setup  # time the pipeline and each stage
 	@$(PY) -m benchmarks.time_pipeline

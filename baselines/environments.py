@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
 import gymnasium
 from gymnasium.envs.registration import EnvSpec
 
 import minexplore
 from baselines.errors import BaselineError
 from minexplore.vector import MineVectorEnv
+from minexplore.world import find_world, load_world
 
 BENCHMARK = tuple(env_id for env_id, kwargs in minexplore.WORLDS.items() if "world" in kwargs)
+_JUDGED = re.compile(r"(?:.+-)?(validation|test|variants)-\d{4}", re.ASCII)
 _ENTRY_POINT = "minexplore.vector:MineVectorEnv"
 
 
@@ -35,7 +39,31 @@ def find_id(name: str) -> str:
     for env_id in (name, f"MineXplore/{name}-v0"):
         if env_id in known:
             return env_id
-    raise BaselineError(f"env = {name!r}: valid choices are {', '.join(known)}")
+    named = [env_id for env_id in known if env_id not in minexplore.FAMILY_MINES]
+    family = "; of the generated family " if len(named) < len(known) else ""
+    mines = f"MineXplore/Family-SPLIT-NUMBER-v0, {len(known) - len(named)} of them" if family else ""
+    raise BaselineError(f"env = {name!r}: valid choices are {', '.join(named)}{family}{mines}")
+
+
+def require_trainable(name: str) -> None:
+    """Refuse to train in a mine that policies are judged by.
+
+    These are the mines of the splits validation and test, and variants of the embedded mine; the name in the world's
+    record tells, so that another id or a moved folder changes nothing.
+
+    Raises
+    ------
+    BaselineError
+        Naming the environment, the world and its split.
+    """
+    env_id = find_id(name)
+    try:
+        world = load_world(find_world(gymnasium.spec(env_id).kwargs["world"])).record["name"]
+    except (FileNotFoundError, ValueError) as error:
+        raise BaselineError(f"{env_id}: {error}") from error
+    judged = _JUDGED.fullmatch(world)
+    if judged:
+        raise BaselineError(f"{env_id}: world {world} is of the split {judged[1]}, which nothing is trained in")
 
 
 def short_name(env_id: str) -> str:

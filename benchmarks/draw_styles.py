@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.patches import PathPatch
 from shapely import Polygon
 
-from pipeline.build.family import STYLES
+from minexplore.splits import STYLES
 from pipeline.compose import compose
 from pipeline.geometry.generate import generate_workings
 from pipeline.report.mine import outline_path

@@ -17,7 +17,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from pipeline.build.family import STYLES
+from minexplore.splits import STYLES
 from pipeline.compose import compose
 from pipeline.proof.validator import Validator
 from pipeline.stage import make_artifacts

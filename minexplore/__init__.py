@@ -27,11 +27,24 @@ OWN_WORLDS: dict[str, dict[str, Any]] = {
     if re.fullmatch(r"[A-Za-z0-9_-]+", _record.parents[2].name)
 }
 
+# The mines of the generated family that a source checkout has built, made by `make worlds`.
+FAMILY_MINES: dict[str, dict[str, Any]] = {
+    f"MineXplore/Family-{_record.parents[3].name}-{_record.parents[2].name}-v0": {"world": _record.parent}
+    for _record in sorted(Path(__file__).parents[1].glob(f"artifacts/families/light/*/*/realism/world/{RECORD}"))
+    if re.fullmatch(r"(train|validation|test)-\d{4}", f"{_record.parents[3].name}-{_record.parents[2].name}")
+}
+
 
 def environments() -> dict[str, dict[str, Any]]:
     """Return the arguments of every environment by its id, the built-in ones first; a built-in id is never replaced."""
     return {**WORLDS, **{env_id: kwargs for env_id, kwargs in OWN_WORLDS.items() if env_id not in WORLDS}}
 
 
-for _id, _kwargs in environments().items():
+for _id, _kwargs in {**environments(), **FAMILY_MINES}.items():
     register(_id, _ENV, vector_entry_point=_VECTOR, kwargs=_kwargs, order_enforce=True)
+register(
+    "MineXplore/Family-v0",
+    "minexplore.family:FamilyEnv",
+    vector_entry_point="minexplore.family:FamilyVectorEnv",
+    order_enforce=True,
+)

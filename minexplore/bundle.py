@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
@@ -26,6 +26,10 @@ OCTREE = "free_space.bt"
 NAV2_MAP, NAV2_PICTURE = "map.yaml", "map.png"
 PREVIEW = "preview.png"
 ROCK_TEXTURE = "textures/rock.png"
+
+# What `world.json` says under `overlay` of a world without visible rock; other worlds do not have the field.
+NO_OVERLAY = "none"
+BARE_ROCK_RGBA = (0.54, 0.44, 0.36, 1.0)  # its collision parts' colour
 
 # Frames that a bundle states coordinates in.
 FRAMES = {
@@ -100,6 +104,11 @@ def complete_zone(zone: dict[str, Any]) -> dict[str, Any]:
     if any(effect in zone for effect in _EFFECTS) or zone.get("name") not in _IMPLIED:
         return zone
     return {**zone, **dict(zip(_EFFECTS, _IMPLIED[zone["name"]], strict=True))}
+
+
+def has_visible_rock(record: Mapping[str, Any]) -> bool:
+    """Return whether a world has visible rock, by its record; without it robots see the collision parts."""
+    return record.get("overlay") != NO_OVERLAY
 
 
 def floor_geom(zone: str) -> str:

@@ -13,7 +13,7 @@ from minexplore.calls import check_options, numbers_of
 from minexplore.lidar import Backend
 from minexplore.observation import observation_space
 from minexplore.opengl import prepare_opengl
-from minexplore.render import CAMERAS, Renderer
+from minexplore.render import CAMERAS, Renderer, shown_groups
 from minexplore.robot import RobotParams
 from minexplore.robot_batch import Outcome, RobotBatch, info_of_robot
 from minexplore.task import TaskParams, coerce_params
@@ -177,7 +177,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         if self._viewer is None:
             from minexplore.viewer import Viewer
 
-            self._viewer = Viewer(model, data, lambda code: self.on_key(code))
+            self._viewer = Viewer(model, data, lambda code: self.on_key(code), shown_groups(self.world))
         self._viewer.sync()
 
     def close(self) -> None:

@@ -1,4 +1,7 @@
-"""Beams against the visible rock: exact rays by Embree, or by Open3D where Embree has no package."""
+"""Beams against the visible rock, or the collision walls where a world shows none: exact rays.
+
+Embree casts them, or Open3D where Embree has no package.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
-from minexplore.bundle import GeomGroup, decode_msh, is_cover
+from minexplore.bundle import GeomGroup, decode_msh, has_visible_rock, is_cover, is_rock
 from minexplore.tiles import Tile, group_by_tile, tiles_at
 from minexplore.world import World, load_world
 
@@ -39,20 +42,44 @@ def surface_meshes(world: World) -> Meshes:
     return {name: (mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
 
 
+def collision_meshes(world: World) -> Meshes:
+    """Return the hulls of the collision parts, vertices (n, 3) and faces (m, 3), by geom name (m, mine frame)."""
+    model = world.spec().compile()
+    meshes: Meshes = {}
+    for geom in (model.geom(number) for number in range(model.ngeom)):
+        if not is_rock(geom.name):
+            continue
+        mesh, turn = model.mesh(int(geom.dataid[0])), np.zeros(9)
+        mujoco.mju_quat2Mat(turn, geom.quat)
+        own = model.mesh_vert[mesh.vertadr[0] : mesh.vertadr[0] + mesh.vertnum[0]].astype(np.float64)
+        faces = model.mesh_face[mesh.faceadr[0] : mesh.faceadr[0] + mesh.facenum[0]]
+        meshes[geom.name] = own @ turn.reshape(3, 3).T + geom.pos, faces.copy()
+    return meshes
+
+
 @functools.lru_cache(maxsize=8)
 def shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
     """Return what casts the beams of a world, made once a process."""
-    return Lidar(surface_meshes(load_world(folder)), range_m, backend)
+    world = load_world(folder)
+    if has_visible_rock(world.record):
+        return Lidar(surface_meshes(world), range_m, backend)
+    return Lidar(collision_meshes(world), range_m, backend, roof_m=world.record["height_m"])
 
 
 class Lidar:
-    """Casts rays of the mine frame against rock and floor; a scene holds the rock within range of one tile.
+    """Casts rays of the mine frame against rock, floor and, at `roof_m`, a level roof.
 
+    A scene holds the rock within range of one tile.
     Scenes are made when a ray starts in their tile, and kept while all of them take less than `scenes_bytes`.
     """
 
     def __init__(
-        self, meshes: Meshes, range_m: float, backend: Backend = "auto", scenes_bytes: int = _SCENES_BYTES
+        self,
+        meshes: Meshes,
+        range_m: float,
+        backend: Backend = "auto",
+        scenes_bytes: int = _SCENES_BYTES,
+        roof_m: float = np.inf,
     ) -> None:
         """Take the rock's meshes; `auto` takes the fastest backend that is installed.
 
@@ -69,21 +96,21 @@ class Lidar:
         if not installed:
             raise ImportError("the robots' beams need Embree: pip install embreex, or open3d where it has no wheel")
         self.backend = installed[0] if backend == "auto" else backend
-        self.range_m = range_m
+        self.range_m, self._roof_m = range_m, roof_m
         self._meshes, self._scenes_bytes = meshes, scenes_bytes
         self._boxes = {k: (v[:, :2].min(axis=0), v[:, :2].max(axis=0)) for k, (v, _) in meshes.items()}
         self._scenes: OrderedDict[Tile, tuple[Cast, int]] = OrderedDict()  # with the bytes that each takes
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return ranges (n, beams) m, at most `range_m`, of unit rays (n, beams, 3) from (n, 3)."""
-        down = directions[..., 2]
+        slope, height = directions[..., 2], origins[:, None, 2]
         with np.errstate(divide="ignore", invalid="ignore"):
-            floor = np.where(down < 0, -origins[:, None, 2] / down, np.inf)
+            level = np.where(slope < 0, -height / slope, np.where(slope > 0, (self._roof_m - height) / slope, np.inf))
         rock = np.empty(directions.shape[:2])
         for tile, rows in group_by_tile(tiles_at(origins[:, :2], _TILE_M)):
             starts = np.repeat(origins[rows], directions.shape[1], axis=0)
             rock[rows] = self._scene(tile)(starts, directions[rows].reshape(-1, 3)).reshape(len(rows), -1)
-        return np.minimum(np.minimum(rock, floor), self.range_m)
+        return np.minimum(np.minimum(rock, level), self.range_m)
 
     @property
     def kept_bytes(self) -> int:

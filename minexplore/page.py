@@ -57,16 +57,41 @@ Each robot draws from a generator of its own, `gymnasium.utils.seeding.np_random
   noise, `standard_normal(beams)`.
 """
 
+_FAMILY = """## Unseen mines
+
+`MineXplore/Family-v0` draws a mine at every reset, by the episode's seed, from a split of the [generated
+family](families.md). The mines must be built: `make worlds N=1000` makes those of `train`. They are light worlds
+without visible rock, so beams end on the collision walls.
+
+```python
+env = gymnasium.make("MineXplore/Family-v0", split="test")
+observation, info = env.reset(seed=7)  # info["mine"] is its name
+observation, info = env.reset(options={"mine": "test-0007"})
+```
+
+| Parameter | Default | Description |
+|-----------|---------|-------------|
+| `split` | `"train"` | `"train"` (1,000 mines), `"validation"` (50) or `"test"` (200) |
+| `mines` | None | draw among these names, or the first so many mines of the split |
+| `families` | None | folder of the worlds; `artifacts/families` of a source checkout |
+
+All other arguments are those of the environment above, without `world`. `gymnasium.make_vec` gives each robot a mine of
+its own. Which mine a seed draws does not depend on which mines are built; a drawn mine that is missing is an error.
+Training refuses the mines of `validation` and `test`, and variants of the embedded mine.
+"""
+
 
 def page() -> str:
     """Return the environment's page."""
     text = inspect.cleandoc(MineEnv.__doc__ or "")
     title, _, rest = text.partition("\n")
     rows = "\n".join(f"| `{env_id}` | {kwargs or 'any world'} |" for env_id, kwargs in WORLDS.items())
+    rows += "\n| `MineXplore/Family-v0` | a mine an episode, see [below](#unseen-mines) |"
+    rows += "\n| `MineXplore/Family-test-0007-v0` | one mine of a split, once it is built |"
     ids = f"## Environments\n\n| id | arguments |\n|---|---|\n{rows}\n"
     use = '```python\nimport gymnasium, minexplore\n\nenv = gymnasium.make("MineXplore/ChileanMine-v0")\n```\n'
     body, versions, history = rest.partition("## Version History")
-    return f"# Explore a mine\n\n{title}\n\n{use}\n{ids}{body}{physics()}\n{versions}{history}\n"
+    return f"# Explore a mine\n\n{title}\n\n{use}\n{ids}{body}{_FAMILY}\n{physics()}\n{versions}{history}\n"
 
 
 def physics() -> str:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import mujoco
 import numpy as np
 
-from minexplore.bundle import MINE_BODY, GeomGroup
+from minexplore.bundle import MINE_BODY, GeomGroup, has_visible_rock
 from minexplore.coverage import CoverageGrid
 from minexplore.looks import EXTENT_M, add_haze, add_headlamp, has_haze, look_of
 from minexplore.robot import RobotParams, qpos_address, separate_contacts
@@ -16,11 +16,16 @@ from minexplore.rotations import quaternion
 from minexplore.world import World
 
 CAMERAS = ("chase", "top", "front")
-_SHOWN = (GeomGroup.FLOOR, GeomGroup.ROBOT, GeomGroup.ROUGH_SURFACE)
 _FRONT_FOVY_DEG, _FRONT_DOWN_DEG, _FRONT_ABOVE_M = 75.0, 2.0, 0.1  # of the camera on a robot, above its scanner
 _SEEN_M, _HIDDEN = 90.0, GeomGroup.SMOOTH_SURFACE  # what is nearer is drawn in the haze's colour, not left out
 _LIGHTS = 7  # OpenGL's eight less the headlight
 _ROCK, _FREE, _CELL, _SEEN, _ROBOT = (54, 47, 42), (150, 140, 128), (190, 182, 170), (92, 168, 96), (232, 150, 30)
+
+
+def shown_groups(world: World) -> list[GeomGroup]:
+    """Return the geom groups that pictures show: floor, robots, and the visible rock or else the collision parts."""
+    rock = GeomGroup.ROUGH_SURFACE if has_visible_rock(world.record) else GeomGroup.COLLISION
+    return [GeomGroup.FLOOR, GeomGroup.ROBOT, rock]
 
 
 def light_nearest(model: mujoco.MjModel, data: mujoco.MjData, eye_m: np.ndarray) -> None:
@@ -96,7 +101,7 @@ class Renderer:
             self._renderer = mujoco.Renderer(model, self.size_px[1], self.size_px[0], max_geom=2 * model.ngeom + 1000)
         option = mujoco.MjvOption()
         option.geomgroup[:] = 0
-        option.geomgroup[list(_SHOWN)] = 1
+        option.geomgroup[shown_groups(self.world)] = 1
         body = model.body("robot_0").id
         camera = self._behind(data, body) if name == "chase" else self._ahead(data, body)
         model.vis.global_.fovy = self._fovy_deg if name == "chase" else _FRONT_FOVY_DEG

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import atexit
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import mujoco
 import mujoco.viewer
@@ -20,12 +20,15 @@ class Viewer:
     called at exit where the user does not call it.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, on_key: Callable[[int], None]) -> None:
-        """Open the window; `on_key` gets GLFW's codes of the keys that are pressed."""
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, on_key: Callable[[int], None], groups: Sequence[int]
+    ) -> None:
+        """Open the window that shows these geom groups; `on_key` gets GLFW's codes of the keys that are pressed."""
         before = set(threading.enumerate())
         self._handle = mujoco.viewer.launch_passive(
             model, data, key_callback=on_key, show_left_ui=False, show_right_ui=False
         )
+        self._handle.opt.geomgroup[list(groups)] = 1
         self._threads = set(threading.enumerate()) - before
         atexit.register(self.close)
 

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float32, Float64, Int32, UInt8
 from shapely import MultiPolygon, Polygon
 
 Image = UInt8[np.ndarray, "rows cols *channels"]
+NO_PICTURE = np.zeros((1, 1, 3), np.uint8)  # in place of a picture of what a world does not have
 Mask = Bool[np.ndarray, "rows cols"]
 Points2 = Float64[np.ndarray, "n 2"]
 Points3 = Float64[np.ndarray, "n 3"]

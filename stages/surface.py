@@ -21,13 +21,15 @@ from pipeline.surface.rock_texture import Layers, make_rock_texture
 from pipeline.surface.rough import closed_mesh
 from pipeline.surface.smooth import smooth_surface
 from pipeline.surface.texture import make_texture
-from pipeline.types import DriftNetwork, FreeSpace, Image, SolidExtent
+from pipeline.types import NO_PICTURE, DriftNetwork, FreeSpace, Image, SolidExtent
 
 
 def model_surface(
     params: SurfaceParams, free_space: FreeSpace, topology: DriftNetwork, extent: SolidExtent
 ) -> dict[str, Any]:
-    """Return both surfaces, the texture, and reports on roughness and meshes."""
+    """Return both surfaces, the texture, and reports on roughness and meshes; with `overlay=none` all are empty."""
+    if params.overlay == "none":
+        return _NO_ROCK
     free, repeat_m = free_space.polygon, params.texture.repeat_m
     params = widen_spacing(params, free, extent.height_m)
     smooth = smooth_surface(free, extent.height_m, params.floor_chamfer_m, params.roof_chamfer_m, repeat_m)
@@ -48,6 +50,18 @@ def model_surface(
             "spectra": draw_spectra(reported.result()),
             "mesh_checks": checked.result(),
         }
+
+
+_NO_ROCK: dict[str, Any] = {
+    "smooth": {},
+    "rough": {"none.txt": b"surface.overlay = none: no rough surface\n"},
+    "texture": NO_PICTURE,
+    "sections": NO_PICTURE,
+    "amplitude": "",
+    "roughness": None,
+    "spectra": NO_PICTURE,
+    "mesh_checks": None,
+}
 
 
 def _texture(params: TextureParams) -> Image:
@@ -71,8 +85,8 @@ STAGE = Stage(
         "smooth": Artifact("surface/smooth.npz", Meshes),
         "rough": Artifact("surface/rough", Bundle),
         "texture": Artifact("surface/texture.png", Image),
-        "mesh_checks": Artifact("surface/mesh_checks.json", MeshReport),
-        "roughness": Artifact("surface/roughness.json", RoughnessReport),
+        "mesh_checks": Artifact("surface/mesh_checks.json", MeshReport | None),
+        "roughness": Artifact("surface/roughness.json", RoughnessReport | None),
         "spectra": Artifact("surface/roughness.png", Image),
         "sections": Artifact("surface/sections.png", Image),
         "amplitude": Artifact("surface/amplitude.csv", str),

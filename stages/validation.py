@@ -12,12 +12,12 @@ from typing import Any
 from minexplore.bundle import MODEL
 from pipeline.metrics.limits import breaches, flatten, require_limits
 from pipeline.mjcf.load_time import LoadCost, measure_load
-from pipeline.params.validation import ReplayParams, ValidationParams
+from pipeline.params.validation import Limit, ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
 from pipeline.proof.replay import replay_sweeps
 from pipeline.proof.replay_report import Replay, ReplayReport
 from pipeline.proof.surface import TextureReport
-from pipeline.proof.validator import MEASURES, Validator
+from pipeline.proof.validator import MEASURES, Validator, groups_of
 from pipeline.report.graph import blocked_table
 from pipeline.report.plans import draw_agreement
 from pipeline.report.replay import draw_replay
@@ -25,7 +25,7 @@ from pipeline.report.texture import draw_heat, draw_texture
 from pipeline.report.views import draw_views
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle
-from pipeline.types import Image, Mask, Survey, Workings
+from pipeline.types import NO_PICTURE, Image, Mask, Survey, Workings
 
 _SLOW_MEASURES = ("texture", "containment", "columns", "relief", "walls", "consistency")
 
@@ -35,12 +35,18 @@ def validate_world(
 ) -> dict[str, Any]:
     """Return the metrics, the load times, the certificate, and reports and pictures as evidence."""
     validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0])
+    groups = groups_of(params)
+    if params.extent == "certificate":
+        metrics = {group: validator.measure(group) for group in groups}
+        timings: dict[str, Any] = {"world_sha256": validator.world.record.world_sha256}
+        return {"metrics": metrics, "timings": timings, "certificate": validator.certificate, **_NOTHING_ELSE}
+    slow = [name for name in _SLOW_MEASURES if name in groups or name not in MEASURES]
     with ThreadPoolExecutor(2) as pool:  # long measures run in parallel: they mostly run outside the interpreter
-        for measured in [pool.submit(getattr, validator, name) for name in _SLOW_MEASURES]:
+        for measured in [pool.submit(getattr, validator, name) for name in slow]:
             measured.result()
         loading = pool.submit(measure_load, world / MODEL)  # parallel to work that keeps one core busy
         evidence = _evidence(params, validator)
-        metrics = {group: validator.measure(group) for group in MEASURES}
+        metrics = {group: validator.measure(group) for group in groups}
         timings = _timings(validator, loading.result())
     return {"metrics": metrics, "timings": timings, **evidence}
 
@@ -55,12 +61,19 @@ def _timings(validator: Validator, cost: LoadCost) -> dict[str, Any]:
 
 def _evidence(params: ValidationParams, validator: Validator) -> dict[str, Any]:
     """Return the certificate, the reports and the pictures."""
-    free, columns = validator.free_space.polygon, validator.columns
-    replay = _replay(params.replay, validator)
+    columns = validator.columns
     return {
         "certificate": validator.certificate,
         "agreement": draw_agreement(validator.cleaned, validator.world_free),
         "blocked": blocked_table(columns.blocked_places_m, columns.blocked_depths_m, columns.wall_band_m),
+        **(_NO_ROCK if params.overlay == "none" else _evidence_of_rock(params, validator)),
+    }
+
+
+def _evidence_of_rock(params: ValidationParams, validator: Validator) -> dict[str, Any]:
+    """Return the reports and pictures of the visible rock."""
+    free, replay = validator.free_space.polygon, _replay(params.replay, validator)
+    return {
         "texture": validator.texture,
         "texture_picture": draw_texture(validator.texture),
         "heat": draw_heat(validator.texture, free),
@@ -68,6 +81,17 @@ def _evidence(params: ValidationParams, validator: Validator) -> dict[str, Any]:
         "replay": replay.report,
         "replay_picture": draw_replay(replay, free),
     }
+
+
+_NO_ROCK: dict[str, Any] = {
+    "texture": None,
+    "texture_picture": NO_PICTURE,
+    "heat": NO_PICTURE,
+    "views": NO_PICTURE,
+    "replay": ReplayReport({}),
+    "replay_picture": NO_PICTURE,
+}
+_NOTHING_ELSE: dict[str, Any] = {"agreement": NO_PICTURE, "blocked": "", **_NO_ROCK}
 
 
 def _replay(params: ReplayParams, validator: Validator) -> Replay:
@@ -84,15 +108,25 @@ def replayed_files(params: ValidationParams) -> list[str]:
 
 def check_limits(params: ValidationParams, outputs: Mapping[str, Any]) -> None:
     """Fail the stage when a metric breaches its limit in conf; a load time depends on the machine and only warns."""
-    timings = flatten(outputs["timings"])
-    timed = {name: limit for name, limit in params.limits.items() if name in timings and name.endswith("_s")}
+    timings, limits = flatten(outputs["timings"]), applying_limits(params)
+    timed = {name: limit for name, limit in limits.items() if name in timings and name.endswith("_s")}
     for line in breaches(timings, timed):
         print(
             f"validation: {line}, on this machine at its present load (`make bench-pipeline` judges it)",
             file=sys.stderr,
         )
-    limits = {name: limit for name, limit in params.limits.items() if name not in timed}
-    require_limits(flatten(outputs["metrics"]) | timings, limits)
+    untimed = {name: limit for name, limit in limits.items() if name not in timed}
+    require_limits(flatten(outputs["metrics"]) | timings, untimed)
+
+
+def applying_limits(params: ValidationParams) -> dict[str, Limit]:
+    """Return the limits on the groups of metrics that are measured."""
+    groups = groups_of(params)
+    return {
+        name: limit
+        for name, limit in params.limits.items()
+        if name.partition(".")[0] in groups or name.partition(".")[0] not in MEASURES
+    }
 
 
 STAGE = Stage(
@@ -113,7 +147,7 @@ STAGE = Stage(
         "certificate": Artifact("validation/certificate.json", Certificate),
         "agreement": Artifact("validation/agreement.png", Image),
         "blocked": Artifact("validation/blocked.csv", str),
-        "texture": Artifact("validation/texture.json", TextureReport),
+        "texture": Artifact("validation/texture.json", TextureReport | None),
         "texture_picture": Artifact("validation/texture.png", Image),
         "heat": Artifact("validation/heat.png", Image),
         "views": Artifact("validation/views.png", Image),

@@ -28,6 +28,8 @@ ELSEWHERE = {
     r"make all.*": "by the fixture `built`; with overrides in tests/test_pipeline.py",
     r"make test": "this is the test run",
     r".*make train.*": "tests/baselines/test_ppo.py: training, interruption, resumption, two nodes",
+    r"make worlds .*": "tests/test_family.py, with small mines",
+    r"RAY_ADDRESS=.* python -m pipeline worlds .*": "tests/test_family.py, on a cluster of two nodes",
     r"make curves": "tests/baselines/test_ppo.py; it draws the curves of long training",
     r"make stress-test": "`certify --contacts 20000` is run here; this is the same with a million",
     r"make data .*": "tests/survey/test_fetch.py, from a mirror",

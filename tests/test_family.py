@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 import shapely
 
+from minexplore.splits import SEEDS, SIZES, STYLES, mine_name, parse_name, world_folder
 from pipeline.build import family
-from pipeline.build.family import STYLES, Member, generated, make_family, variants
-from pipeline.errors import GeometryError, LimitError
+from pipeline.build.family import Member, generated, make_family, to_list, variants, without_rock
+from pipeline.build.splits import LIST, Listed, read_list, write_list
+from pipeline.commands.worlds import worlds
+from pipeline.compose import compose
+from pipeline.errors import GeometryError, InputError, LimitError
 from pipeline.geometry.generate import generate_workings
 from pipeline.geometry.perturb import displace, perturb_workings
+from pipeline.survey.load import read_survey
+from stages.contours import trace_free_space
 from tests.mines import RING, TEE
 from tests.project import ROOT
 
@@ -108,31 +114,144 @@ def broken_member():
     return Member("broken", "test", 1, "cave", ["survey=procedural", "survey.mine.style=maze"])
 
 
+def small_members(count):
+    return without_rock(generated("validation", count, ["survey.mine.size_m=[60,70]"]), stress_tests=1)
+
+
+def plainly(done, count):
+    return done
+
+
 def test_a_world_that_cannot_be_built_is_in_the_manifest_with_its_problem(monkeypatch, tmp_path):
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr(family, "FAMILIES", tmp_path)
-    monkeypatch.delenv("RAY_ADDRESS", raising=False)
     with pytest.raises(LimitError, match=r"1 of 1 worlds failed, broken: ParamsError: survey\.mine\.style = 'maze'"):
-        make_family([broken_member()], 1, lambda done, count: done)
+        make_family([broken_member()], 1, plainly)
     (record,) = json.loads((tmp_path / "manifest.json").read_text()).values()
     assert record["world_sha256"] is None
     assert "maze" in record["problem"]
 
 
+def test_a_cluster_without_an_address_is_refused(monkeypatch):
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    with pytest.raises(InputError, match="--on ray: RAY_ADDRESS is not set"):
+        make_family([broken_member()], 1, plainly, on="ray")
+
+
+def test_light_worlds_are_small_and_certified_and_a_second_call_builds_nothing_again(monkeypatch, tmp_path):
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(family, "FAMILIES", tmp_path)
+    members = small_members(2)
+    first = make_family(members, 1, plainly)
+    assert [outcome.member.seed for outcome in first] == [1_000_000, 1_000_001]
+    assert all(outcome.certificate for outcome in first)
+    contacts = []
+    for member in members:
+        folder = tmp_path / member.folder
+        assert sum(file.stat().st_size for file in (folder / "realism/world").iterdir()) < 500_000
+        contacts.append(json.loads((folder / "validation/certificate.json").read_text())["contacts"])
+    assert contacts[0] >= 1000  # the sample that is stress-tested
+    assert contacts[1] == 0
+    before = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("manifest.json") if file.parent != tmp_path}
+    listed = {(line.split, line.seed): line for line in to_list(first)}
+    again = make_family(members, 1, plainly, listed=listed)
+    assert [outcome.world_sha256 for outcome in again] == [outcome.world_sha256 for outcome in first]
+    assert before == {file: file.stat().st_mtime_ns for file in before}
+    changed = {**listed, ("validation", 1_000_001): Listed("validation", 1_000_001, "ramp", "0" * 64)}
+    with pytest.raises(
+        LimitError, match=r"1 of 2 worlds failed, light/validation/0001: world hash .* differs from 000"
+    ):
+        make_family(members, 1, plainly, listed=changed)
+
+
+def test_the_stress_test_of_a_sample_is_spread_over_the_split():
+    members = without_rock(generated("train", 1000, []), stress_tests=50)
+    tested = [
+        number for number, member in enumerate(members) if "validation.certificate.contacts=1000" in member.overrides
+    ]
+    assert len(tested) == 50
+    assert (tested[0], tested[-1]) == (0, 999)
+    assert {STYLES[number % 4] for number in tested} == set(STYLES)
+    assert all(member.folder.startswith("light/train/") for member in members)
+
+
+def test_the_committed_list_has_mines_of_the_splits_by_seed_and_style():
+    listed = read_list(ROOT / LIST)
+    assert listed
+    for (split, seed), world in listed.items():
+        number = seed - SEEDS[split]
+        assert 0 <= number < SIZES[split]
+        assert world.style == STYLES[number % 4]
+    assert len({world.world_sha256 for world in listed.values()}) == len(listed)
+
+
+def test_the_list_is_written_merged_and_read_back_and_a_broken_line_is_named(tmp_path):
+    file = tmp_path / "splits.csv"
+    one, two = Listed("test", 2_000_003, "cave", "a" * 64), Listed("train", 7, "cave", "b" * 64)
+    write_list([one], file)
+    write_list([two], file)
+    assert read_list(file) == {("train", 7): two, ("test", 2_000_003): one}
+    write_list([Listed("train", 7, "cave", "c" * 64)], file)
+    assert read_list(file)["train", 7].world_sha256 == "c" * 64
+    for bad, words in (("test,2000200,cave," + "a" * 64, "seed 2000200"), ("test,2000001,cave,no", "no hash")):
+        file.write_text(f"split,seed,style,world_sha256\n{bad}\n")
+        with pytest.raises(InputError, match=f"splits.csv: world 1: .*{words}"):
+            read_list(file)
+
+
+def test_variants_of_the_embedded_mine_have_their_own_split_and_no_other(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    for split, of in (("train", "default"), ("test", "default"), ("variants", None), ("variants", "my-mine")):
+        with pytest.raises(InputError, match="variants of the default world have the split variants"):
+            worlds(1, split, of, 0.1, 1, [])
+
+
+def test_the_list_is_not_written_from_worlds_with_other_parameters(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    with pytest.raises(InputError, match="--list: the list has light generated mines without overrides only"):
+        worlds(1, "test", None, 0.1, 1, ["survey.mine.loops=0.9"], light=True, write=True)
+
+
+def test_a_mine_has_one_name_and_a_name_that_no_split_has_is_refused(tmp_path):
+    assert parse_name(mine_name("test", 7)) == ("test", 7)
+    for name in ("test-0200", "variants-0001", "test-7", "test-00071"):
+        with pytest.raises(ValueError, match=f"mine = '{name}': want one of train-0000 to train-0999"):
+            parse_name(name)
+    with pytest.raises(FileNotFoundError, match=r"mine test-0007 is not built; `make worlds N=8 SPLIT=test`"):
+        world_folder("test-0007", tmp_path)
+
+
 @pytest.mark.slow
-def test_a_cluster_builds_what_cores_build(monkeypatch, tmp_path):
+def test_a_cluster_of_two_nodes_builds_the_worlds_that_local_processes_build(monkeypatch, tmp_path):
     pytest.importorskip("ray", reason="Ray comes with `make setup-baselines`")
+    import ray
     from ray.cluster_utils import Cluster
 
     monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(family, "FAMILIES", tmp_path)
+    members = small_members(4)
+    monkeypatch.setattr(family, "FAMILIES", tmp_path / "local")
+    local = make_family(members, 1, plainly)
+    monkeypatch.setattr(family, "FAMILIES", tmp_path / "cluster")
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+    cluster.add_node(num_cpus=1)
     monkeypatch.setenv("RAY_ADDRESS", cluster.address)
     try:
+        built = make_family(members, 1, plainly, on="ray")
+        assert len([node for node in ray.nodes() if node["Alive"]]) == 2
         with pytest.raises(LimitError, match=r"ParamsError: survey\.mine\.style = 'maze'"):
-            make_family([broken_member()], 1, lambda done, count: done)
+            make_family([broken_member()], 1, plainly, on="ray")
     finally:
-        import ray
-
         ray.shutdown()
         cluster.shutdown()
+    assert [outcome.world_sha256 for outcome in built] == [outcome.world_sha256 for outcome in local]
+    assert all(outcome.world_sha256 for outcome in built)
+
+
+def test_rooms_that_are_more_than_half_of_the_plan_are_no_inverted_plan(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    (member,) = (m for m in generated("test", 105, []) if m.seed == 2_000_104)
+    config = compose(member.overrides)
+    read = read_survey(config.survey)
+    traced = trace_free_space(config.contours, read["plan"], read["survey"], read["workings"])
+    frame = traced["free_space"].frame
+    assert traced["cleaned"].sum() > 0.5 * frame.width_px * frame.height_px

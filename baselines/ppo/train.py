@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from baselines.environments import make_env
+from baselines.environments import make_env, require_trainable
 from baselines.errors import interrupt, need, run_command
 from baselines.policy import TRAINED
 from baselines.ppo.history import POLICY, History
@@ -154,6 +154,7 @@ def _export(algorithm: Any, settings: TrainSettings, facts: dict[str, Any], run:
 def main() -> None:
     """Compose the settings from the command line and train."""
     settings = compose_settings(sys.argv[1:])
+    require_trainable(settings.env)
     make_env(settings.env, 1).close()  # a world that is not built is refused before Ray starts
     facts = train(settings, TRAINED / settings.name)
     print(json.dumps(facts))

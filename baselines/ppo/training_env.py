@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.vector import VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
 
-from baselines.environments import make_env
+from baselines.environments import make_env, require_trainable
 from baselines.map_observation import MapObserver
 from minexplore.vector import MineVectorEnv
 
@@ -77,7 +77,8 @@ def make_training_env(context: dict[str, Any]) -> TrainingEnv:
     Raises
     ------
     BaselineError
-        If the id is unknown or its world cannot be loaded.
+        If the id is unknown, its world cannot be loaded, or its mine is one that policies are judged by.
     """
+    require_trainable(context["env"])
     env = make_env(context["env"], context.get("num_envs", 1))
     return TrainingEnv(env, context["observation"], context["reward_scale"], context["cell_bonus"], context["seed"])

@@ -21,6 +21,7 @@ from minexplore.bundle import (
     BundleError,
     GeomGroup,
     floor_geom,
+    has_visible_rock,
     is_fitting,
     mesh_file,
     rock_geom,
@@ -66,7 +67,8 @@ def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str]
     _check_floor(at, record)
     _check_cameras(at, record)
     _check_lights(at, record)
-    _check_surface(at, set(meshes))
+    if has_visible_rock(record):
+        _check_surface(at, set(meshes))
     check_fittings(at.fittings, at.of_assets, record)
 
 
@@ -77,8 +79,8 @@ class _Places:
         sections = {node.tag: node for node in root.children}
         self.statistic, self.assets = sections["statistic"], sections["asset"].children
         (self.mine,) = (node for node in sections["worldbody"].children if node.name == MINE_BODY)
-        (surface,) = (node for node in self.mine.children if node.name == SURFACE_BODY)
-        self.surface = surface.children
+        surfaces = [node for node in self.mine.children if node.name == SURFACE_BODY]  # at most one
+        self.surface = [geom for surface in surfaces for geom in surface.children]
         self.fittings = next((node for node in self.mine.children if node.name == FITTINGS_BODY), None)
         (self.rock_class,) = (
             node.children[0] for node in sections["default"].children if node.attributes["class"] == ROCK_CLASS

@@ -22,6 +22,7 @@ from minexplore.bundle import (
     MODEL,
     NAV2_MAP,
     NAV2_PICTURE,
+    NO_OVERLAY,
     OCTREE,
     PREVIEW,
     RECORD,
@@ -30,6 +31,7 @@ from minexplore.bundle import (
     BundleError,
     TriangleMesh,
     decode_msh,
+    has_visible_rock,
     is_cover,
     is_fitting,
 )
@@ -50,6 +52,7 @@ FIXED = (
     ROCK_TEXTURE,
     TOPOLOGY,
 )
+VISIBLE = (PREVIEW, ROCK_TEXTURE)  # of these, only worlds with visible rock have any
 MESHES = "meshes/"
 _MESH = re.compile(rf"{MESHES}(?:{VISIBLE_MESH}|{FITTING_MESH})\.msh", re.ASCII)
 _FOLDERS = {"meshes", "textures"}
@@ -125,15 +128,17 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes]) -> dic
         Naming the file, the value and the limit.
     """
     for name in FIXED:
-        if name not in files:
+        if name not in files and not (name in VISIBLE and not has_visible_rock(record)):
             raise BundleError(f"{name}: missing")
+    if not has_visible_rock(record):
+        _refuse_visible(files)
     west, south, east, north = record["world_m"]
     low = np.array([west - _BEYOND_M, south - _BEYOND_M, -_BELOW_M])
     high = np.array([east + _BEYOND_M, north + _BEYOND_M, record["height_m"] + _ABOVE_M])
     for name, data in files.items():
         if name.startswith(MESHES):
             _check_mesh(name, data, low, high)
-    for name, kind in PICTURES.items():
+    for name, kind in pictures_of(record).items():
         width, height = check_png(name, files[name], kind, _MOST_PIXELS[name])
         if name == ROCK_TEXTURE and (width != height or width < 16):
             raise BundleError(f"{name}: {width} x {height} px, want a square of 16 px or more")
@@ -141,6 +146,17 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes]) -> dic
             raise BundleError(f"{name}: {width} x {height} px, want a width of 64 to 4096 px")
     _check_map(files[NAV2_MAP])
     return _read_checked_grid(files[CLEARANCE_GRID], record["world_m"])
+
+
+def pictures_of(record: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
+    """Return the pictures that a world of this record has, with their colour types."""
+    return {name: kind for name, kind in PICTURES.items() if has_visible_rock(record) or name not in VISIBLE}
+
+
+def _refuse_visible(files: Mapping[str, bytes]) -> None:
+    for name in files:
+        if name in VISIBLE or name.startswith(MESHES):
+            raise BundleError(f"{name}: {RECORD} says overlay = {NO_OVERLAY!r}; such a world has no file of this kind")
 
 
 def _check_mesh(name: str, data: bytes, low: np.ndarray, high: np.ndarray) -> None:

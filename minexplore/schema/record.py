@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from minexplore.bundle import FORMAT, FRAMES, GEOM_GROUPS, BundleError, complete_zone
+from minexplore.bundle import FORMAT, FRAMES, GEOM_GROUPS, NO_OVERLAY, BundleError, complete_zone
 from minexplore.looks import LOOKS, PLAIN
 from minexplore.schema.model import MOST_LIGHTS, MOST_PARTS, MOST_ZONES, REACH_M, WORLD_NAME, ZONE_NAME
 from minexplore.schema.rules import Rule, list_of, matching, number, one_of_texts, same_json, whole
@@ -96,7 +96,10 @@ RECORD_FIELDS: Table = {
     "world_sha256": _HASH,
 }
 # Fields that a record may lack, and what their absence means. A record does not state that value.
-OPTIONAL_FIELDS: Mapping[str, tuple[Rule, Any]] = {"look": (one_of_texts(*LOOKS), PLAIN)}
+OPTIONAL_FIELDS: Mapping[str, tuple[Rule, Any]] = {
+    "look": (one_of_texts(*LOOKS), PLAIN),
+    "overlay": (same_json(NO_OVERLAY), "rough"),
+}
 
 
 def read_json(file: str, data: bytes) -> Any:

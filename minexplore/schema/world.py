@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.bundle import MODEL, RECORD, BundleError, world_sha256
+from minexplore.bundle import MODEL, RECORD, BundleError, has_visible_rock, world_sha256
 from minexplore.schema.agreement import check_agreement
 from minexplore.schema.elements import check_elements
 from minexplore.schema.files import MESHES, check_contents, is_known, read_folder
+from minexplore.schema.light import LIGHT_WORLD
 from minexplore.schema.model import WORLD
 from minexplore.schema.record import check_record, read_json
 from minexplore.schema.xml import read_xml
@@ -62,7 +63,7 @@ def _check(files: Mapping[str, bytes], hashes: Mapping[str, str]) -> CheckedWorl
     check_record(RECORD, record)
     grid = check_contents(record, files)
     root = read_xml(MODEL, files[MODEL])
-    check_elements(MODEL, root, WORLD)
+    check_elements(MODEL, root, WORLD if has_visible_rock(record) else LIGHT_WORLD)
     check_agreement(root, record, [name for name in files if name.startswith(MESHES)])
     return CheckedWorld(record, files, grid)
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from minexplore.splits import SEEDS, STYLES, mine_name
+from pipeline.build.splits import LIST, Listed
 from pipeline.build.world import make_world
 from pipeline.compose import compose
 from pipeline.errors import InputError, LimitError
@@ -21,8 +23,14 @@ from pipeline.store.files import write_atomically
 from pipeline.store.verify import verify_world
 
 FAMILIES = ARTIFACTS / "families"
-STYLES = ("room_and_pillar", "drift_and_crosscut", "ramp", "cave")
-SPLITS = {"train": 0, "validation": 1_000_000, "test": 2_000_000}  # the first seed of each
+_LIGHT = "preset=light"
+# What preset=light leaves out; conf/validation/default.yaml has the same values.
+_STRESS_TEST = (
+    "validation.certificate.contacts=1000",
+    "validation.certificate.limits.contacts={min: 1}",
+    "validation.certificate.limits.escapes={max: 0}",
+    "validation.certificate.limits.deepest_m={max: 0.10}",
+)
 
 
 @dataclass(frozen=True)
@@ -54,15 +62,28 @@ def generated(split: str, count: int, overrides: list[str]) -> list[Member]:
     """Return the members of a split of procedural mines; the four styles alternate."""
     members = []
     for i in range(count):
-        seed, style = SPLITS[split] + i, STYLES[i % len(STYLES)]
+        seed, style = SEEDS[split] + i, STYLES[i % len(STYLES)]
         own = [
             "survey=procedural",
             f"survey.seed={seed}",
             f"survey.mine.style={style}",
-            f"survey.name={split}-{i:04d}",
+            f"survey.name={mine_name(split, i)}",
         ]
         members.append(Member(f"{split}/{i:04d}", split, seed, style, [*own, *overrides]))
     return members
+
+
+def without_rock(members: list[Member], stress_tests: int) -> list[Member]:
+    """Return the members as light worlds; so many of them, evenly spread, pass the collision stress test as well."""
+    tested = set(np.linspace(0, len(members) - 1, min(stress_tests, len(members))).round().astype(int).tolist())
+    return [
+        replace(
+            member,
+            folder=f"light/{member.folder}",
+            overrides=[_LIGHT, *(_STRESS_TEST if number in tested else ()), *member.overrides],
+        )
+        for number, member in enumerate(members)
+    ]
 
 
 def variants(
@@ -81,7 +102,7 @@ def variants(
     members, entrance_m = [], world_params.get("survey.entrance_m")
     entrance = "null" if entrance_m is None else f"[{entrance_m[0]},{entrance_m[1]}]"
     for i in range(count):
-        seed = SPLITS[split] + i
+        seed = SEEDS[split] + i
         height = world_params["compile3d.height_m"] + np.random.default_rng(seed).normal(0.0, height_sd_m)
         own = [
             "survey=variant",
@@ -95,23 +116,45 @@ def variants(
     return members
 
 
-def make_family(members: list[Member], jobs: int, progress: Progress) -> Path:
-    """Build all members, in parallel over the cores or, with `RAY_ADDRESS`, over a cluster that shares this folder.
+def make_family(
+    members: list[Member],
+    jobs: int,
+    progress: Progress,
+    on: Literal["local", "ray"] = "local",
+    listed: Mapping[tuple[str, int], Listed] | None = None,
+) -> list[Outcome]:
+    """Build all members in parallel, over the cores or over the Ray cluster at RAY_ADDRESS, which shares this folder.
 
-    Members that are up to date are skipped, so an interrupted run continues where it stopped.
+    Members that are up to date are skipped, so an interrupted run continues where it stopped. Each outcome enters
+    `artifacts/families/manifest.json`: split, seed and hash of every world of this and earlier calls.
+
+    Parameters
+    ----------
+    members : list of Member
+    jobs : int
+        Local processes.
+    progress : callable
+        Wraps the outcomes, as `tqdm` does.
+    on : {"local", "ray"}
+    listed : mapping, optional
+        Worlds of the committed list by split and seed; a world with another hash fails.
 
     Returns
     -------
-    Path
-        `artifacts/families/manifest.json`: split, seed and hash of every world of this and earlier calls.
+    list of Outcome
+        In the order of the members.
 
     Raises
     ------
     LimitError
-        If worlds breach a limit or cannot be built; the manifest lists them with their problems.
+        If worlds breach a limit, cannot be built, or differ from the list; the manifest has their problems.
+    InputError
+        If there is no cluster to build on.
     """
-    built = _over_cluster(members) if os.environ.get("RAY_ADDRESS") else _over_cores(members, jobs)
-    outcomes = list(progress(built, len(members)))
+    built = _over_cluster(members) if on == "ray" else _over_cores(members, jobs)
+    outcomes = [_compared(outcome, listed or {}) for outcome in progress(built, len(members))]
+    place = {member.folder: number for number, member in enumerate(members)}
+    outcomes.sort(key=lambda outcome: place[outcome.member.folder])
     file = FAMILIES / "manifest.json"
     manifest = json.loads(file.read_text()) if file.is_file() else {}
     manifest |= {o.member.folder: asdict(o) for o in outcomes}
@@ -120,12 +163,29 @@ def make_family(members: list[Member], jobs: int, progress: Progress) -> Path:
     if failed:
         first = failed[0]
         raise LimitError(f"{len(failed)} of {len(outcomes)} worlds failed, {first.member.folder}: {first.problem}")
-    return file
+    return outcomes
 
 
-def make_member(member: Member) -> Outcome:
-    """Build one member and return the result; it has figures if all six stages have run."""
-    folder, problem = FAMILIES / member.folder, None
+def _compared(outcome: Outcome, listed: Mapping[tuple[str, int], Listed]) -> Outcome:
+    """Return an outcome whose problem is a hash that differs from the list, if it has no other."""
+    wanted = listed.get((outcome.member.split, outcome.member.seed))
+    if wanted is None or outcome.problem is not None or outcome.world_sha256 == wanted.world_sha256:
+        return outcome
+    return replace(
+        outcome,
+        problem=f"world hash {outcome.world_sha256} differs from {wanted.world_sha256} in {LIST.as_posix()}: other "
+        "package versions, another pipeline, or a changed world",
+    )
+
+
+def to_list(outcomes: Iterable[Outcome]) -> list[Listed]:
+    """Return the lines of the committed list for worlds that were built."""
+    return [Listed(o.member.split, o.member.seed, o.member.style, str(o.world_sha256)) for o in outcomes]
+
+
+def make_member(member: Member, families: Path) -> Outcome:
+    """Build one member below `families` and return the result; it has figures if all six stages have run."""
+    folder, problem = families / member.folder, None
     try:
         config = compose(member.overrides)
         if config.survey.kind == "procedural":  # an override may have changed seed or style
@@ -136,7 +196,7 @@ def make_member(member: Member) -> Outcome:
             problem = f"LimitError: {error}"
         figures = flatten(json.loads((folder / "validation" / "metrics.json").read_text()))
         digest = verify_world(folder / "realism" / "world")
-        iou, certificate = float(figures["iou.free_space_vs_cleaned"]), bool(figures["certificate.holds"])
+        iou, certificate = figures.get("iou.free_space_vs_cleaned"), bool(figures["certificate.holds"])
         return Outcome(member, digest, iou, certificate, problem)
     except Exception as error:  # this world fails; the others continue
         return Outcome(member, None, None, False, f"{type(error).__name__}: {error}")
@@ -144,23 +204,27 @@ def make_member(member: Member) -> Outcome:
 
 def _over_cores(members: list[Member], jobs: int) -> Iterator[Outcome]:
     with ProcessPoolExecutor(min(jobs, len(members))) as pool:
-        yield from (future.result() for future in as_completed([pool.submit(make_member, m) for m in members]))
+        yield from (
+            future.result() for future in as_completed([pool.submit(make_member, m, FAMILIES) for m in members])
+        )
 
 
 def _over_cluster(members: list[Member]) -> Iterator[Outcome]:
+    address = os.environ.get("RAY_ADDRESS")
+    if not address:
+        raise InputError("--on ray: RAY_ADDRESS is not set; it names the cluster, for example 10.0.0.1:6379")
     try:
         import ray
     except ImportError:
-        raise InputError("RAY_ADDRESS is set, but Ray is not installed; `make setup-baselines` installs it") from None
-    project = Path.cwd()
+        raise InputError("--on ray: Ray is not installed; `make setup-baselines` installs it") from None
+    project, families = Path.cwd(), FAMILIES
     environment = {"env_vars": {"PYTHONPATH": str(project)}}
-    address = os.environ["RAY_ADDRESS"]
     ray.init(address=address, ignore_reinit_error=True, logging_level="ERROR", runtime_env=environment)
 
     @ray.remote  # type: ignore[untyped-decorator]
     def build(member: Member) -> Outcome:
         os.chdir(project)
-        return make_member(member)
+        return make_member(member, families)
 
     waiting = [build.remote(member) for member in members]
     while waiting:

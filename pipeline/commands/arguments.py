@@ -15,6 +15,14 @@ def positive(text: str) -> int:
     return value
 
 
+def natural(text: str) -> int:
+    """Return an integer of 0 or more."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{value}: expected 0 or more")
+    return value
+
+
 def numbers(count: int) -> Callable[[str], list[float]]:
     """Return a parser of `count` finite numbers separated by commas."""
 

@@ -7,9 +7,9 @@ import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from pipeline.commands.arguments import numbers, positive
+from pipeline.commands.arguments import natural, numbers, positive
 
 
 def new(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any], overrides: list[str]) -> None:
@@ -69,20 +69,48 @@ def build(name: str, overrides: list[str]) -> None:
     make_world(compose(overrides), WORLDS / name, progress)
 
 
-def worlds(count: int, split: str, of: str | None, height_sd_m: float, jobs: int, overrides: list[str]) -> None:
+def worlds(
+    count: int | None,
+    split: str,
+    of: str | None,
+    height_sd_m: float,
+    jobs: int,
+    overrides: list[str],
+    light: bool = False,
+    on: Literal["local", "ray"] = "local",
+    stress_tests: int = 50,
+    write: bool = False,
+) -> None:
     """Make many worlds: generated mines, or with --of variants of one world within its survey's error."""
     from tqdm import tqdm
 
-    from pipeline.build.family import generated, make_family, variants
+    from minexplore.splits import SIZES
+    from pipeline.build.family import FAMILIES, generated, make_family, to_list, variants, without_rock
+    from pipeline.build.splits import LIST, read_list, write_list
+    from pipeline.errors import InputError
     from pipeline.import_mine import import_workings
-    from pipeline.worlds import world_folder, world_params
+    from pipeline.worlds import DEFAULT, world_folder, world_params
 
+    if (split == "variants") != (of == DEFAULT):
+        raise InputError(f"--split {split} --of {of}: variants of the {DEFAULT} world have the split variants")
+    benchmark = of is None and light and not overrides
+    if write and not benchmark:
+        raise InputError("--list: the list has light generated mines without overrides only (--light)")
+    count = count or (SIZES[split] if benchmark else 10)
     if of is None:
         members = generated(split, count, overrides)
     else:
         workings = import_workings(of, world_folder(of) / "contours" / "free_space.geojson")
         members = variants(of, workings, split, count, height_sd_m, world_params(of), overrides)
-    print(make_family(members, jobs, lambda done, n: tqdm(done, total=n, desc=split, unit="world", disable=None)))
+    if light:
+        members = without_rock(members, stress_tests)
+    listed = read_list() if benchmark and not write else {}
+    outcomes = make_family(
+        members, jobs, lambda done, n: tqdm(done, total=n, desc=split, unit="world", disable=None), on, listed
+    )
+    if write:
+        write_list(to_list(outcomes))
+    print(LIST if write else FAMILIES / "manifest.json")
 
 
 def list_() -> None:
@@ -138,13 +166,21 @@ def add_to(commands: Any) -> None:
         run=lambda a: new(a.name, a.source, a.origin, a.licence, {k: getattr(a, k) for k in stated}, a.overrides)
     )
     many = commands.add_parser("worlds", help=worlds.__doc__)
-    many.add_argument("--count", type=positive, default=10)
-    many.add_argument("--split", choices=["train", "validation", "test"], default="train")
+    many.add_argument("--count", type=positive, help="default: 10, or with --light the whole split")
+    many.add_argument("--split", choices=["train", "validation", "test", "variants"], default="train")
+    many.add_argument("--light", action="store_true", help="without visible rock (preset=light)")
+    many.add_argument("--stress-tests", type=natural, default=50, help="light worlds that pass the stress test as well")
+    many.add_argument("--list", dest="write", action="store_true", help="write the hashes to data/families/splits.csv")
+    many.add_argument("--on", choices=["local", "ray"], default="local", help="ray: the cluster at RAY_ADDRESS")
     many.add_argument("--of", help="make variants of this world")
     many.add_argument("--height-sd", type=float, default=0.1, help="standard deviation of the variants' height, m")
     many.add_argument("--jobs", type=positive, default=os.cpu_count() or 1)
     many.add_argument("overrides", nargs="*", help="for example survey.mine.loops=0.8")
-    many.set_defaults(run=lambda a: worlds(a.count, a.split, a.of, a.height_sd, a.jobs, a.overrides))
+    many.set_defaults(
+        run=lambda a: worlds(
+            a.count, a.split, a.of, a.height_sd, a.jobs, a.overrides, a.light, a.on, a.stress_tests, a.write
+        )
+    )
     commands.add_parser("list", help=list_.__doc__).set_defaults(run=lambda a: list_())
     for function in (show, report):
         parser = commands.add_parser(function.__name__, help=function.__doc__)

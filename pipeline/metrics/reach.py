@@ -81,6 +81,9 @@ def _networks(
     steps = max(1, round(radius_m * frame.px_per_m))
     y, x = np.ogrid[-steps : steps + 1, -steps : steps + 1]
     disc = x * x + y * y <= steps * steps
+    if (plan == world).all():  # the same cells have the same network
+        (one,) = trace_alike([trace_outline(binary_dilation(plan, disc), frame)], cell_m, min_leg_m, _STATIONS_M)
+        return one, one
     outlines = [trace_outline(binary_dilation(mask, disc), frame) for mask in (plan, world)]
     one, two = trace_alike(outlines, cell_m, min_leg_m, _STATIONS_M)
     return one, two

@@ -18,6 +18,7 @@ from minexplore.bundle import (
     MODEL,
     NAV2_MAP,
     NAV2_PICTURE,
+    NO_OVERLAY,
     OCTREE,
     PREVIEW,
     TOPOLOGY,
@@ -51,10 +52,11 @@ def assemble_world(
 ) -> dict[str, Bundle]:
     """Return `world`: the files of the bundle by name.
 
-    `rough` is the folder with the chunks of the rough surface, or these files by name. The last four arguments enter
-    the bundle unchanged.
+    `rough` is the folder with the chunks of the rough surface, or these files by name. An empty `smooth` gives a world
+    without visible rock, which has no texture and no preview either. The last four arguments enter the bundle as they
+    are.
     """
-    chunks = {p.name: p.read_bytes() for p in sorted(rough.glob("*.msh"))} if isinstance(rough, Path) else rough
+    chunks = _chunks(rough)
     zones = tile_zones(params.zones, extent.world_m)
     scene = MineScene(
         name=survey.name,
@@ -76,11 +78,18 @@ def assemble_world(
         water_m=params.floor.water_m if params.floor else 0.0,
     )
     files = compile_bundle(scene)
-    files[PREVIEW] = encode(Path(PREVIEW), _preview(files, params.preview_width_px))
+    if scene.has_visible_rock:
+        files[PREVIEW] = encode(Path(PREVIEW), _preview(files, params.preview_width_px))
     files[FREE_SPACE] = encode(Path(FREE_SPACE), free_space)
     files[TOPOLOGY] = encode(Path(TOPOLOGY), topology)
     files |= {CLEARANCE_GRID: occupancy, OCTREE: free_space_bt, NAV2_PICTURE: map_png, NAV2_MAP: map_yaml}
     return {"world": seal_bundle(files, _record(params, scene, free_space, topology, spawn))}
+
+
+def _chunks(rough: Path | Bundle) -> Bundle:
+    if isinstance(rough, Path):
+        rough = {path.name: path.read_bytes() for path in sorted(rough.glob("*.msh"))}
+    return {name: data for name, data in rough.items() if name.endswith(".msh")}
 
 
 def _fittings(
@@ -144,6 +153,7 @@ def _record(
         drifts=len(topology.legs),
         spawn=spawn,
         geom_groups=GEOM_GROUPS,
+        overlay=None if scene.has_visible_rock else NO_OVERLAY,
         files={},
         world_sha256="",
         look=scene.look,

@@ -17,6 +17,7 @@ from minexplore.bundle import (
     GEOM_GROUPS,
     MINE_BODY,
     MODEL,
+    NO_OVERLAY,
     RECORD,
     SURFACE_BODY,
     complete_zone,
@@ -40,7 +41,10 @@ _LEVEL_M = 1e-3
 
 @dataclass(frozen=True)
 class WorldRecord:
-    """The content of `world.json`; all units are m, rad, kg and s, except where a name states another."""
+    """The content of `world.json`; all units are m, rad, kg and s, except where a name states another.
+
+    `overlay` is "none" in a world without visible rock; the record of other worlds does not have it.
+    """
 
     format: str
     name: str
@@ -63,6 +67,12 @@ class WorldRecord:
     files: dict[str, str]
     world_sha256: str
     look: str = PLAIN
+    overlay: str | None = None
+
+    @property
+    def has_visible_rock(self) -> bool:
+        """Return whether meshes show the rock."""
+        return self.overlay != NO_OVERLAY
 
 
 @dataclass(frozen=True)
@@ -97,6 +107,8 @@ def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes
     """Add `world.json`: the record, the sha256 of each file, and the world's hash over both."""
     fields = TypeAdapter(WorldRecord).dump_python(record, mode="json")
     fields["zones"] = [shorten_zone(zone) for zone in fields["zones"]]
+    if record.has_visible_rock:
+        del fields["overlay"]
     if record.look == PLAIN:  # as in worlds of format 1 that know no other look
         del fields["look"]
     fields["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}

@@ -42,6 +42,8 @@ def rock_clearance(
     at = (np.column_stack([places, np.full(len(places), height_m)]) @ T_world_mine[:3, :3].T) + T_world_mine[:3, 3]
     clearance, segment = np.full(len(places), most_m), np.zeros(6)
     for i, geom in zip(place.tolist(), rock[part].tolist(), strict=True):
+        if clearance[i] == 0.0:  # in another part; nothing is nearer
+            continue
         data.geom_xpos[probe] = at[i]
         distance = mujoco.mj_geomDistance(model, data, probe, geom, most_m, segment) + _PROBE_M
         if distance < clearance[i]:

@@ -53,8 +53,9 @@ class MineScene:
     """The complete content of a world, in the mine frame.
 
     `smooth` is the octagonal surface. `rough` holds the chunks of the rough surface as `NAME.msh`; if there are any,
-    the smooth surface is hidden. `fittings` holds the visible floor and the furniture as `NAME.msh`; water stands on
-    the floor zones named in `puddles`, `water_m` above the flat floor.
+    the smooth surface is hidden. Without `smooth` nothing shows rock, and `texture` is not used. `fittings` holds the
+    visible floor and the furniture as `NAME.msh`; water stands on the floor zones named in `puddles`, `water_m` above
+    the flat floor.
     """
 
     name: str
@@ -74,6 +75,11 @@ class MineScene:
     fittings: Bundle = field(default_factory=dict)
     puddles: tuple[str, ...] = ()
     water_m: float = 0.0
+
+    @property
+    def has_visible_rock(self) -> bool:
+        """Return whether meshes show the rock."""
+        return bool(self.smooth)
 
 
 def tile_zones(zones: list[ZoneParams], world_m: tuple[float, float, float, float]) -> list[FloorZone]:

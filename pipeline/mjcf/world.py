@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import (
+    BARE_ROCK_RGBA,
     FLOOR_CHAMFER,
     MINE_BODY,
     ROCK_CLASS,
@@ -49,12 +50,13 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     tilt = math.atan2(scene.T_world_mine[0, 2], scene.T_world_mine[0, 0])
     mine.quat = [math.cos(tilt / 2), 0.0, math.sin(tilt / 2), 0.0]
     mine.pos = scene.T_world_mine[:3, 3]
-    _add_rock_class(spec, scene.rock_friction, scene.look)
+    _add_rock_class(spec, scene)
     _add_rock(spec, mine, scene.parts)
     _add_floor(spec, mine, scene)
-    meshes = _add_surface(spec, mine, scene) | add_fittings(spec, mine, scene)
-    texture = encode_palette_png(scene.texture) or encode(Path(ROCK_TEXTURE), scene.texture)
-    spec.assets = {**meshes, ROCK_TEXTURE: texture}
+    if scene.has_visible_rock:
+        meshes = _add_surface(spec, mine, scene) | add_fittings(spec, mine, scene)
+        texture = encode_palette_png(scene.texture) or encode(Path(ROCK_TEXTURE), scene.texture)
+        spec.assets = {**meshes, ROCK_TEXTURE: texture}
     for i, light in enumerate(scene.lights):
         mine.add_light(
             name=f"spot_{i:02d}",
@@ -88,17 +90,23 @@ def _set_view(spec: mujoco.MjSpec, scene: MineScene) -> None:
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
 
 
-def _add_rock_class(spec: mujoco.MjSpec, friction: float, name: str) -> None:
-    look = LOOKS[name]
-    spec.add_texture(name="rock", type=mujoco.mjtTexture.mjTEXTURE_2D, file=ROCK_TEXTURE)
+def _add_rock_class(spec: mujoco.MjSpec, scene: MineScene) -> None:
+    look = LOOKS[scene.look]
     rock = spec.add_material(name="rock", specular=look.specular, shininess=look.shininess)
-    rock.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "rock"
-    if name != PLAIN:
+    if scene.has_visible_rock:
+        spec.add_texture(name="rock", type=mujoco.mjtTexture.mjTEXTURE_2D, file=ROCK_TEXTURE)
+        rock.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "rock"
+    else:
+        rock.rgba = BARE_ROCK_RGBA
+    if scene.look != PLAIN:
         # Collision parts have no texture coordinates: a texture would run over them in streaks.
         spec.add_material(name=CUT_MATERIAL, rgba=CUT_RGBA, specular=0.0, shininess=0.0)
     solid = spec.add_default(ROCK_CLASS, spec.default)
-    solid.geom.group, solid.geom.material = GeomGroup.COLLISION, "rock" if name == PLAIN else CUT_MATERIAL
-    solid.geom.friction = [friction, 0.005, 0.0001]
+    solid.geom.group = GeomGroup.COLLISION
+    solid.geom.material = "rock" if scene.look == PLAIN else CUT_MATERIAL
+    solid.geom.friction = [scene.rock_friction, 0.005, 0.0001]
+    if not scene.has_visible_rock:
+        return
     visible = spec.add_default(SURFACE_CLASS, spec.default)
     visible.geom.type, visible.geom.group, visible.geom.material = (
         mujoco.mjtGeom.mjGEOM_MESH,

@@ -28,3 +28,11 @@ class Config(Params):
         if self.surface.texture.tether_m is not None and self.realism.look == "plain":
             raise ValueError("surface.texture.tether_m needs a look other than realism.look=plain; choose look=dry")
         return self
+
+    @model_validator(mode="after")
+    def _fittings_on_rock(self) -> Config:
+        if self.surface.overlay == "none" and (self.realism.floor or self.realism.furnish != "off"):
+            raise ValueError(
+                "realism.floor and realism.furnish need visible rock (surface.overlay=rough)"
+            )
+        return self

@@ -181,6 +181,9 @@ class RoughParams(Params):
 class SurfaceParams(Params):
     """The smooth surface, the rough surface, its reference rock, and the texture."""
 
+    overlay: Literal["rough", "none"] = Field(
+        "rough", description="visible rock over the collision parts; none: robots see the collision parts themselves"
+    )
     floor_chamfer_m: float = Field(gt=0)
     roof_chamfer_m: float = Field(gt=0)
     texture: TextureParams

@@ -89,8 +89,12 @@ class ValidationParams(Params):
     network_min_leg_m: float = Field(ge=0, le=50)
     network_station_spacing_m: float = Field(gt=0)
     collision_method: Literal["exact", "coacd", "vhacd"]
+    overlay: Literal["rough", "none"] = Field("rough", description="whether the world must have visible rock")
     tolerance_m: float | None = Field(
         ge=0, description="largest distance by which simplification may have moved a wall; null: 8 x wall_error_m"
+    )
+    extent: Literal["full", "certificate"] = Field(
+        "full", description="certificate: the certificate alone, for large families of worlds that were just built"
     )
     wall_error_m: float = Field(gt=0)
     robot_height_m: float = Field(gt=0, description="height at which LiDAR and walls are compared")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 from minexplore.bundle import BundleError
-from minexplore.schema.files import PICTURES
+from minexplore.schema.files import pictures_of
 from minexplore.schema.png import inflate_png
 from pipeline.errors import ArtifactError
 from pipeline.geometry.fewest_vertices import MOST_RATIO
@@ -38,18 +39,19 @@ def require_built(folder: Path, record: WorldRecord, params: ValidationParams) -
     ArtifactError
         With the file, the value and the limit.
     """
-    _require_pictures(folder)
+    _require_pictures(folder, record)
     free_space = read_free_space(folder)
     tracing = Tracing(params.network_cell_m, params.network_min_leg_m, params.network_station_spacing_m)
     grid = require_remade(folder, record, free_space, tracing, tolerance_of(params))
     require_same_model(folder, record, free_space.polygon, prisms=params.collision_method == "exact")
-    require_visible(folder, record, free_space.polygon, grid)
+    if record.has_visible_rock:
+        require_visible(folder, record, free_space.polygon, grid)
     return free_space
 
 
-def _require_pictures(folder: Path) -> None:
+def _require_pictures(folder: Path, record: WorldRecord) -> None:
     """Check that the pictures are whole; only the map's pixels are compared with anything."""
-    for name in PICTURES:
+    for name in pictures_of(dataclasses.asdict(record)):
         try:
             inflate_png(name, (folder / name).read_bytes())
         except BundleError as error:

@@ -81,7 +81,8 @@ def require_remade(
     grid = _require_grid(folder, record, free)
     _require_map_and_octree(folder, record, grid)
     _require_spawn(folder, record, grid)
-    require_smooth(folder, record, free)
+    if record.has_visible_rock:
+        require_smooth(folder, record, free)
     return grid
 
 

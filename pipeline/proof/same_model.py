@@ -24,7 +24,7 @@ from pipeline.mjcf.world import build_spec
 from pipeline.proof.lights import remake_lights
 from pipeline.proof.prisms import require_prisms
 from pipeline.store.codecs import decode
-from pipeline.types import ConvexParts, DriftNetwork, Image, Mesh, SolidExtent
+from pipeline.types import NO_PICTURE, ConvexParts, DriftNetwork, Image, Mesh, SolidExtent
 
 _MARGIN = 1e-5  # relative and absolute: what the text of a model rounds
 _PLACE_M = 2e-3  # half a millimetre and more: six digits of coordinates up to 1 km
@@ -89,7 +89,7 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
         lights=remake_lights(folder, stated, network),
         smooth=_smooth(stated),
         rough={f"{name}.msh": data for name, data in chunks.items() if not is_fitting(name)},
-        texture=decode(folder / ROCK_TEXTURE, Image),
+        texture=decode(folder / ROCK_TEXTURE, Image) if record.has_visible_rock else NO_PICTURE,
         anchor_m=record.spawn.anchor_m,
         heading_rad=heading_at(network, record.spawn.anchor_m),
         T_world_mine=tilt_about_centre(record.tilt_deg, record.world_m),

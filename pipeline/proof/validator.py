@@ -49,17 +49,20 @@ class Validator:
     ) -> None:
         """Open a bundle; without `checked` only the measures judge it, see `open_bundle`.
 
-        `traced` is the outline that stage 2 traced, m, mine frame; without it, the cleaned mask is traced.
+        With `extent=certificate` the tables of `minexplore.schema` are applied, but nothing is made again. `traced` is
+        the outline that stage 2 traced, m, mine frame; without it, the cleaned mask is traced.
 
         Raises
         ------
         ArtifactError
-            If the bundle holds what no world may, is not what the builder writes, or belongs to another survey.
+            If the bundle holds what no world may, is not what the builder writes, belongs to another survey, or has
+            visible rock where the parameters say that there is none.
         """
         self.params, self.bundle, self.cleaned, self.raw, self.survey = params, bundle, cleaned, raw, survey
         self._traced = traced
         self.world: World = open_bundle(bundle, checked)
-        if checked:
+        _require_overlay(bundle, self.world, params)
+        if checked and params.extent == "full":
             self.free_space: FreeSpace = require_built(bundle, self.world.record, params)
             _require_survey(bundle, self.world, survey)
             _require_plan(bundle, self.free_space, cleaned, raw)
@@ -130,6 +133,13 @@ class Validator:
     def measure(self, group: str) -> dict[str, Any]:
         """Return the metrics of one group of `MEASURES`."""
         return MEASURES[group](self)
+
+
+def _require_overlay(bundle: Path, world: World, params: ValidationParams) -> None:
+    """Refuse a world that has visible rock or none against the parameters; the limits on rock depend on them."""
+    if world.record.has_visible_rock != (params.overlay != "none"):
+        stated = "no visible rock" if not world.record.has_visible_rock else "visible rock"
+        raise ArtifactError(f"{bundle / RECORD}: a world with {stated}, but validation.overlay = {params.overlay}")
 
 
 def _require_survey(bundle: Path, world: World, survey: Survey) -> None:
@@ -243,3 +253,11 @@ MEASURES: dict[str, Callable[[Validator], dict[str, Any]]] = {  # group of metri
     "scale": _scale,
     "world": _world,
 }
+_OF_VISIBLE_ROCK = ("texture", "relief", "walls")
+_OF_CERTIFICATE = ("areas", "collision", "certificate")
+
+
+def groups_of(params: ValidationParams) -> list[str]:
+    """Return the groups of metrics that are measured: without visible rock, or by the certificate alone, not all."""
+    groups = [name for name in MEASURES if params.overlay != "none" or name not in _OF_VISIBLE_ROCK]
+    return groups if params.extent == "full" else [name for name in groups if name in _OF_CERTIFICATE]

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from pipeline import __version__
+from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import format_limit
 from pipeline.mjcf.bundle import read_record
 from pipeline.params.validation import ValidationParams
@@ -24,7 +25,7 @@ from pipeline.report.style import to_image
 from pipeline.store.codecs import decode, encode
 from pipeline.store.files import replace_folder
 from pipeline.store.manifest import Manifest, read_manifest
-from pipeline.types import DriftNetwork, FreeSpace, Image, Survey
+from pipeline.types import NO_PICTURE, DriftNetwork, FreeSpace, Image, Survey
 
 FOLDER, PAGE = "report", "report.html"
 _STAGES = ("survey", "contours", "compile3d", "surface", "realism", "validation")
@@ -74,7 +75,7 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
     Raises
     ------
     ArtifactError
-        If an artifact is missing; the message names it.
+        If an artifact is missing, or stage 6 built the certificate alone; the message names it.
     """
     record = read_record(root / "realism" / "world")
     free_space, network = (
@@ -84,6 +85,8 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
     plan = draw_mine(free_space.polygon, network, record)
     svg = to_svg(plan)
     metrics, manifests = _metrics(root), [read_manifest(root / stage / "manifest.json") for stage in _STAGES]
+    if "iou.free_space_vs_cleaned" not in metrics:
+        raise ArtifactError(f"{root / 'validation'}: has the certificate only; a report needs validation.extent=full")
     groups = _figures(metrics, manifests[-1])
     limited = [figure.holds for group in groups.values() for figure in group if figure.holds is not None]
     template = jinja2.Environment(
@@ -148,8 +151,9 @@ def _figures(metrics: dict[str, Any], validation: Manifest) -> dict[str, list[_F
 
 
 def _pictures(root: Path, pictures: list[tuple[str, str]]) -> list[tuple[str, str, str]]:
-    """Return (data URL, caption, full-size file) of each picture."""
-    return [(_embedded(_read(root, file, Image)), caption, f"../{file}") for file, caption in pictures]
+    """Return (data URL, caption, full-size file) of each picture; a single pixel stands for none."""
+    read = [(_read(root, file, Image), file, caption) for file, caption in pictures]
+    return [(_embedded(p), caption, f"../{file}") for p, file, caption in read if p.shape != NO_PICTURE.shape]
 
 
 def _embedded(picture: np.ndarray) -> str:

@@ -11,6 +11,7 @@ import trimesh
 from trimesh.viewer.notebook import scene_to_html
 
 from pipeline.geometry.partition import triangulate
+from pipeline.geometry.raycast import upright_walls
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.store.codecs import decode
 from pipeline.types import FreeSpace, Mesh
@@ -25,10 +26,14 @@ def scene_page(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> str:
     """Return an HTML page that draws the workings without roof; it contains three.js and the meshes.
 
     Without the roof, the drifts are visible from above. The walls are the bundle's rough surface; its vertices are
-    merged in cells until it has at most 120,000 faces.
+    merged in cells until it has at most 120,000 faces. Without visible rock they are the outline's, upright.
     """
     scene = trimesh.Scene()
-    walls = _simplify([decode(path, Mesh) for path in sorted((bundle / "meshes").glob("walls_*.msh"))])
+    if record.has_visible_rock:
+        walls = _simplify([decode(path, Mesh) for path in sorted((bundle / "meshes").glob("walls_*.msh"))])
+    else:
+        triangles = upright_walls(free_space.polygon, record.height_m)
+        walls = triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)
     scene.add_geometry(_coloured(walls[0], walls[1], _WALL_RGB))
     for zone in record.zones:
         part = free_space.polygon.intersection(shapely.box(zone.west_m, zone.south_m, zone.east_m, zone.north_m))

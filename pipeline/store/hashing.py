@@ -52,6 +52,7 @@ def import_closure(module_file: Path, root: Path) -> list[Path]:
         Relative to `root`, sorted.
     """
     closure: set[Path] = set()
+    found: set[str] = set()
     queue = [module_file.relative_to(root)]
     while queue:
         source = queue.pop()
@@ -59,7 +60,9 @@ def import_closure(module_file: Path, root: Path) -> list[Path]:
             continue
         closure.add(source)
         queue += [p / "__init__.py" for p in source.parents if (root / p / "__init__.py").is_file()]
-        for name in _imported_names((root / source).read_text()):
+        names = _imported_names((root / source).read_text()) - found
+        found |= names
+        for name in names:
             parts = name.split(".")
             for depth in range(1, len(parts) + 1):
                 stem = Path(*parts[:depth])
@@ -67,7 +70,7 @@ def import_closure(module_file: Path, root: Path) -> list[Path]:
     return sorted(closure)
 
 
-def _imported_names(source: str) -> set[str]:
+def _imported_names(source: str) -> frozenset[str]:
     names: set[str] = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
@@ -75,4 +78,4 @@ def _imported_names(source: str) -> set[str]:
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
             names.add(node.module)
             names.update(f"{node.module}.{alias.name}" for alias in node.names)
-    return names
+    return frozenset(names)

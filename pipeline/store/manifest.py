@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,8 +26,12 @@ class Manifest:
     outputs: dict[str, str]
 
 
+@functools.cache
 def code_sha256(stage: str, root: Path) -> str:
-    """Return one hash of the stage's declaration and all project modules that it imports."""
+    """Return one hash of the stage's declaration and all project modules that it imports.
+
+    It is that of the first call in a process, which does not load changed modules later either.
+    """
     closure = import_closure(root / "stages" / f"{stage}.py", root)
     return sha256_named({path.as_posix(): sha256_file(root / path) for path in closure})
 
