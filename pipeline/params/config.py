@@ -32,7 +32,5 @@ class Config(Params):
     @model_validator(mode="after")
     def _fittings_on_rock(self) -> Config:
         if self.surface.overlay == "none" and (self.realism.floor or self.realism.furnish != "off"):
-            raise ValueError(
-                "realism.floor and realism.furnish need visible rock (surface.overlay=rough)"
-            )
+            raise ValueError("realism.floor and realism.furnish need visible rock (surface.overlay=rough)")
         return self
