@@ -1,6 +1,6 @@
 """How a world looks: light, haze and sheen of its rock, by the name that `world.json` states under `look`.
 
-A world without that field looks plain. The values were chosen by eye on rendered pictures (docs/look.md); none of them
+The values were chosen by eye on rendered pictures (docs/look.md); none of them
 is measured, and none changes what a robot can touch or what its LiDAR sees.
 """
 
@@ -65,7 +65,7 @@ LOOKS = {
 
 def look_of(record: Mapping[str, Any]) -> Look:
     """Return the look that a world's record states."""
-    return LOOKS[record.get("look", PLAIN)]
+    return LOOKS[record["look"]]
 
 
 def cover_rgba(zone_rgba: Sequence[float], trodden: bool) -> list[float]:

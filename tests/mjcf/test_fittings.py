@@ -172,7 +172,7 @@ def test_models_that_robots_are_stepped_in_hold_no_fitting(fitted: BuiltMine):
 def test_fittings_are_no_obstacles_of_the_certificate(fitted: BuiltMine):
     world = open_bundle(fitted.bundle)
     free = fitted.free_space.polygon
-    found = obstacles(world.model, world.record.height_m)
+    found = obstacles(world.model, np.array(world.record.T_world_mine), world.record.height_m)
     assert len(found) == world.record.collision_parts
     assert max(shapely.MultiPoint(part[:, :2]).convex_hull.intersection(free).area for part in found) < 1e-3
 

@@ -70,8 +70,8 @@ def test_a_world_with_a_look_is_what_the_builder_makes_of_its_own_parts(wet: Bui
     require_built(wet.bundle, world.record, looking.validation)
 
 
-def test_a_plain_world_does_not_state_its_look(plain: BuiltMine, wet: BuiltMine):
-    assert "look" not in json.loads((plain.bundle / "world.json").read_text())
+def test_a_world_states_its_look(plain: BuiltMine, wet: BuiltMine):
+    assert json.loads((plain.bundle / "world.json").read_text())["look"] == "plain"
     assert json.loads((wet.bundle / "world.json").read_text())["look"] == "wet"
 
 
@@ -86,7 +86,7 @@ def test_a_look_changes_no_geom_that_can_be_touched(plain: BuiltMine, wet: Built
     ("look", "message"),
     [
         ("dry", "headlight@ambient"),
-        ("plain", "look = 'plain'"),
+        ("plain", "headlight@ambient"),
         ("rainy", "look = 'rainy'"),
         (["wet"], "look = ['wet']"),
     ],
