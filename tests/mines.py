@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
+from minexplore.bundle import world_sha256
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.mjcf.assemble import assemble_world
 from pipeline.params.config import Config
@@ -93,3 +97,11 @@ def random_mine(rng: np.random.Generator, drifts: int) -> Polygon:
         shapes.append(LineString([start, end]).buffer(rng.uniform(1.5, 3.0)))
         points.append(end)
     return shapely.union_all(shapes)
+
+
+def sealed(files: dict[str, bytes], **fields: Any) -> dict[str, bytes]:
+    """Return the files with changed fields of the record and the hashes that belong to them."""
+    record = {**json.loads(files["world.json"]), **fields}
+    record["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in files.items() if name != "world.json"}
+    record["world_sha256"] = world_sha256(record)
+    return {**files, "world.json": json.dumps(record).encode()}

@@ -20,9 +20,8 @@ from pipeline.proof.built import require_built
 from pipeline.proof.certificate import certify
 from pipeline.proof.validator import MEASURES, Validator, groups_of
 from pipeline.report.scene import scene_page
-from tests.mines import TEE, BuiltMine
+from tests.mines import TEE, BuiltMine, sealed
 from tests.minexplore.test_lidar import nearest, rays
-from tests.minexplore.test_schema import sealed
 from tests.project import ROOT
 
 

@@ -1,6 +1,5 @@
 """Worlds that no builder writes are refused before MuJoCo sees them, with the path of what is wrong."""
 
-import hashlib
 import io
 import json
 import os
@@ -13,11 +12,11 @@ import numpy as np
 import pytest
 
 from benchmarks.fault_injection import edit_model, seal
-from minexplore.bundle import BundleError, world_sha256
+from minexplore.bundle import BundleError
 from minexplore.schema import check_files, check_world, hash_files, read_folder
 from minexplore.schema.files import read_grid
 from minexplore.world import load_world
-from tests.mines import BuiltMine
+from tests.mines import BuiltMine, sealed
 from tests.project import ROOT
 
 FOLDER = Path("w")
@@ -26,14 +25,6 @@ FOLDER = Path("w")
 @pytest.fixture(scope="module")
 def files(tee: BuiltMine) -> dict[str, bytes]:
     return read_folder(tee.bundle)
-
-
-def sealed(files: dict[str, bytes]) -> dict[str, bytes]:
-    """Return the files with the hashes that belong to them."""
-    record = json.loads(files["world.json"])
-    record["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in files.items() if name != "world.json"}
-    record["world_sha256"] = world_sha256(record)
-    return {**files, "world.json": json.dumps(record).encode()}
 
 
 def refusal(files: dict[str, bytes]) -> str:

@@ -1,6 +1,5 @@
 """The visible floor and furniture: seen, never touched, and refused where they would stand in the drift."""
 
-import hashlib
 import json
 
 import mujoco
@@ -19,7 +18,6 @@ from minexplore.bundle import (
     encode_msh,
     is_cover,
     is_fitting,
-    world_sha256,
 )
 from minexplore.lidar import Lidar, surface_meshes
 from minexplore.local_models import LocalModels
@@ -36,7 +34,7 @@ from pipeline.mjcf.furniture import hang_furniture
 from pipeline.params.config import Config
 from pipeline.proof.built import require_built
 from pipeline.proof.fittings import face_samples
-from tests.mines import BuiltMine
+from tests.mines import BuiltMine, sealed
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 36, 5), shapely.box(14, 5, 19, 16)])
 FITTED = [
@@ -70,13 +68,6 @@ def files(fitted: BuiltMine) -> dict[str, bytes]:
 def fittings(files) -> dict[str, TriangleMesh]:
     names = {name.removeprefix("meshes/").removesuffix(".msh"): name for name in files if name.startswith("meshes/")}
     return {stem: decode_msh(files[name]) for stem, name in names.items() if is_fitting(stem)}
-
-
-def sealed(files: dict[str, bytes]) -> dict[str, bytes]:
-    record = json.loads(files["world.json"])
-    record["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in files.items() if name != "world.json"}
-    record["world_sha256"] = world_sha256(record)
-    return {**files, "world.json": json.dumps(record).encode()}
 
 
 def refusal(files: dict[str, bytes]) -> str:

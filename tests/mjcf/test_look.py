@@ -1,6 +1,5 @@
 """Worlds with a look: what they hold, what is refused, and that nothing a robot touches changes."""
 
-import hashlib
 import json
 
 import mujoco
@@ -8,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
-from minexplore.bundle import BundleError, GeomGroup, world_sha256
+from minexplore.bundle import BundleError, GeomGroup
 from minexplore.coverage import CoverageGrid
 from minexplore.looks import CUT_MATERIAL, LOOKS, add_headlamp, cover_rgba, has_haze
 from minexplore.render import Renderer, far_hidden
@@ -20,7 +19,7 @@ from pipeline.mjcf.bundle import open_bundle
 from pipeline.mjcf.render import render_camera
 from pipeline.params.config import Config
 from pipeline.proof.built import require_built
-from tests.mines import BuiltMine
+from tests.mines import BuiltMine, sealed
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 30, 5), shapely.box(12, 5, 17, 14)])
 COARSE = [
@@ -46,14 +45,6 @@ def wet(looking: Config, tmp_path_factory) -> BuiltMine:
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory) -> BuiltMine:
     return BuiltMine(DRIFT, compose(COARSE), tmp_path_factory.mktemp("plain") / "world")
-
-
-def sealed(files: dict[str, bytes], **fields) -> dict[str, bytes]:
-    """Return the files with changed fields of the record and the hashes that belong to them."""
-    record = {**json.loads(files["world.json"]), **fields}
-    record["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in files.items() if name != "world.json"}
-    record["world_sha256"] = world_sha256(record)
-    return {**files, "world.json": json.dumps(record).encode()}
 
 
 def refusal(files: dict[str, bytes], **fields) -> str:
