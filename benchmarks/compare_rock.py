@@ -25,8 +25,8 @@ from pipeline.store.codecs import decode
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.manifest import code_sha256
-from pipeline.surface.bands import choose_bands
 from pipeline.surface.build import build_rough_surface, chunk_files, cross_section
+from pipeline.surface.choose import choose_relief
 from pipeline.surface.displacement import displaced
 from pipeline.surface.lattice import ROOF, WALL, lay_lattice
 from pipeline.surface.reference import measure_sources
@@ -81,9 +81,9 @@ def build(name: str, free: Polygon, network: DriftNetwork, height_m: float) -> t
     """Build one kind of rock, and return its figures and its chunks."""
     params = compose([*root_overrides(), f"rock={name}"])
     surface = params.surface
-    noise = choose_bands(surface, measure_sources(surface))
+    relief = choose_relief(surface, measure_sources(surface))
     start = time.perf_counter()
-    rough = build_rough_surface(surface, free, network, height_m, noise)
+    rough = build_rough_surface(surface, free, network, height_m, relief)
     size = sum(len(data) for data in chunk_files(rough, surface).values())
     seconds = time.perf_counter() - start
     mesh = rough.mesh

@@ -36,6 +36,7 @@ def edit_model(change: Callable[[mujoco.MjSpec], object]) -> Callable[[Path], No
     def inject(bundle: Path) -> None:
         spec = mujoco.MjSpec.from_file(str(bundle / MODEL))
         change(spec)
+        spec.compiler.savecompiled = False  # keeps all digits
         (bundle / MODEL).write_text(spec.to_xml())
 
     return inject

@@ -25,6 +25,7 @@ _COARSE = [
     "surface.rough.roof_spacing_m=0.4",
     "surface.texture.size_px=32",
     "realism.preview_width_px=64",
+    "realism.lights.spacing_m=8",  # several lights: each must agree with the others
 ]
 
 

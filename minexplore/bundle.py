@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-FORMAT = "minexplore-world/1"
+FORMAT = "minexplore-world/2"
 
 # Files of a bundle, relative to its folder.
 RECORD = "world.json"
@@ -27,13 +27,12 @@ NAV2_MAP, NAV2_PICTURE = "map.yaml", "map.png"
 PREVIEW = "preview.png"
 ROCK_TEXTURE = "textures/rock.png"
 
-# What `world.json` says under `overlay` of a world without visible rock; other worlds do not have the field.
-NO_OVERLAY = "none"
+ROUGH_OVERLAY, NO_OVERLAY = "rough", "none"  # `overlay` of `world.json`: a world with visible rock, and one without
 BARE_ROCK_RGBA = (0.54, 0.44, 0.36, 1.0)  # its collision parts' colour
 
 # Frames that a bundle states coordinates in.
 FRAMES = {
-    "mine": "x east, y north, z up from the sill, origin at the survey's origin; plan and geometry are stated in it",
+    "mine": "x east, y north, z up from the floor, origin at the survey's origin; plan and geometry use it",
     "world": "MuJoCo's: the mine frame's centre at its origin, the mine tilted about Y; gravity is -z",
 }
 
@@ -47,12 +46,12 @@ FITTINGS_BODY = "fittings"
 ROCK_CLASS = "rock"
 SURFACE_CLASS = "surface"
 
-ROOF_GEOM = "back"
+ROOF_GEOM = "roof"
 
 # Pieces of a surface: the rough one is cut into chunks of walls and roof, the smooth one has a mesh a piece.
-WALLS, ROOF, FLOOR_CHAMFER = "walls", "back", "sill_chamfer"
+WALLS, ROOF, FLOOR_CHAMFER = "walls", "roof", "floor_chamfer"
 
-_FLOOR, _ROCK, _SURFACE, _SMOOTH = "floor_", "rock_", "surface_", "base_"
+_FLOOR, _ROCK, _SURFACE, _SMOOTH = "floor_", "rock_", "surface_", "smooth_"
 
 
 # Fittings, and where they may be above the flat floor, m: the visible floor lies below `COVER_M`, furniture hangs above
@@ -81,34 +80,16 @@ class GeomGroup(IntEnum):
 # The groups as `world.json` names them under `geom_groups`.
 GEOM_GROUPS = {
     "floor": GeomGroup.FLOOR.value,
-    "surface": GeomGroup.ROUGH_SURFACE.value,
-    "rock": GeomGroup.COLLISION.value,
-    "back": GeomGroup.ROOF.value,
-    "base": GeomGroup.SMOOTH_SURFACE.value,
+    "rough_surface": GeomGroup.ROUGH_SURFACE.value,
+    "collision": GeomGroup.COLLISION.value,
+    "roof": GeomGroup.ROOF.value,
+    "smooth_surface": GeomGroup.SMOOTH_SURFACE.value,
 }
-
-
-# Format 1 implies what these zones do to a robot when a record does not state it: command scale, speed noise (m/s).
-_IMPLIED = {"dry": (1.0, 0.0), "mud": (0.7, 0.04), "water": (0.4, 0.10)}
-_EFFECTS = ("command_scale", "speed_noise_mps")
-
-
-def shorten_zone(zone: dict[str, Any]) -> dict[str, Any]:
-    """Return a whole floor zone as a record states it: without effects that its name implies."""
-    implied = tuple(zone[effect] for effect in _EFFECTS) == _IMPLIED.get(zone["name"])
-    return {key: value for key, value in zone.items() if not (implied and key in _EFFECTS)}
-
-
-def complete_zone(zone: dict[str, Any]) -> dict[str, Any]:
-    """Return a floor zone of a record with the effects that its name implies; what is stated stays."""
-    if any(effect in zone for effect in _EFFECTS) or zone.get("name") not in _IMPLIED:
-        return zone
-    return {**zone, **dict(zip(_EFFECTS, _IMPLIED[zone["name"]], strict=True))}
 
 
 def has_visible_rock(record: Mapping[str, Any]) -> bool:
     """Return whether a world has visible rock, by its record; without it robots see the collision parts."""
-    return record.get("overlay") != NO_OVERLAY
+    return record["overlay"] != NO_OVERLAY
 
 
 def floor_geom(zone: str) -> str:

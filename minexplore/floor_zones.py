@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from minexplore.bundle import BundleError, complete_zone, floor_geom
+from minexplore.bundle import BundleError, floor_geom
 
 _LIMITS: dict[str, tuple[Callable[[Any], bool], str]] = {  # what a field accepts, and how to say it
     "west_m": (lambda value: True, ""),
@@ -57,7 +57,7 @@ def read_zones(file: Path, zones: Any) -> list[FloorZone]:
     """
     if not isinstance(zones, list) or not zones or not all(isinstance(zone, dict) for zone in zones):
         raise BundleError(f"{file}: zones = {zones!r}: want a list of one zone or more")
-    found = [_read_zone(file, number, complete_zone(zone)) for number, zone in enumerate(zones)]
+    found = [_read_zone(file, number, zone) for number, zone in enumerate(zones)]
     names = [zone.name for zone in found]
     for number, (before, after) in enumerate(itertools.pairwise(found), start=1):
         if after.name in names[:number]:

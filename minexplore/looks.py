@@ -1,6 +1,6 @@
 """How a world looks: light, haze and sheen of its rock, by the name that `world.json` states under `look`.
 
-A world without that field looks plain. The values were chosen by eye on rendered pictures (docs/look.md); none of them
+The values were chosen by eye on rendered pictures (docs/look.md); none of them
 is measured, and none changes what a robot can touch or what its LiDAR sees.
 """
 
@@ -26,8 +26,8 @@ FURNITURE_LOOKS = {
     "pipe": ((0.36, 0.38, 0.4, 1.0), 0.3),
 }
 WATER = ((0.05, 0.055, 0.05, 1.0), 0.35)
-_COVER_GAIN, _GREYED = 2.1, 0.6  # the texture, whose mean is 0.5, darkens the zone's colour; muck is mostly grey
-_MUCK, _TRODDEN = (1.1, 1.0, 0.88), 0.62
+_COVER_GAIN, _GREYED = 2.6, 0.6  # the texture, whose mean is 0.5, darkens the zone's colour; muck is mostly grey
+_MUCK, _TRODDEN = (1.1, 1.0, 0.88), 0.8
 TEXTURE_PER_M = 0.4  # repeats of the texture on the floor
 
 
@@ -65,7 +65,7 @@ LOOKS = {
 
 def look_of(record: Mapping[str, Any]) -> Look:
     """Return the look that a world's record states."""
-    return LOOKS[record.get("look", PLAIN)]
+    return LOOKS[record["look"]]
 
 
 def cover_rgba(zone_rgba: Sequence[float], trodden: bool) -> list[float]:

@@ -31,6 +31,8 @@ hypothesis.settings.register_profile("steady", derandomize=True)
 hypothesis.settings.register_profile("explore", derandomize=False)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
+# The walls of drawn test mines follow the borders of pixels, corners too.
+EXACT_WALLS = ["contours.trace=pixels", "contours.tolerance_m=0.21"]
 SHARED = ROOT.parent / "shared" / "data"
 
 
@@ -54,11 +56,11 @@ def shared_rock() -> Path:
 
 @pytest.fixture(scope="session")
 def config() -> Config:
-    """Return the default configuration."""
+    """Return the default configuration, but for the walls of drawn test mines."""
     before = Path.cwd()
     os.chdir(ROOT)
     try:
-        return compose([])
+        return compose(EXACT_WALLS)
     finally:
         os.chdir(before)
 
@@ -95,7 +97,7 @@ def tee(config: Config, tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
 @pytest.fixture(scope="session")
 def ring(config: Config, tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
     """Return the ring drift as a world with a coarse surface; tests must not change its folder."""
-    coarse = compose(["surface.rough.spacing_m=0.3", "surface.rough.roof_spacing_m=0.4"])
+    coarse = compose([*EXACT_WALLS, "surface.rough.spacing_m=0.3", "surface.rough.roof_spacing_m=0.4"])
     return build_mine(tmp_path_factory, "ring", RING, coarse)
 
 

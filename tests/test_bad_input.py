@@ -20,7 +20,7 @@ from tests.project import TINY_STATIONS, message_of
         ("contours", "contours.tolerance_m=-1", "contours.tolerance_m = -1"),
         ("contours", "contours.tolerence=1", "contours.tolerence: unknown; contours has"),
         ("contours", "survey=cave", "valid choices are plan, procedural, stations, variant"),
-        ("contours", "contours.tolerance_m=20", "contours.tolerance_m = 20"),
+        ("contours", "contours.tolerance_m=12", "contours.tolerance_m = 12"),
         ("contours", "contours.threshold=254 contours.max_workings_share=0.01", "is the plan inverted?"),
         ("contours", "contours.min_tunnel_m2=5000", "no dark region larger than 5000 m2"),
         ("survey", "survey.stations=data/chilean_mine/none.csv", "none.csv: not in data/registry.txt"),

@@ -1,5 +1,6 @@
 """Certificate, consistency, parity and replay of a good world and of faulty ones."""
 
+import dataclasses
 import json
 import math
 import shutil
@@ -70,10 +71,22 @@ def test_a_wall_across_a_drift_fails_the_expected_clauses(tee, config, tmp_path)
     assert found["intrusion_m2"] == pytest.approx(0.5 * 5, rel=0.02)
 
 
+def test_the_certificate_slices_by_the_frame_that_the_record_states(tee, opened, config):
+    T = np.array(opened.record.T_world_mine)
+    T[:3, 3] += 0.1 * T[:3, 1]  # the record puts the mine 0.1 m farther north than the model does
+    moved = dataclasses.replace(opened, record=dataclasses.replace(opened.record, T_world_mine=T.tolist()))
+    found = measure_containment(tee.bundle, moved, tee.free_space, without_stress(config), TRACING)
+    assert found["intrusion_m2"] == pytest.approx(0.1 * 80, rel=0.01)  # along the 80 m of walls that face south
+    assert measure_consistency(tee.bundle, moved, tee.free_space)["frame_error_m"] == pytest.approx(0.1)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (edit_record(lambda record: record["geom_groups"].pop("rock")), r"world\.json: geom_groups = \{.*\}: want"),
+        (
+            edit_record(lambda record: record["geom_groups"].pop("collision")),
+            r"world\.json: geom_groups = \{.*\}: want",
+        ),
         (edit_model(lambda spec: setattr(spec.body("mine"), "name", "pit")), r"body\[pit\]: <body> is not allowed"),
     ],
 )

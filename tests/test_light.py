@@ -114,7 +114,7 @@ def test_a_world_with_rock_is_refused_where_there_must_be_none(tee, light_config
         Validator(light_config.validation, tee.bundle, tee.cleaned, tee.raw, tee.survey)
 
 
-@pytest.mark.parametrize("name", ["preview.png", "textures/rock.png", "meshes/base_walls.msh"])
+@pytest.mark.parametrize("name", ["preview.png", "textures/rock.png", "meshes/smooth_walls.msh"])
 def test_a_light_world_with_a_file_of_visible_rock_is_refused(light, tee, name):
     files = sealed({**read_folder(light.bundle), name: (tee.bundle / name).read_bytes()})
     with pytest.raises(BundleError, match=rf"{name}: world\.json says overlay = 'none'"):
@@ -124,11 +124,12 @@ def test_a_light_world_with_a_file_of_visible_rock_is_refused(light, tee, name):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('"overlay": "none"', '"overlay": "rough"', "overlay = 'rough': want 'none'"),
-        (',\n  "overlay": "none"', "", "preview.png: missing"),
+        ('"overlay": "none"', '"overlay": "rough"', "preview.png: missing"),
+        ('"overlay": "none"', '"overlay": "some"', "overlay = 'some': want 'rough' or 'none'"),
+        ('\n  "overlay": "none",', "", "overlay: missing"),
     ],
 )
-def test_a_record_says_overlay_none_or_nothing(light, old, new, words):
+def test_a_record_says_what_overlay_the_world_has(light, old, new, words):
     files = read_folder(light.bundle)
     record = files["world.json"].decode()
     assert old in record

@@ -126,13 +126,13 @@ def test_dvc_repro_runs_all_stages_once_then_none_and_an_experiment_runs_the_cha
     project.run("git", "-c", "user.name=t", "-c", "user.email=t@e.org", "commit", "-qm", "run", check=True)
     before = metrics_of(project)["iou"]["free_space_vs_cleaned"]
 
-    experiment = project.run("dvc", "exp", "run", "-S", "overrides='contours.tolerance_m=0.3'")
+    experiment = project.run("dvc", "exp", "run", "-S", "overrides='contours.tolerance_m=0.15'")
     assert experiment.returncode == 0, experiment.stderr
     assert "Running stage 'survey'" not in experiment.stdout
     params = yaml.safe_load((project.folder / "artifacts/params.yaml").read_text())
-    assert params["contours"]["tolerance_m"] == 0.3
+    assert params["contours"]["tolerance_m"] == 0.15
     manifest = json.loads((project.folder / "artifacts/contours/manifest.json").read_text())
-    assert manifest["params"]["tolerance_m"] == 0.3
+    assert manifest["params"]["tolerance_m"] == 0.15
     assert metrics_of(project)["iou"]["free_space_vs_cleaned"] != before
     difference = project.run("dvc", "metrics", "diff", check=True).stdout
     assert "iou.free_space_vs_cleaned" in difference
@@ -157,11 +157,11 @@ def test_make_all_takes_overrides_and_returns_to_the_default(project):
 def test_one_stage_runs_alone_with_overrides(traced_project, tmp_path):
     project = traced_project.copy(tmp_path / "copy")
     folder = project.folder
-    project.stage("contours", "contours.tolerance_m=0.3").check_returncode()
+    project.stage("contours", "contours.tolerance_m=0.15").check_returncode()
     manifest = json.loads((folder / "artifacts/contours/manifest.json").read_text())
-    assert manifest["params"]["tolerance_m"] == 0.3
+    assert manifest["params"]["tolerance_m"] == 0.15
     free = json.loads((folder / "artifacts/contours/free_space.geojson").read_text())
-    assert free["features"][0]["properties"]["tolerance_m"] == 0.3
+    assert free["features"][0]["properties"]["tolerance_m"] == 0.15
 
 
 def test_the_tiny_survey_has_the_areas_of_its_stations(traced_project):

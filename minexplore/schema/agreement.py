@@ -108,7 +108,7 @@ def _expect(node: Node, attribute: str, found: Iterable[float], wanted: Iterable
 
 def _check_look(at: _Places, record: Mapping[str, Any]) -> None:
     """Compare light, haze and the rock's sheen with those of the look that the record states."""
-    look, plain = look_of(record), record.get("look", PLAIN) == PLAIN
+    look, plain = look_of(record), record["look"] == PLAIN
     for name, value in (("ambient", look.ambient), ("diffuse", look.diffuse), ("specular", look.glint)):
         _expect(at.visual["headlight"], name, _numbers(at.visual["headlight"], name), [value] * 3)
     for name, default, distance in (("fogstart", "3", look.haze_m[0]), ("fogend", "10", look.haze_m[1])):

@@ -170,7 +170,7 @@ def check_fittings(body: Node | None, assets: Mapping[tuple[str, str], Node], re
     """
     meshes = {name for tag, name in assets if tag == "mesh" and is_fitting(name)}
     geoms = {node.name: node for node in body.children} if body else {}
-    if (body or meshes) and record.get("look", PLAIN) == PLAIN:
+    if (body or meshes) and record["look"] == PLAIN:
         raise BundleError(f"{MODEL}: {FITTINGS_BODY}: a world of the plain look has none")
     planes = {name: node for name, node in geoms.items() if node.attributes.get("type") == "plane"}
     shown = {fitting_geom(name) for name in meshes}

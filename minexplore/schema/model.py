@@ -32,7 +32,6 @@ SMOOTH_MESHES = tuple(smooth_mesh(piece) for piece in (FLOOR_CHAMFER, WALLS, ROO
 ROUGH_MESH = rf"(?:{WALLS}|{ROOF})_\d{{2,4}}_\d{{2,4}}"
 VISIBLE_MESH = rf"(?:{ROUGH_MESH}|{'|'.join(SMOOTH_MESHES)})"
 _ROCK_NAME = r"rock_\d{4,6}"
-_DIGITS_M = 1e-6  # MuJoCo's writer leaves rounding errors of about 1e-11 m in places that are zero
 
 
 _HAZY = [look for look in LOOKS.values() if look.hazy]
@@ -140,8 +139,6 @@ _SURFACE = Element(
             {
                 **named(f"surface_{VISIBLE_MESH}"),
                 "class": required(exactly(SURFACE_CLASS)),
-                "pos": Attribute(numbers(3, -_DIGITS_M, _DIGITS_M), "0 0 0"),
-                "quat": _NOT_TURNED,
                 "group": Attribute(
                     exactly(str(GeomGroup.SMOOTH_SURFACE.value), str(GeomGroup.ROUGH_SURFACE.value)),
                     str(GeomGroup.ROUGH_SURFACE.value),

@@ -7,8 +7,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from minexplore.bundle import FORMAT, FRAMES, GEOM_GROUPS, NO_OVERLAY, BundleError, complete_zone
-from minexplore.looks import LOOKS, PLAIN
+from minexplore.bundle import FORMAT, FRAMES, GEOM_GROUPS, NO_OVERLAY, ROUGH_OVERLAY, BundleError
+from minexplore.looks import LOOKS
 from minexplore.schema.model import MOST_LIGHTS, MOST_PARTS, MOST_ZONES, REACH_M, WORLD_NAME, ZONE_NAME
 from minexplore.schema.rules import Rule, list_of, matching, number, one_of_texts, same_json, whole
 
@@ -39,7 +39,7 @@ def _check_zones(where: str, zones: Any) -> None:
     if not isinstance(zones, list) or not 1 <= len(zones) <= MOST_ZONES:
         raise BundleError(f"{where} = {_shown(zones)}: want a list of 1 to {MOST_ZONES} zones")
     for at, zone in enumerate(zones):
-        _check_fields(f"{where}[{at}]", complete_zone(zone) if isinstance(zone, dict) else zone, _ZONE)
+        _check_fields(f"{where}[{at}]", zone, _ZONE)
 
 
 def _check_files(where: str, files: Any) -> None:
@@ -91,14 +91,11 @@ RECORD_FIELDS: Table = {
         "radius_m": number(1e-6, REACH_M),
         "clearance_m": number(1e-6, REACH_M),
     },
+    "look": one_of_texts(*LOOKS),
+    "overlay": one_of_texts(ROUGH_OVERLAY, NO_OVERLAY),
     "geom_groups": same_json(GEOM_GROUPS),
     "files": _check_files,
     "world_sha256": _HASH,
-}
-# Fields that a record may lack, and what their absence means. A record does not state that value.
-OPTIONAL_FIELDS: Mapping[str, tuple[Rule, Any]] = {
-    "look": (one_of_texts(*LOOKS), PLAIN),
-    "overlay": (same_json(NO_OVERLAY), "rough"),
 }
 
 
@@ -142,10 +139,7 @@ def check_record(file: str, record: Any) -> None:
         raise BundleError(f"{file}: not a world bundle's record (a JSON object)")
     if record.get("format") != FORMAT:
         raise BundleError(f"{file}: format {_shown(record.get('format'))}, this version reads {FORMAT!r}")
-    _check_fields(file, {name: value for name, value in record.items() if name not in OPTIONAL_FIELDS}, RECORD_FIELDS)
-    for name, (rule, absent) in OPTIONAL_FIELDS.items():
-        if name in record and (not rule.accepts(record[name]) or record[name] == absent):
-            raise BundleError(f"{file}: {name} = {_shown(record[name])}: want {rule.wants}, and not {absent!r}")
+    _check_fields(file, record, RECORD_FIELDS)
     west, south, east, north = record["world_m"]
     if not (west < east and south < north):
         raise BundleError(f"{file}: world_m = {record['world_m']}: want west < east and south < north")

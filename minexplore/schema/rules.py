@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 _NUMBERS = re.compile(r"[-+.0-9e ]+")  # what both Python and MuJoCo read alike, once each token is a number
-_WRITTEN = 5.1e-6  # relative: MuJoCo writes at least six digits
+_WRITTEN = 1e-12  # relative: a model's text has 16 digits
 _CONSTANT = 1e-7  # relative: constants have few digits, some went through 32 bits
-_NOTHING = 1e-7  # what a zero may become
+_NOTHING = 1e-12  # what a zero may become
 
 
 @dataclass(frozen=True)

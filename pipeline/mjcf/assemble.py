@@ -21,6 +21,7 @@ from minexplore.bundle import (
     NO_OVERLAY,
     OCTREE,
     PREVIEW,
+    ROUGH_OVERLAY,
     TOPOLOGY,
     GeomGroup,
 )
@@ -153,7 +154,7 @@ def _record(
         drifts=len(topology.legs),
         spawn=spawn,
         geom_groups=GEOM_GROUPS,
-        overlay=None if scene.has_visible_rock else NO_OVERLAY,
+        overlay=ROUGH_OVERLAY if scene.has_visible_rock else NO_OVERLAY,
         files={},
         world_sha256="",
         look=scene.look,

@@ -20,15 +20,11 @@ from minexplore.bundle import (
     NO_OVERLAY,
     RECORD,
     SURFACE_BODY,
-    complete_zone,
-    shorten_zone,
     smooth_mesh,
     surface_geom,
     world_sha256,
 )
-from minexplore.looks import PLAIN
 from pipeline.errors import ArtifactError
-from pipeline.mjcf.digits import digits_for
 from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.scene import FloorZone, MineScene
 from pipeline.mjcf.world import build_spec
@@ -43,7 +39,7 @@ _LEVEL_M = 1e-3
 class WorldRecord:
     """The content of `world.json`; all units are m, rad, kg and s, except where a name states another.
 
-    `overlay` is "none" in a world without visible rock; the record of other worlds does not have it.
+    `overlay` is "none" in a world without visible rock, else "rough".
     """
 
     format: str
@@ -63,11 +59,11 @@ class WorldRecord:
     loops: int
     drifts: int
     spawn: Spawn
+    look: str
+    overlay: str
     geom_groups: dict[str, int]
     files: dict[str, str]
     world_sha256: str
-    look: str = PLAIN
-    overlay: str | None = None
 
     @property
     def has_visible_rock(self) -> bool:
@@ -98,19 +94,12 @@ def compile_bundle(scene: MineScene) -> dict[str, bytes]:
         spec.compile()
     except ValueError as error:
         raise ArtifactError(f"mine.xml: MuJoCo does not compile it: {error}") from error
-    with digits_for(max(map(abs, scene.extent.world_m))):
-        text = spec.to_xml().encode()
-    return {MODEL: text, **{name: bytes(data) for name, data in spec.assets.items()}}
+    return {MODEL: spec.to_xml().encode(), **{name: bytes(data) for name, data in spec.assets.items()}}
 
 
 def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes]:
     """Add `world.json`: the record, the sha256 of each file, and the world's hash over both."""
     fields = TypeAdapter(WorldRecord).dump_python(record, mode="json")
-    fields["zones"] = [shorten_zone(zone) for zone in fields["zones"]]
-    if record.has_visible_rock:
-        del fields["overlay"]
-    if record.look == PLAIN:  # as in worlds of format 1 that know no other look
-        del fields["look"]
     fields["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
     fields["world_sha256"] = world_sha256(fields)
     return {**files, RECORD: (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()}
@@ -128,12 +117,8 @@ def read_record(folder: Path, checked: bool = True) -> WorldRecord:
     """
     if checked:
         verify_world(folder)
-    fields = json.loads((folder / RECORD).read_bytes())
-    zones = fields.get("zones")
-    if isinstance(zones, list) and all(isinstance(zone, dict) for zone in zones):
-        fields["zones"] = [complete_zone(zone) for zone in zones]
     try:
-        return TypeAdapter(WorldRecord).validate_python(fields)
+        return TypeAdapter(WorldRecord).validate_json((folder / RECORD).read_bytes())
     except ValidationError as error:
         first = error.errors()[0]
         raise ArtifactError(f"{folder / RECORD}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
@@ -200,8 +185,28 @@ def _triangles(model: mujoco.MjModel, geoms: list[int]) -> np.ndarray:
     return np.concatenate(triangles)
 
 
+def placed_parts(model: mujoco.MjModel, group: int, T_world_mine: np.ndarray) -> list[np.ndarray]:
+    """Return the vertices (n, 3), m, of every mesh or box of a group, in the mine frame that `T_world_mine` gives.
+
+    The pose of the model's body `mine` moves them to the world, and `T_world_mine` (4, 4) moves them back. If the two
+    differ, the parts are elsewhere than `part_vertices` returns them.
+    """
+    T = mine_from_body(model, T_world_mine)
+    return [vertices @ T[:3, :3].T + T[:3, 3] for vertices in part_vertices(model, group)]
+
+
+def mine_from_body(model: mujoco.MjModel, T_world_mine: np.ndarray) -> np.ndarray:
+    """Return the pose (4, 4) of the model's body `mine` in the mine frame that `T_world_mine` (4, 4) gives."""
+    body = model.body(MINE_BODY)
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, body.quat)
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), body.pos
+    return np.linalg.solve(T_world_mine, pose)
+
+
 def part_vertices(model: mujoco.MjModel, group: int) -> list[np.ndarray]:
-    """Return the vertices (n, 3), m, mine frame, of every mesh or box of a group, from the compiled model itself."""
+    """Return the vertices (n, 3), m, of every mesh or box of a group, in the frame of the model's body `mine`."""
     boxes = np.flatnonzero((model.geom_group == group) & (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX)).tolist()
     return [_mesh_vertices(model, geom) for geom in _mesh_geoms(model, group)] + [_box_corners(model, g) for g in boxes]
 
@@ -227,8 +232,10 @@ def _mesh_vertices(model: mujoco.MjModel, geom: int) -> np.ndarray:
     return vertices @ rotation.reshape(3, 3).T + model.geom_pos[geom]
 
 
-def obstacles(model: mujoco.MjModel, height_m: float) -> list[np.ndarray]:
-    """Return the corners (n, 3), m, mine frame, of whatever can be touched or seen, whatever its name, group or body.
+def obstacles(model: mujoco.MjModel, T_world_mine: np.ndarray, height_m: float) -> list[np.ndarray]:
+    """Return the corners (n, 3), m, of whatever can be touched or seen, whatever its name, group or body.
+
+    They are in the mine frame that `T_world_mine` (4, 4) gives.
 
     Left out are the level boxes that are the floor and the roof, meshes of the surface's and the fittings' bodies that
     do not collide, and the level planes of puddles; `pipeline.proof` bounds where these may be.
@@ -237,7 +244,6 @@ def obstacles(model: mujoco.MjModel, height_m: float) -> list[np.ndarray]:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mine = model.body(MINE_BODY).id
-    rotation, place = data.xmat[mine].reshape(3, 3), data.xpos[mine]
     surfaces = [body for body in range(model.nbody) if model.body(body).name in (SURFACE_BODY, FITTINGS_BODY)]
     found = []
     for geom in range(model.ngeom):
@@ -248,7 +254,7 @@ def obstacles(model: mujoco.MjModel, height_m: float) -> list[np.ndarray]:
             continue
         own = _mesh_corners(model, geom) if is_mesh else _box_around(model, geom)
         world = own @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
-        found.append((world - place) @ rotation)
+        found.append((world - T_world_mine[:3, 3]) @ T_world_mine[:3, :3])
     return found
 
 

@@ -10,7 +10,7 @@ import shapely
 
 from minexplore.bundle import MODEL
 from pipeline.geometry.extrude import section_footprint
-from pipeline.mjcf.bundle import part_vertices
+from pipeline.mjcf.bundle import placed_parts
 
 _PROBE_M = 0.01
 
@@ -20,8 +20,8 @@ def rock_clearance(
 ) -> np.ndarray:
     """Return the distance (n,), m, from places (n, 2), m, at a height to the nearest collision part; 0 inside rock.
 
-    Distances above `most_m` are returned as `most_m`. `T_world_mine` (4, 4) is the pose of the mine frame. A small
-    sphere is added to the world and moved to every place that has a part within `most_m`.
+    Distances above `most_m` are returned as `most_m`. Places are in the mine frame that `T_world_mine` (4, 4) gives.
+    A small sphere is added to the world and moved to every place that has a part within `most_m`.
     """
     spec = mujoco.MjSpec.from_file(str(world / MODEL))
     _keep_group(spec, group)
@@ -36,8 +36,8 @@ def rock_clearance(
         np.flatnonzero((model.geom_group == group) & (model.geom_type == kind))
         for kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_BOX)
     ]
-    rock = np.concatenate(of_group)  # in the order of `part_vertices`
-    tree = shapely.STRtree([section_footprint(part) for part in part_vertices(model, group)])
+    rock = np.concatenate(of_group)  # in the order of `placed_parts`
+    tree = shapely.STRtree([section_footprint(part) for part in placed_parts(model, group, T_world_mine)])
     place, part = tree.query(shapely.points(places), predicate="dwithin", distance=most_m)
     at = (np.column_stack([places, np.full(len(places), height_m)]) @ T_world_mine[:3, :3].T) + T_world_mine[:3, 3]
     clearance, segment = np.full(len(places), most_m), np.zeros(6)

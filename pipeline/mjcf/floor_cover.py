@@ -48,6 +48,8 @@ def cover_floor(params: FloorParams, free: Polygon, network: DriftNetwork, zones
         flooded |= (places[:, 0] >= zone.west_m) & (places[:, 0] <= zone.east_m)
     height = _unevenness(params, shape, places, free) + _banks(params, places, free) - _ruts(params, places, network)
     height = np.clip(params.relief_m + height - _LAKE_M * flooded, _LOWEST_M, COVER_M)
+    rim = np.bincount(cells.ravel()) < 4
+    height[rim] = _LOWEST_M  # without this slope, simplification would cut the corners of level ground
     corner, faces = np.column_stack([places, height]), _faces(cells)
     vertices, faces = fast_simplification.simplify(
         corner.astype(np.float32), faces.astype(np.int32), target_reduction=1 - params.kept_share

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from minexplore.bundle import FURNITURE_ABOVE_M, LINES_ABOVE_M, TriangleMesh, decode_msh, encode_msh, furniture_mesh
-from pipeline.errors import InputError
 from pipeline.geometry.polyline import arc_length, resample
 from pipeline.geometry.raycast import RayCaster
 from pipeline.params.realism import FurnitureParams
@@ -49,7 +48,7 @@ def hang_furniture(params: FurnitureParams, network: DriftNetwork, rough: Bundle
     """Return the furniture's meshes by name as `.msh`, m, mine frame; nothing of it collides.
 
     All of it is fixed to the visible rock, and above all robots: bolts above `FURNITURE_ABOVE_M`, pipe, cable and duct
-    above `LINES_ABOVE_M`.
+    above `LINES_ABOVE_M`. In workings lower than 2.9 m nothing hangs, and a line says so.
 
     Parameters
     ----------
@@ -60,14 +59,10 @@ def hang_furniture(params: FurnitureParams, network: DriftNetwork, rough: Bundle
         The chunks of the visible rock as `.msh`.
     height_m : float
         From the floor to the roof.
-
-    Raises
-    ------
-    InputError
-        If the workings are too low.
     """
     if height_m < _LEAST_HEIGHT_M:
-        raise InputError(f"realism.furnish: workings of {height_m:g} m are too low, want {_LEAST_HEIGHT_M:g} m or more")
+        print(f"realism.furnish: no furniture, workings of {height_m:g} m are lower than {_LEAST_HEIGHT_M:g} m")
+        return {}
     meshes = [decode_msh(data) for data in rough.values()]
     rock = RayCaster(np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes]).astype(np.float64))
     parts: list[tuple[str, np.ndarray, np.ndarray]] = []
@@ -191,7 +186,7 @@ def _tube(middle: np.ndarray, radius_m: float, sides: int) -> tuple[np.ndarray, 
 
 
 def _merged(parts: list[tuple[str, np.ndarray, np.ndarray]]) -> Bundle:
-    """Return one mesh for each kind and tile of the plan."""
+    """Return one mesh for each kind and tile of the plan; pieces of less than four vertices are dropped."""
     corner = np.min([vertices[:, :2].min(axis=0) for _, vertices, _ in parts], axis=0) if parts else np.zeros(2)
     groups: dict[str, list[np.ndarray]] = {}
     for kind, vertices, faces in parts:
@@ -201,10 +196,10 @@ def _merged(parts: list[tuple[str, np.ndarray, np.ndarray]]) -> Bundle:
         for col, row in np.unique(tiles, axis=0).tolist():
             of_tile = faces[(tiles == [col, row]).all(axis=1)]
             groups.setdefault(furniture_mesh(kind, col, row), []).append(vertices[of_tile])
-    return {name: _encode(np.concatenate(triangles)) for name, triangles in sorted(groups.items())}
+    meshes = {name: _joined(np.concatenate(triangles)) for name, triangles in sorted(groups.items())}
+    return {name: encode_msh(mesh) for name, mesh in meshes.items() if len(mesh.vertices) >= 4}
 
 
-def _encode(triangles: np.ndarray) -> bytes:
+def _joined(triangles: np.ndarray) -> TriangleMesh:
     points, index = np.unique(triangles.reshape(-1, 3).round(4), axis=0, return_inverse=True)
-    mesh = TriangleMesh(points, index.reshape(-1, 3), np.zeros((0, 2)), np.zeros((0, 3)))
-    return encode_msh(mesh)
+    return TriangleMesh(points, index.reshape(-1, 3), np.zeros((0, 2)), np.zeros((0, 3)))

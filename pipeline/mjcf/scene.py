@@ -85,7 +85,7 @@ class MineScene:
 def tile_zones(zones: list[ZoneParams], world_m: tuple[float, float, float, float]) -> list[FloorZone]:
     """Divide a box (west, south, east, north; m) into zones from west to east, of equal length to 0.1 m."""
     west, south, east, north = world_m
-    edges = np.linspace(west, east, len(zones) + 1).round(1)  # a half extent then has few enough digits for MJCF text
+    edges = np.linspace(west, east, len(zones) + 1).round(1)
     return [
         FloorZone(
             **zone.model_dump(),

@@ -45,6 +45,7 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     """
     spec = mujoco.MjSpec()
     spec.modelname = scene.name
+    spec.compiler.savecompiled = False  # the text has the given values with all digits; compiled values have six
     _set_view(spec, scene)
     mine = spec.worldbody.add_body(name=MINE_BODY)
     tilt = math.atan2(scene.T_world_mine[0, 2], scene.T_world_mine[0, 0])
@@ -118,10 +119,9 @@ def _add_rock_class(spec: mujoco.MjSpec, scene: MineScene) -> None:
 
 def _add_rock(spec: mujoco.MjSpec, mine: mujoco.MjsBody, parts: ConvexParts) -> None:
     """Add each convex part as a mesh about its centre: MuJoCo stores mesh vertices in 32 bits, positions in 64."""
-    digits = max(0, 6 - math.ceil(math.log10(max(10.0, float(np.abs(parts.vertices).max()) * 1.1))))
     for i in range(len(parts)):
         vertices = parts[i]
-        centre = ((vertices.min(axis=0) + vertices.max(axis=0)) / 2).round(digits)
+        centre = ((vertices.min(axis=0) + vertices.max(axis=0)) / 2).round(4)
         name = rock_geom(i)
         spec.add_mesh(name=name, uservert=(vertices - centre).ravel().tolist())
         mine.add_geom(

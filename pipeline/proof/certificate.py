@@ -1,4 +1,7 @@
-"""The containment certificate: proof, clause by clause, that a bundle's collision geometry encloses the workings."""
+"""The containment certificate: proof, clause by clause, that a bundle's collision geometry encloses the workings.
+
+The shapes are those of the compiled model. They are sliced in the mine frame of `world.json`.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ from minexplore.bundle import GeomGroup
 from pipeline.geometry.extrude import section_footprint
 from pipeline.metrics.containment import cover_walls, open_area_m2
 from pipeline.metrics.reach import compare_reach, reached_cells, start_cell
-from pipeline.mjcf.bundle import World, obstacles, part_vertices
+from pipeline.mjcf.bundle import World, mine_from_body, obstacles, placed_parts
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
 from pipeline.proof.stress_test import Progress, stress_walls
@@ -25,6 +28,7 @@ from pipeline.types import Frame, FreeSpace
 
 _SLICES_M = (0.05, 0.5, 1.0)  # one more slice is just below the roof
 _LEVEL_M = 1e-3
+_LEVEL_RAD = 1e-6  # half a millimetre at the far end of the longest slab
 _MARGIN_M = 4.0  # grid beyond the workings, within the rock's box in plan, so that a leak is visible
 _PROBE_HEIGHT_M = 0.35
 _COMPARED_M = 0.25  # clearances are compared up to the robot's radius plus this
@@ -75,17 +79,21 @@ def measure_containment(
         Wraps the indices of the rounds of throws, as `tqdm.tqdm` does.
     """
     record, free = world.record, free_space.polygon
-    parts = part_vertices(world.model, GeomGroup.COLLISION)
+    T_world_mine = np.array(record.T_world_mine)
+    parts = placed_parts(world.model, GeomGroup.COLLISION, T_world_mine)
     box = shapely.box(*record.world_m)
     figures: dict[str, Any] = vars(cover_walls(parts, free, box, (*_SLICES_M, record.height_m - 0.05))).copy()
     # A slab between two slices, or a geom of another name, group or body, would be in none of them.
-    solid = shapely.union_all([section_footprint(part) for part in obstacles(world.model, record.height_m)])
+    solid = shapely.union_all(
+        [section_footprint(part) for part in obstacles(world.model, T_world_mine, record.height_m)]
+    )
     figures["intrusion_m2"] = max(figures["intrusion_m2"], round(float(solid.intersection(free).area), 6))
     wall_m = free.length
     figures |= {f"{name}_um": round(1e6 * figures[f"{name}_m2"] / wall_m, 4) for name in ("intrusion", "missing")}
     figures["rock_round_m"] = round(float(free.distance(box.exterior)) if box.contains(free) else 0.0, 3)
-    figures["floor_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.FLOOR, 0.0, top=True), free)
-    figures["roof_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.ROOF, record.height_m, top=False), free)
+    figures["floor_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.FLOOR, T_world_mine, 0.0, top=True), free)
+    roof = _slabs(world.model, GeomGroup.ROOF, T_world_mine, record.height_m, top=False)
+    figures["roof_open_m2"] = open_area_m2(roof, free)
     figures |= _reach(folder, world, free_space, params, network)
     if params.contacts:
         borders = [zone.east_m for zone in record.zones[:-1]]
@@ -94,12 +102,16 @@ def measure_containment(
     return figures
 
 
-def _slabs(model: mujoco.MjModel, group: int, level_m: float, top: bool) -> list[tuple[float, float, float, float]]:
+def _slabs(
+    model: mujoco.MjModel, group: int, T_world_mine: np.ndarray, level_m: float, top: bool
+) -> list[tuple[float, float, float, float]]:
     """Return the boxes (west, south, east, north) m of a group whose upper, or lower, face lies at a level."""
     found = []
+    T, rotation = mine_from_body(model, T_world_mine), np.zeros(9)
     for geom in np.flatnonzero((model.geom_group == group) & (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX)):
-        (x, y, z), (a, b, c) = model.geom_pos[geom], model.geom_size[geom]
-        level = np.allclose(model.geom_quat[geom], [1, 0, 0, 0])
+        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+        level = np.allclose(T[:3, :3] @ rotation.reshape(3, 3), np.eye(3), atol=_LEVEL_RAD)
+        (x, y, z), (a, b, c) = T[:3, :3] @ model.geom_pos[geom] + T[:3, 3], model.geom_size[geom]
         if level and abs(z + (c if top else -c) - level_m) < _LEVEL_M:
             found.append((x - a, y - b, x + a, y + b))
     return found

@@ -13,7 +13,7 @@ from shapely import Polygon
 
 from minexplore.bundle import CLEARANCE_GRID, MINE_BODY, NAV2_MAP, OCTREE, GeomGroup, is_floor
 from pipeline.geometry.octree import FREE, Octree, from_bt
-from pipeline.mjcf.bundle import World
+from pipeline.mjcf.bundle import World, mine_from_body
 from pipeline.store.codecs import decode
 from pipeline.survey.nav2 import read_nav2_map
 from pipeline.types import FreeSpace, Occupancy
@@ -47,14 +47,10 @@ def measure_consistency(folder: Path, world: World, free_space: FreeSpace) -> di
 
 def _frame_error_m(world: World) -> float:
     """Return the largest distance, m, between the mine's corners in the model and in the record's frame."""
-    body = world.model.body(MINE_BODY)
-    rotation = np.zeros(9)
-    mujoco.mju_quat2Mat(rotation, body.quat)
     west, south, east, north = world.record.world_m
     corners = np.array([[x, y, 0.0] for x in (west, east) for y in (south, north)])
-    T = np.array(world.record.T_world_mine)
-    apart = corners @ rotation.reshape(3, 3).T + body.pos - (corners @ T[:3, :3].T + T[:3, 3])
-    return round(float(np.abs(apart).max()), 6)
+    T = mine_from_body(world.model, np.array(world.record.T_world_mine))
+    return round(float(np.abs(corners @ T[:3, :3].T + T[:3, 3] - corners).max()), 9)
 
 
 def _zones_wrong(world: World) -> int:

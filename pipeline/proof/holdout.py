@@ -13,9 +13,9 @@ import shapely
 
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
-from pipeline.surface.bands import choose_bands
 from pipeline.surface.build import build_rough_surface
 from pipeline.surface.built import report_roughness
+from pipeline.surface.choose import choose_relief
 from pipeline.surface.reference import measure_sweeps
 
 _DRIFT = shapely.box(0, 0, 80, 7)  # m; it holds many of the longest windows
@@ -91,8 +91,8 @@ def _score(half: tuple[str, ...], sweeps: dict[str, Path], params: SurfaceParams
     )
     copy = params.model_copy(update={"reference": "sweeps"})
     sources = {"sweeps": {"wall": source_roughness}}
-    noise = choose_bands(copy, sources)
-    report = report_roughness(copy, sources, noise, build_rough_surface(copy, _DRIFT, None, _HEIGHT_M, noise))
+    relief = choose_relief(copy, sources)
+    report = report_roughness(copy, sources, relief, build_rough_surface(copy, _DRIFT, None, _HEIGHT_M, relief))
     measured = (source_roughness, report.built["section"], held_out_roughness)
     by_window = [dict(zip(r.window_m, r.rq_m, strict=True)) for r in measured]
     windows = [w for w in by_window[0] if all(w in other for other in by_window[1:])]

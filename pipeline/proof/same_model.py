@@ -12,24 +12,39 @@ import mujoco
 import numpy as np
 from shapely import Polygon
 
-from minexplore.bundle import MODEL, ROCK_TEXTURE, ROOF_GEOM, TOPOLOGY, WATER_MATERIAL, is_fitting, is_rock, puddle_geom
+from minexplore.bundle import (
+    MODEL,
+    ROCK_TEXTURE,
+    ROOF_GEOM,
+    TOPOLOGY,
+    WATER_MATERIAL,
+    is_fitting,
+    is_rock,
+    puddle_geom,
+    smooth_mesh,
+)
 from minexplore.schema import check_world
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.assemble import heading_at
 from pipeline.mjcf.bundle import WorldRecord
-from pipeline.mjcf.digits import digits_for
 from pipeline.mjcf.scene import MineScene, tilt_about_centre
 from pipeline.mjcf.world import build_spec
 from pipeline.proof.lights import remake_lights
 from pipeline.proof.prisms import require_prisms
-from pipeline.store.codecs import decode
+from pipeline.store.codecs import decode, encode
 from pipeline.types import NO_PICTURE, ConvexParts, DriftNetwork, Image, Mesh, SolidExtent
 
-_MARGIN = 1e-5  # relative and absolute: what the text of a model rounds
-_PLACE_M = 2e-3  # half a millimetre and more: six digits of coordinates up to 1 km
+_MARGIN = 1e-9  # relative and absolute: the text of a model has 16 digits
+_PLACE_M = 2e-4  # centres have four decimals
 # Where files lie, a checksum of the sources, and the trees that speed up collisions, which follow from the rest.
 _UNREAD = re.compile(r"signature|paths|.*_pathadr|bvh_.*|.*_bvhadr|.*_bvhnum|npaths|nbvh.*|nbuffer")
+
+_TETRAHEDRON = Mesh(
+    np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float),
+    np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32),
+    np.zeros((4, 2)),
+)
 
 
 def require_same_model(folder: Path, record: WorldRecord, free: Polygon, prisms: bool = True) -> None:
@@ -53,11 +68,12 @@ def require_same_model(folder: Path, record: WorldRecord, free: Polygon, prisms:
         require_prisms(folder, record, stated, free)
     spec = _rebuilt(folder, record, files, stated)
     assets = {name: data for name, data in files.items() if name.startswith("meshes/") or name == ROCK_TEXTURE}
-    spec.assets = assets
+    # MuJoCo writes a text only after it compiles, and the text does not depend on what the mesh files hold.
+    stand_in = encode(Path("tetrahedron.msh"), _TETRAHEDRON)
+    spec.assets = {name: data if name == ROCK_TEXTURE else stand_in for name, data in assets.items()}
     try:
         spec.compile()
-        with digits_for(max(map(abs, record.world_m))):
-            text = spec.to_xml()
+        text = spec.to_xml()
         if text.encode() == files[MODEL]:  # then the compiled models are equal too
             return
         made, own = (mujoco.MjModel.from_xml_string(t, assets) for t in (text, files[MODEL].decode()))
@@ -100,7 +116,7 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
     )
     spec = build_spec(scene)
     for geom, own, was in zip((g for g in spec.geoms if is_rock(g.name)), vertices, rock, strict=True):
-        # The digits of the text do not round alike twice; the builder's centre is compared and then replaced.
+        # MuJoCo stores vertices in 32 bits, so a centre may round to the next digit; it is compared and then replaced.
         if np.abs(geom.pos - was.pos).max() > _PLACE_M:
             raise ArtifactError(
                 f"{folder / MODEL}: geom {was.name}: pos = {was.pos}, want its mesh's middle {geom.pos}"
@@ -113,28 +129,31 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
 def _smooth(stated: mujoco.MjSpec) -> dict[str, Mesh]:
     """Return empty pieces of the smooth surface in the order of the model; their bytes are replaced later."""
     nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros((0, 2)))
-    return {mesh.name.removeprefix("base_"): nothing for mesh in stated.meshes if mesh.name in SMOOTH_MESHES}
+    return {mesh.name.removeprefix(smooth_mesh("")): nothing for mesh in stated.meshes if mesh.name in SMOOTH_MESHES}
 
 
-def model_difference(found: mujoco.MjModel, wanted: mujoco.MjModel) -> str | None:
-    """Return the first field in which two compiled models differ, with element and values, or None."""
+def model_difference(found: mujoco.MjModel, wanted: mujoco.MjModel, margin: float = _MARGIN) -> str | None:
+    """Return the first field in which two compiled models differ, with element and values, or None.
+
+    Numbers are equal if they differ by at most `margin`, plus `margin` times their size.
+    """
     for name in sorted(dir(wanted)):
         if name.startswith("_") or _UNREAD.fullmatch(name):
             continue
-        differs = _difference(name, getattr(found, name), getattr(wanted, name), wanted)
+        differs = _difference(name, getattr(found, name), getattr(wanted, name), wanted, margin)
         if differs:
             return differs
     return None
 
 
-def _difference(name: str, one: Any, two: Any, model: mujoco.MjModel) -> str | None:
+def _difference(name: str, one: Any, two: Any, model: mujoco.MjModel, margin: float) -> str | None:
     if callable(two):
         return None
     if isinstance(two, np.ndarray):
         if one.shape != two.shape:
             return f"{name} has shape {one.shape}, want {two.shape}"
         exact = not np.issubdtype(two.dtype, np.floating)
-        wrong = np.flatnonzero(one != two) if exact else _apart(one, two)
+        wrong = np.flatnonzero(one != two) if exact else _apart(one, two, margin)
         if not len(wrong):
             return None
         at = np.unravel_index(int(wrong[0]), two.shape)
@@ -142,18 +161,18 @@ def _difference(name: str, one: Any, two: Any, model: mujoco.MjModel) -> str | N
     if isinstance(two, bool | int | str | bytes):
         return None if one == two else f"{name} = {str(one)[:60]}, want {str(two)[:60]}"
     if isinstance(two, float):
-        return None if math.isclose(one, two, rel_tol=_MARGIN, abs_tol=_MARGIN) else f"{name} = {one}, want {two}"
+        return None if math.isclose(one, two, rel_tol=margin, abs_tol=margin) else f"{name} = {one}, want {two}"
     for inner in sorted(dir(two)):  # options, statistics and visual settings are records of their own
         if not inner.startswith("_"):
-            differs = _difference(f"{name}.{inner}", getattr(one, inner), getattr(two, inner), model)
+            differs = _difference(f"{name}.{inner}", getattr(one, inner), getattr(two, inner), model, margin)
             if differs:
                 return differs
     return None
 
 
-def _apart(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+def _apart(one: np.ndarray, two: np.ndarray, margin: float) -> np.ndarray:
     """Return the flat indices at which two arrays differ; NaN in one only is a difference."""
-    return np.flatnonzero(~np.isclose(one, two, rtol=_MARGIN, atol=_MARGIN, equal_nan=True))
+    return np.flatnonzero(~np.isclose(one, two, rtol=margin, atol=margin, equal_nan=True))
 
 
 def _element(field: str, number: int, model: mujoco.MjModel) -> str:

@@ -152,7 +152,14 @@ def _encode_npz(value: Any) -> bytes:
         else vars(value)
     )
     stream = io.BytesIO()
-    np.savez_compressed(stream, allow_pickle=False, **{k: np.asarray(v) for k, v in arrays.items()})
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, values in arrays.items():
+            member = io.BytesIO()
+            np.lib.format.write_array(member, np.asarray(values), version=(1, 0), allow_pickle=False)
+            # Versions of Python write the header of a streamed member differently, and so does `numpy.savez`.
+            entry = zipfile.ZipInfo(f"{name}.npy")
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, member.getvalue())
     return stream.getvalue()
 
 

@@ -1,4 +1,4 @@
-"""Build the rough surface of a mine from parameters, workings and band spectra."""
+"""Build the rough surface of a mine from parameters, workings and relief."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from shapely import Polygon
 
 from pipeline.errors import InputError
-from pipeline.params.surface import RockParams, SurfaceParams
+from pipeline.params.surface import SurfaceParams
 from pipeline.store.codecs import Bundle, encode
+from pipeline.surface.choose import Relief
 from pipeline.surface.displacement import Bounds
-from pipeline.surface.joints import Faces, JointedRock, JointSet, Undulation, relief_of_joints
+from pipeline.surface.joints import JointedRock, relief_of_joints
 from pipeline.surface.lattice import CrossSection, Lattice, lay_lattice
 from pipeline.surface.noise import Modulation, relief_of_noise
 from pipeline.surface.rough import RoughSurface, cut_chunks, displace_lattice
 from pipeline.surface.simplify import Simplification
-from pipeline.surface.spectrum import Bands
 from pipeline.surface.walls import lay_walls
 from pipeline.types import DriftNetwork
 
@@ -57,9 +57,9 @@ def widen_spacing(params: SurfaceParams, free: Polygon, height_m: float) -> Surf
 
 
 def build_rough_surface(
-    params: SurfaceParams, free: Polygon, network: DriftNetwork | None, height_m: float, noise: tuple[Bands, Bands]
+    params: SurfaceParams, free: Polygon, network: DriftNetwork | None, height_m: float, relief: Relief
 ) -> RoughSurface:
-    """Build the rough surface from jointed rock if it is configured, else from the noise of walls and roof.
+    """Build the rough surface from jointed rock or from the noise of walls and roof.
 
     Raises
     ------
@@ -69,31 +69,19 @@ def build_rough_surface(
     rough, profile = params.rough, cross_section(params, height_m)
     lattice = lay_lattice(lay_walls(free, rough.spacing_m, network), profile, rough.spacing_m, rough.roof_spacing_m)
     simplification = Simplification(rough.kept_share, rough.tile_m) if rough.kept_share else None
-    return displace_lattice(lattice, _relief(params, lattice, noise), _bounds(params), simplification)
+    return displace_lattice(lattice, _wanted_m(params, lattice, relief), _bounds(params), simplification)
 
 
-def _relief(params: SurfaceParams, lattice: Lattice, noise: tuple[Bands, Bands]) -> np.ndarray:
+def _wanted_m(params: SurfaceParams, lattice: Lattice, relief: Relief) -> np.ndarray:
     rough = params.rough
-    if params.rock:
-        return relief_of_joints(lattice.vertices, lattice.direction, jointed_rock(params.rock), rough.seed)
+    if isinstance(relief, JointedRock):
+        return relief_of_joints(lattice.vertices, lattice.direction, relief, rough.seed)
     modulation = Modulation(rough.modulation_m, rough.modulation_spread)
-    return relief_of_noise(lattice, *noise, modulation, np.random.default_rng(rough.seed))
+    return relief_of_noise(lattice, *relief, modulation, np.random.default_rng(rough.seed))
 
 
 def _bounds(params: SurfaceParams) -> Bounds:
     return Bounds(**params.rough.bounds.model_dump())
-
-
-def jointed_rock(params: RockParams) -> JointedRock:
-    """Return the jointed rock that the parameters describe."""
-    own = {"sets", "block", "overbreak", "undulation"}
-    return JointedRock(
-        sets=tuple(JointSet(**s.model_dump()) for s in params.sets),
-        block=Faces(**params.block.model_dump()),
-        overbreak=Faces(**params.overbreak.model_dump()),
-        undulation=Undulation(**params.undulation.model_dump()),
-        **params.model_dump(exclude=own),
-    )
 
 
 def chunk_files(rough: RoughSurface, params: SurfaceParams) -> Bundle:

@@ -9,6 +9,8 @@ import numpy as np
 from pipeline.metrics.roughness import SurfaceRoughness, roughness_of_cloud, roughness_of_sweeps
 from pipeline.metrics.sampling import faces_near, sample_triangles
 from pipeline.params.surface import RoughParams, SurfaceParams
+from pipeline.surface.choose import Relief
+from pipeline.surface.joints import Gains, JointedRock
 from pipeline.surface.lattice import ROOF, WALL
 from pipeline.surface.reference import Sources
 from pipeline.surface.rough import RoughSurface
@@ -23,32 +25,44 @@ _TABLE_STEP_M = 5.0
 
 @dataclass(frozen=True)
 class RoughnessReport:
-    """The reference, the spectra and the built roughness; `built` has `wall`, `roof`, and `section` at robot height."""
+    """The reference, what the relief was made of, and the built roughness.
+
+    Noise has spectra, jointed rock has `gains`. `built` has `wall`, `roof`, and `section` at robot height.
+    """
 
     reference: str
     sources: Sources
     wavelength_m: list[float]
     wall_sd_m: list[float]
     roof_sd_m: list[float]
+    gains: Gains | None
     shortest_wavelength_m: dict[str, float]
     spacing_m: dict[str, float]
     built: dict[str, SurfaceRoughness]
     amplitude: dict[str, float]
 
 
-def report_roughness(
-    params: SurfaceParams, sources: Sources, noise: tuple[Bands, Bands], rough: RoughSurface
-) -> RoughnessReport:
-    """Measure the rough surface and record the reference and the spectra that it was built from."""
-    wall, roof = noise
+def report_roughness(params: SurfaceParams, sources: Sources, relief: Relief, rough: RoughSurface) -> RoughnessReport:
+    """Measure the rough surface and record the reference and the relief that it was built from."""
+    spacing = {"wall": params.rough.spacing_m, "roof": params.rough.roof_spacing_m}
+    if isinstance(relief, JointedRock):
+        wavelength: list[float] = []
+        sd: dict[str, list[float]] = {"wall": [], "roof": []}
+        shortest = {name: round(2 * apart, 4) for name, apart in spacing.items()}
+    else:
+        bands = dict(zip(("wall", "roof"), relief, strict=True))
+        wavelength = relief[0].wavelength_m.round(5).tolist()
+        sd = {name: spectrum.sd_m.round(5).tolist() for name, spectrum in bands.items()}
+        shortest = {name: _shortest(spectrum) for name, spectrum in bands.items()}
     return RoughnessReport(
         reference=params.reference,
         sources=sources,
-        wavelength_m=wall.wavelength_m.round(5).tolist(),
-        wall_sd_m=wall.sd_m.round(5).tolist(),
-        roof_sd_m=roof.sd_m.round(5).tolist(),
-        shortest_wavelength_m={"wall": _shortest(wall), "roof": _shortest(roof)},
-        spacing_m={"wall": params.rough.spacing_m, "roof": params.rough.roof_spacing_m},
+        wavelength_m=wavelength,
+        wall_sd_m=sd["wall"],
+        roof_sd_m=sd["roof"],
+        gains=relief.gains if isinstance(relief, JointedRock) else None,
+        shortest_wavelength_m=shortest,
+        spacing_m=spacing,
         built=measure_built(rough, params.rough),
         amplitude=_amplitude(rough),
     )

@@ -53,6 +53,15 @@ class Undulation:
 
 
 @dataclass(frozen=True)
+class Gains:
+    """Factors of the parts of the relief; `fit_rock` finds those of a reference."""
+
+    undulation: float = 1.0
+    blocks: float = 1.0
+    overbreak: float = 1.0
+
+
+@dataclass(frozen=True)
 class JointedRock:
     """Jointed rock.
 
@@ -71,6 +80,7 @@ class JointedRock:
     undulation: Undulation
     patch_m: float
     patchiness: float
+    gains: Gains = Gains()
 
 
 def relief_of_joints(points: np.ndarray, inward: np.ndarray, rock: JointedRock, seed: int) -> np.ndarray:
@@ -83,15 +93,22 @@ def relief_of_joints(points: np.ndarray, inward: np.ndarray, rock: JointedRock, 
     rock : JointedRock
     seed : int
     """
+    undulation, blocks, overbreak = parts_of_joints(points, inward, rock, seed)
+    gains = rock.gains
+    return gains.undulation * undulation + gains.blocks * blocks + gains.overbreak * overbreak
+
+
+def parts_of_joints(points: np.ndarray, inward: np.ndarray, rock: JointedRock, seed: int) -> np.ndarray:
+    """Return the parts (3, n) m of the relief before gains: undulation, blocks, overbreak; see `relief_of_joints`."""
     shift = [self_affine(points, rock.waviness_m, _WAVY_HURST, *_WAVY_M, seed + 100 * (k + 1)) for k in range(3)]
     wavy = points + np.stack(shift, axis=1)
     patch = np.exp(rock.patchiness * gradient_noise(points, rock.patch_m, seed + 400) - rock.patchiness**2)
-    blocks = np.zeros(len(points))
+    u = rock.undulation
+    parts = [self_affine(points, u.rms_m, u.hurst, u.shortest_m, u.longest_m, seed + 600)]
     for k, (faces, size) in enumerate(((rock.block, 1.0), (rock.overbreak, rock.overbreak_size))):
         block = number_blocks(wavy, rock.sets, rock.jitter, size, seed + 500 + 50 * k)
-        blocks += _cut_faces(wavy, inward, block, faces, rock.sets)
-    u = rock.undulation
-    return self_affine(points, u.rms_m, u.hurst, u.shortest_m, u.longest_m, seed + 600) + patch * blocks
+        parts.append(patch * _cut_faces(wavy, inward, block, faces, rock.sets))
+    return np.stack(parts)
 
 
 def number_blocks(points: np.ndarray, sets: tuple[JointSet, ...], jitter: float, size: float, seed: int) -> np.ndarray:

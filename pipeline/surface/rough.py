@@ -23,6 +23,7 @@ from pipeline.types import Mesh
 _MEND_ROUNDS = 8
 _MEND_RADIUS_M = 0.6
 _MEND_FACTOR = 0.5
+_REFINE_AFTER = 2  # rounds: what is still wrong comes from the simplification and not from the displacement
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,8 @@ def displace_lattice(
     """Displace the lattice, simplify its mesh, and repair self-intersections.
 
     Where an edge crosses a face, a face turns over, more than two faces share an edge, or the line of the walls on the
-    floor crosses itself, the displacement around the place is halved, several times if needed. The result holds the
-    places.
+    floor crosses itself, the displacement around the place is halved, several times if needed. If that does not help,
+    the tile is simplified less. The result holds the places.
 
     Parameters
     ----------
@@ -66,15 +67,17 @@ def displace_lattice(
     """
     given = bound_displacement(wanted_m, lattice, bounds)
     mesher, mended, moved = Mesher(lattice, simplification), np.zeros((0, 3)), np.ones(len(given), bool)
-    for _ in range(_MEND_ROUNDS):
+    for repair in range(_MEND_ROUNDS):
         vertices = displaced(lattice, given)
         mesh, changed = mesher.mesh(vertices, moved)
-        wrong = _defects(mesh, changed, vertices, moved, lattice, simplification is not None)
+        wrong = _defects(mesh, changed, vertices, moved, lattice)
         if not len(wrong) and simplification and not changed.all():  # tiles meet elsewhere, too
             wrong = find_crossings(mesh.vertices, mesh.faces)
         if not len(wrong):
             return RoughSurface(lattice, vertices, wanted_m, given, mended, mesh)
         mended = np.concatenate([mended, wrong])
+        if repair >= _REFINE_AFTER:
+            mesher.refine(wrong)
         given = damp_near(wrong, vertices, given, _MEND_RADIUS_M, _MEND_FACTOR)
         # Only what is near the repairs has moved, so only this is built and checked again.
         near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=2 * _MEND_RADIUS_M)
@@ -87,12 +90,7 @@ def displace_lattice(
 
 
 def _defects(
-    mesh: SurfaceMesh,
-    changed: np.ndarray,
-    vertices: np.ndarray,
-    moved: np.ndarray,
-    lattice: Lattice,
-    along_direction: bool,
+    mesh: SurfaceMesh, changed: np.ndarray, vertices: np.ndarray, moved: np.ndarray, lattice: Lattice
 ) -> np.ndarray:
     """Return the places (k, 3) m of defects in the changed faces (m,) and at the moved points (n,)."""
     fine = lattice.faces[moved[lattice.faces].any(axis=1)]
@@ -100,21 +98,24 @@ def _defects(
         [
             find_crossings(mesh.vertices, mesh.faces[changed]),
             find_shared_edges(mesh.vertices, mesh.faces[changed]),
-            _folds(vertices, fine, lattice, along_direction),
+            _folds(vertices, fine, lattice),
             _knots(vertices, lattice),
         ]
     )
 
 
-def _folds(vertices: np.ndarray, faces: np.ndarray, lattice: Lattice, along_direction: bool) -> np.ndarray:
+def _folds(vertices: np.ndarray, faces: np.ndarray, lattice: Lattice) -> np.ndarray:
     """Return the centres (k, 3) m of faces that the displacement has turned over.
 
-    A face is turned over if it faces away from where it faced before or, with `along_direction`, from the direction of
-    the displacement. On the floor chamfer, the first also finds steps that overhang without any fold.
+    Such a face faces away from where it faced before, and from the direction of the displacement. A step on the floor
+    chamfer that overhangs does only the first; a face at a corner that points elsewhere than its points, the second.
     """
-    before = lattice.direction[faces].sum(axis=1) if along_direction else _normals(lattice.vertices[faces])
-    turned = np.einsum("ij,ij->i", _normals(vertices[faces]), before) <= 0
-    return vertices[faces[turned]].mean(axis=1)
+    now = _normals(vertices[faces])
+    turned = [
+        np.einsum("ij,ij->i", now, before) <= 0
+        for before in (_normals(lattice.vertices[faces]), lattice.direction[faces].sum(axis=1))
+    ]
+    return vertices[faces[turned[0] & turned[1]]].mean(axis=1)
 
 
 def _normals(triangles: np.ndarray) -> np.ndarray:

@@ -58,6 +58,7 @@ class Mesher:
             _, tile = np.unique(2 * place + lattice.piece, return_inverse=True)  # no face joins wall and roof
             order = np.argsort(tile, kind="stable")
             self._tiles = np.split(order, np.flatnonzero(np.diff(tile[order])) + 1)
+            self._share = np.full(len(self._tiles), simplification.kept_share)
             self._parts: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros((0, 3)), np.zeros((0, 3), int))] * len(
                 self._tiles
             )
@@ -73,18 +74,26 @@ class Mesher:
             return mesh, moved[faces].any(axis=1)
         new = [bool(moved[faces[tile]].any()) for tile in self._tiles]
         for k in np.flatnonzero(new).tolist():
-            self._parts[k] = self._simplified(vertices, faces[self._tiles[k]])
+            self._parts[k] = self._simplified(vertices, faces[self._tiles[k]], float(self._share[k]))
         changed = np.repeat(new, [len(part) for _, part in self._parts])
         return self._joined(vertices), changed
 
-    def _simplified(self, vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        assert self.simplification is not None
+    def refine(self, places: np.ndarray) -> None:
+        """Double the share of faces that is kept in the tiles at places (k, 3) m."""
+        if self.simplification:
+            nearest = cKDTree(self.lattice.vertices).query(places)[1]
+            point = np.zeros(len(self.lattice.vertices), bool)
+            point[nearest] = True
+            near = [bool(point[self.lattice.faces[tile]].any()) for tile in self._tiles]
+            self._share[near] = np.minimum(1.0, 2 * self._share[near])
+
+    @staticmethod
+    def _simplified(vertices: np.ndarray, faces: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray]:
         used, local = np.unique(faces, return_inverse=True)
         local = local.reshape(-1, 3).astype(np.int32)
-        if len(faces) < _LEAST_FACES:
+        if len(faces) < _LEAST_FACES or share >= 1:
             return vertices[used], local
-        reduction = 1 - self.simplification.kept_share
-        points, kept = fast_simplification.simplify(vertices[used], local, reduction, preserve_border=True)
+        points, kept = fast_simplification.simplify(vertices[used], local, 1 - share, preserve_border=True)
         return np.round(points, _DIGITS) + 0.0, kept  # + 0.0: no negative zeros
 
     def _joined(self, vertices: np.ndarray) -> SurfaceMesh:

@@ -20,7 +20,7 @@ from baselines.score import score
 from baselines.statistics import estimate, figures, interquartile_mean, sample_times
 from benchmarks.forged_results import ACCEPTED, CHECKED, CRASHED, LATE, READ, Tally, judge
 from benchmarks.forgery import forge as forge_any
-from minexplore.reward import MILESTONES
+from minexplore.reward import COVERAGE_GAIN, MILESTONES
 from tests.baselines.test_learned import write_policy
 from tests.project import ROOT
 
@@ -296,13 +296,17 @@ def test_a_forged_file_driven_here_differs(honest):
 
 def test_equal_episodes_missing_and_extra_seeds_are_rejected(honest):
     head, episodes = read_results(honest)
-    copy = episodes[4].model_copy(update={"seed": 5, "seen": [episodes[5].seen[0], *episodes[4].seen[1:]]})
-    honest.write_text(chain(head, [*episodes[:5], copy, *episodes[6:]]))
-    with pytest.raises(RejectedError, match="seeds 4 and 5 drive the same way"):
+    one = max(range(19), key=lambda k: np.count_nonzero(np.diff(episodes[k].seen)))
+    two, episode = one + 1, episodes[one]
+    first = episodes[two].seen[0]  # the return goes with the cells seen from it on
+    returned = episode.returned + (episode.seen[0] - first) * COVERAGE_GAIN / head.cells
+    copy = episode.model_copy(update={"seed": two, "seen": [first, *episode.seen[1:]], "returned": returned})
+    honest.write_text(chain(head, [*episodes[:two], copy, *episodes[two + 1 :]]))
+    with pytest.raises(RejectedError, match=f"seeds {one} and {two} drive the same way"):
         score(honest)
-    beside = [episodes[4].path_cm[0], *((x + 1, y) for x, y in episodes[4].path_cm[1:])]
-    honest.write_text(chain(head, [*episodes[:5], copy.model_copy(update={"path_cm": beside}), *episodes[6:]]))
-    with pytest.raises(RejectedError, match="seeds 4 and 5 see the same number of new cells at every time"):
+    beside = [episode.path_cm[0], *((x + 1, y) for x, y in episode.path_cm[1:])]
+    honest.write_text(chain(head, [*episodes[:two], copy.model_copy(update={"path_cm": beside}), *episodes[two + 1 :]]))
+    with pytest.raises(RejectedError, match=f"seeds {one} and {two} see the same number of new cells at every time"):
         score(honest)
     honest.write_text(chain(head.model_copy(update={"seeds": head.seeds[:-1]}), episodes[:-1]))
     with pytest.raises(RejectedError, match=r"the protocol's are 0 to 19; missing \[19\], extra none"):

@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 
 from minexplore.bundle import (
+    FITTINGS_BODY,
     GEOM_GROUPS,
     MINE_BODY,
     MODEL,
@@ -15,7 +16,9 @@ from minexplore.bundle import (
     chunk_mesh,
     decode_msh,
     encode_msh,
+    fitting_geom,
     floor_geom,
+    is_fitting,
     is_floor,
     is_rock,
     mesh_file,
@@ -79,7 +82,7 @@ def test_a_built_world_holds_the_contract_s_groups_and_names(tee: BuiltMine):
     assert {n for n in names if is_floor(n)} == {n for n, group in names.items() if group == GeomGroup.FLOOR}
     assert {n for n in names if is_rock(n)} == {n for n, group in names.items() if group == GeomGroup.COLLISION}
     assert names[surface_geom(smooth_mesh(WALLS))] == names[surface_geom(smooth_mesh(ROOF))] == GeomGroup.SMOOTH_SURFACE
-    assert {model.body(b).name for b in range(1, model.nbody)} == {MINE_BODY, SURFACE_BODY}
+    assert {model.body(b).name for b in range(1, model.nbody)} == {MINE_BODY, SURFACE_BODY, FITTINGS_BODY}
 
 
 def test_every_visible_mesh_has_the_contract_s_file_and_geom(tee: BuiltMine):
@@ -88,5 +91,6 @@ def test_every_visible_mesh_has_the_contract_s_file_and_geom(tee: BuiltMine):
         if mesh.file:
             assert mesh.file == mesh_file(mesh.name)
             assert (tee.bundle / mesh.file).is_file()
-            assert spec.geom(surface_geom(mesh.name)).meshname == mesh.name
+            geom = fitting_geom(mesh.name) if is_fitting(mesh.name) else surface_geom(mesh.name)
+            assert spec.geom(geom).meshname == mesh.name
     assert any(mesh.name == chunk_mesh(WALLS, 0, 0) for mesh in spec.meshes)

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from minexplore.bundle import MODEL, RECORD, BundleError, complete_zone, shorten_zone, world_sha256
+from minexplore.bundle import MODEL, RECORD, BundleError, world_sha256
 from minexplore.env import MineEnv
 from minexplore.floor_zones import FloorZone, read_zones
 from minexplore.local_models import LocalModels
@@ -66,24 +66,6 @@ def test_a_zone_that_is_not_whole_is_refused_with_its_value_and_limit(tmp_path, 
         read_zones(tmp_path, [DRY, {**ICE, **zone}])
 
 
-def test_a_zone_of_the_paper_may_leave_its_effects_out_and_no_other_zone_may(tmp_path):
-    bare = {k: v for k, v in DRY.items() if k not in ("command_scale", "speed_noise_mps")}
-    mud = {**bare, "name": "mud", "west_m": 10.0, "east_m": 20.0}
-    found = read_zones(tmp_path, [bare, mud])
-    assert [(zone.command_scale, zone.speed_noise_mps) for zone in found] == [(1.0, 0.0), (0.7, 0.04)]
-    with pytest.raises(BundleError, match=r"zones\[1\]\.command_scale = None"):
-        read_zones(tmp_path, [bare, {**mud, "name": "ice"}])
-
-
-def test_a_record_is_as_short_as_it_can_be_and_gives_the_zones_back():
-    short = shorten_zone(DRY)
-    assert "command_scale" not in short
-    assert complete_zone(short) == DRY
-    assert shorten_zone(ICE) == ICE
-    slow = {**DRY, "command_scale": 0.5}
-    assert complete_zone(shorten_zone(slow)) == slow
-
-
 @pytest.mark.parametrize("field", ["friction", "command_scale", "speed_noise_mps", "west_m", "east_m"])
 def test_a_zone_without_a_field_is_refused(tmp_path, field):
     with pytest.raises(BundleError, match=rf"zones\[1\]\.{field} = None"):
@@ -91,7 +73,7 @@ def test_a_zone_without_a_field_is_refused(tmp_path, field):
 
 
 def test_a_world_says_which_zone_is_not_whole(bundle):
-    reseal(bundle, lambda record: record["zones"][1].update(speed_noise_mps=0.04))
+    reseal(bundle, lambda record: record["zones"][1].pop("command_scale"))
     with pytest.raises(BundleError, match=r"world\.json: zones\[1\]\.command_scale: missing"):
         MineEnv(bundle)
 

@@ -75,14 +75,14 @@ def test_a_world_of_the_builder_is_allowed_and_so_is_its_text_written_again(tee:
         ('priority="1"', 'priority="0"', "@priority: '0', want '1'"),
         ('friction="0.55"', 'friction="0.5"', "geom[floor_mud]@friction: 0.5, world.json gives 0.55"),
         ('inertia="shell"', 'inertia="exact"', "@inertia: 'exact', want 'shell'"),
-        ('file="meshes/base_walls.msh"', 'file="../secret.msh"', "mesh[base_walls]@file: '../secret.msh', want"),
-        ('file="meshes/base_walls.msh"', 'file="meshes/base_back.msh"', "mesh[base_walls]@file"),
+        ('file="meshes/smooth_walls.msh"', 'file="../secret.msh"', "mesh[smooth_walls]@file: '../secret.msh', want"),
+        ('file="meshes/smooth_walls.msh"', 'file="meshes/smooth_roof.msh"', "mesh[smooth_walls]@file"),
         ('file="textures/rock.png"', 'file="/etc/passwd"', "texture[rock]@file: '/etc/passwd'"),
         ('castshadow="false"', 'castshadow="true"', "light[spot_00]@castshadow: 'true', want 'false'"),
         ('zfar="200"', 'zfar="2"', "visual/map@zfar: '2', want 200"),
         ('extent="10"', 'extent="nan"', "statistic@extent: 'nan', want 10"),
         ('fovy="70"', 'fovy="1_0"', "camera[entrance]@fovy: '1_0'"),
-        ('name="surface_base_walls" class="surface"', 'name="surface_base_walls" class="rock"', "@class: 'rock'"),
+        ('name="surface_smooth_walls" class="surface"', 'name="surface_smooth_walls" class="rock"', "@class: 'rock'"),
         ("</mujoco>", "<!-- more --></mujoco>", "line 1"),
         ("<mujoco ", "<!DOCTYPE mujoco><mujoco ", "'<!' is not allowed"),
         ("<mujoco ", '<?xml version="1.0" encoding="utf-16"?><mujoco ', "'<?' is not allowed"),
@@ -111,7 +111,7 @@ def test_what_the_builder_never_writes_is_refused_with_its_path(files, old, new,
         (lambda r: r.update(rock_friction=0.5), "default[rock]/geom@friction: 1, world.json gives 0.5"),
         (lambda r: r.update(name="a/b"), "name = 'a/b': want 1 to 64 letters"),
         (lambda r: r["frames"].update(mine="other"), "frames = "),
-        (lambda r: r["geom_groups"].update(rock=1), "geom_groups = "),
+        (lambda r: r["geom_groups"].update(collision=1), "geom_groups = "),
         (lambda r: r["gain_m"].update(whole_frame=1.0), "gain_m.whole_frame = 1.0: want"),
         (lambda r: r["spawn"].update(anchor_m=[1e5, 0.0]), "spawn.anchor_m = [100000.0, 0.0]: want a place in"),
         (lambda r: r["spawn"].update(radius_m="15"), "spawn.radius_m = '15': want a number"),
@@ -152,14 +152,14 @@ def grid_with(files: dict[str, bytes], **values: np.ndarray) -> bytes:
 
 
 def test_binary_files_are_checked_before_anything_decodes_them(files):
-    mesh, nan = files["meshes/base_walls.msh"], np.float32(np.nan).tobytes()
+    mesh, nan = files["meshes/smooth_walls.msh"], np.float32(np.nan).tobytes()
     far, face = np.float32(1e6).tobytes(), np.int32(10**6).tobytes()
     zeros = np.zeros((30_000, 10_000), dtype=bool)
     for name, data, message in (
-        ("meshes/base_walls.msh", mesh_with(mesh, 16, nan), "vertices from nan"),
-        ("meshes/base_walls.msh", mesh_with(mesh, 16, far), "the rock ends at"),
-        ("meshes/base_walls.msh", mesh_with(mesh, len(mesh) - 4, face), "a face of vertex"),
-        ("meshes/base_walls.msh", mesh[:-4], "do not match its size"),
+        ("meshes/smooth_walls.msh", mesh_with(mesh, 16, nan), "vertices from nan"),
+        ("meshes/smooth_walls.msh", mesh_with(mesh, 16, far), "the rock ends at"),
+        ("meshes/smooth_walls.msh", mesh_with(mesh, len(mesh) - 4, face), "a face of vertex"),
+        ("meshes/smooth_walls.msh", mesh[:-4], "do not match its size"),
         ("occupancy.npz", b"no archive", "cannot be read"),
         ("occupancy.npz", grid_with(files, free=zeros), "at most 100000000 values"),
         ("occupancy.npz", grid_with(files, cell_m=np.array(1e-9)), "cell_m = 1e-09, want 0.05 to 2"),
@@ -182,10 +182,10 @@ def test_a_picture_of_a_billion_pixels_is_refused_by_its_header(files):
 
 def test_links_pipes_and_unknown_files_are_refused(tee: BuiltMine, tmp_path):
     secret = tmp_path / "secret.msh"
-    shutil.copy(tee.bundle / "meshes/base_walls.msh", secret)
+    shutil.copy(tee.bundle / "meshes/smooth_walls.msh", secret)
     for number, change in enumerate(
         (
-            lambda w: ((w / "meshes/base_walls.msh").unlink(), (w / "meshes/base_walls.msh").symlink_to(secret)),
+            lambda w: ((w / "meshes/smooth_walls.msh").unlink(), (w / "meshes/smooth_walls.msh").symlink_to(secret)),
             lambda w: (shutil.rmtree(w / "textures"), (w / "textures").symlink_to(tee.bundle / "textures")),
             lambda w: os.mkfifo(w / "more.xml"),
             lambda w: (w / "meshes" / "more").mkdir(),

@@ -23,7 +23,7 @@ from tests.mines import BuiltMine, sealed
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 30, 5), shapely.box(12, 5, 17, 14)])
 COARSE = [
-    "rock=andesite",
+    "fittings=none",
     "surface.rough.spacing_m=0.3",
     "surface.rough.roof_spacing_m=0.4",
     "surface.rough.kept_share=null",
@@ -44,7 +44,7 @@ def wet(looking: Config, tmp_path_factory) -> BuiltMine:
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory) -> BuiltMine:
-    return BuiltMine(DRIFT, compose(COARSE), tmp_path_factory.mktemp("plain") / "world")
+    return BuiltMine(DRIFT, compose([*COARSE, "look=plain"]), tmp_path_factory.mktemp("plain") / "world")
 
 
 def refusal(files: dict[str, bytes], **fields) -> str:
@@ -61,8 +61,8 @@ def test_a_world_with_a_look_is_what_the_builder_makes_of_its_own_parts(wet: Bui
     require_built(wet.bundle, world.record, looking.validation)
 
 
-def test_a_plain_world_does_not_state_its_look(plain: BuiltMine, wet: BuiltMine):
-    assert "look" not in json.loads((plain.bundle / "world.json").read_text())
+def test_a_world_states_its_look(plain: BuiltMine, wet: BuiltMine):
+    assert json.loads((plain.bundle / "world.json").read_text())["look"] == "plain"
     assert json.loads((wet.bundle / "world.json").read_text())["look"] == "wet"
 
 
@@ -77,7 +77,7 @@ def test_a_look_changes_no_geom_that_can_be_touched(plain: BuiltMine, wet: Built
     ("look", "message"),
     [
         ("dry", "headlight@ambient"),
-        ("plain", "look = 'plain'"),
+        ("plain", "headlight@ambient"),
         ("rainy", "look = 'rainy'"),
         (["wet"], "look = ['wet']"),
     ],

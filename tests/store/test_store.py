@@ -168,3 +168,12 @@ def test_a_mesh_survives_a_round_trip_and_a_truncated_file_is_refused(tmp_path):
     path.write_bytes(path.read_bytes()[:-4])
     with pytest.raises(ArtifactError, match=r"a\.msh: not a readable Mesh: .* do not match its size"):
         decode(path, Mesh)
+
+
+def test_the_header_of_a_packed_array_is_the_same_in_every_version_of_python(tmp_path):
+    data = encode(tmp_path / "p.npz", ConvexParts(np.zeros((4, 3)), np.array([0, 4], np.int32)))
+    name = b"vertices.npy"
+    # Signature, version 2.0, no flags, deflate, 1980-01-01 00:00; then no extra field for sizes of 64 bits.
+    assert data[:14] == b"PK\x03\x04" + bytes([20, 0, 0, 0, 8, 0, 0, 0, 0x21, 0])
+    assert data[26:30] == len(name).to_bytes(2, "little") + b"\0\0"
+    assert data[30 : 30 + len(name)] == name

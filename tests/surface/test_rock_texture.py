@@ -105,5 +105,5 @@ def test_a_relaxed_texture_stretches_less_on_a_steep_ridge_and_stays_on_a_plane(
 
 def test_a_texture_that_leaves_the_plan_needs_a_look():
     with pytest.raises(ParamsError, match="needs a look other than"):
-        compose(["surface.texture.tether_m=0.6"])
-    assert compose(["look=dry"]).realism.look == "dry"
+        compose(["look=plain", "fittings=none", "surface.texture.tether_m=0.6"])
+    assert compose([]).realism.look == "dry"

@@ -1,13 +1,38 @@
-"""Choose the band spectra of walls and roof from the roughness of the reference."""
+"""Choose where the relief comes from: jointed rock, or noise with band spectra, as rough as the reference."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from pipeline.metrics.roughness import SurfaceRoughness
-from pipeline.params.surface import SpectrumParams, SurfaceParams
+from pipeline.params.surface import RockParams, SpectrumParams, SurfaceParams
+from pipeline.surface.fit_rock import fit_rock
+from pipeline.surface.joints import Faces, JointedRock, JointSet, Undulation
 from pipeline.surface.reference import Sources
 from pipeline.surface.spectrum import Bands, Roughness, band_edges, band_wavelengths, fit_bands
+
+Relief = JointedRock | tuple[Bands, Bands]  # of noise: the spectra of walls and roof
+
+
+def choose_relief(params: SurfaceParams, sources: Sources) -> Relief:
+    """Return the configured jointed rock, scaled to the reference if that is measured, else spectra for noise."""
+    if params.rock is None:
+        return choose_bands(params, sources)
+    rock = _jointed(params.rock)
+    if params.reference == "published":  # the configured rock was fitted to it
+        return rock
+    return fit_rock(rock, sources[params.reference]["wall"], params.rough.seed)
+
+
+def _jointed(params: RockParams) -> JointedRock:
+    own = {"sets", "block", "overbreak", "undulation"}
+    return JointedRock(
+        sets=tuple(JointSet(**s.model_dump()) for s in params.sets),
+        block=Faces(**params.block.model_dump()),
+        overbreak=Faces(**params.overbreak.model_dump()),
+        undulation=Undulation(**params.undulation.model_dump()),
+        **params.model_dump(exclude=own),
+    )
 
 
 def choose_bands(params: SurfaceParams, sources: Sources) -> tuple[Bands, Bands]:
