@@ -148,9 +148,6 @@ def _fit_rings(outline: Polygon, kept: Polygon, tolerance_m: float) -> Polygon:
 
 
 def grid_m(outline: Polygon) -> float:
-    """Return the finest decimal grid, m, on which six digits state every coordinate exactly: 1 mm up to a kilometre.
-
-    MJCF text holds six significant digits, so walls on this grid have exactly the outline's coordinates in the world.
-    """
+    """Return the grid of an outline's coordinates, m: six digits, which is 1 mm up to a kilometre."""
     reach = max(1.0, *(abs(v) for v in outline.bounds))
     return float(10.0 ** (np.ceil(np.log10(reach * 1.1)) - 6))

@@ -14,8 +14,8 @@ from minexplore.bundle import MODEL, is_rock
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import WorldRecord
 
-_PLACE_M = 2e-3  # the text of a model has six digits
-_OVERLAP_M = 4e-3  # of two parts along their common edges
+_PLACE_M = 2e-4  # centres have four decimals, vertices 32 bits
+_OVERLAP_M = 4e-4  # of two parts along their common edges
 
 
 def require_prisms(folder: Path, record: WorldRecord, stated: mujoco.MjSpec, free: Polygon) -> None:
