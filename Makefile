@@ -11,7 +11,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock look-pictures compare-collision search-texture bench bench-light bench-pipeline time-training setup-baselines oracle explorers train train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock
+.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock look-pictures drive-clip compare-collision search-texture bench bench-light bench-pipeline time-training setup-baselines oracle explorers train train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock
 
 help:  # show the targets that have a remark of two hashes; rarer ones have one
 	@awk -F ':.*## ' '/^##@/ {print substr($$0, 5)} /^all:/ {printf "  %-18s %s\n", "$(firstword $(STAGES)) ...", "up to and including one stage: $(STAGES)"} /^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' Makefile
@@ -108,6 +108,9 @@ compare-rock: all  ## kinds of rock beside flat walls and white noise
 
 look-pictures: setup  ## looks and fittings from inside a drift (docs/look.jpg, docs/cut-away.jpg)
 	@$(PY) -m benchmarks.look_pictures
+
+drive-clip: all  ## ten seconds behind a robot, for the README (docs/drive.gif)
+	@$(PY) -m benchmarks.drive_clip
 
 compare-collision: setup  ## exact prisms, CoACD and V-HACD on the same plan
 	@$(PY) -m benchmarks.compare_collision

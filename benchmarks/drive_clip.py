@@ -28,11 +28,11 @@ def record() -> list[np.ndarray]:
     """Return the frames (rows, cols, 3) RGB behind a robot that drives where its beams reach farthest."""
     env = gymnasium.make(_ENV, render_mode="rgb_array", camera="chase")
     observation, _ = env.reset(seed=0)
-    frames = []
+    frames: list[np.ndarray] = []
     for step in range((_WARM_UP_S + _SECONDS) * _STEPS_PER_S):
         observation, *_ = env.step(ahead(observation))
         if step >= _WARM_UP_S * _STEPS_PER_S and step % (_STEPS_PER_S // _FRAMES_PER_S) == 0:
-            frames.append(env.render())
+            frames.append(np.asarray(env.render()))
             if len(frames) % 20 == 0:
                 print(f"drive-clip: {len(frames)} of {_SECONDS * _FRAMES_PER_S} frames", flush=True)
     env.close()
@@ -42,7 +42,9 @@ def record() -> list[np.ndarray]:
 def main() -> int:
     """Record the clip and print its size."""
     pictures = [Image.fromarray(frame).resize(_SIZE_PX, Image.Resampling.LANCZOS) for frame in record()]
-    palette = Image.fromarray(np.vstack([np.asarray(picture) for picture in pictures[::5]])).quantize(_COLOURS, kmeans=8)
+    palette = Image.fromarray(np.vstack([np.asarray(picture) for picture in pictures[::5]])).quantize(
+        _COLOURS, kmeans=8
+    )
     few = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     data = io.BytesIO()
     few[0].save(

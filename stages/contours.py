@@ -12,6 +12,7 @@ from shapely import MultiPolygon, Polygon
 from pipeline.errors import GeometryError, ParamsError
 from pipeline.geometry.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
 from pipeline.geometry.components import choose_component, choose_mask_component, mend
+from pipeline.geometry.fewest_vertices import MOST_RATIO
 from pipeline.geometry.half_level import cover_of, trace_half_level
 from pipeline.geometry.outline import simplify_outline, simplify_to_wall_error, trace_outline
 from pipeline.geometry.rasterize import fill_polygon
@@ -95,7 +96,8 @@ def _trace(params: ContoursParams, plan: Image, raw: Mask, cleaned: Mask, frame:
 def _simplify(params: ContoursParams, traced: Polygon) -> tuple[Polygon, DriftNetwork, float]:
     """Return the simplified outline, its drift network, and the largest distance, m, by which a wall moved.
 
-    A wall error that would change the network is halved, up to three times.
+    A wall error that would change the network, or move a wall by more than eight times itself, is halved, up to three
+    times.
     """
     if params.tolerance_m is not None:
         setting = f"contours.tolerance_m = {params.tolerance_m:g}"
@@ -105,12 +107,15 @@ def _simplify(params: ContoursParams, traced: Polygon) -> tuple[Polygon, DriftNe
         try:
             outline = simplify_to_wall_error(traced, float(error_m))
             network = _same_network(params, traced, outline, f"contours.wall_error_m = {error_m:g}")
-            break
+            largest_m = float(np.ceil(1000 * largest_error_m(traced, outline)) / 1000)
+            if largest_m <= MOST_RATIO * params.wall_error_m:
+                break
+            refused = GeometryError(f"contours.wall_error_m = {error_m:g}: a wall would move by {largest_m:g} m")
         except GeometryError as error:
             refused = error
     else:
         raise refused
-    return outline, network, float(np.ceil(1000 * largest_error_m(traced, outline)) / 1000)
+    return outline, network, largest_m
 
 
 def _same_network(params: ContoursParams, traced: Polygon, outline: Polygon, setting: str) -> DriftNetwork:

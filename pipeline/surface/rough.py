@@ -231,7 +231,9 @@ def _chunk(
         corner = u[column]  # without the vertices' own offsets, which could hide the seam
         # A face across the seam of a ring joins the last column to the first, which counts one whole round there.
         wide = corner.max(axis=1) - corner.min(axis=1) > repeats[column[:, 0]] / 2
-        key, index = np.unique(faces.astype(np.int64) * 2 + (wide[:, None] & (corner < 1)), return_inverse=True)
+        key, index = np.unique(
+            faces.astype(np.int64) * 2 + (wide[:, None] & (corner < repeats[column] / 2)), return_inverse=True
+        )
         used, late = key // 2, (key % 2).astype(float)
         column = rough.lattice.column[mesh.source[shaded.source[used]]]
         repeat = u[column] + late * repeats[column] + _beside(rough, shaded.source[used]) / texture_m

@@ -12,6 +12,7 @@ from pipeline.compose import compose
 from pipeline.errors import ArtifactError, GeometryError, InputError, ParamsError
 from pipeline.metrics.profile import line_roughness
 from pipeline.mjcf.bundle import open_bundle, visible_triangles
+from pipeline.proof.built import require_built
 from pipeline.proof.surface import report_texture, report_walls, texture_metrics
 from pipeline.store.codecs import decode
 from pipeline.surface.build import build_rough_surface, widen_spacing
@@ -105,6 +106,13 @@ def test_a_passage_narrower_than_the_spacing_of_the_lattice_is_refused_with_its_
         build_rough_surface(
             config.surface, thin, None, 3.5, choose_bands(config.surface, measure_sources(config.surface))
         )
+
+
+def test_the_texture_is_whole_where_a_ring_of_a_coarse_mesh_closes(tmp_path):
+    coarse = [f"surface.rough.{name}" for name in ("spacing_m=0.5", "roof_spacing_m=0.5", "kept_share=0.06")]
+    config = compose([*coarse, "surface.texture.size_px=64", "realism.preview_width_px=64"])
+    mine = BuiltMine(shapely.box(0, 0, 34, 26).difference(shapely.box(6, 6, 28, 20)), config, tmp_path / "w")
+    require_built(mine.bundle, open_bundle(mine.bundle).record, config.validation)
 
 
 def test_the_world_shows_the_rough_surface_hides_the_smooth_one_and_neither_collides(opened):
