@@ -145,11 +145,10 @@ def test_lidar_sees_furniture_and_ends_on_the_flat_floor(fitted: BuiltMine):
     assert not any("cover" in name for name in meshes)
     bare = {name: mesh for name, mesh in meshes.items() if name.startswith("surface_")}
     duct = next(mesh for name, mesh in meshes.items() if "duct" in name)
-    below = np.array([[*duct[0][:, :2].mean(axis=0), 0.5]])
+    triangles = duct[0][duct[1]]
+    level = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 2]
+    below = np.array([[*triangles[np.abs(level).argmax()].mean(axis=0)[:2], 0.5]])
     up, down = np.array([[[0.0, 0, 1.0]]]), np.array([[[0.0, 0, -1.0]]])
-    centre = duct[0].mean(axis=0)
-    nearest = duct[0][np.linalg.norm(duct[0] - centre, axis=1).argmin()]
-    below = np.array([[nearest[0], nearest[1], 0.5]])
     with_duct, without = (Lidar(m, 10.0).cast(below, up)[0, 0] for m in (meshes, bare))
     assert with_duct < without - 0.1
     assert Lidar(meshes, 10.0).cast(below, down)[0, 0] == pytest.approx(0.5)
