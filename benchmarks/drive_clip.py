@@ -19,8 +19,8 @@ from pipeline.store.files import write_atomically
 
 CLIP = Path("docs/drive.gif")
 _ENV = "MineXplore/ChileanMineEntrance-v0"
-_SECONDS, _FRAMES_PER_S, _STEPS_PER_S = 10, 10, 10
-_WARM_UP_S = 4  # the robot then drives at full speed
+_STEPS_PER_S = 10  # of the task's control; each is a frame
+_WARM_UP, _FRAMES = 40, 100  # after four seconds the robot drives at full speed
 _SIZE_PX, _COLOURS = (384, 288), 160
 
 
@@ -29,12 +29,12 @@ def record() -> list[np.ndarray]:
     env = gymnasium.make(_ENV, render_mode="rgb_array", camera="chase")
     observation, _ = env.reset(seed=0)
     frames: list[np.ndarray] = []
-    for step in range((_WARM_UP_S + _SECONDS) * _STEPS_PER_S):
+    for step in range(_WARM_UP + _FRAMES):
         observation, *_ = env.step(ahead(observation))
-        if step >= _WARM_UP_S * _STEPS_PER_S and step % (_STEPS_PER_S // _FRAMES_PER_S) == 0:
+        if step >= _WARM_UP:
             frames.append(np.asarray(env.render()))
             if len(frames) % 20 == 0:
-                print(f"drive-clip: {len(frames)} of {_SECONDS * _FRAMES_PER_S} frames", flush=True)
+                print(f"drive-clip: {len(frames)} of {_FRAMES} frames", flush=True)
     env.close()
     return frames
 
@@ -48,7 +48,7 @@ def main() -> int:
     few = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     data = io.BytesIO()
     few[0].save(
-        data, "GIF", save_all=True, append_images=few[1:], duration=1000 // _FRAMES_PER_S, loop=0, optimize=False
+        data, "GIF", save_all=True, append_images=few[1:], duration=1000 // _STEPS_PER_S, loop=0, optimize=False
     )
     write_atomically(CLIP, data.getvalue())
     print(f"drive-clip: {CLIP}, {len(few)} frames, {len(data.getvalue()) / 1e6:.2f} MB")
