@@ -75,7 +75,10 @@ class Project:
     def coarsen(self) -> None:
         """Use a coarse rock mesh and few samples, without the limits on texture and walls, which need a fine mesh."""
         rock, validation = (self.folder / "conf" / name for name in ("rock/andesite.yaml", "validation/default.yaml"))
-        set_values(self.folder / "conf/mine/own.yaml", {"validation.limits.texture.rq_ratio": None})
+        set_values(
+            self.folder / "conf/mine/own.yaml",
+            {f"validation.limits.texture.{name}": None for name in ("rq_ratio", "strict")},
+        )
         set_values(rock, {"surface.rough.spacing_m": 0.3, "surface.rough.roof_spacing_m": 0.4, "validation.limits": {}})
         coarse = {"texture.points_per_m2": 200, "certificate.contacts": 100}
         set_values(validation, {**coarse, "limits.texture": None, "limits.walls": None})

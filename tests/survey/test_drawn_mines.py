@@ -50,3 +50,10 @@ def test_a_wall_error_that_would_close_a_drift_is_halved():
     traced, polygon = built["traced"].polygons.geoms[0], built["free_space"].polygon
     assert len(polygon.interiors) == len(traced.interiors)
     assert np.abs(signed_distances(traced, polygon)).mean() <= 0.5
+
+
+def test_no_wall_moves_by_more_than_eight_times_the_wall_error():
+    config = compose(["survey=procedural", "survey.mine.style=drift_and_crosscut", "survey.seed=5"])
+    read = read_survey(config.survey)
+    built = trace_free_space(config.contours, read["plan"], read["survey"], read["workings"])["free_space"]
+    assert built.tolerance_m <= 8 * config.contours.wall_error_m  # the first fit of this mine moves a wall by 0.26 m
