@@ -66,9 +66,7 @@ def main() -> int:
     """Build a world for every look, and write both pictures."""
     views, above = [], []
     for name in LOOKS:
-        overrides = ["rock=andesite", f"look={name}"]
-        if name != PLAIN:
-            overrides += ["fittings=drift", "realism.furnish=full"]
+        overrides = [f"look={name}", "fittings=none" if name == PLAIN else "realism.furnish=full"]
         with tempfile.TemporaryDirectory() as folder:
             try:
                 build_world(Path(folder), WORKINGS, _ENTRANCE_M, overrides)
