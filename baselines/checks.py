@@ -30,8 +30,7 @@ def file_faults(head: Head, episodes: list[Episode], env: MineVectorEnv) -> Iter
     if head.world_sha256 != world:
         yield f"world {head.world_sha256[:12]} is not {head.env}'s, {world[:12]}"
     yield from _params_faults(f"the task is not {head.env}'s", head.task, params_facts(env.task))
-    if head.robot:
-        yield from _params_faults(f"the robot is not {head.env}'s", head.robot, params_facts(env.robot))
+    yield from _params_faults(f"the robot is not {head.env}'s", head.robot, params_facts(env.robot))
     if head.cells != env.robots.grid.total:
         yield f"{head.cells} reachable cells, the world has {env.robots.grid.total}"
     yield from _seed_faults(head.seeds)

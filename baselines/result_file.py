@@ -55,7 +55,7 @@ class Head(_Strict):
     env: _Text
     world_sha256: _Sha256
     task: _Facts
-    robot: _Facts = Field(default_factory=dict)  # empty in files written before it was recorded
+    robot: _Facts
     cells: int = Field(gt=0, le=MOST_CELLS)
     policy: _Name
     policy_sha256: _Sha256

@@ -61,9 +61,19 @@ WATER_MATERIAL = "water"
 COVER_M, FURNITURE_ABOVE_M, LINES_ABOVE_M = 0.1, 1.0, 2.0
 _COVER, _FITTING, _PUDDLE = "cover_", "fitting_", "puddle_"
 
+_MOST_SAID = 2000  # characters of an error
+
 
 class BundleError(ValueError):
-    """A bundle is incomplete or changed, or the folder holds none; the message names the file."""
+    """A bundle is incomplete or changed, or the folder holds none; the message names the file.
+
+    What a file says can add neither lines nor control characters to the message, and no more than 2,000 characters.
+    """
+
+    def __init__(self, message: str) -> None:
+        """Take the message, which may quote a file."""
+        clean = "".join(c if c.isprintable() else repr(c)[1:-1] for c in message[:_MOST_SAID])
+        super().__init__(clean if len(message) <= _MOST_SAID else f"{clean} ...")
 
 
 class GeomGroup(IntEnum):

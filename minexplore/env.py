@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from minexplore.calls import check_options, numbers_of
+from minexplore.calls import check_options, numbers_of, spread_seeds
 from minexplore.lidar import Backend
 from minexplore.observation import observation_space
 from minexplore.opengl import prepare_opengl
@@ -129,7 +129,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         """Place the robot near the entrance with a random yaw, and cast the beams once."""
         self._require_open()
         check_options(options, ())
-        super().reset(seed=seed)
+        super().reset(seed=spread_seeds(seed, 1)[0])
         self._begun = True
         outcome = self.robots.reset(np.arange(1), [self.np_random])
         self._show()
@@ -157,10 +157,10 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """Return a picture (480, 640, 3) uint8 in mode `rgb_array`, else None."""
-        if self.render_mode != "rgb_array":
-            return None
         self._require_open()
         self._require_begun("render")
+        if self.render_mode != "rgb_array":
+            return None
         robots = self.robots
         return self._drawing().draw(self.camera, robots.qpos, robots.seen[0], robots.poses())
 

@@ -20,7 +20,7 @@ class Span:
     def accepts(self, value: Any) -> bool:
         """Return whether a value is a number within the span; NaN and truth values are none."""
         kind = numbers.Integral if self.whole else numbers.Real
-        return isinstance(value, kind) and not isinstance(value, bool) and self.low <= float(value) <= self.high  # type: ignore[arg-type]
+        return isinstance(value, kind) and not isinstance(value, bool) and self.low <= value <= self.high
 
     def __str__(self) -> str:
         """Return what is accepted, as a sentence's part."""
@@ -40,4 +40,4 @@ def check_numbers(kind: str, params: Any, spans: Mapping[str, Span]) -> None:
     for name, span in spans.items():
         value = getattr(params, name)
         if not span.accepts(value):
-            raise ValueError(f"{kind}: {name} = {value!r}: want {span}")
+            raise ValueError(f"{kind}: {name} = {value!r:.100}: want {span}")

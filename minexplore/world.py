@@ -101,7 +101,7 @@ def find_world(world: str | Path | None) -> Path:
     """
     if world is None:
         raise FileNotFoundError("no world: give world=, the path of a world bundle or one of its names")
-    if not isinstance(world, str | os.PathLike):
+    if not isinstance(world, str | os.PathLike) or not os.fspath(world):
         raise FileNotFoundError(f"world = {world!r}: want the path of a world bundle, or one of its names")
     shipped = Path(__file__).parent / "worlds"
     built = Path(__file__).parents[1] / "artifacts" / "realism" / "world"  # of a source checkout
@@ -110,8 +110,11 @@ def find_world(world: str | Path | None) -> Path:
         names.setdefault(DEFAULT_WORLD, built)
     if str(world) in names:
         return names[str(world)]
-    if Path(world).is_dir():
-        return Path(world)
+    try:
+        if Path(world).is_dir():
+            return Path(world)
+    except OSError as error:  # a name that no file system takes
+        raise FileNotFoundError(f"world = {str(world)[:200]!r}: {error.strerror}") from error
     known = ", ".join(sorted(names)) or "none; `make all` builds one, `make wheel` packs it"
     raise FileNotFoundError(f"world = {str(world)!r}: no such folder, and no world of that name (there are: {known})")
 

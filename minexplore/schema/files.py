@@ -205,7 +205,7 @@ def read_grid(data: bytes) -> dict[str, np.ndarray]:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             names = sorted(archive.namelist())
             if names != sorted(f"{name}.npy" for name in _GRID):
-                raise BundleError(f"{CLEARANCE_GRID}: holds {names}, want {', '.join(_GRID)}")
+                raise BundleError(f"{CLEARANCE_GRID}: holds {str(names)[:200]}, want {', '.join(_GRID)}")
             odd = {entry.compress_type for entry in archive.infolist()} - {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
             if odd:
                 raise BundleError(f"{CLEARANCE_GRID}: packed by method {min(odd)}, want 0 or 8")
@@ -223,7 +223,7 @@ def _read_array(archive: zipfile.ZipFile, name: str, kind: str, dimensions: int)
             raise BundleError(f"{CLEARANCE_GRID}: {name} has format {version}, want (1, 0)")
         shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream, max_header_size=1000)
         cells = int(np.prod(shape, dtype=object))
-        if dtype.str != kind or len(shape) != dimensions or fortran or cells > _MOST_CELLS:
+        if dtype.str != kind or len(shape) != dimensions or fortran or min(shape, default=0) < 0 or cells > _MOST_CELLS:
             raise BundleError(
                 f"{CLEARANCE_GRID}: {name} is {dtype.str} of shape {shape}, want {kind} of {dimensions} dimensions and "
                 f"at most {_MOST_CELLS} values"

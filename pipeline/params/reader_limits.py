@@ -42,6 +42,7 @@ class ReaderLimits(Params):
     sweep_rows: int = Field(gt=0)
     survex_shots: int = Field(gt=0)
     survex_files: int = Field(gt=0)
+    survex_line_bytes: int = Field(gt=0)
     survex_depth: int = Field(gt=0, le=200)
     solved_items: int = Field(gt=0)
     survex_name_bytes: int = Field(gt=0, le=100_000)

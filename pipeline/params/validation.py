@@ -7,6 +7,7 @@ from typing import Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from pipeline.params.base import DataFile, Params
+from pipeline.params.realism import FloorParams, FurnitureParams
 
 
 class Limit(Params):
@@ -79,6 +80,13 @@ class CertificateParams(Params):
         return _flatten(value) if isinstance(value, dict) else value
 
 
+class FittingsParams(Params):
+    """The visible floor and the furniture that a world may have; it may have none of either."""
+
+    floor: FloorParams | None
+    furniture: dict[str, FurnitureParams]
+
+
 class ValidationParams(Params):
     """Limits by metric, and how networks are traced and surfaces sampled.
 
@@ -90,6 +98,7 @@ class ValidationParams(Params):
     network_station_spacing_m: float = Field(gt=0)
     collision_method: Literal["exact", "coacd", "vhacd"]
     overlay: Literal["rough", "none"] = Field("rough", description="whether the world must have visible rock")
+    fittings: FittingsParams
     tolerance_m: float | None = Field(
         ge=0, description="largest distance by which simplification may have moved a wall; null: 8 x wall_error_m"
     )

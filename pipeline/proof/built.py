@@ -12,6 +12,7 @@ from pipeline.errors import ArtifactError
 from pipeline.geometry.fewest_vertices import MOST_RATIO
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.params.validation import ValidationParams
+from pipeline.proof.fittings import require_fittings
 from pipeline.proof.remake import Tracing, read_free_space, require_remade
 from pipeline.proof.same_model import require_same_model
 from pipeline.proof.visible import require_visible
@@ -46,6 +47,7 @@ def require_built(folder: Path, record: WorldRecord, params: ValidationParams) -
     require_same_model(folder, record, free_space.polygon, prisms=params.collision_method == "exact")
     if record.has_visible_rock:
         require_visible(folder, record, free_space.polygon, grid)
+        require_fittings(folder, record, free_space.polygon, params.fittings)
     return free_space
 
 

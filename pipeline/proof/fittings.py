@@ -1,93 +1,151 @@
-"""Whether the visible floor lies on the floor of the workings, and furniture hangs along their ribs and roof."""
+"""Whether the visible floor and the furniture are what the builder makes of the outline, the network and the rock."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
-import shapely
+from scipy.spatial import cKDTree
 from shapely import Polygon
 
-from minexplore.bundle import COVER_M, FURNITURE_ABOVE_M, LINES_ABOVE_M, decode_msh, is_cover, mesh_file
+from minexplore.bundle import (
+    MODEL,
+    TOPOLOGY,
+    WATER_MATERIAL,
+    TriangleMesh,
+    decode_msh,
+    is_cover,
+    is_fitting,
+    mesh_file,
+    puddle_geom,
+)
+from minexplore.looks import TEXTURE_PER_M
+from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
-from pipeline.proof.same_surface import NearestFace
+from pipeline.mjcf.bundle import WorldRecord
+from pipeline.mjcf.floor_cover import cover_floor
+from pipeline.mjcf.furniture import hang_furniture
+from pipeline.params.realism import FloorParams
+from pipeline.params.validation import FittingsParams
+from pipeline.store.codecs import Bundle, decode, encode
+from pipeline.types import DriftNetwork
 
-_FROM_RIB_M = 0.8  # of what hangs lower than lines do: a plate on bumps of 0.45 m, and a little of the bolt
-_FROM_ROCK_M = 1.3  # of all furniture: a duct of 0.6 m under bumps of the roof
-_BEHIND_M = 1.0  # of the outline; the visible rock hides what lies there
-_SAMPLE_M, _LONGEST_M = 0.25, 40.0  # faces lie within a tile, or a little beyond
+_APART_M = 2e-3  # of a corner: far from the origin it has millimetres, and another processor may round the other way
+_TEXTURED_M = 5e-3
+_LEVEL_M = 1e-6
 
 
-def require_fittings(folder: Path, names: list[str], free: Polygon, smooth: np.ndarray) -> None:
-    """Check the visible floor and the furniture of a bundle whose smooth surface has been made again.
+def require_fittings(folder: Path, record: WorldRecord, free: Polygon, params: FittingsParams) -> None:
+    """Make the visible floor and the furniture of a bundle again and compare every face.
 
-    The floor faces up and lies between the flat floor and `COVER_M`. Furniture hangs at `FURNITURE_ABOVE_M` or more
-    above the floor, below `LINES_ABOVE_M` only beside a rib, and nowhere far from ribs and roof. Faces are sampled, so
-    that a panel whose corners are allowed is found as well.
-
-    Parameters
-    ----------
-    folder : Path
-    names : list of str
-        The fittings' meshes.
-    free : shapely.Polygon, m
-    smooth : (n, 3, 3), m
-        The triangles of the smooth surface.
+    Both may be absent. The floor must be the one of `params.floor`; the furniture must be all of one of
+    `params.furniture`, hung on the bundle's own rock, which `visible` checks.
 
     Raises
     ------
     ArtifactError
-        With the file, the place and the limit.
+        With the file, how it differs, and the parameters that would make it.
     """
-    if not names:
-        return
-    near, boundary, around = NearestFace(smooth), free.boundary, free.buffer(_BEHIND_M)
-    shapely.prepare(boundary)
-    shapely.prepare(around)
-    for name in names:
+    names = [name.removeprefix("meshes/").removesuffix(".msh") for name in record.files if name.startswith("meshes/")]
+    cover = {name for name in names if is_fitting(name) and is_cover(name)}
+    furniture = {name for name in names if is_fitting(name) and not is_cover(name)}
+    network: DriftNetwork = decode(folder / TOPOLOGY, DriftNetwork)
+    if cover:
+        _require_floor(folder, record, free, network, cover, params.floor)
+    if furniture:
+        rough = {f"{n}.msh": (folder / mesh_file(n)).read_bytes() for n in names if not is_fitting(n)}
+        rough = {name: data for name, data in rough.items() if Path(name).stem not in SMOOTH_MESHES}
+        _require_furniture(folder, furniture, _furniture_made(params, network, rough, record.height_m))
+
+
+def _require_floor(
+    folder: Path,
+    record: WorldRecord,
+    free: Polygon,
+    network: DriftNetwork,
+    names: set[str],
+    params: FloorParams | None,
+) -> None:
+    if params is None:
+        raise ArtifactError(f"{folder / mesh_file(min(names))}: a visible floor, realism.floor = null says none")
+    meshes = cover_floor(params, free, network, record.zones)
+    made = {name: decode_msh(encode(Path("cover.msh"), mesh)) for name, mesh in meshes.items()}
+    differs = _first_difference(folder, names, made)
+    if differs:
+        raise ArtifactError(f"{differs}, by realism.floor")
+    flooded = [zone.name for zone in record.zones if zone.name in params.puddles]
+    spec = mujoco.MjSpec.from_file(str(folder / MODEL))  # require_same_model has compared the planes
+    for zone in record.zones:
+        level = float(spec.geom(puddle_geom(zone.name)).pos[2])
+        if abs(level - params.water_m) > _LEVEL_M:
+            raise ArtifactError(
+                f"{folder / MODEL}: geom {puddle_geom(zone.name)}: level {level:g} m, want {params.water_m:g} m, "
+                "realism.floor.water_m"
+            )
+    wet = [zone.name for zone in record.zones if spec.geom(puddle_geom(zone.name)).material == WATER_MATERIAL]
+    if wet != flooded:
+        raise ArtifactError(f"{folder / MODEL}: water stands on {wet}, want {flooded}, realism.floor.puddles")
+
+
+def _furniture_made(
+    params: FittingsParams, network: DriftNetwork, rough: Bundle, height_m: float
+) -> dict[str, dict[str, TriangleMesh]]:
+    """Return what each kind of furniture would be, by the kind's name."""
+    return {
+        kind: {name: decode_msh(data) for name, data in hang_furniture(how, network, rough, height_m).items()}
+        for kind, how in params.furniture.items()
+    }
+
+
+def _require_furniture(folder: Path, names: set[str], made: dict[str, dict[str, TriangleMesh]]) -> None:
+    """Refuse furniture that is not all of one kind; the error tells how it differs from the nearest one."""
+    if not made:
+        raise ArtifactError(f"{folder / mesh_file(min(names))}: furniture, realism.furniture says none")
+    nearest = min(made, key=lambda kind: len(made[kind].keys() ^ names))
+    for kind in sorted(made, key=lambda kind: kind != nearest):
+        differs = _first_difference(folder, names, made[kind])
+        if differs is None:
+            return
+        if kind == nearest:
+            message = differs
+    raise ArtifactError(f"{message}, by realism.furniture.{nearest}")
+
+
+def _first_difference(folder: Path, names: set[str], made: dict[str, TriangleMesh]) -> str | None:
+    """Return how the first mesh that differs does so, or None."""
+    for name in sorted(names | made.keys()):
         path = folder / mesh_file(name)
-        triangles = _triangles(path)
-        longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
-        _refuse(path, triangles[:, 0], longest > _LONGEST_M, f"an edge of more than {_LONGEST_M:g} m")
-        points = face_samples(triangles, _SAMPLE_M)
-        outside = ~shapely.contains_xy(around, points[:, 0], points[:, 1])
-        _refuse(path, points, outside, f"outside the workings by more than {_BEHIND_M:g} m")
-        if is_cover(name):
-            normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 2]
-            wrong = (points[:, 2] < 0) | (points[:, 2] > COVER_M + 1e-6)
-            _refuse(path, points, wrong, f"not within 0 and {COVER_M:g} m above the floor")
-            _refuse(path, triangles.mean(axis=1), normal <= 0, "a face that does not face up")
-            continue
-        _refuse(path, points, points[:, 2] < FURNITURE_ABOVE_M - 1e-6, f"below {FURNITURE_ABOVE_M:g} m")
-        low = points[:, 2] < LINES_ABOVE_M - 1e-6
-        off = np.zeros(len(points))
-        off[low] = shapely.distance(boundary, shapely.points(points[low]))
-        _refuse(
-            path, points, off > _FROM_RIB_M, f"below {LINES_ABOVE_M:g} m and more than {_FROM_RIB_M:g} m from a rib"
-        )
-        apart, _ = near.query(points)
-        _refuse(path, points, apart > _FROM_ROCK_M, f"more than {_FROM_ROCK_M:g} m from the workings' surface")
+        if name not in names:
+            return f"{path}: missing"
+        if name not in made:
+            return f"{path}: want no such mesh"
+        differs = _mesh_difference(decode_msh(path.read_bytes()), made[name])
+        if differs:
+            return f"{path}: {differs}"
+    return None
 
 
-def face_samples(triangles: np.ndarray, most_m: float) -> np.ndarray:
-    """Return the corners of triangles (n, 3, 3) and points on them, (m, 3), no two neighbours farther than `most_m`."""
-    longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
-    steps = np.maximum(1, np.ceil(longest / most_m).astype(int))
-    points = []
-    for count in np.unique(steps).tolist():
-        i, j = np.indices((count + 1, count + 1)).reshape(2, -1)
-        inside = i + j <= count
-        weights = np.column_stack([i, j, count - i - j])[inside] / count
-        points.append(np.einsum("pk,nkd->npd", weights, triangles[steps == count]).reshape(-1, 3))
-    return np.concatenate(points)
-
-
-def _triangles(path: Path) -> np.ndarray:
-    mesh = decode_msh(path.read_bytes())
-    return mesh.vertices[mesh.faces].astype(np.float64)
-
-
-def _refuse(path: Path, places: np.ndarray, wrong: np.ndarray, how: str) -> None:
-    if wrong.any():
-        x, y, z = places[int(wrong.argmax())]
-        raise ArtifactError(f"{path}: at ({x:.2f}, {y:.2f}, {z:.2f}) m: {how}; it is seen and not touched")
+def _mesh_difference(found: TriangleMesh, made: TriangleMesh) -> str | None:
+    """Return how a mesh differs from another one in faces, corners, texture or normals, or None."""
+    counts = [(len(m.vertices), len(m.faces), len(m.texcoords), len(m.normals)) for m in (found, made)]
+    if counts[0] != counts[1]:
+        kinds = "vertices, faces, texture coordinates and normals"
+        return f"{counts[0]} {kinds}, want {counts[1]}"
+    one, two = (m.vertices[m.faces].astype(np.float64) for m in (found, made))
+    _, at = cKDTree(two.mean(axis=1)).query(one.mean(axis=1))
+    turned = np.stack([np.roll(one, k, axis=1) for k in range(3)])  # the same face, begun at another corner
+    apart = np.linalg.norm(turned - two[at], axis=3).max(axis=2).min(axis=0)
+    if not apart.max() <= _APART_M:
+        x, y, z = one[int(apart.argmax())].mean(axis=0)
+        return f"a face at ({x:.2f}, {y:.2f}, {z:.2f}) m is {apart.max():.3f} m from where it should be"
+    if len(np.unique(at)) < len(two):
+        return f"{len(two) - len(np.unique(at))} faces twice, and as many missing"
+    if len(np.unique(found.faces)) < len(found.vertices):
+        return "vertices that belong to no face"
+    if len(found.texcoords):
+        _, same = cKDTree(made.vertices).query(found.vertices)
+        laid = np.abs(found.texcoords - made.texcoords[same]).max() / TEXTURE_PER_M
+        if not laid <= _TEXTURED_M:
+            return f"a texture that is {laid:g} m away from its place"
+    return None

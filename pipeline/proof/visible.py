@@ -16,7 +16,6 @@ from minexplore.looks import PLAIN
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import WorldRecord
-from pipeline.proof.fittings import require_fittings
 from pipeline.proof.same_surface import NearestFace
 from pipeline.proof.smooth import roof_foot_m, texture_repeat_m
 from pipeline.store.codecs import decode
@@ -34,6 +33,9 @@ _FROM_SMOOTH_M = 1.0  # of a rough vertex: bumps of 0.45 m, and the arch against
 _FROM_WALL_M = 0.6  # of a slice through the visible walls: bumps, and the floor chamfer below
 _KEPT_SHARE, _KEPT_M = 0.3, 0.15  # of a free cell's clearance, that the visible rock leaves, less this
 _SAMPLE_M, _FINE_M = 0.1, 0.02
+_SAMPLED_M = 0.3  # distance of points on faces that are longer
+_LONGEST_M = 10.0  # of an edge; the default world has 2.6 m
+_LOW_M = (0.3, 1.5)  # heights at which rock far from its wall must leave free cells clear
 _SMALLEST_M = 0.35  # cells with less clearance admit no robot
 _VOLUME = (0.7, 1.3)  # of the visible space, as shares of the plan's area times the height
 
@@ -49,12 +51,13 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     smooth = _triangles(folder, [name for name in SMOOTH_MESHES])
     names = [name.removeprefix("meshes/").removesuffix(".msh") for name in record.files if name.startswith("meshes/")]
     rough = [name for name in names if name not in SMOOTH_MESHES and not is_fitting(name)]
-    require_fittings(folder, [name for name in names if is_fitting(name)], free, smooth)
     repeat_m, foot_m = texture_repeat_m(folder), roof_foot_m(folder)
     near, walls = NearestFace(smooth), cKDTree(shapely.get_coordinates(shapely.segmentize(free.boundary, _FINE_M)))
+    far = [np.zeros((0, 2))]
     for name in rough:
         _require_near(folder / mesh_file(name), near, repeat_m, relaxed=record.look != PLAIN)
-        _require_bounded(folder / mesh_file(name), walls, foot_m, repeat_m)
+        far.append(_require_bounded(folder / mesh_file(name), walls, foot_m, repeat_m))
+    _require_kept(folder, np.concatenate(far), grid, f"{_LOW_M[0]} to {_LOW_M[1]} m")
     _require_tiles(folder, rough)
     seen = _triangles(folder, rough) if rough else smooth
     if rough:
@@ -118,19 +121,32 @@ def _require_near(path: Path, smooth: NearestFace, repeat_m: float, relaxed: boo
         )
 
 
-def _require_bounded(path: Path, walls: cKDTree, foot_m: float, repeat_m: float) -> None:
-    """Check that walls stand along the outline and the roof above its foot, and that texture and normals fit faces."""
+def _require_bounded(path: Path, walls: cKDTree, foot_m: float, repeat_m: float) -> np.ndarray:
+    """Check that walls stand along the outline and the roof above its foot, and that texture and normals fit faces.
+
+    Returns
+    -------
+    (n, 2) float64, m
+        Points of walls that are so far from the outline that they could stand in a free cell's clearance.
+    """
     mesh: Mesh = decode(path, Mesh)
-    if path.name.startswith(f"{WALLS}_"):
-        off = walls.query(mesh.vertices[:, :2])[0]
-        off -= np.maximum(0.0, _TOE_M - mesh.vertices[:, 2])  # the floor chamfer leans inwards
-    else:
-        off = foot_m - mesh.vertices[:, 2]
-    if not off.max() <= _FROM_WALL_M:
-        at = mesh.vertices[int(off.argmax())].round(3).tolist()
-        raise ArtifactError(f"{path}: a vertex at {at} m is {off.max():.3f} m off, want at most {_FROM_WALL_M:g} m")
     corners = mesh.vertices[mesh.faces]
     side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    if not side.max() <= _LONGEST_M:
+        at = corners.reshape(-1, 3)[int(side.argmax())].round(3).tolist()
+        raise ArtifactError(f"{path}: an edge of {side.max():.3f} m at {at} m, want at most {_LONGEST_M:g} m")
+    # A long face may cross a drift although its corners are allowed.
+    points = np.concatenate([mesh.vertices, face_samples(corners[side.max(axis=1) > _SAMPLED_M], _SAMPLED_M)])
+    if path.name.startswith(f"{WALLS}_"):
+        off = walls.query(points[:, :2])[0]
+        low = (points[:, 2] >= _LOW_M[0]) & (points[:, 2] <= _LOW_M[1])
+        far = points[low & (off > _KEPT_M + (1 - _KEPT_SHARE) * _SMALLEST_M), :2]
+        off -= np.maximum(0.0, _TOE_M - points[:, 2])  # the floor chamfer leans inwards
+    else:
+        far, off = np.zeros((0, 2)), foot_m - points[:, 2]
+    if not off.max() <= _FROM_WALL_M:
+        at = points[int(off.argmax())].round(3).tolist()
+        raise ArtifactError(f"{path}: rock at {at} m is {off.max():.3f} m off, want at most {_FROM_WALL_M:g} m")
     laid = (
         np.linalg.norm(mesh.texcoords[mesh.faces] - np.roll(mesh.texcoords[mesh.faces], 1, axis=1), axis=2) * repeat_m
     )
@@ -146,6 +162,20 @@ def _require_bounded(path: Path, walls: cKDTree, foot_m: float, repeat_m: float)
         )
         if not front.min() > -_BEHIND:
             raise ArtifactError(f"{path}: a normal behind its face ({front.min():.3f}), want one in front")
+    return far
+
+
+def face_samples(triangles: np.ndarray, most_m: float) -> np.ndarray:
+    """Return the corners of triangles (n, 3, 3) and points on them, (m, 3), no two neighbours farther than `most_m`."""
+    longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
+    steps = np.maximum(1, np.ceil(longest / most_m).astype(int))
+    points = [np.zeros((0, 3))]
+    for count in np.unique(steps).tolist():
+        i, j = np.indices((count + 1, count + 1)).reshape(2, -1)
+        inside = i + j <= count
+        weights = np.column_stack([i, j, count - i - j])[inside] / count
+        points.append(np.einsum("pk,nkd->npd", weights, triangles[steps == count]).reshape(-1, 3))
+    return np.concatenate(points)
 
 
 def _require_closed(folder: Path, meshes: list[Mesh], free: Polygon, walls: cKDTree, height_m: float) -> None:
@@ -210,13 +240,20 @@ def _require_clear(folder: Path, triangles: np.ndarray, walls: cKDTree, grid: Oc
             f"{folder / RECORD}: no visible rock within {_FROM_WALL_M:g} m of the collision wall at ({x:.2f}, "
             f"{y:.2f}) m, {height_m} m above the floor"
         )
+    _require_kept(folder, seen, grid, f"{height_m} m")
+
+
+def _require_kept(folder: Path, rock: np.ndarray, grid: Occupancy, height: str) -> None:
+    """Check that points (n, 2) m of visible rock leave free cells a share of their clearance."""
+    if not len(rock):
+        return
     row, col = np.nonzero(grid.clearance_m >= _SMALLEST_M)
     places = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
-    spare = tree.query(places)[0] - (_KEPT_SHARE * grid.clearance_m[row, col] - _KEPT_M)
+    spare = cKDTree(rock).query(places)[0] - (_KEPT_SHARE * grid.clearance_m[row, col] - _KEPT_M)
     if spare.min(initial=0.0) < 0:
         x, y = places[int(spare.argmin())]
         raise ArtifactError(
-            f"{folder / RECORD}: visible rock stands in the drift at ({x:.2f}, {y:.2f}) m, {height_m} m above the floor"
+            f"{folder / RECORD}: visible rock stands in the drift at ({x:.2f}, {y:.2f}) m, {height} above the floor"
         )
 
 

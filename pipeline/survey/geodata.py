@@ -34,6 +34,9 @@ def read_geodata(path: Path, layers: list[str] | None) -> Shapes:
         raise InputError(f"{path}: {path.stat().st_size} bytes, the limit is {most} (file_bytes in {FILE})")
     if path.open("rb").read(len(_MAGIC[path.suffix.lower()])) != _MAGIC[path.suffix.lower()]:
         raise InputError(f"{path}: not a {'GeoPackage' if path.suffix.lower() == '.gpkg' else 'Shapefile'}")
+    odd = [p for p in sorted(path.parent.iterdir()) if p.name.startswith(f"{path.stem}.") and not p.is_file()]
+    if odd:  # GDAL would open it, and wait for ever at a pipe
+        raise InputError(f"{path}: {odd[0].name} beside it is not a plain file")
     source = _plain_database(path) if path.suffix.lower() == ".gpkg" else path
     try:
         existing = [str(name) for name in pyogrio.list_layers(source)[:, 0]]

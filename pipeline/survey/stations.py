@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -160,8 +161,13 @@ def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
         missing = [column for column in _COLUMNS if column not in (reader.fieldnames or [])]
         if missing:
             raise InputError(f"{path}: no column {', '.join(missing)}; expected {','.join(_COLUMNS)}")
+        twice = [column for column, count in Counter(reader.fieldnames or []).items() if count > 1]
+        if twice:
+            raise InputError(f"{path}: the column {twice[0][:60]!r} stands twice")
         rows = []
         for row in reader:
+            if None in row:
+                raise InputError(f"{path}:{reader.line_num}: more fields than columns")
             rows.append((reader.line_num, row))
             require_at_most(path, len(rows), "stations", "stations or more")
     except csv.Error as error:

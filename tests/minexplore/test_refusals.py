@@ -68,6 +68,11 @@ def test_numbers_of_numpy_are_numbers():
 def test_a_world_or_a_number_of_robots_of_another_kind_is_refused(tee: BuiltMine):
     with pytest.raises(FileNotFoundError, match="world = 5: want the path of a world bundle, or one of its names"):
         MineEnv(5)
+    for name, message in (("", "world = '': want the path"), ("a" * 10_000, "File name too long")):
+        with pytest.raises(FileNotFoundError, match=message):
+            MineEnv(name)
+    with pytest.raises(ValueError, match=r"mass_kg = 1000+"):
+        RobotParams(mass_kg=10**400)
     for count in (0, 2.5, True, "3", 10**12):
         with pytest.raises(ValueError, match=f"num_envs = {count!r}: want a whole number from 1 to"):
             MineVectorEnv(count, tee.bundle)
@@ -78,6 +83,10 @@ def test_a_world_or_a_number_of_robots_of_another_kind_is_refused(tee: BuiltMine
 
 
 def test_a_raw_environment_wants_a_reset_before_a_step_and_nothing_after_its_end(tee: BuiltMine):
+    with pytest.raises(gymnasium.error.ResetNeeded, match="call reset before render"):
+        MineEnv(tee.bundle).render()
+    with pytest.raises(ValueError, match="seed = True: want None or a whole number"):
+        MineEnv(tee.bundle).reset(seed=True)
     for made, action in ((MineEnv(tee.bundle), np.zeros(2)), (MineVectorEnv(2, tee.bundle), np.zeros((2, 2)))):
         with pytest.raises(gymnasium.error.ResetNeeded, match="call reset before step"):
             made.step(action)

@@ -5,6 +5,8 @@ import json
 import os
 import shutil
 import time
+import tracemalloc
+import zipfile
 import zlib
 from pathlib import Path
 
@@ -172,6 +174,30 @@ def test_binary_files_are_checked_before_anything_decodes_them(files):
         found = refusal({**files, name: data})
         assert found.startswith(f"w/{name}: "), found
         assert message in found, found
+
+
+def test_a_negative_shape_does_not_unpack_what_follows_it(files):
+    """A size below zero must not read as no limit: three megabytes of the archive unpack to three gigabytes."""
+    with zipfile.ZipFile(io.BytesIO(files["occupancy.npz"])) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    header = np.lib.format.header_data_from_array_1_0(np.zeros((1, 5), np.float32)) | {"shape": (-1, 5)}
+    array, packed = io.BytesIO(), io.BytesIO()
+    np.lib.format.write_array_header_1_0(array, header)
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in (members | {"clearance_m.npy": array.getvalue() + bytes(100_000_000)}).items():
+            archive.writestr(name, data)
+    tracemalloc.start()
+    assert "of shape (-1, 5)" in refusal({**files, "occupancy.npz": packed.getvalue()})
+    assert tracemalloc.get_traced_memory()[1] < 50_000_000
+    tracemalloc.stop()
+
+
+def test_what_a_file_says_adds_neither_lines_nor_control_characters_to_an_error(files):
+    record = json.loads(files["world.json"]) | {"a\nb\x1b[31m": 1}
+    found = refusal({**files, "world.json": json.dumps(record).encode()})
+    assert "a\\nb\\x1b[31m" in found
+    assert found.isprintable()
+    assert len(str(BundleError("x" * 10_000))) < 2_100
 
 
 def test_a_picture_of_a_billion_pixels_is_refused_by_its_header(files):

@@ -33,7 +33,7 @@ from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import _merged, hang_furniture
 from pipeline.params.config import Config
 from pipeline.proof.built import require_built
-from pipeline.proof.fittings import face_samples
+from pipeline.proof.visible import face_samples
 from tests.mines import BuiltMine, sealed
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 36, 5), shapely.box(14, 5, 19, 16)])
@@ -219,30 +219,103 @@ def rewritten(fitted: BuiltMine, files, tmp_path, name: str, data: bytes):
     return folder, open_bundle(folder).record
 
 
+def first(files, kind: str) -> str:
+    return next(name for name in files if name.startswith(f"meshes/{kind}"))
+
+
+def edited(files, kind: str, change) -> tuple[str, bytes]:
+    """Return the first mesh of a kind with changed vertices, faces or texture coordinates."""
+    name = first(files, kind)
+    mesh = decode_msh(files[name])
+    parts = {"vertices": mesh.vertices, "faces": mesh.faces, "texcoords": mesh.texcoords, "normals": mesh.normals}
+    return name, encode_msh(TriangleMesh(**(parts | change(mesh))))
+
+
+def _panel(corners):
+    """Replace the first bolt's plate by a panel."""
+
+    def change(mesh):
+        vertices = mesh.vertices.copy()
+        vertices[mesh.faces[0]] = corners
+        return {"vertices": vertices}
+
+    return change
+
+
 @pytest.mark.parametrize(
-    ("corners", "message"),
+    ("kind", "change", "message"),
     [
-        ([[8, 0.2, 1.2], [8, 4.8, 1.2], [8, 4.8, 1.9], [8, 0.2, 1.9]], "more than 0.8 m from a rib"),
-        ([[8, 2.0, 2.0], [8, 3.0, 2.0], [8, 3.0, 2.05], [8, 2.0, 2.05]], "from the workings' surface"),
-        ([[8, -3.0, 2.5], [8, -2.0, 2.5], [8, -2.0, 3.0], [8, -3.0, 3.0]], "outside the workings"),
+        ("bolts", _panel([[8, 0.2, 1.2], [8, 4.8, 1.2], [8, 4.8, 1.9]]), "from where it should be"),
+        ("pipe", lambda mesh: {"vertices": mesh.vertices - np.array([0, 0.3, 0])}, "from where it should be"),
+        ("cover", lambda mesh: {"faces": mesh.faces[:, ::-1]}, "from where it should be"),
+        ("cover", lambda mesh: {"faces": mesh.faces[:6]}, "vertices, faces, texture coordinates and normals, want"),
+        ("bolts", lambda mesh: {"faces": np.repeat(mesh.faces[:1], len(mesh.faces), axis=0)}, "faces twice"),
+        ("cover", lambda mesh: {"texcoords": 1.5 * mesh.texcoords}, "a texture that is"),
+        ("cover", lambda mesh: {"normals": np.tile([0.0, 0, -1], (len(mesh.vertices), 1))}, "normals, want"),
     ],
-    ids=["a panel across the drift", "a panel in the middle", "a panel in the rock"],
+    ids=["a panel", "a pipe in the drift", "a floor that faces down", "no floor", "one face", "texture", "normals"],
 )
-def test_furniture_away_from_ribs_and_roof_is_refused(fitted, fitted_config, files, tmp_path, corners, message):
-    bolts = next(name for name in files if name.startswith("meshes/bolts"))
-    faces = np.array([[0, 1, 2], [0, 2, 3]])
-    panel = encode_msh(TriangleMesh(np.array(corners, float), faces, np.zeros((0, 2)), np.zeros((0, 3))))
-    folder, record = rewritten(fitted, files, tmp_path, bolts, panel)
+def test_fittings_that_the_builder_does_not_make_are_refused(
+    fitted, fitted_config, files, tmp_path, kind, change, message
+):
+    name, data = edited(files, kind, change)
+    folder, record = rewritten(fitted, files, tmp_path, name, data)
     with pytest.raises(ArtifactError, match=message):
         require_built(folder, record, fitted_config.validation)
 
 
-def test_a_visible_floor_that_faces_down_is_refused(fitted, fitted_config, files, tmp_path):
-    cover = next(name for name in files if name.startswith("meshes/cover"))
-    mesh = decode_msh(files[cover])
-    turned = encode_msh(TriangleMesh(mesh.vertices, mesh.faces[:, ::-1], mesh.texcoords, mesh.normals))
-    folder, record = rewritten(fitted, files, tmp_path, cover, turned)
-    with pytest.raises(ArtifactError, match="does not face up"):
+def test_floors_of_two_zones_that_are_exchanged_are_refused(fitted, fitted_config, files, tmp_path):
+    one, two = (next(name for name in files if name.startswith(f"meshes/cover_00{zone}")) for zone in (0, 2))
+    folder, record = rewritten(fitted, files | {one: files[two]}, tmp_path, two, files[one])
+    with pytest.raises(ArtifactError, match=r"by realism\.floor"):
+        require_built(folder, record, fitted_config.validation)
+
+
+def test_water_stands_where_and_as_high_as_the_parameters_say(fitted, fitted_config, files, tmp_path):
+    text = files["mine.xml"].decode()
+    flooded = text.replace(" 0.018", " 0.05")
+    assert flooded != text
+    folder, record = rewritten(fitted, files, tmp_path, "mine.xml", flooded.encode())
+    with pytest.raises(ArtifactError, match=r"level 0.05 m, want 0.018 m"):
+        require_built(folder, record, fitted_config.validation)
+    dry = fitted_config.validation.model_copy(
+        update={"fittings": fitted_config.validation.fittings.model_copy(update={"floor": None})}
+    )
+    with pytest.raises(ArtifactError, match=r"realism\.floor = null says none"):
+        require_built(fitted.bundle, open_bundle(fitted.bundle).record, dry)
+
+
+def test_furniture_must_be_all_of_one_kind(fitted, fitted_config):
+    light = fitted_config.validation.fittings.furniture["light"]
+    only = fitted_config.validation.fittings.model_copy(update={"furniture": {"light": light}})
+    params = fitted_config.validation.model_copy(update={"fittings": only})
+    with pytest.raises(ArtifactError, match=r"by realism\.furniture\.light"):
+        require_built(fitted.bundle, open_bundle(fitted.bundle).record, params)
+
+
+def test_rock_that_crosses_the_drift_between_two_heights_is_refused(fitted, fitted_config, files, tmp_path):
+    def blade(mesh):
+        """Pull the middle of a face on the rib across the drift, between the heights that are sliced."""
+        corners = mesh.vertices[mesh.faces]
+        middle = corners.mean(axis=1)
+        at = int((np.abs(middle[:, 2] - 0.75) + 10 * ((middle[:, 1] > 1.0) | (middle[:, 0] < 3.0))).argmin())
+        inner = middle[at] + 0.2 * (corners[at] - middle[at])
+        tip = np.array([middle[at, 0], 4.75, middle[at, 2]])
+        count, (a, b, c) = len(mesh.vertices), mesh.faces[at]
+        p, q, r, t = range(count, count + 4)
+        faces = [[a, b, p], [b, q, p], [b, c, q], [c, r, q], [c, a, r], [a, p, r], [p, q, t], [q, r, t], [r, p, t]]
+        laid = mesh.texcoords[[a, b, c]]
+        laid = np.vstack([laid.mean(axis=0) + 0.2 * (laid - laid.mean(axis=0)), laid.mean(axis=0)[None]])
+        return {
+            "vertices": np.vstack([mesh.vertices, inner, tip]),
+            "faces": np.vstack([np.delete(mesh.faces, at, axis=0), faces]).astype(np.int32),
+            "texcoords": np.vstack([mesh.texcoords, laid]),
+            "normals": np.zeros((0, 3)),
+        }
+
+    name, data = edited(files, "walls", blade)
+    folder, record = rewritten(fitted, files, tmp_path, name, data)
+    with pytest.raises(ArtifactError, match=r"rock at .* m is .* m off, want at most 0.6 m"):
         require_built(folder, record, fitted_config.validation)
 
 

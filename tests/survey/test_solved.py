@@ -216,3 +216,10 @@ def test_a_station_with_two_positions_is_refused(tmp_path):
     data = head() + b"\x82\x01a" + place((0, 0, 0)) + b"\x82\0\0\0" + place((1, 0, 0)) + b"\0\0"
     with pytest.raises(InputError, match="station a has two positions"):
         read_3d(write(tmp_path, {"mine.3d": data}))
+
+
+def test_a_line_of_megabytes_is_refused_before_survex_reads_it(tmp_path):
+    path = tmp_path / "a.svx"
+    path.write_text(f"*title {'x' * 20_000}\n1 2 5 0 0\n")
+    with pytest.raises(InputError, match=r"a\.svx:1: a line of 20007 bytes, at most 10000 \(survex_line_bytes"):
+        read_solved(path)

@@ -63,6 +63,14 @@ def test_a_faulty_survey_is_refused_with_line_and_value(tmp_path, rows, message)
         read_stations(write(tmp_path, HEADER + rows))
 
 
+def test_a_column_that_stands_twice_and_a_field_too_many_are_refused(tmp_path):
+    rows = "A,a,0,0,2,2\nA,b,9,0,2,2\n"
+    with pytest.raises(InputError, match="the column 'left_m' stands twice"):
+        read_stations(write(tmp_path, HEADER.replace("right_m", "right_m,left_m") + rows))
+    with pytest.raises(InputError, match=":3: more fields than columns"):
+        read_stations(write(tmp_path, HEADER + rows.replace("9,0,2,2", "9,0,2,2,7")))
+
+
 @pytest.mark.parametrize("data", [b"\xff\xfe\x00leg", b'leg,station\n"', b"a,b\n1,2\n"])
 def test_a_file_that_is_not_a_survey_is_refused_with_its_name(tmp_path, data):
     path = tmp_path / "s.csv"

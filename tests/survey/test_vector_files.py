@@ -1,6 +1,7 @@
 """Vector files: written by each format's own library, read by our readers."""
 
 import json
+import os
 from itertools import pairwise
 
 import ezdxf
@@ -116,6 +117,14 @@ def test_nested_blocks_with_too_many_entities_are_refused(tmp_path):
     made.saveas(path)
     with pytest.raises(InputError, match="entities with blocks resolved, the limit is 100000"):
         read_dxf(path, None)
+
+
+def test_a_pipe_beside_a_shapefile_is_refused_and_not_waited_for(tmp_path):
+    path = tmp_path / "a.shp"
+    path.write_bytes(b"\x00\x00\x27\x0a" + bytes(96))
+    os.mkfifo(tmp_path / "a.dbf")
+    with pytest.raises(InputError, match=r"a\.dbf beside it is not a plain file"):
+        read_geodata(path, None)
 
 
 @pytest.mark.parametrize("name", ["mine.gpkg", "mine.shp"])

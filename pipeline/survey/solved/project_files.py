@@ -52,9 +52,21 @@ def project_files(path: Path) -> list[Path]:
 
 
 def text_lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield line numbers and lines as Survex counts them: they end with a line feed, a return, or both."""
+    """Yield line numbers and lines as Survex counts them: they end with a line feed, a return, or both.
+
+    Raises
+    ------
+    InputError
+        If the file or a line exceeds its limit.
+    """
     text = read_text_bytes(path).decode("latin-1")
-    yield from enumerate(re.split(r"\r\n|\n\r|\n|\r", text), start=1)
+    most = reader_limits().survex_line_bytes
+    for number, line in enumerate(re.split(r"\r\n|\n\r|\n|\r", text), start=1):
+        if len(line) > most:
+            raise InputError(
+                f"{path}:{number}: a line of {len(line)} bytes, at most {most} (survex_line_bytes in {FILE})"
+            )
+        yield number, line
 
 
 def inside(where: str, name: str, beside: Path, folder: Path) -> Path:
