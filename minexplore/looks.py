@@ -24,6 +24,7 @@ FURNITURE_LOOKS = {
     "cable": ((0.06, 0.06, 0.07, 1.0), 0.2),
     "duct": ((0.62, 0.47, 0.2, 1.0), 0.05),
     "pipe": ((0.36, 0.38, 0.4, 1.0), 0.3),
+    "weldmesh": ((0.5, 0.48, 0.44, 1.0), 0.3),
 }
 WATER = ((0.05, 0.055, 0.05, 1.0), 0.35)
 _COVER_GAIN, _GREYED = 2.6, 0.6  # the texture, whose mean is 0.5, darkens the zone's colour; muck is mostly grey
