@@ -63,11 +63,13 @@ rock.
 
 ![Views: published_score, steep spectrum and andesite](rock.jpg)
 
-*The same place over the turn of the work, lit from the camera: `rock=published_score`, which the best published score gave; a steep spectrum,
-the same noise with waves of 0.4 to 4 m whose amplitudes rise with their length (`make compare-rock` states its values); `rock=andesite`, the default.*
+*The same place over the turn of the work, lit from the camera: `rock=published_score`, the noise with the best
+published score; the same noise with a steep spectrum, waves of 0.4 to 4 m whose amplitudes rise with their length
+(`benchmarks/compare_rock.py` has the values); `rock=andesite`, the default.*
 
-*Andesite as the sweeps* is `rock=andesite surface.reference=sweeps`: the parts of the same rock are scaled until the mine's own walls are as rough
-as the four stationary sweeps in windows of 0.5 to 3 m. *Typical factor* is exp of the mean absolute logarithm of built over measured residuals.
+*Andesite as the sweeps* is `rock=andesite surface.reference=sweeps`: the parts of the same rock are scaled until the
+mine's own walls are as rough as the four stationary sweeps in windows of 0.5 to 3 m. *Typical factor* is exp of the
+mean absolute logarithm of built over measured residuals.
 
 """
 

@@ -1,4 +1,4 @@
-"""What hangs in a drift: rock bolts with plates, a pipe, a cable and a ventilation duct, and weld mesh; merged tile by tile."""
+"""What hangs in a drift: bolts with plates, pipe, cable, ventilation duct and weld mesh, merged tile by tile."""
 
 from __future__ import annotations
 
