@@ -88,6 +88,14 @@ def add_haze(model: mujoco.MjModel, scene: mujoco.MjvScene) -> None:
     scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = has_haze(model)
 
 
+def add_sky(spec: mujoco.MjSpec, look: Look) -> None:
+    """Give a model a background in the haze's colour, where a view ends beyond all that is drawn."""
+    if look.hazy:
+        sky = spec.add_texture(name="haze", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, width=8, height=8)
+        sky.builtin, sky.rgb1 = mujoco.mjtBuiltin.mjBUILTIN_FLAT, look.haze_rgb
+        sky.rgb2 = look.haze_rgb
+
+
 def add_headlamp(spec: mujoco.MjSpec, robot: str, look: Look, height_m: float) -> None:
     """Give a robot a lamp that casts shadows, `height_m` above its body's origin; a look without one leaves it."""
     if look.lamp_rgb is None:
