@@ -165,6 +165,11 @@ def table(results: dict[str, dict[str, float]]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _view(name: str) -> Path:
+    """Return the file of a kind's view."""
+    return RESULTS.with_name(f"rock_{name.replace(' ', '_')}.png")
+
+
 def main() -> int:
     """Measure the kinds that are not yet measured for this plan and code, and write the table and the picture."""
     try:
@@ -176,14 +181,14 @@ def main() -> int:
         key = sha256_bytes(source.read_bytes() + "".join([*params, code_sha256("surface", Path.cwd())]).encode())
         earlier = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
         results = earlier["results"] if earlier.get("key") == key else {}
-        views = {}
         for name in ("flat", "white noise", *ROCKS):
-            if name in results and name not in _DRAWN:
+            if name in results and (name not in _DRAWN or _view(name).is_file()):
                 continue  # an interrupted run continues with the next kind
             print(f"compare-rock: {name}", flush=True)
             if name in ROCKS:
                 results[name], chunks = build(name, free, network, height_m)
-                views[name] = draw(chunks, network) if name in _DRAWN else None
+                if name in _DRAWN:
+                    write_atomically(_view(name), cv2.imencode(".png", draw(chunks, network))[1].tobytes())
             else:
                 results[name] = build_witness(name, free, network, height_m)
             write_atomically(RESULTS, json.dumps({"key": key, "results": results}, indent=2).encode())
@@ -192,9 +197,8 @@ def main() -> int:
         return 2
     text = table(results)
     write_atomically(TABLE, (_HEAD + text).encode())
-    row = cv2.resize(
-        cv2.hconcat([views[name] for name in _DRAWN]), None, fx=0.75, fy=0.75, interpolation=cv2.INTER_AREA
-    )
+    row = cv2.hconcat([cv2.imread(str(_view(name))) for name in _DRAWN])
+    row = cv2.resize(row, None, fx=0.75, fy=0.75, interpolation=cv2.INTER_AREA)
     write_atomically(PICTURE, cv2.imencode(".jpg", row, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes())
     print(text, end="")
     return 0

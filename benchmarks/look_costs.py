@@ -45,10 +45,10 @@ def tables(seconds: dict[str, float], size_px: tuple[int, int]) -> str:
         f"| {level} | " + " | ".join(f"{v:.1f}" for v in sizes[:5]) + f" | {sizes[5]:.0f} | {sizes[6]:.0f} |\n"
         for level, sizes in ((level, measure_bundle(bundle_of(level))) for level in LEVELS)
     )
-    head = "`realism.furnish` | bundle, MB | rock | texture | visible floor | furniture | geoms of the floor | of furniture"
+    head = "`realism.furnish` | bundle, MB | rock | texture | floor | furniture | geoms of the floor | of furniture"
     return (
-        f"A frame of {size_px[0]} x {size_px[1]} px from the robot in the small drift, in seconds of a processor core, by "
-        f"OSMesa (MuJoCo {mujoco.__version__}):\n\n{frames}\nThe present world:\n\n| {head} |\n{'|---' * 8}|\n{rows}"
+        f"A frame of {size_px[0]} x {size_px[1]} px from the robot in the small drift, in seconds of a processor core, "
+        f"by OSMesa (MuJoCo {mujoco.__version__}):\n\n{frames}\nThe present world:\n\n| {head} |\n{'|---' * 8}|\n{rows}"
     )
 
 

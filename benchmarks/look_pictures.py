@@ -39,7 +39,7 @@ _COLOUR = (235, 235, 235)
 
 
 def draw_look(world: World) -> tuple[np.ndarray, float]:
-    """Return the views (rows, cols, 3) BGR from a robot at the poses, and the core's seconds that a later frame takes."""
+    """Return the views (rows, cols, 3) BGR from a robot at the poses, and a later frame's seconds of a core."""
     robot, task = RobotParams(), TaskParams()
     grid = CoverageGrid(world, task.cell_m, robot.radius_m, np.array(_ENTRANCE_M), 1e3)
     renderer = Renderer(world, world.T_world_mine, grid, robot, 1, _SIZE_PX)
