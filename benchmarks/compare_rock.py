@@ -53,6 +53,7 @@ ROCKS = {
 }
 RESULTS = Path("artifacts/benchmarks/rock.json")
 TABLE, PICTURE = Path("docs/rock.md"), Path("docs/rock.jpg")
+WORLD_VIEW = Path("artifacts/validation/views.png")  # its left half is from the same place
 _NOISE_M = 0.05
 _SIZE = (900, 600)
 _HEAD = """# Kinds of rock
@@ -65,7 +66,8 @@ rock.
 
 *The same place over the turn of the work, lit from the camera: `rock=published_score`, the noise with the best
 published score; the same noise with a steep spectrum, waves of 0.4 to 4 m whose amplitudes rise with their length
-(`benchmarks/compare_rock.py` has the values); `rock=andesite`, the default.*
+(`benchmarks/compare_rock.py` has the values); `rock=andesite`; and the default world, andesite with its look and
+fittings under its own lights.*
 
 *Andesite as the sweeps* is `rock=andesite surface.reference=sweeps`: the parts of the same rock are scaled until the
 mine's own walls are as rough as the four stationary sweeps in windows of 0.5 to 3 m. *Typical factor* is exp of the
@@ -195,11 +197,15 @@ def main() -> int:
     except MineError as error:
         print(f"compare-rock: {error}", file=sys.stderr)
         return 2
-    text = table(results)
+    text = table({name: results[name] for name in ("flat", "white noise", *ROCKS)})
     write_atomically(TABLE, (_HEAD + text).encode())
-    row = cv2.hconcat([cv2.imread(str(_view(name))) for name in _DRAWN])
-    row = cv2.resize(row, None, fx=0.75, fy=0.75, interpolation=cv2.INTER_AREA)
-    write_atomically(PICTURE, cv2.imencode(".jpg", row, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes())
+    views = {name: cv2.imread(str(_view(name))) for name in _DRAWN}
+    views["the default world"] = cv2.imread(str(WORLD_VIEW))[:, : _SIZE[0]]
+    small = [cv2.resize(view, None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA) for view in views.values()]
+    for picture, name in zip(small, views, strict=True):
+        cv2.putText(picture, name, (12, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (235, 235, 235), 1, cv2.LINE_AA)
+    square = cv2.vconcat([cv2.hconcat(small[:2]), cv2.hconcat(small[2:])])
+    write_atomically(PICTURE, cv2.imencode(".jpg", square, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes())
     print(text, end="")
     return 0
 
