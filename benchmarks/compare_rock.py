@@ -32,7 +32,7 @@ from pipeline.surface.displacement import displaced
 from pipeline.surface.lattice import ROOF, WALL
 from pipeline.surface.reference import measure_sources, measure_sweeps
 from pipeline.surface.rough import cut_chunks
-from pipeline.types import DriftNetwork, FreeSpace, Mesh, SolidExtent
+from pipeline.types import DriftNetwork, FreeSpace, Image, Mesh, SolidExtent
 
 STEEP = "steep spectrum"
 _DRAWN = ("published_score", STEEP, "andesite")
@@ -200,7 +200,7 @@ def main() -> int:
     text = table({name: results[name] for name in ("flat", "white noise", *ROCKS)})
     write_atomically(TABLE, (_HEAD + text).encode())
     views = {name: cv2.imread(str(_view(name))) for name in _DRAWN}
-    views["the default world"] = cv2.imread(str(WORLD_VIEW))[:, : _SIZE[0]]
+    views["the default world"] = decode(WORLD_VIEW, Image)[:, : _SIZE[0]]
     small = [cv2.resize(view, None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA) for view in views.values()]
     for picture, name in zip(small, views, strict=True):
         cv2.putText(picture, name, (12, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (235, 235, 235), 1, cv2.LINE_AA)
