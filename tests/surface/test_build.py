@@ -123,8 +123,10 @@ def test_walls_and_roof_of_a_scanned_cave_are_measured_and_copied(shared_rock, m
 
 def test_a_passage_narrower_than_the_spacing_of_the_lattice_is_refused_with_its_place(config):
     thin = shapely.union_all([shapely.box(0, 0, 20, 5), shapely.box(20, 2, 30, 2.03), shapely.box(30, 0, 50, 5)])
+    lattice = lay_rough_lattice(config.surface, thin, None, 3.5)
+    noise = choose_bands(config.surface, measure_sources(config.surface))
     with pytest.raises(GeometryError, match=r"surface: .* at \((20|30)\.\d, 2\.\d"):
-        lay_rough_lattice(config.surface, thin, None, 3.5)
+        build_rough_surface(config.surface, lattice, noise)
 
 
 def test_the_texture_is_whole_where_a_ring_of_a_coarse_mesh_closes(tmp_path):
