@@ -106,7 +106,7 @@ compare-paper: setup  ## the paper's choices beside the default
 compare-rock: all  ## kinds of rock beside flat walls and white noise
 	@$(PY) -m benchmarks.compare_rock
 
-look-pictures: setup  ## looks and fittings from inside a drift (docs/look.jpg, docs/cut-away.jpg)
+look-pictures: all  ## looks and fittings from inside a drift, and what they cost (docs/look.md)
 	@$(PY) -m benchmarks.look_pictures
 
 drive-clip: all  ## ten seconds behind a robot, for the README (docs/drive.gif)

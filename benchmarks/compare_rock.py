@@ -17,6 +17,7 @@ from minexplore.bundle import GeomGroup
 from pipeline.compose import compose, root_overrides
 from pipeline.errors import MineError
 from pipeline.metrics.published import REAL, REAL_SWEEP
+from pipeline.metrics.relief import line_factor
 from pipeline.metrics.texture import AXES, AXIS_TITLES, published_score, strict_score
 from pipeline.mjcf.render import render_from
 from pipeline.params.config import Config
@@ -25,18 +26,34 @@ from pipeline.store.codecs import decode
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.manifest import code_sha256
-from pipeline.surface.build import build_rough_surface, chunk_files, cross_section
+from pipeline.surface.build import build_rough_surface, chunk_files, lay_rough_lattice
 from pipeline.surface.choose import choose_relief
 from pipeline.surface.displacement import displaced
-from pipeline.surface.lattice import ROOF, WALL, lay_lattice
-from pipeline.surface.reference import measure_sources
+from pipeline.surface.lattice import ROOF, WALL
+from pipeline.surface.reference import measure_sources, measure_sweeps
 from pipeline.surface.rough import cut_chunks
-from pipeline.surface.walls import lay_walls
-from pipeline.types import DriftNetwork, FreeSpace, Mesh, SolidExtent
+from pipeline.types import DriftNetwork, FreeSpace, Image, Mesh, SolidExtent
 
-ROCKS = ("published_score", "andesite", "coal", "limestone", "sandstone")
+STEEP = "steep spectrum"
+_DRAWN = ("published_score", STEEP, "andesite")
+AS_SWEEPS = "andesite as the sweeps"
+ROCKS = {
+    "published_score": ["rock=published_score"],
+    STEEP: [
+        "rock=published_score",
+        "surface.published.wavelength_m=[0.4, 0.8, 1.5, 2.8, 4.0]",
+        "surface.published.wall_sd_m=[0.006, 0.016, 0.04, 0.09, 0.12]",
+        "surface.published.roof_sd_m=[0.01, 0.025, 0.06, 0.12, 0.14]",
+        "surface.rough.spacing_m=0.15",
+        "surface.rough.roof_spacing_m=0.15",
+    ],
+    "andesite": ["rock=andesite"],
+    AS_SWEEPS: ["rock=andesite", "surface.reference=sweeps"],
+    **{name: [f"rock={name}"] for name in ("coal", "limestone", "sandstone")},
+}
 RESULTS = Path("artifacts/benchmarks/rock.json")
 TABLE, PICTURE = Path("docs/rock.md"), Path("docs/rock.jpg")
+WORLD_VIEW = Path("artifacts/validation/views.png")  # its left half is from the same place
 _NOISE_M = 0.05
 _SIZE = (900, 600)
 _HEAD = """# Kinds of rock
@@ -45,9 +62,16 @@ Written by `make compare-rock` on the present plan. `rock=NAME` selects one. *Fl
 *White noise* moves every point of the mesh by itself (s.d. 50 mm). Both show what a figure gives for walls that are no
 rock.
 
-![Views: published_score and andesite](rock.jpg)
+![Views: published_score, steep spectrum and andesite](rock.jpg)
 
-*The same place with `rock=published_score` (left) and `rock=andesite` (right), lit from the camera.*
+*The same place over the turn of the work, lit from the camera: `rock=published_score`, the noise with the best
+published score; the same noise with a steep spectrum, waves of 0.4 to 4 m whose amplitudes rise with their length
+(`benchmarks/compare_rock.py` has the values); `rock=andesite`; and the default world, andesite with its look and
+fittings under its own lights.*
+
+*Andesite as the sweeps* is `rock=andesite surface.reference=sweeps`: the parts of the same rock are scaled until the
+mine's own walls are as rough as the four stationary sweeps in windows of 0.5 to 3 m. *Typical factor* is exp of the
+mean absolute logarithm of built over measured residuals.
 
 """
 
@@ -71,6 +95,7 @@ def measure(walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNe
             if r.window_m == real.window_m
         },
         **{f"Rq of a line {window.replace('_', ' ')}, mm": 1000 * v for window, v in cut.line_rq_m.items()},
+        "Rq of a line / sweeps, typical factor": line_factor(cut.line_rq_m, measure_sweeps(params.surface.sweeps)),
         "published score": published.overall,
         **{f"- {AXIS_TITLES[axis]}": published.axes[axis] for axis in AXES},
         "strict score": strict.overall,
@@ -79,11 +104,12 @@ def measure(walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNe
 
 def build(name: str, free: Polygon, network: DriftNetwork, height_m: float) -> tuple[dict[str, Any], dict[str, Mesh]]:
     """Build one kind of rock, and return its figures and its chunks."""
-    params = compose([*root_overrides(), f"rock={name}"])
+    params = compose([*root_overrides(), *ROCKS[name]])
     surface = params.surface
-    relief = choose_relief(surface, measure_sources(surface))
+    sources = measure_sources(surface)
     start = time.perf_counter()
-    rough = build_rough_surface(surface, free, network, height_m, relief)
+    lattice = lay_rough_lattice(surface, free, network, height_m)
+    rough = build_rough_surface(surface, lattice, choose_relief(surface, sources, lattice))
     size = sum(len(data) for data in chunk_files(rough, surface).values())
     seconds = time.perf_counter() - start
     mesh = rough.mesh
@@ -97,9 +123,7 @@ def build_witness(name: str, free: Polygon, network: DriftNetwork, height_m: flo
     """Measure walls that are no rock: flat ones, or points that each move by themselves."""
     params = compose([*root_overrides(), "rock=andesite"])
     surface = params.surface
-    walls = lay_walls(free, surface.rough.spacing_m, network)
-    profile = cross_section(surface, height_m)
-    lattice = lay_lattice(walls, profile, surface.rough.spacing_m, surface.rough.roof_spacing_m)
+    lattice = lay_rough_lattice(surface, free, network, height_m)
     noise = np.random.default_rng(1).normal(0, _NOISE_M if name == "white noise" else 0.0, len(lattice.vertices))
     vertices = displaced(lattice, noise)
     wall_faces, roof_faces = (vertices[lattice.faces[lattice.piece == piece]] for piece in (WALL, ROOF))
@@ -143,6 +167,11 @@ def table(results: dict[str, dict[str, float]]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _view(name: str) -> Path:
+    """Return the file of a kind's view."""
+    return RESULTS.with_name(f"rock_{name.replace(' ', '_')}.png")
+
+
 def main() -> int:
     """Measure the kinds that are not yet measured for this plan and code, and write the table and the picture."""
     try:
@@ -150,28 +179,33 @@ def main() -> int:
         free = decode(source, FreeSpace).polygon
         network = decode(Path("artifacts/contours/topology.json"), DriftNetwork)
         height_m = decode(Path("artifacts/compile3d/extent.json"), SolidExtent).height_m
-        params = [compose([*root_overrides(), f"rock={r}"]).model_dump_json() for r in ROCKS]
+        params = [compose([*root_overrides(), *overrides]).model_dump_json() for overrides in ROCKS.values()]
         key = sha256_bytes(source.read_bytes() + "".join([*params, code_sha256("surface", Path.cwd())]).encode())
         earlier = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
         results = earlier["results"] if earlier.get("key") == key else {}
-        views = {}
         for name in ("flat", "white noise", *ROCKS):
-            if name in results and name not in ROCKS[:2]:
+            if name in results and (name not in _DRAWN or _view(name).is_file()):
                 continue  # an interrupted run continues with the next kind
             print(f"compare-rock: {name}", flush=True)
             if name in ROCKS:
                 results[name], chunks = build(name, free, network, height_m)
-                views[name] = draw(chunks, network) if name in ROCKS[:2] else None
+                if name in _DRAWN:
+                    write_atomically(_view(name), cv2.imencode(".png", draw(chunks, network))[1].tobytes())
             else:
                 results[name] = build_witness(name, free, network, height_m)
             write_atomically(RESULTS, json.dumps({"key": key, "results": results}, indent=2).encode())
     except MineError as error:
         print(f"compare-rock: {error}", file=sys.stderr)
         return 2
-    text = table(results)
+    text = table({name: results[name] for name in ("flat", "white noise", *ROCKS)})
     write_atomically(TABLE, (_HEAD + text).encode())
-    both = cv2.hconcat([views[name] for name in ROCKS[:2]])
-    write_atomically(PICTURE, cv2.imencode(".jpg", both, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes())
+    views = {name: cv2.imread(str(_view(name))) for name in _DRAWN}
+    views["the default world"] = decode(WORLD_VIEW, Image)[:, : _SIZE[0]]
+    small = [cv2.resize(view, None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA) for view in views.values()]
+    for picture, name in zip(small, views, strict=True):
+        cv2.putText(picture, name, (12, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (235, 235, 235), 1, cv2.LINE_AA)
+    square = cv2.vconcat([cv2.hconcat(small[:2]), cv2.hconcat(small[2:])])
+    write_atomically(PICTURE, cv2.imencode(".jpg", square, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes())
     print(text, end="")
     return 0
 

@@ -22,12 +22,17 @@ _LOCAL = ("file:", "data:", "blob:", "about:")
 
 @dataclass(frozen=True)
 class PageCheck:
-    """A page in a browser. `colours` counts the colours of the 3-D view; `phone_px` is the page's width on a phone."""
+    """A page in a browser.
+
+    `colours` counts the colours of the 3-D view from above, `lit_colours` those with the headlamp; `phone_px` is the
+    page's width on a phone.
+    """
 
     load_s: float
     console_errors: list[str]
     requests: list[str]
     colours: int
+    lit_colours: int
     phone_px: int
 
 
@@ -59,13 +64,21 @@ def look_at(page_file: Path, browser: str, pictures: Path) -> PageCheck:
         page.frame_locator("iframe.scene").locator("canvas").wait_for(timeout=30_000)
         page.wait_for_timeout(1500)
         scene.screenshot(path=str(pictures / "scene.png"))
+        page.frame_locator("iframe.scene").locator("#headlamp").click()
+        page.wait_for_timeout(1500)
+        scene.screenshot(path=str(pictures / "headlamp.png"))
         page.set_viewport_size({"width": _PHONE, "height": 800})
         phone_px = page.evaluate("document.documentElement.scrollWidth")
         page.screenshot(path=str(pictures / "phone.png"))
         chromium.close()
-    picture = cv2.imread(str(pictures / "scene.png"))
-    colours = len(np.unique(picture.reshape(-1, 3), axis=0)) if picture is not None else 0
-    return PageCheck(load_ms / 1000, console_errors, requests, colours, int(phone_px))
+    above, lit = (_colours(pictures / name) for name in ("scene.png", "headlamp.png"))
+    return PageCheck(load_ms / 1000, console_errors, requests, above, lit, int(phone_px))
+
+
+def _colours(picture: Path) -> int:
+    """Return the number of colours in a picture, 0 if there is none."""
+    pixels = cv2.imread(str(picture))
+    return len(np.unique(pixels.reshape(-1, 3), axis=0)) if pixels is not None else 0
 
 
 def main() -> int:
@@ -89,9 +102,10 @@ def main() -> int:
     print(f"load              {check.load_s:.2f} s (at most 2)")
     print(f"console errors    {len(check.console_errors)} {check.console_errors[:3]}")
     print(f"network requests  {len(check.requests)}")
-    print(f"3-D view          {check.colours} colours")
+    print(f"3-D view          {check.colours} colours, {check.lit_colours} with the headlamp")
     print(f"width on a phone  {check.phone_px} px of {_PHONE}")
-    faultless = not check.console_errors and not check.requests and check.colours > 16 and check.phone_px <= _PHONE
+    drawn = min(check.colours, check.lit_colours) > 16
+    faultless = not check.console_errors and not check.requests and drawn and check.phone_px <= _PHONE
     return 0 if faultless and size_mb <= 15 and check.load_s <= 2 else 2
 
 

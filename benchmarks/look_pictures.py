@@ -1,4 +1,4 @@
-"""Draw the looks and fittings of docs/look.md from inside a small drift of jointed andesite, by OSMesa."""
+"""Draw the looks and fittings of docs/look.md from inside a small drift of andesite, and measure what they cost."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ import numpy as np
 import shapely
 from shapely import LineString, Polygon
 
+from benchmarks.look_costs import tables, write_costs
 from benchmarks.small_world import build_world
 from minexplore.bundle import MODEL, GeomGroup
 from minexplore.coverage import CoverageGrid
@@ -38,7 +39,7 @@ _COLOUR = (235, 235, 235)
 
 
 def draw_look(world: World) -> tuple[np.ndarray, float]:
-    """Return the views (rows, cols, 3) BGR from a robot at the poses, and the seconds that a later frame takes."""
+    """Return the views (rows, cols, 3) BGR from a robot at the poses, and a later frame's seconds of a core."""
     robot, task = RobotParams(), TaskParams()
     grid = CoverageGrid(world, task.cell_m, robot.radius_m, np.array(_ENTRANCE_M), 1e3)
     renderer = Renderer(world, world.T_world_mine, grid, robot, 1, _SIZE_PX)
@@ -48,9 +49,9 @@ def draw_look(world: World) -> tuple[np.ndarray, float]:
         qpos = np.concatenate([free_joint_qpos(world.T_world_mine, robot, x, y, yaw), np.zeros(2)])[None]
         poses = np.array([[x, y, yaw]])
         views.append(renderer.draw("front", qpos, nothing, poses)[..., ::-1])
-        start = time.perf_counter()
+        start = time.process_time()
         renderer.draw("front", qpos, nothing, poses)
-        seconds.append(time.perf_counter() - start)
+        seconds.append(time.process_time() - start)
     renderer.close()
     return cv2.hconcat(views), min(seconds)
 
@@ -63,8 +64,8 @@ def draw_cut_away(folder: Path) -> np.ndarray:
 
 
 def main() -> int:
-    """Build a world for every look, and write both pictures."""
-    views, above = [], []
+    """Build a world for every look, and write both pictures and the page's tables."""
+    views, above, times = [], [], {}
     for name in LOOKS:
         overrides = [f"look={name}", "fittings=none" if name == PLAIN else "realism.furnish=full"]
         with tempfile.TemporaryDirectory() as folder:
@@ -79,9 +80,15 @@ def main() -> int:
         print(f"look-pictures: {name}: {seconds:.3f} s a frame of {_SIZE_PX[0]} x {_SIZE_PX[1]} px", flush=True)
         cv2.putText(view, name, (20, 45), cv2.FONT_HERSHEY_SIMPLEX, 1.2, _COLOUR, 2, cv2.LINE_AA)
         views.append(view)
+        times[name] = seconds
     for path, rows in ((PICTURE, views), (CUT_AWAY, above)):
         small = cv2.resize(cv2.vconcat(rows), None, fx=0.8, fy=0.8, interpolation=cv2.INTER_AREA)
         write_atomically(path, cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 82])[1].tobytes())
+    try:
+        write_costs(tables(times, _SIZE_PX))
+    except MineError as error:
+        print(f"look-pictures: {error}", file=sys.stderr)
+        return 2
     return 0
 
 

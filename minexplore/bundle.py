@@ -56,7 +56,8 @@ _FLOOR, _ROCK, _SURFACE, _SMOOTH = "floor_", "rock_", "surface_", "smooth_"
 
 # Fittings, and where they may be above the flat floor, m: the visible floor lies below `COVER_M`, furniture hangs above
 # every robot. Lines run along a rib or under the roof.
-FURNITURE = ("bolts", "cable", "duct", "pipe")
+FURNITURE = ("bolts", "cable", "duct", "pipe", "weldmesh")
+_LET_BEAMS_PASS = "weldmesh"
 WATER_MATERIAL = "water"
 COVER_M, FURNITURE_ABOVE_M, LINES_ABOVE_M = 0.1, 1.0, 2.0
 _COVER, _FITTING, _PUDDLE = "cover_", "fitting_", "puddle_"
@@ -160,6 +161,15 @@ def furniture_mesh(kind: str, col: int, row: int) -> str:
 def is_fitting(mesh: str) -> bool:
     """Return whether a mesh of this name is part of the visible floor or of the furniture."""
     return is_cover(mesh) or mesh.partition("_")[0] in FURNITURE
+
+
+def stops_beams(mesh: str) -> bool:
+    """Return whether LiDAR sees a visible mesh of this name.
+
+    Beams pass the visible floor, to end on the flat floor that robots stand on, and weld mesh, whose wires cover less
+    than a tenth of it and hang a few centimetres before the rock.
+    """
+    return not is_cover(mesh) and mesh.partition("_")[0] != _LET_BEAMS_PASS
 
 
 def fitting_geom(mesh: str) -> str:

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
-from minexplore.bundle import GeomGroup, decode_msh, has_visible_rock, is_cover, is_rock
+from minexplore.bundle import GeomGroup, decode_msh, has_visible_rock, is_rock, stops_beams
 from minexplore.tiles import Tile, group_by_tile, tiles_at
 from minexplore.world import World, load_world
 
@@ -32,12 +32,12 @@ _SCENES_BYTES = 2 << 30  # kept by a process; all scenes of the embedded mine ta
 def surface_meshes(world: World) -> Meshes:
     """Return the vertices (n, 3) and faces (m, 3) of visible rock and furniture, by geom name (m, mine frame).
 
-    The visible floor is left out. It lies up to a decimetre above the flat floor that wheels stand on, and a range to
-    it would tell of a floor that no robot feels; beams end on the flat floor.
+    What beams pass is left out, see `stops_beams`. The visible floor lies up to a decimetre above the flat floor that
+    wheels stand on, and a range to it would tell of a floor that no robot feels.
     """
     spec = world.spec()
     seen = [g for g in spec.geoms if g.group == GeomGroup.ROUGH_SURFACE and g.type == mujoco.mjtGeom.mjGEOM_MESH]
-    shown = [g for g in seen if not is_cover(g.meshname)]
+    shown = [g for g in seen if stops_beams(g.meshname)]
     meshes = {g.name: decode_msh(world.read(spec.mesh(g.meshname).file)) for g in shown}
     return {name: (mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
 

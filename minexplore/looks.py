@@ -24,6 +24,7 @@ FURNITURE_LOOKS = {
     "cable": ((0.06, 0.06, 0.07, 1.0), 0.2),
     "duct": ((0.62, 0.47, 0.2, 1.0), 0.05),
     "pipe": ((0.36, 0.38, 0.4, 1.0), 0.3),
+    "weldmesh": ((0.5, 0.48, 0.44, 1.0), 0.3),
 }
 WATER = ((0.05, 0.055, 0.05, 1.0), 0.35)
 _COVER_GAIN, _GREYED = 2.6, 0.6  # the texture, whose mean is 0.5, darkens the zone's colour; muck is mostly grey
@@ -85,6 +86,14 @@ def has_haze(model: mujoco.MjModel) -> bool:
 def add_haze(model: mujoco.MjModel, scene: mujoco.MjvScene) -> None:
     """Let a scene show the haze of its model, if that has any."""
     scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = has_haze(model)
+
+
+def add_sky(spec: mujoco.MjSpec, look: Look) -> None:
+    """Give a model a background in the haze's colour, where a view ends beyond all that is drawn."""
+    if look.hazy:
+        sky = spec.add_texture(name="haze", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, width=8, height=8)
+        sky.builtin, sky.rgb1 = mujoco.mjtBuiltin.mjBUILTIN_FLAT, look.haze_rgb
+        sky.rgb2 = look.haze_rgb
 
 
 def add_headlamp(spec: mujoco.MjSpec, robot: str, look: Look, height_m: float) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from minexplore.bundle import MINE_BODY, GeomGroup, has_visible_rock
 from minexplore.coverage import CoverageGrid
-from minexplore.looks import EXTENT_M, add_haze, add_headlamp, has_haze, look_of
+from minexplore.looks import EXTENT_M, add_haze, add_headlamp, add_sky, has_haze, look_of
 from minexplore.robot import RobotParams, qpos_address, separate_contacts
 from minexplore.rotations import quaternion
 from minexplore.world import World
@@ -87,9 +87,11 @@ class Renderer:
     def _compile(self) -> mujoco.MjModel:
         spec = self.world.spec()
         separate_contacts(spec)
+        look = look_of(self.world.record)
+        add_sky(spec, look)
         for i in range(self.robots):
             self.robot.attach(spec, f"robot_{i}")
-            add_headlamp(spec, f"robot_{i}", look_of(self.world.record), self.robot.lamp_height_m)
+            add_headlamp(spec, f"robot_{i}", look, self.robot.lamp_height_m)
         mine = spec.body(MINE_BODY)
         mine.quat, mine.pos = quaternion(self.T_world_mine[:3, :3]), self.T_world_mine[:3, 3]
         spec.visual.global_.offwidth, spec.visual.global_.offheight = self.size_px

@@ -54,6 +54,7 @@ def render_dag(root: Path) -> str:
         "deps": [
             "conf",
             "pipeline/report/page.html.j2",
+            "pipeline/report/headlamp.js",
             *((ARTIFACTS / name / "manifest.json").as_posix() for name in STAGES),
             *_closure(root, "pipeline/report/page.py"),
         ],

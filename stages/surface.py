@@ -12,7 +12,7 @@ from pipeline.params.surface import SurfaceParams, TextureParams
 from pipeline.report.roughness import draw_sections, draw_spectra
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
-from pipeline.surface.build import build_rough_surface, chunk_files, widen_spacing
+from pipeline.surface.build import build_rough_surface, chunk_files, lay_rough_lattice, widen_spacing
 from pipeline.surface.built import RoughnessReport, amplitude_table, report_roughness
 from pipeline.surface.choose import choose_relief
 from pipeline.surface.mesh_checks import MeshReport, check_mesh, join_meshes
@@ -35,8 +35,9 @@ def model_surface(
     smooth = smooth_surface(free, extent.height_m, params.floor_chamfer_m, params.roof_chamfer_m, repeat_m)
     check_mesh(*join_meshes(smooth))
     sources = measure_sources(params)
-    relief = choose_relief(params, sources)
-    rough = build_rough_surface(params, free, topology, extent.height_m, relief)
+    lattice = lay_rough_lattice(params, free, topology, extent.height_m)
+    relief = choose_relief(params, sources, lattice)
+    rough = build_rough_surface(params, lattice, relief)
     with ThreadPoolExecutor(2) as pool:
         checked = pool.submit(check_mesh, *closed_mesh(rough))
         reported = pool.submit(report_roughness, params, sources, relief, rough)

@@ -174,5 +174,5 @@ def test_a_robot_drives_and_sees_in_a_light_world(light):
 
 
 def test_the_report_of_a_light_world_draws_the_walls_of_its_outline(light):
-    page = scene_page(light.bundle, open_bundle(light.bundle).record, light.free_space)
+    page = scene_page(light.bundle, open_bundle(light.bundle).record, light.free_space, light.network)
     assert len(page) > 100_000  # three.js and the geometry

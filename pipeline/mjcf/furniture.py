@@ -1,4 +1,4 @@
-"""What hangs in a drift: rock bolts with plates, a pipe, a cable and a ventilation duct, merged tile by tile."""
+"""What hangs in a drift: bolts with plates, pipe, cable, ventilation duct and weld mesh, merged tile by tile."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 from minexplore.bundle import FURNITURE_ABOVE_M, LINES_ABOVE_M, TriangleMesh, decode_msh, encode_msh, furniture_mesh
 from pipeline.geometry.polyline import arc_length, resample
 from pipeline.geometry.raycast import RayCaster
+from pipeline.mjcf.weld_mesh import hang_weld_mesh
 from pipeline.params.realism import FurnitureParams
 from pipeline.store.codecs import Bundle
 from pipeline.types import DriftNetwork
@@ -47,14 +48,14 @@ HANGERS_M = 3.0  # between the hooks of a cable or a duct
 def hang_furniture(params: FurnitureParams, network: DriftNetwork, rough: Bundle, height_m: float) -> Bundle:
     """Return the furniture's meshes by name as `.msh`, m, mine frame; nothing of it collides.
 
-    All of it is fixed to the visible rock, and above all robots: bolts above `FURNITURE_ABOVE_M`, pipe, cable and duct
+    All of it is fixed to the visible rock, and above all robots: bolts above `FURNITURE_ABOVE_M`, all else
     above `LINES_ABOVE_M`. In workings lower than 2.9 m nothing hangs, and a line says so.
 
     Parameters
     ----------
     params : FurnitureParams
     network : DriftNetwork
-        Bolts, pipe and cable follow its legs, the duct its main drift.
+        Bolts, pipe and cable follow its legs, the duct its main drift; weld mesh hangs at its junctions.
     rough : dict of bytes
         The chunks of the visible rock as `.msh`.
     height_m : float
@@ -71,6 +72,8 @@ def hang_furniture(params: FurnitureParams, network: DriftNetwork, rough: Bundle
         parts += _bolts(params, rock, line, half)
         for kind in (PIPE, CABLE):
             parts += _along_rib(kind, rock, line, half)
+    if params.weld_mesh:
+        parts += hang_weld_mesh(params.weld_mesh, network, rock)
     if params.duct:
         parts += _duct(rock, np.array(network.main_drift_m), params.duct_side_m)
     return _merged(parts)

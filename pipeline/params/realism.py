@@ -50,8 +50,17 @@ class FloorParams(Params):
     seed: int = Field(ge=0)
 
 
+class WeldMeshParams(Params):
+    """Weld mesh under the roof; see `pipeline.mjcf.weld_mesh`."""
+
+    aperture_m: float = Field(ge=0.05, le=0.5, description="between neighbouring wires")
+    wire_m: float = Field(ge=0.002, le=0.03, description="width of a wire")
+    spread_deg: float = Field(ge=20, le=60, description="angle between the upright and the edge, seen from 1.7 m")
+    from_junction_m: float = Field(ge=2, le=50, description="length of each drift at a junction that has mesh")
+
+
 class FurnitureParams(Params):
-    """Bolts, pipe, cable and duct; see `pipeline.mjcf.furniture`."""
+    """Bolts, pipe, cable, duct and weld mesh; see `pipeline.mjcf.furniture`."""
 
     bolt_spacing_m: float = Field(ge=0.5, le=10, description="between rings of bolts")
     bolts: int = Field(ge=1, le=30, description="of a ring")
@@ -59,6 +68,7 @@ class FurnitureParams(Params):
     plate_m: float = Field(ge=0.05, le=0.5)
     duct: bool
     duct_side_m: float = Field(ge=-3, le=3, description="left of the middle of the main drift")
+    weld_mesh: WeldMeshParams | None = Field(None, description="null: none")
 
 
 class RealismParams(Params):
@@ -72,8 +82,8 @@ class RealismParams(Params):
     lights: LightParams
     look: Literal["plain", "dry", "wet", "dusty"] = Field("plain", description="light, haze and sheen of the rock")
     floor: FloorParams | None = Field(None, description="the visible floor; null: the flat zones alone")
-    furnish: Literal["off", "light", "full"] = "off"
-    furniture: dict[Literal["light", "full"], FurnitureParams] = Field(default_factory=dict)
+    furnish: Literal["off", "light", "full", "meshed"] = "off"
+    furniture: dict[Literal["light", "full", "meshed"], FurnitureParams] = Field(default_factory=dict)
     preview_width_px: int = Field(ge=64, le=4096)
 
     @model_validator(mode="after")

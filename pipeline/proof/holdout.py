@@ -13,7 +13,7 @@ import shapely
 
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
-from pipeline.surface.build import build_rough_surface
+from pipeline.surface.build import build_rough_surface, lay_rough_lattice
 from pipeline.surface.built import report_roughness
 from pipeline.surface.choose import choose_relief
 from pipeline.surface.reference import measure_sweeps
@@ -91,8 +91,9 @@ def _score(half: tuple[str, ...], sweeps: dict[str, Path], params: SurfaceParams
     )
     copy = params.model_copy(update={"reference": "sweeps"})
     sources = {"sweeps": {"wall": source_roughness}}
-    relief = choose_relief(copy, sources)
-    report = report_roughness(copy, sources, relief, build_rough_surface(copy, _DRIFT, None, _HEIGHT_M, relief))
+    lattice = lay_rough_lattice(copy, _DRIFT, None, _HEIGHT_M)
+    relief = choose_relief(copy, sources, lattice)
+    report = report_roughness(copy, sources, relief, build_rough_surface(copy, lattice, relief))
     measured = (source_roughness, report.built["section"], held_out_roughness)
     by_window = [dict(zip(r.window_m, r.rq_m, strict=True)) for r in measured]
     windows = [w for w in by_window[0] if all(w in other for other in by_window[1:])]

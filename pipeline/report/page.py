@@ -105,7 +105,7 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
         mine_svg=svg[svg.index(b"<svg") :].decode(),
         glance=_pictures(root, _GLANCE),
         texture=_pictures(root, _TEXTURE),
-        scene=scene_page(root / "realism" / "world", record, free_space),
+        scene=scene_page(root / "realism" / "world", record, free_space, network),
         groups=groups,
         held=sum(limited),
         limited=len(limited),

@@ -1,65 +1,108 @@
-"""The meshes of a world as a 3D scene for a browser: simplified rock walls, and the floor in its zones."""
+"""The meshes of a world as a 3D scene for a browser: rock and floor, from above or with a headlamp."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import fast_simplification
 import numpy as np
-import open3d as o3d
 import shapely
 import trimesh
 from trimesh.viewer.notebook import scene_to_html
 
+from minexplore.bundle import ROOF, WALLS
+from pipeline.errors import ArtifactError
 from pipeline.geometry.partition import triangulate
+from pipeline.geometry.polyline import resample
 from pipeline.geometry.raycast import upright_walls
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.store.codecs import decode
-from pipeline.types import FreeSpace, Mesh
+from pipeline.types import DriftNetwork, FreeSpace, Mesh
 
-_MAX_FACES = 120_000
-_CELL_M = 0.3  # first cell for merging vertices; it grows until the page is small enough
-_WALL_RGB = (150, 116, 92)
+MOST_FACES = {WALLS: 180_000, ROOF: 120_000}  # 24 bytes of the page each
+_ROCK_RGB = (150, 139, 127)
 _ASIDE, _DOWN = np.radians(-25.0), np.radians(50.0)
+_EYE_M = 1.3  # of the headlamp above the floor
+_CONTROLS = """<style>
+#ways { position: absolute; left: 8px; top: 8px; font: 13px sans-serif; color: #888; }
+</style>
+<div id="ways">
+<button id="above">From above</button> <button id="headlamp">Headlamp</button> <span id="how"></span>
+</div>
+<script>
+"""
 
 
-def scene_page(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> str:
-    """Return an HTML page that draws the workings without roof; it contains three.js and the meshes.
+def scene_page(bundle: Path, record: WorldRecord, free_space: FreeSpace, network: DriftNetwork) -> str:
+    """Return an HTML page that draws the workings; it contains three.js and the meshes, and needs no network.
 
-    Without the roof, the drifts are visible from above. The walls are the bundle's rough surface; its vertices are
-    merged in cells until it has at most 120,000 faces. Without visible rock they are the outline's, upright.
+    It has two ways to look: from above, without the roof, and along the main drift with a headlamp that moves with the
+    camera.
+    """
+    page = scene_to_html(mine_scene(bundle, record, free_space))
+    _, drift = resample(np.array(network.main_drift_m), 1.0)
+    west, south, east, north = free_space.polygon.bounds
+    x, y = (drift - [(west + east) / 2, (south + north) / 2]).round(2).T
+    places = np.column_stack([x, np.full(len(x), _EYE_M), -y]).tolist()
+    script = (Path(__file__).parent / "headlamp.js").read_text().replace("$DRIFT", json.dumps(places))
+    before, end, after = page.rpartition("</body>")
+    if not end:
+        raise ArtifactError("the page of trimesh's viewer has no </body>; its template has changed")
+    return f"{before}{_CONTROLS}{script}</script>{end}{after}"
+
+
+def mine_scene(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> trimesh.Scene:
+    """Return walls, roof and floor, with y up and the middle of the mine at the origin, where the lights point.
+
+    Walls and roof are the bundle's rough surface, simplified by quadric edge collapse to at most `MOST_FACES`. Without
+    visible rock the walls are the outline's, upright, and the roof is level.
     """
     scene = trimesh.Scene()
-    if record.has_visible_rock:
-        walls = _simplify([decode(path, Mesh) for path in sorted((bundle / "meshes").glob("walls_*.msh"))])
-    else:
-        triangles = upright_walls(free_space.polygon, record.height_m)
-        walls = triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)
-    scene.add_geometry(_coloured(walls[0], walls[1], _WALL_RGB))
+    for name, (vertices, faces) in _rock(bundle, record, free_space).items():
+        scene.add_geometry(_coloured(vertices, faces, _ROCK_RGB), node_name=name, geom_name=name)
     for zone in record.zones:
         part = free_space.polygon.intersection(shapely.box(zone.west_m, zone.south_m, zone.east_m, zone.north_m))
         if part.area > 0:
-            points, faces = triangulate(part)
-            flat = np.column_stack([points, np.zeros(len(points))])
-            scene.add_geometry(_coloured(flat, faces, tuple(round(255 * v) for v in zone.rgba[:3])))
+            rgb = tuple(round(255 * v) for v in zone.rgba[:3])
+            scene.add_geometry(_coloured(*_level(part, 0.0), rgb), node_name=zone.geom, geom_name=zone.geom)
     west, south, east, north = free_space.polygon.bounds
-    # The lights of the scene point at the origin.
     scene.apply_translation([-(west + east) / 2, -(south + north) / 2, 0.0])
     scene.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))  # browsers have y up
     short, long = sorted((east - west, north - south))
     scene.set_camera(angles=(-_DOWN, _ASIDE, 0.0), distance=max(0.75 * long, 1.5 * short), fov=(55, 40))
-    return scene_to_html(scene)
+    return scene
 
 
-def _simplify(meshes: list[Mesh]) -> tuple[np.ndarray, np.ndarray]:
-    vertices = np.vstack([mesh.vertices for mesh in meshes])
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = np.vstack([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
-    whole = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(vertices), o3d.utility.Vector3iVector(faces))
-    thin, cell_m = whole, _CELL_M
-    while len(thin.triangles) > _MAX_FACES or thin is whole:
-        thin = whole.simplify_vertex_clustering(cell_m)
-        cell_m *= 1.4
-    return np.asarray(thin.vertices), np.asarray(thin.triangles)
+def _rock(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return vertices (n, 3) m and faces (m, 3) of walls and roof by name."""
+    if not record.has_visible_rock:
+        walls = upright_walls(free_space.polygon, record.height_m).reshape(-1, 3)
+        return {
+            WALLS: (walls, np.arange(len(walls)).reshape(-1, 3)),
+            ROOF: _level(free_space.polygon, record.height_m),
+        }
+    return {
+        piece: _simplified([decode(path, Mesh) for path in sorted((bundle / "meshes").glob(f"{piece}_*.msh"))], most)
+        for piece, most in MOST_FACES.items()
+    }
+
+
+def _simplified(meshes: list[Mesh], most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Join meshes at equal vertices, and simplify what has more faces than `most`."""
+    corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes]).reshape(-1, 3)
+    vertices, index = np.unique(corners.round(4), axis=0, return_inverse=True)
+    faces = index.reshape(-1, 3).astype(np.int32)
+    points = vertices.astype(np.float32)
+    for keep_border in (True, False):  # borders of the walls meet the roof; those of a very large mine are too many
+        if len(faces) > most:
+            points, faces = fast_simplification.simplify(points, faces, target_count=most, preserve_border=keep_border)
+    return points, faces
+
+
+def _level(part: shapely.Polygon, height_m: float) -> tuple[np.ndarray, np.ndarray]:
+    points, faces = triangulate(part)
+    return np.column_stack([points, np.full(len(points), height_m)]), faces
 
 
 def _coloured(vertices: np.ndarray, faces: np.ndarray, rgb: tuple[int, ...]) -> trimesh.Trimesh:

@@ -11,8 +11,7 @@ from shapely import Polygon
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
 from pipeline.store.codecs import Bundle, encode
-from pipeline.surface.choose import Relief
-from pipeline.surface.displacement import Bounds
+from pipeline.surface.choose import Relief, bounds_of
 from pipeline.surface.joints import JointedRock, relief_of_joints
 from pipeline.surface.lattice import CrossSection, Lattice, lay_lattice
 from pipeline.surface.noise import Modulation, relief_of_noise
@@ -56,20 +55,29 @@ def widen_spacing(params: SurfaceParams, free: Polygon, height_m: float) -> Surf
     )
 
 
-def build_rough_surface(
-    params: SurfaceParams, free: Polygon, network: DriftNetwork | None, height_m: float, relief: Relief
-) -> RoughSurface:
+def lay_rough_lattice(params: SurfaceParams, free: Polygon, network: DriftNetwork | None, height_m: float) -> Lattice:
+    """Lay the lattice of the workings by the configured spacings and cross-section.
+
+    Raises
+    ------
+    GeometryError
+        If two walls are nearer to each other than the spacing.
+    """
+    rough, profile = params.rough, cross_section(params, height_m)
+    return lay_lattice(lay_walls(free, rough.spacing_m, network), profile, rough.spacing_m, rough.roof_spacing_m)
+
+
+def build_rough_surface(params: SurfaceParams, lattice: Lattice, relief: Relief) -> RoughSurface:
     """Build the rough surface from jointed rock or from the noise of walls and roof.
 
     Raises
     ------
     GeometryError
-        If the mesh cannot be built, or intersects itself after all repairs.
+        If the mesh intersects itself after all repairs.
     """
-    rough, profile = params.rough, cross_section(params, height_m)
-    lattice = lay_lattice(lay_walls(free, rough.spacing_m, network), profile, rough.spacing_m, rough.roof_spacing_m)
+    rough = params.rough
     simplification = Simplification(rough.kept_share, rough.tile_m) if rough.kept_share else None
-    return displace_lattice(lattice, _wanted_m(params, lattice, relief), _bounds(params), simplification)
+    return displace_lattice(lattice, _wanted_m(params, lattice, relief), bounds_of(rough), simplification)
 
 
 def _wanted_m(params: SurfaceParams, lattice: Lattice, relief: Relief) -> np.ndarray:
@@ -78,10 +86,6 @@ def _wanted_m(params: SurfaceParams, lattice: Lattice, relief: Relief) -> np.nda
         return relief_of_joints(lattice.vertices, lattice.direction, relief, rough.seed)
     modulation = Modulation(rough.modulation_m, rough.modulation_spread)
     return relief_of_noise(lattice, *relief, modulation, np.random.default_rng(rough.seed))
-
-
-def _bounds(params: SurfaceParams) -> Bounds:
-    return Bounds(**params.rough.bounds.model_dump())
 
 
 def chunk_files(rough: RoughSurface, params: SurfaceParams) -> Bundle:

@@ -5,23 +5,33 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.metrics.roughness import SurfaceRoughness
-from pipeline.params.surface import RockParams, SpectrumParams, SurfaceParams
+from pipeline.params.surface import RockParams, RoughParams, SpectrumParams, SurfaceParams
+from pipeline.surface.displacement import Bounds
 from pipeline.surface.fit_rock import fit_rock
 from pipeline.surface.joints import Faces, JointedRock, JointSet, Undulation
+from pipeline.surface.lattice import Lattice
 from pipeline.surface.reference import Sources
 from pipeline.surface.spectrum import Bands, Roughness, band_edges, band_wavelengths, fit_bands
 
 Relief = JointedRock | tuple[Bands, Bands]  # of noise: the spectra of walls and roof
 
 
-def choose_relief(params: SurfaceParams, sources: Sources) -> Relief:
-    """Return the configured jointed rock, scaled to the reference if that is measured, else spectra for noise."""
+def choose_relief(params: SurfaceParams, sources: Sources, lattice: Lattice) -> Relief:
+    """Return the configured jointed rock, scaled until the lattice's walls are as rough as a measured reference.
+
+    Without configured rock, return spectra for noise.
+    """
     if params.rock is None:
         return choose_bands(params, sources)
     rock = _jointed(params.rock)
     if params.reference == "published":  # the configured rock was fitted to it
         return rock
-    return fit_rock(rock, sources[params.reference]["wall"], params.rough.seed)
+    return fit_rock(rock, sources[params.reference]["wall"], lattice, bounds_of(params.rough), params.rough.seed)
+
+
+def bounds_of(params: RoughParams) -> Bounds:
+    """Return the bounds on the displacement of the rock."""
+    return Bounds(**params.bounds.model_dump())
 
 
 def _jointed(params: RockParams) -> JointedRock:

@@ -1,80 +1,101 @@
-"""Scale the parts of jointed rock until its roughness is that of measured rock."""
+"""Scale the parts of jointed rock until the walls of a mine are as rough as measured rock."""
 
 from __future__ import annotations
 
 import dataclasses
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import minimize
+from scipy.spatial import cKDTree
 
+from pipeline.geometry.polyline import resample
 from pipeline.metrics.planefit import sweep_residuals
 from pipeline.metrics.profile import line_roughness
+from pipeline.metrics.relief import CUT_HEIGHTS_M as CUTS_M
 from pipeline.metrics.roughness import SurfaceRoughness
+from pipeline.metrics.sampling import sample_triangles
+from pipeline.surface.displacement import Bounds, bound_displacement, displaced
 from pipeline.surface.joints import Gains, JointedRock, parts_of_joints
+from pipeline.surface.lattice import WALL, Lattice
 
-_LENGTH_M, _HEIGHT_M, _STEP_M = 36.0, 2.4, 0.05
-_AZIMUTHS_DEG = (0.0, 45.0, 90.0, 135.0)  # joint sets cut walls of every direction
 _FOOTPRINT_M = 0.3  # of height, over which a bin of the sweeps averages
-_SHORTEST_M = 0.5  # shorter windows hold few points of the mesh
-_VOXEL_POINTS = 20
-_LEAST, _MOST = 0.02, 4.0
+_STEP_M = 0.05  # of the points along a level line
+_SHORTEST_M = 0.5  # shorter windows hold few points of the lattice
+_STRETCHES, _STRETCH_M, _POINTS, _VOXEL_POINTS = 6, 8.0, 100_000, 20
+_LEAST, _FIRST, _MOST = 0.02, 0.4, 4.0
 
 
-def fit_rock(rock: JointedRock, measured: SurfaceRoughness, seed: int) -> JointedRock:
+def fit_rock(rock: JointedRock, measured: SurfaceRoughness, lattice: Lattice, bounds: Bounds, seed: int) -> JointedRock:
     """Return the rock with gains for its undulation, blocks and overbreak that fit measured roughness.
 
-    The residuals of four flat walls, which face different directions, are compared with the measured ones in all
-    windows of 0.5 m or more, by least squares of their logarithms.
+    The residuals of the mine's own walls, after bounds on their displacement, are compared with the measured ones in
+    all windows of 0.5 m or more, by the squares of their logarithms' differences. The plan's corners are part of both.
 
     Parameters
     ----------
     rock : JointedRock
     measured : SurfaceRoughness
         Residuals to lines or to planes; the walls are measured in the same way.
+    lattice : Lattice
+        The mine's walls before displacement.
+    bounds : Bounds
     seed : int
     """
-    walls = [_Wall(np.radians(azimuth), rock, seed) for azimuth in _AZIMUTHS_DEG]
+    walls = RockWalls(rock, lattice, bounds, seed)
     used = [k for k, window in enumerate(measured.window_m) if window >= _SHORTEST_M]
     windows, wanted = np.array(measured.window_m)[used], np.array(measured.rq_m)[used]
 
-    def misfit(log_gain: np.ndarray) -> np.ndarray:
-        return np.log(_roughness(walls, np.exp(log_gain), windows, measured.line) / wanted)
+    def misfit(log_gain: np.ndarray) -> float:
+        ratio = walls.roughness(np.exp(log_gain), windows, measured.line) / wanted
+        return float((np.log(ratio) ** 2).sum())
 
-    bounds = np.log([_LEAST, _MOST])
-    found = least_squares(misfit, np.zeros(3), bounds=tuple(bounds), diff_step=0.05)
+    # Medians are not smooth, so the search takes no derivatives; it begins with a step of a factor of two in each gain.
+    first = np.log(_FIRST) + np.log(2) * np.vstack([np.zeros(3), np.eye(3)])
+    options = {"initial_simplex": first, "xatol": 0.02, "fatol": 1e-4}
+    bounds_of_gain = [(np.log(_LEAST), np.log(_MOST))] * 3
+    found = minimize(misfit, first[0], method="Nelder-Mead", bounds=bounds_of_gain, options=options)
     return dataclasses.replace(rock, gains=Gains(*np.exp(found.x).round(3).tolist()))
 
 
-class _Wall:
-    """A flat, upright wall along an azimuth, and the parts (3, rows, columns) m of its relief."""
+class RockWalls:
+    """The walls of a lattice, and the parts (3, n) m of their relief."""
 
-    def __init__(self, azimuth_rad: float, rock: JointedRock, seed: int) -> None:
-        along, up = np.meshgrid(np.arange(0, _LENGTH_M, _STEP_M), np.arange(0, _HEIGHT_M, _STEP_M))
-        heading = np.array([np.sin(azimuth_rad), np.cos(azimuth_rad), 0.0])
-        self.inward = np.array([heading[1], -heading[0], 0.0])
-        self.along = along
-        self.points = along[..., None] * heading + up[..., None] * np.array([0.0, 0.0, 1.0])
-        flat = self.points.reshape(-1, 3)
-        self.parts = parts_of_joints(flat, np.broadcast_to(self.inward, flat.shape), rock, seed).reshape(3, *up.shape)
+    def __init__(self, rock: JointedRock, lattice: Lattice, bounds: Bounds, seed: int) -> None:
+        count, columns = lattice.wall_vertices, len(lattice.walls.xy)
+        self.bounds, self.seed = bounds, seed
+        self.parts = parts_of_joints(lattice.vertices, lattice.direction, rock, seed)[:, :count]
+        self.lattice = dataclasses.replace(
+            lattice,
+            vertices=lattice.vertices[:count],
+            direction=lattice.direction[:count],
+            roof_share=lattice.roof_share[:count],
+            column=lattice.column[:count],
+        )
+        above = lattice.vertices[:count:columns, 2]
+        self.rows = [np.abs(above - level) <= max(_FOOTPRINT_M / 2, np.abs(above - level).min()) for level in CUTS_M]
+        faces = lattice.faces[lattice.piece == WALL]
+        middle = lattice.vertices[faces].mean(axis=1)[:, :2]
+        stretches = lattice.walls.xy[np.linspace(0, columns - 1, _STRETCHES, dtype=int)]
+        self.faces = faces[np.isfinite(cKDTree(stretches).query(middle, distance_upper_bound=_STRETCH_M)[0])]
 
-    def lines(self, gains: np.ndarray) -> list[np.ndarray]:
-        """Return level cuts (n, 2) m: along the wall, and the displacement averaged over the footprint's height."""
-        relief = np.tensordot(gains, self.parts, 1)
-        rows = round(_FOOTPRINT_M / _STEP_M)
-        cuts = [relief[at : at + rows].mean(axis=0) for at in range(0, len(relief) - rows + 1, rows)]
-        return [np.column_stack([self.along[0], cut]) for cut in cuts]
+    def roughness(self, gains: np.ndarray, windows: np.ndarray, line: bool) -> np.ndarray:
+        """Return the residuals (k,) m in windows (k,) m to lines or to planes, as the reference states its own."""
+        wanted = np.tensordot(gains, self.parts, 1)
+        points = displaced(self.lattice, bound_displacement(wanted, self.lattice, self.bounds))
+        if line:
+            lines = self._level_lines(points)
+            return np.array([np.median(line_roughness(lines, float(window))) for window in windows])
+        cloud, _ = sample_triangles(points[self.faces], _POINTS, np.random.default_rng(self.seed))
+        found = {r.window_m: r.rq_m for r in sweep_residuals(cloud, tuple(windows.tolist()), _VOXEL_POINTS)}
+        return np.array([found[window] for window in windows.tolist()])
 
-    def cloud(self, gains: np.ndarray) -> np.ndarray:
-        """Return the displaced points (n, 3) m."""
-        relief = np.tensordot(gains, self.parts, 1)
-        return (self.points + relief[..., None] * self.inward).reshape(-1, 3)
-
-
-def _roughness(walls: list[_Wall], gains: np.ndarray, windows: np.ndarray, line: bool) -> np.ndarray:
-    """Return the walls' residuals (k,) m in windows (k,) m, as the reference states its own."""
-    if line:
-        lines = [run for wall in walls for run in wall.lines(gains)]
-        return np.array([np.median(line_roughness(lines, float(window))) for window in windows])
-    clouds = [sweep_residuals(wall.cloud(gains), tuple(windows.tolist()), _VOXEL_POINTS) for wall in walls]
-    squares = [[found.rq_m**2 for cloud in clouds for found in cloud if found.window_m == w] for w in windows]
-    return np.sqrt([np.mean(square) for square in squares])
+    def _level_lines(self, points: np.ndarray) -> list[np.ndarray]:
+        """Return closed lines (k, 2) m round every ring at each height, averaged over the footprint."""
+        levels = points[:, :2].reshape(self.lattice.rows, -1, 2)
+        lines = []
+        for rows in self.rows:
+            level = levels[rows].mean(axis=0)
+            for ring in self.lattice.walls.rings:
+                wall = level[ring.first : ring.first + ring.count]
+                lines.append(resample(np.concatenate([wall, wall[:1]]), _STEP_M)[1])
+        return lines

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.metrics.relief import cut_walls, face_angle_deg, flat_face_share
+from pipeline.metrics.relief import cut_walls, face_angle_deg, flat_face_share, line_factor
+from pipeline.metrics.roughness import SurfaceRoughness
 
 DRIFT = shapely.box(0, 0, 120, 6)
 
@@ -53,3 +54,10 @@ def test_the_slope_of_a_power_law_is_found_in_every_octave(exponent):
     line *= 0.05 / line.std()
     cut = cut_walls(walls_of(lambda at, z: np.interp(at, x, line), step_m=0.02), DRIFT, 1.0)
     assert [*cut.slope.values()] == pytest.approx([exponent] * 3, abs=0.6)  # an octave holds few waves
+
+
+def test_the_typical_factor_counts_too_rough_and_too_smooth_alike():
+    measured = SurfaceRoughness(True, [0.3, 0.5, 1.0], [0.001, 0.004, 0.01], [], None, None, {})
+    assert line_factor({"at_50_cm": 0.004, "at_100_cm": 0.01}, measured) == pytest.approx(1.0)
+    assert line_factor({"at_50_cm": 0.008, "at_100_cm": 0.005}, measured) == pytest.approx(2.0)
+    assert line_factor({"at_50_cm": 0.008, "at_100_cm": 0.01}, measured) == pytest.approx(np.sqrt(2))

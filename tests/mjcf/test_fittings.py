@@ -28,12 +28,15 @@ from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError, ParamsError
+from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.bundle import obstacles, open_bundle
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import _merged, hang_furniture
+from pipeline.mjcf.weld_mesh import hang_weld_mesh
 from pipeline.params.config import Config
 from pipeline.proof.built import require_built
 from pipeline.proof.visible import face_samples
+from pipeline.types import DriftNetwork, Leg
 from tests.mines import BuiltMine, sealed
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 36, 5), shapely.box(14, 5, 19, 16)])
@@ -41,7 +44,7 @@ FITTED = [
     "rock=andesite",
     "look=wet",
     "fittings=drift",
-    "realism.furnish=full",
+    "realism.furnish=meshed",
     "surface.texture.size_px=64",
     "surface.rough.spacing_m=0.3",
     "surface.rough.roof_spacing_m=0.4",
@@ -142,7 +145,7 @@ def test_furniture_hangs_above_robots_and_in_front_of_the_rock(fitted: BuiltMine
 def test_lidar_sees_furniture_and_ends_on_the_flat_floor(fitted: BuiltMine):
     meshes = surface_meshes(load_world(fitted.bundle))
     assert any("duct" in name for name in meshes)
-    assert not any("cover" in name for name in meshes)
+    assert not any("cover" in name or "weldmesh" in name for name in meshes)
     bare = {name: mesh for name, mesh in meshes.items() if name.startswith("surface_")}
     duct = next(mesh for name, mesh in meshes.items() if "duct" in name)
     triangles = duct[0][duct[1]]
@@ -208,6 +211,8 @@ def test_a_floor_that_is_lifted_or_furniture_that_is_lowered_is_refused(files):
     assert "want 1 m or more" in refusal({**files, bolts: moved(files[bolts], [0, 0, -1.0])})
     pipe = next(name for name in files if name.startswith("meshes/pipe"))
     assert "want 2 m or more" in refusal({**files, pipe: moved(files[pipe], [0, 0, -0.5])})
+    weld = next(name for name in files if name.startswith("meshes/weldmesh"))
+    assert "want 2 m or more" in refusal({**files, weld: moved(files[weld], [0, 0, -1.0])})
 
 
 def rewritten(fitted: BuiltMine, files, tmp_path, name: str, data: bytes):
@@ -326,6 +331,41 @@ def test_samples_of_a_face_leave_no_gap_and_stay_on_it():
     apart = np.linalg.norm(dense[:, None] - points[None], axis=2).min(axis=1)
     assert apart.max() < 0.25
     assert np.abs(points[:, 2] - points[:, 1] / 2).max() < 1e-12
+
+
+def test_weld_mesh_under_a_level_roof_has_wires_at_the_aperture_and_hangs_just_below_it():
+    corners = np.array([[-50, -50, 3.2], [50, -50, 3.2], [50, 50, 3.2], [-50, 50, 3.2]], float)
+    roof = RayCaster(corners[np.array([[0, 2, 1], [0, 3, 2]])])
+    stations = [(float(x), 0.0) for x in range(21)]
+    leg = Leg("a", "J", "end", 20.0, list(map(float, range(21))), stations, [2.5] * 21)
+    network = DriftNetwork({"J": (0, 0), "end": (20, 0)}, [leg], ["J"], ["end"], 0, 1, 20.0, ["a"], stations, 20.0, 1.0)
+    params = compose([]).realism.furniture["meshed"].weld_mesh
+    across, along = (np.array(part[1]) for part in hang_weld_mesh(params, network, roof))
+    assert across[:, 0].max() == pytest.approx(params.from_junction_m, abs=1.2)  # the other end is no junction
+    lines = np.unique(across[:, 0].round(2))
+    apart = np.diff(lines)
+    assert apart[apart > 2 * params.wire_m].mean() == pytest.approx(params.aperture_m, rel=0.15)
+    for wires in (across, along):
+        assert (wires[:, 2] < 3.2).all()
+        assert wires[:, 2].min() > LINES_ABOVE_M
+    middle = np.abs(along[:, 1]) < 0.1
+    assert 3.2 - along[middle, 2].mean() == pytest.approx(0.03, abs=0.02)
+
+
+def test_weld_mesh_hangs_in_front_of_the_bumps_of_the_rock(fitted: BuiltMine, fitted_config: Config):
+    meshes = [decode_msh(data) for data in fitted.surface["rough"].values()]
+    rock = RayCaster(np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes]).astype(np.float64))
+    params = fitted_config.realism.furniture["meshed"].weld_mesh
+    points = np.concatenate([part[1] for part in hang_weld_mesh(params, fitted.network, rock)])
+    eye = np.column_stack([points[:, :2], np.full(len(points), 1.7)])
+    above = rock.cast(eye, np.tile([0.0, 0, 1.0], (len(points), 1))) + 1.7
+    assert (points[:, 2] < above + 0.02).mean() > 0.97
+    assert np.median(above - points[:, 2]) < 0.35
+
+
+def test_the_default_world_has_no_weld_mesh():
+    realism = compose([]).realism
+    assert realism.furniture[realism.furnish].weld_mesh is None
 
 
 def test_workings_that_are_too_low_have_no_furniture(fitted: BuiltMine, fitted_config: Config, capsys):

@@ -9,7 +9,7 @@ import shapely
 
 from minexplore.bundle import BundleError, GeomGroup
 from minexplore.coverage import CoverageGrid
-from minexplore.looks import CUT_MATERIAL, LOOKS, add_headlamp, cover_rgba, has_haze
+from minexplore.looks import CUT_MATERIAL, LOOKS, add_headlamp, add_sky, cover_rgba, has_haze
 from minexplore.render import Renderer, far_hidden
 from minexplore.robot import RobotParams, free_joint_qpos
 from minexplore.schema import check_files, hash_files, read_folder
@@ -53,6 +53,19 @@ def refusal(files: dict[str, bytes], **fields) -> str:
     with pytest.raises(BundleError) as caught:
         check_files("w", changed, hash_files(changed))
     return str(caught.value)
+
+
+@pytest.mark.parametrize("name", LOOKS)
+def test_a_view_that_ends_beyond_the_rock_shows_the_colour_of_the_haze(name):
+    spec = mujoco.MjSpec()
+    add_sky(spec, LOOKS[name])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    renderer = mujoco.Renderer(model, 32, 32)
+    renderer.update_scene(data)
+    assert np.abs(renderer.render() - 255 * np.array(LOOKS[name].haze_rgb)).max() <= 1.5
+    renderer.close()
 
 
 def test_a_world_with_a_look_is_what_the_builder_makes_of_its_own_parts(wet: BuiltMine, looking: Config):

@@ -1,5 +1,6 @@
 """Stage 4, and the part of stage 6 that measures the rock, in memory and from the command line."""
 
+import dataclasses
 import json
 
 import mujoco
@@ -11,13 +12,17 @@ from minexplore.bundle import ROOF, WALLS, GeomGroup, smooth_mesh, surface_geom
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError, GeometryError, InputError, ParamsError
 from pipeline.metrics.profile import line_roughness
+from pipeline.metrics.relief import cut_walls, line_factor
+from pipeline.metrics.roughness import SurfaceRoughness
 from pipeline.mjcf.bundle import open_bundle, visible_triangles
 from pipeline.proof.built import require_built
 from pipeline.proof.surface import report_texture, report_walls, texture_metrics
 from pipeline.store.codecs import decode
-from pipeline.surface.build import build_rough_surface, widen_spacing
+from pipeline.surface.build import build_rough_surface, lay_rough_lattice, widen_spacing
 from pipeline.surface.built import wall_section
-from pipeline.surface.choose import choose_bands, choose_relief
+from pipeline.surface.choose import bounds_of, choose_bands, choose_relief
+from pipeline.surface.fit_rock import RockWalls, fit_rock
+from pipeline.surface.lattice import WALL
 from pipeline.surface.reference import measure_cloud, measure_sources
 from pipeline.surface.spectrum import Roughness, band_edges
 from pipeline.types import DriftNetwork, FreeSpace
@@ -50,7 +55,7 @@ def test_a_drift_that_copies_the_sweeps_has_their_roughness():
     params = compose(["surface.reference=sweeps", "rock=published_score"]).surface
     sources = measure_sources(params)
     noise = choose_bands(params, sources)
-    rough = build_rough_surface(params, shapely.box(0, 0, 80, 7), None, 3.5, noise)
+    rough = build_rough_surface(params, lay_rough_lattice(params, shapely.box(0, 0, 80, 7), None, 3.5), noise)
     (line,) = wall_section(rough).values()
     measured = dict(zip(sources["sweeps"]["wall"].window_m, sources["sweeps"]["wall"].rq_m, strict=True))
     wall, _ = noise
@@ -60,22 +65,38 @@ def test_a_drift_that_copies_the_sweeps_has_their_roughness():
         assert rq == pytest.approx(measured[window], rel=0.25)
 
 
-def test_jointed_rock_that_copies_the_sweeps_has_their_roughness_within_a_quarter():
+def test_jointed_rock_that_copies_the_sweeps_has_their_roughness_within_a_quarter_in_narrow_drifts_too():
     params = compose(["surface.reference=sweeps", "rock=andesite"]).surface
-    measured = measure_sources(params)["sweeps"]["wall"]
-    drift = shapely.box(0, 0, 160, 7)
-    rough = build_rough_surface(params, drift, None, 3.5, choose_relief(params, measure_sources(params)))
-    (line,) = wall_section(rough).values()
-    wanted = {window: rq for window, rq in zip(measured.window_m, measured.rq_m, strict=True) if window >= 0.5}
-    ratio = np.array([np.median(line_roughness([line], window)) / rq for window, rq in wanted.items()])
-    assert np.exp(np.abs(np.log(ratio)).mean()) < 1.25, ratio
+    sources = measure_sources(params)
+    ring = shapely.box(0, 0, 70, 50).difference(shapely.box(6, 5, 66, 46))  # drifts of 3 to 6 m in two directions
+    lattice = lay_rough_lattice(params, ring, None, 3.5)
+    rough = build_rough_surface(params, lattice, choose_relief(params, sources, lattice))
+    walls = rough.mesh.vertices[rough.mesh.faces[rough.mesh.piece == WALL]]
+    built = cut_walls(walls, ring, 1.0).line_rq_m
+    assert line_factor(built, sources["sweeps"]["wall"]) < 1.25, built
+
+
+def test_a_fit_finds_the_roughness_of_rock_whose_parts_were_scaled():
+    params = compose(["rock=andesite", "surface.rough.spacing_m=0.15"]).surface
+    lattice = lay_rough_lattice(params, shapely.box(0, 0, 60, 6), None, 3.5)
+    bounds, seed = bounds_of(params.rough), params.rough.seed
+    rock = choose_relief(params, {}, lattice)
+    windows = np.array([0.5, 1.0, 2.0])
+    walls = RockWalls(rock, lattice, bounds, seed)
+    for line in (True, False):
+        wanted = walls.roughness(np.array([0.7, 0.3, 0.5]), windows, line)
+        measured = SurfaceRoughness(line, windows.tolist(), wanted.tolist(), [], None, None, {})
+        gains = dataclasses.astuple(fit_rock(rock, measured, lattice, bounds, seed).gains)
+        np.testing.assert_allclose(walls.roughness(np.array(gains), windows, line), wanted, rtol=0.05)
 
 
 def test_a_large_mine_gets_wider_spacings_and_a_huge_one_is_refused(capsys):
     params = compose(["surface.rough.most_faces=100000"]).surface
     drift = shapely.box(0, 0, 120, 6)
     wide = widen_spacing(params, drift, 3.5)
-    rough = build_rough_surface(wide, drift, None, 3.5, choose_bands(wide, measure_sources(wide)))
+    rough = build_rough_surface(
+        wide, lay_rough_lattice(wide, drift, None, 3.5), choose_bands(wide, measure_sources(wide))
+    )
     assert len(rough.lattice.faces) == pytest.approx(100_000, rel=0.1)
     assert "720 m2 of workings would need 0.2 million faces" in capsys.readouterr().out
     assert widen_spacing(params, shapely.box(0, 0, 20, 6), 3.5) is params
@@ -102,10 +123,10 @@ def test_walls_and_roof_of_a_scanned_cave_are_measured_and_copied(shared_rock, m
 
 def test_a_passage_narrower_than_the_spacing_of_the_lattice_is_refused_with_its_place(config):
     thin = shapely.union_all([shapely.box(0, 0, 20, 5), shapely.box(20, 2, 30, 2.03), shapely.box(30, 0, 50, 5)])
+    lattice = lay_rough_lattice(config.surface, thin, None, 3.5)
+    noise = choose_bands(config.surface, measure_sources(config.surface))
     with pytest.raises(GeometryError, match=r"surface: .* at \((20|30)\.\d, 2\.\d"):
-        build_rough_surface(
-            config.surface, thin, None, 3.5, choose_bands(config.surface, measure_sources(config.surface))
-        )
+        build_rough_surface(config.surface, lattice, noise)
 
 
 def test_the_texture_is_whole_where_a_ring_of_a_coarse_mesh_closes(tmp_path):
