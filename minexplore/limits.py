@@ -20,7 +20,7 @@ class Span:
     def accepts(self, value: Any) -> bool:
         """Return whether a value is a number within the span; NaN and truth values are none."""
         kind = numbers.Integral if self.whole else numbers.Real
-        return isinstance(value, kind) and not isinstance(value, bool) and self.low <= value <= self.high
+        return isinstance(value, kind) and not isinstance(value, bool) and self.low <= value <= self.high  # type: ignore[operator]
 
     def __str__(self) -> str:
         """Return what is accepted, as a sentence's part."""
