@@ -7,6 +7,7 @@ from typing import Any
 from baselines.explorers.frontier import InformationGain, NearestFrontier
 from baselines.explorers.random_walk import RandomWalk
 from baselines.explorers.reactive import Reactive
+from baselines.explorers.tour import DepthFirst, FrontierTour, TwoLevel
 from baselines.explorers.wall_following import WallFollowing
 
 EXPLORERS: dict[str, Any] = {  # name: class, made as Class(count, task, robot)
@@ -15,4 +16,7 @@ EXPLORERS: dict[str, Any] = {  # name: class, made as Class(count, task, robot)
     "wall-following": WallFollowing,
     "nearest-frontier": NearestFrontier,
     "information-gain": InformationGain,
+    "frontier-tour": FrontierTour,
+    "depth-first": DepthFirst,
+    "two-level": TwoLevel,
 }

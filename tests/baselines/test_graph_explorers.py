@@ -1,0 +1,118 @@
+import itertools
+
+import numpy as np
+import pytest
+
+from baselines.environments import make_env
+from baselines.explorers.map_graph import map_graph, worth_driving_to
+from baselines.explorers.own_map import FINE, FREE, ROCK, OwnMap
+from baselines.explorers.team import AssignedFrontiers
+from baselines.explorers.tour import open_tour
+from baselines.policy import make_policy
+from baselines.protocol import run_episodes
+from baselines.team import drive_team, speed_up
+from minexplore.robot import RobotParams
+from minexplore.task import TaskParams
+
+CELL_M = 2.0
+
+
+def map_of(plan):
+    """Return a map whose coverage cells are given by characters: # rock, . free and seen, ? unknown, north first."""
+    own = OwnMap(CELL_M)
+    rows = plan.split()[::-1]
+    own.seen = np.array([[c == "." for c in row] for row in rows])
+    kinds = {"#": ROCK, ".": FREE, "?": 0}
+    own.fine = np.repeat(np.repeat(np.array([[kinds[c] for c in row] for row in rows], np.uint8), FINE, 0), FINE, 1)
+    return own
+
+
+def graph_of(plan):
+    own = map_of(plan)
+    return map_graph(own, 0.35, np.ones_like(own.seen))
+
+
+PILLAR = "########## #........# #.######.# #.######.# #.######.# #........# ##########"
+
+
+def test_links_do_not_lead_through_rock_and_paths_go_round_it():
+    graph = graph_of(PILLAR)
+    west, east = (graph.nearest(np.array(place)) for place in ((3.0, 7.0), (17.0, 7.0)))
+    costs, before = graph.costs_from([west])
+    assert costs[0, east] > 16  # across the pillar it would be 14 m
+    path = graph.path(before[0], east)
+    column, row = np.floor(path / CELL_M).astype(int).T
+    rock = np.array([[character == "#" for character in line] for line in PILLAR.split()[::-1]])
+    assert not rock[row, column].any()
+    assert np.linalg.norm(np.diff(path, axis=0), axis=1).max() <= 0.41
+
+
+def test_the_frontier_is_in_clusters_that_are_no_longer_than_a_block():
+    graph = graph_of("############# #...........? #...........? ############# #############")
+    assert set(graph.cells[graph.cluster > 0][:, 0]) == {12}
+    assert graph.cluster.max() == 1
+    long = graph_of("?????????????? .............. .............. ##############")
+    assert long.cluster.max() >= 3
+    for number in range(1, long.cluster.max() + 1):
+        assert np.ptp(long.cells[long.cluster == number], axis=0).max() < 4
+
+
+def test_cells_out_of_the_region_and_cells_given_up_are_not_driven_to():
+    own = map_of("....... ....... .......")
+    keep = worth_driving_to(own, [(1, 1)], np.array([1.0, 1.0]), 8.0)
+    assert not keep[1, 1]
+    assert keep[0, :4].all()
+    assert not keep[:, 5:].any()
+
+
+def test_an_open_tour_is_as_short_as_the_shortest_of_all_orders():
+    for seed in range(20):
+        places = np.random.default_rng(seed).uniform(0, 50, (6, 2))
+        costs = np.linalg.norm(places[:, None] - places, axis=2)
+
+        def length(order, costs=costs):
+            return sum(costs[a, b] for a, b in itertools.pairwise([0, *(stop + 1 for stop in order)]))
+
+        best = min(length(order) for order in itertools.permutations(range(5)))
+        assert length(open_tour(costs)) <= 1.1 * best
+        ending = min(length((*order, 2)) for order in itertools.permutations([0, 1, 3, 4]))
+        tour = open_tour(costs, last=2)
+        assert tour[-1] == 2
+        assert sorted(tour) == [0, 1, 2, 3, 4]
+        assert length(tour) <= 1.1 * ending
+
+
+@pytest.mark.parametrize("name", ["frontier-tour", "depth-first", "two-level"])
+def test_an_explorer_of_the_graph_sees_a_small_mine_and_touches_nothing(tee_id, name):
+    env = make_env(tee_id, 2)
+    for episode in run_episodes(env, make_policy(name, 2, env.task), [0, 1]):
+        assert episode.seen[-1] / env.robots.grid.total >= 0.8
+        assert episode.collided == 0
+    env.close()
+
+
+def test_a_team_sees_at_least_as_much_as_one_robot_and_touches_nothing(tee_id):
+    one, _ = drive_team(tee_id, 1, 0)
+    two, contacts = drive_team(tee_id, 2, 0)
+    assert contacts == 0
+    assert two[-1] >= one[-1] - 0.05
+    assert two[-1] >= 0.9
+    assert (np.diff(two) >= 0).all()
+
+
+def test_a_robot_of_the_team_is_not_mapped_as_rock():
+    task = TaskParams()
+    policy = AssignedFrontiers(2, task, RobotParams())
+    poses = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, np.pi]])
+    ranges = np.full((2, 16), 10.0)
+    ranges[:, 0] = 3.8  # each sees the other one ahead
+    policy.act(ranges, poses)
+    row, col = policy.map.at(np.array([[3.8, 0.0], [0.2, 0.0]]), policy.map.fine_m)
+    assert (policy.map.fine[row, col] != ROCK).all()
+
+
+def test_the_speed_up_compares_times_to_the_same_coverage():
+    one, team = np.linspace(0.0, 0.5, 101), np.linspace(0.0, 1.0, 101)
+    assert speed_up(one, team) == pytest.approx(2.0)
+    assert speed_up(one, one) == 1.0
+    assert np.isnan(speed_up(team, one))
