@@ -11,7 +11,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock look-pictures drive-clip compare-collision search-texture bench bench-light bench-pipeline time-training setup-baselines oracle explorers teams train train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock
+.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock look-pictures drive-clip compare-collision search-texture bench bench-light bench-pipeline time-training setup-baselines oracle explorers teams unseen train train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock
 
 help:  # show the targets that have a remark of two hashes; rarer ones have one
 	@awk -F ':.*## ' '/^##@/ {print substr($$0, 5)} /^all:/ {printf "  %-18s %s\n", "$(firstword $(STAGES)) ...", "up to and including one stage: $(STAGES)"} /^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' Makefile
@@ -141,6 +141,9 @@ oracle: all  ## upper bound and driven tour of every environment
 
 explorers: all  ## evaluate the classical explorers in every environment
 	@$(PY) -m baselines.evaluate --all $(ARGS)
+
+unseen: setup  ## bounds and classical explorers in the 200 mines of the test split; resumes
+	@$(PY) -m baselines.split --bounds --policy wall-following nearest-frontier information-gain frontier-tour depth-first two-level $(ARGS)
 
 teams: all  ## teams of two and four robots against one (docs/team.md)
 	@$(PY) -m baselines.team $(ARGS)

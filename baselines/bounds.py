@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+import minexplore
 from baselines.result_file import RESULTS
 
 BOUNDS = RESULTS / "bounds.json"
 
 
 class Bound(BaseModel):
-    """The most of `cells` that any robot can have seen by `time_s`; between two times the later one's value holds."""
+    """The most of `cells` that any robot can have seen by `time_s`; between two times the later one's value holds.
+
+    `found` is what the best walk found sees by the same times, where it was kept: no bound can be lower than that.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     world_sha256: str
@@ -22,6 +27,7 @@ class Bound(BaseModel):
     cells: int
     time_s: list[float]
     most: list[int]
+    found: list[int] = []
 
     def at(self, seconds: float) -> int:
         """Return the bound after so many seconds; after the last time it is the number of all cells."""
@@ -29,23 +35,34 @@ class Bound(BaseModel):
         return self.most[later] if later < len(self.most) else self.cells
 
 
-def read_bounds() -> dict[str, Bound]:
-    """Return the bounds by environment id; an environment without `make oracle` has none."""
-    if not BOUNDS.is_file():
+def bounds_file(env_id: str) -> Path:
+    """Return the file that keeps an environment's bound: mines of a split have one beside their results."""
+    if env_id not in minexplore.FAMILY_MINES:
+        return BOUNDS
+    return BOUNDS.parent / env_id.removeprefix("MineXplore/").rpartition("-v")[0].rpartition("-")[0] / BOUNDS.name
+
+
+def read_bounds(path: Path | None = None) -> dict[str, Bound]:
+    """Return the bounds of a file by environment id; an environment without `make oracle` has none."""
+    path = path or BOUNDS
+    if not path.is_file():
         return {}
-    return {env: Bound.model_validate(values) for env, values in json.loads(BOUNDS.read_text()).items()}
+    return {env: Bound.model_validate(values) for env, values in json.loads(path.read_text()).items()}
 
 
 def write_bound(env_id: str, bound: Bound) -> None:
     """Write an environment's bound to the file of bounds."""
-    BOUNDS.parent.mkdir(parents=True, exist_ok=True)
-    bounds = {env: values.model_dump() for env, values in sorted((read_bounds() | {env_id: bound}).items())}
-    fresh = BOUNDS.with_suffix(".new")
-    fresh.write_text(json.dumps(bounds, indent=1) + "\n")
-    fresh.replace(BOUNDS)
+    path = bounds_file(env_id)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    kept = sorted((read_bounds(path) | {env_id: bound}).items())
+    fresh = path.with_suffix(".new")
+    fresh.write_text(
+        json.dumps({env: values.model_dump(exclude_defaults=True) for env, values in kept}, indent=1) + "\n"
+    )
+    fresh.replace(path)
 
 
 def bound_of(env_id: str, world_sha256: str) -> Callable[[float], int] | None:
     """Return the bound of an environment; None where it was never computed, or in another world."""
-    bound = read_bounds().get(env_id)
+    bound = read_bounds(bounds_file(env_id)).get(env_id)
     return bound.at if bound is not None and bound.world_sha256 == world_sha256 else None

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from baselines.protocol import SEEDS, params_facts
+from baselines.protocol import params_facts, seeds_of
 from baselines.reference import Reference
 from baselines.result_file import Episode, Head
 from baselines.sight import Sight
@@ -33,7 +33,7 @@ def file_faults(head: Head, episodes: list[Episode], env: MineVectorEnv) -> Iter
     yield from _params_faults(f"the robot is not {head.env}'s", head.robot, params_facts(env.robot))
     if head.cells != env.robots.grid.total:
         yield f"{head.cells} reachable cells, the world has {env.robots.grid.total}"
-    yield from _seed_faults(head.seeds)
+    yield from _seed_faults(head.seeds, seeds_of(head.env))
     yield from _repeated_faults(episodes)
 
 
@@ -52,14 +52,14 @@ def _repeated_faults(episodes: list[Episode]) -> Iterator[str]:
                 yield f"seeds {same} and {episode.seed} see the same number of new cells at every time"
 
 
-def _seed_faults(seeds: list[int]) -> Iterator[str]:
-    missing, extra = sorted(set(SEEDS) - set(seeds)), sorted(set(seeds) - set(SEEDS))
-    protocol = f"the protocol's are {SEEDS[0]} to {SEEDS[-1]}"
+def _seed_faults(seeds: list[int], wanted: tuple[int, ...]) -> Iterator[str]:
+    missing, extra = sorted(set(wanted) - set(seeds)), sorted(set(seeds) - set(wanted))
+    protocol = f"the protocol's are {wanted[0]} to {wanted[-1]}"
     if len(set(seeds)) < len(seeds):
         yield f"a seed comes twice; {protocol}, each once"
     elif missing or extra:
         yield f"seeds: {protocol}; missing {missing or 'none'}, extra {extra or 'none'}"
-    elif seeds != list(SEEDS):
+    elif seeds != list(wanted):
         yield f"seeds: {protocol}, in this order"
 
 

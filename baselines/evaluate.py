@@ -49,6 +49,11 @@ def evaluate(policy_name: str, env_id: str, seeds: list[int], out: Path, jobs: i
     return head, episodes
 
 
+def is_same(kept: Head, head: Head) -> bool:
+    """Return whether two heads are of the same world, task, policy and seeds, whatever the versions."""
+    return kept.model_copy(update={"versions": head.versions}) == head
+
+
 def is_current(path: Path, head: Head) -> bool:
     """Return whether a results file has this head: the same world, task, policy and seeds, whatever the versions."""
     if not path.is_file():
@@ -57,7 +62,7 @@ def is_current(path: Path, head: Head) -> bool:
         kept, _ = read_results(path)
     except BaselineError:
         return False
-    return kept.model_copy(update={"versions": head.versions}) == head
+    return is_same(kept, head)
 
 
 def print_table(head: Head, episodes: list[Episode], driven_here: bool = True) -> None:

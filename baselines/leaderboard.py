@@ -12,6 +12,7 @@ from baselines.environments import BENCHMARK
 from baselines.errors import BaselineError, RejectedError, run_command
 from baselines.result_file import RESULTS, result_path
 from baselines.score import score
+from baselines.split_page import split_section
 from baselines.statistics import STATED, Figure, as_text, figures
 
 PAGE = Path("LEADERBOARD.md")
@@ -49,7 +50,7 @@ def leaderboard(results: Path) -> str:
     BaselineError
         If there are no results, or one is rejected.
     """
-    files = sorted(results.glob("*/*.jsonl"))
+    files = sorted(path for path in results.glob("*/*.jsonl") if not path.parent.name.startswith("Family-"))
     if not files:
         raise BaselineError(f"{results}: no results; `python -m baselines.evaluate` writes them")
     tables: dict[str, list[_Row]] = {}
@@ -68,7 +69,13 @@ def leaderboard(results: Path) -> str:
         again = was_driven_here(path, results, head, episodes)
         tables.setdefault(head.env, []).append(_Row(head.policy, len(episodes), again, found))
     envs = sorted(tables, key=lambda env: (env not in BENCHMARK, env))
-    return "\n".join([_HEADING, *(_section(env, tables[env], read_bounds().get(env)) for env in envs)])
+    return "\n".join(
+        [
+            _HEADING,
+            *filter(None, [split_section("test")]),
+            *(_section(env, tables[env], read_bounds().get(env)) for env in envs),
+        ]
+    )
 
 
 def _section(env_id: str, rows: list[_Row], bound: Bound | None) -> str:

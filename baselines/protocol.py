@@ -18,7 +18,13 @@ from minexplore.task import TaskParams
 from minexplore.vector import MineVectorEnv
 
 SEEDS = tuple(range(20))  # of the episodes that a policy's results consist of: all of them, and no others
+SPLIT_SEEDS = (0,)  # the same of a mine of a split, which has many mines
 _PACKAGES = ("minexplore-pipeline", "mujoco", "numpy", "gymnasium")
+
+
+def seeds_of(env_id: str) -> tuple[int, ...]:
+    """Return the seeds that results in an environment consist of."""
+    return SPLIT_SEEDS if env_id in minexplore.FAMILY_MINES else SEEDS
 
 
 def head_of(env_id: str, env: MineVectorEnv, label: str, policy: Policy, seeds: list[int]) -> Head:

@@ -10,7 +10,7 @@ import numpy as np
 
 from baselines.environments import known_ids, make_env
 from baselines.errors import BaselineError
-from baselines.protocol import SEEDS
+from baselines.protocol import seeds_of
 from baselines.rock import Rock
 from baselines.sight import Sight
 from minexplore.vector import MineVectorEnv
@@ -43,8 +43,9 @@ def reference_of(env_id: str) -> Reference:
 @functools.lru_cache(maxsize=4)
 def _compute(env_id: str, arguments: str) -> Reference:
     """Compute what an environment gives; `arguments` tells apart what was registered again by the same id."""
-    env = make_env(env_id, len(SEEDS))
-    _, info = env.reset(seed=list(SEEDS))
+    seeds = list(seeds_of(env_id))
+    env = make_env(env_id, len(seeds))
+    _, info = env.reset(seed=seeds)
     starts = np.rint(100 * info["pose_m_rad"][:, :2]).astype(int)
     rock = Rock(env.robots.local_models, env.robot.radius_m)
     sight = Sight(env.world, env.robots.grid, env.task.range_m[1])

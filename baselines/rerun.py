@@ -85,7 +85,7 @@ def _find_policy(path: Path, head: Head, policy: str | None) -> str:
 def pending(results: Path) -> list[Path]:
     """Return the kept files whose present contents were not driven here, of policies that can be found by name."""
     found = []
-    for path in sorted(results.glob("*/*.jsonl")):
+    for path in sorted(path for path in results.glob("*/*.jsonl") if not path.parent.name.startswith("Family-")):
         head, episodes = read_results(path)
         if head.policy not in RESERVED and not was_driven_here(path, results, head, episodes):
             found.append(path)

@@ -115,7 +115,7 @@ def read_results(path: Path) -> tuple[Head, list[Episode]]:
     BaselineError
         If it is not a results file, is too large or cut short, or a line was changed; the message names the line.
     """
-    return parse_results(path, _read_text(path))
+    return parse_results(path, read_text(path))
 
 
 def parse_results(path: Path, text: str) -> tuple[Head, list[Episode]]:
@@ -136,8 +136,14 @@ def parse_results(path: Path, text: str) -> tuple[Head, list[Episode]]:
     return head, episodes
 
 
-def _read_text(path: Path) -> str:
-    """Return a file's text; nothing is read that is no plain file or too large."""
+def read_text(path: Path) -> str:
+    """Return a file's text.
+
+    Raises
+    ------
+    BaselineError
+        If it is no plain file, too large, or no text.
+    """
     try:
         about = path.stat()
         if not stat.S_ISREG(about.st_mode):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -15,6 +16,7 @@ from baselines.oracle.network import TimeNetwork
 Row = tuple[list[int], list[float], float, float]  # columns, their coefficients, lower and upper limit of the sum
 
 _RELATIVE_GAP = 1e-3
+_MOST_LOOPS = 2000  # a mine of rooms and pillars has more loops than can be listed
 
 
 @dataclass(frozen=True)
@@ -147,9 +149,9 @@ class _Program:
                 yield [self._entry + i, *before], [1, *([-1] * len(before))], -np.inf, 0
 
     def _loops(self) -> Iterator[Row]:
-        """Yield: no loop of the mine consists of entries."""
+        """Yield: no loop of the mine consists of entries; without the rows of more loops the bound is higher."""
         entry = {arc: self._entry + i for i, arc in enumerate(self._arcs)}
-        for loop in nx.simple_cycles(self._graph):
+        for loop in itertools.islice(nx.simple_cycles(self._graph), _MOST_LOOPS):
             ring = [self._number[node] for node in loop]
             for way in (ring, ring[::-1]):
                 links = [entry[way[i - 1], way[i]] for i in range(len(way))]

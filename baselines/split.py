@@ -1,0 +1,165 @@
+"""Policies on mines that nobody trained in: `python -m baselines.split --policy frontier-tour` and `--bounds`."""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
+from typing import Any
+
+import minexplore
+from baselines.bounds import Bound, bounds_file, read_bounds, write_bound
+from baselines.driven import note_driven
+from baselines.environments import make_env
+from baselines.errors import BaselineError, run_command
+from baselines.evaluate import is_same
+from baselines.oracle.bound import best_walk
+from baselines.oracle.network import time_network
+from baselines.policy import make_policy, policy_label
+from baselines.progress import Progress
+from baselines.protocol import SPLIT_SEEDS, head_of, run_episodes
+from baselines.result_file import RESULTS, Head
+from baselines.split_file import Drive, mine_id, read_drives, split_folder, write_drives
+from minexplore.splits import SIZES
+
+_BANDS, _LIMIT_S = 100, 20.0  # of a bound: bands of the horizon, and seconds of the solver
+_BUILD = "make worlds N={count} SPLIT={split}"
+
+
+def evaluate_split(policy: str, split: str, jobs: int, most: int | None = None) -> list[Drive]:
+    """Drive one episode in each mine of a split; episodes that are kept and current are not driven again.
+
+    Raises
+    ------
+    BaselineError
+        If the policy is unknown, or a mine is not built.
+    """
+    path = split_folder(split) / f"{policy_label(policy)}.jsonl"
+    part = path.with_suffix(".part")
+    ids = _built_ids(split, most)
+    kept = {head.env: (head, episode) for file in (path, part) if file.is_file() for head, episode in read_drives(file)}
+    current = {env: drive for env, drive in kept.items() if env in ids and is_same(drive[0], _expected(policy, env))}
+    progress = Progress(f"{policy_label(policy)} in {split}", len(ids), len(current), "mines")
+    for env_id, drive in _in_processes(partial(_drive, policy), [env for env in ids if env not in current], jobs):
+        current[env_id] = drive
+        write_drives(part, [current[env] for env in ids if env in current])
+        progress.add(1)
+    progress.close()
+    drives = [current[env] for env in ids]
+    write_drives(path, drives)
+    part.unlink(missing_ok=True)
+    drives = read_drives(path)
+    note_driven(path, RESULTS, drives[0][0], [episode for _, episode in drives])
+    return drives
+
+
+def bound_split(split: str, jobs: int, most: int | None = None) -> dict[str, Bound]:
+    """Compute the bound of each mine of a split at the end of its episodes; what is current is kept."""
+    ids = _built_ids(split, most)
+    known = read_bounds(bounds_file(ids[0]))
+    missing = [env for env in ids if env not in known or known[env].world_sha256 != _world_of(env)]
+    progress = Progress(f"bounds in {split}", len(ids), len(ids) - len(missing), "mines")
+    for env_id, bound in _in_processes(_bound, missing, jobs):
+        write_bound(env_id, bound)
+        progress.add(1)
+    progress.close()
+    return read_bounds(bounds_file(ids[0]))
+
+
+def _built_ids(split: str, most: int | None) -> list[str]:
+    """Return the ids of a split's mines, or of the first so many."""
+    count = SIZES[split] if most is None else most
+    ids = [mine_id(split, number) for number in range(count)]
+    absent = [env for env in ids if env not in minexplore.FAMILY_MINES]
+    if absent:
+        raise BaselineError(f"{absent[0]}: not built; `{_BUILD.format(count=count, split=split)}` builds it")
+    return ids
+
+
+def _expected(policy: str, env_id: str) -> Head:
+    env = make_env(env_id, 1)
+    try:
+        made = make_policy(policy, 1, env.task, env.robot)
+        return head_of(env_id, env, policy_label(policy), made, list(SPLIT_SEEDS))
+    finally:
+        env.close()
+
+
+def _world_of(env_id: str) -> str:
+    env = make_env(env_id, 1)
+    try:
+        return str(env.world.record["world_sha256"])
+    finally:
+        env.close()
+
+
+def _drive(policy: str, env_id: str) -> Drive:
+    """Drive the episode of one mine."""
+    env = make_env(env_id, 1)
+    try:
+        made = make_policy(policy, 1, env.task, env.robot)
+        head = head_of(env_id, env, policy_label(policy), made, list(SPLIT_SEEDS))
+        return head, next(run_episodes(env, made, list(SPLIT_SEEDS)))
+    finally:
+        env.close()
+
+
+def _bound(env_id: str) -> Bound:
+    """Return the bound of one mine at the end of an episode."""
+    env = make_env(env_id, 1)
+    try:
+        horizon = env.task.max_steps * env.task.control_s
+        walk = best_walk(time_network(env.robots, horizon / _BANDS), horizon, _LIMIT_S)
+        world = env.world.record["world_sha256"]
+        return Bound(
+            world_sha256=world, cells=env.robots.grid.total, time_s=[horizon], most=[walk.most], found=[walk.found]
+        )
+    finally:
+        env.close()
+
+
+def _in_processes(work: Any, env_ids: list[str], jobs: int) -> Iterator[tuple[str, Any]]:
+    """Yield what `work` returns for each id, in the order in which the processes finish."""
+    if jobs == 1:
+        for env_id in env_ids:
+            yield env_id, work(env_id)
+        return
+    pool = ProcessPoolExecutor(min(jobs, max(len(env_ids), 1)), multiprocessing.get_context("spawn"))
+    try:
+        waiting = {pool.submit(work, env_id): env_id for env_id in env_ids}
+        for future in as_completed(waiting):
+            yield waiting[future], future.result()
+    except BaseException:
+        for worker in multiprocessing.active_children():
+            worker.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(prog="python -m baselines.split", description=__doc__)
+    parser.add_argument("--policy", nargs="*", default=[], help="names, module:Class, or checkpoints NAME.safetensors")
+    parser.add_argument("--split", default="test", choices=("validation", "test"))
+    parser.add_argument("--mines", type=int, help="the first so many; all by default")
+    parser.add_argument("--bounds", action="store_true", help="compute the bounds")
+    parser.add_argument("--jobs", type=int, default=min(os.cpu_count() or 1, 16))
+    arguments = parser.parse_args()
+    size = SIZES[arguments.split]
+    if arguments.jobs < 1 or not 1 <= (arguments.mines or size) <= size:
+        raise BaselineError(f"jobs = {arguments.jobs}, mines = {arguments.mines}: want 1 or more, and 1 to {size}")
+    if not arguments.policy and not arguments.bounds:
+        raise BaselineError("nothing to do: give --policy or --bounds")
+    if arguments.bounds:
+        bound_split(arguments.split, arguments.jobs, arguments.mines)
+    for policy in arguments.policy:
+        evaluate_split(policy, arguments.split, arguments.jobs, arguments.mines)
+
+
+if __name__ == "__main__":
+    sys.exit(run_command("split", main))

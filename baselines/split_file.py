@@ -1,0 +1,77 @@
+"""Results on a split: the results file of each mine, one after the other in one file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from baselines.errors import BaselineError
+from baselines.result_file import RESULTS, Episode, Head, chain, parse_results, read_text
+from minexplore.splits import SIZES, mine_name
+
+Drive = tuple[Head, Episode]  # the one episode of a mine
+
+_BEGIN = '{"format":'
+
+
+def split_folder(split: str) -> Path:
+    """Return where results on a split are kept."""
+    return RESULTS / f"Family-{split}"
+
+
+def mine_id(split: str, number: int) -> str:
+    """Return the id of a mine's environment: `MineXplore/Family-test-0007-v0`."""
+    return f"MineXplore/Family-{mine_name(split, number)}-v0"
+
+
+def write_drives(path: Path, drives: list[Drive]) -> None:
+    """Write a file of a split; an interrupted write leaves the previous file in place."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_suffix(".new")
+    fresh.write_text("".join(chain(head, [episode]) for head, episode in drives))
+    fresh.replace(path)
+
+
+def read_drives(path: Path) -> list[Drive]:
+    """Return the mines' heads and episodes.
+
+    Raises
+    ------
+    BaselineError
+        If a mine's part is no results file of one episode, a line was changed, or there are too many mines.
+    """
+    parts: list[list[str]] = []
+    for line in read_text(path).splitlines(keepends=True):
+        if line.startswith(_BEGIN) or not parts:
+            parts.append([])
+        parts[-1].append(line)
+    if not 1 <= len(parts) <= max(SIZES.values()):
+        raise BaselineError(f"{path}: {len(parts)} mines: want 1 to {max(SIZES.values())}")
+    drives = []
+    for part in parts:
+        head, episodes = parse_results(path, "".join(part))
+        if len(episodes) != 1:
+            raise BaselineError(f"{path}: {len(episodes)} episodes in {head.env}: want 1")
+        drives.append((head, episodes[0]))
+    return drives
+
+
+def require_whole(path: Path, drives: list[Drive], split: str) -> None:
+    """Refuse a file that is not of one policy in all mines of a split, each once and in order.
+
+    Raises
+    ------
+    BaselineError
+        Naming the first mine that is not the one that should stand there.
+    """
+    policy = {(head.policy, head.policy_sha256) for head, _ in drives}
+    if len(policy) > 1:
+        raise BaselineError(f"{path}: results of {len(policy)} policies: want one")
+    found = [head.env for head, _ in drives]
+    for number in range(SIZES[split]):
+        if number >= len(found) or found[number] != mine_id(split, number):
+            there = found[number] if number < len(found) else "nothing"
+            raise BaselineError(
+                f"{path}: {there} where {mine_id(split, number)} is due; a split has {SIZES[split]} mines"
+            )
+    if len(found) > SIZES[split]:
+        raise BaselineError(f"{path}: {len(found)} mines: want {SIZES[split]}")

@@ -1,0 +1,117 @@
+"""The leaderboard's part on mines that nobody trained in: every results file checked, mine by mine, and the table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from baselines.bounds import Bound, bound_of, bounds_file, read_bounds
+from baselines.driven import was_driven_here
+from baselines.errors import BaselineError
+from baselines.score import check
+from baselines.split_file import Drive, read_drives, require_whole, split_folder
+from baselines.split_statistics import improvement, middle, stratified
+from baselines.statistics import Figure, sample_times
+from minexplore.splits import STYLES
+
+_CURVE_POINTS = 601
+_SEEN = 0.9  # of the cells that a robot can reach
+_COLUMNS = ("share of bound", "area under coverage", "time to 90 %, s", "distance, m", "collisions per 100 m")
+_HEADING = """## Unseen mines: the test split
+
+{mines} mines of four styles ([docs/families.md](docs/families.md)), one episode of {seconds:g} s in each. Interquartile
+means over mines, in brackets 95 % intervals by a bootstrap within the styles. The bound of a mine is what no robot can
+exceed; on average it is {loose} above the best walk that was found. `P` is the probability that a policy sees more of a
+mine than the policy in the row below.
+"""
+
+
+@dataclass(frozen=True)
+class _Row:
+    policy: str
+    driven_here: bool
+    shares: np.ndarray  # (mines,) of the bound
+    figures: dict[str, Figure]
+    never: int  # mines in which less than 90 % was seen
+
+
+def split_section(split: str) -> str:
+    """Return the section of a split, or nothing if it has no results.
+
+    Raises
+    ------
+    BaselineError
+        If a file does not hold all mines of the split, or a mine has no bound.
+    RejectedError
+        If an episode is impossible.
+    """
+    files = sorted(split_folder(split).glob("*.jsonl"))
+    if not files:
+        return ""
+    kept = {path: read_drives(path) for path in files}
+    for path, drives in kept.items():
+        require_whole(path, drives, split)
+    for mine in zip(*kept.values(), strict=True):  # a mine's environment is made once for all files
+        for path, (head, episode) in zip(files, mine, strict=True):
+            check(path, head, [episode])
+    rows = sorted((_row(path, drives) for path, drives in kept.items()), key=lambda row: -(_value(row) or 0.0))
+    head, _ = kept[files[0]][0]
+    seconds = float(head.task["max_steps"]) * float(head.task["control_s"])  # type: ignore[arg-type]
+    loose = _looseness(read_bounds(bounds_file(head.env)))
+    lines = [_HEADING.format(mines=len(kept[files[0]]), seconds=seconds, loose=loose)]
+    lines += [f"| policy | checked | {' | '.join(_COLUMNS)} | P |", "|---" * (len(_COLUMNS) + 3) + "|"]
+    for row, below in zip(rows, [*rows[1:], None], strict=True):
+        better = "" if below is None else _text(_improvement(row, below), 2)
+        checked = "driven here" if row.driven_here else "as stated"
+        texts = [_text(row.figures[name], 1, 100 if name in _COLUMNS[:2] else 1) for name in _COLUMNS]
+        texts[2] += f", never in {row.never}" if row.never else ""
+        lines.append(f"| {row.policy} | {checked} | {' | '.join(texts)} | {better} |")
+    return "\n".join([*lines, ""])
+
+
+def _row(path: Path, drives: list[Drive]) -> _Row:
+    found: dict[str, list[float]] = {name: [] for name in _COLUMNS}
+    never = 0
+    for head, episode in drives:
+        bound = bound_of(head.env, head.world_sha256)
+        if bound is None:
+            raise BaselineError(f"{path}: {head.env} has no bound; `python -m baselines.split --bounds` computes it")
+        control = float(head.task["control_s"])  # type: ignore[arg-type]
+        horizon = float(head.task["max_steps"]) * control  # type: ignore[arg-type]
+        times, share = sample_times(episode, control), np.array(episode.seen) / head.cells
+        curve = np.interp(np.linspace(0, horizon, _CURVE_POINTS), times, share)
+        late = np.flatnonzero(share >= _SEEN)
+        found["share of bound"].append(episode.seen[-1] / bound(horizon))
+        found["area under coverage"].append(float(np.trapezoid(curve) / (_CURVE_POINTS - 1)))
+        found["time to 90 %, s"].append(float(times[late[0]]) if len(late) else horizon)
+        found["distance, m"].append(episode.path_m)
+        found["collisions per 100 m"].append(100 * episode.collided / max(episode.path_m, 1.0))
+        never += not len(late)
+    strata = np.arange(len(drives)) % len(STYLES)
+    figures = {name: stratified(middle, np.array(values), strata=strata) for name, values in found.items()}
+    here = was_driven_here(path, split_folder("test").parent, drives[0][0], [episode for _, episode in drives])
+    return _Row(drives[0][0].policy, here, np.array(found["share of bound"]), figures, never)
+
+
+def _looseness(bounds: dict[str, Bound]) -> str:
+    """Return by how much the bounds exceed the best walks that were found."""
+    ratios = [bound.most[-1] / bound.found[-1] for bound in bounds.values() if bound.found and bound.found[-1]]
+    if not ratios:
+        return "at an unknown distance"
+    return f"{100 * (np.mean(ratios) - 1):.1f} % (at most {100 * (max(ratios) - 1):.0f} %, {len(ratios)} mines)"
+
+
+def _improvement(row: _Row, below: _Row) -> Figure:
+    return stratified(improvement, row.shares, below.shares, strata=np.arange(len(row.shares)) % len(STYLES))
+
+
+def _value(row: _Row) -> float | None:
+    return row.figures["share of bound"].value
+
+
+def _text(figure: Figure, digits: int, scale: float = 1.0) -> str:
+    unit = " %" if scale > 1 else ""
+    values = [scale * v for v in (figure.value or 0.0, figure.low or 0.0, figure.high or 0.0)]
+    return f"{values[0]:.{digits}f}{unit} ({values[1]:.{digits}f}-{values[2]:.{digits}f})"

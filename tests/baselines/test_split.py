@@ -1,0 +1,129 @@
+"""Results on the mines of a split: driven, kept, resumed, checked and compared."""
+
+import gymnasium
+import numpy as np
+import pytest
+from scipy.stats import mannwhitneyu
+
+import minexplore
+from baselines import driven, result_file, split, split_file, split_page
+from baselines.bounds import Bound, bounds_file, read_bounds, write_bound
+from baselines.errors import BaselineError, RejectedError
+from baselines.split import bound_split, evaluate_split
+from baselines.split_file import mine_id, read_drives, require_whole, write_drives
+from baselines.split_page import split_section
+from baselines.split_statistics import improvement, middle, profile, stratified
+from tests.mines import BuiltMine
+
+TASK = {"terrain": False, "max_steps": 200, "stall_steps": 50}
+
+
+@pytest.fixture
+def mines(tee: BuiltMine, tmp_path, monkeypatch):
+    """Register a test split of two mines, whose results are kept in a folder of the test."""
+    ids = [mine_id("test", number) for number in range(2)]
+    kwargs = {"world": str(tee.bundle), "task": TASK}
+    monkeypatch.setattr(minexplore, "FAMILY_MINES", dict.fromkeys(ids, kwargs))
+    built = {env_id: gymnasium.registry.pop(env_id) for env_id in ids if env_id in gymnasium.registry}
+    for env_id in ids:
+        gymnasium.register(
+            env_id, "minexplore.env:MineEnv", vector_entry_point="minexplore.vector:MineVectorEnv", kwargs=kwargs
+        )
+    for module in (split, split_file):
+        monkeypatch.setattr(module, "SIZES", {"test": 2})
+    for module in (split, split_file, result_file):
+        monkeypatch.setattr(module, "RESULTS", tmp_path)
+    monkeypatch.setattr("baselines.bounds.BOUNDS", tmp_path / "bounds.json")
+    yield ids
+    for env_id in ids:
+        del gymnasium.registry[env_id]
+    gymnasium.registry.update(built)
+
+
+def test_a_split_is_driven_once_resumed_and_put_into_a_table(mines, tmp_path):
+    path = tmp_path / "Family-test" / "wall-following.jsonl"
+    drives = evaluate_split("wall-following", "test", 1)
+    assert [head.env for head, _ in drives] == mines
+    whole, made = path.read_bytes(), path.stat().st_mtime_ns
+    write_drives(path.with_suffix(".part"), drives[:1])  # what an interrupted run leaves
+    path.unlink()
+    assert evaluate_split("wall-following", "test", 1) == drives
+    assert path.read_bytes() == whole
+    assert not path.with_suffix(".part").exists()
+    evaluate_split("random", "test", 1)
+    bounds = bound_split("test", 1)
+    assert all(bound.found[-1] <= bound.most[-1] <= bound.cells for bound in bounds.values())
+    text = split_section("test")
+    rows = [line.split("|") for line in text.splitlines() if "driven here" in line]
+    assert [row[1].strip() for row in rows] == ["wall-following", "random"]
+    assert float(rows[0][-2].split("(")[0]) == 1.0  # it sees more in every mine
+    assert made
+
+
+def test_a_file_that_is_not_whole_or_was_changed_is_refused(mines, tmp_path):
+    drives = evaluate_split("random", "test", 1)
+    path = tmp_path / "Family-test" / "random.jsonl"
+    with pytest.raises(BaselineError, match=r"nothing where MineXplore/Family-test-0001-v0 is due"):
+        require_whole(path, drives[:1], "test")
+    with pytest.raises(BaselineError, match=r"Family-test-0001-v0 where MineXplore/Family-test-0000-v0 is due"):
+        require_whole(path, drives[::-1], "test")
+    text = path.read_text()
+    path.write_text(text.replace('"idle":', '"idle" :', 1).replace('"collided":0', '"collided":1', 1))
+    bound_split("test", 1)
+    with pytest.raises((BaselineError, RejectedError)):
+        split_section("test")
+    path.write_text(text.splitlines()[0] + "\n")
+    with pytest.raises(BaselineError, match="0 episodes"):
+        read_drives(path)
+
+
+def test_results_without_a_bound_are_no_row(mines, tmp_path):
+    evaluate_split("random", "test", 1)
+    with pytest.raises(BaselineError, match=r"has no bound; `python -m baselines.split --bounds`"):
+        split_section("test")
+
+
+def test_a_mine_that_is_not_built_is_named_with_the_command_that_builds_it(mines, monkeypatch):
+    monkeypatch.setattr(split, "SIZES", {"test": 3})
+    with pytest.raises(BaselineError, match=r"Family-test-0002-v0: not built; `make worlds N=3 SPLIT=test`"):
+        evaluate_split("random", "test", 1)
+
+
+def test_bounds_of_a_split_lie_beside_its_results(mines, tmp_path):
+    write_bound(mines[0], Bound(world_sha256="0" * 64, cells=9, time_s=[20.0], most=[8], found=[7]))
+    assert bounds_file(mines[0]) == tmp_path / "Family-test" / "bounds.json"
+    assert read_bounds(bounds_file(mines[0]))[mines[0]].found == [7]
+    assert read_bounds() == {}
+
+
+def test_the_probability_of_improvement_is_the_mann_whitney_statistic_of_each_mine():
+    rng = np.random.default_rng(0)
+    ours, theirs = rng.integers(0, 5, 40) / 5, rng.integers(0, 5, 40) / 5
+    wanted = np.mean([mannwhitneyu([a], [b]).statistic for a, b in zip(ours, theirs, strict=True)])
+    assert improvement(ours, theirs) == pytest.approx(wanted)
+    assert improvement(ours, ours) == 0.5
+
+
+def test_a_stratified_interval_is_narrower_where_strata_differ():
+    rng = np.random.default_rng(1)
+    strata = np.arange(200) % 4
+    values = strata + rng.normal(0, 0.1, 200)
+    by_style = stratified(np.mean, values, strata=strata)
+    mixed = stratified(np.mean, values, strata=np.zeros(200, int))
+    assert by_style.low < by_style.value < by_style.high
+    assert by_style.high - by_style.low < 0.25 * (mixed.high - mixed.low)
+    assert middle(np.array([0.0, 1.0, 2.0, 100.0])) == 1.5
+
+
+def test_a_profile_falls_from_all_to_none():
+    values = np.array([0.2, 0.4, 0.6])
+    np.testing.assert_allclose(profile(values, np.array([0.0, 0.3, 0.5, 0.9])), [1, 2 / 3, 1 / 3, 0])
+
+
+def test_a_file_of_a_split_was_driven_here_only_with_its_present_contents(mines, tmp_path):
+    path = tmp_path / "Family-test" / "random.jsonl"
+    drives = evaluate_split("random", "test", 1)
+    head, episodes = drives[0][0], [episode for _, episode in drives]
+    assert driven.was_driven_here(path, tmp_path, head, episodes)
+    assert not driven.was_driven_here(path, tmp_path, head, episodes[:1])
+    assert split_page.STYLES[0] == "room_and_pillar"
