@@ -115,7 +115,7 @@ def faults(bundle: Path) -> list[Mutant]:
         Mutant(
             "amplitude of the rough surface x 2",
             move_vertices("walls_", lambda v: scale_wall_distance(v, 2.0, free)),
-            "texture.bump_ratio",
+            "walls.gap_p95_m",
         ),
         Mutant(
             "rough surface without roughness",

@@ -157,9 +157,8 @@ def _require_bounded(path: Path, walls: cKDTree, foot_m: float, repeat_m: float)
         )
     if mesh.normals is not None:
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        front = np.einsum(
-            "fij,fj->fi", mesh.normals[mesh.faces], normal / np.linalg.norm(normal, axis=1, keepdims=True)
-        )
+        length = np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)  # a face without area has no front
+        front = np.einsum("fij,fj->fi", mesh.normals[mesh.faces], normal / length)
         if not front.min() > -_BEHIND:
             raise ArtifactError(f"{path}: a normal behind its face ({front.min():.3f}), want one in front")
     return far
