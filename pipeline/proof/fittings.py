@@ -10,6 +10,7 @@ from shapely import Polygon
 
 from minexplore.bundle import COVER_M, FURNITURE_ABOVE_M, LINES_ABOVE_M, decode_msh, is_cover, mesh_file
 from pipeline.errors import ArtifactError
+from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.proof.same_surface import NearestFace
 
 _FROM_RIB_M = 0.8  # of what hangs lower than lines do: a plate on bumps of 0.45 m, and a little of the bolt
@@ -41,8 +42,7 @@ def require_fittings(folder: Path, names: list[str], free: Polygon, smooth: np.n
     """
     if not names:
         return
-    near, boundary, around = NearestFace(smooth), free.boundary, free.buffer(_BEHIND_M)
-    shapely.prepare(boundary)
+    near, around = NearestFace(smooth), free.buffer(_BEHIND_M)
     shapely.prepare(around)
     for name in names:
         path = folder / mesh_file(name)
@@ -61,7 +61,7 @@ def require_fittings(folder: Path, names: list[str], free: Polygon, smooth: np.n
         _refuse(path, points, points[:, 2] < FURNITURE_ABOVE_M - 1e-6, f"below {FURNITURE_ABOVE_M:g} m")
         low = points[:, 2] < LINES_ABOVE_M - 1e-6
         off = np.zeros(len(points))
-        off[low] = shapely.distance(boundary, shapely.points(points[low]))
+        off[low] = distances_to_walls(free, points[low, :2])
         _refuse(
             path, points, off > _FROM_RIB_M, f"below {LINES_ABOVE_M:g} m and more than {_FROM_RIB_M:g} m from a rib"
         )
