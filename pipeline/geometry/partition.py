@@ -11,6 +11,7 @@ from pipeline.errors import GeometryError
 from pipeline.types import Points2
 
 Box = tuple[float, float, float, float]
+_THIN_M = 1e-6
 
 
 def world_box(free: Polygon, margin_m: float, extent_m: Box) -> Box:
@@ -65,7 +66,10 @@ def tiled_rock(rock: list[Polygon], world_m: Box, tile_m: float | None) -> list[
 
 
 def _polygons(shapes: np.ndarray) -> list[Polygon]:
-    return [part for part in shapely.get_parts(shapes) if isinstance(part, Polygon) and not part.is_empty]
+    """Return the polygons among shapes, without those that rounding leaves on a border."""
+    return [
+        part for part in shapely.get_parts(shapes) if isinstance(part, Polygon) and part.area > _THIN_M * part.length
+    ]
 
 
 def convex_partition(rock: Polygon) -> list[Points2]:

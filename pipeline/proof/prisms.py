@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import shapely
 from scipy.spatial import cKDTree
-from shapely import Polygon
+from shapely import MultiLineString, Polygon
 
 from minexplore.bundle import MODEL, is_rock
 from pipeline.errors import ArtifactError
@@ -65,7 +65,7 @@ def _corners(free: Polygon, world_m: Box, tile_m: float | None) -> np.ndarray:
     """Return the places (n, 2) m at which a part may have a corner: of outline, box and tiles, and on tiles' borders."""
     eastings, northings = cut_lines(world_m, tile_m)
     west, south, east, north = world_m
-    borders = shapely.multilinestrings(
+    borders = MultiLineString(
         [((x, south), (x, north)) for x in eastings[1:-1]] + [((west, y), (east, y)) for y in northings[1:-1]]
     )
     crossings = shapely.get_coordinates(free.boundary.intersection(borders))
