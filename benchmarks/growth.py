@@ -180,8 +180,8 @@ def page(rows: list[Grown]) -> str:
     rocky = sorted((row for row in rows if row.rock), key=lambda r: r.km)
     lines = [
         "# Growth\n",
-        f"Written by `make bench-growth` on {platform.machine()} with {os.cpu_count()} cores. Generated mines of narrow "
-        "drifts (2.5 to 3.5 m) with rough\nwalls go through all six stages; each stage and the environment have a "
+        f"Written by `make bench-growth` on {platform.machine()} with {os.cpu_count()} cores. Generated mines of "
+        "narrow drifts (2.5 to 3.5 m) with rough\nwalls go through all six stages; each stage and the environment have a "
         "process of their own. Seconds are processor time.\nThe environment steps sixteen robots on one thread.\n",
         "## Collision world, certificate and environment\n",
         "Light worlds (`preset=light`): all stages without visible rock, the certificate without the stress test.\n",
@@ -209,7 +209,8 @@ def _table(rows: list[Grown]) -> str:
     for row in rows:
         stage = max(row.peak_mb, key=lambda name: row.peak_mb[name])
         lines.append(
-            f"| {row.drift_m / 1000:.2f} | {row.loops:,} | {total_s(row):,.1f} | {1000 * total_s(row) / row.drift_m:.2f} | "
+            f"| {row.drift_m / 1000:.2f} | {row.loops:,} | {total_s(row):,.1f} | "
+            f"{1000 * total_s(row) / row.drift_m:.2f} | "
             f"{row.peak_mb[stage]:,.0f} | {stage} | {row.parts:,} | {row.parts / row.drift_m:.3f} | "
             f"{row.bytes / 1e6:,.2f} | {'holds' if row.certificate else 'fails'} | {row.load_s:.2f} | "
             f"{row.env_peak_mb:,.0f} | {row.steps_per_s:,.0f} | {row.reset_ms:.3f} |"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import shapely
 from shapely import Polygon
@@ -53,13 +55,11 @@ def tiled_rock(rock: list[Polygon], world_m: Box, tile_m: float | None) -> list[
     eastings, northings = cut_lines(world_m, tile_m)
     if len(eastings) == len(northings) == 2:
         return rock
-    columns = [
-        shapely.box(west, world_m[1], east, world_m[3]) for west, east in zip(eastings, eastings[1:], strict=False)
-    ]
+    columns = [shapely.box(west, world_m[1], east, world_m[3]) for west, east in pairwise(eastings)]
     pieces = []
     for column in columns:
         strip = _polygons(shapely.intersection(rock, column))
-        for south, north in zip(northings, northings[1:], strict=False):
+        for south, north in pairwise(northings):
             west, _, east, _ = column.bounds
             pieces += _polygons(shapely.intersection(strip, shapely.box(west, south, east, north)))
     return pieces

@@ -133,9 +133,7 @@ def _cm(value: float) -> float:
     return round(float(value), 2)
 
 
-def _leg(
-    name: str, names: dict, edge: tuple, chainage: np.ndarray, points: np.ndarray, half_width: np.ndarray
-) -> Leg:
+def _leg(name: str, names: dict, edge: tuple, chainage: np.ndarray, points: np.ndarray, half_width: np.ndarray) -> Leg:
     first, last, leg = edge
     return Leg(
         name=name,
@@ -164,7 +162,7 @@ def _main_drift(graph: nx.MultiGraph) -> tuple[list[int], np.ndarray]:
 
 
 def _farthest_pair(graph: nx.MultiGraph) -> tuple[int, int]:
-    """Return the two nodes with the longest shortest route, to the micrometre; of equal pairs that of lowest numbers."""
+    """Return the two nodes with the longest shortest route, in micrometres; of equals the lowest numbers."""
     nodes = sorted(graph)
     links = nx.to_scipy_sparse_array(_shortest_edges(graph), nodes, weight="length")
     best, pair = -1.0, (nodes[0], nodes[0])

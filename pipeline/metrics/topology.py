@@ -54,7 +54,7 @@ def compare_topology(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_l
         See `trace_network`.
     """
     outlines = [_without_specks(trace_outline(mask, frame)) for mask in (plan, world)]
-    shortest_m = np.array([1.0, 1.25, 0.75]) * min_leg_m
+    shortest_m = [min_leg_m, 1.25 * min_leg_m, 0.75 * min_leg_m]
     (one, sure_one, any_one), (two, sure_two, any_two) = trace_all_alike(outlines, cell_m, shortest_m, _STATIONS_M)
     return TopologyMatch(
         loops_plan=one.loops,
@@ -92,7 +92,7 @@ def _count_unmatched(drifts: DriftNetwork, among: DriftNetwork) -> int:
 
 
 def _chambers_m(network: DriftNetwork) -> np.ndarray:
-    """Return the width (n,) m of the workings in which each dead end lies: of the widest disc on its leg that holds it."""
+    """Return the width (n,) m of the workings at each dead end: of the widest disc on its leg that holds it."""
     widths = []
     for name in network.dead_ends:
         leg = next(leg for leg in network.legs if name in (leg.start, leg.end))

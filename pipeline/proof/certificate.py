@@ -14,7 +14,6 @@ from typing import Any
 import mujoco
 import numpy as np
 import shapely
-from shapely import Polygon
 
 from minexplore.bundle import GeomGroup
 from pipeline.geometry.extrude import section_footprint

@@ -62,7 +62,7 @@ def require_prisms(
 
 
 def _corners(free: Polygon, world_m: Box, tile_m: float | None) -> np.ndarray:
-    """Return the places (n, 2) m at which a part may have a corner: of outline, box and tiles, and on tiles' borders."""
+    """Return the places (n, 2) m where a part may have a corner: of outline, box and tiles, and on borders of tiles."""
     eastings, northings = cut_lines(world_m, tile_m)
     west, south, east, north = world_m
     borders = MultiLineString(

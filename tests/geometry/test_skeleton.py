@@ -48,7 +48,11 @@ def test_the_longest_route_is_that_between_all_pairs_of_nodes():
     graph.add_nodes_from(range(300))
     for p, q in rng.integers(0, 300, (400, 2)).tolist():
         graph.add_edge(p, q, length=float(rng.uniform(1, 9)))
-    apart = {(a, b): round(d, 6) for a, to in nx.all_pairs_dijkstra_path_length(graph, weight="length") for b, d in to.items()}
+    apart = {
+        (a, b): round(d, 6)
+        for a, to in nx.all_pairs_dijkstra_path_length(graph, weight="length")
+        for b, d in to.items()
+    }
     most = max(apart.values())
     assert _farthest_pair(graph) == min(pair for pair, length in apart.items() if length == most)
 
