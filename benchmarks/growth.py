@@ -181,8 +181,8 @@ def page(rows: list[Grown]) -> str:
     lines = [
         "# Growth\n",
         f"Written by `make bench-growth` on {platform.machine()} with {os.cpu_count()} cores. Generated mines of "
-        "narrow drifts (2.5 to 3.5 m) with rough\nwalls go through all six stages; each stage and the environment have a "
-        "process of their own. Seconds are processor time.\nThe environment steps sixteen robots on one thread.\n",
+        "narrow drifts (2.5 to 3.5 m) with rough\nwalls go through all six stages; each stage and the environment have "
+        "a process of their own. Seconds are processor time.\nThe environment steps sixteen robots on one thread.\n",
         "## Collision world, certificate and environment\n",
         "Light worlds (`preset=light`): all stages without visible rock, the certificate without the stress test.\n",
         _table(light),

@@ -150,7 +150,7 @@ def _part(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> RockPart:
 
 
 def _meets(outline: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:
-    """Return whether a convex outline (n, 2), in any order, may meet a box that its bounds meet: no edge separates them."""
+    """Return whether a convex outline (n, 2), in any order, may meet a box that its bounds meet: no edge parts them."""
     corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
     centre = outline.mean(axis=0)
     ring = outline[np.argsort(np.arctan2(*(outline - centre).T[::-1]), kind="stable")]

@@ -23,7 +23,7 @@ from tests.mines import RING, STRAIGHT, TEE, random_mine
 from tests.surface.spectra import flat_bands, predicted_rq
 
 PROFILE = CrossSection(3.5, 0.3, 0.9, 2.75)
-BOUNDS = Bounds(0.45, 0.45, 1.2, 2.2, 0.02, 0.0, 0.5)
+BOUNDS = Bounds(0.45, 0.45, 1.2, 2.2, 0.02, 0.0, 1.0, 0.5)
 STEADY = Modulation(8.0, 0.0)
 
 
@@ -119,7 +119,7 @@ def test_the_recess_keeps_a_narrow_mine_wide_and_rough():
 
 def test_a_self_intersection_is_repaired_and_its_place_is_recorded():
     needle = shapely.union_all([shapely.box(0, 0, 20, 5), shapely.Polygon([(20, 1.5), (20, 3.5), (26, 2.5)])])
-    loose = Bounds(0.9, 0.9, 0.05, 0.06, 0.9, 0.0, 0.9)
+    loose = Bounds(0.9, 0.9, 0.05, 0.06, 0.9, 0.0, 1.0, 0.9)
     rough = rough_of(needle, rms_m=0.5, spacing=0.15, bounds=loose)
     assert len(rough.mended)
     check_mesh(*closed_mesh(rough))
