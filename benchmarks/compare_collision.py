@@ -35,7 +35,7 @@ def measure_method(method: str, free_space: FreeSpace, spawn: Spawn) -> dict[str
     free = free_space.polygon
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
     start = time.perf_counter()
-    parts = collision_parts(params, rock_around(free, world))
+    parts = collision_parts(params, rock_around(free, world), world)
     seconds = time.perf_counter() - start
     intrusion, missing = footprint_errors([parts[i] for i in range(len(parts))], free, shapely.box(*world))
     return {

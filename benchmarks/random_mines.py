@@ -40,8 +40,15 @@ _PICTURE = [
     "survey.mine.width_m=[2.5,3.5]",
     f"survey.rough_walls={_ROUGH}",
 ]
-# The rough surface is coarse, because this benchmark checks the collision walls and not the texture.
-_COARSE = ["surface.rough.spacing_m=0.5", "surface.rough.roof_spacing_m=0.5", "validation.certificate.contacts=100"]
+# Without visible rock, because this benchmark checks the collision walls; all checks of stage 6 but those of rock.
+_CHECKS = [
+    "preset=light",
+    "validation.extent=full",
+    "validation.certificate.contacts=100",
+    "validation.certificate.limits.contacts={min: 1}",
+    "validation.certificate.limits.escapes={max: 0}",
+    "validation.certificate.limits.deepest_m={max: 0.10}",
+]
 
 
 def judge(seed: int) -> dict[str, Any]:
@@ -51,7 +58,7 @@ def judge(seed: int) -> dict[str, Any]:
     row: dict[str, Any] = {"seed": seed, "style": style, "drawn": drawn}
     try:
         own = [f"survey.seed={seed}", f"survey.mine.style={style}", *_DRAWN[drawn]]
-        config = compose(["survey=procedural", *_PICTURE, *own, *_COARSE])
+        config = compose(["survey=procedural", *_PICTURE, *own, *_CHECKS])
         for stage in load_stages()[:-1]:
             make_artifacts(stage, getattr(config, stage.name), root)
         free = decode(root / "contours/free_space.geojson", FreeSpace)

@@ -127,7 +127,7 @@ def paper_hulls(world: World) -> ConvexParts:
     free: FreeSpace = decode(world.folder / "free_space.geojson", FreeSpace)
     params = compose(["collision=vhacd"]).compile3d
     box = world_box(free.polygon, params.rock_margin_m, free.frame.extent_m)
-    parts = collision_parts(params, rock_around(free.polygon, box))
+    parts = collision_parts(params, rock_around(free.polygon, box), box)
     write_atomically(HULLS, encode(HULLS, parts))
     return parts
 

@@ -64,14 +64,11 @@ def _connected(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.n
         raise ValueError(f"{world.folder}: no place where the robot fits")
     places = world.origin_m + (np.column_stack([col, row]) + 0.5) * world.cell_m
     seed = int(np.linalg.norm(places - centre_m, axis=1).argmin())
-    found = np.zeros_like(standing)
-    found[row[seed], col[seed]] = True
-    edge = [(int(row[seed]), int(col[seed]))]
-    rows, cols = standing.shape
-    while edge:
-        i, j = edge.pop()
-        for a, b in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
-            if 0 <= a < rows and 0 <= b < cols and standing[a, b] and not found[a, b]:
-                found[a, b] = True
-                edge.append((a, b))
-    return found
+    unseen = np.pad(standing, 1)  # a border of rock: no step leaves the grid
+    beside = np.array([1, -1, unseen.shape[1], -unseen.shape[1]])
+    edge, left = np.array([(row[seed] + 1) * unseen.shape[1] + col[seed] + 1]), unseen.reshape(-1)
+    while len(edge):  # all cells that are one step farther at a time
+        left[edge] = False
+        edge = (edge[:, None] + beside).ravel()
+        edge = np.unique(edge[left[edge]])
+    return standing & ~unseen[1:-1, 1:-1]

@@ -97,8 +97,9 @@ class Lidar:
             raise ImportError("the robots' beams need Embree: pip install embreex, or open3d where it has no wheel")
         self.backend = installed[0] if backend == "auto" else backend
         self.range_m, self._roof_m = range_m, roof_m
-        self._meshes, self._scenes_bytes = meshes, scenes_bytes
-        self._boxes = {k: (v[:, :2].min(axis=0), v[:, :2].max(axis=0)) for k, (v, _) in meshes.items()}
+        self._meshes, self._scenes_bytes = list(meshes.values()), scenes_bytes
+        bounds = np.array([(v[:, :2].min(axis=0), v[:, :2].max(axis=0)) for v, _ in meshes.values()])
+        self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
         self._scenes: OrderedDict[Tile, tuple[Cast, int]] = OrderedDict()  # with the bytes that each takes
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
@@ -122,11 +123,8 @@ class Lidar:
         if tile not in self._scenes:
             low = np.array(tile) * _TILE_M - self.range_m
             high = low + _TILE_M + 2 * self.range_m
-            near = [
-                self._meshes[name]
-                for name, (west_south, east_north) in self._boxes.items()
-                if (west_south <= high).all() and (east_north >= low).all()
-            ]
+            meets = ((self._low <= high) & (self._high >= low)).all(axis=1)
+            near = [self._meshes[i] for i in np.flatnonzero(meets)]
             size = _BYTES_PER_FACE[self.backend] * sum(len(faces) for _, faces in near)
             while self._scenes and self.kept_bytes + size > self._scenes_bytes:
                 self._scenes.popitem(last=False)

@@ -40,7 +40,10 @@ class LocalModels:
             self.T_world_mine[:3, :3] = np.eye(3)
         self._spec = world.spec()
         self.parts = [_part(self._spec, g) for g in self._spec.geoms if is_rock(g.name)]
+        bounds = np.array([(part.outline.min(axis=0), part.outline.max(axis=0)) for part in self.parts])
+        self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
         self._zones = {zone.geom: zone for zone in world.active_zones(task.terrain)}
+        self._level = [geom for geom in self._spec.geoms if geom.name in self._zones or geom.name == ROOF_GEOM]
         absent = sorted(set(self._zones) - {geom.name for geom in self._spec.geoms})
         if absent:
             raise BundleError(f"{world.folder / MODEL}: no geom {absent[0]!r} of a floor zone that {RECORD} names")
@@ -75,7 +78,7 @@ class LocalModels:
         low, high = (np.full(2, -np.inf), np.full(2, np.inf)) if everything else self.reach(np.array(tile))
         self._add_floor_and_roof(mine, solid, low, high)
         rock = self._spec.find_default(ROCK_CLASS).geom
-        for part in self.parts if everything else [part for part in self.parts if _meets(part.outline, low, high)]:
+        for part in self.parts if everything else self._parts_in(low, high):
             spec.add_mesh(name=part.name, uservert=part.vertices.ravel())
             solid.add_geom(
                 name=part.name,
@@ -95,9 +98,9 @@ class LocalModels:
         self, mine: mujoco.MjsBody, solid: mujoco.MjsBody, low: np.ndarray, high: np.ndarray
     ) -> None:
         """Add the floor zones and the roof that reach into a box of the plan."""
-        for geom in self._spec.geoms:
+        for geom in self._level:
             zone = self._zones.get(geom.name)
-            if (zone is None and geom.name != ROOF_GEOM) or not _overlaps(geom, low, high):
+            if not _overlaps(geom, low, high):
                 continue
             friction = geom.friction if zone is None else [zone.friction, *geom.friction[1:]]
             (solid if zone is None else mine).add_geom(
@@ -109,6 +112,11 @@ class LocalModels:
                 priority=geom.priority,
                 group=geom.group,
             )
+
+    def _parts_in(self, low: np.ndarray, high: np.ndarray) -> list[RockPart]:
+        """Return the parts that may meet a box of the plan."""
+        near = np.flatnonzero(((self._low <= high) & (self._high >= low)).all(axis=1))
+        return [part for part in (self.parts[i] for i in near) if _meets(part.outline, low, high)]
 
     def reach(self, tile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step.
@@ -142,9 +150,7 @@ def _part(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> RockPart:
 
 
 def _meets(outline: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:
-    """Return whether a convex outline (n, 2), in any order, may meet a box: no edge of it separates the two."""
-    if (outline.max(axis=0) < low).any() or (outline.min(axis=0) > high).any():
-        return False
+    """Return whether a convex outline (n, 2), in any order, may meet a box that its bounds meet: no edge parts them."""
     corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
     centre = outline.mean(axis=0)
     ring = outline[np.argsort(np.arctan2(*(outline - centre).T[::-1]), kind="stable")]

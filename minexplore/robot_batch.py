@@ -19,7 +19,7 @@ from minexplore.task import TaskParams
 from minexplore.world import World
 
 # Arrays with a row for each robot that hold what changes while it drives.
-_CHANGES = ("state", "seen", "cells_seen", "previous", "steps", "stalled", "collisions")
+_CHANGES = ("state", "seen", "seen_m", "cells_seen", "previous", "steps", "stalled", "collisions")
 
 
 @dataclass
@@ -63,6 +63,7 @@ class RobotBatch:
         self.stepper = PhysicsStepper(self.local_models, count, threads, anchor_m)
         self.state, self.qpos, self.qvel = self.stepper.state, self.stepper.qpos, self.stepper.qvel
         self.seen = np.zeros((count, *self.grid.reachable.shape), dtype=bool)
+        self.seen_m = np.tile([[np.inf], [-np.inf]], (count, 1, 2))  # the box of all cells that each has seen
         self.cells_seen = np.zeros(count, dtype=int)
         self.previous = np.zeros((count, 2))
         self.steps, self.stalled, self.collisions = (np.zeros(count, dtype=int) for _ in range(3))
@@ -72,7 +73,7 @@ class RobotBatch:
         for i in robots.tolist():
             x, y = self._draw_place(rngs[i])
             self.place(i, x, y, rngs[i].uniform(-np.pi, np.pi))
-        self.seen[robots] = False
+        self._forget(robots)
         self.previous[robots] = 0.0
         for counter in (self.steps, self.stalled, self.collisions, self.cells_seen):
             counter[robots] = 0
@@ -80,6 +81,15 @@ class RobotBatch:
         self.cells_seen[robots] = new  # no step earned these cells
         nothing = np.zeros(len(robots))
         return Outcome(self._observe(robots, ranges, rngs), nothing, nothing > 0, self._info(robots, nothing > 0))
+
+    def _forget(self, robots: np.ndarray) -> None:
+        """Clear the cells that robots (k,) have seen, in the box that their beams can have crossed."""
+        for i in robots.tolist():
+            if np.isfinite(self.seen_m[i]).all():
+                low, high = np.floor((self.seen_m[i] - self.grid.origin_m) / self.grid.cell_m).astype(int)
+                (west, south), (east, north) = np.maximum(low, 0), np.maximum(high + 1, 0)
+                self.seen[i, south:north, west:east] = False
+        self.seen_m[robots] = [[np.inf, np.inf], [-np.inf, -np.inf]]
 
     def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float) -> None:
         """Place a robot, at rest, at a pose of the mine frame."""
@@ -186,11 +196,11 @@ class RobotBatch:
         """Cast the beams and mark the cells they cross; return true ranges (k, beams) m, and new cells (k,)."""
         origin, directions, ranges = self._cast(robots)
         ray, row, col = self._crossed(origin, directions, ranges)
-        seen = self.seen if len(robots) == self.count else self.seen[robots]
-        new = self.grid.mark(seen, ray // self.task.beams, row, col)
-        if seen is not self.seen:
-            self.seen[robots] = seen
-        return ranges, new
+        new = self.grid.mark(self.seen, robots[ray // self.task.beams], row, col)
+        farthest = self.task.range_m[1] + self.task.cell_m
+        self.seen_m[robots, 0] = np.fmin(self.seen_m[robots, 0], origin[:, :2] - farthest)
+        self.seen_m[robots, 1] = np.fmax(self.seen_m[robots, 1], origin[:, :2] + farthest)
+        return ranges, new[robots]
 
     def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the beams' origins (k, 3) m, directions (k, beams, 3) and true ranges (k, beams) m, mine frame."""

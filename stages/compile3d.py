@@ -12,7 +12,7 @@ from tqdm import tqdm
 from pipeline.geometry.collision import decomposed_hulls, exact_prisms
 from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.octree import build_octree, to_bt
-from pipeline.geometry.partition import rock_around, world_box
+from pipeline.geometry.partition import Box, rock_around, tiled_rock, world_box
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.stage import Artifact, Stage, main
 from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, Occupancy, SolidExtent, Spawn, Survey
@@ -30,7 +30,7 @@ def compile_rock(
     pixels, yaml = nav2_map(grid)
     entrance = survey.entrance_m or topology.main_drift_m[0]
     return {
-        "collision": collision_parts(params, rock),
+        "collision": collision_parts(params, rock, world),
         "extent": SolidExtent(params.height_m, world),
         "occupancy": grid,
         "octree": to_bt(build_octree(grid.free, grid.origin_m, cell, params.height_m)),
@@ -40,11 +40,11 @@ def compile_rock(
     }
 
 
-def collision_parts(params: Compile3dParams, rock: list[Polygon]) -> ConvexParts:
-    """Return the rock's collision parts by the configured method."""
+def collision_parts(params: Compile3dParams, rock: list[Polygon], world_m: Box) -> ConvexParts:
+    """Return the collision parts of the rock in a box by the configured method."""
     choice = params.collision
     if choice.method == "exact":
-        return exact_prisms(rock, params.height_m)
+        return exact_prisms(tiled_rock(rock, world_m, params.tile_m), params.height_m)
     # Imported here because the decomposers are slow to load and only used for comparison.
     from pipeline.geometry.decompose import DECOMPOSERS
 

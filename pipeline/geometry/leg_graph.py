@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+import heapq
+from collections.abc import Collection, Iterable, Mapping
 
 import networkx as nx
 import numpy as np
-import shapely
 from scipy.ndimage import gaussian_filter1d
-from shapely.geometry.base import BaseGeometry
 
 from pipeline.types import Frame
 
@@ -80,24 +79,31 @@ def _add_leg(graph: nx.MultiGraph, first: int, last: int, path: np.ndarray) -> N
     graph.add_edge(first, last, path=smooth, length=length)
 
 
-def prune_spurs(graph: nx.MultiGraph, boundary: BaseGeometry, min_leg_m: float) -> None:
+def prune_spurs(graph: nx.MultiGraph, clearance_m: Mapping[int, float], min_leg_m: float) -> None:
     """Remove dead-end legs that reach less than `min_leg_m` beyond the walls of the drift they leave, shortest first.
 
-    `boundary` are the walls. The two legs that a removed leg separated become one.
+    `clearance_m` are the nodes' distances from the walls. The two legs that a removed leg separated become one.
     """
-    while True:
-        spurs = []
-        for end in [n for n in graph if graph.degree(n) == 1]:
-            ((_, root, key, leg),) = graph.edges(end, keys=True, data=True)
-            reach = leg["length"] - boundary.distance(shapely.Point(graph.nodes[root]["xy"]))
-            if graph.degree(root) > 2 and reach < min_leg_m:
-                spurs.append((leg["length"], end, root, key))
-        if not spurs:
-            return
-        _, end, root, key = min(spurs)
+
+    def spur_at(end: int) -> tuple[float, int, int, int] | None:
+        ((_, root, key, leg),) = graph.edges(end, keys=True, data=True)
+        short = graph.degree(root) > 2 and leg["length"] - clearance_m[root] < min_leg_m
+        return (leg["length"], end, root, key) if short else None
+
+    spurs = [spur for end in graph if graph.degree(end) == 1 and (spur := spur_at(end))]
+    heapq.heapify(spurs)
+    while spurs:
+        spur = heapq.heappop(spurs)
+        _, end, root, _ = spur
+        if end not in graph or spur_at(end) != spur:  # its leg was joined to another one
+            continue
         graph.remove_node(end)
         if graph.degree(root) == 2:
+            others = [node for node in graph.neighbors(root) if graph.degree(node) == 1]
             _join_through(graph, root)
+            for other in others:
+                if graph.degree(other) == 1 and (joined := spur_at(other)):
+                    heapq.heappush(spurs, joined)
 
 
 def _join_through(graph: nx.MultiGraph, node: int) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import shapely
 from shapely import Polygon
@@ -11,6 +13,7 @@ from pipeline.errors import GeometryError
 from pipeline.types import Points2
 
 Box = tuple[float, float, float, float]
+_THIN_M = 1e-6
 
 
 def world_box(free: Polygon, margin_m: float, extent_m: Box) -> Box:
@@ -28,6 +31,45 @@ def world_box(free: Polygon, margin_m: float, extent_m: Box) -> Box:
 def rock_around(free: Polygon, world_m: Box) -> list[Polygon]:
     """Return the rock in a box (west, south, east, north; m): polygons round the workings and one for each island."""
     return [part for part in shapely.get_parts(shapely.box(*world_m).difference(free)) if isinstance(part, Polygon)]
+
+
+def cut_lines(world_m: Box, tile_m: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the eastings and northings, m, of the lines that cut a box into equal tiles of at most `tile_m`.
+
+    Both sides of the box are included. Lines are in whole millimetres. A box that is no longer than a tile is not cut.
+    """
+    west, south, east, north = world_m
+    spans = []
+    for low, high in ((west, east), (south, north)):
+        count = 1 if tile_m is None else max(1, int(np.ceil((high - low) / tile_m - 1e-9)))
+        spans.append(np.round(np.linspace(low, high, count + 1), 3))
+    return spans[0], spans[1]
+
+
+def tiled_rock(rock: list[Polygon], world_m: Box, tile_m: float | None) -> list[Polygon]:
+    """Cut the rock in a box along the lines of `cut_lines`, so that no part is longer than a tile.
+
+    MuJoCo stores the corners of a part in 32 bits, relative to its middle: those of a part of a kilometre are rounded
+    to 0.03 mm. The time of a triangulation also grows faster than its polygon.
+    """
+    eastings, northings = cut_lines(world_m, tile_m)
+    if len(eastings) == len(northings) == 2:
+        return rock
+    columns = [shapely.box(west, world_m[1], east, world_m[3]) for west, east in pairwise(eastings)]
+    pieces = []
+    for column in columns:
+        strip = _polygons(shapely.intersection(rock, column))
+        for south, north in pairwise(northings):
+            west, _, east, _ = column.bounds
+            pieces += _polygons(shapely.intersection(strip, shapely.box(west, south, east, north)))
+    return pieces
+
+
+def _polygons(shapes: np.ndarray) -> list[Polygon]:
+    """Return the polygons among shapes, without those that rounding leaves on a border."""
+    return [
+        part for part in shapely.get_parts(shapes) if isinstance(part, Polygon) and part.area > _THIN_M * part.length
+    ]
 
 
 def convex_partition(rock: Polygon) -> list[Points2]:

@@ -3,25 +3,35 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 import networkx as nx
 import numpy as np
 import shapely
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 from shapely import Polygon
-from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.leg_graph import contract_pixels, prune_spurs
 from pipeline.geometry.polyline import resample
 from pipeline.geometry.thinning import thin_polygon
+from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.types import DriftNetwork, Leg
 
 _REFINEMENTS = 3
+_ROWS = 256  # of the matrix of distances that are held at a time
 
 
 def trace_network(free: Polygon, cell_m: float, min_leg_m: float, station_spacing_m: float) -> DriftNetwork:
-    """Trace the drift network of a free-space polygon.
+    """Trace the drift network of a free-space polygon; see `trace_networks`."""
+    return trace_networks(free, cell_m, [min_leg_m], station_spacing_m)[0]
+
+
+def trace_networks(
+    free: Polygon, cell_m: float, min_legs_m: Sequence[float], station_spacing_m: float
+) -> list[DriftNetwork]:
+    """Trace the drift network of a free-space polygon, once for each shortest dead-end leg.
 
     Parameters
     ----------
@@ -29,15 +39,15 @@ def trace_network(free: Polygon, cell_m: float, min_leg_m: float, station_spacin
     cell_m : float
         Cell of the grid that is thinned. It is halved, up to three times, until the skeleton is connected and has one
         loop for each island.
-    min_leg_m : float
+    min_legs_m : sequence of float
         A dead-end leg is kept if it reaches this far beyond the walls of the drift that it leaves.
     station_spacing_m : float
         Distance between the stations along a leg.
 
     Returns
     -------
-    DriftNetwork
-        `loops` is the graph's cycle rank; it equals the number of islands.
+    list of DriftNetwork
+        One for each of `min_legs_m`. `loops` is the graph's cycle rank; it equals the number of islands.
 
     Raises
     ------
@@ -56,25 +66,36 @@ def trace_network(free: Polygon, cell_m: float, min_leg_m: float, station_spacin
             f"at cells of {1 / frame.px_per_m:.3g} m; some passage or pillar is thinner"
         )
     graph = contract_pixels(pixels, frame)
-    boundary = free.boundary
-    shapely.prepare(boundary)
-    prune_spurs(graph, boundary, min_leg_m)
-    return _describe(graph, boundary, station_spacing_m, 1 / frame.px_per_m)
+    nodes = list(graph)
+    clearance = distances_to_walls(free, np.array([graph.nodes[node]["xy"] for node in nodes]))
+    networks = []
+    for min_leg_m in min_legs_m:
+        kept = graph.copy()
+        prune_spurs(kept, dict(zip(nodes, clearance, strict=True)), min_leg_m)
+        networks.append(_describe(kept, free, station_spacing_m, 1 / frame.px_per_m))
+    return networks
 
 
 def trace_alike(
     outlines: list[Polygon], cell_m: float, min_leg_m: float, station_spacing_m: float
 ) -> list[DriftNetwork]:
     """Trace several outlines in cells of the same size, the smallest that one of them needs, for comparison."""
-    networks = [trace_network(outline, cell_m, min_leg_m, station_spacing_m) for outline in outlines]
-    finest = min(network.cell_m for network in networks)
+    return [found for (found,) in trace_all_alike(outlines, cell_m, [min_leg_m], station_spacing_m)]
+
+
+def trace_all_alike(
+    outlines: list[Polygon], cell_m: float, min_legs_m: Sequence[float], station_spacing_m: float
+) -> list[list[DriftNetwork]]:
+    """Trace outlines as `trace_alike`; each has a network for each shortest dead-end leg."""
+    networks = [trace_networks(outline, cell_m, min_legs_m, station_spacing_m) for outline in outlines]
+    finest = min(network.cell_m for (network, *_) in networks)
     return [
-        network if network.cell_m == finest else trace_network(outline, finest, min_leg_m, station_spacing_m)
-        for network, outline in zip(networks, outlines, strict=True)
+        found if found[0].cell_m == finest else trace_networks(outline, finest, min_legs_m, station_spacing_m)
+        for found, outline in zip(networks, outlines, strict=True)
     ]
 
 
-def _describe(graph: nx.MultiGraph, boundary: BaseGeometry, spacing_m: float, cell_m: float) -> DriftNetwork:
+def _describe(graph: nx.MultiGraph, free: Polygon, spacing_m: float, cell_m: float) -> DriftNetwork:
     order = sorted(graph, key=lambda n: tuple(np.round(graph.nodes[n]["xy"], 3)))
     dead_ends = [n for n in order if graph.degree(n) == 1]
     names = {n: f"E{i:02d}" for i, n in enumerate(dead_ends)}
@@ -83,7 +104,15 @@ def _describe(graph: nx.MultiGraph, boundary: BaseGeometry, spacing_m: float, ce
     edges = sorted(
         graph.edges(data=True), key=lambda e: (*sorted((rank[e[0]], rank[e[1]])), e[2]["length"], *e[2]["path"][1])
     )
-    legs = [_leg(f"L{i:02d}", names, edge, boundary, spacing_m) for i, edge in enumerate(edges)]
+    sampled = [resample(leg["path"], spacing_m) for _, _, leg in edges]
+    half_width = distances_to_walls(free, np.concatenate([points for _, points in sampled]))
+    ends = np.cumsum([len(points) for _, points in sampled])
+    legs = [
+        _leg(f"L{i:02d}", names, edge, chainage, points, half)
+        for i, (edge, (chainage, points), half) in enumerate(
+            zip(edges, sampled, np.split(half_width, ends[:-1]), strict=True)
+        )
+    ]
     route, line = _main_drift(graph)
     return DriftNetwork(
         nodes_m={names[n]: (_cm(graph.nodes[n]["xy"][0]), _cm(graph.nodes[n]["xy"][1])) for n in order},
@@ -104,9 +133,8 @@ def _cm(value: float) -> float:
     return round(float(value), 2)
 
 
-def _leg(name: str, names: dict, edge: tuple, boundary: BaseGeometry, spacing_m: float) -> Leg:
+def _leg(name: str, names: dict, edge: tuple, chainage: np.ndarray, points: np.ndarray, half_width: np.ndarray) -> Leg:
     first, last, leg = edge
-    chainage, points = resample(leg["path"], spacing_m)
     return Leg(
         name=name,
         start=names[min(first, last)],
@@ -114,20 +142,13 @@ def _leg(name: str, names: dict, edge: tuple, boundary: BaseGeometry, spacing_m:
         length_m=_cm(leg["length"]),
         chainage_m=[_cm(c) for c in chainage],
         stations_m=[(_cm(x), _cm(y)) for x, y in points],
-        half_width_m=[_cm(boundary.distance(shapely.Point(p))) for p in points],
+        half_width_m=[_cm(half) for half in half_width],
     )
 
 
 def _main_drift(graph: nx.MultiGraph) -> tuple[list[int], np.ndarray]:
     """Return the longest of the shortest routes between two nodes, from west to east, and its line (n, 2) m."""
-    _, a, b = max(
-        (
-            (lengths[b], a, b)
-            for a, lengths in nx.all_pairs_dijkstra_path_length(graph, weight="length")
-            for b in lengths
-        ),
-        key=lambda item: (round(item[0], 6), -item[1]),
-    )
+    a, b = _farthest_pair(graph)
     if graph.nodes[a]["xy"][0] > graph.nodes[b]["xy"][0]:
         a, b = b, a
     route = nx.dijkstra_path(graph, a, b, weight="length")
@@ -138,6 +159,30 @@ def _main_drift(graph: nx.MultiGraph) -> tuple[list[int], np.ndarray]:
         leg = min(graph.get_edge_data(p, q).values(), key=lambda e: e["length"])
         line.append((leg["path"] if p < q else leg["path"][::-1])[1:])
     return route, np.vstack(line)
+
+
+def _farthest_pair(graph: nx.MultiGraph) -> tuple[int, int]:
+    """Return the two nodes with the longest shortest route, in micrometres; of equals the lowest numbers."""
+    nodes = sorted(graph)
+    links = nx.to_scipy_sparse_array(_shortest_edges(graph), nodes, weight="length")
+    best, pair = -1.0, (nodes[0], nodes[0])
+    for start in range(0, len(nodes), _ROWS):
+        apart = np.round(dijkstra(links, directed=False, indices=np.arange(start, min(start + _ROWS, len(nodes)))), 6)
+        apart[np.isinf(apart)] = -1.0  # of another component
+        row, col = np.unravel_index(int(apart.argmax()), apart.shape)
+        if apart[row, col] > best:
+            best, pair = float(apart[row, col]), (nodes[start + int(row)], nodes[int(col)])
+    return pair
+
+
+def _shortest_edges(graph: nx.MultiGraph) -> nx.Graph:
+    """Return a graph with the shortest of the legs between each two nodes."""
+    simple: nx.Graph = nx.Graph()
+    simple.add_nodes_from(graph)
+    for p, q, leg in graph.edges(data=True):
+        if p != q and leg["length"] < simple.get_edge_data(p, q, {"length": np.inf})["length"]:
+            simple.add_edge(p, q, length=leg["length"])
+    return simple
 
 
 def require_same_network(

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from shapely import Polygon
 
 from pipeline.geometry.skeleton import passage_stations
+from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.types import DriftNetwork
 
 _NUDGES_M = np.array([-0.2, -0.1, 0.0, 0.1, 0.2])  # rough walls move the widest place of a section a little
@@ -39,14 +40,13 @@ def measure_walls(seen: np.ndarray, free: Polygon, network: DriftNetwork) -> Wal
 
     Passages are the network's stations, except those nearer to a dead end than their own half width.
     """
-    points = shapely.points(seen)
-    gap = shapely.distance(free.boundary, points)
+    gap = distances_to_walls(free, seen)
     stations, half = passage_stations(network)
     stations = stations[half >= _LEAST_HALF_WIDTH_M]
     nudge = np.stack(np.meshgrid(_NUDGES_M, _NUDGES_M), axis=-1).reshape(-1, 2)
     places = (stations[:, None, :] + nudge).reshape(-1, 2)
     inside = shapely.contains_xy(free, places[:, 0], places[:, 1])
-    plan = np.where(inside, shapely.distance(free.boundary, shapely.points(places)), 0.0)
+    plan = np.where(inside, distances_to_walls(free, places), 0.0)
     rock = np.where(inside, cKDTree(seen).query(places)[0], 0.0)
     plan, rock = (np.max(v.reshape(-1, len(nudge)), axis=1, initial=0.0) for v in (plan, rock))
     if not len(plan):

@@ -10,12 +10,13 @@ from scipy.optimize import linear_sum_assignment
 from shapely import Polygon
 
 from pipeline.geometry.outline import trace_outline
-from pipeline.geometry.skeleton import trace_alike
+from pipeline.geometry.skeleton import trace_all_alike
 from pipeline.types import DriftNetwork, Frame, Mask
 
 _SPECK_M2 = 0.25
 _SMALLEST_COMPONENT_M2 = 1.0
 _SAME_FACE_M = 6.0  # a skeleton may end in either corner of a face; the widest drift measures 5.9 m
+_REACHED = 2**0.5  # of a chamber's radius, from its middle to its corner
 _STATIONS_M = 3.0
 
 
@@ -53,9 +54,8 @@ def compare_topology(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_l
         See `trace_network`.
     """
     outlines = [_without_specks(trace_outline(mask, frame)) for mask in (plan, world)]
-    one, two = trace_alike(outlines, cell_m, min_leg_m, _STATIONS_M)
-    sure_one, sure_two = trace_alike(outlines, one.cell_m, 1.25 * min_leg_m, _STATIONS_M)
-    any_one, any_two = trace_alike(outlines, one.cell_m, 0.75 * min_leg_m, _STATIONS_M)
+    shortest_m = [min_leg_m, 1.25 * min_leg_m, 0.75 * min_leg_m]
+    (one, sure_one, any_one), (two, sure_two, any_two) = trace_all_alike(outlines, cell_m, shortest_m, _STATIONS_M)
     return TopologyMatch(
         loops_plan=one.loops,
         loops_world=two.loops,
@@ -77,13 +77,29 @@ def _without_specks(outline: Polygon) -> Polygon:
 
 
 def _count_unmatched(drifts: DriftNetwork, among: DriftNetwork) -> int:
-    """Count the dead ends of one network that have no match in another; the matching has the least total distance."""
+    """Count the dead ends of one network that have no match in another; the matching has the least total distance.
+
+    Ends match within 6 m, or within the width of the chamber in which both end, if it is wider: a skeleton may end in
+    the middle of a chamber or at any place of its wall.
+    """
     ends = np.array([drifts.nodes_m[name] for name in drifts.dead_ends]).reshape(-1, 1, 2)
     others = np.array([among.nodes_m[name] for name in among.dead_ends]).reshape(1, -1, 2)
     distance = np.linalg.norm(ends - others, axis=2)
+    same = distance <= np.maximum(_SAME_FACE_M, np.minimum(_chambers_m(drifts)[:, None], _chambers_m(among)[None, :]))
     # A pair beyond the limit costs more than all pairs within it together, so it is never preferred.
-    matched = linear_sum_assignment(np.where(distance <= _SAME_FACE_M, distance, 1e6))
-    return len(ends) - int((distance[matched] <= _SAME_FACE_M).sum())
+    matched = linear_sum_assignment(np.where(same, distance, 1e6))
+    return len(ends) - int(same[matched].sum())
+
+
+def _chambers_m(network: DriftNetwork) -> np.ndarray:
+    """Return the width (n,) m of the workings at each dead end: of the widest disc on its leg that holds it."""
+    widths = []
+    for name in network.dead_ends:
+        leg = next(leg for leg in network.legs if name in (leg.start, leg.end))
+        half = np.array(leg.half_width_m)
+        away = np.linalg.norm(np.array(leg.stations_m) - network.nodes_m[name], axis=1)
+        widths.append(2 * half[away <= _REACHED * half].max(initial=0.0))
+    return np.array(widths)
 
 
 def _count_components(mask: Mask, frame: Frame) -> int:

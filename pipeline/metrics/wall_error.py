@@ -11,6 +11,7 @@ from shapely import Polygon
 
 from pipeline.geometry.polyline import points_along
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.types import Frame, Mask, Points2
 
 _SPACING_M = 0.05
@@ -37,16 +38,16 @@ class WallError:
 
 def signed_distances(traced: Polygon, built: Polygon) -> np.ndarray:
     """Return the distances (n,) m of points on the traced wall from the built one; positive where it lost workings."""
-    points = shapely.points(_points_on_walls(traced))
-    distance = _distances(points, built)
+    points = _points_on_walls(traced)
+    distance = distances_to_walls(built, points)
     shapely.prepare(built)
-    return np.where(shapely.intersects(built, points), -distance, distance)
+    return np.where(shapely.intersects_xy(built, points[:, 0], points[:, 1]), -distance, distance)
 
 
 def largest_error_m(traced: Polygon, built: Polygon) -> float:
     """Return the largest distance, m, of either wall from the other, at points every 5 cm and at all vertices."""
     there, back = (
-        _distances(shapely.points(np.vstack([_points_on_walls(a), shapely.get_coordinates(a)])), b)
+        distances_to_walls(b, np.vstack([_points_on_walls(a), shapely.get_coordinates(a)]))
         for a, b in ((traced, built), (built, traced))
     )
     return float(max(there.max(), back.max()))
@@ -83,12 +84,6 @@ def measure_wall_error(traced: Polygon, built: Polygon, raw: Mask, frame: Frame)
 def _points_on_walls(polygon: Polygon) -> Points2:
     rings = (polygon.exterior, *polygon.interiors)
     return np.vstack([points_along(np.asarray(ring.coords)[:, :2], _SPACING_M) for ring in rings])
-
-
-def _distances(points: np.ndarray, polygon: Polygon) -> np.ndarray:
-    walls = polygon.boundary
-    shapely.prepare(walls)
-    return shapely.distance(walls, points)
 
 
 def _connected(raw: Mask, filled: Mask) -> Mask:

@@ -13,6 +13,7 @@ from shapely import Polygon
 
 from minexplore.bundle import COVER_M, cover_mesh
 from minexplore.looks import TEXTURE_PER_M
+from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.mjcf.scene import FloorZone
 from pipeline.params.realism import FloorParams
 from pipeline.types import DriftNetwork, Mesh
@@ -109,7 +110,7 @@ def _unevenness(params: FloorParams, shape: tuple[int, int], places: np.ndarray,
 
 def _banks(params: FloorParams, places: np.ndarray, free: Polygon) -> np.ndarray:
     """Return how much higher the floor is towards the ribs, where passing wheels push it."""
-    away = shapely.distance(free.boundary, shapely.points(places))
+    away = distances_to_walls(free, places)
     away[~shapely.contains_xy(free, places[:, 0], places[:, 1])] = 0.0
     share = np.clip(1 - away / params.bank_width_m, 0.0, 1.0)
     return params.bank_m * share * share * (3 - 2 * share)

@@ -50,5 +50,6 @@ class Compile3dParams(Params):
     height_m: float = Field(gt=0.5, le=50)
     rock_margin_m: float = Field(gt=0, le=100)
     grid_cell_m: float = Field(ge=0.05, le=2)
+    tile_m: float | None = Field(ge=50, description="longest side of the tiles that exact parts lie in; null: one tile")
     collision: CollisionParams
     spawn: SpawnParams

@@ -148,6 +148,7 @@ class BoundsParams(Params):
     wide_half_width_m: float = Field(gt=0)
     narrow_share: float = Field(gt=0, lt=1)
     narrow_recess_m: float = Field(ge=0, le=0.3)
+    narrow_gain: float = Field(ge=1, le=3)
     room_share: float = Field(gt=0, le=0.9)
 
     @model_validator(mode="after")

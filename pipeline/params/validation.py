@@ -97,6 +97,7 @@ class ValidationParams(Params):
     network_min_leg_m: float = Field(ge=0, le=50)
     network_station_spacing_m: float = Field(gt=0)
     collision_method: Literal["exact", "coacd", "vhacd"]
+    collision_tile_m: float | None = Field(ge=50, description="side of the tiles that exact parts lie in")
     overlay: Literal["rough", "none"] = Field("rough", description="whether the world must have visible rock")
     fittings: FittingsParams
     tolerance_m: float | None = Field(

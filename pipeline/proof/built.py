@@ -44,7 +44,7 @@ def require_built(folder: Path, record: WorldRecord, params: ValidationParams) -
     free_space = read_free_space(folder)
     tracing = Tracing(params.network_cell_m, params.network_min_leg_m, params.network_station_spacing_m)
     grid = require_remade(folder, record, free_space, tracing, tolerance_of(params))
-    require_same_model(folder, record, free_space.polygon, prisms=params.collision_method == "exact")
+    require_same_model(folder, record, free_space.polygon, params.collision_method == "exact", params.collision_tile_m)
     if record.has_visible_rock:
         require_visible(folder, record, free_space.polygon, grid)
         require_fittings(folder, record, free_space.polygon, params.fittings)

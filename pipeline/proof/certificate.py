@@ -14,10 +14,10 @@ from typing import Any
 import mujoco
 import numpy as np
 import shapely
-from shapely import Polygon
 
 from minexplore.bundle import GeomGroup
 from pipeline.geometry.extrude import section_footprint
+from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.metrics.containment import cover_walls, open_area_m2
 from pipeline.metrics.reach import compare_reach, reached_cells, start_cell
 from pipeline.mjcf.bundle import World, mine_from_body, obstacles, placed_parts
@@ -132,7 +132,7 @@ def _reach(
     most = radius + _COMPARED_M
     plan, measured = np.zeros(len(places)), np.zeros(len(places))
     inside = queried[shapely.contains_xy(free, places[queried, 0], places[queried, 1])]
-    plan[inside] = _wall_distance(free, places[inside], most)
+    plan[inside] = np.minimum(distances_to_walls(free, places[inside]), most)
     T = np.array(record.T_world_mine)
     measured[queried] = rock_clearance(folder, T, GeomGroup.COLLISION, places[queried], _PROBE_HEIGHT_M, most)
     start = start_cell(record.spawn.anchor_m, frame)
@@ -142,15 +142,6 @@ def _reach(
         return {"clearance_error_m": round(error, 5), "reached_m2": 0.0, "same_graph": False}
     match = compare_reach(by_plan, by_world, frame, radius, *network)
     return {"clearance_error_m": round(error, 5), **vars(match)}
-
-
-def _wall_distance(free: Polygon, places: np.ndarray, most_m: float) -> np.ndarray:
-    """Return the distance (n,) m of places (n, 2) m to the nearest wall, at most `most_m`."""
-    boundary, points = free.boundary, shapely.points(places)
-    shapely.prepare(boundary)
-    near, distance = shapely.dwithin(boundary, points, most_m), np.full(len(places), most_m)
-    distance[near] = np.minimum(shapely.distance(boundary, points[near]), most_m)
-    return distance
 
 
 def certify(world_sha256: str, measured: Mapping[str, Any], limits: Mapping[str, Limit]) -> Certificate:

@@ -13,6 +13,7 @@ from shapely import Polygon
 
 from minexplore.bundle import CLEARANCE_GRID, MINE_BODY, NAV2_MAP, OCTREE, GeomGroup, is_floor
 from pipeline.geometry.octree import FREE, Octree, from_bt
+from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.mjcf.bundle import World, mine_from_body
 from pipeline.store.codecs import decode
 from pipeline.survey.nav2 import read_nav2_map
@@ -109,8 +110,8 @@ def _wrong_cells(free: np.ndarray, origin_m: np.ndarray, cell_m: float, polygon:
     missing = int(np.ceil(polygon.difference(grid_box).area / cell_m**2))
     places = _centres(free.shape, origin_m, cell_m)
     inside = shapely.contains_xy(polygon, places[:, 0], places[:, 1])
-    differ = shapely.points(places[inside != free.ravel()])
-    return missing + int((shapely.distance(polygon.boundary, differ) > _BORDER_SHARE * cell_m).sum())
+    differ = places[inside != free.ravel()]
+    return missing + int((distances_to_walls(polygon, differ) > _BORDER_SHARE * cell_m).sum())
 
 
 def _wrong_clearances(
@@ -119,7 +120,7 @@ def _wrong_clearances(
     """Return how many of about 5,000 free cells have a clearance with an error of more than one cell."""
     sample = np.flatnonzero(free.ravel())
     sample = sample[:: max(1, len(sample) // _CELLS_TRIED)]
-    exact = shapely.distance(polygon.boundary, shapely.points(_centres(free.shape, origin_m, cell_m)[sample]))
+    exact = distances_to_walls(polygon, _centres(free.shape, origin_m, cell_m)[sample])
     return int((np.abs(exact - clearance_m.ravel()[sample]) > cell_m).sum())
 
 

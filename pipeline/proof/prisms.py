@@ -8,18 +8,21 @@ import mujoco
 import numpy as np
 import shapely
 from scipy.spatial import cKDTree
-from shapely import Polygon
+from shapely import MultiLineString, Polygon
 
 from minexplore.bundle import MODEL, is_rock
 from pipeline.errors import ArtifactError
+from pipeline.geometry.partition import Box, cut_lines
 from pipeline.mjcf.bundle import WorldRecord
 
 _PLACE_M = 2e-4  # centres have four decimals, vertices 32 bits
 _OVERLAP_M = 4e-4  # of two parts along their common edges
 
 
-def require_prisms(folder: Path, record: WorldRecord, stated: mujoco.MjSpec, free: Polygon) -> None:
-    """Compare the collision parts with the corners of the outline and of the box, and with the height.
+def require_prisms(
+    folder: Path, record: WorldRecord, stated: mujoco.MjSpec, free: Polygon, tile_m: float | None = None
+) -> None:
+    """Compare the collision parts with the corners of outline, box and tiles, and with the height.
 
     That they cover all rock and nothing else is the certificate's matter.
 
@@ -28,8 +31,7 @@ def require_prisms(folder: Path, record: WorldRecord, stated: mujoco.MjSpec, fre
     ArtifactError
         With the part, the vertex and what is wrong.
     """
-    box = shapely.box(*record.world_m)
-    corners = cKDTree(np.concatenate([shapely.get_coordinates(free), shapely.get_coordinates(box)]))
+    corners = cKDTree(_corners(free, record.world_m, tile_m))
     outlines = []
     for geom in (geom for geom in stated.geoms if is_rock(geom.name)):
         vertices = np.array(stated.mesh(geom.meshname).uservert).reshape(-1, 3) + geom.pos
@@ -57,3 +59,15 @@ def require_prisms(folder: Path, record: WorldRecord, stated: mujoco.MjSpec, fre
     twice = sum(outline.area for outline in outlines) - solid.area
     if twice > _OVERLAP_M * sum(outline.length for outline in outlines):
         raise ArtifactError(f"{folder / MODEL}: collision parts overlap by {twice:.3f} m2")
+
+
+def _corners(free: Polygon, world_m: Box, tile_m: float | None) -> np.ndarray:
+    """Return the places (n, 2) m where a part may have a corner: of outline, box and tiles, and on borders of tiles."""
+    eastings, northings = cut_lines(world_m, tile_m)
+    west, south, east, north = world_m
+    borders = MultiLineString(
+        [((x, south), (x, north)) for x in eastings[1:-1]] + [((west, y), (east, y)) for y in northings[1:-1]]
+    )
+    crossings = shapely.get_coordinates(free.boundary.intersection(borders))
+    tiles = np.stack(np.meshgrid(eastings, northings), axis=-1).reshape(-1, 2)
+    return np.concatenate([shapely.get_coordinates(free), tiles, crossings])

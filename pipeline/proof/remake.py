@@ -30,6 +30,7 @@ from pipeline.errors import ArtifactError, GeometryError
 from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.octree import build_octree, to_bt
 from pipeline.geometry.skeleton import trace_network
+from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.proof.differences import first_difference
 from pipeline.proof.smooth import require_smooth
@@ -188,7 +189,7 @@ def _require_grid(folder: Path, record: WorldRecord, free: Polygon) -> Occupancy
     made = occupancy_grid(free, float(stated.cell_m), record.world_m)
     row, col = np.nonzero(made.free != stated.free)
     centres = made.origin_m + (np.column_stack([col, row]) + 0.5) * made.cell_m
-    wrong = np.flatnonzero(shapely.distance(free.boundary, shapely.points(centres)) > _BORDER_M)
+    wrong = np.flatnonzero(distances_to_walls(free, centres) > _BORDER_M)
     if len(wrong):
         x, y = centres[wrong[0]]
         raise ArtifactError(f"{path}: free: {len(wrong)} cells differ from the outline, one at ({x:.3f}, {y:.3f}) m")

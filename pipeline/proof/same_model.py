@@ -47,10 +47,13 @@ _TETRAHEDRON = Mesh(
 )
 
 
-def require_same_model(folder: Path, record: WorldRecord, free: Polygon, prisms: bool = True) -> None:
+def require_same_model(
+    folder: Path, record: WorldRecord, free: Polygon, prisms: bool = True, tile_m: float | None = None
+) -> None:
     """Compare the compiled model with the one that the builder makes of the bundle's own parts.
 
-    With `prisms`, the collision parts must be prisms on the corners of the outline; the parts of other methods are left
+    With `prisms`, the collision parts must be prisms on the corners of the outline, cut into tiles of at most `tile_m`;
+    the parts of other methods are left
     to the certificate. Taken from the model are these, the thickness of the floor, and height, pitch, cut-off angle and
     distance of the lights. All else follows from `world.json`, the network, and the builder.
 
@@ -65,7 +68,7 @@ def require_same_model(folder: Path, record: WorldRecord, free: Polygon, prisms:
     except ValueError as error:
         raise ArtifactError(f"{folder / MODEL}: MuJoCo does not read it: {error}") from error
     if prisms:
-        require_prisms(folder, record, stated, free)
+        require_prisms(folder, record, stated, free, tile_m)
     spec = _rebuilt(folder, record, files, stated)
     assets = {name: data for name, data in files.items() if name.startswith("meshes/") or name == ROCK_TEXTURE}
     # MuJoCo writes a text only after it compiles, and the text does not depend on what the mesh files hold.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import hashlib
 from pathlib import Path
 
@@ -70,6 +71,7 @@ def import_closure(module_file: Path, root: Path) -> list[Path]:
     return sorted(closure)
 
 
+@functools.cache  # stages share most of their modules
 def _imported_names(source: str) -> frozenset[str]:
     names: set[str] = set()
     for node in ast.walk(ast.parse(source)):

@@ -16,8 +16,9 @@ class Bounds:
     """Bounds on the displacement, m.
 
     In a passage with a half width up to `narrow_half_width_m`, a wall moves inwards by at most `narrow_share` of the
-    half width, and is first moved back by `narrow_recess_m` to make space for its bumps. From there to
-    `wide_half_width_m` the bound rises smoothly to `wall_m` and the recess falls to zero. No wall moves by more than
+    half width, and is first moved back by `narrow_recess_m` to make space for its bumps. The relief is first multiplied
+    by `narrow_gain`, because the bound flattens it. From there to `wide_half_width_m` the bound rises smoothly to
+    `wall_m`, the recess falls to zero and the gain to one. No wall moves by more than
     `room_share` of the radius of the largest disc that touches it, in the workings or in the rock. The roof moves by at
     most `roof_m`.
     """
@@ -28,6 +29,7 @@ class Bounds:
     wide_half_width_m: float
     narrow_share: float
     narrow_recess_m: float
+    narrow_gain: float
     room_share: float
 
 
@@ -39,6 +41,7 @@ def bound_displacement(wanted_m: np.ndarray, lattice: Lattice, bounds: Bounds) -
     narrow = bounds.narrow_share * np.minimum(half, bounds.narrow_half_width_m)
     max_inwards = np.minimum(narrow + (bounds.wall_m - narrow) * wide, bounds.room_share * walls.free_m[column])
     max_outwards = np.minimum(bounds.wall_m, bounds.room_share * walls.rock_m[column])
+    wanted_m = (1 + (bounds.narrow_gain - 1) * (1 - wide)) * wanted_m
     wanted_m = wanted_m - bounds.narrow_recess_m * (1 - wide) * (1 - lattice.roof_share)
     wall = np.where(wanted_m > 0, max_inwards, max_outwards)
     bound = np.maximum(wall + (bounds.roof_m - wall) * lattice.roof_share, 1e-4)

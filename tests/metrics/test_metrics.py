@@ -91,6 +91,27 @@ def test_a_lost_drift_and_an_added_drift_are_counted_separately():
     assert (added.drifts_lost, added.drifts_added) == (0, 1)
 
 
+DRIFT = shapely.box(0, -2, 50, 2)
+CHAMBER = shapely.Point(60, 0).buffer(12)
+
+
+def test_a_skeleton_may_end_at_either_side_of_a_wide_chamber():
+    chamber = shapely.union_all([DRIFT, CHAMBER])
+    ends = [shapely.box(58, 8, 62, 15), shapely.box(69, -4, 75, 0)]  # niches, 15 m apart, draw the skeleton's end
+    found = compare_topology(*masks(*(shapely.union_all([chamber, end]) for end in ends)), 0.25, 5.0)
+    assert (found.drifts_lost, found.drifts_added) == (0, 0)
+
+
+def test_a_drift_that_leaves_a_chamber_is_missed():
+    north, south = shapely.box(58, 8, 62, 40), shapely.box(58, -40, 62, -8)
+    mines = [shapely.union_all([DRIFT, CHAMBER, *drifts]) for drifts in ([north], [south], [north, south])]
+    frame = frame_for(mines[2])
+    one, two, both = (fill_polygon(mine, frame) for mine in mines)
+    for plan, world, counts in ((both, one, (1, 0)), (one, both, (0, 1)), (one, two, (1, 1))):
+        found = compare_topology(plan, world, frame, 0.25, 2.0)
+        assert (found.drifts_lost, found.drifts_added) == counts
+
+
 def test_disconnected_workings_are_counted_as_components():
     cut = TEE.difference(shapely.box(20, -1, 22, 6))
     found = compare_topology(*masks(TEE, cut), 0.25, 2.0)

@@ -1,15 +1,17 @@
 import math
 import pickle
 import shutil
+from types import SimpleNamespace
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from scipy.ndimage import label
 
 import minexplore  # noqa: F401  (registers the environments)
 from minexplore.bundle import BundleError
-from minexplore.coverage import CoverageGrid
+from minexplore.coverage import CoverageGrid, _connected
 from minexplore.env import MineEnv
 from minexplore.observation import observe
 from minexplore.reward import CAP, step_reward
@@ -216,6 +218,17 @@ def test_every_reachable_cell_holds_workings_and_none_is_forgotten(tee: BuiltMin
     main = {(c, r) for c in range(40) for r in range(3)}
     up = {(c, r) for c in range(19, 22) for r in range(3, 20)}
     assert cells == main | up
+
+
+def test_cells_that_are_connected_are_those_of_a_labelled_picture():
+    rng = np.random.default_rng(2)
+    standing = rng.random((60, 90)) < 0.62
+    world = SimpleNamespace(origin_m=np.array([-3.0, 5.0]), cell_m=0.25, folder="a folder")
+    labels, _ = label(standing)
+    largest = np.bincount(labels[standing]).argmax()
+    row, col = np.argwhere(labels == largest)[0]
+    centre = world.origin_m + (np.array([col, row]) + 0.5) * world.cell_m
+    assert (_connected(world, standing, centre) == (labels == largest)).all()
 
 
 def test_a_beam_crosses_exactly_the_cells_of_a_line(ring: BuiltMine):

@@ -247,3 +247,16 @@ def test_videos_are_recorded_headless(tee: BuiltMine, tmp_path):
         made.step(made.action_space.sample())
     made.close()
     assert list(tmp_path.glob("*.mp4"))
+
+
+def test_a_reset_forgets_all_that_a_robot_has_seen_and_nothing_of_the_others(tee: BuiltMine):
+    env = MineVectorEnv(3, tee.bundle)
+    env.reset(seed=4)
+    rng = np.random.default_rng(0)
+    for _ in range(120):
+        env.step(np.column_stack([rng.uniform(0.5, 1, 3), rng.uniform(-0.4, 0.4, 3)]))
+    kept, first = env.robots.seen[[0, 2]].copy(), env.robots.cells_seen[1]
+    env.robots.reset(np.array([1]), env._rngs)
+    assert env.robots.seen[1].sum() == env.robots.cells_seen[1] < first
+    assert (env.robots.seen[[0, 2]] == kept).all()
+    assert (env.robots.seen.reshape(3, -1).sum(axis=1) == env.robots.cells_seen).all()
