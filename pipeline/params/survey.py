@@ -54,8 +54,15 @@ class PosesParams(Params):
 class _SurveyParams(Params):
     name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
     poses: PosesParams | None = None
+    correct: Literal["sweeps"] | None = Field(None, description="sweeps: stage 2 corrects walls by the sweeps of poses")
     entrance_m: PointM | None = None
     labels_m: dict[str, PointM] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _correction_has_sweeps(self) -> _SurveyParams:
+        if self.correct is not None and (self.poses is None or not self.poses.sweeps):
+            raise ValueError("correct=sweeps needs poses (file, sweeps)")
+        return self
 
 
 class _ScaledParams(_SurveyParams):
