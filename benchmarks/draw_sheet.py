@@ -172,10 +172,11 @@ class _Pen:
         grey = (int(self.rng.choice([90, 150, 200])),) * 3
         rows, cols = self.sheet.shape[:2]
         bottom, right = rows - self.strip - 10, cols - self.column - 10
-        for k, col in enumerate(np.arange(self.edge, right, step)):
+        left, top = self.edge + self.rng.uniform(0.0, 0.9 * step, 2)
+        for k, col in enumerate(np.arange(left, right, step)):
             self.line(np.array([[col, 12], [col, bottom]]), grey)
             self.write(f"{4200 + 50 * k}E", (col + 2, 22), 7)
-        for k, row in enumerate(np.arange(self.edge, bottom, step)):
+        for k, row in enumerate(np.arange(top, bottom, step)):
             self.line(np.array([[12, row], [right, row]]), grey)
             self.write(f"{8150 - 50 * k}N", (14, row - 2), 7)
 
@@ -187,12 +188,14 @@ class _Pen:
             self.line(np.array([point, point + (6, -6)]), (120, 120, 120))
 
     def draw_survey_lines(self) -> None:
-        """Draw the survey's legs and stations along the drifts: in colour, or dashed and black."""
-        colour = [(0, 0, 220), (200, 60, 0), _INK][self.rng.integers(3)]
+        """Draw the survey's legs and stations along the drifts: in colour, or black, dashed or not."""
+        colour, dashed = [((0, 0, 220), False), ((200, 60, 0), False), (_INK, True), (_INK, False)][
+            self.rng.integers(4)
+        ]
         for mine in self.mines:
             for leg in trace_network(mine, 0.5, 2.0, 6.0).legs:
                 stations = self.place(np.array(leg.stations_m))
-                if colour == _INK:
+                if dashed:
                     self._dashes(stations)
                 else:
                     self.line(stations, colour)

@@ -8,9 +8,8 @@ import cv2
 import numpy as np
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.binarize import otsu_threshold
 from pipeline.geometry.sheet_fill import fill_workings, find_areas, find_ink, ridge_half_width
-from pipeline.geometry.sheet_lines import drop_small, drop_straight, enclose, unexplained_px
+from pipeline.geometry.sheet_lines import drop_small, drop_straight, enclose, grown, unexplained_px
 from pipeline.types import Image, Mask
 
 Box = tuple[int, int, int, int]
@@ -24,11 +23,11 @@ _RIVAL = 0.25  # of the largest drawing's area: a smaller one is a sample or a d
 _COMPACT = 0.9  # share of its convex hull that a box, a circle or a patch fills
 _GAPS = (0.17, 0.26)  # of the drifts' width: half the widest gap that is closed, tried twice
 _AGREE = 0.97  # IoU of the workings with both
-_LETTERS = 0.33  # of the drifts' width: smaller pieces are letters, dashes and hatching
+_LETTER_PX = 14.0  # smaller pieces are letters, dashes and hatching
 _UNEXPLAINED = 1.5  # drift widths of line inside the workings that no reading explains
 _NARROWEST_PX = 8.0
-_REACHES_PX = (5.0, 7.0, 9.0, 3.0)
-_DARKEST = 100
+_REACHES_PX = (7.0, 5.0, 9.0)
+_DARKNESS = (185, 100)  # of lines with their soft edges; of strong lines only
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,10 @@ def read_sheet(picture: Image, level: int | None) -> SheetReading:
         return _read_lines(picture, level)
     areas, drawings = (closed, dense) if hatched else (filled, plain)
     chosen, boxes = _choose(areas, drawings, level)
-    mask = _largest(fill_workings(picture, ink, chosen, hatched))
+    filling, outlined = fill_workings(picture, ink, chosen, hatched)
+    mask = _largest(filling)
+    if hatched and not outlined:
+        raise GeometryError("a hatched area has no outline; --crop COL0,ROW0,COL1,ROW1 leaves out what is no workings")
     _require_one_fill(picture, mask, hatched)
     return SheetReading(mask, "hatched" if hatched else "filled", boxes, 2 * ridge_half_width(mask))
 
@@ -76,27 +78,26 @@ def _area(areas: Mask, drawings: list[int]) -> int:
 
 
 def _read_lines(picture: Image, level: int | None) -> SheetReading:
-    """Read walls drawn as lines: all dark lines, then the darkest only; the first reading without a doubt counts."""
+    """Read walls drawn as lines: all dark lines, then the strong ones only; the first reading without a doubt counts."""
     doubt: GeometryError | None = None
-    for darkest in (False, True):
-        lines = drop_straight(_dark_lines(picture, darkest))
+    for strong in (False, True):
+        walls = drop_small(drop_straight(_dark_lines(picture, strong)), _LETTER_PX)
         for reach_px in _REACHES_PX:
             try:
-                return _enclosed(lines, reach_px, level)
+                return _enclosed(walls, reach_px, level)
             except GeometryError as error:
-                doubt = doubt or error
+                doubt = error
     raise doubt or GeometryError("no lines")
 
 
-def _enclosed(lines: Mask, reach_px: float, level: int | None) -> SheetReading:
-    first = enclose(drop_small(lines, 16), reach_px)
+def _enclosed(walls: Mask, reach_px: float, level: int | None) -> SheetReading:
+    first = enclose(walls, reach_px)
     width = 2 * ridge_half_width(_largest(first)) if _drawings(first) else 0.0
     if width < _NARROWEST_PX:
         raise GeometryError(
             "no filled, hatched or enclosed area looks like workings; --crop COL0,ROW0,COL1,ROW1 leaves out the rest, "
             "--seed COL,ROW names a place inside them"
         )
-    walls = drop_small(lines, _LETTERS * width)
     narrow, wide = (enclose(walls, max(2.0, share * width)) for share in _GAPS)
     drawings = _drawings(wide)
     if not drawings:
@@ -105,17 +106,15 @@ def _enclosed(lines: Mask, reach_px: float, level: int | None) -> SheetReading:
         )
     chosen, boxes = _choose(wide, drawings, level)
     mask = _largest(chosen)
-    other = narrow & cv2.dilate(mask.astype(np.uint8), np.ones((9, 9), np.uint8)).astype(bool)
-    _require_agreement(mask, _largest(other))
+    _require_agreement(mask, _largest(narrow & grown(mask, 5.0)))
     _require_explained(walls, mask, width)
     return SheetReading(mask, "lines", boxes, 2 * ridge_half_width(mask))
 
 
-def _dark_lines(picture: Image, darkest: bool) -> Mask:
+def _dark_lines(picture: Image, strong: bool) -> Mask:
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
     colourless = picture.max(axis=2) - picture.min(axis=2) <= _CHROMA
-    limit = _DARKEST if darkest else otsu_threshold(grey[colourless])
-    return np.asarray((grey <= limit) & colourless)
+    return np.asarray((grey <= _DARKNESS[strong]) & colourless)
 
 
 def _drawings(areas: Mask) -> list[int]:

@@ -38,10 +38,10 @@ def find_areas(ink: Mask, hatched: bool) -> Mask:
     return cv2.morphologyEx(mask, cv2.MORPH_OPEN, disc(_STROKE_PX)).astype(bool)
 
 
-def fill_workings(picture: Image, ink: Mask, area: Mask, hatched: bool) -> Mask:
+def fill_workings(picture: Image, ink: Mask, area: Mask, hatched: bool) -> tuple[Mask, bool]:
     """Return the workings round an area: without lines and letters that touch it, without light letters in it.
 
-    Where an outline is drawn, the wall is the middle of the outline.
+    Where an outline is drawn, the wall is the middle of the outline; the second result tells whether there is one.
     """
     width = 2 * ridge_half_width(area)
     near = cv2.dilate(area.astype(np.uint8), disc(2 * _STROKE_PX + 1))
@@ -56,11 +56,11 @@ def fill_workings(picture: Image, ink: Mask, area: Mask, hatched: bool) -> Mask:
     if half >= 0.5:
         distance = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
         mask = distance > half
-    return mask
+    return mask, half >= 0.5
 
 
 def _half_outline(picture: Image, mask: Mask, hatched: bool) -> float:
-    """Return half the thickness of the outline round a filled area, px; 0 if there is none."""
+    """Return how far the middle of a drawn outline lies inside a filled area, px; 0 if there is no outline."""
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY).astype(np.int16)
     distance = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
     core = grey[distance > 6]
@@ -76,7 +76,7 @@ def _half_outline(picture: Image, mask: Mask, hatched: bool) -> float:
     profile = np.clip((profile - inner) / max(0.2, 1 - inner), 0.0, None)
     if profile[:3].max() < _OUTLINED:
         return 0.0
-    return 0.5 * float(profile.sum()) + 0.5
+    return float((np.arange(1, 9) * profile).sum() / profile.sum())
 
 
 def ridge_half_width(mask: Mask) -> float:

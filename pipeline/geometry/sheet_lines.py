@@ -5,22 +5,23 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from pipeline.geometry.sheet_fill import disc
 from pipeline.types import Mask
 
-_LONG = 0.35  # of the sheet's shorter side: a straight line this long is a frame or a grid
-_PIECE_PX, _CONTINUES_PX = 4, 12
+_LONG = 0.6  # of the sheet's side: a straight line this long is a frame or a grid
+_PIECE_PX, _CONTINUES_PX = 3, 13.0
+_CONE_RAD = np.radians(np.arange(-40, 41, 10))
 _DEEPEST = 12
 _MARGIN, _MARGIN_PX = 0.12, 3.0  # a wall lies this near to the edge of the workings: share of their width, and px
-_ARROW_PX, _MEASURE, _MEASURES = 8.0, 3.5, 16.0  # width of arrows; drift widths of one measure, and of all
+_RULED_PX = 0.7  # median distance of a ruled line's pixels from its axis; walls waver more
+_MEASURE, _MEASURES = 5.0, 16.0  # drift widths of the longest measure, and of all
 
 
 def drop_straight(lines: Mask) -> Mask:
-    """Remove level and upright lines that are longer than a third of the sheet: grids, frames, tables."""
-    long = max(40, round(_LONG * min(lines.shape)))
+    """Remove level and upright lines that are longer than 0.6 of the sheet's side: grids, frames, tables."""
     mask = lines.astype(np.uint8)
     straight = np.zeros_like(mask)
-    for kernel in (np.ones((1, long), np.uint8), np.ones((long, 1), np.uint8)):
+    tall, wide = (max(40, round(_LONG * side)) for side in lines.shape)
+    for kernel in (np.ones((1, wide), np.uint8), np.ones((tall, 1), np.uint8)):
         straight |= cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
     return lines & (straight == 0)
 
@@ -33,26 +34,27 @@ def drop_small(lines: Mask, extent_px: float) -> Mask:
     _, labels, stats, _ = cv2.connectedComponentsWithStats(lines.astype(np.uint8), connectivity=8)
     large = np.maximum(stats[:, 2], stats[:, 3]) >= extent_px
     large[0] = False
-    walls = cv2.dilate(large[labels].astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-    for k in np.flatnonzero(~large[1:]) + 1:
-        left, top, width, height, _ = stats[k]
-        if max(width, height) < _PIECE_PX:
-            continue
-        rows, cols = np.nonzero(labels[top : top + height, left : left + width] == k)
-        large[k] = _continues(np.column_stack([cols + left, rows + top]).astype(float), walls)
+    for _ in range(2):  # a piece may continue one that stayed
+        walls = cv2.dilate(large[labels].astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        for k in np.flatnonzero(~large[1:]) + 1:
+            left, top, width, height, _ = stats[k]
+            if max(width, height) >= _PIECE_PX:
+                rows, cols = np.nonzero(labels[top : top + height, left : left + width] == k)
+                large[k] = _continues(np.column_stack([cols + left, rows + top]).astype(float), walls)
     return np.asarray(large[labels])
 
 
 def _continues(points: np.ndarray, walls: Mask) -> bool:
-    """Return whether a straight piece of line (n, 2) px, made longer at both ends, meets walls there."""
+    """Return whether walls lie ahead of both ends of a narrow piece of line (n, 2) px."""
     middle = points.mean(axis=0)
     size, axes = np.linalg.eigh(np.cov((points - middle).T))
-    along = (points - middle) @ axes[:, 1]
-    if size[1] < 4 * size[0]:
+    if size[1] < 2 * size[0]:
         return False
-    beyond = np.arange(1.0, _CONTINUES_PX + 1)
-    for reach in (along.max() + beyond, along.min() - beyond):
-        at = np.round(middle + reach[:, None] * axes[:, 1]).astype(int)
+    along = (points - middle) @ axes[:, 1]
+    for end, axis in ((points[along.argmax()], axes[:, 1]), (points[along.argmin()], -axes[:, 1])):
+        heading = np.arctan2(axis[1], axis[0]) + _CONE_RAD
+        ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)[:, None] * np.arange(2.0, _CONTINUES_PX)[:, None]
+        at = np.round(end + ahead.reshape(-1, 2)).astype(int)
         at = at[(at >= 0).all(axis=1) & (at[:, 0] < walls.shape[1]) & (at[:, 1] < walls.shape[0])]
         if not walls[at[:, 1], at[:, 0]].any():
             return False
@@ -65,18 +67,17 @@ def enclose(lines: Mask, reach_px: float) -> Mask:
     Gaps in walls narrower than twice `reach_px` count as closed. The pixels of lines and gaps go to the nearest area,
     so a wall is the middle of its line.
     """
-    barrier = cv2.dilate(np.pad(lines.astype(np.uint8), 2), disc(reach_px))
-    seeds = 1 - barrier
+    seeds = 1 - grown(np.pad(lines, 2), reach_px).astype(np.uint8)
     seeds[[0, -1], :] = seeds[:, [0, -1]] = 1
     count, regions, stats, _ = cv2.connectedComponentsWithStats(seeds, connectivity=4)
     outside = int(regions[0, 0])
-    across = disc(2 * reach_px + 5)
     depth = np.full(count, -1)
     depth[0], depth[outside] = -2, 0
     layer = np.array([outside])
     for level in range(1, _DEEPEST):
-        near = cv2.dilate(np.isin(regions, layer).astype(np.uint8), across) > 0
-        found = np.unique(regions[near])
+        chosen = np.zeros(count, bool)
+        chosen[layer] = True
+        found = np.unique(regions[grown(chosen[regions], 2 * reach_px + 5)])
         layer = found[depth[found] == -1]
         if not len(layer):
             break
@@ -85,6 +86,11 @@ def enclose(lines: Mask, reach_px: float) -> Mask:
     region_of_label = np.zeros(int(nearest.max()) + 1, np.int32)
     region_of_label[nearest[seeds > 0]] = regions[seeds > 0]
     return np.asarray((depth[region_of_label[nearest]] % 2 == 1)[2:-2, 2:-2])
+
+
+def grown(mask: Mask, reach_px: float) -> Mask:
+    """Return a mask with all pixels that are within a distance of it."""
+    return np.asarray(cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5) <= reach_px)
 
 
 def unexplained_px(walls: Mask, mask: Mask, width_px: float, reach_px: float) -> float:
@@ -96,7 +102,7 @@ def unexplained_px(walls: Mask, mask: Mask, width_px: float, reach_px: float) ->
     to_edge = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
     to_edge += cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5)
     margin = _MARGIN * width_px + _MARGIN_PX
-    _, groups = cv2.connectedComponents(cv2.dilate(walls.astype(np.uint8), disc(reach_px)), connectivity=4)
+    _, groups = cv2.connectedComponents(grown(walls, reach_px).astype(np.uint8), connectivity=4)
     touching = np.unique(groups[walls & (to_edge <= margin)])
     left = walls & (to_edge > margin) & np.isin(groups, touching[touching > 0])
     _, labels, stats, _ = cv2.connectedComponentsWithStats(left.astype(np.uint8), connectivity=8)
@@ -106,9 +112,15 @@ def unexplained_px(walls: Mask, mask: Mask, width_px: float, reach_px: float) ->
         length = float(np.hypot(rows, cols))
         if length < 0.5 * width_px:
             continue
-        across = np.ptp(piece @ np.linalg.eigh(np.cov(piece.T))[1][:, 0]) if len(piece) > 2 else 0.0
-        if across <= _ARROW_PX and length <= _MEASURE * width_px:
+        if length <= _MEASURE * width_px and _is_ruled(piece):
             straight += length
         else:
             total += max(length, len(piece) / 3)
     return total + max(0.0, straight - _MEASURES * width_px)
+
+
+def _is_ruled(piece: np.ndarray) -> bool:
+    if len(piece) < 3:
+        return True
+    across = (piece - piece.mean(axis=0)) @ np.linalg.eigh(np.cov(piece.T))[1][:, 0]
+    return bool(np.median(np.abs(across - np.median(across))) <= _RULED_PX)

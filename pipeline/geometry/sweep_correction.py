@@ -15,6 +15,7 @@ from pipeline.geometry.registration import Fan, Pose
 _MATCH_M = 1.0  # a return farther from the wall shows something that the plan does not, such as a vehicle
 _TAPER_M = 1.5  # over which a wall goes from the sweep's to the plan's
 _BREAK_M = 0.6  # returns farther apart belong to two walls
+_NARROWEST_M = 1.5  # no robot and no vehicle drives in narrower parts
 _SLIVER_M = 0.05
 _SPECK_M2 = 1.0
 _MID_M = 0.5  # height at which rays are cast against walls 1 m high
@@ -23,12 +24,15 @@ _MID_M = 0.5  # height at which rays are cast against walls 1 m high
 def narrow_drifts(free: Polygon, inward_m: float) -> Polygon:
     """Move all walls of a free space inward by a distance, m; a negative distance widens the drifts.
 
+    Parts that are then narrower than 1.5 m, such as the tips of dead ends, are removed.
+
     Raises
     ------
     GeometryError
         If that closes a drift: the message gives the distance and what is cut off.
     """
-    narrowed = as_polygons(free.buffer(-inward_m, join_style="mitre"))
+    eroded = free.buffer(-inward_m - _NARROWEST_M / 2, join_style="mitre")
+    narrowed = as_polygons(eroded.buffer(_NARROWEST_M / 2, join_style="mitre"))
     if narrowed.is_empty:
         raise GeometryError(f"sweeps: no drift is wider than {2 * inward_m:.2f} m, the bias in width")
     whole = max(narrowed.geoms, key=lambda part: part.area)
