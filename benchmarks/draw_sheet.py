@@ -86,9 +86,11 @@ def draw_sheet(seed: int) -> Sheet:
     bar_m = pen.draw_bar() if "scale bar" in shown else None
     picture = 255 - pen.sheet if "light on dark" in shown else pen.sheet
     if "JPEG" in shown:
-        picture = cv2.imdecode(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 85])[1], cv2.IMREAD_COLOR)
+        picture = np.asarray(
+            cv2.imdecode(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 85])[1], cv2.IMREAD_COLOR)
+        )
     levels = [fill_polygon(mine, pen.frame) for mine in pen.mines]
-    return Sheet(np.asarray(picture), levels, per_m, bar_m, style, walls, shown)
+    return Sheet(picture, levels, per_m, bar_m, style, walls, shown)
 
 
 def _mine(style: str, rng: np.random.Generator, side_m: float) -> Polygon:
@@ -185,7 +187,7 @@ class _Pen:
         near = self.all.buffer(4.0).difference(self.all.buffer(1.0))
         points = self.place(_random_points(near, round(near.area / 4), self.rng))
         for point in points:
-            self.line(np.array([point, point + (6, -6)]), (120, 120, 120))
+            self.line(np.array([point, point + np.array([6, -6])]), (120, 120, 120))
 
     def draw_survey_lines(self) -> None:
         """Draw the survey's legs and stations along the drifts: in colour, or black, dashed or not."""
@@ -216,10 +218,10 @@ class _Pen:
 
     def draw_dimensions(self) -> None:
         """Draw dimension lines with arrows and a measure: one along the mine, some across drifts."""
-        west, south, east, north = self.all.bounds
-        self._dimension(self.place([[west, north + 3.0], [east, north + 3.0]]), f"{east - west:.1f}")
+        west, _, east, north = self.all.bounds
+        self._dimension(self.place(np.array([[west, north + 3.0], [east, north + 3.0]])), f"{east - west:.1f}")
         for point in _random_points(self.mines[0].buffer(-1.0), 4, self.rng):
-            self._dimension(self.place([point - (6, 0), point + (6, 0)]), "4.5")
+            self._dimension(self.place(np.array([point - np.array([6, 0]), point + np.array([6, 0])])), "4.5")
 
     def _dimension(self, ends: np.ndarray, text: str) -> None:
         self.line(ends)
@@ -283,7 +285,7 @@ class _Pen:
         """Write a caption below each level."""
         for k, mine in enumerate(self.mines):
             west, south, _, _ = mine.bounds
-            (col, row), *_ = self.place([[west, south - 3.0]])
+            (col, row), *_ = self.place(np.array([[west, south - 3.0]]))
             self.write(f"LEVEL {k + 1}", (col, row + 12), 12)
 
     def draw_bar(self) -> int:

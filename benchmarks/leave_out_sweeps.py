@@ -1,4 +1,4 @@
-"""Correct the published plan by all sweeps but one, and measure the one left out: is the corrected plan nearer to it?
+"""Correct the published plan by all sweeps but one, and measure the one left out.
 
 Writes `docs/corrected-plan.md` and `docs/corrected.jpg`. The plan's scale is that of the poses (docs/adr/0007).
 """
@@ -75,11 +75,11 @@ def page(rows: list[dict], correction: Correction) -> str:
         "",
         "Written by `make leave-out-sweeps`; [evidence.md](evidence.md#lidar-corrects-the-plan) explains the figures.",
         "",
-        f"All four sweeps: walls are drawn {report.bias_m:.2f} m too far out ({low:.2f} to {high:.2f} m when each sweep is "
-        f"left out). {sum(report.followed_m.values()):.0f} m of wall follow the sweeps.",
+        f"All four sweeps: walls are drawn {report.bias_m:.2f} m too far out ({low:.2f} to {high:.2f} m when each "
+        f"sweep is left out). {sum(report.followed_m.values()):.0f} m of wall follow the sweeps.",
         "",
-        "| sweep left out | its own bias, m | bias of the others, m | as drawn, m | corrected by the others, m | ratio | "
-        "as drawn, placed anew, m | ratio |",
+        "| sweep left out | its own bias, m | bias of the others, m | as drawn, m | corrected by the others, m | "
+        "ratio | as drawn, placed anew, m | ratio |",
         "|---" * 8 + "|",
     ]
     for row in rows:
@@ -98,8 +98,8 @@ def page(rows: list[dict], correction: Correction) -> str:
     halved = [sum(row["corrected_m"] <= 0.5 * row[key] for row in rows) for key in ("drawn_same_m", "drawn_own_m")]
     lines += [
         "",
-        f"At the same place the median error falls to at most half in {halved[0]} of {len(rows)} sweeps; where the plan as "
-        f"drawn may place the sweep anew, in {halved[1]} of {len(rows)}.",
+        f"At the same place the median error falls to at most half in {halved[0]} of {len(rows)} sweeps; where the "
+        f"plan as drawn may place the sweep anew, in {halved[1]} of {len(rows)}.",
         "",
         "![Walls as drawn and corrected, with the returns of each sweep](corrected.jpg)",
     ]
@@ -110,7 +110,8 @@ def main() -> int:
     """Measure and write the page and the picture."""
     try:
         drawn, survey = trace_plan()
-        poses = compose(["survey=plan"]).survey.poses
+        poses = compose(["survey=plan", "survey.correct=sweeps"]).contours.poses
+        assert poses is not None
         files = {name: Path(file) for name, file in poses.sweeps.items()}
         sweeps = read_sweeps(Path(poses.file), files, poses.max_range_m, poses.max_range_var_m2)
         bias_of = measure_bias(drawn, sweeps)

@@ -217,6 +217,8 @@ def _findings(conf: Path, detected: Detection) -> list[str]:
         lines.append("light workings on dark paper; if wrong, set survey.light_on_dark: false")
     if "scale" in detected.remarks:
         lines.append(f"scale: {detected.remarks['scale']}; if wrong, correct survey.scale")
+    if "projection" in detected.remarks:
+        lines.append(f"{detected.remarks['projection']}; if it is a local grid, state --unit m")
     if detected.values.get("unit"):
         lines.append(
             f"unit: {detected.values['unit']}, because drifts are then {detected.width_m:.1f} m wide; "

@@ -175,9 +175,11 @@ def add_to(commands: Any) -> None:
     make.add_argument("--gap", dest="wall_gap_px", type=float, help="widest gap in drawn walls that is closed, px")
     make.add_argument("--ignore", dest="ignore_colours", type=whole_numbers(3), action="append", help="R,G,B: no walls")
     stated = ("px_per_m", "bar_length_m", "bar_box_px", "unit", "entrance_m", "layers", "snap_m", "page", "dpi")
-    stated += ("crop_px", "level", "seeds_px", "wall_gap_px", "ignore_colours")
+    of_sheets = ("crop_px", "level", "seeds_px", "wall_gap_px", "ignore_colours")
     make.set_defaults(
-        run=lambda a: new(a.name, a.source, a.origin, a.licence, {k: getattr(a, k) for k in stated}, a.overrides)
+        run=lambda a: new(
+            a.name, a.source, a.origin, a.licence, {k: getattr(a, k) for k in (*stated, *of_sheets)}, a.overrides
+        )
     )
     many = commands.add_parser("worlds", help=worlds.__doc__)
     many.add_argument("--count", type=positive, help="default: 10, or with --light the whole split")

@@ -17,14 +17,21 @@ Box = tuple[int, int, int, int]
 _CHROMA = 40  # lines in colour are annotation, as elsewhere
 _SHARE = 0.006  # of the sheet that workings cover at least
 _REACHES = 0.2  # of the sheet's side that workings extend over at least
-_MORE = 1.3  # closing hatch lines makes an area larger by this factor; a filled one hardly grows
-_HATCH_PX, _PARALLEL = 3.6, 0.35  # hatching: distance to the nearest line, and coherence of the directions
+_SHADE, _UNIFORM = 20, 0.8  # grey values of one fill, and the least share of an area that has them
+_OUTLINED = 0.88  # of the border of a hatched area
+_RULED = 0.12  # of the sheet's side: a level or upright line this long is a piece of a grid
+_OTHER, _RULER_PX, _BOX = (
+    0.3,
+    10,
+    0.7,
+)  # extent of another drawing, width of a ruled line, covered share of a box's sides
+_HATCH_PX, _PARALLEL = 3.6, 0.25  # hatching: distance to the nearest line, and coherence of the directions
 _RIVAL = 0.25  # of the largest drawing's area: a smaller one is a sample or a detail
 _COMPACT = 0.9  # share of its convex hull that a box, a circle or a patch fills
-_GAPS = (0.17, 0.26)  # of the drifts' width: half the widest gap that is closed, tried twice
+_GAPS = (0.23, 0.31)  # of the drifts' width: half the widest gap that is closed, tried twice
 _AGREE = 0.97  # IoU of the workings with both
 _LETTER_PX = 14.0  # smaller pieces are letters, dashes and hatching
-_UNEXPLAINED = 1.5  # drift widths of line inside the workings that no reading explains
+_UNEXPLAINED = 2.5  # drift widths of line inside the workings that no reading explains
 _NARROWEST_PX = 8.0
 _REACHES_PX = (7.0, 5.0, 9.0)
 _DARKNESS = (185, 100)  # of lines with their soft edges; of strong lines only
@@ -55,20 +62,39 @@ def read_sheet(picture: Image, level: int | None) -> SheetReading:
         If nothing looks like workings, several drawings do and no level is stated, or the finding is doubtful. The
         message names the option that settles it.
     """
+    try:
+        area = _read_area(picture, level)
+        if area is not None:
+            return area
+    except GeometryError as error:
+        doubt = error
+    else:
+        return _read_lines(picture, level)
+    try:
+        return _read_lines(picture, level)
+    except GeometryError:
+        raise doubt from None
+
+
+def _read_area(picture: Image, level: int | None) -> SheetReading | None:
+    """Read workings drawn as a filled or hatched area; None if no area looks like workings."""
     ink = find_ink(picture)
     filled, closed = find_areas(ink, False), find_areas(drop_straight(ink), True)
     plain, dense = _drawings(filled), _drawings(closed)
-    closing_adds = bool(dense) and _area(closed, dense) > _MORE * _area(filled, plain)
-    hatched = closing_adds and _is_hatched(picture, ink, closed, dense)
-    if not hatched and (closing_adds or not plain):
-        return _read_lines(picture, level)
+    uniform = bool(plain) and _is_uniform(picture, filled, plain) and _area(closed, dense) < 2 * _area(filled, plain)
+    hatched = bool(dense) and not uniform and _is_hatched(picture, ink, closed, dense)
+    if not hatched and not uniform:
+        return None
     areas, drawings = (closed, dense) if hatched else (filled, plain)
     chosen, boxes = _choose(areas, drawings, level)
     filling, outlined = fill_workings(picture, ink, chosen, hatched)
     mask = _largest(filling)
-    if hatched and not outlined:
-        raise GeometryError("a hatched area has no outline; --crop COL0,ROW0,COL1,ROW1 leaves out what is no workings")
-    _require_one_fill(picture, mask, hatched)
+    if hatched and outlined < _OUTLINED:
+        raise GeometryError(
+            f"an outline runs along {100 * outlined:.0f} % of a hatched area, at least {100 * _OUTLINED:.0f} % are "
+            "needed; --crop COL0,ROW0,COL1,ROW1 leaves out what is no workings"
+        )
+    _require_alone(drop_small(drop_straight(_dark_lines(picture, False)), _LETTER_PX), mask)
     return SheetReading(mask, "hatched" if hatched else "filled", boxes, 2 * ridge_half_width(mask))
 
 
@@ -77,8 +103,16 @@ def _area(areas: Mask, drawings: list[int]) -> int:
     return int(stats[drawings[0], cv2.CC_STAT_AREA]) if drawings else 0
 
 
+def _is_uniform(picture: Image, areas: Mask, drawings: list[int]) -> bool:
+    """Return whether the largest area has one shade, apart from letters and lines in it."""
+    _, labels = cv2.connectedComponents(areas.astype(np.uint8), connectivity=4)
+    inside = cv2.erode((labels == drawings[0]).astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)[inside].astype(float)
+    return bool(len(grey) and np.mean(np.abs(grey - np.median(grey)) <= _SHADE) > _UNIFORM)
+
+
 def _read_lines(picture: Image, level: int | None) -> SheetReading:
-    """Read walls drawn as lines: all dark lines, then the strong ones only; the first reading without a doubt counts."""
+    """Read walls drawn as lines: all dark lines, then strong ones only; the first reading without a doubt counts."""
     doubt: GeometryError | None = None
     for strong in (False, True):
         walls = drop_small(drop_straight(_dark_lines(picture, strong)), _LETTER_PX)
@@ -108,6 +142,7 @@ def _enclosed(walls: Mask, reach_px: float, level: int | None) -> SheetReading:
     mask = _largest(chosen)
     _require_agreement(mask, _largest(narrow & grown(mask, 5.0)))
     _require_explained(walls, mask, width)
+    _require_alone(walls, mask)
     return SheetReading(mask, "lines", boxes, 2 * ridge_half_width(mask))
 
 
@@ -163,20 +198,6 @@ def _is_hatched(picture: Image, ink: Mask, areas: Mask, drawings: list[int]) -> 
     return bool(np.percentile(to_hatch, 90) <= _HATCH_PX and parallel > _PARALLEL)
 
 
-def _require_one_fill(picture: Image, mask: Mask, hatched: bool) -> None:
-    """Refuse workings of several fills, such as ore and rock drawn as areas that touch."""
-    if hatched:
-        return
-    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)[mask].astype(float)
-    common = np.median(grey)
-    share = float((np.abs(grey - common) > 40).mean())
-    if share > 0.45:
-        raise GeometryError(
-            f"{100 * share:.0f} % of the largest area has another shade than its fill; --crop COL0,ROW0,COL1,ROW1 "
-            "leaves out what is no workings"
-        )
-
-
 def _require_agreement(mask: Mask, other: Mask) -> None:
     iou = float((mask & other).sum() / max(1, (mask | other).sum()))
     if iou < _AGREE:
@@ -194,6 +215,23 @@ def _require_explained(walls: Mask, mask: Mask, width: float) -> None:
             f"{length:.0f} px of lines at the workings are no wall of theirs; --crop COL0,ROW0,COL1,ROW1 or "
             "--ignore R,G,B leaves out what is no wall, --seed COL,ROW names a place inside"
         )
+
+
+def _require_alone(lines: Mask, mask: Mask) -> None:
+    """Refuse workings beside another large drawing: lines as extended as the workings that are no box and no ruler."""
+    others = drop_straight(lines & ~grown(mask, 6.0), _RULED)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(others.astype(np.uint8), connectivity=8)
+    _, _, cols, rows = cv2.boundingRect(mask.astype(np.uint8))
+    for k, (left, top, width, height, _) in enumerate(stats[1:], start=1):
+        if max(width, height) < _OTHER * max(cols, rows) or min(width, height) <= _RULER_PX:
+            continue
+        piece = labels[top : top + height, left : left + width] == k
+        border = [piece[:4].any(axis=0), piece[-4:].any(axis=0), piece[:, :4].any(axis=1), piece[:, -4:].any(axis=1)]
+        if np.mean(np.concatenate(border)) < _BOX:
+            raise GeometryError(
+                f"another drawing of {width} x {height} px lies beside the workings, at ({left}, {top}); "
+                "--crop COL0,ROW0,COL1,ROW1 leaves it out"
+            )
 
 
 def _largest(mask: Mask) -> Mask:

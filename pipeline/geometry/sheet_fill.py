@@ -15,6 +15,7 @@ _NARROW = 0.15  # of the drifts' width: thinner parts are lines and letters that
 _LETTER = 0.3  # of the drifts' width: the side of the largest hole that is a light letter
 _OUTLINED = 0.4  # share of the border that an outline covers, by its darkness
 _DARKER = 30
+_DARK_OUTLINE = 110
 
 
 def paper_colour(picture: Image) -> np.ndarray:
@@ -38,10 +39,11 @@ def find_areas(ink: Mask, hatched: bool) -> Mask:
     return cv2.morphologyEx(mask, cv2.MORPH_OPEN, disc(_STROKE_PX)).astype(bool)
 
 
-def fill_workings(picture: Image, ink: Mask, area: Mask, hatched: bool) -> tuple[Mask, bool]:
+def fill_workings(picture: Image, ink: Mask, area: Mask, hatched: bool) -> tuple[Mask, float]:
     """Return the workings round an area: without lines and letters that touch it, without light letters in it.
 
-    Where an outline is drawn, the wall is the middle of the outline; the second result tells whether there is one.
+    Where an outline is drawn, the wall is the middle of the outline; the second result is the share of the border that
+    has one.
     """
     width = 2 * ridge_half_width(area)
     near = cv2.dilate(area.astype(np.uint8), disc(2 * _STROKE_PX + 1))
@@ -53,10 +55,12 @@ def fill_workings(picture: Image, ink: Mask, area: Mask, hatched: bool) -> tuple
     mask = mask & (cv2.dilate(opened, disc(0.42 * radius + 0.5)) > 0)
     mask = fill_islands(mask, (_LETTER * width) ** 2)
     half = _half_outline(picture, mask, hatched)
-    if half >= 0.5:
-        distance = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
-        mask = distance > half
-    return mask, half >= 0.5
+    if half < 0.5:
+        return mask, 0.0
+    distance = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
+    dark = cv2.erode(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), disc(half + 1)) < _DARK_OUTLINE
+    border = (distance > half) & (distance <= half + 1)
+    return distance > half, float(dark[border].mean()) if border.any() else 0.0
 
 
 def _half_outline(picture: Image, mask: Mask, hatched: bool) -> float:

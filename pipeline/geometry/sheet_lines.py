@@ -13,14 +13,14 @@ _CONE_RAD = np.radians(np.arange(-40, 41, 10))
 _DEEPEST = 12
 _MARGIN, _MARGIN_PX = 0.12, 3.0  # a wall lies this near to the edge of the workings: share of their width, and px
 _RULED_PX = 0.7  # median distance of a ruled line's pixels from its axis; walls waver more
-_MEASURE, _MEASURES = 5.0, 16.0  # drift widths of the longest measure, and of all
+_MEASURE, _MEASURES = 5.0, 12.0  # drift widths of the longest measure, and of all
 
 
-def drop_straight(lines: Mask) -> Mask:
-    """Remove level and upright lines that are longer than 0.6 of the sheet's side: grids, frames, tables."""
+def drop_straight(lines: Mask, share: float = _LONG) -> Mask:
+    """Remove level and upright lines that are longer than a share of the sheet's side: grids, frames, tables."""
     mask = lines.astype(np.uint8)
     straight = np.zeros_like(mask)
-    tall, wide = (max(40, round(_LONG * side)) for side in lines.shape)
+    tall, wide = (max(40, round(share * side)) for side in lines.shape)
     for kernel in (np.ones((1, wide), np.uint8), np.ones((tall, 1), np.uint8)):
         straight |= cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
     return lines & (straight == 0)
@@ -69,15 +69,16 @@ def enclose(lines: Mask, reach_px: float) -> Mask:
     """
     seeds = 1 - grown(np.pad(lines, 2), reach_px).astype(np.uint8)
     seeds[[0, -1], :] = seeds[:, [0, -1]] = 1
-    count, regions, stats, _ = cv2.connectedComponentsWithStats(seeds, connectivity=4)
+    count, regions, _, _ = cv2.connectedComponentsWithStats(seeds, connectivity=4)
     outside = int(regions[0, 0])
+    across = 2 * reach_px + _stroke_px(lines) + 4
     depth = np.full(count, -1)
     depth[0], depth[outside] = -2, 0
     layer = np.array([outside])
     for level in range(1, _DEEPEST):
         chosen = np.zeros(count, bool)
         chosen[layer] = True
-        found = np.unique(regions[grown(chosen[regions], 2 * reach_px + 5)])
+        found = np.unique(regions[grown(chosen[regions], across)])
         layer = found[depth[found] == -1]
         if not len(layer):
             break
@@ -85,7 +86,15 @@ def enclose(lines: Mask, reach_px: float) -> Mask:
     _, nearest = cv2.distanceTransformWithLabels(1 - seeds, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
     region_of_label = np.zeros(int(nearest.max()) + 1, np.int32)
     region_of_label[nearest[seeds > 0]] = regions[seeds > 0]
-    return np.asarray((depth[region_of_label[nearest]] % 2 == 1)[2:-2, 2:-2])
+    return np.asarray(((depth > 0) & (depth % 2 == 1))[region_of_label[nearest]][2:-2, 2:-2])
+
+
+def _stroke_px(lines: Mask) -> float:
+    """Return the thickness of lines, px: four times the mean distance to paper over their pixels, less one."""
+    if not lines.any():
+        return 1.0
+    distance = cv2.distanceTransform(lines.astype(np.uint8), cv2.DIST_L2, 5)
+    return max(1.0, 4 * float(distance[lines].mean()) - 1)
 
 
 def grown(mask: Mask, reach_px: float) -> Mask:

@@ -54,7 +54,7 @@ class PosesParams(Params):
 class _SurveyParams(Params):
     name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
     poses: PosesParams | None = None
-    correct: Literal["sweeps"] | None = Field(None, description="sweeps: stage 2 corrects walls by the sweeps of poses")
+    correct: Literal["sweeps"] | None = Field(default=None, description="stage 2 corrects walls by the sweeps of poses")
     entrance_m: PointM | None = None
     labels_m: dict[str, PointM] = Field(default_factory=dict)
 

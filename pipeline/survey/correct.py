@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,7 +47,11 @@ class Sweeps:
     def without(self, name: str) -> Sweeps:
         """Return all sweeps but one."""
         kept = [other for other in self.poses if other != name]
-        return Sweeps(*({key: some[key] for key in kept} for some in (self.poses, self.coarse, self.counted)))
+        return Sweeps(
+            {key: self.poses[key] for key in kept},
+            {key: self.coarse[key] for key in kept},
+            {key: self.counted[key] for key in kept},
+        )
 
 
 @dataclass(frozen=True)
@@ -69,7 +74,8 @@ class CorrectionReport:
         low, high = self.bias_interval_m
         return (
             f"walls follow the sweeps along {sum(self.followed_m.values()):.0f} m; elsewhere each is moved inward by "
-            f"{self.bias_m:.2f} m ({low:.2f} to {high:.2f} m when each of {len(self.bias_of_sweep_m)} sweeps is left out)"
+            f"{self.bias_m:.2f} m ({low:.2f} to {high:.2f} m when each of {len(self.bias_of_sweep_m)} sweeps is left "
+            "out)"
         )
 
 
@@ -156,12 +162,13 @@ def measure_bias(free: Polygon, sweeps: Sweeps) -> dict[str, float]:
     offsets = np.arange(max(coarse - _REACH_M, -_REACH_M), coarse + _REACH_M + 1e-9, _STEP_M)
     costs: dict[str, list[float]] = {name: [] for name in sweeps.counted}
     for offset in offsets:
-        try:
-            caster = caster_of(narrow_drifts(free, float(offset)))
-        except GeometryError:
-            caster = None
+        narrowed_caster: RayCaster | None = None
+        with suppress(GeometryError):  # drifts that would close
+            narrowed_caster = caster_of(narrow_drifts(free, float(offset)))
         for name, fan in sweeps.counted.items():
-            costs[name].append(np.inf if caster is None else _least_cost(caster, fan, np.array(poses[name])))
+            costs[name].append(
+                np.inf if narrowed_caster is None else _least_cost(narrowed_caster, fan, np.array(poses[name]))
+            )
     return {name: _lowest(offsets, np.array(each)) for name, each in costs.items()}
 
 
@@ -201,7 +208,7 @@ def _cost(caster: RayCaster, fan: Fan, pose: np.ndarray) -> float:
 
 def _least_cost(caster: RayCaster, fan: Fan, pose: np.ndarray) -> float:
     """Return the least cost of a sweep near a pose, searched from five starts."""
-    starts = [pose, *(pose + (dx, dy, 0.0) for dx in _STARTS_M for dy in _STARTS_M)]
+    starts = [pose, *(pose + np.array([dx, dy, 0.0]) for dx in _STARTS_M for dy in _STARTS_M)]
     start = min(starts, key=lambda each: _cost(caster, fan, each))
     simplex = start + np.array([[0, 0, 0], [0.3, 0, 0], [0, 0.3, 0], [0, 0, 0.01]])
     found = minimize(

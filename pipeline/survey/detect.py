@@ -14,7 +14,7 @@ from pipeline.errors import InputError
 from pipeline.geometry.binarize import dark_pixels
 from pipeline.params.reader_limits import reader_limits
 from pipeline.params.survey import PassageSurveyParams, PlanSurveyParams, VectorSurveyParams
-from pipeline.survey.child import Payload, run_limited
+from pipeline.survey.child import Payload, one_line, run_limited
 from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
 from pipeline.survey.georeference import read_placement, world_file
 from pipeline.survey.grid import draw_grid
@@ -26,7 +26,7 @@ from pipeline.survey.shapes import METRES
 from pipeline.survey.solved.read import SOLVED_SUFFIXES
 from pipeline.survey.vector_survey import draw_vector_survey, read_shapes, vector_files
 from pipeline.survey.workings import WIDTHS_M, draw_detected, find_workings, typical_width_px
-from pipeline.types import Image, Mask
+from pipeline.types import Georeference, Image, Mask
 
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pdf")
 _LIKELY_M = 5.5  # usual width of a mechanized drift; that of the published mine at scan 02S
@@ -136,6 +136,7 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
         "seeds_m": [],
     }
     remarks = {
+        **({"projection": _projected(place)} if place.projection and place.crs else {}),
         "layers": "null: all layers; or a list",
         "unit": f"null: the file's unit ({place.unit}); or m, cm, mm, ft, in",
         "origin": "of the mine frame, in the file's coordinates",
@@ -143,6 +144,11 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
         "seeds_m": "[[x, y], ...] points inside the workings, if the walls enclose other areas too",
     }
     return Detection(values, remarks, [Path(f) for f in vector_files(_vector(path, unit, stated))], width)
+
+
+def _projected(place: Georeference) -> str:
+    name = one_line(str(place.crs), 40)
+    return f"coordinates in {name} are no metres on the ground; they are projected by {place.projection}"
 
 
 def _vector(path: Path, unit: str | None, stated: dict[str, Any]) -> VectorSurveyParams:
@@ -249,6 +255,8 @@ def _detect_scale(
         place = read_placement(path)
         per_m = 1.0 / (place.size * place.metres_per_unit)
         remark = f"{per_m:.3f} px/m from {file.name if file else 'the file itself'}"
+        if place.unit == "m" and abs(place.metres_per_unit - 1) > 1e-6:
+            remark += f", whose metre is {place.metres_per_unit:.4f} m on the ground ({place.crs})"
         return {**scale, "source": "georeference", "px_per_m": per_m}, {"scale": remark}, [file] if file else []
     box = stated.get("bar_box_px") or find_bar(picture)
     if box is None:
