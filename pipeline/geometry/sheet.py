@@ -18,7 +18,7 @@ _CHROMA = 40  # lines in colour are annotation, as elsewhere
 _SHARE = 0.006  # of the sheet that workings cover at least
 _REACHES = 0.2  # of the sheet's side that workings extend over at least
 _SHADE, _UNIFORM = 20, 0.8  # grey values of one fill, and the least share of an area that has them
-_OUTLINED = 0.88  # of the border of a hatched area
+_OUTLINED = 0.92  # of the border of a hatched area
 _RULED = 0.12  # of the sheet's side: a level or upright line this long is a piece of a grid
 _OTHER, _RULER_PX, _BOX = (
     0.3,
@@ -174,7 +174,7 @@ def _choose(areas: Mask, drawings: list[int], level: int | None) -> tuple[Mask, 
     """Return the area of the chosen drawing and the boxes of all, by rows from the upper left."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(areas.astype(np.uint8), connectivity=4)
     height = max(stats[k, 3] for k in drawings)
-    order = sorted(drawings, key=lambda k: (round(stats[k, 1] / height), stats[k, 0]))
+    order = sorted(drawings, key=lambda k: (round((stats[k, 1] + stats[k, 3]) / height), stats[k, 0]))
     boxes = [(int(s[0]), int(s[1]), int(s[0] + s[2]), int(s[1] + s[3])) for s in (stats[k] for k in order)]
     if level is not None and not 1 <= level <= len(order):
         raise GeometryError(f"--level {level}: the sheet shows {len(order)} drawings")

@@ -26,7 +26,7 @@ def test_a_narrowed_drift_loses_the_distance_on_every_side():
 
 
 def test_a_drift_that_would_close_is_refused_with_the_width():
-    with pytest.raises(GeometryError, match="no drift is wider than 5.20 m, the bias in width"):
+    with pytest.raises(GeometryError, match=r"no drift is wider than 5\.20 m, the bias in width"):
         narrow_drifts(DRIFT, 2.6)
     hourglass = shapely.union_all([shapely.box(0, 0, 20, 8), shapely.box(20, 3, 30, 5), shapely.box(30, 0, 50, 8)])
     with pytest.raises(GeometryError, match="that much of the plan would be cut off"):
@@ -54,7 +54,7 @@ def test_the_interval_is_the_range_of_means_with_each_sweep_left_out():
 
 
 def test_sweeps_that_disagree_on_the_sign_support_no_correction():
-    with pytest.raises(GeometryError, match="disagree on whether the plan's drifts are too wide .a .0.30 m, b -0.20 m"):
+    with pytest.raises(GeometryError, match=r"disagree on whether .* too wide .a .0\.30 m, b -0\.20 m"):
         mean_bias({"a": 0.3, "b": -0.2})
 
 
