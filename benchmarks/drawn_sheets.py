@@ -124,8 +124,8 @@ def main() -> int:
         "# Drawn sheets\n\nWritten by `make drawn-sheets`. Generated mines of all four styles are drawn on sheets\n"
         "with what drawing offices put there, and their workings are detected as `python -m pipeline new` does,\n"
         f"without any option. A sheet is right with an IoU of at least {RIGHT_IOU:g} with the true workings. A\n"
-        "refused sheet names the option that settles it; a sheet of several levels always needs one. Nothing may be silently\n"
-        "wrong.\n\n"
+        "refused sheet names the option that settles it; a sheet of several levels always needs one. Nothing may be\n"
+        "silently wrong.\n\n"
     )
     text = table(rows)
     tail = "\n![Sheets and what was detected, green](drawn-sheets.jpg)\n"
