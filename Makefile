@@ -11,7 +11,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock look-pictures drive-clip compare-collision search-texture bench bench-light bench-pipeline time-training setup-baselines oracle explorers teams unseen train train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock bench-growth
+.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock look-pictures drive-clip compare-collision search-texture bench bench-light bench-pipeline time-training setup-baselines oracle explorers teams unseen train train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock bench-growth leave-out-sweeps drawn-sheets
 
 help:  # show the targets that have a remark of two hashes; rarer ones have one
 	@awk -F ':.*## ' '/^##@/ {print substr($$0, 5)} /^all:/ {printf "  %-18s %s\n", "$(firstword $(STAGES)) ...", "up to and including one stage: $(STAGES)"} /^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' Makefile
@@ -81,6 +81,12 @@ parity: all  ## cast the same rays by every backend
 
 replay: all  ## replay the sweeps below data/raw in the world
 	@$(PY) -m pipeline replay --bundle artifacts/realism/world --sweeps data/raw --poses data/raw/scan_poses.csv --out artifacts/proof
+
+leave-out-sweeps: setup  ## correct the published plan by all sweeps but one, measure that one
+	@$(PY) -m benchmarks.leave_out_sweeps
+
+drawn-sheets: setup  ## find the workings on two hundred drawing sheets: right, asked, wrong
+	@$(PY) -m benchmarks.drawn_sheets
 
 holdout: setup  ## build rock from half of the sweeps, score it on the other half
 	@$(PY) -m pipeline validate --holdout --out artifacts/proof/holdout.json

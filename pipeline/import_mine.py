@@ -19,7 +19,9 @@ from pipeline.params.survey import SurveyParams
 from pipeline.store.files import remove_empty_folders, write_atomically
 from pipeline.store.registry import read_registry, register, unregister
 from pipeline.survey.child import one_line
-from pipeline.survey.detect import WIDTHS_M, Detection, detect_survey
+from pipeline.survey.detect import Detection, detect_survey
+from pipeline.survey.workings import WIDTHS_M
+from pipeline.types import Image
 
 DATA = Path("data/mines")
 _KINDS = {
@@ -35,11 +37,15 @@ _WORDS = {"default", "true", "false", "null", "none", "nan", "inf", "yes", "no",
 
 @dataclass(frozen=True)
 class Import:
-    """What an import found, one line for each detected value, and the files that it wrote and registered."""
+    """What an import found, one line for each detected value, and the files that it wrote and registered.
+
+    `picture` shows what of a plan's picture was taken for workings.
+    """
 
     findings: list[str]
     written: list[Path]
     registered: list[Path]
+    picture: Image | None = None
 
 
 def survey_file(name: str) -> Path:
@@ -90,6 +96,7 @@ def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict
         _findings(conf, detected),
         [path for path in (*targets.values(), conf) if not path.is_file()],
         [path for path in targets.values() if path.relative_to("data").as_posix() not in known],
+        detected.picture,
     )
     try:
         for file, target in targets.items():
@@ -170,7 +177,7 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: dict[str, An
     for key in ("image", "file", "map"):
         if key in values:
             values[key] = file.as_posix()
-    values |= {"poses": None, "entrance_m": stated.get("entrance_m"), "labels_m": {}}
+    values |= {"poses": None, "correct": None, "entrance_m": stated.get("entrance_m"), "labels_m": {}}
     remarks = {
         "entrance_m": "[x, y]; null: the start of the longest drift",
         "labels_m": "{A: [x, y], ...}",
@@ -197,6 +204,11 @@ def _line(text: str, remark: str | None) -> str:
 
 def _findings(conf: Path, detected: Detection) -> list[str]:
     lines = [f"{detected.files[0].name}: {_KINDS[detected.values['kind']]}; if wrong, correct {conf}"]
+    if detected.values.get("sheet"):
+        lines.append(
+            "a drawing sheet: all but the workings is left out (detected.png shows them); if wrong, state --crop, "
+            "--seed or --ignore, or set survey.sheet: false"
+        )
     if detected.values.get("line_drawing"):
         lines.append(
             "walls are drawn as lines; the areas that they enclose are filled; if wrong, set survey.line_drawing: false"
@@ -205,6 +217,8 @@ def _findings(conf: Path, detected: Detection) -> list[str]:
         lines.append("light workings on dark paper; if wrong, set survey.light_on_dark: false")
     if "scale" in detected.remarks:
         lines.append(f"scale: {detected.remarks['scale']}; if wrong, correct survey.scale")
+    if "projection" in detected.remarks:
+        lines.append(f"{detected.remarks['projection']}; if it is a local grid, state --unit m")
     if detected.values.get("unit"):
         lines.append(
             f"unit: {detected.values['unit']}, because drifts are then {detected.width_m:.1f} m wide; "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,12 @@ from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.skeleton import require_same_network, trace_alike
 from pipeline.metrics.wall_error import largest_error_m
 from pipeline.params.contours import ContoursParams
+from pipeline.report.corrected import draw_corrected
 from pipeline.report.graph import network_dot, width_table
 from pipeline.report.plans import draw_contours
 from pipeline.stage import Artifact, Stage, main
-from pipeline.types import Areas, DriftNetwork, Frame, FreeSpace, Image, Mask, Survey, Workings
+from pipeline.survey.correct import Correction, CorrectionReport, correct_by_sweeps, read_sweeps
+from pipeline.types import NO_PICTURE, Areas, DriftNetwork, Frame, FreeSpace, Image, Mask, Survey, Workings
 
 _HALVINGS = 3  # of a wall error that would change the drift network
 
@@ -40,8 +43,13 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
             traced = choose_component(mended, places)
             raw, cleaned = fill_polygon(workings.polygons, frame), fill_polygon(traced, frame)
         require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_workings_share)
+        correction = _correct(params, traced)
     except GeometryError as error:
         raise GeometryError(f"{(survey.sources or [survey.name])[0]}: {error}") from error
+    drawn = traced
+    if correction is not None:
+        traced = correction.polygon
+        raw = cleaned = fill_polygon(traced, frame)
     outline, network, tolerance = _simplify(params, traced)
     outer = Polygon(outline.exterior)
     areas = Areas(
@@ -61,7 +69,26 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
         "topology_dot": network_dot(network),
         "widths": width_table(network),
         "picture": draw_contours(raw, outline, network, frame),
+        "correction": None if correction is None else correction.report,
+        "corrected": NO_PICTURE if correction is None else draw_corrected(drawn, correction, frame),
     }
+
+
+def _correct(params: ContoursParams, traced: Polygon) -> Correction | None:
+    """Correct the traced walls by the survey's sweeps, if the parameters say so, and print by how much."""
+    if params.correct is None or params.poses is None:
+        return None
+    poses = params.poses
+    files = {name: Path(file) for name, file in poses.sweeps.items()}
+    sweeps = read_sweeps(Path(poses.file), files, poses.max_range_m, poses.max_range_var_m2)
+    correction = correct_by_sweeps(traced, sweeps)
+    print(f"contours: {correction.report.summary()}", file=sys.stderr)
+    return correction
+
+
+def sweep_files(params: ContoursParams) -> list[str]:
+    """List the registered files that stage 2 reads: poses and sweeps, if they correct the walls."""
+    return [params.poses.file, *params.poses.sweeps.values()] if params.correct and params.poses else []
 
 
 def chosen_places(params: ContoursParams, survey: Survey) -> list[tuple[float, float]]:
@@ -143,6 +170,7 @@ def _unconnected_m2(raw: Mask, cleaned: Mask, frame: Frame) -> float:
 STAGE = Stage(
     name="contours",
     run=trace_free_space,
+    sources=sweep_files,
     reads={
         "plan": Artifact("survey/plan.png", Image),
         "survey": Artifact("survey/survey.json", Survey),
@@ -157,6 +185,8 @@ STAGE = Stage(
         "topology_dot": Artifact("contours/topology.dot", str),
         "widths": Artifact("contours/widths.csv", str),
         "picture": Artifact("contours/contours.png", Image),
+        "correction": Artifact("contours/correction.json", CorrectionReport | None),
+        "corrected": Artifact("contours/corrected.png", Image),
     },
 )
 

@@ -33,3 +33,15 @@ def numbers(count: int) -> Callable[[str], list[float]]:
         return values
 
     return parse
+
+
+def whole_numbers(count: int) -> Callable[[str], list[int]]:
+    """Return a parser of `count` integers of 0 or more separated by commas."""
+
+    def parse(text: str) -> list[int]:
+        values = [int(part) for part in text.split(",")]
+        if len(values) != count or min(values) < 0:
+            raise argparse.ArgumentTypeError(f"{text!r}: expected {count} whole numbers of 0 or more, with commas")
+        return values
+
+    return parse

@@ -9,7 +9,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
-from pipeline.commands.arguments import natural, numbers, positive
+from pipeline.commands.arguments import natural, numbers, positive, whole_numbers
+
+DETECTED = "detected.png"
 
 
 def new(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any], overrides: list[str]) -> None:
@@ -26,12 +28,16 @@ def new(name: str, source: Path, origin: str, licence: str, stated: dict[str, An
 def _make(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any], overrides: list[str]) -> None:
     from pipeline.errors import LimitError
     from pipeline.import_mine import forget_import, import_mine
+    from pipeline.store.codecs import encode
+    from pipeline.store.files import write_atomically
     from pipeline.worlds import WORLDS, env_id
 
     imported = import_mine(name, source, origin, licence, stated)
     for line in imported.findings:
         print(line, file=sys.stderr)
     existed, failure = (WORLDS / name).exists(), None
+    if imported.picture is not None:
+        write_atomically(WORLDS / name / DETECTED, encode(Path(DETECTED), imported.picture))
     try:
         build(name, [f"survey={name}", *overrides])
     except LimitError as error:
@@ -43,6 +49,8 @@ def _make(name: str, source: Path, origin: str, licence: str, stated: dict[str, 
                 shutil.rmtree(WORLDS / name, ignore_errors=True)
             print("nothing is kept; state corrected values as overrides, for example survey.snap_m=1", file=sys.stderr)
         raise
+    if imported.picture is not None:
+        print(f"taken for workings: {WORLDS / name / DETECTED}", file=sys.stderr)
     print(f"world   {WORLDS / name / 'realism' / 'world'}")
     print("report ", end=" ")
     report(name)
@@ -161,9 +169,17 @@ def add_to(commands: Any) -> None:
     make.add_argument("--snap", dest="snap_m", type=float, help="largest gap between wall ends that are joined, m")
     make.add_argument("--page", type=positive, help="page of a PDF")
     make.add_argument("--dpi", type=float, help="resolution at which a PDF page is rendered")
+    make.add_argument("--crop", dest="crop_px", type=whole_numbers(4), help="COL0,ROW0,COL1,ROW1 of a picture to read")
+    make.add_argument("--level", type=positive, help="which of several drawings on a sheet, from 1")
+    make.add_argument("--seed", dest="seeds_px", type=numbers(2), action="append", help="COL,ROW inside drawn walls")
+    make.add_argument("--gap", dest="wall_gap_px", type=float, help="widest gap in drawn walls that is closed, px")
+    make.add_argument("--ignore", dest="ignore_colours", type=whole_numbers(3), action="append", help="R,G,B: no walls")
     stated = ("px_per_m", "bar_length_m", "bar_box_px", "unit", "entrance_m", "layers", "snap_m", "page", "dpi")
+    of_sheets = ("crop_px", "level", "seeds_px", "wall_gap_px", "ignore_colours")
     make.set_defaults(
-        run=lambda a: new(a.name, a.source, a.origin, a.licence, {k: getattr(a, k) for k in stated}, a.overrides)
+        run=lambda a: new(
+            a.name, a.source, a.origin, a.licence, {k: getattr(a, k) for k in (*stated, *of_sheets)}, a.overrides
+        )
     )
     many = commands.add_parser("worlds", help=worlds.__doc__)
     many.add_argument("--count", type=positive, help="default: 10, or with --light the whole split")

@@ -169,7 +169,7 @@ class ScanCostGrid:
         self.cost = np.full((len(self.heading), *rows.shape), np.inf)
         for k, heading in enumerate(self.heading):
             at = np.broadcast_to(heading + bearing, (len(free), len(bearing)))
-            self.cost[k].reshape(-1)[free] = _loss(cast(places[free], at) - measured)
+            self.cost[k].reshape(-1)[free] = range_loss(cast(places[free], at) - measured)
 
     def with_corrections(self, turn: float) -> np.ndarray:
         """Return the least cost plus penalty (rows, cols) near each place, with all poses turned by `turn` rad."""
@@ -204,7 +204,7 @@ class ScanCostGrid:
         def cost(q: np.ndarray) -> float:
             off = (q - about) / bound
             beyond = max(0.0, math.hypot(off[0], off[1]) - 1, abs(off[2]) - 1)
-            loss = _loss(cast(q[None, :2], (q[2] + fan[0])[None]) - fan[1])
+            loss = range_loss(cast(q[None, :2], (q[2] + fan[0])[None]) - fan[1])
             return float(loss[0]) + float(_penalty(off).sum()) + _BEYOND_BOUND * float(beyond)
 
         cells = np.indices(self.cost.shape[1:])
@@ -220,7 +220,8 @@ class ScanCostGrid:
         return float(result.x[0]), float(result.x[1]), float(result.x[2])
 
 
-def _loss(error: np.ndarray) -> np.ndarray:
+def range_loss(error: np.ndarray) -> np.ndarray:
+    """Return the mean robust loss (...,) of range errors (..., n) m."""
     return np.log1p((np.minimum(np.abs(error), _FAR_M) / _LOSS_M) ** 2).mean(axis=-1)
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from pipeline.params.base import Params
+from pipeline.params.survey import PosesParams
 
 
 class NetworkParams(Params):
@@ -37,3 +38,5 @@ class ContoursParams(Params):
         0.03, ge=0.002, le=1, description="mean distance of the traced wall from the simplified one"
     )
     network: NetworkParams
+    correct: Literal["sweeps"] | None = None
+    poses: PosesParams | None = None

@@ -54,8 +54,15 @@ class PosesParams(Params):
 class _SurveyParams(Params):
     name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
     poses: PosesParams | None = None
+    correct: Literal["sweeps"] | None = Field(default=None, description="stage 2 corrects walls by the sweeps of poses")
     entrance_m: PointM | None = None
     labels_m: dict[str, PointM] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _correction_has_sweeps(self) -> _SurveyParams:
+        if self.correct is not None and (self.poses is None or not self.poses.sweeps):
+            raise ValueError("correct=sweeps needs poses (file, sweeps)")
+        return self
 
 
 class _ScaledParams(_SurveyParams):
@@ -106,6 +113,8 @@ class PlanSurveyParams(_ScaledParams):
     turn_deg: float = Field(0.0, ge=-180, le=180, description="counter-clockwise, after cropping")
     light_on_dark: bool = False
     ignore_colours: list[IgnoredColour] = Field(default_factory=list)
+    sheet: bool = Field(False, description="a drawing sheet: only what looks like workings is kept")
+    level: int | None = Field(None, ge=1, le=99, description="which drawing of a sheet; null: it shows one")
     line_drawing: bool = Field(False, description="walls are drawn as lines that enclose the workings")
     seeds_px: list[tuple[float, float]] = Field(
         default_factory=list, description="places (col, row) inside workings drawn as lines"

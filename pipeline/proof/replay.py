@@ -17,9 +17,15 @@ from pipeline.geometry.registration import Pose, Registration, Search, register_
 from pipeline.mjcf.bundle import World, geom_triangles, visible_triangles
 from pipeline.params.validation import ReplayParams
 from pipeline.proof.replay_report import Replay, SweepReplay, range_errors, report_replay
-from pipeline.survey.poses import Returns, SurveyedPose, gate_returns, read_poses, read_returns, require_poses
-
-_NEIGHBOUR_RAD = math.radians(1.0)
+from pipeline.survey.poses import (
+    Returns,
+    SurveyedPose,
+    gate_returns,
+    read_poses,
+    read_returns,
+    require_poses,
+    static_returns,
+)
 
 
 def find_sweeps(folder: Path) -> dict[str, Path]:
@@ -96,7 +102,8 @@ def _gate(sweep: Path, returns: Returns, params: ReplayParams) -> _GatedReturns:
         If no return is left.
     """
     registered = gate_returns(sweep, returns, params.register_range_m, params.max_range_var_m2)
-    counted, removed = _static(returns, params)
+    gates = params.max_range_m, params.max_range_var_m2, math.radians(params.min_incidence_deg)
+    counted, removed = static_returns(returns, *gates)
     if not len(counted.range_m):
         raise InputError(f"{sweep}: no return passes the gates ({removed})")
     return _GatedReturns(registered, counted, removed)
@@ -176,38 +183,11 @@ def _compare(
     return report, errors
 
 
-def _static(returns: Returns, params: ReplayParams) -> tuple[Returns, dict[str, int]]:
-    """Drop, in this order: bins on an edge, far returns, and grazing ones; returns how many each rule took."""
-    rules = {
-        "edge": returns.variance_m2 > params.max_range_var_m2,
-        "far": returns.range_m > params.max_range_m,
-        "grazing": _incidence_rad(returns) < math.radians(params.min_incidence_deg),
-    }
-    kept, gated = np.ones(len(returns.range_m), bool), {}
-    for name, rule in rules.items():
-        gated[name] = int((kept & rule).sum())
-        kept &= ~rule
-    return returns.kept(kept), gated
-
-
 def _inside_frame(returns: Returns, pose: Pose, world: World) -> np.ndarray:
     """Return which returns (n,) lie within the plan's frame."""
     west, south, east, north = world.record.plan_frame.extent_m
     x, y = _points(returns, pose).T
     return (x >= west) & (x <= east) & (y >= south) & (y <= north)
-
-
-def _incidence_rad(returns: Returns) -> np.ndarray:
-    """Return the angle between beam and wall as the neighbouring returns show it; pi / 2 where there are none."""
-    order = np.argsort(returns.bearing)
-    bearing, ranges = returns.bearing[order], returns.range_m[order]
-    step, rise = bearing[2:] - bearing[:-2], ranges[2:] - ranges[:-2]
-    angle = np.full(len(order), math.pi / 2)
-    near = step < 2 * _NEIGHBOUR_RAD
-    angle[1:-1] = np.where(near, np.arctan2(ranges[1:-1] * step, np.abs(rise)), math.pi / 2)
-    found = np.empty_like(angle)
-    found[order] = angle
-    return found
 
 
 def _points(returns: Returns, pose: Pose) -> np.ndarray:

@@ -8,40 +8,43 @@ from typing import Any
 
 import cv2
 import numpy as np
+from pydantic import ValidationError
 
-from pipeline.errors import GeometryError, InputError
+from pipeline.errors import InputError
 from pipeline.geometry.binarize import dark_pixels
-from pipeline.geometry.line_drawing import fill_line_drawing
 from pipeline.params.reader_limits import reader_limits
-from pipeline.params.survey import PassageSurveyParams, VectorSurveyParams
-from pipeline.survey.child import Payload, run_limited
+from pipeline.params.survey import PassageSurveyParams, PlanSurveyParams, VectorSurveyParams
+from pipeline.survey.child import Payload, one_line, run_limited
 from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
 from pipeline.survey.georeference import read_placement, world_file
 from pipeline.survey.grid import draw_grid
 from pipeline.survey.image import read_image
 from pipeline.survey.nav2 import nav2_picture
-from pipeline.survey.picture import draw_page, require_few_regions
+from pipeline.survey.picture import draw_page, make_ready, require_few_regions
 from pipeline.survey.scale import find_bar, measure_bar
 from pipeline.survey.shapes import METRES
 from pipeline.survey.solved.read import SOLVED_SUFFIXES
 from pipeline.survey.vector_survey import draw_vector_survey, read_shapes, vector_files
-from pipeline.types import Image, Mask
+from pipeline.survey.workings import WIDTHS_M, draw_detected, find_workings, typical_width_px
+from pipeline.types import Georeference, Image, Mask
 
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pdf")
-WIDTHS_M = (1.5, 12.0)  # range of drift widths in practice
 _LIKELY_M = 5.5  # usual width of a mechanized drift; that of the published mine at scan 02S
 _BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
-_LINE_PX = 6.0  # widest stroke of a line drawing if the scale is unknown
 
 
 @dataclass(frozen=True)
 class Detection:
-    """Values and remarks of a survey section, the files it needs, and the typical drift width, m."""
+    """Values and remarks of a survey section, the files it needs, and the typical drift width, m.
+
+    `picture` shows what of a plan's picture was taken for workings; None for other formats.
+    """
 
     values: dict[str, Any]
     remarks: dict[str, str] = field(default_factory=dict)
     files: list[Path] = field(default_factory=list)
     width_m: float = 0.0
+    picture: Image | None = None
 
 
 def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
@@ -52,7 +55,8 @@ def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
     path : Path
         Any file that stage 1 reads, in any folder.
     stated : dict
-        The user's values of `px_per_m`, `bar_length_m`, `bar_box_px`, `unit`, `layers`, `snap_m`, `page`, `dpi`.
+        The user's values of `px_per_m`, `bar_length_m`, `bar_box_px`, `unit`, `layers`, `snap_m`, `page`, `dpi`,
+        `crop_px`, `level`, `seeds_px`, `wall_gap_px`, `ignore_colours`.
 
     Returns
     -------
@@ -67,15 +71,17 @@ def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     scratch = path.suffix.lower() in SOLVED_SUFFIXES
-    found = run_limited("detect", {"path": str(path), "stated": stated}, str(path), scratch=scratch).values
-    return Detection(found["values"], found["remarks"], [Path(file) for file in found["files"]], found["width_m"])
+    payload = run_limited("detect", {"path": str(path), "stated": stated}, str(path), scratch=scratch)
+    found, files = payload.values, [Path(file) for file in payload.values["files"]]
+    return Detection(found["values"], found["remarks"], files, found["width_m"], payload.arrays.get("detected"))
 
 
 def detect_here(path: str, stated: dict[str, Any]) -> Payload:
     """Detect how a file should be read in this process; `detect_survey` has limits."""
     found = _detect(Path(path), stated)
     files = [str(file) for file in found.files]
-    return Payload({"values": found.values, "remarks": found.remarks, "files": files, "width_m": found.width_m})
+    values = {"values": found.values, "remarks": found.remarks, "files": files, "width_m": found.width_m}
+    return Payload(values, {} if found.picture is None else {"detected": found.picture})
 
 
 def _detect(path: Path, stated: dict[str, Any]) -> Detection:
@@ -130,6 +136,7 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
         "seeds_m": [],
     }
     remarks = {
+        **({"projection": _projected(place)} if place.projection and place.crs else {}),
         "layers": "null: all layers; or a list",
         "unit": f"null: the file's unit ({place.unit}); or m, cm, mm, ft, in",
         "origin": "of the mine frame, in the file's coordinates",
@@ -137,6 +144,11 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
         "seeds_m": "[[x, y], ...] points inside the workings, if the walls enclose other areas too",
     }
     return Detection(values, remarks, [Path(f) for f in vector_files(_vector(path, unit, stated))], width)
+
+
+def _projected(place: Georeference) -> str:
+    name = one_line(str(place.crs), 40)
+    return f"coordinates in {name} are no metres on the ground; they are projected by {place.projection}"
 
 
 def _vector(path: Path, unit: str | None, stated: dict[str, Any]) -> VectorSurveyParams:
@@ -155,39 +167,39 @@ def _detect_picture(path: Path, stated: dict[str, Any]) -> Detection:
     if not 36 <= dpi <= 1200:
         raise InputError(f"{path}: --dpi = {dpi:g}, the limits are 36 and 1200")
     picture = draw_page(path, page, dpi, most) if is_pdf else read_image(path, most)
+    crop, ignored = stated.get("crop_px"), stated.get("ignore_colours") or []
     edge = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]]).mean(axis=1)
     inverted = bool(np.median(edge) < 128)
-    picture = 255 - picture if inverted else picture
+    section = {"crop_px": crop, "ignore_colours": [{"rgb": rgb} for rgb in ignored], "light_on_dark": inverted}
+    picture = make_ready(path, picture, _picture_section(section))
     require_few_regions(path, picture)
     scale, remarks, files = _detect_scale(path, picture, stated)
     dark = _workings_mask(picture, scale.get("bar_box_px"))
     per_m = scale["px_per_m"] or 0.0
-    line_drawing = False
     if scale["source"] == "bar":
-        bar = measure_bar(_cut(picture, scale["bar_box_px"]), 1.0, f"{path}")
-        line_drawing, width_px = _wall_style(dark, 0.0)
-        length = stated.get("bar_length_m") or min(_BARS_M, key=lambda m: abs(np.log(width_px * m / bar / _LIKELY_M)))
-        scale["bar_length_m"], per_m = float(length), bar / length
-        drift_m = width_px / per_m
-        reason = "as stated" if stated.get("bar_length_m") else f"detected: drifts are then {drift_m:.1f} m wide"
-        remarks["scale"] = f"the bar is {bar:.0f} px long and represents {length:g} m ({reason})"
-    line_drawing, width_px = _wall_style(dark, per_m)
+        per_m = _read_bar(path, picture, dark, scale, remarks, stated)
+    found = find_workings(path, picture, dark, per_m, stated)
+    width_px = found.width_px
     values: dict[str, Any] = {
         "kind": "plan",
         "image": path.name,
         "max_megapixels": most,
         "light_on_dark": inverted,
-        "line_drawing": line_drawing,
-        "seeds_px": [],
-        "wall_gap_px": 3.0,
-        "crop_px": None,
+        "sheet": found.sheet,
+        "level": stated.get("level"),
+        "line_drawing": found.line_drawing,
+        "seeds_px": stated.get("seeds_px") or [],
+        "wall_gap_px": stated.get("wall_gap_px") or 3.0,
+        "crop_px": crop,
         "turn_deg": 0.0,
-        "ignore_colours": [],
+        "ignore_colours": section["ignore_colours"],
         **({"page": page, "dpi": dpi} if is_pdf else {}),
         "origin_px": None,
         "scale": scale,
     }
     remarks |= {
+        "sheet": "true: a drawing sheet, of which only the workings are kept",
+        "level": "which drawing of the sheet, from 1",
         "light_on_dark": "true: light workings on dark paper",
         "line_drawing": "true: walls are drawn as lines; the areas that they enclose are filled",
         "seeds_px": "[[col, row], ...] points inside drawn workings; []: areas inside an odd number of walls",
@@ -197,7 +209,33 @@ def _detect_picture(path: Path, stated: dict[str, Any]) -> Detection:
         "ignore_colours": "[{rgb: [r, g, b], within: 30}, ...]",
         "origin_px": "pixel (col, row) at the mine's origin; null: the south-west corner",
     }
-    return Detection(values, remarks, [path, *files], width_px / per_m)
+    shown = draw_detected(picture, found.mask, scale.get("bar_box_px"))
+    return Detection(values, remarks, [path, *files], width_px / per_m, shown)
+
+
+def _picture_section(values: dict[str, Any]) -> PlanSurveyParams:
+    base = {"kind": "plan", "name": "detect", "image": "data/x", "max_megapixels": reader_limits().megapixels}
+    try:
+        return PlanSurveyParams.model_validate({**base, "scale": {"source": "stated", "px_per_m": 1.0}, **values})
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"survey.{where} = {first['input']!r}: {first['msg']}") from error
+
+
+def _read_bar(
+    path: Path, picture: Image, dark: Mask, scale: dict[str, Any], remarks: dict[str, str], stated: dict[str, Any]
+) -> float:
+    """Measure the bar, state its length in `scale` and `remarks`, and return px/m."""
+    bar = measure_bar(_cut(picture, scale["bar_box_px"]), 1.0, f"{path}")
+    width_px = find_workings(path, picture, dark, 0.0, stated).width_px
+    length = stated.get("bar_length_m") or min(_BARS_M, key=lambda m: abs(np.log(width_px * m / bar / _LIKELY_M)))
+    scale["bar_length_m"] = float(length)
+    reason = (
+        "as stated" if stated.get("bar_length_m") else f"detected: drifts are then {width_px * length / bar:.1f} m wide"
+    )
+    remarks["scale"] = f"the bar is {bar:.0f} px long and represents {length:g} m ({reason})"
+    return float(bar / length)
 
 
 def _detect_scale(
@@ -217,6 +255,8 @@ def _detect_scale(
         place = read_placement(path)
         per_m = 1.0 / (place.size * place.metres_per_unit)
         remark = f"{per_m:.3f} px/m from {file.name if file else 'the file itself'}"
+        if place.unit == "m" and abs(place.metres_per_unit - 1) > 1e-6:
+            remark += f", whose metre is {place.metres_per_unit:.4f} m on the ground ({place.crs})"
         return {**scale, "source": "georeference", "px_per_m": per_m}, {"scale": remark}, [file] if file else []
     box = stated.get("bar_box_px") or find_bar(picture)
     if box is None:
@@ -247,26 +287,3 @@ def _workings_mask(picture: Image, bar_box: list[int] | None) -> Mask:
 
 def _cut(picture: Image, box: list[int]) -> Image:
     return picture[box[1] : box[3], box[0] : box[2]]
-
-
-def _wall_style(dark: Mask, px_per_m: float) -> tuple[bool, float]:
-    """Return whether walls are drawn as lines, and the typical drift width, px. A scale of 0 means unknown."""
-    stroke = typical_width_px(dark)
-    if stroke >= (WIDTHS_M[0] * px_per_m if px_per_m else _LINE_PX):
-        return False, stroke
-    try:
-        inside = typical_width_px(fill_line_drawing(dark, [], 3.0))
-    except GeometryError:
-        return False, stroke
-    return inside > 3 * stroke, inside if inside > 3 * stroke else stroke
-
-
-def typical_width_px(mask: Mask) -> float:
-    """Return the median width, px, along the middle of a mask's largest component."""
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
-    if count < 2:
-        return 0.0
-    largest = np.pad((labels == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()).astype(np.uint8), 1)
-    distance = cv2.distanceTransform(largest, cv2.DIST_L2, 5)
-    ridge = (distance >= cv2.dilate(distance, np.ones((3, 3)))) & (distance > 0)
-    return float(2 * np.median(distance[ridge]))

@@ -7,12 +7,15 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
+import pyproj
 import rasterio
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from pipeline.errors import InputError
+from pipeline.survey.ground import ground_scale, is_true_to_scale
 from pipeline.survey.shapes import read_text_bytes
 
+_UNEVEN = 0.01  # Web Mercator's axes differ by up to 0.007
 _SUFFIXES = {
     ".png": [".pgw", ".pngw"],
     ".jpg": [".jgw", ".jpgw"],
@@ -68,7 +71,7 @@ def read_placement(image: Path) -> Placement:
                     rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR"),  # files beside it are not read
                     rasterio.open(image, driver="GTiff") as picture,
                 ):
-                    t, crs = picture.transform, picture.crs
+                    t, crs, cols, rows = picture.transform, picture.crs, picture.width, picture.height
         except (RasterioError, ValueError, TypeError) as error:
             raise InputError(f"{image}: not a GeoTIFF ({str(error)[:120]})") from error
         if not t.is_identity:
@@ -76,8 +79,32 @@ def read_placement(image: Path) -> Placement:
                 raise InputError(f"{image}: its pixels are in degrees ({crs}); warp it to a metric system first")
             unit, metres = crs.linear_units_factor if crs is not None and crs.is_projected else ("m", 1.0)
             six = (t.a, t.d, t.b, t.e, t.c + (t.a + t.b) / 2, t.f + (t.d + t.e) / 2)
+            if crs is not None and crs.is_projected:
+                metres = float(metres) / _ground_scale(image, crs.to_wkt(), *(t @ (cols / 2, rows / 2)))
             return _placement(image, six, float(metres), str(unit), crs.to_string() if crs is not None else None)
     raise InputError(f"{image}: has no world file and is not a GeoTIFF; survey.scale.source=georeference needs one")
+
+
+def _ground_scale(image: Path, system: str, east: float, north: float) -> float:
+    """Return how much longer lengths are in the map than on the ground; 1 within 0.3 %.
+
+    Raises
+    ------
+    InputError
+        If the middle of the picture is outside the system, or lengths differ between the axes.
+    """
+    try:
+        along = ground_scale(pyproj.CRS.from_user_input(system), east, north)
+    except pyproj.exceptions.ProjError as error:
+        raise InputError(f"{image}: its middle is outside its coordinate system ({str(error)[:120]})") from error
+    if is_true_to_scale(along):
+        return 1.0
+    if abs(along[0] / along[1] - 1) > _UNEVEN:
+        raise InputError(
+            f"{image}: lengths in its map are {along[0]:.3f} (east) and {along[1]:.3f} (north) times those on the "
+            "ground; warp it to a metric system first"
+        )
+    return (along[0] * along[1]) ** 0.5
 
 
 def _six_numbers(path: Path) -> tuple[float, ...]:

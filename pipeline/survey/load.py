@@ -22,7 +22,14 @@ from pipeline.survey.grid import draw_grid
 from pipeline.survey.image import read_image
 from pipeline.survey.legs import build_workings
 from pipeline.survey.nav2 import nav2_picture
-from pipeline.survey.picture import fill_walls, make_ready, read_picture, require_few_regions, turn_picture
+from pipeline.survey.picture import (
+    fill_walls,
+    keep_workings,
+    make_ready,
+    read_picture,
+    require_few_regions,
+    turn_picture,
+)
 from pipeline.survey.poses import PoseScale, gate_returns, read_poses, read_returns, scale_from_poses
 from pipeline.survey.scale import measure_bar
 from pipeline.survey.solved.read import SOLVED_SUFFIXES
@@ -194,7 +201,9 @@ def read_plan(params: PlanSurveyParams) -> Reading:
     if params.scale.source == "georeference":
         plan, per_m, georeference = _place_in_map(path, plan, params)
     origin = params.origin_px or (-0.5, plan.shape[0] - 0.5)
-    if params.line_drawing:
+    if params.sheet:
+        plan, boxes = keep_workings(path, plan, params.level), []
+    elif params.line_drawing:
         plan = fill_walls(path, plan, params)
     frame = Frame(1.0, origin[0] + 0.5, origin[1] + 0.5, plan.shape[1], plan.shape[0])
     return Reading(plan, frame, boxes, bar, per_m, georeference)

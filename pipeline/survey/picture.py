@@ -11,6 +11,7 @@ import pypdfium2
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.binarize import dark_pixels
 from pipeline.geometry.line_drawing import fill_line_drawing
+from pipeline.geometry.sheet import read_sheet
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.image import read_image, require_workings_drawn
@@ -115,6 +116,21 @@ def fill_walls(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
     dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
     try:
         inside = fill_line_drawing(dark, list(params.seeds_px), params.wall_gap_px)
+    except GeometryError as error:
+        raise InputError(f"{path}: {error}") from error
+    return np.where(inside[..., None], 40, 255).astype(np.uint8).repeat(3, axis=2)
+
+
+def keep_workings(path: Path, picture: Image, level: int | None) -> Image:
+    """Remove everything but the workings from a drawing sheet; they are dark on light paper.
+
+    Raises
+    ------
+    InputError
+        If the workings are not found beyond doubt. The message names the option that settles it.
+    """
+    try:
+        inside = read_sheet(picture, level).mask
     except GeometryError as error:
         raise InputError(f"{path}: {error}") from error
     return np.where(inside[..., None], 40, 255).astype(np.uint8).repeat(3, axis=2)

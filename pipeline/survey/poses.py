@@ -27,6 +27,7 @@ _MAX_ERROR_M = 1.0  # the published plan draws drifts 1 to 2 m too wide; a wrong
 _TURN_RAD, _SHIFT_M = math.radians(2.0), 10.0
 CORRECTION_M, CORRECTION_RAD = 1.5, math.radians(3.0)  # largest error of a surveyed pose
 _LEAST_RETURNS = 30
+_NEIGHBOUR_RAD = math.radians(1.0)
 _WORKINGS_CHROMA = 40
 _QUATERNION_COLUMNS = 8
 
@@ -111,6 +112,35 @@ def gate_returns(path: Path, returns: Returns, max_range_m: float, max_range_var
             f"variance <= {max_range_var_m2:g} m2); at least {_LEAST_RETURNS} are needed"
         )
     return kept
+
+
+def static_returns(
+    returns: Returns, max_range_m: float, max_range_var_m2: float, min_incidence_rad: float
+) -> tuple[Returns, dict[str, int]]:
+    """Drop, in this order: bins on an edge, far returns, and grazing ones. Also return how many each rule dropped."""
+    rules = {
+        "edge": returns.variance_m2 > max_range_var_m2,
+        "far": returns.range_m > max_range_m,
+        "grazing": _incidence_rad(returns) < min_incidence_rad,
+    }
+    kept, gated = np.ones(len(returns.range_m), bool), {}
+    for name, rule in rules.items():
+        gated[name] = int((kept & rule).sum())
+        kept &= ~rule
+    return returns.kept(kept), gated
+
+
+def _incidence_rad(returns: Returns) -> np.ndarray:
+    """Return the angle between beam and wall as the neighbouring returns show it; pi / 2 where there are none."""
+    order = np.argsort(returns.bearing)
+    bearing, ranges = returns.bearing[order], returns.range_m[order]
+    step, rise = bearing[2:] - bearing[:-2], ranges[2:] - ranges[:-2]
+    angle = np.full(len(order), math.pi / 2)
+    near = step < 2 * _NEIGHBOUR_RAD
+    angle[1:-1] = np.where(near, np.arctan2(ranges[1:-1] * step, np.abs(rise)), math.pi / 2)
+    found = np.empty_like(angle)
+    found[order] = angle
+    return found
 
 
 def read_sweep(path: Path, max_range_m: float, max_range_var_m2: float) -> np.ndarray:

@@ -14,6 +14,7 @@ from pipeline.types import Image
 _MIN_BAR_PX = 20
 _SPECK_PX = 5  # JPEG compression produces smaller specks
 _MIN_ASPECT = 5.0  # smallest ratio of a bar's length to its thickness
+_PIECE_PX = 24  # greatest height of a light piece of a bar
 _FILLED = 0.85  # smallest filled share of its bounding box; a bar that slants by its thickness fills less
 
 
@@ -28,6 +29,7 @@ def find_bar(picture: Image) -> tuple[int, int, int, int] | None:
         The bar's box with some paper around it.
     """
     dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)).astype(np.uint8)
+    dark = _without_holes(dark)
     count, _, stats, _ = cv2.connectedComponentsWithStats(dark)
     if count < 3:
         return None
@@ -71,7 +73,7 @@ def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:
     if picture.size == 0:
         raise InputError(f"{name}: the scale bar's box is empty")
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
-    dark = dark_pixels(grey).astype(np.uint8)
+    dark = _without_holes(dark_pixels(grey).astype(np.uint8))
     if int(grey.max()) - int(grey.min()) < 64 or not dark.any():
         raise InputError(
             f"{name}: no scale bar (grey values {grey.min()}-{grey.max()}, expected a dark bar on light paper)"
@@ -102,3 +104,15 @@ def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:
         raise InputError(f"{name}: the scale bar is {width} px long, at least {_MIN_BAR_PX} are needed")
     runs = (labels == bar).sum(axis=1)
     return float(np.median(runs[runs > width / 2])) / bar_length_m
+
+
+def _without_holes(dark: np.ndarray) -> np.ndarray:
+    """Fill the light pieces of flat regions: those of a bar in alternating pieces."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(1 - dark, connectivity=4)
+    rows, cols = dark.shape
+    inside = (stats[:, 0] > 0) & (stats[:, 1] > 0)
+    inside &= (stats[:, 0] + stats[:, 2] < cols) & (stats[:, 1] + stats[:, 3] < rows)
+    width, height, area = stats[:, 2], stats[:, 3], stats[:, 4]
+    holes = inside & (area >= _FILLED * width * height) & (height <= _PIECE_PX) & (width >= height)
+    holes[0] = False
+    return np.where(holes[labels], 1, dark).astype(np.uint8) if count > 1 else dark

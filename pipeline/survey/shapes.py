@@ -16,6 +16,7 @@ from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.crossings import count_crossings
 from pipeline.geometry.enclosure import as_polygons, enclose_workings
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.ground import covers, ground_scale, is_true_to_scale
 from pipeline.types import Georeference
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
@@ -102,7 +103,8 @@ def locate(
 ) -> tuple[list[BaseGeometry], Georeference]:
     """Convert shapes to metres in the mine frame.
 
-    Degrees are projected by a transverse Mercator about the middle of the shapes. Coordinates beyond 10 km are moved to
+    Degrees are projected by a transverse Mercator about the middle of the shapes. So are coordinates of a system in
+    which lengths differ from those on the ground, such as Web Mercator. Coordinates beyond 10 km are moved to
     an origin at the south-west corner, rounded to 10 m, unless `origin` is given.
 
     Returns
@@ -128,7 +130,7 @@ def locate(
     metres = METRES[unit_name]
     if crs is not None and unit is None:
         system = _system(path, crs)
-        if system.is_geographic:
+        if system.is_geographic or not _is_on_ground(shapes, system):
             shapes, projection = _project(path, shapes, system)
             unit_name, metres = "m", 1.0
         elif system.axis_info:
@@ -152,7 +154,29 @@ def _system(path: Path, crs: str) -> pyproj.CRS:
         raise InputError(f"{path}: its coordinate system {crs[:80]!r} is unknown") from error
 
 
+def _is_on_ground(shapes: list[BaseGeometry], system: pyproj.CRS) -> bool:
+    """Return whether a projected system's lengths are those on the ground where the shapes are.
+
+    Coordinates outside the system's area are those of a local grid, whatever the file says: then they are.
+    """
+    if not system.is_projected:
+        return True
+    west, south, east, north = shapely.total_bounds(shapes).tolist()
+    middle = (west + east) / 2, (south + north) / 2
+    try:
+        return not covers(system, *middle) or is_true_to_scale(ground_scale(system, *middle))
+    except pyproj.exceptions.ProjError:
+        return True
+
+
 def _project(path: Path, shapes: list[BaseGeometry], system: pyproj.CRS) -> tuple[list[BaseGeometry], str]:
+    if not system.is_geographic:
+        try:
+            to_degrees = pyproj.Transformer.from_crs(system, system.geodetic_crs, always_xy=True)
+            shapes = [shapely.transform(s, lambda p: np.column_stack(to_degrees.transform(*p.T))) for s in shapes]
+        except pyproj.exceptions.ProjError as error:
+            raise InputError(f"{path}: its coordinates cannot be projected ({str(error)[:160]})") from error
+        system = system.geodetic_crs or system
     west, south, east, north = shapely.total_bounds(shapes).tolist()
     if not (-180 <= west <= east <= 180 and -90 <= south <= north <= 90):
         raise InputError(

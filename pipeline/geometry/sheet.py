@@ -1,0 +1,241 @@
+"""Find the workings on a drawing sheet: areas or lines, one level of several, and reasons to doubt the finding."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from pipeline.errors import GeometryError
+from pipeline.geometry.sheet_fill import fill_workings, find_areas, find_ink, ridge_half_width
+from pipeline.geometry.sheet_lines import drop_small, drop_straight, enclose, grown, unexplained_px
+from pipeline.types import Image, Mask
+
+Box = tuple[int, int, int, int]
+
+_CHROMA = 40  # lines in colour are annotation, as elsewhere
+_SHARE = 0.006  # of the sheet that workings cover at least
+_REACHES = 0.2  # of the sheet's side that workings extend over at least
+_SHADE, _UNIFORM = 20, 0.8  # grey values of one fill, and the least share of an area that has them
+_OUTLINED = 0.92  # of the border of a hatched area
+_RULED = 0.12  # of the sheet's side: a level or upright line this long is a piece of a grid
+_OTHER, _RULER_PX, _BOX = (
+    0.3,
+    10,
+    0.7,
+)  # extent of another drawing, width of a ruled line, covered share of a box's sides
+_HATCH_PX, _PARALLEL = 3.6, 0.25  # hatching: distance to the nearest line, and coherence of the directions
+_RIVAL = 0.25  # of the largest drawing's area: a smaller one is a sample or a detail
+_COMPACT = 0.9  # share of its convex hull that a box, a circle or a patch fills
+_GAPS = (0.23, 0.31)  # of the drifts' width: half the widest gap that is closed, tried twice
+_AGREE = 0.97  # IoU of the workings with both
+_LETTER_PX = 14.0  # smaller pieces are letters, dashes and hatching
+_UNEXPLAINED = 2.5  # drift widths of line inside the workings that no reading explains
+_NARROWEST_PX = 8.0
+_REACHES_PX = (7.0, 5.0, 9.0)
+_DARKNESS = (185, 100)  # of lines with their soft edges; of strong lines only
+
+
+@dataclass(frozen=True)
+class SheetReading:
+    """The workings (rows, cols) of one level, how they are drawn, and the boxes of all levels on the sheet."""
+
+    mask: Mask
+    walls: str
+    boxes: list[Box]
+    width_px: float
+
+
+def read_sheet(picture: Image, level: int | None) -> SheetReading:
+    """Find the workings on a sheet with dark ink on light paper.
+
+    Parameters
+    ----------
+    picture : (rows, cols, 3) uint8
+    level : int or None
+        Which drawing of several, from 1, by rows from the upper left.
+
+    Raises
+    ------
+    GeometryError
+        If nothing looks like workings, several drawings do and no level is stated, or the finding is doubtful. The
+        message names the option that settles it.
+    """
+    try:
+        area = _read_area(picture, level)
+        if area is not None:
+            return area
+    except GeometryError as error:
+        doubt = error
+    else:
+        return _read_lines(picture, level)
+    try:
+        return _read_lines(picture, level)
+    except GeometryError:
+        raise doubt from None
+
+
+def _read_area(picture: Image, level: int | None) -> SheetReading | None:
+    """Read workings drawn as a filled or hatched area; None if no area looks like workings."""
+    ink = find_ink(picture)
+    filled, closed = find_areas(ink, False), find_areas(drop_straight(ink), True)
+    plain, dense = _drawings(filled), _drawings(closed)
+    uniform = bool(plain) and _is_uniform(picture, filled, plain) and _area(closed, dense) < 2 * _area(filled, plain)
+    hatched = bool(dense) and not uniform and _is_hatched(picture, ink, closed, dense)
+    if not hatched and not uniform:
+        return None
+    areas, drawings = (closed, dense) if hatched else (filled, plain)
+    chosen, boxes = _choose(areas, drawings, level)
+    filling, outlined = fill_workings(picture, ink, chosen, hatched)
+    mask = _largest(filling)
+    if hatched and outlined < _OUTLINED:
+        raise GeometryError(
+            f"an outline runs along {100 * outlined:.0f} % of a hatched area, at least {100 * _OUTLINED:.0f} % are "
+            "needed; --crop COL0,ROW0,COL1,ROW1 leaves out what is no workings"
+        )
+    _require_alone(drop_small(drop_straight(_dark_lines(picture, False)), _LETTER_PX), mask)
+    return SheetReading(mask, "hatched" if hatched else "filled", boxes, 2 * ridge_half_width(mask))
+
+
+def _area(areas: Mask, drawings: list[int]) -> int:
+    _, _, stats, _ = cv2.connectedComponentsWithStats(areas.astype(np.uint8), connectivity=4)
+    return int(stats[drawings[0], cv2.CC_STAT_AREA]) if drawings else 0
+
+
+def _is_uniform(picture: Image, areas: Mask, drawings: list[int]) -> bool:
+    """Return whether the largest area has one shade, apart from letters and lines in it."""
+    _, labels = cv2.connectedComponents(areas.astype(np.uint8), connectivity=4)
+    inside = cv2.erode((labels == drawings[0]).astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)[inside].astype(float)
+    return bool(len(grey) and np.mean(np.abs(grey - np.median(grey)) <= _SHADE) > _UNIFORM)
+
+
+def _read_lines(picture: Image, level: int | None) -> SheetReading:
+    """Read walls drawn as lines: all dark lines, then strong ones only; the first reading without a doubt counts."""
+    doubt: GeometryError | None = None
+    for strong in (False, True):
+        walls = drop_small(drop_straight(_dark_lines(picture, strong)), _LETTER_PX)
+        for reach_px in _REACHES_PX:
+            try:
+                return _enclosed(walls, reach_px, level)
+            except GeometryError as error:
+                doubt = error
+    raise doubt or GeometryError("no lines")
+
+
+def _enclosed(walls: Mask, reach_px: float, level: int | None) -> SheetReading:
+    first = enclose(walls, reach_px)
+    width = 2 * ridge_half_width(_largest(first)) if _drawings(first) else 0.0
+    if width < _NARROWEST_PX:
+        raise GeometryError(
+            "no filled, hatched or enclosed area looks like workings; --crop COL0,ROW0,COL1,ROW1 leaves out the rest, "
+            "--seed COL,ROW names a place inside them"
+        )
+    narrow, wide = (enclose(walls, max(2.0, share * width)) for share in _GAPS)
+    drawings = _drawings(wide)
+    if not drawings:
+        raise GeometryError(
+            "the drawn walls enclose nothing; --seed COL,ROW names a place inside, --gap PX closes gaps"
+        )
+    chosen, boxes = _choose(wide, drawings, level)
+    mask = _largest(chosen)
+    _require_agreement(mask, _largest(narrow & grown(mask, 5.0)))
+    _require_explained(walls, mask, width)
+    _require_alone(walls, mask)
+    return SheetReading(mask, "lines", boxes, 2 * ridge_half_width(mask))
+
+
+def _dark_lines(picture: Image, strong: bool) -> Mask:
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    colourless = picture.max(axis=2) - picture.min(axis=2) <= _CHROMA
+    return np.asarray((grey <= _DARKNESS[strong]) & colourless)
+
+
+def _drawings(areas: Mask) -> list[int]:
+    """Return the labels of the areas that may be workings, largest first: large, extended and not compact."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(areas.astype(np.uint8), connectivity=4)
+    rows, cols = areas.shape
+    found = []
+    for k in range(1, len(stats)):
+        left, top, width, height, area = stats[k]
+        if area < _SHARE * areas.size or (width < _REACHES * cols and height < _REACHES * rows):
+            continue
+        if left <= 1 and top <= 1 and left + width >= cols - 1 and top + height >= rows - 1:
+            continue
+        points = cv2.findNonZero((labels[top : top + height, left : left + width] == k).astype(np.uint8))
+        if area < _COMPACT * cv2.contourArea(cv2.convexHull(points)):
+            found.append(k)
+    found.sort(key=lambda k: -stats[k, cv2.CC_STAT_AREA])
+    return [k for k in found if stats[k, cv2.CC_STAT_AREA] >= _RIVAL * stats[found[0], cv2.CC_STAT_AREA]]
+
+
+def _choose(areas: Mask, drawings: list[int], level: int | None) -> tuple[Mask, list[Box]]:
+    """Return the area of the chosen drawing and the boxes of all, by rows from the upper left."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(areas.astype(np.uint8), connectivity=4)
+    height = max(stats[k, 3] for k in drawings)
+    order = sorted(drawings, key=lambda k: (round((stats[k, 1] + stats[k, 3]) / height), stats[k, 0]))
+    boxes = [(int(s[0]), int(s[1]), int(s[0] + s[2]), int(s[1] + s[3])) for s in (stats[k] for k in order)]
+    if level is not None and not 1 <= level <= len(order):
+        raise GeometryError(f"--level {level}: the sheet shows {len(order)} drawings")
+    if level is None and len(order) > 1:
+        shown = "; ".join(f"{k}: columns {b[0]}-{b[2]}, rows {b[1]}-{b[3]}" for k, b in enumerate(boxes, start=1))
+        raise GeometryError(f"the sheet shows {len(order)} drawings ({shown}); --level N chooses one")
+    return labels == order[(level or 1) - 1], boxes
+
+
+def _is_hatched(picture: Image, ink: Mask, areas: Mask, drawings: list[int]) -> bool:
+    """Return whether colourless parallel lines cover the closed area everywhere."""
+    _, labels = cv2.connectedComponents(areas.astype(np.uint8), connectivity=4)
+    inside = cv2.erode((labels == drawings[0]).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+    hatch = (ink & (picture.max(axis=2) - picture.min(axis=2) <= _CHROMA)).astype(np.uint8)
+    if not (inside & (hatch > 0)).any():
+        return False
+    to_hatch = cv2.distanceTransform(1 - hatch, cv2.DIST_L2, 5)[inside]
+    grey = cv2.GaussianBlur(hatch.astype(np.float32), (0, 0), 0.8)
+    gradient = (cv2.Sobel(grey, cv2.CV_32F, 1, 0) + 1j * cv2.Sobel(grey, cv2.CV_32F, 0, 1))[inside]
+    parallel = abs((gradient**2).sum()) / (np.abs(gradient) ** 2).sum()
+    return bool(np.percentile(to_hatch, 90) <= _HATCH_PX and parallel > _PARALLEL)
+
+
+def _require_agreement(mask: Mask, other: Mask) -> None:
+    iou = float((mask & other).sum() / max(1, (mask | other).sum()))
+    if iou < _AGREE:
+        raise GeometryError(
+            f"the workings depend on which gaps in walls are closed (IoU {iou:.2f} between two readings, at least "
+            f"{_AGREE}); --seed COL,ROW names a place inside, --gap PX states the widest gap"
+        )
+
+
+def _require_explained(walls: Mask, mask: Mask, width: float) -> None:
+    """Refuse workings with long lines inside or beside them that are no wall of theirs."""
+    length = unexplained_px(walls, mask, width, _GAPS[1] * width)
+    if length > _UNEXPLAINED * width:
+        raise GeometryError(
+            f"{length:.0f} px of lines at the workings are no wall of theirs; --crop COL0,ROW0,COL1,ROW1 or "
+            "--ignore R,G,B leaves out what is no wall, --seed COL,ROW names a place inside"
+        )
+
+
+def _require_alone(lines: Mask, mask: Mask) -> None:
+    """Refuse workings beside another large drawing: lines as extended as the workings that are no box and no ruler."""
+    others = drop_straight(lines & ~grown(mask, 6.0), _RULED)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(others.astype(np.uint8), connectivity=8)
+    _, _, cols, rows = cv2.boundingRect(mask.astype(np.uint8))
+    for k, (left, top, width, height, _) in enumerate(stats[1:], start=1):
+        if max(width, height) < _OTHER * max(cols, rows) or min(width, height) <= _RULER_PX:
+            continue
+        piece = labels[top : top + height, left : left + width] == k
+        border = [piece[:4].any(axis=0), piece[-4:].any(axis=0), piece[:, :4].any(axis=1), piece[:, -4:].any(axis=1)]
+        if np.mean(np.concatenate(border)) < _BOX:
+            raise GeometryError(
+                f"another drawing of {width} x {height} px lies beside the workings, at ({left}, {top}); "
+                "--crop COL0,ROW0,COL1,ROW1 leaves it out"
+            )
+
+
+def _largest(mask: Mask) -> Mask:
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
+    if len(stats) < 2:
+        return mask
+    return np.asarray(labels == 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax()))

@@ -1,0 +1,135 @@
+"""Find workings whose walls a drawing sheet shows as lines, with gaps, among other lines."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from pipeline.types import Mask
+
+_LONG = 0.6  # of the sheet's side: a straight line this long is a frame or a grid
+_PIECE_PX, _CONTINUES_PX = 3, 13.0
+_CONE_RAD = np.radians(np.arange(-40, 41, 10))
+_DEEPEST = 12
+_MARGIN, _MARGIN_PX = 0.12, 3.0  # a wall lies this near to the edge of the workings: share of their width, and px
+_RULED_PX = 0.7  # median distance of a ruled line's pixels from its axis; walls waver more
+_MEASURE, _MEASURES = 5.0, 12.0  # drift widths of the longest measure, and of all
+
+
+def drop_straight(lines: Mask, share: float = _LONG) -> Mask:
+    """Remove level and upright lines that are longer than a share of the sheet's side: grids, frames, tables."""
+    mask = lines.astype(np.uint8)
+    straight = np.zeros_like(mask)
+    tall, wide = (max(40, round(share * side)) for side in lines.shape)
+    for kernel in (np.ones((1, wide), np.uint8), np.ones((tall, 1), np.uint8)):
+        straight |= cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
+    return lines & (straight == 0)
+
+
+def drop_small(lines: Mask, extent_px: float) -> Mask:
+    """Remove pieces that fit into a box of a side, such as letters, dashes and hatching.
+
+    A small straight piece stays if it continues larger ones at both of its ends: it belongs to a wall with gaps.
+    """
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(lines.astype(np.uint8), connectivity=8)
+    large = np.maximum(stats[:, 2], stats[:, 3]) >= extent_px
+    large[0] = False
+    for _ in range(2):  # a piece may continue one that stayed
+        walls = cv2.dilate(large[labels].astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        for k in np.flatnonzero(~large[1:]) + 1:
+            left, top, width, height, _ = stats[k]
+            if max(width, height) >= _PIECE_PX:
+                rows, cols = np.nonzero(labels[top : top + height, left : left + width] == k)
+                large[k] = _continues(np.column_stack([cols + left, rows + top]).astype(float), walls)
+    return np.asarray(large[labels])
+
+
+def _continues(points: np.ndarray, walls: Mask) -> bool:
+    """Return whether walls lie ahead of both ends of a narrow piece of line (n, 2) px."""
+    middle = points.mean(axis=0)
+    size, axes = np.linalg.eigh(np.cov((points - middle).T))
+    if size[1] < 2 * size[0]:
+        return False
+    along = (points - middle) @ axes[:, 1]
+    for end, axis in ((points[along.argmax()], axes[:, 1]), (points[along.argmin()], -axes[:, 1])):
+        heading = np.arctan2(axis[1], axis[0]) + _CONE_RAD
+        ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)[:, None] * np.arange(2.0, _CONTINUES_PX)[:, None]
+        at = np.round(end + ahead.reshape(-1, 2)).astype(int)
+        at = at[(at >= 0).all(axis=1) & (at[:, 0] < walls.shape[1]) & (at[:, 1] < walls.shape[0])]
+        if not walls[at[:, 1], at[:, 0]].any():
+            return False
+    return True
+
+
+def enclose(lines: Mask, reach_px: float) -> Mask:
+    """Return the areas that an odd number of walls separates from the sheet's edge.
+
+    Gaps in walls narrower than twice `reach_px` count as closed. The pixels of lines and gaps go to the nearest area,
+    so a wall is the middle of its line.
+    """
+    seeds = 1 - grown(np.pad(lines, 2), reach_px).astype(np.uint8)
+    seeds[[0, -1], :] = seeds[:, [0, -1]] = 1
+    count, regions, _, _ = cv2.connectedComponentsWithStats(seeds, connectivity=4)
+    outside = int(regions[0, 0])
+    across = 2 * reach_px + _stroke_px(lines) + 4
+    depth = np.full(count, -1)
+    depth[0], depth[outside] = -2, 0
+    layer = np.array([outside])
+    for level in range(1, _DEEPEST):
+        chosen = np.zeros(count, bool)
+        chosen[layer] = True
+        found = np.unique(regions[grown(chosen[regions], across)])
+        layer = found[depth[found] == -1]
+        if not len(layer):
+            break
+        depth[layer] = level
+    _, nearest = cv2.distanceTransformWithLabels(1 - seeds, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    region_of_label = np.zeros(int(nearest.max()) + 1, np.int32)
+    region_of_label[nearest[seeds > 0]] = regions[seeds > 0]
+    return np.asarray(((depth > 0) & (depth % 2 == 1))[region_of_label[nearest]][2:-2, 2:-2])
+
+
+def _stroke_px(lines: Mask) -> float:
+    """Return the thickness of lines, px: four times the mean distance to paper over their pixels, less one."""
+    if not lines.any():
+        return 1.0
+    distance = cv2.distanceTransform(lines.astype(np.uint8), cv2.DIST_L2, 5)
+    return max(1.0, 4 * float(distance[lines].mean()) - 1)
+
+
+def grown(mask: Mask, reach_px: float) -> Mask:
+    """Return a mask with all pixels that are within a distance of it."""
+    return np.asarray(cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5) <= reach_px)
+
+
+def unexplained_px(walls: Mask, mask: Mask, width_px: float, reach_px: float) -> float:
+    """Return the length, px, of lines that hang together with the walls of workings and are no wall of theirs.
+
+    Lines within `reach_px` of each other hang together. Straight pieces up to two and a half drift widths are
+    measures and leaders, unless there are many.
+    """
+    to_edge = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
+    to_edge += cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5)
+    margin = _MARGIN * width_px + _MARGIN_PX
+    _, groups = cv2.connectedComponents(grown(walls, reach_px).astype(np.uint8), connectivity=4)
+    touching = np.unique(groups[walls & (to_edge <= margin)])
+    left = walls & (to_edge > margin) & np.isin(groups, touching[touching > 0])
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(left.astype(np.uint8), connectivity=8)
+    total = straight = 0.0
+    for k, (col, row, cols, rows, _) in enumerate(stats[1:], start=1):
+        piece = np.column_stack(np.nonzero(labels[row : row + rows, col : col + cols] == k)).astype(float)
+        length = float(np.hypot(rows, cols))
+        if length < 0.5 * width_px:
+            continue
+        if length <= _MEASURE * width_px and _is_ruled(piece):
+            straight += length
+        else:
+            total += max(length, len(piece) / 3)
+    return total + max(0.0, straight - _MEASURES * width_px)
+
+
+def _is_ruled(piece: np.ndarray) -> bool:
+    if len(piece) < 3:
+        return True
+    across = (piece - piece.mean(axis=0)) @ np.linalg.eigh(np.cov(piece.T))[1][:, 0]
+    return bool(np.median(np.abs(across - np.median(across))) <= _RULED_PX)
