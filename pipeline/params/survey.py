@@ -56,6 +56,18 @@ class _SurveyParams(Params):
     poses: PosesParams | None = None
     entrance_m: PointM | None = None
     labels_m: dict[str, PointM] = Field(default_factory=dict)
+    grade: float | None = Field(
+        None, ge=-0.36, le=0.36, description="rise over run of the floor along the drifts, away from the entrance"
+    )
+    heights: DataFile | None = Field(
+        None, description="spot heights of the floor: CSV with easting_m, northing_m, elevation_m in the file's coordinates"
+    )
+
+    @model_validator(mode="after")
+    def _heights_have_one_source(self) -> _SurveyParams:
+        if self.grade is not None and self.heights is not None:
+            raise ValueError("give grade or heights, not both")
+        return self
 
 
 class _ScaledParams(_SurveyParams):

@@ -11,9 +11,10 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from minexplore.bundle import CLEARANCE_GRID, MINE_BODY, NAV2_MAP, OCTREE, GeomGroup, is_floor
+from minexplore.bundle import CLEARANCE_GRID, MINE_BODY, NAV2_MAP, OCTREE, GeomGroup, is_floor, zone_of_wedge
+from minexplore.floor import Floor
 from pipeline.geometry.octree import FREE, Octree, from_bt
-from pipeline.mjcf.bundle import World, mine_from_body
+from pipeline.mjcf.bundle import World, mine_from_body, read_floor
 from pipeline.store.codecs import decode
 from pipeline.survey.nav2 import read_nav2_map
 from pipeline.types import FreeSpace, Occupancy
@@ -41,7 +42,7 @@ def measure_consistency(folder: Path, world: World, free_space: FreeSpace) -> di
         "friction_error": _rock_friction_error(world),
         "colliders_wrong": _colliders_wrong(world),
         "spawn_clearance_m": round(anchor.distance(free_space.polygon.boundary) if inside else 0.0, 4),
-        **_grid_errors(folder, free_space),
+        **_grid_errors(folder, free_space, read_floor(folder, record)),
     }
 
 
@@ -56,6 +57,8 @@ def _frame_error_m(world: World) -> float:
 def _zones_wrong(world: World) -> int:
     """Count the floor zones whose geom is missing or differs from the record in place or friction, and extra geoms."""
     wrong, names = 0, [world.model.geom(g).name for g in range(world.model.ngeom)]
+    if world.record.heights:
+        return _wedges_wrong(world, [name for name in names if is_floor(name)])
     for zone in world.record.zones:
         if zone.geom not in names:
             wrong += 1
@@ -66,6 +69,15 @@ def _zones_wrong(world: World) -> int:
         recorded = [zone.west_m, zone.east_m, zone.south_m, zone.north_m, 0.0, zone.friction]
         wrong += not (np.abs(np.array(modelled) - recorded).max() < _LEVEL and geom.priority[0] == 1)
     return wrong + abs(sum(is_floor(name) for name in names) - len(world.record.zones))
+
+
+def _wedges_wrong(world: World, names: list[str]) -> int:
+    """Count the wedges of the floor that belong to no zone or have another friction than theirs, and missing ones."""
+    friction = {zone.geom: zone.friction for zone in world.record.zones}
+    geoms = [world.model.geom(name) for name in names]
+    off = [abs(geom.friction[0] - friction.get(zone_of_wedge(geom.name), np.inf)) for geom in geoms]
+    wrong = sum(not (error < _LEVEL and geom.priority[0] == 1) for error, geom in zip(off, geoms, strict=True))
+    return wrong + abs(len(names) - (world.record.heights.floor_wedges if world.record.heights else 0))
 
 
 def _colliders_wrong(world: World) -> int:
@@ -88,7 +100,7 @@ def _rock_friction_error(world: World) -> float:
     return round(float(error.max(initial=0.0)), 6)
 
 
-def _grid_errors(folder: Path, free_space: FreeSpace) -> dict[str, int]:
+def _grid_errors(folder: Path, free_space: FreeSpace, floor: Floor) -> dict[str, int]:
     """Count cells of clearance grid, Nav2 map and octree that differ from the free space, except at its border."""
     grid = decode(folder / CLEARANCE_GRID, Occupancy)
     free, origin, cell = grid.free, grid.origin_m, float(grid.cell_m)
@@ -98,7 +110,7 @@ def _grid_errors(folder: Path, free_space: FreeSpace) -> dict[str, int]:
         "occupancy_wrong": _wrong_cells(free, origin, cell, free_space.polygon)
         + _wrong_clearances(free, grid.clearance_m, origin, cell, free_space.polygon),
         "map_wrong": _wrong_cells(nav2.free, np.array(nav2.origin_m), nav2.cell_m, free_space.polygon),
-        "octree_wrong": _wrong_voxels(tree, free, origin, cell),
+        "octree_wrong": _wrong_voxels(tree, free, origin, cell, floor),
     }
 
 
@@ -123,9 +135,11 @@ def _wrong_clearances(
     return int((np.abs(exact - clearance_m.ravel()[sample]) > cell_m).sum())
 
 
-def _wrong_voxels(tree: Octree, free: np.ndarray, origin_m: np.ndarray, cell_m: float) -> int:
-    """Count grid cells that the octree classifies differently at knee height."""
+def _wrong_voxels(tree: Octree, free: np.ndarray, origin_m: np.ndarray, cell_m: float, floor: Floor) -> int:
+    """Count grid cells that the octree classifies differently at knee height; with heights, free cells only."""
     places = np.column_stack([_centres(free.shape, origin_m, cell_m), np.full(free.size, _KNEE_M)])
+    if not floor.is_flat:
+        return int((tree.query(floor.fold(places[free.ravel()])) != FREE).sum())
     return int(((tree.query(places) == FREE) != free.ravel()).sum())
 
 

@@ -27,10 +27,11 @@ from minexplore.bundle import (
     TOPOLOGY,
 )
 from pipeline.errors import ArtifactError, GeometryError
+from pipeline.geometry.floor_parts import cell_heights
 from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.octree import build_octree, to_bt
 from pipeline.geometry.skeleton import trace_network
-from pipeline.mjcf.bundle import WorldRecord
+from pipeline.mjcf.bundle import WorldRecord, read_floor
 from pipeline.proof.differences import first_difference
 from pipeline.proof.smooth import require_smooth
 from pipeline.store.codecs import decode, encode
@@ -208,7 +209,11 @@ def _require_map_and_octree(folder: Path, record: WorldRecord, grid: Occupancy) 
     picture = decode(folder / NAV2_PICTURE, Image)
     if picture.shape != pixels.shape or (picture != pixels).any():
         raise ArtifactError(f"{folder / NAV2_PICTURE}: pixels differ from the clearance grid")
-    if (folder / OCTREE).read_bytes() != to_bt(build_octree(grid.free, grid.origin_m, grid.cell_m, record.height_m)):
+    if (folder / OCTREE).read_bytes() != to_bt(
+        build_octree(
+            grid.free, grid.origin_m, grid.cell_m, record.height_m, cell_heights(grid, read_floor(folder, record))
+        )
+    ):
         raise ArtifactError(
             f"{folder / OCTREE}: not the octree of the clearance grid and the height {record.height_m} m"
         )

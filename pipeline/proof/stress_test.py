@@ -78,7 +78,8 @@ def stress_walls(
     robot, task = RobotParams(), dataclasses.replace(TaskParams(), max_forward_mps=_FASTEST_MPS)
     batch = RobotBatch(load_world(bundle), task, robot, _ROBOTS, threads)
     rng = np.random.default_rng(seed)
-    kinds = _targets(free, parts, zone_edges_m, rng)
+    floor = batch.floor
+    kinds = _targets(free, [floor.unfold(part, 0.0) for part in parts], zone_edges_m, rng)
     inside = free.buffer(-robot.radius_m)
     shapely.prepare(inside)
     height = batch.world.record["height_m"]
@@ -162,7 +163,8 @@ def _throw(
     yaw = np.arctan2(towards[:, 1], towards[:, 0])[: len(here)] + rng.normal(0, 0.5, len(here))
     for i, k in enumerate(here.tolist()):
         batch.place(k, start[i, 0], start[i, 1], yaw[i])
-        batch.qvel[k, :3] = T[:3, :3] @ [*(speed[i] * towards[i]), 0.0]
+        along = batch.floor.frame_at(start[i]) @ [*(speed[i] * towards[i]), 0.0]
+        batch.qvel[k, :3] = T[:3, :3] @ along
         batch.qvel[k, 5] = spin[i]
 
 
@@ -171,7 +173,7 @@ def _escaped(
 ) -> tuple[np.ndarray, float]:
     """Return which robots (k,) are out of the workings, and the largest depth of an upright robot's disc in rock, m."""
     T = batch.T_world_mine
-    place = (batch.qpos[here, :3] - T[:3, 3]) @ T[:3, :3]
+    place = batch.floor.unfold((batch.qpos[here, :3] - T[:3, 3]) @ T[:3, :3], batch.robot.wheel_radius_m)
     centre = shapely.points(place[:, :2])
     clearance = np.where(shapely.contains_xy(free, place[:, 0], place[:, 1]), 1, -1) * shapely.distance(
         free.boundary, centre
@@ -185,5 +187,6 @@ def _escaped(
             1 - 2 * (x * x + y * y),
         ]
     )
-    upright = mast @ T[:3, 2] > _UPRIGHT  # a robot on its side is narrower than its disc
+    up = T[:3, 2] if batch.floor.is_flat else [T[:3, :3] @ batch.floor.frame_at(xy)[:, 2] for xy in place[:, :2]]
+    upright = (mast * up).sum(axis=1) > _UPRIGHT  # a robot on its side is narrower than its disc
     return out, float(np.maximum(0.0, radius_m - clearance)[upright].max(initial=0.0))

@@ -75,7 +75,8 @@ class Validator:
     def world_free(self) -> Mask:
         """Return the pixels that show the floor in a view from above, with the roof hidden."""
         record = self.world.record
-        return render_free_space(self.world.model, np.array(record.T_world_mine), self.survey.frame, record.height_m)
+        T_world_mine = np.array(record.T_world_mine)
+        return render_free_space(self.world.model, T_world_mine, self.survey.frame, record.top_m, record.bottom_m)
 
     @functools.cached_property
     def wall_error(self) -> WallError:
@@ -93,7 +94,7 @@ class Validator:
             np.array(record.T_world_mine),
             self.cleaned,
             self.survey.frame,
-            record.height_m,
+            record.top_m,
             tolerance_of(self.params),
             GeomGroup.FLOOR,
             GeomGroup.COLLISION,
