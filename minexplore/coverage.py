@@ -6,6 +6,9 @@ import numpy as np
 
 from minexplore.world import World
 
+_BESIDE_M = 0.3  # a cell is 2 m wide: its floor rises within it
+_SEAM_M = 1.5  # between the middle of a seam and a place to stand
+
 
 class CoverageGrid:
     """Square cells over the mine frame; `reachable[i, j]` covers origin + (j, i) * cell to + (j + 1, i + 1) * cell."""
@@ -23,15 +26,34 @@ class CoverageGrid:
         at = np.floor((places - self.origin_m) / cell_m).astype(int)
         self.reachable[at[:, 1], at[:, 0]] = True
         self.total = int(self.reachable.sum())
+        self._floor, self._height_m = world.floor, float(world.record["height_m"])
+        self._level_m = np.zeros(self.reachable.shape)
+        if len(world.floor.offset_m) > 1:
+            self._level_m[at[:, 1], at[:, 0]] = world.floor.heights_at(places)
 
     def cells_crossed(
         self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return ray numbers, rows and columns of all cells that segments (n, 2) to (n, 2) pass through.
+        """Return ray numbers, rows and columns of all cells that segments (n, 3) to (n, 3) pass through.
 
         Exact: each segment, no longer than `longest_m`, is cut at every grid line it crosses, and each piece names the
-        cell of its middle.
+        cell of its middle. Of cells of several sheets, a piece names those between whose floor and roof it is.
         """
+        if len(self._floor.offset_m) == 1:
+            return self._crossed(starts_m[:, :2], ends_m[:, :2], longest_m)[:3]
+        found = []
+        for offset in self._floor.offset_m:
+            ray, row, col, share = self._crossed(starts_m[:, :2] + offset, ends_m[:, :2] + offset, longest_m)
+            above = starts_m[ray, 2] + share * (ends_m - starts_m)[ray, 2] - self._level_m[row, col]
+            inside = self.reachable[row, col] & (above > -_BESIDE_M) & (above < self._height_m + _BESIDE_M)
+            found.append((ray[inside], row[inside], col[inside]))
+        ray, row, col = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return ray, row, col
+
+    def _crossed(
+        self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return ray numbers, rows, columns and the pieces' middles, as shares of their segments, of cells in plan."""
         start, ends = (starts_m - self.origin_m) / self.cell_m, (ends_m - self.origin_m) / self.cell_m
         step = ends - start
         lines = np.arange(1, int(np.ceil(longest_m / self.cell_m)) + 2)
@@ -45,7 +67,7 @@ class CoverageGrid:
         col, row = np.floor(start[ray] + middle[:, None] * step[ray]).astype(int).T
         rows, cols = self.reachable.shape
         inside = (col >= 0) & (col < cols) & (row >= 0) & (row < rows)
-        return ray[inside], row[inside], col[inside]
+        return ray[inside], row[inside], col[inside], middle[inside]
 
     def mark(self, seen: np.ndarray, observer: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
         """Mark cells as seen in `seen` (m, rows, cols) by their observers; return how many are new to each (m,)."""
@@ -68,10 +90,26 @@ def _connected(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.n
     found[row[seed], col[seed]] = True
     edge = [(int(row[seed]), int(col[seed]))]
     rows, cols = standing.shape
+    across = _across_seams(world, row, col, places)
     while edge:
         i, j = edge.pop()
-        for a, b in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
+        for a, b in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1), *across.get((i, j), ())):
             if 0 <= a < rows and 0 <= b < cols and standing[a, b] and not found[a, b]:
                 found[a, b] = True
                 edge.append((a, b))
     return found
+
+
+def _across_seams(
+    world: World, row: np.ndarray, col: np.ndarray, places: np.ndarray
+) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """Return the standing cells beside each seam between two sheets, each with its neighbour on the other sheet."""
+    across: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for seam in world.floor.seams():
+        near = [int(np.linalg.norm(places - middle, axis=1).argmin()) for middle in seam]
+        if max(float(np.linalg.norm(places[k] - middle)) for k, middle in zip(near, seam, strict=True)) > _SEAM_M:
+            continue
+        one, two = ((int(row[k]), int(col[k])) for k in near)
+        across.setdefault(one, []).append(two)
+        across.setdefault(two, []).append(one)
+    return across

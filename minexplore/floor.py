@@ -15,6 +15,7 @@ import numpy as np
 from minexplore.tiles import Tile, group_by_tile, tiles_at
 
 _TILE_M = 4.0  # faces are looked up by square tiles of the plan
+_SEAM_M = 12.0  # edges of two sheets that are nearer than this belong to one seam
 _CHUNK = 2_000_000  # pairs of a place and a triangle that are tried at once
 
 
@@ -136,6 +137,29 @@ class Floor:
         places[:, :2] -= self.offset_m[sheet]
         return np.unique(places.round(4), axis=0, return_inverse=True)[1].reshape(-1)
 
+    def seams(self) -> np.ndarray:
+        """Return the middle of each seam (k, 2, 2) m in the plan of both its sheets."""
+        edges = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]]).astype(np.int64)
+        sheet, number, count = np.tile(self.sheet, 3), self._joined[edges], len(self.vertices)
+        own = {int(a * count + b): k for k, (a, b) in enumerate(number.tolist())}
+        middles: dict[tuple[int, int, int], list[np.ndarray]] = {}
+        for k, (a, b) in enumerate(number.tolist()):
+            other = own.get(int(b * count + a))
+            if other is None or sheet[other] <= sheet[k]:
+                continue
+            pair = np.array([self.vertices[edges[e], :2].mean(axis=0) for e in (k, other)])
+            for key, found in middles.items():  # the edges of one seam lie on one line, end to end
+                if key[:2] == (sheet[k], sheet[other]) and any(np.hypot(*(f[0] - pair[0])) < _SEAM_M for f in found):
+                    found.append(pair)
+                    break
+            else:
+                middles[int(sheet[k]), int(sheet[other]), k] = [pair]
+        return np.array([np.mean(found, axis=0) for found in middles.values()]).reshape(-1, 2, 2)
+
+    def wall_segments(self) -> np.ndarray:
+        """Return the walls (k, 2, 2) m in plan; the seams between sheets are none."""
+        return np.array([self.vertices[list(edge), :2] for _, edge in self.wall_edges()])
+
     def fold(self, points_m: np.ndarray) -> np.ndarray:
         """Return points (k, 3) m of the plan, z from the floor, in the mine frame."""
         if self.is_flat:
@@ -164,6 +188,12 @@ class Floor:
         if lost.any():
             best[lost] = np.column_stack([points_m[lost, :2], points_m[lost, 2] - self.heights_at(points_m[lost, :2])])
         return best
+
+    def unfold_body(self, points_m: np.ndarray, about_m: float = 1.0) -> np.ndarray:
+        """Return the points (k, 3) m of one body in the plan of the sheet that its middle belongs to."""
+        middle = points_m.mean(axis=0)[None]
+        places = points_m[:, :2] + (self.unfold(middle, about_m) - middle)[0, :2]
+        return np.column_stack([places, points_m[:, 2] - self.heights_at(places)])
 
     def _covers(self, faces: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         """Return whether faces (k,) cover places (k, 2) m, to a centimetre or so."""

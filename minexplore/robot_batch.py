@@ -216,9 +216,9 @@ class RobotBatch:
         self, origin: np.ndarray, directions: np.ndarray, ranges: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return ray numbers, rows and columns of the cells that the beams pass through."""
-        ends = origin[:, None, :2] + directions[..., :2] * ranges[..., None]
-        starts = np.repeat(origin[:, :2], self.task.beams, axis=0)
-        return self.grid.cells_crossed(starts, ends.reshape(-1, 2), self.task.range_m[1])
+        ends = origin[:, None] + directions * ranges[..., None]
+        starts = np.repeat(origin, self.task.beams, axis=0)
+        return self.grid.cells_crossed(starts, ends.reshape(-1, 3), self.task.range_m[1])
 
     def _observe(self, robots: np.ndarray, ranges: np.ndarray, rngs: list[np.random.Generator]) -> np.ndarray:
         return observe(self.task, ranges, self.previous[robots], [rngs[i] for i in robots.tolist()])

@@ -14,7 +14,7 @@ from pipeline.errors import ParamsError
 from pipeline.geometry.collision import decomposed_hulls, exact_prisms
 from pipeline.geometry.extrude import collect_parts
 from pipeline.geometry.floor_mesh import build_floor
-from pipeline.geometry.floor_parts import cell_heights, wall_parts
+from pipeline.geometry.floor_parts import cell_heights, cell_offsets, require_pillars, sheet_walls, wall_parts
 from pipeline.geometry.network_heights import floor_lines
 from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.octree import build_octree, to_bt
@@ -31,10 +31,10 @@ def compile_rock(
     free = free_space.polygon
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
     cell = params.grid_cell_m
-    grid = occupancy_grid(free, cell, world)
-    pixels, yaml = nav2_map(grid)
     entrance = survey.entrance_m or topology.main_drift_m[0]
     floor = model_floor(params, free, topology, survey, entrance)
+    grid = occupancy_grid(free, cell, world, sheet_walls(floor))
+    pixels, yaml = nav2_map(grid)
     return {
         "collision": collision_parts(params, rock_around(free, world))
         if floor.is_flat
@@ -42,7 +42,7 @@ def compile_rock(
         "floor": floor,
         "extent": SolidExtent(params.height_m, world),
         "occupancy": grid,
-        "octree": to_bt(build_octree(grid.free, grid.origin_m, cell, params.height_m, cell_heights(grid, floor))),
+        "octree": to_bt(build_octree(grid.free, grid.origin_m, cell, params.height_m, cell_heights(grid, floor), cell_offsets(grid, floor))),
         "map": pixels,
         "map_yaml": yaml,
         "spawn": entrance_anchor(grid, entrance, params.spawn.radius_m, params.spawn.clearance_m),
@@ -61,7 +61,11 @@ def model_floor(
         return Floor()
     if params.collision.method != "exact":
         raise ParamsError(f"collision = {params.collision.method}: a mine with heights needs collision=exact")
-    return build_floor(free, floor_lines(survey.heights, topology, entrance_m), params.steepest_deg)
+    heights = survey.heights
+    lines = floor_lines(heights, topology, entrance_m)
+    floor = build_floor(free, lines, params.steepest_deg, heights.offset_m, heights.seams)
+    require_pillars(floor, params.height_m)
+    return floor
 
 
 def collision_parts(params: Compile3dParams, rock: list[Polygon]) -> ConvexParts:

@@ -188,7 +188,7 @@ def _expect_slabs(
             raise BundleError(f"{MODEL}: {geom.path}@mesh: {geom.attributes['mesh']!r}, want a mesh of the geom's name")
         corners = np.array(numbers_in(mesh.attributes["vertex"])).reshape(-1, 3)
         corners = corners + (numbers_in(geom.attributes.get("pos", "0 0 0")) or [])
-        above = floor.unfold(corners, sum(levels) / 2)[:, 2]
+        above = floor.unfold_body(corners, sum(levels) / 2)[:, 2]
         off = np.abs(above[:, None] - levels)
         if off.min(axis=1).max() > _ON_FLOOR_M or off.min(axis=0).max() > _ON_FLOOR_M:
             raise BundleError(

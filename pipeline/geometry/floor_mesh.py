@@ -15,15 +15,22 @@ from minexplore.floor import Floor
 from pipeline.errors import GeometryError
 from pipeline.geometry.delaunay import Triangulation
 from pipeline.geometry.polyline import arc_length
-from pipeline.types import Points3
+from pipeline.types import Points3, Seam
 
 SPACING_M = 3.0  # of the points of a line; a drift is 3 to 6 m wide
 _ON_LINE_M, _ON_WALL_M = 0.02, 0.3  # corners nearer than this to a new point take its place
 _SQUARE = 1.05  # a line across a drift that is so much longer than the shortest is not square to the walls
+_TWIN_M = 1e-6  # between the corners of two sheets on their seam
 _WIDEST_M = 20.0  # beyond this from a line, a wall gets no corner for its points
 
 
-def build_floor(workings: BaseGeometry, lines: list[Points3], steepest_deg: float) -> Floor:
+def build_floor(
+    workings: BaseGeometry,
+    lines: list[Points3],
+    steepest_deg: float,
+    offset_m: list[tuple[float, float]] | None = None,
+    seams: list[Seam] | None = None,
+) -> Floor:
     """Triangulate workings about lines of known floor height and find the heights between.
 
     The heights are harmonic: the lines' heights are kept, and there is no slope across the walls. Along a straight drift
@@ -36,6 +43,8 @@ def build_floor(workings: BaseGeometry, lines: list[Points3], steepest_deg: floa
         Where the floor is known; points outside the workings count for the nearest wall.
     steepest_deg : float
         The steepest floor that is built.
+    offset_m, seams : list
+        How far each sheet is moved aside, and the edges that sheets share; the workings then have one part a sheet.
 
     Raises
     ------
@@ -43,21 +52,56 @@ def build_floor(workings: BaseGeometry, lines: list[Points3], steepest_deg: floa
         If a piece of the workings has no height, or the floor is steeper; the message names the place.
     """
     workings = shapely.set_precision(workings, 0.0)  # else results are rounded to the grid that it carries
+    parts = shapely.get_parts(workings)
+    offsets = np.array(offset_m or [(0.0, 0.0)])
     mesh = Triangulation(workings)
     known: dict[int, list[float]] = defaultdict(list)
     fine = [_fill(line) for line in lines]
     for line in fine:
         for x, y, z in line.tolist():
             known[mesh.insert((x, y), _ON_LINE_M)].append(z)
+    closed = shapely.union_all([_seam_line(seam, k, offsets) for seam in seams or [] for k in seam.sheets])
     for foot, height in _feet(workings, fine):
+        if seams and closed.dwithin(shapely.Point(foot), _ON_WALL_M):
+            continue  # both sheets must have the same corners on their seam: its ends and its middle
         number = mesh.insert(foot, _ON_WALL_M)
         if height is not None and np.hypot(*np.subtract(mesh.xy[number], foot)) < _ON_LINE_M:
             known[number].append(height)
     points, faces = mesh.arrays()
-    heights = _harmonic(points, faces, {number: float(np.mean(values)) for number, values in known.items()})
-    floor = Floor(np.column_stack([points, heights]), faces, np.zeros(len(faces), np.int32))
+    sheet = np.zeros(len(faces), np.int32)
+    if len(parts) > 1:
+        sheet = shapely.STRtree(parts).nearest(shapely.points(points[faces].mean(axis=1))).astype(np.int32)
+    twin = _twins(points, faces, sheet, offsets, seams or [])
+    heights = _harmonic(points, faces, twin, {number: float(np.mean(values)) for number, values in known.items()})
+    floor = Floor(np.column_stack([points, heights]), faces, sheet, offsets)
     require_gentle(floor, steepest_deg)
     return floor
+
+
+def _seam_line(seam: Seam, sheet: int, offsets: np.ndarray) -> BaseGeometry:
+    return shapely.LineString(np.array(seam.ends_m) + offsets[sheet])
+
+
+def _twins(
+    points: np.ndarray, faces: np.ndarray, sheet: np.ndarray, offsets: np.ndarray, seams: list[Seam]
+) -> np.ndarray:
+    """Return for each point its own number, or of two points at one place of a seam the lower number."""
+    twin = np.arange(len(points))
+    for seam in seams:
+        rows = []
+        for k in seam.sheets:
+            own = np.unique(faces[sheet == k])
+            near = shapely.dwithin(_seam_line(seam, k, offsets), shapely.points(points[own]), _TWIN_M)
+            rows.append(own[near])
+        places = [points[own] - offsets[k] for own, k in zip(rows, seam.sheets, strict=True)]
+        apart, match = cKDTree(places[1]).query(places[0])
+        if len(rows[0]) != len(rows[1]) or apart.max() > _TWIN_M:
+            x, y = np.mean(seam.ends_m, axis=0)
+            raise GeometryError(f"floor: the sheets {seam.sheets} do not fit together at ({x:.1f}, {y:.1f})")
+        points[rows[1][match]] = places[0] + offsets[seam.sheets[1]]
+        low = np.minimum(twin[rows[0]], twin[rows[1][match]])
+        twin[rows[0]] = twin[rows[1][match]] = low
+    return twin
 
 
 def steepness_deg(floor: Floor) -> np.ndarray:
@@ -118,28 +162,32 @@ def _feet(workings: BaseGeometry, lines: list[Points3]) -> list[tuple[tuple[floa
     return feet
 
 
-def _harmonic(points: np.ndarray, faces: np.ndarray, known: dict[int, float]) -> np.ndarray:
-    """Return the heights (n,) of the harmonic function with known values at some points, by linear finite elements."""
+def _harmonic(points: np.ndarray, faces: np.ndarray, twin: np.ndarray, known: dict[int, float]) -> np.ndarray:
+    """Return the heights (n,) of the harmonic function with known values at some points, by linear finite elements.
+
+    Points with the same number in `twin` have one height.
+    """
     rows, cols, weights = [], [], []
     for k in range(3):
         a, b, c = faces[:, k], faces[:, (k + 1) % 3], faces[:, (k + 2) % 3]
         u, v = points[a] - points[c], points[b] - points[c]
         area2 = np.maximum(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0], 1e-12)
         weight = (u * v).sum(axis=1) / area2 / 2
-        rows += [a, b]
-        cols += [b, a]
+        rows += [twin[a], twin[b]]
+        cols += [twin[b], twin[a]]
         weights += [weight, weight]
     i, j, w = np.concatenate(rows), np.concatenate(cols), np.concatenate(weights)
     n = len(points)
     stiff = (coo_matrix((w, (i, i)), (n, n)) - coo_matrix((w, (i, j)), (n, n))).tocsr()
-    pinned = np.array(sorted(known), dtype=int)
+    fixed = {int(twin[number]): height for number, height in known.items()}
+    pinned = np.array(sorted(fixed), dtype=int)
     heights = np.zeros(n)
-    heights[pinned] = [known[k] for k in pinned.tolist()]
-    free = np.setdiff1d(np.arange(n), pinned)
+    heights[pinned] = [fixed[k] for k in pinned.tolist()]
+    free = np.setdiff1d(twin, pinned)
     if len(free):
         found = np.asarray(spsolve(stiff[free][:, free].tocsc(), -stiff[free][:, pinned] @ heights[pinned]))
         if not np.isfinite(found).all():
             x, y = points[free[int(np.argmin(np.isfinite(found)))]]
             raise GeometryError(f"floor: no height is known for the workings at ({x:.1f}, {y:.1f})")
         heights[free] = found
-    return heights
+    return heights[twin]

@@ -6,16 +6,21 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import SLAB_M
 from minexplore.floor import Floor
+from pipeline.errors import GeometryError
 from pipeline.geometry.partition import convex_partition, merge_convex
 from pipeline.geometry.polyline import arc_length
 from pipeline.types import Occupancy, Points3
 
 BAND_M = 1.0  # thickness of the rock round the workings
+_SLOPE, _ALONG = 0.5, 0.05  # a wall that rises more than this over its distance is not the same wall
+_OVERLAP_M2 = 1e-3
+_ONE_FLOOR_M = 0.3  # floors of two sheets that differ less are one, at their seam
 _HAIR_M = 0.0005
 _FOOT_M = 0.05  # between the foot of a wall and the floor; walls reach SLAB_M below it
 _TURN, _STRAIGHT_M = 1e-6, 1e-4  # corners on a straight wall, and of a straight edge of a wedge
@@ -106,15 +111,97 @@ def wall_parts(free: Polygon, floor: Floor, height_m: float) -> list[Points3]:
     rock is cut across where the floor's slope along a wall changes, so that a part's back follows it too.
     """
     outline, cuts = _wall_lines(floor)
-    rock = band_of(free).difference(outline)
+    rock = band_of(free).difference(shapely.union_all([outline, *beside_sheets(floor, height_m)]))
     lines = shapely.union_all([rock.boundary, *([shapely.multilinestrings(cuts)] if len(cuts) else [])])
     pieces = [piece for piece in shapely.polygonize([lines]).geoms if rock.contains(piece.representative_point())]
     foot = WallFoot(floor)
     parts = []
     for piece in pieces:
         for part in (part for part in convex_partition(piece) if _is_solid(part)):
-            parts.append(slab(np.column_stack([part, foot.heights_at(part)]), -SLAB_M, height_m + SLAB_M))
+            low, high = foot.ranges_at(part)
+            feet, tops = (fold_patch(floor, np.column_stack([part, z])) for z in (low, high))
+            parts.append(np.vstack([feet - [0, 0, SLAB_M], tops + [0, 0, height_m + SLAB_M]]))
     return parts
+
+
+def beside_sheets(floor: Floor, height_m: float) -> list[BaseGeometry]:
+    """Return floor of other sheets at about the same height beside each sheet, in its plan: no rock may stand there."""
+    if len(floor.offset_m) == 1:
+        return []
+    foot, reach = WallFoot(floor), height_m + 2 * SLAB_M
+    found = []
+    for sheet, offset in enumerate(floor.offset_m):
+        own = shapely.union_all(shapely.polygons(floor.vertices[floor.faces[floor.sheet == sheet], :2]))
+        around = own.buffer(BAND_M)
+        others = floor.sheet != sheet
+        corners = floor.vertices[floor.faces[others]].copy()
+        corners[:, :, :2] += (offset - floor.offset_m[floor.sheet[others]])[:, None]
+        triangles = shapely.polygons(corners[:, :, :2])
+        near = np.flatnonzero(shapely.intersects(around, triangles))
+        if not len(near):
+            continue
+        level = foot.heights_at(corners[near, :, :2].mean(axis=1))
+        z = corners[near, :, 2]
+        same = (z.min(axis=1) < level + reach) & (z.max(axis=1) > level - reach)
+        found += triangles[near[same]].tolist()
+    return found
+
+
+def require_pillars(floor: Floor, height_m: float) -> None:
+    """Refuse sheets that pass over each other with less than `2 * SLAB_M` of rock between.
+
+    Raises
+    ------
+    GeometryError
+        With the place and the thickness.
+    """
+    if len(floor.offset_m) == 1:
+        return
+    corners = floor.vertices[floor.faces].copy()
+    corners[:, :, :2] -= floor.offset_m[floor.sheet][:, None]
+    triangles = shapely.polygons(corners[:, :, :2])
+    one, two = shapely.STRtree(triangles).query(triangles, predicate="overlaps")
+    pairs = (one < two) & (floor.sheet[one] != floor.sheet[two])
+    one, two = one[pairs], two[pairs]
+    common = shapely.intersection(triangles[one], triangles[two])
+    large = shapely.area(common) > _OVERLAP_M2
+    places = shapely.get_coordinates(shapely.point_on_surface(common[large]))
+    heights = []
+    for faces in (one[large], two[large]):
+        a, b, c = floor.planes[faces].T
+        moved = places + floor.offset_m[floor.sheet[faces]]
+        heights.append(a * moved[:, 0] + b * moved[:, 1] + c)
+    apart = np.abs(np.subtract(*heights)) if len(places) else np.zeros(0)
+    pillar = apart - height_m
+    thin = np.flatnonzero((apart > _ONE_FLOOR_M) & (pillar < 2 * SLAB_M))
+    if len(thin):
+        k = int(thin[pillar[thin].argmin()])
+        (x, y), low = places[k], min(heights[0][k], heights[1][k])
+        raise GeometryError(
+            f"pillar: workings {apart[k]:.2f} m above others at ({x:.1f}, {y:.1f}), {low:.1f} m high, leave {pillar[k]:.2f} m of "
+            f"rock over a roof {height_m:g} m high, want {2 * SLAB_M:g} m; a lower compile3d.height_m leaves more"
+        )
+
+
+def wall_lines(free: BaseGeometry, floor: Floor) -> BaseGeometry:
+    """Return the walls in plan; the seams between sheets are none."""
+    walls = sheet_walls(floor)
+    return free.boundary if walls is None else shapely.multilinestrings(walls)
+
+
+def sheet_walls(floor: Floor) -> np.ndarray | None:
+    """Return the walls (k, 2, 2) m in plan of a mine of several sheets, None of one whose boundary is all wall."""
+    return None if len(floor.offset_m) == 1 else floor.wall_segments()
+
+
+def cell_offsets(grid: Occupancy, floor: Floor) -> np.ndarray:
+    """Return how many cells (rows, cols, 2) the sheets of free cells are moved east and north."""
+    offsets = np.zeros((*grid.free.shape, 2), dtype=np.int64)
+    if len(floor.offset_m) > 1:
+        row, col = np.nonzero(grid.free)
+        places = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
+        offsets[row, col] = np.round(floor.offsets_at(places) / grid.cell_m)
+    return offsets
 
 
 def _is_solid(part: np.ndarray) -> bool:
@@ -203,7 +290,11 @@ class WallFoot:
         """Take the boundary's edges."""
         edges = boundary_edges(floor)
         self._a, self._b = floor.vertices[edges[:, 0]], floor.vertices[edges[:, 1]]
-        self._tree = shapely.STRtree(shapely.linestrings(np.stack([self._a[:, :2], self._b[:, :2]], axis=1)))
+        lines = shapely.linestrings(np.stack([self._a[:, :2], self._b[:, :2]], axis=1))
+        self._tree = shapely.STRtree(lines)
+        middles = (self._a + self._b) / 2
+        self._points = np.concatenate([self._a, middles])
+        self._near = cKDTree(self._points[:, :2])
 
     def heights_at(self, places_m: np.ndarray) -> np.ndarray:
         """Return the height (k,) m at the points of the boundary nearest to places (k, 2) m."""
@@ -212,6 +303,22 @@ class WallFoot:
         along = b[:, :2] - a[:, :2]
         share = np.clip(((places_m - a[:, :2]) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
         return np.asarray(a[:, 2] + share * (b[:, 2] - a[:, 2]))
+
+
+    def ranges_at(self, places_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lowest and the highest floor (k,) m that the rock at places (k, 2) m is the wall of.
+
+        Walls of different heights may be so near to each other that one piece of rock is the wall of both.
+        """
+        low = self.heights_at(places_m)
+        high = low.copy()
+        for k, near in enumerate(self._near.query_ball_point(places_m, 2 * BAND_M)):
+            points = self._points[near]
+            rise = np.abs(points[:, 2] - low[k])
+            other = points[rise > _ALONG + _SLOPE * np.hypot(*(points[:, :2] - places_m[k]).T), 2]
+            if len(other):
+                low[k], high[k] = min(low[k], other.min()), max(high[k], other.max())
+        return low, high
 
 
 def cell_heights(grid: Occupancy, floor: Floor) -> np.ndarray | None:

@@ -51,7 +51,12 @@ class Octree:
 
 
 def build_octree(
-    free: np.ndarray, origin_m: np.ndarray, cell_m: float, height_m: float, floor_m: np.ndarray | None = None
+    free: np.ndarray,
+    origin_m: np.ndarray,
+    cell_m: float,
+    height_m: float,
+    floor_m: np.ndarray | None = None,
+    moved: np.ndarray | None = None,
 ) -> Octree:
     """Build the octree of workings extruded to a height, enclosed by one voxel of rock on all sides.
 
@@ -69,10 +74,13 @@ def build_octree(
         Height of the workings; a voxel is free when its centre lies below it.
     floor_m : (rows, cols) float, optional
         The floor's height at each free cell; without it the floor is level at zero.
+    moved : (rows, cols, 2) int, optional
+        How many cells each free cell is moved east and north in plan.
     """
     layers = max(1, round(height_m / cell_m))
     if floor_m is not None:
-        return _follow(free, origin_m, cell_m, layers, np.round(floor_m / cell_m).astype(np.int64))
+        shift = np.zeros((*free.shape, 2), np.int64) if moved is None else moved
+        return _follow(free, origin_m, cell_m, layers, np.round(floor_m / cell_m).astype(np.int64), shift)
     padded = np.pad(free, 1)
     shell = binary_dilation(padded, np.ones((3, 3), dtype=bool))
     column = np.where(padded, FREE, np.where(shell, OCCUPIED, UNKNOWN)).astype(np.uint8)
@@ -92,12 +100,14 @@ def _require_range(first: np.ndarray, last: np.ndarray, cell_m: float) -> None:
         )
 
 
-def _follow(free: np.ndarray, origin_m: np.ndarray, cell_m: float, layers: int, base: np.ndarray) -> Octree:
+def _follow(
+    free: np.ndarray, origin_m: np.ndarray, cell_m: float, layers: int, base: np.ndarray, shift: np.ndarray
+) -> Octree:
     """Build the octree of workings whose columns begin at the layers `base` (rows, cols); rock is one voxel thick."""
     row, col = np.nonzero(free)
     up = base[row, col]
     west, south = (round(v / cell_m) for v in origin_m)
-    columns = np.column_stack([col + west, row + south, up]) + _CENTRE
+    columns = np.column_stack([col + west - shift[row, col, 0], row + south - shift[row, col, 1], up]) + _CENTRE
     _require_range(columns.min(axis=0) - 1, columns.max(axis=0) + [2, 2, layers + 2], cell_m)
     inside = _stack(columns, np.arange(layers))
     padded = np.pad(free, 1)

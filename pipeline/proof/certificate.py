@@ -15,13 +15,15 @@ import mujoco
 import numpy as np
 import shapely
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import GeomGroup
 from minexplore.floor import Floor
 from pipeline.geometry.extrude import section_footprint
-from pipeline.geometry.floor_parts import BAND_M
+from pipeline.geometry.floor_parts import BAND_M, beside_sheets, wall_lines
+from pipeline.geometry.sheets import floor_seams
 from pipeline.metrics.containment import cover_walls, open_area_m2
-from pipeline.metrics.reach import compare_reach, reached_cells, start_cell
+from pipeline.metrics.reach import compare_sheets, reached_cells, start_cell
 from pipeline.mjcf.bundle import World, mine_from_body, obstacles, placed_parts, read_floor
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
@@ -146,29 +148,30 @@ def _reach(
     rows, cols = np.indices((height, width))
     places = frame.to_mine(np.column_stack([cols.ravel(), rows.ravel()]) + 0.5)
     around = free.buffer(_MARGIN_M if floor.is_flat else BAND_M - cell / 2).intersection(shapely.box(*record.world_m))
+    around = around.difference(shapely.union_all(beside_sheets(floor, record.height_m)))
     queried = np.flatnonzero(shapely.contains_xy(around, places[:, 0], places[:, 1]))
     most = radius + _COMPARED_M
     plan, measured = np.zeros(len(places)), np.zeros(len(places))
     inside = queried[shapely.contains_xy(free, places[queried, 0], places[queried, 1])]
-    plan[inside] = _wall_distance(free, places[inside], most)
+    plan[inside] = _wall_distance(wall_lines(free, floor), places[inside], most)
     T = np.array(record.T_world_mine)
     probes = floor.fold(np.column_stack([places[queried], np.full(len(queried), _PROBE_HEIGHT_M)]))
     measured[queried] = rock_clearance(folder, T, GeomGroup.COLLISION, probes, most)
-    start = start_cell(record.spawn.anchor_m, frame)
-    by_plan, by_world = (reached_cells(c.reshape(height, width), radius, start) for c in (plan, measured))
+    start, seams = start_cell(record.spawn.anchor_m, frame), floor_seams(floor)
+    by_plan, by_world = (reached_cells(c.reshape(height, width), radius, start, frame, seams) for c in (plan, measured))
     error = float(np.abs(plan - measured).max())
     if not (by_plan.any() and by_world.any()):  # the anchor itself is in rock
         return {"clearance_error_m": round(error, 5), "reached_m2": 0.0, "same_graph": False}
-    match = compare_reach(by_plan, by_world, frame, radius, *network)
+    match = compare_sheets(by_plan, by_world, frame, [part.bounds for part in shapely.get_parts(free)], radius, *network)
     return {"clearance_error_m": round(error, 5), **vars(match)}
 
 
-def _wall_distance(free: Polygon, places: np.ndarray, most_m: float) -> np.ndarray:
+def _wall_distance(walls: BaseGeometry, places: np.ndarray, most_m: float) -> np.ndarray:
     """Return the distance (n,) m of places (n, 2) m to the nearest wall, at most `most_m`."""
-    boundary, points = free.boundary, shapely.points(places)
-    shapely.prepare(boundary)
-    near, distance = shapely.dwithin(boundary, points, most_m), np.full(len(places), most_m)
-    distance[near] = np.minimum(shapely.distance(boundary, points[near]), most_m)
+    points = shapely.points(places)
+    shapely.prepare(walls)
+    near, distance = shapely.dwithin(walls, points, most_m), np.full(len(places), most_m)
+    distance[near] = np.minimum(shapely.distance(walls, points[near]), most_m)
     return distance
 
 

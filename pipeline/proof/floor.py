@@ -44,7 +44,7 @@ def _open_m2(wedges: list[np.ndarray], floor: Floor, free: Polygon, level_m: flo
     """Return the area of the workings, m2, over which no wedge has its inner face at a height above the floor."""
     covered = []
     for wedge in wedges:
-        inside = floor.unfold(wedge, level_m)
+        inside = floor.unfold_body(wedge, level_m)
         off = np.abs(inside[:, 2] - level_m)
         if np.sort(off)[: len(off) // 2].max() < _ON_FLOOR_M and off.max() < SLAB_M + _ON_FLOOR_M:
             covered.append(section_footprint(inside).buffer(_ROUND_M))

@@ -91,7 +91,7 @@ def _detect(path: Path, stated: dict[str, Any]) -> Detection:
     if suffix in PASSAGE_READERS:
         params = PassageSurveyParams(kind="passages", name="detect", file="data/x")
         params = params.model_copy(update={"file": path.as_posix()})
-        workings, place, _, _ = draw_vector_survey(params)
+        workings, place, *_ = draw_vector_survey(params)
         values = {"kind": "passages", "file": path.name, "origin": list(place.origin)}
         remarks = {"origin": "of the mine frame, in the file's coordinates"}
         return Detection(values, remarks, [Path(f) for f in vector_files(params)], 2 * workings.area / workings.length)
@@ -108,7 +108,7 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
     for unit in units:
         params = _vector(path, unit, stated)
         try:
-            workings, place, _, _ = draw_vector_survey(params, content)
+            workings, place, *_ = draw_vector_survey(params, content)
         except InputError as error:
             problem = problem or error
             continue
