@@ -63,12 +63,12 @@ class Floor:
         return corners.min(axis=1), corners.max(axis=1)
 
     def _faces_near(self, tile: Tile) -> np.ndarray:
-        """Return the faces whose boxes meet a tile, or all if none does."""
+        """Return the faces whose boxes meet a tile."""
         if tile not in self._near:
             low = np.array(tile) * _TILE_M
             least, most = self._boxes
             meets = ((least <= low + _TILE_M) & (most >= low)).all(axis=1)
-            self._near[tile] = np.flatnonzero(meets) if meets.any() else np.arange(len(self.faces))
+            self._near[tile] = np.flatnonzero(meets)
         return self._near[tile]
 
     def faces_at(self, places_m: np.ndarray) -> np.ndarray:
@@ -76,6 +76,10 @@ class Floor:
         found = np.zeros(len(places_m), dtype=int)
         for tile, rows in group_by_tile(tiles_at(places_m, _TILE_M)):
             faces = self._faces_near(tile)
+            if not len(faces):  # far from the floor
+                apart = np.abs(self.vertices[self.faces].mean(axis=1)[None, :, :2] - places_m[rows][:, None]).sum(axis=2)
+                found[rows] = apart.argmin(axis=1)
+                continue
             places = np.column_stack([places_m[rows], np.ones(len(rows))])
             for start in range(0, len(rows), _CHUNK // len(faces) + 1):
                 some = slice(start, start + _CHUNK // len(faces) + 1)
@@ -113,9 +117,18 @@ class Floor:
 
     def offsets_at(self, places_m: np.ndarray) -> np.ndarray:
         """Return how far (k, 2) m the sheets at places (k, 2) m of the plan are moved aside."""
-        if len(self.offset_m) == 1:
-            return np.zeros((len(places_m), 2))
-        return self.offset_m[self.sheet[self.faces_at(places_m)]]
+        return self.offset_m[self.sheets_at(places_m)]
+
+    def sheets_at(self, places_m: np.ndarray) -> np.ndarray:
+        """Return the number of the sheet (k,) about each place (k, 2) m of the plan; sheets lie from west to east."""
+        return np.searchsorted(self._borders, places_m[:, 0])
+
+    @functools.cached_property
+    def _borders(self) -> np.ndarray:
+        """Return the eastings (sheets - 1,) m half-way between neighbouring sheets."""
+        corners = [self.vertices[self.faces[self.sheet == k].ravel(), 0] for k in range(len(self.offset_m))]
+        pairs = zip(corners, corners[1:], strict=False)
+        return np.array([(one.max() + two.min()) / 2 for one, two in pairs])
 
     def wall_edges(self) -> list[tuple[int, tuple[int, int]]]:
         """Return the face and the corners of each edge on the boundary; edges that two sheets share are none."""

@@ -21,6 +21,7 @@ BAND_M = 1.0  # thickness of the rock round the workings
 _SLOPE, _ALONG = 0.5, 0.05  # a wall that rises more than this over its distance is not the same wall
 _OVERLAP_M2 = 1e-3
 _ONE_FLOOR_M = 0.3  # floors of two sheets that differ less are one, at their seam
+_SAME_M = 1e-6
 _HAIR_M = 0.0005
 _FOOT_M = 0.05  # between the foot of a wall and the floor; walls reach SLAB_M below it
 _TURN, _STRAIGHT_M = 1e-6, 1e-4  # corners on a straight wall, and of a straight edge of a wedge
@@ -112,6 +113,8 @@ def wall_parts(free: Polygon, floor: Floor, height_m: float) -> list[Points3]:
     """
     outline, cuts = _wall_lines(floor)
     rock = band_of(free).difference(shapely.union_all([outline, *beside_sheets(floor, height_m)]))
+    # Corners of two sheets at one place differ by rounding; the partition must not see an edge between them.
+    rock = shapely.set_precision(shapely.set_precision(rock, _SAME_M), 0.0)
     lines = shapely.union_all([rock.boundary, *([shapely.multilinestrings(cuts)] if len(cuts) else [])])
     pieces = [piece for piece in shapely.polygonize([lines]).geoms if rock.contains(piece.representative_point())]
     foot = WallFoot(floor)
