@@ -77,7 +77,9 @@ class Floor:
         for tile, rows in group_by_tile(tiles_at(places_m, _TILE_M)):
             faces = self._faces_near(tile)
             if not len(faces):  # far from the floor
-                apart = np.abs(self.vertices[self.faces].mean(axis=1)[None, :, :2] - places_m[rows][:, None]).sum(axis=2)
+                apart = np.abs(self.vertices[self.faces].mean(axis=1)[None, :, :2] - places_m[rows][:, None]).sum(
+                    axis=2
+                )
                 found[rows] = apart.argmin(axis=1)
                 continue
             places = np.column_stack([places_m[rows], np.ones(len(rows))])

@@ -122,7 +122,11 @@ class Lidar:
         """Return ranges (n, beams) m, at most `range_m`, of unit rays (n, beams, 3) from (n, 3)."""
         slope, height = directions[..., 2], origins[:, None, 2]
         with np.errstate(divide="ignore", invalid="ignore"):
-            level = np.where(slope < 0, (self._floor_m - height) / slope, np.where(slope > 0, (self._roof_m - height) / slope, np.inf))
+            level = np.where(
+                slope < 0,
+                (self._floor_m - height) / slope,
+                np.where(slope > 0, (self._roof_m - height) / slope, np.inf),
+            )
         rock = np.empty(directions.shape[:2])
         for tile, rows in group_by_tile(tiles_at(origins[:, :2], _TILE_M)):
             starts = np.repeat(origins[rows], directions.shape[1], axis=0)

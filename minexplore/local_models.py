@@ -9,7 +9,17 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from minexplore.bundle import MINE_BODY, MODEL, RECORD, ROCK_CLASS, BundleError, is_floor, is_rock, is_roof, zone_of_wedge
+from minexplore.bundle import (
+    MINE_BODY,
+    MODEL,
+    RECORD,
+    ROCK_CLASS,
+    BundleError,
+    is_floor,
+    is_rock,
+    is_roof,
+    zone_of_wedge,
+)
 from minexplore.robot import ROCK_BODY, RobotParams, contact_sensor, separate_contacts
 from minexplore.rotations import quaternion
 from minexplore.task import TaskParams
@@ -175,9 +185,7 @@ def _zone_of(geom: mujoco.MjsGeom) -> str:
 
 def _add_part(spec: mujoco.MjSpec, body: mujoco.MjsBody, part: RockPart, **attributes: Any) -> None:
     spec.add_mesh(name=part.name, uservert=part.vertices.ravel())
-    body.add_geom(
-        name=part.name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part.name, pos=part.place, **attributes
-    )
+    body.add_geom(name=part.name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part.name, pos=part.place, **attributes)
 
 
 def _meets(outline: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:

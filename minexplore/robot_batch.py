@@ -172,7 +172,11 @@ class RobotBatch:
     def plan_places(self, robots: np.ndarray) -> np.ndarray:
         """Return the places (k, 2) m of robots in the plan, in which sheets lie side by side."""
         place = rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
-        return place[:, :2] if len(self.floor.offset_m) == 1 else self.floor.unfold(place, self.robot.wheel_radius_m)[:, :2]
+        return (
+            place[:, :2]
+            if len(self.floor.offset_m) == 1
+            else self.floor.unfold(place, self.robot.wheel_radius_m)[:, :2]
+        )
 
     def poses(self) -> np.ndarray:
         """Return every robot's x, y (m) and yaw (rad) in the mine frame, (n, 3)."""

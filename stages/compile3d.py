@@ -42,7 +42,11 @@ def compile_rock(
         "floor": floor,
         "extent": SolidExtent(params.height_m, world),
         "occupancy": grid,
-        "octree": to_bt(build_octree(grid.free, grid.origin_m, cell, params.height_m, cell_heights(grid, floor), cell_offsets(grid, floor))),
+        "octree": to_bt(
+            build_octree(
+                grid.free, grid.origin_m, cell, params.height_m, cell_heights(grid, floor), cell_offsets(grid, floor)
+            )
+        ),
         "map": pixels,
         "map_yaml": yaml,
         "spawn": entrance_anchor(grid, entrance, params.spawn.radius_m, params.spawn.clearance_m),

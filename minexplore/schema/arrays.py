@@ -14,9 +14,7 @@ from minexplore.bundle import BundleError
 UNREADABLE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, SyntaxError, tokenize.TokenError, struct.error)
 
 
-def read_array(
-    file: str, archive: zipfile.ZipFile, name: str, kind: str, dimensions: int, most: int
-) -> np.ndarray:
+def read_array(file: str, archive: zipfile.ZipFile, name: str, kind: str, dimensions: int, most: int) -> np.ndarray:
     """Return an array of this dtype and number of dimensions with at most so many values.
 
     Raises

@@ -84,7 +84,10 @@ _ROOF_GEOM = _solid(
 def with_heights(table: Element) -> Element:
     """Return the table of `mine.xml` with wedges in place of the level boxes of floor and roof."""
     swapped = {f"floor_{ZONE_NAME}": _FLOOR_GEOM, ROOF_GEOM: _ROOF_GEOM}
-    children = [swapped.get(child.name, with_heights(child)) if child.tag == "geom" else with_heights(child) for child in table.children]
+    children = [
+        swapped.get(child.name, with_heights(child)) if child.tag == "geom" else with_heights(child)
+        for child in table.children
+    ]
     if table.tag == "asset":
         children += [_mesh(_FLOOR_WEDGE), _mesh(_ROOF_WEDGE)]
     return dataclasses.replace(table, children=tuple(children))
@@ -121,7 +124,9 @@ def _check_floor(floor: Floor, record: Mapping[str, Any]) -> None:
     heights, (west, south, east, north) = record["heights"], record["world_m"]
     vertices, faces, sheet, offset = floor.vertices, floor.faces, floor.sheet, floor.offset_m
     if vertices.shape[1:] != (3,) or faces.shape[1:] != (3,) or offset.shape != (heights["sheets"], 2):
-        raise BundleError(f"{FLOOR}: shapes {vertices.shape}, {faces.shape} and {offset.shape}: want 3, 3 and sheets x 2")
+        raise BundleError(
+            f"{FLOOR}: shapes {vertices.shape}, {faces.shape} and {offset.shape}: want 3, 3 and sheets x 2"
+        )
     if not len(faces) or len(sheet) != len(faces) or faces.min() < 0 or faces.max() >= len(vertices):
         raise BundleError(f"{FLOOR}: no faces, a face of a vertex that is not there, or one without its sheet")
     if sheet.min() < 0 or sheet.max() >= len(offset) or not np.isfinite(offset).all() or offset[0].any():
@@ -131,14 +136,19 @@ def _check_floor(floor: Floor, record: Mapping[str, Any]) -> None:
         raise BundleError(f"{FLOOR}: a corner outside world_m = {record['world_m']}")
     found = float(vertices[:, 2].min()), float(vertices[:, 2].max())
     if np.abs(np.subtract(found, (heights["low_m"], heights["high_m"]))).max() > 1e-9:
-        raise BundleError(f"{RECORD}: heights.low_m, high_m = {heights['low_m']}, {heights['high_m']}: {FLOOR} has {found}")
+        raise BundleError(
+            f"{RECORD}: heights.low_m, high_m = {heights['low_m']}, {heights['high_m']}: {FLOOR} has {found}"
+        )
     u, v = (vertices[faces[:, k]] - vertices[faces[:, 0]] for k in (1, 2))
     if (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] <= 0).any():
         raise BundleError(f"{FLOOR}: a face that is not counter-clockwise in plan")
 
 
 def check_wedges(
-    of_mine: Mapping[tuple[str, str], Node], of_assets: Mapping[tuple[str, str], Node], record: Mapping[str, Any], floor: Floor
+    of_mine: Mapping[tuple[str, str], Node],
+    of_assets: Mapping[tuple[str, str], Node],
+    record: Mapping[str, Any],
+    floor: Floor,
 ) -> None:
     """Compare the wedges of floor and roof with their numbers, their zones, and the floor's mesh.
 
@@ -152,7 +162,11 @@ def check_wedges(
     roofs = [name for tag, name in of_mine if tag == "geom" and is_roof(name)]
     _expect_numbers("floor_wedges", floors, [int(name.rpartition("_")[2]) for name in floors], record)
     _expect_numbers("roof_wedges", roofs, [int(name.rpartition("_")[2]) for name in roofs], record)
-    shapes = {name for tag, name in of_assets if tag == "mesh" and (is_floor(name) or is_roof(name)) and not _is_file(of_assets[tag, name])}
+    shapes = {
+        name
+        for tag, name in of_assets
+        if tag == "mesh" and (is_floor(name) or is_roof(name)) and not _is_file(of_assets[tag, name])
+    }
     for name in sorted(shapes ^ {*floors, *roofs}):
         raise BundleError(f"{MODEL}: mesh {name!r}: want one geom of each wedge")
     for name in floors:
@@ -160,7 +174,9 @@ def check_wedges(
         if zone is None or geom.attributes["material"] != f"ground_{zone['name']}":
             raise BundleError(f"{MODEL}: {geom.path}@material: {geom.attributes['material']!r}, want that of its zone")
         if not same(float(geom.attributes.get("friction", "1")), zone["friction"]):
-            raise BundleError(f"{MODEL}: {geom.path}@friction: {geom.attributes.get('friction')}, {RECORD} gives {zone['friction']}")
+            raise BundleError(
+                f"{MODEL}: {geom.path}@friction: {geom.attributes.get('friction')}, {RECORD} gives {zone['friction']}"
+            )
     _expect_slabs(floors, of_mine, of_assets, floor, (-SLAB_M, 0.0))
     _expect_slabs(roofs, of_mine, of_assets, floor, (record["height_m"], record["height_m"] + SLAB_M))
 
@@ -171,7 +187,9 @@ def _is_file(mesh: Node) -> bool:
 
 def _expect_numbers(field: str, names: list[str], found: list[int], record: Mapping[str, Any]) -> None:
     if found != list(range(record["heights"][field])):
-        raise BundleError(f"{MODEL}: {len(names)} wedges {names[0][:60] if names else ''!r} ..., {RECORD}: heights.{field} = {record['heights'][field]}")
+        raise BundleError(
+            f"{MODEL}: {len(names)} wedges {names[0][:60] if names else ''!r} ..., {RECORD}: heights.{field} = {record['heights'][field]}"
+        )
 
 
 def _expect_slabs(

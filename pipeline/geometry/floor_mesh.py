@@ -126,7 +126,10 @@ def require_gentle(floor: Floor, steepest_deg: float) -> None:
 def _fill(line: Points3) -> Points3:
     """Return a line with further points, no more than the spacing apart."""
     along = arc_length(line[:, :2])
-    pieces = [np.linspace(a, b, max(2, int(np.ceil((b - a) / SPACING_M)) + 1))[:-1] for a, b in zip(along, along[1:], strict=False)]
+    pieces = [
+        np.linspace(a, b, max(2, int(np.ceil((b - a) / SPACING_M)) + 1))[:-1]
+        for a, b in zip(along, along[1:], strict=False)
+    ]
     at = np.concatenate([*pieces, along[-1:]])
     return np.column_stack([np.interp(at, along, line[:, k]) for k in range(3)])
 

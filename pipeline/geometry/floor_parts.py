@@ -307,7 +307,6 @@ class WallFoot:
         share = np.clip(((places_m - a[:, :2]) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
         return np.asarray(a[:, 2] + share * (b[:, 2] - a[:, 2]))
 
-
     def ranges_at(self, places_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the lowest and the highest floor (k,) m that the rock at places (k, 2) m is the wall of.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 from networkx.utils import UnionFind
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.floor import Floor
@@ -30,6 +30,11 @@ def plan_seams(heights: Heights | None) -> list[SeamPlaces]:
 def floor_seams(floor: Floor) -> list[SeamPlaces]:
     """Return the middle of each seam of a floor in the plan of both its sheets."""
     return [((a[0], a[1]), (b[0], b[1])) for a, b in floor.seams().tolist()]
+
+
+def whole_of(polygons: MultiPolygon) -> BaseGeometry:
+    """Return the only polygon of a plan, or all if there are several sheets."""
+    return polygons.geoms[0] if len(polygons.geoms) == 1 else polygons
 
 
 def filled(outline: BaseGeometry) -> BaseGeometry:

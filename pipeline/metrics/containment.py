@@ -89,7 +89,10 @@ def cover_floor(parts: Iterable[np.ndarray], floor: Floor, heights_m: Iterable[f
             rock = shapely.union_all([cut[k] for cut in cuts])
             missing[k] += strip.difference(rock).area
             gaps[k].append(edge.difference(rock.buffer(_SEAM_M)))
-    widest = [max((g.length for g in shapely.get_parts(shapely.line_merge(shapely.union_all(of)))), default=0.0) for of in gaps]
+    widest = [
+        max((g.length for g in shapely.get_parts(shapely.line_merge(shapely.union_all(of)))), default=0.0)
+        for of in gaps
+    ]
     return WallCover(*(round(float(max(v)), 6) for v in (intrusion, missing, widest)))
 
 
@@ -120,7 +123,11 @@ def _strips(
         level = levels[near]
         same = (level.min(axis=1) < levels[face].max() + height_m) & (level.max(axis=1) > levels[face].min() - height_m)
         # Floor a little above or below is workings too; its own edges judge the rock beside it.
-        yield face, shapely.LineString(edge), strip.difference(shapely.union_all(triangles[near[same]]).buffer(_ROUND_M))
+        yield (
+            face,
+            shapely.LineString(edge),
+            strip.difference(shapely.union_all(triangles[near[same]]).buffer(_ROUND_M)),
+        )
 
 
 def _slice(part: np.ndarray, height_m: float) -> BaseGeometry:

@@ -268,6 +268,20 @@ def read_floor(folder: Path, record: WorldRecord) -> Floor:
     return floor
 
 
+def model_in_plan(folder: Path, world: World) -> mujoco.MjModel:
+    """Return the compiled model with the sheets side by side, as the plan shows them; of one sheet the model itself."""
+    floor = read_floor(folder, world.record)
+    if len(floor.offset_m) == 1:
+        return world.model
+    spec = mujoco.MjSpec.from_file(str(folder / MODEL))
+    for geom in spec.geoms:
+        if geom.meshname and geom.group in (GeomGroup.FLOOR, GeomGroup.COLLISION):
+            about_m = 0.0 if geom.group == GeomGroup.FLOOR else world.record.height_m / 2
+            place = np.array([geom.pos])
+            geom.pos = geom.pos + [*(floor.unfold(place, about_m) - place)[0, :2], 0.0]
+    return spec.compile()
+
+
 def obstacles(model: mujoco.MjModel, T_world_mine: np.ndarray, height_m: float) -> list[np.ndarray]:
     """Return the corners (n, 3), m, of whatever can be touched or seen, whatever its name, group or body.
 

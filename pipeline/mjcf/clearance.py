@@ -15,9 +15,7 @@ from pipeline.mjcf.bundle import placed_parts
 _PROBE_M = 0.01
 
 
-def rock_clearance(
-    world: Path, T_world_mine: np.ndarray, group: int, places: np.ndarray, most_m: float
-) -> np.ndarray:
+def rock_clearance(world: Path, T_world_mine: np.ndarray, group: int, places: np.ndarray, most_m: float) -> np.ndarray:
     """Return the distance (n,), m, from places (n, 3), m, to the nearest collision part; 0 inside rock.
 
     Distances above `most_m` are returned as `most_m`. Places are in the mine frame that `T_world_mine` (4, 4) gives.

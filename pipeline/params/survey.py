@@ -60,7 +60,8 @@ class _SurveyParams(Params):
         None, ge=-0.36, le=0.36, description="rise over run of the floor along the drifts, away from the entrance"
     )
     heights: DataFile | None = Field(
-        None, description="spot heights of the floor: CSV with easting_m, northing_m, elevation_m in the file's coordinates"
+        None,
+        description="spot heights of the floor: CSV with easting_m, northing_m, elevation_m in the file's coordinates",
     )
 
     @model_validator(mode="after")

@@ -162,7 +162,9 @@ def _reach(
     error = float(np.abs(plan - measured).max())
     if not (by_plan.any() and by_world.any()):  # the anchor itself is in rock
         return {"clearance_error_m": round(error, 5), "reached_m2": 0.0, "same_graph": False}
-    match = compare_sheets(by_plan, by_world, frame, [part.bounds for part in shapely.get_parts(free)], radius, *network)
+    match = compare_sheets(
+        by_plan, by_world, frame, [part.bounds for part in shapely.get_parts(free)], radius, *network
+    )
     return {"clearance_error_m": round(error, 5), **vars(match)}
 
 

@@ -176,9 +176,7 @@ def _escaped(
     T = batch.T_world_mine
     place = batch.floor.unfold((batch.qpos[here, :3] - T[:3, 3]) @ T[:3, :3], batch.robot.wheel_radius_m)
     centre = shapely.points(place[:, :2])
-    clearance = np.where(shapely.contains_xy(free, place[:, 0], place[:, 1]), 1, -1) * shapely.distance(
-        walls, centre
-    )
+    clearance = np.where(shapely.contains_xy(free, place[:, 0], place[:, 1]), 1, -1) * shapely.distance(walls, centre)
     out = ~np.isfinite(place).all(axis=1) | (clearance < 0) | (place[:, 2] < 0) | (place[:, 2] > height_m)
     x, y = batch.qpos[here, 4], batch.qpos[here, 5]
     mast = np.column_stack(

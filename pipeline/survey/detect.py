@@ -36,12 +36,13 @@ _LINE_PX = 6.0  # widest stroke of a line drawing if the scale is unknown
 
 @dataclass(frozen=True)
 class Detection:
-    """Values and remarks of a survey section, the files it needs, and the typical drift width, m."""
+    """Values and remarks of a survey section, its files, the typical drift width, m, and whether it has heights."""
 
     values: dict[str, Any]
     remarks: dict[str, str] = field(default_factory=dict)
     files: list[Path] = field(default_factory=list)
     width_m: float = 0.0
+    has_heights: bool = False
 
 
 def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
@@ -68,14 +69,15 @@ def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
         raise InputError(f"{path}: no such file")
     scratch = path.suffix.lower() in SOLVED_SUFFIXES
     found = run_limited("detect", {"path": str(path), "stated": stated}, str(path), scratch=scratch).values
-    return Detection(found["values"], found["remarks"], [Path(file) for file in found["files"]], found["width_m"])
+    files = [Path(file) for file in found["files"]]
+    return Detection(found["values"], found["remarks"], files, found["width_m"], found["has_heights"])
 
 
 def detect_here(path: str, stated: dict[str, Any]) -> Payload:
     """Detect how a file should be read in this process; `detect_survey` has limits."""
     found = _detect(Path(path), stated)
     files = [str(file) for file in found.files]
-    return Payload({"values": found.values, "remarks": found.remarks, "files": files, "width_m": found.width_m})
+    return Payload({**vars(found), "files": files})
 
 
 def _detect(path: Path, stated: dict[str, Any]) -> Detection:
@@ -91,10 +93,11 @@ def _detect(path: Path, stated: dict[str, Any]) -> Detection:
     if suffix in PASSAGE_READERS:
         params = PassageSurveyParams(kind="passages", name="detect", file="data/x")
         params = params.model_copy(update={"file": path.as_posix()})
-        workings, place, *_ = draw_vector_survey(params)
+        workings, place, _, _, heights = draw_vector_survey(params)
         values = {"kind": "passages", "file": path.name, "origin": list(place.origin)}
         remarks = {"origin": "of the mine frame, in the file's coordinates"}
-        return Detection(values, remarks, [Path(f) for f in vector_files(params)], 2 * workings.area / workings.length)
+        width = 2 * workings.area / workings.length
+        return Detection(values, remarks, [Path(f) for f in vector_files(params)], width, heights is not None)
     supported = ", ".join([*PICTURE_SUFFIXES, ".yaml", *SHAPE_READERS, *PASSAGE_READERS])
     raise InputError(f"{path}: {suffix or 'a file without a suffix'} is not a supported format ({supported})")
 

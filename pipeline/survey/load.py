@@ -281,4 +281,9 @@ def _sources(params: SurveyParams) -> list[str]:
         case _:
             files = vector_files(params)
     bar = [params.scale.bar_image] if params.kind in ("stations", "plan") and params.scale.bar_image else []
-    return files + bar + ([params.heights] if params.heights else []) + ([params.poses.file, *params.poses.sweeps.values()] if params.poses else [])
+    return (
+        files
+        + bar
+        + ([params.heights] if params.heights else [])
+        + ([params.poses.file, *params.poses.sweeps.values()] if params.poses else [])
+    )

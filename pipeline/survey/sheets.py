@@ -191,12 +191,12 @@ def _units(graph: nx.Graph, cells: dict[str, _Cell]) -> dict[str, str]:
     return {node: groups[node] for node in graph}
 
 
-def _conflicts(
-    path: Path, cells: dict[str, _Cell], units: dict[str, str], graph: nx.Graph
-) -> dict[str, set[str]]:
+def _conflicts(path: Path, cells: dict[str, _Cell], units: dict[str, str], graph: nx.Graph) -> dict[str, set[str]]:
     """Return the units that cannot be in the same sheet: their floors overlap in plan at different heights."""
     names = sorted(units)
-    shapes = [shapely.union_all([s for s in cells[name].shapes if not s.is_empty]).buffer(_APART_M / 2) for name in names]
+    shapes = [
+        shapely.union_all([s for s in cells[name].shapes if not s.is_empty]).buffer(_APART_M / 2) for name in names
+    ]
     tree, step = shapely.STRtree(shapes), reader_limits().flat_step_m
     found: dict[str, set[str]] = {unit: set() for unit in units.values()}
     for i, j in tree.query(shapes, predicate="intersects").T.tolist():

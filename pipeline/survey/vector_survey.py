@@ -21,8 +21,8 @@ from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
 from pipeline.survey.geodata import companions
 from pipeline.survey.geojson import read_geojson
 from pipeline.survey.legs import build_workings
-from pipeline.survey.sheets import draw_sheets, has_relief
 from pipeline.survey.shapes import Shapes, locate, require_simple, workings_of
+from pipeline.survey.sheets import draw_sheets, has_relief
 from pipeline.survey.solved.read import SOLVED_SUFFIXES, survey_files
 from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Seam
 
@@ -99,9 +99,7 @@ def _read(params: VectorSurvey, content: Shapes | None) -> tuple[MultiPolygon, G
     return workings_of(path, shapes, params.snap_m, list(params.seeds_m)), georeference, None
 
 
-def _read_passages(
-    path: Path, origin: tuple[float, float] | None
-) -> tuple[MultiPolygon, Georeference, Heights | None]:
+def _read_passages(path: Path, origin: tuple[float, float] | None) -> tuple[MultiPolygon, Georeference, Heights | None]:
     reader = PASSAGE_READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(f"{path}: not a supported passage survey ({', '.join(PASSAGE_READERS)})")
