@@ -1,13 +1,14 @@
 """The floor of a mine: a triangle mesh in plan with a height at each vertex, which folds the plan into space.
 
-Everything in a world is made in the plan, with z measured from the floor. Folding adds the floor's height. Where workings
-pass over each other, the plan is drawn by level: each sheet, a piece of floor that is single-valued in plan, is moved aside
-by its offset, and folding moves it back. A flat mine has a floor without triangles, which folds nothing.
+Everything in a world is made in the plan, with z measured from the floor. Folding adds the floor's height. Where
+workings pass over each other, the plan is drawn by level: each sheet, a piece of floor that is single-valued in plan,
+is moved aside by its offset, and folding moves it back. A flat mine has a floor without triangles, which folds nothing.
 """
 
 from __future__ import annotations
 
 import functools
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,10 +20,6 @@ _SEAM_M = 12.0  # edges of two sheets that are nearer than this belong to one se
 _CHUNK = 2_000_000  # pairs of a place and a triangle that are tried at once
 
 
-def _no(*shape: int, kind: type = np.float64) -> np.ndarray:
-    return field(default_factory=lambda: np.zeros(shape, kind))  # type: ignore[no-any-return]
-
-
 @dataclass(frozen=True)
 class Floor:
     """A floor: `vertices` (n, 3) m, plan; `faces` (m, 3), counter-clockwise in plan; the sheet of each face.
@@ -30,10 +27,10 @@ class Floor:
     `offset_m` (sheets, 2) is how far each sheet is moved aside in plan; the first is not moved.
     """
 
-    vertices: np.ndarray = _no(0, 3)
-    faces: np.ndarray = _no(0, 3, kind=np.int32)
-    sheet: np.ndarray = _no(0, kind=np.int32)
-    offset_m: np.ndarray = _no(1, 2)
+    vertices: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    faces: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.int32))
+    sheet: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
+    offset_m: np.ndarray = field(default_factory=lambda: np.zeros((1, 2)))
 
     @property
     def is_flat(self) -> bool:
@@ -129,8 +126,7 @@ class Floor:
     def _borders(self) -> np.ndarray:
         """Return the eastings (sheets - 1,) m half-way between neighbouring sheets."""
         corners = [self.vertices[self.faces[self.sheet == k].ravel(), 0] for k in range(len(self.offset_m))]
-        pairs = zip(corners, corners[1:], strict=False)
-        return np.array([(one.max() + two.min()) / 2 for one, two in pairs])
+        return np.array([(one.max() + two.min()) / 2 for one, two in itertools.pairwise(corners)])
 
     def wall_edges(self) -> list[tuple[int, tuple[int, int]]]:
         """Return the face and the corners of each edge on the boundary; edges that two sheets share are none."""

@@ -58,7 +58,7 @@ def collision_meshes(world: World) -> Meshes:
 
 
 def floor_meshes(world: World) -> Meshes:
-    """Return floor and, where no mesh shows it, roof of a mine with heights, sheet by sheet, as `surface_meshes` does."""
+    """Return floor and, where no mesh shows it, roof of a mine with heights, sheet by sheet; see `surface_meshes`."""
     floor = world.floor
     meshes: Meshes = {}
     lifts = {"floor": 0.0} if has_visible_rock(world.record) else {"floor": 0.0, "roof": world.record["height_m"]}

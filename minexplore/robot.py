@@ -204,7 +204,7 @@ def separate_contacts(spec: mujoco.MjSpec) -> None:
 def free_joint_qpos(
     T_world_mine: np.ndarray, params: RobotParams, x_m: float, y_m: float, yaw_rad: float, floor: Floor | None = None
 ) -> np.ndarray:
-    """Return the free joint's place (m) and quaternion (7,), world frame, of a robot that stands at a pose of the plan."""
+    """Return the free joint's place (m) and quaternion (7,), world frame, of a robot at a pose of the plan."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
     stand = np.array([x_m, y_m, params.wheel_radius_m])

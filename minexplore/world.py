@@ -30,8 +30,8 @@ _LOADING = threading.Lock()
 class World:
     """A bundle that was checked and read.
 
-    `clearance_m[i, j]` is the distance to rock at origin + (j + 0.5, i + 0.5) * cell, 0 in rock (m, plan). The plan is the
-    mine frame seen from above, but for workings that pass over others: `floor` folds the plan into the mine frame.
+    `clearance_m[i, j]` is the distance to rock at origin + (j + 0.5, i + 0.5) * cell, 0 in rock (m, plan). The plan is
+    the mine frame seen from above, but for workings that pass over others: `floor` folds it into the mine frame.
     """
 
     folder: Path

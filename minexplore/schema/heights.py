@@ -188,7 +188,8 @@ def _is_file(mesh: Node) -> bool:
 def _expect_numbers(field: str, names: list[str], found: list[int], record: Mapping[str, Any]) -> None:
     if found != list(range(record["heights"][field])):
         raise BundleError(
-            f"{MODEL}: {len(names)} wedges {names[0][:60] if names else ''!r} ..., {RECORD}: heights.{field} = {record['heights'][field]}"
+            f"{MODEL}: {len(names)} wedges of other numbers than 0, 1, 2, ...; {RECORD}: heights.{field} = "
+            f"{record['heights'][field]}"
         )
 
 
@@ -210,5 +211,6 @@ def _expect_slabs(
         off = np.abs(above[:, None] - levels)
         if off.min(axis=1).max() > _ON_FLOOR_M or off.min(axis=0).max() > _ON_FLOOR_M:
             raise BundleError(
-                f"{MODEL}: {mesh.path}@vertex: corners {above.min():g} to {above.max():g} m above the floor of {FLOOR}, want {levels[0]:g} and {levels[1]:g}"
+                f"{MODEL}: {mesh.path}@vertex: corners {above.min():g} to {above.max():g} m above the floor "
+                f"of {FLOOR}, want {levels[0]:g} and {levels[1]:g}"
             )

@@ -58,7 +58,7 @@ class Triangulation:
         return [(a, b) for a, b in self.opposite if (b, a) not in self.opposite]
 
     def arrays(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the points (n, 2) m and the faces (m, 3), counter-clockwise, in an order that does not depend on history."""
+        """Return the points (n, 2) m and the faces (m, 3), counter-clockwise, in a fixed order."""
         faces = sorted((a, b, c) for (a, b), c in self.opposite.items() if a < b and a < c)
         return np.array(self.xy), np.array(faces, np.int32)
 
@@ -130,7 +130,7 @@ class Triangulation:
         if len(inside):
             a, b, c = faces[inside[0]].tolist()
             return a, b, c
-        u, v = min(self.boundary(), key=lambda edge: self._reach(*edge, place))
+        u, v = min(self.boundary(), key=lambda edge: self._reach(edge[0], edge[1], place))
         return u, v, self.opposite[u, v]
 
     def _side(self, a: int, b: int, place: tuple[float, float]) -> float:

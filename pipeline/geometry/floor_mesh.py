@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -33,8 +34,8 @@ def build_floor(
 ) -> Floor:
     """Triangulate workings about lines of known floor height and find the heights between.
 
-    The heights are harmonic: the lines' heights are kept, and there is no slope across the walls. Along a straight drift
-    the floor is then linear between the points of its line and level across.
+    The heights are harmonic: the lines' heights are kept, and there is no slope across the walls. Along a straight
+    drift the floor is then linear between the points of its line and level across.
 
     Parameters
     ----------
@@ -126,10 +127,7 @@ def require_gentle(floor: Floor, steepest_deg: float) -> None:
 def _fill(line: Points3) -> Points3:
     """Return a line with further points, no more than the spacing apart."""
     along = arc_length(line[:, :2])
-    pieces = [
-        np.linspace(a, b, max(2, int(np.ceil((b - a) / SPACING_M)) + 1))[:-1]
-        for a, b in zip(along, along[1:], strict=False)
-    ]
+    pieces = [np.linspace(a, b, max(2, int(np.ceil((b - a) / SPACING_M)) + 1))[:-1] for a, b in pairwise(along)]
     at = np.concatenate([*pieces, along[-1:]])
     return np.column_stack([np.interp(at, along, line[:, k]) for k in range(3)])
 

@@ -96,7 +96,7 @@ def fold_patch(floor: Floor, patch: Points3) -> Points3:
 
 def slab(top: Points3, low_m: float, high_m: float) -> Points3:
     """Return the corners of the slab between two distances above a patch."""
-    return np.vstack([top + [0.0, 0.0, low_m], top + [0.0, 0.0, high_m]])
+    return np.vstack([top + np.array([0.0, 0.0, z]) for z in (low_m, high_m)])
 
 
 def band_of(free: BaseGeometry) -> BaseGeometry:
@@ -108,8 +108,7 @@ def band_of(free: BaseGeometry) -> BaseGeometry:
 def wall_parts(free: Polygon, floor: Floor, height_m: float) -> list[Points3]:
     """Return the convex parts (k, 3) m of the rock round the workings, from below the floor to above the roof.
 
-    The corners of the floor's mesh on a wall are corners of the parts, so that a part's foot follows the floor exactly. The
-    rock is cut across where the floor's slope along a wall changes, so that a part's back follows it too.
+    The rock is cut across where the floor's slope along a wall changes, so that every part follows the floor.
     """
     outline, cuts = _wall_lines(floor)
     rock = band_of(free).difference(shapely.union_all([outline, *beside_sheets(floor, height_m)]))
@@ -123,7 +122,8 @@ def wall_parts(free: Polygon, floor: Floor, height_m: float) -> list[Points3]:
         for part in (part for part in convex_partition(piece) if _is_solid(part)):
             low, high = foot.ranges_at(part)
             feet, tops = (fold_patch(floor, np.column_stack([part, z])) for z in (low, high))
-            parts.append(np.vstack([feet - [0, 0, SLAB_M], tops + [0, 0, height_m + SLAB_M]]))
+            lowest, highest = np.array([0.0, 0.0, -SLAB_M]), np.array([0.0, 0.0, height_m + SLAB_M])
+            parts.append(np.vstack([feet + lowest, tops + highest]))
     return parts
 
 
@@ -181,8 +181,9 @@ def require_pillars(floor: Floor, height_m: float) -> None:
         k = int(thin[pillar[thin].argmin()])
         (x, y), low = places[k], min(heights[0][k], heights[1][k])
         raise GeometryError(
-            f"pillar: workings {apart[k]:.2f} m above others at ({x:.1f}, {y:.1f}), {low:.1f} m high, leave {pillar[k]:.2f} m of "
-            f"rock over a roof {height_m:g} m high, want {2 * SLAB_M:g} m; a lower compile3d.height_m leaves more"
+            f"pillar: workings {apart[k]:.2f} m above others at ({x:.1f}, {y:.1f}), {low:.1f} m high, leave "
+            f"{pillar[k]:.2f} m of rock over a roof {height_m:g} m high, want {2 * SLAB_M:g} m; a lower "
+            "compile3d.height_m leaves more"
         )
 
 
@@ -324,7 +325,7 @@ class WallFoot:
 
 
 def cell_heights(grid: Occupancy, floor: Floor) -> np.ndarray | None:
-    """Return the floor's height (rows, cols) m at the centre of each free cell, zero elsewhere; None on a flat floor."""
+    """Return the floor's height (rows, cols) m at each free cell's centre, else zero; None on a flat floor."""
     if floor.is_flat:
         return None
     row, col = np.nonzero(grid.free)

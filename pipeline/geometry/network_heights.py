@@ -39,7 +39,9 @@ def floor_lines(heights: Heights, network: DriftNetwork, entrance_m: tuple[float
 
 def _graph(network: DriftNetwork) -> tuple[np.ndarray, list[np.ndarray], csr_matrix]:
     """Return the stations (n, 2) m, the numbers of each leg's stations, and the distances between neighbours."""
-    rows, places, number = [], [], {}
+    rows: list[np.ndarray] = []
+    places: list[tuple[float, float]] = []
+    number: dict[str, int] = {}
     for leg in network.legs:
         names = [leg.start, *(f"{leg.name} {k}" for k in range(1, len(leg.stations_m) - 1)), leg.end]
         for name, place in zip(names, leg.stations_m, strict=True):

@@ -108,11 +108,11 @@ def _follow(
     up = base[row, col]
     west, south = (round(v / cell_m) for v in origin_m)
     columns = np.column_stack([col + west - shift[row, col, 0], row + south - shift[row, col, 1], up]) + _CENTRE
-    _require_range(columns.min(axis=0) - 1, columns.max(axis=0) + [2, 2, layers + 2], cell_m)
+    _require_range(columns.min(axis=0) - 1, columns.max(axis=0) + np.array([2, 2, layers + 2]), cell_m)
     inside = _stack(columns, np.arange(layers))
     padded = np.pad(free, 1)
     beside = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-    rock = [_stack(columns + [j, i, 0], np.array([-1, layers])) for i, j in beside]
+    rock = [_stack(columns + np.array([j, i, 0]), np.array([-1, layers])) for i, j in beside]
     for i, j in beside:
         at_wall = ~padded[row + 1 + i, col + 1 + j]
         rock.append(_stack(columns[at_wall] + [j, i, 0], np.arange(layers)))

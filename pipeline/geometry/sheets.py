@@ -60,8 +60,11 @@ def trace_sheets(
     """
     sheets = [trace_network(part, cell_m, min_leg_m, station_spacing_m) for part in shapely.get_parts(free)]
     sheets = _same_cells(sheets, free, min_leg_m, station_spacing_m)
-    nodes, junctions, ends, legs = {}, [], [], []
-    of_sheet = []
+    nodes: dict[str, Place] = {}
+    junctions: list[str] = []
+    ends: list[str] = []
+    legs: list[Leg] = []
+    of_sheet: list[dict[str, str]] = []
     for sheet in sheets:
         name = {n: f"{n[0]}{len(ends) + i:02d}" for i, n in enumerate(sheet.dead_ends)}
         others = [n for n in sheet.nodes_m if n not in name]
@@ -80,9 +83,9 @@ def trace_sheets(
         numbers = [next(k for k, box in enumerate(boxes) if box[0] - 0.1 <= x <= box[2] + 0.1) for x, _ in seam]
         joined.union(*numbers)
         for place, k in zip(seam, numbers, strict=True):
-            own = [of_sheet[k][n] for n in sheets[k].dead_ends if of_sheet[k][n] in open_ends]
-            if own:
-                open_ends.discard(min(own, key=lambda n: float(np.hypot(*np.subtract(nodes[n], place)))))
+            near = [of_sheet[k][n] for n in sheets[k].dead_ends if of_sheet[k][n] in open_ends]
+            if near:
+                open_ends.discard(min(near, key=lambda n, at=place: float(np.hypot(*np.subtract(nodes[n], at)))))  # type: ignore[misc]
     components = len({joined[k] for k in range(len(sheets))})
     if components > 1:
         raise GeometryError(f"sheets: {len(sheets)} sheets in {components} pieces that no seam joins")

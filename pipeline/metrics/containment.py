@@ -81,7 +81,8 @@ def cover_floor(parts: Iterable[np.ndarray], floor: Floor, heights_m: Iterable[f
             continue
         for k, cut in enumerate(_slices_above(all_parts[part], own[face], heights)):
             intrusion[k] += shapely.intersection(cut, triangles[face]).area
-    missing, gaps = np.zeros(len(heights)), [[] for _ in heights]
+    missing = np.zeros(len(heights))
+    gaps: list[list[BaseGeometry]] = [[] for _ in heights]
     for face, edge, strip in _strips(floor, triangles, levels, max(heights)):
         near = [part for part in tree.query(strip) if spans[part, 1] > levels[face].min()]
         cuts = [_slices_above(all_parts[part], own[face], heights) for part in near]

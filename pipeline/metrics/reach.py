@@ -64,7 +64,7 @@ def _component_near(components: np.ndarray, cell: tuple[int, int]) -> int:
     near = np.argwhere(window)
     if not len(near):
         return 0
-    best = np.abs(near + (row, col) - cell).sum(axis=1).argmin()
+    best = np.abs(near + np.array((row, col)) - cell).sum(axis=1).argmin()
     return int(window[tuple(near[best])])
 
 

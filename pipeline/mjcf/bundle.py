@@ -278,7 +278,7 @@ def model_in_plan(folder: Path, world: World) -> mujoco.MjModel:
         if geom.meshname and geom.group in (GeomGroup.FLOOR, GeomGroup.COLLISION):
             about_m = 0.0 if geom.group == GeomGroup.FLOOR else world.record.height_m / 2
             place = np.array([geom.pos])
-            geom.pos = geom.pos + [*(floor.unfold(place, about_m) - place)[0, :2], 0.0]
+            geom.pos = geom.pos + (floor.unfold(place, about_m) - place)[0] * [1.0, 1.0, 0.0]
     return spec.compile()
 
 
@@ -287,8 +287,8 @@ def obstacles(model: mujoco.MjModel, T_world_mine: np.ndarray, height_m: float) 
 
     They are in the mine frame that `T_world_mine` (4, 4) gives.
 
-    Left out are the level boxes, or the wedges, that are the floor and the roof, meshes of the surface's and the fittings' bodies that
-    do not collide, and the level planes of puddles; `pipeline.proof` bounds where these may be.
+    Left out are the level boxes, or the wedges, that are the floor and the roof, meshes of the surface's and the
+    fittings' bodies that do not collide, and the level planes of puddles; `pipeline.proof` bounds where these may be.
     A sphere, capsule or another round shape is returned as the box around it.
     """
     data = mujoco.MjData(model)

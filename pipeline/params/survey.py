@@ -57,11 +57,14 @@ class _SurveyParams(Params):
     entrance_m: PointM | None = None
     labels_m: dict[str, PointM] = Field(default_factory=dict)
     grade: float | None = Field(
-        None, ge=-0.36, le=0.36, description="rise over run of the floor along the drifts, away from the entrance"
+        default=None,
+        ge=-0.36,
+        le=0.36,
+        description="rise over run of the floor along the drifts, away from the entrance",
     )
     heights: DataFile | None = Field(
         None,
-        description="spot heights of the floor: CSV with easting_m, northing_m, elevation_m in the file's coordinates",
+        description="spot heights of the floor: CSV of easting_m, northing_m, elevation_m as in the survey's file",
     )
 
     @model_validator(mode="after")

@@ -26,8 +26,8 @@ def enclosure_of_floor(
 ) -> dict[str, Any]:
     """Return the figures of walls, floor and roof of a world with heights.
 
-    `floor_error_m` is the largest difference between the floor that wheels touch and the floor's mesh, at the middle and
-    near the edges of every triangle.
+    `floor_error_m` is the largest difference between the floor that wheels touch and the floor's mesh, at the middle
+    and near the edges of every triangle.
     """
     T = np.array(world.record.T_world_mine)
     everything = obstacles(world.model, T, world.record.height_m)
@@ -56,7 +56,7 @@ def _floor_error_m(model: mujoco.MjModel, T_world_mine: np.ndarray, floor: Floor
     middle = corners.mean(axis=1, keepdims=True)
     edges = (corners + np.roll(corners, -1, axis=1)) / 2
     probes = np.concatenate([middle, edges + _INSIDE * (middle - edges)], axis=1).reshape(-1, 3)
-    starts = (probes + [0.0, 0.0, _ABOVE_M]) @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
+    starts = (probes + np.array([0.0, 0.0, _ABOVE_M])) @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     groups = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 
 import numpy as np
+import shapely
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline

@@ -68,8 +68,8 @@ def legs_of_chains(
                 raise InputError(f"{path}: no distance to the {side} wall from {kept[0][0]} to {kept[-1][0]}")
             column[:] = np.interp(np.arange(len(column)), measured, column[measured])
         names = [s for s, _, _ in kept]
-        measured = np.array([heights[name] for name in names], dtype=float) if heights else None
-        legs.append(SurveyLeg(str(number), names, np.array([p for _, p, _ in kept]), walls, measured))
+        levels = np.array([heights[name] for name in names], dtype=float) if heights else None
+        legs.append(SurveyLeg(str(number), names, np.array([p for _, p, _ in kept]), walls, levels))
     if not legs:
         raise InputError(f"{path}: no legs with passages; widths left and right of the stations are needed")
     check_network(path, legs)

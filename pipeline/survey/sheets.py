@@ -83,8 +83,8 @@ def draw_sheets(path: Path, legs: list[SurveyLeg]) -> tuple[MultiPolygon, Height
     datum = float(np.floor(min(line[:, 2].min() for node in whole for line in cells[node].lines)))
     lines, seams = [], []
     for way in ways:
-        for run, number in _runs([point for point in way], sheet):
-            moved = np.array(run) + [*offsets[number], -datum]
+        for run, number in _runs(way, sheet):
+            moved = np.array(run) + np.array([*offsets[number], -datum])
             lines.append([(float(x), float(y), float(z)) for x, y, z in moved])
         seams += _seams(way, sheet, offsets)
     moved_polygons = [shapely.transform(p, lambda xy, d=offsets[k]: xy + d) for k, p in enumerate(polygons)]
@@ -93,7 +93,7 @@ def draw_sheets(path: Path, legs: list[SurveyLeg]) -> tuple[MultiPolygon, Height
 
 
 def has_relief(legs: list[SurveyLeg]) -> bool:
-    """Return whether a survey has elevations that differ by more than `flat_step_m`; a flatter one makes a flat world."""
+    """Return whether a survey has elevations that differ by more than `flat_step_m`; else its world is flat."""
     if not legs or any(leg.heights_m is None for leg in legs):
         return False
     floors = np.concatenate([floor_of(leg) for leg in legs])
@@ -120,8 +120,8 @@ def _gentle(path: Path, legs: list[SurveyLeg]) -> list[SurveyLeg]:
         raise InputError(f"{path}: every leg is steeper than {most:g} (steepest_grade in {FILE}); nothing to drive on")
     if steep:
         print(
-            f"{path.name}: {steep} legs are steeper than {most:g} (steepest_grade in {FILE}) and are fenced off, the first "
-            f"{first}",
+            f"{path.name}: {steep} legs are steeper than {most:g} (steepest_grade in {FILE}) and are fenced off, "
+            f"the first {first}",
             file=sys.stderr,
         )
     return found
@@ -175,8 +175,9 @@ def _largest(path: Path, cells: dict[str, _Cell], graph: nx.Graph) -> nx.Graph:
     if len(pieces) > 1:
         lengths = [graph.subgraph(nodes).size(weight="length") for nodes in pieces]
         print(
-            f"{path.name}: {len(pieces)} pieces are not connected on foot; kept is the one of {lengths[0]:.0f} m about "
-            f"{min(pieces[0])}, left out are {sum(lengths[1:]):.0f} m, the longest {lengths[1]:.0f} m about {min(pieces[1])}",
+            f"{path.name}: {len(pieces)} pieces are not joined by drivable legs; kept is the one of {lengths[0]:.0f} m "
+            f"about {min(pieces[0])}, left out are {sum(lengths[1:]):.0f} m, the longest {lengths[1]:.0f} m about "
+            f"{min(pieces[1])}",
             file=sys.stderr,
         )
     return graph.subgraph(pieces[0])
@@ -185,8 +186,8 @@ def _largest(path: Path, cells: dict[str, _Cell], graph: nx.Graph) -> nx.Graph:
 def _units(graph: nx.Graph, cells: dict[str, _Cell]) -> dict[str, str]:
     """Return for each cell the unit that it belongs to: cells too near to each other for a cut are one."""
     groups: UnionFind = UnionFind(graph)
-    for a, b, length in graph.edges(data="length"):
-        if length < _ROUND * max(cells[a].half_m, cells[b].half_m):
+    for a, b, way in graph.edges(data=True):
+        if way["length"] < _ROUND * max(cells[a].half_m, cells[b].half_m):
             groups.union(a, b)
     return {node: groups[node] for node in graph}
 
@@ -212,8 +213,8 @@ def _conflicts(path: Path, cells: dict[str, _Cell], units: dict[str, str], graph
         a, b = units[names[i]], units[names[j]]
         if a == b:
             raise InputError(
-                f"{path}: the workings about {names[i]} and {names[j]} lie over each other at ({at.x:.1f}, {at.y:.1f}), and "
-                "no leg between them is long enough for a cut"
+                f"{path}: the workings about {names[i]} and {names[j]} lie over each other at "
+                f"({at.x:.1f}, {at.y:.1f}), and no leg between them is long enough for a cut"
             )
         found[a].add(b)
         found[b].add(a)
@@ -286,7 +287,7 @@ def _seams(way: Way, sheet: dict[str, int], offsets: np.ndarray) -> list[Seam]:
     """Return the cuts of a leg."""
     seams = []
     for i in range(1, len(way) - 1):
-        node, place, left, right = way[i]
+        node, _, left, right = way[i]
         if node or way[0][0] not in sheet:
             continue
         a, b = sheet[way[i - 1][0]], sheet[way[i + 1][0]]
