@@ -195,9 +195,14 @@ class Floor:
             nearer = np.abs(above - about_m) < np.abs(best[:, 2] - about_m)
             nearer &= (self.sheet[faces] == number) & self._covers(faces, places)
             best[nearer] = np.column_stack([places, above])[nearer]
-        lost = ~np.isfinite(best[:, 2])
-        if lost.any():
-            best[lost] = np.column_stack([points_m[lost, :2], points_m[lost, 2] - self.heights_at(points_m[lost, :2])])
+        lost = np.flatnonzero(~np.isfinite(best[:, 2]))
+        if len(lost):  # beside the floor: of the sheet with the nearest corner
+            corners = self.vertices[self.faces[:, 0]] + [0.0, 0.0, about_m]
+            corners[:, :2] -= self.offset_m[self.sheet]
+            for k in lost.tolist():
+                nearest = np.square(corners - points_m[k]).sum(axis=1).argmin()
+                place = points_m[k, :2] + self.offset_m[self.sheet[nearest]]
+                best[k] = *place, points_m[k, 2] - self.heights_at(place[None])[0]
         return best
 
     def unfold_body(self, points_m: np.ndarray, about_m: float = 1.0) -> np.ndarray:
@@ -205,6 +210,10 @@ class Floor:
         middle = points_m.mean(axis=0)[None]
         places = points_m[:, :2] + (self.unfold(middle, about_m) - middle)[0, :2]
         return np.column_stack([places, points_m[:, 2] - self.heights_at(places)])
+
+    def covers(self, places_m: np.ndarray) -> np.ndarray:
+        """Return whether there is floor (k,) at places (k, 2) m of the plan, to a centimetre or so."""
+        return self._covers(self.faces_at(places_m), places_m)
 
     def _covers(self, faces: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         """Return whether faces (k,) cover places (k, 2) m, to a centimetre or so."""

@@ -207,7 +207,10 @@ def _expect_slabs(
             raise BundleError(f"{MODEL}: {geom.path}@mesh: {geom.attributes['mesh']!r}, want a mesh of the geom's name")
         corners = np.array(numbers_in(mesh.attributes["vertex"])).reshape(-1, 3)
         corners = corners + (numbers_in(geom.attributes.get("pos", "0 0 0")) or [])
-        above = floor.unfold_body(corners, sum(levels) / 2)[:, 2]
+        unfolded = floor.unfold_body(corners, sum(levels) / 2)
+        if not floor.covers(unfolded[:, :2]).all():
+            raise BundleError(f"{MODEL}: {mesh.path}@vertex: a corner beside the floor of {FLOOR}")
+        above = unfolded[:, 2]
         off = np.abs(above[:, None] - levels)
         if off.min(axis=1).max() > _ON_FLOOR_M or off.min(axis=0).max() > _ON_FLOOR_M:
             raise BundleError(

@@ -10,9 +10,11 @@ import mujoco
 import numpy as np
 import shapely
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import CLEARANCE_GRID, MINE_BODY, NAV2_MAP, OCTREE, GeomGroup, is_floor, zone_of_wedge
 from minexplore.floor import Floor
+from pipeline.geometry.floor_parts import wall_lines
 from pipeline.geometry.octree import FREE, Octree, from_bt
 from pipeline.mjcf.bundle import World, mine_from_body, read_floor
 from pipeline.store.codecs import decode
@@ -30,7 +32,8 @@ def measure_consistency(folder: Path, world: World, free_space: FreeSpace) -> di
     model, record = world.model, world.record
     w, _, y, _ = model.body(MINE_BODY).quat
     tilt_deg = math.degrees(2 * math.atan2(y, w))
-    anchor = shapely.Point(record.spawn.anchor_m)
+    anchor, floor = shapely.Point(record.spawn.anchor_m), read_floor(folder, record)
+    walls = wall_lines(free_space.polygon, floor)
     inside = shapely.contains(free_space.polygon, anchor)
     return {
         "tilt_deg": round(tilt_deg, 4),
@@ -41,8 +44,8 @@ def measure_consistency(folder: Path, world: World, free_space: FreeSpace) -> di
         "zones_wrong": _zones_wrong(world),
         "friction_error": _rock_friction_error(world),
         "colliders_wrong": _colliders_wrong(world),
-        "spawn_clearance_m": round(anchor.distance(free_space.polygon.boundary) if inside else 0.0, 4),
-        **_grid_errors(folder, free_space, read_floor(folder, record)),
+        "spawn_clearance_m": round(anchor.distance(walls) if inside else 0.0, 4),
+        **_grid_errors(folder, free_space, floor, walls),
     }
 
 
@@ -100,7 +103,7 @@ def _rock_friction_error(world: World) -> float:
     return round(float(error.max(initial=0.0)), 6)
 
 
-def _grid_errors(folder: Path, free_space: FreeSpace, floor: Floor) -> dict[str, int]:
+def _grid_errors(folder: Path, free_space: FreeSpace, floor: Floor, walls: BaseGeometry) -> dict[str, int]:
     """Count cells of clearance grid, Nav2 map and octree that differ from the free space, except at its border."""
     grid = decode(folder / CLEARANCE_GRID, Occupancy)
     free, origin, cell = grid.free, grid.origin_m, float(grid.cell_m)
@@ -108,7 +111,7 @@ def _grid_errors(folder: Path, free_space: FreeSpace, floor: Floor) -> dict[str,
     tree = from_bt(decode(folder / OCTREE, bytes))
     return {
         "occupancy_wrong": _wrong_cells(free, origin, cell, free_space.polygon)
-        + _wrong_clearances(free, grid.clearance_m, origin, cell, free_space.polygon),
+        + _wrong_clearances(free, grid.clearance_m, origin, cell, walls),
         "map_wrong": _wrong_cells(nav2.free, np.array(nav2.origin_m), nav2.cell_m, free_space.polygon),
         "octree_wrong": _wrong_voxels(tree, free, origin, cell, floor),
     }
@@ -126,12 +129,12 @@ def _wrong_cells(free: np.ndarray, origin_m: np.ndarray, cell_m: float, polygon:
 
 
 def _wrong_clearances(
-    free: np.ndarray, clearance_m: np.ndarray, origin_m: np.ndarray, cell_m: float, polygon: Polygon
+    free: np.ndarray, clearance_m: np.ndarray, origin_m: np.ndarray, cell_m: float, walls: BaseGeometry
 ) -> int:
     """Return how many of about 5,000 free cells have a clearance with an error of more than one cell."""
     sample = np.flatnonzero(free.ravel())
     sample = sample[:: max(1, len(sample) // _CELLS_TRIED)]
-    exact = shapely.distance(polygon.boundary, shapely.points(_centres(free.shape, origin_m, cell_m)[sample]))
+    exact = shapely.distance(walls, shapely.points(_centres(free.shape, origin_m, cell_m)[sample]))
     return int((np.abs(exact - clearance_m.ravel()[sample]) > cell_m).sum())
 
 
