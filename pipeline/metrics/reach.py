@@ -41,7 +41,11 @@ class ReachMatch:
 
 
 def reached_cells(
-    clearance_m: np.ndarray, radius_m: float, start: tuple[int, int], frame: Frame, seams: list[SeamPlaces]
+    clearance_m: np.ndarray,
+    radius_m: float,
+    start: tuple[int, int],
+    frame: Frame | None = None,
+    seams: list[SeamPlaces] | None = None,
 ) -> Mask:
     """Return the cells connected by edges to the start cell; no cell if the robot does not fit at the start.
 
@@ -49,7 +53,8 @@ def reached_cells(
     """
     components, count = label(clearance_m >= radius_m)
     groups: UnionFind = UnionFind(range(count + 1))
-    for seam in seams:
+    for seam in seams or []:
+        assert frame is not None  # that the seams' places are found in
         one, two = (_component_near(components, start_cell(place, frame)) for place in seam)
         if one and two:
             groups.union(one, two)
