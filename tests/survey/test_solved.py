@@ -10,12 +10,12 @@ import pytest
 from benchmarks.fuzz_surveys import PROJECT, SAMPLES_3D, head, old_3d, place, ring_3d
 from pipeline.errors import InputError
 from pipeline.survey.legs import build_workings
+from pipeline.survey.sheets import draw_sheets, has_relief
 from pipeline.survey.solved import cavern
 from pipeline.survey.solved.model import LegFlag, LegStyle, StationFlag, from_payload, to_payload
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.read import read_passages, read_solved, read_survex, survey_files
-from pipeline.survey.sheets import draw_sheets, has_relief
 from pipeline.survey.solved.survex_3d import read_3d
 from tests.project import ROOT
 
