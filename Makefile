@@ -115,6 +115,12 @@ compare-rock: all  ## kinds of rock beside flat walls and white noise
 look-pictures: all  ## looks and fittings from inside a drift, and what they cost (docs/look.md)
 	@$(PY) -m benchmarks.look_pictures
 
+random-levels: setup  ## random mines with heights, built and certified: ARGS="--count 20 --first 0"
+	@$(PY) -m benchmarks.random_levels $(ARGS)
+
+level-pictures: setup  ## mines with heights in plan and in space (docs/levels.png)
+	@$(PY) -m benchmarks.level_pictures
+
 drive-clip: all  ## ten seconds behind a robot, for the README (docs/drive.gif)
 	@$(PY) -m benchmarks.drive_clip
 

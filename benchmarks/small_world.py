@@ -53,6 +53,7 @@ def build_world(folder: Path, workings: Polygon, entrance_m: tuple[float, float]
         network,
         rock["extent"],
         rock["collision"],
+        rock["floor"],
         rock["spawn"],
         surface["smooth"],
         surface["texture"],

@@ -25,6 +25,7 @@ TOPOLOGY = "topology.json"
 OCTREE = "free_space.bt"
 NAV2_MAP, NAV2_PICTURE = "map.yaml", "map.png"
 PREVIEW = "preview.png"
+FLOOR = "floor.npz"  # only of a mine with heights
 ROCK_TEXTURE = "textures/rock.png"
 
 ROUGH_OVERLAY, NO_OVERLAY = "rough", "none"  # `overlay` of `world.json`: a world with visible rock, and one without
@@ -51,7 +52,9 @@ ROOF_GEOM = "roof"
 # Pieces of a surface: the rough one is cut into chunks of walls and roof, the smooth one has a mesh a piece.
 WALLS, ROOF, FLOOR_CHAMFER = "walls", "roof", "floor_chamfer"
 
-_FLOOR, _ROCK, _SURFACE, _SMOOTH = "floor_", "rock_", "surface_", "smooth_"
+SLAB_M = 0.25  # thickness of floor and roof of a mine with heights, and how far its walls reach beyond both
+
+_FLOOR, _ROCK, _SURFACE, _SMOOTH, _WEDGE = "floor_", "rock_", "surface_", "smooth_", "roof_"
 
 
 # Fittings, and where they may be above the flat floor, m: the visible floor lies below `COVER_M`, furniture hangs above
@@ -108,9 +111,34 @@ def floor_geom(zone: str) -> str:
     return f"{_FLOOR}{zone}"
 
 
+def has_heights(record: Mapping[str, Any]) -> bool:
+    """Return whether a world's floor has heights, by its record; without them it is one level plane."""
+    return "heights" in record
+
+
 def is_floor(geom: str) -> bool:
-    """Return whether a geom of this name is a floor zone."""
+    """Return whether a geom of this name is a floor zone, or a wedge of the floor."""
     return geom.startswith(_FLOOR)
+
+
+def floor_wedge(zone: str, number: int) -> str:
+    """Return the name of the geom and mesh of one wedge of a floor with heights, in a zone."""
+    return f"{floor_geom(zone)}_{number:05d}"
+
+
+def zone_of_wedge(geom: str) -> str:
+    """Return the name of the zone geom that a wedge of the floor belongs to."""
+    return geom.rpartition("_")[0]
+
+
+def roof_wedge(number: int) -> str:
+    """Return the name of the geom and mesh of one wedge of the roof of a mine with heights."""
+    return f"{_WEDGE}{number:05d}"
+
+
+def is_roof(geom: str) -> bool:
+    """Return whether a geom of this name is the roof or a wedge of it."""
+    return geom == ROOF_GEOM or geom.startswith(_WEDGE)
 
 
 def rock_geom(number: int) -> str:

@@ -6,6 +6,9 @@ import numpy as np
 
 from minexplore.world import World
 
+_BESIDE_M = 0.3  # a cell is 2 m wide: its floor rises within it
+_SEAM_M = 1.5  # between the middle of a seam and a place to stand
+
 
 class CoverageGrid:
     """Square cells over the mine frame; `reachable[i, j]` covers origin + (j, i) * cell to + (j + 1, i + 1) * cell."""
@@ -23,15 +26,34 @@ class CoverageGrid:
         at = np.floor((places - self.origin_m) / cell_m).astype(int)
         self.reachable[at[:, 1], at[:, 0]] = True
         self.total = int(self.reachable.sum())
+        self._floor, self._height_m = world.floor, float(world.record["height_m"])
+        self._level_m = np.zeros(self.reachable.shape)
+        if len(world.floor.offset_m) > 1:
+            self._level_m[at[:, 1], at[:, 0]] = world.floor.heights_at(places)
 
     def cells_crossed(
         self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return ray numbers, rows and columns of all cells that segments (n, 2) to (n, 2) pass through.
+        """Return ray numbers, rows and columns of all cells that segments (n, 3) to (n, 3) pass through.
 
         Exact: each segment, no longer than `longest_m`, is cut at every grid line it crosses, and each piece names the
-        cell of its middle.
+        cell of its middle. Of cells of several sheets, a piece names those between whose floor and roof it is.
         """
+        if len(self._floor.offset_m) == 1:
+            return self._crossed(starts_m[:, :2], ends_m[:, :2], longest_m)[:3]
+        found = []
+        for offset in self._floor.offset_m:
+            ray, row, col, share = self._crossed(starts_m[:, :2] + offset, ends_m[:, :2] + offset, longest_m)
+            above = starts_m[ray, 2] + share * (ends_m - starts_m)[ray, 2] - self._level_m[row, col]
+            inside = self.reachable[row, col] & (above > -_BESIDE_M) & (above < self._height_m + _BESIDE_M)
+            found.append((ray[inside], row[inside], col[inside]))
+        ray, row, col = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return ray, row, col
+
+    def _crossed(
+        self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return ray numbers, rows, columns and the pieces' middles, as shares of their segments, of cells in plan."""
         start, ends = (starts_m - self.origin_m) / self.cell_m, (ends_m - self.origin_m) / self.cell_m
         step = ends - start
         lines = np.arange(1, int(np.ceil(longest_m / self.cell_m)) + 2)
@@ -45,7 +67,7 @@ class CoverageGrid:
         col, row = np.floor(start[ray] + middle[:, None] * step[ray]).astype(int).T
         rows, cols = self.reachable.shape
         inside = (col >= 0) & (col < cols) & (row >= 0) & (row < rows)
-        return ray[inside], row[inside], col[inside]
+        return ray[inside], row[inside], col[inside], middle[inside]
 
     def mark(self, seen: np.ndarray, observer: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
         """Mark cells as seen in `seen` (m, rows, cols) by their observers; return how many are new to each (m,)."""
@@ -65,10 +87,36 @@ def _connected(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.n
     places = world.origin_m + (np.column_stack([col, row]) + 0.5) * world.cell_m
     seed = int(np.linalg.norm(places - centre_m, axis=1).argmin())
     unseen = np.pad(standing, 1)  # a border of rock: no step leaves the grid
-    beside = np.array([1, -1, unseen.shape[1], -unseen.shape[1]])
-    edge, left = np.array([(row[seed] + 1) * unseen.shape[1] + col[seed] + 1]), unseen.reshape(-1)
+    width = unseen.shape[1]
+    beside = np.array([1, -1, width, -width])
+    across = {
+        _padded(one, width): [_padded(cell, width) for cell in others]
+        for one, others in _across_seams(world, row, col, places).items()
+    }
+    edge, left = np.array([_padded((row[seed], col[seed]), width)]), unseen.reshape(-1)
     while len(edge):  # all cells that are one step farther at a time
         left[edge] = False
-        edge = (edge[:, None] + beside).ravel()
+        over = [cell for one in edge.tolist() for cell in across.get(one, ())] if across else []
+        edge = np.append((edge[:, None] + beside).ravel(), np.array(over, dtype=int))
         edge = np.unique(edge[left[edge]])
     return standing & ~unseen[1:-1, 1:-1]
+
+
+def _padded(cell: tuple[int, int], width: int) -> int:
+    """Return the flat index of a cell (row, column) in the grid with a border, which has so many columns."""
+    return int((cell[0] + 1) * width + cell[1] + 1)
+
+
+def _across_seams(
+    world: World, row: np.ndarray, col: np.ndarray, places: np.ndarray
+) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """Return the standing cells beside each seam between two sheets, each with its neighbour on the other sheet."""
+    across: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for seam in world.floor.seams():
+        near = [int(np.linalg.norm(places - middle, axis=1).argmin()) for middle in seam]
+        if max(float(np.linalg.norm(places[k] - middle)) for k, middle in zip(near, seam, strict=True)) > _SEAM_M:
+            continue
+        one, two = ((int(row[k]), int(col[k])) for k in near)
+        across.setdefault(one, []).append(two)
+        across.setdefault(two, []).append(one)
+    return across

@@ -57,17 +57,33 @@ def collision_meshes(world: World) -> Meshes:
     return meshes
 
 
+def floor_meshes(world: World) -> Meshes:
+    """Return floor and, where no mesh shows it, roof of a mine with heights, sheet by sheet; see `surface_meshes`."""
+    floor = world.floor
+    meshes: Meshes = {}
+    lifts = {"floor": 0.0} if has_visible_rock(world.record) else {"floor": 0.0, "roof": world.record["height_m"]}
+    for number, offset in enumerate(floor.offset_m):
+        used, faces = np.unique(floor.faces[floor.sheet == number], return_inverse=True)
+        for name, lift in lifts.items():
+            places = floor.vertices[used] + [-offset[0], -offset[1], lift]
+            meshes[f"{name} {number}"] = places, faces.reshape(-1, 3).astype(np.int32)
+    return meshes
+
+
 @functools.lru_cache(maxsize=8)
 def shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
     """Return what casts the beams of a world, made once a process."""
     world = load_world(folder)
+    if not world.floor.is_flat:
+        rock = surface_meshes(world) if has_visible_rock(world.record) else collision_meshes(world)
+        return Lidar(rock | floor_meshes(world), range_m, backend, floor_m=-np.inf)
     if has_visible_rock(world.record):
         return Lidar(surface_meshes(world), range_m, backend)
     return Lidar(collision_meshes(world), range_m, backend, roof_m=world.record["height_m"])
 
 
 class Lidar:
-    """Casts rays of the mine frame against rock, floor and, at `roof_m`, a level roof.
+    """Casts rays of the mine frame against rock and, at `floor_m` and `roof_m`, a level floor and roof.
 
     A scene holds the rock within range of one tile.
     Scenes are made when a ray starts in their tile, and kept while all of them take less than `scenes_bytes`.
@@ -80,6 +96,7 @@ class Lidar:
         backend: Backend = "auto",
         scenes_bytes: int = _SCENES_BYTES,
         roof_m: float = np.inf,
+        floor_m: float = 0.0,
     ) -> None:
         """Take the rock's meshes; `auto` takes the fastest backend that is installed.
 
@@ -96,7 +113,7 @@ class Lidar:
         if not installed:
             raise ImportError("the robots' beams need Embree: pip install embreex, or open3d where it has no wheel")
         self.backend = installed[0] if backend == "auto" else backend
-        self.range_m, self._roof_m = range_m, roof_m
+        self.range_m, self._floor_m, self._roof_m = range_m, floor_m, roof_m
         self._meshes, self._scenes_bytes = list(meshes.values()), scenes_bytes
         bounds = np.array([(v[:, :2].min(axis=0), v[:, :2].max(axis=0)) for v, _ in meshes.values()])
         self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
@@ -106,7 +123,11 @@ class Lidar:
         """Return ranges (n, beams) m, at most `range_m`, of unit rays (n, beams, 3) from (n, 3)."""
         slope, height = directions[..., 2], origins[:, None, 2]
         with np.errstate(divide="ignore", invalid="ignore"):
-            level = np.where(slope < 0, -height / slope, np.where(slope > 0, (self._roof_m - height) / slope, np.inf))
+            level = np.where(
+                slope < 0,
+                (self._floor_m - height) / slope,
+                np.where(slope > 0, (self._roof_m - height) / slope, np.inf),
+            )
         rock = np.empty(directions.shape[:2])
         for tile, rows in group_by_tile(tiles_at(origins[:, :2], _TILE_M)):
             starts = np.repeat(origins[rows], directions.shape[1], axis=0)

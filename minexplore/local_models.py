@@ -4,11 +4,22 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
 
-from minexplore.bundle import MINE_BODY, MODEL, RECORD, ROCK_CLASS, ROOF_GEOM, BundleError, is_rock
+from minexplore.bundle import (
+    MINE_BODY,
+    MODEL,
+    RECORD,
+    ROCK_CLASS,
+    BundleError,
+    is_floor,
+    is_rock,
+    is_roof,
+    zone_of_wedge,
+)
 from minexplore.robot import ROCK_BODY, RobotParams, contact_sensor, separate_contacts
 from minexplore.rotations import quaternion
 from minexplore.task import TaskParams
@@ -21,12 +32,13 @@ _MARGIN_M = 0.1  # beyond the robot's radius and one control step's travel; cont
 
 @dataclass(frozen=True)
 class RockPart:
-    """One convex collision part: its mesh vertices, place, and outline in plan (m, mine frame)."""
+    """One convex part: its mesh vertices, place, outline seen from above, lowest and highest z (m, mine frame)."""
 
     name: str
     vertices: np.ndarray
     place: np.ndarray
     outline: np.ndarray
+    heights: tuple[float, float]
 
 
 class LocalModels:
@@ -43,8 +55,9 @@ class LocalModels:
         bounds = np.array([(part.outline.min(axis=0), part.outline.max(axis=0)) for part in self.parts])
         self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
         self._zones = {zone.geom: zone for zone in world.active_zones(task.terrain)}
-        self._level = [geom for geom in self._spec.geoms if geom.name in self._zones or geom.name == ROOF_GEOM]
-        absent = sorted(set(self._zones) - {geom.name for geom in self._spec.geoms})
+        self._slabs = [g for g in self._spec.geoms if is_floor(g.name) or is_roof(g.name)]
+        self._wedges = {g.name: _part(self._spec, g) for g in self._slabs if g.meshname}
+        absent = sorted(set(self._zones) - {_zone_of(geom) for geom in self._slabs}) if world.floor.is_flat else []
         if absent:
             raise BundleError(f"{world.folder / MODEL}: no geom {absent[0]!r} of a floor zone that {RECORD} names")
         self._margin_m = robot.radius_m + task.max_forward_mps * task.control_s + _MARGIN_M
@@ -74,20 +87,11 @@ class LocalModels:
         mine = spec.worldbody.add_body(name=MINE_BODY, pos=self.T_world_mine[:3, 3])
         mine.quat = quaternion(self.T_world_mine[:3, :3])
         solid = mine.add_body(name=ROCK_BODY)  # one pair test of bodies then rules the rock out for the wheels
-        everything = tile is None or self.whole
-        low, high = (np.full(2, -np.inf), np.full(2, np.inf)) if everything else self.reach(np.array(tile))
-        self._add_floor_and_roof(mine, solid, low, high)
+        box = None if tile is None or self.whole else self._box(tile)
+        self._add_floor_and_roof(spec, mine, solid, box)
         rock = self._spec.find_default(ROCK_CLASS).geom
-        for part in self.parts if everything else self._parts_in(low, high):
-            spec.add_mesh(name=part.name, uservert=part.vertices.ravel())
-            solid.add_geom(
-                name=part.name,
-                type=mujoco.mjtGeom.mjGEOM_MESH,
-                meshname=part.name,
-                pos=part.place,
-                friction=rock.friction,
-                group=rock.group,
-            )
+        for part in self.parts if box is None else self._parts_in(box):
+            _add_part(spec, solid, part, friction=rock.friction, group=rock.group)
         separate_contacts(spec)
         for name in robots:
             self.robot.attach(spec, name)
@@ -95,15 +99,19 @@ class LocalModels:
         return spec
 
     def _add_floor_and_roof(
-        self, mine: mujoco.MjsBody, solid: mujoco.MjsBody, low: np.ndarray, high: np.ndarray
+        self, spec: mujoco.MjSpec, mine: mujoco.MjsBody, solid: mujoco.MjsBody, box: _Box | None
     ) -> None:
-        """Add the floor zones and the roof that reach into a box of the plan."""
-        for geom in self._level:
-            zone = self._zones.get(geom.name)
-            if not _overlaps(geom, low, high):
+        """Add the floor zones and the roof, or their wedges, that reach into a box."""
+        for geom in self._slabs:
+            zone, wedge = self._zones.get(_zone_of(geom)), self._wedges.get(geom.name)
+            if box is not None and not (_overlaps(geom, box.low, box.high) if wedge is None else box.holds(wedge)):
                 continue
+            body = solid if zone is None else mine
             friction = geom.friction if zone is None else [zone.friction, *geom.friction[1:]]
-            (solid if zone is None else mine).add_geom(
+            if wedge is not None:
+                _add_part(spec, body, wedge, friction=friction, priority=geom.priority, group=geom.group)
+                continue
+            body.add_geom(
                 name=geom.name,
                 type=geom.type,
                 pos=geom.pos,
@@ -113,10 +121,21 @@ class LocalModels:
                 group=geom.group,
             )
 
-    def _parts_in(self, low: np.ndarray, high: np.ndarray) -> list[RockPart]:
-        """Return the parts that may meet a box of the plan."""
-        near = np.flatnonzero(((self._low <= high) & (self._high >= low)).all(axis=1))
-        return [part for part in (self.parts[i] for i in near) if _meets(part.outline, low, high)]
+    def _parts_in(self, box: _Box) -> list[RockPart]:
+        """Return the parts that may meet a box."""
+        near = np.flatnonzero(((self._low <= box.high) & (self._high >= box.low)).all(axis=1))
+        return [part for part in (self.parts[i] for i in near) if box.holds(part)]
+
+    def _box(self, tile: Tile) -> _Box:
+        """Return the box of the mine frame that holds all that a robot in a tile can touch."""
+        low, high = self.reach(np.array(tile))
+        floor = self.world.floor
+        if floor.is_flat:
+            return _Box(low, high)
+        nearby = floor.heights_within(low, high)
+        offset = floor.offsets_at((low + high)[None] / 2)[0]
+        top_m = float(self.world.record["height_m"])
+        return _Box(low - offset, high - offset, float(nearby.min()), float(nearby.max()) + top_m)
 
     def reach(self, tile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step.
@@ -125,6 +144,21 @@ class LocalModels:
         """
         low = tile * TILE_M - self._margin_m
         return low, low + TILE_M + 2 * self._margin_m
+
+
+@dataclass(frozen=True)
+class _Box:
+    """A box of the mine frame: its south-west and north-east corners seen from above, and its heights, m."""
+
+    low: np.ndarray
+    high: np.ndarray
+    bottom_m: float = -np.inf
+    top_m: float = np.inf
+
+    def holds(self, part: RockPart) -> bool:
+        """Return whether a part may reach into the box."""
+        bottom, top = part.heights
+        return bottom <= self.top_m and top >= self.bottom_m and _meets(part.outline, self.low, self.high)
 
 
 def physics_spec(task: TaskParams) -> mujoco.MjSpec:
@@ -146,7 +180,18 @@ def _overlaps(geom: mujoco.MjsGeom, low: np.ndarray, high: np.ndarray) -> bool:
 def _part(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> RockPart:
     vertices = np.array(spec.mesh(geom.meshname).uservert).reshape(-1, 3)
     place = np.array(geom.pos)
-    return RockPart(geom.name, vertices, place, vertices[:, :2] + place[:2])
+    heights = vertices[:, 2] + place[2]
+    return RockPart(geom.name, vertices, place, vertices[:, :2] + place[:2], (heights.min(), heights.max()))
+
+
+def _zone_of(geom: mujoco.MjsGeom) -> str:
+    """Return the name of the zone's geom that a piece of floor is, or is a wedge of."""
+    return zone_of_wedge(geom.name) if geom.meshname else str(geom.name)
+
+
+def _add_part(spec: mujoco.MjSpec, body: mujoco.MjsBody, part: RockPart, **attributes: Any) -> None:
+    spec.add_mesh(name=part.name, uservert=part.vertices.ravel())
+    body.add_geom(name=part.name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part.name, pos=part.place, **attributes)
 
 
 def _meets(outline: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:

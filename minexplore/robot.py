@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from minexplore.bundle import ROOF_GEOM, GeomGroup, is_floor, is_rock
+from minexplore.bundle import GeomGroup, is_floor, is_rock, is_roof
+from minexplore.floor import Floor
 from minexplore.limits import Span, check_numbers
 from minexplore.looks import LAMP_ABOVE_M
 from minexplore.rotations import quaternion
@@ -196,17 +197,21 @@ def separate_contacts(spec: mujoco.MjSpec) -> None:
     for geom in spec.geoms:
         if is_floor(geom.name):
             geom.contype, geom.conaffinity = FLOOR_BIT, 0
-        elif is_rock(geom.name) or geom.name == ROOF_GEOM:
+        elif is_rock(geom.name) or is_roof(geom.name):
             geom.contype, geom.conaffinity = ROCK_BIT, 0
 
 
 def free_joint_qpos(
-    T_world_mine: np.ndarray, params: RobotParams, x_m: float, y_m: float, yaw_rad: float
+    T_world_mine: np.ndarray, params: RobotParams, x_m: float, y_m: float, yaw_rad: float, floor: Floor | None = None
 ) -> np.ndarray:
-    """Return the free joint's place (m) and quaternion (7,), world frame, of a robot at a pose of the mine frame."""
+    """Return the free joint's place (m) and quaternion (7,), world frame, of a robot at a pose of the plan."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
-    place = T_world_mine @ [x_m, y_m, params.wheel_radius_m, 1.0]
+    stand = np.array([x_m, y_m, params.wheel_radius_m])
+    if floor is not None and not floor.is_flat:
+        axes = floor.frame_at(stand[:2])
+        stand, turn = floor.fold(stand[None] * [1, 1, 0])[0] + params.wheel_radius_m * axes[:, 2], axes @ turn
+    place = T_world_mine @ [*stand, 1.0]
     return np.concatenate([place[:3], quaternion(T_world_mine[:3, :3] @ turn)])
 
 

@@ -49,6 +49,7 @@ class RobotBatch:
         if not isinstance(whole, bool):
             raise ValueError(f"whole = {whole!r}: want True or False")
         self.world, self.task, self.robot, self.count = world, task, robot, count
+        self.floor = world.floor
         self.local_models = LocalModels(world, task, robot, whole)
         self.T_world_mine = self.local_models.T_world_mine
         self._R, self._t = self.T_world_mine[:3, :3], self.T_world_mine[:3, 3]
@@ -92,9 +93,9 @@ class RobotBatch:
         self.seen_m[robots] = [[np.inf, np.inf], [-np.inf, -np.inf]]
 
     def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float) -> None:
-        """Place a robot, at rest, at a pose of the mine frame."""
+        """Place a robot, at rest, on the floor at a pose of the plan."""
         self.stepper.restart(robot)
-        self.qpos[robot, :7] = free_joint_qpos(self.T_world_mine, self.robot, x_m, y_m, yaw_rad)
+        self.qpos[robot, :7] = free_joint_qpos(self.T_world_mine, self.robot, x_m, y_m, yaw_rad, self.floor)
 
     def _draw_place(self, rng: np.random.Generator) -> tuple[float, float]:
         """Return the anchor, or where that is too narrow a random place (m, mine frame) of the entrance region."""
@@ -166,7 +167,7 @@ class RobotBatch:
             Whether the chassis touched rock in any physics step.
         """
         task = self.task
-        zone = self.world.zones_at(self.poses()[robots, 0])
+        zone = self.world.zones_at(self.plan_places(robots)[:, 0])
         forward = command[:, 0] * task.max_forward_mps * self._scale[zone]
         for k in np.flatnonzero(self._noise[zone]).tolist():
             forward[k] += rngs[robots[k]].normal(0.0, self._noise[zone[k]])
@@ -176,13 +177,27 @@ class RobotBatch:
 
     def _advance(self, robots: np.ndarray) -> np.ndarray:
         """Step the physics of robots (k,) for one control step; return which touched rock."""
-        return self.stepper.advance(robots, self.poses()[robots, :2], self.task.substeps)
+        return self.stepper.advance(robots, self.plan_places(robots), self.task.substeps)
+
+    def plan_places(self, robots: np.ndarray) -> np.ndarray:
+        """Return the places (k, 2) m of robots in the plan, in which sheets lie side by side."""
+        place = rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
+        return (
+            place[:, :2]
+            if len(self.floor.offset_m) == 1
+            else self.floor.unfold(place, self.robot.wheel_radius_m)[:, :2]
+        )
 
     def poses(self) -> np.ndarray:
         """Return every robot's x, y (m) and yaw (rad) in the mine frame, (n, 3)."""
         place = rotate_inverse(self.qpos[:, :3] - self._t, self._R)
         heading = rotate_inverse(rotation_matrices(self.qpos[:, 3:7])[:, :, 0], self._R)
         return np.column_stack([place[:, :2], np.arctan2(heading[:, 1], heading[:, 0])])
+
+    def attitudes(self, robots: np.ndarray) -> np.ndarray:
+        """Return pitch, nose up, and roll, left side up, (k, 2) rad, of robots against the level."""
+        axes = rotation_matrices(self.qpos[robots, 3:7])
+        return np.arcsin(np.clip(axes[:, 2, :2], -1.0, 1.0))
 
     def _speeds(self, robots: np.ndarray) -> np.ndarray:
         along = rotate_inverse(self.qvel[robots, :3], self._R)
@@ -215,23 +230,25 @@ class RobotBatch:
         self, origin: np.ndarray, directions: np.ndarray, ranges: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return ray numbers, rows and columns of the cells that the beams pass through."""
-        ends = origin[:, None, :2] + directions[..., :2] * ranges[..., None]
-        starts = np.repeat(origin[:, :2], self.task.beams, axis=0)
-        return self.grid.cells_crossed(starts, ends.reshape(-1, 2), self.task.range_m[1])
+        ends = origin[:, None] + directions * ranges[..., None]
+        starts = np.repeat(origin, self.task.beams, axis=0)
+        return self.grid.cells_crossed(starts, ends.reshape(-1, 3), self.task.range_m[1])
 
     def _observe(self, robots: np.ndarray, ranges: np.ndarray, rngs: list[np.random.Generator]) -> np.ndarray:
         return observe(self.task, ranges, self.previous[robots], [rngs[i] for i in robots.tolist()])
 
     def _info(self, robots: np.ndarray, collision: np.ndarray) -> dict[str, np.ndarray]:
-        poses = self.poses()[robots]
+        poses, attitude = self.poses()[robots], self.attitudes(robots)
         return {
             "cells_seen": self.cells_seen[robots],
             "cells_reachable": np.full(len(robots), self.grid.total),
             "coverage": self.cells_seen[robots] / self.grid.total,
             "collision": np.asarray(collision),
             "collisions": self.collisions[robots].copy(),
-            "zone": self.world.zone_names[self.world.zones_at(poses[:, 0])],
+            "zone": self.world.zone_names[self.world.zones_at(self.plan_places(robots)[:, 0])],
             "pose_m_rad": poses,
+            "pitch_rad": attitude[:, 0],
+            "roll_rad": attitude[:, 1],
         }
 
     def copy_state(self) -> dict[str, np.ndarray]:

@@ -7,7 +7,7 @@ import hashlib
 import os
 import threading
 from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import MODEL, RECORD, BundleError
+from minexplore.floor import Floor
 from minexplore.floor_zones import FloorZone, read_zones
 from minexplore.schema import CheckedWorld, check_files, hash_files, read_folder
 
@@ -29,7 +30,8 @@ _LOADING = threading.Lock()
 class World:
     """A bundle that was checked and read.
 
-    `clearance_m[i, j]` is the distance to rock at origin + (j + 0.5, i + 0.5) * cell, 0 in rock (m, mine frame).
+    `clearance_m[i, j]` is the distance to rock at origin + (j + 0.5, i + 0.5) * cell, 0 in rock (m, plan). The plan is
+    the mine frame seen from above, but for workings that pass over others: `floor` folds it into the mine frame.
     """
 
     folder: Path
@@ -39,6 +41,7 @@ class World:
     origin_m: np.ndarray
     cell_m: float
     floor_zones: list[FloorZone]
+    floor: Floor = field(default_factory=Floor)
 
     def spec(self) -> mujoco.MjSpec:
         """Return the world's MJCF to attach robots to.
@@ -72,7 +75,7 @@ class World:
         return data
 
     def places_m(self, clearance_m: float) -> np.ndarray:
-        """Return the centres (n, 2) m, mine frame, of the grid's cells that have at least this clearance."""
+        """Return the centres (n, 2) m, plan, of the grid's cells that have at least this clearance."""
         row, col = np.nonzero(self.clearance_m >= clearance_m)
         return self.origin_m + (np.column_stack([col, row]) + 0.5) * self.cell_m
 
@@ -145,4 +148,6 @@ def _read(folder: Path, checked: CheckedWorld) -> World:
     record, grid = checked.record, checked.grid
     zones = read_zones(folder / RECORD, record.get("zones"))
     transform = np.array(record["T_world_mine"])
-    return World(folder, record, transform, grid["clearance_m"], grid["origin_m"], float(grid["cell_m"]), zones)
+    return World(
+        folder, record, transform, grid["clearance_m"], grid["origin_m"], float(grid["cell_m"]), zones, checked.floor
+    )

@@ -185,7 +185,7 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: dict[str, An
     }
     lines = [
         f"# @package _global_\n# Written by `python -m pipeline new {name}`; correct wrong values and run it again.",
-        "defaults:\n  - /mine/own  # tolerance, space for the rough surface and limits of a user's mine",
+        f"defaults:\n  - /mine/{'heights' if detected.has_heights else 'own'}  # values and limits of a user's mine",
         "  - _self_\nsurvey:",
     ]
     for key, value in values.items():

@@ -93,8 +93,35 @@ class Workings:
 
 
 @dataclass(frozen=True)
+class Seam:
+    """An edge that two sheets share: their numbers, and its ends in the mine frame, m."""
+
+    sheets: tuple[int, int]
+    ends_m: tuple[tuple[float, float], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Heights:
+    """What a survey says of the floor's height: lines along which it is known, spots, or a grade from the entrance.
+
+    Lines and spots are (x, y, z) in m, plan; z is the elevation less `datum_m`. A `grade` is rise over run along the
+    drifts, away from the entrance. `offset_m` is how far each sheet is moved aside in plan; the first is not moved.
+    """
+
+    lines: list[list[tuple[float, float, float]]] = field(default_factory=list)
+    spots: list[tuple[float, float, float]] = field(default_factory=list)
+    grade: float | None = None
+    datum_m: float = 0.0
+    offset_m: list[tuple[float, float]] = field(default_factory=lambda: [(0.0, 0.0)])
+    seams: list[Seam] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
 class Survey:
-    """The plan's frame, scale, places and sources; `licences` holds the registered licence of each source."""
+    """The plan's frame, scale, places and sources; `licences` holds the registered licence of each source.
+
+    `heights` is None for a flat mine.
+    """
 
     name: str
     kind: str
@@ -106,6 +133,7 @@ class Survey:
     sources: list[str]
     georeference: Georeference = METRIC
     licences: dict[str, str] = field(default_factory=dict)
+    heights: Heights | None = None
 
 
 @dataclass(frozen=True)

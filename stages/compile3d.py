@@ -9,7 +9,13 @@ from typing import Any
 from shapely import Polygon
 from tqdm import tqdm
 
+from minexplore.floor import Floor
+from pipeline.errors import ParamsError
 from pipeline.geometry.collision import decomposed_hulls, exact_prisms
+from pipeline.geometry.extrude import collect_parts
+from pipeline.geometry.floor_mesh import build_floor
+from pipeline.geometry.floor_parts import cell_heights, cell_offsets, require_pillars, sheet_walls, wall_parts
+from pipeline.geometry.network_heights import floor_lines
 from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.octree import build_octree, to_bt
 from pipeline.geometry.partition import Box, rock_around, tiled_rock, world_box
@@ -24,24 +30,50 @@ def compile_rock(
     """Return collision parts, occupancy (grid, octree and Nav2 map), extent, and the spawn region."""
     free = free_space.polygon
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
-    rock = rock_around(free, world)
     cell = params.grid_cell_m
-    grid = occupancy_grid(free, cell, world)
-    pixels, yaml = nav2_map(grid)
     entrance = survey.entrance_m or topology.main_drift_m[0]
+    floor = model_floor(params, free, topology, survey, entrance)
+    grid = occupancy_grid(free, cell, world, sheet_walls(floor))
+    pixels, yaml = nav2_map(grid)
     return {
-        "collision": collision_parts(params, rock, world),
+        "collision": collision_parts(params, rock_around(free, world), world)
+        if floor.is_flat
+        else collect_parts(wall_parts(free, floor, params.height_m)),
+        "floor": floor,
         "extent": SolidExtent(params.height_m, world),
         "occupancy": grid,
-        "octree": to_bt(build_octree(grid.free, grid.origin_m, cell, params.height_m)),
+        "octree": to_bt(
+            build_octree(
+                grid.free, grid.origin_m, cell, params.height_m, cell_heights(grid, floor), cell_offsets(grid, floor)
+            )
+        ),
         "map": pixels,
         "map_yaml": yaml,
         "spawn": entrance_anchor(grid, entrance, params.spawn.radius_m, params.spawn.clearance_m),
     }
 
 
+def model_floor(
+    params: Compile3dParams,
+    free: Polygon,
+    topology: DriftNetwork,
+    survey: Survey,
+    entrance_m: tuple[float, float],
+) -> Floor:
+    """Return the floor; it has no triangles if the survey has no heights."""
+    if survey.heights is None:
+        return Floor()
+    if params.collision.method != "exact":
+        raise ParamsError(f"collision = {params.collision.method}: a mine with heights needs collision=exact")
+    heights = survey.heights
+    lines = floor_lines(heights, topology, entrance_m)
+    floor = build_floor(free, lines, params.steepest_deg, heights.offset_m, heights.seams)
+    require_pillars(floor, params.height_m)
+    return floor
+
+
 def collision_parts(params: Compile3dParams, rock: list[Polygon], world_m: Box) -> ConvexParts:
-    """Return the collision parts of the rock in a box by the configured method."""
+    """Return the collision parts of the rock in a box about a level floor by the configured method."""
     choice = params.collision
     if choice.method == "exact":
         return exact_prisms(tiled_rock(rock, world_m, params.tile_m), params.height_m)
@@ -62,6 +94,7 @@ STAGE = Stage(
     },
     writes={
         "collision": Artifact("compile3d/collision.npz", ConvexParts),
+        "floor": Artifact("compile3d/floor.npz", Floor),
         "extent": Artifact("compile3d/extent.json", SolidExtent),
         "occupancy": Artifact("compile3d/occupancy.npz", Occupancy),
         "octree": Artifact("compile3d/free_space.bt", bytes),

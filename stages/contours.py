@@ -17,6 +17,7 @@ from pipeline.geometry.fewest_vertices import MOST_RATIO
 from pipeline.geometry.half_level import cover_of, trace_half_level
 from pipeline.geometry.outline import simplify_outline, simplify_to_wall_error, trace_outline
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.geometry.sheets import count_islands, filled, plan_seams, trace_sheets
 from pipeline.geometry.skeleton import require_same_network, trace_alike
 from pipeline.metrics.wall_error import largest_error_m
 from pipeline.params.contours import ContoursParams
@@ -34,8 +35,12 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
     """Return the binarised plan, the cleaned plan, the free space, its drift network, a picture and tables."""
     frame = survey.frame
     places = chosen_places(params, survey)
+    seams = plan_seams(survey.heights)
     try:
-        if workings.polygons.is_empty:
+        if seams:
+            traced = workings.polygons
+            raw = cleaned = fill_polygon(traced, frame)
+        elif workings.polygons.is_empty:
             raw, cleaned = _read_mask(params, plan, survey, places)
             traced = _trace(params, plan, raw, cleaned, frame)
         else:
@@ -50,20 +55,23 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
     if correction is not None:
         traced = correction.polygon
         raw = cleaned = fill_polygon(traced, frame)
-    outline, network, tolerance = _simplify(params, traced)
-    outer = Polygon(outline.exterior)
+    if seams:
+        outline, network, tolerance = traced, trace_sheets(traced, seams, *_tracing(params)), 0.0
+    else:
+        outline, network, tolerance = _simplify(params, traced)
+    outer = filled(outline)
     areas = Areas(
         tunnel_m2=round(outline.area, 3),
         islands_m2=round(outer.area - outline.area, 3),
         outside_m2=round(shapely.box(*frame.extent_m).difference(outer).area, 3),
-        islands=len(outline.interiors),
+        islands=count_islands(outline),
         traced_tunnel_m2=round(traced.area, 3),
         unconnected_m2=round(_unconnected_m2(raw, cleaned, frame), 3),
     )
     return {
         "raw": raw,
         "cleaned": cleaned,
-        "traced": Workings(MultiPolygon([traced])),
+        "traced": Workings(MultiPolygon(shapely.get_parts(traced).tolist())),
         "free_space": FreeSpace(outline, areas, tolerance, frame),
         "topology": network,
         "topology_dot": network_dot(network),
@@ -147,10 +155,13 @@ def _simplify(params: ContoursParams, traced: Polygon) -> tuple[Polygon, DriftNe
 
 def _same_network(params: ContoursParams, traced: Polygon, outline: Polygon, setting: str) -> DriftNetwork:
     """Return the network of the simplified outline; raise if it is not that of the traced outline."""
-    grid = params.network.cell_m, params.network.min_leg_m, params.network.station_spacing_m
-    before, network = trace_alike([traced, outline], *grid)
+    before, network = trace_alike([traced, outline], *_tracing(params))
     require_same_network(before, network, outline, setting, params.network.min_leg_m)
     return network
+
+
+def _tracing(params: ContoursParams) -> tuple[float, float, float]:
+    return params.network.cell_m, params.network.min_leg_m, params.network.station_spacing_m
 
 
 def _unconnected_m2(raw: Mask, cleaned: Mask, frame: Frame) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+from minexplore.floor import Floor
 from pipeline.mjcf.assemble import assemble_world
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
@@ -18,6 +19,7 @@ STAGE = Stage(
         "topology": Artifact("contours/topology.json", DriftNetwork),
         "extent": Artifact("compile3d/extent.json", SolidExtent),
         "collision": Artifact("compile3d/collision.npz", ConvexParts),
+        "floor": Artifact("compile3d/floor.npz", Floor),
         "spawn": Artifact("compile3d/spawn.json", Spawn),
         "smooth": Artifact("surface/smooth.npz", Meshes),
         "texture": Artifact("surface/texture.png", Image),

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from minexplore.bundle import MODEL
+from pipeline.geometry.sheets import whole_of
 from pipeline.metrics.limits import breaches, flatten, require_limits
 from pipeline.mjcf.load_time import LoadCost, measure_load
 from pipeline.params.validation import Limit, ReplayParams, ValidationParams
@@ -34,7 +35,7 @@ def validate_world(
     params: ValidationParams, world: Path, cleaned: Mask, raw: Mask, survey: Survey, traced: Workings
 ) -> dict[str, Any]:
     """Return the metrics, the load times, the certificate, and reports and pictures as evidence."""
-    validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0])
+    validator = Validator(params, world, cleaned, raw, survey, traced=whole_of(traced.polygons))
     groups = groups_of(params)
     if params.extent == "certificate":
         metrics = {group: validator.measure(group) for group in groups}

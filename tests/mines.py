@@ -71,6 +71,7 @@ class BuiltMine:
             self.network,
             self.compiled["extent"],
             self.compiled["collision"],
+            self.compiled["floor"],
             self.compiled["spawn"],
             self.surface["smooth"],
             self.surface["texture"],

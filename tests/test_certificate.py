@@ -104,7 +104,8 @@ def test_distances_by_mujoco_equal_the_distances_to_the_plans_walls(tee, opened)
     places = rng.uniform([-1, -1], [81, 41], (2000, 2))
     free = tee.free_space.polygon
     T = np.array(opened.record.T_world_mine)
-    found = rock_clearance(tee.bundle, T, GeomGroup.COLLISION, places, 0.5, 2.0)
+    probes = np.column_stack([places, np.full(len(places), 0.5)])
+    found = rock_clearance(tee.bundle, T, GeomGroup.COLLISION, probes, 2.0)
     inside = shapely.contains_xy(free, places[:, 0], places[:, 1])
     exact = np.where(inside, np.minimum(shapely.distance(free.boundary, shapely.points(places)), 2.0), 0.0)
     assert np.abs(found - exact)[inside].max() < 1e-3

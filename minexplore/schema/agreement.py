@@ -23,12 +23,15 @@ from minexplore.bundle import (
     floor_geom,
     has_visible_rock,
     is_fitting,
+    is_rock,
     mesh_file,
     rock_geom,
     surface_geom,
 )
+from minexplore.floor import Floor
 from minexplore.looks import CUT_MATERIAL, EXTENT_M, PLAIN, look_of
 from minexplore.schema.fittings import check_fittings
+from minexplore.schema.heights import check_wedges
 from minexplore.schema.model import SMOOTH_MESHES
 from minexplore.schema.rules import numbers_in, same
 from minexplore.schema.xml import Node
@@ -37,11 +40,12 @@ _BEYOND_M = 1.0  # approximate decompositions reach a little beyond the rock
 _LEAST_M = 1e-4  # size of a collision part in every direction
 _THINNEST_M = 0.05  # of floor and roof: a robot must not pass through them in one step
 _EQUAL_M = 0.0501  # what rounding to a decimetre moves the end of a floor zone
+_ROUND_M = 1e-4  # places above a floor with heights have four decimals
 _CENTRE_M = 6e-4  # the view's centre has three decimals
 _TURN = 1e-4
 
 
-def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str]) -> None:
+def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str], floor: Floor) -> None:
     """Refuse a model that differs from its record, or names other meshes than the bundle has.
 
     Parameters
@@ -52,6 +56,8 @@ def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str]
         `world.json`, which the table of fields allows.
     meshes : iterable of str
         The files below `meshes/`.
+    floor : Floor
+        Of `floor.npz`; without triangles in a flat world.
 
     Raises
     ------
@@ -62,11 +68,15 @@ def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str]
     if root.attributes["model"] != record["name"]:
         raise BundleError(f"{MODEL}: mujoco@model: {root.attributes['model']!r}, {RECORD} says {record['name']!r}")
     _check_look(at, record)
-    _check_pose(at, record)
-    _check_rock(at, record)
-    _check_floor(at, record)
-    _check_cameras(at, record)
-    _check_lights(at, record)
+    _check_pose(at, record, floor)
+    _check_rock(at, record, floor)
+    _check_zones(at, record)
+    if floor.is_flat:
+        _check_boxes(at, record)
+    else:
+        check_wedges(at.of_mine, at.of_assets, record, floor)
+    _check_cameras(at, record, floor)
+    _check_lights(at, record, floor)
     if has_visible_rock(record):
         _check_surface(at, set(meshes))
     check_fittings(at.fittings, at.of_assets, record)
@@ -126,33 +136,43 @@ def _check_look(at: _Places, record: Mapping[str, Any]) -> None:
         raise BundleError(f"{MODEL}: {at.rock_class.path}@material: want {wanted!r}, as {RECORD}: look gives")
 
 
-def _check_pose(at: _Places, record: Mapping[str, Any]) -> None:
+def _check_pose(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
     T, half = record["T_world_mine"], math.radians(record["tilt_deg"]) / 2
     _expect(at.mine, "pos", _numbers(at.mine, "pos"), [row[3] for row in T[:3]])
     _expect(at.mine, "quat", _numbers(at.mine, "quat", "1 0 0 0"), [math.cos(half), 0.0, math.sin(half), 0.0])
-    anchor = [*record["spawn"]["anchor_m"], 0.5, 1.0]
+    anchor = [*_folded(floor, [*record["spawn"]["anchor_m"], 0.5]), 1.0]
     centre = [sum(c * a for c, a in zip(row, anchor, strict=True)) for row in T[:3]]
     _expect(at.statistic, "center", _numbers(at.statistic, "center"), centre, _CENTRE_M)
 
 
-def _check_rock(at: _Places, record: Mapping[str, Any]) -> None:
+def _folded(floor: Floor, place_m: list[float]) -> list[float]:
+    """Return a place (x, y, z above the floor) m of the plan in the mine frame."""
+    return place_m if floor.is_flat else floor.fold(np.array([place_m]))[0].tolist()  # type: ignore[no-any-return]
+
+
+def _check_rock(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
     """Compare the collision parts with their number and with the box of the rock."""
     names = at.names("geom", rock_geom(0)[:-4])
     _consecutive("geom", names, [rock_geom(i) for i in range(record["collision_parts"])], "collision_parts")
-    shapes = {name for tag, name in at.of_assets if tag == "mesh" and at.of_assets[tag, name].attributes.get("vertex")}
+    shapes = {
+        name
+        for tag, name in at.of_assets
+        if tag == "mesh" and is_rock(name) and at.of_assets[tag, name].attributes.get("vertex")
+    }
     for name in names:
         geom = at.of_mine["geom", name]
         if geom.attributes["mesh"] != name or name not in shapes:
             raise BundleError(f"{MODEL}: {geom.path}@mesh: {geom.attributes['mesh']!r}, want a mesh of the geom's name")
-    _check_parts(at, names, record)
+    _check_parts(at, names, record, floor)
     for name in sorted(shapes - set(names)):
         raise BundleError(f"{MODEL}: {at.of_assets['mesh', name].path}: no geom has this mesh")
     _expect(at.rock_class, "friction", _numbers(at.rock_class, "friction", "1"), [record["rock_friction"]])
 
 
-def _check_parts(at: _Places, names: list[str], record: Mapping[str, Any]) -> None:
+def _check_parts(at: _Places, names: list[str], record: Mapping[str, Any], floor: Floor) -> None:
     """Check that each collision part, a geom and a mesh of this name, is solid and lies in the box of the rock."""
     geoms, meshes = [at.of_mine["geom", name] for name in names], [at.of_assets["mesh", name] for name in names]
+    low, high = rock_box(record, floor)
     lists = [_numbers(mesh, "vertex") for mesh in meshes]
     vertices = np.array(list(itertools.chain.from_iterable(lists))).reshape(-1, 3)
     count = np.array([len(numbers) // 3 for numbers in lists])
@@ -164,8 +184,6 @@ def _check_parts(at: _Places, names: list[str], record: Mapping[str, Any]) -> No
     if len(thin):
         thick = math.sqrt(max(0.0, float(spread[thin[0]])))
         raise BundleError(f"{MODEL}: {meshes[thin[0]].path}@vertex: {thick:g} m thick, want {_LEAST_M}")
-    west, south, east, north = record["world_m"]
-    low, high = np.array([west, south, 0.0]), np.array([east, north, record["height_m"]])
     place = np.array([_numbers(geom, "pos") for geom in geoms])
     least, most = place + np.minimum.reduceat(vertices, starts), place + np.maximum.reduceat(vertices, starts)
     outside = np.argwhere((least < low - _BEYOND_M) | (most > high + _BEYOND_M))
@@ -177,17 +195,23 @@ def _check_parts(at: _Places, names: list[str], record: Mapping[str, Any]) -> No
         )
 
 
-def _check_floor(at: _Places, record: Mapping[str, Any]) -> None:
-    """Compare floor zones, their materials and the roof with the record."""
+def rock_box(record: Mapping[str, Any], floor: Floor) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest and the highest corner (3,) m of the rock in the mine frame."""
+    west, south, east, north = record["world_m"]
+    low, high = np.array([west, south, 0.0]), np.array([east, north, record["height_m"]])
+    if not floor.is_flat:
+        low[:2] -= floor.offset_m.max(axis=0)
+        high[:2] -= floor.offset_m.min(axis=0)
+        low[2], high[2] = record["heights"]["low_m"], record["heights"]["high_m"] + record["height_m"]
+    return low, high
+
+
+def _check_zones(at: _Places, record: Mapping[str, Any]) -> None:
+    """Compare the materials of the floor zones with the record, and the zones with the box of the rock."""
     zones = record["zones"]
     west, south, east, north = record["world_m"]
-    roof = at.of_mine["geom", ROOF_GEOM]
-    half = _numbers(roof, "size")[2]
-    _consecutive("geom", at.names("geom", floor_geom("")), [floor_geom(zone["name"]) for zone in zones], "zones")
     grounds = [name for tag, name in at.of_assets if tag == "material" and name.startswith("ground_")]
     _consecutive("material", grounds, [f"ground_{zone['name']}" for zone in zones], "zones")
-    if half < _THINNEST_M / 2:
-        raise BundleError(f"{MODEL}: {roof.path}@size: floor and roof are {2 * half:g} m thick, want {_THINNEST_M} m")
     length = (east - west) / len(zones)
     for number, zone in enumerate(zones, start=1):  # zones are of equal length, to a decimetre
         if abs(zone["east_m"] - (west + number * length)) > _EQUAL_M:
@@ -199,15 +223,27 @@ def _check_floor(at: _Places, record: Mapping[str, Any]) -> None:
     for zone, left in zip(zones, edges, strict=False):
         if (zone["south_m"], zone["north_m"], zone["west_m"]) != (south, north, left) or left >= zone["east_m"]:
             raise BundleError(f"{RECORD}: zones: {zone['name']!r} leaves a gap, or differs from world_m")
+        ground = at.of_assets["material", f"ground_{zone['name']}"]
+        _expect(ground, "rgba", _numbers(ground, "rgba", "1 1 1 1"), zone["rgba"])
+    if zones[-1]["east_m"] != east:
+        raise BundleError(f"{RECORD}: zones[{len(zones) - 1}].east_m = {zones[-1]['east_m']}: want {east}, as world_m")
+
+
+def _check_boxes(at: _Places, record: Mapping[str, Any]) -> None:
+    """Compare the boxes of floor and roof with the record."""
+    zones = record["zones"]
+    west, south, east, north = record["world_m"]
+    roof = at.of_mine["geom", ROOF_GEOM]
+    half = _numbers(roof, "size")[2]
+    _consecutive("geom", at.names("geom", floor_geom("")), [floor_geom(zone["name"]) for zone in zones], "zones")
+    if half < _THINNEST_M / 2:
+        raise BundleError(f"{MODEL}: {roof.path}@size: floor and roof are {2 * half:g} m thick, want {_THINNEST_M} m")
+    for zone in zones:
         geom = at.of_mine["geom", floor_geom(zone["name"])]
         if geom.attributes["material"] != f"ground_{zone['name']}":
             raise BundleError(f"{MODEL}: {geom.path}@material: want 'ground_{zone['name']}'")
         _expect_box(geom, (zone["west_m"], south, zone["east_m"], north), -half, half)
         _expect(geom, "friction", _numbers(geom, "friction", "1"), [zone["friction"]])
-        ground = at.of_assets["material", f"ground_{zone['name']}"]
-        _expect(ground, "rgba", _numbers(ground, "rgba", "1 1 1 1"), zone["rgba"])
-    if zones[-1]["east_m"] != east:
-        raise BundleError(f"{RECORD}: zones[{len(zones) - 1}].east_m = {zones[-1]['east_m']}: want {east}, as world_m")
     _expect_box(roof, (west, south, east, north), record["height_m"] + half, half)
 
 
@@ -217,10 +253,10 @@ def _expect_box(geom: Node, box: tuple[float, float, float, float], middle_z: fl
     _expect(geom, "size", _numbers(geom, "size"), [(east - west) / 2, (north - south) / 2, half_z])
 
 
-def _check_cameras(at: _Places, record: Mapping[str, Any]) -> None:
+def _check_cameras(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
     """Compare the cameras with the spawn's anchor, a level view, and the box of the rock."""
     entrance, overview = at.of_mine["camera", "entrance"], at.of_mine["camera", "overview"]
-    _expect(entrance, "pos", _numbers(entrance, "pos"), [*record["spawn"]["anchor_m"], 1.2])
+    _expect(entrance, "pos", _numbers(entrance, "pos"), _folded(floor, [*record["spawn"]["anchor_m"], 1.2]), _ROUND_M)
     w, x, y, z = _numbers(entrance, "quat", "1 0 0 0")
     # A level view along any heading: its up axis is the mine's z, its right axis is level.
     if abs(2 * (y * z + w * x) - 1) > _TURN or abs(2 * (x * z - w * y)) > _TURN:
@@ -234,7 +270,7 @@ def _check_cameras(at: _Places, record: Mapping[str, Any]) -> None:
     _expect(overview, "quat", _numbers(overview, "quat", "1 0 0 0"), [math.cos(turn), math.sin(turn), 0.0, 0.0], 1e-6)
 
 
-def _check_lights(at: _Places, record: Mapping[str, Any]) -> None:
+def _check_lights(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
     names = at.names("light", "")
     _consecutive("light", names, [f"spot_{i:02d}" for i in range(record["lights"])], "lights")
     west, south, east, north = record["world_m"]
@@ -242,11 +278,13 @@ def _check_lights(at: _Places, record: Mapping[str, Any]) -> None:
     for name in names:
         light = at.of_mine["light", name]
         x, y, z = _numbers(light, "pos")
+        if not floor.is_flat:
+            x, y, z = floor.unfold(np.array([[x, y, z]]))[0].round(3).tolist()
         if not (west <= x <= east and south <= y <= north and 0 < z <= 1000):
             raise BundleError(f"{MODEL}: {light.path}@pos: {x:g} {y:g} {z:g}, want a place above the floor in world_m")
         pitch = _numbers(light, "dir", "0 0 -1")[2]
         kinds.add((round(z, 4), round(pitch, 4), light.attributes.get("cutoff", "45")))
-        if pitch > _TURN or len(kinds) > 1:
+        if pitch > _TURN or len(kinds) > 1:  # heights are those above the floor
             raise BundleError(f"{MODEL}: {light.path}: height, pitch or cutoff differ from those of {names[0]}")
 
 

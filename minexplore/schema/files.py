@@ -6,10 +6,7 @@ import io
 import os
 import re
 import stat
-import struct
-import tokenize
 import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,6 +15,7 @@ import numpy as np
 
 from minexplore.bundle import (
     CLEARANCE_GRID,
+    FLOOR,
     FREE_SPACE,
     MODEL,
     NAV2_MAP,
@@ -35,6 +33,7 @@ from minexplore.bundle import (
     is_cover,
     is_fitting,
 )
+from minexplore.schema.arrays import UNREADABLE, read_array
 from minexplore.schema.fittings import FITTING_MESH, check_heights
 from minexplore.schema.model import VISIBLE_MESH
 from minexplore.schema.png import GREY, PALETTE, RGB, check_png
@@ -57,7 +56,6 @@ MESHES = "meshes/"
 _MESH = re.compile(rf"{MESHES}(?:{VISIBLE_MESH}|{FITTING_MESH})\.msh", re.ASCII)
 _FOLDERS = {"meshes", "textures"}
 _MOST_BYTES = 1 << 30  # of a bundle
-_UNREADABLE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, SyntaxError, tokenize.TokenError, struct.error)
 _MOST_FILES = 100_000
 _MOST_CELLS = 100_000_000  # of the clearance grid: 2,500 m square at 0.25 m
 PICTURES = {PREVIEW: (RGB,), NAV2_PICTURE: (GREY,), ROCK_TEXTURE: (RGB, PALETTE)}
@@ -75,7 +73,7 @@ _MAP = re.compile(
 
 def is_known(name: str) -> bool:
     """Return whether a bundle may have a file of this name."""
-    return name in FIXED or bool(_MESH.fullmatch(name))
+    return name in (*FIXED, FLOOR) or bool(_MESH.fullmatch(name))
 
 
 def read_folder(folder: Path) -> dict[str, bytes]:
@@ -209,29 +207,11 @@ def read_grid(data: bytes) -> dict[str, np.ndarray]:
             odd = {entry.compress_type for entry in archive.infolist()} - {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
             if odd:
                 raise BundleError(f"{CLEARANCE_GRID}: packed by method {min(odd)}, want 0 or 8")
-            return {name: _read_array(archive, name, *want) for name, want in _GRID.items()}
+            return {name: read_array(CLEARANCE_GRID, archive, name, *want, _MOST_CELLS) for name, want in _GRID.items()}
     except BundleError:
         raise
-    except (*_UNREADABLE, ValueError, RuntimeError) as error:
+    except (*UNREADABLE, ValueError, RuntimeError) as error:
         raise BundleError(f"{CLEARANCE_GRID}: cannot be read ({str(error)[:100]})") from error
-
-
-def _read_array(archive: zipfile.ZipFile, name: str, kind: str, dimensions: int) -> np.ndarray:
-    with archive.open(f"{name}.npy") as stream:
-        version = np.lib.format.read_magic(stream)
-        if version != (1, 0):
-            raise BundleError(f"{CLEARANCE_GRID}: {name} has format {version}, want (1, 0)")
-        shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream, max_header_size=1000)
-        cells = int(np.prod(shape, dtype=object))
-        if dtype.str != kind or len(shape) != dimensions or fortran or min(shape, default=0) < 0 or cells > _MOST_CELLS:
-            raise BundleError(
-                f"{CLEARANCE_GRID}: {name} is {dtype.str} of shape {shape}, want {kind} of {dimensions} dimensions and "
-                f"at most {_MOST_CELLS} values"
-            )
-        raw = stream.read(cells * dtype.itemsize + 1)
-    if len(raw) != cells * dtype.itemsize:
-        raise BundleError(f"{CLEARANCE_GRID}: {name} does not hold {cells} values")
-    return np.frombuffer(raw, dtype).reshape(shape)
 
 
 def _read_checked_grid(data: bytes, world_m: list[float]) -> dict[str, np.ndarray]:

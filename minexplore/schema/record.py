@@ -7,8 +7,9 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from minexplore.bundle import FORMAT, FRAMES, GEOM_GROUPS, NO_OVERLAY, ROUGH_OVERLAY, BundleError
+from minexplore.bundle import FORMAT, FRAMES, GEOM_GROUPS, NO_OVERLAY, ROUGH_OVERLAY, BundleError, has_heights
 from minexplore.looks import LOOKS
+from minexplore.schema.heights import HEIGHT_FIELDS
 from minexplore.schema.model import MOST_LIGHTS, MOST_PARTS, MOST_ZONES, REACH_M, WORLD_NAME, ZONE_NAME
 from minexplore.schema.rules import Rule, list_of, matching, number, one_of_texts, same_json, whole
 
@@ -50,7 +51,7 @@ def _check_files(where: str, files: Any) -> None:
             raise BundleError(f"{where}[{name[:80]!r}] = {_shown(digest)}: want {_HASH.wants}")
 
 
-RECORD_FIELDS: Table = {
+RECORD_FIELDS: dict[str, Any] = {
     "format": same_json(FORMAT),
     "name": matching(WORLD_NAME, "1 to 64 letters, digits, _ and -"),
     "frames": same_json(FRAMES),
@@ -139,7 +140,9 @@ def check_record(file: str, record: Any) -> None:
         raise BundleError(f"{file}: not a world bundle's record (a JSON object)")
     if record.get("format") != FORMAT:
         raise BundleError(f"{file}: format {_shown(record.get('format'))}, this version reads {FORMAT!r}")
-    _check_fields(file, record, RECORD_FIELDS)
+    _check_fields(file, record, RECORD_FIELDS | ({"heights": HEIGHT_FIELDS} if has_heights(record) else {}))
+    if has_heights(record) and record["tilt_deg"] != 0:
+        raise BundleError(f"{file}: tilt_deg = {record['tilt_deg']}: want 0; the floor has heights of its own")
     west, south, east, north = record["world_m"]
     if not (west < east and south < north):
         raise BundleError(f"{file}: world_m = {record['world_m']}: want west < east and south < north")

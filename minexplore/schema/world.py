@@ -11,25 +11,34 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.bundle import MODEL, RECORD, BundleError, has_visible_rock, world_sha256
+from minexplore.bundle import MODEL, RECORD, BundleError, has_heights, has_visible_rock, world_sha256
+from minexplore.floor import Floor
 from minexplore.schema.agreement import check_agreement
 from minexplore.schema.elements import check_elements
 from minexplore.schema.files import MESHES, check_contents, is_known, read_folder
+from minexplore.schema.heights import read_floor, with_heights
 from minexplore.schema.light import LIGHT_WORLD
 from minexplore.schema.model import WORLD
 from minexplore.schema.record import check_record, read_json
 from minexplore.schema.xml import read_xml
 
+_TABLES = {  # by whether a world has visible rock, and heights
+    (True, False): WORLD,
+    (False, False): LIGHT_WORLD,
+    (True, True): with_heights(WORLD),
+    (False, True): with_heights(LIGHT_WORLD),
+}
 __all__ = ["CheckedWorld", "check_files", "check_world", "hash_files", "read_folder"]
 
 
 @dataclass(frozen=True)
 class CheckedWorld:
-    """A bundle that the tables allow: its record, its files by name as they were read, and the grid's arrays."""
+    """A bundle that the tables allow: record, files by name as they were read, the grid's arrays, and the floor."""
 
     record: dict[str, Any]
     files: Mapping[str, bytes]
     grid: dict[str, np.ndarray]
+    floor: Floor
 
 
 def check_world(folder: Path) -> CheckedWorld:
@@ -63,9 +72,10 @@ def _check(files: Mapping[str, bytes], hashes: Mapping[str, str]) -> CheckedWorl
     check_record(RECORD, record)
     grid = check_contents(record, files)
     root = read_xml(MODEL, files[MODEL])
-    check_elements(MODEL, root, WORLD if has_visible_rock(record) else LIGHT_WORLD)
-    check_agreement(root, record, [name for name in files if name.startswith(MESHES)])
-    return CheckedWorld(record, files, grid)
+    check_elements(MODEL, root, _TABLES[has_visible_rock(record), has_heights(record)])
+    floor = read_floor(record, files)
+    check_agreement(root, record, [name for name in files if name.startswith(MESHES)], floor)
+    return CheckedWorld(record, files, grid, floor)
 
 
 def check_hashes(record: Any, hashes: Mapping[str, str]) -> None:

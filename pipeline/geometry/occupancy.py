@@ -12,7 +12,9 @@ from pipeline.geometry.rasterize import fill_polygon
 from pipeline.types import Frame, Occupancy, Spawn
 
 
-def occupancy_grid(free: Polygon, cell_m: float, world_m: tuple[float, float, float, float]) -> Occupancy:
+def occupancy_grid(
+    free: Polygon, cell_m: float, world_m: tuple[float, float, float, float], walls_m: np.ndarray | None = None
+) -> Occupancy:
     """Rasterise the free space and measure the exact distance to rock at each free cell's centre.
 
     Parameters
@@ -21,6 +23,8 @@ def occupancy_grid(free: Polygon, cell_m: float, world_m: tuple[float, float, fl
     cell_m : float
     world_m : (west, south, east, north), m
         The grid covers this box; its south-west corner is a whole number of cells from the origin.
+    walls_m : (n, 2, 2), m, optional
+        The walls, if not all of the boundary is wall.
 
     Returns
     -------
@@ -35,13 +39,15 @@ def occupancy_grid(free: Polygon, cell_m: float, world_m: tuple[float, float, fl
     row, col = np.nonzero(cells)
     centres = shapely.points(west + (col + 0.5) * cell_m, south + (row + 0.5) * cell_m)
     clearance = np.zeros(cells.shape, dtype=np.float32)
-    clearance[row, col] = _wall_distance(free, centres)
+    clearance[row, col] = _wall_distance(free, centres, walls_m)
     return Occupancy(cells.copy(), clearance, np.array([west, south]), cell_m)
 
 
-def _wall_distance(free: Polygon, points: np.ndarray) -> np.ndarray:
-    rings = [np.asarray(ring.coords)[:, :2] for ring in (free.exterior, *free.interiors)]
-    walls = np.concatenate([shapely.linestrings(np.stack([xy[:-1], xy[1:]], axis=1)) for xy in rings])
+def _wall_distance(free: Polygon, points: np.ndarray, walls_m: np.ndarray | None) -> np.ndarray:
+    if walls_m is None:
+        rings = [np.asarray(ring.coords)[:, :2] for ring in (free.exterior, *free.interiors)]
+        walls_m = np.concatenate([np.stack([xy[:-1], xy[1:]], axis=1) for xy in rings])
+    walls = shapely.linestrings(walls_m)
     (index, _), distance = STRtree(walls).query_nearest(points, return_distance=True, all_matches=False)
     ordered = np.empty(len(points))
     ordered[index] = distance

@@ -50,7 +50,14 @@ class Octree:
         return float(sum(np.count_nonzero(s == state) * w**3 for s, w in zip(self.states, widths, strict=True)))
 
 
-def build_octree(free: np.ndarray, origin_m: np.ndarray, cell_m: float, height_m: float) -> Octree:
+def build_octree(
+    free: np.ndarray,
+    origin_m: np.ndarray,
+    cell_m: float,
+    height_m: float,
+    floor_m: np.ndarray | None = None,
+    moved: np.ndarray | None = None,
+) -> Octree:
     """Build the octree of workings extruded to a height, enclosed by one voxel of rock on all sides.
 
     Rock deeper than that stays unknown, as in a map made by a sensor.
@@ -65,8 +72,15 @@ def build_octree(free: np.ndarray, origin_m: np.ndarray, cell_m: float, height_m
         Edge of a voxel.
     height_m : float
         Height of the workings; a voxel is free when its centre lies below it.
+    floor_m : (rows, cols) float, optional
+        The floor's height at each free cell; without it the floor is level at zero.
+    moved : (rows, cols, 2) int, optional
+        How many cells each free cell is moved east and north in plan.
     """
     layers = max(1, round(height_m / cell_m))
+    if floor_m is not None:
+        shift = np.zeros((*free.shape, 2), np.int64) if moved is None else moved
+        return _follow(free, origin_m, cell_m, layers, np.round(floor_m / cell_m).astype(np.int64), shift)
     padded = np.pad(free, 1)
     shell = binary_dilation(padded, np.ones((3, 3), dtype=bool))
     column = np.where(padded, FREE, np.where(shell, OCCUPIED, UNKNOWN)).astype(np.uint8)
@@ -74,12 +88,66 @@ def build_octree(free: np.ndarray, origin_m: np.ndarray, cell_m: float, height_m
     volume = np.stack([closed, *[column] * layers, closed])
     first = np.array([round(origin_m[0] / cell_m) - 1, round(origin_m[1] / cell_m) - 1, -1]) + _CENTRE
     last = first + volume.shape[::-1]
+    _require_range(first, last, cell_m)
+    return _grow(volume, first, cell_m)
+
+
+def _require_range(first: np.ndarray, last: np.ndarray, cell_m: float) -> None:
     if first.min() < 0 or last.max() > 2 * _CENTRE:
         raise GeometryError(
             f"octree: the workings reach beyond +-{_CENTRE * cell_m:g} m, the range of 16 levels of {cell_m:g} m; "
             "use a larger compile3d.grid_cell_m"
         )
-    return _grow(volume, first, cell_m)
+
+
+def _follow(
+    free: np.ndarray, origin_m: np.ndarray, cell_m: float, layers: int, base: np.ndarray, shift: np.ndarray
+) -> Octree:
+    """Build the octree of workings whose columns begin at the layers `base` (rows, cols); rock is one voxel thick."""
+    row, col = np.nonzero(free)
+    up = base[row, col]
+    west, south = (round(v / cell_m) for v in origin_m)
+    columns = np.column_stack([col + west - shift[row, col, 0], row + south - shift[row, col, 1], up]) + _CENTRE
+    _require_range(columns.min(axis=0) - 1, columns.max(axis=0) + np.array([2, 2, layers + 2]), cell_m)
+    inside = _stack(columns, np.arange(layers))
+    padded = np.pad(free, 1)
+    beside = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    rock = [_stack(columns + np.array([j, i, 0]), np.array([-1, layers])) for i, j in beside]
+    for i, j in beside:
+        at_wall = ~padded[row + 1 + i, col + 1 + j]
+        rock.append(_stack(columns[at_wall] + [j, i, 0], np.arange(layers)))
+    codes = np.unique(_code(inside))
+    solid = np.concatenate(rock)
+    solid = solid[np.unique(_code(solid), return_index=True)[1]]
+    solid = solid[~np.isin(_code(solid), codes, assume_unique=True)]
+    inside = inside[np.unique(_code(inside), return_index=True)[1]]
+    states = np.repeat(np.array([FREE, OCCUPIED], np.uint8), [len(inside), len(solid)])
+    return _merge(np.concatenate([inside, solid]), states, cell_m)
+
+
+def _stack(columns: np.ndarray, layers: np.ndarray) -> np.ndarray:
+    """Return the keys (n * k, 3) of columns (n, 3) at so many layers (k,) above their third coordinate."""
+    keys = np.repeat(columns, len(layers), axis=0)
+    keys[:, 2] += np.tile(layers, len(columns))
+    return keys
+
+
+def _merge(keys: np.ndarray, states: np.ndarray, cell_m: float) -> Octree:
+    """Merge eight equal leaves into their parent, level by level."""
+    levels: list[tuple[np.ndarray, np.ndarray]] = []
+    for _ in range(_DEPTH):
+        order = np.argsort(_code(keys))
+        keys, states = keys[order], states[order]
+        codes = _code(keys >> 1)
+        starts = np.flatnonzero(np.append(True, codes[1:] != codes[:-1]))
+        count = np.diff(np.append(starts, len(codes)))
+        low, high = np.minimum.reduceat(states, starts), np.maximum.reduceat(states, starts)
+        whole = (count == 8) & (low == high) & (high != INNER)
+        kept = ~np.repeat(whole, count)
+        levels.append((keys[kept], states[kept]))
+        keys, states = keys[starts] >> 1, np.where(whole, high, INNER).astype(np.uint8)
+    levels.append((keys, states))
+    return Octree(cell_m, [keys for keys, _ in levels[::-1]], [states for _, states in levels[::-1]])
 
 
 def _grow(volume: np.ndarray, first: np.ndarray, cell_m: float) -> Octree:

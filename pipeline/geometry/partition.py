@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -100,7 +101,7 @@ def convex_partition(rock: Polygon) -> list[Points2]:
     if rock.is_empty or not rock.is_valid:
         raise GeometryError(f"convex partition: {shapely.is_valid_reason(rock) if not rock.is_empty else 'no rock'}")
     points, faces = triangulate(rock)
-    return [points[loop] for loop in _merge_convex(points, faces.tolist())]
+    return [points[loop] for loop in merge_convex(points, faces.tolist())]
 
 
 def triangulate(polygon: BaseGeometry) -> tuple[Points2, np.ndarray]:
@@ -118,8 +119,13 @@ def triangulate(polygon: BaseGeometry) -> tuple[Points2, np.ndarray]:
     return points, faces
 
 
-def _merge_convex(points: np.ndarray, loops: list[list[int]]) -> list[list[int]]:
-    """Join counter-clockwise loops across shared edges while the union stays convex, shortest edges first."""
+def merge_convex(
+    points: np.ndarray, loops: list[list[int]], accepts: Callable[[list[int]], bool] | None = None
+) -> list[list[int]]:
+    """Join counter-clockwise loops across shared edges while the union stays convex, shortest edges first.
+
+    With `accepts`, only unions that it accepts are made.
+    """
     owner = {(loop[i - 1], loop[i]): k for k, loop in enumerate(loops) for i in range(len(loop))}
     xy = points.tolist()
 
@@ -140,6 +146,8 @@ def _merge_convex(points: np.ndarray, loops: list[list[int]]) -> list[list[int]]
         if not (turns_left(head[-2], a, tail[1]) and turns_left(tail[-2], b, head[1])):
             continue
         merged = head + tail[1:-1]
+        if accepts is not None and not accepts(merged):
+            continue
         loops[left], loops[right] = merged, []
         for k in range(len(tail) - 1):
             owner[tail[k], tail[k + 1]] = left

@@ -1,14 +1,14 @@
-"""Distances of places from the walls of a polygon."""
+"""Distances of places from walls."""
 
 from __future__ import annotations
 
 import numpy as np
 import shapely
 from jaxtyping import Float64
-from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 
-def distances_to_walls(polygon: Polygon, places: np.ndarray) -> Float64[np.ndarray, " n"]:
+def distances_to_walls(walls: BaseGeometry, places: np.ndarray) -> Float64[np.ndarray, " n"]:
     """Return how far each place is from the nearest wall, whichever side of it the place is on.
 
     The walls are searched edge by edge in a tree. A search in the whole boundary takes sixty times as long for a traced
@@ -16,15 +16,16 @@ def distances_to_walls(polygon: Polygon, places: np.ndarray) -> Float64[np.ndarr
 
     Parameters
     ----------
-    polygon : shapely.Polygon, m
-        With any number of holes.
+    walls : shapely geometry, m
+        Polygons with any number of holes, whose boundary is meant, or lines.
     places : (n, 2) m
 
     Returns
     -------
     (n,) m
     """
-    rings = [shapely.get_coordinates(ring) for ring in (polygon.exterior, *polygon.interiors)]
+    lines = walls if shapely.get_dimensions(walls) == 1 else walls.boundary
+    rings = [shapely.get_coordinates(line) for line in shapely.get_parts(lines)]
     edges = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
     tree = shapely.STRtree(shapely.linestrings(edges))
     _, distance = tree.query_nearest(shapely.points(places), return_distance=True, all_matches=False)

@@ -82,7 +82,7 @@ def measure_wall_error(traced: Polygon, built: Polygon, raw: Mask, frame: Frame)
 
 
 def _points_on_walls(polygon: Polygon) -> Points2:
-    rings = (polygon.exterior, *polygon.interiors)
+    rings = [ring for part in shapely.get_parts(polygon) for ring in (part.exterior, *part.interiors)]
     return np.vstack([points_along(np.asarray(ring.coords)[:, :2], _SPACING_M) for ring in rings])
 
 

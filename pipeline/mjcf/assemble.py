@@ -11,6 +11,7 @@ import numpy as np
 
 from minexplore.bundle import (
     CLEARANCE_GRID,
+    FLOOR,
     FORMAT,
     FRAMES,
     FREE_SPACE,
@@ -25,11 +26,15 @@ from minexplore.bundle import (
     TOPOLOGY,
     GeomGroup,
 )
-from pipeline.mjcf.bundle import WorldRecord, compile_bundle, seal_bundle
+from minexplore.floor import Floor
+from pipeline.geometry.floor_mesh import steepness_deg
+from pipeline.geometry.floor_parts import floor_patches
+from pipeline.mjcf.bundle import HeightFigures, WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
 from pipeline.mjcf.render import render_camera
 from pipeline.mjcf.scene import FloorZone, MineScene, place_lights, tile_zones, tilt_about_centre
+from pipeline.mjcf.world import zoned_patches
 from pipeline.params.realism import RealismParams
 from pipeline.store.codecs import Bundle, Meshes, encode
 from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, SolidExtent, Spawn, Survey
@@ -42,6 +47,7 @@ def assemble_world(
     topology: DriftNetwork,
     extent: SolidExtent,
     collision: ConvexParts,
+    floor: Floor,
     spawn: Spawn,
     smooth: Meshes,
     texture: Image,
@@ -72,17 +78,20 @@ def assemble_world(
         texture=texture,
         anchor_m=spawn.anchor_m,
         heading_rad=heading_at(topology, spawn.anchor_m),
-        T_world_mine=tilt_about_centre(params.tilt_deg, extent.world_m),
+        T_world_mine=tilt_about_centre(_tilt_deg(params, floor), extent.world_m),
         look=params.look,
         fittings=_fittings(params, free_space, topology, zones, chunks, extent.height_m),
         puddles=tuple(zone.name for zone in zones if zone.name in params.floor.puddles) if params.floor else (),
         water_m=params.floor.water_m if params.floor else 0.0,
+        floor=floor,
     )
     files = compile_bundle(scene)
     if scene.has_visible_rock:
         files[PREVIEW] = encode(Path(PREVIEW), _preview(files, params.preview_width_px))
     files[FREE_SPACE] = encode(Path(FREE_SPACE), free_space)
     files[TOPOLOGY] = encode(Path(TOPOLOGY), topology)
+    if not floor.is_flat:
+        files[FLOOR] = encode(Path(FLOOR), floor)
     files |= {CLEARANCE_GRID: occupancy, OCTREE: free_space_bt, NAV2_PICTURE: map_png, NAV2_MAP: map_yaml}
     return {"world": seal_bundle(files, _record(params, scene, free_space, topology, spawn))}
 
@@ -130,13 +139,14 @@ def _record(
     params: RealismParams, scene: MineScene, free_space: FreeSpace, topology: DriftNetwork, spawn: Spawn
 ) -> WorldRecord:
     west, _, east, _ = scene.extent.world_m
-    slope = math.sin(math.radians(params.tilt_deg))
+    tilt_deg = _tilt_deg(params, scene.floor)
+    slope = math.sin(math.radians(tilt_deg))
     return WorldRecord(
         format=FORMAT,
         name=scene.name,
         frames=FRAMES,
         T_world_mine=scene.T_world_mine.tolist(),
-        tilt_deg=params.tilt_deg,
+        tilt_deg=tilt_deg,
         gain_m={
             "entrance_region": round(slope * params.entrance_length_m, 3),
             "entrance_length": params.entrance_length_m,
@@ -158,6 +168,24 @@ def _record(
         files={},
         world_sha256="",
         look=scene.look,
+        heights=None if scene.floor.is_flat else _heights(scene),
+    )
+
+
+def _tilt_deg(params: RealismParams, floor: Floor) -> float:
+    """Return the tilt of the mine; one with heights of its own has none."""
+    return params.tilt_deg if floor.is_flat else 0.0
+
+
+def _heights(scene: MineScene) -> HeightFigures:
+    floor = scene.floor
+    return HeightFigures(
+        low_m=float(floor.vertices[:, 2].min()),
+        high_m=float(floor.vertices[:, 2].max()),
+        steepest_deg=round(float(steepness_deg(floor).max()), 3),
+        sheets=len(floor.offset_m),
+        floor_wedges=len(zoned_patches(floor, scene.zones)),
+        roof_wedges=len(floor_patches(floor)),
     )
 
 

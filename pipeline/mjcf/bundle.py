@@ -14,20 +14,25 @@ from pydantic import TypeAdapter, ValidationError
 from minexplore.bundle import (
     COVER_M,
     FITTINGS_BODY,
+    FLOOR,
     GEOM_GROUPS,
     MINE_BODY,
     MODEL,
     NO_OVERLAY,
     RECORD,
+    SLAB_M,
     SURFACE_BODY,
+    GeomGroup,
     smooth_mesh,
     surface_geom,
     world_sha256,
 )
+from minexplore.floor import Floor
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.scene import FloorZone, MineScene
 from pipeline.mjcf.world import build_spec
+from pipeline.store.codecs import decode
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.verify import verify_world
 from pipeline.types import Areas, Frame, Spawn
@@ -36,10 +41,22 @@ _LEVEL_M = 1e-3
 
 
 @dataclass(frozen=True)
+class HeightFigures:
+    """What `world.json` says of a floor with heights: lowest and highest place, steepest face, numbers of pieces."""
+
+    low_m: float
+    high_m: float
+    steepest_deg: float
+    sheets: int
+    floor_wedges: int
+    roof_wedges: int
+
+
+@dataclass(frozen=True)
 class WorldRecord:
     """The content of `world.json`; all units are m, rad, kg and s, except where a name states another.
 
-    `overlay` is "none" in a world without visible rock, else "rough".
+    `overlay` is "none" in a world without visible rock, else "rough". `heights` is absent in a flat world.
     """
 
     format: str
@@ -64,11 +81,22 @@ class WorldRecord:
     geom_groups: dict[str, int]
     files: dict[str, str]
     world_sha256: str
+    heights: HeightFigures | None = None
 
     @property
     def has_visible_rock(self) -> bool:
         """Return whether meshes show the rock."""
         return self.overlay != NO_OVERLAY
+
+    @property
+    def top_m(self) -> float:
+        """Return how high the rock reaches in the mine frame, m."""
+        return self.height_m + (self.heights.high_m + SLAB_M if self.heights else 0.0)
+
+    @property
+    def bottom_m(self) -> float:
+        """Return how high the lowest floor is in the mine frame, m."""
+        return self.heights.low_m if self.heights else 0.0
 
 
 @dataclass(frozen=True)
@@ -100,6 +128,8 @@ def compile_bundle(scene: MineScene) -> dict[str, bytes]:
 def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes]:
     """Add `world.json`: the record, the sha256 of each file, and the world's hash over both."""
     fields = TypeAdapter(WorldRecord).dump_python(record, mode="json")
+    if record.heights is None:
+        del fields["heights"]
     fields["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
     fields["world_sha256"] = world_sha256(fields)
     return {**files, RECORD: (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()}
@@ -232,13 +262,33 @@ def _mesh_vertices(model: mujoco.MjModel, geom: int) -> np.ndarray:
     return vertices @ rotation.reshape(3, 3).T + model.geom_pos[geom]
 
 
+def read_floor(folder: Path, record: WorldRecord) -> Floor:
+    """Return the floor of a bundle."""
+    floor: Floor = decode(folder / FLOOR, Floor) if record.heights else Floor()
+    return floor
+
+
+def model_in_plan(folder: Path, world: World) -> mujoco.MjModel:
+    """Return the compiled model with the sheets side by side, as the plan shows them; of one sheet the model itself."""
+    floor = read_floor(folder, world.record)
+    if len(floor.offset_m) == 1:
+        return world.model
+    spec = mujoco.MjSpec.from_file(str(folder / MODEL))
+    for geom in spec.geoms:
+        if geom.meshname and geom.group in (GeomGroup.FLOOR, GeomGroup.COLLISION):
+            about_m = 0.0 if geom.group == GeomGroup.FLOOR else world.record.height_m / 2
+            place = np.array([geom.pos])
+            geom.pos = geom.pos + (floor.unfold(place, about_m) - place)[0] * [1.0, 1.0, 0.0]
+    return spec.compile()
+
+
 def obstacles(model: mujoco.MjModel, T_world_mine: np.ndarray, height_m: float) -> list[np.ndarray]:
     """Return the corners (n, 3), m, of whatever can be touched or seen, whatever its name, group or body.
 
     They are in the mine frame that `T_world_mine` (4, 4) gives.
 
-    Left out are the level boxes that are the floor and the roof, meshes of the surface's and the fittings' bodies that
-    do not collide, and the level planes of puddles; `pipeline.proof` bounds where these may be.
+    Left out are the level boxes, or the wedges, that are the floor and the roof, meshes of the surface's and the
+    fittings' bodies that do not collide, and the level planes of puddles; `pipeline.proof` bounds where these may be.
     A sphere, capsule or another round shape is returned as the box around it.
     """
     data = mujoco.MjData(model)
@@ -250,7 +300,8 @@ def obstacles(model: mujoco.MjModel, T_world_mine: np.ndarray, height_m: float) 
         collides = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
         is_mesh = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH
         seen_only = not collides and model.geom_bodyid[geom] in surfaces and (is_mesh or _is_puddle(model, geom))
-        if seen_only or _is_slab(model, geom, mine, height_m):
+        is_wedge = is_mesh and model.geom_group[geom] in (GeomGroup.FLOOR, GeomGroup.ROOF)
+        if seen_only or is_wedge or _is_slab(model, geom, mine, height_m):
             continue
         own = _mesh_corners(model, geom) if is_mesh else _box_around(model, geom)
         world = own @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]

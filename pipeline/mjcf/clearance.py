@@ -15,10 +15,8 @@ from pipeline.mjcf.bundle import placed_parts
 _PROBE_M = 0.01
 
 
-def rock_clearance(
-    world: Path, T_world_mine: np.ndarray, group: int, places: np.ndarray, height_m: float, most_m: float
-) -> np.ndarray:
-    """Return the distance (n,), m, from places (n, 2), m, at a height to the nearest collision part; 0 inside rock.
+def rock_clearance(world: Path, T_world_mine: np.ndarray, group: int, places: np.ndarray, most_m: float) -> np.ndarray:
+    """Return the distance (n,), m, from places (n, 3), m, to the nearest collision part; 0 inside rock.
 
     Distances above `most_m` are returned as `most_m`. Places are in the mine frame that `T_world_mine` (4, 4) gives.
     A small sphere is added to the world and moved to every place that has a part within `most_m`.
@@ -38,8 +36,8 @@ def rock_clearance(
     ]
     rock = np.concatenate(of_group)  # in the order of `placed_parts`
     tree = shapely.STRtree([section_footprint(part) for part in placed_parts(model, group, T_world_mine)])
-    place, part = tree.query(shapely.points(places), predicate="dwithin", distance=most_m)
-    at = (np.column_stack([places, np.full(len(places), height_m)]) @ T_world_mine[:3, :3].T) + T_world_mine[:3, 3]
+    place, part = tree.query(shapely.points(places[:, :2]), predicate="dwithin", distance=most_m)
+    at = places @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
     clearance, segment = np.full(len(places), most_m), np.zeros(6)
     for i, geom in zip(place.tolist(), rock[part].tolist(), strict=True):
         if clearance[i] == 0.0:  # in another part; nothing is nearer

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from minexplore.bundle import floor_geom
+from minexplore.floor import Floor
 from minexplore.looks import PLAIN
 from pipeline.geometry.polyline import arc_length
 from pipeline.params.realism import ZoneParams
@@ -55,7 +56,8 @@ class MineScene:
     `smooth` is the octagonal surface. `rough` holds the chunks of the rough surface as `NAME.msh`; if there are any,
     the smooth surface is hidden. Without `smooth` nothing shows rock, and `texture` is not used. `fittings` holds the
     visible floor and the furniture as `NAME.msh`; water stands on the floor zones named in `puddles`, `water_m` above
-    the flat floor.
+    the flat floor. With a `floor` that has heights, places of lights and the anchor are in plan, z from the floor, and
+    the parts are where they are.
     """
 
     name: str
@@ -75,6 +77,7 @@ class MineScene:
     fittings: Bundle = field(default_factory=dict)
     puddles: tuple[str, ...] = ()
     water_m: float = 0.0
+    floor: Floor = field(default_factory=Floor)
 
     @property
     def has_visible_rock(self) -> bool:

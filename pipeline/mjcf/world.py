@@ -16,21 +16,26 @@ from minexplore.bundle import (
     ROCK_TEXTURE,
     ROOF,
     ROOF_GEOM,
+    SLAB_M,
     SURFACE_BODY,
     SURFACE_CLASS,
     WALLS,
     GeomGroup,
+    floor_wedge,
     mesh_file,
     rock_geom,
+    roof_wedge,
     smooth_mesh,
     surface_geom,
 )
+from minexplore.floor import Floor
 from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS, PLAIN
+from pipeline.geometry.floor_parts import cut_by_zones, floor_patches, fold_patch, slab
 from pipeline.mjcf.fittings import add_fittings
-from pipeline.mjcf.scene import MineScene
+from pipeline.mjcf.scene import FloorZone, MineScene
 from pipeline.store.codecs import Bundle, encode
 from pipeline.store.palette_png import encode_palette_png
-from pipeline.types import ConvexParts
+from pipeline.types import ConvexParts, Points3
 
 _VISIBLE_PIECES = (FLOOR_CHAMFER, WALLS, ROOF)  # not the flat floor: the floor zones show it
 
@@ -54,6 +59,7 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     _add_rock_class(spec, scene)
     _add_rock(spec, mine, scene.parts)
     _add_floor(spec, mine, scene)
+    _add_roof(spec, mine, scene)
     if scene.has_visible_rock:
         meshes = _add_surface(spec, mine, scene) | add_fittings(spec, mine, scene)
         texture = encode_palette_png(scene.texture) or encode(Path(ROCK_TEXTURE), scene.texture)
@@ -61,7 +67,7 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     for i, light in enumerate(scene.lights):
         mine.add_light(
             name=f"spot_{i:02d}",
-            pos=light.place_m,
+            pos=fold_place(scene.floor, light.place_m),
             dir=light.direction,
             type=mujoco.mjtLightType.mjLIGHT_SPOT,
             cutoff=light.cutoff_deg,
@@ -79,7 +85,7 @@ def _set_view(spec: mujoco.MjSpec, scene: MineScene) -> None:
     # Clipping planes scale with the extent. With the extent of a drift, near walls and the far end are both visible.
     look = LOOKS[scene.look]
     spec.stat.extent = EXTENT_M
-    spec.stat.center = (scene.T_world_mine @ [*scene.anchor_m, 0.5, 1.0])[:3].round(3)
+    spec.stat.center = (scene.T_world_mine @ [*fold_place(scene.floor, (*scene.anchor_m, 0.5)), 1.0])[:3].round(3)
     spec.visual.map.znear = 0.005
     spec.visual.map.zfar = 200.0
     spec.visual.headlight.ambient = [look.ambient] * 3
@@ -117,22 +123,42 @@ def _add_rock_class(spec: mujoco.MjSpec, scene: MineScene) -> None:
     visible.geom.contype, visible.geom.conaffinity = 0, 0
 
 
+def fold_place(floor: Floor, place_m: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return a place (x, y, z above the floor) m of the plan in the mine frame, to a tenth of a millimetre."""
+    if floor.is_flat:
+        return place_m
+    x, y, z = floor.fold(np.array([place_m]))[0].round(4).tolist()
+    return x, y, z
+
+
 def _add_rock(spec: mujoco.MjSpec, mine: mujoco.MjsBody, parts: ConvexParts) -> None:
-    """Add each convex part as a mesh about its centre: MuJoCo stores mesh vertices in 32 bits, positions in 64."""
     for i in range(len(parts)):
-        vertices = parts[i]
-        centre = ((vertices.min(axis=0) + vertices.max(axis=0)) / 2).round(4)
-        name = rock_geom(i)
-        spec.add_mesh(name=name, uservert=(vertices - centre).ravel().tolist())
+        centre = _add_part(spec, rock_geom(i), parts[i])
         mine.add_geom(
-            spec.find_default(ROCK_CLASS), name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, pos=centre
+            spec.find_default(ROCK_CLASS),
+            name=rock_geom(i),
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=rock_geom(i),
+            pos=centre,
         )
+
+
+def _add_part(spec: mujoco.MjSpec, name: str, vertices: np.ndarray) -> np.ndarray:
+    """Add a convex part as a mesh about its centre, and return the centre.
+
+    MuJoCo stores mesh vertices in 32 bits, positions in 64.
+    """
+    centre: np.ndarray = ((vertices.min(axis=0) + vertices.max(axis=0)) / 2).round(4)
+    spec.add_mesh(name=name, uservert=(vertices - centre).ravel().tolist())
+    return centre
 
 
 def _add_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> None:
     for zone in scene.zones:
         # OpenGL lights vertices, and those of a large floor are far from every lamp, so the floor emits a little light.
         spec.add_material(name=f"ground_{zone.name}", rgba=zone.rgba, emission=0.25, specular=0.0, shininess=0.0)
+        if not scene.floor.is_flat:
+            continue
         centre = [(zone.west_m + zone.east_m) / 2, (zone.south_m + zone.north_m) / 2, -scene.floor_thickness_m / 2]
         size = [(zone.east_m - zone.west_m) / 2, (zone.north_m - zone.south_m) / 2, scene.floor_thickness_m / 2]
         # Without priority MuJoCo uses the larger friction of two geoms, so that water would not affect a rubber wheel.
@@ -146,6 +172,41 @@ def _add_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> N
             friction=[zone.friction, 0.005, 0.0001],
             group=GeomGroup.FLOOR,
         )
+    if scene.floor.is_flat:
+        return
+    for number, (at, patch) in enumerate(zoned_patches(scene.floor, scene.zones)):
+        zone, name = scene.zones[at], floor_wedge(scene.zones[at].name, number)
+        mine.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=name,
+            pos=_add_part(spec, name, slab(patch, -SLAB_M, 0.0)),
+            material=f"ground_{zone.name}",
+            priority=1,
+            friction=[zone.friction, 0.005, 0.0001],
+            group=GeomGroup.FLOOR,
+        )
+
+
+def zoned_patches(floor: Floor, zones: list[FloorZone]) -> list[tuple[int, Points3]]:
+    """Return the convex patches (k, 3) m of a floor with heights, each with the number of its zone."""
+    cut = cut_by_zones(floor_patches(floor), [zone.east_m for zone in zones[:-1]])
+    return [(zone, fold_patch(floor, patch)) for zone, patch in cut]
+
+
+def _add_roof(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> None:
+    if not scene.floor.is_flat:
+        for number, patch in enumerate(floor_patches(scene.floor)):
+            top = slab(fold_patch(scene.floor, patch), scene.extent.height_m, scene.extent.height_m + SLAB_M)
+            mine.add_geom(
+                spec.find_default(ROCK_CLASS),
+                name=roof_wedge(number),
+                type=mujoco.mjtGeom.mjGEOM_MESH,
+                meshname=roof_wedge(number),
+                group=GeomGroup.ROOF,
+                pos=_add_part(spec, roof_wedge(number), top),
+            )
+        return
     west, south, east, north = scene.extent.world_m
     mine.add_geom(
         spec.find_default(ROCK_CLASS),
@@ -179,7 +240,10 @@ def _add_cameras(mine: mujoco.MjsBody, scene: MineScene) -> None:
     west, south, east, north = scene.extent.world_m
     c, s = math.cos(scene.heading_rad), math.sin(scene.heading_rad)
     mine.add_camera(
-        name="entrance", pos=[*scene.anchor_m, 1.2], quat=_camera_quat((s, -c, 0.0), (0.0, 0.0, 1.0)), fovy=70.0
+        name="entrance",
+        pos=fold_place(scene.floor, (*scene.anchor_m, 1.2)),
+        quat=_camera_quat((s, -c, 0.0), (0.0, 0.0, 1.0)),
+        fovy=70.0,
     )
     # The whole mine from above, slightly from the south; the roof faces down and does not hide the drifts.
     pitch, fovy = math.radians(60.0), 30.0

@@ -48,6 +48,7 @@ class Compile3dParams(Params):
     """Extrusion, decomposition, occupancy and spawn."""
 
     height_m: float = Field(gt=0.5, le=50)
+    steepest_deg: float = Field(30.0, gt=0, le=45, description="of a floor with heights")
     rock_margin_m: float = Field(gt=0, le=100)
     grid_cell_m: float = Field(ge=0.05, le=2)
     tile_m: float | None = Field(ge=50, description="longest side of the tiles that exact parts lie in; null: one tile")

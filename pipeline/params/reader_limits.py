@@ -47,6 +47,7 @@ class ReaderLimits(Params):
     solved_items: int = Field(gt=0)
     survex_name_bytes: int = Field(gt=0, le=100_000)
     scratch_bytes: int = Field(gt=0)
+    steepest_grade: float = Field(gt=0, le=1)
     flat_grade: float = Field(gt=0, le=1)
     flat_step_m: float = Field(gt=0)
 

@@ -57,6 +57,22 @@ class _SurveyParams(Params):
     correct: Literal["sweeps"] | None = Field(default=None, description="stage 2 corrects walls by the sweeps of poses")
     entrance_m: PointM | None = None
     labels_m: dict[str, PointM] = Field(default_factory=dict)
+    grade: float | None = Field(
+        default=None,
+        ge=-0.36,
+        le=0.36,
+        description="rise over run of the floor along the drifts, away from the entrance",
+    )
+    heights: DataFile | None = Field(
+        default=None,
+        description="spot heights of the floor: CSV of easting_m, northing_m, elevation_m as in the survey's file",
+    )
+
+    @model_validator(mode="after")
+    def _heights_have_one_source(self) -> _SurveyParams:
+        if self.grade is not None and self.heights is not None:
+            raise ValueError("give grade or heights, not both")
+        return self
 
     @model_validator(mode="after")
     def _correction_has_sweeps(self) -> _SurveyParams:

@@ -14,15 +14,20 @@ from typing import Any
 import mujoco
 import numpy as np
 import shapely
+from shapely import Polygon
 
 from minexplore.bundle import GeomGroup
+from minexplore.floor import Floor
 from pipeline.geometry.extrude import section_footprint
+from pipeline.geometry.floor_parts import BAND_M, beside_sheets, wall_lines
+from pipeline.geometry.sheets import floor_seams
 from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.metrics.containment import cover_walls, open_area_m2
-from pipeline.metrics.reach import compare_reach, reached_cells, start_cell
-from pipeline.mjcf.bundle import World, mine_from_body, obstacles, placed_parts
+from pipeline.metrics.reach import compare_sheets, reached_cells, start_cell
+from pipeline.mjcf.bundle import World, mine_from_body, obstacles, placed_parts, read_floor
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
+from pipeline.proof.floor import enclosure_of_floor
 from pipeline.proof.stress_test import Progress, stress_walls
 from pipeline.types import Frame, FreeSpace
 
@@ -81,24 +86,34 @@ def measure_containment(
     record, free = world.record, free_space.polygon
     T_world_mine = np.array(record.T_world_mine)
     parts = placed_parts(world.model, GeomGroup.COLLISION, T_world_mine)
-    box = shapely.box(*record.world_m)
+    floor, box = read_floor(folder, record), shapely.box(*record.world_m)
+    if floor.is_flat:
+        figures = _enclosure(world, free, box, parts)
+    else:
+        figures = enclosure_of_floor(world, free, floor, parts, (*_SLICES_M, record.height_m - 0.05))
+    wall_m = free.length
+    figures |= {f"{name}_um": round(1e6 * figures[f"{name}_m2"] / wall_m, 4) for name in ("intrusion", "missing")}
+    figures |= _reach(folder, world, free_space, floor, params, network)
+    if params.contacts:
+        borders = [zone.east_m for zone in record.zones[:-1]]
+        stress = stress_walls(folder, free, parts, borders, params.contacts, params.seed, threads, progress)
+        figures |= {k: v for k, v in dataclasses.asdict(stress).items() if k != "targets"}
+    return figures
+
+
+def _enclosure(world: World, free: Polygon, box: Polygon, parts: list[np.ndarray]) -> dict[str, Any]:
+    """Return the figures of walls, floor and roof of a flat world."""
+    record, T_world_mine = world.record, np.array(world.record.T_world_mine)
     figures: dict[str, Any] = vars(cover_walls(parts, free, box, (*_SLICES_M, record.height_m - 0.05))).copy()
     # A slab between two slices, or a geom of another name, group or body, would be in none of them.
     solid = shapely.union_all(
         [section_footprint(part) for part in obstacles(world.model, T_world_mine, record.height_m)]
     )
     figures["intrusion_m2"] = max(figures["intrusion_m2"], round(float(solid.intersection(free).area), 6))
-    wall_m = free.length
-    figures |= {f"{name}_um": round(1e6 * figures[f"{name}_m2"] / wall_m, 4) for name in ("intrusion", "missing")}
     figures["rock_round_m"] = round(float(free.distance(box.exterior)) if box.contains(free) else 0.0, 3)
     figures["floor_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.FLOOR, T_world_mine, 0.0, top=True), free)
     roof = _slabs(world.model, GeomGroup.ROOF, T_world_mine, record.height_m, top=False)
     figures["roof_open_m2"] = open_area_m2(roof, free)
-    figures |= _reach(folder, world, free_space, params, network)
-    if params.contacts:
-        borders = [zone.east_m for zone in record.zones[:-1]]
-        stress = stress_walls(folder, free, parts, borders, params.contacts, params.seed, threads, progress)
-        figures |= {k: v for k, v in dataclasses.asdict(stress).items() if k != "targets"}
     return figures
 
 
@@ -118,7 +133,12 @@ def _slabs(
 
 
 def _reach(
-    folder: Path, world: World, free_space: FreeSpace, params: CertificateParams, network: tuple[float, float]
+    folder: Path,
+    world: World,
+    free_space: FreeSpace,
+    floor: Floor,
+    params: CertificateParams,
+    network: tuple[float, float],
 ) -> dict[str, Any]:
     free, record, cell, radius = free_space.polygon, world.record, params.cell_m, params.robot_radius_m
     west, south, east, north = free.bounds
@@ -127,20 +147,24 @@ def _reach(
     frame = Frame(1 / cell, (margin - west) / cell, (north + margin) / cell, width, height)
     rows, cols = np.indices((height, width))
     places = frame.to_mine(np.column_stack([cols.ravel(), rows.ravel()]) + 0.5)
-    around = free.buffer(_MARGIN_M).intersection(shapely.box(*record.world_m))
+    around = free.buffer(_MARGIN_M if floor.is_flat else BAND_M - cell / 2).intersection(shapely.box(*record.world_m))
+    around = around.difference(shapely.union_all(beside_sheets(floor, record.height_m)))
     queried = np.flatnonzero(shapely.contains_xy(around, places[:, 0], places[:, 1]))
     most = radius + _COMPARED_M
     plan, measured = np.zeros(len(places)), np.zeros(len(places))
     inside = queried[shapely.contains_xy(free, places[queried, 0], places[queried, 1])]
-    plan[inside] = np.minimum(distances_to_walls(free, places[inside]), most)
+    plan[inside] = np.minimum(distances_to_walls(wall_lines(free, floor), places[inside]), most)
     T = np.array(record.T_world_mine)
-    measured[queried] = rock_clearance(folder, T, GeomGroup.COLLISION, places[queried], _PROBE_HEIGHT_M, most)
-    start = start_cell(record.spawn.anchor_m, frame)
-    by_plan, by_world = (reached_cells(c.reshape(height, width), radius, start) for c in (plan, measured))
+    probes = floor.fold(np.column_stack([places[queried], np.full(len(queried), _PROBE_HEIGHT_M)]))
+    measured[queried] = rock_clearance(folder, T, GeomGroup.COLLISION, probes, most)
+    start, seams = start_cell(record.spawn.anchor_m, frame), floor_seams(floor)
+    by_plan, by_world = (reached_cells(c.reshape(height, width), radius, start, frame, seams) for c in (plan, measured))
     error = float(np.abs(plan - measured).max())
     if not (by_plan.any() and by_world.any()):  # the anchor itself is in rock
         return {"clearance_error_m": round(error, 5), "reached_m2": 0.0, "same_graph": False}
-    match = compare_reach(by_plan, by_world, frame, radius, *network)
+    match = compare_sheets(
+        by_plan, by_world, frame, [part.bounds for part in shapely.get_parts(free)], radius, *network
+    )
     return {"clearance_error_m": round(error, 5), **vars(match)}
 
 

@@ -10,11 +10,14 @@ import mujoco
 import numpy as np
 import shapely
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
-from minexplore.bundle import CLEARANCE_GRID, MINE_BODY, NAV2_MAP, OCTREE, GeomGroup, is_floor
+from minexplore.bundle import CLEARANCE_GRID, MINE_BODY, NAV2_MAP, OCTREE, GeomGroup, is_floor, zone_of_wedge
+from minexplore.floor import Floor
+from pipeline.geometry.floor_parts import wall_lines
 from pipeline.geometry.octree import FREE, Octree, from_bt
 from pipeline.geometry.wall_distance import distances_to_walls
-from pipeline.mjcf.bundle import World, mine_from_body
+from pipeline.mjcf.bundle import World, mine_from_body, read_floor
 from pipeline.store.codecs import decode
 from pipeline.survey.nav2 import read_nav2_map
 from pipeline.types import FreeSpace, Occupancy
@@ -30,7 +33,8 @@ def measure_consistency(folder: Path, world: World, free_space: FreeSpace) -> di
     model, record = world.model, world.record
     w, _, y, _ = model.body(MINE_BODY).quat
     tilt_deg = math.degrees(2 * math.atan2(y, w))
-    anchor = shapely.Point(record.spawn.anchor_m)
+    anchor, floor = shapely.Point(record.spawn.anchor_m), read_floor(folder, record)
+    walls = wall_lines(free_space.polygon, floor)
     inside = shapely.contains(free_space.polygon, anchor)
     return {
         "tilt_deg": round(tilt_deg, 4),
@@ -41,8 +45,8 @@ def measure_consistency(folder: Path, world: World, free_space: FreeSpace) -> di
         "zones_wrong": _zones_wrong(world),
         "friction_error": _rock_friction_error(world),
         "colliders_wrong": _colliders_wrong(world),
-        "spawn_clearance_m": round(anchor.distance(free_space.polygon.boundary) if inside else 0.0, 4),
-        **_grid_errors(folder, free_space),
+        "spawn_clearance_m": round(anchor.distance(walls) if inside else 0.0, 4),
+        **_grid_errors(folder, free_space, floor, walls),
     }
 
 
@@ -57,6 +61,8 @@ def _frame_error_m(world: World) -> float:
 def _zones_wrong(world: World) -> int:
     """Count the floor zones whose geom is missing or differs from the record in place or friction, and extra geoms."""
     wrong, names = 0, [world.model.geom(g).name for g in range(world.model.ngeom)]
+    if world.record.heights:
+        return _wedges_wrong(world, [name for name in names if is_floor(name)])
     for zone in world.record.zones:
         if zone.geom not in names:
             wrong += 1
@@ -67,6 +73,15 @@ def _zones_wrong(world: World) -> int:
         recorded = [zone.west_m, zone.east_m, zone.south_m, zone.north_m, 0.0, zone.friction]
         wrong += not (np.abs(np.array(modelled) - recorded).max() < _LEVEL and geom.priority[0] == 1)
     return wrong + abs(sum(is_floor(name) for name in names) - len(world.record.zones))
+
+
+def _wedges_wrong(world: World, names: list[str]) -> int:
+    """Count the wedges of the floor that belong to no zone or have another friction than theirs, and missing ones."""
+    friction = {zone.geom: zone.friction for zone in world.record.zones}
+    geoms = [world.model.geom(name) for name in names]
+    off = [abs(geom.friction[0] - friction.get(zone_of_wedge(geom.name), np.inf)) for geom in geoms]
+    wrong = sum(not (error < _LEVEL and geom.priority[0] == 1) for error, geom in zip(off, geoms, strict=True))
+    return wrong + abs(len(names) - (world.record.heights.floor_wedges if world.record.heights else 0))
 
 
 def _colliders_wrong(world: World) -> int:
@@ -89,7 +104,7 @@ def _rock_friction_error(world: World) -> float:
     return round(float(error.max(initial=0.0)), 6)
 
 
-def _grid_errors(folder: Path, free_space: FreeSpace) -> dict[str, int]:
+def _grid_errors(folder: Path, free_space: FreeSpace, floor: Floor, walls: BaseGeometry) -> dict[str, int]:
     """Count cells of clearance grid, Nav2 map and octree that differ from the free space, except at its border."""
     grid = decode(folder / CLEARANCE_GRID, Occupancy)
     free, origin, cell = grid.free, grid.origin_m, float(grid.cell_m)
@@ -97,9 +112,9 @@ def _grid_errors(folder: Path, free_space: FreeSpace) -> dict[str, int]:
     tree = from_bt(decode(folder / OCTREE, bytes))
     return {
         "occupancy_wrong": _wrong_cells(free, origin, cell, free_space.polygon)
-        + _wrong_clearances(free, grid.clearance_m, origin, cell, free_space.polygon),
+        + _wrong_clearances(free, grid.clearance_m, origin, cell, walls),
         "map_wrong": _wrong_cells(nav2.free, np.array(nav2.origin_m), nav2.cell_m, free_space.polygon),
-        "octree_wrong": _wrong_voxels(tree, free, origin, cell),
+        "octree_wrong": _wrong_voxels(tree, free, origin, cell, floor),
     }
 
 
@@ -115,18 +130,20 @@ def _wrong_cells(free: np.ndarray, origin_m: np.ndarray, cell_m: float, polygon:
 
 
 def _wrong_clearances(
-    free: np.ndarray, clearance_m: np.ndarray, origin_m: np.ndarray, cell_m: float, polygon: Polygon
+    free: np.ndarray, clearance_m: np.ndarray, origin_m: np.ndarray, cell_m: float, walls: BaseGeometry
 ) -> int:
     """Return how many of about 5,000 free cells have a clearance with an error of more than one cell."""
     sample = np.flatnonzero(free.ravel())
     sample = sample[:: max(1, len(sample) // _CELLS_TRIED)]
-    exact = distances_to_walls(polygon, _centres(free.shape, origin_m, cell_m)[sample])
+    exact = distances_to_walls(walls, _centres(free.shape, origin_m, cell_m)[sample])
     return int((np.abs(exact - clearance_m.ravel()[sample]) > cell_m).sum())
 
 
-def _wrong_voxels(tree: Octree, free: np.ndarray, origin_m: np.ndarray, cell_m: float) -> int:
-    """Count grid cells that the octree classifies differently at knee height."""
+def _wrong_voxels(tree: Octree, free: np.ndarray, origin_m: np.ndarray, cell_m: float, floor: Floor) -> int:
+    """Count grid cells that the octree classifies differently at knee height; with heights, free cells only."""
     places = np.column_stack([_centres(free.shape, origin_m, cell_m), np.full(free.size, _KNEE_M)])
+    if not floor.is_flat:
+        return int((tree.query(floor.fold(places[free.ravel()])) != FREE).sum())
     return int(((tree.query(places) == FREE) != free.ravel()).sum())
 
 

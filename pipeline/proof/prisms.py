@@ -10,8 +10,10 @@ import shapely
 from scipy.spatial import cKDTree
 from shapely import MultiLineString, Polygon
 
-from minexplore.bundle import MODEL, is_rock
+from minexplore.bundle import FLOOR, FREE_SPACE, MODEL, is_rock
+from minexplore.floor import Floor
 from pipeline.errors import ArtifactError
+from pipeline.geometry.floor_parts import outline_of, wall_parts
 from pipeline.geometry.partition import Box, cut_lines
 from pipeline.mjcf.bundle import WorldRecord
 
@@ -71,3 +73,25 @@ def _corners(free: Polygon, world_m: Box, tile_m: float | None) -> np.ndarray:
     crossings = shapely.get_coordinates(free.boundary.intersection(borders))
     tiles = np.stack(np.meshgrid(eastings, northings), axis=-1).reshape(-1, 2)
     return np.concatenate([shapely.get_coordinates(free), tiles, crossings])
+
+
+def require_walls(folder: Path, record: WorldRecord, stated: mujoco.MjSpec, free: Polygon, floor: Floor) -> None:
+    """Compare the collision parts of a mine with heights with those that the builder makes of outline and floor.
+
+    Raises
+    ------
+    ArtifactError
+        If the floor's boundary is not the outline, or with the first part that differs.
+    """
+    outline = outline_of(floor)
+    apart = shapely.hausdorff_distance(outline.boundary, free.boundary)
+    if not apart < _PLACE_M:
+        raise ArtifactError(f"{folder / FLOOR}: its boundary is {apart:.4f} m from the outline of {FREE_SPACE}")
+    made = wall_parts(free, floor, record.height_m)
+    rock = [geom for geom in stated.geoms if is_rock(geom.name)]
+    if len(made) != len(rock):
+        raise ArtifactError(f"{folder / MODEL}: {len(rock)} collision parts, the builder makes {len(made)}")
+    for geom, part in zip(rock, made, strict=True):
+        vertices = np.array(stated.mesh(geom.meshname).uservert).reshape(-1, 3) + geom.pos
+        if vertices.shape != part.shape or np.abs(vertices - part).max() > _PLACE_M:
+            raise ArtifactError(f"{folder / MODEL}: geom {geom.name}: not the part that the builder makes of {FLOOR}")

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 from pydantic import TypeAdapter
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 
 from minexplore.bundle import (
     CLEARANCE_GRID,
@@ -27,11 +27,13 @@ from minexplore.bundle import (
     TOPOLOGY,
 )
 from pipeline.errors import ArtifactError, GeometryError
+from pipeline.geometry.floor_parts import cell_heights, cell_offsets, sheet_walls
 from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.octree import build_octree, to_bt
+from pipeline.geometry.sheets import count_islands, filled, floor_seams, trace_sheets
 from pipeline.geometry.skeleton import trace_network
 from pipeline.geometry.wall_distance import distances_to_walls
-from pipeline.mjcf.bundle import WorldRecord
+from pipeline.mjcf.bundle import WorldRecord, read_floor
 from pipeline.proof.differences import first_difference
 from pipeline.proof.smooth import require_smooth
 from pipeline.store.codecs import decode, encode
@@ -98,8 +100,8 @@ def read_free_space(folder: Path) -> FreeSpace:
     path = folder / FREE_SPACE
     free_space: FreeSpace = decode(path, FreeSpace)
     free = free_space.polygon
-    if not isinstance(free, Polygon) or free.is_empty or free.has_z:
-        raise ArtifactError(f"{path}: geometry: {free.geom_type}, want one polygon of two coordinates")
+    if not isinstance(free, Polygon | MultiPolygon) or free.is_empty or free.has_z:
+        raise ArtifactError(f"{path}: geometry: {free.geom_type}, want one polygon of two coordinates, or one a sheet")
     if not np.isfinite(shapely.get_coordinates(free)).all() or not free.is_valid:
         raise ArtifactError(f"{path}: geometry: not a valid polygon: {shapely.is_valid_reason(free)}")
     numbers = [*vars(free_space.frame).values(), *vars(free_space.areas).values(), free_space.tolerance_m]
@@ -119,13 +121,15 @@ def _require_figures(folder: Path, record: WorldRecord, free_space: FreeSpace, t
             raise ArtifactError(f"{folder / RECORD}: {differs}, as {FREE_SPACE} states")
     if not 0 <= free_space.tolerance_m <= tolerance_m:
         raise ArtifactError(f"{path}: tolerance_m = {free_space.tolerance_m}, want 0 to {tolerance_m}")
-    outer = Polygon(free.exterior)
+    if len(shapely.get_parts(free)) != (record.heights.sheets if record.heights else 1):
+        raise ArtifactError(f"{path}: geometry: {len(shapely.get_parts(free))} polygons, want one a sheet")
+    outer = filled(free)
     plan = shapely.box(*free_space.frame.extent_m)
     made = Areas(
         tunnel_m2=round(free.area, 3),
         islands_m2=round(outer.area - free.area, 3),
         outside_m2=round(plan.difference(outer).area, 3),
-        islands=len(free.interiors),
+        islands=count_islands(free),
         traced_tunnel_m2=stated.traced_tunnel_m2,
         unconnected_m2=stated.unconnected_m2,
     )
@@ -169,8 +173,10 @@ def _require_network(folder: Path, record: WorldRecord, free: Polygon, tracing: 
     cells = [tracing.cell_m / 2**k for k in range(_FINER)]
     if not any(math.isclose(stated.cell_m, cell) for cell in cells):
         raise ArtifactError(f"{path}: cell_m = {stated.cell_m}, want one of {cells}")
+    grid = stated.cell_m, tracing.min_leg_m, tracing.station_spacing_m
+    floor = read_floor(folder, record)
     try:
-        made = trace_network(free, stated.cell_m, tracing.min_leg_m, tracing.station_spacing_m)
+        made = trace_network(free, *grid) if len(floor.offset_m) == 1 else trace_sheets(free, floor_seams(floor), *grid)
     except GeometryError as error:
         raise ArtifactError(f"{folder / FREE_SPACE}: {error}") from error
     differs = first_difference(json.loads(encode(path, stated)), json.loads(encode(path, made)), _CM)
@@ -186,7 +192,7 @@ def _require_grid(folder: Path, record: WorldRecord, free: Polygon) -> Occupancy
     """Compare every cell of the clearance grid, free or not, and its clearance."""
     path = folder / CLEARANCE_GRID
     stated: Occupancy = decode(path, Occupancy)
-    made = occupancy_grid(free, float(stated.cell_m), record.world_m)
+    made = occupancy_grid(free, float(stated.cell_m), record.world_m, sheet_walls(read_floor(folder, record)))
     row, col = np.nonzero(made.free != stated.free)
     centres = made.origin_m + (np.column_stack([col, row]) + 0.5) * made.cell_m
     wrong = np.flatnonzero(distances_to_walls(free, centres) > _BORDER_M)
@@ -209,7 +215,11 @@ def _require_map_and_octree(folder: Path, record: WorldRecord, grid: Occupancy) 
     picture = decode(folder / NAV2_PICTURE, Image)
     if picture.shape != pixels.shape or (picture != pixels).any():
         raise ArtifactError(f"{folder / NAV2_PICTURE}: pixels differ from the clearance grid")
-    if (folder / OCTREE).read_bytes() != to_bt(build_octree(grid.free, grid.origin_m, grid.cell_m, record.height_m)):
+    floor = read_floor(folder, record)
+    heights, moved = cell_heights(grid, floor), cell_offsets(grid, floor)
+    if (folder / OCTREE).read_bytes() != to_bt(
+        build_octree(grid.free, grid.origin_m, grid.cell_m, record.height_m, heights, moved)
+    ):
         raise ArtifactError(
             f"{folder / OCTREE}: not the octree of the clearance grid and the height {record.height_m} m"
         )

@@ -27,11 +27,11 @@ from minexplore.schema import check_world
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.assemble import heading_at
-from pipeline.mjcf.bundle import WorldRecord
+from pipeline.mjcf.bundle import WorldRecord, read_floor
 from pipeline.mjcf.scene import MineScene, tilt_about_centre
 from pipeline.mjcf.world import build_spec
 from pipeline.proof.lights import remake_lights
-from pipeline.proof.prisms import require_prisms
+from pipeline.proof.prisms import require_prisms, require_walls
 from pipeline.store.codecs import decode, encode
 from pipeline.types import NO_PICTURE, ConvexParts, DriftNetwork, Image, Mesh, SolidExtent
 
@@ -67,7 +67,10 @@ def require_same_model(
         stated = mujoco.MjSpec.from_file(str(folder / MODEL))
     except ValueError as error:
         raise ArtifactError(f"{folder / MODEL}: MuJoCo does not read it: {error}") from error
-    if prisms:
+    floor = read_floor(folder, record)
+    if not floor.is_flat:
+        require_walls(folder, record, stated, free, floor)
+    elif prisms:
         require_prisms(folder, record, stated, free, tile_m)
     spec = _rebuilt(folder, record, files, stated)
     assets = {name: data for name, data in files.items() if name.startswith("meshes/") or name == ROCK_TEXTURE}
@@ -90,6 +93,7 @@ def require_same_model(
 def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stated: mujoco.MjSpec) -> mujoco.MjSpec:
     """Return the specification of the world that the builder makes of the bundle's parts."""
     network: DriftNetwork = decode(folder / TOPOLOGY, DriftNetwork)
+    floor = read_floor(folder, record)
     rock = [geom for geom in stated.geoms if is_rock(geom.name)]
     vertices = [np.array(stated.mesh(geom.meshname).uservert).reshape(-1, 3) for geom in rock]
     offsets = np.concatenate([[0], np.cumsum([len(v) for v in vertices])]).astype(np.int32)
@@ -103,9 +107,9 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
         extent=SolidExtent(record.height_m, record.world_m),
         parts=ConvexParts(placed, offsets),
         rock_friction=record.rock_friction,
-        floor_thickness_m=2 * float(stated.geom(ROOF_GEOM).size[2]),
+        floor_thickness_m=2 * float(stated.geom(ROOF_GEOM).size[2]) if record.heights is None else 0.0,
         zones=record.zones,
-        lights=remake_lights(folder, stated, network),
+        lights=remake_lights(folder, stated, network, floor),
         smooth=_smooth(stated),
         rough={f"{name}.msh": data for name, data in chunks.items() if not is_fitting(name)},
         texture=decode(folder / ROCK_TEXTURE, Image) if record.has_visible_rock else NO_PICTURE,
@@ -116,6 +120,7 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
         fittings={f"{name}.msh": chunks[name] for name in sorted(chunks) if is_fitting(name)},
         puddles=tuple(zone.name for zone, plane in planes.items() if plane.material == WATER_MATERIAL),
         water_m=next((float(plane.pos[2]) for plane in planes.values()), 0.0),
+        floor=floor,
     )
     spec = build_spec(scene)
     for geom, own, was in zip((g for g in spec.geoms if is_rock(g.name)), vertices, rock, strict=True):

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from minexplore.local_models import TILE_M
 from minexplore.robot import RobotParams
@@ -18,6 +19,7 @@ from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.errors import GeometryError
 from pipeline.geometry.extrude import section_footprint
+from pipeline.geometry.floor_parts import wall_lines
 
 _FASTEST_MPS, _SPIN_RADPS = 3.0, 3.0
 _RUN_UP_M = (0.05, 0.6)  # distance from the target minus the robot's radius
@@ -78,10 +80,11 @@ def stress_walls(
     robot, task = RobotParams(), dataclasses.replace(TaskParams(), max_forward_mps=_FASTEST_MPS)
     batch = RobotBatch(load_world(bundle), task, robot, _ROBOTS, threads)
     rng = np.random.default_rng(seed)
-    kinds = _targets(free, parts, zone_edges_m, rng)
+    floor, height = batch.floor, batch.world.record["height_m"]
+    walls = wall_lines(free, floor)
+    kinds = _targets(walls, [floor.unfold_body(part, height / 2) for part in parts], zone_edges_m, rng)
     inside = free.buffer(-robot.radius_m)
     shapely.prepare(inside)
-    height = batch.world.record["height_m"]
     touched = escapes = throws = 0
     deepest = 0.0
     rngs = [np.random.default_rng([seed, i]) for i in range(_ROBOTS)]
@@ -102,7 +105,7 @@ def stress_walls(
                 touched += int(batch.drive(command, rngs, here).sum())
             except RuntimeError as error:
                 raise GeometryError(f"stress test: {error}") from error
-            out, depth = _escaped(batch, here, free, robot.radius_m, height)
+            out, depth = _escaped(batch, here, free, walls, robot.radius_m, height)
             escapes += int(out.sum())
             deepest = max(deepest, depth)
     batch.close()
@@ -112,11 +115,10 @@ def stress_walls(
 
 
 def _targets(
-    free: Polygon, parts: list[np.ndarray], zone_edges_m: list[float], rng: np.random.Generator
+    wall: BaseGeometry, parts: list[np.ndarray], zone_edges_m: list[float], rng: np.random.Generator
 ) -> dict[str, np.ndarray]:
     """Return target places (n, 2), m, on the walls, by kind."""
-    wall = free.boundary
-    west, south, east, north = free.bounds
+    west, south, east, north = wall.bounds
     ends = np.concatenate([shapely.get_coordinates(section_footprint(part)) for part in parts])
     lines = {
         "zone borders": [((x, south - 1), (x, north + 1)) for x in zone_edges_m],
@@ -162,20 +164,19 @@ def _throw(
     yaw = np.arctan2(towards[:, 1], towards[:, 0])[: len(here)] + rng.normal(0, 0.5, len(here))
     for i, k in enumerate(here.tolist()):
         batch.place(k, start[i, 0], start[i, 1], yaw[i])
-        batch.qvel[k, :3] = T[:3, :3] @ [*(speed[i] * towards[i]), 0.0]
+        along = batch.floor.frame_at(start[i]) @ [*(speed[i] * towards[i]), 0.0]
+        batch.qvel[k, :3] = T[:3, :3] @ along
         batch.qvel[k, 5] = spin[i]
 
 
 def _escaped(
-    batch: RobotBatch, here: np.ndarray, free: Polygon, radius_m: float, height_m: float
+    batch: RobotBatch, here: np.ndarray, free: Polygon, walls: BaseGeometry, radius_m: float, height_m: float
 ) -> tuple[np.ndarray, float]:
     """Return which robots (k,) are out of the workings, and the largest depth of an upright robot's disc in rock, m."""
     T = batch.T_world_mine
-    place = (batch.qpos[here, :3] - T[:3, 3]) @ T[:3, :3]
+    place = batch.floor.unfold((batch.qpos[here, :3] - T[:3, 3]) @ T[:3, :3], batch.robot.wheel_radius_m)
     centre = shapely.points(place[:, :2])
-    clearance = np.where(shapely.contains_xy(free, place[:, 0], place[:, 1]), 1, -1) * shapely.distance(
-        free.boundary, centre
-    )
+    clearance = np.where(shapely.contains_xy(free, place[:, 0], place[:, 1]), 1, -1) * shapely.distance(walls, centre)
     out = ~np.isfinite(place).all(axis=1) | (clearance < 0) | (place[:, 2] < 0) | (place[:, 2] > height_m)
     x, y = batch.qpos[here, 4], batch.qpos[here, 5]
     mast = np.column_stack(
@@ -185,5 +186,6 @@ def _escaped(
             1 - 2 * (x * x + y * y),
         ]
     )
-    upright = mast @ T[:3, 2] > _UPRIGHT  # a robot on its side is narrower than its disc
+    up = T[:3, 2] if batch.floor.is_flat else [T[:3, :3] @ batch.floor.frame_at(xy)[:, 2] for xy in place[:, :2]]
+    upright = (mast * up).sum(axis=1) > _UPRIGHT  # a robot on its side is narrower than its disc
     return out, float(np.maximum(0.0, radius_m - clearance)[upright].max(initial=0.0))

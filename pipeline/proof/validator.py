@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 from shapely import Polygon
 
@@ -21,7 +22,7 @@ from pipeline.metrics.navigability import Navigability, cast_columns
 from pipeline.metrics.relief import Relief
 from pipeline.metrics.topology import compare_topology
 from pipeline.metrics.wall_error import WallError, measure_wall_error
-from pipeline.mjcf.bundle import World, open_bundle, part_vertices
+from pipeline.mjcf.bundle import World, model_in_plan, open_bundle, part_vertices
 from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.built import require_built, tolerance_of
@@ -75,7 +76,13 @@ class Validator:
     def world_free(self) -> Mask:
         """Return the pixels that show the floor in a view from above, with the roof hidden."""
         record = self.world.record
-        return render_free_space(self.world.model, np.array(record.T_world_mine), self.survey.frame, record.height_m)
+        T_world_mine = np.array(record.T_world_mine)
+        return render_free_space(self._model, T_world_mine, self.survey.frame, record.top_m, record.bottom_m)
+
+    @functools.cached_property
+    def _model(self) -> mujoco.MjModel:
+        """Return the model as the plan shows it."""
+        return model_in_plan(self.bundle, self.world)
 
     @functools.cached_property
     def wall_error(self) -> WallError:
@@ -89,11 +96,11 @@ class Validator:
         """Return which free columns of the plan are open in the world."""
         record = self.world.record
         return cast_columns(
-            self.world.model,
+            self._model,
             np.array(record.T_world_mine),
             self.cleaned,
             self.survey.frame,
-            record.height_m,
+            record.top_m,
             tolerance_of(self.params),
             GeomGroup.FLOOR,
             GeomGroup.COLLISION,

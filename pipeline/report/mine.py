@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 
 import numpy as np
+import shapely
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline
@@ -41,7 +42,8 @@ def draw_mine(polygon: Polygon, network: DriftNetwork, record: WorldRecord) -> F
 
 def outline_path(polygon: Polygon) -> Outline:
     """Return a polygon with its islands as a path that can be filled."""
-    rings = [np.asarray(ring.coords)[:, :2] for ring in (polygon.exterior, *polygon.interiors)]
+    parts = shapely.get_parts(polygon)
+    rings = [np.asarray(ring.coords)[:, :2] for part in parts for ring in (part.exterior, *part.interiors)]
     codes = [
         np.concatenate([[Outline.MOVETO], np.full(len(r) - 2, Outline.LINETO), [Outline.CLOSEPOLY]]) for r in rings
     ]

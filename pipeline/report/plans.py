@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import shapely
 from shapely import Polygon
 
 from pipeline.types import DriftNetwork, Frame, Image, Mask
@@ -20,9 +21,10 @@ def draw_contours(raw: Mask, outline: Polygon, network: DriftNetwork, frame: Fra
     for name, place in network.nodes_m.items():
         col, row = frame.to_image(np.array([place]))[0]
         cv2.circle(picture, (round(col), round(row)), line + 3, _AMBER if name[0] == "J" else _BLUE, -1, cv2.LINE_AA)
-    _polyline(picture, frame, np.asarray(outline.exterior.coords), _GREEN, line)
-    for island in outline.interiors:
-        _polyline(picture, frame, np.asarray(island.coords), _RED, line)
+    for part in shapely.get_parts(outline):
+        _polyline(picture, frame, np.asarray(part.exterior.coords), _GREEN, line)
+        for island in part.interiors:
+            _polyline(picture, frame, np.asarray(island.coords), _RED, line)
     return picture
 
 

@@ -12,16 +12,18 @@ import trimesh
 from trimesh.viewer.notebook import scene_to_html
 
 from minexplore.bundle import ROOF, WALLS
+from minexplore.floor import Floor
 from pipeline.errors import ArtifactError
 from pipeline.geometry.partition import triangulate
 from pipeline.geometry.polyline import resample
 from pipeline.geometry.raycast import upright_walls
-from pipeline.mjcf.bundle import WorldRecord
+from pipeline.mjcf.bundle import WorldRecord, read_floor
 from pipeline.store.codecs import decode
 from pipeline.types import DriftNetwork, FreeSpace, Mesh
 
 MOST_FACES = {WALLS: 180_000, ROOF: 120_000}  # 24 bytes of the page each
 _ROCK_RGB = (150, 139, 127)
+_LOW_RGB, _HIGH_RGB, _BANDS = (40, 70, 150), (235, 205, 90), 12  # of a floor by elevation
 _ASIDE, _DOWN = np.radians(-25.0), np.radians(50.0)
 _EYE_M = 1.3  # of the headlamp above the floor
 _CONTROLS = """<style>
@@ -59,6 +61,39 @@ def mine_scene(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> trim
     visible rock the walls are the outline's, upright, and the roof is level.
     """
     scene = trimesh.Scene()
+    if record.heights:
+        bounds = _add_folded(scene, read_floor(bundle, record), record.height_m)
+    else:
+        bounds = _add_flat(scene, bundle, record, free_space)
+    west, south, low, east, north, high = bounds
+    scene.apply_translation([-(west + east) / 2, -(south + north) / 2, -(low + high) / 2])
+    scene.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))  # browsers have y up
+    short, long = sorted((east - west, north - south))
+    scene.set_camera(angles=(-_DOWN, _ASIDE, 0.0), distance=max(0.75 * long, 1.5 * short), fov=(55, 40))
+    return scene
+
+
+def _add_folded(scene: trimesh.Scene, floor: Floor, height_m: float) -> list[float]:
+    """Add the floor of a mine with heights, coloured by elevation, and its walls; return the bounds, m."""
+    places = floor.vertices[floor.faces] - np.pad(floor.offset_m, [(0, 0), (0, 1)])[floor.sheet][:, None]
+    walls = []
+    for face, edge in floor.wall_edges():
+        foot = floor.vertices[list(edge)] - np.append(floor.offset_m[floor.sheet[face]], 0.0)
+        top = foot + np.array([0.0, 0.0, height_m])
+        walls += [[foot[0], foot[1], top[1]], [foot[0], top[1], top[0]]]
+    corners = np.array(walls).reshape(-1, 3)
+    scene.add_geometry(_coloured(corners, np.arange(len(corners)).reshape(-1, 3), _ROCK_RGB))
+    level = places[:, :, 2].mean(axis=1)
+    band = np.minimum(_BANDS - 1, ((level - level.min()) / max(np.ptp(level), 1e-9) * _BANDS).astype(int))
+    for k in np.unique(band).tolist():
+        rgb = np.round(np.array(_LOW_RGB) + k / (_BANDS - 1) * np.subtract(_HIGH_RGB, _LOW_RGB)).astype(int)
+        own = places[band == k].reshape(-1, 3)
+        scene.add_geometry(_coloured(own, np.arange(len(own)).reshape(-1, 3), tuple(rgb.tolist())))
+    return [*places.min(axis=(0, 1)).tolist(), *places.max(axis=(0, 1)).tolist()]
+
+
+def _add_flat(scene: trimesh.Scene, bundle: Path, record: WorldRecord, free_space: FreeSpace) -> list[float]:
+    """Add rock and floor zones of a flat mine; return the bounds, m."""
     for name, (vertices, faces) in _rock(bundle, record, free_space).items():
         scene.add_geometry(_coloured(vertices, faces, _ROCK_RGB), node_name=name, geom_name=name)
     for zone in record.zones:
@@ -67,11 +102,7 @@ def mine_scene(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> trim
             rgb = tuple(round(255 * v) for v in zone.rgba[:3])
             scene.add_geometry(_coloured(*_level(part, 0.0), rgb), node_name=zone.geom, geom_name=zone.geom)
     west, south, east, north = free_space.polygon.bounds
-    scene.apply_translation([-(west + east) / 2, -(south + north) / 2, 0.0])
-    scene.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))  # browsers have y up
-    short, long = sorted((east - west, north - south))
-    scene.set_camera(angles=(-_DOWN, _ASIDE, 0.0), distance=max(0.75 * long, 1.5 * short), fov=(55, 40))
-    return scene
+    return [west, south, 0.0, east, north, 0.0]
 
 
 def _rock(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> dict[str, tuple[np.ndarray, np.ndarray]]:

@@ -149,7 +149,7 @@ def _encode_npz(value: Any) -> bytes:
     arrays = (
         {f"{name}/{k}": v for name, mesh in value.items() for k, v in vars(mesh).items() if v is not None}
         if isinstance(value, dict)
-        else vars(value)
+        else {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
     )
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:

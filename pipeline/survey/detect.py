@@ -37,7 +37,8 @@ _BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
 class Detection:
     """Values and remarks of a survey section, the files it needs, and the typical drift width, m.
 
-    `picture` shows what of a plan's picture was taken for workings; None for other formats.
+    `picture` shows what of a plan's picture was taken for workings; None for other formats. `has_heights` tells that
+    the floor rises or falls.
     """
 
     values: dict[str, Any]
@@ -45,6 +46,7 @@ class Detection:
     files: list[Path] = field(default_factory=list)
     width_m: float = 0.0
     picture: Image | None = None
+    has_heights: bool = False
 
 
 def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
@@ -73,14 +75,15 @@ def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
     scratch = path.suffix.lower() in SOLVED_SUFFIXES
     payload = run_limited("detect", {"path": str(path), "stated": stated}, str(path), scratch=scratch)
     found, files = payload.values, [Path(file) for file in payload.values["files"]]
-    return Detection(found["values"], found["remarks"], files, found["width_m"], payload.arrays.get("detected"))
+    picture = payload.arrays.get("detected")
+    return Detection(found["values"], found["remarks"], files, found["width_m"], picture, found["has_heights"])
 
 
 def detect_here(path: str, stated: dict[str, Any]) -> Payload:
     """Detect how a file should be read in this process; `detect_survey` has limits."""
     found = _detect(Path(path), stated)
     files = [str(file) for file in found.files]
-    values = {"values": found.values, "remarks": found.remarks, "files": files, "width_m": found.width_m}
+    values = {name: value for name, value in vars(found).items() if name != "picture"} | {"files": files}
     return Payload(values, {} if found.picture is None else {"detected": found.picture})
 
 
@@ -97,10 +100,12 @@ def _detect(path: Path, stated: dict[str, Any]) -> Detection:
     if suffix in PASSAGE_READERS:
         params = PassageSurveyParams(kind="passages", name="detect", file="data/x")
         params = params.model_copy(update={"file": path.as_posix()})
-        workings, place, _, _ = draw_vector_survey(params)
+        workings, place, _, _, heights = draw_vector_survey(params)
         values = {"kind": "passages", "file": path.name, "origin": list(place.origin)}
         remarks = {"origin": "of the mine frame, in the file's coordinates"}
-        return Detection(values, remarks, [Path(f) for f in vector_files(params)], 2 * workings.area / workings.length)
+        width = 2 * workings.area / workings.length
+        files = [Path(file) for file in vector_files(params)]
+        return Detection(values, remarks, files, width, has_heights=heights is not None)
     supported = ", ".join([*PICTURE_SUFFIXES, ".yaml", *SHAPE_READERS, *PASSAGE_READERS])
     raise InputError(f"{path}: {suffix or 'a file without a suffix'} is not a supported format ({supported})")
 
@@ -114,7 +119,7 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
     for unit in units:
         params = _vector(path, unit, stated)
         try:
-            workings, place, _, _ = draw_vector_survey(params, content)
+            workings, place, *_ = draw_vector_survey(params, content)
         except InputError as error:
             problem = problem or error
             continue

@@ -15,7 +15,7 @@ from pipeline.survey.geojson import read_geojson
 from pipeline.survey.legs import SurveyLeg
 from pipeline.survey.shapes import Shapes
 from pipeline.survey.solved.read import read_passages, read_survex
-from pipeline.survey.stations import read_stations
+from pipeline.survey.stations import read_station_legs
 
 ShapeReader = Callable[[Path, list[str] | None], Shapes]  # (file, layers or None for all) -> polygons and lines
 PassageReader = Callable[[Path], tuple[list[SurveyLeg], str | None]]  # file -> (legs, coordinate system or None)
@@ -28,7 +28,7 @@ SHAPE_READERS: dict[str, ShapeReader] = {
     ".shp": read_geodata,
 }
 PASSAGE_READERS: dict[str, PassageReader] = {
-    ".csv": lambda path: (read_stations(path), None),
+    ".csv": lambda path: (read_station_legs(path), None),
     ".svx": read_survex,
     ".plt": lambda path: (read_plt(path), None),
     ".3d": read_passages,

@@ -38,8 +38,12 @@ Chain = list[
 ]  # station, position, wall distances left and right (nan: not measured)
 
 
-def legs_of_chains(path: Path, chains: list[Chain]) -> list[SurveyLeg]:
+def legs_of_chains(
+    path: Path, chains: list[Chain], heights: dict[str, tuple[float, float, float]] | None = None
+) -> list[SurveyLeg]:
     """Make legs from sequences of stations, and interpolate wall distances that were not measured.
+
+    `heights` gives each station its elevation and the distances up and down, m.
 
     A station at the same position as the one before it, as in a shaft, is omitted. Legs of one station are omitted.
 
@@ -63,7 +67,9 @@ def legs_of_chains(path: Path, chains: list[Chain]) -> list[SurveyLeg]:
             if not len(measured):
                 raise InputError(f"{path}: no distance to the {side} wall from {kept[0][0]} to {kept[-1][0]}")
             column[:] = np.interp(np.arange(len(column)), measured, column[measured])
-        legs.append(SurveyLeg(str(number), [s for s, _, _ in kept], np.array([p for _, p, _ in kept]), walls))
+        names = [s for s, _, _ in kept]
+        levels = np.array([heights[name] for name in names], dtype=float) if heights else None
+        legs.append(SurveyLeg(str(number), names, np.array([p for _, p, _ in kept]), walls, levels))
     if not legs:
         raise InputError(f"{path}: no legs with passages; widths left and right of the stations are needed")
     check_network(path, legs)
@@ -95,10 +101,25 @@ def check_network(path: Path, legs: list[SurveyLeg]) -> None:
                 continue
             (one, a, b), (two, c, d) = segments[i], segments[j]
             at = lines[i].intersection(lines[j]).centroid
+            if _pass_over(one, a, b, two, c, d, at.x, at.y):
+                continue
             raise InputError(
                 f"{path}: leg {one.name} ({one.stations[a]} to {one.stations[b]}) crosses leg {two.name} "
                 f"({two.stations[c]} to {two.stations[d]}) at ({at.x:.2f}, {at.y:.2f}) without a station"
             )
+
+
+def _pass_over(one: SurveyLeg, a: int, b: int, two: SurveyLeg, c: int, d: int, x: float, y: float) -> bool:
+    """Return whether two legs with elevations cross at different heights."""
+    if one.heights_m is None or two.heights_m is None:
+        return False
+    heights = []
+    for leg, start, end in ((one, a, b), (two, c, d)):
+        assert leg.heights_m is not None
+        step = leg.positions_m[end] - leg.positions_m[start]
+        share = np.dot((x, y) - leg.positions_m[start], step) / np.dot(step, step)
+        heights.append(leg.heights_m[start, 0] + share * (leg.heights_m[end, 0] - leg.heights_m[start, 0]))
+    return abs(heights[0] - heights[1]) > reader_limits().flat_step_m
 
 
 def _leg_of(legs: list[SurveyLeg], stations: set[str]) -> str:

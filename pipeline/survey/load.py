@@ -33,9 +33,10 @@ from pipeline.survey.picture import (
 from pipeline.survey.poses import PoseScale, gate_returns, read_poses, read_returns, scale_from_poses
 from pipeline.survey.scale import measure_bar
 from pipeline.survey.solved.read import SOLVED_SUFFIXES
+from pipeline.survey.spots import read_spots
 from pipeline.survey.stations import read_stations
 from pipeline.survey.vector_survey import draw_vector_survey, vector_files
-from pipeline.types import METRIC, Frame, Georeference, Image, Scale, Survey, Workings
+from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Scale, Survey, Workings
 
 Box = tuple[int, int, int, int]
 Scaled = StationSurveyParams | PlanSurveyParams
@@ -108,6 +109,7 @@ def _subject(params: SurveyParams) -> str:
 
 
 def _read(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
+    heights = None
     match params.kind:
         case "stations" | "plan":
             plan, frame, scale, boxes, georeference = _read_scaled(params)
@@ -116,7 +118,7 @@ def _read(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
             plan, frame, georeference = draw_grid(Path(params.map), params.unknown_is_free)
             workings, boxes, scale = MultiPolygon(), [], Scale(frame.px_per_m, "map")
         case _:
-            workings, georeference, plan, frame = draw_vector_survey(params)
+            workings, georeference, plan, frame, heights = draw_vector_survey(params)
             boxes, scale = [], Scale(frame.px_per_m, "drawn")
     registry, files = read_registry(), sources(params)
     licences = {
@@ -133,8 +135,16 @@ def _read(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
         files,
         georeference,
         licences,
+        _stated_heights(params, georeference) or heights,
     )
     return plan, survey, workings
+
+
+def _stated_heights(params: SurveyParams, georeference: Georeference) -> Heights | None:
+    """Return the heights that the survey section states, None if it states none."""
+    if params.heights is not None:
+        return read_spots(Path(params.heights), georeference)
+    return None if params.grade is None else Heights(grade=params.grade)
 
 
 def _read_scaled(params: Scaled) -> tuple[Image, Frame, Scale, list[Box], Georeference]:
@@ -280,4 +290,9 @@ def _sources(params: SurveyParams) -> list[str]:
         case _:
             files = vector_files(params)
     bar = [params.scale.bar_image] if params.kind in ("stations", "plan") and params.scale.bar_image else []
-    return files + bar + ([params.poses.file, *params.poses.sweeps.values()] if params.poses else [])
+    return (
+        files
+        + bar
+        + ([params.heights] if params.heights else [])
+        + ([params.poses.file, *params.poses.sweeps.values()] if params.poses else [])
+    )

@@ -51,6 +51,13 @@ def read_stations(path: Path) -> list[SurveyLeg]:
     return result
 
 
+def read_station_legs(path: Path) -> list[SurveyLeg]:
+    """Read a station table for a world with heights: it may be steep and pass over itself, else as `read_stations`."""
+    legs = _read_legs(path)
+    check_network(path, legs)
+    return legs
+
+
 def section_of(leg: SurveyLeg) -> Section:
     """Return a leg with elevations as a section of stations in three dimensions."""
     assert leg.heights_m is not None

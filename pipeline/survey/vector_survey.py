@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +22,9 @@ from pipeline.survey.geodata import companions
 from pipeline.survey.geojson import read_geojson
 from pipeline.survey.legs import build_workings
 from pipeline.survey.shapes import Shapes, locate, require_simple, workings_of
+from pipeline.survey.sheets import draw_sheets, has_relief
 from pipeline.survey.solved.read import SOLVED_SUFFIXES, survey_files
-from pipeline.types import METRIC, Frame, Georeference, Image
+from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Seam
 
 VectorSurvey = VectorSurveyParams | PassageSurveyParams | ProceduralSurveyParams | VariantSurveyParams
 _FINEST_PX_PER_M, _WIDEST_PX = 8.0, 6000
@@ -31,8 +33,8 @@ _ORIGIN_AT = 0.25  # of a pixel: walls at whole and half metres then miss pixel 
 
 def draw_vector_survey(
     params: VectorSurvey, content: Shapes | None = None
-) -> tuple[MultiPolygon, Georeference, Image, Frame]:
-    """Return a survey's workings (m, mine frame), their georeference, their plan and its frame.
+) -> tuple[MultiPolygon, Georeference, Image, Frame, Heights | None]:
+    """Return a survey's workings (m, plan), their georeference, their plan and its frame, and heights if it has any.
 
     A procedural mine with `as_picture` has no workings: stage 2 traces them from the plan.
 
@@ -43,7 +45,7 @@ def draw_vector_survey(
     InputError
         If the file cannot be read or holds no workings.
     """
-    workings, georeference = _read(params, content)
+    workings, georeference, heights = _read(params, content)
     if workings.is_empty:
         raise InputError(f"{_name(params)}: the workings have no area")
     west, south, east, north = workings.bounds
@@ -56,9 +58,10 @@ def draw_vector_survey(
     per_m = params.px_per_m or min(_FINEST_PX_PER_M, _WIDEST_PX / widest)
     frame = frame_around((west - m, south - m, east + m, north + m), per_m, _ORIGIN_AT)
     if params.kind != "procedural" or not params.as_picture:
-        return workings, georeference, draw_workings(workings, frame, params.labels_m, params.drawing_grey), frame
+        plan = draw_workings(workings, frame, params.labels_m, params.drawing_grey)
+        return workings, georeference, plan, frame, heights
     plan = draw_picture(workings, frame, params.drawing_grey, params.anti_aliased, params.jpeg_quality)
-    return MultiPolygon(), georeference, plan, frame
+    return MultiPolygon(), georeference, plan, frame, None
 
 
 def read_shapes(path: Path, layers: list[str] | None) -> Shapes:
@@ -75,37 +78,56 @@ def read_shapes(path: Path, layers: list[str] | None) -> Shapes:
     return require_simple(path, reader(path, layers))
 
 
-def _read(params: VectorSurvey, content: Shapes | None) -> tuple[MultiPolygon, Georeference]:
+def _read(params: VectorSurvey, content: Shapes | None) -> tuple[MultiPolygon, Georeference, Heights | None]:
     match params.kind:
         case "procedural":
             rng = np.random.default_rng(params.seed)
             workings = generate_workings(rib_noise_m=params.rib_noise_m, rng=rng, **params.mine.model_dump())
             rough = params.rough_walls
-            return (roughen_walls(workings, rng=rng, **rough.model_dump()) if rough else workings), METRIC
+            return (roughen_walls(workings, rng=rng, **rough.model_dump()) if rough else workings), METRIC, None
         case "variant":
             path = Path(params.workings)
             shapes, georeference = locate(path, require_simple(path, read_geojson(path, None)), None, None)
             workings, rng = workings_of(path, shapes, 0.0, []), np.random.default_rng(params.seed)
             perturbed = perturb_workings(workings, params.station_sd_m, params.width_sd_m, params.reach_m, rng)
-            return perturbed, georeference
+            return perturbed, georeference, None
         case "passages":
             return _read_passages(Path(params.file), params.origin)
     path = Path(params.file)
     content = content or read_shapes(path, params.layers)
     shapes, georeference = locate(path, content, params.unit, params.origin)
-    return workings_of(path, shapes, params.snap_m, list(params.seeds_m)), georeference
+    return workings_of(path, shapes, params.snap_m, list(params.seeds_m)), georeference, None
 
 
-def _read_passages(path: Path, origin: tuple[float, float] | None) -> tuple[MultiPolygon, Georeference]:
+def _read_passages(path: Path, origin: tuple[float, float] | None) -> tuple[MultiPolygon, Georeference, Heights | None]:
     reader = PASSAGE_READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(f"{path}: not a supported passage survey ({', '.join(PASSAGE_READERS)})")
     legs, crs = reader(path)
-    built: BaseGeometry = build_workings(legs)
+    heights = None
+    if has_relief(legs):
+        sheets, heights = draw_sheets(path, legs)
+        built: BaseGeometry = sheets
+    else:
+        built = build_workings(legs)
     if built.is_empty:
         raise InputError(f"{path}: the stations' walls enclose no area")
     shapes, georeference = locate(path, Shapes([built], "m"), "m", origin)
-    return as_polygons(shapely.union_all(shapes)), Georeference("m", 1.0, georeference.origin, crs)
+    place = Georeference("m", 1.0, georeference.origin, crs)
+    if heights is None:
+        return as_polygons(shapely.union_all(shapes)), place, None
+    return shapes[0], place, _moved(heights, georeference.origin)
+
+
+def _moved(heights: Heights, origin: tuple[float, float]) -> Heights:
+    """Return heights about another origin of the mine frame."""
+    east, north = origin
+    lines = [[(x - east, y - north, z) for x, y, z in line] for line in heights.lines]
+    seams = [
+        Seam(seam.sheets, tuple((x - east, y - north) for x, y in seam.ends_m))  # type: ignore[arg-type]
+        for seam in heights.seams
+    ]
+    return dataclasses.replace(heights, lines=lines, seams=seams)
 
 
 def _name(params: VectorSurvey) -> str:

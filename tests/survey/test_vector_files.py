@@ -221,7 +221,7 @@ def test_walls_at_whole_and_half_metres_miss_all_pixel_centres(tmp_path, monkeyp
         )
     )
     fields = {"kind": "vector", "name": "mine", "file": "data/mine.geojson", "unit": "m", "origin": (0.0, 0.0)}
-    workings, _, _, frame = draw_vector_survey(VectorSurveyParams.model_validate(fields))
+    workings, _, _, frame, _ = draw_vector_survey(VectorSurveyParams.model_validate(fields))
     drawn = fill_polygon(workings, frame)
     for shift_m in (0.01, -0.01):
         assert (fill_polygon(translate(workings, shift_m, shift_m), frame) == drawn).all()

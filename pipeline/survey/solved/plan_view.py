@@ -12,14 +12,13 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.survey.legs import Chain, SurveyLeg, legs_of_chains
 from pipeline.survey.shapes import require_at_most
-from pipeline.survey.solved.flatness import Section, require_flat
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 
 Nodes = list[int]
 
 
 def plan_legs(path: Path, survey: SolvedSurvey) -> list[SurveyLeg]:
-    """Return the legs of a solved survey in plan.
+    """Return the legs of a solved survey in plan, with their heights.
 
     Its passages' cross-sections make the legs; a leg of the centreline that joins two cross-sections of different
     passages joins these. A survey without cross-sections gets its walls from its splays: of those within 45 deg of
@@ -28,8 +27,7 @@ def plan_legs(path: Path, survey: SolvedSurvey) -> list[SurveyLeg]:
     Raises
     ------
     InputError
-        If no walls are known, the workings pass over each other, a leg is too steep, or the legs are not connected. The
-        message names the file and the stations.
+        If no walls are known, or the legs are not connected. The message names the file and the stations.
 
     Returns
     -------
@@ -45,7 +43,11 @@ def plan_legs(path: Path, survey: SolvedSurvey) -> list[SurveyLeg]:
         if not (survey.leg_flags & LegFlag.SPLAY).any():
             raise InputError(f"{path}: no cross-sections and no splays; distances to the walls are needed")
         rows = [(chain, plan.splay_walls(chain)) for chain in plan.chains()]
-    require_flat(path, [plan.section(nodes, walls) for nodes, walls in rows])
+    heights = {
+        plan.names[node]: (float(plan.places[node, 2]), float(w[2]), float(w[3]))
+        for nodes, walls in rows
+        for node, w in zip(nodes, walls, strict=True)
+    }
     chains: list[Chain] = [
         [
             (plan.names[node], (float(plan.places[node, 0]), float(plan.places[node, 1])), (float(w[0]), float(w[1])))
@@ -53,7 +55,7 @@ def plan_legs(path: Path, survey: SolvedSurvey) -> list[SurveyLeg]:
         ]
         for nodes, walls in rows
     ]
-    return legs_of_chains(path, chains)
+    return legs_of_chains(path, chains, heights)
 
 
 class _Plan:
@@ -122,10 +124,6 @@ class _Plan:
                 by_node[int(self.node[start])].append(self.survey.positions_m[end] - self.survey.positions_m[start])
             self._by_node = {node: np.array(steps) for node, steps in by_node.items()}
         return self._by_node
-
-    def section(self, nodes: Nodes, walls: np.ndarray) -> Section:
-        """Return a row of stations with its walls, for the check of flatness."""
-        return Section([self.names[node] for node in nodes], self.places[nodes], walls)
 
 
 def _walk(graph: nx.Graph, start: int, follower: int, left: set[frozenset[int]]) -> Nodes:

@@ -1,0 +1,221 @@
+"""The floor of a mine: a triangle mesh in plan with a height at each vertex, which folds the plan into space.
+
+Everything in a world is made in the plan, with z measured from the floor. Folding adds the floor's height. Where
+workings pass over each other, the plan is drawn by level: each sheet, a piece of floor that is single-valued in plan,
+is moved aside by its offset, and folding moves it back. A flat mine has a floor without triangles, which folds nothing.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from minexplore.tiles import Tile, group_by_tile, tiles_at
+
+_TILE_M = 4.0  # faces are looked up by square tiles of the plan
+_SEAM_M = 12.0  # edges of two sheets that are nearer than this belong to one seam
+_CHUNK = 2_000_000  # pairs of a place and a triangle that are tried at once
+
+
+@dataclass(frozen=True)
+class Floor:
+    """A floor: `vertices` (n, 3) m, plan; `faces` (m, 3), counter-clockwise in plan; the sheet of each face.
+
+    `offset_m` (sheets, 2) is how far each sheet is moved aside in plan; the first is not moved.
+    """
+
+    vertices: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    faces: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.int32))
+    sheet: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
+    offset_m: np.ndarray = field(default_factory=lambda: np.zeros((1, 2)))
+
+    @property
+    def is_flat(self) -> bool:
+        """Return whether the floor is the plane of the plan."""
+        return not len(self.faces)
+
+    @functools.cached_property
+    def planes(self) -> np.ndarray:
+        """Return each face's plane (m, 3): z = a x + b y + c."""
+        corners = self.vertices[self.faces]
+        places = np.concatenate([corners[:, :, :2], np.ones((len(corners), 3, 1))], axis=2)
+        return np.linalg.solve(places, corners[:, :, 2:])[:, :, 0]
+
+    @functools.cached_property
+    def _to_barycentric(self) -> np.ndarray:
+        corners = self.vertices[self.faces]
+        places = np.concatenate([corners[:, :, :2], np.ones((len(corners), 3, 1))], axis=2)
+        return np.linalg.inv(np.swapaxes(places, 1, 2))
+
+    @functools.cached_property
+    def _near(self) -> dict[Tile, np.ndarray]:
+        return {}
+
+    @functools.cached_property
+    def _boxes(self) -> tuple[np.ndarray, np.ndarray]:
+        corners = self.vertices[self.faces, :2]
+        return corners.min(axis=1), corners.max(axis=1)
+
+    def _faces_near(self, tile: Tile) -> np.ndarray:
+        """Return the faces whose boxes meet a tile."""
+        if tile not in self._near:
+            low = np.array(tile) * _TILE_M
+            least, most = self._boxes
+            meets = ((least <= low + _TILE_M) & (most >= low)).all(axis=1)
+            self._near[tile] = np.flatnonzero(meets)
+        return self._near[tile]
+
+    def faces_at(self, places_m: np.ndarray) -> np.ndarray:
+        """Return the number of the face (k,) at each place (k, 2) m of the plan, or of one near it if none is there."""
+        found = np.zeros(len(places_m), dtype=int)
+        for tile, rows in group_by_tile(tiles_at(places_m, _TILE_M)):
+            faces = self._faces_near(tile)
+            if not len(faces):  # far from the floor
+                apart = np.abs(self.vertices[self.faces].mean(axis=1)[None, :, :2] - places_m[rows][:, None]).sum(
+                    axis=2
+                )
+                found[rows] = apart.argmin(axis=1)
+                continue
+            places = np.column_stack([places_m[rows], np.ones(len(rows))])
+            for start in range(0, len(rows), _CHUNK // len(faces) + 1):
+                some = slice(start, start + _CHUNK // len(faces) + 1)
+                weights = np.einsum("fij,kj->kfi", self._to_barycentric[faces], places[some]).min(axis=2)
+                found[rows[some]] = faces[weights.argmax(axis=1)]
+        return found
+
+    def heights_at(self, places_m: np.ndarray) -> np.ndarray:
+        """Return the floor's height (k,) m at places (k, 2) m of the plan; zero on a flat floor.
+
+        Beside the floor it is between the heights of the corners of a face nearby.
+        """
+        if self.is_flat:
+            return np.zeros(len(places_m))
+        faces = self.faces_at(places_m)
+        a, b, c = self.planes[faces].T
+        corners = self.vertices[self.faces[faces], 2]
+        return np.clip(a * places_m[:, 0] + b * places_m[:, 1] + c, corners.min(axis=1), corners.max(axis=1))
+
+    def heights_within(self, low_m: np.ndarray, high_m: np.ndarray) -> np.ndarray:
+        """Return the heights of all corners of faces that meet a box of the plan, or of the face nearest to it."""
+        least, most = self._boxes
+        faces = np.flatnonzero(((least <= high_m) & (most >= low_m)).all(axis=1))
+        faces = faces if len(faces) else self.faces_at((low_m + high_m)[None] / 2)
+        return self.vertices[np.unique(self.faces[faces]), 2]
+
+    def frame_at(self, place_m: np.ndarray) -> np.ndarray:
+        """Return axes (3, 3), as columns, on the floor at a place (2,) m: along x, left of it, the floor's normal."""
+        if self.is_flat:
+            return np.eye(3)
+        a, b, _ = self.planes[self.faces_at(place_m[None])[0]]
+        normal = np.array([-a, -b, 1.0]) / np.sqrt(a * a + b * b + 1)
+        ahead = np.array([1.0, 0.0, a]) / np.sqrt(1 + a * a)
+        return np.column_stack([ahead, np.cross(normal, ahead), normal])
+
+    def offsets_at(self, places_m: np.ndarray) -> np.ndarray:
+        """Return how far (k, 2) m the sheets at places (k, 2) m of the plan are moved aside."""
+        return self.offset_m[self.sheets_at(places_m)]
+
+    def sheets_at(self, places_m: np.ndarray) -> np.ndarray:
+        """Return the number of the sheet (k,) about each place (k, 2) m of the plan; sheets lie from west to east."""
+        return np.searchsorted(self._borders, places_m[:, 0])
+
+    @functools.cached_property
+    def _borders(self) -> np.ndarray:
+        """Return the eastings (sheets - 1,) m half-way between neighbouring sheets."""
+        corners = [self.vertices[self.faces[self.sheet == k].ravel(), 0] for k in range(len(self.offset_m))]
+        return np.array([(one.max() + two.min()) / 2 for one, two in itertools.pairwise(corners)])
+
+    def wall_edges(self) -> list[tuple[int, tuple[int, int]]]:
+        """Return the face and the corners of each edge on the boundary; edges that two sheets share are none."""
+        edges = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]]).astype(np.int64)
+        face = np.tile(np.arange(len(self.faces)), 3)
+        number, count = self._joined[edges], len(self.vertices)
+        own, turned = (number[:, k] * count + number[:, 1 - k] for k in (0, 1))
+        alone = np.flatnonzero(~np.isin(own, turned))
+        return [(int(face[k]), (int(edges[k, 0]), int(edges[k, 1]))) for k in alone]
+
+    @functools.cached_property
+    def _joined(self) -> np.ndarray:
+        """Return a number (n,) for each vertex, the same for those of two sheets at one place of the mine frame."""
+        if len(self.offset_m) == 1:
+            return np.arange(len(self.vertices))
+        sheet = np.zeros(len(self.vertices), dtype=int)
+        sheet[self.faces.ravel()] = np.repeat(self.sheet, 3)
+        places = self.vertices.copy()
+        places[:, :2] -= self.offset_m[sheet]
+        return np.unique(places.round(4), axis=0, return_inverse=True)[1].reshape(-1)
+
+    def seams(self) -> np.ndarray:
+        """Return the middle of each seam (k, 2, 2) m in the plan of both its sheets."""
+        edges = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]]).astype(np.int64)
+        sheet, number, count = np.tile(self.sheet, 3), self._joined[edges], len(self.vertices)
+        own = {int(a * count + b): k for k, (a, b) in enumerate(number.tolist())}
+        middles: dict[tuple[int, int, int], list[np.ndarray]] = {}
+        for k, (a, b) in enumerate(number.tolist()):
+            other = own.get(int(b * count + a))
+            if other is None or sheet[other] <= sheet[k]:
+                continue
+            pair = np.array([self.vertices[edges[e], :2].mean(axis=0) for e in (k, other)])
+            for key, found in middles.items():  # the edges of one seam lie on one line, end to end
+                if key[:2] == (sheet[k], sheet[other]) and any(np.hypot(*(f[0] - pair[0])) < _SEAM_M for f in found):
+                    found.append(pair)
+                    break
+            else:
+                middles[int(sheet[k]), int(sheet[other]), k] = [pair]
+        return np.array([np.mean(found, axis=0) for found in middles.values()]).reshape(-1, 2, 2)
+
+    def wall_segments(self) -> np.ndarray:
+        """Return the walls (k, 2, 2) m in plan; the seams between sheets are none."""
+        return np.array([self.vertices[list(edge), :2] for _, edge in self.wall_edges()])
+
+    def fold(self, points_m: np.ndarray) -> np.ndarray:
+        """Return points (k, 3) m of the plan, z from the floor, in the mine frame."""
+        if self.is_flat:
+            return points_m
+        places = points_m[:, :2]
+        return np.column_stack([places - self.offsets_at(places), points_m[:, 2] + self.heights_at(places)])
+
+    def unfold(self, points_m: np.ndarray, about_m: float = 1.0) -> np.ndarray:
+        """Return points (k, 3) m of the mine frame in the plan, z from the floor.
+
+        Of the sheets above and below a point, it belongs to the one whose floor is most nearly `about_m` below it.
+        """
+        if self.is_flat:
+            return points_m
+        if len(self.offset_m) == 1:
+            return np.column_stack([points_m[:, :2], points_m[:, 2] - self.heights_at(points_m[:, :2])])
+        best = np.full((len(points_m), 3), np.inf)
+        for number, offset in enumerate(self.offset_m):
+            places = points_m[:, :2] + offset
+            faces = self.faces_at(places)
+            above = points_m[:, 2] - self.heights_at(places)
+            nearer = np.abs(above - about_m) < np.abs(best[:, 2] - about_m)
+            nearer &= (self.sheet[faces] == number) & self._covers(faces, places)
+            best[nearer] = np.column_stack([places, above])[nearer]
+        lost = np.flatnonzero(~np.isfinite(best[:, 2]))
+        if len(lost):  # beside the floor: of the sheet with the nearest corner
+            corners = self.vertices[self.faces[:, 0]] + [0.0, 0.0, about_m]
+            corners[:, :2] -= self.offset_m[self.sheet]
+            for k in lost.tolist():
+                nearest = np.square(corners - points_m[k]).sum(axis=1).argmin()
+                place = points_m[k, :2] + self.offset_m[self.sheet[nearest]]
+                best[k] = *place, points_m[k, 2] - self.heights_at(place[None])[0]
+        return best
+
+    def unfold_body(self, points_m: np.ndarray, about_m: float = 1.0) -> np.ndarray:
+        """Return the points (k, 3) m of one body in the plan of the sheet that its middle belongs to."""
+        middle = points_m.mean(axis=0)[None]
+        places = points_m[:, :2] + (self.unfold(middle, about_m) - middle)[0, :2]
+        return np.column_stack([places, points_m[:, 2] - self.heights_at(places)])
+
+    def covers(self, places_m: np.ndarray) -> np.ndarray:
+        """Return whether there is floor (k,) at places (k, 2) m of the plan, to a centimetre or so."""
+        return self._covers(self.faces_at(places_m), places_m)
+
+    def _covers(self, faces: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        """Return whether faces (k,) cover places (k, 2) m, to a centimetre or so."""
+        places = np.column_stack([places_m, np.ones(len(places_m))])
+        return np.asarray(np.einsum("kij,kj->ki", self._to_barycentric[faces], places).min(axis=1) > -0.01)

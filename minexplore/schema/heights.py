@@ -1,0 +1,219 @@
+"""The tables of a world with heights: its floor's mesh, and the wedges of floor and roof in place of level boxes."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import zipfile
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from minexplore.bundle import (
+    FLOOR,
+    MODEL,
+    RECORD,
+    ROCK_CLASS,
+    ROOF_GEOM,
+    SLAB_M,
+    BundleError,
+    GeomGroup,
+    floor_geom,
+    has_heights,
+    is_floor,
+    is_roof,
+    zone_of_wedge,
+)
+from minexplore.floor import Floor
+from minexplore.schema.arrays import UNREADABLE, read_array
+from minexplore.schema.attributes import Attribute, Element, named, required
+from minexplore.schema.model import MOST_PARTS, REACH_M, ZONE_NAME
+from minexplore.schema.rules import exactly, matching, number, numbers, numbers_in, points, same, whole
+from minexplore.schema.xml import Node
+
+MOST_FACES = 1_000_000
+MOST_SHEETS = 1000
+_ARRAYS = {"vertices": ("<f8", 2), "faces": ("<i4", 2), "sheet": ("<i4", 1), "offset_m": ("<f8", 2)}
+_STEEPEST_DEG = 45.0
+_ON_FLOOR_M = 0.005
+_FLOOR_WEDGE, _ROOF_WEDGE = rf"floor_{ZONE_NAME}_\d{{5}}", r"roof_\d{5}"
+_PLACE = Attribute(numbers(3, -REACH_M, REACH_M), "0 0 0")
+_NOT_TURNED = Attribute(exactly("1 0 0 0"), "1 0 0 0")
+
+HEIGHT_FIELDS = {
+    "low_m": number(-REACH_M, REACH_M),
+    "high_m": number(-REACH_M, REACH_M),
+    "steepest_deg": number(0, _STEEPEST_DEG),
+    "sheets": whole(1, MOST_SHEETS),
+    "floor_wedges": whole(1, MOST_PARTS),
+    "roof_wedges": whole(1, MOST_PARTS),
+}
+
+
+def _mesh(pattern: str) -> Element:
+    attributes = {**named(pattern), "vertex": required(points(6, 4096, REACH_M))}
+    return Element("mesh", attributes, name=pattern, most=MOST_PARTS)
+
+
+def _solid(pattern: str, attributes: Mapping[str, Attribute]) -> Element:
+    common = {
+        **named(pattern),
+        "pos": _PLACE,
+        "quat": _NOT_TURNED,
+        "type": required(exactly("mesh")),
+        "mesh": required(matching(pattern, "the mesh of the geom's name")),
+    }
+    return Element("geom", {**common, **attributes}, name=pattern, most=MOST_PARTS)
+
+
+_FLOOR_GEOM = _solid(
+    _FLOOR_WEDGE,
+    {
+        "priority": required(exactly("1")),
+        "friction": Attribute(numbers(1, 1e-6, 2), "1"),
+        "material": required(matching(f"ground_{ZONE_NAME}", "the material of a floor zone")),
+    },
+)
+_ROOF_GEOM = _solid(
+    _ROOF_WEDGE,
+    {"class": required(exactly(ROCK_CLASS)), "group": required(exactly(str(GeomGroup.ROOF.value)))},
+)
+
+
+def with_heights(table: Element) -> Element:
+    """Return the table of `mine.xml` with wedges in place of the level boxes of floor and roof."""
+    swapped = {f"floor_{ZONE_NAME}": _FLOOR_GEOM, ROOF_GEOM: _ROOF_GEOM}
+    children = [
+        swapped.get(child.name, with_heights(child)) if child.tag == "geom" else with_heights(child)
+        for child in table.children
+    ]
+    if table.tag == "asset":
+        children += [_mesh(_FLOOR_WEDGE), _mesh(_ROOF_WEDGE)]
+    return dataclasses.replace(table, children=tuple(children))
+
+
+def read_floor(record: Mapping[str, Any], files: Mapping[str, bytes]) -> Floor:
+    """Return the floor of a world, one without triangles where the record states no heights.
+
+    Raises
+    ------
+    BundleError
+        If the file is missing or not expected, or no floor that a builder writes.
+    """
+    if has_heights(record) != (FLOOR in files):
+        raise BundleError(f"{FLOOR}: {'missing' if has_heights(record) else f'{RECORD} states no heights'}")
+    if not has_heights(record):
+        return Floor()
+    try:
+        with zipfile.ZipFile(io.BytesIO(files[FLOOR])) as archive:
+            names = sorted(archive.namelist())
+            if names != sorted(f"{name}.npy" for name in _ARRAYS):
+                raise BundleError(f"{FLOOR}: holds {names}, want {', '.join(_ARRAYS)}")
+            arrays = {name: read_array(FLOOR, archive, name, *want, 3 * MOST_FACES) for name, want in _ARRAYS.items()}
+    except BundleError:
+        raise
+    except (*UNREADABLE, ValueError, RuntimeError) as error:
+        raise BundleError(f"{FLOOR}: cannot be read ({str(error)[:100]})") from error
+    floor = Floor(**arrays)
+    _check_floor(floor, record)
+    return floor
+
+
+def _check_floor(floor: Floor, record: Mapping[str, Any]) -> None:
+    heights, (west, south, east, north) = record["heights"], record["world_m"]
+    vertices, faces, sheet, offset = floor.vertices, floor.faces, floor.sheet, floor.offset_m
+    if vertices.shape[1:] != (3,) or faces.shape[1:] != (3,) or offset.shape != (heights["sheets"], 2):
+        raise BundleError(
+            f"{FLOOR}: shapes {vertices.shape}, {faces.shape} and {offset.shape}: want 3, 3 and sheets x 2"
+        )
+    if not len(faces) or len(sheet) != len(faces) or faces.min() < 0 or faces.max() >= len(vertices):
+        raise BundleError(f"{FLOOR}: no faces, a face of a vertex that is not there, or one without its sheet")
+    if sheet.min() < 0 or sheet.max() >= len(offset) or not np.isfinite(offset).all() or offset[0].any():
+        raise BundleError(f"{FLOOR}: a sheet that is not there, or an offset that is not finite or of the first sheet")
+    low, high = np.array([west, south, -REACH_M]), np.array([east, north, REACH_M])
+    if not ((vertices >= low) & (vertices <= high)).all():
+        raise BundleError(f"{FLOOR}: a corner outside world_m = {record['world_m']}")
+    found = float(vertices[:, 2].min()), float(vertices[:, 2].max())
+    if np.abs(np.subtract(found, (heights["low_m"], heights["high_m"]))).max() > 1e-9:
+        raise BundleError(
+            f"{RECORD}: heights.low_m, high_m = {heights['low_m']}, {heights['high_m']}: {FLOOR} has {found}"
+        )
+    u, v = (vertices[faces[:, k]] - vertices[faces[:, 0]] for k in (1, 2))
+    if (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] <= 0).any():
+        raise BundleError(f"{FLOOR}: a face that is not counter-clockwise in plan")
+
+
+def check_wedges(
+    of_mine: Mapping[tuple[str, str], Node],
+    of_assets: Mapping[tuple[str, str], Node],
+    record: Mapping[str, Any],
+    floor: Floor,
+) -> None:
+    """Compare the wedges of floor and roof with their numbers, their zones, and the floor's mesh.
+
+    Raises
+    ------
+    BundleError
+        With the path of the first difference.
+    """
+    zones = {floor_geom(zone["name"]): zone for zone in record["zones"]}
+    floors = [name for tag, name in of_mine if tag == "geom" and is_floor(name)]
+    roofs = [name for tag, name in of_mine if tag == "geom" and is_roof(name)]
+    _expect_numbers("floor_wedges", floors, [int(name.rpartition("_")[2]) for name in floors], record)
+    _expect_numbers("roof_wedges", roofs, [int(name.rpartition("_")[2]) for name in roofs], record)
+    shapes = {
+        name
+        for tag, name in of_assets
+        if tag == "mesh" and (is_floor(name) or is_roof(name)) and not _is_file(of_assets[tag, name])
+    }
+    for name in sorted(shapes ^ {*floors, *roofs}):
+        raise BundleError(f"{MODEL}: mesh {name!r}: want one geom of each wedge")
+    for name in floors:
+        geom, zone = of_mine["geom", name], zones.get(zone_of_wedge(name))
+        if zone is None or geom.attributes["material"] != f"ground_{zone['name']}":
+            raise BundleError(f"{MODEL}: {geom.path}@material: {geom.attributes['material']!r}, want that of its zone")
+        if not same(float(geom.attributes.get("friction", "1")), zone["friction"]):
+            raise BundleError(
+                f"{MODEL}: {geom.path}@friction: {geom.attributes.get('friction')}, {RECORD} gives {zone['friction']}"
+            )
+    _expect_slabs(floors, of_mine, of_assets, floor, (-SLAB_M, 0.0))
+    _expect_slabs(roofs, of_mine, of_assets, floor, (record["height_m"], record["height_m"] + SLAB_M))
+
+
+def _is_file(mesh: Node) -> bool:
+    return "file" in mesh.attributes
+
+
+def _expect_numbers(field: str, names: list[str], found: list[int], record: Mapping[str, Any]) -> None:
+    if found != list(range(record["heights"][field])):
+        raise BundleError(
+            f"{MODEL}: {len(names)} wedges of other numbers than 0, 1, 2, ...; {RECORD}: heights.{field} = "
+            f"{record['heights'][field]}"
+        )
+
+
+def _expect_slabs(
+    names: list[str],
+    of_mine: Mapping[tuple[str, str], Node],
+    of_assets: Mapping[tuple[str, str], Node],
+    floor: Floor,
+    levels: tuple[float, float],
+) -> None:
+    """Check that every corner of these wedges lies on the floor's mesh moved up to one of two levels."""
+    for name in names:
+        geom, mesh = of_mine["geom", name], of_assets["mesh", name]
+        if geom.attributes["mesh"] != name:
+            raise BundleError(f"{MODEL}: {geom.path}@mesh: {geom.attributes['mesh']!r}, want a mesh of the geom's name")
+        corners = np.array(numbers_in(mesh.attributes["vertex"])).reshape(-1, 3)
+        corners = corners + (numbers_in(geom.attributes.get("pos", "0 0 0")) or [])
+        unfolded = floor.unfold_body(corners, sum(levels) / 2)
+        if not floor.covers(unfolded[:, :2]).all():
+            raise BundleError(f"{MODEL}: {mesh.path}@vertex: a corner beside the floor of {FLOOR}")
+        above = unfolded[:, 2]
+        off = np.abs(above[:, None] - levels)
+        if off.min(axis=1).max() > _ON_FLOOR_M or off.min(axis=0).max() > _ON_FLOOR_M:
+            raise BundleError(
+                f"{MODEL}: {mesh.path}@vertex: corners {above.min():g} to {above.max():g} m above the floor "
+                f"of {FLOOR}, want {levels[0]:g} and {levels[1]:g}"
+            )

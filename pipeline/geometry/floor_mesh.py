@@ -1,0 +1,194 @@
+"""The floor's mesh: the workings triangulated about lines of known height, with harmonic heights between the lines."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from scipy.sparse import coo_matrix
+from scipy.sparse.linalg import spsolve
+from scipy.spatial import cKDTree
+from shapely.geometry.base import BaseGeometry
+
+from minexplore.floor import Floor
+from pipeline.errors import GeometryError
+from pipeline.geometry.delaunay import Triangulation
+from pipeline.geometry.polyline import arc_length
+from pipeline.types import Points3, Seam
+
+SPACING_M = 3.0  # of the points of a line; a drift is 3 to 6 m wide
+_ON_LINE_M, _ON_WALL_M = 0.02, 0.3  # corners nearer than this to a new point take its place
+_SQUARE = 1.05  # a line across a drift that is so much longer than the shortest is not square to the walls
+_TWIN_M = 1e-6  # between the corners of two sheets on their seam
+_WIDEST_M = 20.0  # beyond this from a line, a wall gets no corner for its points
+
+
+def build_floor(
+    workings: BaseGeometry,
+    lines: list[Points3],
+    steepest_deg: float,
+    offset_m: list[tuple[float, float]] | None = None,
+    seams: list[Seam] | None = None,
+) -> Floor:
+    """Triangulate workings about lines of known floor height and find the heights between.
+
+    The heights are harmonic: the lines' heights are kept, and there is no slope across the walls. Along a straight
+    drift the floor is then linear between the points of its line and level across.
+
+    Parameters
+    ----------
+    workings : shapely Polygon, m, plan
+    lines : list of (k, 3) float64, m
+        Where the floor is known; points outside the workings count for the nearest wall.
+    steepest_deg : float
+        The steepest floor that is built.
+    offset_m, seams : list
+        How far each sheet is moved aside, and the edges that sheets share; the workings then have one part a sheet.
+
+    Raises
+    ------
+    GeometryError
+        If a piece of the workings has no height, or the floor is steeper; the message names the place.
+    """
+    workings = shapely.set_precision(workings, 0.0)  # else results are rounded to the grid that it carries
+    parts = shapely.get_parts(workings)
+    offsets = np.array(offset_m or [(0.0, 0.0)])
+    mesh = Triangulation(workings)
+    known: dict[int, list[float]] = defaultdict(list)
+    fine = [_fill(line) for line in lines]
+    for line in fine:
+        for x, y, z in line.tolist():
+            known[mesh.insert((x, y), _ON_LINE_M)].append(z)
+    closed = shapely.union_all([_seam_line(seam, k, offsets) for seam in seams or [] for k in seam.sheets])
+    for foot, height in _feet(workings, fine):
+        if seams and closed.dwithin(shapely.Point(foot), _ON_WALL_M):
+            continue  # both sheets must have the same corners on their seam: its ends and its middle
+        number = mesh.insert(foot, _ON_WALL_M)
+        if height is not None and np.hypot(*np.subtract(mesh.xy[number], foot)) < _ON_LINE_M:
+            known[number].append(height)
+    points, faces = mesh.arrays()
+    sheet = np.zeros(len(faces), np.int32)
+    if len(parts) > 1:
+        sheet = shapely.STRtree(parts).nearest(shapely.points(points[faces].mean(axis=1))).astype(np.int32)
+    twin = _twins(points, faces, sheet, offsets, seams or [])
+    heights = _harmonic(points, faces, twin, {number: float(np.mean(values)) for number, values in known.items()})
+    floor = Floor(np.column_stack([points, heights]), faces, sheet, offsets)
+    require_gentle(floor, steepest_deg)
+    return floor
+
+
+def _seam_line(seam: Seam, sheet: int, offsets: np.ndarray) -> BaseGeometry:
+    return shapely.LineString(np.array(seam.ends_m) + offsets[sheet])
+
+
+def _twins(
+    points: np.ndarray, faces: np.ndarray, sheet: np.ndarray, offsets: np.ndarray, seams: list[Seam]
+) -> np.ndarray:
+    """Return for each point its own number, or of two points at one place of a seam the lower number."""
+    twin = np.arange(len(points))
+    for seam in seams:
+        rows = []
+        for k in seam.sheets:
+            own = np.unique(faces[sheet == k])
+            near = shapely.dwithin(_seam_line(seam, k, offsets), shapely.points(points[own]), _TWIN_M)
+            rows.append(own[near])
+        places = [points[own] - offsets[k] for own, k in zip(rows, seam.sheets, strict=True)]
+        apart, match = cKDTree(places[1]).query(places[0])
+        if len(rows[0]) != len(rows[1]) or apart.max() > _TWIN_M:
+            x, y = np.mean(seam.ends_m, axis=0)
+            raise GeometryError(f"floor: the sheets {seam.sheets} do not fit together at ({x:.1f}, {y:.1f})")
+        points[rows[1][match]] = places[0] + offsets[seam.sheets[1]]
+        low = np.minimum(twin[rows[0]], twin[rows[1][match]])
+        twin[rows[0]] = twin[rows[1][match]] = low
+    return twin
+
+
+def steepness_deg(floor: Floor) -> np.ndarray:
+    """Return the angle (m,) deg between each face and the level."""
+    return np.degrees(np.arctan(np.hypot(floor.planes[:, 0], floor.planes[:, 1])))
+
+
+def require_gentle(floor: Floor, steepest_deg: float) -> None:
+    """Refuse a floor with a face steeper than a limit; slivers, over which a robot does not notice, may be."""
+    corners = floor.vertices[floor.faces]
+    rise = np.ptp(corners[:, :, 2], axis=1)
+    steep = np.where(rise > 0.05, steepness_deg(floor), 0.0)
+    worst = int(steep.argmax())
+    if steep[worst] > steepest_deg:
+        x, y, z = corners[worst].mean(axis=0)
+        raise GeometryError(
+            f"floor: {steep[worst]:.1f} deg steep at ({x:.1f}, {y:.1f}), {z:.1f} m high, over {rise[worst]:.2f} m; the "
+            f"limit is compile3d.steepest_deg = {steepest_deg:g}; do two drifts of different heights touch in plan?"
+        )
+
+
+def _fill(line: Points3) -> Points3:
+    """Return a line with further points, no more than the spacing apart."""
+    along = arc_length(line[:, :2])
+    pieces = [np.linspace(a, b, max(2, int(np.ceil((b - a) / SPACING_M)) + 1))[:-1] for a, b in pairwise(along)]
+    at = np.concatenate([*pieces, along[-1:]])
+    return np.column_stack([np.interp(at, along, line[:, k]) for k in range(3)])
+
+
+def _feet(workings: BaseGeometry, lines: list[Points3]) -> list[tuple[tuple[float, float], float | None]]:
+    """Return where level lines across the drift meet the walls, each with its height, None near junctions and bends."""
+    starts, ends, of = [], [], []
+    for number, line in enumerate(lines):
+        heading = np.gradient(line[:, :2], axis=0) if len(line) > 1 else np.zeros((1, 2))
+        heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-9)
+        left = np.column_stack([-heading[:, 1], heading[:, 0]])
+        for side in (left, -left):
+            starts.append(line)
+            ends.append(line[:, :2] + _WIDEST_M * side)
+            of += [number] * len(line)
+    start, end, line_of = np.concatenate(starts), np.concatenate(ends), np.array(of)
+    shapely.prepare(workings)
+    inside = shapely.contains_xy(workings, start[:, 0], start[:, 1])
+    start, end, line_of = start[inside], end[inside], line_of[inside]
+    wall, every = workings.boundary, cKDTree(start[:, :2])
+    hits = shapely.intersection(shapely.linestrings(np.stack([start[:, :2], end], axis=1)), wall)
+    clearance = shapely.distance(wall, shapely.points(start[:, :2]))
+    feet: list[tuple[tuple[float, float], float | None]] = []
+    for k, ((x0, y0, z), near_m, hit) in enumerate(zip(start.tolist(), clearance.tolist(), hits, strict=True)):
+        places = shapely.get_coordinates(hit)
+        if len(places):
+            apart = np.hypot(places[:, 0] - x0, places[:, 1] - y0)
+            x, y = places[apart.argmin()].tolist()
+            own = float(apart.min())
+            is_square = own <= _SQUARE * near_m and every.query((x, y))[0] > own / _SQUARE
+            is_level = is_square and (line_of[every.query_ball_point((x0, y0), 2 * own)] == line_of[k]).all()
+            feet.append(((x, y), z if is_level else None))
+    return feet
+
+
+def _harmonic(points: np.ndarray, faces: np.ndarray, twin: np.ndarray, known: dict[int, float]) -> np.ndarray:
+    """Return the heights (n,) of the harmonic function with known values at some points, by linear finite elements.
+
+    Points with the same number in `twin` have one height.
+    """
+    rows, cols, weights = [], [], []
+    for k in range(3):
+        a, b, c = faces[:, k], faces[:, (k + 1) % 3], faces[:, (k + 2) % 3]
+        u, v = points[a] - points[c], points[b] - points[c]
+        area2 = np.maximum(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0], 1e-12)
+        weight = (u * v).sum(axis=1) / area2 / 2
+        rows += [twin[a], twin[b]]
+        cols += [twin[b], twin[a]]
+        weights += [weight, weight]
+    i, j, w = np.concatenate(rows), np.concatenate(cols), np.concatenate(weights)
+    n = len(points)
+    stiff = (coo_matrix((w, (i, i)), (n, n)) - coo_matrix((w, (i, j)), (n, n))).tocsr()
+    fixed = {int(twin[number]): height for number, height in known.items()}
+    pinned = np.array(sorted(fixed), dtype=int)
+    heights = np.zeros(n)
+    heights[pinned] = [fixed[k] for k in pinned.tolist()]
+    free = np.setdiff1d(twin, pinned)
+    if len(free):
+        found = np.asarray(spsolve(stiff[free][:, free].tocsc(), -stiff[free][:, pinned] @ heights[pinned]))
+        if not np.isfinite(found).all():
+            x, y = points[free[int(np.argmin(np.isfinite(found)))]]
+            raise GeometryError(f"floor: no height is known for the workings at ({x:.1f}, {y:.1f})")
+        heights[free] = found
+    return heights[twin]

@@ -1,0 +1,116 @@
+"""Several sheets in one plan: where they join, their network, and the area inside their outlines."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from networkx.utils import UnionFind
+from shapely import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from minexplore.floor import Floor
+from pipeline.errors import GeometryError
+from pipeline.geometry.skeleton import trace_network
+from pipeline.types import DriftNetwork, Heights, Leg
+
+Place = tuple[float, float]
+SeamPlaces = tuple[Place, Place]  # the middle of a seam in the plan of either sheet, m
+
+
+def plan_seams(heights: Heights | None) -> list[SeamPlaces]:
+    """Return the middle of each seam in the plan of both its sheets."""
+    found = []
+    for seam in heights.seams if heights else []:
+        middle = np.mean(seam.ends_m, axis=0)
+        one, two = (middle + heights.offset_m[k] for k in seam.sheets)  # type: ignore[union-attr]
+        found.append(((float(one[0]), float(one[1])), (float(two[0]), float(two[1]))))
+    return found
+
+
+def floor_seams(floor: Floor) -> list[SeamPlaces]:
+    """Return the middle of each seam of a floor in the plan of both its sheets."""
+    return [((a[0], a[1]), (b[0], b[1])) for a, b in floor.seams().tolist()]
+
+
+def whole_of(polygons: MultiPolygon) -> BaseGeometry:
+    """Return the only polygon of a plan, or all if there are several sheets."""
+    return polygons.geoms[0] if len(polygons.geoms) == 1 else polygons
+
+
+def filled(outline: BaseGeometry) -> BaseGeometry:
+    """Return the area inside the outer walls, islands included."""
+    rings = [Polygon(part.exterior) for part in shapely.get_parts(outline)]
+    return rings[0] if len(rings) == 1 else shapely.union_all(rings)
+
+
+def count_islands(outline: BaseGeometry) -> int:
+    """Return the number of islands."""
+    return sum(len(part.interiors) for part in shapely.get_parts(outline))
+
+
+def trace_sheets(
+    free: BaseGeometry, seams: list[SeamPlaces], cell_m: float, min_leg_m: float, station_spacing_m: float
+) -> DriftNetwork:
+    """Trace the network of each sheet, and join them: an end at a seam is no dead end, and loops may cross seams.
+
+    Raises
+    ------
+    GeometryError
+        If a sheet has no network, or the sheets are not connected.
+    """
+    sheets = [trace_network(part, cell_m, min_leg_m, station_spacing_m) for part in shapely.get_parts(free)]
+    sheets = _same_cells(sheets, free, min_leg_m, station_spacing_m)
+    nodes: dict[str, Place] = {}
+    junctions: list[str] = []
+    ends: list[str] = []
+    legs: list[Leg] = []
+    of_sheet: list[dict[str, str]] = []
+    for sheet in sheets:
+        name = {n: f"{n[0]}{len(ends) + i:02d}" for i, n in enumerate(sheet.dead_ends)}
+        others = [n for n in sheet.nodes_m if n not in name]
+        name |= {n: f"J{len(nodes) - len(ends) + i:02d}" for i, n in enumerate(others)}
+        nodes |= {name[n]: place for n, place in sheet.nodes_m.items()}
+        junctions += [name[n] for n in sheet.junctions]
+        ends += [name[n] for n in sheet.dead_ends]
+        of_sheet.append(name)
+        for leg in sheet.legs:
+            own = f"L{len(legs):02d}"
+            legs.append(Leg(own, name[leg.start], name[leg.end], *list(vars(leg).values())[3:]))
+    joined: UnionFind = UnionFind(range(len(sheets)))
+    boxes = [part.bounds for part in shapely.get_parts(free)]
+    open_ends = set(ends)
+    for seam in seams:
+        numbers = [next(k for k, box in enumerate(boxes) if box[0] - 0.1 <= x <= box[2] + 0.1) for x, _ in seam]
+        joined.union(*numbers)
+        for place, k in zip(seam, numbers, strict=True):
+            near = [of_sheet[k][n] for n in sheets[k].dead_ends if of_sheet[k][n] in open_ends]
+            if near:
+                open_ends.discard(min(near, key=lambda n, at=place: float(np.hypot(*np.subtract(nodes[n], at)))))  # type: ignore[misc]
+    components = len({joined[k] for k in range(len(sheets))})
+    if components > 1:
+        raise GeometryError(f"sheets: {len(sheets)} sheets in {components} pieces that no seam joins")
+    main = max(range(len(sheets)), key=lambda k: sheets[k].main_drift_length_m)
+    return DriftNetwork(
+        nodes_m=nodes,
+        legs=legs,
+        junctions=junctions,
+        dead_ends=[n for n in ends if n in open_ends],
+        loops=sum(sheet.loops for sheet in sheets) + len(seams) - len(sheets) + 1,
+        components=1,
+        total_length_m=round(sum(sheet.total_length_m for sheet in sheets), 2),
+        main_drift=[of_sheet[main][n] for n in sheets[main].main_drift],
+        main_drift_m=sheets[main].main_drift_m,
+        main_drift_length_m=sheets[main].main_drift_length_m,
+        cell_m=sheets[0].cell_m,
+    )
+
+
+def _same_cells(
+    sheets: list[DriftNetwork], free: BaseGeometry, min_leg_m: float, spacing_m: float
+) -> list[DriftNetwork]:
+    finest = min(sheet.cell_m for sheet in sheets)
+    parts = shapely.get_parts(free)
+    return [
+        sheet if sheet.cell_m == finest else trace_network(part, finest, min_leg_m, spacing_m)
+        for sheet, part in zip(sheets, parts, strict=True)
+    ]

@@ -1,0 +1,67 @@
+"""The certificate's figures of a floor with heights: walls, floor and roof, exact over every triangle of the floor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from minexplore.bundle import SLAB_M, GeomGroup
+from minexplore.floor import Floor
+from pipeline.geometry.extrude import section_footprint
+from pipeline.metrics.containment import STRIP_M, cover_floor
+from pipeline.mjcf.bundle import World, obstacles, placed_parts
+
+_ON_FLOOR_M = 0.01
+_ROUND_M = 1e-4  # positions have four decimals
+_INSIDE = 0.002  # share of a face that probes at its edges are moved towards its middle
+_ABOVE_M = 0.5  # of a probe over the floor
+
+
+def enclosure_of_floor(
+    world: World, free: Polygon, floor: Floor, parts: list[np.ndarray], slices_m: tuple[float, ...]
+) -> dict[str, Any]:
+    """Return the figures of walls, floor and roof of a world with heights.
+
+    `floor_error_m` is the largest difference between the floor that wheels touch and the floor's mesh, at the middle
+    and near the edges of every triangle.
+    """
+    T = np.array(world.record.T_world_mine)
+    everything = obstacles(world.model, T, world.record.height_m)
+    figures: dict[str, Any] = vars(cover_floor(everything, floor, slices_m)).copy()
+    figures["rock_round_m"] = STRIP_M if figures["missing_m2"] < _ROUND_M * free.length else 0.0
+    height_m = world.record.height_m
+    for name, group, level in (("floor", GeomGroup.FLOOR, 0.0), ("roof", GeomGroup.ROOF, height_m)):
+        figures[f"{name}_open_m2"] = _open_m2(placed_parts(world.model, group, T), floor, free, level)
+    figures["floor_error_m"] = _floor_error_m(world.model, T, floor)
+    return figures
+
+
+def _open_m2(wedges: list[np.ndarray], floor: Floor, free: Polygon, level_m: float) -> float:
+    """Return the area of the workings, m2, over which no wedge has its inner face at a height above the floor."""
+    covered = []
+    for wedge in wedges:
+        inside = floor.unfold_body(wedge, level_m)
+        off = np.abs(inside[:, 2] - level_m)
+        if np.sort(off)[: len(off) // 2].max() < _ON_FLOOR_M and off.max() < SLAB_M + _ON_FLOOR_M:
+            covered.append(section_footprint(inside).buffer(_ROUND_M))
+    return round(float(free.difference(shapely.union_all(covered)).area), 6)
+
+
+def _floor_error_m(model: mujoco.MjModel, T_world_mine: np.ndarray, floor: Floor) -> float:
+    corners = floor.vertices[floor.faces] - np.pad(floor.offset_m, [(0, 0), (0, 1)])[floor.sheet][:, None]
+    middle = corners.mean(axis=1, keepdims=True)
+    edges = (corners + np.roll(corners, -1, axis=1)) / 2
+    probes = np.concatenate([middle, edges + _INSIDE * (middle - edges)], axis=1).reshape(-1, 3)
+    starts = (probes + np.array([0.0, 0.0, _ABOVE_M])) @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    groups = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
+    groups[GeomGroup.FLOOR] = 1
+    hit, down, worst = np.zeros(1, np.int32), -T_world_mine[:3, 2].copy(), 0.0
+    for start in starts:
+        worst = max(worst, abs(mujoco.mj_ray(model, data, start, down, groups, 1, -1, hit, None) - _ABOVE_M))
+    return round(worst, 6)

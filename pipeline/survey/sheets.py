@@ -1,0 +1,297 @@
+"""Cut a survey in three dimensions into sheets: pieces that are single-valued in plan, drawn side by side."""
+
+from __future__ import annotations
+
+import sys
+from collections import deque
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import networkx as nx
+import numpy as np
+import shapely
+from networkx.utils import UnionFind
+from shapely import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.errors import InputError
+from pipeline.geometry.polyline import arc_length
+from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.legs import SurveyLeg
+from pipeline.types import Heights, Seam
+
+_UNIT_M = 8.0  # a cell of the plan reaches half of this from its station along each leg
+_APART_M = 2.3  # workings of different heights that are nearer than this in plan belong to different sheets
+_ROUND = 2.2  # a leg is cut where it is this many half widths long: a station's disc then stays on its side
+_OVERLAP_M2 = 0.01
+_GRID_M, _GAP_M = 10.0, 12.0  # offsets are whole numbers of cells of any grid; between sheets in plan
+_NARROWEST_M = 0.05
+_DIGITS = 4  # of the outlines' coordinates, m
+_SPECK_M2 = 0.05  # smaller holes come from rounding
+
+
+@dataclass
+class _Cell:
+    """A station with its halves of the legs that meet there: outline, and the lines (k, 2, 3) m of its floor."""
+
+    name: str
+    shapes: list[BaseGeometry] = field(default_factory=list)
+    lines: list[np.ndarray] = field(default_factory=list)
+    half_m: float = 0.0
+
+    def height_at(self, x: float, y: float) -> float:
+        """Return the floor's height on the nearest line of the cell."""
+        best, height = np.inf, 0.0
+        for a, b in self.lines:
+            step = b[:2] - a[:2]
+            share = float(np.clip(np.dot((x, y) - a[:2], step) / max(float(np.dot(step, step)), 1e-12), 0.0, 1.0))
+            far = float(np.hypot(*(a[:2] + share * step - (x, y))))
+            if far < best:
+                best, height = far, float(a[2] + share * (b[2] - a[2]))
+        return height
+
+
+def floor_of(leg: SurveyLeg) -> np.ndarray:
+    """Return the floor's height (n,) m at the stations of a leg; a station without a distance down is on the floor."""
+    assert leg.heights_m is not None
+    elevation, _, down = leg.heights_m.T
+    known = np.flatnonzero(np.isfinite(down))
+    filled = np.interp(np.arange(len(down)), known, down[known]) if len(known) else np.zeros(len(down))
+    return np.asarray(elevation - filled)
+
+
+def draw_sheets(path: Path, legs: list[SurveyLeg]) -> tuple[MultiPolygon, Heights]:
+    """Return the workings of each sheet in plan, moved aside but for the first, and the heights of their floors.
+
+    Legs steeper than `steepest_grade` are left out, as a fence would, and the largest connected piece is kept; both are
+    said. Where workings lie over each other, legs are cut half-way between two stations.
+
+    Raises
+    ------
+    InputError
+        If nothing remains, or workings pass over each other between two stations; the message names the stations.
+    """
+    kept = _gentle(path, legs)
+    cells, graph, ways = _cells(kept)
+    whole = _largest(path, cells, graph)
+    units = _units(whole, cells)
+    conflicts = _conflicts(path, cells, units, whole)
+    sheet = _assign(whole, units, conflicts)
+    polygons = _polygons(cells, sheet)
+    offsets = _offsets(polygons)
+    datum = float(np.floor(min(line[:, 2].min() for node in whole for line in cells[node].lines)))
+    lines, seams = [], []
+    for way in ways:
+        for run, number in _runs(way, sheet):
+            moved = np.array(run) + np.array([*offsets[number], -datum])
+            lines.append([(float(x), float(y), float(z)) for x, y, z in moved])
+        seams += _seams(way, sheet, offsets)
+    moved_polygons = [shapely.transform(p, lambda xy, d=offsets[k]: xy + d) for k, p in enumerate(polygons)]
+    heights = Heights(lines=lines, datum_m=datum, offset_m=[(float(x), float(y)) for x, y in offsets], seams=seams)
+    return MultiPolygon(moved_polygons), heights
+
+
+def has_relief(legs: list[SurveyLeg]) -> bool:
+    """Return whether a survey has elevations that differ by more than `flat_step_m`; else its world is flat."""
+    if not legs or any(leg.heights_m is None for leg in legs):
+        return False
+    floors = np.concatenate([floor_of(leg) for leg in legs])
+    return bool(np.isfinite(floors).all() and np.ptp(floors) > reader_limits().flat_step_m)
+
+
+def _gentle(path: Path, legs: list[SurveyLeg]) -> list[SurveyLeg]:
+    """Return the legs without their steep parts."""
+    most, found, steep, first = reader_limits().steepest_grade, [], 0, ""
+    for leg in legs:
+        floor = floor_of(leg)
+        run = np.maximum(np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1), 1e-9)
+        bad = np.abs(np.diff(floor)) > most * run
+        for k in np.flatnonzero(bad).tolist():
+            x, y = leg.positions_m[k]
+            first = first or f"{leg.stations[k]} to {leg.stations[k + 1]} at ({x:.1f}, {y:.1f})"
+        steep += int(bad.sum())
+        cuts = np.flatnonzero(bad) + 1
+        for part in np.split(np.arange(len(floor)), cuts):
+            if len(part) > 1 and leg.heights_m is not None:
+                names = [leg.stations[k] for k in part]
+                found.append(SurveyLeg(leg.name, names, leg.positions_m[part], leg.walls_m[part], leg.heights_m[part]))
+    if not found:
+        raise InputError(f"{path}: every leg is steeper than {most:g} (steepest_grade in {FILE}); nothing to drive on")
+    if steep:
+        print(
+            f"{path.name}: {steep} legs are steeper than {most:g} (steepest_grade in {FILE}) and are fenced off, "
+            f"the first {first}",
+            file=sys.stderr,
+        )
+    return found
+
+
+Way = list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]  # node or "" between two, place (3,), left and right (2,) m
+
+
+def _cells(legs: list[SurveyLeg]) -> tuple[dict[str, _Cell], nx.Graph, list[Way]]:
+    """Return the cells by station, the graph of their neighbours with distances, and each leg's points."""
+    cells: dict[str, _Cell] = {}
+    graph: nx.Graph = nx.Graph()
+    ways: list[Way] = []
+    for number, leg in enumerate(legs):
+        places, names = np.column_stack([leg.positions_m, floor_of(leg)]), list(leg.stations)
+        walls = np.maximum(leg.walls_m, _NARROWEST_M)
+        along = arc_length(places[:, :2])
+        at, nodes = [along[0]], [names[0]]
+        for k, (a, b) in enumerate(pairwise(along)):
+            count = max(1, round((b - a) / _UNIT_M))
+            steps = np.linspace(a, b, 2 * count + 1)[1:]
+            at += steps.tolist()
+            nodes += [name for j in range(1, count) for name in ("", f"{number}:{k}:{j}")] + ["", names[k + 1]]
+        points = np.column_stack([np.interp(at, along, places[:, k]) for k in range(3)])
+        sides = np.column_stack([np.interp(at, along, walls[:, k]) for k in range(2)])
+        heading = np.gradient(points[:, :2], axis=0)
+        heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-12)
+        to_left = np.column_stack([-heading[:, 1], heading[:, 0]])
+        left, right = points[:, :2] + to_left * sides[:, :1], points[:, :2] - to_left * sides[:, 1:]
+        for i, node in enumerate(nodes):
+            if not node:
+                graph.add_edge(nodes[i - 1], nodes[i + 1], length=at[i + 1] - at[i - 1])
+                continue
+            cell = cells.setdefault(node, _Cell(node))
+            cell.half_m = max(cell.half_m, float(sides[i].max()))
+            graph.add_node(node)
+            if node in names:
+                cell.shapes.append(shapely.Point(points[i, :2]).buffer(sides[i].min(), quad_segs=4))
+            for j in (i - 1, i + 1):
+                if 0 <= j < len(nodes):
+                    quad = shapely.multipoints([left[i], left[j], right[j], right[i]])
+                    cell.shapes.append(shapely.convex_hull(quad))
+                    cell.lines.append(np.array([points[i], points[j]]))
+        ways.append(list(zip(nodes, points, left, right, strict=True)))
+    return cells, graph, ways
+
+
+def _largest(path: Path, cells: dict[str, _Cell], graph: nx.Graph) -> nx.Graph:
+    """Return the connected piece with the longest legs, and say what is left out."""
+    pieces = sorted(nx.connected_components(graph), key=lambda nodes: -graph.subgraph(nodes).size(weight="length"))
+    if len(pieces) > 1:
+        lengths = [graph.subgraph(nodes).size(weight="length") for nodes in pieces]
+        print(
+            f"{path.name}: {len(pieces)} pieces are not joined by drivable legs; kept is the one of {lengths[0]:.0f} m "
+            f"about {min(pieces[0])}, left out are {sum(lengths[1:]):.0f} m, the longest {lengths[1]:.0f} m about "
+            f"{min(pieces[1])}",
+            file=sys.stderr,
+        )
+    return graph.subgraph(pieces[0])
+
+
+def _units(graph: nx.Graph, cells: dict[str, _Cell]) -> dict[str, str]:
+    """Return for each cell the unit that it belongs to: cells too near to each other for a cut are one."""
+    groups: UnionFind = UnionFind(graph)
+    for a, b, way in graph.edges(data=True):
+        if way["length"] < _ROUND * max(cells[a].half_m, cells[b].half_m):
+            groups.union(a, b)
+    return {node: groups[node] for node in graph}
+
+
+def _conflicts(path: Path, cells: dict[str, _Cell], units: dict[str, str], graph: nx.Graph) -> dict[str, set[str]]:
+    """Return the units that cannot be in the same sheet: their floors overlap in plan at different heights."""
+    names = sorted(units)
+    shapes = [
+        shapely.union_all([s for s in cells[name].shapes if not s.is_empty]).buffer(_APART_M / 2) for name in names
+    ]
+    tree, step = shapely.STRtree(shapes), reader_limits().flat_step_m
+    found: dict[str, set[str]] = {unit: set() for unit in units.values()}
+    for i, j in tree.query(shapes, predicate="intersects").T.tolist():
+        if i >= j or graph.has_edge(names[i], names[j]):
+            continue
+        common = shapes[i].intersection(shapes[j])
+        if common.area < _OVERLAP_M2:
+            continue
+        at = common.representative_point()
+        one, two = cells[names[i]], cells[names[j]]
+        if abs(one.height_at(at.x, at.y) - two.height_at(at.x, at.y)) <= step:
+            continue
+        a, b = units[names[i]], units[names[j]]
+        if a == b:
+            raise InputError(
+                f"{path}: the workings about {names[i]} and {names[j]} lie over each other at "
+                f"({at.x:.1f}, {at.y:.1f}), and no leg between them is long enough for a cut"
+            )
+        found[a].add(b)
+        found[b].add(a)
+    return found
+
+
+def _assign(graph: nx.Graph, units: dict[str, str], conflicts: dict[str, set[str]]) -> dict[str, int]:
+    """Return the sheet of each cell; a sheet grows along the legs while nothing in it conflicts."""
+    joined: nx.Graph = nx.Graph()
+    joined.add_nodes_from(dict.fromkeys(units.values()))
+    joined.add_edges_from((units[a], units[b]) for a, b in graph.edges if units[a] != units[b])
+    sheet: dict[str, int] = {}
+    starts = deque([next(iter(joined))])
+    while starts:
+        start = starts.popleft()
+        if start in sheet:
+            continue
+        number = len(set(sheet.values()))
+        sheet[start], barred, edge = number, set(conflicts[start]), deque([start])
+        while edge:
+            for unit in joined[edge.popleft()]:
+                if unit in sheet:
+                    continue
+                if unit in barred:
+                    starts.append(unit)
+                    continue
+                sheet[unit] = number
+                barred |= conflicts[unit]
+                edge.append(unit)
+    return {node: sheet[unit] for node, unit in units.items()}
+
+
+def _polygons(cells: dict[str, _Cell], sheet: dict[str, int]) -> list[Polygon]:
+    found = []
+    for number in range(max(sheet.values()) + 1):
+        shapes = [s for node, k in sheet.items() if k == number for s in cells[node].shapes if isinstance(s, Polygon)]
+        whole = shapely.union_all([s for s in shapes if not s.is_empty], grid_size=10.0**-_DIGITS)
+        part = max(shapely.get_parts(shapely.set_precision(whole, 0.0)), key=lambda part: part.area)
+        holes = [ring for ring in part.interiors if Polygon(ring).area > _SPECK_M2]
+        found.append(Polygon(part.exterior, holes))
+    return found
+
+
+def _offsets(polygons: list[Polygon]) -> np.ndarray:
+    """Return how far (sheets, 2) m each sheet is moved east, so that all lie side by side."""
+    offsets, east = np.zeros((len(polygons), 2)), polygons[0].bounds[2]
+    for k, polygon in enumerate(polygons[1:], start=1):
+        west, _, own_east, _ = polygon.bounds
+        offsets[k, 0] = np.ceil((east + _GAP_M - west) / _GRID_M) * _GRID_M
+        east = own_east + offsets[k, 0]
+    return offsets
+
+
+def _runs(way: Way, sheet: dict[str, int]) -> list[tuple[list[np.ndarray], int]]:
+    """Return the pieces of a leg that lie in one sheet, from cut to cut."""
+    runs: list[tuple[list[np.ndarray], int]] = []
+    if way[0][0] not in sheet:
+        return []
+    for i, (node, place, _, _) in enumerate(way):
+        if node:
+            if not runs or runs[-1][1] != sheet[node]:
+                runs.append(([way[i - 1][1]] if i else [], sheet[node]))
+            runs[-1][0].append(place)
+        else:
+            runs[-1][0].append(place)
+    return [(run, number) for run, number in runs if len(run) > 1]
+
+
+def _seams(way: Way, sheet: dict[str, int], offsets: np.ndarray) -> list[Seam]:
+    """Return the cuts of a leg."""
+    seams = []
+    for i in range(1, len(way) - 1):
+        node, _, left, right = way[i]
+        if node or way[0][0] not in sheet:
+            continue
+        a, b = sheet[way[i - 1][0]], sheet[way[i + 1][0]]
+        if a != b:
+            ends = [(round(float(x), _DIGITS), round(float(y), _DIGITS)) for x, y in (left, right)]
+            seams.append(Seam((a, b), (ends[0], ends[1])))
+    return seams

@@ -1,0 +1,206 @@
+"""Worlds with heights: the floor follows the survey, sheets pass over each other, and the certificate holds."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import shapely
+
+from minexplore.bundle import BundleError
+from minexplore.env import MineEnv
+from minexplore.floor import Floor
+from minexplore.schema import check_files, hash_files, read_folder
+from pipeline.compose import compose
+from pipeline.errors import GeometryError, InputError
+from pipeline.geometry.floor_mesh import build_floor, steepness_deg
+from pipeline.geometry.network_heights import floor_lines
+from pipeline.geometry.octree import build_octree, to_bt
+from pipeline.geometry.skeleton import trace_network
+from pipeline.proof.validator import Validator
+from pipeline.survey.sheets import draw_sheets
+from pipeline.survey.spots import read_spots
+from pipeline.survey.stations import read_station_legs
+from pipeline.types import METRIC, Heights
+from tests.heights import RAMP, UNDER, MineWithHeights, certificate_params, levels, spiral, table
+from tests.mines import STRAIGHT, TEE, sealed
+from tests.project import ROOT
+
+GRADE_DEG = np.degrees(np.arctan(0.15))
+
+
+@pytest.fixture(scope="module")
+def light():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        return compose(["preset=light"])
+
+
+@pytest.fixture(scope="module")
+def ramp(light, tmp_path_factory):
+    return MineWithHeights(RAMP, light, tmp_path_factory.mktemp("ramp"))
+
+
+@pytest.fixture(scope="module")
+def under(light, tmp_path_factory):
+    return MineWithHeights(UNDER, light, tmp_path_factory.mktemp("under"))
+
+
+def clauses(mine, light, contacts=100):
+    validator = Validator(certificate_params(light, contacts), mine.bundle, mine.cleaned, mine.raw, mine.survey)
+    return validator.certificate
+
+
+def broken(certificate):
+    return {name: clause.value for name, clause in certificate.clauses.items() if not clause.holds}
+
+
+def test_a_straight_ramp_is_linear_between_its_stations_and_level_across():
+    line = np.array([[0, 2.5, 0], [40, 2.5, 0], [60, 2.5, 3.0], [100, 2.5, 3.0]])
+    floor = build_floor(STRAIGHT, [line], 30.0)
+    places = np.array([[50, 0.1], [50, 2.5], [50, 4.9], [45, 1.0], [20, 4.0], [90, 0.5]])
+    np.testing.assert_allclose(floor.heights_at(places), [1.5, 1.5, 1.5, 0.75, 0.0, 3.0], atol=1e-9)
+    assert steepness_deg(floor).max() == pytest.approx(GRADE_DEG, abs=1e-6)
+
+
+def test_the_mesh_of_a_floor_covers_the_workings_and_neighbours_share_their_edges():
+    floor = build_floor(TEE, [np.array([[0, 2.5, 0], [40.5, 2.5, 2], [80, 2.5, 5.0]])], 30.0)
+    triangles = shapely.polygons(floor.vertices[floor.faces][:, :, :2])
+    assert shapely.area(triangles).sum() == pytest.approx(TEE.area, abs=1e-9)
+    outer = sum(np.hypot(*(floor.vertices[a] - floor.vertices[b])[:2]) for _, (a, b) in floor.wall_edges())
+    assert outer == pytest.approx(TEE.length, abs=1e-9)  # an edge with a floor on one side only is a wall
+
+
+def test_a_floor_folds_and_unfolds_without_loss(under):
+    rng = np.random.default_rng(3)
+    places = under.floor.vertices[under.floor.faces].mean(axis=1)[:, :2]
+    points = np.column_stack([places, rng.uniform(0.1, 3.4, len(places))])
+    folded = under.floor.fold(points)
+    assert np.ptp(folded[:, 2]) > 9
+    np.testing.assert_allclose(under.floor.unfold(folded, 1.75), points, atol=1e-9)
+    flat = Floor()
+    np.testing.assert_array_equal(flat.fold(points), points)
+    assert flat.is_flat
+    assert flat.heights_at(places).max() == 0
+
+
+def test_a_grade_rises_from_the_entrance_along_the_drifts():
+    network = trace_network(TEE, 0.25, 2.0, 3.0)
+    lines = floor_lines(Heights(grade=0.1), network, (2.5, 2.5))
+    points = np.concatenate(lines)
+    run = np.abs(points[:, 0] - 2.5) + np.abs(points[:, 1] - 2.5)  # along the T
+    assert np.abs(points[:, 2] - 0.1 * run).max() < 0.15
+    assert points[:, 2].min() == 0
+
+
+def test_spots_are_joined_linearly_along_the_drifts(tmp_path):
+    path = tmp_path / "spots.csv"
+    path.write_text("easting_m,northing_m,elevation_m\n10,2.5,1200.5\n90,2.5,1204.5\n")
+    heights = read_spots(path, METRIC)
+    assert heights.datum_m == 1200
+    (line,) = floor_lines(heights, trace_network(STRAIGHT, 0.25, 2.0, 3.0), (2.5, 2.5))
+    inside = line[(line[:, 0] > 15) & (line[:, 0] < 85)]
+    np.testing.assert_allclose(inside[:, 2], 0.5 + (inside[:, 0] - 10) / 20, atol=0.1)
+    path.write_text("easting_m,northing_m,elevation_m\n10,60,3\n")
+    with pytest.raises(GeometryError, match=r"the spot \(10\.0, 60\.0\), 0\.00 m high, is .* m from the nearest drift"):
+        floor_lines(read_spots(path, METRIC), trace_network(STRAIGHT, 0.25, 2.0, 3.0), (2.5, 2.5))
+
+
+def test_an_octree_over_a_level_floor_is_that_of_a_flat_mine():
+    free = np.random.default_rng(0).random((30, 40)) > 0.4
+    grid = free, np.array([-3.0, 2.0]), 0.25, 3.5
+    assert to_bt(build_octree(*grid)) == to_bt(build_octree(*grid, np.zeros(free.shape)))
+
+
+def test_stations_of_the_built_floor_lie_within_two_centimetres_of_the_survey(ramp, under):
+    for mine in (ramp, under):
+        stations = mine.stations()
+        assert np.abs(mine.floor.heights_at(stations[:, :2]) - stations[:, 2]).max() < 0.02
+
+
+def test_a_robot_pitches_as_its_drift_does(ramp):
+    env = MineEnv(world=ramp.bundle)
+    env.reset(seed=1)
+    pitch = {}
+    for x in (10.0, 24.0, 50.0):
+        env.robots.place(0, x, 0.0, 0.0)
+        for _ in range(10):
+            info = env.step(np.array([0.1, 0.0]))[4]
+        pitch[x] = np.degrees(info["pitch_rad"])
+        assert abs(np.degrees(info["roll_rad"])) < 0.2
+    # The castors are 2 mm above the floor: a robot leans by up to 0.38 deg on a level floor too.
+    rest = 0.38
+    assert abs(pitch[10.0]) < rest
+    assert abs(pitch[50.0]) < rest
+    assert pitch[24.0] == pytest.approx(GRADE_DEG + 0.3, abs=0.3)
+    assert np.degrees(np.arccos(env.robots.floor.frame_at(np.array([25.0, 0.5]))[2, 2])) == pytest.approx(8.5, abs=0.1)
+    observation = env.reset(seed=2)[0]
+    assert observation.shape == (19,)
+    env.close()
+
+
+def test_the_certificate_of_a_drift_under_a_drift_holds(under, light):
+    assert len(under.floor.offset_m) == 2
+    assert broken(clauses(under, light)) == {}
+
+
+def test_a_robot_drives_over_a_seam_into_another_sheet(under):
+    env = MineEnv(world=under.bundle)
+    env.reset(seed=1)
+    ((one, two),) = env.world.floor.seams()
+    env.robots.place(0, one[0], one[1] - 3.0, np.pi / 2)
+    for _ in range(40):
+        info = env.step(np.array([1.0, 0.0]))[4]
+        assert not info["collision"]
+    assert env.robots.plan_places(np.arange(1))[0][0] == pytest.approx(two[0], abs=0.3)
+    x, y, _ = info["pose_m_rad"]
+    assert (x, y) == pytest.approx((30.0, one[1] + 2.5), abs=1.5)
+    assert info["cells_reachable"] > 0.9 * under.free_space.polygon.area / 4
+    env.close()
+
+
+def test_a_wedge_that_was_moved_is_refused_with_its_name(ramp):
+    files = read_folder(ramp.bundle)
+    name = "roof_00003"
+    start = files["mine.xml"].index(f'<geom name="{name}"'.encode())
+    geom = files["mine.xml"][start : files["mine.xml"].index(b"/>", start)]
+    moved = geom.replace(b'pos="', b'pos="1')
+    changed = sealed({**files, "mine.xml": files["mine.xml"].replace(geom, moved)})
+    with pytest.raises(BundleError, match="roof_00003"):
+        check_files(ramp.bundle, changed, hash_files(changed))
+    without = sealed({name: data for name, data in files.items() if name != "floor.npz"})
+    with pytest.raises(BundleError, match=r"floor\.npz: missing"):
+        check_files(ramp.bundle, without, hash_files(without))
+
+
+def test_too_thin_a_pillar_is_refused_with_its_place(light, tmp_path):
+    legs = {leg: [(n, x, y, 10 + (z - 10) * 0.42) for n, x, y, z in stations] for leg, stations in UNDER.items()}
+    with pytest.raises(
+        GeometryError, match=r"pillar: workings 3\.78 m above others at \(.*\), 0\.2 m high, leave 0\.28 m"
+    ):
+        MineWithHeights(legs, light, tmp_path)
+
+
+def test_sheets_are_as_few_as_the_workings_need_and_a_shaft_is_fenced_off(tmp_path, capsys):
+    path = tmp_path / "mine.csv"
+    for legs, sheets, seams in ((RAMP, 1, 0), (UNDER, 2, 1), (levels(), 3, 2)):
+        path.write_text(table(legs))
+        polygons, heights = draw_sheets(path, read_station_legs(path))
+        assert (len(polygons.geoms), len(heights.seams)) == (sheets, seams)
+        for one, two in pairwise(polygons.geoms):
+            assert one.distance(two) > 10
+    assert "2 legs are steeper than 0.364 (steepest_grade" in capsys.readouterr().err
+
+
+def test_a_survey_of_a_shaft_alone_is_refused(tmp_path):
+    path = tmp_path / "mine.csv"
+    path.write_text(table({"S": [("a", 0, 0, 50), ("b", 1, 0, 10)]}))
+    with pytest.raises(InputError, match=r"every leg is steeper than 0\.364"):
+        draw_sheets(path, read_station_legs(path))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("legs", "sheets"), [(RAMP, 1), (spiral(3), 4), (levels(), 3)])
+def test_the_certificate_of_a_ramp_of_a_spiral_and_of_three_levels_holds(legs, sheets, light, tmp_path):
+    mine = MineWithHeights(legs, light, tmp_path)
+    assert len(mine.floor.offset_m) == sheets
+    assert broken(clauses(mine, light, 1000)) == {}
