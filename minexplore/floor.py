@@ -17,6 +17,7 @@ from minexplore.tiles import Tile, group_by_tile, tiles_at
 
 _TILE_M = 4.0  # faces are looked up by square tiles of the plan
 _SEAM_M = 12.0  # edges of two sheets that are nearer than this belong to one seam
+_BETWEEN_M = 2.5  # a point whose height above a sheet is so far from the expected one is not the sheet's
 _CHUNK = 2_000_000  # pairs of a place and a triangle that are tried at once
 
 
@@ -192,7 +193,7 @@ class Floor:
             places = points_m[:, :2] + offset
             faces = self.faces_at(places)
             above = points_m[:, 2] - self.heights_at(places)
-            nearer = np.abs(above - about_m) < np.abs(best[:, 2] - about_m)
+            nearer = np.abs(above - about_m) < np.minimum(np.abs(best[:, 2] - about_m), _BETWEEN_M)
             nearer &= (self.sheet[faces] == number) & self._covers(faces, places)
             best[nearer] = np.column_stack([places, above])[nearer]
         lost = np.flatnonzero(~np.isfinite(best[:, 2]))
@@ -213,9 +214,9 @@ class Floor:
 
     def covers(self, places_m: np.ndarray) -> np.ndarray:
         """Return whether there is floor (k,) at places (k, 2) m of the plan, to a centimetre or so."""
-        return self._covers(self.faces_at(places_m), places_m)
+        return self._covers(self.faces_at(places_m), places_m, 0.01)
 
-    def _covers(self, faces: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Return whether faces (k,) cover places (k, 2) m, to a centimetre or so."""
+    def _covers(self, faces: np.ndarray, places_m: np.ndarray, slack: float = 1e-9) -> np.ndarray:
+        """Return whether faces (k,) cover places (k, 2) m, to a share of their size."""
         places = np.column_stack([places_m, np.ones(len(places_m))])
-        return np.asarray(np.einsum("kij,kj->ki", self._to_barycentric[faces], places).min(axis=1) > -0.01)
+        return np.asarray(np.einsum("kij,kj->ki", self._to_barycentric[faces], places).min(axis=1) > -slack)
