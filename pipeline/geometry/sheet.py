@@ -94,7 +94,8 @@ def _read_area(picture: Image, level: int | None) -> SheetReading | None:
             f"an outline runs along {100 * outlined:.0f} % of a hatched area, at least {100 * _OUTLINED:.0f} % are "
             "needed; --crop COL0,ROW0,COL1,ROW1 leaves out what is no workings"
         )
-    _require_alone(drop_small(drop_straight(_dark_lines(picture, False)), _LETTER_PX), mask)
+    if level is None:
+        _require_alone(drop_small(drop_straight(_dark_lines(picture, False)), _LETTER_PX), mask)
     return SheetReading(mask, "hatched" if hatched else "filled", boxes, 2 * ridge_half_width(mask))
 
 
@@ -142,7 +143,8 @@ def _enclosed(walls: Mask, reach_px: float, level: int | None) -> SheetReading:
     mask = _largest(chosen)
     _require_agreement(mask, _largest(narrow & grown(mask, 5.0)))
     _require_explained(walls, mask, width)
-    _require_alone(walls, mask)
+    if level is None:
+        _require_alone(walls, mask)
     return SheetReading(mask, "lines", boxes, 2 * ridge_half_width(mask))
 
 
