@@ -11,7 +11,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock look-pictures drive-clip compare-collision search-texture bench bench-light bench-pipeline time-training setup-baselines oracle explorers teams unseen train train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock bench-growth leave-out-sweeps drawn-sheets
+.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock look-pictures drive-clip compare-collision search-texture bench bench-light bench-pipeline time-training setup-baselines setup-gpu parity-gpu bench-gpu train-gpu test-gpu oracle explorers teams unseen train train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock bench-growth leave-out-sweeps drawn-sheets
 
 help:  # show the targets that have a remark of two hashes; rarer ones have one
 	@awk -F ':.*## ' '/^##@/ {print substr($$0, 5)} /^all:/ {printf "  %-18s %s\n", "$(firstword $(STAGES)) ...", "up to and including one stage: $(STAGES)"} /^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' Makefile
@@ -79,6 +79,9 @@ mutants: all  ## put faults into worlds, listed and random (RANDOM_MUTANTS=2000)
 parity: all  ## cast the same rays by every backend
 	@$(PY) -m pipeline parity --bundle artifacts/realism/world --out artifacts/proof/parity.json
 
+parity-gpu: setup-gpu  ## the environment on a GPU beside that on the CPU (ARGS="--device cpu --robots 64" without one)
+	@$(PY) -m benchmarks.gpu_parity $(ARGS)
+
 replay: all  ## replay the sweeps below data/raw in the world
 	@$(PY) -m pipeline replay --bundle artifacts/realism/world --sweeps data/raw --poses data/raw/scan_poses.csv --out artifacts/proof
 
@@ -133,6 +136,9 @@ search-texture: setup  # search the noise for the texture scores
 bench: setup  ## time the environment against its references
 	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.time_env
 
+bench-gpu: setup-gpu  ## time the environment on a GPU (docs/env-speed-gpu.md); exit code 3 without one
+	@$(PY) -m benchmarks.time_gpu $(ARGS)
+
 bench-light: setup  ## time and size of light worlds by kilometre of drift
 	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.light_worlds
 
@@ -151,6 +157,9 @@ time-training: setup-baselines  # environment steps/s while PPO learns
 setup-baselines:  ## the same with Ray and torch, for training
 	@sh requirements/setup.sh baselines
 
+setup-gpu:  ## the same with MuJoCo Warp, torch and rsl-rl, for the environment on a GPU
+	@sh requirements/setup.sh gpu
+
 oracle: all  ## upper bound and driven tour of every environment
 	@$(PY) -m baselines.oracle $(ARGS)
 
@@ -165,6 +174,9 @@ teams: all  ## teams of two and four robots against one (docs/team.md)
 
 train: setup-baselines  ## train PPO: SEED=42 ARGS="env=full observation=map"; run again to resume
 	@$(PY) -m baselines.ppo.train seed=$(SEED) $(ARGS)
+
+train-gpu: setup-gpu  ## train PPO on a GPU: SEED=42 ARGS="device=cuda:0 env=entrance"; run again to resume
+	@$(PY) -m baselines.ppo.train_gpu seed=$(SEED) $(ARGS)
 
 train-all: setup-baselines  # train with the paper's five seeds
 	@for seed in 42 142 242 342 442; do $(PY) -m baselines.ppo.train seed=$$seed $(ARGS) || exit $$?; done
@@ -194,6 +206,9 @@ test-slow: setup  ## run the slow tests
 test-train: setup-baselines  # run the tests of training
 	@$(PY) -m pytest tests/baselines/test_ppo.py
 
+test-gpu: setup-gpu  # run the tests of the environment on Warp, by Warp's CPU device where there is no GPU
+	@$(PY) -m pytest tests/minexplore/test_warp.py tests/baselines/test_ppo_on_warp.py
+
 docs: setup  ## build the documentation into artifacts/site
 	@$(PY) -m benchmarks.draw_styles
 	@mkdocs build -q
@@ -220,4 +235,6 @@ lock: setup  ## renew requirements/*.txt from pyproject.toml
 	@echo 'torch; python_version < "3"' | uv pip compile -q $(LOCK) --extra baselines --overrides /dev/stdin \
 	  pyproject.toml --group dev -o requirements/baselines.txt
 	@uv pip compile -q $(LOCK) -c requirements/baselines.txt pyproject.toml --group dev -o requirements/dev.txt
+	@echo 'torch; python_version < "3"' | uv pip compile -q $(LOCK) --extra gpu --overrides /dev/stdin \
+	  -c requirements/baselines.txt pyproject.toml --group dev -o requirements/gpu.txt
 	@uv pip compile -q $(LOCK) --group bootstrap -o requirements/bootstrap.txt

@@ -14,7 +14,7 @@ from minexplore.world import find_world, load_world
 
 BENCHMARK = tuple(env_id for env_id, kwargs in minexplore.WORLDS.items() if "world" in kwargs)
 _JUDGED = re.compile(r"(?:.+-)?(validation|test|variants)-\d{4}", re.ASCII)
-_ENTRY_POINT = "minexplore.vector:MineVectorEnv"
+_ENTRY_POINTS = ("minexplore.backends:make_vector_env", "minexplore.vector:MineVectorEnv")
 
 
 def known_ids() -> list[str]:
@@ -24,7 +24,7 @@ def known_ids() -> list[str]:
 
 
 def _is_task(spec: EnvSpec) -> bool:
-    return spec.vector_entry_point == _ENTRY_POINT and "world" in spec.kwargs
+    return spec.vector_entry_point in _ENTRY_POINTS and "world" in spec.kwargs
 
 
 def find_id(name: str) -> str:

@@ -15,9 +15,9 @@ class RejectedError(BaselineError):
     """A results file claims what is impossible, or what its policy does not do."""
 
 
-def need(package: str, extra: str = "make setup-baselines") -> BaselineError:
+def need(package: str, extra: str = "baselines") -> BaselineError:
     """Return the error of a missing package that belongs to an extra."""
-    return BaselineError(f"{package} is not installed; it comes with the extra `baselines`: run `{extra}`")
+    return BaselineError(f"{package} is not installed; it comes with the extra `{extra}`: run `make setup-{extra}`")
 
 
 def interrupt(kind: int, frame: object) -> None:

@@ -72,7 +72,7 @@ def physics_ratios(world: World) -> tuple[float, float]:
     pick = np.linspace(0, len(row) - 1, 12).astype(int)
     places = world.origin_m + (np.column_stack([col[pick], row[pick]]) + 0.5) * world.cell_m
     models = [local_models.model(tuple(t)) for t in local_models.tiles_of(places).tolist()]
-    dipping, level = (_bare_floor(task, robot, T) for T in (local_models.T_world_mine, np.eye(4)))
+    dipping, level = (bare_floor(task, robot, T) for T in (local_models.T_world_mine, np.eye(4)))
 
     def drive(model: mujoco.MjModel, pose: np.ndarray) -> None:
         data = mujoco.MjData(model)
@@ -88,7 +88,8 @@ def physics_ratios(world: World) -> tuple[float, float]:
     return on_dip / ours, on_level / ours
 
 
-def _bare_floor(task: TaskParams, robot: RobotParams, T_world_mine: np.ndarray) -> mujoco.MjModel:
+def bare_floor(task: TaskParams, robot: RobotParams, T_world_mine: np.ndarray) -> mujoco.MjModel:
+    """Return the physics model of a robot on a floor without rock."""
     spec = mujoco.MjSpec()
     spec.option.timestep = task.physics_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST

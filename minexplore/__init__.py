@@ -10,7 +10,7 @@ from minexplore.bundle import RECORD
 
 __version__ = "0.2.0"
 
-_ENV, _VECTOR = "minexplore.env:MineEnv", "minexplore.vector:MineVectorEnv"
+_ENV, _VECTOR = "minexplore.env:MineEnv", "minexplore.backends:make_vector_env"
 
 # Built-in ids, with what each changes in the task. Two cores train on the entrance's short horizon within an hour.
 WORLDS: dict[str, dict[str, Any]] = {

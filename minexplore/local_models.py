@@ -137,13 +137,13 @@ class LocalModels:
         top_m = float(self.world.record["height_m"])
         return _Box(low - offset, high - offset, float(nearby.min()), float(nearby.max()) + top_m)
 
-    def reach(self, tile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def reach(self, tile: np.ndarray, size_m: float = TILE_M) -> tuple[np.ndarray, np.ndarray]:
         """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step.
 
-        A tile (2,) or many (n, 2).
+        A tile (2,) or many (n, 2), of tiles of this size.
         """
-        low = tile * TILE_M - self._margin_m
-        return low, low + TILE_M + 2 * self._margin_m
+        low = tile * size_m - self._margin_m
+        return low, low + size_m + 2 * self._margin_m
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,11 @@ class _Box:
     def holds(self, part: RockPart) -> bool:
         """Return whether a part may reach into the box."""
         bottom, top = part.heights
-        return bottom <= self.top_m and top >= self.bottom_m and _meets(part.outline, self.low, self.high)
+        return (
+            bottom <= self.top_m
+            and top >= self.bottom_m
+            and bool(meets(part.outline, self.low[None], self.high[None])[0])
+        )
 
 
 def physics_spec(task: TaskParams) -> mujoco.MjSpec:
@@ -194,12 +198,16 @@ def _add_part(spec: mujoco.MjSpec, body: mujoco.MjsBody, part: RockPart, **attri
     body.add_geom(name=part.name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part.name, pos=part.place, **attributes)
 
 
-def _meets(outline: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:
-    """Return whether a convex outline (n, 2), in any order, may meet a box that its bounds meet: no edge parts them."""
-    corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
+def meets(outline: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return which boxes (n, 2) to (n, 2) a convex outline (m, 2), in any order, may meet: no edge separates them."""
+    apart = (outline.max(axis=0) < low).any(axis=1) | (outline.min(axis=0) > high).any(axis=1)
+    if apart.all():
+        return ~apart
     centre = outline.mean(axis=0)
     ring = outline[np.argsort(np.arctan2(*(outline - centre).T[::-1]), kind="stable")]
     edges = np.roll(ring, -1, axis=0) - ring
     normals = np.column_stack([edges[:, 1], -edges[:, 0]])
-    ours, theirs = ring @ normals.T, corners @ normals.T
-    return not bool(((ours.max(axis=0) < theirs.min(axis=0)) | (ours.min(axis=0) > theirs.max(axis=0))).any())
+    ours = ring @ normals.T
+    corners = [np.where(pick, high, low) @ normals.T for pick in itertools.product((False, True), repeat=2)]
+    nearest, farthest = np.minimum.reduce(corners), np.maximum.reduce(corners)
+    return ~(apart | ((ours.max(axis=0) < nearest) | (ours.min(axis=0) > farthest)).any(axis=1))

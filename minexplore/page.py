@@ -80,6 +80,33 @@ its own. Which mine a seed draws does not depend on which mines are built; a dra
 Training refuses the mines of `validation` and `test`, and variants of the embedded mine.
 """
 
+_WARP = """## Many robots on a GPU
+
+`make setup-gpu` installs MuJoCo Warp and torch. The same task then runs on a CUDA device, all robots at once:
+
+```text
+env = gymnasium.make_vec("MineXplore/ChileanMine-v0", num_envs=65536, vectorization_mode="vector_entry_point",
+                         backend="warp", device="cuda:0")
+```
+
+| Parameter | Default | Description |
+|-----------|---------|-------------|
+| `backend` | `"mujoco"` | `"mujoco"` steps robots on the CPU, `"warp"` on `device` |
+| `device` | `"cuda:0"` | a device of Warp; `"cpu"` works without a GPU and is slow |
+| `numpy` | False | return copies as arrays, with the zone's name, and look for faults in every step |
+| `autoreset_mode` | `"NEXT_STEP"` | or `"SAME_STEP"`: `final_obs`, `final_info` have a row a robot, with masks |
+
+`world`, `task` and `robot` are as above; there are no pictures, and no copies of the environment. Observations,
+rewards, flags and the info are torch tensors on the device. They are views of the environment's own arrays: the next
+call overwrites them. `zone` is a number there, west to east. `step` waits for nothing, so `check` tells of faults:
+actions or states that are not finite, robots outside of the mine, and limits of MuJoCo Warp that were too small.
+
+The CPU's environment is the reference; [ADR
+21](https://github.com/minexplore/minexplore/blob/main/docs/adr/0021-the-environment-on-a-gpu.md) says how closely one
+step agrees with it. Physics has 32 bits and random numbers are those of Philox, with the seed as key, so whole episodes
+can agree in distribution only.
+"""
+
 
 def page() -> str:
     """Return the environment's page."""
@@ -91,7 +118,7 @@ def page() -> str:
     ids = f"## Environments\n\n| id | arguments |\n|---|---|\n{rows}\n"
     use = '```python\nimport gymnasium, minexplore\n\nenv = gymnasium.make("MineXplore/ChileanMine-v0")\n```\n'
     body, versions, history = rest.partition("## Version History")
-    return f"# Explore a mine\n\n{title}\n\n{use}\n{ids}{body}{_FAMILY}\n{physics()}\n{versions}{history}\n"
+    return f"# Explore a mine\n\n{title}\n\n{use}\n{ids}{body}{_FAMILY}\n{_WARP}\n{physics()}\n{versions}{history}\n"
 
 
 def physics() -> str:

@@ -62,14 +62,13 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         """Load the world and put the robots into it."""
         given = (num_envs, world, task, robot, render_mode, camera, lidar, whole, autoreset_mode, threads)
         gymnasium.utils.EzPickle.__init__(self, *given)
-        for name, value in (("num_envs", num_envs), ("threads", threads)):
-            if not isinstance(value, int | np.integer) or isinstance(value, bool) or not 1 <= value <= _MOST:
-                raise ValueError(f"{name} = {value!r}: want a whole number from 1 to {_MOST}")
+        check_count("num_envs", num_envs, _MOST)
+        check_count("threads", threads, _MOST)
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode = {render_mode!r}: valid choices are None, 'rgb_array'")
         if camera not in CAMERAS:
             raise ValueError(f"camera = {camera!r}: valid choices are {', '.join(CAMERAS)}")
-        mode = _mode_of(autoreset_mode)
+        mode = find_mode(autoreset_mode)
         self.num_envs, self.render_mode, self.camera, self._mode = num_envs, render_mode, camera, mode
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
         if render_mode is not None:
@@ -186,7 +185,13 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         self.__dict__.update(state["changed"])
 
 
-def _mode_of(mode: AutoresetMode | str) -> AutoresetMode:
+def check_count(name: str, value: Any, most: int) -> None:
+    """Refuse a number of robots or threads that is no whole number from 1 to `most`."""
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or not 1 <= value <= most:
+        raise ValueError(f"{name} = {value!r}: want a whole number from 1 to {most}")
+
+
+def find_mode(mode: AutoresetMode | str) -> AutoresetMode:
     """Return an autoreset mode given by itself, its name or its value."""
     for known in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
         if mode in (known, known.name, known.value):

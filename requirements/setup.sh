@@ -1,10 +1,14 @@
 #!/bin/sh
-# Make .venv from a lock, dev or baselines (which includes dev), and install missing system packages.
-# It prints nothing if there is nothing to do.
+# Make .venv from the lock dev, with that of an extra, baselines or gpu, and install missing system packages.
+# An environment keeps the extras that it has. It prints nothing if there is nothing to do.
 set -eu
-lock=requirements/${1:-dev}.txt
 stamp=.venv/.installed
-[ -e .venv/.baselines ] && lock=requirements/baselines.txt # an environment with Ray and torch keeps them
+extras=""
+for extra in baselines gpu; do
+    if [ "${1:-dev}" = $extra ] || [ -e .venv/.$extra ]; then extras="$extras $extra"; fi
+done
+locks=requirements/dev.txt
+for extra in $extras; do locks="$locks requirements/$extra.txt"; done
 
 install() {
     if ! command -v apt-get >/dev/null 2>&1; then
@@ -46,9 +50,8 @@ any_python || missing="$missing python3 python3-venv"
 [ -z "$missing" ] || install $missing
 
 # --- Python packages -----------------------------------------------------------------------------------------------
-for installed in "$lock" requirements/baselines.txt; do
-    cmp -s "$installed" "$stamp" && exit 0
-done
+# shellcheck disable=SC2086
+cat $locks | cmp -s - "$stamp" && exit 0
 
 works() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' >/dev/null 2>&1; }
 python=""
@@ -67,10 +70,12 @@ if ! works .venv/bin/python; then # --clear empties .venv but keeps the folder, 
     }
 fi
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/bootstrap.txt
-.venv/bin/uv pip sync --quiet --compile-bytecode --require-hashes --python .venv/bin/python "$lock" requirements/bootstrap.txt
-if [ "$lock" = requirements/baselines.txt ]; then # torch's wheels differ by platform, so it is pinned without hashes
+# shellcheck disable=SC2086
+.venv/bin/uv pip sync --quiet --compile-bytecode --require-hashes --python .venv/bin/python $locks requirements/bootstrap.txt
+if [ -n "$extras" ]; then # torch's wheels differ by platform, so it is pinned without hashes
     .venv/bin/python -m pip install --quiet --disable-pip-version-check \
-        "$(sed -n 's/^ *"\(torch==[^"]*\)".*/\1/p' pyproject.toml)"
-    touch .venv/.baselines
+        "$(sed -n 's/^ *"\(torch==[^"]*\)".*/\1/p' pyproject.toml | head -n 1)"
+    for extra in $extras; do touch ".venv/.$extra"; done
 fi
-cp "$lock" "$stamp"
+# shellcheck disable=SC2086
+cat $locks >"$stamp"

@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -26,8 +26,12 @@ _SCALARS = ("rolling_coverage", "rolling_return", "rolling_collisions", "entropy
 _GRACE_S = 3.0  # for the iteration under way when a run is ended
 
 
-def train(settings: TrainSettings, folder: Path) -> dict[str, Any]:
+def train(
+    settings: TrainSettings, folder: Path, start: Callable[[TrainSettings, RunFolder, History], Any] | None = None
+) -> dict[str, Any]:
     """Train until a stop of the settings; what was reached is written and returned.
+
+    `start` returns the algorithm, RLlib's by default, restored from the run's checkpoint if there is one.
 
     A folder holds `settings.json`, `progress.jsonl` (a line an iteration, with every episode that ended in it),
     TensorBoard's events, the newest checkpoint, and at the end `policy.safetensors` and `reached.json`. A run that was
@@ -47,7 +51,7 @@ def train(settings: TrainSettings, folder: Path) -> dict[str, Any]:
     history = run.read_history()
     progress = Progress(settings.name, settings.steps, history.steps)
     try:
-        algorithm = _start(settings, run, history)
+        algorithm = (start or _start)(settings, run, history)
         stop = _iterate(algorithm, settings, run, history, progress)
     finally:
         progress.close()
