@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.mjcf.assemble import assemble_world
 from pipeline.params.config import Config
 from pipeline.params.survey import PassageSurveyParams
+from pipeline.params.validation import ValidationParams
 from pipeline.store.codecs import encode
 from pipeline.survey.load import _read
 from pipeline.types import Workings
@@ -42,7 +43,7 @@ def spiral(turns: int, radius_m: float = 14.0, grade: float = 0.13) -> dict[str,
     angle, fall = 2 * np.pi * k / 12, grade * 2 * np.pi * radius_m / 12
     places = np.column_stack([radius_m * np.cos(angle), radius_m * np.sin(angle), 100 - fall * k])
     places = np.vstack([[radius_m, -25, 100], places, places[-1] + np.array([0, 30, 0])])
-    return {"D": [(f"d{i}", *map(float, place)) for i, place in enumerate(places)]}
+    return {"D": [(f"d{i}", float(x), float(y), float(z)) for i, (x, y, z) in enumerate(places)]}
 
 
 def levels() -> dict[str, Leg]:
@@ -77,7 +78,7 @@ class MineWithHeights:
         """Run the functions of the stages."""
         path = folder / "stations.csv"
         path.write_text(table(legs))
-        params = PassageSurveyParams(kind="passages", name="heights", file="data/x")
+        params = PassageSurveyParams(kind="passages", name="heights", file="data/x", heights=None)
         plan, self.survey, polygons = _read(params.model_copy(update={"file": path.as_posix()}))
         traced = trace_free_space(config.contours, plan, self.survey, Workings(polygons))
         self.raw, self.cleaned, self.traced = traced["raw"], traced["cleaned"], traced["traced"]
@@ -113,7 +114,7 @@ class MineWithHeights:
         return np.concatenate([np.array(line) for line in self.survey.heights.lines])
 
 
-def certificate_params(config: Config, contacts: int):
+def certificate_params(config: Config, contacts: int) -> ValidationParams:
     """Return the parameters of stage 6 with a short collision stress test."""
     stress = config.validation.certificate.model_copy(update={"contacts": contacts})
     return config.validation.model_copy(update={"certificate": stress})
