@@ -41,12 +41,18 @@ class CoverageGrid:
         """
         if len(self._floor.offset_m) == 1:
             return self._crossed(starts_m[:, :2], ends_m[:, :2], longest_m)[:3]
-        found = []
-        for offset in self._floor.offset_m:
-            ray, row, col, share = self._crossed(starts_m[:, :2] + offset, ends_m[:, :2] + offset, longest_m)
-            above = starts_m[ray, 2] + share * (ends_m - starts_m)[ray, 2] - self._level_m[row, col]
+        nothing = np.zeros(0, dtype=int)
+        found = [(nothing, nothing, nothing)]
+        low_m, high_m = np.minimum(starts_m[:, 2], ends_m[:, 2]), np.maximum(starts_m[:, 2], ends_m[:, 2])
+        for offset, (low, high) in zip(self._floor.offset_m, self._floor.spans_m, strict=True):
+            some = np.flatnonzero((high_m > low - _BESIDE_M) & (low_m < high + self._height_m + _BESIDE_M))
+            if not len(some):
+                continue
+            start, end = starts_m[some], ends_m[some]
+            ray, row, col, share = self._crossed(start[:, :2] + offset, end[:, :2] + offset, longest_m)
+            above = start[ray, 2] + share * (end - start)[ray, 2] - self._level_m[row, col]
             inside = self.reachable[row, col] & (above > -_BESIDE_M) & (above < self._height_m + _BESIDE_M)
-            found.append((ray[inside], row[inside], col[inside]))
+            found.append((some[ray[inside]], row[inside], col[inside]))
         ray, row, col = (np.concatenate(parts) for parts in zip(*found, strict=True))
         return ray, row, col
 

@@ -115,6 +115,12 @@ class Floor:
         ahead = np.array([1.0, 0.0, a]) / np.sqrt(1 + a * a)
         return np.column_stack([ahead, np.cross(normal, ahead), normal])
 
+    @functools.cached_property
+    def spans_m(self) -> np.ndarray:
+        """Return the lowest and the highest floor (sheets, 2) m of each sheet."""
+        levels = [self.vertices[self.faces[self.sheet == k].ravel(), 2] for k in range(len(self.offset_m))]
+        return np.array([(level.min(), level.max()) for level in levels])
+
     def offsets_at(self, places_m: np.ndarray) -> np.ndarray:
         """Return how far (k, 2) m the sheets at places (k, 2) m of the plan are moved aside."""
         return self.offset_m[self.sheets_at(places_m)]
@@ -190,12 +196,17 @@ class Floor:
             return np.column_stack([points_m[:, :2], points_m[:, 2] - self.heights_at(points_m[:, :2])])
         best = np.full((len(points_m), 3), np.inf)
         for number, offset in enumerate(self.offset_m):
-            places = points_m[:, :2] + offset
+            low, high = self.spans_m[number] + about_m
+            z = points_m[:, 2]
+            rows = np.flatnonzero((z > low - _BETWEEN_M) & (z < high + _BETWEEN_M))
+            if not len(rows):
+                continue
+            places = points_m[rows, :2] + offset
             faces = self.faces_at(places)
-            above = points_m[:, 2] - self.heights_at(places)
-            nearer = np.abs(above - about_m) < np.minimum(np.abs(best[:, 2] - about_m), _BETWEEN_M)
+            above = z[rows] - self.heights_at(places)
+            nearer = np.abs(above - about_m) < np.minimum(np.abs(best[rows, 2] - about_m), _BETWEEN_M)
             nearer &= (self.sheet[faces] == number) & self._covers(faces, places)
-            best[nearer] = np.column_stack([places, above])[nearer]
+            best[rows[nearer]] = np.column_stack([places, above])[nearer]
         lost = np.flatnonzero(~np.isfinite(best[:, 2]))
         if len(lost):  # beside the floor: of the sheet with the nearest corner
             corners = self.vertices[self.faces[:, 0]] + [0.0, 0.0, about_m]

@@ -78,7 +78,7 @@ class MineWithHeights:
         """Run the functions of the stages."""
         path = folder / "stations.csv"
         path.write_text(table(legs))
-        params = PassageSurveyParams(kind="passages", name="heights", file="data/x")
+        params = PassageSurveyParams(kind="passages", name="heights", file="data/x", heights=None)
         plan, self.survey, polygons = _read(params.model_copy(update={"file": path.as_posix()}))
         traced = trace_free_space(config.contours, plan, self.survey, Workings(polygons))
         self.raw, self.cleaned, self.traced = traced["raw"], traced["cleaned"], traced["traced"]

@@ -11,6 +11,8 @@ from jaxtyping import Float64
 
 from pipeline.types import Frame, Mask, Points2
 
+_ASIDE_M = 0.001
+
 
 @dataclass(frozen=True)
 class Navigability:
@@ -76,6 +78,8 @@ def cast_columns(
     open_ = np.empty(len(starts), dtype=bool)
     for i, start in enumerate(starts):
         mujoco.mj_ray(model, data, start, down, groups, 1, -1, hit)
+        if hit[0] < 0:  # along the border of two wedges, which 32 bits leave a hair apart
+            mujoco.mj_ray(model, data, start + _ASIDE_M * T_world_mine[:3, 0], down, groups, 1, -1, hit)
         open_[i] = is_floor[hit[0]]
     depth = _depth_m(free, frame)[rows, cols]
     band = tolerance_m + np.sqrt(0.5) / frame.px_per_m

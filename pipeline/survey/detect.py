@@ -98,7 +98,7 @@ def _detect(path: Path, stated: dict[str, Any]) -> Detection:
     if suffix in SHAPE_READERS:
         return _detect_vector(path, stated)
     if suffix in PASSAGE_READERS:
-        params = PassageSurveyParams(kind="passages", name="detect", file="data/x")
+        params = PassageSurveyParams(kind="passages", name="detect", file="data/x", heights=None)
         params = params.model_copy(update={"file": path.as_posix()})
         workings, place, _, _, heights = draw_vector_survey(params)
         values = {"kind": "passages", "file": path.name, "origin": list(place.origin)}
