@@ -173,7 +173,7 @@ def test_a_wedge_that_was_moved_is_refused_with_its_name(ramp):
 
 
 def test_a_mine_with_heights_refuses_visible_rock_which_would_not_follow_its_floor(tmp_path):
-    coarse = ["surface.rough.spacing_m=0.6", "surface.rough.roof_spacing_m=0.6", "surface.texture.size_px=32"]
+    coarse = ["surface.rough.spacing_m=0.5", "surface.rough.roof_spacing_m=0.5", "surface.texture.size_px=32"]
     rough = compose([*coarse, "realism.tilt_deg=0", "contours.tolerance_m=0.16"])
     with pytest.raises(ParamsError, match=r"a mine with heights shows no rock yet; want surface\.overlay=none"):
         MineWithHeights(RAMP, rough, tmp_path)

@@ -260,7 +260,7 @@ def _detect_scale(
         place = read_placement(path)
         per_m = 1.0 / (place.size * place.metres_per_unit)
         remark = f"{per_m:.3f} px/m from {file.name if file else 'the file itself'}"
-        if place.unit == "m" and abs(place.metres_per_unit - 1) > 1e-6:
+        if place.unit in ("m", "metre") and abs(place.metres_per_unit - 1) > 1e-6:
             remark += f", whose metre is {place.metres_per_unit:.4f} m on the ground ({place.crs})"
         return {**scale, "source": "georeference", "px_per_m": per_m}, {"scale": remark}, [file] if file else []
     box = stated.get("bar_box_px") or find_bar(picture)

@@ -13,6 +13,7 @@ import minexplore  # noqa: F401  (registers the environments)
 from minexplore.bundle import BundleError
 from minexplore.coverage import CoverageGrid, _connected
 from minexplore.env import MineEnv
+from minexplore.floor import Floor
 from minexplore.observation import observe
 from minexplore.reward import CAP, step_reward
 from minexplore.robot import RobotParams
@@ -223,7 +224,7 @@ def test_every_reachable_cell_holds_workings_and_none_is_forgotten(tee: BuiltMin
 def test_cells_that_are_connected_are_those_of_a_labelled_picture():
     rng = np.random.default_rng(2)
     standing = rng.random((60, 90)) < 0.62
-    world = SimpleNamespace(origin_m=np.array([-3.0, 5.0]), cell_m=0.25, folder="a folder")
+    world = SimpleNamespace(origin_m=np.array([-3.0, 5.0]), cell_m=0.25, folder="a folder", floor=Floor())
     labels, _ = label(standing)
     largest = np.bincount(labels[standing]).argmax()
     row, col = np.argwhere(labels == largest)[0]

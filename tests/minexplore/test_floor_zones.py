@@ -83,7 +83,7 @@ def test_a_zone_without_a_floor_is_refused(bundle):
         record["zones"][1] |= {"name": "gravel", "command_scale": 0.9, "speed_noise_mps": 0.0}
 
     reseal(bundle, rename)
-    with pytest.raises(BundleError, match=r"mine\.xml: <geom> 2: 'floor_mud', want 'floor_gravel'"):
+    with pytest.raises(BundleError, match=r"mine\.xml: <material> 2: 'ground_mud', want 'ground_gravel'"):
         MineEnv(bundle)
 
 
