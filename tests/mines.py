@@ -16,7 +16,7 @@ from minexplore.bundle import world_sha256
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.mjcf.assemble import assemble_world
 from pipeline.params.config import Config
-from pipeline.store.codecs import decode, encode
+from pipeline.store.codecs import encode
 from pipeline.types import DriftNetwork, Frame, FreeSpace, Scale, Survey, Workings
 from stages.compile3d import compile_rock
 from stages.contours import trace_free_space
@@ -60,9 +60,8 @@ class BuiltMine:
         self.survey = survey_of(self.frame, (inside.x, inside.y))
         traced = trace_free_space(config.contours, plan_of(polygon, self.frame), self.survey, PICTURE)
         self.raw, self.cleaned = traced["raw"], traced["cleaned"]
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        self.free_space: FreeSpace = _as_read(folder.parent / f"{folder.name}.geojson", traced["free_space"])
-        self.network: DriftNetwork = _as_read(folder.parent / f"{folder.name}.json", traced["topology"])
+        self.free_space: FreeSpace = traced["free_space"]
+        self.network: DriftNetwork = traced["topology"]
         self.compiled = compile_rock(config.compile3d, self.free_space, self.network, self.survey)
         self.surface = model_surface(config.surface, self.free_space, self.network, self.compiled["extent"])
         world = assemble_world(
@@ -86,12 +85,6 @@ class BuiltMine:
         for name, data in world.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(data)
-
-
-def _as_read(path: Path, value: Any) -> Any:
-    """Return a value as the next stage reads it: a file has fewer digits."""
-    path.write_bytes(encode(path, value))
-    return decode(path, type(value))
 
 
 def random_mine(rng: np.random.Generator, drifts: int) -> Polygon:

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 
+import cv2
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -116,11 +117,13 @@ def _scratch_folder() -> tempfile.TemporaryDirectory[str]:
 
 def _fork(task: str, arguments: dict[str, Any], seconds: float, scratch: str) -> tuple[int, int]:
     answer, out = os.pipe()
-    parent = os.getpid()
+    parent, threads = os.getpid(), cv2.getNumThreads()
+    cv2.setNumThreads(1)  # ends OpenCV's own threads: a child would wait for those that the fork left behind
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # about threads; see `run_limited`
         pid = os.fork()
     if pid:
+        cv2.setNumThreads(threads)
         os.close(out)
         return pid, answer
     status = 1
