@@ -82,11 +82,11 @@ def test_an_open_tour_is_as_short_as_the_shortest_of_all_orders():
         assert length(tour) <= 1.1 * ending
 
 
-@pytest.mark.parametrize(("name", "least"), [("frontier-tour", 0.8), ("depth-first", 0.7), ("two-level", 0.7)])
-def test_an_explorer_of_the_graph_sees_a_small_mine_and_touches_nothing(tee_id, name, least):
+@pytest.mark.parametrize("name", ["frontier-tour", "depth-first", "two-level"])
+def test_an_explorer_of_the_graph_sees_a_small_mine_and_touches_nothing(tee_id, name):
     env = make_env(tee_id, 2)
     for episode in run_episodes(env, make_policy(name, 2, env.task), [0, 1]):
-        assert episode.seen[-1] / env.robots.grid.total >= least
+        assert episode.seen[-1] / env.robots.grid.total >= 0.8
         assert episode.collided == 0
     env.close()
 
