@@ -118,7 +118,7 @@ def _scratch_folder() -> tempfile.TemporaryDirectory[str]:
 def _fork(task: str, arguments: dict[str, Any], seconds: float, scratch: str) -> tuple[int, int]:
     answer, out = os.pipe()
     parent, threads = os.getpid(), cv2.getNumThreads()
-    cv2.setNumThreads(1)  # ends OpenCV's own threads, which a fork does not take along
+    cv2.setNumThreads(1)  # ends OpenCV's own threads: a child would wait for those that the fork left behind
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # about threads; see `run_limited`
         pid = os.fork()
