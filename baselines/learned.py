@@ -45,16 +45,18 @@ class LearnedPolicy:
             If there is no such file, it holds no policy, or one for other observations.
         """
         self.path, self._sample = path, sample
-        self._arrays, about = _read(path)
+        arrays, about = _read(path)
         self.model = Model.model_validate_json(about["model"])
         self.observation = about["observation"]
-        _check_arrays(path, self.model, self._arrays)
+        _check_arrays(path, self.model, arrays)
+        # In 64 bits the rounding of BLAS, which depends on the processor, stays below the 32 bits of a command.
+        self._arrays = {name: array.astype(np.float64) for name, array in arrays.items()}
         self._maps = MapObserver(count, task) if self.observation == "map" else None
         size = observation_space(task).shape[0] + (self._maps.size if self._maps else 0)
         taken = self._first_layer().shape[1]
         if taken != size:
             raise BaselineError(f"{path}: takes {taken} numbers, an observation of this environment has {size}")
-        self._state = np.zeros((2, count, self.model.cell), np.float32)  # the LSTM's output and its cells
+        self._state = np.zeros((2, count, self.model.cell))  # the LSTM's output and its cells
         self._rngs = [np.random.default_rng(i) for i in range(count)]
 
     def _first_layer(self) -> np.ndarray:
@@ -71,7 +73,7 @@ class LearnedPolicy:
 
     def act(self, observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
         """Return commands (n, 2)."""
-        features = observation
+        features = observation.astype(np.float64)
         if self._maps is not None:
             features = np.hstack([observation, self._maps.observe(observation, info["pose_m_rad"])])
         features = self._recur(features) if self.model.kind == "lstm" else self._layers(features, f"{_ENCODER}net.")
@@ -80,7 +82,7 @@ class LearnedPolicy:
         if self._sample:
             sd = np.exp(np.clip(log_sd, -20.0, 20.0))
             mean = mean + sd * np.stack([rng.standard_normal(2) for rng in self._rngs])
-        return np.clip(mean, -1.0, 1.0)
+        return np.clip(mean, -1.0, 1.0).astype(np.float32)
 
     def _layers(self, features: np.ndarray, prefix: str) -> np.ndarray:
         for layer in range(0, 2 * len(self.model.hidden), 2):

@@ -16,12 +16,15 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import GeomGroup, decode_msh, has_visible_rock, is_rock, stops_beams
+from minexplore.planes import face_planes, plane_distances
+from minexplore.rotations import rotate_inverse
 from minexplore.tiles import Tile, group_by_tile, tiles_at
 from minexplore.world import World, load_world
 
 Backend = Literal["auto", "embree", "open3d"]
 Meshes = dict[str, tuple[np.ndarray, np.ndarray]]
-Cast = Callable[[np.ndarray, np.ndarray], np.ndarray]  # origins, directions (n, 3) -> distances (n,) m, inf for no hit
+# Origins and directions (n, 3) -> distances (n,) m, inf for no hit, and the mesh and face of each hit, else -1.
+Cast = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 _MODULES = {"embree": "embreex", "open3d": "open3d"}  # fastest first
 _TILE_M = 40.0
@@ -53,7 +56,7 @@ def collision_meshes(world: World) -> Meshes:
         mujoco.mju_quat2Mat(turn, geom.quat)
         own = model.mesh_vert[mesh.vertadr[0] : mesh.vertadr[0] + mesh.vertnum[0]].astype(np.float64)
         faces = model.mesh_face[mesh.faceadr[0] : mesh.faceadr[0] + mesh.facenum[0]]
-        meshes[geom.name] = own @ turn.reshape(3, 3).T + geom.pos, faces.copy()
+        meshes[geom.name] = rotate_inverse(own, turn.reshape(3, 3).T) + geom.pos, faces.copy()
     return meshes
 
 
@@ -117,7 +120,9 @@ class Lidar:
         self._meshes, self._scenes_bytes = list(meshes.values()), scenes_bytes
         bounds = np.array([(v[:, :2].min(axis=0), v[:, :2].max(axis=0)) for v, _ in meshes.values()])
         self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
-        self._scenes: OrderedDict[Tile, tuple[Cast, int]] = OrderedDict()  # with the bytes that each takes
+        self._planes = np.concatenate([face_planes(*mesh) for mesh in self._meshes] or [np.zeros((0, 4))])
+        self._first = np.cumsum([0, *(len(faces) for _, faces in self._meshes)])[:-1]  # plane of each mesh
+        self._scenes: OrderedDict[Tile, tuple[Cast, np.ndarray, int]] = OrderedDict()  # with meshes and bytes
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return ranges (n, beams) m, at most `range_m`, of unit rays (n, beams, 3) from (n, 3)."""
@@ -130,72 +135,75 @@ class Lidar:
             )
         rock = np.empty(directions.shape[:2])
         for tile, rows in group_by_tile(tiles_at(origins[:, :2], _TILE_M)):
-            starts = np.repeat(origins[rows], directions.shape[1], axis=0)
-            rock[rows] = self._scene(tile)(starts, directions[rows].reshape(-1, 3)).reshape(len(rows), -1)
+            starts, ways = np.repeat(origins[rows], directions.shape[1], axis=0), directions[rows].reshape(-1, 3)
+            rock[rows] = self._cast(tile, starts, ways).reshape(len(rows), -1)
         return np.minimum(np.minimum(rock, level), self.range_m)
+
+    def _cast(self, tile: Tile, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Return distances (n,) m to the rock along rays (n, 3) that start in a tile; inf where there is none."""
+        cast, near = self._scene(tile)
+        if not len(near):
+            return np.full(len(origins), np.inf)
+        found, mesh, face = cast(origins, directions)
+        return plane_distances(self._planes, self._first[near[mesh]] + face, origins, directions, found)
 
     @property
     def kept_bytes(self) -> int:
         """Return what the kept scenes take, by the number of their faces."""
-        return sum(size for _, size in self._scenes.values())
+        return sum(size for *_, size in self._scenes.values())
 
-    def _scene(self, tile: Tile) -> Cast:
-        """Return what casts rays that start in a tile."""
+    def _scene(self, tile: Tile) -> tuple[Cast, np.ndarray]:
+        """Return what casts rays that start in a tile, and the meshes (k,) that it holds."""
         if tile not in self._scenes:
             low = np.array(tile) * _TILE_M - self.range_m
             high = low + _TILE_M + 2 * self.range_m
-            meets = ((self._low <= high) & (self._high >= low)).all(axis=1)
-            near = [self._meshes[i] for i in np.flatnonzero(meets)]
-            size = _BYTES_PER_FACE[self.backend] * sum(len(faces) for _, faces in near)
+            near = np.flatnonzero(((self._low <= high) & (self._high >= low)).all(axis=1))
+            meshes = [self._meshes[i] for i in near]
+            size = _BYTES_PER_FACE[self.backend] * sum(len(faces) for _, faces in meshes)
             while self._scenes and self.kept_bytes + size > self._scenes_bytes:
                 self._scenes.popitem(last=False)
-            self._scenes[tile] = (_BUILDERS[self.backend](near, (low + high) / 2, self.range_m), size)
+            self._scenes[tile] = (_BUILDERS[self.backend](meshes, (low + high) / 2), near, size)
         self._scenes.move_to_end(tile)
-        return self._scenes[tile][0]
+        return self._scenes[tile][:2]
 
 
-def _nothing(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    return np.full(len(origins), np.inf)
-
-
-def _embree(meshes: list[tuple[np.ndarray, np.ndarray]], centre: np.ndarray, range_m: float) -> Cast:
+def _embree(meshes: list[tuple[np.ndarray, np.ndarray]], centre: np.ndarray) -> Cast:
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
-    if not meshes:
-        return _nothing
     middle = np.array([*centre, 0.0])  # rays are cast in 32 bits: the nearer to zero the better
     scene = EmbreeScene()
     for vertices, faces in meshes:
         TriangleMesh(scene, (vertices - middle).astype(np.float32), np.ascontiguousarray(faces, dtype=np.int32))
 
-    def cast(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    def cast(origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         starts = np.ascontiguousarray(origins - middle, dtype=np.float32)
-        found = scene.run(starts, np.ascontiguousarray(directions, dtype=np.float32), query="DISTANCE")
-        return np.where(found > 10 * range_m, np.inf, found).astype(np.float64)
+        hit = scene.run(starts, np.ascontiguousarray(directions, dtype=np.float32), output=1)
+        return np.where(hit["geomID"] < 0, np.inf, hit["tfar"]), hit["geomID"], hit["primID"]
 
     return cast
 
 
-def _open3d(meshes: list[tuple[np.ndarray, np.ndarray]], centre: np.ndarray, range_m: float) -> Cast:
+def _open3d(meshes: list[tuple[np.ndarray, np.ndarray]], centre: np.ndarray) -> Cast:
     import open3d
 
-    if not meshes:
-        return _nothing
     tensor: Any = open3d.core.Tensor
     middle = np.array([*centre, 0.0])
     scene = open3d.t.geometry.RaycastingScene()
     for vertices, faces in meshes:
         scene.add_triangles(tensor((vertices - middle).astype(np.float32)), tensor(faces.astype(np.uint32)))
 
-    def cast(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    def cast(origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         rays = np.concatenate([origins - middle, directions], axis=1).astype(np.float32)
-        return scene.cast_rays(tensor(rays))["t_hit"].numpy().astype(np.float64)
+        hit = scene.cast_rays(tensor(rays))
+        # Open3D numbers what was missed with the largest unsigned number, which becomes -1.
+        mesh, face = (hit[name].numpy().astype(np.int32) for name in ("geometry_ids", "primitive_ids"))
+        return hit["t_hit"].numpy(), mesh, face
 
     return cast
 
 
-_BUILDERS: dict[str, Callable[[list[tuple[np.ndarray, np.ndarray]], np.ndarray, float], Cast]] = {
+_BUILDERS: dict[str, Callable[[list[tuple[np.ndarray, np.ndarray]], np.ndarray], Cast]] = {
     "embree": _embree,
     "open3d": _open3d,
 }

@@ -134,8 +134,9 @@ class LocalModels:
             return _Box(low, high)
         nearby = floor.heights_within(low, high)
         offset = floor.offsets_at((low + high)[None] / 2)[0]
-        top_m = float(self.world.record["height_m"])
-        return _Box(low - offset, high - offset, float(nearby.min()), float(nearby.max()) + top_m)
+        # With a margin: the top of a level wedge, in decimals and 32 bits, may be a nanometre below the mesh.
+        bottom, top = float(nearby.min()) - _MARGIN_M, float(nearby.max()) + float(self.world.record["height_m"])
+        return _Box(low - offset, high - offset, bottom, top + _MARGIN_M)
 
     def reach(self, tile: np.ndarray, size_m: float = TILE_M) -> tuple[np.ndarray, np.ndarray]:
         """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step.

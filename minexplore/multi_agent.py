@@ -22,6 +22,8 @@ from minexplore.task import TaskParams, coerce_params
 from minexplore.team import Team
 from minexplore.world import DEFAULT_WORLD, find_world, load_world
 
+_MOST = 1000  # robots of a team, which one model holds; 20,000 take more than 20 s to make
+
 
 class MineParallelEnv(ParallelEnv):
     """A team of robots explores one mine; observations and actions of each are those of `MineEnv`.
@@ -55,8 +57,10 @@ class MineParallelEnv(ParallelEnv):
         lidar: Backend = "auto",
     ) -> None:
         """Load the world and put the team into it."""
-        if type(robots) is not int or robots < 1 or reward not in ("shared", "individual"):
-            raise ValueError(f"robots = {robots!r}, reward = {reward!r}: want 1 or more, 'shared' or 'individual'")
+        if type(robots) is not int or not 1 <= robots <= _MOST or reward not in ("shared", "individual"):
+            raise ValueError(
+                f"robots = {robots!r}, reward = {reward!r}: want 1 to {_MOST}, and 'shared' or 'individual'"
+            )
         if render_mode not in (None, "rgb_array") or camera not in CAMERAS:
             raise ValueError(f"render_mode = {render_mode!r}, camera = {camera!r}: want None or 'rgb_array', {CAMERAS}")
         if render_mode is not None:

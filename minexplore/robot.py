@@ -12,11 +12,12 @@ from minexplore.bundle import GeomGroup, is_floor, is_rock, is_roof
 from minexplore.floor import Floor
 from minexplore.limits import Span, check_numbers
 from minexplore.looks import LAMP_ABOVE_M
-from minexplore.rotations import quaternion
+from minexplore.rotations import quaternion, rotate_inverse
 
 ROCK_BODY = "rock"  # of a physics model; it holds what a chassis collides with
 _HIDDEN_GROUP = GeomGroup.SMOOTH_SURFACE  # no viewer shows it unless asked
 _CASTOR_M = 0.05  # radius
+_CASTOR_GAP_M = 0.001  # under a castor on a level floor: the wheels carry the robot, and it leans by at most 0.22 deg
 _SPANS = {
     "radius_m": Span(0.06, 5.0),  # more than a castor's
     "height_m": Span(0.01, 5.0),
@@ -166,7 +167,7 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
             name=f"{name}_{end}",
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
             size=[castor, 0, 0],
-            pos=[x, 0, castor - params.wheel_radius_m + 0.002],
+            pos=[x, 0, castor - params.wheel_radius_m + _CASTOR_GAP_M],
             mass=0.1,
             group=GeomGroup.ROBOT,
             contype=0,
@@ -205,14 +206,17 @@ def free_joint_qpos(
     T_world_mine: np.ndarray, params: RobotParams, x_m: float, y_m: float, yaw_rad: float, floor: Floor | None = None
 ) -> np.ndarray:
     """Return the free joint's place (m) and quaternion (7,), world frame, of a robot at a pose of the plan."""
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)  # NumPy's differ between processors in the last digit
     turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
     stand = np.array([x_m, y_m, params.wheel_radius_m])
     if floor is not None and not floor.is_flat:
         axes = floor.frame_at(stand[:2])
-        stand, turn = floor.fold(stand[None] * [1, 1, 0])[0] + params.wheel_radius_m * axes[:, 2], axes @ turn
-    place = T_world_mine @ [*stand, 1.0]
-    return np.concatenate([place[:3], quaternion(T_world_mine[:3, :3] @ turn)])
+        stand, turn = (
+            floor.fold(stand[None] * [1, 1, 0])[0] + params.wheel_radius_m * axes[:, 2],
+            rotate_inverse(axes, turn),
+        )
+    place = rotate_inverse(stand[None], T_world_mine[:3, :3].T)[0] + T_world_mine[:3, 3]
+    return np.concatenate([place, quaternion(rotate_inverse(T_world_mine[:3, :3], turn))])
 
 
 def qpos_address(model: mujoco.MjModel, name: str) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,8 +57,8 @@ class RobotBatch:
         self.lidar = shared_lidar(world.folder, world.record["world_sha256"], task.range_m[1], lidar)
         anchor_m = np.array(world.record["spawn"]["anchor_m"])
         self.grid = CoverageGrid(world, task.cell_m, robot.radius_m, anchor_m, task.region_m)
-        angles = 2 * np.pi * np.arange(task.beams) / task.beams
-        self._beams = np.column_stack([np.cos(angles), np.sin(angles)])
+        angles = [math.tau * k / task.beams for k in range(task.beams)]
+        self._beams = np.array([(math.cos(angle), math.sin(angle)) for angle in angles])
         zones = world.active_zones(task.terrain)
         self._scale = np.array([zone.command_scale for zone in zones])
         self._noise = np.array([zone.speed_noise_mps for zone in zones])
@@ -141,7 +142,8 @@ class RobotBatch:
         return Outcome(self._observe(robots, ranges, rngs), reward, truncated, self._info(robots, collision))
 
     def _commands(self, actions: np.ndarray, robots: np.ndarray) -> np.ndarray:
-        command = np.asarray(actions, dtype=np.float64)
+        # The action space's 32 bits: what a policy computes may differ between processors in the last of 64.
+        command = np.asarray(actions, dtype=np.float32).astype(np.float64)
         if command.shape != (self.count, 2):
             raise ValueError(f"actions of shape {command.shape}: want ({self.count}, 2)")
         bad = ~np.isfinite(command).all(axis=1)
@@ -192,7 +194,8 @@ class RobotBatch:
         """Return every robot's x, y (m) and yaw (rad) in the mine frame, (n, 3)."""
         place = rotate_inverse(self.qpos[:, :3] - self._t, self._R)
         heading = rotate_inverse(rotation_matrices(self.qpos[:, 3:7])[:, :, 0], self._R)
-        return np.column_stack([place[:, :2], np.arctan2(heading[:, 1], heading[:, 0])])
+        yaw = [math.atan2(y, x) for x, y in heading[:, :2].tolist()]  # NumPy's differs between processors
+        return np.column_stack([place[:, :2], yaw])
 
     def attitudes(self, robots: np.ndarray) -> np.ndarray:
         """Return pitch, nose up, and roll, left side up, (k, 2) rad, of robots against the level."""

@@ -9,8 +9,8 @@ import numpy as np
 def rotate_inverse(vectors: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Return the rows of `vectors` (n, 3) rotated by the inverse of `rotation` (3, 3).
 
-    This is `vectors @ rotation`. BLAS may round that product differently for another n; this function does not, so
-    that one robot and many give the same numbers.
+    This is `vectors @ rotation`. BLAS may round that product differently for another n or on another processor; this
+    function does not, so that one robot and many give the same numbers everywhere.
     """
     return vectors[:, :1] * rotation[0] + vectors[:, 1:2] * rotation[1] + vectors[:, 2:] * rotation[2]
 

@@ -145,9 +145,9 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
 
     def render(self) -> tuple[np.ndarray, ...] | None:  # type: ignore[override]
         """Return one picture (480, 640, 3) uint8 a robot in mode `rgb_array`, else None."""
+        self._require_open()
         if self.render_mode is None:
             return None
-        self._require_open()
         robots = self.robots
         if self._renderer is None:
             self._renderer = Renderer(self.world, robots.T_world_mine, robots.grid, self.robot, 1)

@@ -8,11 +8,12 @@ import numpy as np
 import open3d
 from shapely import Polygon
 
+from minexplore.planes import face_planes, plane_distances
 from pipeline.errors import GeometryError
 
 
 class RayCaster:
-    """Casts rays against triangles (n, 3, 3) m, in 32 bits about their mean, exact to a tenth of a millimetre."""
+    """Casts rays against triangles (n, 3, 3) m; faces are found in 32 bits about their mean, distances in 64."""
 
     def __init__(self, triangles: np.ndarray) -> None:
         """Index the triangles.
@@ -27,6 +28,7 @@ class RayCaster:
         tensor: Any = open3d.core.Tensor
         self._tensor = tensor
         self._middle = triangles.reshape(-1, 3).mean(axis=0)
+        self._planes = face_planes(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
         self._scene = open3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(
             self._tensor((triangles - self._middle).reshape(-1, 3).astype(np.float32)),
@@ -36,7 +38,9 @@ class RayCaster:
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return distances (n,) m along unit directions (n, 3) from origins (n, 3) m; inf where a ray hits nothing."""
         rays = np.concatenate([origins - self._middle, directions], axis=1).astype(np.float32)
-        return self._scene.cast_rays(self._tensor(rays))["t_hit"].numpy().astype(np.float64)
+        hit = self._scene.cast_rays(self._tensor(rays))
+        face = hit["primitive_ids"].numpy().astype(np.int32)  # -1 where nothing is hit
+        return plane_distances(self._planes, face, origins, directions, hit["t_hit"].numpy())
 
     def fan(self, places: np.ndarray, bearings: np.ndarray, height_m: float) -> np.ndarray:
         """Return ranges (n, k) m of level rays at bearings (n, k) rad from places (n, 2) m at one height."""

@@ -74,3 +74,9 @@ def test_wrong_arguments_are_refused(tee: BuiltMine):
         MineParallelEnv(reward="mine", world=tee.bundle)
     with pytest.raises(ValueError, match="no room near the entrance for robot"):
         MineParallelEnv(robots=400, world=tee.bundle).reset(seed=0)
+
+
+@pytest.mark.parametrize("robots", [0, True, 2.5, 10**6])
+def test_a_team_of_no_robots_or_of_more_than_a_model_holds_is_refused_at_once(tee, robots):
+    with pytest.raises(ValueError, match=f"robots = {robots}, .*: want 1 to 1000"):
+        MineParallelEnv(robots=robots, world=tee.bundle)
