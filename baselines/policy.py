@@ -14,7 +14,10 @@ import numpy as np
 
 from baselines.errors import BaselineError
 from baselines.explorers import EXPLORERS
+from baselines.graph import checkpoint as graph_checkpoint
+from baselines.graph.policy import GraphPolicy
 from baselines.learned import LearnedPolicy
+from baselines.learned import trained_in as ppo_trained_in
 from baselines.result_file import CHECKPOINTS, NAME
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
@@ -64,7 +67,23 @@ def make_policy(name: str, count: int, task: TaskParams, robot: RobotParams | No
         return EXPLORERS[name](count, task, robot)
     if ":" in name:
         return _import_class(name)(count, task, robot)
-    return LearnedPolicy(find_checkpoint(name), count, task)
+    path = find_checkpoint(name)
+    if graph_checkpoint.format_of(path) == graph_checkpoint.FORMAT:
+        return GraphPolicy(path, count, task, robot)
+    return LearnedPolicy(path, count, task)
+
+
+def trained_in(path: Path) -> str:
+    """Return the id of the environment that a checkpoint was trained in.
+
+    Raises
+    ------
+    BaselineError
+        If it is no policy's file.
+    """
+    if graph_checkpoint.format_of(path) == graph_checkpoint.FORMAT:
+        return graph_checkpoint.TRAINED_IN
+    return ppo_trained_in(path)
 
 
 def find_checkpoint(name: str) -> Path:

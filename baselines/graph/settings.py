@@ -1,0 +1,101 @@
+"""Settings of a training run of the graph explorer, composed from `conf/train/graph.yaml` and checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+from hydra import compose, initialize_config_dir
+from hydra.errors import HydraException
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from baselines.errors import BaselineError
+from baselines.graph.network import Shape
+from minexplore.splits import SIZES
+
+CONF = Path("conf/train")
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class LabelSettings(_Strict):
+    """What the expert labels; see `baselines.graph.expert.Trial`."""
+
+    rounds: int = Field(ge=1, le=100)
+    mines: int = Field(ge=1)
+    robots: int = Field(ge=1, le=64)
+    clusters: int = Field(ge=2, le=12)
+    horizon_s: float = Field(gt=0)
+    every_s: tuple[float, float]
+    wander: float = Field(ge=0, le=1)
+
+
+class FitSettings(_Strict):
+    """How the network is fitted to the labels."""
+
+    epochs: int = Field(ge=1)
+    batch: int = Field(ge=1)
+    lr: float = Field(gt=0)
+    weight_decay: float = Field(ge=0)
+    temperature_cells: float = Field(gt=0)
+
+
+class ImproveSettings(_Strict):
+    """The policy gradient."""
+
+    updates: int = Field(ge=0)
+    robots: int = Field(ge=2)
+    lr: float = Field(gt=0)
+    clip: float = Field(gt=0, lt=1)
+    epochs: int = Field(ge=1)
+    entropy: float = Field(ge=0)
+    batch: int = Field(ge=1)
+    horizon_s: float = Field(gt=0)
+
+
+class GraphSettings(_Strict):
+    """One run."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9._-]{1,48}$")
+    seed: int = Field(ge=0)
+    mines: int = Field(ge=1, le=SIZES["train"])
+    watched: int = Field(ge=0)
+    network: Shape
+    labels: LabelSettings
+    fit: FitSettings
+    improve: ImproveSettings
+
+    @property
+    def label(self) -> str:
+        """Return the run's name with its seed: its folder under `artifacts/train`."""
+        return f"{self.name}-{self.seed}"
+
+
+def compose_settings(overrides: list[str]) -> GraphSettings:
+    """Compose a run's settings.
+
+    Raises
+    ------
+    BaselineError
+        Naming the override or the value, and what would be valid.
+    """
+    if not (CONF / "graph.yaml").is_file():
+        raise BaselineError(f"{CONF / 'graph.yaml'}: missing; run from the project's root")
+    try:
+        with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
+            values = OmegaConf.to_container(compose("graph", overrides), resolve=True)
+        settings = GraphSettings.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise BaselineError(f"{'.'.join(map(str, first['loc']))} = {first['input']!r}: {first['msg']}") from error
+    except (HydraException, OmegaConfBaseException, yaml.YAMLError, ValueError, TypeError) as error:
+        raise BaselineError(f"{' '.join(overrides)}: {str(error).splitlines()[0]}") from error
+    if settings.network.width % settings.network.heads:
+        raise BaselineError(
+            f"network.width = {settings.network.width}: want a multiple of network.heads = {settings.network.heads}"
+        )
+    return settings
