@@ -12,9 +12,8 @@ from baselines.driven import note_driven
 from baselines.environments import BENCHMARK, find_id, make_env
 from baselines.errors import BaselineError, run_command
 from baselines.explorers import EXPLORERS
-from baselines.learned import trained_in
 from baselines.parallel import drive
-from baselines.policy import RESERVED, make_policy, policy_label
+from baselines.policy import RESERVED, make_policy, policy_label, trained_in
 from baselines.progress import Progress
 from baselines.protocol import SEEDS, head_of
 from baselines.result_file import (

@@ -61,9 +61,9 @@ _FLOOR, _ROCK, _SURFACE, _SMOOTH, _WEDGE = "floor_", "rock_", "surface_", "smoot
 # every robot. Lines run along a rib or under the roof.
 FURNITURE = ("bolts", "cable", "duct", "pipe", "weldmesh")
 _LET_BEAMS_PASS = "weldmesh"
-WATER_MATERIAL = "water"
+WATER_MATERIAL, SHADE_MATERIAL = "water", "shade"
 COVER_M, FURNITURE_ABOVE_M, LINES_ABOVE_M = 0.1, 1.0, 2.0
-_COVER, _FITTING, _PUDDLE = "cover_", "fitting_", "puddle_"
+_COVER, _FITTING, _PUDDLE, _SHADE = "cover_", "fitting_", "puddle_", "shade_"
 
 _MOST_SAID = 2000  # characters of an error
 
@@ -210,11 +210,6 @@ def cover_material(zone: str) -> str:
     return f"{_COVER}{zone}"
 
 
-def trodden_material(zone: str) -> str:
-    """Return the material of the hollows of a zone's visible floor."""
-    return f"trodden_{zone}"
-
-
 def fitting_material(mesh: str, zones: Sequence[str]) -> str:
     """Return the material of a fitting's mesh: that of its zone's floor, or of its kind of furniture."""
     parts = mesh.split("_")
@@ -222,8 +217,18 @@ def fitting_material(mesh: str, zones: Sequence[str]) -> str:
 
 
 def puddle_geom(zone: str) -> str:
-    """Return the name of the plane that shows water, or trodden muck, in the hollows of a floor zone."""
+    """Return the name of the plane that shows water in the hollows of a flooded zone."""
     return f"{_PUDDLE}{zone}"
+
+
+def shade_geom(layer: int) -> str:
+    """Return the name of one of the clear planes that darken hollows of the visible floor, from the lowest."""
+    return f"{_SHADE}{layer}"
+
+
+def is_shade(geom: str) -> bool:
+    """Return whether a geom's name is that of a plane that darkens hollows."""
+    return geom.startswith(_SHADE)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
-"""Read one array of a .npz archive after a look at its header, so that nothing large is unpacked."""
+"""Read the arrays of a .npz archive, each after a look at its header, so that nothing large is unpacked."""
 
 from __future__ import annotations
 
+import io
 import struct
 import tokenize
 import zipfile
@@ -11,10 +12,48 @@ import numpy as np
 
 from minexplore.bundle import BundleError
 
-UNREADABLE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, SyntaxError, tokenize.TokenError, struct.error)
+_UNREADABLE = (
+    *(zipfile.BadZipFile, zlib.error, OSError, EOFError, SyntaxError, tokenize.TokenError, struct.error),
+    *(ValueError, RuntimeError),
+)
+# Other methods need the memory that the archive states: LZMA up to 4 GB.
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
-def read_array(file: str, archive: zipfile.ZipFile, name: str, kind: str, dimensions: int, most: int) -> np.ndarray:
+def read_arrays(file: str, data: bytes, table: dict[str, tuple[str, int]], most: int) -> dict[str, np.ndarray]:
+    """Return the arrays of an archive, which holds those of a table and nothing else.
+
+    Parameters
+    ----------
+    file : str
+        For the message.
+    data : bytes
+    table : dict
+        The dtype and the number of dimensions of each array by its name.
+    most : int
+        Values of each array.
+
+    Raises
+    ------
+    BundleError
+        If it is no archive of these arrays, is packed by another method than deflate, or an array is too large.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            names = sorted(archive.namelist())
+            if names != sorted(f"{name}.npy" for name in table):
+                raise BundleError(f"{file}: holds {str(names)[:200]}, want {', '.join(table)}")
+            odd = {entry.compress_type for entry in archive.infolist()} - {*_METHODS}
+            if odd:
+                raise BundleError(f"{file}: packed by method {min(odd)}, want 0 or 8")
+            return {name: _read_array(file, archive, name, *want, most) for name, want in table.items()}
+    except BundleError:
+        raise
+    except _UNREADABLE as error:
+        raise BundleError(f"{file}: cannot be read ({str(error)[:100]})") from error
+
+
+def _read_array(file: str, archive: zipfile.ZipFile, name: str, kind: str, dimensions: int, most: int) -> np.ndarray:
     """Return an array of this dtype and number of dimensions with at most so many values.
 
     Raises

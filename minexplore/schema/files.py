@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import os
 import re
 import stat
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -33,7 +31,7 @@ from minexplore.bundle import (
     is_cover,
     is_fitting,
 )
-from minexplore.schema.arrays import UNREADABLE, read_array
+from minexplore.schema.arrays import read_arrays
 from minexplore.schema.fittings import FITTING_MESH, check_heights
 from minexplore.schema.model import VISIBLE_MESH
 from minexplore.schema.png import GREY, PALETTE, RGB, check_png
@@ -199,19 +197,7 @@ def read_grid(data: bytes) -> dict[str, np.ndarray]:
     BundleError
         If it is no archive of these arrays, or too large.
     """
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            names = sorted(archive.namelist())
-            if names != sorted(f"{name}.npy" for name in _GRID):
-                raise BundleError(f"{CLEARANCE_GRID}: holds {str(names)[:200]}, want {', '.join(_GRID)}")
-            odd = {entry.compress_type for entry in archive.infolist()} - {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
-            if odd:
-                raise BundleError(f"{CLEARANCE_GRID}: packed by method {min(odd)}, want 0 or 8")
-            return {name: read_array(CLEARANCE_GRID, archive, name, *want, _MOST_CELLS) for name, want in _GRID.items()}
-    except BundleError:
-        raise
-    except (*UNREADABLE, ValueError, RuntimeError) as error:
-        raise BundleError(f"{CLEARANCE_GRID}: cannot be read ({str(error)[:100]})") from error
+    return read_arrays(CLEARANCE_GRID, data, _GRID, _MOST_CELLS)
 
 
 def _read_checked_grid(data: bytes, world_m: list[float]) -> dict[str, np.ndarray]:

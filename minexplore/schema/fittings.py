@@ -13,6 +13,7 @@ from minexplore.bundle import (
     LINES_ABOVE_M,
     MODEL,
     RECORD,
+    SHADE_MATERIAL,
     SURFACE_CLASS,
     WATER_MATERIAL,
     BundleError,
@@ -23,11 +24,11 @@ from minexplore.bundle import (
     is_fitting,
     mesh_file,
     puddle_geom,
-    trodden_material,
+    shade_geom,
 )
-from minexplore.looks import FURNITURE_LOOKS, PLAIN, TEXTURE_PER_M, WATER, cover_rgba
+from minexplore.looks import FURNITURE_LOOKS, PLAIN, SHADE, SHADE_LEVELS, WATER, cover_rgba
 from minexplore.schema.attributes import Attribute, Element, any_of, constant, named, required
-from minexplore.schema.rules import equal_numbers, exactly, matching, numbers, numbers_in, same
+from minexplore.schema.rules import exactly, matching, numbers, numbers_in, same
 from minexplore.schema.xml import Node
 
 _MOST = 100_000
@@ -54,17 +55,13 @@ MATERIALS = (
     Element(
         "material",
         {
-            **named(f"trodden_{_ZONE}"),
-            "texture": required(exactly("rock")),
-            "texuniform": required(exactly("true")),
-            "texrepeat": required(equal_numbers(TEXTURE_PER_M, TEXTURE_PER_M)),
+            **named(SHADE_MATERIAL),
             "specular": constant(0),
             "shininess": constant(0),
-            "rgba": _RGBA,
+            "rgba": constant(*SHADE),
         },
-        name=f"trodden_{_ZONE}",
+        name=SHADE_MATERIAL,
         least=0,
-        most=_MOST,
     ),
     Element(
         "material",
@@ -103,6 +100,26 @@ MESH = Element(
     least=0,
     most=_MOST,
 )
+
+
+def _plane(name: str, material: str) -> Element:
+    return Element(
+        "geom",
+        {
+            **named(name),
+            "class": required(exactly(SURFACE_CLASS)),
+            "type": required(exactly("plane")),
+            "size": required(numbers(3, 1e-3, 1e6)),
+            "pos": required(numbers(3, -1e6, 1e6)),
+            "quat": _NOT_TURNED,
+            "material": required(exactly(material)),
+        },
+        name=name,
+        least=0,
+        most=_MOST,
+    )
+
+
 BODY = Element(
     "body",
     {"name": required(exactly(FITTINGS_BODY))},
@@ -122,21 +139,8 @@ BODY = Element(
             name=f"fitting_{FITTING_MESH}",
             most=_MOST,
         ),
-        Element(
-            "geom",
-            {
-                **named(f"puddle_{_ZONE}"),
-                "class": required(exactly(SURFACE_CLASS)),
-                "type": required(exactly("plane")),
-                "size": required(numbers(3, 1e-3, 1e6)),
-                "pos": required(numbers(3, -1e6, 1e6)),
-                "quat": _NOT_TURNED,
-                "material": required(matching(f"trodden_{_ZONE}|{WATER_MATERIAL}", "water or trodden floor")),
-            },
-            name=f"puddle_{_ZONE}",
-            least=0,
-            most=_MOST,
-        ),
+        _plane(f"puddle_{_ZONE}", WATER_MATERIAL),
+        _plane(r"shade_\d", SHADE_MATERIAL),
     ),
 )
 
@@ -186,31 +190,35 @@ def check_fittings(body: Node | None, assets: Mapping[tuple[str, str], Node], re
         wanted = fitting_material(mesh, names)
         if (node.attributes["mesh"], node.attributes["material"]) != (mesh, wanted):
             raise BundleError(f"{MODEL}: {node.path}: want mesh {mesh!r} and material {wanted!r}")
-    if planes.keys() != ({puddle_geom(zone) for zone in zones} if any(map(is_cover, meshes)) else set()):
+    shades = {shade_geom(layer) for layer in range(len(SHADE_LEVELS))} if any(map(is_cover, meshes)) else set()
+    waters = {puddle_geom(zone) for zone in zones} if shades else set()
+    if planes.keys() - waters != shades:
+        odd = min((planes.keys() - waters) ^ shades)
         raise BundleError(
-            f"{MODEL}: {FITTINGS_BODY}: want a plane in the hollows of every zone that has a visible floor"
+            f"{MODEL}: {FITTINGS_BODY}: want {len(SHADE_LEVELS)} planes of shade over a visible floor, and water on "
+            f"floor zones alone; see {odd!r}"
         )
-    _check_planes(planes, zones)
+    if shades:
+        _check_planes(planes, zones)
     _check_materials(geoms, assets, zones)
 
 
 def _check_planes(planes: Mapping[str, Node], zones: Mapping[str, Any]) -> None:
-    level = None
-    for name, zone in zones.items():
-        node = planes.get(puddle_geom(name))
-        if node is None:
-            continue
-        west, south, east, north = zone["west_m"], zone["south_m"], zone["east_m"], zone["north_m"]
-        x, y, z = numbers_in(node.attributes["pos"]) or [0.0] * 3
-        size = numbers_in(node.attributes["size"]) or [0.0] * 3
-        wanted = [(west + east) / 2, (south + north) / 2, (east - west) / 2, (north - south) / 2, 1.0]
-        level = z if level is None else level
-        if not (all(map(same, [x, y, *size], wanted)) and 0 < z <= COVER_M and same(z, level)):
+    """Check that planes cover a zone or all zones, at heights that follow from the lowest one's."""
+    level = (numbers_in(planes[shade_geom(0)].attributes["pos"]) or [0.0] * 3)[2] / SHADE_LEVELS[0]
+    wanted = {puddle_geom(name): ([zone], level) for name, zone in zones.items()}
+    wanted |= {shade_geom(layer): (list(zones.values()), share * level) for layer, share in enumerate(SHADE_LEVELS)}
+    for name, node in planes.items():
+        over, height = wanted[name]
+        west, south = (min(zone[side] for zone in over) for side in ("west_m", "south_m"))
+        east, north = (max(zone[side] for zone in over) for side in ("east_m", "north_m"))
+        middle = [(west + east) / 2, (south + north) / 2, height, (east - west) / 2, (north - south) / 2, 1.0]
+        found = [*(numbers_in(node.attributes["pos"]) or []), *(numbers_in(node.attributes["size"]) or [])]
+        if not (len(found) == len(middle) and all(map(same, found, middle)) and 0 < height <= COVER_M):
             raise BundleError(
-                f"{MODEL}: {node.path}: want its zone's size, and one level between 0 and {COVER_M:g} m for all zones"
+                f"{MODEL}: {node.path}: want the size of its zones and a height of {height:g} m, "
+                f"as that of {shade_geom(0)} says, between 0 and {COVER_M:g} m"
             )
-        if node.attributes["material"] not in (WATER_MATERIAL, trodden_material(name)):
-            raise BundleError(f"{MODEL}: {node.path}@material: want {WATER_MATERIAL!r} or {trodden_material(name)!r}")
 
 
 def _check_materials(
@@ -218,11 +226,10 @@ def _check_materials(
 ) -> None:
     """Check that materials of fittings are used and have the colours that zones and kinds give."""
     used = {node.attributes["material"] for node in geoms.values()}
-    colours: dict[str, Any] = {WATER_MATERIAL: WATER[0]}
-    colours |= {cover_material(name): cover_rgba(zone["rgba"], False) for name, zone in zones.items()}
-    colours |= {trodden_material(name): cover_rgba(zone["rgba"], True) for name, zone in zones.items()}
+    colours: dict[str, Any] = {WATER_MATERIAL: WATER[0], SHADE_MATERIAL: SHADE}
+    colours |= {cover_material(name): cover_rgba(zone["rgba"]) for name, zone in zones.items()}
     colours |= {fitting_material(kind, []): rgba for kind, (rgba, _) in FURNITURE_LOOKS.items()}
-    prefixes = (WATER_MATERIAL, "cover_", "trodden_", "fitting_")
+    prefixes = (WATER_MATERIAL, SHADE_MATERIAL, "cover_", "fitting_")
     there = {name for tag, name in assets if tag == "material" and name.startswith(prefixes)}
     if there != used:
         raise BundleError(f"{MODEL}: asset: material {min(there ^ used)!r}: missing, or nothing has it")

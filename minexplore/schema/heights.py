@@ -1,10 +1,8 @@
-"""The tables of a world with heights: its floor's mesh, and the wedges of floor and roof in place of level boxes."""
+"""The tables of a world with heights: the wedges of floor and roof in place of level boxes."""
 
 from __future__ import annotations
 
 import dataclasses
-import io
-import zipfile
 from collections.abc import Mapping
 from typing import Any
 
@@ -20,21 +18,17 @@ from minexplore.bundle import (
     BundleError,
     GeomGroup,
     floor_geom,
-    has_heights,
     is_floor,
     is_roof,
     zone_of_wedge,
 )
 from minexplore.floor import Floor
-from minexplore.schema.arrays import UNREADABLE, read_array
 from minexplore.schema.attributes import Attribute, Element, named, required
 from minexplore.schema.model import MOST_PARTS, REACH_M, ZONE_NAME
 from minexplore.schema.rules import exactly, matching, number, numbers, numbers_in, points, same, whole
 from minexplore.schema.xml import Node
 
-MOST_FACES = 1_000_000
 MOST_SHEETS = 1000
-_ARRAYS = {"vertices": ("<f8", 2), "faces": ("<i4", 2), "sheet": ("<i4", 1), "offset_m": ("<f8", 2)}
 _STEEPEST_DEG = 45.0
 _ON_FLOOR_M = 0.005
 _FLOOR_WEDGE, _ROOF_WEDGE = rf"floor_{ZONE_NAME}_\d{{5}}", r"roof_\d{5}"
@@ -91,57 +85,6 @@ def with_heights(table: Element) -> Element:
     if table.tag == "asset":
         children += [_mesh(_FLOOR_WEDGE), _mesh(_ROOF_WEDGE)]
     return dataclasses.replace(table, children=tuple(children))
-
-
-def read_floor(record: Mapping[str, Any], files: Mapping[str, bytes]) -> Floor:
-    """Return the floor of a world, one without triangles where the record states no heights.
-
-    Raises
-    ------
-    BundleError
-        If the file is missing or not expected, or no floor that a builder writes.
-    """
-    if has_heights(record) != (FLOOR in files):
-        raise BundleError(f"{FLOOR}: {'missing' if has_heights(record) else f'{RECORD} states no heights'}")
-    if not has_heights(record):
-        return Floor()
-    try:
-        with zipfile.ZipFile(io.BytesIO(files[FLOOR])) as archive:
-            names = sorted(archive.namelist())
-            if names != sorted(f"{name}.npy" for name in _ARRAYS):
-                raise BundleError(f"{FLOOR}: holds {names}, want {', '.join(_ARRAYS)}")
-            arrays = {name: read_array(FLOOR, archive, name, *want, 3 * MOST_FACES) for name, want in _ARRAYS.items()}
-    except BundleError:
-        raise
-    except (*UNREADABLE, ValueError, RuntimeError) as error:
-        raise BundleError(f"{FLOOR}: cannot be read ({str(error)[:100]})") from error
-    floor = Floor(**arrays)
-    _check_floor(floor, record)
-    return floor
-
-
-def _check_floor(floor: Floor, record: Mapping[str, Any]) -> None:
-    heights, (west, south, east, north) = record["heights"], record["world_m"]
-    vertices, faces, sheet, offset = floor.vertices, floor.faces, floor.sheet, floor.offset_m
-    if vertices.shape[1:] != (3,) or faces.shape[1:] != (3,) or offset.shape != (heights["sheets"], 2):
-        raise BundleError(
-            f"{FLOOR}: shapes {vertices.shape}, {faces.shape} and {offset.shape}: want 3, 3 and sheets x 2"
-        )
-    if not len(faces) or len(sheet) != len(faces) or faces.min() < 0 or faces.max() >= len(vertices):
-        raise BundleError(f"{FLOOR}: no faces, a face of a vertex that is not there, or one without its sheet")
-    if sheet.min() < 0 or sheet.max() >= len(offset) or not np.isfinite(offset).all() or offset[0].any():
-        raise BundleError(f"{FLOOR}: a sheet that is not there, or an offset that is not finite or of the first sheet")
-    low, high = np.array([west, south, -REACH_M]), np.array([east, north, REACH_M])
-    if not ((vertices >= low) & (vertices <= high)).all():
-        raise BundleError(f"{FLOOR}: a corner outside world_m = {record['world_m']}")
-    found = float(vertices[:, 2].min()), float(vertices[:, 2].max())
-    if np.abs(np.subtract(found, (heights["low_m"], heights["high_m"]))).max() > 1e-9:
-        raise BundleError(
-            f"{RECORD}: heights.low_m, high_m = {heights['low_m']}, {heights['high_m']}: {FLOOR} has {found}"
-        )
-    u, v = (vertices[faces[:, k]] - vertices[faces[:, 0]] for k in (1, 2))
-    if (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] <= 0).any():
-        raise BundleError(f"{FLOOR}: a face that is not counter-clockwise in plan")
 
 
 def check_wedges(

@@ -14,6 +14,7 @@ from pipeline.mjcf.bundle import WorldRecord
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.fittings import require_fittings
 from pipeline.proof.remake import Tracing, read_free_space, require_remade
+from pipeline.proof.same_floor import require_floor
 from pipeline.proof.same_model import require_same_model
 from pipeline.proof.visible import require_visible
 from pipeline.types import FreeSpace
@@ -33,7 +34,7 @@ def require_built(folder: Path, record: WorldRecord, params: ValidationParams) -
         A bundle that `open_bundle` has opened.
     record : WorldRecord
     params : ValidationParams
-        How its network is traced, the tolerance of its outline, and how its rock was decomposed.
+        How its network is traced, the tolerance of its outline, its steepest floor, and how its rock was decomposed.
 
     Raises
     ------
@@ -42,6 +43,7 @@ def require_built(folder: Path, record: WorldRecord, params: ValidationParams) -
     """
     _require_pictures(folder, record)
     free_space = read_free_space(folder)
+    require_floor(folder, record, free_space.polygon, params.steepest_deg)
     tracing = Tracing(params.network_cell_m, params.network_min_leg_m, params.network_station_spacing_m)
     grid = require_remade(folder, record, free_space, tracing, tolerance_of(params))
     require_same_model(folder, record, free_space.polygon, params.collision_method == "exact", params.collision_tile_m)

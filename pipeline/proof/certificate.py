@@ -19,7 +19,7 @@ from shapely import Polygon
 from minexplore.bundle import GeomGroup
 from minexplore.floor import Floor
 from pipeline.geometry.extrude import section_footprint
-from pipeline.geometry.floor_parts import BAND_M, beside_sheets, wall_lines
+from pipeline.geometry.floor_parts import BAND_M, WallFoot, beside_sheets, wall_lines
 from pipeline.geometry.sheets import floor_seams
 from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.metrics.containment import cover_walls, open_area_m2
@@ -155,7 +155,7 @@ def _reach(
     inside = queried[shapely.contains_xy(free, places[queried, 0], places[queried, 1])]
     plan[inside] = np.minimum(distances_to_walls(wall_lines(free, floor), places[inside]), most)
     T = np.array(record.T_world_mine)
-    probes = floor.fold(np.column_stack([places[queried], np.full(len(queried), _PROBE_HEIGHT_M)]))
+    probes = _probes(floor, places[queried], np.isin(queried, inside))
     measured[queried] = rock_clearance(folder, T, GeomGroup.COLLISION, probes, most)
     start, seams = start_cell(record.spawn.anchor_m, frame), floor_seams(floor)
     by_plan, by_world = (reached_cells(c.reshape(height, width), radius, start, frame, seams) for c in (plan, measured))
@@ -166,6 +166,22 @@ def _reach(
         by_plan, by_world, frame, [part.bounds for part in shapely.get_parts(free)], radius, *network
     )
     return {"clearance_error_m": round(error, 5), **vars(match)}
+
+
+def _probes(floor: Floor, places_m: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Return probes (k, 3) m, mine frame, over places (k, 2) m of the plan: `_PROBE_HEIGHT_M` above their floor.
+
+    In the rock beside the workings that is the floor at the nearest wall, which the wall's parts follow. The mesh has
+    no height there: the plane of a face nearby may be metres below the wall's foot.
+    """
+    points = np.column_stack([places_m, np.full(len(places_m), _PROBE_HEIGHT_M)])
+    if floor.is_flat:
+        return points
+    points[inside] = floor.fold(points[inside])
+    beside = places_m[~inside]
+    points[~inside, :2] -= floor.offsets_at(beside)
+    points[~inside, 2] += WallFoot(floor).heights_at(beside)
+    return points
 
 
 def certify(world_sha256: str, measured: Mapping[str, Any], limits: Mapping[str, Limit]) -> Certificate:

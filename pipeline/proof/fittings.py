@@ -12,15 +12,15 @@ from shapely import Polygon
 from minexplore.bundle import (
     MODEL,
     TOPOLOGY,
-    WATER_MATERIAL,
     TriangleMesh,
     decode_msh,
     is_cover,
     is_fitting,
     mesh_file,
     puddle_geom,
+    shade_geom,
 )
-from minexplore.looks import TEXTURE_PER_M
+from minexplore.looks import SHADE_LEVELS, TEXTURE_PER_M
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import WorldRecord
@@ -76,14 +76,11 @@ def _require_floor(
         raise ArtifactError(f"{differs}, by realism.floor")
     flooded = [zone.name for zone in record.zones if zone.name in params.puddles]
     spec = mujoco.MjSpec.from_file(str(folder / MODEL))  # require_same_model has compared the planes
-    for zone in record.zones:
-        level = float(spec.geom(puddle_geom(zone.name)).pos[2])
-        if abs(level - params.water_m) > _LEVEL_M:
-            raise ArtifactError(
-                f"{folder / MODEL}: geom {puddle_geom(zone.name)}: level {level:g} m, want {params.water_m:g} m, "
-                "realism.floor.water_m"
-            )
-    wet = [zone.name for zone in record.zones if spec.geom(puddle_geom(zone.name)).material == WATER_MATERIAL]
+    level = float(spec.geom(shade_geom(0)).pos[2]) / SHADE_LEVELS[0]
+    if abs(level - params.water_m) > _LEVEL_M:
+        raise ArtifactError(f"{folder / MODEL}: level {level:g} m, want {params.water_m:g} m, realism.floor.water_m")
+    geoms = {geom.name for geom in spec.geoms}
+    wet = [zone.name for zone in record.zones if puddle_geom(zone.name) in geoms]
     if wet != flooded:
         raise ArtifactError(f"{folder / MODEL}: water stands on {wet}, want {flooded}, realism.floor.puddles")
 

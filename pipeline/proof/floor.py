@@ -18,6 +18,7 @@ from pipeline.mjcf.bundle import World, obstacles, placed_parts
 _ON_FLOOR_M = 0.01
 _ROUND_M = 1e-4  # positions have four decimals
 _INSIDE = 0.002  # share of a face that probes at its edges are moved towards its middle
+_EDGE_M = 1e-3  # and at least so far from the edges: wedges have four decimals and straight edges to 0.1 mm
 _ABOVE_M = 0.5  # of a probe over the floor
 
 
@@ -52,11 +53,14 @@ def _open_m2(wedges: list[np.ndarray], floor: Floor, free: Polygon, level_m: flo
 
 
 def _floor_error_m(model: mujoco.MjModel, T_world_mine: np.ndarray, floor: Floor) -> float:
-    corners = floor.vertices[floor.faces] - np.pad(floor.offset_m, [(0, 0), (0, 1)])[floor.sheet][:, None]
-    middle = corners.mean(axis=1, keepdims=True)
-    edges = (corners + np.roll(corners, -1, axis=1)) / 2
-    probes = np.concatenate([middle, edges + _INSIDE * (middle - edges)], axis=1).reshape(-1, 3)
-    starts = (probes + np.array([0.0, 0.0, _ABOVE_M])) @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
+    """Return the largest difference in height, m, between the wedges under rays from above and the floor's mesh.
+
+    A ray nearer to an edge than `_EDGE_M` can pass beside a wall or between two wedges, where nothing that rolls can
+    follow. Faces so thin that they have no other place are left out: each place on them is within 1.5 mm of an edge,
+    and the faces beyond their edges are probed.
+    """
+    starts = _floor_probes(floor) + np.array([0.0, 0.0, _ABOVE_M])
+    starts = starts @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     groups = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
@@ -65,3 +69,16 @@ def _floor_error_m(model: mujoco.MjModel, T_world_mine: np.ndarray, floor: Floor
     for start in starts:
         worst = max(worst, abs(mujoco.mj_ray(model, data, start, down, groups, 1, -1, hit, None) - _ABOVE_M))
     return round(worst, 6)
+
+
+def _floor_probes(floor: Floor) -> np.ndarray:
+    """Return the middle of each face and places near the middles of its edges (k, 3) m, in the mine frame."""
+    corners = floor.vertices[floor.faces] - np.pad(floor.offset_m, [(0, 0), (0, 1)])[floor.sheet][:, None]
+    (x, y), (u, v) = ((corners[:, k, :2] - corners[:, 0, :2]).T for k in (1, 2))
+    longest = np.linalg.norm((corners - np.roll(corners, -1, axis=1))[:, :, :2], axis=2).max(axis=1)
+    to_edge = np.abs(x * v - y * u) / np.maximum(longest, 1e-12) / 3  # of the middle from the nearest edge
+    kept = to_edge > _EDGE_M
+    middle = corners[kept].mean(axis=1, keepdims=True)
+    edges = (corners[kept] + np.roll(corners[kept], -1, axis=1)) / 2
+    moved = np.maximum(_INSIDE, _EDGE_M / to_edge[kept])[:, None, None]
+    return np.concatenate([middle, edges + moved * (middle - edges)], axis=1).reshape(-1, 3)

@@ -17,12 +17,13 @@ from minexplore.bundle import (
     ROCK_TEXTURE,
     ROOF_GEOM,
     TOPOLOGY,
-    WATER_MATERIAL,
     is_fitting,
     is_rock,
     puddle_geom,
+    shade_geom,
     smooth_mesh,
 )
+from minexplore.looks import SHADE_LEVELS
 from minexplore.schema import check_world
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
@@ -101,7 +102,7 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
     meshes = {Path(name).stem: data for name, data in files.items() if name.startswith("meshes/")}
     chunks = {name: data for name, data in meshes.items() if name not in SMOOTH_MESHES}
     named = {geom.name: geom for geom in stated.geoms}
-    planes = {zone: named[puddle_geom(zone.name)] for zone in record.zones if puddle_geom(zone.name) in named}
+    lowest = named.get(shade_geom(0))
     scene = MineScene(
         name=record.name,
         extent=SolidExtent(record.height_m, record.world_m),
@@ -118,8 +119,8 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
         T_world_mine=tilt_about_centre(record.tilt_deg, record.world_m),
         look=record.look,
         fittings={f"{name}.msh": chunks[name] for name in sorted(chunks) if is_fitting(name)},
-        puddles=tuple(zone.name for zone, plane in planes.items() if plane.material == WATER_MATERIAL),
-        water_m=next((float(plane.pos[2]) for plane in planes.values()), 0.0),
+        puddles=tuple(zone.name for zone in record.zones if puddle_geom(zone.name) in named),
+        water_m=float(lowest.pos[2]) / SHADE_LEVELS[0] if lowest else 0.0,
         floor=floor,
     )
     spec = build_spec(scene)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from baselines.bounds import Bound
+from baselines.checks import _repeated_faults
 from baselines.driven import note_driven, was_driven_here
 from baselines.environments import make_env
 from baselines.errors import BaselineError, RejectedError
@@ -308,6 +309,8 @@ def test_equal_episodes_missing_and_extra_seeds_are_rejected(honest):
     honest.write_text(chain(head, [*episodes[:two], copy.model_copy(update={"path_cm": beside}), *episodes[two + 1 :]]))
     with pytest.raises(RejectedError, match=f"seeds {one} and {two} see the same number of new cells at every time"):
         score(honest)
+    apart = copy.model_copy(update={"path_cm": [episode.path_cm[0], *((x + 60, y) for x, y in episode.path_cm[1:])]})
+    assert not list(_repeated_faults([episode, apart]))  # two honest tours of a known mine were as far apart
     honest.write_text(chain(head.model_copy(update={"seeds": head.seeds[:-1]}), episodes[:-1]))
     with pytest.raises(RejectedError, match=r"the protocol's are 0 to 19; missing \[19\], extra none"):
         score(honest)

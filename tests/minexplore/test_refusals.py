@@ -93,7 +93,7 @@ def test_a_raw_environment_wants_a_reset_before_a_step_and_nothing_after_its_end
         made.reset(seed=0)
         made.close()
         made.close()  # again does nothing
-        for call in (lambda made=made, action=action: made.step(action), lambda made=made: made.reset(seed=0)):
+        for call in (lambda made=made, action=action: made.step(action), made.reset, made.render):
             with pytest.raises(gymnasium.error.ClosedEnvironmentError, match="is closed"):
                 call()
 
