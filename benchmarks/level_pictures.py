@@ -10,12 +10,18 @@ import matplotlib as mpl
 import numpy as np
 
 from pipeline.compose import compose
-from tests.heights import RAMP, UNDER, MineWithHeights, levels, spiral
+from tests.heights import UNDER, MineWithHeights, levels, seam, shelves, spiral
 
 mpl.use("agg")
 import matplotlib.pyplot as plt
 
-_CASES = {"ramp": RAMP, "drift under drift": UNDER, "spiral decline": spiral(3), "three levels": levels()}
+_CASES = {
+    "spiral decline of three turns": spiral(3),
+    "three levels with ramps and a shaft": levels(),
+    "room and pillar on a dipping seam": seam(),
+    "drift under drift": UNDER,
+    "cave with shelves": shelves(),
+}
 _FILE = Path("docs/levels.png")
 
 

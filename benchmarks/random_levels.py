@@ -1,22 +1,32 @@
-"""Random mines with heights, built and certified: `make random-levels`. Each row says what was built, or why not."""
+"""Random mines with heights, built and certified: `make random-levels`. A run goes on where the last one stopped."""
 
 from __future__ import annotations
 
 import argparse
 import collections
+import json
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
+import networkx as nx
 import numpy as np
+from scipy.optimize import linear_sum_assignment
+from tqdm import tqdm
 
 from pipeline.compose import compose
 from pipeline.errors import MineError
+from pipeline.params.config import Config
 from pipeline.proof.validator import Validator
+from pipeline.store.files import write_atomically
 from tests.heights import Leg, MineWithHeights, certificate_params
 
 _LEGS, _LENGTH_M, _GRADE, _TURN_RAD = (6, 14), (14.0, 30.0), 0.13, 1.2
 _WITHIN_M, _STATION_M = 0.01, 0.02
+_END_M = 3.0  # a drift's end is traced about its half width, 2.2 m, before its last wall
+_CONTACTS = 200
+RESULTS, TABLE = Path("artifacts/bench/random-levels.jsonl"), Path("docs/random-levels.md")
 
 
 def random_legs(rng: np.random.Generator) -> dict[str, Leg]:
@@ -37,37 +47,105 @@ def random_legs(rng: np.random.Generator) -> dict[str, Leg]:
     return legs
 
 
+def judge(seed: int, config: Config) -> dict[str, Any]:
+    """Build and certify one mine; return what was measured, or why it was refused."""
+    legs = random_legs(np.random.default_rng(seed))
+    row: dict[str, Any] = {"seed": seed}
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            mine = MineWithHeights(legs, config, Path(folder))
+        except MineError as error:
+            return row | {"refused": str(error).removeprefix(folder)}
+        try:
+            return row | _measure(legs, mine, config)
+        except Exception as error:  # this mine fails and the others continue
+            return row | {"refused": f"{type(error).__name__}: {error}".replace(folder, "")}
+
+
+def _measure(legs: dict[str, Leg], mine: MineWithHeights, config: Config) -> dict[str, Any]:
+    validator = Validator(certificate_params(config, _CONTACTS), mine.bundle, mine.cleaned, mine.raw, mine.survey)
+    clauses = validator.certificate.clauses.items()
+    stations, floor = mine.stations(), mine.floor
+    return {
+        "sheets": len(floor.offset_m),
+        "broken": {name: clause.value for name, clause in clauses if not clause.holds},
+        "graph": same_graph(legs, mine),
+        "station_m": round(float(np.abs(floor.heights_at(stations[:, :2]) - stations[:, 2]).max()), 5),
+        "floor_m": validator.containment["floor_error_m"],
+        "length_m": mine.network.total_length_m,
+    }
+
+
+def same_graph(legs: dict[str, Leg], mine: MineWithHeights) -> bool:
+    """Return whether the world's network is the truth's: a tree with the same ends at their places and heights."""
+    truth: nx.Graph = nx.Graph()
+    for leg in legs.values():
+        nx.add_path(truth, [name for name, *_ in leg])
+    places = {name: place for leg in legs.values() for name, *place in leg}
+    ends = np.array([places[name] for name in truth if truth.degree(name) == 1])
+    datum = mine.survey.heights.datum_m if mine.survey.heights else 0.0
+    found = np.array([(*mine.network.nodes_m[name], 0.0) for name in mine.network.dead_ends]).reshape(-1, 3)
+    found = mine.floor.fold(found) + np.array([0.0, 0.0, datum])
+    loops = truth.number_of_edges() - truth.number_of_nodes() + 1
+    if len(found) != len(ends) or mine.network.loops != loops or mine.network.components != 1:
+        return False
+    apart = np.linalg.norm(ends[:, None] - found[None], axis=2)
+    return bool(apart[linear_sum_assignment(apart)].max() < _END_M)
+
+
+def holds(row: dict[str, Any]) -> bool:
+    """Return whether a mine was built, its certificate holds, its graph is the truth's and its floor the survey's."""
+    if "refused" in row:
+        return False
+    return not row["broken"] and row["graph"] and row["floor_m"] <= _WITHIN_M and row["station_m"] <= _STATION_M
+
+
+def report(rows: list[dict[str, Any]]) -> str:
+    """Return the page docs/random-levels.md."""
+    built = [row for row in rows if "refused" not in row]
+    refused = len(rows) - len(built)
+    sheets = collections.Counter(row["sheets"] for row in built)
+    lines = [
+        "# Random mines with heights\n",
+        "Declines that wander or wind round themselves, with level drifts, written by `make random-levels`. A mine",
+        "holds if its certificate does, its network is the truth's with the ends at their places and heights, the",
+        f"floor that wheels touch is within {100 * _WITHIN_M:g} cm of the mesh, and the mesh within",
+        f"{100 * _STATION_M:g} cm of the stations.\n",
+        "| figure | value |",
+        "|---|---|",
+        f"| mines | {len(rows)} |",
+        f"| hold | {sum(map(holds, rows))} |",
+        f"| certificate holds | {sum(not row['broken'] for row in built)} |",
+        f"| graph equal to the truth's | {sum(row['graph'] for row in built)} |",
+        f"| floor within {100 * _WITHIN_M:g} cm | {sum(row['floor_m'] <= _WITHIN_M for row in built)} |",
+        f"| largest floor error | {1000 * max((row['floor_m'] for row in built), default=0):.1f} mm |",
+        f"| refused | {refused} |",
+        f"| sheets | {', '.join(f'{n} in {count} mines' for n, count in sorted(sheets.items()))} |",
+        f"| drift, all together | {sum(row['length_m'] for row in built) / 1000:.1f} km |",
+    ]
+    lines += [f"\nSeed {row['seed']}: {row.get('refused') or row}" for row in rows if not holds(row)]
+    return "\n".join(lines) + "\n"
+
+
 def main() -> int:
-    """Build and certify random mines; return 1 if one that was built does not hold."""
+    """Build and certify the mines that have no result yet; return 1 if one does not hold."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=200)
-    parser.add_argument("--first", type=int, default=0, help="seed of the first mine")
-    parser.add_argument("--contacts", type=int, default=200)
     arguments = parser.parse_args()
     config = compose(["preset=light"])
-    tally: collections.Counter[str] = collections.Counter()
-    for seed in range(arguments.first, arguments.first + arguments.count):
-        legs = random_legs(np.random.default_rng(seed))
-        with tempfile.TemporaryDirectory() as folder:
-            try:
-                mine = MineWithHeights(legs, config, Path(folder))
-            except MineError as error:
-                tally["refused"] += 1
-                print(f"{seed}: refused: {str(error).removeprefix(folder)}", flush=True)
-                continue
-            stated = certificate_params(config, arguments.contacts)
-            validator = Validator(stated, mine.bundle, mine.cleaned, mine.raw, mine.survey)
-            broken = [name for name, clause in validator.certificate.clauses.items() if not clause.holds]
-            stations = mine.stations()
-            off = float(np.abs(mine.floor.heights_at(stations[:, :2]) - stations[:, 2]).max())
-            wheels = float(validator.containment["floor_error_m"])
-            if off > _STATION_M or wheels > _WITHIN_M or mine.network.loops:
-                broken.append(f"station {off:.3f} m, floor {wheels:.3f} m, loops {mine.network.loops}")
-            tally["holds" if not broken else "fails"] += 1
-            sheets = len(mine.floor.offset_m)
-            print(f"{seed}: {sheets} sheets, {'holds' if not broken else 'FAILS ' + ', '.join(broken)}", flush=True)
-    print(", ".join(f"{number} {what}" for what, number in tally.items()))
-    return int(tally["fails"] > 0)
+    RESULTS.parent.mkdir(parents=True, exist_ok=True)
+    rows = [json.loads(line) for line in RESULTS.read_text().splitlines()] if RESULTS.is_file() else []
+    wanted = sorted(set(range(arguments.count)) - {row["seed"] for row in rows})
+    with RESULTS.open("a") as log:
+        for seed in tqdm(wanted, unit="mine", disable=None):
+            rows.append(judge(seed, config))
+            log.write(json.dumps(rows[-1]) + "\n")
+            log.flush()
+    rows.sort(key=lambda row: row["seed"])
+    text = report(rows)
+    write_atomically(TABLE, text.encode())
+    print(text)
+    return int(not all(map(holds, rows)))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,9 @@
 """The expected errors. Every message names the thing, the value and the limit."""
 
+from __future__ import annotations
+
+import numpy as np
+
 
 class MineError(Exception):
     """Base of all expected errors; a command prints the message and exits with code 2."""
@@ -7,6 +11,14 @@ class MineError(Exception):
 
 class InputError(MineError):
     """An input file (plan, scale bar, survey, poses) cannot be used."""
+
+
+class DoubtError(InputError):
+    """A plan's workings are not found beyond doubt; `picture` (rows, cols, 3) uint8 shows what was found."""
+
+    def __init__(self, message: str, picture: np.ndarray) -> None:
+        super().__init__(message)
+        self.picture = picture
 
 
 class UnexpectedError(InputError):

@@ -17,7 +17,7 @@ from pipeline.geometry.fewest_vertices import MOST_RATIO
 from pipeline.geometry.half_level import cover_of, trace_half_level
 from pipeline.geometry.outline import simplify_outline, simplify_to_wall_error, trace_outline
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.geometry.sheets import count_islands, filled, plan_seams, trace_sheets
+from pipeline.geometry.sheets import count_islands, filled, plan_seams, simplify_sheets, trace_sheets
 from pipeline.geometry.skeleton import require_same_network, trace_alike
 from pipeline.metrics.wall_error import largest_error_m
 from pipeline.params.contours import ContoursParams
@@ -56,7 +56,10 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
         traced = correction.polygon
         raw = cleaned = fill_polygon(traced, frame)
     if seams:
-        outline, network, tolerance = traced, trace_sheets(traced, seams, *_tracing(params)), 0.0
+        assert survey.heights is not None
+        tolerance = params.wall_error_m if params.tolerance_m is None else params.tolerance_m
+        outline = simplify_sheets(traced, survey.heights, tolerance)
+        network = trace_sheets(outline, seams, *_tracing(params))
     else:
         outline, network, tolerance = _simplify(params, traced)
     outer = filled(outline)

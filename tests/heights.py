@@ -6,16 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.mjcf.assemble import assemble_world
+from benchmarks.small_world import finish_world
 from pipeline.params.config import Config
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.params.validation import ValidationParams
-from pipeline.store.codecs import encode
 from pipeline.survey.load import _read
 from pipeline.types import Workings
-from stages.compile3d import compile_rock
 from stages.contours import trace_free_space
-from stages.surface import model_surface
 
 HEADER = "leg,station,easting_m,northing_m,left_m,right_m,elevation_m,up_m,down_m\n"
 Leg = list[tuple[str, float, float, float]]
@@ -61,6 +58,30 @@ def levels() -> dict[str, Leg]:
     return legs
 
 
+def seam() -> dict[str, Leg]:
+    """Return rooms and pillars on a seam that dips by 10 % to the west and 4 % to the south: nine pillars."""
+    places = {(i, j): (14.0 * i, 14.0 * j, 100 + 1.4 * i + 0.56 * j) for i in range(4) for j in range(4)}
+    station = {key: (f"p{key[0]}{key[1]}", *place) for key, place in places.items()}
+    rows = {f"R{j}": [station[i, j] for i in range(4)] for j in range(4)}
+    return rows | {f"C{i}": [station[i, j] for j in range(4)] for i in range(4)}
+
+
+def shelves() -> dict[str, Leg]:
+    """Return a cave: winding passages on three shelves, one under another, and the ramps between them."""
+
+    def passage(name: str, *places: tuple[float, float, float]) -> Leg:
+        return [(f"{name}{i}", *place) for i, place in enumerate(places)]
+
+    upper = passage("a", (0, 0, 0), (12, 5, 0), (26, 2, 0), (38, 8, 0), (50, 4, 0))
+    first = passage("f", (62, -2, -1.2), (60, -14, -2.6), (48, -18, -4))
+    middle = passage("b", (36, -12, -5), (28, 0, -5), (24, 14, -5), (10, 18, -5.2))
+    second = passage("s", (-4, 14, -6.8), (-8, 2, -8.4))
+    lower = passage("c", (2, -8, -10), (14, -4, -10), (24, -2, -10), (34, -4, -10), (40, 10, -10.2), (42, 24, -10.4))
+    ledge = [middle[2], *passage("l", (34, 22, -5.5))]
+    ramps = {"F": [upper[-1], *first, middle[0]], "S": [middle[-1], *second, lower[0]]}
+    return {"A": upper, "B": middle, "C": lower, "L": ledge, **ramps}
+
+
 def table(legs: dict[str, Leg], half_m: float = 2.2) -> str:
     """Return a station table of legs of one width."""
     rows = [
@@ -83,30 +104,9 @@ class MineWithHeights:
         traced = trace_free_space(config.contours, plan, self.survey, Workings(polygons))
         self.raw, self.cleaned, self.traced = traced["raw"], traced["cleaned"], traced["traced"]
         self.free_space, self.network = traced["free_space"], traced["topology"]
-        rock = compile_rock(config.compile3d, self.free_space, self.network, self.survey)
-        self.floor, self.parts = rock["floor"], rock["collision"]
-        surface = model_surface(config.surface, self.free_space, self.network, rock["extent"])
-        files = assemble_world(
-            config.realism,
-            self.survey,
-            self.free_space,
-            self.network,
-            rock["extent"],
-            rock["collision"],
-            rock["floor"],
-            rock["spawn"],
-            surface["smooth"],
-            surface["texture"],
-            surface["rough"],
-            occupancy=encode(Path("o.npz"), rock["occupancy"]),
-            free_space_bt=rock["octree"],
-            map_png=encode(Path("map.png"), rock["map"]),
-            map_yaml=rock["map_yaml"].encode(),
-        )["world"]
         self.bundle = folder / "world"
-        for name, data in files.items():
-            (self.bundle / name).parent.mkdir(parents=True, exist_ok=True)
-            (self.bundle / name).write_bytes(data)
+        rock, _ = finish_world(config, self.survey, traced, self.bundle)
+        self.floor, self.parts = rock["floor"], rock["collision"]
 
     def stations(self) -> np.ndarray:
         """Return the points (n, 3) m, plan, at which the survey knows the floor."""
@@ -120,4 +120,4 @@ def certificate_params(config: Config, contacts: int) -> ValidationParams:
     return config.validation.model_copy(update={"certificate": stress})
 
 
-__all__ = ["RAMP", "UNDER", "MineWithHeights", "certificate_params", "levels", "spiral", "table"]
+__all__ = ["RAMP", "UNDER", "MineWithHeights", "certificate_params", "levels", "seam", "shelves", "spiral", "table"]

@@ -12,15 +12,12 @@ import numpy as np
 import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
+from benchmarks.small_world import finish_world
 from minexplore.bundle import world_sha256
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.mjcf.assemble import assemble_world
 from pipeline.params.config import Config
-from pipeline.store.codecs import encode
 from pipeline.types import DriftNetwork, Frame, FreeSpace, Scale, Survey, Workings
-from stages.compile3d import compile_rock
 from stages.contours import trace_free_space
-from stages.surface import model_surface
 
 # Straight drift, ring drift with one island, T-junction: areas, loops and dead ends are known by hand.
 STRAIGHT = shapely.box(0, 0, 100, 5)
@@ -62,29 +59,8 @@ class BuiltMine:
         self.raw, self.cleaned = traced["raw"], traced["cleaned"]
         self.free_space: FreeSpace = traced["free_space"]
         self.network: DriftNetwork = traced["topology"]
-        self.compiled = compile_rock(config.compile3d, self.free_space, self.network, self.survey)
-        self.surface = model_surface(config.surface, self.free_space, self.network, self.compiled["extent"])
-        world = assemble_world(
-            config.realism,
-            self.survey,
-            self.free_space,
-            self.network,
-            self.compiled["extent"],
-            self.compiled["collision"],
-            self.compiled["floor"],
-            self.compiled["spawn"],
-            self.surface["smooth"],
-            self.surface["texture"],
-            self.surface["rough"],
-            occupancy=encode(Path("o.npz"), self.compiled["occupancy"]),
-            free_space_bt=self.compiled["octree"],
-            map_png=encode(Path("map.png"), self.compiled["map"]),
-            map_yaml=self.compiled["map_yaml"].encode(),
-        )["world"]
         self.bundle = folder
-        for name, data in world.items():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_bytes(data)
+        self.compiled, self.surface = finish_world(config, self.survey, traced, folder)
 
 
 def random_mine(rng: np.random.Generator, drifts: int) -> Polygon:

@@ -11,6 +11,7 @@ import sys
 import cv2
 import pytest
 
+from benchmarks.draw_sheet import draw_sheet
 from benchmarks.fuzz_vectors import GEOPACKAGE
 from benchmarks.look_at_report import find_browser, look_at
 from pipeline.__main__ import parse
@@ -114,6 +115,28 @@ def test_a_refused_mine_leaves_nothing_behind(owned, arguments, message):
     project, _ = owned
     before = state_of(project)
     assert message in message_of(pipeline(project, "new", "x", "--from", "plan.png", *arguments))
+    assert state_of(project) == before
+
+
+def test_a_refused_sheet_is_shown_where_asked_and_nothing_else_is_left(owned):
+    project, _ = owned
+    sheet = draw_sheet(40)  # of three levels
+    cv2.imwrite(str(project.folder / "levels.png"), sheet.picture)
+    words = ("new", "x", "--from", "levels.png", "--px-per-m", str(sheet.px_per_m))
+    before, names = state_of(project), {path.name for path in project.folder.iterdir()}
+    text = message_of(pipeline(project, *words))
+    assert text.endswith("--level N chooses one; --detected FILE.png draws what was found")
+    assert {path.name for path in project.folder.iterdir()} == names
+    for place, message in (
+        ("none/found.png", "expected FILE.png in a folder that exists"),
+        ("levels.png", "is the plan itself"),
+    ):
+        assert message in message_of(pipeline(project, *words, "--detected", place))
+    text = message_of(pipeline(project, *words, "--detected", "found.png"))
+    assert text.endswith("--level N chooses one; found.png shows what was found")
+    shown = cv2.imread(str(project.folder / "found.png")).astype(int)
+    green = shown[..., 1] - shown[..., [0, 2]].max(axis=2) > 30
+    assert all(green[level].mean() > 0.9 for level in sheet.levels)
     assert state_of(project) == before
 
 

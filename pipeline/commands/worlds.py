@@ -14,22 +14,63 @@ from pipeline.commands.arguments import natural, numbers, positive, whole_number
 DETECTED = "detected.png"
 
 
-def new(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any], overrides: list[str]) -> None:
+def new(
+    name: str,
+    source: Path,
+    origin: str,
+    licence: str,
+    stated: dict[str, Any],
+    overrides: list[str],
+    detected: Path | None = None,
+) -> None:
     """Make a world from a mine's file: detect the format, write conf/survey/NAME.yaml, run all stages and report."""
+    from pipeline.errors import DoubtError, InputError
     from pipeline.import_mine import require_name
     from pipeline.store.locks import hold_lock
     from pipeline.worlds import WORLDS
 
     require_name(name)
-    with hold_lock(WORLDS / f".{name}.lock", f"name = {name}: another command is making this world"):
-        _make(name, source, origin, licence, stated, overrides)
+    _require_place(detected, source)
+    try:
+        with hold_lock(WORLDS / f".{name}.lock", f"name = {name}: another command is making this world"):
+            _make(name, source, origin, licence, stated, overrides, detected)
+    except DoubtError as error:  # nothing is left behind but the picture that was asked for
+        if detected is None:
+            raise InputError(f"{error}; --detected FILE.png draws what was found") from error
+        _write_picture(detected, error.picture)
+        raise InputError(f"{error}; {detected} shows what was found") from error
 
 
-def _make(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any], overrides: list[str]) -> None:
-    from pipeline.errors import LimitError
-    from pipeline.import_mine import forget_import, import_mine
+def _require_place(detected: Path | None, source: Path) -> None:
+    """Refuse a place for the picture of what was found that is no .png file in a folder, or is the plan itself."""
+    from pipeline.errors import InputError
+
+    if detected is None:
+        return
+    if detected.suffix.lower() != ".png" or not detected.parent.is_dir() or detected.is_dir():
+        raise InputError(f"--detected {detected}: expected FILE.png in a folder that exists")
+    if detected.resolve() == source.resolve():
+        raise InputError(f"--detected {detected}: is the plan itself; choose another name")
+
+
+def _write_picture(path: Path, picture: Any) -> None:
     from pipeline.store.codecs import encode
     from pipeline.store.files import write_atomically
+
+    write_atomically(path, encode(path, picture))
+
+
+def _make(
+    name: str,
+    source: Path,
+    origin: str,
+    licence: str,
+    stated: dict[str, Any],
+    overrides: list[str],
+    detected: Path | None,
+) -> None:
+    from pipeline.errors import LimitError
+    from pipeline.import_mine import forget_import, import_mine
     from pipeline.worlds import WORLDS, env_id
 
     imported = import_mine(name, source, origin, licence, stated)
@@ -37,7 +78,8 @@ def _make(name: str, source: Path, origin: str, licence: str, stated: dict[str, 
         print(line, file=sys.stderr)
     existed, failure = (WORLDS / name).exists(), None
     if imported.picture is not None:
-        write_atomically(WORLDS / name / DETECTED, encode(Path(DETECTED), imported.picture))
+        for path in filter(None, (WORLDS / name / DETECTED, detected)):
+            _write_picture(path, imported.picture)
     try:
         build(name, [f"survey={name}", *overrides])
     except LimitError as error:
@@ -163,6 +205,9 @@ def add_to(commands: Any) -> None:
     make.add_argument("--bar-length", dest="bar_length_m", type=float, help="length that the scale bar represents, m")
     make.add_argument("--bar-box", dest="bar_box_px", type=numbers(4), help="COL0,ROW0,COL1,ROW1 around the bar, px")
     make.add_argument("--unit", choices=["m", "cm", "mm", "ft", "in"], help="unit of a drawing")
+    make.add_argument(
+        "--half-width", dest="half_width_m", type=float, help="distance to a wall that a survey has not measured, m"
+    )
     make.add_argument("--entrance", dest="entrance_m", type=numbers(2), help="X,Y in the mine frame, m")
     make.add_argument("overrides", nargs="*", help="for example compile3d.height_m=2.8")
     make.add_argument("--layer", dest="layers", action="append", help="layer of a drawing; repeat for more layers")
@@ -174,11 +219,31 @@ def add_to(commands: Any) -> None:
     make.add_argument("--seed", dest="seeds_px", type=numbers(2), action="append", help="COL,ROW inside drawn walls")
     make.add_argument("--gap", dest="wall_gap_px", type=float, help="widest gap in drawn walls that is closed, px")
     make.add_argument("--ignore", dest="ignore_colours", type=whole_numbers(3), action="append", help="R,G,B: no walls")
-    stated = ("px_per_m", "bar_length_m", "bar_box_px", "unit", "entrance_m", "layers", "snap_m", "page", "dpi")
+    make.add_argument(
+        "--detected", type=Path, metavar="FILE.png", help="draw what of a plan was found, also if it is refused"
+    )
+    stated = (
+        "px_per_m",
+        "bar_length_m",
+        "bar_box_px",
+        "unit",
+        "entrance_m",
+        "layers",
+        "snap_m",
+        "page",
+        "dpi",
+        "half_width_m",
+    )
     of_sheets = ("crop_px", "level", "seeds_px", "wall_gap_px", "ignore_colours")
     make.set_defaults(
         run=lambda a: new(
-            a.name, a.source, a.origin, a.licence, {k: getattr(a, k) for k in (*stated, *of_sheets)}, a.overrides
+            a.name,
+            a.source,
+            a.origin,
+            a.licence,
+            {k: getattr(a, k) for k in (*stated, *of_sheets)},
+            a.overrides,
+            a.detected,
         )
     )
     many = commands.add_parser("worlds", help=worlds.__doc__)

@@ -22,6 +22,7 @@ SPACING_M = 3.0  # of the points of a line; a drift is 3 to 6 m wide
 _ON_LINE_M, _ON_WALL_M = 0.02, 0.3  # corners nearer than this to a new point take its place
 _SQUARE = 1.05  # a line across a drift that is so much longer than the shortest is not square to the walls
 _TWIN_M = 1e-6  # between the corners of two sheets on their seam
+_SLIVER_M = 0.05  # a sliver is thinner and rises less
 _WIDEST_M = 20.0  # beyond this from a line, a wall gets no corner for its points
 
 
@@ -106,15 +107,19 @@ def _twins(
 
 
 def steepness_deg(floor: Floor) -> np.ndarray:
-    """Return the angle (m,) deg between each face and the level."""
-    return np.degrees(np.arctan(np.hypot(floor.planes[:, 0], floor.planes[:, 1])))
+    """Return the angle (m,) deg between each face and the level; 0 for slivers, which a robot does not notice."""
+    corners = floor.vertices[floor.faces]
+    sides = np.linalg.norm((corners - np.roll(corners, -1, axis=1))[:, :, :2], axis=2)
+    areas = np.array(shapely.area(shapely.polygons(corners[:, :, :2])))
+    thin = 2 * areas < _SLIVER_M * sides.max(axis=1)
+    steep = np.degrees(np.arctan(np.hypot(floor.planes[:, 0], floor.planes[:, 1])))
+    return np.where(thin & (np.ptp(corners[:, :, 2], axis=1) < _SLIVER_M), 0.0, steep)
 
 
 def require_gentle(floor: Floor, steepest_deg: float) -> None:
-    """Refuse a floor with a face steeper than a limit; slivers, over which a robot does not notice, may be."""
+    """Refuse a floor with a face steeper than a limit."""
     corners = floor.vertices[floor.faces]
-    rise = np.ptp(corners[:, :, 2], axis=1)
-    steep = np.where(rise > 0.05, steepness_deg(floor), 0.0)
+    rise, steep = np.ptp(corners[:, :, 2], axis=1), steepness_deg(floor)
     worst = int(steep.argmax())
     if steep[worst] > steepest_deg:
         x, y, z = corners[worst].mean(axis=0)

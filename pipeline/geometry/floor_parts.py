@@ -47,17 +47,27 @@ def floor_patches(floor: Floor) -> list[Points3]:
     return patches
 
 
-def _corners(loop: Points3) -> Points3:
-    """Return a convex loop without corners that lie on the line between their neighbours.
+def _corners(loop: np.ndarray) -> np.ndarray:
+    """Return a convex loop without corners on the line between their neighbours.
 
-    MuJoCo's search over a hull with nearly collinear corners can stop short and miss a contact.
+    MuJoCo's search over a hull with corners that nearly coincide or lie on a line can stop short: it misses a contact,
+    or finds a place in the hull to be some centimetres outside.
+
+    Parameters
+    ----------
+    loop : (k, 2 + m) m
+        Places in plan, and m heights at each, which must lie on the line too, to `_FOOT_M`.
     """
     kept = list(range(len(loop)))
     for k in range(len(loop)):
         at = kept.index(k)
-        (ax, ay), (x, y), (bx, by) = (loop[kept[(at + step) % len(kept)], :2] for step in (-1, 0, 1))
-        length = max(float(np.hypot(bx - ax, by - ay)), 1e-12)
-        if len(kept) > 3 and abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / length < _STRAIGHT_M:
+        before, after = (loop[kept[(at + step) % len(kept)]] for step in (-1, 1))
+        along, step = after - before, loop[k] - before
+        length = max(float(np.hypot(along[0], along[1])), 1e-12)
+        off = abs(along[0] * step[1] - along[1] * step[0]) / length
+        share = float(along[:2] @ step[:2]) / length**2
+        level = np.abs(step[2:] - share * along[2:]).max(initial=0.0) <= _FOOT_M
+        if len(kept) > 3 and off < _STRAIGHT_M and level:
             kept.pop(at)
     return loop[kept]
 
@@ -120,8 +130,8 @@ def wall_parts(free: Polygon, floor: Floor, height_m: float) -> list[Points3]:
     parts = []
     for piece in pieces:
         for part in (part for part in convex_partition(piece) if _is_solid(part)):
-            low, high = foot.ranges_at(part)
-            feet, tops = (fold_patch(floor, np.column_stack([part, z])) for z in (low, high))
+            corners = _corners(np.column_stack([part, *foot.ranges_at(part)]))
+            feet, tops = (fold_patch(floor, corners[:, [0, 1, z]]) for z in (2, 3))
             lowest, highest = np.array([0.0, 0.0, -SLAB_M]), np.array([0.0, 0.0, height_m + SLAB_M])
             parts.append(np.vstack([feet + lowest, tops + highest]))
     return parts

@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from pipeline.errors import GeometryError
+from pipeline.geometry.sheet_centre import drop_centre_lines
+from pipeline.geometry.sheet_doubt import (
+    SheetError,
+    require_agreement,
+    require_alone,
+    require_explained,
+    require_outlined,
+)
 from pipeline.geometry.sheet_fill import fill_workings, find_areas, find_ink, ridge_half_width
-from pipeline.geometry.sheet_lines import drop_small, drop_straight, enclose, grown, unexplained_px
+from pipeline.geometry.sheet_gaps import bridge_gaps, keep_cycles
+from pipeline.geometry.sheet_lines import (
+    drop_letters,
+    drop_ruled,
+    drop_small,
+    drop_straight,
+    enclose,
+    grown,
+)
 from pipeline.types import Image, Mask
 
 Box = tuple[int, int, int, int]
@@ -19,22 +36,28 @@ _SHARE = 0.006  # of the sheet that workings cover at least
 _REACHES = 0.2  # of the sheet's side that workings extend over at least
 _SHADE, _UNIFORM = 20, 0.8  # grey values of one fill, and the least share of an area that has them
 _OUTLINED = 0.92  # of the border of a hatched area
-_RULED = 0.12  # of the sheet's side: a level or upright line this long is a piece of a grid
-_OTHER, _RULER_PX, _BOX = (
-    0.3,
-    10,
-    0.7,
-)  # extent of another drawing, width of a ruled line, covered share of a box's sides
 _HATCH_PX, _PARALLEL = 3.6, 0.25  # hatching: distance to the nearest line, and coherence of the directions
 _RIVAL = 0.25  # of the largest drawing's area: a smaller one is a sample or a detail
 _COMPACT = 0.9  # share of its convex hull that a box, a circle or a patch fills
 _GAPS = (0.23, 0.31)  # of the drifts' width: half the widest gap that is closed, tried twice
-_AGREE = 0.97  # IoU of the workings with both
 _LETTER_PX = 14.0  # smaller pieces are letters, dashes and hatching
-_UNEXPLAINED = 2.5  # drift widths of line inside the workings that no reading explains
 _NARROWEST_PX = 8.0
+_WIDEST_GAP_PX = 24.0
+_CLOSED_PX, _CLOSED_GAPS = 2.0, (0.08, 0.22)  # the same for walls that are closed curves
 _REACHES_PX = (7.0, 5.0, 9.0)
-_DARKNESS = (185, 100)  # of lines with their soft edges; of strong lines only
+_SAME_LINES = 0.98  # of the dark pixels belong to black lines: then there are no others
+_DARK = 185  # lines with their soft edges
+_BLACK = 80  # darkness of a black line of one pixel after a blur of one pixel is 102; that of a grey one up to 66
+
+
+@dataclass(frozen=True)
+class _Walls:
+    """What may be walls, all lines (rows, cols), and half of the gaps that are closed: first px, then of the width."""
+
+    mask: Mask
+    lines: Mask
+    reaches_px: tuple[float, ...]
+    gaps: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -90,12 +113,13 @@ def _read_area(picture: Image, level: int | None) -> SheetReading | None:
     filling, outlined = fill_workings(picture, ink, chosen, hatched)
     mask = _largest(filling)
     if hatched and outlined < _OUTLINED:
-        raise GeometryError(
+        raise SheetError(
             f"an outline runs along {100 * outlined:.0f} % of a hatched area, at least {100 * _OUTLINED:.0f} % are "
-            "needed; --crop COL0,ROW0,COL1,ROW1 leaves out what is no workings"
+            "needed; --crop COL0,ROW0,COL1,ROW1 leaves out what is no workings",
+            mask,
         )
     if level is None:
-        _require_alone(drop_small(drop_straight(_dark_lines(picture, False)), _LETTER_PX), mask)
+        require_alone(drop_small(drop_straight(_dark_lines(picture, False)), _LETTER_PX), mask)
     return SheetReading(mask, "hatched" if hatched else "filled", boxes, 2 * ridge_half_width(mask))
 
 
@@ -113,27 +137,57 @@ def _is_uniform(picture: Image, areas: Mask, drawings: list[int]) -> bool:
 
 
 def _read_lines(picture: Image, level: int | None) -> SheetReading:
-    """Read walls drawn as lines: all dark lines, then strong ones only; the first reading without a doubt counts."""
+    """Read walls drawn as lines: all dark lines, then black ones only; the first reading without a doubt counts."""
     doubt: GeometryError | None = None
-    for strong in (False, True):
-        walls = drop_small(drop_straight(_dark_lines(picture, strong)), _LETTER_PX)
-        for reach_px in _REACHES_PX:
-            try:
-                return _enclosed(walls, reach_px, level)
-            except GeometryError as error:
-                doubt = error
+    dark, black = (_dark_lines(picture, only_black) for only_black in (False, True))
+    differ = black.sum() < _SAME_LINES * dark.sum()
+    for lines in (dark, black) if differ else (dark,):
+        for drawn in _readings(lines):
+            widths = set()
+            for reach_px in drawn.reaches_px:
+                try:
+                    width = _width_px(drawn.mask, reach_px)
+                    if round(width) not in widths:
+                        widths.add(round(width))
+                        return _enclosed(drawn, width, level)
+                except GeometryError as error:
+                    if not isinstance(doubt, SheetError):  # one that shows something is more helpful
+                        doubt = error if doubt is None or isinstance(error, SheetError) else doubt
     raise doubt or GeometryError("no lines")
 
 
-def _enclosed(walls: Mask, reach_px: float, level: int | None) -> SheetReading:
+def _readings(dark: Mask) -> Iterator[_Walls]:
+    """Yield what may be the walls among dark lines, the simplest first."""
+    lines = drop_small(drop_straight(dark), _LETTER_PX)
+    yield _Walls(lines, lines, _REACHES_PX, _GAPS)
+    ruled = drop_ruled(dark)
+    lines = drop_small(ruled, _LETTER_PX)
+    joined = bridge_gaps(lines, _WIDEST_GAP_PX)
+    yield _Walls(joined, lines, _REACHES_PX[:2], _GAPS)
+    without = drop_small(bridge_gaps(drop_centre_lines(joined), _WIDEST_GAP_PX), _LETTER_PX)
+    yield _Walls(without, lines, _REACHES_PX[:2], _GAPS)
+    joined = bridge_gaps(drop_letters(ruled, _LETTER_PX), _WIDEST_GAP_PX)
+    for walls in (joined, bridge_gaps(drop_centre_lines(joined), _WIDEST_GAP_PX)):
+        yield _Walls(keep_cycles(walls), lines, (_CLOSED_PX,), _CLOSED_GAPS)
+
+
+def _width_px(walls: Mask, reach_px: float) -> float:
+    """Return the typical width, px, of what walls enclose."""
     first = enclose(walls, reach_px)
-    width = 2 * ridge_half_width(_largest(first)) if _drawings(first) else 0.0
+    drawings = _drawings(first)
+    _, labels = cv2.connectedComponents(first.astype(np.uint8), connectivity=4)
+    width = 2 * ridge_half_width(labels == drawings[0]) if drawings else 0.0
     if width < _NARROWEST_PX:
         raise GeometryError(
             "no filled, hatched or enclosed area looks like workings; --crop COL0,ROW0,COL1,ROW1 leaves out the rest, "
             "--seed COL,ROW names a place inside them"
         )
-    narrow, wide = (enclose(walls, max(2.0, share * width)) for share in _GAPS)
+    return width
+
+
+def _enclosed(drawn: _Walls, width: float, level: int | None) -> SheetReading:
+    walls, lines = drawn.mask, drawn.lines
+    narrow, wide = (enclose(walls, max(2.0, share * width)) for share in drawn.gaps)
     drawings = _drawings(wide)
     if not drawings:
         raise GeometryError(
@@ -141,17 +195,22 @@ def _enclosed(walls: Mask, reach_px: float, level: int | None) -> SheetReading:
         )
     chosen, boxes = _choose(wide, drawings, level)
     mask = _largest(chosen)
-    _require_agreement(mask, _largest(narrow & grown(mask, 5.0)))
-    _require_explained(walls, mask, width)
+    require_agreement(mask, _largest(narrow & grown(mask, 5.0)))
+    require_explained(lines, mask, width, _GAPS[1] * width)
+    require_outlined(lines, mask)
     if level is None:
-        _require_alone(walls, mask)
+        require_alone(lines, mask)
     return SheetReading(mask, "lines", boxes, 2 * ridge_half_width(mask))
 
 
-def _dark_lines(picture: Image, strong: bool) -> Mask:
+def _dark_lines(picture: Image, only_black: bool) -> Mask:
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
     colourless = picture.max(axis=2) - picture.min(axis=2) <= _CHROMA
-    return np.asarray((grey <= _DARKNESS[strong]) & colourless)
+    dark = (grey <= _DARK) & colourless
+    if only_black:
+        ridge = cv2.GaussianBlur(255 - grey, (0, 0), 1.0) >= _BLACK
+        dark &= cv2.dilate(ridge.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return np.asarray(dark)
 
 
 def _drawings(areas: Mask) -> list[int]:
@@ -182,7 +241,9 @@ def _choose(areas: Mask, drawings: list[int], level: int | None) -> tuple[Mask, 
         raise GeometryError(f"--level {level}: the sheet shows {len(order)} drawings")
     if level is None and len(order) > 1:
         shown = "; ".join(f"{k}: columns {b[0]}-{b[2]}, rows {b[1]}-{b[3]}" for k, b in enumerate(boxes, start=1))
-        raise GeometryError(f"the sheet shows {len(order)} drawings ({shown}); --level N chooses one")
+        raise SheetError(
+            f"the sheet shows {len(order)} drawings ({shown}); --level N chooses one", np.isin(labels, order)
+        )
     return labels == order[(level or 1) - 1], boxes
 
 
@@ -198,42 +259,6 @@ def _is_hatched(picture: Image, ink: Mask, areas: Mask, drawings: list[int]) -> 
     gradient = (cv2.Sobel(grey, cv2.CV_32F, 1, 0) + 1j * cv2.Sobel(grey, cv2.CV_32F, 0, 1))[inside]
     parallel = abs((gradient**2).sum()) / (np.abs(gradient) ** 2).sum()
     return bool(np.percentile(to_hatch, 90) <= _HATCH_PX and parallel > _PARALLEL)
-
-
-def _require_agreement(mask: Mask, other: Mask) -> None:
-    iou = float((mask & other).sum() / max(1, (mask | other).sum()))
-    if iou < _AGREE:
-        raise GeometryError(
-            f"the workings depend on which gaps in walls are closed (IoU {iou:.2f} between two readings, at least "
-            f"{_AGREE}); --seed COL,ROW names a place inside, --gap PX states the widest gap"
-        )
-
-
-def _require_explained(walls: Mask, mask: Mask, width: float) -> None:
-    """Refuse workings with long lines inside or beside them that are no wall of theirs."""
-    length = unexplained_px(walls, mask, width, _GAPS[1] * width)
-    if length > _UNEXPLAINED * width:
-        raise GeometryError(
-            f"{length:.0f} px of lines at the workings are no wall of theirs; --crop COL0,ROW0,COL1,ROW1 or "
-            "--ignore R,G,B leaves out what is no wall, --seed COL,ROW names a place inside"
-        )
-
-
-def _require_alone(lines: Mask, mask: Mask) -> None:
-    """Refuse workings beside another large drawing: lines as extended as the workings that are no box and no ruler."""
-    others = drop_straight(lines & ~grown(mask, 6.0), _RULED)
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(others.astype(np.uint8), connectivity=8)
-    _, _, cols, rows = cv2.boundingRect(mask.astype(np.uint8))
-    for k, (left, top, width, height, _) in enumerate(stats[1:], start=1):
-        if max(width, height) < _OTHER * max(cols, rows) or min(width, height) <= _RULER_PX:
-            continue
-        piece = labels[top : top + height, left : left + width] == k
-        border = [piece[:4].any(axis=0), piece[-4:].any(axis=0), piece[:, :4].any(axis=1), piece[:, -4:].any(axis=1)]
-        if np.mean(np.concatenate(border)) < _BOX:
-            raise GeometryError(
-                f"another drawing of {width} x {height} px lies beside the workings, at ({left}, {top}); "
-                "--crop COL0,ROW0,COL1,ROW1 leaves it out"
-            )
 
 
 def _largest(mask: Mask) -> Mask:

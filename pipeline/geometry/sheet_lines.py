@@ -8,11 +8,15 @@ import numpy as np
 from pipeline.types import Mask
 
 _LONG = 0.6  # of the sheet's side: a straight line this long is a frame or a grid
+_BREAK_PX = 25  # a light letter breaks a straight line by less
+_INKED = 0.92  # of a straight line's length that has ink
 _PIECE_PX, _CONTINUES_PX = 3, 13.0
+_NARROW = 4.0  # variance along a narrow piece, of that across it
 _CONE_RAD = np.radians(np.arange(-40, 41, 10))
 _DEEPEST = 12
 _MARGIN, _MARGIN_PX = 0.12, 3.0  # a wall lies this near to the edge of the workings: share of their width, and px
 _RULED_PX = 0.7  # median distance of a ruled line's pixels from its axis; walls waver more
+_LABEL_PX, _LABEL = 14, 2.0  # height of letters, and drift widths of the longest label
 _MEASURE, _MEASURES = 5.0, 12.0  # drift widths of the longest measure, and of all
 
 
@@ -23,6 +27,20 @@ def drop_straight(lines: Mask, share: float = _LONG) -> Mask:
     tall, wide = (max(40, round(share * side)) for side in lines.shape)
     for kernel in (np.ones((1, wide), np.uint8), np.ones((tall, 1), np.uint8)):
         straight |= cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
+    return lines & (straight == 0)
+
+
+def drop_ruled(lines: Mask, share: float = _LONG) -> Mask:
+    """Remove long straight lines as `drop_straight` does, also where a light letter breaks them."""
+    mask = lines.astype(np.uint8)
+    straight = np.zeros_like(mask)
+    for axis, side in enumerate(lines.shape):
+        shape, gap = np.ones(2, int), np.ones(2, int)
+        shape[axis], gap[axis] = max(40, round(share * side)), _BREAK_PX
+        whole = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones(gap, np.uint8))
+        covered = cv2.blur(mask.astype(np.float32), shape[::-1].tolist(), borderType=cv2.BORDER_CONSTANT)
+        inked = cv2.dilate((covered >= _INKED).astype(np.uint8), np.ones(shape, np.uint8))
+        straight |= inked & cv2.morphologyEx(whole, cv2.MORPH_OPEN, np.ones(shape, np.uint8))
     return lines & (straight == 0)
 
 
@@ -42,6 +60,20 @@ def drop_small(lines: Mask, extent_px: float) -> Mask:
                 rows, cols = np.nonzero(labels[top : top + height, left : left + width] == k)
                 large[k] = _continues(np.column_stack([cols + left, rows + top]).astype(float), walls)
     return np.asarray(large[labels])
+
+
+def drop_letters(lines: Mask, extent_px: float) -> Mask:
+    """Remove pieces that fit into a box of a side, but for narrow ones: they may belong to a wall with gaps."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(lines.astype(np.uint8), connectivity=8)
+    kept = np.maximum(stats[:, 2], stats[:, 3]) >= extent_px
+    kept[0] = False
+    for k in np.flatnonzero(~kept[1:]) + 1:
+        left, top, width, height, _ = stats[k]
+        if max(width, height) >= _PIECE_PX:
+            points = np.argwhere(labels[top : top + height, left : left + width] == k).astype(float)
+            size = np.linalg.eigvalsh(np.cov(points.T))
+            kept[k] = size[1] >= _NARROW * size[0]
+    return np.asarray(kept[labels])
 
 
 def _continues(points: np.ndarray, walls: Mask) -> bool:
@@ -103,17 +135,17 @@ def grown(mask: Mask, reach_px: float) -> Mask:
 
 
 def unexplained_px(walls: Mask, mask: Mask, width_px: float, reach_px: float) -> float:
-    """Return the length, px, of lines that hang together with the walls of workings and are no wall of theirs.
+    """Return the length, px, of lines inside workings, or connected to their walls, that are no wall of theirs.
 
-    Lines within `reach_px` of each other hang together. Straight pieces up to two and a half drift widths are
-    measures and leaders, unless there are many.
+    Lines within `reach_px` of each other count as connected. Labels, and straight pieces up to five drift widths such
+    as measures and leaders, do not count unless there are many.
     """
     to_edge = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
     to_edge += cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5)
     margin = _MARGIN * width_px + _MARGIN_PX
     _, groups = cv2.connectedComponents(grown(walls, reach_px).astype(np.uint8), connectivity=4)
     touching = np.unique(groups[walls & (to_edge <= margin)])
-    left = walls & (to_edge > margin) & np.isin(groups, touching[touching > 0])
+    left = walls & (to_edge > margin) & (mask | np.isin(groups, touching[touching > 0]))
     _, labels, stats, _ = cv2.connectedComponentsWithStats(left.astype(np.uint8), connectivity=8)
     total = straight = 0.0
     for k, (col, row, cols, rows, _) in enumerate(stats[1:], start=1):
@@ -121,7 +153,8 @@ def unexplained_px(walls: Mask, mask: Mask, width_px: float, reach_px: float) ->
         length = float(np.hypot(rows, cols))
         if length < 0.5 * width_px:
             continue
-        if length <= _MEASURE * width_px and _is_ruled(piece):
+        is_label = min(rows, cols) <= _LABEL_PX and length <= _LABEL * width_px
+        if is_label or (length <= _MEASURE * width_px and _is_ruled(piece)):
             straight += length
         else:
             total += max(length, len(piece) / 3)

@@ -170,6 +170,12 @@ class PassageSurveyParams(_DrawnParams):
     kind: Literal["passages"]
     file: DataFile
     origin: PointM | None = None
+    half_width_m: float | None = Field(
+        default=None,
+        gt=0,
+        le=20,
+        description="distance to a wall that nobody measured; null: half the median width of the survey's own stations",
+    )
 
 
 class GridSurveyParams(_SurveyParams):

@@ -21,16 +21,20 @@ import cv2
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from pipeline.errors import GeometryError, InputError, MineError, ParamsError, UnexpectedError
+from pipeline.errors import DoubtError, GeometryError, InputError, MineError, ParamsError, UnexpectedError
 from pipeline.params.reader_limits import FILE, ReaderLimits, reader_limits
 from pipeline.survey.child_limits import die_with_parent, resolve, restrict
 
 _ERRORS: dict[str, type[MineError]] = {
     kind.__name__: kind for kind in (InputError, ParamsError, GeometryError, UnexpectedError)
 }
+_SHOWN = "shown"  # the array with the picture of a `DoubtError`
 _DTYPES = ("uint8", "bool", "int32", "int64", "float32", "float64")
 _HEADER_BYTES = 64_000_000
 _CHUNK = 1 << 20
+_MOST_TOLD = 100
+_TOLD: list[str] = []  # in the process of a reader, whose standard error goes nowhere
+_SAID: set[str] = set()  # what readers' processes told: a file is read twice, to detect it and in stage 1
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,13 @@ class Payload:
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
 
 
+def tell(line: str) -> None:
+    """Tell the user, on standard error, what a reader left out or assumed; also from a process of `run_limited`."""
+    if len(_TOLD) < _MOST_TOLD:
+        _TOLD.append(line)
+    print(one_line(line), file=sys.stderr)
+
+
 class _Header(BaseModel):
     """The first part of an answer. The bytes of the arrays follow it."""
 
@@ -48,6 +59,7 @@ class _Header(BaseModel):
 
     error: str = ""
     message: str = ""
+    told: list[str] = []
     values: Any = None
     arrays: list[tuple[str, str, list[int]]] = []
 
@@ -165,11 +177,14 @@ def serve(task: str, arguments: dict[str, Any], out: int, parent: int, seconds: 
         tempfile.tempdir = scratch
     restrict(reader_limits().memory_bytes, seconds, reader_limits().scratch_bytes if scratch else 0)
     header, arrays = _Header(), {}
+    _TOLD.clear()
     try:
         payload = resolve(task)(**arguments)
         arrays = {name: np.ascontiguousarray(array) for name, array in payload.arrays.items()}
-        shapes = [(name, str(array.dtype), list(array.shape)) for name, array in arrays.items()]
-        header = _Header(values=payload.values, arrays=shapes)
+        header = _Header(told=_TOLD, values=payload.values, arrays=_shapes(arrays))
+    except DoubtError as error:
+        arrays = {_SHOWN: np.ascontiguousarray(error.picture)}
+        header = _Header(error="DoubtError", message=str(error), arrays=_shapes(arrays))
     except MineError as error:
         name = type(error).__name__
         header = _Header(error=name if name in _ERRORS else "InputError", message=str(error))
@@ -185,6 +200,10 @@ def serve(task: str, arguments: dict[str, Any], out: int, parent: int, seconds: 
         answer.write(len(head).to_bytes(8, "little") + head)
         for array in arrays.values():
             answer.write(array.reshape(-1).view(np.uint8).data)
+
+
+def _shapes(arrays: dict[str, np.ndarray]) -> list[tuple[str, str, list[int]]]:
+    return [(name, str(array.dtype), list(array.shape)) for name, array in arrays.items()]
 
 
 def _receive(answer: int, subject: str, limits: ReaderLimits, start: float, seconds: float) -> bytearray:
@@ -220,8 +239,10 @@ def _decode(subject: str, data: bytearray) -> Payload:
         if size > min(_HEADER_BYTES, len(data) - 8):
             raise ValueError("the header is longer than the answer")
         header = _Header.model_validate(json.loads(data[8 : 8 + size]))
-        if header.error:
-            _raise_stated(subject, header)
+        for line in header.told:
+            if line not in _SAID:
+                _SAID.add(line)
+                print(one_line(line), file=sys.stderr)
         arrays, at = {}, 8 + size
         for name, dtype, shape in header.arrays:
             if dtype not in _DTYPES or min(shape, default=0) < 0:
@@ -231,17 +252,21 @@ def _decode(subject: str, data: bytearray) -> Payload:
                 raise ValueError("an array is longer than the answer")
             arrays[name] = np.frombuffer(data, dtype, count, at).reshape(shape)
             at += arrays[name].nbytes
+        if header.error:
+            _raise_stated(subject, header, arrays.get(_SHOWN))
     except (ValueError, RecursionError, ValidationError) as error:
         raise InputError(f"{subject}: its reader gave a broken answer ({one_line(str(error))})") from error
     return Payload(header.values, arrays)
 
 
-def _raise_stated(subject: str, header: _Header) -> NoReturn:
+def _raise_stated(subject: str, header: _Header, shown: np.ndarray | None) -> NoReturn:
     if header.error == "MemoryError":
         raise InputError(_memory_message(subject))
     message = one_line(header.message)
     if header.error == "UnexpectedError":
         raise UnexpectedError(f"{subject}: cannot be read ({message})")
+    if shown is not None and shown.ndim == 3 and shown.shape[2] == 3 and shown.dtype == np.uint8:
+        raise DoubtError(message, shown)
     raise _ERRORS.get(header.error, InputError)(message)
 
 

@@ -24,6 +24,7 @@ from pipeline.survey.picture import draw_page, make_ready, require_few_regions
 from pipeline.survey.scale import find_bar, measure_bar
 from pipeline.survey.shapes import METRES
 from pipeline.survey.solved.read import SOLVED_SUFFIXES
+from pipeline.survey.vector_sheet import require_no_sheet
 from pipeline.survey.vector_survey import draw_vector_survey, read_shapes, vector_files
 from pipeline.survey.workings import WIDTHS_M, draw_detected, find_workings, typical_width_px
 from pipeline.types import Georeference, Image, Mask
@@ -58,7 +59,7 @@ def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
         Any file that stage 1 reads, in any folder.
     stated : dict
         The user's values of `px_per_m`, `bar_length_m`, `bar_box_px`, `unit`, `layers`, `snap_m`, `page`, `dpi`,
-        `crop_px`, `level`, `seeds_px`, `wall_gap_px`, `ignore_colours`.
+        `crop_px`, `level`, `seeds_px`, `wall_gap_px`, `ignore_colours`, `half_width_m`.
 
     Returns
     -------
@@ -99,10 +100,16 @@ def _detect(path: Path, stated: dict[str, Any]) -> Detection:
         return _detect_vector(path, stated)
     if suffix in PASSAGE_READERS:
         params = PassageSurveyParams(kind="passages", name="detect", file="data/x", heights=None)
-        params = params.model_copy(update={"file": path.as_posix()})
+        half = stated.get("half_width_m")
+        if half is not None and not 0 < half <= 20:
+            raise InputError(f"{path}: --half-width = {half:g}, want more than 0 and at most 20 m")
+        params = params.model_copy(update={"file": path.as_posix(), "half_width_m": half})
         workings, place, _, _, heights = draw_vector_survey(params)
-        values = {"kind": "passages", "file": path.name, "origin": list(place.origin)}
-        remarks = {"origin": "of the mine frame, in the file's coordinates"}
+        values = {"kind": "passages", "file": path.name, "origin": list(place.origin), "half_width_m": half}
+        remarks = {
+            "origin": "of the mine frame, in the file's coordinates",
+            "half_width_m": "distance to a wall that nobody measured, m; null: half the median width of the others",
+        }
         width = 2 * workings.area / workings.length
         files = [Path(file) for file in vector_files(params)]
         return Detection(values, remarks, files, width, has_heights=heights is not None)
@@ -116,6 +123,8 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
     units = [stated["unit"]] if stated.get("unit") else [None, *METRES]
     problem: InputError | None = None
     content = read_shapes(path, stated.get("layers"))
+    if not stated.get("layers"):
+        require_no_sheet(path, content)
     for unit in units:
         params = _vector(path, unit, stated)
         try:
@@ -181,9 +190,11 @@ def _detect_picture(path: Path, stated: dict[str, Any]) -> Detection:
     scale, remarks, files = _detect_scale(path, picture, stated)
     dark = _workings_mask(picture, scale.get("bar_box_px"))
     per_m = scale["px_per_m"] or 0.0
-    if scale["source"] == "bar":
-        per_m = _read_bar(path, picture, dark, scale, remarks, stated)
     found = find_workings(path, picture, dark, per_m, stated)
+    if scale["source"] == "bar":
+        per_m = _read_bar(path, picture, found.width_px, scale, remarks, stated)
+        if not found.sheet:  # strokes count as drifts from a width in metres on
+            found = find_workings(path, picture, dark, per_m, stated)
     width_px = found.width_px
     values: dict[str, Any] = {
         "kind": "plan",
@@ -229,11 +240,10 @@ def _picture_section(values: dict[str, Any]) -> PlanSurveyParams:
 
 
 def _read_bar(
-    path: Path, picture: Image, dark: Mask, scale: dict[str, Any], remarks: dict[str, str], stated: dict[str, Any]
+    path: Path, picture: Image, width_px: float, scale: dict[str, Any], remarks: dict[str, str], stated: dict[str, Any]
 ) -> float:
     """Measure the bar, state its length in `scale` and `remarks`, and return px/m."""
     bar = measure_bar(_cut(picture, scale["bar_box_px"]), 1.0, f"{path}")
-    width_px = find_workings(path, picture, dark, 0.0, stated).width_px
     length = stated.get("bar_length_m") or min(_BARS_M, key=lambda m: abs(np.log(width_px * m / bar / _LIKELY_M)))
     scale["bar_length_m"] = float(length)
     reason = (

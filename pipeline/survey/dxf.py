@@ -69,7 +69,8 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
     unknown = sorted(set(layers or []) - existing)
     if unknown and not lines:
         raise InputError(f"{path}: no layer {', '.join(unknown)}; there are {', '.join(sorted(existing))}")
-    return Shapes(list(lines), _UNITS.get(int(drawing.header.get("$INSUNITS", 0))))
+    unit = _UNITS.get(int(drawing.header.get("$INSUNITS", 0)))
+    return Shapes([line for line, _ in lines], unit, layer_of=[layer for _, layer in lines])
 
 
 def _require_plain_numbers(path: Path, entity: DXFEntity) -> None:
@@ -118,7 +119,8 @@ def _require_block_size(path: Path, drawing: Drawing) -> None:
         )
 
 
-def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> list[LineString]:
+def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> list[tuple[LineString, str]]:
+    """Return the lines with their layers."""
     most = reader_limits().dxf_entities
     entities = list(islice(disassemble.recursive_decompose(drawing.modelspace()), most + 1))
     if len(entities) > most:
@@ -126,18 +128,19 @@ def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> list[LineS
     kept = [e for e in entities if e.dxftype() in _DRAWN and (layers is None or e.dxf.layer in layers)]
     for entity in kept:
         _require_plain_numbers(path, entity)
-    paths = [p.path for p in disassemble.to_primitives(kept) if p.path is not None and len(p.path)]
-    vertices = [point for p in paths for point in p.control_vertices()]
+    found = [p for p in disassemble.to_primitives(kept) if p.path is not None and len(p.path)]
+    paths = [(p.path, str(p.entity.dxf.layer)) for p in found if p.path is not None]
+    vertices = [point for p, _ in paths for point in p.control_vertices()]
     if not vertices:
         return []
     size = max(max(v[k] for v in vertices) - min(v[k] for v in vertices) for k in (0, 1))
-    lines: list[LineString] = []
+    lines: list[tuple[LineString, str]] = []
     count, limit = 0, reader_limits().points
-    for p in paths:
+    for p, layer in paths:
         chords = p.flattening(max(size * _CHORD_SHARE, 1e-9), segments=4)
         points = [(v.x, v.y) for v in islice(chords, limit + 1 - count)]
         count += len(points)
         require_size(path, count)
         if len(set(points)) > 1:
-            lines.append(LineString(points))
+            lines.append((LineString(points), layer))
     return lines

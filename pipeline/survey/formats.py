@@ -18,7 +18,8 @@ from pipeline.survey.solved.read import read_passages, read_survex
 from pipeline.survey.stations import read_station_legs
 
 ShapeReader = Callable[[Path, list[str] | None], Shapes]  # (file, layers or None for all) -> polygons and lines
-PassageReader = Callable[[Path], tuple[list[SurveyLeg], str | None]]  # file -> (legs, coordinate system or None)
+# (file, distance to a wall that nobody measured or None) -> (legs, coordinate system or None)
+PassageReader = Callable[[Path, float | None], tuple[list[SurveyLeg], str | None]]
 
 SHAPE_READERS: dict[str, ShapeReader] = {
     ".dxf": read_dxf,
@@ -28,9 +29,9 @@ SHAPE_READERS: dict[str, ShapeReader] = {
     ".shp": read_geodata,
 }
 PASSAGE_READERS: dict[str, PassageReader] = {
-    ".csv": lambda path: (read_station_legs(path), None),
+    ".csv": lambda path, _: (read_station_legs(path), None),
     ".svx": read_survex,
-    ".plt": lambda path: (read_plt(path), None),
+    ".plt": lambda path, _: (read_plt(path), None),
     ".3d": read_passages,
     ".th": read_passages,
     ".dat": read_passages,

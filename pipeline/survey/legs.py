@@ -13,9 +13,11 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.child import tell
 from pipeline.types import Points2
 
 _BLOCK = 256
+_SHAFT_M = 1e-6  # in plan
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,8 @@ def legs_of_chains(
 ) -> list[SurveyLeg]:
     """Make legs from sequences of stations, and interpolate wall distances that were not measured.
 
-    `heights` gives each station its elevation and the distances up and down, m.
+    `heights` gives each station its elevation and the distances up and down, m. Legs with heights need not be
+    connected: a piece of them may be built.
 
     A station at the same position as the one before it, as in a shaft, is omitted. Legs of one station are omitted.
 
@@ -55,9 +58,13 @@ def legs_of_chains(
     legs, count, most = [], sum(map(len, chains)), reader_limits().stations
     if count > most:
         raise InputError(f"{path}: {count} stations, the limit is {most} (stations in {FILE})")
+    if heights:
+        chains = _without_shafts(path, chains, heights)
     for number, chain in enumerate(chains, start=1):
         kept = (
-            [chain[0], *(b for a, b in pairwise(chain) if np.hypot(*np.subtract(a[1], b[1])) > 1e-6)] if chain else []
+            [chain[0], *(b for a, b in pairwise(chain) if np.hypot(*np.subtract(a[1], b[1])) > _SHAFT_M)]
+            if chain
+            else []
         )
         if len(kept) < 2:
             continue
@@ -72,8 +79,31 @@ def legs_of_chains(
         legs.append(SurveyLeg(str(number), names, np.array([p for _, p, _ in kept]), walls, levels))
     if not legs:
         raise InputError(f"{path}: no legs with passages; widths left and right of the stations are needed")
-    check_network(path, legs)
+    if heights is None:
+        check_network(path, legs)
     return legs
+
+
+def _without_shafts(path: Path, chains: list[Chain], heights: dict[str, tuple[float, float, float]]) -> list[Chain]:
+    """Cut chains at legs without a length in plan, and say how many there are: each end keeps its station."""
+    found, shafts = [], []
+    for chain in chains:
+        part: Chain = []
+        for station in chain:
+            if part and np.hypot(*np.subtract(part[-1][1], station[1])) <= _SHAFT_M:
+                shafts.append((part[-1][0], station[0]))
+                found.append(part)
+                part = []
+            part.append(station)
+        found.append(part)
+    if shafts:
+        deepest = max(shafts, key=lambda ends: abs(heights[ends[0]][0] - heights[ends[1]][0]))
+        depth = abs(heights[deepest[0]][0] - heights[deepest[1]][0])
+        tell(
+            f"{path.name}: {len(shafts)} shafts are left out, the deepest {depth:.1f} m, from {deepest[0]} to "
+            f"{deepest[1]}"
+        )
+    return found
 
 
 def check_network(path: Path, legs: list[SurveyLeg]) -> None:
@@ -84,6 +114,12 @@ def check_network(path: Path, legs: list[SurveyLeg]) -> None:
     InputError
         If not. The message names the file and the legs.
     """
+    require_connected(path, legs)
+    require_no_crossing(path, legs)
+
+
+def require_connected(path: Path, legs: list[SurveyLeg]) -> None:
+    """Check that all legs are connected; `InputError` names the file and the legs."""
     graph: nx.Graph = nx.Graph()
     for leg in legs:
         nx.add_path(graph, leg.stations)
@@ -91,6 +127,10 @@ def check_network(path: Path, legs: list[SurveyLeg]) -> None:
     if len(components) > 1:
         separate = [leg.name for leg in legs if leg.stations[0] not in components[0]]
         raise InputError(f"{path}: legs {', '.join(separate)} share no station with leg {_leg_of(legs, components[0])}")
+
+
+def require_no_crossing(path: Path, legs: list[SurveyLeg]) -> None:
+    """Check that legs at about one height cross only at stations; `InputError` names the file and the legs."""
     segments = [(leg, a, b) for leg in legs for a, b in pairwise(range(len(leg.stations)))]
     lines = shapely.linestrings([leg.positions_m[[a, b]] for leg, a, b in segments])
     tree = shapely.STRtree(lines)

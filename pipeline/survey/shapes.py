@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -25,11 +25,15 @@ REACH_M = 10_000.0  # larger coordinates would lose precision in the world's tex
 
 @dataclass(frozen=True)
 class Shapes:
-    """Polygons and lines of a file, in its own coordinates. `unit` and `crs` are None if the file names none."""
+    """Polygons and lines of a file, in its own coordinates. `unit` and `crs` are None if the file names none.
+
+    `layer_of` has the layer of each shape of a drawing, and is empty for other formats.
+    """
 
     shapes: list[BaseGeometry]
     unit: str | None = None
     crs: str | None = None
+    layer_of: list[str] = field(default_factory=list)
 
 
 def read_text_bytes(path: Path, limit: str = "text_bytes") -> bytes:
@@ -95,7 +99,7 @@ def require_simple(path: Path, content: Shapes) -> Shapes:
         raise InputError(f"{path}: a coordinate is not finite")
     if count_crossings(shapes, limits.crossings) > limits.crossings:
         raise InputError(f"{path}: its lines cross more than {limits.crossings} times, the limit (crossings in {FILE})")
-    return Shapes(shapes, content.unit, content.crs)
+    return Shapes(shapes, content.unit, content.crs, content.layer_of)
 
 
 def locate(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections import deque
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -18,6 +17,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.errors import InputError
 from pipeline.geometry.polyline import arc_length
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.child import tell
 from pipeline.survey.legs import SurveyLeg
 from pipeline.types import Heights, Seam
 
@@ -119,10 +119,9 @@ def _gentle(path: Path, legs: list[SurveyLeg]) -> list[SurveyLeg]:
     if not found:
         raise InputError(f"{path}: every leg is steeper than {most:g} (steepest_grade in {FILE}); nothing to drive on")
     if steep:
-        print(
+        tell(
             f"{path.name}: {steep} legs are steeper than {most:g} (steepest_grade in {FILE}) and are fenced off, "
-            f"the first {first}",
-            file=sys.stderr,
+            f"the first {first}"
         )
     return found
 
@@ -174,13 +173,17 @@ def _largest(path: Path, cells: dict[str, _Cell], graph: nx.Graph) -> nx.Graph:
     pieces = sorted(nx.connected_components(graph), key=lambda nodes: -graph.subgraph(nodes).size(weight="length"))
     if len(pieces) > 1:
         lengths = [graph.subgraph(nodes).size(weight="length") for nodes in pieces]
-        print(
+        tell(
             f"{path.name}: {len(pieces)} pieces are not joined by drivable legs; kept is the one of {lengths[0]:.0f} m "
-            f"about {min(pieces[0])}, left out are {sum(lengths[1:]):.0f} m, the longest {lengths[1]:.0f} m about "
-            f"{min(pieces[1])}",
-            file=sys.stderr,
+            f"about {_station_of(pieces[0])}, left out are {sum(lengths[1:]):.0f} m, the longest {lengths[1]:.0f} m "
+            f"about {_station_of(pieces[1])}"
         )
     return graph.subgraph(pieces[0])
+
+
+def _station_of(piece: set[str]) -> str:
+    """Return the first station of a piece; the names of places between two stations have colons only."""
+    return min(piece, key=lambda name: (name.count(":") == 2, name))
 
 
 def _units(graph: nx.Graph, cells: dict[str, _Cell]) -> dict[str, str]:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import csv
 import io
-import math
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.survey.shapes import read_text_bytes, require_at_most
+from pipeline.survey.shapes import REACH_M, read_text_bytes, require_at_most
 from pipeline.types import Georeference, Heights
 
 _COLUMNS = ["easting_m", "northing_m", "elevation_m"]
+_REACH = {"easting_m": 1e12, "northing_m": 1e12, "elevation_m": REACH_M}  # eastings in the file's unit
 
 
 def read_spots(path: Path, georeference: Georeference) -> Heights:
@@ -22,15 +23,20 @@ def read_spots(path: Path, georeference: Georeference) -> Heights:
     Raises
     ------
     InputError
-        If a column is missing or a value is not a finite number; the message names the line.
+        If a column is missing or stands twice, or a value is no number or too large; the message names the line.
     """
     try:
         reader = csv.DictReader(io.StringIO(read_text_bytes(path).decode("utf-8-sig")), strict=True)
         missing = [column for column in _COLUMNS if column not in (reader.fieldnames or [])]
         if missing:
             raise InputError(f"{path}: no column {', '.join(missing)}; expected {','.join(_COLUMNS)}")
+        twice = [column for column, count in Counter(reader.fieldnames or []).items() if count > 1]
+        if twice:
+            raise InputError(f"{path}: the column {twice[0][:60]!r} stands twice")
         rows = []
         for row in reader:
+            if None in row:
+                raise InputError(f"{path}:{reader.line_num}: more fields than columns")
             rows.append([_number(path, reader.line_num, column, row[column]) for column in _COLUMNS])
             require_at_most(path, len(rows), "stations", "spots or more")
     except UnicodeDecodeError as error:
@@ -50,7 +56,7 @@ def _number(path: Path, line: int, column: str, text: str | None) -> float:
     try:
         value = float(text or "")
     except ValueError:
-        raise InputError(f"{path}:{line}: {column} = {text!r} is not a number") from None
-    if not math.isfinite(value):
-        raise InputError(f"{path}:{line}: {column} = {text} is not finite")
+        raise InputError(f"{path}:{line}: {column} = {(text or '')[:60]!r} is not a number") from None
+    if not abs(value) <= _REACH[column]:
+        raise InputError(f"{path}:{line}: {column} = {(text or '')[:60]} is not within +-{_REACH[column]:g}")
     return value

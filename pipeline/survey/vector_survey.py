@@ -20,7 +20,7 @@ from pipeline.survey.draw import draw_picture, draw_workings, frame_around
 from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
 from pipeline.survey.geodata import companions
 from pipeline.survey.geojson import read_geojson
-from pipeline.survey.legs import build_workings
+from pipeline.survey.legs import build_workings, check_network
 from pipeline.survey.shapes import Shapes, locate, require_simple, workings_of
 from pipeline.survey.sheets import draw_sheets, has_relief
 from pipeline.survey.solved.read import SOLVED_SUFFIXES, survey_files
@@ -92,23 +92,26 @@ def _read(params: VectorSurvey, content: Shapes | None) -> tuple[MultiPolygon, G
             perturbed = perturb_workings(workings, params.station_sd_m, params.width_sd_m, params.reach_m, rng)
             return perturbed, georeference, None
         case "passages":
-            return _read_passages(Path(params.file), params.origin)
+            return _read_passages(Path(params.file), params.origin, params.half_width_m)
     path = Path(params.file)
     content = content or read_shapes(path, params.layers)
     shapes, georeference = locate(path, content, params.unit, params.origin)
     return workings_of(path, shapes, params.snap_m, list(params.seeds_m)), georeference, None
 
 
-def _read_passages(path: Path, origin: tuple[float, float] | None) -> tuple[MultiPolygon, Georeference, Heights | None]:
+def _read_passages(
+    path: Path, origin: tuple[float, float] | None, half_width_m: float | None
+) -> tuple[MultiPolygon, Georeference, Heights | None]:
     reader = PASSAGE_READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(f"{path}: not a supported passage survey ({', '.join(PASSAGE_READERS)})")
-    legs, crs = reader(path)
+    legs, crs = reader(path, half_width_m)
     heights = None
     if has_relief(legs):
         sheets, heights = draw_sheets(path, legs)
         built: BaseGeometry = sheets
     else:
+        check_network(path, legs)
         built = build_workings(legs)
     if built.is_empty:
         raise InputError(f"{path}: the stations' walls enclose no area")

@@ -9,9 +9,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from pipeline.errors import GeometryError, InputError
+from pipeline.errors import DoubtError, GeometryError, InputError
 from pipeline.geometry.line_drawing import fill_line_drawing
 from pipeline.geometry.sheet import SheetReading, read_sheet
+from pipeline.geometry.sheet_doubt import SheetError
 from pipeline.geometry.sheet_fill import find_ink
 from pipeline.types import Image, Mask
 
@@ -52,8 +53,10 @@ def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, state
 
     Raises
     ------
-    InputError
+    DoubtError
         If the picture shows more than workings and they are not found beyond doubt.
+    InputError
+        If a seed is outside the walls, or they enclose nothing.
     """
     seeds, gap_px = stated.get("seeds_px") or [], stated.get("wall_gap_px") or 3.0
     if seeds:
@@ -63,24 +66,28 @@ def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, state
             raise InputError(f"{path}: {error}") from error
         return FoundWorkings(mask, typical_width_px(mask), line_drawing=True)
     whole = _read_whole(dark, px_per_m, gap_px)
+    if _is_clean(picture, whole.mask):
+        return whole
     try:
         sheet = read_sheet(picture, stated.get("level"))
     except GeometryError as error:
-        if _is_clean(picture, whole.mask):
-            return whole
-        raise InputError(f"{path}: {error}") from error
-    if _agree(sheet, whole.mask) or _is_clean(picture, whole.mask):
+        found = error.found if isinstance(error, SheetError) else None
+        raise DoubtError(f"{path}: {error}", draw_detected(picture, found, None)) from error
+    if _agree(sheet, whole.mask):
         return whole
     return FoundWorkings(sheet.mask, sheet.width_px, sheet=True)
 
 
-def draw_detected(picture: Image, mask: Mask, bar_box: list[int] | None) -> Image:
+def draw_detected(picture: Image, mask: Mask | None, bar_box: list[int] | None) -> Image:
     """Draw a picture pale, the workings green, the box round them (a crop) and the scale bar's box red."""
     shown = (255 - (255 - picture.astype(np.int16)) // 2).astype(np.uint8)
-    shown[mask] = (shown[mask] * 0.35 + _TINT * 0.65).astype(np.uint8)
     line = max(1, round(max(picture.shape[:2]) / 600))
-    col, row, cols, rows = cv2.boundingRect(mask.astype(np.uint8))
-    for box in ((col, row, col + cols, row + rows), bar_box):
+    boxes = [bar_box]
+    if mask is not None and mask.any():
+        shown[mask] = (shown[mask] * 0.35 + _TINT * 0.65).astype(np.uint8)
+        col, row, cols, rows = cv2.boundingRect(mask.astype(np.uint8))
+        boxes.append([col, row, col + cols, row + rows])
+    for box in boxes:
         if box is not None:
             cv2.rectangle(shown, (int(box[0]), int(box[1])), (int(box[2]) - 1, int(box[3]) - 1), (40, 40, 220), line)
     return shown

@@ -34,6 +34,18 @@ def test_the_wall_of_a_polygon_in_any_rotation_is_traced_within_015_pixels(drawn
     assert px_per_m * np.sqrt(np.mean(squares)) <= 0.15
 
 
+@pytest.mark.parametrize(("angle", "apart_px"), [(0, 0.9), (45, 0.6)])
+def test_a_black_and_white_picture_does_not_hold_where_a_level_or_diagonal_wall_lies(angle, apart_px):
+    frame = frame_for(shapely.box(0, 0, 40, 40), 10.0)
+    walls = []
+    for shift_px in (0.05, 0.05 + apart_px):  # of the wall from a row of pixel centres
+        rock = shapely.box(-100, -100, 100, 0)
+        wall = shapely.affinity.rotate(shapely.affinity.translate(rock, 0, shift_px / 10.0), angle, origin=(0, 0))
+        walls.append(shapely.affinity.translate(wall, 20.05, 20.05))
+    assert (fill_polygon(walls[0], frame) == fill_polygon(walls[1], frame)).all()
+    assert walls[0].exterior.hausdorff_distance(walls[1].exterior) == pytest.approx(apart_px / 10.0)
+
+
 def test_the_border_of_pixels_is_farther_from_the_wall_than_the_half_level():
     mine = shapely.affinity.rotate(TEE, 27, origin=(0, 0))
     frame = frame_for(mine)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import GeometryError, InputError, UnexpectedError
+from pipeline.errors import DoubtError, GeometryError, InputError, UnexpectedError
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey import child, child_limits
 from pipeline.survey.child import Payload, run_limited
@@ -24,6 +24,10 @@ def give_back(number):
     return Payload(
         {"number": number, "nan": float("nan")}, {"a": np.arange(12.0).reshape(3, 4).T, "b": np.zeros((0, 2))}
     )
+
+
+def doubt():
+    raise DoubtError("plan.png: two drawings", np.full((2, 3, 3), 7, np.uint8))
 
 
 def sleep(seconds):
@@ -67,6 +71,7 @@ def run_thread():
 def tasks(monkeypatch):
     for function in (
         give_back,
+        doubt,
         sleep,
         allocate,
         return_zeros,
@@ -135,6 +140,12 @@ def test_errors_keep_their_kind_and_become_one_printable_line():
         run_limited("raise_error", {"kind": "other"}, "a.svx")
     with pytest.raises(UnexpectedError, match="RecursionError"):
         run_limited("raise_error", {"kind": "deep"}, "a.svx")
+
+
+def test_a_doubt_hands_back_the_picture_of_what_was_found():
+    with pytest.raises(DoubtError, match=r"^plan\.png: two drawings$") as caught:
+        run_limited("doubt", {}, "plan.png")
+    assert caught.value.picture.tolist() == np.full((2, 3, 3), 7).tolist()
 
 
 def test_a_reader_cannot_write_into_a_file(tmp_path):

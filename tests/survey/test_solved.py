@@ -20,7 +20,7 @@ from pipeline.survey.solved.survex_3d import read_3d
 from tests.project import ROOT
 
 needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
-PELL = ROOT.parent / "shared/data/wheal_pell/pell.3d"
+PELL = ROOT / "data/wheal_pell/pell.3d"
 
 
 def write(folder, files):
@@ -87,16 +87,22 @@ def test_every_version_that_survex_writes_reads_as_dump3d_prints_it(tmp_path, ve
         np.testing.assert_array_equal(survey.passages[0].lrud_m, [[1, 2, 3, 400], [np.nan, 1, 1, 1]])
 
 
-def test_wheal_pell_reads_with_its_stations_and_splays():
-    if not PELL.is_file():
-        pytest.skip("../shared/data/wheal_pell is missing")
+def test_wheal_pell_reads_with_its_stations_and_splays(capsys):
     survey = read_solved(PELL)
     assert len(survey.position_of()) == 275
     assert len(survey.centreline()) == 266
     assert (survey.leg_flags == LegFlag.SPLAY).sum() == 581
     assert np.ptp(survey.positions_m[:, 2]) > 90
-    with pytest.raises(InputError, match=r"no distance to the left wall from pell"):
-        plan_legs(PELL, survey)
+    legs = plan_legs(PELL, survey)
+    said = capsys.readouterr().err
+    assert "186 of 296 stations of passages have no measured wall beside them; they get 0.67 m" in said
+    assert "in 2 pieces that share no station" in said
+    assert "3 shafts are left out, the deepest 37.0 m" in said
+    assert all(np.isfinite(leg.walls_m).all() and np.isfinite(leg.heights_m[:, 2]).all() for leg in legs)
+    stated = plan_legs(PELL, survey, 0.5)
+    assert max(np.abs(a.walls_m - b.walls_m).max() for a, b in zip(legs, stated, strict=True)) == pytest.approx(
+        0.17, abs=0.01
+    )
 
 
 @needs_cavern

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,24 +9,42 @@ import networkx as nx
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.survey.child import tell
 from pipeline.survey.legs import Chain, SurveyLeg, legs_of_chains
 from pipeline.survey.shapes import require_at_most
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
+from pipeline.survey.solved.splay_walls import (
+    Rows,
+    fill_down,
+    fill_sides,
+    splays_by_node,
+    usual_half_width_m,
+    walls_across,
+)
 
 Nodes = list[int]
+_MOST_PIECES = 5  # that a message names
 
 
-def plan_legs(path: Path, survey: SolvedSurvey) -> list[SurveyLeg]:
+def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = None) -> list[SurveyLeg]:
     """Return the legs of a solved survey in plan, with their heights.
 
     Its passages' cross-sections make the legs; a leg of the centreline that joins two cross-sections of different
-    passages joins these. A survey without cross-sections gets its walls from its splays: of those within 45 deg of
-    level and of square to the passage, the longest on each side.
+    passages joins these. A survey without cross-sections gets its walls from its splays (`walls_across`).
+
+    Parameters
+    ----------
+    path : Path
+    survey : SolvedSurvey
+    half_width_m : float or None
+        Distance to a wall where none was measured; None takes half the median width of the survey's own. A message says
+        how many stations got it.
 
     Raises
     ------
     InputError
-        If no walls are known, or the legs are not connected. The message names the file and the stations.
+        If no walls are known, or legs cross at one height without a station. The message names the file and the
+        stations.
 
     Returns
     -------
@@ -36,13 +53,21 @@ def plan_legs(path: Path, survey: SolvedSurvey) -> list[SurveyLeg]:
     """
     plan = _Plan(survey)
     require_at_most(path, len(plan.places), "stations", "stations or more")
+    plan.tell_pieces(path)
     if survey.passages:
         rows = [(plan.node[p.stations].tolist(), p.lrud_m) for p in survey.passages]
         rows += plan.joints(rows)
     else:
-        if not (survey.leg_flags & LegFlag.SPLAY).any():
-            raise InputError(f"{path}: no cross-sections and no splays; distances to the walls are needed")
-        rows = [(chain, plan.splay_walls(chain)) for chain in plan.chains()]
+        if half_width_m is None and not (survey.leg_flags & LegFlag.SPLAY).any():
+            raise InputError(
+                f"{path}: no cross-sections and no splays; state the distance to the walls (survey.half_width_m, "
+                "--half-width)"
+            )
+        splays = splays_by_node(survey, plan.node)
+        rows = [
+            (chain, walls_across(plan.places[chain], [splays.get(node) for node in chain])) for chain in plan.chains()
+        ]
+    rows = fill_down(_with_sides(path, rows, half_width_m), plan.places)
     heights = {
         plan.names[node]: (float(plan.places[node, 2]), float(w[2]), float(w[3]))
         for nodes, walls in rows
@@ -72,6 +97,17 @@ class _Plan:
         ends = self.node[survey.legs[survey.centreline()]] if len(survey.legs) else np.zeros((0, 2), np.int64)
         self.edges = np.unique(np.sort(ends[ends[:, 0] != ends[:, 1]], axis=1), axis=0)
 
+    def tell_pieces(self, path: Path) -> None:
+        """Say if the centreline is in pieces that share no station."""
+        graph: nx.Graph = nx.Graph()
+        steps = np.linalg.norm(self.places[self.edges[:, 0]] - self.places[self.edges[:, 1]], axis=1)
+        graph.add_weighted_edges_from(zip(*self.edges.T.tolist(), steps.tolist(), strict=True), weight="length")
+        pieces = [(graph.subgraph(nodes).size(weight="length"), min(nodes)) for nodes in nx.connected_components(graph)]
+        if len(pieces) > 1:
+            longest = sorted(pieces, reverse=True)[:_MOST_PIECES]
+            text = ", ".join(f"{length:.0f} m about {self.names[node]}" for length, node in longest)
+            tell(f"{path.name}: the survey is in {len(pieces)} pieces that share no station, the longest {text}")
+
     def joints(self, rows: list[tuple[Nodes, np.ndarray]]) -> list[tuple[Nodes, np.ndarray]]:
         """Return the legs between cross-sections that are no neighbours in a passage."""
         drawn = {frozenset(pair) for nodes, _ in rows for pair in pairwise(nodes)}
@@ -96,34 +132,35 @@ class _Plan:
                     found.append(_walk(graph, start, follower, left))
         return found
 
-    def splay_walls(self, nodes: Nodes) -> np.ndarray:
-        """Return the distances left and right (n, 4) m that splays measure across a row of stations, else nan."""
-        heading = np.gradient(self.places[nodes, :2], axis=0)
-        heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-9)
-        walls = np.full((len(nodes), 4), np.nan)
-        for i, (node, (east, north)) in enumerate(zip(nodes, heading, strict=True)):
-            splays = self._splays.get(node)
-            if splays is None:
-                continue
-            along = splays[:, 0] * east + splays[:, 1] * north
-            left = splays[:, 1] * east - splays[:, 0] * north
-            level = np.abs(splays[:, 2]) <= np.hypot(along, left)
-            across = left[level & (np.abs(left) >= np.abs(along))]
-            walls[i, 0] = across.max(initial=-1.0, where=across > 0)
-            walls[i, 1] = (-across).max(initial=-1.0, where=across < 0)
-            walls[i, 2:] = splays[:, 2].max(initial=0.0), (-splays[:, 2]).max(initial=0.0)
-        walls[walls < 0] = np.nan
-        return walls
 
-    @property
-    def _splays(self) -> dict[int, np.ndarray]:
-        if not hasattr(self, "_by_node"):
-            legs = self.survey.legs[(self.survey.leg_flags & LegFlag.SPLAY) > 0]
-            by_node = defaultdict(list)
-            for start, end in legs.tolist():
-                by_node[int(self.node[start])].append(self.survey.positions_m[end] - self.survey.positions_m[start])
-            self._by_node = {node: np.array(steps) for node, steps in by_node.items()}
-        return self._by_node
+def _with_sides(path: Path, rows: Rows, half_width_m: float | None) -> Rows:
+    """Return the rows with both sides of every station, and say how many were not measured.
+
+    Raises
+    ------
+    InputError
+        If a width is needed and neither stated nor measured anywhere.
+    """
+    usual = half_width_m or usual_half_width_m(rows)
+    filled, count = [], 0
+    for nodes, walls in rows:
+        if usual is None and not np.isfinite(walls[:, :2]).all():
+            raise InputError(
+                f"{path}: no station has a distance to both walls; state it (survey.half_width_m, --half-width)"
+            )
+        sides, stated = fill_sides(walls, usual or 0.0)
+        count += stated
+        filled.append((nodes, sides))
+    if count:
+        total = sum(len(nodes) for nodes, _ in rows)
+        source = (
+            "as stated" if half_width_m else "half the median width of the others; survey.half_width_m states another"
+        )
+        tell(
+            f"{path.name}: {count} of {total} stations of passages have no measured wall beside them; they get "
+            f"{usual:.2f} m on each side without one, {source}"
+        )
+    return filled
 
 
 def _walk(graph: nx.Graph, start: int, follower: int, left: set[frozenset[int]]) -> Nodes:

@@ -15,6 +15,7 @@ from pipeline.survey.legs import SurveyLeg
 from pipeline.survey.solved.cavern import INSTALL, has_cavern, require_cavern, solve
 from pipeline.survey.solved.compass_sections import with_sections
 from pipeline.survey.solved.model import SolvedSurvey, from_payload, to_payload
+from pipeline.survey.solved.node_links import is_node_list, links_of, read_node_links
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.project_files import project_files, text_lines
 from pipeline.survey.solved.survex_3d import read_3d
@@ -33,8 +34,9 @@ def read_solved(path: Path) -> SolvedSurvey:
     Parameters
     ----------
     path : Path
-        `.3d` is read; `.svx` (with the files that it includes), `.dat` and `.mak` (Compass) are solved by Survex; the
-        centrelines of `.th` (Therion) are brought to Survex's form and solved; `.csv` is our own table with elevations.
+        `.3d`, and `NAME_nodes.dat` with `NAME_links.dat`, are read; `.svx` (with the files that it includes), `.dat`
+        and `.mak` (Compass) are solved by Survex; the centrelines of `.th` (Therion) are brought to Survex's form and
+        solved; `.csv` is our own table with elevations.
 
     Returns
     -------
@@ -64,6 +66,8 @@ def solve_file(path: Path) -> SolvedSurvey:
         return read_3d(path)
     if suffix == ".csv":
         return read_station_survey(path)
+    if is_node_list(path):
+        return read_node_links(path)
     if suffix not in SOLVED_SUFFIXES:
         raise InputError(f"{path}: not a survey that Survex solves ({', '.join(SOLVED_SUFFIXES)})")
     require_cavern(path)
@@ -93,13 +97,17 @@ def survey_files(path: Path) -> list[Path]:
         for _ in therion_lines(path, files):
             pass
         return list(dict.fromkeys(files))
+    if is_node_list(path):
+        return [path, links_of(path)]
     if suffix == ".mak" or (suffix == ".svx" and _has_includes(path)):
         return project_files(path)
     return [path]
 
 
-def read_passages(path: Path) -> tuple[list[SurveyLeg], str | None]:
+def read_passages(path: Path, half_width_m: float | None = None) -> tuple[list[SurveyLeg], str | None]:
     """Read the plan view of a survey in three dimensions: its legs, and its coordinate system.
+
+    `half_width_m` is the distance to a wall that nobody measured; None takes the survey's own (`plan_legs`).
 
     Raises
     ------
@@ -107,10 +115,10 @@ def read_passages(path: Path) -> tuple[list[SurveyLeg], str | None]:
         If the survey cannot be read, or its workings pass over each other or are too steep for a flat world.
     """
     survey = solve_file(path)
-    return plan_legs(path, survey), None if survey.crs is None else one_line(survey.crs, 200)
+    return plan_legs(path, survey, half_width_m), None if survey.crs is None else one_line(survey.crs, 200)
 
 
-def read_survex(path: Path) -> tuple[list[SurveyLeg], str | None]:
+def read_survex(path: Path, half_width_m: float | None = None) -> tuple[list[SurveyLeg], str | None]:
     """Read a Survex survey with passage data.
 
     A survey in one file is read by our own reader, so that its world is the same with and without Survex; Survex solves
@@ -123,7 +131,7 @@ def read_survex(path: Path) -> tuple[list[SurveyLeg], str | None]:
     """
     if _has_includes(path):
         if has_cavern():
-            return read_passages(path)
+            return read_passages(path, half_width_m)
         try:
             return read_svx(path)
         except InputError as error:
@@ -141,7 +149,7 @@ def read_survex(path: Path) -> tuple[list[SurveyLeg], str | None]:
             raise error from None
         if not len(survey.passages):
             raise
-        return plan_legs(path, survey), survey.crs
+        return plan_legs(path, survey, half_width_m), survey.crs
 
 
 def _has_includes(path: Path) -> bool:

@@ -1,0 +1,87 @@
+"""Reasons to doubt the workings that were found on a drawing sheet."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from pipeline.errors import GeometryError
+from pipeline.geometry.sheet_centre import in_the_middle
+from pipeline.geometry.sheet_lines import drop_straight, grown, unexplained_px
+from pipeline.types import Mask
+
+_AGREE = 0.97  # IoU of the workings with both
+_UNEXPLAINED = 2.5  # drift widths of line inside the workings that no reading explains
+_RULED = 0.12  # of the sheet's side: a level or upright line this long is a piece of a grid
+_OTHER, _RULER_PX = 0.3, 10  # extent of another drawing, of that of the workings; width of a ruled line
+_BOX = 0.7  # covered share of a box's sides
+_OUTLINED, _NEAR_PX = 0.85, 4.0  # share of the border that has a line, and how near, px
+_CIRCLE_PX = 4.0
+
+
+class SheetError(GeometryError):
+    """The workings on a drawing sheet are in doubt; `found` (rows, cols) bool marks what was found."""
+
+    def __init__(self, message: str, found: Mask) -> None:
+        super().__init__(message)
+        self.found = found
+
+
+def require_agreement(mask: Mask, other: Mask) -> None:
+    """Refuse workings that another reading gives otherwise."""
+    iou = float((mask & other).sum() / max(1, (mask | other).sum()))
+    if iou < _AGREE:
+        raise SheetError(
+            f"the workings depend on which gaps in walls are closed (IoU {iou:.2f} between two readings, at least "
+            f"{_AGREE}); --seed COL,ROW names a place inside, --gap PX states the widest gap",
+            mask,
+        )
+
+
+def require_explained(lines: Mask, mask: Mask, width: float, reach_px: float) -> None:
+    """Refuse workings with long lines inside or beside them that are no wall of theirs."""
+    length = unexplained_px(lines & ~in_the_middle(mask), mask, width, reach_px)
+    if length > _UNEXPLAINED * width:
+        raise SheetError(
+            f"{length:.0f} px of lines at the workings are no wall of theirs; --crop COL0,ROW0,COL1,ROW1 or "
+            "--ignore R,G,B leaves out what is no wall, --seed COL,ROW names a place inside",
+            mask,
+        )
+
+
+def require_outlined(lines: Mask, mask: Mask) -> None:
+    """Refuse workings whose border has no line along much of it."""
+    border = mask & grown(~mask, 1.0)
+    share = float(grown(lines, _NEAR_PX)[border].mean())
+    if share < _OUTLINED:
+        raise SheetError(
+            f"lines are drawn along {100 * share:.0f} % of the workings' border, at least {100 * _OUTLINED:.0f} % are "
+            "needed; --seed COL,ROW names a place inside, --gap PX states the widest gap",
+            mask,
+        )
+
+
+def require_alone(lines: Mask, mask: Mask) -> None:
+    """Refuse workings beside another large drawing: lines as extended as the workings that are no box and no ruler."""
+    others = drop_straight(lines & ~grown(mask, 6.0), _RULED)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(others.astype(np.uint8), connectivity=8)
+    _, _, cols, rows = cv2.boundingRect(mask.astype(np.uint8))
+    for k, (left, top, width, height, _) in enumerate(stats[1:], start=1):
+        if max(width, height) < _OTHER * max(cols, rows) or min(width, height) <= _RULER_PX:
+            continue
+        piece = labels[top : top + height, left : left + width] == k
+        border = [piece[:4].any(axis=0), piece[-4:].any(axis=0), piece[:, :4].any(axis=1), piece[:, -4:].any(axis=1)]
+        if np.mean(np.concatenate(border)) < _BOX and not _is_circle(piece):
+            raise SheetError(
+                f"another drawing of {width} x {height} px lies beside the workings, at ({left}, {top}); "
+                "--crop COL0,ROW0,COL1,ROW1 leaves it out",
+                mask,
+            )
+
+
+def _is_circle(piece: Mask) -> bool:
+    """Return whether a piece of line is a circle, such as that of a north arrow."""
+    rows, cols = piece.shape
+    points = np.argwhere(piece) - (np.array(piece.shape) - 1) / 2
+    radius = np.hypot(*points.T)
+    return abs(rows - cols) <= 3 and bool(np.abs(radius - rows / 2).max() <= _CIRCLE_PX)

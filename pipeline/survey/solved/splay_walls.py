@@ -1,0 +1,116 @@
+"""Distances to walls, roof and floor from a survey's splays, and what stands in for the ones that nobody measured."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from itertools import pairwise
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.linalg import spsolve
+
+from pipeline.survey.solved.model import LegFlag, SolvedSurvey
+
+Rows = list[tuple[list[int], np.ndarray]]  # rows of nodes, with distances left, right, up, down (n, 4) m, nan: unknown
+
+
+def splays_by_node(survey: SolvedSurvey, node: np.ndarray) -> dict[int, np.ndarray]:
+    """Return the steps (k, 3) m of the splays from each node; `node` gives each station its node."""
+    found = defaultdict(list)
+    for start, end in survey.legs[(survey.leg_flags & LegFlag.SPLAY) > 0].tolist():
+        found[int(node[start])].append(survey.positions_m[end] - survey.positions_m[start])
+    return {key: np.array(steps) for key, steps in found.items()}
+
+
+def walls_across(places_m: np.ndarray, splays: list[np.ndarray | None]) -> np.ndarray:
+    """Return the distances left, right, up and down (n, 4) m that splays measure along a row of stations, else nan.
+
+    Of the splays within 45 deg of level and of square to the passage, the longest on each side counts; up and down, the
+    longest within 45 deg of plumb. A station whose splays reach one side only stands at the wall of the other: an
+    instrument cannot measure the wall that it is held against. Surveyors of narrow drifts go from wall to wall.
+
+    Parameters
+    ----------
+    places_m : (n, 3) m
+    splays : n arrays (k, 3) m, or None
+    """
+    heading = np.gradient(places_m[:, :2], axis=0)
+    heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-9)
+    walls = np.full((len(places_m), 4), np.nan)
+    for row, steps, (east, north) in zip(walls, splays, heading, strict=True):
+        if steps is None:
+            continue
+        along = steps[:, 0] * east + steps[:, 1] * north
+        left = steps[:, 1] * east - steps[:, 0] * north
+        run = np.hypot(along, left)
+        across = left[(np.abs(steps[:, 2]) <= run) & (np.abs(left) >= np.abs(along))]
+        if len(across):
+            row[:2] = across.max(initial=0.0), (-across).max(initial=0.0)
+        for column, rise in ((2, steps[:, 2]), (3, -steps[:, 2])):
+            plumb = rise[rise > run]
+            if len(plumb):
+                row[column] = plumb.max()
+    return walls
+
+
+def usual_half_width_m(rows: Rows) -> float | None:
+    """Return half the median width where both sides are known; None if they are nowhere."""
+    widths = [walls[:, :2].sum(axis=1) for _, walls in rows]
+    known = np.concatenate(widths) if widths else np.zeros(0)
+    known = known[np.isfinite(known)]
+    return float(np.median(known)) / 2 if len(known) else None
+
+
+def fill_sides(walls: np.ndarray, half_width_m: float) -> tuple[np.ndarray, int]:
+    """Return walls (n, 4) with both sides of every station, and how many stations got the stated half width.
+
+    If half of a row's stations or more were measured, a side is interpolated between them, and beyond the first and the
+    last it is that of the nearest. Else it is `half_width_m` all along: the few splays of a traverse look into side
+    workings, and say nothing of a drift of 200 m.
+    """
+    filled, stated = walls.copy(), np.zeros(len(walls), dtype=bool)
+    for side in range(2):
+        known = np.isfinite(walls[:, side])
+        if known.any() and 2 * known.sum() >= len(walls):
+            filled[:, side] = np.interp(np.arange(len(walls)), np.flatnonzero(known), walls[known, side])
+            continue
+        filled[:, side] = half_width_m
+        stated[:] = True
+    return filled, int(stated.sum())
+
+
+def fill_down(rows: Rows, places_m: np.ndarray) -> Rows:
+    """Return the rows with a distance down to the floor at every node; nan everywhere if no node has one.
+
+    Between nodes where it was measured it varies linearly along the survey's legs, so that all legs that meet at a
+    station have one floor. Where none of a piece of the survey was measured, it is the median of the others.
+    """
+    known: dict[int, float] = {}
+    for nodes, walls in rows:
+        known |= {n: float(d) for n, d in zip(nodes, walls[:, 3], strict=True) if np.isfinite(d)}
+    if not known:
+        return rows
+    used = sorted({n for nodes, _ in rows for n in nodes})
+    number = {n: i for i, n in enumerate(used)}
+    pairs = np.array([(number[a], number[b]) for nodes, _ in rows for a, b in pairwise(nodes) if a != b]).reshape(-1, 2)
+    step = places_m[[used[i] for i in pairs[:, 0]]] - places_m[[used[i] for i in pairs[:, 1]]]
+    stiffness = 1.0 / np.maximum(np.linalg.norm(step, axis=1), 1e-3)
+    i, j = np.concatenate([pairs, pairs[:, ::-1]]).T
+    pull = 1e-9  # towards the median, which decides only where nothing was measured
+    weight = np.concatenate([stiffness, stiffness])
+    size = len(used)
+    matrix = coo_matrix((weight, (i, i)), (size, size)) - coo_matrix((weight, (i, j)), (size, size))
+    matrix = (matrix + coo_matrix((np.full(size, pull), (range(size), range(size))))).tocsr()
+    down = np.full(size, np.median(list(known.values())))
+    target = pull * down
+    pinned = np.array([number[n] for n in known])
+    down[pinned] = list(known.values())
+    free = np.setdiff1d(np.arange(size), pinned)
+    if len(free):
+        down[free] = spsolve(matrix[free][:, free].tocsc(), target[free] - matrix[free][:, pinned] @ down[pinned])
+    filled = []
+    for nodes, walls in rows:
+        own = walls.copy()
+        own[:, 3] = down[[number[n] for n in nodes]]
+        filled.append((nodes, own))
+    return filled

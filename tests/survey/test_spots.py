@@ -1,0 +1,29 @@
+"""Spot heights from a stranger: one line that names the place in the file."""
+
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.survey.spots import read_spots
+from pipeline.types import METRIC
+
+HEAD = "easting_m,northing_m,elevation_m\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (f"{HEAD}0,0,1e308\n60,10,-1e308\n", r":2: elevation_m = 1e308 is not within \+-10000"),
+        (f"{HEAD}0,0,0\n1e300,0,1\n", r":3: easting_m = 1e300 is not within \+-1e\+12"),
+        (f"{HEAD}0,0,nan\n", r":2: elevation_m = nan is not within"),
+        (f"{HEAD}0,0,\x1b[31m\n", r":2: elevation_m = '\\x1b\[31m' is not a number"),
+        (f"{HEAD}0,0,{'x' * 5000}\n", r":2: elevation_m = 'x{60}' is not a number"),
+        (f"{HEAD}0,0,1,7\n", r":2: more fields than columns"),
+        ("easting_m,northing_m,elevation_m,elevation_m\n0,0,1,2\n", "the column 'elevation_m' stands twice"),
+    ],
+)
+def test_spots_that_are_no_places_are_one_line(tmp_path, text, message):
+    path = tmp_path / "spots.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message) as error:
+        read_spots(path, METRIC)
+    assert str(error.value).isprintable()

@@ -1,0 +1,58 @@
+"""Vector drawings that show a whole drawing sheet."""
+
+import ezdxf
+import pytest
+from shapely import box
+
+from pipeline.errors import InputError
+from pipeline.survey.detect import detect_survey
+from tests.mines import RING, TEE
+
+
+def save(path, mine, frames=1, grid=True, one_layer=False):
+    """Write a DXF drawing in metres of a mine's walls, with frames round them and a grid."""
+    drawing = ezdxf.new()
+    drawing.header["$INSUNITS"] = 6
+    space = drawing.modelspace()
+
+    def draw(points, layer, closed=True):
+        space.add_lwpolyline(points, close=closed, dxfattribs={"layer": "0" if one_layer else layer})
+
+    for ring in (mine.exterior, *mine.interiors):
+        draw(list(ring.coords)[:-1], "WALLS")
+    for k in range(frames):
+        draw(list(box(-20 + k, -20 + k, 110 - k, 70 - k).exterior.coords)[:-1], "FRAME")
+    for x in range(0, 101, 20) if grid else ():
+        draw([(x, -15), (x, 65)], "GRID", closed=False)
+    drawing.saveas(path)
+
+
+@pytest.mark.parametrize(
+    ("shown", "message"),
+    [
+        ({}, "with a frame and 6 lines of a grid; --layer NAME, .* layers: FRAME, GRID, WALLS$"),
+        ({"grid": False}, "with a frame; --layer NAME"),
+        ({"frames": 0}, "with 6 lines of a grid; --layer NAME"),
+        ({"one_layer": True}, "all its lines are on one layer: save the walls alone, or give a PDF or a picture"),
+        ({"one_layer": True, "grid": False, "frames": 2}, "with a frame; all its lines are on one layer"),
+    ],
+)
+def test_a_drawing_sheet_is_refused_with_what_settles_it(tmp_path, shown, message):
+    path = tmp_path / "sheet.dxf"
+    save(path, TEE, **shown)
+    with pytest.raises(InputError, match=f"sheet.dxf: looks like a drawing sheet .*{message}"):
+        detect_survey(path, {})
+
+
+def test_the_stated_layer_of_a_sheet_holds_the_walls(tmp_path):
+    path = tmp_path / "sheet.dxf"
+    save(path, TEE)
+    found = detect_survey(path, {"layers": ["WALLS"]})
+    assert found.values["layers"] == ["WALLS"]
+    assert found.width_m == pytest.approx(2 * TEE.area / TEE.length)
+
+
+def test_a_rectangular_mine_with_a_pillar_is_no_sheet(tmp_path):
+    path = tmp_path / "mine.dxf"
+    save(path, RING, frames=0, grid=False)
+    assert detect_survey(path, {}).width_m == pytest.approx(2 * RING.area / RING.length)
