@@ -60,6 +60,10 @@ class Floor:
         corners = self.vertices[self.faces, :2]
         return corners.min(axis=1), corners.max(axis=1)
 
+    @functools.cached_property
+    def _middles(self) -> np.ndarray:
+        return self.vertices[self.faces].mean(axis=1)[:, :2]
+
     def _faces_near(self, tile: Tile) -> np.ndarray:
         """Return the faces whose boxes meet a tile."""
         if tile not in self._near:
@@ -75,14 +79,12 @@ class Floor:
         for tile, rows in group_by_tile(tiles_at(places_m, _TILE_M)):
             faces = self._faces_near(tile)
             if not len(faces):  # far from the floor
-                apart = np.abs(self.vertices[self.faces].mean(axis=1)[None, :, :2] - places_m[rows][:, None]).sum(
-                    axis=2
-                )
-                found[rows] = apart.argmin(axis=1)
+                for some in _chunks(len(rows), len(self.faces)):
+                    apart = np.abs(self._middles[None] - places_m[rows[some]][:, None]).sum(axis=2)
+                    found[rows[some]] = apart.argmin(axis=1)
                 continue
             places = np.column_stack([places_m[rows], np.ones(len(rows))])
-            for start in range(0, len(rows), _CHUNK // len(faces) + 1):
-                some = slice(start, start + _CHUNK // len(faces) + 1)
+            for some in _chunks(len(rows), len(faces)):
                 weights = np.einsum("fij,kj->kfi", self._to_barycentric[faces], places[some]).min(axis=2)
                 found[rows[some]] = faces[weights.argmax(axis=1)]
         return found
@@ -231,3 +233,9 @@ class Floor:
         """Return whether faces (k,) cover places (k, 2) m, to a share of their size."""
         places = np.column_stack([places_m, np.ones(len(places_m))])
         return np.asarray(np.einsum("kij,kj->ki", self._to_barycentric[faces], places).min(axis=1) > -slack)
+
+
+def _chunks(places: int, faces: int) -> list[slice]:
+    """Return slices of so many places that, together with all faces, make about `_CHUNK` pairs."""
+    step = _CHUNK // faces + 1
+    return [slice(start, start + step) for start in range(0, places, step)]

@@ -6,7 +6,7 @@ is measured, and none changes what a robot can touch or what its LiDAR sees.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,9 @@ _NO_HAZE_M = (30.0, 100.0)  # MuJoCo's own values, which a plain world keeps
 LAMP_ABOVE_M, LAMP_CUTOFF_DEG = 0.05, 45.0  # a headlamp is on top of the scanner; half of its cone
 _SHADOW_PX = 2048  # with 1024 grazing faces shadow themselves in dots; 4096 takes OSMesa a quarter longer
 CUT_MATERIAL, CUT_RGBA = "cut", (0.8, 0.72, 0.64, 1.0)  # rock's collision parts, seen from above in a cut-away view
-# Colour and highlight of each kind of furniture; colour and reflectance of water.
+# Colour and highlight of each kind of furniture; colour and reflectance of water. Clear planes darken ruts and hollows
+# step by step: their colour, which MuJoCo lays on twice a plane, and their heights as shares of the water's. The first
+# share is a power of two, so that the water's height follows from it without rounding.
 FURNITURE_LOOKS = {
     "bolts": ((0.66, 0.63, 0.58, 1.0), 0.4),
     "cable": ((0.06, 0.06, 0.07, 1.0), 0.2),
@@ -27,8 +29,9 @@ FURNITURE_LOOKS = {
     "weldmesh": ((0.5, 0.48, 0.44, 1.0), 0.3),
 }
 WATER = ((0.05, 0.055, 0.05, 1.0), 0.35)
+SHADE, SHADE_LEVELS = (0.0, 0.0, 0.0, 0.035), (0.5, 0.65, 0.8, 0.95, 1.1, 1.25)
 _COVER_GAIN, _GREYED = 2.6, 0.6  # the texture, whose mean is 0.5, darkens the zone's colour; muck is mostly grey
-_MUCK, _TRODDEN = (1.1, 1.0, 0.88), 0.8
+_MUCK = (1.1, 1.0, 0.88)
 TEXTURE_PER_M = 0.4  # repeats of the texture on the floor
 
 
@@ -69,12 +72,19 @@ def look_of(record: Mapping[str, Any]) -> Look:
     return LOOKS[record["look"]]
 
 
-def cover_rgba(zone_rgba: Sequence[float], trodden: bool) -> list[float]:
+def cover_rgba(zone_rgba: Sequence[float]) -> list[float]:
     """Return the colour that the visible floor multiplies its texture with, by the colour of its floor zone."""
     grey = sum(zone_rgba[:3]) / 3
     mixed = [(1 - _GREYED) * own + _GREYED * grey * tone for own, tone in zip(zone_rgba, _MUCK, strict=False)]
-    gain = min(_COVER_GAIN, 1 / max(*mixed, 1e-6)) * (_TRODDEN if trodden else 1.0)  # colours keep their hue
+    gain = min(_COVER_GAIN, 1 / max(*mixed, 1e-6))  # colours keep their hue
     return [round(gain * value, 4) for value in mixed] + [1.0]
+
+
+def let_light_pass(scene: mujoco.MjvScene, geoms: Collection[int]) -> None:
+    """Let geoms of a scene, by their numbers in the model, cast no shadow; a clear plane would cast a full one."""
+    for geom in scene.geoms[: scene.ngeom]:
+        if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and geom.objid in geoms:
+            geom.category = mujoco.mjtCatBit.mjCAT_DECOR
 
 
 def has_haze(model: mujoco.MjModel) -> bool:

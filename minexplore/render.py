@@ -8,9 +8,9 @@ from contextlib import contextmanager
 import mujoco
 import numpy as np
 
-from minexplore.bundle import MINE_BODY, GeomGroup, has_visible_rock
+from minexplore.bundle import MINE_BODY, GeomGroup, has_visible_rock, is_shade
 from minexplore.coverage import CoverageGrid
-from minexplore.looks import EXTENT_M, add_haze, add_headlamp, add_sky, has_haze, look_of
+from minexplore.looks import EXTENT_M, add_haze, add_headlamp, add_sky, has_haze, let_light_pass, look_of
 from minexplore.robot import RobotParams, qpos_address, separate_contacts
 from minexplore.rotations import quaternion
 from minexplore.world import World
@@ -78,6 +78,10 @@ class Renderer:
         if self.model is None:
             self.model = self._compile()
             self.data = mujoco.MjData(self.model)
+            names = [self.model.geom(geom).name for geom in range(self.model.ngeom)]
+            # A lamp stands so near above its scanner that the scanner's shadow would be a wedge before the robot.
+            scanners = {f"robot_{i}_scanner" for i in range(self.robots)}
+            self._clear = {geom for geom, name in enumerate(names) if is_shade(name) or name in scanners}
             self._fovy_deg = float(self.model.vis.global_.fovy)
             self._at = np.concatenate([qpos_address(self.model, f"robot_{i}") for i in range(self.robots)])
         self.data.qpos[self._at] = qpos.ravel()
@@ -111,6 +115,7 @@ class Renderer:
         with far_hidden(model, data, data.xpos[body]):
             self._renderer.update_scene(data, camera, option)
         add_haze(model, self._renderer.scene)
+        let_light_pass(self._renderer.scene, self._clear)
         return self._renderer.render().copy()
 
     def _behind(self, data: mujoco.MjData, body: int) -> mujoco.MjvCamera:

@@ -36,6 +36,11 @@ EXACT_WALLS = ["contours.trace=pixels", "contours.tolerance_m=0.21"]
 SHARED = ROOT.parent / "shared" / "data"
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put tests of whole pipelines first: one worker builds them, the other starts with the second half."""
+    items.sort(key=lambda item: not {"repro", "built"} & set(getattr(item, "fixturenames", ())))
+
+
 @pytest.fixture(scope="session")
 def shared_mine() -> Path:
     """Return the folder with the published plan, poses and sweeps, or skip the test."""

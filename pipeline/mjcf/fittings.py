@@ -8,6 +8,7 @@ import mujoco
 
 from minexplore.bundle import (
     FITTINGS_BODY,
+    SHADE_MATERIAL,
     SURFACE_CLASS,
     WATER_MATERIAL,
     cover_material,
@@ -16,10 +17,10 @@ from minexplore.bundle import (
     is_cover,
     mesh_file,
     puddle_geom,
-    trodden_material,
+    shade_geom,
 )
-from minexplore.looks import FURNITURE_LOOKS, TEXTURE_PER_M, WATER, cover_rgba
-from pipeline.mjcf.scene import MineScene
+from minexplore.looks import FURNITURE_LOOKS, SHADE, SHADE_LEVELS, WATER, cover_rgba
+from pipeline.mjcf.scene import FloorZone, MineScene, box_of
 from pipeline.store.codecs import Bundle
 
 
@@ -35,28 +36,41 @@ def add_fittings(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) ->
     for name in names:
         spec.add_mesh(name=name, file=mesh_file(name), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
         body.add_geom(shown, name=fitting_geom(name), meshname=name, material=fitting_material(name, zones))
-    for zone in scene.zones if any(map(is_cover, names)) else []:
+    if any(map(is_cover, names)):
+        _add_planes(body, shown, scene)
+    return {mesh_file(Path(file).stem): data for file, data in scene.fittings.items()}
+
+
+def _add_planes(body: mujoco.MjsBody, shown: mujoco.MjsDefault, scene: MineScene) -> None:
+    """Add water on the flooded zones, and a stack of clear planes that darkens hollows with soft borders."""
+
+    def add(name: str, zones: list[FloorZone], level_m: float, material: str) -> None:
+        west, south, east, north = box_of(zones)
         body.add_geom(
             shown,
-            name=puddle_geom(zone.name),
+            name=name,
             type=mujoco.mjtGeom.mjGEOM_PLANE,
-            pos=[(zone.west_m + zone.east_m) / 2, (zone.south_m + zone.north_m) / 2, scene.water_m],
-            size=[(zone.east_m - zone.west_m) / 2, (zone.north_m - zone.south_m) / 2, 1.0],
-            material=WATER_MATERIAL if zone.name in scene.puddles else trodden_material(zone.name),
+            pos=[(west + east) / 2, (south + north) / 2, level_m],
+            size=[(east - west) / 2, (north - south) / 2, 1.0],
+            material=material,
         )
-    return {mesh_file(Path(file).stem): data for file, data in scene.fittings.items()}
+
+    for zone in scene.zones:
+        if zone.name in scene.puddles:
+            add(puddle_geom(zone.name), [zone], scene.water_m, WATER_MATERIAL)
+    for layer, share in enumerate(SHADE_LEVELS):
+        add(shade_geom(layer), scene.zones, share * scene.water_m, SHADE_MATERIAL)
 
 
 def _add_materials(spec: mujoco.MjSpec, scene: MineScene, used: set[str]) -> None:
     for zone in scene.zones:
-        for name, trodden in ((cover_material(zone.name), False), (trodden_material(zone.name), True)):
-            if cover_material(zone.name) in used and not (trodden and zone.name in scene.puddles):
-                material = spec.add_material(
-                    name=name, rgba=cover_rgba(zone.rgba, trodden), specular=0.0, shininess=0.0
-                )
-                material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "rock"
-                if trodden:  # a plane has no texture coordinates of its own
-                    material.texuniform, material.texrepeat = True, [TEXTURE_PER_M, TEXTURE_PER_M]
+        if cover_material(zone.name) in used:
+            material = spec.add_material(
+                name=cover_material(zone.name), rgba=cover_rgba(zone.rgba), specular=0.0, shininess=0.0
+            )
+            material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "rock"
+    if any(name.startswith(cover_material("")) for name in used):
+        spec.add_material(name=SHADE_MATERIAL, rgba=SHADE, specular=0.0, shininess=0.0)
     for kind, (rgba, specular) in FURNITURE_LOOKS.items():
         if fitting_material(kind, []) in used:
             spec.add_material(name=fitting_material(kind, []), rgba=rgba, specular=specular, shininess=0.4)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -99,6 +100,16 @@ def tile_zones(zones: list[ZoneParams], world_m: tuple[float, float, float, floa
         )
         for i, zone in enumerate(zones)
     ]
+
+
+def box_of(zones: Sequence[FloorZone]) -> tuple[float, float, float, float]:
+    """Return west, south, east and north, m, of the box round floor zones."""
+    return (
+        min(zone.west_m for zone in zones),
+        min(zone.south_m for zone in zones),
+        max(zone.east_m for zone in zones),
+        max(zone.north_m for zone in zones),
+    )
 
 
 def place_lights(

@@ -98,6 +98,7 @@ class ValidationParams(Params):
     network_station_spacing_m: float = Field(gt=0)
     collision_method: Literal["exact", "coacd", "vhacd"]
     collision_tile_m: float | None = Field(ge=50, description="side of the tiles that exact parts lie in")
+    steepest_deg: float = Field(30.0, gt=0, le=45, description="of a floor with heights")
     overlay: Literal["rough", "none"] = Field("rough", description="whether the world must have visible rock")
     fittings: FittingsParams
     tolerance_m: float | None = Field(

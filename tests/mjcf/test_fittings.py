@@ -1,6 +1,8 @@
 """The visible floor and furniture: seen, never touched, and refused where they would stand in the drift."""
 
+import dataclasses
 import json
+import re
 
 import mujoco
 import numpy as np
@@ -21,6 +23,7 @@ from minexplore.bundle import (
 )
 from minexplore.lidar import Lidar, surface_meshes
 from minexplore.local_models import LocalModels
+from minexplore.looks import SHADE_LEVELS
 from minexplore.render import far_hidden
 from minexplore.robot import RobotParams
 from minexplore.schema import check_files, hash_files, read_folder
@@ -32,11 +35,13 @@ from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.bundle import obstacles, open_bundle
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import _merged, hang_furniture
+from pipeline.mjcf.scene import FloorZone
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
 from pipeline.params.config import Config
+from pipeline.params.realism import FloorParams
 from pipeline.proof.built import require_built
 from pipeline.proof.visible import face_samples
-from pipeline.types import DriftNetwork, Leg
+from pipeline.types import DriftNetwork, Leg, Mesh
 from tests.mines import BuiltMine, sealed
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 36, 5), shapely.box(14, 5, 19, 16)])
@@ -113,21 +118,67 @@ def test_the_visible_floor_covers_the_drift_just_above_the_flat_floor(fitted: Bu
 
 def test_ruts_lie_lower_than_the_floor_between_them(fitted: BuiltMine, fitted_config: Config):
     params = fitted_config.realism.floor
-    straight = shapely.box(0, 0, 60, 5)
-    line = fitted.network.legs[0]
-    network = type(fitted.network)(
-        **{
-            **vars(fitted.network),
-            "legs": [type(line)("a", "x", "y", 60.0, [0.0, 60.0], [(0.0, 2.5), (60.0, 2.5)], [2.5, 2.5])],
-        }
-    )
     zone = open_bundle(fitted.bundle).record.zones[:1]
-    meshes = cover_floor(params.model_copy(update={"puddles": []}), straight, network, zone)
+    meshes = straight_floor(fitted, params.model_copy(update={"puddles": []}), zone)
     vertices = np.concatenate([mesh.vertices for mesh in meshes.values()])
     aside = np.abs(vertices[:, 1] - 2.5)
     rut = np.abs(aside - params.gauge_m / 2) < 0.08
     assert vertices[rut, 2].mean() < vertices[aside < 0.3, 2].mean() - 0.008
     assert vertices[(aside > 2.3) & (aside < 2.9), 2].mean() > vertices[aside < 0.3, 2].mean() + 0.02
+
+
+def straight_floor(fitted: BuiltMine, params: FloorParams, zones: list[FloorZone]) -> dict[str, Mesh]:
+    """Return the visible floor of a straight drift from (0, 0) to (60, 5) m."""
+    leg = Leg("a", "x", "y", 60.0, [0.0, 60.0], [(0.0, 2.5), (60.0, 2.5)], [2.5, 2.5])
+    network = dataclasses.replace(fitted.network, legs=[leg])
+    return cover_floor(params, shapely.box(0, 0, 60, 5), network, zones)
+
+
+def zone_of(name: str, west_m: float, east_m: float) -> FloorZone:
+    return FloorZone(name, 1.0, 1.0, 0.0, (0.5, 0.5, 0.5, 1.0), west_m, east_m, -1.0, 6.0)
+
+
+def heights_on_grid(meshes: dict[str, Mesh], west_m: float, east_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return places (n, 2) m a decimetre apart in the drift and the height (n,) m of the floor there."""
+    x, y = np.meshgrid(np.arange(west_m, east_m, 0.1), np.arange(0.3, 4.7, 0.1))
+    places = np.column_stack([x.ravel(), y.ravel()])
+    rays = RayCaster(np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes.values()]))
+    down = rays.cast(np.column_stack([places, np.ones(len(places))]), np.tile([0.0, 0, -1.0], (len(places), 1)))
+    return places, 1.0 - down
+
+
+def test_the_shoulders_of_ruts_darken_over_a_decimetre_and_more(fitted: BuiltMine, fitted_config: Config):
+    params = fitted_config.realism.floor.model_copy(update={"puddles": []})
+    places, height = heights_on_grid(straight_floor(fitted, params, [zone_of("dry", -1, 61)]), 2, 58)
+    levels = np.array(SHADE_LEVELS) * params.water_m
+    aside = np.abs(np.abs(places[:, 1] - 2.5) - params.gauge_m / 2)
+    planes_above = (height[:, None] < levels).sum(axis=1)
+    by_distance = [planes_above[(aside >= a) & (aside < a + 0.05)].mean() for a in np.arange(0, 0.4, 0.05)]
+    assert by_distance[0] > 4.5
+    assert by_distance[-1] < 1.5
+    assert np.diff(by_distance).min() > -2.5  # of six planes, in 5 cm
+
+
+def test_water_ends_within_its_zone_at_a_shore(fitted: BuiltMine, fitted_config: Config):
+    params = fitted_config.realism.floor
+    zones = [zone_of("dry", -1, 30), zone_of("water", 30, 61)]
+    places, height = heights_on_grid(straight_floor(fitted, params, zones), 29.9, 58)
+    wet = height < params.water_m
+    assert wet[places[:, 0] > 32].mean() > 0.3
+    assert not wet[np.abs(places[:, 0] - 30) < 0.06].any()
+
+
+def test_floors_of_two_zones_meet_on_a_line_that_wanders_about_their_border(fitted: BuiltMine, fitted_config: Config):
+    params = fitted_config.realism.floor.model_copy(update={"puddles": []})
+    meshes = straight_floor(fitted, params, [zone_of("dry", -1, 30), zone_of("mud", 30, 61)])
+    areas = []
+    for prefix in ("cover_000", "cover_001"):
+        corners = np.concatenate([m.vertices[m.faces] for name, m in meshes.items() if name.startswith(prefix)])
+        areas.append(shapely.union_all(shapely.polygons(corners[:, :, :2])))
+    common = areas[0].buffer(2e-4).intersection(areas[1].buffer(2e-4))
+    assert areas[0].intersection(areas[1]).area < 1e-3
+    assert 29.3 < common.bounds[0] < 30 < common.bounds[2] < 30.7
+    assert shapely.box(0, 0, 60, 5).difference(shapely.union_all(areas).buffer(1e-3)).area < 0.01
 
 
 def test_furniture_hangs_above_robots_and_in_front_of_the_rock(fitted: BuiltMine, files):
@@ -179,10 +230,12 @@ def test_fittings_are_no_obstacles_of_the_certificate(fitted: BuiltMine):
         ('<geom name="fitting_duct', '<geom name="fitting_panel', "<geom> is not allowed"),
         ('name="puddle_water"', 'name="puddle_water" conaffinity="1"', "@conaffinity: '1' is not allowed"),
         ('type="plane"', 'type="box"', "@type: 'box', want 'plane'"),
-        ('name="puddle_mud"', 'name="puddle_lava"', "want a plane in the hollows of every zone"),
+        ('name="puddle_water"', 'name="puddle_lava"', "water on floor zones alone; see 'puddle_lava'"),
+        ('name="shade_3"', 'name="shade_9"', "want 6 planes of shade"),
+        ('rgba="0 0 0 0.035"', 'rgba="0 0 0 0.5"', "material[shade]@rgba"),
         ('reflectance="0.35"', 'reflectance="0.9"', "material[water]@reflectance"),
         ('material="fitting_duct"', 'material="fitting_pipe"', "and material 'fitting_duct'"),
-        ('material="water"', 'material="trodden_dry"', "geom[puddle_water]@material"),
+        ('material="water"', 'material="shade"', "geom[puddle_water]@material"),
     ],
 )
 def test_a_fitting_that_the_builder_does_not_write_is_refused(files, old, new, message):
@@ -191,10 +244,24 @@ def test_a_fitting_that_the_builder_does_not_write_is_refused(files, old, new, m
     assert message in refusal({**files, "mine.xml": text.replace(old, new, 1).encode()})
 
 
+def at_level(text: str, water_m: float) -> str:
+    """Return a model whose water, and all shade with it, is at another height."""
+
+    def lifted(found: re.Match) -> str:
+        return f"{found[1]}{float(found[2]) * water_m / 0.018:.16g}{found[3]}"
+
+    plane = r'(<geom [^>]*pos="\S+ \S+ )(\S+)("[^>]*material="(?:shade|water)"/>)'
+    text, changes = re.subn(plane, lifted, text)
+    assert changes == 1 + len(SHADE_LEVELS)
+    return text
+
+
 def test_water_high_above_the_floor_is_refused(files):
     text = files["mine.xml"].decode()
     assert ' 0.018"' in text
-    assert "one level between 0 and 0.1 m" in refusal({**files, "mine.xml": text.replace(' 0.018"', ' 0.3"').encode()})
+    assert "a height of 0.018 m" in refusal({**files, "mine.xml": text.replace(' 0.018"', ' 0.3"').encode()})
+    high = at_level(text, 0.2)
+    assert "between 0 and 0.1 m" in refusal({**files, "mine.xml": high.encode()})
 
 
 def test_a_visible_floor_of_a_plain_world_is_refused(files):
@@ -278,10 +345,8 @@ def test_floors_of_two_zones_that_are_exchanged_are_refused(fitted, fitted_confi
 
 def test_water_stands_where_and_as_high_as_the_parameters_say(fitted, fitted_config, files, tmp_path):
     text = files["mine.xml"].decode()
-    flooded = text.replace(" 0.018", " 0.05")
-    assert flooded != text
-    folder, record = rewritten(fitted, files, tmp_path, "mine.xml", flooded.encode())
-    with pytest.raises(ArtifactError, match=r"level 0.05 m, want 0.018 m"):
+    folder, record = rewritten(fitted, files, tmp_path, "mine.xml", at_level(text, 0.04).encode())
+    with pytest.raises(ArtifactError, match=r"level 0.04 m, want 0.018 m"):
         require_built(folder, record, fitted_config.validation)
     dry = fitted_config.validation.model_copy(
         update={"fittings": fitted_config.validation.fittings.model_copy(update={"floor": None})}
@@ -425,7 +490,7 @@ def test_water_is_drawn_wherever_its_zone_is(fitted: BuiltMine):
     planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     before = model.geom_group.copy()
     with far_hidden(model, data, np.array([1000.0, 0.0, 0.0])):
-        assert planes.sum() == 3
+        assert planes.sum() == 1 + len(SHADE_LEVELS)
         assert (model.geom_group[planes] == before[planes]).all()
         assert (model.geom_group[~planes] != before[~planes]).any()
 
@@ -435,5 +500,5 @@ def test_workings_that_are_far_apart_get_a_coarser_floor(fitted: BuiltMine, fitt
     zone = open_bundle(fitted.bundle).record.zones[:1]
     params = fitted_config.realism.floor.model_copy(update={"puddles": []})
     meshes = cover_floor(params, far, fitted.network, zone)
-    assert "0.58 m apart instead of 0.2 m" in capsys.readouterr().out
+    assert "0.41 m apart instead of 0.1 m" in capsys.readouterr().out
     assert sum(len(mesh.faces) for mesh in meshes.values()) > 100

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import shapely
 
-from minexplore.bundle import BundleError, GeomGroup
+from minexplore.bundle import BundleError, GeomGroup, is_shade, shade_geom
 from minexplore.coverage import CoverageGrid
-from minexplore.looks import CUT_MATERIAL, LOOKS, add_headlamp, add_sky, cover_rgba, has_haze
+from minexplore.looks import CUT_MATERIAL, LOOKS, SHADE, add_headlamp, add_sky, cover_rgba, has_haze, let_light_pass
 from minexplore.render import Renderer, far_hidden
 from minexplore.robot import RobotParams, free_joint_qpos
 from minexplore.schema import check_files, hash_files, read_folder
@@ -149,12 +149,45 @@ def test_geoms_beyond_the_haze_are_hidden_while_a_frame_is_drawn(wet: BuiltMine)
     assert (model.geom_group == before).all()
 
 
-def test_the_colour_of_a_visible_floor_keeps_its_zones_hue_and_is_darker_where_trodden():
-    for zone in ([0.52, 0.45, 0.38, 1.0], [0.9, 0.1, 0.1, 1.0], [0.0, 0.0, 0.0, 1.0]):
-        loose, trodden = cover_rgba(zone, False), cover_rgba(zone, True)
-        assert max(loose) <= 1.0
-        assert all(dark <= light for dark, light in zip(trodden[:3], loose[:3], strict=True))
-        assert np.argsort(loose[:3]).tolist() == np.argsort(trodden[:3]).tolist()
+def test_the_colour_of_a_visible_floor_keeps_its_zones_hue():
+    for zone in ([0.52, 0.45, 0.38, 1.0], [0.9, 0.3, 0.1, 1.0]):
+        colour = cover_rgba(zone)
+        assert max(colour) <= 1.0
+        assert np.argsort(colour[:3]).tolist() == np.argsort(zone[:3]).tolist()
+    assert max(cover_rgba([0.0, 0.0, 0.0, 1.0])[:3]) == 0.0
+
+
+def test_planes_of_shade_darken_evenly_and_cast_no_shadow():
+    """The brightness of a white floor falls by one factor a plane, whatever lamp shines over it."""
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_BOX, size=[50, 50, 0.1], pos=[0, 0, -0.1])
+    spec.worldbody.add_light(
+        pos=[-3, 0, 0.6], dir=[1, 0, -0.06], type=mujoco.mjtLightType.mjLIGHT_SPOT, castshadow=True
+    )
+    spec.worldbody.add_camera(name="eye", pos=[-3, 0, 0.5], quat=[0.5, 0.5, -0.5, -0.5])
+    for layer in range(2):
+        spec.worldbody.add_geom(
+            name=shade_geom(layer),
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=[50, 50, 1],
+            pos=[0, 0, 0.01 + 0.005 * layer],
+            rgba=SHADE,
+            group=layer + 1,
+        )
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    brightness = []
+    with mujoco.Renderer(model, 60, 80) as renderer:
+        for planes in range(3):
+            option = mujoco.MjvOption()
+            option.geomgroup[:] = [1, planes > 0, planes > 1, 0, 0, 0]
+            renderer.update_scene(data, "eye", option)
+            let_light_pass(renderer.scene, {g for g in range(model.ngeom) if is_shade(model.geom(g).name)})
+            brightness.append(renderer.render()[32:50].mean())
+    factor = (1 - SHADE[3]) ** 2
+    assert brightness[1] / brightness[0] == pytest.approx(factor, abs=0.03)
+    assert brightness[2] / brightness[1] == pytest.approx(factor, abs=0.03)
 
 
 def test_the_front_camera_looks_ahead_from_the_robot(wet: BuiltMine):
