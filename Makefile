@@ -11,7 +11,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock look-pictures drive-clip compare-collision search-texture bench bench-light bench-pipeline time-training setup-baselines setup-gpu parity-gpu bench-gpu train-gpu test-gpu oracle explorers teams unseen train train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock bench-growth leave-out-sweeps drawn-sheets
+.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock look-pictures drive-clip compare-collision search-texture bench bench-light bench-pipeline time-training setup-baselines setup-gpu parity-gpu bench-gpu train-gpu test-gpu oracle explorers teams unseen train train-graph compare-graph train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock bench-growth leave-out-sweeps drawn-sheets
 
 help:  # show the targets that have a remark of two hashes; rarer ones have one
 	@awk -F ':.*## ' '/^##@/ {print substr($$0, 5)} /^all:/ {printf "  %-18s %s\n", "$(firstword $(STAGES)) ...", "up to and including one stage: $(STAGES)"} /^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' Makefile
@@ -88,7 +88,7 @@ replay: all  ## replay the sweeps below data/raw in the world
 leave-out-sweeps: setup  ## correct the published plan by all sweeps but one, measure that one
 	@$(PY) -m benchmarks.leave_out_sweeps
 
-drawn-sheets: setup  ## find the workings on two hundred drawing sheets: right, asked, wrong
+drawn-sheets: setup  ## find the workings on four hundred drawing sheets: right, asked, wrong
 	@$(PY) -m benchmarks.drawn_sheets
 
 holdout: setup  ## build rock from half of the sweeps, score it on the other half
@@ -118,7 +118,7 @@ compare-rock: all  ## kinds of rock beside flat walls and white noise
 look-pictures: all  ## looks and fittings from inside a drift, and what they cost (docs/look.md)
 	@$(PY) -m benchmarks.look_pictures
 
-random-levels: setup  ## random mines with heights, built and certified: ARGS="--count 20 --first 0"
+random-levels: setup  ## build two hundred random mines with heights: do all hold? (ARGS="--count 20")
 	@$(PY) -m benchmarks.random_levels $(ARGS)
 
 level-pictures: setup  ## mines with heights in plan and in space (docs/levels.png)
@@ -178,6 +178,12 @@ train: setup-baselines  ## train PPO: SEED=42 ARGS="env=full observation=map"; r
 train-gpu: setup-gpu  ## train PPO on a GPU: SEED=42 ARGS="device=cuda:0 env=entrance"; run again to resume
 	@$(PY) -m baselines.ppo.train_gpu seed=$(SEED) $(ARGS)
 
+train-graph: setup-baselines  ## train the graph explorer in light mines (make worlds N=60 first); run again to resume
+	@OMP_NUM_THREADS=1 $(PY) -m baselines.graph.train seed=$(SEED) $(ARGS)
+
+compare-graph: setup  ## the graph explorer's map simulator beside the environment (docs/graph-simulator.md)
+	@OMP_NUM_THREADS=1 $(PY) -m baselines.graph.compare $(ARGS)
+
 train-all: setup-baselines  # train with the paper's five seeds
 	@for seed in 42 142 242 342 442; do $(PY) -m baselines.ppo.train seed=$$seed $(ARGS) || exit $$?; done
 
@@ -204,7 +210,7 @@ test-slow: setup  ## run the slow tests
 	@$(PY) -m pytest -m slow tests
 
 test-train: setup-baselines  # run the tests of training
-	@$(PY) -m pytest tests/baselines/test_ppo.py
+	@$(PY) -m pytest tests/baselines/test_ppo.py tests/baselines/test_graph.py
 
 test-gpu: setup-gpu  # run the tests of the environment on Warp, by Warp's CPU device where there is no GPU
 	@$(PY) -m pytest tests/minexplore/test_warp.py tests/baselines/test_ppo_on_warp.py

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ from shapely import MultiPolygon, Polygon
 from pipeline.compose import compose
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.mjcf.assemble import assemble_world
+from pipeline.params.config import Config
 from pipeline.store.codecs import encode
 from pipeline.types import Frame, Scale, Survey, Workings
 from stages.compile3d import compile_rock
@@ -43,6 +45,19 @@ def build_world(folder: Path, workings: Polygon, entrance_m: tuple[float, float]
     grey = np.where(fill_polygon(workings, frame), 40, 255).astype(np.uint8)
     plan = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
     traced = trace_free_space(config.contours, plan, survey, Workings(MultiPolygon()))
+    finish_world(config, survey, traced, folder)
+
+
+def finish_world(
+    config: Config, survey: Survey, traced: dict[str, Any], folder: Path
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Run stages 3 to 5 in memory on what stage 2 returned, and write the bundle to a folder.
+
+    Returns
+    -------
+    dict, dict
+        What stages 3 and 4 returned.
+    """
     free_space, network = traced["free_space"], traced["topology"]
     rock = compile_rock(config.compile3d, free_space, network, survey)
     surface = model_surface(config.surface, free_space, network, rock["extent"])
@@ -66,3 +81,4 @@ def build_world(folder: Path, workings: Polygon, entrance_m: tuple[float, float]
     for name, data in world.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(data)
+    return rock, surface
