@@ -6,7 +6,9 @@ The pipeline writes bundles by this module and the environment reads them by it.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -231,6 +233,9 @@ def is_shade(geom: str) -> bool:
     return geom.startswith(_SHADE)
 
 
+_FLOAT32, _INT32 = np.dtype("<f4"), np.dtype("<i4")
+
+
 @dataclass(frozen=True)
 class TriangleMesh:
     """A triangle mesh as a `.msh` file holds it.
@@ -258,14 +263,14 @@ def decode_msh(data: bytes) -> TriangleMesh:
     ValueError
         If the counts do not match the size.
     """
-    counts = np.frombuffer(data, "<i4", 4).tolist() if len(data) >= 16 else [-1]
-    if min(counts) < 0 or len(data) != 16 + sum(n * size for n, size in zip(counts, (12, 12, 8, 12), strict=True)):
-        raise ValueError(f"a .msh of {len(data)} bytes: its counts {counts} do not match its size")
-    arrays, at = [], 16
-    for count, kind, width in zip(counts, ("<f4", "<f4", "<f4", "<i4"), (3, 3, 2, 3), strict=True):
-        arrays.append(np.frombuffer(data, kind, count * width, at).reshape(-1, width))
-        at += 4 * count * width
-    vertices, normals, texcoords, faces = arrays
+    counts = struct.unpack_from("<4i", data) if len(data) >= 16 else (-1,)
+    if min(counts) < 0 or len(data) != 16 + 12 * (counts[0] + counts[1] + counts[3]) + 8 * counts[2]:
+        raise ValueError(f"a .msh of {len(data)} bytes: its counts {list(counts)} do not match its size")
+    ends = list(itertools.accumulate((3 * counts[0], 3 * counts[1], 2 * counts[2])))
+    numbers = np.frombuffer(data, _FLOAT32, ends[2], 16)
+    vertices, normals = numbers[: ends[0]].reshape(-1, 3), numbers[ends[0] : ends[1]].reshape(-1, 3)
+    texcoords = numbers[ends[1] :].reshape(-1, 2)
+    faces = np.frombuffer(data, _INT32, 3 * counts[3], 16 + 4 * ends[2]).reshape(-1, 3)
     return TriangleMesh(vertices, faces, texcoords, normals)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -26,6 +28,19 @@ class Element:
     least: int = 1
     most: int = 1
     children: tuple[Element, ...] = ()
+
+    @functools.cached_property
+    def required(self) -> tuple[str, ...]:
+        """Return the names of the attributes that must be there."""
+        return tuple(name for name, attribute in self.attributes.items() if attribute.default is None)
+
+    @functools.cached_property
+    def places(self) -> dict[str, list[tuple[int, re.Pattern[str]]]]:
+        """Return, for each tag, which children have it, and the patterns of their names."""
+        found: dict[str, list[tuple[int, re.Pattern[str]]]] = {}
+        for number, child in enumerate(self.children):
+            found.setdefault(child.tag, []).append((number, re.compile(child.name, re.ASCII)))
+        return found
 
 
 def required(rule: Rule) -> Attribute:

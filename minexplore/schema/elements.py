@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import functools
-import re
-from collections import Counter
-
 from minexplore.bundle import BundleError
-from minexplore.schema.attributes import Attribute, Element
+from minexplore.schema.attributes import Element
 from minexplore.schema.xml import Node
 
 _SHOWN = 60  # characters of a refused value
@@ -34,11 +30,17 @@ def _check(file: str, node: Node, element: Element) -> None:
             raise BundleError(
                 f"{_at(file, node)}@{name[:_SHOWN]}: {_shown(value)} is not allowed; a <{node.tag}> here has {known}"
             )
-        _check_value(file, node, name, value, attribute)
-    for name, attribute in element.attributes.items():
-        if attribute.default is None and name not in node.attributes:
-            raise BundleError(f"{_at(file, node)}@{name}: missing; want {attribute.rule.wants}")
-    counts: Counter[int] = Counter()
+        if not attribute.rule.accepts(value):
+            raise BundleError(f"{_at(file, node)}@{name}: {_shown(value)}, want {attribute.rule.wants}")
+    for name in element.required:
+        if name not in node.attributes:
+            raise BundleError(f"{_at(file, node)}@{name}: missing; want {element.attributes[name].rule.wants}")
+    if node.children or element.children:
+        _check_children(file, node, element)
+
+
+def _check_children(file: str, node: Node, element: Element) -> None:
+    counts = [0] * len(element.children)
     names: set[tuple[str, str]] = set()
     for child in node.children:
         number = _place_of(child, element)
@@ -52,30 +54,18 @@ def _check(file: str, node: Node, element: Element) -> None:
             raise BundleError(f"{_at(file, child)}: a second <{child.tag}> of this name")
         names.add((child.tag, child.name))
         _check(file, child, element.children[number])
-    for number, child_element in enumerate(element.children):
-        if not child_element.least <= counts[number] <= child_element.most:
-            what = _describe(child_element)
-            raise BundleError(
-                f"{_at(file, node)}: {counts[number]} of {what}, want {child_element.least} to {child_element.most}"
-            )
-
-
-def _check_value(file: str, node: Node, name: str, value: str, attribute: Attribute) -> None:
-    if not attribute.rule.accepts(value):
-        raise BundleError(f"{_at(file, node)}@{name}: {_shown(value)}, want {attribute.rule.wants}")
+    for count, allowed in zip(counts, element.children, strict=True):
+        if not allowed.least <= count <= allowed.most:
+            what = _describe(allowed)
+            raise BundleError(f"{_at(file, node)}: {count} of {what}, want {allowed.least} to {allowed.most}")
 
 
 def _place_of(child: Node, element: Element) -> int | None:
     """Return which of an element's children a node is, by tag and name."""
-    for number, allowed in enumerate(element.children):
-        if child.tag == allowed.tag and _compiled(allowed.name).fullmatch(child.name):
+    for number, pattern in element.places.get(child.tag, ()):
+        if pattern.fullmatch(child.name):
             return number
     return None
-
-
-@functools.cache
-def _compiled(pattern: str) -> re.Pattern[str]:
-    return re.compile(pattern, re.ASCII)
 
 
 def _describe(element: Element) -> str:

@@ -25,14 +25,11 @@ from minexplore.bundle import (
     ROCK_TEXTURE,
     TOPOLOGY,
     BundleError,
-    TriangleMesh,
-    decode_msh,
     has_visible_rock,
-    is_cover,
-    is_fitting,
 )
 from minexplore.schema.arrays import read_arrays
-from minexplore.schema.fittings import FITTING_MESH, check_heights
+from minexplore.schema.fittings import FITTING_MESH
+from minexplore.schema.meshes import MESHES, check_meshes
 from minexplore.schema.model import VISIBLE_MESH
 from minexplore.schema.png import GREY, PALETTE, RGB, check_png
 from minexplore.schema.rules import numbers_in
@@ -50,7 +47,6 @@ FIXED = (
     TOPOLOGY,
 )
 VISIBLE = (PREVIEW, ROCK_TEXTURE)  # of these, only worlds with visible rock have any
-MESHES = "meshes/"
 _MESH = re.compile(rf"{MESHES}(?:{VISIBLE_MESH}|{FITTING_MESH})\.msh", re.ASCII)
 _FOLDERS = {"meshes", "textures"}
 _MOST_BYTES = 1 << 30  # of a bundle
@@ -58,7 +54,6 @@ _MOST_FILES = 100_000
 _MOST_CELLS = 100_000_000  # of the clearance grid: 2,500 m square at 0.25 m
 PICTURES = {PREVIEW: (RGB,), NAV2_PICTURE: (GREY,), ROCK_TEXTURE: (RGB, PALETTE)}
 _MOST_PIXELS = {PREVIEW: 4096 * 16_384, NAV2_PICTURE: _MOST_CELLS, ROCK_TEXTURE: 4096 * 4096}
-_MOST_REPEATS = 1e7  # of the texture
 _BEYOND_M = 1.0  # rough rock reaches a little beyond the box of the rock in plan
 _BELOW_M, _ABOVE_M = 1.0, 5.0  # and so far below the floor and above the height
 _GRID = {"free": ("|b1", 2), "clearance_m": ("<f4", 2), "origin_m": ("<f8", 1), "cell_m": ("<f8", 0)}
@@ -131,9 +126,7 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes]) -> dic
     west, south, east, north = record["world_m"]
     low = np.array([west - _BEYOND_M, south - _BEYOND_M, -_BELOW_M])
     high = np.array([east + _BEYOND_M, north + _BEYOND_M, record["height_m"] + _ABOVE_M])
-    for name, data in files.items():
-        if name.startswith(MESHES):
-            _check_mesh(name, data, low, high)
+    check_meshes(files, low, high)
     for name, kind in pictures_of(record).items():
         width, height = check_png(name, files[name], kind, _MOST_PIXELS[name])
         if name == ROCK_TEXTURE and (width != height or width < 16):
@@ -153,38 +146,6 @@ def _refuse_visible(files: Mapping[str, bytes]) -> None:
     for name in files:
         if name in VISIBLE or name.startswith(MESHES):
             raise BundleError(f"{name}: {RECORD} says overlay = {NO_OVERLAY!r}; such a world has no file of this kind")
-
-
-def _check_mesh(name: str, data: bytes, low: np.ndarray, high: np.ndarray) -> None:
-    try:
-        mesh: TriangleMesh = decode_msh(data)
-    except ValueError as error:
-        raise BundleError(f"{name}: {error}") from error
-    count, stem = len(mesh.vertices), name.removeprefix(MESHES).removesuffix(".msh")
-    textured = (count,) if is_cover(stem) or not is_fitting(stem) else (0,)
-    if count < 4 or not len(mesh.faces) or len(mesh.texcoords) not in textured or len(mesh.normals) not in (0, count):
-        raise BundleError(
-            f"{name}: {count} vertices, {len(mesh.normals)} normals, {len(mesh.texcoords)} texture coordinates and "
-            f"{len(mesh.faces)} faces; want 4 vertices or more, {textured[0]} texture coordinates, a normal each or "
-            "none"
-        )
-    for axis, (least, most) in enumerate(zip(low.tolist(), high.tolist(), strict=True)):
-        along = mesh.vertices[:, axis]
-        first, last = float(along.min()), float(along.max())
-        if not (first >= least and last <= most):  # NaN fails as well
-            raise BundleError(
-                f"{name}: vertices from {first:g} to {last:g} m along axis {axis}, "
-                f"the rock ends at {least:g} and {most:g} m"
-            )
-    if is_fitting(stem):
-        check_heights(stem, float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max()))
-    if int(mesh.faces.view(np.uint32).max()) >= count:
-        raise BundleError(f"{name}: a face of vertex {mesh.faces.min()} or {mesh.faces.max()}, there are {count}")
-    flat = mesh.texcoords.ravel()
-    if len(flat) and not (flat.min() >= -_MOST_REPEATS and flat.max() <= _MOST_REPEATS):
-        raise BundleError(f"{name}: a texture coordinate that is no number, or beyond {_MOST_REPEATS:g}")
-    if len(mesh.normals) and not (np.abs(np.square(mesh.normals).sum(axis=1) - 1) < 1e-2).all():
-        raise BundleError(f"{name}: a normal whose length is not 1")
 
 
 def read_grid(data: bytes) -> dict[str, np.ndarray]:

@@ -15,10 +15,11 @@ from minexplore.bundle import MODEL, RECORD, BundleError, has_heights, has_visib
 from minexplore.floor import Floor
 from minexplore.schema.agreement import check_agreement
 from minexplore.schema.elements import check_elements
-from minexplore.schema.files import MESHES, check_contents, is_known, read_folder
+from minexplore.schema.files import check_contents, is_known, read_folder
 from minexplore.schema.floor_mesh import read_floor
 from minexplore.schema.heights import with_heights
 from minexplore.schema.light import LIGHT_WORLD
+from minexplore.schema.meshes import MESHES
 from minexplore.schema.model import WORLD
 from minexplore.schema.record import check_record, read_json
 from minexplore.schema.xml import read_xml

@@ -1,0 +1,127 @@
+"""What the meshes of a bundle may hold. Many are checked at once, because a world has hundreds of small ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from minexplore.bundle import BundleError, TriangleMesh, decode_msh, is_cover, is_fitting
+from minexplore.schema.fittings import check_heights
+
+MESHES = "meshes/"
+_MOST_REPEATS = 1e7  # of the texture
+_AT_ONCE_BYTES = 16 << 20  # of meshes that are copied into one array
+
+
+def check_meshes(files: Mapping[str, bytes], low: np.ndarray, high: np.ndarray) -> None:
+    """Refuse meshes that no world has: lying counts, places outside the rock, faces of vertices that are not there.
+
+    Parameters
+    ----------
+    files : dict of bytes by name
+        A bundle's files; those below `meshes/` are checked.
+    low, high : (3,) float64, m
+        Corners of the box that holds all vertices.
+
+    Raises
+    ------
+    BundleError
+        Naming the file, the value and the limit.
+    """
+    for names in _batches(files):
+        meshes = [_decode(name, files[name]) for name in names]
+        _check_places(names, [mesh.vertices for mesh in meshes], low, high)
+        _check_faces(names, meshes)
+        _check_textures(names, meshes)
+        _check_normals(names, meshes)
+
+
+def _batches(files: Mapping[str, bytes]) -> Iterator[list[str]]:
+    """Yield the names of the meshes in groups of about `_AT_ONCE_BYTES`."""
+    names: list[str] = []
+    size = 0
+    for name, data in files.items():
+        if not name.startswith(MESHES):
+            continue
+        names.append(name)
+        size += len(data)
+        if size >= _AT_ONCE_BYTES:
+            yield names
+            names, size = [], 0
+    if names:
+        yield names
+
+
+def _stem(name: str) -> str:
+    return name.removeprefix(MESHES).removesuffix(".msh")
+
+
+def _decode(name: str, data: bytes) -> TriangleMesh:
+    try:
+        mesh = decode_msh(data)
+    except ValueError as error:
+        raise BundleError(f"{name}: {error}") from error
+    count, stem = len(mesh.vertices), _stem(name)
+    textured = 0 if is_fitting(stem) and not is_cover(stem) else count
+    if count < 4 or not len(mesh.faces) or len(mesh.texcoords) != textured or len(mesh.normals) not in (0, count):
+        raise BundleError(
+            f"{name}: {count} vertices, {len(mesh.normals)} normals, {len(mesh.texcoords)} texture coordinates and "
+            f"{len(mesh.faces)} faces; want 4 vertices or more, {textured} texture coordinates, a normal each or none"
+        )
+    return mesh
+
+
+def _starts(arrays: list[np.ndarray]) -> np.ndarray:
+    """Return where each array begins once they stand one after another."""
+    counts = np.array([len(array) for array in arrays])
+    return np.cumsum(counts) - counts
+
+
+def _check_places(names: list[str], vertices: list[np.ndarray], low: np.ndarray, high: np.ndarray) -> None:
+    """Check that vertices lie in the box, and those of fittings at heights where fittings are. NaN fails as well."""
+    along, starts = np.ascontiguousarray(np.concatenate(vertices).T), _starts(vertices)
+    first, last = np.minimum.reduceat(along, starts, axis=1), np.maximum.reduceat(along, starts, axis=1)
+    outside = np.argwhere(~((first >= low[:, None]) & (last <= high[:, None])))
+    if len(outside):
+        axis, k = outside[0]
+        raise BundleError(
+            f"{names[k]}: vertices from {first[axis, k]:g} to {last[axis, k]:g} m along axis {axis}, "
+            f"the rock ends at {low[axis]:g} and {high[axis]:g} m"
+        )
+    for name, lowest_m, highest_m in zip(names, first[2].tolist(), last[2].tolist(), strict=True):
+        if is_fitting(_stem(name)):
+            check_heights(_stem(name), lowest_m, highest_m)
+
+
+def _check_faces(names: list[str], meshes: list[TriangleMesh]) -> None:
+    faces = [mesh.faces.view(np.uint32).ravel() for mesh in meshes]
+    highest = np.maximum.reduceat(np.concatenate(faces), _starts(faces))
+    wrong = np.flatnonzero(highest >= [len(mesh.vertices) for mesh in meshes])
+    if len(wrong):
+        mesh = meshes[wrong[0]]
+        raise BundleError(
+            f"{names[wrong[0]]}: a face of vertex {mesh.faces.min()} or {mesh.faces.max()}, "
+            f"there are {len(mesh.vertices)}"
+        )
+
+
+def _check_textures(names: list[str], meshes: list[TriangleMesh]) -> None:
+    every = np.concatenate([mesh.texcoords.ravel() for mesh in meshes])
+    if len(every) and not (every.min() >= -_MOST_REPEATS and every.max() <= _MOST_REPEATS):
+        wrong = (name for name, mesh in zip(names, meshes, strict=True) if not _repeats_allowed(mesh.texcoords))
+        raise BundleError(f"{next(wrong)}: a texture coordinate that is no number, or beyond {_MOST_REPEATS:g}")
+
+
+def _repeats_allowed(texcoords: np.ndarray) -> bool:
+    return bool((np.abs(texcoords) <= _MOST_REPEATS).all())
+
+
+def _check_normals(names: list[str], meshes: list[TriangleMesh]) -> None:
+    if not _all_unit(np.concatenate([mesh.normals for mesh in meshes])):
+        wrong = (name for name, mesh in zip(names, meshes, strict=True) if not _all_unit(mesh.normals))
+        raise BundleError(f"{next(wrong)}: a normal whose length is not 1")
+
+
+def _all_unit(normals: np.ndarray) -> bool:
+    return bool((np.abs(np.einsum("ij,ij->i", normals, normals) - 1) < 1e-2).all())
