@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from pipeline.types import Points2
@@ -48,19 +50,30 @@ def straighten(ring: Points2, slack_px: np.ndarray) -> Points2:
 
 
 def _fit_windows(points: Points2, slack: np.ndarray, at: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the fitted place (k, 2) at each of the vertices `at`, and whether its window is allowed (k,)."""
+    """Return the fitted place (k, 2) at each of the vertices `at`, and whether its window is allowed (k,).
+
+    Sums are written out, because BLAS may round a product differently on another processor.
+    """
     k = np.arange(-half, half + 1)
-    basis, _ = np.linalg.qr(np.column_stack([np.ones(len(k)), k, k**2]).astype(float))
+    basis = _parabolas(k)
     fitted, holds = np.empty((len(at), 2)), np.empty(len(at), dtype=bool)
     step = max(1, _CHUNK_VALUES // len(k))
     for start in range(0, len(at), step):
         part = slice(start, start + step)
         window = (at[part, None] + k) % len(points)
         places = points[window]
-        curve = basis @ (basis.T @ places)
+        share = sum(basis[i, :, None] * places[:, i, None] for i in range(len(k)))  # (rows, 3, 2)
+        curve = sum(basis[:, j, None] * share[:, j, None] for j in range(3))
         tangent = np.gradient(curve, axis=1)
         tangent /= np.maximum(np.linalg.norm(tangent, axis=2, keepdims=True), 1e-12)
         off = places - curve
         across = np.abs(off[..., 0] * tangent[..., 1] - off[..., 1] * tangent[..., 0])
         fitted[part], holds[part] = curve[:, half], (across <= slack[window]).all(axis=1)
     return fitted, holds
+
+
+def _parabolas(k: np.ndarray) -> np.ndarray:
+    """Return an orthonormal basis (n, 3) of the parabolas over whole numbers k (n,) whose sum is 0."""
+    square = k * k - (k * k).sum() / len(k)
+    columns = [np.ones(len(k)), k, square]
+    return np.column_stack([column / math.sqrt(math.fsum(column * column)) for column in columns])

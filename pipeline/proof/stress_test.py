@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from minexplore.local_models import TILE_M
 from minexplore.robot import RobotParams
 from minexplore.robot_batch import RobotBatch
+from minexplore.rotations import rotate_inverse
 from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.errors import GeometryError
@@ -26,7 +28,7 @@ _RUN_UP_M = (0.05, 0.6)  # distance from the target minus the robot's radius
 _STEPS = 8  # control steps after a throw: the robot arrives, slides and drives on
 _ROBOTS = 256
 _ON_WALL_M = 1e-3
-_UPRIGHT = np.cos(np.radians(10.0))
+_UPRIGHT = math.cos(math.radians(10.0))
 
 Progress = Callable[[Iterable[int]], Iterable[int]]
 
@@ -129,7 +131,8 @@ def _targets(
     }
     kinds = {
         "corners": shapely.get_coordinates(wall),
-        "seams": np.unique(ends[shapely.distance(wall, shapely.points(ends)) < _ON_WALL_M], axis=0),
+        # Rounded: neighbours share their corners, but for the last digit, which differs between processors.
+        "seams": np.unique(ends[shapely.distance(wall, shapely.points(ends)) < _ON_WALL_M].round(6), axis=0),
         **{
             name: shapely.get_coordinates(shapely.intersection(wall, shapely.multilinestrings(cuts)))
             for name, cuts in lines.items()
@@ -145,7 +148,7 @@ def _run_ups(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return start places near the targets and unit vectors to the targets; starts where no robot fits are dropped."""
     heading = rng.uniform(-np.pi, np.pi, len(targets))
-    away = np.column_stack([np.cos(heading), np.sin(heading)])
+    away = np.array([(math.cos(angle), math.sin(angle)) for angle in heading.tolist()])  # NumPy's differ by processor
     start = targets + away * (radius_m + rng.uniform(*_RUN_UP_M, len(targets)))[:, None]
     fits = shapely.contains_xy(inside, start[:, 0], start[:, 1])
     return start[fits], -away[fits]
@@ -161,11 +164,11 @@ def _throw(
     """Place robots at their starts, facing roughly the wall, and set their velocity."""
     T = batch.T_world_mine
     speed, spin = rng.uniform(0.5, _FASTEST_MPS, len(here)), rng.uniform(-_SPIN_RADPS, _SPIN_RADPS, len(here))
-    yaw = np.arctan2(towards[:, 1], towards[:, 0])[: len(here)] + rng.normal(0, 0.5, len(here))
+    yaw = [math.atan2(y, x) for x, y in towards[: len(here)].tolist()] + rng.normal(0, 0.5, len(here))
     for i, k in enumerate(here.tolist()):
         batch.place(k, start[i, 0], start[i, 1], yaw[i])
-        along = batch.floor.frame_at(start[i]) @ [*(speed[i] * towards[i]), 0.0]
-        batch.qvel[k, :3] = T[:3, :3] @ along
+        along = np.array([[*(speed[i] * towards[i]), 0.0]])
+        batch.qvel[k, :3] = rotate_inverse(rotate_inverse(along, batch.floor.frame_at(start[i]).T), T[:3, :3].T)[0]
         batch.qvel[k, 5] = spin[i]
 
 
@@ -174,7 +177,8 @@ def _escaped(
 ) -> tuple[np.ndarray, float]:
     """Return which robots (k,) are out of the workings, and the largest depth of an upright robot's disc in rock, m."""
     T = batch.T_world_mine
-    place = batch.floor.unfold((batch.qpos[here, :3] - T[:3, 3]) @ T[:3, :3], batch.robot.wheel_radius_m)
+    local = rotate_inverse(batch.qpos[here, :3] - T[:3, 3], T[:3, :3])
+    place = batch.floor.unfold(local, batch.robot.wheel_radius_m)
     centre = shapely.points(place[:, :2])
     clearance = np.where(shapely.contains_xy(free, place[:, 0], place[:, 1]), 1, -1) * shapely.distance(walls, centre)
     out = ~np.isfinite(place).all(axis=1) | (clearance < 0) | (place[:, 2] < 0) | (place[:, 2] > height_m)
