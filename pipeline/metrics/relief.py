@@ -57,7 +57,8 @@ def face_angle_deg(walls: np.ndarray, free: Polygon) -> float:
     """Return the median angle, by area, between faces (n, 3, 3) m and the nearest wall of the plan."""
     normal = np.cross(walls[:, 1] - walls[:, 0], walls[:, 2] - walls[:, 0])
     area = np.linalg.norm(normal, axis=1)
-    middle = walls.mean(axis=1)[:, :2]
+    # Rounded: the sides of a corner tie, and the last digit, which differs between processors, would choose.
+    middle = walls.mean(axis=1)[:, :2].round(6)
     sides = np.concatenate([_sides(ring) for ring in (free.exterior, *free.interiors)])
     nearest = shapely.STRtree(shapely.linestrings(sides)).nearest(shapely.points(middle))
     along = sides[nearest, 1] - sides[nearest, 0]

@@ -16,8 +16,9 @@ from pydantic import TypeAdapter
 from pipeline import __version__
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import format_limit
-from pipeline.mjcf.bundle import read_record
+from pipeline.mjcf.bundle import WorldRecord, read_floor, read_record
 from pipeline.params.validation import ValidationParams
+from pipeline.report.levels import draw_levels, draw_long_section, leg_grades
 from pipeline.report.mine import draw_mine, to_svg
 from pipeline.report.results import NO_FIGURE, flat_walls_note, read_metrics
 from pipeline.report.scene import scene_page
@@ -84,6 +85,7 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
     )
     plan = draw_mine(free_space.polygon, network, record)
     svg = to_svg(plan)
+    survey = _read(root, "survey/survey.json", Survey)
     metrics, manifests = _metrics(root), [read_manifest(root / stage / "manifest.json") for stage in _STAGES]
     if "iou.free_space_vs_cleaned" not in metrics:
         raise ArtifactError(f"{root / 'validation'}: has the certificate only; a report needs validation.extent=full")
@@ -101,7 +103,7 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
         env_id=env_id,
         record=record,
         version=__version__,
-        survey=_read(root, "survey/survey.json", Survey),
+        survey=survey,
         mine_svg=svg[svg.index(b"<svg") :].decode(),
         glance=_pictures(root, _GLANCE),
         texture=_pictures(root, _TEXTURE),
@@ -113,6 +115,7 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
         certificate=_read(root, "validation/certificate.json", dict),
         replay=_replay(root),
         network=network,
+        levels=_levels(root, record, survey, free_space, network),
         widths=_width_quantiles(network),
         manifests=manifests,
         changed=changed,
@@ -170,6 +173,24 @@ def _replay(root: Path) -> dict[str, Any] | None:
     if not report.get("sweeps"):
         return None
     return {**report, "picture": _embedded(_read(root, "validation/replay.png", Image))}
+
+
+def _levels(
+    root: Path, record: WorldRecord, survey: Survey, free_space: FreeSpace, network: DriftNetwork
+) -> dict[str, Any] | None:
+    """Return the pictures and grades of a mine with heights, or None if it is flat."""
+    if not record.heights:
+        return None
+    floor, datum_m = read_floor(root / "realism" / "world", record), survey.heights.datum_m if survey.heights else 0.0
+    pictures = {
+        "plans": draw_levels(free_space.polygon, network, floor, datum_m),
+        "section": draw_long_section(floor, record.height_m, datum_m),
+    }
+    svgs = {name: to_svg(figure) for name, figure in pictures.items()}
+    return {
+        **{name: svg[svg.index(b"<svg") :].decode() for name, svg in svgs.items()},
+        "grades": leg_grades(network, floor, datum_m),
+    }
 
 
 def _width_quantiles(network: DriftNetwork) -> list[float]:
