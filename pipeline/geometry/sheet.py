@@ -15,7 +15,10 @@ from pipeline.geometry.sheet_doubt import (
     require_agreement,
     require_alone,
     require_explained,
+    require_no_filling,
     require_outlined,
+    require_taken,
+    require_whole,
 )
 from pipeline.geometry.sheet_fill import fill_workings, find_areas, find_ink, ridge_half_width
 from pipeline.geometry.sheet_gaps import bridge_gaps, keep_cycles
@@ -35,6 +38,7 @@ _CHROMA = 40  # lines in colour are annotation, as elsewhere
 _SHARE = 0.006  # of the sheet that workings cover at least
 _REACHES = 0.2  # of the sheet's side that workings extend over at least
 _SHADE, _UNIFORM = 20, 0.8  # grey values of one fill, and the least share of an area that has them
+_OUTLINES, _OUTLINES_PX = 0.4, (7, 13)  # both outlines of a drift, of its width, and px
 _OUTLINED = 0.92  # of the border of a hatched area
 _HATCH_PX, _PARALLEL = 3.6, 0.25  # hatching: distance to the nearest line, and coherence of the directions
 _RIVAL = 0.25  # of the largest drawing's area: a smaller one is a sample or a detail
@@ -118,9 +122,11 @@ def _read_area(picture: Image, level: int | None) -> SheetReading | None:
             "needed; --crop COL0,ROW0,COL1,ROW1 leaves out what is no workings",
             mask,
         )
+    width = 2 * ridge_half_width(mask)
+    require_whole(areas, mask, width)
     if level is None:
         require_alone(drop_small(drop_straight(_dark_lines(picture, False)), _LETTER_PX), mask)
-    return SheetReading(mask, "hatched" if hatched else "filled", boxes, 2 * ridge_half_width(mask))
+    return SheetReading(mask, "hatched" if hatched else "filled", boxes, width)
 
 
 def _area(areas: Mask, drawings: list[int]) -> int:
@@ -131,7 +137,9 @@ def _area(areas: Mask, drawings: list[int]) -> int:
 def _is_uniform(picture: Image, areas: Mask, drawings: list[int]) -> bool:
     """Return whether the largest area has one shade, apart from letters and lines in it."""
     _, labels = cv2.connectedComponents(areas.astype(np.uint8), connectivity=4)
-    inside = cv2.erode((labels == drawings[0]).astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+    area = labels == drawings[0]
+    side = round(float(np.clip(_OUTLINES * 2 * ridge_half_width(area), *_OUTLINES_PX)))
+    inside = cv2.erode(area.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)[inside].astype(float)
     return bool(len(grey) and np.mean(np.abs(grey - np.median(grey)) <= _SHADE) > _UNIFORM)
 
@@ -139,6 +147,7 @@ def _is_uniform(picture: Image, areas: Mask, drawings: list[int]) -> bool:
 def _read_lines(picture: Image, level: int | None) -> SheetReading:
     """Read walls drawn as lines: all dark lines, then black ones only; the first reading without a doubt counts."""
     doubt: GeometryError | None = None
+    filled = find_areas(find_ink(picture), False)
     dark, black = (_dark_lines(picture, only_black) for only_black in (False, True))
     differ = black.sum() < _SAME_LINES * dark.sum()
     for lines in (dark, black) if differ else (dark,):
@@ -149,7 +158,9 @@ def _read_lines(picture: Image, level: int | None) -> SheetReading:
                     width = _width_px(drawn.mask, reach_px)
                     if round(width) not in widths:
                         widths.add(round(width))
-                        return _enclosed(drawn, width, level)
+                        found = _enclosed(drawn, width, level)
+                        require_no_filling(filled, found.mask)
+                        return found
                 except GeometryError as error:
                     if not isinstance(doubt, SheetError):  # one that shows something is more helpful
                         doubt = error if doubt is None or isinstance(error, SheetError) else doubt
@@ -198,6 +209,7 @@ def _enclosed(drawn: _Walls, width: float, level: int | None) -> SheetReading:
     require_agreement(mask, _largest(narrow & grown(mask, 5.0)))
     require_explained(lines, mask, width, _GAPS[1] * width)
     require_outlined(lines, mask)
+    require_taken(lines, mask, width, _GAPS[1] * width)
     if level is None:
         require_alone(lines, mask)
     return SheetReading(mask, "lines", boxes, 2 * ridge_half_width(mask))

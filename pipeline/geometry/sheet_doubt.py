@@ -7,7 +7,7 @@ import numpy as np
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.sheet_centre import in_the_middle
-from pipeline.geometry.sheet_lines import drop_straight, grown, unexplained_px
+from pipeline.geometry.sheet_lines import drop_straight, grown, margin_px, unexplained_px
 from pipeline.types import Mask
 
 _AGREE = 0.97  # IoU of the workings with both
@@ -17,6 +17,9 @@ _OTHER, _RULER_PX = 0.3, 10  # extent of another drawing, of that of the working
 _BOX = 0.7  # covered share of a box's sides
 _OUTLINED, _NEAR_PX = 0.85, 4.0  # share of the border that has a line, and how near, px
 _CIRCLE_PX = 4.0
+_PIECE, _NARROW, _WIDE = 1.0, 0.5, 0.7  # area of a lost piece, in drift widths squared; limits of half its width
+_LOST = 2.5  # area of a drift between lines that is not taken, in drift widths squared
+_FILLED = 0.5  # of what lines enclose
 
 
 class SheetError(GeometryError):
@@ -57,6 +60,55 @@ def require_outlined(lines: Mask, mask: Mask) -> None:
         raise SheetError(
             f"lines are drawn along {100 * share:.0f} % of the workings' border, at least {100 * _OUTLINED:.0f} % are "
             "needed; --seed COL,ROW names a place inside, --gap PX states the widest gap",
+            mask,
+        )
+
+
+def require_whole(areas: Mask, mask: Mask, width: float) -> None:
+    """Refuse a filled area beside which another piece of the same filling lies: a label or a line may part them."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats((areas & ~grown(mask, _NEAR_PX)).astype(np.uint8))
+    near = np.unique(labels[grown(mask, width)])
+    left = max(near[near > 0], key=lambda k: stats[k, cv2.CC_STAT_AREA], default=0)
+    if left and stats[left, cv2.CC_STAT_AREA] > _PIECE * width**2:
+        col, row, *_ = stats[left]
+        raise SheetError(
+            f"a piece of {stats[left, cv2.CC_STAT_AREA]} px with the same filling lies beside the workings, at "
+            f"({col}, {row}), and is not joined to them; --gap PX closes gaps, --crop COL0,ROW0,COL1,ROW1 leaves out "
+            "what is no workings",
+            mask,
+        )
+
+
+def require_no_filling(areas: Mask, mask: Mask) -> None:
+    """Refuse workings between lines that are filled: the filling was not understood."""
+    share = float(areas[mask].mean())
+    if share > _FILLED:
+        raise SheetError(
+            f"{100 * share:.0f} % of what the lines enclose is filled, but not in one shade; --ignore R,G,B leaves out "
+            "a colour, --crop COL0,ROW0,COL1,ROW1 what is no workings",
+            mask,
+        )
+
+
+def require_taken(lines: Mask, mask: Mask, width: float, reach_px: float) -> None:
+    """Refuse workings if two of their lines run on beside each other like walls of a drift that was not taken.
+
+    Lines within `reach_px` of each other count as connected.
+    """
+    near = grown(mask, margin_px(width))
+    _, groups = cv2.connectedComponents(grown(lines, reach_px).astype(np.uint8), connectivity=4)
+    touching = np.unique(groups[lines & near])
+    reach = int(_WIDE * width) + 2
+    left = np.pad(lines & ~near & np.isin(groups, touching[touching > 0]), reach)
+    between = ~grown(~grown(left, _WIDE * width), _WIDE * width)[reach:-reach, reach:-reach] & ~near
+    side = max(3, int(_NARROW * width))
+    drifts = cv2.morphologyEx(between.astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8))
+    _, _, stats, _ = cv2.connectedComponentsWithStats(drifts)
+    lost = max(stats[1:], key=lambda each: each[cv2.CC_STAT_AREA], default=None)
+    if lost is not None and lost[cv2.CC_STAT_AREA] > _LOST * width**2:
+        raise SheetError(
+            f"two lines of the workings run on at ({lost[0]}, {lost[1]}) like walls of a drift, which is not enclosed; "
+            "--seed COL,ROW names a place inside, --gap PX states the widest gap",
             mask,
         )
 

@@ -134,6 +134,11 @@ def grown(mask: Mask, reach_px: float) -> Mask:
     return np.asarray(cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5) <= reach_px)
 
 
+def margin_px(width_px: float) -> float:
+    """Return how near to the edge of workings of a width a wall of theirs lies, px."""
+    return _MARGIN * width_px + _MARGIN_PX
+
+
 def unexplained_px(walls: Mask, mask: Mask, width_px: float, reach_px: float) -> float:
     """Return the length, px, of lines inside workings, or connected to their walls, that are no wall of theirs.
 
@@ -142,7 +147,7 @@ def unexplained_px(walls: Mask, mask: Mask, width_px: float, reach_px: float) ->
     """
     to_edge = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
     to_edge += cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5)
-    margin = _MARGIN * width_px + _MARGIN_PX
+    margin = margin_px(width_px)
     _, groups = cv2.connectedComponents(grown(walls, reach_px).astype(np.uint8), connectivity=4)
     touching = np.unique(groups[walls & (to_edge <= margin)])
     left = walls & (to_edge > margin) & (mask | np.isin(groups, touching[touching > 0]))

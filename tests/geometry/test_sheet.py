@@ -17,7 +17,8 @@ def iou(one, other):
 
 
 @pytest.mark.parametrize(
-    ("seed", "walls"), [(2, "filled"), (6, "filled"), (10, "hatched"), (13, "lines"), (56, "lines")]
+    ("seed", "walls"),
+    [(2, "filled"), (6, "filled"), (10, "hatched"), (13, "lines"), (56, "lines"), (1026, "filled"), (1037, "lines")],
 )
 def test_workings_are_found_among_everything_else_on_a_sheet(seed, walls):
     sheet = draw_sheet(seed)
@@ -35,6 +36,11 @@ def test_a_sheet_of_several_levels_is_asked_about_and_the_option_settles_it():
     ] * 3
     with pytest.raises(GeometryError, match="--level 4: the sheet shows 3 drawings"):
         read_sheet(sheet.picture, 4)
+
+
+def test_a_drift_that_a_label_parts_from_the_rest_is_not_left_out_silently():
+    with pytest.raises(GeometryError, match=r"a piece of \d+ px with the same filling lies beside .* at \(284, 44\)"):
+        read_sheet(draw_sheet(1126).picture, None)
 
 
 def test_a_sheet_without_a_drawing_is_refused():
