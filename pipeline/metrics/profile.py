@@ -11,10 +11,11 @@ from shapely import LinearRing
 from pipeline.geometry.polyline import arc_length
 from pipeline.metrics.digits import repeatable
 from pipeline.metrics.planefit import fit_voxel_planes
+from pipeline.metrics.taper import hann
 
 _LEAST_POINTS = 24
 _FILL = 0.8  # share of a window that a profile must span
-_HANN = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(257) / 256)  # a taper at even places
+_HANN = hann(257)  # at even places along a profile
 
 
 @dataclass(frozen=True)

@@ -119,7 +119,8 @@ def _noise(cells: np.ndarray, seed: int) -> np.ndarray:
 
 def _component(word: np.ndarray, n: int) -> np.ndarray:
     """Return the `n`-th component (m,) of the gradients that the hashes (m,) hold, in [-1, 1)."""
-    share = ((word >> np.uint64(21 * n)) & np.uint64(0x1FFFFF)).astype(np.float64)
+    bits = (word >> np.uint64(21 * n)) & np.uint64(0x1FFFFF)
+    share = bits.view(np.int64).astype(np.float64)  # faster than from unsigned numbers
     share *= 2.0**-20
     share -= 1.0
     return share

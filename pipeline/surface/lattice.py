@@ -82,7 +82,7 @@ def lay_lattice(walls: Walls, profile: CrossSection, spacing_m: float, roof_spac
     toe = np.minimum(profile.floor_chamfer_m, _TOE_SHARE * walls.free_m)  # the floor chamfer, at 45 deg
     rows = [np.column_stack([xy + np.maximum(0.0, toe - z)[:, None] * inward, np.full(len(xy), z)]) for z in levels]
     inner, faces = _roof_in_plan(walls, roof_spacing_m)
-    near, column = cKDTree(xy).query(inner)
+    near, column = cKDTree(xy).query(inner, workers=2)
     roof = np.column_stack([inner, _arch(inner, near, profile, roof_spacing_m)])
     share = smoothstep(near / _BLEND_M)
     direction = np.column_stack([inward[column] * (1 - share)[:, None], -share])
@@ -118,7 +118,7 @@ def _roof_in_plan(walls: Walls, spacing_m: float) -> tuple[np.ndarray, np.ndarra
     row, col = np.nonzero(inside)
     grid = np.column_stack([across[col], up[row]])
     step = max(r.step_m for r in rings)
-    distance, _ = cKDTree(xy).query(grid)
+    distance, _ = cKDTree(xy).query(grid, workers=2)
     keep = distance > np.hypot(0.71 * spacing_m, step / 2)
     grid, row, col, distance = grid[keep], row[keep], col[keep], distance[keep]
     number = np.full(inside.shape, -1)

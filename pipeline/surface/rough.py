@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ from pipeline.surface.simplify import Mesher, Simplification, SurfaceMesh
 from pipeline.surface.walls import outline_of
 from pipeline.types import Mesh
 
+_FACES = 32768  # at a time, so that intermediate arrays stay in the cache
 _MEND_ROUNDS = 8
 _MEND_RADIUS_M = 0.6
 _MEND_FACTOR = 0.5
@@ -78,7 +80,7 @@ def displace_lattice(
         mended = np.concatenate([mended, wrong])
         if repair >= _REFINE_AFTER:
             mesher.refine(wrong)
-        near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=2 * _MEND_RADIUS_M)
+        near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=2 * _MEND_RADIUS_M, workers=2)
         given = damp(given, near, _MEND_RADIUS_M, _MEND_FACTOR)
         moved = np.isfinite(near)  # only what is near the repairs has moved, so only this is built and checked again
     x, y, z = wrong[0]
@@ -109,10 +111,16 @@ def _folds(vertices: np.ndarray, faces: np.ndarray, lattice: Lattice) -> np.ndar
     Such a face faces away from where it faced before, and from the direction of the displacement. A step on the floor
     chamfer that overhangs does only the first; a face at a corner that points elsewhere than its points, the second.
     """
-    turned = np.einsum("ij,ij->i", _normals(vertices[faces]), _normals(lattice.vertices[faces])) <= 0
-    faces = faces[turned]  # few, so the second test is quick
+    parts = [faces[at : at + _FACES] for at in range(0, len(faces), _FACES)]
+    with ThreadPoolExecutor(2) as pool:
+        faces = np.concatenate([faces[:0], *pool.map(lambda part: _turned(part, vertices, lattice.vertices), parts)])
     turned = np.einsum("ij,ij->i", _normals(vertices[faces]), lattice.direction[faces].sum(axis=1)) <= 0
     return vertices[faces[turned]].mean(axis=1)
+
+
+def _turned(faces: np.ndarray, vertices: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Return the faces (k, 3) that face away from where they faced with the vertices `before` (n, 3) m."""
+    return faces[np.einsum("ij,ij->i", _normals(vertices[faces]), _normals(before[faces])) <= 0]
 
 
 def _normals(triangles: np.ndarray) -> np.ndarray:

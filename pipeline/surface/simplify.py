@@ -55,10 +55,10 @@ class Mesher:
             centre = lattice.vertices[lattice.faces].mean(axis=1)[:, :2]
             cell = np.floor((centre - centre.min(axis=0)) / simplification.tile_m).astype(np.int64)
             place = cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]
-            _, tile = np.unique(2 * place + lattice.piece, return_inverse=True)  # no face joins wall and roof
-            order = np.argsort(tile, kind="stable")
-            self._order, self._first = order, np.flatnonzero(np.diff(tile[order], prepend=-1))
-            self._tiles = np.split(order, self._first[1:])
+            tile = 2 * place + lattice.piece  # no face joins wall and roof
+            self._order = np.argsort(tile.astype(np.min_scalar_type(tile.max())), kind="stable")
+            self._first = np.flatnonzero(np.diff(tile[self._order], prepend=-1))
+            self._tiles = np.split(self._order, self._first[1:])
             self._share = np.full(len(self._tiles), simplification.kept_share)
             self._parts: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros((0, 3)), np.zeros((0, 3), int))] * len(
                 self._tiles
