@@ -18,13 +18,13 @@ from pydantic import ValidationError
 
 from minexplore.robot import RobotParams
 from pipeline.errors import MineError, ParamsError
+from pipeline.params.composed import COMPOSED
 from pipeline.params.config import Config
 from pipeline.params.plain_yaml import require_plain_yaml
 from pipeline.store.files import write_atomically
 
 CONF = Path("conf")
 ROOT_PARAMS = Path("params.yaml")
-COMPOSED = Path("artifacts/params.yaml")
 _CHOSEN = ("survey", "collision")  # unions of several kinds: pydantic inserts the kind after their names
 # The robot's dimensions are defined only in the environment; conf/ refers to them as ${robot:radius_m}.
 OmegaConf.register_new_resolver("robot", lambda field: getattr(RobotParams(), field), replace=True)
@@ -71,18 +71,6 @@ def root_overrides() -> list[str]:
         raise ParamsError(f"{ROOT_PARAMS}: missing; run from the project's root") from None
     except (yaml.YAMLError, ValueError, KeyError, TypeError) as error:
         raise ParamsError(f'{ROOT_PARAMS}: want one line `overrides: "..."` ({error})') from error
-
-
-def composed_section(section: str) -> Any:
-    """Return one stage's parameters from `artifacts/params.yaml`."""
-    try:
-        return getattr(Config.model_validate(yaml.safe_load(COMPOSED.read_text())), section)
-    except FileNotFoundError:
-        raise ParamsError(f"{COMPOSED}: missing; write it with `python -m pipeline.compose`") from None
-    except (yaml.YAMLError, ValidationError) as error:
-        raise ParamsError(
-            f"{COMPOSED}: not a composed configuration ({error}); run `python -m pipeline.compose`"
-        ) from error
 
 
 def _describe(error: Any) -> str:

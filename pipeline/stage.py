@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pipeline.compose import compose, composed_section, root_overrides
 from pipeline.errors import ArtifactError, MineError
+from pipeline.params.composed import composed_section
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import recover_folder, replace_folder
 from pipeline.store.hashing import sha256_bytes, sha256_file
@@ -64,8 +64,15 @@ def run_stage(stage: Stage, overrides: list[str]) -> None:
         If the stage fails; the artifacts are unchanged.
     """
     recover_folder(ARTIFACTS / stage.name)
-    params = getattr(compose(root_overrides() + overrides), stage.name) if overrides else composed_section(stage.name)
-    make_artifacts(stage, params, ARTIFACTS)
+    make_artifacts(stage, _params(stage, overrides), ARTIFACTS)
+
+
+def _params(stage: Stage, overrides: list[str]) -> Any:
+    if not overrides:
+        return composed_section(stage.name)
+    from pipeline.compose import compose, root_overrides  # with Hydra and MuJoCo, which take long to import
+
+    return getattr(compose(root_overrides() + overrides), stage.name)
 
 
 def make_artifacts(stage: Stage, params: Any, root: Path) -> None:

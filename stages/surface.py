@@ -34,17 +34,18 @@ def model_surface(
     params = widen_spacing(params, free, extent.height_m)
     smooth = smooth_surface(free, extent.height_m, params.floor_chamfer_m, params.roof_chamfer_m, repeat_m)
     check_mesh(*join_meshes(smooth))
-    sources = measure_sources(params)
-    lattice = lay_rough_lattice(params, free, topology, extent.height_m)
-    relief = choose_relief(params, sources, lattice)
-    rough = build_rough_surface(params, lattice, relief)
     with ThreadPoolExecutor(2) as pool:
-        checked = pool.submit(check_mesh, *closed_mesh(rough))
+        texture = pool.submit(_texture, params.texture)
+        sources = measure_sources(params)
+        lattice = lay_rough_lattice(params, free, topology, extent.height_m)
+        relief = choose_relief(params, sources, lattice)
+        rough = build_rough_surface(params, lattice, relief)
         reported = pool.submit(report_roughness, params, sources, relief, rough)
+        checked = pool.submit(check_mesh, *closed_mesh(rough))
         return {
             "smooth": smooth,
             "rough": chunk_files(rough, params),
-            "texture": _texture(params.texture),
+            "texture": texture.result(),
             "sections": draw_sections(rough, smooth, extent.height_m),
             "amplitude": amplitude_table(rough),
             "roughness": reported.result(),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from pipeline.surface.lattice import Lattice
 from pipeline.surface.walls import smoothstep
@@ -53,9 +52,6 @@ def displaced(lattice: Lattice, displacement_m: np.ndarray) -> np.ndarray:
     return np.round(lattice.vertices + displacement_m[:, None] * lattice.direction, 4)
 
 
-def damp_near(
-    places: np.ndarray, vertices: np.ndarray, displacement_m: np.ndarray, radius_m: float, factor: float
-) -> np.ndarray:
-    """Return displacements (n,) m, scaled by `factor` at places (k, 3) m and unchanged beyond a radius."""
-    near, _ = cKDTree(places).query(vertices, distance_upper_bound=radius_m)
-    return displacement_m * (factor + (1 - factor) * smoothstep(np.minimum(near / radius_m, 1.0)))
+def damp(displacement_m: np.ndarray, distance_m: np.ndarray, radius_m: float, factor: float) -> np.ndarray:
+    """Return displacements (n,) m, scaled by `factor` where a distance (n,) m is 0 and unchanged beyond a radius."""
+    return displacement_m * (factor + (1 - factor) * smoothstep(np.minimum(distance_m / radius_m, 1.0)))

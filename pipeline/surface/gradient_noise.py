@@ -7,7 +7,6 @@ gives the same numbers.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from itertools import product
 
 import numpy as np
 
@@ -25,14 +24,21 @@ def hashed(seed: int, *numbers: np.ndarray) -> np.ndarray:
     Finaliser of MurmurHash3, Appleby 2011, public domain.
     """
     word = np.full(np.shape(numbers[0]), (seed * _ODD[3] + 1) % _WORD, np.uint64)
-    for odd, number in zip(_ODD, numbers, strict=False):
-        word = _mixed(word ^ (number.astype(np.int64).view(np.uint64) * np.uint64(odd)))
+    for place, number in enumerate(numbers[: len(_ODD)]):
+        word = hashed_on(word, place, number)
     return word
+
+
+def hashed_on(word: np.ndarray, place: int, number: np.ndarray) -> np.ndarray:
+    """Return the hash (n,) of `hashed` after one more integer (n,), its `place`-th; `word` (n,) is that before it."""
+    mixed = number.astype(np.int64).view(np.uint64) * np.uint64(_ODD[place])
+    mixed ^= word
+    return _mix(mixed)
 
 
 def uniform(word: np.ndarray, draw: int) -> np.ndarray:
     """Return the `draw`-th number (n,) in [0, 1) of each hash (n,)."""
-    return (_mixed(word + np.uint64(((draw + 1) * _ODD[1]) % _WORD)) >> np.uint64(11)) * 2.0**-53
+    return (_mix(word + np.uint64(((draw + 1) * _ODD[1]) % _WORD)) >> np.uint64(11)) * 2.0**-53
 
 
 def bell(word: np.ndarray, draw: int) -> np.ndarray:
@@ -68,12 +74,14 @@ def self_affine(
     return field
 
 
-def _mixed(word: np.ndarray) -> np.ndarray:
-    word = word ^ (word >> np.uint64(33))
-    word = word * np.uint64(0xFF51AFD7ED558CCD)
-    word = word ^ (word >> np.uint64(33))
-    word = word * np.uint64(0xC4CEB9FE1A85EC53)
-    return word ^ (word >> np.uint64(33))
+def _mix(word: np.ndarray) -> np.ndarray:
+    """Mix the bits of words (n,) in place, and return them."""
+    word ^= word >> np.uint64(33)
+    word *= np.uint64(0xFF51AFD7ED558CCD)
+    word ^= word >> np.uint64(33)
+    word *= np.uint64(0xC4CEB9FE1A85EC53)
+    word ^= word >> np.uint64(33)
+    return word
 
 
 def _turned(points: np.ndarray, seed: int) -> np.ndarray:
@@ -95,12 +103,27 @@ def _noise(cells: np.ndarray, seed: int) -> np.ndarray:
     (x, y, z), corner = cells - low, low.astype(np.int64)
     fade = [t * t * t * (t * (t * 6 - 15) + 10) for t in (x, y, z)]
     total = np.zeros(cells.shape[1])
-    for i, j, k in product((0, 1), repeat=3):
-        word = hashed(seed, corner[0] + i, corner[1] + j, corner[2] + k)
-        gradient = [((word >> np.uint64(21 * n)) & np.uint64(0x1FFFFF)) * 2.0**-20 - 1.0 for n in range(3)]
-        weight = (fade[0] if i else 1 - fade[0]) * (fade[1] if j else 1 - fade[1]) * (fade[2] if k else 1 - fade[2])
-        total += weight * (gradient[0] * (x - i) + gradient[1] * (y - j) + gradient[2] * (z - k))
+    fade_x, fade_y, fade_z = ((1 - t, t) for t in fade)
+    along_x, along_y, along_z = ((t, t - 1) for t in (x, y, z))
+    for i in (0, 1):
+        in_x = hashed(seed, corner[0] + i)
+        for j in (0, 1):
+            in_xy = hashed_on(in_x, 1, corner[1] + j)
+            fade_xy = fade_x[i] * fade_y[j]
+            for k in (0, 1):
+                word = hashed_on(in_xy, 2, corner[2] + k)
+                a, b, c = (_component(word, n) for n in range(3))
+                total += fade_xy * fade_z[k] * (a * along_x[i] + b * along_y[j] + c * along_z[k])
     return total / _UNIT_SD
+
+
+def _component(word: np.ndarray, n: int) -> np.ndarray:
+    """Return the `n`-th component (m,) of the gradients that the hashes (m,) hold, in [-1, 1)."""
+    bits = (word >> np.uint64(21 * n)) & np.uint64(0x1FFFFF)
+    share = bits.view(np.int64).astype(np.float64)  # faster than from unsigned numbers
+    share *= 2.0**-20
+    share -= 1.0
+    return share
 
 
 def _noise_sd() -> float:

@@ -13,7 +13,9 @@ from scipy.spatial import Delaunay, cKDTree
 from shapely import Polygon
 
 from pipeline.errors import GeometryError
+from pipeline.geometry.rasterize import fill_polygon
 from pipeline.surface.walls import Ring, Walls, outline_of, smoothstep
+from pipeline.types import Frame
 
 WALL, ROOF = 0, 1
 _BLEND_M = 0.8  # width of the strip in which the direction turns from the wall's to the roof's
@@ -80,7 +82,7 @@ def lay_lattice(walls: Walls, profile: CrossSection, spacing_m: float, roof_spac
     toe = np.minimum(profile.floor_chamfer_m, _TOE_SHARE * walls.free_m)  # the floor chamfer, at 45 deg
     rows = [np.column_stack([xy + np.maximum(0.0, toe - z)[:, None] * inward, np.full(len(xy), z)]) for z in levels]
     inner, faces = _roof_in_plan(walls, roof_spacing_m)
-    near, column = cKDTree(xy).query(inner)
+    near, column = cKDTree(xy).query(inner, workers=2)
     roof = np.column_stack([inner, _arch(inner, near, profile, roof_spacing_m)])
     share = smoothstep(near / _BLEND_M)
     direction = np.column_stack([inward[column] * (1 - share)[:, None], -share])
@@ -110,19 +112,20 @@ def _roof_in_plan(walls: Walls, spacing_m: float) -> tuple[np.ndarray, np.ndarra
     west, south, east, north = outline.bounds
     across = np.arange(np.floor(west / spacing_m), np.ceil(east / spacing_m) + 1) * spacing_m
     up = np.arange(np.floor(south / spacing_m), np.ceil(north / spacing_m) + 1) * spacing_m
-    shapely.prepare(outline)
-    inside = np.array([shapely.contains_xy(outline, across, y) for y in up])
+    # Rounding at the outline does not matter: points so near to it are left out below.
+    grid_frame = Frame(1 / spacing_m, 0.5 - across[0] / spacing_m, up[-1] / spacing_m + 0.5, len(across), len(up))
+    inside = fill_polygon(outline, grid_frame)[::-1]
     row, col = np.nonzero(inside)
     grid = np.column_stack([across[col], up[row]])
     step = max(r.step_m for r in rings)
-    distance, _ = cKDTree(xy).query(grid)
+    distance, _ = cKDTree(xy).query(grid, workers=2)
     keep = distance > np.hypot(0.71 * spacing_m, step / 2)
     grid, row, col, distance = grid[keep], row[keep], col[keep], distance[keep]
     number = np.full(inside.shape, -1)
     number[row, col] = np.arange(len(grid)) + len(xy)
-    corner = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=-1)
-    square = np.asarray((corner >= 0).all(axis=-1))
-    a, b, c, d = corner[square].T
+    corners = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    square = np.logical_and.reduce([corner >= 0 for corner in corners])
+    a, b, c, d = (corner[square] for corner in corners)
     squares = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
     rim = np.flatnonzero(distance < 4 * spacing_m + step)
     # A zigzag of 0.1 mm: otherwise three points of a straight wall would make a triangle without area.
@@ -157,9 +160,9 @@ def _strip_faces(points: np.ndarray, outline: Polygon, rings: list[Ring]) -> np.
     u, v = points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
     doubled = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
     faces[doubled < 0] = faces[doubled < 0][:, ::-1]
-    centre = points[faces].mean(axis=1)
-    vote = np.where(shapely.contains_xy(outline, centre[:, 0], centre[:, 1]), 1.0, -1.0) * np.abs(doubled)
-    inside = np.bincount(piece, vote, pieces) > 0
+    order = np.lexsort((np.abs(doubled), piece))
+    largest = order[np.flatnonzero(np.diff(piece[order], append=pieces))]  # face of each piece
+    inside = shapely.contains_xy(outline, *points[faces[largest]].mean(axis=1).T)
     inside[piece[(~is_wall & (neighbour < 0)).any(axis=1)]] = (
         False  # a piece that ends at the hull and not at a wall is rock
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.spatial import cKDTree
 from minexplore import bundle
 from pipeline.errors import GeometryError
 from pipeline.geometry.partition import triangulate
-from pipeline.surface.displacement import Bounds, bound_displacement, damp_near, displaced
+from pipeline.surface.displacement import Bounds, bound_displacement, damp, displaced
 from pipeline.surface.lattice import ROOF, WALL, Lattice
 from pipeline.surface.mesh_checks import find_crossings, find_shared_edges
 from pipeline.surface.normals import ShadedMesh, shade_mesh
@@ -20,6 +21,7 @@ from pipeline.surface.simplify import Mesher, Simplification, SurfaceMesh
 from pipeline.surface.walls import outline_of
 from pipeline.types import Mesh
 
+_FACES = 32768  # at a time, so that intermediate arrays stay in the cache
 _MEND_ROUNDS = 8
 _MEND_RADIUS_M = 0.6
 _MEND_FACTOR = 0.5
@@ -69,19 +71,18 @@ def displace_lattice(
     mesher, mended, moved = Mesher(lattice, simplification), np.zeros((0, 3)), np.ones(len(given), bool)
     for repair in range(_MEND_ROUNDS):
         vertices = displaced(lattice, given)
-        mesh, changed = mesher.mesh(vertices, moved)
-        wrong = _defects(mesh, changed, vertices, moved, lattice)
+        points, faces, changed = mesher.mesh(vertices, moved)
+        wrong = _defects(points, faces[changed], vertices, moved, lattice)
         if not len(wrong) and simplification and not changed.all():  # tiles meet elsewhere, too
-            wrong = find_crossings(mesh.vertices, mesh.faces)
+            wrong = find_crossings(points, faces)
         if not len(wrong):
-            return RoughSurface(lattice, vertices, wanted_m, given, mended, mesh)
+            return RoughSurface(lattice, vertices, wanted_m, given, mended, mesher.surface(vertices))
         mended = np.concatenate([mended, wrong])
         if repair >= _REFINE_AFTER:
             mesher.refine(wrong)
-        given = damp_near(wrong, vertices, given, _MEND_RADIUS_M, _MEND_FACTOR)
-        # Only what is near the repairs has moved, so only this is built and checked again.
-        near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=2 * _MEND_RADIUS_M)
-        moved = np.isfinite(near)
+        near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=2 * _MEND_RADIUS_M, workers=2)
+        given = damp(given, near, _MEND_RADIUS_M, _MEND_FACTOR)
+        moved = np.isfinite(near)  # only what is near the repairs has moved, so only this is built and checked again
     x, y, z = wrong[0]
     raise GeometryError(
         f"surface: the rough surface intersects itself at ({x:.1f}, {y:.1f}, {z:.1f}) m "
@@ -90,14 +91,14 @@ def displace_lattice(
 
 
 def _defects(
-    mesh: SurfaceMesh, changed: np.ndarray, vertices: np.ndarray, moved: np.ndarray, lattice: Lattice
+    points: np.ndarray, changed: np.ndarray, vertices: np.ndarray, moved: np.ndarray, lattice: Lattice
 ) -> np.ndarray:
-    """Return the places (k, 3) m of defects in the changed faces (m,) and at the moved points (n,)."""
+    """Return the places (k, 3) m of defects in the changed faces (m, 3) over points, and at the moved points (n,)."""
     fine = lattice.faces[moved[lattice.faces].any(axis=1)]
     return np.concatenate(
         [
-            find_crossings(mesh.vertices, mesh.faces[changed]),
-            find_shared_edges(mesh.vertices, mesh.faces[changed]),
+            find_crossings(points, changed),
+            find_shared_edges(points, changed),
             _folds(vertices, fine, lattice),
             _knots(vertices, lattice),
         ]
@@ -110,12 +111,16 @@ def _folds(vertices: np.ndarray, faces: np.ndarray, lattice: Lattice) -> np.ndar
     Such a face faces away from where it faced before, and from the direction of the displacement. A step on the floor
     chamfer that overhangs does only the first; a face at a corner that points elsewhere than its points, the second.
     """
-    now = _normals(vertices[faces])
-    turned = [
-        np.einsum("ij,ij->i", now, before) <= 0
-        for before in (_normals(lattice.vertices[faces]), lattice.direction[faces].sum(axis=1))
-    ]
-    return vertices[faces[turned[0] & turned[1]]].mean(axis=1)
+    parts = [faces[at : at + _FACES] for at in range(0, len(faces), _FACES)]
+    with ThreadPoolExecutor(2) as pool:
+        faces = np.concatenate([faces[:0], *pool.map(lambda part: _turned(part, vertices, lattice.vertices), parts)])
+    turned = np.einsum("ij,ij->i", _normals(vertices[faces]), lattice.direction[faces].sum(axis=1)) <= 0
+    return vertices[faces[turned]].mean(axis=1)
+
+
+def _turned(faces: np.ndarray, vertices: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Return the faces (k, 3) that face away from where they faced with the vertices `before` (n, 3) m."""
+    return faces[np.einsum("ij,ij->i", _normals(vertices[faces]), _normals(before[faces])) <= 0]
 
 
 def _normals(triangles: np.ndarray) -> np.ndarray:
@@ -193,8 +198,8 @@ def cut_chunks(
 
 def _merge_single_faces(tile: np.ndarray, centre: np.ndarray) -> np.ndarray:
     """Return the faces' tiles (n, 2); a single face joins the nearest tile, since MuJoCo needs four vertices a mesh."""
-    _, group, count = np.unique(tile, axis=0, return_inverse=True, return_counts=True)
-    single = count[group.ravel()] == 1
+    place = (tile[:, 0] - tile[:, 0].min()) * (np.ptp(tile[:, 1]) + 1) + tile[:, 1] - tile[:, 1].min()
+    single = np.bincount(place)[place] == 1
     merged = tile.copy()
     for face in np.flatnonzero(single):
         distance = np.linalg.norm(centre - centre[face], axis=1)

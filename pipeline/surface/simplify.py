@@ -55,28 +55,39 @@ class Mesher:
             centre = lattice.vertices[lattice.faces].mean(axis=1)[:, :2]
             cell = np.floor((centre - centre.min(axis=0)) / simplification.tile_m).astype(np.int64)
             place = cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]
-            _, tile = np.unique(2 * place + lattice.piece, return_inverse=True)  # no face joins wall and roof
-            order = np.argsort(tile, kind="stable")
-            self._tiles = np.split(order, np.flatnonzero(np.diff(tile[order])) + 1)
+            tile = 2 * place + lattice.piece  # no face joins wall and roof
+            self._order = np.argsort(tile.astype(np.min_scalar_type(tile.max())), kind="stable")
+            self._first = np.flatnonzero(np.diff(tile[self._order], prepend=-1))
+            self._tiles = np.split(self._order, self._first[1:])
             self._share = np.full(len(self._tiles), simplification.kept_share)
             self._parts: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros((0, 3)), np.zeros((0, 3), int))] * len(
                 self._tiles
             )
 
-    def mesh(self, vertices: np.ndarray, moved: np.ndarray) -> tuple[SurfaceMesh, np.ndarray]:
-        """Return the mesh of the displaced points (n, 3) m, and (m,) which of its faces are new.
+    def mesh(self, vertices: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the mesh of the displaced points (n, 3) m: its vertices and faces, and (m,) which faces are new.
 
         `moved` (n,) states which points have moved since the last call.
         """
         faces = self.lattice.faces
+        moved_faces = moved[faces].any(axis=1)
         if self.simplification is None:
-            mesh = SurfaceMesh(vertices, faces, self.lattice.piece, np.arange(len(vertices)))
-            return mesh, moved[faces].any(axis=1)
-        new = [bool(moved[faces[tile]].any()) for tile in self._tiles]
+            return vertices, faces, moved_faces
+        new = np.logical_or.reduceat(moved_faces[self._order], self._first)
         for k in np.flatnonzero(new).tolist():
             self._parts[k] = self._simplified(vertices, faces[self._tiles[k]], float(self._share[k]))
         changed = np.repeat(new, [len(part) for _, part in self._parts])
-        return self._joined(vertices), changed
+        return *self._joined(), changed
+
+    def surface(self, vertices: np.ndarray) -> SurfaceMesh:
+        """Return the mesh of the last call of `mesh`, which had the displaced points (n, 3) m, with its sources."""
+        if self.simplification is None:
+            return SurfaceMesh(vertices, self.lattice.faces, self.lattice.piece, np.arange(len(vertices)))
+        points, faces = self._joined()
+        _, source = cKDTree(vertices).query(points, workers=2)
+        pieces = [self.lattice.piece[tile[0]] for tile in self._tiles]
+        piece = np.repeat(pieces, [len(part) for _, part in self._parts]).astype(np.uint8)
+        return SurfaceMesh(points, faces, piece, source)
 
     def refine(self, places: np.ndarray) -> None:
         """Double the share of faces that is kept in the tiles at places (k, 3) m."""
@@ -96,16 +107,14 @@ class Mesher:
         points, kept = fast_simplification.simplify(vertices[used], local, 1 - share, preserve_border=True)
         return np.round(points, _DIGITS) + 0.0, kept  # + 0.0: no negative zeros
 
-    def _joined(self, vertices: np.ndarray) -> SurfaceMesh:
+    def _joined(self) -> tuple[np.ndarray, np.ndarray]:
         """Join the tiles at their borders, whose points are the lattice's own."""
         points = np.concatenate([p for p, _ in self._parts])
         first = np.cumsum([0, *(len(p) for p, _ in self._parts)])
         faces = np.concatenate([f + at for (_, f), at in zip(self._parts, first, strict=False)])
         units = np.rint(points * 10**_DIGITS).astype(np.int64)
-        key = np.ascontiguousarray(units).view([("", np.int64)] * 3).ravel()
-        _, kept, number = np.unique(key, return_index=True, return_inverse=True)
-        points, faces = points[kept], number.ravel()[faces].astype(np.int32)
-        _, source = cKDTree(vertices).query(points, workers=2)
-        pieces = [self.lattice.piece[tile[0]] for tile in self._tiles]
-        piece = np.repeat(pieces, [len(part) for _, part in self._parts]).astype(np.uint8)
-        return SurfaceMesh(points, faces, piece, source)
+        order = np.lexsort(units.T[::-1])  # stable: of equal points the first is kept
+        new = np.any(np.diff(units[order], axis=0, prepend=units[order[:1]] - 1) != 0, axis=1)
+        number = np.empty(len(points), np.int32)
+        number[order] = np.cumsum(new) - 1
+        return points[order[new]], number[faces]

@@ -70,7 +70,9 @@ def residual_share(wavelength_m: float, window_m: float, degree: int, line: bool
     x, y = (t, np.zeros(1)) if line else (np.repeat(t, _SAMPLES), np.tile(t, _SAMPLES))
     powers = [(i, j) for i in range(degree + 1) for j in range(0 if line else degree + 1) or (0,) if i + j <= degree]
     basis, _ = np.linalg.qr(np.column_stack([x**i * np.broadcast_to(y, x.shape) ** j for i, j in powers]))
-    waves = np.exp(1j * window_m * (np.outer(x, kx) + np.outer(np.broadcast_to(y, x.shape), ky)))
+    waves = np.exp(1j * window_m * np.outer(t, kx))
+    if not line:
+        waves = (waves[:, None] * np.exp(1j * window_m * np.outer(t, ky))).reshape(len(x), -1)
     explained = (np.abs(basis.T @ waves) ** 2).sum(axis=0) / len(x)
     return float(1 - explained.mean())
 

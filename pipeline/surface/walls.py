@@ -19,6 +19,7 @@ _TURN_M = 0.4  # s.d. of the smoothing along a wall that turns its direction gra
 _REACH_M = 9.0  # walls farther apart than this do not limit each other's displacement
 _OWN_WALL_M = 0.6  # points nearer than this belong to the same piece of wall
 _EVEN_M = 1.0
+_PAIRS = 65536  # at a time, so that intermediate arrays stay in the cache
 _BORDER, _BORDER_M = 1.25, 0.3  # a wall borders a passage within 1.25 half widths + 0.3 m of its middle
 
 
@@ -102,16 +103,20 @@ def _inward(ring: np.ndarray, step_m: float) -> np.ndarray:
 
 def _largest_discs(xy: np.ndarray, inward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the radii (n,) m of the largest discs in workings and rock that touch the wall at each column."""
-    pairs = cKDTree(xy).query_pairs(_REACH_M, output_type="ndarray")
+    all_pairs = cKDTree(xy).query_pairs(_REACH_M, output_type="ndarray")
     free, rock = np.full(len(xy), _REACH_M / 2), np.full(len(xy), _REACH_M / 2)
-    for one, two in ((pairs[:, 0], pairs[:, 1]), (pairs[:, 1], pairs[:, 0])):
-        offset = xy[two] - xy[one]
-        squared = (offset**2).sum(axis=1)
-        ahead = (offset * inward[one]).sum(axis=1)
+    (x, y), (ahead_x, ahead_y) = xy.T, inward.T
+    for at in range(0, len(all_pairs), _PAIRS):
+        first, second = all_pairs[at : at + _PAIRS].T
+        dx, dy = x[second] - x[first], y[second] - y[first]
+        squared = dx**2 + dy**2
         other_wall = squared > _OWN_WALL_M**2
-        for radius, side in ((free, ahead), (rock, -ahead)):
-            faces = other_wall & (side > 1e-6)
-            np.minimum.at(radius, one[faces], squared[faces] / (2 * side[faces]))
+        first, second, dx, dy, squared = (v[other_wall] for v in (first, second, dx, dy, squared))
+        for one, sign in ((first, 1.0), (second, -1.0)):
+            ahead = sign * dx * ahead_x[one] + sign * dy * ahead_y[one]
+            for radius, side in ((free, ahead), (rock, -ahead)):
+                faces = side > 1e-6
+                np.minimum.at(radius, one[faces], squared[faces] / (2 * side[faces]))
     return free, rock
 
 

@@ -30,6 +30,26 @@ def test_hashed_numbers_are_uniform_and_bell_numbers_have_mean_0_and_deviation_1
     assert abs(np.corrcoef(share, uniform(word, 1))[0, 1]) < 0.01
 
 
+def test_hashes_are_those_of_the_published_finaliser_and_leave_their_input_as_it_is():
+    def mixed(word):
+        for shift, factor in ((33, 0xFF51AFD7ED558CCD), (33, 0xC4CEB9FE1A85EC53), (33, 1)):
+            word = (word ^ (word >> shift)) * factor % 2**64
+        return word
+
+    numbers = np.array([[-3, 0, 7], [5, -1, 2**40]])
+    word = (6 * 0xD6E8FEB86659FD93 + 1) % 2**64
+    expected = [
+        mixed(mixed(word ^ a * 0x9E3779B97F4A7C15 % 2**64) ^ b * 0xC2B2AE3D27D4EB4F % 2**64)
+        for a, b in numbers.T.tolist()
+    ]
+    kept = numbers.copy()
+    word = hashed(6, *numbers)
+    assert word.tolist() == expected
+    uniform(word, 0)
+    assert word.tolist() == expected
+    np.testing.assert_array_equal(numbers, kept)
+
+
 def test_gradient_noise_has_deviation_1_and_its_strongest_wave_is_the_stated_one():
     rng = np.random.default_rng(0)
     places = rng.uniform(-300, 300, (200_000, 3))

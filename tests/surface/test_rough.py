@@ -243,9 +243,9 @@ def test_the_same_lattice_is_simplified_to_identical_meshes_and_only_moved_tiles
     np.testing.assert_array_equal(one.faces, two.faces)
     lattice = lay_lattice(lay_walls(TEE, 0.25), PROFILE, 0.25, 0.25)
     mesher = Mesher(lattice, Simplification(0.34, 10.0))
-    _, all_new = mesher.mesh(lattice.vertices, np.ones(len(lattice.vertices), bool))
+    *_, all_new = mesher.mesh(lattice.vertices, np.ones(len(lattice.vertices), bool))
     moved = np.linalg.norm(lattice.vertices[:, :2] - lattice.vertices[0, :2], axis=1) < 1.0
-    _, new = mesher.mesh(lattice.vertices, moved)
+    *_, new = mesher.mesh(lattice.vertices, moved)
     assert all_new.all()
     assert 0 < new.mean() < 0.5
 
