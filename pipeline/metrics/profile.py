@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from scipy.signal import lombscargle
+from scipy.signal.windows import hann
 from shapely import LinearRing
 
 from pipeline.geometry.polyline import arc_length
 from pipeline.metrics.digits import repeatable
 from pipeline.metrics.planefit import fit_voxel_planes
-from pipeline.metrics.taper import hann
 
 _LEAST_POINTS = 24
 _FILL = 0.8  # share of a window that a profile must span
@@ -121,36 +122,13 @@ def spectrum_of(profiles: list[Profile], wavelength_m: np.ndarray, window_m: flo
         length = np.ptp(profile[:, 0])
         taper = np.interp(profile[:, 0], np.linspace(profile[0, 0], profile[-1, 0], 257), _HANN)
         offset = taper * (profile[:, 1] - np.average(profile[:, 1], weights=taper + 1e-12))
-        power = periodogram(profile[:, 0], offset, omega)
+        power = lombscargle(profile[:, 0], offset, omega)
         total += 2 * length / len(profile) * power / np.mean(taper**2)
     return Spectrum(
         wavelength_m.tolist(),
         repeatable((total / max(1, len(profiles))).tolist()),
         repeatable((max(2 * step, footprint_m), window_m / 2)),
         len(profiles),
-    )
-
-
-def periodogram(position: np.ndarray, offset: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """Return the Lomb-Scargle power (k,) of offsets (n,) at uneven positions (n,) at angular frequencies (k,).
-
-    It is that of `scipy.signal.lombscargle`, whose package takes 0.7 s to import.
-
-    References
-    ----------
-    Lomb 1976, Astrophysics and Space Science 39, doi:10.1007/BF00648343; sums as in Townsend 2010, ApJ Suppl. 191
-    """
-    phase = omega[:, None] * position
-    cosine, sine = np.cos(phase), np.sin(phase)
-    along, across = cosine @ offset, sine @ offset
-    cc, cs = (cosine * cosine).sum(axis=1), (cosine * sine).sum(axis=1)
-    ss = len(position) - cc
-    tau = 0.5 * np.arctan2(2 * cs, cc - ss)
-    c, s = np.cos(tau), np.sin(tau)
-    spread = 2 * c * s * cs
-    return 0.5 * (
-        (c * along + s * across) ** 2 / (c * c * cc + spread + s * s * ss)
-        + (c * across - s * along) ** 2 / (c * c * ss - spread + s * s * cc)
     )
 
 

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 import trimesh
+from scipy.signal import detrend
+from scipy.signal.windows import hann
 from shapely import Polygon
 
 from pipeline.geometry.polyline import arc_length
 from pipeline.metrics.digits import repeatable
 from pipeline.metrics.profile import arc_windows, line_roughness, project_on_rings
 from pipeline.metrics.roughness import SurfaceRoughness
-from pipeline.metrics.taper import detrend, hann
 
 OCTAVES_M = ((0.2, 0.5), (0.5, 1.0), (1.0, 2.0))
 CUT_HEIGHTS_M = (1.0, 1.5)

@@ -7,11 +7,12 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 import shapely
+from scipy.signal import detrend
+from scipy.signal.windows import hann
 from shapely import Polygon
 
 from pipeline.metrics.planefit import Residuals, fit_voxel_planes, normal_scatter_deg, sweep_residuals
 from pipeline.metrics.profile import arc_windows, project_on_rings
-from pipeline.metrics.taper import detrend, hann
 
 WINDOWS_M = (0.10, 0.15, 0.20, 0.30, 0.50, 1.00, 2.00)
 _MIN_POINTS = 30

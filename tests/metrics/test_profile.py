@@ -2,17 +2,9 @@ import math
 
 import numpy as np
 import pytest
-from scipy.signal import lombscargle
 
 from pipeline.errors import InputError
-from pipeline.metrics.profile import (
-    amplitude_of,
-    line_roughness,
-    periodogram,
-    profiles_of_cloud,
-    profiles_of_runs,
-    spectrum_of,
-)
+from pipeline.metrics.profile import amplitude_of, line_roughness, profiles_of_cloud, profiles_of_runs, spectrum_of
 from pipeline.metrics.roughness import roughness_of_cloud, roughness_of_sweeps
 from pipeline.survey.poses import read_sweep
 
@@ -23,12 +15,6 @@ def line(offset, length=400.0, step=0.02, seed=0):
     rng = np.random.default_rng(seed)
     s = np.sort(rng.uniform(0, length, round(length / step)))  # uneven, as even bearings give
     return np.column_stack([s, offset(s)])
-
-
-def test_the_periodogram_is_that_of_scipy():
-    rng = np.random.default_rng(3)
-    position, offset, omega = np.sort(rng.uniform(-2, 2, 80)), rng.standard_normal(80), np.geomspace(1.0, 60.0, 24)
-    np.testing.assert_allclose(periodogram(position, offset, omega), lombscargle(position, offset, omega), rtol=1e-10)
 
 
 def test_the_spectrum_of_a_sine_integrates_to_its_variance_at_its_wavelength():
