@@ -23,7 +23,6 @@ _ON_LINE_M, _ON_WALL_M = 0.02, 0.3  # corners nearer than this to a new point ta
 _SQUARE = 1.05  # a line across a drift that is so much longer than the shortest is not square to the walls
 _HAIRPIN = 0.0  # cosine of the turn beyond which the drift beside a bend is not level across
 _TWIN_M = 1e-6  # between the corners of two sheets on their seam
-_SLIVER_M = 0.05  # a sliver is thinner and rises less
 _WIDEST_M = 20.0  # beyond this from a line, a wall gets no corner for its points
 
 
@@ -107,20 +106,10 @@ def _twins(
     return twin
 
 
-def steepness_deg(floor: Floor) -> np.ndarray:
-    """Return the angle (m,) deg between each face and the level; 0 for slivers, which a robot does not notice."""
-    corners = floor.vertices[floor.faces]
-    sides = np.linalg.norm((corners - np.roll(corners, -1, axis=1))[:, :, :2], axis=2)
-    areas = np.array(shapely.area(shapely.polygons(corners[:, :, :2])))
-    thin = 2 * areas < _SLIVER_M * sides.max(axis=1)
-    steep = np.degrees(np.arctan(np.hypot(floor.planes[:, 0], floor.planes[:, 1])))
-    return np.where(thin & (np.ptp(corners[:, :, 2], axis=1) < _SLIVER_M), 0.0, steep)
-
-
 def require_gentle(floor: Floor, steepest_deg: float) -> None:
     """Refuse a floor with a face steeper than a limit."""
     corners = floor.vertices[floor.faces]
-    rise, steep = np.ptp(corners[:, :, 2], axis=1), steepness_deg(floor)
+    rise, steep = np.ptp(corners[:, :, 2], axis=1), floor.steepness_deg()
     worst = int(steep.argmax())
     if steep[worst] > steepest_deg:
         x, y, z = corners[worst].mean(axis=0)
