@@ -77,7 +77,10 @@ def _measure(legs: dict[str, Leg], mine: MineWithHeights, config: Config) -> dic
 
 
 def same_graph(legs: dict[str, Leg], mine: MineWithHeights) -> bool:
-    """Return whether the world's network is the truth's: a tree with the same ends at their places and heights."""
+    """Return whether the world's network is the truth's: as many loops and forks, the same ends at their heights.
+
+    A fork is a leg of a junction beyond two, so that one junction of four legs equals two of three.
+    """
     truth: nx.Graph = nx.Graph()
     for leg in legs.values():
         nx.add_path(truth, [name for name, *_ in leg])
@@ -87,7 +90,10 @@ def same_graph(legs: dict[str, Leg], mine: MineWithHeights) -> bool:
     found = np.array([(*mine.network.nodes_m[name], 0.0) for name in mine.network.dead_ends]).reshape(-1, 3)
     found = mine.floor.fold(found) + np.array([0.0, 0.0, datum])
     loops = truth.number_of_edges() - truth.number_of_nodes() + 1
-    if len(found) != len(ends) or mine.network.loops != loops or mine.network.components != 1:
+    forks = sum(degree - 2 for _, degree in truth.degree if degree > 2)
+    at = collections.Counter(name for leg in mine.network.legs for name in (leg.start, leg.end))
+    found_forks = sum(at[name] - 2 for name in mine.network.junctions)
+    if (len(found), mine.network.loops, mine.network.components, found_forks) != (len(ends), loops, 1, forks):
         return False
     apart = np.linalg.norm(ends[:, None] - found[None], axis=2)
     return bool(apart[linear_sum_assignment(apart)].max() < _END_M)

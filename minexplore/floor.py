@@ -18,6 +18,7 @@ from minexplore.tiles import Tile, group_by_tile, tiles_at
 _TILE_M = 4.0  # faces are looked up by square tiles of the plan
 _SEAM_M = 12.0  # edges of two sheets that are nearer than this belong to one seam
 _BETWEEN_M = 2.5  # a point whose height above a sheet is so far from the expected one is not the sheet's
+_SLIVER_M = 0.05  # a sliver is thinner and rises less
 _CHUNK = 2_000_000  # pairs of a place and a triangle that are tried at once
 
 
@@ -44,6 +45,15 @@ class Floor:
         corners = self.vertices[self.faces]
         places = np.concatenate([corners[:, :, :2], np.ones((len(corners), 3, 1))], axis=2)
         return np.linalg.solve(places, corners[:, :, 2:])[:, :, 0]
+
+    def steepness_deg(self) -> np.ndarray:
+        """Return the angle (m,) deg between each face and the level; 0 for slivers, which a robot does not notice."""
+        corners = self.vertices[self.faces]
+        sides = (np.roll(corners, -1, axis=1) - corners)[:, :, :2]
+        twice_m2 = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+        thin = twice_m2 < _SLIVER_M * np.linalg.norm(sides, axis=2).max(axis=1)
+        steep = np.degrees(np.arctan(np.hypot(self.planes[:, 0], self.planes[:, 1])))
+        return np.where(thin & (np.ptp(corners[:, :, 2], axis=1) < _SLIVER_M), 0.0, steep)
 
     @functools.cached_property
     def _to_barycentric(self) -> np.ndarray:

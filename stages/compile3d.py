@@ -14,11 +14,12 @@ from pipeline.errors import ParamsError
 from pipeline.geometry.collision import decomposed_hulls, exact_prisms
 from pipeline.geometry.extrude import collect_parts
 from pipeline.geometry.floor_mesh import build_floor
-from pipeline.geometry.floor_parts import cell_heights, cell_offsets, require_pillars, sheet_walls, wall_parts
+from pipeline.geometry.floor_parts import cell_heights, cell_offsets, sheet_walls, wall_parts
 from pipeline.geometry.network_heights import floor_lines
 from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.octree import build_octree, to_bt
 from pipeline.geometry.partition import Box, rock_around, tiled_rock, world_box
+from pipeline.geometry.sheet_rock import require_pillars
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.stage import Artifact, Stage, main
 from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, Occupancy, SolidExtent, Spawn, Survey

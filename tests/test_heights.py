@@ -10,9 +10,10 @@ from minexplore.bundle import BundleError
 from minexplore.env import MineEnv
 from minexplore.floor import Floor
 from minexplore.schema import check_files, hash_files, read_folder
+from minexplore.schema.floor_mesh import _check_figures
 from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError, ParamsError
-from pipeline.geometry.floor_mesh import build_floor, steepness_deg
+from pipeline.geometry.floor_mesh import build_floor
 from pipeline.geometry.network_heights import floor_lines
 from pipeline.geometry.octree import build_octree, to_bt
 from pipeline.geometry.skeleton import trace_network
@@ -59,7 +60,7 @@ def test_a_straight_ramp_is_linear_between_its_stations_and_level_across():
     floor = build_floor(STRAIGHT, [line], 30.0)
     places = np.array([[50, 0.1], [50, 2.5], [50, 4.9], [45, 1.0], [20, 4.0], [90, 0.5]])
     np.testing.assert_allclose(floor.heights_at(places), [1.5, 1.5, 1.5, 0.75, 0.0, 3.0], atol=1e-9)
-    assert steepness_deg(floor).max() == pytest.approx(GRADE_DEG, abs=1e-6)
+    assert floor.steepness_deg().max() == pytest.approx(GRADE_DEG, abs=1e-6)
 
 
 def test_the_mesh_of_a_floor_covers_the_workings_and_neighbours_share_their_edges():
@@ -211,3 +212,13 @@ def test_the_certificate_of_a_ramp_of_a_spiral_and_of_three_levels_holds(legs, s
     mine = MineWithHeights(legs, light, tmp_path)
     assert len(mine.floor.offset_m) == sheets
     assert broken(clauses(mine, light, 1000)) == {}
+
+
+def test_a_sliver_of_9e_8_m2_on_end_does_not_make_a_floor_steep():
+    """A ramp of 10 % whose lower edge has a corner 18 nm beside it and 4 mm above: that face stands upright."""
+    corners = np.array([(0, 0, 0), (10, 0, 0), (10, 10, 1), (0, 10, 1), (5, -1.8e-8, 0.004)])
+    floor = Floor(corners, np.array([(0, 1, 2), (0, 2, 3), (0, 4, 1)], np.int32), np.zeros(3, np.int32))
+    assert np.degrees(np.arctan(np.hypot(*floor.planes[2, :2]))) > 89
+    steepest = float(floor.steepness_deg().max())
+    assert steepest == pytest.approx(np.degrees(np.arctan(0.1)))
+    _check_figures(floor, {"heights": {"low_m": 0.0, "high_m": 1.0, "steepest_deg": round(steepest, 3)}})

@@ -8,7 +8,7 @@ import pytest
 
 from minexplore.floor import Floor
 from pipeline.store.codecs import decode
-from pipeline.survey.sheets import floor_of
+from pipeline.survey.sheet_cells import floor_of
 from pipeline.survey.solved.read import read_passages
 from pipeline.types import DriftNetwork, Survey
 from tests.heights import UNDER, levels, seam, shelves, spiral, table

@@ -91,6 +91,6 @@ def _check_figures(floor: Floor, record: Mapping[str, Any]) -> None:
         raise BundleError(
             f"{RECORD}: heights.low_m, high_m = {heights['low_m']}, {heights['high_m']}: {FLOOR} has {found}"
         )
-    steepest = float(np.degrees(np.arctan(np.hypot(floor.planes[:, 0], floor.planes[:, 1]).max())))
+    steepest = float(floor.steepness_deg().max())
     if not abs(steepest - heights["steepest_deg"]) <= _STEEP_DEG:
         raise BundleError(f"{RECORD}: heights.steepest_deg = {heights['steepest_deg']}: {FLOOR} has {steepest:.3f}")

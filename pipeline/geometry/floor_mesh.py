@@ -21,8 +21,8 @@ from pipeline.types import Points3, Seam
 SPACING_M = 3.0  # of the points of a line; a drift is 3 to 6 m wide
 _ON_LINE_M, _ON_WALL_M = 0.02, 0.3  # corners nearer than this to a new point take its place
 _SQUARE = 1.05  # a line across a drift that is so much longer than the shortest is not square to the walls
+_HAIRPIN = 0.0  # cosine of the turn beyond which the drift beside a bend is not level across
 _TWIN_M = 1e-6  # between the corners of two sheets on their seam
-_SLIVER_M = 0.05  # a sliver is thinner and rises less
 _WIDEST_M = 20.0  # beyond this from a line, a wall gets no corner for its points
 
 
@@ -106,20 +106,10 @@ def _twins(
     return twin
 
 
-def steepness_deg(floor: Floor) -> np.ndarray:
-    """Return the angle (m,) deg between each face and the level; 0 for slivers, which a robot does not notice."""
-    corners = floor.vertices[floor.faces]
-    sides = np.linalg.norm((corners - np.roll(corners, -1, axis=1))[:, :, :2], axis=2)
-    areas = np.array(shapely.area(shapely.polygons(corners[:, :, :2])))
-    thin = 2 * areas < _SLIVER_M * sides.max(axis=1)
-    steep = np.degrees(np.arctan(np.hypot(floor.planes[:, 0], floor.planes[:, 1])))
-    return np.where(thin & (np.ptp(corners[:, :, 2], axis=1) < _SLIVER_M), 0.0, steep)
-
-
 def require_gentle(floor: Floor, steepest_deg: float) -> None:
     """Refuse a floor with a face steeper than a limit."""
     corners = floor.vertices[floor.faces]
-    rise, steep = np.ptp(corners[:, :, 2], axis=1), steepness_deg(floor)
+    rise, steep = np.ptp(corners[:, :, 2], axis=1), floor.steepness_deg()
     worst = int(steep.argmax())
     if steep[worst] > steepest_deg:
         x, y, z = corners[worst].mean(axis=0)
@@ -139,7 +129,7 @@ def _fill(line: Points3) -> Points3:
 
 def _feet(workings: BaseGeometry, lines: list[Points3]) -> list[tuple[tuple[float, float], float | None]]:
     """Return where level lines across the drift meet the walls, each with its height, None near junctions and bends."""
-    starts, ends, of = [], [], []
+    starts, ends, of, along = [], [], [], []
     for number, line in enumerate(lines):
         heading = np.gradient(line[:, :2], axis=0) if len(line) > 1 else np.zeros((1, 2))
         heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-9)
@@ -148,10 +138,11 @@ def _feet(workings: BaseGeometry, lines: list[Points3]) -> list[tuple[tuple[floa
             starts.append(line)
             ends.append(line[:, :2] + _WIDEST_M * side)
             of += [number] * len(line)
-    start, end, line_of = np.concatenate(starts), np.concatenate(ends), np.array(of)
+            along.append(heading)
+    start, end, line_of, ahead = np.concatenate(starts), np.concatenate(ends), np.array(of), np.concatenate(along)
     shapely.prepare(workings)
     inside = shapely.contains_xy(workings, start[:, 0], start[:, 1])
-    start, end, line_of = start[inside], end[inside], line_of[inside]
+    start, end, line_of, ahead = start[inside], end[inside], line_of[inside], ahead[inside]
     wall, every = workings.boundary, cKDTree(start[:, :2])
     hits = shapely.intersection(shapely.linestrings(np.stack([start[:, :2], end], axis=1)), wall)
     clearance = shapely.distance(wall, shapely.points(start[:, :2]))
@@ -164,6 +155,8 @@ def _feet(workings: BaseGeometry, lines: list[Points3]) -> list[tuple[tuple[floa
             own = float(apart.min())
             is_square = own <= _SQUARE * near_m and every.query((x, y))[0] > own / _SQUARE
             is_level = is_square and (line_of[every.query_ball_point((x0, y0), 2 * own)] == line_of[k]).all()
+            bend = every.query_ball_point((x0, y0), own + SPACING_M)  # inside a hairpin, walls of both arms meet
+            is_level = is_level and (ahead[bend] @ ahead[k] > _HAIRPIN).all()
             feet.append(((x, y), z if is_level else None))
     return feet
 

@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from minexplore.floor import Floor
 from pipeline.errors import GeometryError
+from pipeline.geometry.leg_graph import OpenEnd, ends_at
 from pipeline.geometry.skeleton import trace_network
 from pipeline.types import DriftNetwork, Heights, Leg
 
@@ -93,13 +94,20 @@ def trace_sheets(
 ) -> DriftNetwork:
     """Trace the network of each sheet, and join them: an end at a seam is no dead end, and loops may cross seams.
 
+    A leg to a seam is kept, however short it is in its sheet.
+
     Raises
     ------
     GeometryError
         If a sheet has no network, or the sheets are not connected.
     """
-    sheets = [trace_network(part, cell_m, min_leg_m, station_spacing_m) for part in shapely.get_parts(free)]
-    sheets = _same_cells(sheets, free, min_leg_m, station_spacing_m)
+    parts = shapely.get_parts(free)
+    numbers = [_sheets_at(parts, seam) for seam in seams]
+    open_m: list[list[OpenEnd]] = [[] for _ in parts]
+    for seam, pair in zip(seams, numbers, strict=True):
+        for place, k in zip(seam, pair, strict=True):
+            open_m[k].append(_open_edge(parts[k], place))
+    sheets = _trace_alike(parts, open_m, cell_m, min_leg_m, station_spacing_m)
     nodes: dict[str, Place] = {}
     junctions: list[str] = []
     ends: list[str] = []
@@ -117,15 +125,13 @@ def trace_sheets(
             own = f"L{len(legs):02d}"
             legs.append(Leg(own, name[leg.start], name[leg.end], *list(vars(leg).values())[3:]))
     joined: UnionFind = UnionFind(range(len(sheets)))
-    boxes = [part.bounds for part in shapely.get_parts(free)]
-    open_ends = set(ends)
-    for seam in seams:
-        numbers = [next(k for k, box in enumerate(boxes) if box[0] - 0.1 <= x <= box[2] + 0.1) for x, _ in seam]
-        joined.union(*numbers)
-        for place, k in zip(seam, numbers, strict=True):
-            near = [of_sheet[k][n] for n in sheets[k].dead_ends if of_sheet[k][n] in open_ends]
-            if near:
-                open_ends.discard(min(near, key=lambda n, at=place: float(np.hypot(*np.subtract(nodes[n], at)))))  # type: ignore[misc]
+    for pair in numbers:
+        joined.union(*pair)
+    closed = {
+        own[sheet.dead_ends[row]]
+        for sheet, own, edges in zip(sheets, of_sheet, open_m, strict=True)
+        for row in ends_at([sheet.nodes_m[end] for end in sheet.dead_ends], edges)
+    }
     components = len({joined[k] for k in range(len(sheets))})
     if components > 1:
         raise GeometryError(f"sheets: {len(sheets)} sheets in {components} pieces that no seam joins")
@@ -134,7 +140,7 @@ def trace_sheets(
         nodes_m=nodes,
         legs=legs,
         junctions=junctions,
-        dead_ends=[n for n in ends if n in open_ends],
+        dead_ends=[n for n in ends if n not in closed],
         loops=sum(sheet.loops for sheet in sheets) + len(seams) - len(sheets) + 1,
         components=1,
         total_length_m=round(sum(sheet.total_length_m for sheet in sheets), 2),
@@ -145,12 +151,28 @@ def trace_sheets(
     )
 
 
-def _same_cells(
-    sheets: list[DriftNetwork], free: BaseGeometry, min_leg_m: float, spacing_m: float
+def _sheets_at(parts: np.ndarray, seam: SeamPlaces) -> tuple[int, int]:
+    """Return the numbers of the sheets on either side of a seam."""
+    one, two = (int(shapely.distance(parts, shapely.Point(place)).argmin()) for place in seam)
+    return one, two
+
+
+def _open_edge(part: Polygon, place: Place) -> OpenEnd:
+    """Return the edge of a sheet that lies on a seam."""
+    rings = [np.asarray(ring.coords)[:, :2] for ring in (part.exterior, *part.interiors)]
+    edges = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
+    nearest = int(shapely.distance(shapely.linestrings(edges), shapely.Point(place)).argmin())
+    return (*place, float(np.linalg.norm(edges[nearest] - place, axis=1).max()))
+
+
+def _trace_alike(
+    parts: np.ndarray, open_m: list[list[OpenEnd]], cell_m: float, min_leg_m: float, spacing_m: float
 ) -> list[DriftNetwork]:
+    """Trace the sheets in cells of the same size, the smallest that one of them needs."""
+    pairs = list(zip(parts, open_m, strict=True))
+    sheets = [trace_network(part, cell_m, min_leg_m, spacing_m, edges) for part, edges in pairs]
     finest = min(sheet.cell_m for sheet in sheets)
-    parts = shapely.get_parts(free)
     return [
-        sheet if sheet.cell_m == finest else trace_network(part, finest, min_leg_m, spacing_m)
-        for sheet, part in zip(sheets, parts, strict=True)
+        sheet if sheet.cell_m == finest else trace_network(part, finest, min_leg_m, spacing_m, edges)
+        for sheet, (part, edges) in zip(sheets, pairs, strict=True)
     ]

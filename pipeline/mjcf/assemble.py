@@ -28,7 +28,6 @@ from minexplore.bundle import (
 )
 from minexplore.floor import Floor
 from pipeline.errors import ParamsError
-from pipeline.geometry.floor_mesh import steepness_deg
 from pipeline.geometry.floor_parts import floor_patches
 from pipeline.mjcf.bundle import HeightFigures, WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.floor_cover import cover_floor
@@ -190,7 +189,7 @@ def _heights(scene: MineScene) -> HeightFigures:
     return HeightFigures(
         low_m=float(floor.vertices[:, 2].min()),
         high_m=float(floor.vertices[:, 2].max()),
-        steepest_deg=round(float(steepness_deg(floor).max()), 3),
+        steepest_deg=round(float(floor.steepness_deg().max()), 3),
         sheets=len(floor.offset_m),
         floor_wedges=len(zoned_patches(floor, scene.zones)),
         roof_wedges=len(floor_patches(floor)),

@@ -176,6 +176,12 @@ class PassageSurveyParams(_DrawnParams):
         le=20,
         description="distance to a wall that nobody measured; null: half the median width of the survey's own stations",
     )
+    apart_m: float | None = Field(
+        default=None,
+        gt=0,
+        le=50,
+        description="passages less than this over or under others that they do not meet are left out; null: none are",
+    )
 
 
 class GridSurveyParams(_SurveyParams):

@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from minexplore.bundle import FLOOR, FREE_SPACE
 from pipeline.errors import ArtifactError, GeometryError
 from pipeline.geometry.floor_mesh import require_gentle
-from pipeline.geometry.floor_parts import boundary_edges, outline_of
+from pipeline.geometry.wall_foot import boundary_edges, outline_of
 from pipeline.mjcf.bundle import WorldRecord, read_floor
 
 _PLACE_M = 2e-4

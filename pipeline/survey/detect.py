@@ -32,6 +32,7 @@ from pipeline.types import Georeference, Image, Mask
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pdf")
 _LIKELY_M = 5.5  # usual width of a mechanized drift; that of the published mine at scan 02S
 _BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
+_APART_M = 4.0  # between floors over each other: compile3d.height_m and 0.5 m of rock
 
 
 @dataclass(frozen=True)
@@ -103,13 +104,16 @@ def _detect(path: Path, stated: dict[str, Any]) -> Detection:
         half = stated.get("half_width_m")
         if half is not None and not 0 < half <= 20:
             raise InputError(f"{path}: --half-width = {half:g}, want more than 0 and at most 20 m")
-        params = params.model_copy(update={"file": path.as_posix(), "half_width_m": half})
+        params = params.model_copy(update={"file": path.as_posix(), "half_width_m": half, "apart_m": _APART_M})
         workings, place, _, _, heights = draw_vector_survey(params)
         values = {"kind": "passages", "file": path.name, "origin": list(place.origin), "half_width_m": half}
         remarks = {
             "origin": "of the mine frame, in the file's coordinates",
             "half_width_m": "distance to a wall that nobody measured, m; null: half the median width of the others",
         }
+        if heights is not None:
+            values["apart_m"] = _APART_M
+            remarks["apart_m"] = "passages nearer over or under others that they do not meet are left out; null: none"
         width = 2 * workings.area / workings.length
         files = [Path(file) for file in vector_files(params)]
         return Detection(values, remarks, files, width, has_heights=heights is not None)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 
 import networkx as nx
@@ -15,57 +13,27 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.geometry.polyline import arc_length
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.child import tell
 from pipeline.survey.legs import SurveyLeg
+from pipeline.survey.sheet_cells import UNIT_M, Cell, Way, floor_of, survey_cells
+from pipeline.survey.thin_pillars import without_thin_pillars
 from pipeline.types import Heights, Seam
 
-_UNIT_M = 8.0  # a cell of the plan reaches half of this from its station along each leg
 _APART_M = 2.3  # workings of different heights that are nearer than this in plan belong to different sheets
-_ROUND = 2.2  # a leg is cut where it is this many half widths long: a station's disc then stays on its side
 _OVERLAP_M2 = 0.01
 _GRID_M, _GAP_M = 10.0, 12.0  # offsets are whole numbers of cells of any grid; between sheets in plan
-_NARROWEST_M = 0.05
+_TOUCH_M = 1e-3  # two shapes that overlap by less touch
 _DIGITS = 4  # of the outlines' coordinates, m
 _SPECK_M2 = 0.05  # smaller holes come from rounding
 
 
-@dataclass
-class _Cell:
-    """A station with its halves of the legs that meet there: outline, and the lines (k, 2, 3) m of its floor."""
-
-    name: str
-    shapes: list[BaseGeometry] = field(default_factory=list)
-    lines: list[np.ndarray] = field(default_factory=list)
-    half_m: float = 0.0
-
-    def height_at(self, x: float, y: float) -> float:
-        """Return the floor's height on the nearest line of the cell."""
-        best, height = np.inf, 0.0
-        for a, b in self.lines:
-            step = b[:2] - a[:2]
-            share = float(np.clip(np.dot((x, y) - a[:2], step) / max(float(np.dot(step, step)), 1e-12), 0.0, 1.0))
-            far = float(np.hypot(*(a[:2] + share * step - (x, y))))
-            if far < best:
-                best, height = far, float(a[2] + share * (b[2] - a[2]))
-        return height
-
-
-def floor_of(leg: SurveyLeg) -> np.ndarray:
-    """Return the floor's height (n,) m at the stations of a leg; a station without a distance down is on the floor."""
-    assert leg.heights_m is not None
-    elevation, _, down = leg.heights_m.T
-    known = np.flatnonzero(np.isfinite(down))
-    filled = np.interp(np.arange(len(down)), known, down[known]) if len(known) else np.zeros(len(down))
-    return np.asarray(elevation - filled)
-
-
-def draw_sheets(path: Path, legs: list[SurveyLeg]) -> tuple[MultiPolygon, Heights]:
+def draw_sheets(path: Path, legs: list[SurveyLeg], apart_m: float | None = None) -> tuple[MultiPolygon, Heights]:
     """Return the workings of each sheet in plan, moved aside but for the first, and the heights of their floors.
 
     Legs steeper than `steepest_grade` are left out, as a fence would, and the largest connected piece is kept; both are
-    said. Where workings lie over each other, legs are cut half-way between two stations.
+    said. So are passages less than `apart_m` over others that they do not meet (`without_thin_pillars`). Where workings
+    lie over each other, legs are cut half-way between two stations.
 
     Raises
     ------
@@ -73,7 +41,9 @@ def draw_sheets(path: Path, legs: list[SurveyLeg]) -> tuple[MultiPolygon, Height
         If nothing remains, or workings pass over each other between two stations; the message names the stations.
     """
     kept = _gentle(path, legs)
-    cells, graph, ways = _cells(kept)
+    if apart_m is not None:
+        kept = without_thin_pillars(path, kept, apart_m)
+    cells, graph, ways = survey_cells(kept)
     whole = _largest(path, cells, graph)
     units = _units(whole, cells)
     conflicts = _conflicts(path, cells, units, whole)
@@ -126,49 +96,7 @@ def _gentle(path: Path, legs: list[SurveyLeg]) -> list[SurveyLeg]:
     return found
 
 
-Way = list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]  # node or "" between two, place (3,), left and right (2,) m
-
-
-def _cells(legs: list[SurveyLeg]) -> tuple[dict[str, _Cell], nx.Graph, list[Way]]:
-    """Return the cells by station, the graph of their neighbours with distances, and each leg's points."""
-    cells: dict[str, _Cell] = {}
-    graph: nx.Graph = nx.Graph()
-    ways: list[Way] = []
-    for number, leg in enumerate(legs):
-        places, names = np.column_stack([leg.positions_m, floor_of(leg)]), list(leg.stations)
-        walls = np.maximum(leg.walls_m, _NARROWEST_M)
-        along = arc_length(places[:, :2])
-        at, nodes = [along[0]], [names[0]]
-        for k, (a, b) in enumerate(pairwise(along)):
-            count = max(1, round((b - a) / _UNIT_M))
-            steps = np.linspace(a, b, 2 * count + 1)[1:]
-            at += steps.tolist()
-            nodes += [name for j in range(1, count) for name in ("", f"{number}:{k}:{j}")] + ["", names[k + 1]]
-        points = np.column_stack([np.interp(at, along, places[:, k]) for k in range(3)])
-        sides = np.column_stack([np.interp(at, along, walls[:, k]) for k in range(2)])
-        heading = np.gradient(points[:, :2], axis=0)
-        heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-12)
-        to_left = np.column_stack([-heading[:, 1], heading[:, 0]])
-        left, right = points[:, :2] + to_left * sides[:, :1], points[:, :2] - to_left * sides[:, 1:]
-        for i, node in enumerate(nodes):
-            if not node:
-                graph.add_edge(nodes[i - 1], nodes[i + 1], length=at[i + 1] - at[i - 1])
-                continue
-            cell = cells.setdefault(node, _Cell(node))
-            cell.half_m = max(cell.half_m, float(sides[i].max()))
-            graph.add_node(node)
-            if node in names:
-                cell.shapes.append(shapely.Point(points[i, :2]).buffer(sides[i].min(), quad_segs=4))
-            for j in (i - 1, i + 1):
-                if 0 <= j < len(nodes):
-                    quad = shapely.multipoints([left[i], left[j], right[j], right[i]])
-                    cell.shapes.append(shapely.convex_hull(quad))
-                    cell.lines.append(np.array([points[i], points[j]]))
-        ways.append(list(zip(nodes, points, left, right, strict=True)))
-    return cells, graph, ways
-
-
-def _largest(path: Path, cells: dict[str, _Cell], graph: nx.Graph) -> nx.Graph:
+def _largest(path: Path, cells: dict[str, Cell], graph: nx.Graph) -> nx.Graph:
     """Return the connected piece with the longest legs, and say what is left out."""
     pieces = sorted(nx.connected_components(graph), key=lambda nodes: -graph.subgraph(nodes).size(weight="length"))
     if len(pieces) > 1:
@@ -186,16 +114,30 @@ def _station_of(piece: set[str]) -> str:
     return min(piece, key=lambda name: (name.count(":") == 2, name))
 
 
-def _units(graph: nx.Graph, cells: dict[str, _Cell]) -> dict[str, str]:
-    """Return for each cell the unit that it belongs to: cells too near to each other for a cut are one."""
+def _units(graph: nx.Graph, cells: dict[str, Cell]) -> dict[str, str]:
+    """Return for each cell the unit that it belongs to: cells between which no cut can be made are one."""
     groups: UnionFind = UnionFind(graph)
+    shrunk = {node: [shape.buffer(-_TOUCH_M) for shape in cells[node].shapes] for node in graph}
     for a, b, way in graph.edges(data=True):
-        if way["length"] < _ROUND * max(cells[a].half_m, cells[b].half_m):
+        near = nx.single_source_dijkstra_path_length(graph, a, 2 * UNIT_M, weight="length")
+        if not _is_clean(way["cut"], {node: shrunk[node] for node in near}, cells):
             groups.union(a, b)
     return {node: groups[node] for node in graph}
 
 
-def _conflicts(path: Path, cells: dict[str, _Cell], units: dict[str, str], graph: nx.Graph) -> dict[str, set[str]]:
+def _is_clean(cut: np.ndarray, near: dict[str, list[BaseGeometry]], cells: dict[str, Cell]) -> bool:
+    """Return whether a cut (2, 3) m reaches from wall to wall, and the workings near it at its height touch it only.
+
+    A station's disc, or in a bend the drift before it, may reach past it.
+    """
+    line, (x, y, z) = shapely.LineString(cut[:, :2]), cut.mean(axis=0)
+    return not any(
+        shapely.intersects(shapes, line).any() and abs(cells[name].height_at(x, y) - z) < reader_limits().flat_step_m
+        for name, shapes in near.items()
+    )
+
+
+def _conflicts(path: Path, cells: dict[str, Cell], units: dict[str, str], graph: nx.Graph) -> dict[str, set[str]]:
     """Return the units that cannot be in the same sheet: their floors overlap in plan at different heights."""
     names = sorted(units)
     shapes = [
@@ -250,7 +192,7 @@ def _assign(graph: nx.Graph, units: dict[str, str], conflicts: dict[str, set[str
     return {node: sheet[unit] for node, unit in units.items()}
 
 
-def _polygons(cells: dict[str, _Cell], sheet: dict[str, int]) -> list[Polygon]:
+def _polygons(cells: dict[str, Cell], sheet: dict[str, int]) -> list[Polygon]:
     found = []
     for number in range(max(sheet.values()) + 1):
         shapes = [s for node, k in sheet.items() if k == number for s in cells[node].shapes if isinstance(s, Polygon)]

@@ -92,7 +92,7 @@ def _read(params: VectorSurvey, content: Shapes | None) -> tuple[MultiPolygon, G
             perturbed = perturb_workings(workings, params.station_sd_m, params.width_sd_m, params.reach_m, rng)
             return perturbed, georeference, None
         case "passages":
-            return _read_passages(Path(params.file), params.origin, params.half_width_m)
+            return _read_passages(Path(params.file), params.origin, params.half_width_m, params.apart_m)
     path = Path(params.file)
     content = content or read_shapes(path, params.layers)
     shapes, georeference = locate(path, content, params.unit, params.origin)
@@ -100,7 +100,7 @@ def _read(params: VectorSurvey, content: Shapes | None) -> tuple[MultiPolygon, G
 
 
 def _read_passages(
-    path: Path, origin: tuple[float, float] | None, half_width_m: float | None
+    path: Path, origin: tuple[float, float] | None, half_width_m: float | None, apart_m: float | None
 ) -> tuple[MultiPolygon, Georeference, Heights | None]:
     reader = PASSAGE_READERS.get(path.suffix.lower())
     if reader is None:
@@ -108,7 +108,7 @@ def _read_passages(
     legs, crs = reader(path, half_width_m)
     heights = None
     if has_relief(legs):
-        sheets, heights = draw_sheets(path, legs)
+        sheets, heights = draw_sheets(path, legs, apart_m)
         built: BaseGeometry = sheets
     else:
         check_network(path, legs)

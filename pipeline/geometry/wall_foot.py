@@ -1,0 +1,96 @@
+"""The walls of a floor's mesh: its boundary, the band of rock round it, and the heights at the foot of its walls."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from minexplore.floor import Floor
+
+BAND_M = 1.0  # thickness of the rock round the workings
+CORNER = 1.15  # of it at corners; the bands of walls of different heights, at least 2.3 m apart, do not meet
+_SLOPE, _ALONG = 0.5, 0.05  # a wall that rises more than this over its distance is not the same wall
+FOOT_M = 0.05  # between the foot of a wall and the floor; walls reach SLAB_M below it
+
+
+def band_of(free: BaseGeometry) -> BaseGeometry:
+    """Return the workings and the band of rock round them."""
+    # An outline of stage 2 carries the grid that it was rounded to, and would round the results to it.
+    return shapely.set_precision(free, 0.0).buffer(BAND_M, join_style="mitre", mitre_limit=CORNER)
+
+
+def outline_of(floor: Floor) -> BaseGeometry:
+    """Return the workings with all corners that the mesh has on their boundary."""
+    return polygon_of([Polygon(floor.vertices[ring, :2]) for ring in boundary_rings(floor)])
+
+
+def polygon_of(rings: list[Polygon]) -> BaseGeometry:
+    """Return the area inside counter-clockwise rings and outside clockwise ones."""
+    outer = [ring for ring in rings if ring.exterior.is_ccw]
+    inner = [ring for ring in rings if not ring.exterior.is_ccw]
+    return shapely.union_all(outer).difference(shapely.union_all(inner))
+
+
+def boundary_rings(floor: Floor) -> list[list[int]]:
+    """Return the rings of the mesh's boundary; the floor lies on their left."""
+    following = dict(boundary_edges(floor).tolist())
+    rings = []
+    while following:
+        start = next(iter(following))
+        ring = [start]
+        while (successor := following.pop(ring[-1])) != start:
+            ring.append(successor)
+        rings.append(ring)
+    return rings
+
+
+def boundary_edges(floor: Floor) -> np.ndarray:
+    """Return the mesh's boundary edges (k, 2); the floor lies on their left."""
+    edges = np.concatenate([floor.faces[:, [0, 1]], floor.faces[:, [1, 2]], floor.faces[:, [2, 0]]])
+    number = edges[:, 0].astype(np.int64) * len(floor.vertices) + edges[:, 1]
+    turned = edges[:, 1].astype(np.int64) * len(floor.vertices) + edges[:, 0]
+    return edges[~np.isin(number, turned)]
+
+
+class WallFoot:
+    """The floor's height along its boundary."""
+
+    def __init__(self, floor: Floor, rock: BaseGeometry | None = None) -> None:
+        """Take the boundary's edges, and for `ranges_at` the rock round the workings in plan."""
+        edges = boundary_edges(floor)
+        self._a, self._b = floor.vertices[edges[:, 0]], floor.vertices[edges[:, 1]]
+        lines = shapely.linestrings(np.stack([self._a[:, :2], self._b[:, :2]], axis=1))
+        self._tree = shapely.STRtree(lines)
+        middles = (self._a + self._b) / 2
+        self._points = np.concatenate([self._a, middles])
+        self._near = cKDTree(self._points[:, :2])
+        self._rock = None if rock is None else rock.buffer(FOOT_M)
+
+    def heights_at(self, places_m: np.ndarray) -> np.ndarray:
+        """Return the height (k,) m at the points of the boundary nearest to places (k, 2) m."""
+        nearest = self._tree.nearest(shapely.points(places_m))
+        a, b = self._a[nearest], self._b[nearest]
+        along = b[:, :2] - a[:, :2]
+        share = np.clip(((places_m - a[:, :2]) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+        return np.asarray(a[:, 2] + share * (b[:, 2] - a[:, 2]))
+
+    def ranges_at(self, places_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lowest and the highest floor (k,) m that the rock at places (k, 2) m is the wall of.
+
+        Walls of different heights may be so near to each other that one piece of rock is the wall of both: from a place
+        to either wall there is nothing but rock.
+        """
+        low = self.heights_at(places_m)
+        high = low.copy()
+        for k, near in enumerate(self._near.query_ball_point(places_m, 2 * BAND_M)):
+            points = self._points[near]
+            rise = np.abs(points[:, 2] - low[k])
+            other = points[rise > _ALONG + _SLOPE * np.hypot(*(points[:, :2] - places_m[k]).T)]
+            ways = shapely.linestrings(np.stack([np.broadcast_to(places_m[k], (len(other), 2)), other[:, :2]], axis=1))
+            heights = other[shapely.covers(self._rock, ways), 2] if len(other) else other[:, 2]
+            if len(heights):
+                low[k], high[k] = min(low[k], heights.min()), max(high[k], heights.max())
+        return low, high

@@ -1,0 +1,123 @@
+"""Leave out passages that lie too little over others which they do not meet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import networkx as nx
+import numpy as np
+import shapely
+
+from pipeline.survey.child import tell
+from pipeline.survey.legs import SurveyLeg
+from pipeline.survey.sheet_cells import survey_cells
+
+_OVERLAP_M2 = 0.01
+_ONE_FLOOR_M = 0.3  # floors that overlap in plan and differ by less are one
+_AT_JUNCTION_M, _JUNCTION_RISE_M = 12.0, 0.5  # along the legs; the arms of a junction overlap near it
+_NAMED = 3  # passages that a message names
+
+
+@dataclass(frozen=True)
+class _Clash:
+    """Two legs, by number, that overlap in plan at a place, m, and the difference of their floors, m."""
+
+    legs: tuple[int, int]
+    place_m: tuple[float, float]
+    apart_m: float
+
+
+def without_thin_pillars(path: Path, legs: list[SurveyLeg], apart_m: float) -> list[SurveyLeg]:
+    """Return the legs without those that pass over others by less than a height and do not meet them; say which.
+
+    Of two such legs the one is left out without which more of the survey stays connected; of equals the shorter.
+
+    Parameters
+    ----------
+    path : Path
+    legs : list of SurveyLeg
+        With heights, and gentle.
+    apart_m : float
+        Least difference of floors over each other: the height of the drifts and 0.5 m of rock.
+    """
+    graph, clashes = _find_clashes(legs, apart_m)
+    gone: dict[int, _Clash] = {}
+    while active := _in_largest(graph, clashes):
+        clash = active[0]
+        left_out = min(clash.legs, key=lambda k: (-_largest_m(graph, k), _length_m(legs[k])))
+        gone[left_out] = clash
+        graph.remove_edges_from([(a, b, key) for a, b, key in graph.edges(keys=True) if key == left_out])
+    if gone:
+        named = [
+            f"{legs[k].stations[0]} to {legs[k].stations[-1]} ({clash.apart_m:.2f} m from another at "
+            f"({clash.place_m[0]:.1f}, {clash.place_m[1]:.1f}))"
+            for k, clash in sorted(gone.items(), key=lambda item: -_length_m(legs[item[0]]))[:_NAMED]
+        ]
+        tell(
+            f"{path.name}: {len(gone)} passages, {sum(_length_m(legs[k]) for k in gone):.0f} m, lie less than "
+            f"{apart_m:g} m over or under others that they do not meet, and are left out, the longest "
+            f"{', '.join(named)}; survey.apart_m is the least height between floors, null keeps all"
+        )
+    return [leg for k, leg in enumerate(legs) if k not in gone]
+
+
+def _find_clashes(legs: list[SurveyLeg], apart_m: float) -> tuple[nx.MultiGraph, list[_Clash]]:
+    """Return the graph of the legs' pieces, keyed by leg, and the legs that overlap too near to each other."""
+    _, cells, ways = survey_cells(legs)
+    graph: nx.MultiGraph = nx.MultiGraph()
+    shapes, lines, owner, node_of = [], [], [], []
+    for number, way in enumerate(ways):
+        for i in range(0, len(way) - 2, 2):
+            graph.add_edge(way[i][0], way[i + 2][0], key=number, length=cells[way[i][0]][way[i + 2][0]]["length"])
+        for i, ((a, p, *own), (b, q, *other)) in enumerate(pairwise(way)):
+            shape = shapely.convex_hull(shapely.multipoints([*own, *other]))
+            if i in (0, len(way) - 2):  # a leg ends in a disc
+                end, walls = (p, own) if i == 0 else (q, other)
+                radius = np.linalg.norm(np.array(walls) - end[:2], axis=1).min()
+                shape = shape.union(shapely.Point(end[:2]).buffer(radius, quad_segs=4))
+            shapes.append(shape)
+            lines.append((p, q))
+            owner.append(number)
+            node_of.append(a or b)
+    found, near = [], {}
+    for i, j in shapely.STRtree(shapes).query(shapes, predicate="intersects").T.tolist():
+        if i >= j or shapely.intersection(shapes[i], shapes[j]).area < _OVERLAP_M2:
+            continue
+        at = shapes[i].intersection(shapes[j]).representative_point()
+        first, second = (_height_on(lines[k], at.x, at.y) for k in (i, j))
+        apart = abs(first - second)
+        if not _ONE_FLOOR_M < apart < apart_m:
+            continue
+        start = node_of[i]
+        if start not in near:
+            near[start] = nx.single_source_dijkstra_path_length(graph, start, _AT_JUNCTION_M, weight="length")
+        if node_of[j] not in near[start] or apart > _JUNCTION_RISE_M:
+            found.append(_Clash((owner[i], owner[j]), (at.x, at.y), apart))
+    return graph, found
+
+
+def _height_on(line: tuple[np.ndarray, np.ndarray], x: float, y: float) -> float:
+    """Return the height of a line in space at the point nearest to a place in plan."""
+    p, q = line
+    step = q[:2] - p[:2]
+    share = float(np.clip(np.dot((x, y) - p[:2], step) / max(float(np.dot(step, step)), 1e-12), 0.0, 1.0))
+    return float(p[2] + share * (q[2] - p[2]))
+
+
+def _in_largest(graph: nx.MultiGraph, clashes: list[_Clash]) -> list[_Clash]:
+    """Return the clashes of which both legs are in the longest connected piece."""
+    piece = max(nx.connected_components(graph), key=lambda nodes: graph.subgraph(nodes).size(weight="length"))
+    kept = {key for _, _, key in graph.subgraph(piece).edges(keys=True)}
+    return [clash for clash in clashes if kept.issuperset(clash.legs)]
+
+
+def _largest_m(graph: nx.MultiGraph, leg: int) -> float:
+    """Return the length, m, of the longest connected piece without a leg."""
+    rest = graph.edge_subgraph([(a, b, key) for a, b, key in graph.edges(keys=True) if key != leg])  # type: ignore[misc]
+    return max((rest.subgraph(n).size(weight="length") for n in nx.connected_components(rest)), default=0.0)
+
+
+def _length_m(leg: SurveyLeg) -> float:
+    return float(np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1).sum())
