@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+import signal
+import sys
+from collections.abc import Callable
+from typing import NoReturn
+
 import numpy as np
+
+_MOST_NAME = 300  # characters of a file's name in a message
 
 
 class MineError(Exception):
@@ -39,3 +46,42 @@ class ArtifactError(MineError):
 
 class LimitError(MineError):
     """A measured value breaches its limit in `conf/validation`."""
+
+
+def run_command(name: str, command: Callable[[], object], interrupted: str = "interrupted") -> int:
+    """Run a command; return its exit code: 2 after an expected error, 130 after Ctrl-C or SIGTERM.
+
+    An error of the operating system is expected as well: a file that may not be read, a folder that may not be written,
+    a full disk, a name that is too long. The message names the file.
+    """
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        command()
+    except MineError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"{name}: {describe_os_error(error)}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"{name}: {interrupted}", file=sys.stderr)
+        return 130
+    return 0
+
+
+def describe_os_error(error: OSError) -> str:
+    """Return `FILE: reason`, on one printable line."""
+    reason = error.strerror or str(error) or type(error).__name__
+    if error.filename is None:
+        return reason
+    text = (
+        f"{error.filename}: {reason}"
+        if len(str(error.filename)) <= _MOST_NAME
+        else f"{error.filename[:80]}...: {reason}"
+    )
+    return "".join(c if c.isprintable() else " " for c in text)
+
+
+def _interrupt(kind: int, frame: object) -> NoReturn:
+    """Handle a signal as Ctrl-C is handled, so that locks, temporary files and child processes are removed."""
+    raise KeyboardInterrupt
