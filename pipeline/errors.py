@@ -54,7 +54,15 @@ def run_command(name: str, command: Callable[[], object], interrupted: str = "in
     An error of the operating system is expected as well: a file that may not be read, a folder that may not be written,
     a full disk, a name that is too long. The message names the file.
     """
-    signal.signal(signal.SIGTERM, _interrupt)
+    received: list[int] = []
+
+    def interrupt(kind: int, frame: object) -> NoReturn:
+        received.append(kind)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, interrupt)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # it may be ignored, as in a shell's background
+        signal.signal(signal.SIGINT, interrupt)
     try:
         command()
     except MineError as error:
@@ -63,7 +71,10 @@ def run_command(name: str, command: Callable[[], object], interrupted: str = "in
     except OSError as error:
         print(f"{name}: {describe_os_error(error)}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
+    except BaseException as error:
+        # Interrupted while it is imported, a library raises an error of its own.
+        if not (received or isinstance(error, KeyboardInterrupt)):
+            raise
         print(f"{name}: {interrupted}", file=sys.stderr)
         return 130
     return 0
@@ -80,8 +91,3 @@ def describe_os_error(error: OSError) -> str:
         else f"{error.filename[:80]}...: {reason}"
     )
     return "".join(c if c.isprintable() else " " for c in text)
-
-
-def _interrupt(kind: int, frame: object) -> NoReturn:
-    """Handle a signal as Ctrl-C is handled, so that locks, temporary files and child processes are removed."""
-    raise KeyboardInterrupt

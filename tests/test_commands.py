@@ -15,9 +15,10 @@ from pipeline.store.manifest import read_params
 
 @pytest.fixture(autouse=True)
 def _handlers():
-    before = signal.getsignal(signal.SIGTERM)
+    before = {kind: signal.getsignal(kind) for kind in (signal.SIGTERM, signal.SIGINT)}
     yield
-    signal.signal(signal.SIGTERM, before)
+    for kind, handler in before.items():
+        signal.signal(kind, handler)
 
 
 def test_an_error_of_the_operating_system_is_one_line_with_the_file(tmp_path, capsys):
@@ -43,6 +44,23 @@ def test_a_signal_to_end_runs_the_cleaning_up(capsys):
     assert run_command("new", work) == 130
     assert cleaned == [True]
     assert capsys.readouterr().err == "new: interrupted\n"
+
+
+def test_an_import_that_a_signal_breaks_is_an_interrupt_and_no_traceback(capsys):
+    def load():
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            signal.pause()
+        except KeyboardInterrupt as error:
+            raise ImportError("initialization failed") from error  # as NumPy's C code does
+
+    assert run_command("new", load) == 130
+    assert capsys.readouterr().err == "new: interrupted\n"
+
+
+def test_an_unexpected_error_stays_one():
+    with pytest.raises(ZeroDivisionError):
+        run_command("new", lambda: 1 / 0)
 
 
 def test_an_expected_error_is_its_message(capsys):
