@@ -11,6 +11,7 @@ from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.line_drawing import fill_line_drawing
 from pipeline.params.stated import APPLIES, StatedOptions, option_of
 from pipeline.survey.detect import detect_survey
+from pipeline.survey.load import require_extent
 from tests.mines import TEE, frame_for, plan_of
 
 
@@ -92,3 +93,13 @@ def test_lines_that_cover_the_whole_picture_enclose_nothing():
     for lines in ([[1, 0], [0, 1]], np.tile([[0, 1, 0]], (600, 1))):
         with pytest.raises(GeometryError, match="the drawn walls cover the whole picture"):
             fill_line_drawing(np.array(lines, bool), [], 9.0)
+
+
+def test_a_plan_of_more_than_twenty_kilometres_is_refused():
+    plan = np.zeros((600, 800, 3), np.uint8)
+    require_extent("plan.png", plan, 0.04)
+    for px_per_m in (0.03, 1e-300):
+        with pytest.raises(
+            InputError, match=r"plan\.png: the plan extends over .* the limit is 20,000 m; is its scale"
+        ):
+            require_extent("plan.png", plan, px_per_m)
