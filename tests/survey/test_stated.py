@@ -100,6 +100,6 @@ def test_a_plan_of_more_than_twenty_kilometres_is_refused():
     require_extent("plan.png", plan, 0.04)
     for px_per_m in (0.03, 1e-300):
         with pytest.raises(
-            InputError, match=r"plan\.png: the plan extends over .* the limit is 20,000 m; is its scale"
+            InputError, match=r"plan\.png: the plan extends over .* the limit is 20,000 m"
         ):
             require_extent("plan.png", plan, px_per_m)
