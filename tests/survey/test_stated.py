@@ -99,7 +99,5 @@ def test_a_plan_of_more_than_twenty_kilometres_is_refused():
     plan = np.zeros((600, 800, 3), np.uint8)
     require_extent("plan.png", plan, 0.04)
     for px_per_m in (0.03, 1e-300):
-        with pytest.raises(
-            InputError, match=r"plan\.png: the plan extends over .* the limit is 20,000 m"
-        ):
+        with pytest.raises(InputError, match=r"plan\.png: the plan extends over .* the limit is 20,000 m"):
             require_extent("plan.png", plan, px_per_m)
