@@ -9,7 +9,7 @@ import numpy as np
 
 from baselines.bounds import Bound, bound_of, bounds_file, read_bounds
 from baselines.driven import was_driven_here
-from baselines.errors import BaselineError
+from baselines.errors import BaselineError, RejectedError
 from baselines.score import check
 from baselines.split_file import Drive, read_drives, require_whole, split_folder
 from baselines.split_statistics import improvement, middle, stratified
@@ -18,6 +18,7 @@ from minexplore.splits import STYLES
 
 _CURVE_POINTS = 601
 _SEEN = 0.9  # of the cells that a robot can reach
+_STATED = ("distance, m", "collisions per 100 m")
 _COLUMNS = ("share of bound", "area under coverage", "time to 90 %, s", "distance, m", "collisions per 100 m")
 _HEADING = """## Unseen mines: the test split
 
@@ -36,6 +37,35 @@ class _Row:
     figures: dict[str, Figure]
     never: int  # mines in which less than 90 % was seen
 
+    def text(self, name: str) -> str:
+        """Return a figure as the table shows it; `~` marks one that a recorded way bounds but does not give."""
+        stated = "~" if name in _STATED and not self.driven_here else ""
+        return stated + _text(self.figures[name], 1, 100 if name in _COLUMNS[:2] else 1)
+
+
+def in_order(rows: list[_Row]) -> list[_Row]:
+    """Return rows that were driven here before rows as stated, each by their share of the bound."""
+    return sorted(rows, key=lambda row: (not row.driven_here, -(_value(row) or 0.0)))
+
+
+def require_own_ways(kept: dict[Path, list[Drive]]) -> None:
+    """Refuse a file that is not named as its policy, or whose robots drive the ways of another file.
+
+    Raises
+    ------
+    RejectedError
+        Naming the file, and the name or the other file.
+    """
+    ways: dict[object, Path] = {}
+    for path, drives in kept.items():
+        if path.stem != drives[0][0].policy:
+            raise RejectedError(
+                f"{path}: results of {drives[0][0].policy}, which are kept as {drives[0][0].policy}.jsonl"
+            )
+        same = ways.setdefault(tuple(tuple(episode.path_cm) for _, episode in drives), path)
+        if same != path and any(episode.path_m > 1 for _, episode in drives):
+            raise RejectedError(f"{path}: its robots drive the ways of {same}")
+
 
 def split_section(split: str) -> str:
     """Return the section of a split, or nothing if it has no results.
@@ -45,7 +75,7 @@ def split_section(split: str) -> str:
     BaselineError
         If a file does not hold all mines of the split, or a mine has no bound.
     RejectedError
-        If an episode is impossible.
+        If an episode is impossible, or a file shows the ways of another one.
     """
     files = sorted(split_folder(split).glob("*.jsonl"))
     if not files:
@@ -53,10 +83,11 @@ def split_section(split: str) -> str:
     kept = {path: read_drives(path) for path in files}
     for path, drives in kept.items():
         require_whole(path, drives, split)
+    require_own_ways(kept)
     for mine in zip(*kept.values(), strict=True):  # a mine's environment is made once for all files
         for path, (head, episode) in zip(files, mine, strict=True):
             check(path, head, [episode])
-    rows = sorted((_row(path, drives) for path, drives in kept.items()), key=lambda row: -(_value(row) or 0.0))
+    rows = in_order([_row(path, drives) for path, drives in kept.items()])
     head, _ = kept[files[0]][0]
     seconds = float(head.task["max_steps"]) * float(head.task["control_s"])  # type: ignore[arg-type]
     loose = _looseness(read_bounds(bounds_file(head.env)))
@@ -65,7 +96,7 @@ def split_section(split: str) -> str:
     for row, below in zip(rows, [*rows[1:], None], strict=True):
         better = "" if below is None else _text(_improvement(row, below), 2)
         checked = "driven here" if row.driven_here else "as stated"
-        texts = [_text(row.figures[name], 1, 100 if name in _COLUMNS[:2] else 1) for name in _COLUMNS]
+        texts = [row.text(name) for name in _COLUMNS]
         texts[2] += f", never in {row.never}" if row.never else ""
         lines.append(f"| {row.policy} | {checked} | {' | '.join(texts)} | {better} |")
     return "\n".join([*lines, ""])

@@ -37,6 +37,10 @@ PNG: Named = {
     "noise of 36 megapixels": lambda: {"plan.png": make.noise_png(6000)},
     "two thousand nested rings": lambda: {"plan.png": make.rings_png(8000)},
     "hundred thousand scale bars": lambda: {"plan.png": make.bars_png(6000)},
+    "two pixels a side": lambda: {"plan.png": make.png(2, 2)},
+    "turned by Exif without end": lambda: {
+        "plan.png": make.png(200, 120, more=chunk(b"eXIf", b"II*\0\xff\xff\xff\xff" + b"\x12\x01\x03\0" * 20))
+    },
     "another format": lambda: {"plan.png": b"RIFF\x24\0\0\0WEBPVP8L" + bytes(99)},
     "gzip": lambda: {"plan.png": gzip.compress(make.png(200, 120))},
 }
@@ -56,6 +60,9 @@ TIFF: Named = {
     "directory beyond the end": lambda: {"plan.tif": b"II*\0\xff\xff\xff\xff" + bytes(99)},
     "directory that names itself": lambda: {"plan.tif": make.tiff([(330, 4, 1, 8), (256, 4, 1, 9), (257, 4, 1, 9)])},
     "BigTIFF of 2^60 tags": lambda: {"plan.tif": b"II+\0\x08\0\0\0" + struct.pack("<QQ", 16, 2**60) + bytes(900)},
+    "samples with a sign": lambda: {"plan.tif": make.grey_tiff(200, 120, t339=2)},
+    "floats": lambda: {"plan.tif": make.grey_tiff(200, 120, t258=32, t339=3)},
+    "turned by its own tag": lambda: {"plan.tif": make.grey_tiff(200, 120, t274=6)},
     "tag counts of 2^32": lambda: {"plan.tif": make.tiff([(t, 4, 2**32 - 1, 8) for t in (256, 257, 258, 273, 279)])},
 }
 _TINY_PATTERN = (

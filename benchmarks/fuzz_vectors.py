@@ -20,6 +20,11 @@ _ENTITIES = (
 
 
 DXF: Named = {
+    "a grid of 10^9 corners that ends": lambda: {
+        "mine.dxf": make.dxf(
+            "0\nPOLYLINE\n8\n0\n66\n1\n70\n16\n71\n30000\n72\n30000\n0\nVERTEX\n8\n0\n10\n1\n20\n1\n0\nSEQEND\n"
+        )
+    },
     "300,000 lines": lambda: {"mine.dxf": make.dxf("0\nLINE\n" * 300_000)},
     "blocks that hold themselves": lambda: {"mine.dxf": make.dxf(dxf_insert("a"), dxf_block("a", dxf_insert("a")))},
     "blocks that hold each other": lambda: {
@@ -84,6 +89,10 @@ SYSTEMS = (
     "EPSG:4978",
 )
 GEOJSON: Named = {
+    "system of half a character": lambda: {
+        "mine.geojson": b'{"type": "Polygon", "crs": {"properties": {"name": "\\ud800"}}, "coordinates": '
+        b"[[[0, 0], [60, 0], [60, 5], [0, 5], [0, 0]]]}"
+    },
     "deep features": lambda: {"mine.geojson": b'{"type": "FeatureCollection", "features": ' + _DEEP + b"}"},
     "deep array": lambda: {"mine.geojson": b"[" * 1_000_000},
     "deep objects": lambda: {"mine.geojson": b'{"type":' * 300_000},

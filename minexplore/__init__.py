@@ -10,6 +10,7 @@ from minexplore.bundle import RECORD
 
 __version__ = "0.2.0"
 
+FAMILY = "MineXplore/Family-v0"
 _ENV, _VECTOR = "minexplore.env:MineEnv", "minexplore.backends:make_vector_env"
 
 # Built-in ids, with what each changes in the task. Two cores train on the entrance's short horizon within an hour.
@@ -35,15 +36,20 @@ FAMILY_MINES: dict[str, dict[str, Any]] = {
 }
 
 
+def is_built_in(env_id: str) -> bool:
+    """Return whether an id is one of this package's, also those of the family's mines that are not built."""
+    return env_id in WORLDS or env_id == FAMILY or env_id.startswith(f"{FAMILY.removesuffix('-v0')}-")
+
+
 def environments() -> dict[str, dict[str, Any]]:
     """Return the arguments of every environment by its id, the built-in ones first; a built-in id is never replaced."""
-    return {**WORLDS, **{env_id: kwargs for env_id, kwargs in OWN_WORLDS.items() if env_id not in WORLDS}}
+    return {**WORLDS, **{env_id: kwargs for env_id, kwargs in OWN_WORLDS.items() if not is_built_in(env_id)}}
 
 
 for _id, _kwargs in {**environments(), **FAMILY_MINES}.items():
     register(_id, _ENV, vector_entry_point=_VECTOR, kwargs=_kwargs, order_enforce=True)
 register(
-    "MineXplore/Family-v0",
+    FAMILY,
     "minexplore.family:FamilyEnv",
     vector_entry_point="minexplore.family:FamilyVectorEnv",
     order_enforce=True,

@@ -18,7 +18,7 @@ def numbers_of(action: Any) -> np.ndarray:
     """
     try:
         return np.asarray(action, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"action = {action!r:.200}: want numbers ({error})") from error
 
 

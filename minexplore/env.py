@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import gymnasium
 import numpy as np
@@ -18,6 +18,8 @@ from minexplore.robot import RobotParams
 from minexplore.robot_batch import Outcome, RobotBatch, info_of_robot
 from minexplore.task import TaskParams, coerce_params
 from minexplore.world import find_world, load_world
+
+_DEFAULTS = {"render_mode": None, "camera": "chase", "lidar": "auto"}
 
 
 class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
@@ -105,10 +107,15 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     ) -> None:
         """Load the world and put the robot into it."""
         gymnasium.utils.EzPickle.__init__(self, world, task, robot, render_mode, camera, lidar, whole)
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ValueError(f"render_mode = {render_mode!r}: valid choices are None, 'rgb_array', 'human'")
-        if camera not in CAMERAS:
-            raise ValueError(f"camera = {camera!r}: valid choices are {', '.join(CAMERAS)}")
+        given = {
+            "task": task,
+            "robot": robot,
+            "render_mode": render_mode,
+            "camera": camera,
+            "lidar": lidar,
+            "whole": whole,
+        }
+        check_arguments(given)
         if render_mode is not None:
             prepare_opengl(render_mode)
         self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
@@ -212,3 +219,28 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         if state["changed"]["_closed"]:
             self.close()
         self.__dict__.update(state["changed"])
+
+
+def check_arguments(arguments: Mapping[str, Any]) -> None:
+    """Refuse arguments of `MineEnv` beside `world` that are unknown or have an impossible value.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and what is accepted.
+    """
+    known = ("task", "robot", "render_mode", "camera", "lidar", "whole")
+    unknown = [name for name in arguments if name not in known]
+    if unknown:
+        raise ValueError(f"{unknown[0]}: unknown argument; there are {', '.join(known)}")
+    mode, camera, lidar = (arguments.get(name, default) for name, default in _DEFAULTS.items())
+    if mode is not None and (not isinstance(mode, str) or mode not in MineEnv.metadata["render_modes"]):
+        raise ValueError(f"render_mode = {mode!r}: valid choices are None, 'rgb_array', 'human'")
+    if not isinstance(camera, str) or camera not in CAMERAS:
+        raise ValueError(f"camera = {camera!r}: valid choices are {', '.join(CAMERAS)}")
+    if not isinstance(lidar, str) or lidar not in get_args(Backend):
+        raise ValueError(f"lidar = {lidar!r}: want {', '.join(get_args(Backend))}")
+    if not isinstance(arguments.get("whole", False), bool | np.bool_):
+        raise ValueError(f"whole = {arguments['whole']!r}: want True or False")
+    coerce_params(TaskParams, arguments.get("task"))
+    coerce_params(RobotParams, arguments.get("robot"))

@@ -11,11 +11,14 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
-from minexplore.calls import check_options
-from minexplore.env import MineEnv
+from minexplore.calls import check_options, mask_of, numbers_of, spread_seeds
+from minexplore.env import MineEnv, check_arguments
 from minexplore.observation import observation_space
 from minexplore.splits import SIZES, mine_name, parse_name, world_folder
 from minexplore.task import TaskParams, coerce_params
+from minexplore.vector import check_count, find_mode
+
+_MOST = 4096  # robots of a vector: each has a world of its own in memory
 
 
 class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
@@ -53,6 +56,9 @@ class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         gymnasium.utils.EzPickle.__init__(self, split, mines, families, **arguments)
         if "world" in arguments:
             raise ValueError("world: a family draws its worlds; make MineXplore/World-v0 for one of your own")
+        if families is not None and not isinstance(families, str | Path):
+            raise ValueError(f"families = {families!r}: want the path of a folder")
+        check_arguments(arguments)
         self.names = _names(split, mines)
         self._families = None if families is None else Path(families)
         self._arguments = arguments
@@ -79,14 +85,14 @@ class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         if self._closed:
             raise gymnasium.error.ClosedEnvironmentError("the environment is closed: make another one")
         check_options(options, ("mine",))
-        super().reset(seed=seed)
+        super().reset(seed=spread_seeds(seed, 1)[0])
         drawn = self.names[self.np_random.integers(len(self.names))]
         inner = self._enter((options or {}).get("mine", drawn))
         observation, info = inner.reset(seed=int(self.np_random.integers(2**31)))
         return observation, {**info, "mine": self.mine}
 
     def _enter(self, name: str) -> MineEnv:
-        if name not in self.names:
+        if not isinstance(name, str) or name not in self.names:
             raise ValueError(f"options: mine = {name!r}: want one of {self.names[0]} to {self.names[-1]}")
         if self._inner is None or name != self.mine:
             entered = MineEnv(world_folder(name, self._families), **self._arguments)
@@ -139,22 +145,57 @@ class FamilyVectorEnv(SyncVectorEnv):
         self, num_envs: int = 1, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, **arguments: Any
     ) -> None:
         """Make the environments; `arguments` are those of `FamilyEnv`."""
-        if not isinstance(num_envs, int | np.integer) or isinstance(num_envs, bool) or num_envs < 1:
-            raise ValueError(f"num_envs = {num_envs!r}: want a whole number of 1 or more")
-        super().__init__([partial(FamilyEnv, **arguments)] * int(num_envs), autoreset_mode=autoreset_mode)
+        check_count("num_envs", num_envs, _MOST)
+        super().__init__([partial(FamilyEnv, **arguments)] * int(num_envs), autoreset_mode=find_mode(autoreset_mode))
+
+        self._begun = False
+
+    def reset(  # type: ignore[override]
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Draw a mine for each robot, or for those of `options["reset_mask"]`; `options["mine"]` names one for all."""
+        self._require_open()
+        check_options(options, ("mine", "reset_mask"))
+        seeds, mask = spread_seeds(seed, self.num_envs), mask_of(options, self.num_envs)
+        if not self._begun and not mask.all():
+            raise gymnasium.error.ResetNeeded("reset_mask: reset all robots before some of them")
+        given = {name: value for name, value in (options or {}).items() if name != "reset_mask"}
+        if not mask.all():
+            given["reset_mask"] = mask
+        found: tuple[np.ndarray, dict[str, Any]] = super().reset(seed=seeds, options=given or None)
+        self._begun = True
+        return found
+
+    def step(  # type: ignore[override]
+        self, actions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Step all robots; see `FamilyEnv.step`."""
+        self._require_open()
+        commands = numbers_of(actions)
+        if commands.shape != (self.num_envs, 2):
+            raise ValueError(f"actions of shape {commands.shape}: want ({self.num_envs}, 2)")
+        return super().step(commands)
+
+    def _require_open(self) -> None:
+        if self.closed:
+            raise gymnasium.error.ClosedEnvironmentError("the environment is closed: make another one")
 
 
 def _names(split: str, mines: Sequence[str] | int | None) -> list[str]:
     """Return the names of the mines to draw among."""
-    if split not in SIZES:
+    if not isinstance(split, str) or split not in SIZES:
         raise ValueError(f"split = {split!r}: valid choices are {', '.join(SIZES)}")
     count = SIZES[split] if mines is None else mines
     if isinstance(count, int | np.integer) and not isinstance(count, bool):
         if not 1 <= count <= SIZES[split]:
             raise ValueError(f"mines = {count}: {split} has 1 to {SIZES[split]}")
         return [mine_name(split, number) for number in range(int(count))]
-    names = [count] if isinstance(count, str) else list(count)  # type: ignore[arg-type]
-    other = [name for name in names if parse_name(name)[0] != split]
-    if other or not names:
-        raise ValueError(f"mines = {names[:3]}: want names of the split {split}, for example {mine_name(split, 0)}")
+    if not isinstance(count, str | list | tuple):
+        raise ValueError(f"mines = {count!r:.80}: want a number of mines, or a list of names")
+    names = [count] if isinstance(count, str) else list(count)
+    other = [name for name in names if not isinstance(name, str) or parse_name(name)[0] != split]
+    if other or not names or len(set(names)) < len(names):
+        raise ValueError(
+            f"mines = {names[:3]!r:.200}: want names of the split {split}, each once, for example {mine_name(split, 0)}"
+        )
     return names

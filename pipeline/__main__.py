@@ -6,7 +6,7 @@ import argparse
 import sys
 
 from pipeline.commands import maintenance, proofs, worlds
-from pipeline.errors import MineError
+from pipeline.errors import run_command
 
 
 def command_line() -> argparse.ArgumentParser:
@@ -32,15 +32,7 @@ def parse(words: list[str]) -> argparse.Namespace:
 def main() -> int:
     """Run one command; exit code 2 with one message on bad input."""
     arguments = parse(sys.argv[1:])
-    try:
-        arguments.run(arguments)
-    except MineError as error:
-        print(f"{arguments.command}: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"{arguments.command}: interrupted", file=sys.stderr)
-        return 130
-    return 0
+    return run_command(arguments.command, lambda: arguments.run(arguments))
 
 
 if __name__ == "__main__":

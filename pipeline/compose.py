@@ -17,7 +17,7 @@ from omegaconf.errors import OmegaConfBaseException
 from pydantic import ValidationError
 
 from minexplore.robot import RobotParams
-from pipeline.errors import MineError, ParamsError
+from pipeline.errors import ParamsError, run_command
 from pipeline.params.composed import COMPOSED
 from pipeline.params.config import Config
 from pipeline.params.plain_yaml import require_plain_yaml
@@ -121,16 +121,13 @@ def _unknown_key(config: DictConfig, key: str) -> str | None:
 
 def main() -> int:
     """Write the composed configuration; if it is invalid, print one message and return 2."""
-    try:
-        config = compose(root_overrides())
-        text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)
-        write_atomically(
-            COMPOSED, f"# Composed from conf/ and the overrides in params.yaml; do not edit.\n{text}".encode()
-        )
-    except MineError as error:
-        print(f"compose: {error}", file=sys.stderr)
-        return 2
-    return 0
+    return run_command("compose", _write_composed)
+
+
+def _write_composed() -> None:
+    config = compose(root_overrides())
+    text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)
+    write_atomically(COMPOSED, f"# Composed from conf/ and the overrides in params.yaml; do not edit.\n{text}".encode())
 
 
 if __name__ == "__main__":

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+import signal
+import sys
+from collections.abc import Callable
+from typing import NoReturn
+
 import numpy as np
+
+_MOST_NAME = 300  # characters of a file's name in a message
 
 
 class MineError(Exception):
@@ -39,3 +46,48 @@ class ArtifactError(MineError):
 
 class LimitError(MineError):
     """A measured value breaches its limit in `conf/validation`."""
+
+
+def run_command(name: str, command: Callable[[], object], interrupted: str = "interrupted") -> int:
+    """Run a command; return its exit code: 2 after an expected error, 130 after Ctrl-C or SIGTERM.
+
+    An error of the operating system is expected as well: a file that may not be read, a folder that may not be written,
+    a full disk, a name that is too long. The message names the file.
+    """
+    received: list[int] = []
+
+    def interrupt(kind: int, frame: object) -> NoReturn:
+        received.append(kind)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, interrupt)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # it may be ignored, as in a shell's background
+        signal.signal(signal.SIGINT, interrupt)
+    try:
+        command()
+    except MineError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"{name}: {describe_os_error(error)}", file=sys.stderr)
+        return 2
+    except BaseException as error:
+        # Interrupted while it is imported, a library raises an error of its own.
+        if not (received or isinstance(error, KeyboardInterrupt)):
+            raise
+        print(f"{name}: {interrupted}", file=sys.stderr)
+        return 130
+    return 0
+
+
+def describe_os_error(error: OSError) -> str:
+    """Return `FILE: reason`, on one printable line."""
+    reason = error.strerror or str(error) or type(error).__name__
+    if error.filename is None:
+        return reason
+    text = (
+        f"{error.filename}: {reason}"
+        if len(str(error.filename)) <= _MOST_NAME
+        else f"{error.filename[:80]}...: {reason}"
+    )
+    return "".join(c if c.isprintable() else " " for c in text)

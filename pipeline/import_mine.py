@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
-from minexplore import WORLDS
+from minexplore import is_built_in
 from pipeline.compose import CONF
 from pipeline.errors import ArtifactError, InputError, ParamsError
 from pipeline.params.reader_limits import FILE, reader_limits
@@ -63,7 +63,7 @@ def require_name(name: str) -> None:
     """
     if not re.fullmatch(_NAME, name) or name.lower() in _WORDS:
         raise ParamsError(f"name = {name!r}: expected a letter, then letters, digits, - and _, at most 64 in all")
-    if f"MineXplore/{name}-v0" in WORLDS:
+    if is_built_in(f"MineXplore/{name}-v0"):
         raise ParamsError(f"name = {name}: MineXplore/{name}-v0 is an environment of this project; choose another name")
     conf = survey_file(name)
     if conf.is_file() and (f"`python -m pipeline new {name}`" not in conf.read_text() or not (DATA / name).is_dir()):

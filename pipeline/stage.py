@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import ArtifactError, MineError
+from pipeline.errors import ArtifactError, MineError, run_command
 from pipeline.params.composed import composed_section
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import recover_folder, replace_folder
@@ -152,12 +152,4 @@ def _write_outputs(stage: Stage, params: Any, root: Path, inputs: dict[str, str]
 
 def main(stage: Stage) -> int:
     """Run a stage from the command line; arguments are Hydra overrides. Bad input gives one message and exit code 2."""
-    try:
-        run_stage(stage, sys.argv[1:])
-    except MineError as error:
-        print(f"{stage.name}: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"{stage.name}: interrupted; earlier artifacts are kept", file=sys.stderr)
-        return 130
-    return 0
+    return run_command(stage.name, lambda: run_stage(stage, sys.argv[1:]), "interrupted; earlier artifacts are kept")

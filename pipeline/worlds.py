@@ -6,19 +6,19 @@ import re
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter
-
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
 from pipeline.params.config import Config
 from pipeline.params.validation import Limit, ValidationParams
 from pipeline.report.results import NO_FIGURE, read_metrics
 from pipeline.stage import ARTIFACTS
-from pipeline.store.manifest import read_manifest
+from pipeline.store.manifest import read_manifest, read_params
 from pipeline.store.verify import verify_world
+from pipeline.survey.child import one_line
 
 WORLDS = ARTIFACTS / "worlds"
 DEFAULT = "default"
+_NAME = r"[A-Za-z0-9_-]{1,64}"
 _COLUMNS = [
     ("area m2", "areas.tunnel_m2", ",.0f"),
     ("islands", "areas.islands", "d"),
@@ -38,7 +38,7 @@ def world_folder(name: str) -> Path:
         If there is no world of this name. The message lists the worlds.
     """
     folder = ARTIFACTS if name == DEFAULT else WORLDS / name
-    if not re.fullmatch(r"[A-Za-z0-9_-]+", name) or not (folder / "survey").is_dir():
+    if not re.fullmatch(_NAME, name) or not (folder / "survey").is_dir():
         existing = ", ".join(world_names())
         hint = f"the worlds are {existing}" if existing else "there are no worlds; `make all` builds one"
         raise ArtifactError(f"world = {name!r}: unknown; {hint}")
@@ -47,7 +47,8 @@ def world_folder(name: str) -> Path:
 
 def world_names() -> list[str]:
     """Return the names of all worlds in this project, finished or not, the default first."""
-    named = sorted(p.name for p in WORLDS.iterdir() if (p / "survey").is_dir()) if WORLDS.is_dir() else []
+    folders = WORLDS.iterdir() if WORLDS.is_dir() else ()
+    named = sorted(p.name for p in folders if re.fullmatch(_NAME, p.name) and (p / "survey").is_dir())
     return [DEFAULT] * (ARTIFACTS / "survey").is_dir() + named
 
 
@@ -63,8 +64,7 @@ def read_figures(name: str) -> dict[str, Any]:
 
 def limits_of(name: str) -> dict[str, Limit]:
     """Return the limits that a world's metrics were checked against."""
-    manifest = read_manifest(world_folder(name) / "validation" / "manifest.json")
-    return TypeAdapter(ValidationParams).validate_python(manifest.params).limits
+    return read_params(world_folder(name) / "validation" / "manifest.json", ValidationParams).limits
 
 
 def list_worlds() -> str:
@@ -75,7 +75,7 @@ def list_worlds() -> str:
             figures = read_figures(name)
             cells = [format(figures[key], form) for _, key, form in _COLUMNS]
             digest = verify_world(world_folder(name) / "realism" / "world")[:12]
-        except (ArtifactError, KeyError):
+        except (ArtifactError, KeyError, ValueError, TypeError):  # a figure is missing, or no number
             cells, digest = ["-"] * len(_COLUMNS), "unfinished"
         rows.append([name, *cells, digest, env_id(name)])
     return _table(rows)
@@ -134,7 +134,7 @@ def changed_params(name: str, default: Config) -> dict[str, tuple[Any, Any]]:
 
 
 def _format_value(value: Any) -> str:
-    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    text = f"{value:.6g}" if isinstance(value, float) else one_line(str(value))
     return text if len(text) <= 40 else text[:37] + "..."
 
 

@@ -79,7 +79,7 @@ def test_worlds_are_listed_shown_and_compared(owned):
     [
         (("new", "a/b", "--from", "plan.png"), "expected a letter, then letters, digits"),
         (("new", "true", "--from", "plan.png"), "expected a letter"),
-        (("new", "x", "--from", "plan.png", "--bar-length", "-5"), "survey.scale.bar_length_m = -5.0"),
+        (("new", "x", "--from", "plan.png", "--bar-length", "-5"), "plan.png: --bar-length = -5.0"),
         (("report", ".."), "the worlds are default, my-tee"),
         (("new", "plan", "--from", "plan.png"), "is a survey of this project"),
         (("new", "ChileanMine", "--from", "plan.png"), "is an environment of this project"),
@@ -107,8 +107,8 @@ def state_of(project):
         (("--bar-length", "20", "contours.min_tunnel_m2=5000"), "no dark region larger than 5000 m2"),
         (("--bar-length", "20", "contours.tolerence_m=1"), "contours.tolerence_m: unknown"),
         (("--bar-length", "20", "--licence", "a\tb"), "with a tab or line break cannot be registered"),
-        (("--bar-length", "nan"), "survey.scale.bar_length_m"),
-        (("--px-per-m", "1e300"), "survey.scale.px_per_m"),
+        (("--bar-length", "nan"), "--bar-length = nan"),
+        (("--px-per-m", "1e300"), "--px-per-m = 1e+300"),
     ],
 )
 def test_a_refused_mine_leaves_nothing_behind(owned, arguments, message):

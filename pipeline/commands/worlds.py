@@ -77,15 +77,17 @@ def _make(
     for line in imported.findings:
         print(line, file=sys.stderr)
     existed, failure = (WORLDS / name).exists(), None
-    if imported.picture is not None:
-        for path in filter(None, (WORLDS / name / DETECTED, detected)):
-            _write_picture(path, imported.picture)
     try:
+        if imported.picture is not None:
+            for path in filter(None, (WORLDS / name / DETECTED, detected)):
+                _write_picture(path, imported.picture)
         build(name, [f"survey={name}", *overrides])
     except LimitError as error:
         failure = error
-    except Exception:
-        if imported.written:  # a refused mine leaves nothing behind
+    except BaseException as error:
+        is_read = (WORLDS / name / "survey").is_dir()
+        # A refused mine leaves nothing behind, nor does Ctrl-C before the file is read; later it keeps finished stages.
+        if imported.written and (isinstance(error, Exception) or not is_read):
             forget_import(imported)
             if not existed:
                 shutil.rmtree(WORLDS / name, ignore_errors=True)

@@ -40,6 +40,8 @@ def fill_line_drawing(lines: Mask, seeds_px: list[tuple[float, float]], gap_px: 
         cv2.MORPH_CLOSE,
         cv2.getStructuringElement(cv2.MORPH_ELLIPSE, _odd_size(gap_px)),
     )[1:-1, 1:-1]
+    if closed.all():
+        raise GeometryError("the drawn walls cover the whole picture; survey.wall_gap_px closes gaps up to its width")
     _, regions, stats, _ = cv2.connectedComponentsWithStats(1 - closed, connectivity=4)
     rows, cols = lines.shape
     touches = (stats[:, 0] == 0) | (stats[:, 1] == 0) | (stats[:, 0] + stats[:, 2] == cols)

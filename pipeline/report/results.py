@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-from pydantic import TypeAdapter
 
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
@@ -18,7 +17,7 @@ from pipeline.metrics.relief import OCTAVES_M
 from pipeline.metrics.texture import AXIS_TITLES, WINDOWS_M, is_uninformative
 from pipeline.params.validation import Limit, ValidationParams
 from pipeline.store.files import write_atomically
-from pipeline.store.manifest import read_manifest
+from pipeline.store.manifest import read_params
 
 VALIDATION = Path("artifacts/validation")
 TIMINGS = "timings.json"  # in the folder of the metrics
@@ -34,6 +33,7 @@ PICTURES = {
 }
 _OPEN, _CLOSE = "<!-- results -->", "<!-- /results -->"
 _PICTURE_WIDTH = 1200
+_HUGE = 1e300
 NO_FIGURE = "no figure"  # some need more wall than a small mine has
 
 
@@ -131,21 +131,36 @@ def read_metrics(folder: Path = VALIDATION) -> dict[str, Any]:
     metrics, certificate = _read_json(folder / "metrics.json"), _read_json(folder / "certificate.json")
     timings = folder / TIMINGS
     loads = flatten(_read_json(timings)) if timings.is_file() else {}  # `dvc checkout` restores no timings
-    return metrics | (loads if loads.pop("world_sha256", None) == certificate["world_sha256"] else {})
+    return metrics | (loads if loads.pop("world_sha256", None) == certificate.get("world_sha256") else {})
 
 
 def _read_json(path: Path) -> dict[str, Any]:
+    """Return a file of figures as a flat dict: numbers, truth values, printable text, and lists."""
     try:
-        return flatten(json.loads(path.read_text()))
+        content = json.loads(path.read_text())
+        flat = flatten(content) if isinstance(content, dict) else {}
     except FileNotFoundError:
         raise ArtifactError(f"{path}: missing; stage 6 writes it (`make all`)") from None
-    except ValueError as error:
-        raise ArtifactError(f"{path}: not JSON: {error}") from error
+    except (ValueError, RecursionError) as error:
+        raise ArtifactError(f"{path}: not JSON: {str(error)[:200]}") from error
+    if not flat:
+        raise ArtifactError(f"{path}: want a mapping of figures, not {content!r:.40}")
+    for name, value in flat.items():
+        if not (_is_plain(value) and name.isprintable()):
+            raise ArtifactError(f"{path}: {name[:80]!r} = {value!r:.80}: not a figure")
+    return flat
+
+
+def _is_plain(value: Any) -> bool:
+    """Return whether a value of a file can be shown: None, a number below 10^300, printable text, or a list."""
+    if isinstance(value, int | float):
+        return abs(value) < _HUGE  # also false for nan
+    return value is None or isinstance(value, list) or (isinstance(value, str) and value.isprintable())
 
 
 def read_limits(folder: Path = VALIDATION) -> dict[str, Limit]:
     """Return the limits of a world's metrics by name, with those of the certificate's clauses."""
-    params = TypeAdapter(ValidationParams).validate_python(read_manifest(folder / "manifest.json").params)
+    params = read_params(folder / "manifest.json", ValidationParams)
     return {**params.limits, **{f"certificate.{name}": limit for name, limit in params.certificate.limits.items()}}
 
 

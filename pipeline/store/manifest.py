@@ -5,13 +5,15 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
 from pipeline import __version__
 from pipeline.errors import ArtifactError
 from pipeline.store.hashing import import_closure, sha256_file, sha256_named
+
+_Section = TypeVar("_Section")
 
 
 @dataclass(frozen=True)
@@ -55,3 +57,19 @@ def read_manifest(path: Path) -> Manifest:
         raise ArtifactError(f"{path}: missing; its stage has not run (`make all`)") from None
     except ValidationError as error:
         raise ArtifactError(f"{path}: not a manifest: {error.errors()[0]['msg']}") from error
+
+
+def read_params(path: Path, kind: type[_Section]) -> _Section:
+    """Return the parameters that a manifest states, as their schema.
+
+    Raises
+    ------
+    ArtifactError
+        If the file is missing, is no manifest, or states other parameters than the schema has.
+    """
+    try:
+        return TypeAdapter(kind).validate_python(read_manifest(path).params)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))[:100]
+        raise ArtifactError(f"{path}: params: {where!r}: {first['msg']}; its stage must run again") from error

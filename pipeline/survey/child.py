@@ -21,7 +21,15 @@ import cv2
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from pipeline.errors import DoubtError, GeometryError, InputError, MineError, ParamsError, UnexpectedError
+from pipeline.errors import (
+    DoubtError,
+    GeometryError,
+    InputError,
+    MineError,
+    ParamsError,
+    UnexpectedError,
+    describe_os_error,
+)
 from pipeline.params.reader_limits import FILE, ReaderLimits, reader_limits
 from pipeline.survey.child_limits import die_with_parent, resolve, restrict
 
@@ -190,6 +198,8 @@ def serve(task: str, arguments: dict[str, Any], out: int, parent: int, seconds: 
         header = _Header(error=name if name in _ERRORS else "InputError", message=str(error))
     except MemoryError:
         header = _Header(error="MemoryError")
+    except (PermissionError, FileNotFoundError) as error:  # another user's file, or it vanished
+        header = _Header(error="InputError", message=f"{describe_os_error(error)}; it cannot be read")
     except Exception as error:  # a library's exception that the reader does not name
         no_memory = "bad_alloc" in str(error) or "Insufficient memory" in str(error)  # C++ libraries
         header = _Header(

@@ -13,16 +13,17 @@ from pydantic import ValidationError
 from pipeline.errors import InputError
 from pipeline.geometry.binarize import dark_pixels
 from pipeline.params.reader_limits import reader_limits
+from pipeline.params.stated import require_stated
 from pipeline.params.survey import PassageSurveyParams, PlanSurveyParams, VectorSurveyParams
 from pipeline.survey.child import Payload, one_line, run_limited
 from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
-from pipeline.survey.georeference import read_placement, world_file
+from pipeline.survey.georeference import has_placement, read_placement, world_file
 from pipeline.survey.grid import draw_grid
 from pipeline.survey.image import read_image
 from pipeline.survey.nav2 import nav2_picture
 from pipeline.survey.picture import draw_page, make_ready, require_few_regions
 from pipeline.survey.scale import find_bar, measure_bar
-from pipeline.survey.shapes import METRES
+from pipeline.survey.shapes import METRES, require_plain_file
 from pipeline.survey.solved.read import SOLVED_SUFFIXES
 from pipeline.survey.vector_sheet import require_no_sheet
 from pipeline.survey.vector_survey import draw_vector_survey, read_shapes, vector_files
@@ -72,8 +73,8 @@ def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
         If the file does not exist, its format is not supported, or its scale cannot be found. The message names the
         option that states the scale.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
+    require_plain_file(path)
+    require_stated(path, _kind_of(path), stated)
     scratch = path.suffix.lower() in SOLVED_SUFFIXES
     payload = run_limited("detect", {"path": str(path), "stated": stated}, str(path), scratch=scratch)
     found, files = payload.values, [Path(file) for file in payload.values["files"]]
@@ -89,6 +90,28 @@ def detect_here(path: str, stated: dict[str, Any]) -> Payload:
     return Payload(values, {} if found.picture is None else {"detected": found.picture})
 
 
+def _kind_of(path: Path) -> str:
+    """Return what a file is by its suffix, in the words of `APPLIES`.
+
+    Raises
+    ------
+    InputError
+        If the format is not supported.
+    """
+    suffix = path.suffix.lower()
+    for suffixes, kind in (
+        ((".pdf",), "a PDF"),
+        (PICTURE_SUFFIXES, "a picture"),
+        ((".yaml", ".yml"), "an occupancy grid"),
+        (SHAPE_READERS, "a vector file"),
+        (PASSAGE_READERS, "a station survey"),
+    ):
+        if suffix in suffixes:
+            return kind
+    supported = ", ".join([*PICTURE_SUFFIXES, ".yaml", *SHAPE_READERS, *PASSAGE_READERS])
+    raise InputError(f"{path}: {suffix or 'a file without a suffix'} is not a supported format ({supported})")
+
+
 def _detect(path: Path, stated: dict[str, Any]) -> Detection:
     suffix = path.suffix.lower()
     if suffix in PICTURE_SUFFIXES:
@@ -99,26 +122,21 @@ def _detect(path: Path, stated: dict[str, Any]) -> Detection:
         return Detection({"kind": "grid", "map": path.name}, {}, [path, nav2_picture(path)], width)
     if suffix in SHAPE_READERS:
         return _detect_vector(path, stated)
-    if suffix in PASSAGE_READERS:
-        params = PassageSurveyParams(kind="passages", name="detect", file="data/x", heights=None)
-        half = stated.get("half_width_m")
-        if half is not None and not 0 < half <= 20:
-            raise InputError(f"{path}: --half-width = {half:g}, want more than 0 and at most 20 m")
-        params = params.model_copy(update={"file": path.as_posix(), "half_width_m": half, "apart_m": _APART_M})
-        workings, place, _, _, heights = draw_vector_survey(params)
-        values = {"kind": "passages", "file": path.name, "origin": list(place.origin), "half_width_m": half}
-        remarks = {
-            "origin": "of the mine frame, in the file's coordinates",
-            "half_width_m": "distance to a wall that nobody measured, m; null: half the median width of the others",
-        }
-        if heights is not None:
-            values["apart_m"] = _APART_M
-            remarks["apart_m"] = "passages nearer over or under others that they do not meet are left out; null: none"
-        width = 2 * workings.area / workings.length
-        files = [Path(file) for file in vector_files(params)]
-        return Detection(values, remarks, files, width, has_heights=heights is not None)
-    supported = ", ".join([*PICTURE_SUFFIXES, ".yaml", *SHAPE_READERS, *PASSAGE_READERS])
-    raise InputError(f"{path}: {suffix or 'a file without a suffix'} is not a supported format ({supported})")
+    params = PassageSurveyParams(kind="passages", name="detect", file="data/x", heights=None)
+    half = stated.get("half_width_m")
+    params = params.model_copy(update={"file": path.as_posix(), "half_width_m": half, "apart_m": _APART_M})
+    workings, place, _, _, heights = draw_vector_survey(params)
+    values = {"kind": "passages", "file": path.name, "origin": list(place.origin), "half_width_m": half}
+    remarks = {
+        "origin": "of the mine frame, in the file's coordinates",
+        "half_width_m": "distance to a wall that nobody measured, m; null: half the median width of the others",
+    }
+    if heights is not None:
+        values["apart_m"] = _APART_M
+        remarks["apart_m"] = "passages nearer over or under others that they do not meet are left out; null: none"
+    width = 2 * workings.area / workings.length
+    files = [Path(file) for file in vector_files(params)]
+    return Detection(values, remarks, files, width, has_heights=heights is not None)
 
 
 def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
@@ -139,7 +157,9 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
         tried[unit] = 2 * workings.area / workings.length, place
         if unit is None and WIDTHS_M[0] <= tried[None][0] <= WIDTHS_M[1]:
             break
-    if not tried:
+    plausible = any(WIDTHS_M[0] <= width <= WIDTHS_M[1] for width, _ in tried.values())
+    # In a unit small enough, every gap between walls is closed: such a reading must at least be plausible.
+    if not tried or (None in units and None not in tried and not plausible):
         raise problem or InputError(f"{path}: has no workings")
     keeps_unit = None in tried and (WIDTHS_M[0] <= tried[None][0] <= WIDTHS_M[1] or tried[None][1].crs is not None)
     unit = None if keeps_unit else min(tried, key=lambda u: abs(np.log(tried[u][0] / _LIKELY_M)))
@@ -182,8 +202,6 @@ def _detect_picture(path: Path, stated: dict[str, Any]) -> Detection:
     is_pdf = path.suffix.lower() == ".pdf"
     dpi = float(stated.get("dpi") or 200.0)
     page, most = int(stated.get("page") or 1), reader_limits().megapixels
-    if not 36 <= dpi <= 1200:
-        raise InputError(f"{path}: --dpi = {dpi:g}, the limits are 36 and 1200")
     picture = draw_page(path, page, dpi, most) if is_pdf else read_image(path, most)
     crop, ignored = stated.get("crop_px"), stated.get("ignore_colours") or []
     edge = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]]).mean(axis=1)
@@ -269,15 +287,14 @@ def _detect_scale(
     }
     if stated.get("px_per_m"):
         return {**scale, "source": "stated", "px_per_m": float(stated["px_per_m"])}, {"scale": "stated"}, []
-    file = world_file(path)
-    if file is not None or (path.suffix.lower() in (".tif", ".tiff") and _has_georeference(path)):
-        place = read_placement(path)
+    if has_placement(path):
+        file, place = world_file(path), read_placement(path)
         per_m = 1.0 / (place.size * place.metres_per_unit)
         remark = f"{per_m:.3f} px/m from {file.name if file else 'the file itself'}"
         if place.unit in ("m", "metre") and abs(place.metres_per_unit - 1) > 1e-6:
             remark += f", whose metre is {place.metres_per_unit:.4f} m on the ground ({place.crs})"
         return {**scale, "source": "georeference", "px_per_m": per_m}, {"scale": remark}, [file] if file else []
-    box = stated.get("bar_box_px") or find_bar(picture)
+    box = _stated_box(path, picture, stated) or find_bar(picture)
     if box is None:
         raise InputError(
             f"{path}: no scale bar found; state --px-per-m, or --bar-box COL0,ROW0,COL1,ROW1 and --bar-length"
@@ -285,14 +302,13 @@ def _detect_scale(
     return {**scale, "bar_box_px": [int(v) for v in box]}, {}, []
 
 
-def _has_georeference(path: Path) -> bool:
-    try:
-        read_placement(path)
-    except InputError as error:
-        if "degrees" in str(error):
-            raise
-        return False
-    return True
+def _stated_box(path: Path, picture: Image, stated: dict[str, Any]) -> list[float] | None:
+    """Return the stated box of the scale bar; refuse one that is not inside the picture."""
+    box = stated.get("bar_box_px")
+    rows, cols = picture.shape[:2]
+    if box is not None and not (0 <= box[0] < box[2] <= cols and 0 <= box[1] < box[3] <= rows):
+        raise InputError(f"{path}: --bar-box = {list(box)}: not inside the picture of {cols} x {rows} px")
+    return box
 
 
 def _workings_mask(picture: Image, bar_box: list[int] | None) -> Mask:

@@ -64,6 +64,7 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
         RecursionError,
         ArithmeticError,
         StopIteration,
+        RuntimeError,  # an iterator of ezdxf that ends within another
     ) as error:
         raise InputError(f"{path}: not a readable DXF drawing ({type(error).__name__}: {str(error)[:120]})") from error
     unknown = sorted(set(layers or []) - existing)

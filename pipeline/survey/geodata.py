@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pyogrio
 import shapely
 from shapely.geometry.base import BaseGeometry
@@ -50,7 +51,7 @@ def read_geodata(path: Path, layers: list[str] | None) -> Shapes:
             meta, _, wkb, _ = pyogrio.raw.read(source, layer=layer, columns=[], max_features=most)
             if wkb is None:
                 continue
-            layer_shapes = [shape for shape in shapely.from_wkb(wkb, on_invalid="ignore") if shape is not None]
+            layer_shapes = _decoded(path, layer, wkb)
             require_at_most(path, len(shapes) + len(wkb), "shapes", "shapes or more")
             points += int(shapely.get_num_coordinates(layer_shapes).sum())
             require_size(path, points)
@@ -64,6 +65,17 @@ def read_geodata(path: Path, layers: list[str] | None) -> Shapes:
             f"{path}: its layers have different coordinate systems; choose layers with one system by survey.layers"
         )
     return Shapes(shapes, None, next(iter(systems), None))
+
+
+def _decoded(path: Path, layer: str, wkb: np.ndarray) -> list[BaseGeometry]:
+    """Return a layer's shapes; features without one are left out, a broken one is refused."""
+    shapes = shapely.from_wkb(wkb, on_invalid="ignore")
+    broken = [number for number, (data, shape) in enumerate(zip(wkb, shapes, strict=True), 1) if data and shape is None]
+    if broken:
+        raise InputError(
+            f"{path}: {len(broken)} of {len(wkb)} shapes in layer {layer!r} are broken, the first is number {broken[0]}"
+        )
+    return [shape for shape in shapes if shape is not None]
 
 
 def _plain_database(path: Path) -> bytes:

@@ -9,7 +9,10 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.child import tell
+from pipeline.survey.orientation import orientation_of, turn_upright
 from pipeline.survey.picture_header import require_picture_size, require_size
+from pipeline.survey.tiff_header import count_pages
 from pipeline.types import Image
 
 _STRIP_ROWS = 512  # conversions work on strips, so that they need little memory beside the picture
@@ -21,7 +24,8 @@ def read_image(path: Path, max_megapixels: float) -> Image:
     Parameters
     ----------
     path : Path
-        PNG, JPEG, TIFF, BMP or PNM. The header is checked before pixels are decoded.
+        PNG, JPEG, TIFF, BMP or PNM. The header is checked before pixels are decoded. The picture is turned upright as
+        its Exif data say. Of a TIFF with several pages the first is read, which is said.
     max_megapixels : float
         Upper limit of the image's size.
 
@@ -48,9 +52,35 @@ def read_image(path: Path, max_megapixels: float) -> Image:
     if picture is None:
         raise InputError(f"{path}: not an image that OpenCV can read ({data.size} bytes)")
     require_size(path, picture.shape[1], picture.shape[0], max_megapixels)
+    _require_known_depth(path, picture)
+    if is_tiff(data):  # OpenCV turns it upright
+        pages = count_pages(data.data)
+        if pages > 1:
+            tell(f"{path.name}: the first of {pages} pages is read; save another one as a file of its own")
+    else:
+        picture = turn_upright(picture, orientation_of(data.data))
     if picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[2] not in (3, 4)):
         raise InputError(f"{path}: {picture.shape[2:]} channels; grey, colour and transparency are read")
     return require_workings_drawn(path, _to_bgr(picture))
+
+
+def is_tiff(data: np.ndarray) -> bool:
+    """Return whether a file's bytes begin as a TIFF's do."""
+    return data[:2].tobytes() in (b"II", b"MM")
+
+
+def _require_known_depth(path: Path, picture: np.ndarray) -> None:
+    """Refuse pixels that are neither of 8 or 16 bits nor shares of white from 0 to 1."""
+    if picture.dtype in (np.uint8, np.uint16):
+        return
+    if picture.dtype in (np.float32, np.float64):
+        low, high = (float(f(picture, initial=0.5, where=np.isfinite(picture))) for f in (np.min, np.max))
+        if low >= 0 and high <= 1:
+            return
+        kind = f"{picture.dtype} from {low:g} to {high:g}"
+    else:
+        kind = str(picture.dtype)
+    raise InputError(f"{path}: pixels of {kind}; uint8, uint16, and shares of white from 0 to 1 are read")
 
 
 def require_workings_drawn(path: Path, picture: Image) -> Image:

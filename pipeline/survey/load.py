@@ -35,7 +35,7 @@ from pipeline.survey.scale import measure_bar
 from pipeline.survey.solved.read import SOLVED_SUFFIXES
 from pipeline.survey.spots import read_spots
 from pipeline.survey.stations import read_stations
-from pipeline.survey.vector_survey import draw_vector_survey, vector_files
+from pipeline.survey.vector_survey import WIDEST_M, draw_vector_survey, vector_files
 from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Scale, Survey, Workings
 
 Box = tuple[int, int, int, int]
@@ -147,6 +147,22 @@ def _stated_heights(params: SurveyParams, georeference: Georeference) -> Heights
     return None if params.grade is None else Heights(grade=params.grade)
 
 
+def require_extent(path: str, plan: Image, px_per_m: float) -> None:
+    """Refuse a plan that shows more than 20 km, as of vector surveys: its scale is wrong.
+
+    Raises
+    ------
+    InputError
+        The message names the file, the extent and the limit.
+    """
+    widest = max(plan.shape[:2]) / px_per_m
+    if widest > WIDEST_M:
+        raise InputError(
+            f"{path}: the plan extends over {widest:.4g} m at {px_per_m:g} px/m, the limit is {WIDEST_M:,.0f} m; "
+            "is its scale right?"
+        )
+
+
 def _read_scaled(params: Scaled) -> tuple[Image, Frame, Scale, list[Box], Georeference]:
     """Read a survey whose scale must be measured, and choose its scale."""
     reading = draw_stations(params) if params.kind == "stations" else read_plan(params)
@@ -155,6 +171,7 @@ def _read_scaled(params: Scaled) -> tuple[Image, Frame, Scale, list[Box], Georef
     read_width, width = plan.shape[1], params.resample_width_px or plan.shape[1]
     ratio = width / read_width
     scale = _choose_scale(params, reading, poses, ratio)
+    require_extent(_subject(params), plan, scale.px_per_m / ratio)
     frame = reading.frame.resampled(width, scale.px_per_m)
     if width != read_width:
         plan = cv2.resize(plan, (frame.width_px, frame.height_px), interpolation=cv2.INTER_AREA)

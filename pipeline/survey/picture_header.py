@@ -12,12 +12,12 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.tiff_header import BITS, CHANNELS, HEIGHT, TILE_HEIGHT, TILE_WIDTH, WIDTH, first_tags
 
 MAX_SIDE_PX = 16_384  # the largest framebuffer of OSMesa, in which stage 6 renders the world
 _JPEG_SIZES = {0xC0 + k for k in range(16)} - {0xC4, 0xC8, 0xCC}  # markers of frames; the others are tables
 _MARKER = re.compile(rb"\xff[^\xff\x00\x01]", re.DOTALL)
 _MOST_SEGMENTS = 10_000
-_TIFF_TYPES = {1: "B", 3: "H", 4: "I", 16: "Q"}
 _PNM = re.compile(rb"P([1-6])(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{0,9})")
 
 
@@ -81,7 +81,7 @@ def read_header(magic: bytes, data: memoryview) -> PictureHeader | None:
         width, height = struct.unpack_from("<ii", data, 18)
         return PictureHeader(abs(width), abs(height), 4)
     if magic in (b"II", b"MM"):
-        return _tiff("<" if magic == b"II" else ">", data)
+        return _tiff(data)
     found = _PNM.match(bytes(data[:4096]))
     if found is None:
         return None
@@ -105,22 +105,9 @@ def _jpeg(data: memoryview) -> PictureHeader | None:
     return None
 
 
-def _tiff(order: str, data: memoryview) -> PictureHeader:
-    """Return the header of a TIFF's first picture; BigTIFF has wider offsets."""
-    big = struct.unpack_from(order + "H", data, 2)[0] == 43
-    at = struct.unpack_from(order + ("Q" if big else "I"), data, 8 if big else 4)[0]
-    count = struct.unpack_from(order + ("Q" if big else "H"), data, at)[0]
-    at, step, value = (at + 8, 20, 12) if big else (at + 2, 12, 8)
-    tags: dict[int, int] = {}
-    for entry in range(min(count, 4096)):
-        tag, kind = struct.unpack_from(order + "HH", data, at + entry * step)
-        if tag in (256, 257, 258, 277, 322, 323):  # width, height, bits, channels, tile's width and height
-            number = struct.unpack_from(order + ("Q" if big else "I"), data, at + entry * step + 4)[0]
-            inline = number * struct.calcsize(_TIFF_TYPES[kind]) <= (8 if big else 4)
-            place = at + entry * step + value
-            place = place if inline else struct.unpack_from(order + ("Q" if big else "I"), data, place)[0]
-            tags[tag] = struct.unpack_from(order + _TIFF_TYPES[kind], data, place)[0]
-    width, height = tags[256], tags[257]
+def _tiff(data: memoryview) -> PictureHeader:
+    """Return the header of a TIFF's first picture."""
+    tags = first_tags(data)
     # A tile is decoded whole, also if it is larger than the picture.
-    width, height = max(width, tags.get(322, 0)), max(height, tags.get(323, 0))
-    return PictureHeader(width, height, max(3, tags.get(277, 1)) * max(1, tags.get(258, 8) // 8))
+    width, height = max(tags[WIDTH], tags.get(TILE_WIDTH, 0)), max(tags[HEIGHT], tags.get(TILE_HEIGHT, 0))
+    return PictureHeader(width, height, max(3, tags.get(CHANNELS, 1)) * max(1, tags.get(BITS, 8) // 8))

@@ -12,7 +12,7 @@ import shapely
 from shapely import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import GeometryError, InputError
+from pipeline.errors import GeometryError, InputError, describe_os_error
 from pipeline.geometry.crossings import count_crossings
 from pipeline.geometry.enclosure import as_polygons, enclose_workings
 from pipeline.params.reader_limits import FILE, reader_limits
@@ -34,6 +34,24 @@ class Shapes:
     unit: str | None = None
     crs: str | None = None
     layer_of: list[str] = field(default_factory=list)
+
+
+def require_plain_file(path: Path) -> None:
+    """Refuse a path that is no plain file, such as a folder, a pipe or a device, or that cannot be printed.
+
+    Raises
+    ------
+    InputError
+        The message names the path and what is there.
+    """
+    if not str(path).isprintable():
+        raise InputError(f"{str(path)!r}: a path with line breaks, control characters or bytes that are no UTF-8")
+    try:
+        is_there, is_file = path.exists(), path.is_file()
+    except OSError as error:
+        raise InputError(describe_os_error(error)) from error
+    if not is_file:
+        raise InputError(f"{path}: {'not a plain file' if is_there else 'no such file'}")
 
 
 def read_text_bytes(path: Path, limit: str = "text_bytes") -> bytes:
@@ -154,7 +172,7 @@ def locate(
 def _system(path: Path, crs: str) -> pyproj.CRS:
     try:
         return pyproj.CRS.from_user_input(crs)
-    except pyproj.exceptions.CRSError as error:
+    except (pyproj.exceptions.CRSError, UnicodeEncodeError) as error:
         raise InputError(f"{path}: its coordinate system {crs[:80]!r} is unknown") from error
 
 

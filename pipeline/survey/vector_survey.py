@@ -27,6 +27,7 @@ from pipeline.survey.solved.read import SOLVED_SUFFIXES, survey_files
 from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Seam
 
 VectorSurvey = VectorSurveyParams | PassageSurveyParams | ProceduralSurveyParams | VariantSurveyParams
+WIDEST_M = 20_000.0  # of a survey
 _FINEST_PX_PER_M, _WIDEST_PX = 8.0, 6000
 _ORIGIN_AT = 0.25  # of a pixel: walls at whole and half metres then miss pixel centres, where rounding would decide
 
@@ -51,9 +52,10 @@ def draw_vector_survey(
     west, south, east, north = workings.bounds
     m = params.margin_m
     widest = max(east - west, north - south) + 2 * m
-    if widest > 20_000:
+    if widest > WIDEST_M:
         raise InputError(
-            f"{_name(params)}: the workings extend over {widest:.0f} m, the limit is 20,000 m; is survey.unit right?"
+            f"{_name(params)}: the workings extend over {widest:.0f} m, the limit is {WIDEST_M:,.0f} m; "
+            "is survey.unit right?"
         )
     per_m = params.px_per_m or min(_FINEST_PX_PER_M, _WIDEST_PX / widest)
     frame = frame_around((west - m, south - m, east + m, north + m), per_m, _ORIGIN_AT)

@@ -1,5 +1,7 @@
 """Results on the mines of a split: driven, kept, resumed, checked and compared."""
 
+from pathlib import Path
+
 import gymnasium
 import numpy as np
 import pytest
@@ -11,8 +13,9 @@ from baselines.bounds import Bound, bounds_file, read_bounds, write_bound
 from baselines.errors import BaselineError, RejectedError
 from baselines.split import bound_split, evaluate_split
 from baselines.split_file import mine_id, read_drives, require_whole, write_drives
-from baselines.split_page import split_section
+from baselines.split_page import _Row, in_order, require_own_ways, split_section
 from baselines.split_statistics import improvement, middle, profile, stratified
+from baselines.statistics import Figure
 from tests.mines import BuiltMine
 
 TASK = {"terrain": False, "max_steps": 200, "stall_steps": 50}
@@ -127,3 +130,24 @@ def test_a_file_of_a_split_was_driven_here_only_with_its_present_contents(mines,
     head, episodes = drives[0][0], [episode for _, episode in drives]
     assert driven.was_driven_here(path, tmp_path, head, episodes)
     assert not driven.was_driven_here(path, tmp_path, head, episodes[:1])
+
+
+def test_rows_as_stated_stand_below_those_that_were_driven_and_mark_what_is_not_given():
+    figures = {name: Figure(1.0, 1.0, 1.0, 4) for name in ("distance, m", "collisions per 100 m")}
+    rows = [
+        _Row(name, here, np.ones(4), {**figures, "share of bound": Figure(share, share, share, 4)}, 0)
+        for name, here, share in (("a", False, 0.9), ("b", True, 0.2), ("c", True, 0.5), ("d", False, 0.95))
+    ]
+    assert [row.policy for row in in_order(rows)] == ["c", "b", "d", "a"]
+    assert [row.text("distance, m")[0] for row in rows] == ["~", "1", "1", "~"]
+    assert rows[0].text("share of bound").startswith("90.0 %")
+
+
+def test_the_ways_of_another_file_and_a_name_of_another_policy_are_refused(mines, tmp_path):
+    drives = evaluate_split("random", "test", 1)
+    copied = [(head.model_copy(update={"policy": "mine"}), episode) for head, episode in drives]
+    with pytest.raises(RejectedError, match=r"mine\.jsonl: its robots drive the ways of random\.jsonl"):
+        require_own_ways({Path("random.jsonl"): drives, Path("mine.jsonl"): copied})
+    with pytest.raises(RejectedError, match=r"other\.jsonl: results of random, which are kept as random\.jsonl"):
+        require_own_ways({Path("other.jsonl"): drives})
+    require_own_ways({Path("random.jsonl"): drives})

@@ -11,7 +11,7 @@ import pytest
 import minexplore
 from minexplore.bundle import RECORD, world_sha256
 from minexplore.env import MineEnv
-from minexplore.family import FamilyEnv
+from minexplore.family import FamilyEnv, FamilyVectorEnv
 from pipeline.compose import compose
 from tests.mines import RING, STRAIGHT, TEE, BuiltMine
 from tests.project import ROOT
@@ -157,6 +157,15 @@ def test_the_id_passes_gymnasiums_checks_of_wrappers_and_steps(families):
         ({"mines": []}, "want names of the split train"),
         ({"mines": ["mine"]}, "mine = 'mine': want one of"),
         ({"world": "chilean_mine"}, "world: a family draws its worlds"),
+        ({"split": []}, r"split = \[\]: valid choices"),
+        ({"mines": 1.5}, "mines = 1.5: want a number of mines, or a list of names"),
+        ({"mines": [5]}, r"mines = \[5\]: want names of the split train, each once"),
+        ({"mines": ["train-0000"] * 2}, "want names of the split train, each once"),
+        ({"families": 5}, "families = 5: want the path of a folder"),
+        ({"speed": 2}, "speed: unknown argument; there are task, robot"),
+        ({"render_mode": "ascii"}, "render_mode = 'ascii': valid choices"),
+        ({"lidar": "sonar"}, "lidar = 'sonar': want auto, embree, open3d"),
+        ({"whole": 3}, "whole = 3: want True or False"),
     ],
 )
 def test_a_wrong_argument_is_refused_by_name(arguments, words):
@@ -204,3 +213,34 @@ def test_nothing_is_trained_in_a_mine_that_policies_are_judged_by(name, families
                     require_trainable(env_id)
         finally:
             del gymnasium.registry[env_id]
+
+
+def test_calls_of_a_vector_that_make_no_sense_are_refused_by_name(families):
+    for count in (0, True, 2.5, 10**9):
+        with pytest.raises(ValueError, match=f"num_envs = {count!r}: want a whole number from 1 to 4096"):
+            FamilyVectorEnv(count, families=families)
+    with pytest.raises(ValueError, match="autoreset_mode = 'x': valid choices are NEXT_STEP, SAME_STEP"):
+        FamilyVectorEnv(2, "x", families=families)
+    env = FamilyVectorEnv(2, families=families, mines=MINES)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.reset(options={"reset_mask": np.array([True, False])})
+    first, _ = env.reset(seed=1)
+    for options, message in (
+        (5, "options = 5: want a dict"),
+        ({"x": 1}, "options: unknown 'x'; there are: mine, reset_mask"),
+        ({"reset_mask": np.ones(3, bool)}, r"reset_mask of bool with shape \(3,\)"),
+        ({"reset_mask": np.zeros(2, bool)}, "reset_mask: it names no robot"),
+        ({"mine": 5}, "options: mine = 5"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            env.reset(options=options)
+    for actions in (np.ones((3, 2)), None, [[1, 2]], [[10**400, 0], [0, 0]]):
+        with pytest.raises(ValueError, match="action"):
+            env.step(actions)
+    given = {"reset_mask": np.array([True, False])}
+    env.reset(seed=1, options=given)
+    assert list(given) == ["reset_mask"]  # the caller's options are not changed
+    np.testing.assert_array_equal(env.reset(seed=1)[0], first)
+    env.close()
+    with pytest.raises(gymnasium.error.ClosedEnvironmentError):
+        env.reset()

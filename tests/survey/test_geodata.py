@@ -1,5 +1,7 @@
 """A GeoPackage is read without a trace beside it."""
 
+import struct
+
 import numpy as np
 import pyogrio.raw
 import pytest
@@ -29,3 +31,16 @@ def test_a_geopackage_with_changes_in_its_log_is_refused(geopackage):
     geopackage.with_name("mine.gpkg-wal").write_bytes(b"7\x7f\x06\x82")
     with pytest.raises(InputError, match=r"mine\.gpkg-wal holds changes that are not in the file"):
         read_geodata(geopackage, None)
+
+
+def test_a_file_of_which_one_shape_is_broken_is_refused_and_not_read_without_it(tmp_path):
+    path = tmp_path / "mine.shp"
+    rings = np.array([RING.wkb, RING.wkb], dtype=object)
+    pyogrio.raw.write(path, rings, [], [], geometry_type="Polygon", crs="EPSG:32719")
+    data = bytearray(path.read_bytes())
+    corner = struct.pack("<2d", *RING.exterior.coords[0])
+    at = data.rindex(corner)
+    data[at : at + 8] = struct.pack("<d", float("nan"))  # the last ring of the second shape is no ring any more
+    path.write_bytes(bytes(data))
+    with pytest.raises(InputError, match=r"mine\.shp: 1 of 2 shapes in layer 'mine' are broken, the first is number 2"):
+        read_geodata(path, None)

@@ -1,0 +1,103 @@
+"""Options of `new`: values out of range, options that nothing reads, and files that are none."""
+
+import os
+
+import cv2
+import ezdxf
+import numpy as np
+import pytest
+
+from pipeline.errors import GeometryError, InputError
+from pipeline.geometry.line_drawing import fill_line_drawing
+from pipeline.params.stated import APPLIES, StatedOptions, option_of
+from pipeline.survey.detect import detect_survey
+from pipeline.survey.load import require_extent
+from tests.mines import TEE, frame_for, plan_of
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("px_per_m", 0.0, "--px-per-m = 0.0: Input should be greater than 0"),
+        ("px_per_m", float("nan"), "--px-per-m = nan: Input should be a finite number"),
+        ("bar_length_m", -5.0, "--bar-length = -5.0"),
+        ("wall_gap_px", -5.0, "--gap = -5.0: Input should be greater than or equal to 0"),
+        ("wall_gap_px", 1e9, "--gap = 1000000000.0: Input should be less than or equal to 200"),
+        ("seeds_px", [[1e308, 0]], "--seed = 1e[+]308"),
+        ("seeds_px", [[1, 1]] * 1001, "--seed = .*at most 1000 items"),
+        ("level", 10**30, "--level = 1000"),
+        ("crop_px", [5, 5, 1, 1], "--crop = .*want west < east"),
+        ("ignore_colours", [[300, 0, 0]], "--ignore = 300"),
+        ("entrance_m", [1e308, 0], "--entrance = 1e[+]308"),
+        ("bar_box_px", [-9, -9, -1, -1], r"--bar-box = \[-9, -9, -1, -1\]: not inside the picture of \d+ x \d+ px"),
+    ],
+)
+def test_a_stated_value_out_of_range_is_refused_with_its_option(tmp_path, name, value, message):
+    cv2.imwrite(str(tmp_path / "plan.png"), plan_of(TEE, frame_for(TEE)))
+    with pytest.raises(InputError, match=rf"plan\.png: {message}"):
+        detect_survey(tmp_path / "plan.png", {name: value})
+
+
+@pytest.mark.parametrize(
+    ("file", "stated", "option"),
+    [
+        ("a.png", {"page": 2}, "--page"),
+        ("a.png", {"layers": ["x"]}, "--layer"),
+        ("a.tif", {"dpi": 100.0}, "--dpi"),
+        ("a.dxf", {"px_per_m": 8.0}, "--px-per-m"),
+        ("a.csv", {"unit": "mm"}, "--unit"),
+        ("a.yaml", {"seeds_px": [[1, 1]]}, "--seed"),
+        ("a.svx", {"crop_px": [0, 0, 5, 5]}, "--crop"),
+    ],
+)
+def test_an_option_that_nothing_reads_with_a_kind_of_file_is_refused(tmp_path, file, stated, option):
+    (tmp_path / file).write_bytes(b"x")
+    with pytest.raises(InputError, match=rf"{file}: {option} is not read with an? .*; there are --"):
+        detect_survey(tmp_path / file, stated)
+
+
+def test_every_option_applies_to_some_kind_of_file():
+    assert set().union(*APPLIES.values()) | {"entrance_m"} == set(StatedOptions.model_fields)
+    assert option_of("bar_length_m") == "--bar-length"
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("a" * 300 + ".png", "File name too long"),
+        ("a\nb.png", "'.*\\\\nb.png': a path with line breaks"),
+        ("\x1b[31m/a.png", "a path with line breaks, control characters"),
+        ("\udcff.png", "or bytes that are no UTF-8"),
+        ("folder.png", "not a plain file"),
+        ("pipe.png", "not a plain file"),
+    ],
+)
+def test_a_path_that_is_no_plain_file_is_refused_on_one_line(tmp_path, name, message):
+    (tmp_path / "folder.png").mkdir()
+    os.mkfifo(tmp_path / "pipe.png")
+    with pytest.raises(InputError, match=message) as error:
+        detect_survey(tmp_path / name, {})
+    assert str(error.value).isprintable()
+
+
+def test_walls_that_only_a_tiny_unit_would_close_are_refused_in_the_files_own_unit(tmp_path):
+    drawing = ezdxf.new()
+    drawing.header["$INSUNITS"] = 6
+    drawing.modelspace().add_lwpolyline([(0, 0), (60, 0), (60, 5), (0, 5)])  # in inches the gap is 13 cm
+    drawing.saveas(tmp_path / "mine.dxf")
+    with pytest.raises(InputError, match=r"the walls enclose nothing: the nearest ends left open are 5\.00 m apart"):
+        detect_survey(tmp_path / "mine.dxf", {})
+
+
+def test_lines_that_cover_the_whole_picture_enclose_nothing():
+    for lines in ([[1, 0], [0, 1]], np.tile([[0, 1, 0]], (600, 1))):
+        with pytest.raises(GeometryError, match="the drawn walls cover the whole picture"):
+            fill_line_drawing(np.array(lines, bool), [], 9.0)
+
+
+def test_a_plan_of_more_than_twenty_kilometres_is_refused():
+    plan = np.zeros((600, 800, 3), np.uint8)
+    require_extent("plan.png", plan, 0.04)
+    for px_per_m in (0.03, 1e-300):
+        with pytest.raises(InputError, match=r"plan\.png: the plan extends over .* the limit is 20,000 m"):
+            require_extent("plan.png", plan, px_per_m)

@@ -1,0 +1,104 @@
+"""Commands end with one message: after errors of the operating system, signals, and with broken artifacts."""
+
+import json
+import os
+import signal
+
+import pytest
+
+from pipeline.errors import ArtifactError, InputError, ParamsError, run_command
+from pipeline.import_mine import require_name
+from pipeline.params.validation import ValidationParams
+from pipeline.report.results import read_metrics
+from pipeline.store.manifest import read_params
+
+
+@pytest.fixture(autouse=True)
+def _handlers():
+    before = {kind: signal.getsignal(kind) for kind in (signal.SIGTERM, signal.SIGINT)}
+    yield
+    for kind, handler in before.items():
+        signal.signal(kind, handler)
+
+
+def test_an_error_of_the_operating_system_is_one_line_with_the_file(tmp_path, capsys):
+    for path, reason in ((tmp_path / "none" / "x", "No such file"), (tmp_path, "Is a directory")):
+        assert run_command("new", path.read_bytes) == 2
+        text = capsys.readouterr().err
+        assert text.startswith(f"new: {path}: {reason}")
+        assert text.count("\n") == 1
+    assert run_command("new", lambda: os.open("/dev/full\n" + "a" * 300, os.O_RDONLY)) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_signal_to_end_runs_the_cleaning_up(capsys):
+    cleaned = []
+
+    def work():
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            signal.pause()
+        finally:
+            cleaned.append(True)
+
+    assert run_command("new", work) == 130
+    assert cleaned == [True]
+    assert capsys.readouterr().err == "new: interrupted\n"
+
+
+def test_an_import_that_a_signal_breaks_is_an_interrupt_and_no_traceback(capsys):
+    def load():
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            signal.pause()
+        except KeyboardInterrupt as error:
+            raise ImportError("initialization failed") from error  # as NumPy's C code does
+
+    assert run_command("new", load) == 130
+    assert capsys.readouterr().err == "new: interrupted\n"
+
+
+def test_an_unexpected_error_stays_one():
+    with pytest.raises(ZeroDivisionError):
+        run_command("new", lambda: 1 / 0)
+
+
+def test_an_expected_error_is_its_message(capsys):
+    def fail():
+        raise InputError("a.png: empty file")
+
+    assert run_command("new", fail) == 2
+    assert capsys.readouterr().err == "new: a.png: empty file\n"
+
+
+@pytest.mark.parametrize("name", ["Family", "Family-train-0007", "Family-x"])
+def test_a_world_cannot_take_the_id_of_the_family(name):
+    with pytest.raises(ParamsError, match=f"MineXplore/{name}-v0 is an environment of this project"):
+        require_name(name)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[]", "want a mapping of figures, not"),
+        ("null", "want a mapping of figures"),
+        ("[" * 100_000, "not JSON"),
+        ('{"a": NaN}', "'a' = nan: not a figure"),
+        ('{"a": 1e999}', "'a' = inf: not a figure"),
+        ('{"a": "\\u001b[31m"}', "not a figure"),
+        ('{"a\\n": 1}', "not a figure"),
+        ("", "not JSON"),
+    ],
+)
+def test_broken_figures_are_refused_with_the_file(tmp_path, text, message):
+    (tmp_path / "metrics.json").write_text(text)
+    (tmp_path / "certificate.json").write_text('{"world_sha256": "0"}')
+    with pytest.raises(ArtifactError, match=rf"metrics\.json: .*{message}|metrics\.json: {message}"):
+        read_metrics(tmp_path)
+
+
+def test_parameters_of_a_manifest_that_are_none_are_refused(tmp_path):
+    fields = {"stage": "validation", "version": "1", "code_sha256": "0", "inputs": {}, "outputs": {}}
+    (tmp_path / "manifest.json").write_text(json.dumps({**fields, "params": {"limits": {"a": "x"}}}))
+    with pytest.raises(ArtifactError, match=r"manifest\.json: params: "):
+        read_params(tmp_path / "manifest.json", ValidationParams)
