@@ -185,6 +185,14 @@ def test_a_corrected_survey_section_rebuilds_the_world(owned, tmp_path):
     assert survey["scale"]["px_per_m"] == pytest.approx(160 / 24)
 
 
+@pytest.mark.slow
+def test_a_light_world_of_a_plan_needs_no_report(owned, tmp_path):
+    project = owned[0].copy(tmp_path / "copy")
+    done = pipeline(project, "new", "light-tee", "--from", "plan.png", "preset=light")
+    assert done.returncode == 0, done.stderr
+    assert "report  none, it needs validation.extent=full" in done.stdout
+
+
 def test_the_report_opens_without_a_network_and_draws_the_mine(owned, tmp_path):
     browser = find_browser()
     if browser is None:
