@@ -18,7 +18,7 @@ _BOX = 0.7  # covered share of a box's sides
 _OUTLINED, _NEAR_PX = 0.85, 4.0  # share of the border that has a line, and how near, px
 _CIRCLE_PX = 4.0
 _PIECE, _NARROW, _WIDE = 1.0, 0.5, 0.7  # area of a lost piece, in drift widths squared; limits of half its width
-_LOST = 1.0  # area of drifts between lines that are not taken, in drift widths squared
+_LOST = 0.6  # area of drifts between lines that are not taken, in drift widths squared
 _FILLED = 0.5  # of what lines enclose
 
 
