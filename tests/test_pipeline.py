@@ -112,7 +112,7 @@ def test_a_manifest_made_from_another_input_breaks_the_chain(traced_project, tmp
     assert "the inputs of contours" in done.stderr
 
 
-def test_dvc_repro_runs_all_stages_once_then_none_and_an_experiment_runs_the_changed_stages(repro, tmp_path):
+def test_dvc_repro_runs_all_stages_once_then_none(repro, tmp_path):
     assert "Running stage 'validation'" in (repro.folder.parent / "stdout").read_text()
     project = repro.copy(tmp_path / "mine")
     read, _, _ = audit_repro(project)
@@ -122,10 +122,15 @@ def test_dvc_repro_runs_all_stages_once_then_none_and_an_experiment_runs_the_cha
     assert read == {"dvc.yaml", "dvc.lock", "params.yaml", "artifacts/params.yaml"}
     assert processes == []
     assert [name for name in imported if name.split(".")[0] in ("pipeline", "stages", "minexplore")] == []
+
+
+@pytest.mark.slow
+def test_an_experiment_runs_the_changed_stages(repro, tmp_path):
+    project = repro.copy(tmp_path / "mine")
+    project.run("dvc", "repro", check=True)
     project.run("git", "add", "-A", check=True)
     project.run("git", "-c", "user.name=t", "-c", "user.email=t@e.org", "commit", "-qm", "run", check=True)
     before = metrics_of(project)["iou"]["free_space_vs_cleaned"]
-
     experiment = project.run("dvc", "exp", "run", "-S", "overrides='contours.tolerance_m=0.15'")
     assert experiment.returncode == 0, experiment.stderr
     assert "Running stage 'survey'" not in experiment.stdout
