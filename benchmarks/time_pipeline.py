@@ -17,7 +17,7 @@ from pipeline.store.files import write_atomically
 from stages.__main__ import STAGES
 
 TABLE = Path("docs/timings.md")
-_LIMITS = {"compile3d": 5.0, "surface": 60.0, "validation": 90.0}
+_LIMITS = {"compile3d": 5.0, "surface": 25.0, "validation": 90.0}
 
 
 def main() -> int:
