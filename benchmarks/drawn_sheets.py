@@ -93,6 +93,9 @@ def table(rows: list[dict[str, Any]]) -> str:
         f"Of {len(bars)} scale bars, {good} are found and measured within 2 %, {missed} are not found, and "
         f"{len(bars) - good - missed} are mistaken for another line.",
     ]
+    wrong = [f"{row['seed']} ({row['walls']}, IoU {row['iou']:.3f})" for row in rows if verdict(row) == "wrong"]
+    if wrong:
+        lines += ["", f"Silently wrong: {', '.join(wrong)}."]
     return "\n".join(lines) + "\n"
 
 
@@ -122,12 +125,17 @@ def page(rows: list[dict[str, Any]]) -> str:
         "refused sheet names the option that settles it; a sheet of several levels always needs one. Nothing may be\n"
         "silently wrong.\n\n"
         f"## {len(fresh)} sheets that the detector had not seen\n\n"
-        f"Seeds {FRESH[0]} to {FRESH[-1]}. Nobody looked at them while the detector was made, so these figures are\n"
+        f"Seeds {_span(fresh)}. Nobody looked at them while the detector was made, so these figures are\n"
         f"the ones to expect.\n\n{table(fresh)}\n"
         f"## {len(developed)} sheets that the detector was developed on\n\n"
-        f"Seeds {DEVELOPED[0]} to {DEVELOPED[-1]}.\n\n{table(developed)}\n"
+        f"Seeds {_span(developed)}.\n\n{table(developed)}\n"
         "![Sheets and what was detected, green](drawn-sheets.jpg)\n"
     )
+
+
+def _span(rows: list[dict[str, Any]]) -> str:
+    seeds = [row["seed"] for row in rows]
+    return f"{min(seeds)} to {max(seeds)}" if seeds else "none"
 
 
 def main() -> int:
