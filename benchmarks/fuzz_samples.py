@@ -15,7 +15,13 @@ import cv2
 import numpy as np
 import yaml
 
-from benchmarks.fuzz_surveys import SAMPLES_3D
+from benchmarks.fuzz_surveys import def _section() -> bytes:
+    """Return a survey section that stands alone: without the line that includes others."""
+    lines = Path("conf/survey/plan.yaml").read_bytes().splitlines(keepends=True)
+    return b"".join(line for line in lines if not line.startswith(b"defaults:"))
+
+
+SAMPLES_3D
 from minexplore.bundle import FORMAT
 
 Files = dict[str, bytes]
@@ -219,5 +225,5 @@ SAMPLES: dict[str, Callable[[], Files]] = {
     "obj": lambda: _mesh("c.obj"),
     "sweep": lambda: {"sweep.csv": _SWEEP},
     "bundle": _bundle,
-    "survey section": lambda: {"conf.yaml": Path("conf/survey/plan.yaml").read_bytes()},
+    "survey section": lambda: {"conf.yaml": _section()},
 }
