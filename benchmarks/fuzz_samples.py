@@ -15,13 +15,7 @@ import cv2
 import numpy as np
 import yaml
 
-from benchmarks.fuzz_surveys import def _section() -> bytes:
-    """Return a survey section that stands alone: without the line that includes others."""
-    lines = Path("conf/survey/plan.yaml").read_bytes().splitlines(keepends=True)
-    return b"".join(line for line in lines if not line.startswith(b"defaults:"))
-
-
-SAMPLES_3D
+from benchmarks.fuzz_surveys import SAMPLES_3D
 from minexplore.bundle import FORMAT
 
 Files = dict[str, bytes]
@@ -180,6 +174,12 @@ def _pcd() -> Files:
 
 def _bytes_of(points: np.ndarray) -> bytes:
     return points.astype("<f4").tobytes()
+
+
+def _section() -> bytes:
+    """Return a survey section that stands alone: without the line that includes others."""
+    lines = Path("conf/survey/plan.yaml").read_bytes().splitlines(keepends=True)
+    return b"".join(line for line in lines if not line.startswith(b"defaults:"))
 
 
 def _las() -> Files:
