@@ -50,6 +50,7 @@ class ReaderLimits(Params):
     steepest_grade: float = Field(gt=0, le=1)
     flat_grade: float = Field(gt=0, le=1)
     flat_step_m: float = Field(gt=0)
+    farthest_wall_m: float = Field(gt=0)
 
 
 @cache

@@ -136,6 +136,13 @@ def test_a_survey_without_cross_sections_gets_its_walls_from_splays(tmp_path):
 
 
 @needs_cavern
+def test_a_wall_kilometres_from_its_station_is_refused(tmp_path):
+    text = "1 2 20 0 0\n*data passage station left right up down\n1 2 2 2 0\n2 2 4000 2 0\n"
+    with pytest.raises(InputError, match=r"a wall 4000 m beside its station, at most 300 \(farthest_wall_m\)"):
+        read_passages(write(tmp_path, {"a.svx": text}))
+
+
+@needs_cavern
 def test_a_leg_too_steep_to_drive_is_fenced_off_with_its_place(tmp_path, capsys):
     text, rows = "1 2 20 0 0\n2 3 20 0 9\n3 4 10 0 45\n", "".join(f"{name} 2 2 3 0\n" for name in range(1, 5))
     path = write(tmp_path, {"a.svx": f"{text}*data passage station left right up down\n{rows}"})

@@ -9,6 +9,7 @@ import networkx as nx
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.child import tell
 from pipeline.survey.legs import Chain, SurveyLeg, legs_of_chains
 from pipeline.survey.shapes import require_at_most
@@ -139,8 +140,12 @@ def _with_sides(path: Path, rows: Rows, half_width_m: float | None) -> Rows:
     Raises
     ------
     InputError
-        If a width is needed and neither stated nor measured anywhere.
+        If a width is needed and neither stated nor measured anywhere, or a wall is too far from its station.
     """
+    sides = np.concatenate([walls[:, :2].ravel() for _, walls in rows]) if rows else np.zeros(0)
+    farthest, most = np.max(sides, where=np.isfinite(sides), initial=0.0), reader_limits().farthest_wall_m
+    if farthest > most:
+        raise InputError(f"{path}: a wall {farthest:g} m beside its station, at most {most:g} (farthest_wall_m)")
     usual = half_width_m or usual_half_width_m(rows)
     filled, count = [], 0
     for nodes, walls in rows:
