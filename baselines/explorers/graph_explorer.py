@@ -18,6 +18,7 @@ _REPLAN_STEPS = 15  # control steps between plans
 _HYSTERESIS_M = 3.0  # a new goal must be this much better than the present one
 _GIVE_UP_STEPS = 60  # control steps beside a frontier that stays unseen
 _BESIDE_M = 3.0
+STILL_M, _STILL_STEPS = 1.0, 80  # a goal is given up, too, while the robot stays so long within a metre of one place
 
 
 @dataclass(frozen=True)
@@ -108,6 +109,8 @@ class _Driver:
         self._since: dict[Cell, int] = {}  # the step at which each cell of the frontier came into it
         self._beside: dict[Cell, int] = {}
         self._before = np.zeros(0)
+        self._place = self._anchor = np.full(2, np.inf)  # of the robot at the last plan, and where it has stayed since
+        self._anchored = 0
 
     def wants_a_plan(self, place: np.ndarray) -> bool:
         """Count a control step; return whether the plan is old, or its goal is seen or reached."""
@@ -120,6 +123,9 @@ class _Driver:
 
     def look_around(self, place: np.ndarray) -> Situation | None:
         """Return what there is to decide at a place (2,) m; None if no frontier can be reached."""
+        self._place = place.copy()
+        if not np.linalg.norm(place - self._anchor) <= STILL_M:
+            self._anchor, self._anchored = place.copy(), self._step
         given_up = [cell for cell, steps in self._beside.items() if steps > _GIVE_UP_STEPS]
         keep = worth_driving_to(self.map, given_up, place if self._start is None else self._start, self._region_m)
         graph = map_graph(self.map, self._radius_m, keep)
@@ -150,8 +156,9 @@ class _Driver:
             return
         node = int(situation.goals[chosen])
         goal = (int(situation.graph.cells[node, 0]), int(situation.graph.cells[node, 1]))
-        self.path = situation.graph.path(self._before, node)
-        if goal == self._goal and situation.costs[chosen] < _BESIDE_M:
+        self.path = situation.graph.path(self._place, self._before, node)
+        still = self._step - self._anchored > _STILL_STEPS
+        if goal == self._goal and (still or situation.costs[chosen] < _BESIDE_M):
             self._beside[goal] = self._beside.get(goal, 0) + passed
         self.steps_to_goal = self.steps_to_goal + passed if chosen == situation.present else 0
         self._goal = goal

@@ -87,10 +87,11 @@ class AssignedFrontiers:
         chosen[robots] = np.where(lengths[robots, clusters] < _UNREACHABLE_M, clusters, chosen[robots])
         for robot, cluster in enumerate(chosen.tolist()):
             if lengths[robot, cluster] < _UNREACHABLE_M:
-                self._head_for(robot, graph, before[robot], int(nearest[robot, cluster]), lengths[robot, cluster])
+                node = int(nearest[robot, cluster])
+                self._paths[robot] = graph.path(poses[robot, :2], before[robot], node)
+                self._count_steps_beside(graph, node, lengths[robot, cluster])
 
-    def _head_for(self, robot: int, graph: MapGraph, before: np.ndarray, node: int, length_m: float) -> None:
-        self._paths[robot] = graph.path(before, node)
+    def _count_steps_beside(self, graph: MapGraph, node: int, length_m: float) -> None:
         if length_m < _BESIDE_M:
             cell = (int(graph.cells[node, 0]), int(graph.cells[node, 1]))
             self._beside[cell] = self._beside.get(cell, 0) + _REPLAN_STEPS

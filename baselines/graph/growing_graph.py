@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, label
 from scipy.sparse import coo_matrix, csr_matrix
 
-from baselines.explorers.map_graph import _BLOCK_CELLS, _MARGIN_M, _NEIGHBOURS, MapGraph, _links
+from baselines.explorers.map_graph import _BLOCK_CELLS, _MARGIN_M, _NEIGHBOURS, MapGraph, _links, widest_places
 from baselines.explorers.own_map import FINE, ROCK, UNKNOWN, OwnMap
 
 _MARGIN_CELLS = 4  # round what has changed: a new wall moves the widest places that are so near
@@ -49,12 +49,11 @@ class GrowingGraph:
         part = OwnMap(self.own.cell_m)
         part.seen, part.fine = self.own.seen[_cells(view)], self.own.fine[_fine_cells(view)]
         clearance = distance_transform_edt(part.fine != ROCK) * self.own.fine_m
-        rows, cols = part.seen.shape
-        blocks = clearance.reshape(rows, FINE, cols, FINE).swapaxes(1, 2).reshape(rows, cols, -1)
+        found, widest = widest_places(part.fine, clearance, self._clear_m)
         inner = (slice(box[0] - view[0], box[1] - view[0]), slice(box[2] - view[2], box[3] - view[2]))
-        best, corner = blocks.argmax(axis=2)[inner], np.indices(self.own.seen.shape)[:, *_cells(box)] * FINE
+        best, corner = found[inner], np.indices(self.own.seen.shape)[:, *_cells(box)] * FINE
         self._at[_cells(box)] = np.stack([corner[0] + best // FINE, corner[1] + best % FINE], axis=-1)
-        self._widest_m[_cells(box)] = blocks.max(axis=2)[inner]
+        self._widest_m[_cells(box)] = widest[inner]
         self._frontier[_cells(box)] = part.frontier()[inner]
         self._link(self._grow(box, 1), view, clearance, part.fine == UNKNOWN)
 
@@ -69,7 +68,8 @@ class GrowingGraph:
         number[wanted] = np.arange(wanted.sum())
         cell = np.argwhere(wanted)
         at = self._at[_cells(box)][wanted] - [view[0] * FINE, view[2] * FINE]
-        found = _links(number, at, clearance, unknown, self._clear_m, self.own.fine_m).tocoo()
+        seen = self.own.seen[_cells(box)][wanted]
+        found = _links(number, seen, at, clearance, unknown, self._clear_m, self.own.fine_m).tocoo()
         step = cell[found.col] - cell[found.row]
         costs = self._cost_m[:, *_cells(box)]
         for kind, (i, j) in enumerate(_NEIGHBOURS):
@@ -85,7 +85,9 @@ class GrowingGraph:
         window = _cells(box)
         if box[0] >= box[1]:
             nothing = np.zeros((0, 2))
-            return MapGraph(nothing.astype(int), nothing, csr_matrix((0, 0)), np.zeros(0, dtype=int))
+            return MapGraph(
+                nothing.astype(int), nothing, csr_matrix((0, 0)), np.zeros(0, dtype=int), self.own, self._clear_m
+            )
         frontier = self._frontier[window] & keep[window]
         node = (self.own.seen[window] | frontier) & (self._widest_m[window] >= self._clear_m)
         number = np.full(node.shape, -1)
@@ -94,7 +96,7 @@ class GrowingGraph:
         places = self.own.centres(self._at[window][node])
         groups = _number_clusters(frontier, corner + self.own.low[::-1])
         links = self._links_of(number, self._cost_m[:, *window])
-        return MapGraph((cell + corner)[:, ::-1] + self.own.low, places, links, groups[node])
+        return MapGraph((cell + corner)[:, ::-1] + self.own.low, places, links, groups[node], self.own, self._clear_m)
 
     def _links_of(self, number: np.ndarray, costs: np.ndarray) -> csr_matrix:
         """Return the links (n, n) between numbered cells."""

@@ -6,13 +6,18 @@ import copy
 
 import numpy as np
 
-from baselines.explorers.graph_explorer import _BESIDE_M, _GIVE_UP_STEPS, _HYSTERESIS_M, Situation
+from baselines.explorers.graph_explorer import (
+    _BESIDE_M,
+    _GIVE_UP_STEPS,
+    _HYSTERESIS_M,
+    _STILL_STEPS,
+    STILL_M,
+    Situation,
+)
 from baselines.explorers.own_map import FINE, OwnMap
 from baselines.graph.growing_graph import GrowingGraph
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
-
-STILL_M = 1.0
 
 
 class ClusterPlanner:
@@ -40,6 +45,7 @@ class ClusterPlanner:
         self._anchor, self._anchored = start.copy(), 0
         self._fine, self._seen = own.fine.copy(), own.seen.copy()  # the map at the last plan
         self._before = np.zeros(0)
+        self._place = start.copy()  # of the robot at the last plan
 
     def fork(self, own: OwnMap) -> ClusterPlanner:
         """Return a copy that goes on with a copy of the map."""
@@ -64,6 +70,7 @@ class ClusterPlanner:
 
     def look_around(self, place: np.ndarray) -> Situation | None:
         """Return what there is to decide at a place (2,) m; None if no frontier can be reached."""
+        self._place = place.copy()
         if np.hypot(*(place - self._anchor)) > STILL_M:
             self._anchor, self._anchored = place.copy(), self.step
         self._update_graph()
@@ -117,8 +124,9 @@ class ClusterPlanner:
             return
         node = int(situation.goals[chosen])
         goal = (int(situation.graph.cells[node, 0]), int(situation.graph.cells[node, 1]))
-        self.path = situation.graph.path(self._before, node)
-        if goal == self.goal and situation.costs[chosen] < _BESIDE_M:
+        self.path = situation.graph.path(self._place, self._before, node)
+        still = self.still_steps > _STILL_STEPS
+        if goal == self.goal and (still or situation.costs[chosen] < _BESIDE_M):
             self._beside[goal] = self._beside.get(goal, 0) + passed
             if self._beside[goal] > _GIVE_UP_STEPS:
                 self._worth[goal[1] - self.map.low[1], goal[0] - self.map.low[0]] = False

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from baselines.explorers.graph_explorer import GraphExplorer, Situation
+from baselines.explorers.graph_explorer import STILL_M, GraphExplorer, Situation
 from baselines.graph.checkpoint import read_network
 from baselines.graph.choosing import LearnedChoice
 from baselines.graph.features import Context
-from baselines.graph.planner import STILL_M
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from baselines.explorers.graph_explorer import Situation
 from baselines.graph.convoy import Convoy
@@ -125,19 +126,17 @@ class MapSimulator:
         length, turned = (before + speeds).T / 2 * step_s
         heading = pose[:, 2] + turned / 2
         place = pose[:, :2] + length[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
-        fits = self._clearance(place) >= self.robot.radius_m
+        clearance = self._clearance(place)
+        fits = (clearance >= self.robot.radius_m) | (clearance >= self._clearance(pose[:, :2]))
         self.poses[robots, :2] = np.where(fits[:, None], place, pose[:, :2])
         self.poses[robots, 2] = (pose[:, 2] + turned + np.pi) % (2 * np.pi) - np.pi
         self._speeds[robots] = speeds * np.column_stack([fits, np.ones(len(robots))])
         self.time_s[robots] += step_s
 
     def _clearance(self, places: np.ndarray) -> np.ndarray:
-        """Return the distances (k,) m to rock; 0 beyond the world."""
-        cell = np.floor((places - self.world.origin_m) / self.world.cell_m).astype(int)
-        rows, cols = self.world.clearance_m.shape
-        inside = (cell >= 0).all(axis=1) & (cell[:, 1] < rows) & (cell[:, 0] < cols)
-        at = np.where(inside[:, None], cell, 0)
-        return np.where(inside, self.world.clearance_m[at[:, 1], at[:, 0]], 0.0)
+        """Return the distances (k,) m to rock, linear between the cells of the grid; 0 beyond the world."""
+        at = (places - self.world.origin_m) / self.world.cell_m - 0.5
+        return map_coordinates(self.world.clearance_m, at[:, ::-1].T, order=1, mode="grid-constant")
 
     def _measure(self, robots: np.ndarray, rng: np.random.Generator) -> None:
         """Cast the beams of robots (k,); what they measure has noise."""

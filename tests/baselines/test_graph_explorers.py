@@ -3,6 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
+from baselines.explorers.graph_explorer import _Driver
 from baselines.explorers.map_graph import map_graph, worth_driving_to
 from baselines.explorers.own_map import FINE, FREE, ROCK, OwnMap
 from baselines.explorers.team import AssignedFrontiers
@@ -40,11 +41,44 @@ def test_links_do_not_lead_through_rock_and_paths_go_round_it():
     west, east = (graph.nearest(np.array(place)) for place in ((3.0, 7.0), (17.0, 7.0)))
     costs, before = graph.costs_from([west])
     assert costs[0, east] > 16  # across the pillar it would be 14 m
-    path = graph.path(before[0], east)
+    path = graph.path(np.array([3.2, 7.1]), before[0], east)
+    assert path[0].tolist() == [3.2, 7.1]
     column, row = np.floor(path / CELL_M).astype(int).T
     rock = np.array([[character == "#" for character in line] for line in PILLAR.split()[::-1]])
     assert not rock[row, column].any()
     assert np.linalg.norm(np.diff(path, axis=0), axis=1).max() <= 0.41
+
+
+def test_a_robot_starts_from_a_node_on_its_own_side_of_a_wall():
+    own = map_of("############ #....#.....# #....#.....# #....#.....# ############")
+    wall = slice(5 * FINE, 6 * FINE)
+    own.fine[FINE:-FINE, wall] = FREE
+    own.fine[FINE:-FINE, wall.start + 2] = ROCK  # 0.4 m thick; the cells at both sides of it are narrow
+    graph = map_graph(own, 0.35, np.ones_like(own.seen))
+    for x, west in ((10.7, True), (11.3, False)):
+        node = graph.nearest(np.array([x, 5.0]))
+        assert (graph.places[node, 0] < 11.0) == west
+    costs, _ = graph.costs_from([graph.nearest(np.array([10.7, 5.0]))])
+    assert not np.isfinite(costs[0, graph.nearest(np.array([11.3, 5.0]))])
+
+
+def test_a_path_leads_round_the_corner_that_a_robot_stands_at_and_not_back():
+    graph = graph_of("########## #........# #.######## #.######## #.######## ##########")
+    place = np.array([3.3, 6.4])
+    _, before = graph.costs_from([graph.nearest(place)])
+    path = graph.path(place, before[0], graph.nearest(np.array([17.0, 9.0])))
+    assert (np.diff(path[:, 1]) > -1e-9).all()
+    assert (np.diff(path[:, 0])[path[1:, 1] > 8.0] > -1e-9).all()
+
+
+def test_a_place_on_passed_ground_goes_before_a_wider_one_on_unknown_ground():
+    own = map_of("##### #...# #...# #...# #####")
+    own.fine[FINE:-FINE, 2 * FINE : 3 * FINE] = 0
+    own.fine[FINE:-FINE, 2 * FINE] = FREE  # at the cell's border: the middle of the drift is wider
+    graph = map_graph(own, 0.35, np.ones_like(own.seen))
+    middle = graph.cells[:, 0] == 2
+    assert middle.any()
+    np.testing.assert_allclose(graph.places[middle, 0], 4.2)
 
 
 def test_the_frontier_is_in_clusters_that_are_no_longer_than_a_block():
@@ -116,3 +150,18 @@ def test_the_speed_up_compares_times_to_the_same_coverage():
     assert speed_up(one, team) == pytest.approx(2.0)
     assert speed_up(one, one) == 1.0
     assert np.isnan(speed_up(team, one))
+
+
+def test_a_goal_that_a_robot_cannot_get_to_is_given_up():
+    driver, place = _Driver(TaskParams(), RobotParams()), np.array([3.0, 3.0])
+    driver.map = map_of("############# #...........? #...........? ############# #############")
+    goals = set()
+    for _ in range(500):
+        if driver.wants_a_plan(place):
+            situation = driver.look_around(place)
+            if situation is None:
+                break
+            driver.head_for(situation, int(situation.costs.argmin()))
+            goals.add(driver._goal)
+    assert situation is None
+    assert goals == {(12, 2), (12, 3)}

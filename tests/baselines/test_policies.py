@@ -8,7 +8,7 @@ from baselines.errors import BaselineError
 from baselines.explorers import EXPLORERS
 from baselines.explorers.frontier import NearestFrontier
 from baselines.explorers.own_map import FINE, FREE, ROCK, OwnMap
-from baselines.explorers.pursuit import PathFollower
+from baselines.explorers.pursuit import PathFollower, heading_errors
 from baselines.map_observation import RINGS_M, MapObserver
 from baselines.policy import make_policy, policy_sha256, source_files
 from baselines.protocol import run_episodes
@@ -77,6 +77,26 @@ def test_pursuit_turns_towards_its_path_and_stops_before_rock():
     blocked = clear.copy()
     blocked[0] = 0.4
     assert pursuit.follow(path, np.array([0.0, 0.0, 0.0]), blocked)[0] <= 0.0
+
+
+def test_pursuit_creeps_past_a_wall_that_it_does_not_touch():
+    path, ranges = np.column_stack([np.linspace(0, 5, 20), np.zeros(20)]), np.full(16, 10.0)
+    pursuit = PathFollower(TaskParams(), RobotParams())
+    side = np.abs(np.sin(pursuit.bearings))
+    ranges[(pursuit.bearings > 0.1) & (side > 0.1)] = 0.5 / side[(pursuit.bearings > 0.1) & (side > 0.1)]
+    assert 0.0 < pursuit.follow(path, np.zeros(3), ranges)[0] < 0.5  # a wall 0.5 m to the left, the disc is 0.35 m wide
+    ranges *= 0.36 / 0.5
+    assert pursuit.follow(path, np.zeros(3), ranges)[0] < 0.0
+
+
+def test_pursuit_steers_round_a_corner_and_not_across_it():
+    leg = np.arange(0.0, 2.1, 0.4)
+    path = np.concatenate([np.column_stack([leg[:3], np.zeros(3)]), np.column_stack([np.full(6, 0.8), leg])])
+    error = heading_errors(path[None], np.array([len(path)]), np.zeros((1, 3)))
+    assert abs(np.tan(error[0]) * 0.8) <= 0.3 + 1e-9  # straight ahead it would be 0, across the corner 1.2 m
+    straight = np.column_stack([np.zeros(9), np.arange(9) * 0.4])
+    paths, lengths = np.stack([straight, straight]), np.array([9, 2])
+    np.testing.assert_allclose(heading_errors(paths, lengths, np.zeros((2, 3))), np.pi / 2)
 
 
 def test_a_wider_robot_stops_farther_from_rock():
