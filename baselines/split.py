@@ -20,6 +20,7 @@ from baselines.errors import BaselineError, run_command
 from baselines.evaluate import is_same
 from baselines.oracle.bound import best_walk
 from baselines.oracle.network import time_network
+from baselines.parallel import begin_worker
 from baselines.policy import make_policy, policy_label
 from baselines.progress import Progress
 from baselines.protocol import SPLIT_SEEDS, head_of, run_episodes
@@ -148,7 +149,7 @@ def _in_processes(work: Any, env_ids: list[str], jobs: int) -> Iterator[tuple[st
         for env_id in env_ids:
             yield env_id, work(env_id)
         return
-    pool = ProcessPoolExecutor(min(jobs, max(len(env_ids), 1)), multiprocessing.get_context("spawn"))
+    pool = ProcessPoolExecutor(min(jobs, max(len(env_ids), 1)), multiprocessing.get_context("spawn"), begin_worker)
     try:
         waiting = {pool.submit(work, env_id): env_id for env_id in env_ids}
         for future in as_completed(waiting):
