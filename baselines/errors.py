@@ -40,6 +40,11 @@ def run_command(name: str, command: Callable[[], None]) -> int:
         reason = f"{error.filename or name}: {error.strerror or type(error).__name__}"
         print(f"{name}: {''.join(c if c.isprintable() else ' ' for c in reason)}", file=sys.stderr)
         return 2
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] in ("baselines", "minexplore"):
+            raise
+        print(f"{name}: {error.name} is not installed for {sys.executable}; run `make setup`", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         print(f"{name}: interrupted; run it again to go on", file=sys.stderr)
         return 130
