@@ -7,10 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, TypeAdapter
 
 import minexplore
-from baselines.result_file import RESULTS
+from baselines.errors import BaselineError
+from baselines.result_file import RESULTS, replace_text
 
 BOUNDS = RESULTS / "bounds.json"
 
@@ -35,6 +36,9 @@ class Bound(BaseModel):
         return self.most[later] if later < len(self.most) else self.cells
 
 
+_BOUNDS = TypeAdapter(dict[str, Bound])
+
+
 def bounds_file(env_id: str) -> Path:
     """Return the file that keeps an environment's bound: mines of a split have one beside their results."""
     if env_id not in minexplore.FAMILY_MINES:
@@ -43,23 +47,28 @@ def bounds_file(env_id: str) -> Path:
 
 
 def read_bounds(path: Path | None = None) -> dict[str, Bound]:
-    """Return the bounds of a file by environment id; an environment without `make oracle` has none."""
+    """Return the bounds of a file by environment id; an environment without `make oracle` has none.
+
+    Raises
+    ------
+    BaselineError
+        If the file cannot be read, or holds something else.
+    """
     path = path or BOUNDS
     if not path.is_file():
         return {}
-    return {env: Bound.model_validate(values) for env, values in json.loads(path.read_text()).items()}
+    try:
+        return _BOUNDS.validate_json(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise BaselineError(f"{path}: no bounds ({str(error).splitlines()[0]})") from error
 
 
 def write_bound(env_id: str, bound: Bound) -> None:
     """Write an environment's bound to the file of bounds."""
     path = bounds_file(env_id)
-    path.parent.mkdir(parents=True, exist_ok=True)
     kept = sorted((read_bounds(path) | {env_id: bound}).items())
-    fresh = path.with_suffix(".new")
-    fresh.write_text(
-        json.dumps({env: values.model_dump(exclude_defaults=True) for env, values in kept}, indent=1) + "\n"
-    )
-    fresh.replace(path)
+    values = {env: bound.model_dump(exclude_defaults=True) for env, bound in kept}
+    replace_text(path, json.dumps(values, indent=1) + "\n")
 
 
 def bound_of(env_id: str, world_sha256: str) -> Callable[[float], int] | None:

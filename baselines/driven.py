@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from pathlib import Path
 
 from baselines.errors import BaselineError
-from baselines.result_file import Episode, Head, chain
+from baselines.result_file import Episode, Head, chain, replace_text
 
 RECORD = "driven_here.json"  # in the folder of all results: a file's path below it, and the hash of its contents
 
@@ -20,9 +19,7 @@ def note_driven(path: Path, results: Path, head: Head, episodes: list[Episode]) 
         return False
     kept = _read_record(results) | {place.relative_to(results).as_posix(): _digest(head, episodes)}
     there = {name: digest for name, digest in sorted(kept.items()) if (results / name).is_file()}
-    fresh = results / f".{RECORD}.{os.getpid()}"
-    fresh.write_text(json.dumps(there, indent=1) + "\n")
-    fresh.replace(results / RECORD)
+    replace_text(results / RECORD, json.dumps(there, indent=1) + "\n")
     return True
 
 

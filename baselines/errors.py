@@ -26,12 +26,24 @@ def interrupt(kind: int, frame: object) -> None:
 
 
 def run_command(name: str, command: Callable[[], None]) -> int:
-    """Run a command; return its exit code: 2 after an expected error, 130 when it was ended by Ctrl-C or SIGTERM."""
+    """Run a command; return its exit code: 2 after an expected error, 130 when it was ended by Ctrl-C or SIGTERM.
+
+    An error of the operating system, such as a full disk, is expected as well.
+    """
     signal.signal(signal.SIGTERM, interrupt)
     try:
         command()
     except BaselineError as error:
         print(f"{name}: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        reason = f"{error.filename or name}: {error.strerror or type(error).__name__}"
+        print(f"{name}: {''.join(c if c.isprintable() else ' ' for c in reason)}", file=sys.stderr)
+        return 2
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] in ("baselines", "minexplore"):
+            raise
+        print(f"{name}: {error.name} is not installed for {sys.executable}; run `make setup`", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"{name}: interrupted; run it again to go on", file=sys.stderr)

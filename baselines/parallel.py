@@ -62,10 +62,15 @@ def drive(
 
 
 def _begin(spec: EnvSpec, counter: Any) -> None:
-    """Prepare a worker: it knows its parent's environment, leaves Ctrl-C to its parent, and ends with it."""
+    """Prepare a worker that knows its parent's environment."""
     global _steps_done
     gymnasium.registry.setdefault(spec.id, spec)
     _steps_done = counter
+    begin_worker()
+
+
+def begin_worker() -> None:
+    """Prepare a worker: it leaves Ctrl-C to its parent, and ends with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

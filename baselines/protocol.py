@@ -27,6 +27,11 @@ def seeds_of(env_id: str) -> tuple[int, ...]:
     return SPLIT_SEEDS if env_id in minexplore.FAMILY_MINES else SEEDS
 
 
+def name_episode(env_id: str, seed: int) -> str:
+    """Return what a message calls an episode: its seed, or the mine of a split, each of which has one episode."""
+    return env_id if env_id in minexplore.FAMILY_MINES else f"seed {seed}"
+
+
 def head_of(env_id: str, env: MineVectorEnv, label: str, policy: Policy, seeds: list[int]) -> Head:
     """Return a results file's first line."""
     versions = {package: _version(package) for package in _PACKAGES} | {"python": platform.python_version()}

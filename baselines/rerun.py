@@ -12,7 +12,9 @@ from baselines.explorers import EXPLORERS
 from baselines.parallel import drive
 from baselines.policy import RESERVED, find_checkpoint, policy_label
 from baselines.progress import Progress
-from baselines.result_file import RESULTS, Episode, Head, read_results
+from baselines.protocol import name_episode
+from baselines.result_file import RESULTS, Episode, Head
+from baselines.split_file import read_parts
 
 _FIGURES = [key for key in Episode.model_fields if key != "previous"]
 
@@ -50,17 +52,18 @@ def drive_again(
         raise type(error)(f"{path}: {error}") from error
     finally:
         progress.close()
-    compare(path, episodes, again)
+    compare(path, head, episodes, again)
     return held
 
 
-def compare(path: Path, episodes: list[Episode], again: list[Episode]) -> None:
+def compare(path: Path, head: Head, episodes: list[Episode], again: list[Episode]) -> None:
     """Refuse episodes that differ from those that were driven again, in any figure."""
     for ours, theirs in zip(again, episodes, strict=True):
         differs = [key for key in _FIGURES if getattr(ours, key) != getattr(theirs, key)]
         if differs:
             raise RejectedError(
-                f"{path}: seed {theirs.seed}: driven again, the episode comes out differently ({differs[0]})"
+                f"{path}: {name_episode(head.env, theirs.seed)}: driven again, the episode comes out differently "
+                f"({differs[0]})"
             )
 
 
@@ -85,8 +88,9 @@ def _find_policy(path: Path, head: Head, policy: str | None) -> str:
 def pending(results: Path) -> list[Path]:
     """Return the kept files whose present contents were not driven here, of policies that can be found by name."""
     found = []
-    for path in sorted(path for path in results.glob("*/*.jsonl") if not path.parent.name.startswith("Family-")):
-        head, episodes = read_results(path)
+    for path in sorted(results.glob("*/*.jsonl")):
+        parts = read_parts(path)
+        head, episodes = parts[0][0], [episode for _, part in parts for episode in part]
         if head.policy not in RESERVED and not was_driven_here(path, results, head, episodes):
             found.append(path)
     return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import os
 import stat
 from pathlib import Path
 from typing import Annotated
@@ -101,10 +102,18 @@ def line_sha256(line: str) -> str:
 
 def write_results(path: Path, head: Head, episodes: list[Episode]) -> None:
     """Write a results file; an interrupted write leaves the previous file in place."""
+    replace_text(path, chain(head, episodes))
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all, also where two processes write it at once."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_suffix(".new")
-    fresh.write_text(chain(head, episodes))
-    fresh.replace(path)
+    fresh = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        fresh.write_text(text)
+        fresh.replace(path)
+    finally:
+        fresh.unlink(missing_ok=True)
 
 
 def read_results(path: Path) -> tuple[Head, list[Episode]]:

@@ -9,16 +9,18 @@ import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import minexplore
 from baselines.bounds import Bound, bounds_file, read_bounds, write_bound
-from baselines.driven import note_driven
+from baselines.driven import note_driven, was_driven_here
 from baselines.environments import make_env
 from baselines.errors import BaselineError, run_command
 from baselines.evaluate import is_same
 from baselines.oracle.bound import best_walk
 from baselines.oracle.network import time_network
+from baselines.parallel import begin_worker
 from baselines.policy import make_policy, policy_label
 from baselines.progress import Progress
 from baselines.protocol import SPLIT_SEEDS, head_of, run_episodes
@@ -31,7 +33,7 @@ _BUILD = "make worlds N={count} SPLIT={split}"
 
 
 def evaluate_split(policy: str, split: str, jobs: int, most: int | None = None) -> list[Drive]:
-    """Drive one episode in each mine of a split; episodes that are kept and current are not driven again.
+    """Drive one episode in each mine of a split; episodes that are current and were driven here are kept.
 
     Raises
     ------
@@ -41,20 +43,39 @@ def evaluate_split(policy: str, split: str, jobs: int, most: int | None = None) 
     path = split_folder(split) / f"{policy_label(policy)}.jsonl"
     part = path.with_suffix(".part")
     ids = _built_ids(split, most)
-    kept = {head.env: (head, episode) for file in (path, part) if file.is_file() for head, episode in read_drives(file)}
+    kept = {head.env: (head, episode) for head, episode in _driven_here(path) + _driven_here(part)}
     current = {env: drive for env, drive in kept.items() if env in ids and is_same(drive[0], _expected(policy, env))}
     progress = Progress(f"{policy_label(policy)} in {split}", len(ids), len(current), "mines")
     for env_id, drive in _in_processes(partial(_drive, policy), [env for env in ids if env not in current], jobs):
         current[env_id] = drive
         write_drives(part, [current[env] for env in ids if env in current])
+        _note(part)
         progress.add(1)
     progress.close()
     drives = [current[env] for env in ids]
-    write_drives(path, drives)
+    ours = drives[0][0].policy_sha256  # with --mines, the same policy's other mines stay in the file
+    beyond = [kept[env] for env in sorted(set(kept) - set(ids)) if kept[env][0].policy_sha256 == ours]
+    write_drives(path, drives + beyond)
     part.unlink(missing_ok=True)
+    return _note(path)[: len(drives)]
+
+
+def _note(path: Path) -> list[Drive]:
+    """Keep that a file's drives were driven here, and return them as they are written."""
     drives = read_drives(path)
     note_driven(path, RESULTS, drives[0][0], [episode for _, episode in drives])
     return drives
+
+
+def _driven_here(path: Path) -> list[Drive]:
+    """Return a kept file's drives; none of one that somebody sent, which is driven again and replaced."""
+    if not path.is_file():
+        return []
+    drives = read_drives(path)
+    if was_driven_here(path, RESULTS, drives[0][0], [episode for _, episode in drives]):
+        return drives
+    print(f"{path}: was not driven here; it is driven again and replaced", file=sys.stderr)
+    return []
 
 
 def bound_split(split: str, jobs: int, most: int | None = None) -> dict[str, Bound]:
@@ -128,7 +149,7 @@ def _in_processes(work: Any, env_ids: list[str], jobs: int) -> Iterator[tuple[st
         for env_id in env_ids:
             yield env_id, work(env_id)
         return
-    pool = ProcessPoolExecutor(min(jobs, max(len(env_ids), 1)), multiprocessing.get_context("spawn"))
+    pool = ProcessPoolExecutor(min(jobs, max(len(env_ids), 1)), multiprocessing.get_context("spawn"), begin_worker)
     try:
         waiting = {pool.submit(work, env_id): env_id for env_id in env_ids}
         for future in as_completed(waiting):

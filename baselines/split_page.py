@@ -10,6 +10,7 @@ import numpy as np
 from baselines.bounds import Bound, bound_of, bounds_file, read_bounds
 from baselines.driven import was_driven_here
 from baselines.errors import BaselineError, RejectedError
+from baselines.own_ways import require_own_ways
 from baselines.score import check
 from baselines.split_file import Drive, read_drives, require_whole, split_folder
 from baselines.split_statistics import improvement, middle, stratified
@@ -48,23 +49,20 @@ def in_order(rows: list[_Row]) -> list[_Row]:
     return sorted(rows, key=lambda row: (not row.driven_here, -(_value(row) or 0.0)))
 
 
-def require_own_ways(kept: dict[Path, list[Drive]]) -> None:
-    """Refuse a file that is not named as its policy, or whose robots drive the ways of another file.
+def require_own_rows(kept: dict[Path, list[Drive]]) -> None:
+    """Refuse a file that is not named as its policy, or whose robots mostly drive the ways of another file.
 
     Raises
     ------
     RejectedError
         Naming the file, and the name or the other file.
     """
-    ways: dict[object, Path] = {}
     for path, drives in kept.items():
         if path.stem != drives[0][0].policy:
             raise RejectedError(
                 f"{path}: results of {drives[0][0].policy}, which are kept as {drives[0][0].policy}.jsonl"
             )
-        same = ways.setdefault(tuple(tuple(episode.path_cm) for _, episode in drives), path)
-        if same != path and any(episode.path_m > 1 for _, episode in drives):
-            raise RejectedError(f"{path}: its robots drive the ways of {same}")
+    require_own_ways({path: [episode for _, episode in drives] for path, drives in kept.items()})
 
 
 def split_section(split: str) -> str:
@@ -83,7 +81,7 @@ def split_section(split: str) -> str:
     kept = {path: read_drives(path) for path in files}
     for path, drives in kept.items():
         require_whole(path, drives, split)
-    require_own_ways(kept)
+    require_own_rows(kept)
     for mine in zip(*kept.values(), strict=True):  # a mine's environment is made once for all files
         for path, (head, episode) in zip(files, mine, strict=True):
             check(path, head, [episode])

@@ -72,7 +72,7 @@ def judge(data: bytes, head: Head, honest: list[Episode], file: Path, tally: Tal
         if _figures(claimed, episodes) != _figures(head, honest):
             outcome = DRIVEN
             gain = sum(e.seen[-1] for e in episodes) / sum(e.seen[-1] for e in honest) - 1
-            compare(file, episodes, honest)
+            compare(file, claimed, episodes, honest)
             outcome = ACCEPTED
     except RejectedError:
         if outcome == DRIVEN:

@@ -17,6 +17,8 @@ def numbers_of(action: Any) -> np.ndarray:
         If it holds anything but numbers.
     """
     try:
+        if np.iscomplexobj(action):
+            raise TypeError("complex numbers")
         return np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"action = {action!r:.200}: want numbers ({error})") from error

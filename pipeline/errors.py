@@ -9,6 +9,7 @@ from typing import NoReturn
 
 import numpy as np
 
+_OURS = ("minexplore", "pipeline", "stages")  # packages; a module that these lack is a fault of ours
 _MOST_NAME = 300  # characters of a file's name in a message
 
 
@@ -52,7 +53,7 @@ def run_command(name: str, command: Callable[[], object], interrupted: str = "in
     """Run a command; return its exit code: 2 after an expected error, 130 after Ctrl-C or SIGTERM.
 
     An error of the operating system is expected as well: a file that may not be read, a folder that may not be written,
-    a full disk, a name that is too long. The message names the file.
+    a full disk, a name that is too long. The message names the file. So is a missing package.
     """
     received: list[int] = []
 
@@ -70,6 +71,11 @@ def run_command(name: str, command: Callable[[], object], interrupted: str = "in
         return 2
     except OSError as error:
         print(f"{name}: {describe_os_error(error)}", file=sys.stderr)
+        return 2
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] in _OURS:
+            raise
+        print(f"{name}: {error.name} is not installed for {sys.executable}; run `make setup`", file=sys.stderr)
         return 2
     except BaseException as error:
         # Interrupted while it is imported, a library raises an error of its own.

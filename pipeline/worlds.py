@@ -10,6 +10,7 @@ from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
 from pipeline.params.config import Config
 from pipeline.params.validation import Limit, ValidationParams
+from pipeline.proof.groups import applying_limits
 from pipeline.report.results import NO_FIGURE, read_metrics
 from pipeline.stage import ARTIFACTS
 from pipeline.store.manifest import read_manifest, read_params
@@ -64,7 +65,7 @@ def read_figures(name: str) -> dict[str, Any]:
 
 def limits_of(name: str) -> dict[str, Limit]:
     """Return the limits that a world's metrics were checked against."""
-    return read_params(world_folder(name) / "validation" / "manifest.json", ValidationParams).limits
+    return applying_limits(read_params(world_folder(name) / "validation" / "manifest.json", ValidationParams))
 
 
 def list_worlds() -> str:

@@ -13,12 +13,13 @@ from minexplore.bundle import MODEL
 from pipeline.geometry.sheets import whole_of
 from pipeline.metrics.limits import breaches, flatten, require_limits
 from pipeline.mjcf.load_time import LoadCost, measure_load
-from pipeline.params.validation import Limit, ReplayParams, ValidationParams
+from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
+from pipeline.proof.groups import applying_limits, groups_of
 from pipeline.proof.replay import replay_sweeps
 from pipeline.proof.replay_report import Replay, ReplayReport
 from pipeline.proof.surface import TextureReport
-from pipeline.proof.validator import MEASURES, Validator, groups_of
+from pipeline.proof.validator import MEASURES, Validator
 from pipeline.report.graph import blocked_table
 from pipeline.report.plans import draw_agreement
 from pipeline.report.replay import draw_replay
@@ -118,16 +119,6 @@ def check_limits(params: ValidationParams, outputs: Mapping[str, Any]) -> None:
         )
     untimed = {name: limit for name, limit in limits.items() if name not in timed}
     require_limits(flatten(outputs["metrics"]) | timings, untimed)
-
-
-def applying_limits(params: ValidationParams) -> dict[str, Limit]:
-    """Return the limits on the groups of metrics that are measured."""
-    groups = groups_of(params)
-    return {
-        name: limit
-        for name, limit in params.limits.items()
-        if name.partition(".")[0] in groups or name.partition(".")[0] not in MEASURES
-    }
 
 
 STAGE = Stage(

@@ -11,7 +11,9 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.project import TINY_STATIONS, message_of
+from baselines.errors import run_command as run_baseline
+from pipeline.errors import run_command
+from tests.project import ROOT, TINY_STATIONS, message_of
 
 
 @pytest.mark.parametrize(
@@ -269,3 +271,49 @@ def test_changed_metrics_are_named_for_any_content(built, tmp_path, data):
     project = built.copy(tmp_path / "copy")
     (project.folder / "artifacts/validation/metrics.json").write_bytes(data)
     assert "validation/metrics.json" in message_of(project.module("pipeline", "verify"))
+
+
+@pytest.mark.parametrize("run", [run_command, run_baseline])
+def test_a_missing_package_is_named_with_the_command_that_installs_it(run, capsys):
+    def lack(name):
+        def command():
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+        return command
+
+    assert run("new", lack("ezdxf.addons")) == 2
+    said = capsys.readouterr().err
+    assert said == f"new: ezdxf.addons is not installed for {sys.executable}; run `make setup`\n"
+    with pytest.raises(ModuleNotFoundError):
+        run("new", lack("minexplore.nothing"))
+
+
+@pytest.mark.parametrize(
+    ("package", "command"),
+    [
+        ("safetensors", ["-m", "baselines.evaluate", "--help"]),
+        ("scipy", ["-m", "baselines.score", "x"]),
+        ("pyogrio", ["-m", "pipeline", "new", "zz", "--from", "{plan}"]),
+    ],
+)
+def test_commands_without_a_package_end_in_one_line(tmp_path, package, command):
+    (tmp_path / "sitecustomize.py").write_text(
+        "import importlib.machinery as m\n"
+        "found = m.PathFinder.find_spec\n"
+        "def find(name, path=None, target=None):\n"
+        f"    return None if name.split('.')[0] == {package!r} else found(name, path, target)\n"
+        "m.PathFinder.find_spec = staticmethod(find)\n"
+    )
+    plan = tmp_path / "plan.gpkg"
+    plan.write_bytes(b"SQLite format 3\0" + bytes(1000))
+    done = subprocess.run(
+        [sys.executable, *(word.format(plan=plan) for word in command)],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2, done.stderr
+    assert f"{package} " in done.stderr
+    assert "make setup" in done.stderr
+    assert done.stderr.count("\n") == 1

@@ -1,6 +1,10 @@
 """Families of worlds: seeds of the splits, errors of variants, and builds over cores and a cluster."""
 
 import json
+import multiprocessing
+import os
+import signal
+import time
 
 import numpy as np
 import pytest
@@ -12,9 +16,10 @@ from pipeline.build.family import Member, generated, make_family, to_list, varia
 from pipeline.build.splits import LIST, Listed, read_list, write_list
 from pipeline.commands.worlds import worlds
 from pipeline.compose import compose
-from pipeline.errors import GeometryError, InputError, LimitError
+from pipeline.errors import ArtifactError, GeometryError, InputError, LimitError
 from pipeline.geometry.generate import generate_workings
 from pipeline.geometry.perturb import displace, perturb_workings
+from pipeline.store.locks import hold_lock
 from pipeline.survey.load import read_survey
 from stages.contours import trace_free_space
 from tests.mines import RING, TEE
@@ -255,3 +260,44 @@ def test_rooms_that_are_more_than_half_of_the_plan_are_no_inverted_plan(monkeypa
     traced = trace_free_space(config.contours, read["plan"], read["survey"], read["workings"])
     frame = traced["free_space"].frame
     assert traced["cleaned"].sum() > 0.5 * frame.width_px * frame.height_px
+
+
+def _wait(member, families):
+    time.sleep(60)
+
+
+def _end(member, families):
+    os._exit(9)
+
+
+def test_an_interrupt_ends_the_processes_that_build_worlds(monkeypatch, tmp_path):
+    def interrupt(kind, frame):
+        raise KeyboardInterrupt
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("pipeline.build.family.make_member", _wait)
+    before = signal.signal(signal.SIGALRM, interrupt)
+    begun = time.monotonic()
+    signal.setitimer(signal.ITIMER_REAL, 1.0)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            make_family(without_rock(generated("train", 6, []), 0), 2, lambda outcomes, count: outcomes)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert time.monotonic() - begun < 20
+    assert multiprocessing.active_children() == []
+
+
+def test_a_killed_process_and_a_second_command_are_told_in_one_line(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("pipeline.build.family.make_member", _end)
+    members = without_rock(generated("train", 2, []), 0)
+    with pytest.raises(LimitError, match="was ended, perhaps for want of memory: try fewer --jobs"):
+        make_family(members, 2, lambda outcomes, count: outcomes)
+    place = family.FAMILIES / "light" / "train"
+    with (
+        hold_lock(place / ".lock", "held"),
+        pytest.raises(ArtifactError, match=r"light/train: another command is building these worlds \(process"),
+    ):
+        make_family(members, 2, lambda outcomes, count: outcomes)

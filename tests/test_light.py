@@ -18,7 +18,8 @@ from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.proof.built import require_built
 from pipeline.proof.certificate import certify
-from pipeline.proof.validator import MEASURES, Validator, groups_of
+from pipeline.proof.groups import GROUPS, applying_limits, groups_of
+from pipeline.proof.validator import MEASURES, Validator
 from pipeline.report.scene import scene_page
 from tests.mines import TEE, BuiltMine, sealed
 from tests.minexplore.test_lidar import nearest, rays
@@ -93,7 +94,10 @@ def test_a_light_world_may_have_all_metrics_but_those_of_visible_rock(light, lig
     params = light_config.validation.model_copy(update={"extent": "full"})
     groups = groups_of(params)
     assert set(MEASURES) - set(groups) == {"texture", "relief", "walls"}
-    assert groups_of(config.validation) == list(MEASURES)
+    assert groups_of(config.validation) == list(MEASURES) == list(GROUPS)
+    limits, rock = applying_limits(params), {"texture", "relief", "walls"}
+    assert set(params.limits) - set(limits) == {name for name in params.limits if name.partition(".")[0] in rock}
+    assert set(params.limits) - set(limits)
     validator = Validator(params, light.bundle, light.cleaned, light.raw, light.survey)
     assert validator.measure("iou")["free_space_vs_cleaned"] > 0.99
     assert validator.measure("world")["colliders_wrong"] == 0

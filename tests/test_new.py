@@ -191,6 +191,11 @@ def test_a_light_world_of_a_plan_needs_no_report(owned, tmp_path):
     done = pipeline(project, "new", "light-tee", "--from", "plan.png", "preset=light")
     assert done.returncode == 0, done.stderr
     assert "report  none, it needs validation.extent=full" in done.stdout
+    shown = pipeline(project, "show", "light-tee")
+    assert shown.returncode == 0
+    assert "iou.free_space_vs_cleaned" not in shown.stdout  # stage 6 does not ask a light world for it
+    assert "areas.cleaned_vs_raw" in shown.stdout or "areas." in shown.stdout
+    assert "FAILS" not in shown.stdout
 
 
 def test_the_report_opens_without_a_network_and_draws_the_mine(owned, tmp_path):

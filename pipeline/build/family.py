@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import signal
+from collections.abc import Callable, Generator, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -20,7 +24,9 @@ from pipeline.errors import InputError, LimitError
 from pipeline.metrics.limits import flatten
 from pipeline.stage import ARTIFACTS
 from pipeline.store.files import write_atomically
+from pipeline.store.locks import hold_lock
 from pipeline.store.verify import verify_world
+from pipeline.survey.child_limits import die_with_parent
 
 FAMILIES = ARTIFACTS / "families"
 _LIGHT = "preset=light"
@@ -150,11 +156,16 @@ def make_family(
         If worlds breach a limit, cannot be built, or differ from the list; the manifest has their problems.
     InputError
         If there is no cluster to build on.
+    ArtifactError
+        If another command is building worlds of the same folder.
     """
     built = _over_cluster(members) if on == "ray" else _over_cores(members, jobs)
-    outcomes = [_compared(outcome, listed or {}) for outcome in progress(built, len(members))]
-    place = {member.folder: number for number, member in enumerate(members)}
-    outcomes.sort(key=lambda outcome: place[outcome.member.folder])
+    place = FAMILIES / Path(members[0].folder).parent
+    lock = hold_lock(place / ".lock", f"{place}: another command is building these worlds")
+    with lock, closing(built):  # closed also where an interrupt arrives in `progress`
+        outcomes = [_compared(outcome, listed or {}) for outcome in progress(built, len(members))]
+    order = {member.folder: number for number, member in enumerate(members)}
+    outcomes.sort(key=lambda outcome: order[outcome.member.folder])
     file = FAMILIES / "manifest.json"
     manifest = json.loads(file.read_text()) if file.is_file() else {}
     manifest |= {o.member.folder: asdict(o) for o in outcomes}
@@ -202,14 +213,31 @@ def make_member(member: Member, families: Path) -> Outcome:
         return Outcome(member, None, None, False, f"{type(error).__name__}: {error}")
 
 
-def _over_cores(members: list[Member], jobs: int) -> Iterator[Outcome]:
-    with ProcessPoolExecutor(min(jobs, len(members))) as pool:
-        yield from (
-            future.result() for future in as_completed([pool.submit(make_member, m, FAMILIES) for m in members])
-        )
+def _over_cores(members: list[Member], jobs: int) -> Generator[Outcome]:
+    pool = ProcessPoolExecutor(min(jobs, len(members)), initializer=_begin_worker, initargs=(os.getpid(),))
+    try:
+        for future in as_completed([pool.submit(make_member, m, FAMILIES) for m in members]):
+            yield future.result()
+    except BrokenProcessPool as error:
+        raise LimitError(
+            "a process that builds worlds was ended, perhaps for want of memory: try fewer --jobs"
+        ) from error
+    except BaseException:  # the worlds that are being built are built again by the next call
+        for worker in multiprocessing.active_children():
+            worker.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
-def _over_cluster(members: list[Member]) -> Iterator[Outcome]:
+def _begin_worker(parent: int) -> None:
+    """Prepare a process that builds worlds: it leaves Ctrl-C to its parent, and ends with it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    die_with_parent(parent)
+
+
+def _over_cluster(members: list[Member]) -> Generator[Outcome]:
     address = os.environ.get("RAY_ADDRESS")
     if not address:
         raise InputError("--on ray: RAY_ADDRESS is not set; it names the cluster, for example 10.0.0.1:6379")

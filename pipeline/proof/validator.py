@@ -245,7 +245,7 @@ def _world(validator: Validator) -> dict[str, Any]:
     }
 
 
-MEASURES: dict[str, Callable[[Validator], dict[str, Any]]] = {  # group of metrics.json -> its metrics
+MEASURES: dict[str, Callable[[Validator], dict[str, Any]]] = {  # group of metrics.json, one of `GROUPS` -> its metrics
     "iou": _iou,
     "wall_error": _wall_error,
     "navigability": _navigability,
@@ -260,11 +260,3 @@ MEASURES: dict[str, Callable[[Validator], dict[str, Any]]] = {  # group of metri
     "scale": _scale,
     "world": _world,
 }
-_OF_VISIBLE_ROCK = ("texture", "relief", "walls")
-_OF_CERTIFICATE = ("areas", "collision", "certificate")
-
-
-def groups_of(params: ValidationParams) -> list[str]:
-    """Return the groups of metrics that are measured: without visible rock, or by the certificate alone, not all."""
-    groups = [name for name in MEASURES if params.overlay != "none" or name not in _OF_VISIBLE_ROCK]
-    return groups if params.extent == "full" else [name for name in groups if name in _OF_CERTIFICATE]

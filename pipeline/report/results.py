@@ -17,6 +17,7 @@ from pipeline.metrics.relief import OCTAVES_M
 from pipeline.metrics.texture import AXIS_TITLES, WINDOWS_M, is_uninformative
 from pipeline.params.validation import Limit, ValidationParams
 from pipeline.store.files import write_atomically
+from pipeline.store.hashing import read_text_file
 from pipeline.store.manifest import read_params
 
 VALIDATION = Path("artifacts/validation")
@@ -137,7 +138,7 @@ def read_metrics(folder: Path = VALIDATION) -> dict[str, Any]:
 def _read_json(path: Path) -> dict[str, Any]:
     """Return a file of figures as a flat dict: numbers, truth values, printable text, and lists."""
     try:
-        content = json.loads(path.read_text())
+        content = json.loads(read_text_file(path))
         flat = flatten(content) if isinstance(content, dict) else {}
     except FileNotFoundError:
         raise ArtifactError(f"{path}: missing; stage 6 writes it (`make all`)") from None

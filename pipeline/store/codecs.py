@@ -18,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import TriangleMesh, decode_msh, encode_msh
 from pipeline.errors import ArtifactError
+from pipeline.store.hashing import require_plain
 from pipeline.types import Areas, Frame, FreeSpace, Mask, Mesh, Workings
 
 _UNREADABLE = (
@@ -75,6 +76,7 @@ def decode(path: Path, kind: Any) -> Any:
         raise ArtifactError(f"{path}: missing; run the stage that writes it (`dvc dag` shows which), or `make all`")
     if kind == Bundle:
         return path
+    require_plain(path)
     if kind is bytes:
         return path.read_bytes()
     try:

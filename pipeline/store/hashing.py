@@ -9,6 +9,8 @@ from pathlib import Path
 
 from pipeline.errors import ArtifactError
 
+_MOST_TEXT = 16_000_000  # bytes; the largest, the manifest of a mine of 100 km, names a few thousand files
+
 
 def sha256_bytes(data: bytes) -> str:
     """Return the hex sha256 of bytes."""
@@ -21,13 +23,43 @@ def sha256_file(path: Path) -> str:
     Raises
     ------
     ArtifactError
-        If the file is missing.
+        If the file is missing, or is a folder, a pipe or a device.
     """
+    require_plain(path)
     try:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except FileNotFoundError:
         raise ArtifactError(f"{path}: missing") from None
+
+
+def require_plain(path: Path) -> None:
+    """Refuse what exists and is no file: a folder, or a pipe or a device, of which reading may never end.
+
+    Raises
+    ------
+    ArtifactError
+        Naming the path.
+    """
+    if path.exists() and not path.is_file():
+        raise ArtifactError(f"{path}: not a plain file")
+
+
+def read_text_file(path: Path) -> bytes:
+    """Return the content of a manifest, of figures or of parameters, which are small.
+
+    Raises
+    ------
+    ArtifactError
+        If it is no plain file, or larger than `_MOST_TEXT`.
+    FileNotFoundError
+        If it is missing.
+    """
+    require_plain(path)
+    size = path.stat().st_size
+    if size > _MOST_TEXT:
+        raise ArtifactError(f"{path}: {size} bytes, want at most {_MOST_TEXT}")
+    return path.read_bytes()
 
 
 def sha256_named(hashes: dict[str, str]) -> str:

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from pipeline import __version__
 from pipeline.errors import ArtifactError
-from pipeline.store.hashing import import_closure, sha256_file, sha256_named
+from pipeline.store.hashing import import_closure, read_text_file, sha256_file, sha256_named
 
 _Section = TypeVar("_Section")
 
@@ -52,7 +52,7 @@ def read_manifest(path: Path) -> Manifest:
         If the file is missing or is not a manifest.
     """
     try:
-        return TypeAdapter(Manifest).validate_json(path.read_bytes())
+        return TypeAdapter(Manifest).validate_json(read_text_file(path))
     except FileNotFoundError:
         raise ArtifactError(f"{path}: missing; its stage has not run (`make all`)") from None
     except ValidationError as error:

@@ -10,7 +10,7 @@ import yaml
 from minexplore.bundle import BundleError
 from minexplore.schema import check_world
 from pipeline.errors import ArtifactError
-from pipeline.store.hashing import sha256_file
+from pipeline.store.hashing import read_text_file, sha256_file
 from pipeline.store.manifest import Manifest, code_sha256, read_manifest
 from pipeline.store.registry import read_registry, verify_input
 
@@ -73,7 +73,7 @@ def verify_certificate(path: Path, world: str) -> None:
         If it is no certificate, names another world, or does not hold.
     """
     try:
-        certificate = json.loads(path.read_bytes())
+        certificate = json.loads(read_text_file(path))
         stated, holds = certificate["world_sha256"], certificate["holds"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise ArtifactError(f"{path}: not a certificate ({type(error).__name__}: {str(error)[:100]})") from error
@@ -85,10 +85,10 @@ def verify_certificate(path: Path, world: str) -> None:
 
 def _read_yaml(path: Path) -> dict:
     try:
-        content = yaml.safe_load(path.read_text())
+        content = yaml.safe_load(read_text_file(path))
     except FileNotFoundError:
         raise ArtifactError(f"{path}: missing; run `make all` in the project's root") from None
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ArtifactError(f"{path}: not YAML: {' '.join(str(error).split())[:200]}") from error
     if not isinstance(content, dict):
         raise ArtifactError(f"{path}: want a mapping of sections")

@@ -17,6 +17,7 @@ _TEXT = {".dat", ".xyz", ".txt"}
 _MESHES = {".stl", ".obj"}
 _BLOCK = 1_000_000
 _LAS_HEAD, _LAS_RECORDS_AT, _LAS_EXTENDED_AT = 375, 100, 243  # bytes of the header and in it
+_PLY_HEAD = 65_536  # bytes in which a header's counts are looked for
 _HUGE = 100  # times the most points of a mesh: beyond it, a vertex lies far outside any workings
 
 
@@ -153,7 +154,20 @@ def _pcd_points(path: Path) -> np.ndarray:
     cloud = open3d.io.read_point_cloud(path, remove_nan_points=False, remove_infinite_points=False)
     if not len(cloud.points):
         raise InputError(f"{path}: has no points, is truncated, or is not a PCD file")
+    _require_rows(path, len(cloud.points))
     return _require_finite(path, np.asarray(cloud.points))
+
+
+def _require_rows(path: Path, points: int) -> None:
+    """Refuse a PCD file in ASCII with another number of rows than points: Open3D would add points of zeros."""
+    with path.open("rb") as stream:
+        for line in stream:
+            words = line.split()
+            if words[:1] == [b"DATA"]:
+                rows = sum(1 for row in stream if row.strip()) if words[1:] == [b"ascii"] else points
+                if rows != points:
+                    raise InputError(f"{path}: {rows} rows, but its header states {points} points; is it truncated?")
+                return
 
 
 def _ply_points(path: Path) -> np.ndarray:
@@ -162,10 +176,15 @@ def _ply_points(path: Path) -> np.ndarray:
 
 
 def _has_faces(path: Path) -> bool:
+    return _stated(path, b"face") != 0
+
+
+def _stated(path: Path, element: bytes) -> int:
+    """Return how many vertices or faces the header of a PLY file states; 0 where it states none."""
     with path.open("rb") as stream:
-        head = stream.read(4096).split(b"end_header")[0]
-    lines = [line.split() for line in head.splitlines()]
-    return any(words[:2] == [b"element", b"face"] and words[2:] != [b"0"] for words in lines)
+        head = stream.read(_PLY_HEAD).split(b"end_header")[0]
+    counts = [line.split()[2:] for line in head.splitlines() if line.split()[:2] == [b"element", element]]
+    return int(counts[0][0]) if counts and counts[0] and counts[0][0][:18].isdigit() and len(counts[0][0]) < 19 else 0
 
 
 def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -185,6 +204,13 @@ def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.
     except Exception as error:  # trimesh passes on every exception of its parsers
         reason = " ".join(str(error).split())[:200]
         raise InputError(f"{path}: cannot be read as {format_name} ({type(error).__name__}: {reason})") from error
+    if path.suffix.lower() == ".ply":
+        for found_now, element in ((len(vertices), b"vertex"), (len(faces), b"face")):
+            if found_now < _stated(path, element):  # polygons are cut into triangles, so there may be more
+                raise InputError(
+                    f"{path}: {found_now} of {_stated(path, element)} {element.decode()} elements that its header "
+                    "states; is it truncated?"
+                )
     if len(faces) and not 0 <= faces.min() <= faces.max() < len(vertices):
         raise InputError(
             f"{path}: a face has vertex {faces.min()} or {faces.max()}, there are {len(vertices)}; is it truncated?"

@@ -91,6 +91,11 @@ def _read_map_file(path: Path) -> _MapFile:
         raise InputError(f"{path}: {'.'.join(map(str, first['loc'])) or 'map'}: {first['msg']}") from error
     if not (math.isfinite(header.resolution) and all(map(math.isfinite, header.origin))):
         raise InputError(f"{path}: resolution = {header.resolution}, origin = {header.origin}: expected finite numbers")
+    if header.free_thresh > header.occupied_thresh:
+        raise InputError(
+            f"{path}: free_thresh = {header.free_thresh} exceeds occupied_thresh = {header.occupied_thresh}: "
+            "cells would be free and occupied"
+        )
     if not header.image.isprintable():
         raise InputError(f"{path}: image = {header.image[:80]!r} holds line breaks or control characters")
     if not (path.parent / header.image).resolve().is_relative_to(path.parent.resolve()):

@@ -18,6 +18,7 @@ MAX_SIDE_PX = 16_384  # the largest framebuffer of OSMesa, in which stage 6 rend
 _JPEG_SIZES = {0xC0 + k for k in range(16)} - {0xC4, 0xC8, 0xCC}  # markers of frames; the others are tables
 _MARKER = re.compile(rb"\xff[^\xff\x00\x01]", re.DOTALL)
 _MOST_SEGMENTS = 10_000
+_WHITE = (b"255", b"65535")  # of 8 and of 16 bits
 _PNM = re.compile(rb"P([1-6])(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{0,9})")
 
 
@@ -46,6 +47,7 @@ def require_picture_size(path: Path, data: bytes | memoryview, max_megapixels: f
     if header is None:
         kinds = "PNG, JPEG, TIFF, BMP or PNM"
         raise InputError(f"{path}: not an image that OpenCV can read as {kinds} ({len(data)} bytes)")
+    _require_whole_scale(path, bytes(data[:4096]))
     require_size(path, header.width, header.height, max_megapixels)
     decoded, most = header.width * header.height * header.pixel_bytes, reader_limits().decoded_bytes
     if decoded > most:
@@ -53,6 +55,14 @@ def require_picture_size(path: Path, data: bytes | memoryview, max_megapixels: f
             f"{path}: {decoded:,} bytes when decoded, the limit is {most:,} (decoded_bytes in {FILE}); "
             "save it with 8 bits a channel"
         )
+
+
+def _require_whole_scale(path: Path, head: bytes) -> None:
+    """Refuse a PNM picture whose white is not that of 8 or 16 bits: OpenCV does not scale it, it would be dark."""
+    found = _PNM.match(head)
+    if found and found[1] not in b"14" and found[4] not in _WHITE:
+        white = found[4].decode() or "missing"
+        raise InputError(f"{path}: its largest value (maxval) is {white}, want 255 or 65535; save it with 8 bits")
 
 
 def require_size(path: Path, width: int, height: int, max_megapixels: float) -> None:

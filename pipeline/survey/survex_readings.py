@@ -50,6 +50,9 @@ _UNITS = {
     "minutes": 1 / 60,
     "quadrants": 90.0,
 }
+# What an instrument shows, m or deg; Survex only warns of other readings, which would turn or mirror a leg.
+_SHOWN = {"tape": (0.0, math.inf), "compass": (0.0, 360.0), "clino": (-90.0, 90.0)}
+_SHOWN |= {f"back{key}": _SHOWN[key] for key in ("compass", "clino")}
 _PLUMB_DEG = {"up": 90.0, "u": 90.0, "+v": 90.0, "down": -90.0, "d": -90.0, "-v": -90.0, "level": 0.0, "h": 0.0}
 _QUANTITIES = {
     "tape": ("tape",),
@@ -99,11 +102,21 @@ def order_of_data(where: str, rest: list[str], settings: Settings) -> Settings:
 
 
 def reading(where: str, values: dict[str, str], key: str, settings: Settings) -> float:
-    """Return one reading in metres or degrees, corrected by unit, zero error and scale."""
+    """Return one reading in metres or degrees, corrected by unit, zero error and scale.
+
+    Raises
+    ------
+    InputError
+        If there is none, it is no number, or no instrument shows it.
+    """
     text = values.get(key)
     if text is None:
         raise InputError(f"{where}: no {key} in the shot")
-    value = number_of(where, text) * settings.scale.get(key, 1.0) - settings.zero.get(key, 0.0)
+    shown = number_of(where, text) * settings.scale.get(key, 1.0)
+    low, high = _SHOWN.get(key, (-math.inf, math.inf))
+    if not low - 1e-9 <= shown <= high + 1e-9:
+        raise InputError(f"{where}: {key} = {text[:40]}: want {low:g} to {high:g}, in metres or degrees")
+    value = shown - settings.zero.get(key, 0.0)
     return value * settings.factor.get(key, 1.0)
 
 

@@ -320,14 +320,19 @@ def test_equal_episodes_missing_and_extra_seeds_are_rejected(honest):
         score(honest)
 
 
+def _moved(episode: Episode) -> Episode:
+    """Return an episode that ends a centimetre beside."""
+    *way, (x, y) = episode.path_cm
+    return episode.model_copy(update={"path_cm": [*way, (x + 1, y)]})
+
+
 def test_a_leaderboard_shows_first_what_was_driven_here(honest, tmp_path):
     results, (head, episodes) = tmp_path / "results", read_results(honest)
     folder = results / "ShortTee-v0"
     folder.mkdir(parents=True)
     (folder / "wall-following.jsonl").write_text(chain(head, episodes))
     mine = head.model_copy(update={"policy": "a-stranger"})
-    first, (*way, (x, y)) = episodes[0], episodes[0].path_cm
-    ways = [first.model_copy(update={"path_cm": [*way, (x + 1, y)]}), *episodes[1:]]
+    ways = [_moved(episode) if episode.seed < 10 else episode for episode in episodes]  # half of them are a copy
     (folder / "a-stranger.jsonl").write_text(chain(mine, ways))
     assert note_driven(folder / "wall-following.jsonl", results, head, episodes)
     rows = [line for line in leaderboard(results).splitlines() if "| 20 |" in line]
@@ -341,7 +346,7 @@ def test_a_leaderboard_shows_first_what_was_driven_here(honest, tmp_path):
         folder / "wall-following.jsonl", change=_set(path_m=episodes[0].path_m + 0.001)
     )  # another file than was driven
     assert "driven here |" not in leaderboard(results)
-    (folder / "a-stranger.jsonl").write_text(chain(mine, episodes))
+    (folder / "a-stranger.jsonl").write_text(chain(mine, [_moved(episodes[0]), *episodes[1:]]))
     (folder / "wall-following.jsonl").write_text(chain(head, episodes))
     with pytest.raises(RejectedError, match=r"wall-following\.jsonl: its robots drive the ways of .*a-stranger"):
         leaderboard(results)

@@ -11,9 +11,10 @@ import minexplore
 from baselines import driven, result_file, split, split_file
 from baselines.bounds import Bound, bounds_file, read_bounds, write_bound
 from baselines.errors import BaselineError, RejectedError
+from baselines.score import score_split
 from baselines.split import bound_split, evaluate_split
 from baselines.split_file import mine_id, read_drives, require_whole, write_drives
-from baselines.split_page import _Row, in_order, require_own_ways, split_section
+from baselines.split_page import _Row, in_order, require_own_rows, split_section
 from baselines.split_statistics import improvement, middle, profile, stratified
 from baselines.statistics import Figure
 from tests.mines import BuiltMine
@@ -74,7 +75,7 @@ def test_a_file_that_is_not_whole_or_was_changed_is_refused(mines, tmp_path):
     assert forged != text
     path.write_text(forged)  # a digit before the number of contacts
     bound_split("test", 1)
-    with pytest.raises(RejectedError, match=r"random\.jsonl: seed 0: "):
+    with pytest.raises(RejectedError, match=r"random\.jsonl: MineXplore/Family-test-0000-v0: return "):
         split_section("test")
     path.write_text(text.splitlines()[0] + "\n")
     with pytest.raises(BaselineError, match="0 episodes"):
@@ -147,7 +148,62 @@ def test_the_ways_of_another_file_and_a_name_of_another_policy_are_refused(mines
     drives = evaluate_split("random", "test", 1)
     copied = [(head.model_copy(update={"policy": "mine"}), episode) for head, episode in drives]
     with pytest.raises(RejectedError, match=r"mine\.jsonl: its robots drive the ways of random\.jsonl"):
-        require_own_ways({Path("random.jsonl"): drives, Path("mine.jsonl"): copied})
+        require_own_rows({Path("random.jsonl"): drives, Path("mine.jsonl"): copied})
     with pytest.raises(RejectedError, match=r"other\.jsonl: results of random, which are kept as random\.jsonl"):
-        require_own_ways({Path("other.jsonl"): drives})
-    require_own_ways({Path("random.jsonl"): drives})
+        require_own_rows({Path("other.jsonl"): drives})
+    require_own_rows({Path("random.jsonl"): drives})
+    half = [copied[0], (copied[1][0], copied[1][1].model_copy(update={"path_cm": copied[1][1].path_cm[::-1]}))]
+    require_own_rows({Path("random.jsonl"): drives, Path("mine.jsonl"): half})
+    three = [drives[0], *drives], [copied[0], *half]
+    with pytest.raises(RejectedError, match=r"mine\.jsonl: its robots drive the ways of random\.jsonl: 2 of 3"):
+        require_own_rows({Path("random.jsonl"): three[0], Path("mine.jsonl"): three[1]})
+
+
+def test_a_file_that_somebody_sent_is_driven_again_and_not_called_driven_here(mines, tmp_path, capsys):
+    drives = evaluate_split("random", "test", 1)
+    path = tmp_path / "Family-test" / "random.jsonl"
+    honest = path.read_bytes()
+    head, episode = drives[1]
+    forged = [drives[0], (head, episode.model_copy(update={"collided": episode.collided + 1}))]
+    for file in (path, path.with_suffix(".part")):
+        path.write_bytes(honest)
+        write_drives(file, forged)
+        assert evaluate_split("random", "test", 1) == drives
+        assert f"{file}: was not driven here" in capsys.readouterr().err
+        assert path.read_bytes() == honest
+
+
+def test_a_part_of_a_split_that_is_driven_leaves_the_other_mines_in_the_file(mines, tmp_path):
+    drives = evaluate_split("random", "test", 1)
+    assert evaluate_split("random", "test", 1, most=1) == drives[:1]
+    assert read_drives(tmp_path / "Family-test" / "random.jsonl") == drives
+
+
+def test_a_file_of_a_split_is_scored_and_driven_again_mine_by_mine(mines, tmp_path, capsys):
+    drives = evaluate_split("wall-following", "test", 1)
+    path = tmp_path / "sent" / "wall-following.jsonl"
+    write_drives(path, drives)
+    assert score_split(path, rerun=1000) == drives
+    assert "2 mines driven again" in capsys.readouterr().out
+    (first, one), (second, other) = drives
+    useful = other.model_copy(update={"path_m": round(other.path_m + 0.001, 3)})
+    write_drives(path, [(first, one), (second, useful)])
+    score_split(path)  # within what the way allows
+    with pytest.raises(RejectedError, match=rf"{mines[1]}: driven again, the episode comes out differently \(path_m"):
+        score_split(path, rerun=1000)
+    write_drives(path, [(first, one), (first, one)])
+    with pytest.raises(BaselineError, match=rf"{mines[0]} comes twice"):
+        score_split(path)
+    named = second.model_copy(update={"policy": "another"})
+    write_drives(path, [(first, one), (named, other)])
+    with pytest.raises(BaselineError, match="results of 2 policies"):
+        score_split(path)
+
+
+def test_bounds_that_cannot_be_read_are_named(mines, tmp_path):
+    path = bounds_file(mines[0])
+    path.parent.mkdir()
+    for text in ("", "[]", "[" * 100_000, '{"a": {"cells": "many"}}', "{}x"):
+        path.write_text(text)
+        with pytest.raises(BaselineError, match=r"bounds\.json: no bounds"):
+            read_bounds(path)

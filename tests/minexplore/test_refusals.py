@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+from minexplore.calls import numbers_of
 from minexplore.env import MineEnv
 from minexplore.multi_agent import MineParallelEnv
 from minexplore.robot import RobotParams
@@ -212,3 +213,9 @@ def test_an_environment_steps_in_a_fork_of_its_process(tee: BuiltMine, threads):
     assert os.waitstatus_to_exitcode(status) == 0
     for env in (made, twin):
         env.close()
+
+
+@pytest.mark.parametrize("action", [np.zeros(2, complex), [0j, 0.0], np.array([0j, 0j], object)])
+def test_complex_actions_are_refused(action):
+    with pytest.raises(ValueError, match="want numbers"):
+        numbers_of(action)

@@ -1,16 +1,20 @@
 import dataclasses
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
 from pipeline.errors import ArtifactError, InputError
+from pipeline.report.results import read_metrics
 from pipeline.store.codecs import Meshes, decode, encode
 from pipeline.store.files import recover_folder, replace_folder, write_atomically
-from pipeline.store.hashing import import_closure, sha256_bytes, sha256_named
+from pipeline.store.hashing import import_closure, sha256_bytes, sha256_file, sha256_named
+from pipeline.store.manifest import read_manifest
 from pipeline.store.registry import read_registry, register, verify_input
-from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Mask, Mesh, Occupancy, Survey
+from pipeline.store.verify import verify_certificate, verify_chain
+from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, Mask, Mesh, Occupancy, Survey
 from tests.mines import BuiltMine
 from tests.project import ROOT
 
@@ -177,3 +181,39 @@ def test_the_header_of_a_packed_array_is_the_same_in_every_version_of_python(tmp
     assert data[:14] == b"PK\x03\x04" + bytes([20, 0, 0, 0, 8, 0, 0, 0, 0x21, 0])
     assert data[26:30] == len(name).to_bytes(2, "little") + b"\0\0"
     assert data[30 : 30 + len(name)] == name
+
+
+def test_devices_pipes_and_folders_in_place_of_artifacts_are_refused_by_name(tmp_path):
+    # /dev/null ends at once; /dev/zero and a pipe without a writer, which never end, are refused in the same way.
+    def null(path):
+        path.symlink_to("/dev/null")
+
+    readers = {
+        "manifest.json": read_manifest,
+        "metrics.json": lambda path: read_metrics(path.parent),
+        "certificate.json": lambda path: verify_certificate(path, "0" * 64),
+        "plan.png": lambda path: decode(path, Image),
+        "data.bin": sha256_file,
+    }
+    for name, read in readers.items():
+        for put in (null, Path.mkdir, os.mkfifo):
+            path = tmp_path / put.__name__ / name
+            path.parent.mkdir(exist_ok=True)
+            put(path)
+            with pytest.raises(ArtifactError, match=rf"{name}: not a plain file"):
+                read(path)
+
+
+def test_figures_and_manifests_of_absurd_size_are_refused_before_they_are_read(tmp_path):
+    for name, read in (("manifest.json", read_manifest), ("metrics.json", lambda path: read_metrics(path.parent))):
+        with (tmp_path / name).open("wb") as stream:
+            stream.truncate(10**12)  # a sparse file
+        with pytest.raises(ArtifactError, match=rf"{name}: 1000000000000 bytes, want at most"):
+            read(tmp_path / name)
+
+
+def test_parameters_that_are_no_yaml_are_named(tmp_path):
+    for data in (b"[" * 20_000, b"\xff\xfe\xff", b"a: ["):
+        (tmp_path / "dvc.yaml").write_bytes(data)
+        with pytest.raises(ArtifactError, match=r"dvc\.yaml: not YAML"):
+            verify_chain(tmp_path)

@@ -177,3 +177,27 @@ def test_a_mesh_whose_face_names_a_missing_vertex_is_refused(tmp_path):
     )
     with pytest.raises(InputError, match=r"c\.ply: (a face has vertex 0 or 9|cannot be read as a mesh)"):
         list(read_blocks(path, 100.0))
+
+
+@pytest.mark.parametrize("rows", [150, 250])
+def test_a_pcd_of_other_rows_than_it_states_is_refused(rows, tmp_path):
+    path = tmp_path / "drift.pcd"
+    head = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 200\nHEIGHT 1\n"
+    text = f"{head}VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 200\nDATA ascii\n"
+    path.write_text(text + "1.5 2 3\n" * 200)
+    assert len(np.concatenate(list(read_blocks(path, 1.0)))) == 200
+    path.write_text(text + "1.5 2 3\n" * rows)
+    with pytest.raises(InputError, match=rf"{rows} rows, but its header states 200 points"):
+        list(read_blocks(path, 1.0))
+
+
+def test_a_ply_in_ascii_that_ends_early_is_refused(tmp_path):
+    path, point = tmp_path / "drift.ply", "property float x\nproperty float y\nproperty float z\n"
+    path.write_text(f"ply\nformat ascii 1.0\nelement vertex 200\n{point}end_header\n" + "1 2 3\n" * 150)
+    with pytest.raises(InputError, match="150 of 200 vertex elements"):
+        list(read_blocks(path, 1.0))
+    faces = "element face 3\nproperty list uchar int vertex_indices\n"
+    corners = "0 0 0\n9 0 0\n9 9 0\n0 9 0\n"
+    path.write_text(f"ply\nformat ascii 1.0\nelement vertex 4\n{point}{faces}end_header\n{corners}3 0 1 2\n")
+    with pytest.raises(InputError, match=r"drift\.ply: "):
+        list(read_blocks(path, 1.0))

@@ -54,3 +54,30 @@ def test_negated_maps_raw_maps_and_unknown_cells_are_read(tmp_path):
 def test_a_map_that_cannot_be_used_is_refused(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         read_nav2_map(write(tmp_path, text))
+
+
+@pytest.mark.parametrize("largest", [1, 100, 1000, 65534])
+def test_a_picture_whose_white_is_not_that_of_8_or_16_bits_is_refused(tmp_path, largest):
+    kind = ">u2" if largest > 255 else "u1"
+    grey = np.full((20, 30), largest).astype(kind)
+    (tmp_path / "map.pgm").write_bytes(f"P5\n# a comment\n30 20\n{largest}\n".encode() + grey.tobytes())
+    (tmp_path / "map.yaml").write_text("image: map.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n")
+    with pytest.raises(InputError, match=rf"map\.pgm: its largest value \(maxval\) is {largest}, want 255 or 65535"):
+        read_nav2_map(tmp_path / "map.yaml")
+
+
+def test_a_pgm_of_16_bits_and_a_bitmap_are_read(tmp_path):
+    (tmp_path / "map.yaml").write_text("image: map.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n")
+    free = np.zeros((20, 32), bool)
+    free[5:15, 5:25] = True
+    deep = np.where(free, 65535, 0).astype(">u2").tobytes()
+    for data in (b"P5\n32 20\n65535\n" + deep, b"P4\n32 20\n" + np.packbits(~free, axis=1).tobytes()):
+        (tmp_path / "map.pgm").write_bytes(data)
+        assert (read_nav2_map(tmp_path / "map.yaml").free == free[::-1]).all()
+
+
+def test_thresholds_that_make_cells_free_and_occupied_are_refused(tmp_path):
+    text = "image: map.png\nresolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: 0.8\noccupied_thresh: 0.2\n"
+    (tmp_path / "map.yaml").write_text(text)
+    with pytest.raises(InputError, match=r"free_thresh = 0\.8 exceeds occupied_thresh = 0\.2"):
+        read_nav2_map(tmp_path / "map.yaml")

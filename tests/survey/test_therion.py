@@ -10,7 +10,7 @@ import pytest
 from benchmarks.fuzz_surveys import THERION
 from pipeline.errors import InputError
 from pipeline.survey.solved.model import LegFlag
-from pipeline.survey.solved.read import read_passages, read_solved, survey_files
+from pipeline.survey.solved.read import read_passages, read_solved, read_survex, survey_files
 from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.solved.therion import to_survex
 from pipeline.survey.solved.therion_place import _convergence_deg, _square
@@ -179,3 +179,28 @@ def test_wheal_pell_differs_from_pell_3d_by_the_age_of_the_magnetic_model_only(t
     assert max(open_end) < 700 * np.radians(0.10)
     assert np.median([d for distances in by_survey.values() for d in distances]) < 0.07
     assert max(d for distances in by_survey.values() for d in distances) < 0.2
+
+
+@needs_cavern
+@pytest.mark.parametrize(
+    ("reading", "message"),
+    [
+        ("-10 90 0", r"mine\.th:\d+: Negative tape reading"),
+        ("10 400 0", r"mine\.th:\d+: Suspicious compass reading"),
+        ("10 90 100", r"mine\.th:\d+: Clino reading over 90"),
+    ],
+)
+def test_readings_that_no_instrument_shows_are_refused_with_their_line(tmp_path, reading, message):
+    shots = "centreline\nfix a 0 0 0\ndata normal from to tape compass clino\na b 10 360 -90\nb c {}\nendcentreline\n"
+    path = tmp_path / "mine.th"
+    path.write_text(shots.format("10 0 90"))
+    assert len(read_solved(path).names) == 3
+    path.write_text(shots.format(reading))
+    with pytest.raises(InputError, match=message):
+        read_solved(path)
+    path = tmp_path / "cave.svx"
+    path.write_text(f"*fix a 0 0 0\n*data normal from to tape compass clino\na b {reading}\n")
+    with pytest.raises(InputError, match=r"cave\.svx:3: "):
+        read_solved(path)
+    with pytest.raises(InputError, match=r"cave\.svx:3: (tape|compass|clino) = \S+: want "):  # by our own reader
+        read_survex(path)

@@ -21,6 +21,10 @@ from pipeline.survey.solved.survex_3d import read_3d
 INSTALL = "install Survex (Debian: survex; `make setup` does)"
 _MESSAGE_BYTES = 1_000_000
 _ERROR = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: (?:fatal )?error: (.*)$")
+# Survex only warns of readings that no instrument shows; a mine of them would be turned or mirrored in part.
+_UNREAL = re.compile(
+    r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: (Negative tape.*|Suspicious compass.*|Clino reading over 90.*)$"
+)
 Origin = Callable[[int], tuple[Path, int]]  # a line of a generated file -> the file and line that it comes from
 
 
@@ -79,6 +83,9 @@ def solve(path: Path, text: str | None = None, origin: Origin | None = None) -> 
         result = folder / "solved.3d"
         if status != 0 or not result.is_file():
             raise InputError(_problem(path, source, status, output, origin))
+        unreal = _named(_UNREAL, path, source, output, origin)
+        if unreal is not None:
+            raise InputError(f"{unreal}; correct it")
         try:
             survey = read_3d(result)
             return survey if text is None else replace(survey, title=path.stem)
@@ -105,9 +112,10 @@ def _run(command: list[str]) -> tuple[int, str]:
     return process.returncode, data.decode("utf-8", "replace")
 
 
-def _problem(path: Path, source: Path, status: int, output: str, origin: Origin | None) -> str:
+def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, origin: Origin | None) -> str | None:
+    """Return the first message of a kind, with the file and line of the user's that it is about."""
     for line in output.splitlines():
-        found = _ERROR.match(line)
+        found = kind.match(line)
         if found is None:
             continue
         file, number = Path(found[1]), int(found[2])
@@ -116,6 +124,13 @@ def _problem(path: Path, source: Path, status: int, output: str, origin: Origin 
         elif file.is_relative_to(source.parent):
             file = path.parent / file.relative_to(source.parent)
         return f"{file}:{number}: {one_line(found[3], 300)} (Survex)"
+    return None
+
+
+def _problem(path: Path, source: Path, status: int, output: str, origin: Origin | None) -> str:
+    named = _named(_ERROR, path, source, output, origin)
+    if named is not None:
+        return named
     if status < 0:
         return f"{path}: Survex ended by signal {-status}; the survey needs more than a limit in {FILE}"
     errors = [line.partition("error: ")[2] for line in output.splitlines() if "error: " in line]
