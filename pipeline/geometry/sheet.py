@@ -20,7 +20,8 @@ from pipeline.geometry.sheet_doubt import (
     require_taken,
     require_whole,
 )
-from pipeline.geometry.sheet_fill import fill_workings, find_areas, find_ink, ridge_half_width
+from pipeline.geometry.sheet_fill import fill_shade, find_areas, find_filled, find_ink, ridge_half_width, trim
+from pipeline.geometry.sheet_hatch import find_hatched, require_hatch_outlined
 from pipeline.geometry.sheet_gaps import bridge_gaps, keep_cycles
 from pipeline.geometry.sheet_lines import (
     drop_letters,
@@ -37,9 +38,6 @@ Box = tuple[int, int, int, int]
 _CHROMA = 40  # lines in colour are annotation, as elsewhere
 _SHARE = 0.006  # of the sheet that workings cover at least
 _REACHES = 0.2  # of the sheet's side that workings extend over at least
-_SHADE, _UNIFORM = 20, 0.8  # grey values of one fill, and the least share of an area that has them
-_OUTLINES, _OUTLINES_PX = 0.4, (7, 13)  # both outlines of a drift, of its width, and px
-_OUTLINED = 0.92  # of the border of a hatched area
 _HATCH_PX, _PARALLEL = 3.6, 0.25  # hatching: distance to the nearest line, and coherence of the directions
 _RIVAL = 0.25  # of the largest drawing's area: a smaller one is a sample or a detail
 _COMPACT = 0.9  # share of its convex hull that a box, a circle or a patch fills
@@ -106,22 +104,23 @@ def read_sheet(picture: Image, level: int | None) -> SheetReading:
 def _read_area(picture: Image, level: int | None) -> SheetReading | None:
     """Read workings drawn as a filled or hatched area; None if no area looks like workings."""
     ink = find_ink(picture)
-    filled, closed = find_areas(ink, False), find_areas(drop_straight(ink), True)
+    filled, closed = find_areas(ink), find_hatched(ink)
     plain, dense = _drawings(filled), _drawings(closed)
-    uniform = bool(plain) and _is_uniform(picture, filled, plain) and _area(closed, dense) < 2 * _area(filled, plain)
-    hatched = bool(dense) and not uniform and _is_hatched(picture, ink, closed, dense)
-    if not hatched and not uniform:
+    shade = None
+    if plain and _area(closed, dense) < 2 * _area(filled, plain):
+        shade = fill_shade(picture, _part(filled, plain[0]))
+    if shade is not None:
+        areas = find_filled(picture, shade)
+        drawings = _drawings(areas)
+    elif dense and _is_hatched(picture, ink, closed, dense):
+        areas, drawings = closed, dense
+    else:
         return None
-    areas, drawings = (closed, dense) if hatched else (filled, plain)
     chosen, boxes = _choose(areas, drawings, level)
-    filling, outlined = fill_workings(picture, ink, chosen, hatched)
-    mask = _largest(filling)
-    if hatched and outlined < _OUTLINED:
-        raise SheetError(
-            f"an outline runs along {100 * outlined:.0f} % of a hatched area, at least {100 * _OUTLINED:.0f} % are "
-            "needed; --crop COL0,ROW0,COL1,ROW1 leaves out what is no workings",
-            mask,
-        )
+    mask = _largest(trim(chosen, 2 * ridge_half_width(chosen)))
+    hatched = shade is None
+    if hatched:
+        require_hatch_outlined(picture, mask)
     width = 2 * ridge_half_width(mask)
     require_whole(areas, mask, width)
     if level is None:
@@ -134,20 +133,15 @@ def _area(areas: Mask, drawings: list[int]) -> int:
     return int(stats[drawings[0], cv2.CC_STAT_AREA]) if drawings else 0
 
 
-def _is_uniform(picture: Image, areas: Mask, drawings: list[int]) -> bool:
-    """Return whether the largest area has one shade, apart from letters and lines in it."""
-    _, labels = cv2.connectedComponents(areas.astype(np.uint8), connectivity=4)
-    area = labels == drawings[0]
-    side = round(float(np.clip(_OUTLINES * 2 * ridge_half_width(area), *_OUTLINES_PX)))
-    inside = cv2.erode(area.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
-    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)[inside].astype(float)
-    return bool(len(grey) and np.mean(np.abs(grey - np.median(grey)) <= _SHADE) > _UNIFORM)
+def _part(areas: Mask, label: int) -> Mask:
+    return np.asarray(cv2.connectedComponents(areas.astype(np.uint8), connectivity=4)[1] == label)
 
 
 def _read_lines(picture: Image, level: int | None) -> SheetReading:
     """Read walls drawn as lines: all dark lines, then black ones only; the first reading without a doubt counts."""
     doubt: GeometryError | None = None
-    filled = find_areas(find_ink(picture), False)
+    ink = find_ink(picture)
+    filled = find_areas(ink) | find_hatched(ink)
     dark, black = (_dark_lines(picture, only_black) for only_black in (False, True))
     differ = black.sum() < _SAME_LINES * dark.sum()
     for lines in (dark, black) if differ else (dark,):

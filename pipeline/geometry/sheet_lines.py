@@ -20,14 +20,20 @@ _LABEL_PX, _LABEL = 14, 2.0  # height of letters, and drift widths of the longes
 _MEASURE, _MEASURES = 5.0, 12.0  # drift widths of the longest measure, and of all
 
 
+def find_straight(lines: Mask, share: float = _LONG) -> tuple[Mask, Mask]:
+    """Return the level and the upright lines that are longer than a share of the sheet's side."""
+    mask = lines.astype(np.uint8)
+    tall, wide = (max(40, round(share * side)) for side in lines.shape)
+    level, upright = (
+        cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones(shape, np.uint8)) > 0 for shape in ((1, wide), (tall, 1))
+    )
+    return level, upright
+
+
 def drop_straight(lines: Mask, share: float = _LONG) -> Mask:
     """Remove level and upright lines that are longer than a share of the sheet's side: grids, frames, tables."""
-    mask = lines.astype(np.uint8)
-    straight = np.zeros_like(mask)
-    tall, wide = (max(40, round(share * side)) for side in lines.shape)
-    for kernel in (np.ones((1, wide), np.uint8), np.ones((tall, 1), np.uint8)):
-        straight |= cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
-    return lines & (straight == 0)
+    level, upright = find_straight(lines, share)
+    return lines & ~level & ~upright
 
 
 def drop_ruled(lines: Mask, share: float = _LONG) -> Mask:

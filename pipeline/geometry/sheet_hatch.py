@@ -1,0 +1,69 @@
+"""Find workings that a drawing sheet shows as hatched areas within an outline."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from pipeline.geometry.sheet_doubt import SheetError
+from pipeline.geometry.sheet_fill import disc, ridge_half_width
+from pipeline.geometry.sheet_lines import find_straight, grown
+from pipeline.types import Image, Mask
+
+_CELL_PX = 4.0  # paper between hatch lines is nowhere farther from a line
+_CORNER_PX = 40  # depth of narrow paper outside, as in a corner or between strokes
+_STROKE_PX = 3.0  # half the thickness of what is an area and no line
+_CORE_PX = 5.0  # inside, past the outline
+_DARKER, _OUTLINED = 1.4, 0.95  # an outline's ink, of that of the hatching, and the share of the border that has it
+_UP_DOWN = np.ones((3, 1), np.uint8)
+
+
+def find_hatched(ink: Mask, through_ruled: bool = True) -> Mask:
+    """Return the areas in which lines leave only narrow cells of paper. A wall is the middle of its line.
+
+    Wide paper is outside, and so is narrow paper that it reaches on a short way, with `through_ruled` also across a
+    long level or upright line: a grid bounds no area. Each pixel of ink goes to the nearest paper: lines between two
+    cells to the area, strokes in the rock to the outside.
+    """
+    ink = np.pad(ink, 1)
+    paper = (~ink).astype(np.uint8)
+    distance = cv2.distanceTransform(np.pad(paper, 8, constant_values=1), cv2.DIST_L2, 5)[8:-8, 8:-8]
+    ruled = [line.astype(np.uint8) for line in find_straight(ink)] if through_ruled else []
+    outside = (distance > _CELL_PX).astype(np.uint8)
+    for _ in range(_CORNER_PX):
+        reached = cv2.dilate(outside & paper, disc(1.0)) & paper
+        for line, across in zip(ruled, (_UP_DOWN, _UP_DOWN.T), strict=False):
+            reached |= cv2.dilate(outside & (paper | line), across) & (paper | line)
+        outside = reached
+    outside &= paper
+    _, nearest = cv2.distanceTransformWithLabels(1 - paper, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    is_cell = np.zeros(int(nearest.max()) + 1, np.uint8)
+    is_cell[nearest[paper > 0]] = (paper & (1 - outside))[paper > 0]
+    return cv2.morphologyEx(is_cell[nearest][1:-1, 1:-1], cv2.MORPH_OPEN, disc(_STROKE_PX)) > 0
+
+
+def require_hatch_outlined(picture: Image, mask: Mask) -> None:
+    """Refuse a hatched area whose border has no outline that is darker or thicker than the hatching.
+
+    Raises
+    ------
+    SheetError
+        With the share of the border that has an outline.
+    """
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    ink = cv2.dilate(cv2.blur((255 - grey).astype(np.float32), (3, 3)), np.ones((3, 3), np.uint8))
+    core = mask & ~grown(~mask, _CORE_PX)
+    outlined = ink >= _DARKER * (np.median(ink[core]) if core.any() else 255.0)
+    share = float(outlined[mask & grown(~mask, 1.0)].mean())
+    bare = mask & grown(~mask, 1.0) & ~outlined
+    _, _, stats, _ = cv2.connectedComponentsWithStats(bare.astype(np.uint8))
+    width = 2 * ridge_half_width(mask)
+    print('BARE', stats[1:, 4].max(initial=0) / width, share)
+    if share < _OUTLINED:
+        raise SheetError(
+            f"an outline runs along {100 * share:.0f} % of a hatched area, at least {100 * _OUTLINED:.0f} % are "
+            "needed; --crop COL0,ROW0,COL1,ROW1 leaves out what is no workings",
+            mask,
+        )
+
+
