@@ -31,6 +31,7 @@ from pipeline.geometry.sheet_lines import (
     enclose,
     grown,
 )
+from pipeline.geometry.sheet_measures import drop_measures
 from pipeline.types import Image, Mask
 
 Box = tuple[int, int, int, int]
@@ -142,7 +143,8 @@ def _read_lines(picture: Image, level: int | None) -> SheetReading:
     doubt: GeometryError | None = None
     ink = find_ink(picture)
     filled = find_areas(ink) | find_hatched(ink)
-    dark, black = (_dark_lines(picture, only_black) for only_black in (False, True))
+    dark = drop_measures(_dark_lines(picture, False))
+    black = _dark_lines(picture, True) & drop_ruled(dark)
     differ = black.sum() < _SAME_LINES * dark.sum()
     for lines in (dark, black) if differ else (dark,):
         for drawn in _readings(lines):
@@ -167,6 +169,7 @@ def _readings(dark: Mask) -> Iterator[_Walls]:
     yield _Walls(lines, lines, _REACHES_PX, _GAPS)
     ruled = drop_ruled(dark)
     lines = drop_small(ruled, _LETTER_PX)
+    yield _Walls(keep_cycles(lines), lines, (_CLOSED_PX,), _CLOSED_GAPS)
     joined = bridge_gaps(lines, _WIDEST_GAP_PX)
     yield _Walls(joined, lines, _REACHES_PX[:2], _GAPS)
     without = drop_small(bridge_gaps(drop_centre_lines(joined), _WIDEST_GAP_PX), _LETTER_PX)

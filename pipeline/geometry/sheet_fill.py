@@ -15,7 +15,7 @@ _LETTER = 0.3  # of the drifts' width: the side of the largest hole that is a li
 _SHADE, _UNIFORM, _BESIDE = 20, 0.6, 0.9  # grey values of one fill; share that has them, or lies beside such
 _OUTLINES, _OUTLINES_PX = 0.4, (7, 13)  # both outlines of a drift, of its width, and px
 _MIDWAY = 0.4  # of the difference between a light fill and the paper: what belongs to one of them differs by less
-_LINE_PX = 2.0  # half the thickness of strokes in the rock that have the colour of a fill
+_LINE_PX = 1.0  # half the thickness of strokes in the rock that have the colour of a fill
 _WIDE_PX, _CORNER_PX = 4.0, 40  # half the width of paper between workings, and depth of narrower one, as in a corner
 _WORD_PX = 30  # narrow paper beside a grid line is longer than the strokes of light letters
 

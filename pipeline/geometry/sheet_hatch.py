@@ -58,7 +58,6 @@ def require_hatch_outlined(picture: Image, mask: Mask) -> None:
     bare = mask & grown(~mask, 1.0) & ~outlined
     _, _, stats, _ = cv2.connectedComponentsWithStats(bare.astype(np.uint8))
     width = 2 * ridge_half_width(mask)
-    print('BARE', stats[1:, 4].max(initial=0) / width, share)
     if share < _OUTLINED:
         raise SheetError(
             f"an outline runs along {100 * share:.0f} % of a hatched area, at least {100 * _OUTLINED:.0f} % are "
