@@ -11,6 +11,7 @@ import numpy as np
 from pipeline.errors import GeometryError
 from pipeline.geometry.sheet_centre import drop_centre_lines
 from pipeline.geometry.sheet_doubt import (
+    LevelsError,
     SheetError,
     require_agreement,
     require_alone,
@@ -21,8 +22,8 @@ from pipeline.geometry.sheet_doubt import (
     require_whole,
 )
 from pipeline.geometry.sheet_fill import fill_shade, find_areas, find_filled, find_ink, ridge_half_width, trim
-from pipeline.geometry.sheet_hatch import find_hatched, require_hatch_outlined
 from pipeline.geometry.sheet_gaps import bridge_gaps, keep_cycles
+from pipeline.geometry.sheet_hatch import find_hatched, require_hatch_outlined
 from pipeline.geometry.sheet_lines import (
     drop_letters,
     drop_ruled,
@@ -32,6 +33,7 @@ from pipeline.geometry.sheet_lines import (
     grown,
 )
 from pipeline.geometry.sheet_measures import drop_measures
+from pipeline.geometry.sheet_tables import drop_tables
 from pipeline.types import Image, Mask
 
 Box = tuple[int, int, int, int]
@@ -39,7 +41,8 @@ Box = tuple[int, int, int, int]
 _CHROMA = 40  # lines in colour are annotation, as elsewhere
 _SHARE = 0.006  # of the sheet that workings cover at least
 _REACHES = 0.2  # of the sheet's side that workings extend over at least
-_HATCH_PX, _PARALLEL = 3.6, 0.25  # hatching: distance to the nearest line, and coherence of the directions
+_HATCH_PX, _HATCH = 3.6, 0.33  # hatching: distance to the nearest line, px and of half the drifts' width
+_PARALLEL = 0.15  # coherence of its directions
 _RIVAL = 0.25  # of the largest drawing's area: a smaller one is a sample or a detail
 _COMPACT = 0.9  # share of its convex hull that a box, a circle or a patch fills
 _GAPS = (0.23, 0.31)  # of the drifts' width: half the widest gap that is closed, tried twice
@@ -92,6 +95,8 @@ def read_sheet(picture: Image, level: int | None) -> SheetReading:
         area = _read_area(picture, level)
         if area is not None:
             return area
+    except LevelsError:
+        raise
     except GeometryError as error:
         doubt = error
     else:
@@ -107,26 +112,32 @@ def _read_area(picture: Image, level: int | None) -> SheetReading | None:
     ink = find_ink(picture)
     filled, closed = find_areas(ink), find_hatched(ink)
     plain, dense = _drawings(filled), _drawings(closed)
-    shade = None
     if plain and _area(closed, dense) < 2 * _area(filled, plain):
         shade = fill_shade(picture, _part(filled, plain[0]))
-    if shade is not None:
-        areas = find_filled(picture, shade)
-        drawings = _drawings(areas)
-    elif dense and _is_hatched(picture, ink, closed, dense):
-        areas, drawings = closed, dense
-    else:
-        return None
-    chosen, boxes = _choose(areas, drawings, level)
+        if shade is not None:
+            return _area_reading(picture, find_filled(picture, shade), level, "filled")
+    doubt: GeometryError | None = None
+    for areas in (closed, find_hatched(ink, False)):  # a straight wall would be taken for a grid
+        if _is_hatched(picture, ink, areas):
+            try:
+                return _area_reading(picture, areas, level, "hatched")
+            except GeometryError as error:
+                doubt = doubt or error
+    if doubt is not None:
+        raise doubt
+    return None
+
+
+def _area_reading(picture: Image, areas: Mask, level: int | None, walls: str) -> SheetReading:
+    chosen, boxes = _choose(areas, _drawings(areas), level)
     mask = _largest(trim(chosen, 2 * ridge_half_width(chosen)))
-    hatched = shade is None
-    if hatched:
+    if walls == "hatched":
         require_hatch_outlined(picture, mask)
     width = 2 * ridge_half_width(mask)
     require_whole(areas, mask, width)
     if level is None:
         require_alone(drop_small(drop_straight(_dark_lines(picture, False)), _LETTER_PX), mask)
-    return SheetReading(mask, "hatched" if hatched else "filled", boxes, width)
+    return SheetReading(mask, walls, boxes, width)
 
 
 def _area(areas: Mask, drawings: list[int]) -> int:
@@ -142,8 +153,10 @@ def _read_lines(picture: Image, level: int | None) -> SheetReading:
     """Read walls drawn as lines: all dark lines, then black ones only; the first reading without a doubt counts."""
     doubt: GeometryError | None = None
     ink = find_ink(picture)
-    filled = find_areas(ink) | find_hatched(ink)
-    dark = drop_measures(_dark_lines(picture, False))
+    filled, closed = find_areas(ink), find_hatched(ink)
+    if _is_hatched(picture, ink, closed):
+        filled |= closed
+    dark = drop_measures(drop_tables(_dark_lines(picture, False)))
     black = _dark_lines(picture, True) & drop_ruled(dark)
     differ = black.sum() < _SAME_LINES * dark.sum()
     for lines in (dark, black) if differ else (dark,):
@@ -250,16 +263,19 @@ def _choose(areas: Mask, drawings: list[int], level: int | None) -> tuple[Mask, 
         raise GeometryError(f"--level {level}: the sheet shows {len(order)} drawings")
     if level is None and len(order) > 1:
         shown = "; ".join(f"{k}: columns {b[0]}-{b[2]}, rows {b[1]}-{b[3]}" for k, b in enumerate(boxes, start=1))
-        raise SheetError(
+        raise LevelsError(
             f"the sheet shows {len(order)} drawings ({shown}); --level N chooses one", np.isin(labels, order)
         )
     return labels == order[(level or 1) - 1], boxes
 
 
-def _is_hatched(picture: Image, ink: Mask, areas: Mask, drawings: list[int]) -> bool:
-    """Return whether colourless parallel lines cover the closed area everywhere."""
-    _, labels = cv2.connectedComponents(areas.astype(np.uint8), connectivity=4)
-    inside = cv2.erode((labels == drawings[0]).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+def _is_hatched(picture: Image, ink: Mask, areas: Mask) -> bool:
+    """Return whether colourless parallel lines cover the largest of the areas everywhere."""
+    drawings = _drawings(areas)
+    if not drawings:
+        return False
+    area = _part(areas, drawings[0])
+    inside = cv2.erode(area.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     hatch = (ink & (picture.max(axis=2) - picture.min(axis=2) <= _CHROMA)).astype(np.uint8)
     if not (inside & (hatch > 0)).any():
         return False
@@ -267,7 +283,8 @@ def _is_hatched(picture: Image, ink: Mask, areas: Mask, drawings: list[int]) -> 
     grey = cv2.GaussianBlur(hatch.astype(np.float32), (0, 0), 0.8)
     gradient = (cv2.Sobel(grey, cv2.CV_32F, 1, 0) + 1j * cv2.Sobel(grey, cv2.CV_32F, 0, 1))[inside]
     parallel = abs((gradient**2).sum()) / (np.abs(gradient) ** 2).sum()
-    return bool(np.percentile(to_hatch, 90) <= _HATCH_PX and parallel > _PARALLEL)
+    apart = float(np.percentile(to_hatch, 90))
+    return bool(apart <= min(_HATCH_PX, _HATCH * ridge_half_width(area)) and parallel > _PARALLEL)
 
 
 def _largest(mask: Mask) -> Mask:

@@ -30,6 +30,10 @@ class SheetError(GeometryError):
         self.found = found
 
 
+class LevelsError(SheetError):
+    """A drawing sheet shows several levels, and none is stated."""
+
+
 def require_agreement(mask: Mask, other: Mask) -> None:
     """Refuse workings that another reading gives otherwise."""
     iou = float((mask & other).sum() / max(1, (mask | other).sum()))

@@ -14,6 +14,7 @@ _CELL_PX = 4.0  # paper between hatch lines is nowhere farther from a line
 _CORNER_PX = 40  # depth of narrow paper outside, as in a corner or between strokes
 _STROKE_PX = 3.0  # half the thickness of what is an area and no line
 _CORE_PX = 5.0  # inside, past the outline
+_BARE = 1.5  # drift widths of border without an outline in one place
 _DARKER, _OUTLINED = 1.4, 0.95  # an outline's ink, of that of the hatching, and the share of the border that has it
 _UP_DOWN = np.ones((3, 1), np.uint8)
 
@@ -54,15 +55,13 @@ def require_hatch_outlined(picture: Image, mask: Mask) -> None:
     ink = cv2.dilate(cv2.blur((255 - grey).astype(np.float32), (3, 3)), np.ones((3, 3), np.uint8))
     core = mask & ~grown(~mask, _CORE_PX)
     outlined = ink >= _DARKER * (np.median(ink[core]) if core.any() else 255.0)
-    share = float(outlined[mask & grown(~mask, 1.0)].mean())
-    bare = mask & grown(~mask, 1.0) & ~outlined
-    _, _, stats, _ = cv2.connectedComponentsWithStats(bare.astype(np.uint8))
-    width = 2 * ridge_half_width(mask)
-    if share < _OUTLINED:
+    border = mask & grown(~mask, 1.0)
+    share = float(outlined[border].mean())
+    _, _, bare, _ = cv2.connectedComponentsWithStats((border & ~outlined).astype(np.uint8))
+    longest = max((max(width, height) for _, _, width, height, _ in bare[1:]), default=0)
+    if share < _OUTLINED or longest > _BARE * 2 * ridge_half_width(mask):
         raise SheetError(
             f"an outline runs along {100 * share:.0f} % of a hatched area, at least {100 * _OUTLINED:.0f} % are "
-            "needed; --crop COL0,ROW0,COL1,ROW1 leaves out what is no workings",
+            f"needed, and is missing along {longest} px; --crop COL0,ROW0,COL1,ROW1 leaves out what is no workings",
             mask,
         )
-
-
