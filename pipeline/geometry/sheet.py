@@ -54,6 +54,10 @@ _REACHES_PX = (7.0, 5.0, 9.0)
 _SAME_LINES = 0.98  # of the dark pixels belong to black lines: then there are no others
 _DARK = 185  # lines with their soft edges
 _BLACK = 80  # darkness of a black line of one pixel after a blur of one pixel is 102; that of a grey one up to 66
+_NOTHING = (
+    "no filled, hatched or enclosed area looks like workings; --crop COL0,ROW0,COL1,ROW1 leaves out the rest, "
+    "--seed COL,ROW names a place inside them"
+)
 
 
 @dataclass(frozen=True)
@@ -129,7 +133,10 @@ def _read_area(picture: Image, level: int | None) -> SheetReading | None:
 
 
 def _area_reading(picture: Image, areas: Mask, level: int | None, walls: str) -> SheetReading:
-    chosen, boxes = _choose(areas, _drawings(areas), level)
+    drawings = _drawings(areas)
+    if not drawings:
+        raise GeometryError(_NOTHING)
+    chosen, boxes = _choose(areas, drawings, level)
     mask = _largest(trim(chosen, 2 * ridge_half_width(chosen)))
     if walls == "hatched":
         require_hatch_outlined(picture, mask)
@@ -199,10 +206,7 @@ def _width_px(walls: Mask, reach_px: float) -> float:
     _, labels = cv2.connectedComponents(first.astype(np.uint8), connectivity=4)
     width = 2 * ridge_half_width(labels == drawings[0]) if drawings else 0.0
     if width < _NARROWEST_PX:
-        raise GeometryError(
-            "no filled, hatched or enclosed area looks like workings; --crop COL0,ROW0,COL1,ROW1 leaves out the rest, "
-            "--seed COL,ROW names a place inside them"
-        )
+        raise GeometryError(_NOTHING)
     return width
 
 
