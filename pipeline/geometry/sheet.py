@@ -119,12 +119,12 @@ def _read_area(picture: Image, level: int | None) -> SheetReading | None:
     if plain and _area(closed, dense) < 2 * _area(filled, plain):
         shade = fill_shade(picture, _part(filled, plain[0]))
         if shade is not None:
-            return _area_reading(picture, find_filled(picture, shade), level, "filled")
+            return _area_reading(picture, ink, find_filled(picture, shade), level, "filled")
     doubt: GeometryError | None = None
     for areas in (closed, find_hatched(ink, False)):  # a straight wall would be taken for a grid
         if _is_hatched(picture, ink, areas):
             try:
-                return _area_reading(picture, areas, level, "hatched")
+                return _area_reading(picture, ink, areas, level, "hatched")
             except GeometryError as error:
                 doubt = doubt or error
     if doubt is not None:
@@ -132,14 +132,14 @@ def _read_area(picture: Image, level: int | None) -> SheetReading | None:
     return None
 
 
-def _area_reading(picture: Image, areas: Mask, level: int | None, walls: str) -> SheetReading:
+def _area_reading(picture: Image, ink: Mask, areas: Mask, level: int | None, walls: str) -> SheetReading:
     drawings = _drawings(areas)
     if not drawings:
         raise GeometryError(_NOTHING)
     chosen, boxes = _choose(areas, drawings, level)
     mask = _largest(trim(chosen, 2 * ridge_half_width(chosen)))
     if walls == "hatched":
-        require_hatch_outlined(picture, mask)
+        require_hatch_outlined(picture, ink, mask)
     width = 2 * ridge_half_width(mask)
     require_whole(areas, mask, width)
     if level is None:

@@ -10,7 +10,7 @@ from pipeline.types import Mask
 _LONG = 0.6  # of the sheet's side: a straight line this long is a frame or a grid
 _BREAK_PX = 25  # a light letter breaks a straight line by less
 _INKED = 0.92  # of a straight line's length that has ink
-_CROSSED = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5))  # closes thin lines that were removed
+_CROSSED = np.ones((5, 5), np.uint8)  # closes thin lines that were removed
 _PIECE_PX, _CONTINUES_PX = 3, 13.0
 _NARROW = 4.0  # variance along a narrow piece, of that across it
 _CONE_RAD = np.radians(np.arange(-40, 41, 10))
