@@ -21,6 +21,7 @@ from pipeline.geometry.sheet_doubt import (
     require_taken,
     require_whole,
 )
+from pipeline.geometry.sheet_drawings import Box, choose_drawing, find_drawings, largest_area, largest_part, part
 from pipeline.geometry.sheet_fill import fill_shade, find_areas, find_filled, find_ink, ridge_half_width, trim
 from pipeline.geometry.sheet_gaps import bridge_gaps, keep_cycles
 from pipeline.geometry.sheet_hatch import find_hatched, require_hatch_outlined
@@ -36,15 +37,9 @@ from pipeline.geometry.sheet_measures import drop_measures
 from pipeline.geometry.sheet_tables import drop_tables
 from pipeline.types import Image, Mask
 
-Box = tuple[int, int, int, int]
-
 _CHROMA = 40  # lines in colour are annotation, as elsewhere
-_SHARE = 0.006  # of the sheet that workings cover at least
-_REACHES = 0.2  # of the sheet's side that workings extend over at least
 _HATCH_PX, _HATCH = 3.6, 0.33  # hatching: distance to the nearest line, px and of half the drifts' width
 _PARALLEL = 0.15  # coherence of its directions
-_RIVAL = 0.25  # of the largest drawing's area: a smaller one is a sample or a detail
-_COMPACT = 0.9  # share of its convex hull that a box, a circle or a patch fills
 _GAPS = (0.23, 0.31)  # of the drifts' width: half the widest gap that is closed, tried twice
 _LETTER_PX = 14.0  # smaller pieces are letters, dashes and hatching
 _NARROWEST_PX = 8.0
@@ -115,9 +110,10 @@ def _read_area(picture: Image, level: int | None) -> SheetReading | None:
     """Read workings drawn as a filled or hatched area; None if no area looks like workings."""
     ink = find_ink(picture)
     filled, closed = find_areas(ink), find_hatched(ink)
-    plain, dense = _drawings(filled), _drawings(closed)
-    if plain and _area(closed, dense) < 2 * _area(filled, plain):
-        shade = fill_shade(picture, _part(filled, plain[0]))
+    plain, dense = find_drawings(filled), find_drawings(closed)
+    share = 1 if _is_hatched(picture, ink, closed) else 2  # outlines may be thick enough for areas
+    if plain and largest_area(closed, dense) < share * largest_area(filled, plain):
+        shade = fill_shade(picture, part(filled, plain[0]))
         if shade is not None:
             return _area_reading(picture, ink, find_filled(picture, shade), level, "filled")
     doubt: GeometryError | None = None
@@ -133,11 +129,13 @@ def _read_area(picture: Image, level: int | None) -> SheetReading | None:
 
 
 def _area_reading(picture: Image, ink: Mask, areas: Mask, level: int | None, walls: str) -> SheetReading:
-    drawings = _drawings(areas)
+    drawings = find_drawings(areas)
     if not drawings:
         raise GeometryError(_NOTHING)
-    chosen, boxes = _choose(areas, drawings, level)
-    mask = _largest(trim(chosen, 2 * ridge_half_width(chosen)))
+    chosen, boxes = choose_drawing(areas, drawings, level)
+    mask = largest_part(trim(chosen, 2 * ridge_half_width(chosen)))
+    if not mask.any():
+        raise GeometryError(_NOTHING)
     if walls == "hatched":
         require_hatch_outlined(picture, ink, mask)
     width = 2 * ridge_half_width(mask)
@@ -145,15 +143,6 @@ def _area_reading(picture: Image, ink: Mask, areas: Mask, level: int | None, wal
     if level is None:
         require_alone(drop_small(drop_straight(_dark_lines(picture, False)), _LETTER_PX), mask)
     return SheetReading(mask, walls, boxes, width)
-
-
-def _area(areas: Mask, drawings: list[int]) -> int:
-    _, _, stats, _ = cv2.connectedComponentsWithStats(areas.astype(np.uint8), connectivity=4)
-    return int(stats[drawings[0], cv2.CC_STAT_AREA]) if drawings else 0
-
-
-def _part(areas: Mask, label: int) -> Mask:
-    return np.asarray(cv2.connectedComponents(areas.astype(np.uint8), connectivity=4)[1] == label)
 
 
 def _read_lines(picture: Image, level: int | None) -> SheetReading:
@@ -202,7 +191,7 @@ def _readings(dark: Mask) -> Iterator[_Walls]:
 def _width_px(walls: Mask, reach_px: float) -> float:
     """Return the typical width, px, of what walls enclose."""
     first = enclose(walls, reach_px)
-    drawings = _drawings(first)
+    drawings = find_drawings(first)
     _, labels = cv2.connectedComponents(first.astype(np.uint8), connectivity=4)
     width = 2 * ridge_half_width(labels == drawings[0]) if drawings else 0.0
     if width < _NARROWEST_PX:
@@ -213,14 +202,14 @@ def _width_px(walls: Mask, reach_px: float) -> float:
 def _enclosed(drawn: _Walls, width: float, level: int | None) -> SheetReading:
     walls, lines = drawn.mask, drawn.lines
     narrow, wide = (enclose(walls, max(2.0, share * width)) for share in drawn.gaps)
-    drawings = _drawings(wide)
+    drawings = find_drawings(wide)
     if not drawings:
         raise GeometryError(
             "the drawn walls enclose nothing; --seed COL,ROW names a place inside, --gap PX closes gaps"
         )
-    chosen, boxes = _choose(wide, drawings, level)
-    mask = _largest(chosen)
-    require_agreement(mask, _largest(narrow & grown(mask, 5.0)))
+    chosen, boxes = choose_drawing(wide, drawings, level)
+    mask = largest_part(chosen)
+    require_agreement(mask, largest_part(narrow & grown(mask, 5.0)))
     require_explained(lines, mask, width, _GAPS[1] * width)
     require_outlined(lines, mask)
     require_taken(lines, mask, width, _GAPS[1] * width)
@@ -239,49 +228,15 @@ def _dark_lines(picture: Image, only_black: bool) -> Mask:
     return np.asarray(dark)
 
 
-def _drawings(areas: Mask) -> list[int]:
-    """Return the labels of the areas that may be workings, largest first: large, extended and not compact."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(areas.astype(np.uint8), connectivity=4)
-    rows, cols = areas.shape
-    found = []
-    for k in range(1, len(stats)):
-        left, top, width, height, area = stats[k]
-        if area < _SHARE * areas.size or (width < _REACHES * cols and height < _REACHES * rows):
-            continue
-        if left <= 1 and top <= 1 and left + width >= cols - 1 and top + height >= rows - 1:
-            continue
-        points = cv2.findNonZero((labels[top : top + height, left : left + width] == k).astype(np.uint8))
-        if area < _COMPACT * cv2.contourArea(cv2.convexHull(points)):
-            found.append(k)
-    found.sort(key=lambda k: -stats[k, cv2.CC_STAT_AREA])
-    return [k for k in found if stats[k, cv2.CC_STAT_AREA] >= _RIVAL * stats[found[0], cv2.CC_STAT_AREA]]
-
-
-def _choose(areas: Mask, drawings: list[int], level: int | None) -> tuple[Mask, list[Box]]:
-    """Return the area of the chosen drawing and the boxes of all, by rows from the upper left."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(areas.astype(np.uint8), connectivity=4)
-    height = max(stats[k, 3] for k in drawings)
-    order = sorted(drawings, key=lambda k: (round((stats[k, 1] + stats[k, 3]) / height), stats[k, 0]))
-    boxes = [(int(s[0]), int(s[1]), int(s[0] + s[2]), int(s[1] + s[3])) for s in (stats[k] for k in order)]
-    if level is not None and not 1 <= level <= len(order):
-        raise GeometryError(f"--level {level}: the sheet shows {len(order)} drawings")
-    if level is None and len(order) > 1:
-        shown = "; ".join(f"{k}: columns {b[0]}-{b[2]}, rows {b[1]}-{b[3]}" for k, b in enumerate(boxes, start=1))
-        raise LevelsError(
-            f"the sheet shows {len(order)} drawings ({shown}); --level N chooses one", np.isin(labels, order)
-        )
-    return labels == order[(level or 1) - 1], boxes
-
-
 def _is_hatched(picture: Image, ink: Mask, areas: Mask) -> bool:
     """Return whether colourless parallel lines cover the largest of the areas everywhere."""
-    drawings = _drawings(areas)
+    drawings = find_drawings(areas)
     if not drawings:
         return False
-    area = _part(areas, drawings[0])
+    area = part(areas, drawings[0])
     inside = cv2.erode(area.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     hatch = (ink & (picture.max(axis=2) - picture.min(axis=2) <= _CHROMA)).astype(np.uint8)
-    if not (inside & (hatch > 0)).any():
+    if not (inside & (hatch > 0)).any() or (hatch[inside] > 0).all():
         return False
     to_hatch = cv2.distanceTransform(1 - hatch, cv2.DIST_L2, 5)[inside]
     grey = cv2.GaussianBlur(hatch.astype(np.float32), (0, 0), 0.8)
@@ -289,10 +244,3 @@ def _is_hatched(picture: Image, ink: Mask, areas: Mask) -> bool:
     parallel = abs((gradient**2).sum()) / (np.abs(gradient) ** 2).sum()
     apart = float(np.percentile(to_hatch, 90))
     return bool(apart <= min(_HATCH_PX, _HATCH * ridge_half_width(area)) and parallel > _PARALLEL)
-
-
-def _largest(mask: Mask) -> Mask:
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
-    if len(stats) < 2:
-        return mask
-    return np.asarray(labels == 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax()))

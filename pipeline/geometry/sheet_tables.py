@@ -8,7 +8,7 @@ import numpy as np
 from pipeline.types import Mask
 
 _SIDE_PX = 61  # the shortest side; odd: an even kernel moves an opening by a pixel
-_CLOSED = 0.95  # share of each side that has a line
+_CLOSED, _PEN_PX = 0.95, 4  # share of each side that one straight line covers, among this many; walls waver
 _LARGEST = 0.25  # of the sheet
 _WORD_PX, _LETTER_PX, _LEAST_PX = 70, 14, 4
 _NARROW = 4.0  # variance along a stroke of rock hatching, of that across it
@@ -30,17 +30,20 @@ def drop_tables(lines: Mask) -> Mask:
             continue
         box = np.s_[top : top + height, left : left + width]
         piece = labels[box] == k
-        sides = [piece[:4].any(axis=0), piece[-4:].any(axis=0), piece[:, :4].any(axis=1), piece[:, -4:].any(axis=1)]
-        if min(side.mean() for side in sides) >= _CLOSED and _holds_text(lines[box] & ~piece):
+        across, along = piece.mean(axis=1), piece.mean(axis=0)
+        sides = [across[:_PEN_PX], across[-_PEN_PX:], along[:_PEN_PX], along[-_PEN_PX:]]
+        if min(side.max() for side in sides) >= _CLOSED and _holds_text(lines[box], piece):
             kept[box] = False
     return kept
 
 
-def _holds_text(lines: Mask) -> bool:
+def _holds_text(lines: Mask, table: Mask) -> bool:
+    """Return whether lines hold letters that do not touch a table's own."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(lines.astype(np.uint8), connectivity=8)
+    touching = set(np.unique(labels[table]).tolist())
     letters = small = 0
     for k, (left, top, width, height, _) in enumerate(stats[1:], start=1):
-        if max(width, height) < _LEAST_PX or height > _LETTER_PX or width > _WORD_PX:
+        if k in touching or max(width, height) < _LEAST_PX or height > _LETTER_PX or width > _WORD_PX:
             continue
         points = np.argwhere(labels[top : top + height, left : left + width] == k).astype(float)
         spread = np.linalg.eigvalsh(np.cov(points.T))

@@ -47,6 +47,7 @@ def hatched(workings, outline_px, step=6):
         pytest.param(50, id="grid lines run beside the walls"),
         pytest.param(4028, id="grid lines cross walls that are nearly straight"),
         pytest.param(4091, id="dense hatching with light letters"),
+        pytest.param(5050, id="an outline as thick as a filling, and a frame of two lines"),
         pytest.param(4068, id="a short crosscut, strokes and compression"),
     ],
 )
@@ -136,4 +137,13 @@ def test_workings_of_two_fillings_are_not_read_as_one_of_them():
     picture = filled(cross(40))
     picture[:, 320:][cross(40)[:, 320:]] = 90
     with pytest.raises(GeometryError, match=r"--crop|--ignore|--seed"):
+        read_sheet(picture, None)
+
+
+def test_workings_no_wider_than_lines_are_asked_about():
+    workings = cross(7)
+    picture = filled(workings)
+    contours, _ = cv2.findContours(workings.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(picture, contours, -1, (0, 0, 0), 2)
+    with pytest.raises(GeometryError, match=r"--crop|--seed"):
         read_sheet(picture, None)

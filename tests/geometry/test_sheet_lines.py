@@ -25,6 +25,8 @@ def iou(one, other):
         pytest.param(4033, id="strokes in the rock, a grid and measures"),
         pytest.param(4039, id="a title block as large as the workings"),
         pytest.param(4093, id="survey lines in narrow drifts"),
+        pytest.param(5152, id="a pillar with wavering walls is no table"),
+        pytest.param(5075, id="a frame of two lines is no drawing"),
     ],
 )
 def test_walls_are_found_beside_lines_that_are_none(seed):
