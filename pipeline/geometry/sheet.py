@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
 import cv2
@@ -18,6 +19,7 @@ from pipeline.geometry.sheet_doubt import (
     require_explained,
     require_no_filling,
     require_outlined,
+    require_same,
     require_taken,
     require_whole,
 )
@@ -41,6 +43,7 @@ _CHROMA = 40  # lines in colour are annotation, as elsewhere
 _HATCH_PX, _HATCH = 3.6, 0.33  # hatching: distance to the nearest line, px and of half the drifts' width
 _PARALLEL = 0.15  # coherence of its directions
 _GAPS = (0.23, 0.31)  # of the drifts' width: half the widest gap that is closed, tried twice
+_JOINED_PX = 5.0  # half of a gap in the walls of another drawing
 _LETTER_PX = 14.0  # smaller pieces are letters, dashes and hatching
 _NARROWEST_PX = 8.0
 _WIDEST_GAP_PX = 24.0
@@ -146,29 +149,46 @@ def _area_reading(picture: Image, ink: Mask, areas: Mask, level: int | None, wal
 
 
 def _read_lines(picture: Image, level: int | None) -> SheetReading:
-    """Read walls drawn as lines: all dark lines, then black ones only; the first reading without a doubt counts."""
-    doubt: GeometryError | None = None
+    """Read walls drawn as lines: all dark lines, and black ones only; a grey line is a wall or is none."""
     ink = find_ink(picture)
     filled, closed = find_areas(ink), find_hatched(ink)
     if _is_hatched(picture, ink, closed):
         filled |= closed
     dark = drop_measures(drop_tables(_dark_lines(picture, False)))
     black = _dark_lines(picture, True) & drop_ruled(dark)
-    differ = black.sum() < _SAME_LINES * dark.sum()
-    for lines in (dark, black) if differ else (dark,):
-        for drawn in _readings(lines):
-            widths = set()
-            for reach_px in drawn.reaches_px:
-                try:
-                    width = _width_px(drawn.mask, reach_px)
-                    if round(width) not in widths:
-                        widths.add(round(width))
-                        found = _enclosed(drawn, width, level)
-                        require_no_filling(filled, found.mask)
-                        return found
-                except GeometryError as error:
-                    if not isinstance(doubt, SheetError):  # one that shows something is more helpful
-                        doubt = error if doubt is None or isinstance(error, SheetError) else doubt
+    if black.sum() >= _SAME_LINES * dark.sum():
+        return _first_reading(dark, filled, level)
+    try:
+        found = _first_reading(dark, filled, level)
+    except GeometryError as doubt:
+        try:
+            return _first_reading(black, filled, level)
+        except GeometryError:
+            raise doubt from None
+    other: SheetReading | None = None
+    with suppress(GeometryError):
+        other = _first_reading(black, filled, level)
+    if other is not None:
+        require_same(found.mask, other.mask)
+    return found
+
+
+def _first_reading(lines: Mask, filled: Mask, level: int | None) -> SheetReading:
+    """Return the first reading of lines without a doubt."""
+    doubt: GeometryError | None = None
+    for drawn in _readings(lines):
+        widths = set()
+        for reach_px in drawn.reaches_px:
+            try:
+                width = _width_px(drawn.mask, reach_px)
+                if round(width) not in widths:
+                    widths.add(round(width))
+                    found = _enclosed(drawn, width, level)
+                    require_no_filling(filled, found.mask)
+                    return found
+            except GeometryError as error:
+                if not isinstance(doubt, SheetError):  # one that shows something is more helpful
+                    doubt = error if doubt is None or isinstance(error, SheetError) else doubt
     raise doubt or GeometryError("no lines")
 
 
@@ -215,6 +235,7 @@ def _enclosed(drawn: _Walls, width: float, level: int | None) -> SheetReading:
     require_taken(lines, mask, width, _GAPS[1] * width)
     if level is None:
         require_alone(lines, mask)
+        require_alone(lines, mask, _JOINED_PX)
     return SheetReading(mask, "lines", boxes, 2 * ridge_half_width(mask))
 
 

@@ -14,7 +14,7 @@ Box = tuple[int, int, int, int]
 _SHARE = 0.006  # of the sheet that workings cover at least
 _REACHES = 0.2  # of the sheet's side that workings extend over at least
 _MARGIN, _INNER = 0.04, 0.3  # of the sheet's side, and share that lies inside: a frame lies nearer to the edge
-_RIVAL = 0.25  # of the largest drawing's area: a smaller one is a sample or a detail
+_RIVAL = 0.1  # of the largest drawing's area: a smaller one is a sample or a detail
 _COMPACT = 0.9  # share of its convex hull that a box, a circle or a patch fills
 
 
