@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from benchmarks.draw_sheet import draw_sheet
+from pipeline.errors import GeometryError
 from pipeline.geometry.sheet import read_sheet
 from pipeline.geometry.sheet_lines import drop_ruled
 from pipeline.geometry.sheet_measures import drop_measures
@@ -35,6 +36,18 @@ def test_walls_are_found_beside_lines_that_are_none(seed):
     found = read_sheet(picture, None)
     assert found.walls == "lines"
     assert iou(found.mask, sheet.levels[0]) > 0.95
+
+
+@pytest.mark.parametrize(
+    ("seed", "doubt"),
+    [
+        pytest.param(6035, "whether grey lines are walls", id="grey strokes touch the walls"),
+        pytest.param(6138, "another drawing of", id="another level has gaps in its walls"),
+    ],
+)
+def test_what_lines_do_not_settle_is_asked_about(seed, doubt):
+    with pytest.raises(GeometryError, match=doubt):
+        read_sheet(draw_sheet(seed).picture, None)
 
 
 def measure(lines, row, first, last, upright=False):
