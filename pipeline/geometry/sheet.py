@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
 import cv2
@@ -11,17 +12,21 @@ import numpy as np
 from pipeline.errors import GeometryError
 from pipeline.geometry.sheet_centre import drop_centre_lines
 from pipeline.geometry.sheet_doubt import (
+    LevelsError,
     SheetError,
     require_agreement,
     require_alone,
     require_explained,
     require_no_filling,
     require_outlined,
+    require_same,
     require_taken,
     require_whole,
 )
-from pipeline.geometry.sheet_fill import fill_workings, find_areas, find_ink, ridge_half_width
+from pipeline.geometry.sheet_drawings import Box, choose_drawing, find_drawings, largest_area, largest_part, part
+from pipeline.geometry.sheet_fill import fill_shade, find_areas, find_filled, find_ink, ridge_half_width, trim
 from pipeline.geometry.sheet_gaps import bridge_gaps, keep_cycles
+from pipeline.geometry.sheet_hatch import find_hatched, require_hatch_outlined
 from pipeline.geometry.sheet_lines import (
     drop_letters,
     drop_ruled,
@@ -30,20 +35,15 @@ from pipeline.geometry.sheet_lines import (
     enclose,
     grown,
 )
+from pipeline.geometry.sheet_measures import drop_measures
+from pipeline.geometry.sheet_tables import drop_tables
 from pipeline.types import Image, Mask
 
-Box = tuple[int, int, int, int]
-
 _CHROMA = 40  # lines in colour are annotation, as elsewhere
-_SHARE = 0.006  # of the sheet that workings cover at least
-_REACHES = 0.2  # of the sheet's side that workings extend over at least
-_SHADE, _UNIFORM = 20, 0.8  # grey values of one fill, and the least share of an area that has them
-_OUTLINES, _OUTLINES_PX = 0.4, (7, 13)  # both outlines of a drift, of its width, and px
-_OUTLINED = 0.92  # of the border of a hatched area
-_HATCH_PX, _PARALLEL = 3.6, 0.25  # hatching: distance to the nearest line, and coherence of the directions
-_RIVAL = 0.25  # of the largest drawing's area: a smaller one is a sample or a detail
-_COMPACT = 0.9  # share of its convex hull that a box, a circle or a patch fills
+_HATCH_PX, _HATCH = 3.6, 0.33  # hatching: distance to the nearest line, px and of half the drifts' width
+_PARALLEL = 0.15  # coherence of its directions
 _GAPS = (0.23, 0.31)  # of the drifts' width: half the widest gap that is closed, tried twice
+_JOINED_PX = 5.0  # half of a gap in the walls of another drawing
 _LETTER_PX = 14.0  # smaller pieces are letters, dashes and hatching
 _NARROWEST_PX = 8.0
 _WIDEST_GAP_PX = 24.0
@@ -52,6 +52,10 @@ _REACHES_PX = (7.0, 5.0, 9.0)
 _SAME_LINES = 0.98  # of the dark pixels belong to black lines: then there are no others
 _DARK = 185  # lines with their soft edges
 _BLACK = 80  # darkness of a black line of one pixel after a blur of one pixel is 102; that of a grey one up to 66
+_NOTHING = (
+    "no filled, hatched or enclosed area looks like workings; --crop COL0,ROW0,COL1,ROW1 leaves out the rest, "
+    "--seed COL,ROW names a place inside them"
+)
 
 
 @dataclass(frozen=True)
@@ -93,6 +97,8 @@ def read_sheet(picture: Image, level: int | None) -> SheetReading:
         area = _read_area(picture, level)
         if area is not None:
             return area
+    except LevelsError:
+        raise
     except GeometryError as error:
         doubt = error
     else:
@@ -106,64 +112,83 @@ def read_sheet(picture: Image, level: int | None) -> SheetReading:
 def _read_area(picture: Image, level: int | None) -> SheetReading | None:
     """Read workings drawn as a filled or hatched area; None if no area looks like workings."""
     ink = find_ink(picture)
-    filled, closed = find_areas(ink, False), find_areas(drop_straight(ink), True)
-    plain, dense = _drawings(filled), _drawings(closed)
-    uniform = bool(plain) and _is_uniform(picture, filled, plain) and _area(closed, dense) < 2 * _area(filled, plain)
-    hatched = bool(dense) and not uniform and _is_hatched(picture, ink, closed, dense)
-    if not hatched and not uniform:
-        return None
-    areas, drawings = (closed, dense) if hatched else (filled, plain)
-    chosen, boxes = _choose(areas, drawings, level)
-    filling, outlined = fill_workings(picture, ink, chosen, hatched)
-    mask = _largest(filling)
-    if hatched and outlined < _OUTLINED:
-        raise SheetError(
-            f"an outline runs along {100 * outlined:.0f} % of a hatched area, at least {100 * _OUTLINED:.0f} % are "
-            "needed; --crop COL0,ROW0,COL1,ROW1 leaves out what is no workings",
-            mask,
-        )
+    filled, closed = find_areas(ink), find_hatched(ink)
+    plain, dense = find_drawings(filled), find_drawings(closed)
+    share = 1 if _is_hatched(picture, ink, closed) else 2  # outlines may be thick enough for areas
+    if plain and largest_area(closed, dense) < share * largest_area(filled, plain):
+        shade = fill_shade(picture, part(filled, plain[0]))
+        if shade is not None:
+            return _area_reading(picture, ink, find_filled(picture, shade), level, "filled")
+    doubt: GeometryError | None = None
+    for areas in (closed, find_hatched(ink, False)):  # a straight wall would be taken for a grid
+        if _is_hatched(picture, ink, areas):
+            try:
+                return _area_reading(picture, ink, areas, level, "hatched")
+            except GeometryError as error:
+                doubt = doubt or error
+    if doubt is not None:
+        raise doubt
+    return None
+
+
+def _area_reading(picture: Image, ink: Mask, areas: Mask, level: int | None, walls: str) -> SheetReading:
+    drawings = find_drawings(areas)
+    if not drawings:
+        raise GeometryError(_NOTHING)
+    chosen, boxes = choose_drawing(areas, drawings, level)
+    mask = largest_part(trim(chosen, 2 * ridge_half_width(chosen)))
+    if not mask.any():
+        raise GeometryError(_NOTHING)
+    if walls == "hatched":
+        require_hatch_outlined(picture, ink, mask)
     width = 2 * ridge_half_width(mask)
     require_whole(areas, mask, width)
     if level is None:
         require_alone(drop_small(drop_straight(_dark_lines(picture, False)), _LETTER_PX), mask)
-    return SheetReading(mask, "hatched" if hatched else "filled", boxes, width)
-
-
-def _area(areas: Mask, drawings: list[int]) -> int:
-    _, _, stats, _ = cv2.connectedComponentsWithStats(areas.astype(np.uint8), connectivity=4)
-    return int(stats[drawings[0], cv2.CC_STAT_AREA]) if drawings else 0
-
-
-def _is_uniform(picture: Image, areas: Mask, drawings: list[int]) -> bool:
-    """Return whether the largest area has one shade, apart from letters and lines in it."""
-    _, labels = cv2.connectedComponents(areas.astype(np.uint8), connectivity=4)
-    area = labels == drawings[0]
-    side = round(float(np.clip(_OUTLINES * 2 * ridge_half_width(area), *_OUTLINES_PX)))
-    inside = cv2.erode(area.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
-    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)[inside].astype(float)
-    return bool(len(grey) and np.mean(np.abs(grey - np.median(grey)) <= _SHADE) > _UNIFORM)
+    return SheetReading(mask, walls, boxes, width)
 
 
 def _read_lines(picture: Image, level: int | None) -> SheetReading:
-    """Read walls drawn as lines: all dark lines, then black ones only; the first reading without a doubt counts."""
+    """Read walls drawn as lines: all dark lines, and black ones only; a grey line is a wall or is none."""
+    ink = find_ink(picture)
+    filled, closed = find_areas(ink), find_hatched(ink)
+    if _is_hatched(picture, ink, closed):
+        filled |= closed
+    dark = drop_measures(drop_tables(_dark_lines(picture, False)))
+    black = _dark_lines(picture, True) & drop_ruled(dark)
+    if black.sum() >= _SAME_LINES * dark.sum():
+        return _first_reading(dark, filled, level)
+    try:
+        found = _first_reading(dark, filled, level)
+    except GeometryError as doubt:
+        try:
+            return _first_reading(black, filled, level)
+        except GeometryError:
+            raise doubt from None
+    other: SheetReading | None = None
+    with suppress(GeometryError):
+        other = _first_reading(black, filled, level)
+    if other is not None:
+        require_same(found.mask, other.mask)
+    return found
+
+
+def _first_reading(lines: Mask, filled: Mask, level: int | None) -> SheetReading:
+    """Return the first reading of lines without a doubt."""
     doubt: GeometryError | None = None
-    filled = find_areas(find_ink(picture), False)
-    dark, black = (_dark_lines(picture, only_black) for only_black in (False, True))
-    differ = black.sum() < _SAME_LINES * dark.sum()
-    for lines in (dark, black) if differ else (dark,):
-        for drawn in _readings(lines):
-            widths = set()
-            for reach_px in drawn.reaches_px:
-                try:
-                    width = _width_px(drawn.mask, reach_px)
-                    if round(width) not in widths:
-                        widths.add(round(width))
-                        found = _enclosed(drawn, width, level)
-                        require_no_filling(filled, found.mask)
-                        return found
-                except GeometryError as error:
-                    if not isinstance(doubt, SheetError):  # one that shows something is more helpful
-                        doubt = error if doubt is None or isinstance(error, SheetError) else doubt
+    for drawn in _readings(lines):
+        widths = set()
+        for reach_px in drawn.reaches_px:
+            try:
+                width = _width_px(drawn.mask, reach_px)
+                if round(width) not in widths:
+                    widths.add(round(width))
+                    found = _enclosed(drawn, width, level)
+                    require_no_filling(filled, found.mask)
+                    return found
+            except GeometryError as error:
+                if not isinstance(doubt, SheetError):  # one that shows something is more helpful
+                    doubt = error if doubt is None or isinstance(error, SheetError) else doubt
     raise doubt or GeometryError("no lines")
 
 
@@ -173,6 +198,7 @@ def _readings(dark: Mask) -> Iterator[_Walls]:
     yield _Walls(lines, lines, _REACHES_PX, _GAPS)
     ruled = drop_ruled(dark)
     lines = drop_small(ruled, _LETTER_PX)
+    yield _Walls(keep_cycles(lines), lines, (_CLOSED_PX,), _CLOSED_GAPS)
     joined = bridge_gaps(lines, _WIDEST_GAP_PX)
     yield _Walls(joined, lines, _REACHES_PX[:2], _GAPS)
     without = drop_small(bridge_gaps(drop_centre_lines(joined), _WIDEST_GAP_PX), _LETTER_PX)
@@ -185,33 +211,31 @@ def _readings(dark: Mask) -> Iterator[_Walls]:
 def _width_px(walls: Mask, reach_px: float) -> float:
     """Return the typical width, px, of what walls enclose."""
     first = enclose(walls, reach_px)
-    drawings = _drawings(first)
+    drawings = find_drawings(first)
     _, labels = cv2.connectedComponents(first.astype(np.uint8), connectivity=4)
     width = 2 * ridge_half_width(labels == drawings[0]) if drawings else 0.0
     if width < _NARROWEST_PX:
-        raise GeometryError(
-            "no filled, hatched or enclosed area looks like workings; --crop COL0,ROW0,COL1,ROW1 leaves out the rest, "
-            "--seed COL,ROW names a place inside them"
-        )
+        raise GeometryError(_NOTHING)
     return width
 
 
 def _enclosed(drawn: _Walls, width: float, level: int | None) -> SheetReading:
     walls, lines = drawn.mask, drawn.lines
     narrow, wide = (enclose(walls, max(2.0, share * width)) for share in drawn.gaps)
-    drawings = _drawings(wide)
+    drawings = find_drawings(wide)
     if not drawings:
         raise GeometryError(
             "the drawn walls enclose nothing; --seed COL,ROW names a place inside, --gap PX closes gaps"
         )
-    chosen, boxes = _choose(wide, drawings, level)
-    mask = _largest(chosen)
-    require_agreement(mask, _largest(narrow & grown(mask, 5.0)))
+    chosen, boxes = choose_drawing(wide, drawings, level)
+    mask = largest_part(chosen)
+    require_agreement(mask, largest_part(narrow & grown(mask, 5.0)))
     require_explained(lines, mask, width, _GAPS[1] * width)
     require_outlined(lines, mask)
     require_taken(lines, mask, width, _GAPS[1] * width)
     if level is None:
         require_alone(lines, mask)
+        require_alone(lines, mask, _JOINED_PX)
     return SheetReading(mask, "lines", boxes, 2 * ridge_half_width(mask))
 
 
@@ -225,56 +249,19 @@ def _dark_lines(picture: Image, only_black: bool) -> Mask:
     return np.asarray(dark)
 
 
-def _drawings(areas: Mask) -> list[int]:
-    """Return the labels of the areas that may be workings, largest first: large, extended and not compact."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(areas.astype(np.uint8), connectivity=4)
-    rows, cols = areas.shape
-    found = []
-    for k in range(1, len(stats)):
-        left, top, width, height, area = stats[k]
-        if area < _SHARE * areas.size or (width < _REACHES * cols and height < _REACHES * rows):
-            continue
-        if left <= 1 and top <= 1 and left + width >= cols - 1 and top + height >= rows - 1:
-            continue
-        points = cv2.findNonZero((labels[top : top + height, left : left + width] == k).astype(np.uint8))
-        if area < _COMPACT * cv2.contourArea(cv2.convexHull(points)):
-            found.append(k)
-    found.sort(key=lambda k: -stats[k, cv2.CC_STAT_AREA])
-    return [k for k in found if stats[k, cv2.CC_STAT_AREA] >= _RIVAL * stats[found[0], cv2.CC_STAT_AREA]]
-
-
-def _choose(areas: Mask, drawings: list[int], level: int | None) -> tuple[Mask, list[Box]]:
-    """Return the area of the chosen drawing and the boxes of all, by rows from the upper left."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(areas.astype(np.uint8), connectivity=4)
-    height = max(stats[k, 3] for k in drawings)
-    order = sorted(drawings, key=lambda k: (round((stats[k, 1] + stats[k, 3]) / height), stats[k, 0]))
-    boxes = [(int(s[0]), int(s[1]), int(s[0] + s[2]), int(s[1] + s[3])) for s in (stats[k] for k in order)]
-    if level is not None and not 1 <= level <= len(order):
-        raise GeometryError(f"--level {level}: the sheet shows {len(order)} drawings")
-    if level is None and len(order) > 1:
-        shown = "; ".join(f"{k}: columns {b[0]}-{b[2]}, rows {b[1]}-{b[3]}" for k, b in enumerate(boxes, start=1))
-        raise SheetError(
-            f"the sheet shows {len(order)} drawings ({shown}); --level N chooses one", np.isin(labels, order)
-        )
-    return labels == order[(level or 1) - 1], boxes
-
-
-def _is_hatched(picture: Image, ink: Mask, areas: Mask, drawings: list[int]) -> bool:
-    """Return whether colourless parallel lines cover the closed area everywhere."""
-    _, labels = cv2.connectedComponents(areas.astype(np.uint8), connectivity=4)
-    inside = cv2.erode((labels == drawings[0]).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+def _is_hatched(picture: Image, ink: Mask, areas: Mask) -> bool:
+    """Return whether colourless parallel lines cover the largest of the areas everywhere."""
+    drawings = find_drawings(areas)
+    if not drawings:
+        return False
+    area = part(areas, drawings[0])
+    inside = cv2.erode(area.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     hatch = (ink & (picture.max(axis=2) - picture.min(axis=2) <= _CHROMA)).astype(np.uint8)
-    if not (inside & (hatch > 0)).any():
+    if not (inside & (hatch > 0)).any() or (hatch[inside] > 0).all():
         return False
     to_hatch = cv2.distanceTransform(1 - hatch, cv2.DIST_L2, 5)[inside]
     grey = cv2.GaussianBlur(hatch.astype(np.float32), (0, 0), 0.8)
     gradient = (cv2.Sobel(grey, cv2.CV_32F, 1, 0) + 1j * cv2.Sobel(grey, cv2.CV_32F, 0, 1))[inside]
     parallel = abs((gradient**2).sum()) / (np.abs(gradient) ** 2).sum()
-    return bool(np.percentile(to_hatch, 90) <= _HATCH_PX and parallel > _PARALLEL)
-
-
-def _largest(mask: Mask) -> Mask:
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
-    if len(stats) < 2:
-        return mask
-    return np.asarray(labels == 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax()))
+    apart = float(np.percentile(to_hatch, 90))
+    return bool(apart <= min(_HATCH_PX, _HATCH * ridge_half_width(area)) and parallel > _PARALLEL)

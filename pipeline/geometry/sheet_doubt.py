@@ -10,7 +10,7 @@ from pipeline.geometry.sheet_centre import in_the_middle
 from pipeline.geometry.sheet_lines import drop_straight, grown, margin_px, unexplained_px
 from pipeline.types import Mask
 
-_AGREE = 0.97  # IoU of the workings with both
+_AGREE, _SAME = 0.97, 0.95  # IoU of the workings with both gaps, and without grey lines
 _UNEXPLAINED = 2.5  # drift widths of line inside the workings that no reading explains
 _RULED = 0.12  # of the sheet's side: a level or upright line this long is a piece of a grid
 _OTHER, _RULER_PX = 0.3, 10  # extent of another drawing, of that of the workings; width of a ruled line
@@ -30,6 +30,10 @@ class SheetError(GeometryError):
         self.found = found
 
 
+class LevelsError(SheetError):
+    """A drawing sheet shows several levels, and none is stated."""
+
+
 def require_agreement(mask: Mask, other: Mask) -> None:
     """Refuse workings that another reading gives otherwise."""
     iou = float((mask & other).sum() / max(1, (mask | other).sum()))
@@ -37,6 +41,17 @@ def require_agreement(mask: Mask, other: Mask) -> None:
         raise SheetError(
             f"the workings depend on which gaps in walls are closed (IoU {iou:.2f} between two readings, at least "
             f"{_AGREE}); --seed COL,ROW names a place inside, --gap PX states the widest gap",
+            mask,
+        )
+
+
+def require_same(mask: Mask, black: Mask) -> None:
+    """Refuse workings between dark lines that black lines alone give otherwise."""
+    iou = float((mask & black).sum() / max(1, (mask | black).sum()))
+    if iou < _SAME:
+        raise SheetError(
+            f"the workings depend on whether grey lines are walls (IoU {iou:.2f} between two readings, at least "
+            f"{_SAME}); --ignore R,G,B leaves out a colour, --seed COL,ROW names a place inside",
             mask,
         )
 
@@ -113,10 +128,14 @@ def require_taken(lines: Mask, mask: Mask, width: float, reach_px: float) -> Non
         )
 
 
-def require_alone(lines: Mask, mask: Mask) -> None:
-    """Refuse workings beside another large drawing: lines as extended as the workings that are no box and no ruler."""
+def require_alone(lines: Mask, mask: Mask, join_px: float = 0.0) -> None:
+    """Refuse workings beside another large drawing: lines as extended as the workings that are no box and no ruler.
+
+    Lines within twice `join_px` of each other count as one: walls have gaps.
+    """
     others = drop_straight(lines & ~grown(mask, 6.0), _RULED)
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(others.astype(np.uint8), connectivity=8)
+    joined = grown(others, join_px) if join_px else others
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(joined.astype(np.uint8), connectivity=8)
     _, _, cols, rows = cv2.boundingRect(mask.astype(np.uint8))
     for k, (left, top, width, height, _) in enumerate(stats[1:], start=1):
         if max(width, height) < _OTHER * max(cols, rows) or min(width, height) <= _RULER_PX:

@@ -1,4 +1,4 @@
-"""Find workings that a drawing sheet shows as filled or hatched areas."""
+"""Find workings that a drawing sheet shows as filled areas."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from pipeline.types import Image, Mask
 
 _INK = 24  # difference of a channel from the paper; compression changes paper by less
 _STROKE_PX = 3.0  # half the thickness of what is an area and no line
-_HATCH_PX = 5.0  # hatch lines nearer than twice this form an area
 _NARROW = 0.15  # of the drifts' width: thinner parts are lines and letters that touch the area
 _LETTER = 0.3  # of the drifts' width: the side of the largest hole that is a light letter
-_OUTLINED = 0.4  # share of the border that an outline covers, by its darkness
-_DARKER = 30
-_DARK_OUTLINE = 110
+_SHADE, _UNIFORM, _BESIDE = 20, 0.6, 0.9  # grey values of one fill; share that has them, or lies beside such
+_OUTLINES, _OUTLINES_PX = 0.4, (7, 13)  # both outlines of a drift, of its width, and px
+_MIDWAY = 0.4  # of the difference between a light fill and the paper: what belongs to one of them differs by less
+_LINE_PX = 1.0  # half the thickness of strokes in the rock that have the colour of a fill
+_WIDE_PX, _CORNER_PX = 4.0, 40  # half the width of paper between workings, and depth of narrower one, as in a corner
+_WORD_PX = 30  # narrow paper beside a grid line is longer than the strokes of light letters
 
 
 def paper_colour(picture: Image) -> np.ndarray:
@@ -31,56 +33,62 @@ def find_ink(picture: Image) -> Mask:
     return np.asarray(np.abs(picture.astype(np.int16) - paper_colour(picture).astype(np.int16)).max(axis=2) > _INK)
 
 
-def find_areas(ink: Mask, hatched: bool) -> Mask:
-    """Return the areas among ink: what is thicker than any line; with `hatched`, hatch lines are closed first."""
-    mask = ink.astype(np.uint8)
-    if hatched:
-        mask = cv2.morphologyEx(np.pad(mask, 8), cv2.MORPH_CLOSE, disc(_HATCH_PX))[8:-8, 8:-8]
-    return cv2.morphologyEx(mask, cv2.MORPH_OPEN, disc(_STROKE_PX)).astype(bool)
+def find_areas(ink: Mask) -> Mask:
+    """Return the areas among ink: what is thicker than any line."""
+    return cv2.morphologyEx(ink.astype(np.uint8), cv2.MORPH_OPEN, disc(_STROKE_PX)) > 0
 
 
-def fill_workings(picture: Image, ink: Mask, area: Mask, hatched: bool) -> tuple[Mask, float]:
-    """Return the workings round an area: without lines and letters that touch it, without light letters in it.
+def fill_shade(picture: Image, area: Mask) -> np.ndarray | None:
+    """Return the one colour (3,) of a filled area, apart from letters and lines in it; None if it has several."""
+    side = round(float(np.clip(_OUTLINES * 2 * ridge_half_width(area), *_OUTLINES_PX)))
+    inside = cv2.erode(area.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+    if not inside.any():
+        return None
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    most = int(np.bincount(grey[inside]).argmax())
+    filling = np.abs(grey.astype(np.int16) - most) <= _SHADE
+    beside = cv2.dilate(filling.astype(np.uint8), disc(_STROKE_PX)) > 0
+    if filling[inside].mean() < _UNIFORM or beside[inside].mean() < _BESIDE:
+        return None
+    return np.median(picture[inside & filling], axis=0)
 
-    Where an outline is drawn, the wall is the middle of the outline; the second result is the share of the border that
-    has one.
+
+def find_filled(picture: Image, shade: np.ndarray) -> Mask:
+    """Return the areas of a colour (3,): each pixel of anything else goes to the nearest filling or wide paper.
+
+    So a wall is the middle of its outline, and letters and lines in a filling, or in the paper, do not count.
     """
-    width = 2 * ridge_half_width(area)
-    near = cv2.dilate(area.astype(np.uint8), disc(2 * _STROKE_PX + 1))
-    mask = (ink | area) & (near > 0)
-    if hatched:
-        mask |= area
-    radius = max(_STROKE_PX, _NARROW * width)
+    smooth, paper = cv2.medianBlur(picture, 3).astype(np.int16), paper_colour(picture)
+    within = min(float(_SHADE), _MIDWAY * float(np.abs(shade - paper).max()))
+    filling, blank = ((np.abs(smooth - colour).max(axis=2) <= within).astype(np.uint8) for colour in (shade, paper))
+    filling = cv2.morphologyEx(filling, cv2.MORPH_OPEN, disc(_LINE_PX))
+    distance = cv2.distanceTransform(np.pad(blank, 8, constant_values=1), cv2.DIST_L2, 5)[8:-8, 8:-8]
+    outside = (distance > _WIDE_PX).astype(np.uint8)
+    for _ in range(_CORNER_PX):
+        outside = cv2.dilate(outside, disc(1.0)) & blank
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(blank, connectivity=4)
+    large = np.maximum(stats[:, 2], stats[:, 3]) > _WORD_PX
+    outside |= (large[labels] & ~_meets(labels, outside, len(stats))).astype(np.uint8) & blank
+    seeds = filling | outside
+    _, nearest = cv2.distanceTransformWithLabels(1 - seeds, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    is_filled = np.zeros(int(nearest.max()) + 1, bool)
+    is_filled[nearest[seeds > 0]] = filling[seeds > 0] > 0
+    return np.asarray(is_filled[nearest])
+
+
+def _meets(labels: np.ndarray, mask: np.ndarray, count: int) -> Mask:
+    """Mark all pixels of those labels that a mask meets."""
+    met = np.zeros(count, bool)
+    met[labels[mask > 0]] = True
+    return np.asarray(met[labels])
+
+
+def trim(mask: Mask, width_px: float) -> Mask:
+    """Return an area without lines and letters that touch it, and without light letters in it."""
+    radius = max(_STROKE_PX, _NARROW * width_px)
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, disc(radius))
     mask = mask & (cv2.dilate(opened, disc(0.42 * radius + 0.5)) > 0)
-    mask = fill_islands(mask, (_LETTER * width) ** 2)
-    half = _half_outline(picture, mask, hatched)
-    if half < 0.5:
-        return mask, 0.0
-    distance = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
-    dark = cv2.erode(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), disc(half + 1)) < _DARK_OUTLINE
-    border = (distance > half) & (distance <= half + 1)
-    return distance > half, float(dark[border].mean()) if border.any() else 0.0
-
-
-def _half_outline(picture: Image, mask: Mask, hatched: bool) -> float:
-    """Return how far the middle of a drawn outline lies inside a filled area, px; 0 if there is no outline."""
-    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY).astype(np.int16)
-    distance = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
-    core = grey[distance > 6]
-    if not len(core):
-        return 0.0
-    fill = int(np.percentile(core, 75 if hatched else 50))
-    darkest = int(np.percentile(grey[(distance > 0) & (distance < 8)], 2))
-    if darkest > fill - _DARKER:
-        return 0.0
-    share = np.clip((fill - grey) / (fill - darkest), 0.0, 1.0)  # of the stroke's darkness
-    profile = np.array([share[(distance > d - 0.5) & (distance <= d + 0.5)].mean() for d in range(1, 9)])
-    inner = profile[-3:].mean()
-    profile = np.clip((profile - inner) / max(0.2, 1 - inner), 0.0, None)
-    if profile[:3].max() < _OUTLINED:
-        return 0.0
-    return float((np.arange(1, 9) * profile).sum() / profile.sum())
+    return fill_islands(mask, (_LETTER * width_px) ** 2)
 
 
 def ridge_half_width(mask: Mask) -> float:

@@ -10,6 +10,7 @@ from pipeline.types import Mask
 _LONG = 0.6  # of the sheet's side: a straight line this long is a frame or a grid
 _BREAK_PX = 25  # a light letter breaks a straight line by less
 _INKED = 0.92  # of a straight line's length that has ink
+_CROSSED = np.ones((5, 5), np.uint8)  # closes thin lines that were removed
 _PIECE_PX, _CONTINUES_PX = 3, 13.0
 _NARROW = 4.0  # variance along a narrow piece, of that across it
 _CONE_RAD = np.radians(np.arange(-40, 41, 10))
@@ -20,14 +21,20 @@ _LABEL_PX, _LABEL = 14, 2.0  # height of letters, and drift widths of the longes
 _MEASURE, _MEASURES = 5.0, 12.0  # drift widths of the longest measure, and of all
 
 
+def find_straight(lines: Mask, share: float = _LONG) -> tuple[Mask, Mask]:
+    """Return the level and the upright lines that are longer than a share of the sheet's side."""
+    mask = lines.astype(np.uint8)
+    tall, wide = (max(40, round(share * side)) for side in lines.shape)
+    level, upright = (
+        cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones(shape, np.uint8)) > 0 for shape in ((1, wide), (tall, 1))
+    )
+    return level, upright
+
+
 def drop_straight(lines: Mask, share: float = _LONG) -> Mask:
     """Remove level and upright lines that are longer than a share of the sheet's side: grids, frames, tables."""
-    mask = lines.astype(np.uint8)
-    straight = np.zeros_like(mask)
-    tall, wide = (max(40, round(share * side)) for side in lines.shape)
-    for kernel in (np.ones((1, wide), np.uint8), np.ones((tall, 1), np.uint8)):
-        straight |= cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
-    return lines & (straight == 0)
+    level, upright = find_straight(lines, share)
+    return lines & ~level & ~upright
 
 
 def drop_ruled(lines: Mask, share: float = _LONG) -> Mask:
@@ -41,7 +48,13 @@ def drop_ruled(lines: Mask, share: float = _LONG) -> Mask:
         covered = cv2.blur(mask.astype(np.float32), shape[::-1].tolist(), borderType=cv2.BORDER_CONSTANT)
         inked = cv2.dilate((covered >= _INKED).astype(np.uint8), np.ones(shape, np.uint8))
         straight |= inked & cv2.morphologyEx(whole, cv2.MORPH_OPEN, np.ones(shape, np.uint8))
-    return lines & (straight == 0)
+    return keep_crossed(lines, lines & (straight == 0))
+
+
+def keep_crossed(lines: Mask, rest: Mask) -> Mask:
+    """Return what is left of lines, and what a line that was removed had crossed."""
+    crossed = cv2.morphologyEx(np.pad(rest, 4).astype(np.uint8), cv2.MORPH_CLOSE, _CROSSED)[4:-4, 4:-4]
+    return rest | (lines & (crossed > 0))
 
 
 def drop_small(lines: Mask, extent_px: float) -> Mask:
