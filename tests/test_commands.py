@@ -16,6 +16,7 @@ from pipeline.store.manifest import read_params
 @pytest.fixture(autouse=True)
 def _handlers():
     before = {kind: signal.getsignal(kind) for kind in (signal.SIGTERM, signal.SIGINT)}
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a command of another test may have left its own
     yield
     for kind, handler in before.items():
         signal.signal(kind, handler)

@@ -244,6 +244,7 @@ def test_a_world_that_was_edited_after_it_was_loaded_is_noticed_at_the_next_load
         load_world(world)
 
 
+@pytest.mark.slow  # not long, but only true on a machine that does nothing else
 def test_the_default_world_is_checked_in_fifty_milliseconds():
     """Without reading, hashing, and unpacking the grid, which a load does anyway."""
     bundle = ROOT / "artifacts/realism/world"
