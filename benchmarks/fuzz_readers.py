@@ -51,7 +51,7 @@ def _read_cloud(path: Path) -> None:
 
 
 def _read_sweep(path: Path) -> None:
-    from pipeline.survey.poses import read_sweep
+    from pipeline.survey.sweeps import read_sweep
 
     read_sweep(path, 50.0, 1.0)
 

@@ -22,7 +22,7 @@ from pipeline.proof.parity import compare_backends
 from pipeline.proof.replay import find_sweeps, replay_sweeps
 from pipeline.proof.replay_report import grade_along
 from pipeline.proof.stress_test import stress_walls
-from pipeline.survey.poses import read_poses
+from pipeline.survey.sweeps import read_poses
 from tests.mines import TEE, BuiltMine
 
 TRACING = (0.25, 2.0)

@@ -47,7 +47,7 @@ def roughness(sweeps: list[Path], out: Path) -> None:
     from pipeline.store.codecs import encode
     from pipeline.store.files import write_atomically
     from pipeline.surface.reference import roughness_json
-    from pipeline.survey.poses import read_sweep
+    from pipeline.survey.sweeps import read_sweep
 
     gate = compose([]).surface.sweeps
     points = {path.stem: read_sweep(path, gate.max_range_m, gate.max_range_var_m2) for path in sweeps}

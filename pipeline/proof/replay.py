@@ -17,7 +17,7 @@ from pipeline.geometry.registration import Pose, Registration, Search, register_
 from pipeline.mjcf.bundle import World, geom_triangles, visible_triangles
 from pipeline.params.validation import ReplayParams
 from pipeline.proof.replay_report import Replay, SweepReplay, range_errors, report_replay
-from pipeline.survey.poses import (
+from pipeline.survey.sweeps import (
     Returns,
     SurveyedPose,
     gate_returns,

@@ -11,7 +11,7 @@ from scipy.stats import theilslopes
 from pipeline.geometry.registration import Pose, Registration
 from pipeline.mjcf.bundle import World
 from pipeline.params.validation import ReplayParams
-from pipeline.survey.poses import SurveyedPose
+from pipeline.survey.sweeps import SurveyedPose
 
 _NEAR_M, _FAR_M = 0.25, 0.5
 _LEAST_HEIGHTS = 3

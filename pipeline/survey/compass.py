@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.survey.legs import SurveyLeg, legs_of_chains
-from pipeline.survey.shapes import read_text_bytes, require_at_most
+from pipeline.survey.plain_file import read_text_bytes, require_at_most
 
 _FOOT_M = 0.3048
 _UNKNOWN_FT = 900.0  # Compass writes 999.9 or a negative number for a distance that was not measured

@@ -16,15 +16,8 @@ from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.raycast import RayCaster
 from pipeline.geometry.registration import Fan, Pose, Registration, Search, range_loss, register_scans
 from pipeline.geometry.sweep_correction import cast_fan, caster_of, follow_sweeps, narrow_drifts
-from pipeline.survey.poses import (
-    CORRECTION_M,
-    CORRECTION_RAD,
-    gate_returns,
-    read_poses,
-    read_returns,
-    require_poses,
-    static_returns,
-)
+from pipeline.survey.poses import CORRECTION_M, CORRECTION_RAD
+from pipeline.survey.sweeps import gate_returns, read_poses, read_returns, require_poses, static_returns
 
 WALL_RANGE_M = 9.0  # beyond it a bin of 0.25 deg is wider than 4 cm
 WALL_INCIDENCE_RAD = math.radians(20.0)  # at this grazing angle, an error across the wall is tripled in range

@@ -22,8 +22,9 @@ from pipeline.survey.grid import draw_grid
 from pipeline.survey.image import read_image
 from pipeline.survey.nav2 import nav2_picture
 from pipeline.survey.picture import draw_page, make_ready, require_few_regions
+from pipeline.survey.plain_file import require_plain_file
 from pipeline.survey.scale import find_bar, measure_bar
-from pipeline.survey.shapes import METRES, require_plain_file
+from pipeline.survey.shapes import METRES
 from pipeline.survey.solved.read import SOLVED_SUFFIXES
 from pipeline.survey.vector_sheet import require_no_sheet
 from pipeline.survey.vector_survey import draw_vector_survey, read_shapes, vector_files

@@ -18,7 +18,8 @@ from shapely import LineString
 
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.shapes import Shapes, read_text_bytes, require_at_most, require_size
+from pipeline.survey.plain_file import read_text_bytes, require_at_most
+from pipeline.survey.shapes import Shapes, require_size
 
 _UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
 _CHORD_SHARE = 1e-4  # largest distance between a curve and its chords, as a share of the drawing's size

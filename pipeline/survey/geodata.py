@@ -11,7 +11,8 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.shapes import Shapes, require_at_most, require_size
+from pipeline.survey.plain_file import require_at_most
+from pipeline.survey.shapes import Shapes, require_size
 
 _READ_ERRORS = tuple(
     getattr(pyogrio.errors, name)

@@ -11,7 +11,8 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.shapes import Shapes, read_text_bytes, require_at_most, require_size
+from pipeline.survey.plain_file import read_text_bytes, require_at_most
+from pipeline.survey.shapes import Shapes, require_size
 
 
 def read_geojson(path: Path, layers: list[str] | None) -> Shapes:

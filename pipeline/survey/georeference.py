@@ -17,7 +17,7 @@ from rasterio.transform import Affine
 from pipeline.errors import InputError
 from pipeline.survey.ground import ground_scale, is_true_to_scale
 from pipeline.survey.orientation import orientation_of
-from pipeline.survey.shapes import read_text_bytes
+from pipeline.survey.plain_file import read_text_bytes
 
 _UNEVEN = 0.01  # Web Mercator's axes differ by up to 0.007
 _FARTHEST = 1e9  # of a coordinate in the map's units; map coordinates in feet reach 1e8

@@ -30,11 +30,12 @@ from pipeline.survey.picture import (
     require_few_regions,
     turn_picture,
 )
-from pipeline.survey.poses import PoseScale, gate_returns, read_poses, read_returns, scale_from_poses
+from pipeline.survey.poses import PoseScale, scale_from_poses
 from pipeline.survey.scale import measure_bar
 from pipeline.survey.solved.read import SOLVED_SUFFIXES
 from pipeline.survey.spots import read_spots
 from pipeline.survey.stations import read_stations
+from pipeline.survey.sweeps import gate_returns, read_poses, read_returns
 from pipeline.survey.vector_survey import WIDEST_M, draw_vector_survey, vector_files
 from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Scale, Survey, Workings
 

@@ -16,7 +16,7 @@ from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.image import read_image, require_workings_drawn
 from pipeline.survey.picture_header import MAX_SIDE_PX
-from pipeline.survey.shapes import read_text_bytes
+from pipeline.survey.plain_file import read_text_bytes
 from pipeline.types import Image
 
 

@@ -12,11 +12,12 @@ import shapely
 from shapely import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import GeometryError, InputError, describe_os_error
+from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.crossings import count_crossings
 from pipeline.geometry.enclosure import as_polygons, enclose_workings
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.ground import covers, ground_scale, is_true_to_scale
+from pipeline.survey.plain_file import require_at_most
 from pipeline.types import Georeference
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
@@ -36,43 +37,6 @@ class Shapes:
     layer_of: list[str] = field(default_factory=list)
 
 
-def require_plain_file(path: Path) -> None:
-    """Refuse a path that is no plain file, such as a folder, a pipe or a device, or that cannot be printed.
-
-    Raises
-    ------
-    InputError
-        The message names the path and what is there.
-    """
-    if not str(path).isprintable():
-        raise InputError(f"{str(path)!r}: a path with line breaks, control characters or bytes that are no UTF-8")
-    try:
-        is_there, is_file = path.exists(), path.is_file()
-    except OSError as error:
-        raise InputError(describe_os_error(error)) from error
-    if not is_file:
-        raise InputError(f"{path}: {'not a plain file' if is_there else 'no such file'}")
-
-
-def read_text_bytes(path: Path, limit: str = "text_bytes") -> bytes:
-    """Return a text file's bytes, at most as many as the named limit of `conf/reader_limits.yaml`.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or is larger.
-    """
-    most: int = getattr(reader_limits(), limit)
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(most + 1)
-        if len(data) > most:
-            raise InputError(f"{path}: {path.stat().st_size} bytes, the limit is {most} ({limit} in {FILE})")
-        return data
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-
-
 def require_size(path: Path, points: int) -> None:
     """Refuse a file with too many points.
 
@@ -82,13 +46,6 @@ def require_size(path: Path, points: int) -> None:
         If there are more points than the limit. The message names the file, the count and the limit.
     """
     require_at_most(path, points, "points", "points or more")
-
-
-def require_at_most(path: Path, count: int, limit: str, noun: str) -> None:
-    """Refuse a file with a count above the named limit of `conf/reader_limits.yaml`."""
-    most: int = getattr(reader_limits(), limit)
-    if count > most:
-        raise InputError(f"{path}: {count} {noun}, the limit is {most} ({limit} in {FILE})")
 
 
 def require_simple(path: Path, content: Shapes) -> Shapes:

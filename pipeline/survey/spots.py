@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.survey.shapes import REACH_M, read_text_bytes, require_at_most
+from pipeline.survey.plain_file import read_text_bytes, require_at_most
+from pipeline.survey.shapes import REACH_M
 from pipeline.types import Georeference, Heights
 
 _COLUMNS = ["easting_m", "northing_m", "elevation_m"]

@@ -12,7 +12,8 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.survey.legs import SurveyLeg, check_network
-from pipeline.survey.shapes import REACH_M, read_text_bytes, require_at_most
+from pipeline.survey.plain_file import read_text_bytes, require_at_most
+from pipeline.survey.shapes import REACH_M
 from pipeline.survey.solved.flatness import Section, require_flat
 from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
 

@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.adjustment import Shot, adjust_network
 from pipeline.survey.legs import Chain, SurveyLeg, legs_of_chains
-from pipeline.survey.shapes import read_text_bytes, require_at_most
+from pipeline.survey.plain_file import read_text_bytes, require_at_most
 from pipeline.survey.survex_readings import (
     Settings,
     angle_deg,

@@ -6,7 +6,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.metrics.profile import amplitude_of, line_roughness, profiles_of_cloud, profiles_of_runs, spectrum_of
 from pipeline.metrics.roughness import roughness_of_cloud, roughness_of_sweeps
-from pipeline.survey.poses import read_sweep
+from pipeline.survey.sweeps import read_sweep
 
 WAVES = np.geomspace(0.05, 1.0, 200)
 

@@ -6,15 +6,8 @@ import shapely
 
 from pipeline.errors import InputError
 from pipeline.survey.image import read_image
-from pipeline.survey.poses import (
-    Returns,
-    SurveyedPose,
-    gate_returns,
-    read_poses,
-    read_returns,
-    read_sweep,
-    scale_from_poses,
-)
+from pipeline.survey.poses import scale_from_poses
+from pipeline.survey.sweeps import Returns, SurveyedPose, gate_returns, read_poses, read_returns, read_sweep
 from pipeline.types import Frame
 from tests.mines import plan_of
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.survey.shapes import REACH_M, read_text_bytes, require_at_most
+from pipeline.survey.plain_file import read_text_bytes, require_at_most
+from pipeline.survey.shapes import REACH_M
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
 
 _NODES, _LINKS = "_nodes.dat", "_links.dat"

@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.child import tell
 from pipeline.survey.legs import Chain, SurveyLeg, legs_of_chains
-from pipeline.survey.shapes import require_at_most
+from pipeline.survey.plain_file import require_at_most
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 from pipeline.survey.solved.splay_walls import (
     Rows,

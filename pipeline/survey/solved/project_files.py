@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.shapes import read_text_bytes
+from pipeline.survey.plain_file import read_text_bytes
 
 _BLANK = r"[\s,\0]*"  # Survex reads commas as blanks
 _COMMAND = re.compile(rf"{_BLANK}\*{_BLANK}([a-z]+)(.*)", re.IGNORECASE | re.DOTALL)

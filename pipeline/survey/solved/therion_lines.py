@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.shapes import read_text_bytes
+from pipeline.survey.plain_file import read_text_bytes
 from pipeline.survey.solved.project_files import inside
 
 _WORD = re.compile(r'"((?:[^"]|"")*)"|\[([^\]]*)\]|(\S+)')
