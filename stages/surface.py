@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
+from shapely import Polygon
 
 from pipeline.params.surface import SurfaceParams, TextureParams
 from pipeline.report.roughness import draw_sections, draw_spectra
@@ -30,23 +31,22 @@ def model_surface(
     """Return both surfaces, the texture, and reports on roughness and meshes; with `overlay=none` all are empty."""
     if params.overlay == "none":
         return _NO_ROCK
-    free, repeat_m = free_space.polygon, params.texture.repeat_m
+    free = free_space.polygon
     params = widen_spacing(params, free, extent.height_m)
-    smooth = smooth_surface(free, extent.height_m, params.floor_chamfer_m, params.roof_chamfer_m, repeat_m)
-    check_mesh(*join_meshes(smooth))
     with ThreadPoolExecutor(2) as pool:
+        smooth = pool.submit(_smooth, params, free, extent.height_m)
         texture = pool.submit(_texture, params.texture)
         sources = measure_sources(params)
         lattice = lay_rough_lattice(params, free, topology, extent.height_m)
         relief = choose_relief(params, sources, lattice)
         rough = build_rough_surface(params, lattice, relief)
         reported = pool.submit(report_roughness, params, sources, relief, rough)
-        checked = pool.submit(check_mesh, *closed_mesh(rough))
+        checked = pool.submit(lambda: check_mesh(*closed_mesh(rough)))
         return {
-            "smooth": smooth,
+            "smooth": smooth.result(),
             "rough": chunk_files(rough, params),
             "texture": texture.result(),
-            "sections": draw_sections(rough, smooth, extent.height_m),
+            "sections": draw_sections(rough, smooth.result(), extent.height_m),
             "amplitude": amplitude_table(rough),
             "roughness": reported.result(),
             "spectra": draw_spectra(reported.result()),
@@ -64,6 +64,13 @@ _NO_ROCK: dict[str, Any] = {
     "spectra": NO_PICTURE,
     "mesh_checks": None,
 }
+
+
+def _smooth(params: SurfaceParams, free: Polygon, height_m: float) -> Meshes:
+    """Return the smooth surface, checked."""
+    smooth = smooth_surface(free, height_m, params.floor_chamfer_m, params.roof_chamfer_m, params.texture.repeat_m)
+    check_mesh(*join_meshes(smooth))
+    return smooth
 
 
 def _texture(params: TextureParams) -> Image:

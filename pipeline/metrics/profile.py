@@ -115,21 +115,36 @@ def spectrum_of(profiles: list[Profile], wavelength_m: np.ndarray, window_m: flo
     The valid band begins at twice the median sampling step or at the sensor's footprint, whichever is larger, and ends
     at half the window.
     """
-    step = float(np.median([np.median(np.diff(p[:, 0])) for p in profiles])) if profiles else 0.0
-    omega = 2 * np.pi / wavelength_m
-    total = np.zeros(len(wavelength_m))
-    for profile in profiles:
-        length = np.ptp(profile[:, 0])
-        taper = np.interp(profile[:, 0], np.linspace(profile[0, 0], profile[-1, 0], 257), _HANN)
-        offset = taper * (profile[:, 1] - np.average(profile[:, 1], weights=taper + 1e-12))
-        power = lombscargle(profile[:, 0], offset, omega)
-        total += 2 * length / len(profile) * power / np.mean(taper**2)
+    omega, total = 2 * np.pi / wavelength_m, np.zeros(len(wavelength_m))
+    if not profiles:
+        return Spectrum(wavelength_m.tolist(), total.tolist(), repeatable((footprint_m, window_m / 2)), 0)
+    count = np.array([len(p) for p in profiles])
+    first = np.cumsum(count) - count
+    place, offset = np.concatenate(profiles).T
+    length = place[first + count - 1] - place[first]
+    share = (place - np.repeat(place[first], count)) / np.repeat(length, count)
+    taper = np.interp((len(_HANN) - 1) * share, np.arange(len(_HANN)), _HANN)
+    mean = np.add.reduceat(offset * (taper + 1e-12), first) / np.add.reduceat(taper + 1e-12, first)
+    tapered = taper * (offset - np.repeat(mean, count))
+    weight = 2 * length / np.add.reduceat(taper**2, first)
+    for start, size, factor in zip(first.tolist(), count.tolist(), weight.tolist(), strict=True):
+        part = slice(start, start + size)
+        total += factor * lombscargle(place[part], tapered[part], omega)
+    step = float(np.median(_median_steps(place, first, count)))
     return Spectrum(
         wavelength_m.tolist(),
-        repeatable((total / max(1, len(profiles))).tolist()),
+        repeatable((total / len(profiles)).tolist()),
         repeatable((max(2 * step, footprint_m), window_m / 2)),
         len(profiles),
     )
+
+
+def _median_steps(place: np.ndarray, first: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Return the median distance (k,) m of neighbours in each of the profiles that stand one after another."""
+    step = np.diff(place, append=0.0)
+    step[first + count - 1] = np.inf  # from a profile to the next: sorted behind the profile's own steps
+    step = step[np.lexsort((step, np.repeat(np.arange(len(count)), count)))]
+    return (step[first + (count - 2) // 2] + step[first + (count - 1) // 2]) / 2
 
 
 def amplitude_of(profiles: list[Profile]) -> Amplitude | None:
