@@ -80,7 +80,7 @@ def displace_lattice(
         mended = np.concatenate([mended, wrong])
         if repair >= _REFINE_AFTER:
             mesher.refine(wrong)
-        near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=2 * _MEND_RADIUS_M, workers=2)
+        near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=_MEND_RADIUS_M, workers=2)
         given = damp(given, near, _MEND_RADIUS_M, _MEND_FACTOR)
         moved = np.isfinite(near)  # only what is near the repairs has moved, so only this is built and checked again
     x, y, z = wrong[0]
