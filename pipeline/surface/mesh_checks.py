@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import open3d
 import trimesh
 
 from pipeline.errors import GeometryError
@@ -17,7 +16,6 @@ _TOUCH_M = 1e-9  # faces that overlap by no more than this only touch, as neighb
 _END_SHARE = 1e-3  # of an edge's length, ignored at its ends, which touch its own faces
 _ROUNDS = 64
 _AT_ONCE = 200_000  # edges in memory at a time
-_tensor: Any = open3d.core.Tensor
 
 
 @dataclass(frozen=True)
@@ -80,9 +78,11 @@ def find_crossings(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     If two faces of a mesh intersect, an edge of one crosses the other. Every edge is cast as a ray in 32 bits, and each
     hit is tested again in 64 bits; if the test fails, the ray continues behind the face.
     """
-    scene = open3d.t.geometry.RaycastingScene()
-    origin = vertices.mean(axis=0)
-    scene.add_triangles(_tensor((vertices - origin).astype(np.float32)), _tensor(faces.astype(np.uint32)))
+    import open3d  # takes a second to load: stage 4 does so in a thread, beside other work
+
+    scene, origin = open3d.t.geometry.RaycastingScene(), vertices.mean(axis=0)
+    tensor: Any = open3d.core.Tensor
+    scene.add_triangles(tensor((vertices - origin).astype(np.float32)), tensor(faces.astype(np.uint32)))
     edges = _edges(faces)
     parts = [edges[i : i + _AT_ONCE] for i in range(0, len(edges), _AT_ONCE)]
     with ThreadPoolExecutor(2) as pool:
@@ -105,7 +105,7 @@ def _edge_crossings(edges: np.ndarray, scene: Any, origin: np.ndarray, vertices:
     for _ in range(_ROUNDS):
         start, along = vertices[edges[:, 0]] - origin, vertices[edges[:, 1]] - vertices[edges[:, 0]]
         rays = np.column_stack([start + done[:, None] * along, along]).astype(np.float32)
-        answer = scene.cast_rays(_tensor(rays))
+        answer = scene.cast_rays(rays)
         at = done + answer["t_hit"].numpy()
         hit = at < 1 - _END_SHARE
         if not hit.any():
