@@ -42,11 +42,12 @@ def model_surface(
         rough = build_rough_surface(params, lattice, relief)
         reported = pool.submit(report_roughness, params, sources, relief, rough)
         checked = pool.submit(lambda: check_mesh(*closed_mesh(rough)))
+        sections = pool.submit(draw_sections, rough, smooth.result(), extent.height_m)
         return {
             "smooth": smooth.result(),
             "rough": chunk_files(rough, params),
             "texture": texture.result(),
-            "sections": draw_sections(rough, smooth.result(), extent.height_m),
+            "sections": sections.result(),
             "amplitude": amplitude_table(rough),
             "roughness": reported.result(),
             "spectra": draw_spectra(reported.result()),
