@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
+from scipy.ndimage import binary_erosion
 from shapely import Polygon
 from shapely.strtree import STRtree
 
@@ -57,6 +58,9 @@ def _wall_distance(free: Polygon, points: np.ndarray, walls_m: np.ndarray | None
 def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: float, clearance_m: float) -> Spawn:
     """Choose the spawn anchor: the cell with the largest clearance within half the radius, or else the whole radius.
 
+    All cells round the anchor are free: beside a seam of two sheets, where no wall is near, the next cell of the plan is
+    none of the workings.
+
     Parameters
     ----------
     grid : Occupancy
@@ -71,7 +75,8 @@ def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: 
     GeometryError
         If no cell of the region has the clearance.
     """
-    row, col = np.nonzero(grid.free & (grid.clearance_m >= clearance_m))
+    inner = binary_erosion(grid.free, np.ones((3, 3), bool))
+    row, col = np.nonzero(inner & (grid.clearance_m >= clearance_m))
     centres = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
     distance = np.linalg.norm(centres - np.asarray(entrance_m), axis=1)
     clearance = grid.clearance_m[row, col]
