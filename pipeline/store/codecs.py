@@ -145,8 +145,8 @@ def _decode_workings(collection: dict) -> Workings:
 def _decode_geojson(collection: dict) -> FreeSpace:
     (feature,) = collection["features"]
     polygon, facts = shapely.from_geojson(json.dumps(feature["geometry"])), feature["properties"]
-    if not isinstance(polygon, Polygon):
-        raise ValueError(f"a {polygon.geom_type}, want a Polygon")
+    if not isinstance(polygon, Polygon | MultiPolygon):  # several are sheets
+        raise ValueError(f"a {polygon.geom_type}, want a Polygon or a MultiPolygon")
     areas, frame = (
         TypeAdapter(Areas).validate_python(facts["areas"]),
         TypeAdapter(Frame).validate_python(facts["frame"]),

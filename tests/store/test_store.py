@@ -260,5 +260,5 @@ def test_a_free_space_that_is_no_polygon_is_refused(tmp_path, tee: BuiltMine):
     content = json.loads(encode(path, tee.free_space))
     content["features"][0]["geometry"] = {"type": "Point", "coordinates": [0, 0]}
     path.write_text(json.dumps(content))
-    with pytest.raises(ArtifactError, match="a Point, want a Polygon"):
+    with pytest.raises(ArtifactError, match="a Point, want a Polygon or a MultiPolygon"):
         decode(path, FreeSpace)
