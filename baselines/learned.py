@@ -154,11 +154,11 @@ def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
         with safe_open(str(path), framework="numpy") as file:
             about, arrays = file.metadata() or {}, {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         if about.get("format") != FORMAT:
-            raise BaselineError(f"{path}: format {about.get('format')!r}, this version reads {FORMAT!r}")
+            raise BaselineError(f"{path}: format {about.get('format')!r:.80}, this version reads {FORMAT!r}")
         Model.model_validate_json(about["model"])
         json.loads(about["reached"])
         if about["observation"] not in ("beams", "map") or not about["env"]:
-            raise BaselineError(f"{path}: observation {about['observation']!r}: want beams or map")
+            raise BaselineError(f"{path}: observation {about['observation']!r:.80}: want beams or map")
     except FileNotFoundError:
         raise BaselineError(f"{path}: no such file") from None
     except (SafetensorError, KeyError, ValueError, TypeError, ValidationError, OSError, RecursionError) as error:

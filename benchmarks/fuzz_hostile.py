@@ -64,6 +64,10 @@ SURVEX: Named = {
         "cave.svx": b"".join(b"*include f%d\n" % i for i in range(3000)),
         **{f"f{i}.svx": b"*include f%d\n" % (i + 1) for i in range(3000)},
     },
+    "readings named twice": lambda: {"cave.svx": b"*data normal from to tape tape compass clino\n1 2 9 9 9 0\n"},
+    "walls of 10 km": lambda: {
+        "cave.svx": f"{_SHOTS}1 2 9 9 9\n*data passage station left right\n1 9999 9999\n2 1 1\n".encode()
+    },
     "units of 10^8": lambda: {"cave.svx": f"*units tape 99999999 metres\n{_SHOTS}1 2 99999999 0 0\n".encode()},
     **absurd_numbers("cave.svx", lambda n: f"{_SHOTS}1 2 {n} 0 0\n2 3 9 9 9\n".encode()),
 }
@@ -75,6 +79,8 @@ COMPASS: Named = {
     "no line breaks": lambda: {"cave.plt": b"D 1 1 0 Sa P " + b"1 " * 25_000_000},
     **absurd_numbers("cave.plt", lambda n: f"M 0 0 0 Sa P 5 5 5 5\nD {n} 9 0 Sb P 5 5 5 5\n".encode()),
 }
+_BINARY = b"binary_little_endian"
+_POINT = "".join(f"property float {axis}\n" for axis in "xyz")
 CLOUDS: dict[str, Named] = {
     "xyz": {
         "one line of 300 MB": lambda: {"c.xyz": b"1 " * 150_000_000},
@@ -86,6 +92,11 @@ CLOUDS: dict[str, Named] = {
         "10^12 points": lambda: {"c.ply": make.ply("999999999999")},
         "negative points": lambda: {"c.ply": make.ply("-5")},
         "points are no number": lambda: {"c.ply": make.ply("x" * 5000)},
+        "more points than stated": lambda: {"c.ply": make.ply("3", body=b"1 2 3\n" * 500).replace(_BINARY, b"ascii")},
+        "two elements of points": lambda: {
+            "c.ply": make.ply("3", f"element vertex 3\n{_POINT}", b"1 2 3\n" * 6).replace(_BINARY, b"ascii")
+        },
+        "properties named twice": lambda: {"c.ply": make.ply("3", "property float x\n", bytes(48))},
         "faces are no number": lambda: {"c.ply": make.ply("3", "element face\nproperty list uchar int v\n", bytes(99))},
         "face of 255 points": lambda: {
             "c.ply": make.ply("3", "element face 1000000\nproperty list uchar int v\n", bytes(36) + b"\xff" * 9_000_000)
@@ -102,6 +113,7 @@ CLOUDS: dict[str, Named] = {
             "c.pcd": make.pcd("1000000", "binary_compressed", struct.pack("<II", 99, 2**32 - 1) + bytes(99))
         },
         "negative points": lambda: {"c.pcd": make.pcd("-7")},
+        "more binary points than stated": lambda: {"c.pcd": make.pcd("9", "binary", bytes(12_000))},
         "million fields": lambda: {"c.pcd": make.pcd("9").replace(b"x y z", b"x " * 1_000_000)},
     },
     "las": {

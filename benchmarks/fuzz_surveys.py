@@ -187,6 +187,24 @@ PROJECTS: Named = {
     },
     "file above in a file": lambda: {"south.svx": b"*include ../../x\n"},
     "comment sign changed": lambda: {"main.svx": b"*include south\n*set comment #\n; *include /etc/passwd\n"},
+    "file above, after a control character that ends a line": lambda: {
+        "main.svx": b"*include south\n; a comment \x1a*include ../../../etc/passwd\n"
+    },
+    "file above, in a name with a control character": lambda: {
+        "main.svx": b"*include south\x0b/../../../etc/passwd\n",
+        "south\x0b/x": b"",
+    },
+    "file above, after a mark of UTF-8": lambda: {"main.svx": b"\xef\xbb\xbf*include ../../../etc/passwd\n"},
+    "file above, in a file whose name holds a backslash": lambda: {
+        "main.svx": b"*include a\\b\n",
+        "a/b.svx": b"",
+        "a\\b.svx": b"*include ../../../etc/passwd\n",
+    },
+    "file above, in a file of another format": lambda: {
+        "main.svx": b"*include other.mak\n",
+        "other.mak": b"#../../../etc/passwd;\n",
+    },
+    "coordinate system without a name": lambda: {"main.svx": b"*include south\n*cs;x\n*ref"},
     "drive": lambda: {"main.svx": b"*include C:\\x\n" + _SHOTS},
     "device": lambda: {"main.svx": b"*include /dev/zero\n" + _SHOTS},
     "file that includes itself": lambda: {"main.svx": b"*include main\n"},
@@ -241,6 +259,9 @@ CENTRELINES: Named = {
     "line of 60 MB": lambda: {"mine.th": b"survey " + b"a" * 60_000_000},
     "comment without end": lambda: {"mine.th": b"comment\n" + b"x\n" * 1_000_000},
     "coordinate system from a file": lambda: {"north.th": THERION["north.th"].replace(b"EPSG:32719", b"/etc/passwd")},
+    "square of a grid that is none": lambda: {"north.th": THERION["north.th"].replace(b"EPSG:32719", b"OSGB:HI")},
+    "shots without stations": lambda: {"mine.th": b"centreline\ndata normal ignoreall\n1 2 3\nendcentreline\n"},
+    "last line continued": lambda: {"mine.th": _CENTRELINE + b"equate 1 2 \\"},
     "fixed off the earth": lambda: {"north.th": THERION["north.th"].replace(b"380000", b"999999999999")},
     "declination of 10^300": lambda: {
         "north.th": THERION["north.th"].replace(b"  data normal", b"  declination 1e300 degrees\n  data normal", 1)
@@ -254,6 +275,13 @@ COMPASS_PROJECTS: Named = {
     "file above by backslashes": lambda: {"mine.mak": b"#..\\..\\x.dat;\r\n"},
     "drive": lambda: {"mine.mak": b"#C:\\x.dat;\r\n"},
     "device": lambda: {"mine.mak": b"#/dev/zero;\r\n"},
+    "file above, its name over two lines": lambda: {"mine.mak": b"#\r\n../../../etc/passwd;\r\n"},
+    "file above, in a project in a project": lambda: {
+        "mine.mak": b"#other.mak;\r\n",
+        "other.mak": b"#../../../etc/passwd;\r\n",
+    },
+    "file above, in what looks like a comment": lambda: {"mine.mak": b"/#a\r\n#../../../etc/passwd;\r\n"},
+    "million names without letters": lambda: {"mine.mak": b"#;\r\n" * 10_000_000},
     "two files in a line, the second outside": lambda: {"mine.mak": b"#mine.dat; #/etc/passwd;\r\n"},
     "hundred thousand files": lambda: {"mine.mak": b"#mine.dat;\r\n" * 100_000},
     "three hundred files": lambda: {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, NoReturn
 
@@ -75,6 +76,7 @@ class MineParallelEnv(ParallelEnv):
         self.observation_spaces = {a: observation_space(self.task) for a in self.possible_agents}
         self.action_spaces = {a: gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32) for a in self.possible_agents}
         self._renderer: Renderer | None = None
+        self._closed = False
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Box:
         """Return a robot's observation space."""
@@ -88,6 +90,7 @@ class MineParallelEnv(ParallelEnv):
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
         """Place the team near the entrance; robot i draws from `seed + i`. There are no options; any are ignored."""
+        self._require_open()
         seeds = spread_seeds(seed, len(self.possible_agents))
         if seed is not None or not self._rngs:
             self._rngs = [seeding.np_random(one)[0] for one in seeds]
@@ -107,7 +110,12 @@ class MineParallelEnv(ParallelEnv):
             If an agent has no action, or one that is not two finite numbers.
         gymnasium.error.ResetNeeded
             Before the first reset, and after the episode's end.
+        gymnasium.error.ClosedEnvironmentError
+            After `close`.
         """
+        self._require_open()
+        if not isinstance(actions, Mapping):
+            raise ValueError(f"actions = {actions!r:.80}: want a dict with an action for each robot")
         if not self.agents:
             raise gymnasium.error.ResetNeeded("call reset before step: no robot is driving")
         absent = [agent for agent in self.possible_agents if agent not in actions]
@@ -150,18 +158,26 @@ class MineParallelEnv(ParallelEnv):
 
     def render(self) -> np.ndarray | None:
         """Return a picture (480, 640, 3) uint8 in mode `rgb_array`, else None."""
+        self._require_open()
         if self.render_mode is None:
             return None
+        if not self._rngs:
+            raise gymnasium.error.ResetNeeded("call reset before render")
         team = self.team
         if self._renderer is None:
             self._renderer = Renderer(self.world, team.T_world_mine, team.grid, self.robot, team.count)
         return self._renderer.draw(self.camera, team.qpos, team.team_seen[0], team.poses())
 
     def close(self) -> None:
-        """Free the renderer."""
+        """Free the renderer; the environment cannot be used afterwards."""
+        self._closed = True
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise gymnasium.error.ClosedEnvironmentError("the environment is closed: make another one")
 
     def __reduce__(self) -> NoReturn:
         """Refuse copies: the team's state cannot be taken along."""

@@ -25,6 +25,7 @@ from pipeline.store.files import write_atomically
 
 CONF = Path("conf")
 ROOT_PARAMS = Path("params.yaml")
+_MOST_CHARACTERS = 4000  # of an override; Hydra's parser takes 3 s for as many of nested lists
 _CHOSEN = ("survey", "collision")  # unions of several kinds: pydantic inserts the kind after their names
 # The robot's dimensions are defined only in the environment; conf/ refers to them as ${robot:radius_m}.
 OmegaConf.register_new_resolver("robot", lambda field: getattr(RobotParams(), field), replace=True)
@@ -48,16 +49,29 @@ def compose(overrides: list[str]) -> Config:
         raise ParamsError(f"{CONF / 'config.yaml'}: missing; run from the project's root")
     for path in sorted(CONF.rglob("*.yaml")):
         require_plain_yaml(path)
+    for override in overrides:
+        if len(override) > _MOST_CHARACTERS:
+            raise ParamsError(
+                f"override {override[:60]!r}...: {len(override)} characters, want at most {_MOST_CHARACTERS}; "
+                "a long list belongs into a file of conf/"
+            )
     try:
         with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
             composed = hydra_compose("config", overrides)
             values = OmegaConf.to_container(composed, resolve=True)
+    except RecursionError as error:
+        raise ParamsError(f"overrides {overrides}"[:300] + ": brackets are nested too deep") from error
     except (*_REFUSALS, ValueError, TypeError) as error:
-        raise ParamsError(_explain(overrides, error)) from error
+        raise ParamsError(_printable(_explain(overrides, error))) from error
     try:
         return Config.model_validate(values)
     except ValidationError as error:
         raise ParamsError("\n".join(_describe(e) for e in error.errors())) from error
+
+
+def _printable(text: str) -> str:
+    """Return the text without control characters: an error of Hydra quotes the override as it is."""
+    return "".join(c if c.isprintable() else " " for c in text)
 
 
 def root_overrides() -> list[str]:

@@ -13,6 +13,7 @@ from pipeline.params.composed import composed_section
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import recover_folder, replace_folder
 from pipeline.store.hashing import sha256_bytes, sha256_file
+from pipeline.store.locks import hold_lock
 from pipeline.store.manifest import code_sha256, new_manifest, read_manifest
 from pipeline.store.registry import read_registry, verify_input
 
@@ -61,10 +62,12 @@ def run_stage(stage: Stage, overrides: list[str]) -> None:
     Raises
     ------
     MineError
-        If the stage fails; the artifacts are unchanged.
+        If the stage fails, or another command is running it; the artifacts are unchanged.
     """
-    recover_folder(ARTIFACTS / stage.name)
-    make_artifacts(stage, _params(stage, overrides), ARTIFACTS)
+    params = _params(stage, overrides)
+    with hold_lock(ARTIFACTS / f".{stage.name}.lock", f"another command is running the stage {stage.name}"):
+        recover_folder(ARTIFACTS / stage.name)
+        make_artifacts(stage, params, ARTIFACTS)
 
 
 def _params(stage: Stage, overrides: list[str]) -> Any:

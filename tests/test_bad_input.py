@@ -13,6 +13,7 @@ import pytest
 
 from baselines.errors import run_command as run_baseline
 from pipeline.errors import run_command
+from pipeline.store.locks import hold_lock
 from tests.project import ROOT, TINY_STATIONS, message_of
 
 
@@ -159,7 +160,8 @@ def test_a_killed_stage_keeps_the_old_artifacts_and_the_next_run_recovers(traced
         killed = subprocess.run([sys.executable, "-c", script], cwd=folder, capture_output=True, text=True)
         assert killed.returncode == -signal.SIGKILL, killed.stderr
         left = {p.name for p in (folder / "artifacts").iterdir() if p.name.startswith(".contours")}
-        assert left == ({".contours.partial"} if moment == "os.fsync" else {".contours.partial", ".contours.old"})
+        whole = {".contours.partial"} if moment == "os.fsync" else {".contours.partial", ".contours.old"}
+        assert left == {*whole, ".contours.lock"}  # the kernel has freed the lock
         # A refused run restores the earlier artifacts and changes nothing else.
         message_of(project.stage("contours", "contours.min_tunnel_m2=5000"))
         assert project.hashes() == before
@@ -317,3 +319,14 @@ def test_commands_without_a_package_end_in_one_line(tmp_path, package, command):
     assert f"{package} " in done.stderr
     assert "make setup" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_the_second_of_two_runs_of_a_stage_is_told_and_changes_nothing(project):
+    project.stages("survey")
+    before = project.hashes()
+    with hold_lock(project.folder / "artifacts/.survey.lock", "busy"):
+        text = message_of(project.stage("survey"))
+    assert f"another command is running the stage survey (process {os.getpid()})" in text
+    assert project.hashes() == before
+    project.stage("survey").check_returncode()
+    assert not (project.folder / "artifacts/.survey.lock").exists()

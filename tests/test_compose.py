@@ -153,3 +153,11 @@ def test_a_rock_sets_its_joints_its_mesh_and_its_limits(name):
     limits = config.validation.limits
     assert ("texture.rq_ratio.at_50_cm" in limits) == (name == "andesite")  # the others copy no scan
     assert limits["walls.gap_p95_m"] == compose([]).validation.limits["walls.gap_p95_m"]
+
+
+@pytest.mark.parametrize("value", ["[" * 1000 + "]" * 1000, f"[{','.join(['[1,2]'] * 5000)}]", "\x1b[31m"])
+def test_an_override_of_absurd_size_or_depth_is_one_printable_line(value):
+    with pytest.raises(ParamsError) as caught:
+        compose([f"contours.components={value}"])
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 500

@@ -4,7 +4,9 @@ import json
 import multiprocessing
 import os
 import signal
+import threading
 import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -301,3 +303,36 @@ def test_a_killed_process_and_a_second_command_are_told_in_one_line(monkeypatch,
         pytest.raises(ArtifactError, match=r"light/train: another command is building these worlds \(process"),
     ):
         make_family(members, 2, lambda outcomes, count: outcomes)
+
+
+def test_two_commands_of_two_splits_that_end_at_once_both_enter_the_manifest(monkeypatch, tmp_path):
+    monkeypatch.setattr(family, "FAMILIES", tmp_path / "families")
+    read, both = json.loads, threading.Barrier(2)
+
+    def read_slowly(text):
+        with suppress(threading.BrokenBarrierError):  # without a lock both read before one of them writes
+            both.wait(1.0)
+        return read(text)
+
+    first, *others = (
+        family.Outcome(member, None, None, False, "not built")
+        for split in ("validation", "train", "test")
+        for member in generated(split, 1, [])
+    )
+    family.record_outcomes([first])
+    monkeypatch.setattr("pipeline.build.family.json.loads", read_slowly)
+    commands = [threading.Thread(target=family.record_outcomes, args=([outcome],)) for outcome in others]
+    for command in commands:
+        command.start()
+    for command in commands:
+        command.join(60)
+    (file,) = family.FAMILIES.iterdir()  # and no lock
+    assert sorted(read(file.read_text())) == ["test/0000", "train/0000", "validation/0000"]
+
+
+@pytest.mark.parametrize("text", ["[]", "{", "[" * 100_000])
+def test_a_broken_manifest_is_told_before_worlds_are_built(monkeypatch, tmp_path, text):
+    monkeypatch.setattr(family, "FAMILIES", tmp_path)
+    (tmp_path / "manifest.json").write_text(text)
+    with pytest.raises(ArtifactError, match=r"manifest\.json: .*; remove it$"):
+        make_family([broken_member()], 1, plainly)

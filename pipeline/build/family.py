@@ -20,10 +20,11 @@ from minexplore.splits import SEEDS, STYLES, mine_name
 from pipeline.build.splits import LIST, Listed
 from pipeline.build.world import make_world
 from pipeline.compose import compose
-from pipeline.errors import InputError, LimitError
+from pipeline.errors import ArtifactError, InputError, LimitError
 from pipeline.metrics.limits import flatten
 from pipeline.stage import ARTIFACTS
 from pipeline.store.files import write_atomically
+from pipeline.store.hashing import read_text_file
 from pipeline.store.locks import hold_lock
 from pipeline.store.verify import verify_world
 from pipeline.survey.child_limits import die_with_parent
@@ -157,8 +158,9 @@ def make_family(
     InputError
         If there is no cluster to build on.
     ArtifactError
-        If another command is building worlds of the same folder.
+        If another command is building worlds of the same folder, or the manifest is broken.
     """
+    _read_record(FAMILIES / "manifest.json")  # a broken one is told before worlds are built
     built = _over_cluster(members) if on == "ray" else _over_cores(members, jobs)
     place = FAMILIES / Path(members[0].folder).parent
     lock = hold_lock(place / ".lock", f"{place}: another command is building these worlds")
@@ -166,15 +168,30 @@ def make_family(
         outcomes = [_compared(outcome, listed or {}) for outcome in progress(built, len(members))]
     order = {member.folder: number for number, member in enumerate(members)}
     outcomes.sort(key=lambda outcome: order[outcome.member.folder])
-    file = FAMILIES / "manifest.json"
-    manifest = json.loads(file.read_text()) if file.is_file() else {}
-    manifest |= {o.member.folder: asdict(o) for o in outcomes}
-    write_atomically(file, (json.dumps(dict(sorted(manifest.items())), indent=1) + "\n").encode())
+    record_outcomes(outcomes)
     failed = [o for o in outcomes if o.problem is not None]
     if failed:
         first = failed[0]
         raise LimitError(f"{len(failed)} of {len(outcomes)} worlds failed, {first.member.folder}: {first.problem}")
     return outcomes
+
+
+def record_outcomes(outcomes: list[Outcome]) -> None:
+    """Add outcomes to the manifest. Another command may be adding those of another split."""
+    file = FAMILIES / "manifest.json"
+    with hold_lock(file.with_name(".manifest.lock"), None):
+        manifest = _read_record(file) | {o.member.folder: asdict(o) for o in outcomes}
+        write_atomically(file, (json.dumps(dict(sorted(manifest.items())), indent=1) + "\n").encode())
+
+
+def _read_record(file: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(read_text_file(file)) if file.exists() else {}
+    except (ValueError, RecursionError) as error:
+        raise ArtifactError(f"{file}: not JSON ({str(error)[:100]}); remove it") from error
+    if not isinstance(found, dict):
+        raise ArtifactError(f"{file}: want an object with one entry a world; remove it")
+    return found
 
 
 def _compared(outcome: Outcome, listed: Mapping[tuple[str, int], Listed]) -> Outcome:

@@ -12,6 +12,7 @@ from pathlib import Path
 from minexplore.splits import SEEDS, SIZES
 from pipeline.errors import InputError
 from pipeline.store.files import write_atomically
+from pipeline.store.locks import hold_lock
 
 LIST = Path("data/families/splits.csv")
 _NOTE = (
@@ -61,7 +62,12 @@ def read_list(file: Path = LIST) -> dict[tuple[str, int], Listed]:
 
 def write_list(worlds: Iterable[Listed], file: Path = LIST) -> None:
     """Write worlds to the list; those that it holds already are replaced, others stay."""
-    merged = read_list(file) | {(world.split, world.seed): world for world in worlds}
+    with hold_lock(file.with_name(f".{file.name}.lock"), None):
+        _write(read_list(file), worlds, file)
+
+
+def _write(kept: dict[tuple[str, int], Listed], worlds: Iterable[Listed], file: Path) -> None:
+    merged = kept | {(world.split, world.seed): world for world in worlds}
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(field.name for field in fields(Listed))

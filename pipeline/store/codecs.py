@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import math
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ import cv2
 import numpy as np
 import shapely
 from pydantic import TypeAdapter, ValidationError
-from shapely import MultiPolygon
+from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import TriangleMesh, decode_msh, encode_msh
@@ -30,9 +32,13 @@ _UNREADABLE = (
     ValidationError,
     cv2.error,
     zipfile.BadZipFile,
+    zlib.error,
     shapely.GEOSException,
     RecursionError,
 )
+
+_MOST_UNPACKED = 4_000_000_000  # bytes of an archive of arrays; those of a mine of 100 km have 300 MB
+_ENCRYPTED = 0x1
 
 Meshes = dict[str, Mesh]
 Bundle = dict[str, bytes]
@@ -94,8 +100,7 @@ def decode(path: Path, kind: Any) -> Any:
                 collection = json.loads(path.read_text())
                 return _decode_workings(collection) if kind is Workings else _decode_geojson(collection)
             case ".npz":
-                with np.load(path, allow_pickle=False) as arrays:
-                    return _decode_npz(dict(arrays), kind)
+                return _decode_npz(read_npz(path), kind)
             case ".msh":
                 return _decode_msh(path.read_bytes())
             case _:
@@ -140,6 +145,8 @@ def _decode_workings(collection: dict) -> Workings:
 def _decode_geojson(collection: dict) -> FreeSpace:
     (feature,) = collection["features"]
     polygon, facts = shapely.from_geojson(json.dumps(feature["geometry"])), feature["properties"]
+    if not isinstance(polygon, Polygon | MultiPolygon):  # several are sheets
+        raise ValueError(f"a {polygon.geom_type}, want a Polygon or a MultiPolygon")
     areas, frame = (
         TypeAdapter(Areas).validate_python(facts["areas"]),
         TypeAdapter(Frame).validate_python(facts["frame"]),
@@ -163,6 +170,34 @@ def _encode_npz(value: Any) -> bytes:
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, member.getvalue())
     return stream.getvalue()
+
+
+def read_npz(path: Path) -> dict[str, np.ndarray]:
+    """Return the arrays of an archive; their sizes and types are read before memory is taken.
+
+    Raises
+    ------
+    ValueError
+        Naming the array that is too large, broken, or not of numbers.
+    """
+    arrays = {}
+    with zipfile.ZipFile(path) as archive:
+        size = sum(member.file_size for member in archive.infolist())
+        if size > _MOST_UNPACKED:
+            raise ValueError(f"{size} bytes when unpacked, want at most {_MOST_UNPACKED}")
+        for member in archive.infolist():
+            if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or member.flag_bits & _ENCRYPTED:
+                raise ValueError(f"{member.filename[:80]!r} is neither stored nor deflated")
+            with archive.open(member) as stream:
+                if np.lib.format.read_magic(stream) != (1, 0):
+                    raise ValueError(f"{member.filename[:80]!r} is no array of version 1.0")
+                shape, _, dtype = np.lib.format.read_array_header_1_0(stream)
+                wanted = stream.tell() + math.prod(shape) * dtype.itemsize
+            if dtype.kind not in "biuf" or min(shape, default=0) < 0 or wanted != member.file_size:
+                raise ValueError(f"{member.filename[:80]!r} states {dtype} {shape}: no numbers, or not its size")
+            with archive.open(member) as stream:
+                arrays[member.filename.removesuffix(".npy")] = np.lib.format.read_array(stream, allow_pickle=False)
+    return arrays
 
 
 def _decode_npz(arrays: dict[str, np.ndarray], kind: Any) -> Any:

@@ -12,8 +12,10 @@ from pipeline.errors import ArtifactError
 
 
 @contextmanager
-def hold_lock(path: Path, busy: str) -> Iterator[None]:
+def hold_lock(path: Path, busy: str | None) -> Iterator[None]:
     """Hold a lock file while the block runs, then remove it. The file states the holder's process number.
+
+    Without `busy` it waits for other holders.
 
     Raises
     ------
@@ -22,7 +24,7 @@ def hold_lock(path: Path, busy: str) -> Iterator[None]:
     """
     made = _make_folders(path.parent)
     try:
-        descriptor = _open_locked(path, wait=False)
+        descriptor = _open_locked(path, wait=busy is None)
         if descriptor is None:
             with suppress(OSError):
                 busy = f"{busy} (process {path.read_text().strip() or 'unknown'})"

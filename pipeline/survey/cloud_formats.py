@@ -17,7 +17,7 @@ _TEXT = {".dat", ".xyz", ".txt"}
 _MESHES = {".stl", ".obj"}
 _BLOCK = 1_000_000
 _LAS_HEAD, _LAS_RECORDS_AT, _LAS_EXTENDED_AT = 375, 100, 243  # bytes of the header and in it
-_PLY_HEAD = 65_536  # bytes in which a header's counts are looked for
+_PLY_HEAD, _PLY_LINE = 65_536, 1000  # bytes of a header, and of a line in it
 _HUGE = 100  # times the most points of a mesh: beyond it, a vertex lies far outside any workings
 
 
@@ -159,15 +159,30 @@ def _pcd_points(path: Path) -> np.ndarray:
 
 
 def _require_rows(path: Path, points: int) -> None:
-    """Refuse a PCD file in ASCII with another number of rows than points: Open3D would add points of zeros."""
+    """Refuse a PCD file with another number of points than its header states, which Open3D would read in part."""
+    sizes: dict[bytes, list[bytes]] = {}
     with path.open("rb") as stream:
         for line in stream:
             words = line.split()
             if words[:1] == [b"DATA"]:
-                rows = sum(1 for row in stream if row.strip()) if words[1:] == [b"ascii"] else points
-                if rows != points:
-                    raise InputError(f"{path}: {rows} rows, but its header states {points} points; is it truncated?")
-                return
+                kind, begin = words[1:2], stream.tell()
+                break
+            sizes[words[0] if words else b""] = words[1:]
+        else:
+            return
+        if kind == [b"ascii"]:
+            rows = sum(1 for row in stream if row.strip())
+            if rows != points:
+                raise InputError(f"{path}: {rows} rows, but its header states {points} points; is it truncated?")
+        elif kind == [b"binary"]:
+            widths = sizes.get(b"SIZE", [])
+            pairs = zip(widths, sizes.get(b"COUNT", [b"1"] * len(widths)), strict=False)
+            wanted = points * sum(int(a) * int(b) for a, b in pairs if a.isdigit() and b.isdigit())
+            found = path.stat().st_size - begin
+            if found != wanted:
+                raise InputError(
+                    f"{path}: {found} bytes of points, but its header states {points} points, which take {wanted}"
+                )
 
 
 def _ply_points(path: Path) -> np.ndarray:
@@ -176,15 +191,50 @@ def _ply_points(path: Path) -> np.ndarray:
 
 
 def _has_faces(path: Path) -> bool:
-    return _stated(path, b"face") != 0
+    return read_ply_header(path).get("face", 0) != 0
 
 
-def _stated(path: Path, element: bytes) -> int:
-    """Return how many vertices or faces the header of a PLY file states; 0 where it states none."""
+def read_ply_header(path: Path) -> dict[str, int]:
+    """Return how many vertices, faces and other elements a PLY file states, and refuse rows beyond them.
+
+    Raises
+    ------
+    InputError
+        If the header has no end, an element or a property stands twice or is not whole, vertices lack x, y or z, or an
+        ASCII file has another number of rows. trimesh reads such a file in part, or takes one column for another.
+
+    References
+    ----------
+    Turk 1994, "The PLY Polygon File Format": each element has one line, and the elements follow each other.
+    """
+    counts: dict[str, int] = {}
+    properties: dict[str, list[str]] = {}
     with path.open("rb") as stream:
-        head = stream.read(_PLY_HEAD).split(b"end_header")[0]
-    counts = [line.split()[2:] for line in head.splitlines() if line.split()[:2] == [b"element", element]]
-    return int(counts[0][0]) if counts and counts[0] and counts[0][0][:18].isdigit() and len(counts[0][0]) < 19 else 0
+        lines = iter(stream.readline, b"")
+        ascii_rows = False
+        for line in lines:
+            words = [word.decode("latin-1") for word in line[:_PLY_LINE].split()]
+            if words == ["end_header"]:
+                break
+            if stream.tell() > _PLY_HEAD:
+                raise InputError(f"{path}: no end_header within {_PLY_HEAD:,} bytes")
+            match words:
+                case ["format", kind, *_]:
+                    ascii_rows = kind == "ascii"
+                case ["element", name, count] if name not in counts and count.isdecimal() and len(count) < 19:
+                    counts[name], properties[name] = int(count), []
+                case ["property", *_, name] if counts and name not in properties[(last := list(counts)[-1])]:
+                    properties[last].append(name)
+                case ["element" | "property", *_]:
+                    raise InputError(f"{path}: its header states {' '.join(words)[:60]!r}: not whole, or twice")
+        else:
+            raise InputError(f"{path}: no end_header; it is no PLY file, or truncated")
+        if not {"x", "y", "z"} <= {*properties.get("vertex", [])}:
+            raise InputError(f"{path}: its header states no vertices with x, y and z")
+        rows = sum(1 for line in lines if line.strip()) if ascii_rows else sum(counts.values())
+    if rows != sum(counts.values()):
+        raise InputError(f"{path}: {rows} rows, its header states {sum(counts.values())}")
+    return counts
 
 
 def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -205,11 +255,12 @@ def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.
         reason = " ".join(str(error).split())[:200]
         raise InputError(f"{path}: cannot be read as {format_name} ({type(error).__name__}: {reason})") from error
     if path.suffix.lower() == ".ply":
-        for found_now, element in ((len(vertices), b"vertex"), (len(faces), b"face")):
-            if found_now < _stated(path, element):  # polygons are cut into triangles, so there may be more
+        stated = read_ply_header(path)
+        for found_now, element in ((len(vertices), "vertex"), (len(faces), "face")):
+            if found_now < stated.get(element, 0):  # polygons are cut into triangles, so there may be more
                 raise InputError(
-                    f"{path}: {found_now} of {_stated(path, element)} {element.decode()} elements that its header "
-                    "states; is it truncated?"
+                    f"{path}: {found_now} of {stated[element]} {element} elements that its header states; is it "
+                    "truncated?"
                 )
     if len(faces) and not 0 <= faces.min() <= faces.max() < len(vertices):
         raise InputError(

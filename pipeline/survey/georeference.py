@@ -18,6 +18,7 @@ from pipeline.errors import InputError
 from pipeline.survey.ground import ground_scale, is_true_to_scale
 from pipeline.survey.orientation import orientation_of
 from pipeline.survey.plain_file import read_text_bytes
+from pipeline.survey.shapes import coordinate_system
 
 _UNEVEN = 0.01  # Web Mercator's axes differ by up to 0.007
 _FARTHEST = 1e9  # of a coordinate in the map's units; map coordinates in feet reach 1e8
@@ -129,7 +130,7 @@ def _ground_scale(image: Path, system: str, east: float, north: float) -> float:
         If the middle of the picture is outside the system, or lengths differ between the axes.
     """
     try:
-        along = ground_scale(pyproj.CRS.from_user_input(system), east, north)
+        along = ground_scale(coordinate_system(image, system), east, north)
     except pyproj.exceptions.ProjError as error:
         raise InputError(f"{image}: its middle is outside its coordinate system ({str(error)[:120]})") from error
     if is_true_to_scale(along):

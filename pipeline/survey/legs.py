@@ -58,6 +58,14 @@ def legs_of_chains(
     legs, count, most = [], sum(map(len, chains)), reader_limits().stations
     if count > most:
         raise InputError(f"{path}: {count} stations, the limit is {most} (stations in {FILE})")
+    farthest = reader_limits().farthest_wall_m
+    for label, _, sides in (row for chain in chains for row in chain):
+        for distance in sides:
+            if distance > farthest:
+                raise InputError(
+                    f"{path}: a wall {distance:g} m beside station {label}, at most {farthest:g} "
+                    f"(farthest_wall_m in {FILE})"
+                )
     if heights:
         chains = _without_shafts(path, chains, heights)
     for number, chain in enumerate(chains, start=1):

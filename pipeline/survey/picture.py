@@ -14,6 +14,7 @@ from pipeline.geometry.line_drawing import fill_line_drawing
 from pipeline.geometry.sheet import read_sheet
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.survey import PlanSurveyParams
+from pipeline.survey.child import tell
 from pipeline.survey.image import read_image, require_workings_drawn
 from pipeline.survey.picture_header import MAX_SIDE_PX
 from pipeline.survey.plain_file import read_text_bytes
@@ -46,6 +47,8 @@ def draw_page(path: Path, page: int, dpi: float, max_megapixels: float) -> Image
         try:
             if page > len(document):
                 raise InputError(f"{path}: survey.page = {page}: the document has {len(document)} pages")
+            if len(document) > 1:
+                tell(f"{path.name}: page {page} of {len(document)} is read; --page states another")
             sheet = document[page - 1]
             width, height = (side * dpi / 72 for side in sheet.get_size())
             if max(width, height) > MAX_SIDE_PX or width * height > max_megapixels * 1e6 or min(width, height) < 8:

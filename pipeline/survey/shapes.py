@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,6 +23,8 @@ from pipeline.types import Georeference
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 REACH_M = 10_000.0  # larger coordinates would lose precision in the world's text and its octree
+# PROJ opens the files that such a definition names. Web Mercator is often written with `+nadgrids=@null`, no grid.
+_PROJ_FILES = re.compile(r"\binit=|\bpipeline\b|grids=(?!@null\b)|\bfile\b|parameterfile", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -103,12 +106,12 @@ def locate(
     if not np.isfinite(shapely.get_coordinates(shapes)).all():
         raise InputError(f"{path}: a coordinate is not finite")
     crs, projection = content.crs, None
-    if crs is not None and unit is not None and _system(path, crs).is_geographic:
+    if crs is not None and unit is not None and coordinate_system(path, crs).is_geographic:
         crs = None  # a local grid in a format whose coordinate system is always in degrees
     unit_name = unit or content.unit or "m"
     metres = METRES[unit_name]
     if crs is not None and unit is None:
-        system = _system(path, crs)
+        system = coordinate_system(path, crs)
         if system.is_geographic or not _is_on_ground(shapes, system):
             shapes, projection = _project(path, shapes, system)
             unit_name, metres = "m", 1.0
@@ -126,11 +129,20 @@ def locate(
     return moved, Georeference(unit_name, metres, mine_origin, crs, projection)
 
 
-def _system(path: Path, crs: str) -> pyproj.CRS:
+def coordinate_system(path: Path, text: str) -> pyproj.CRS:
+    """Return the coordinate system that a file names.
+
+    Raises
+    ------
+    InputError
+        If it is unknown, or its definition names files, which PROJ would open.
+    """
+    if _PROJ_FILES.search(text):
+        raise InputError(f"{path}: its coordinate system {text[:80]!r} names files; they are not read")
     try:
-        return pyproj.CRS.from_user_input(crs)
+        return pyproj.CRS.from_user_input(text)
     except (pyproj.exceptions.CRSError, UnicodeEncodeError) as error:
-        raise InputError(f"{path}: its coordinate system {crs[:80]!r} is unknown") from error
+        raise InputError(f"{path}: its coordinate system {text[:80]!r} is unknown") from error
 
 
 def _is_on_ground(shapes: list[BaseGeometry], system: pyproj.CRS) -> bool:

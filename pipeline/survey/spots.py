@@ -17,6 +17,8 @@ from pipeline.types import Georeference, Heights
 _COLUMNS = ["easting_m", "northing_m", "elevation_m"]
 _REACH = {"easting_m": 1e12, "northing_m": 1e12, "elevation_m": REACH_M}  # eastings in the file's unit
 
+_SAME_M = 0.05  # readings of one place may differ by so much
+
 
 def read_spots(path: Path, georeference: Georeference) -> Heights:
     """Read spot heights, in the coordinates of the survey's file.
@@ -24,7 +26,8 @@ def read_spots(path: Path, georeference: Georeference) -> Heights:
     Raises
     ------
     InputError
-        If a column is missing or stands twice, or a value is no number or too large; the message names the line.
+        If a column is missing or stands twice, a value is no number or too large, or a place has two heights; the
+        message names the line or the place.
     """
     try:
         reader = csv.DictReader(io.StringIO(read_text_bytes(path).decode("utf-8-sig")), strict=True)
@@ -47,6 +50,10 @@ def read_spots(path: Path, georeference: Georeference) -> Heights:
     if not rows:
         raise InputError(f"{path}: no spots")
     spots = np.array(rows)
+    places: dict[tuple[float, float], float] = {}
+    for x, y, z in rows:
+        if abs(places.setdefault((x, y), z) - z) > _SAME_M:
+            raise InputError(f"{path}: two spots at ({x:g}, {y:g}), {places[x, y]:g} m and {z:g} m high")
     datum = float(np.floor(spots[:, 2].min()))
     spots[:, :2] = (spots[:, :2] - georeference.origin) * georeference.metres_per_unit
     spots[:, 2] -= datum

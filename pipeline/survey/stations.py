@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.legs import SurveyLeg, check_network
 from pipeline.survey.plain_file import read_text_bytes, require_at_most
 from pipeline.survey.shapes import REACH_M
@@ -94,7 +95,7 @@ def read_station_survey(path: Path) -> SolvedSurvey:
 
 def _read_legs(path: Path) -> list[SurveyLeg]:
     rows = _read_rows(path)
-    has_heights = _has_heights(path, rows)
+    has_heights, farthest = _has_heights(path, rows), reader_limits().farthest_wall_m
     legs: dict[str, list[tuple[str, tuple[float, ...]]]] = {}
     positions: dict[str, tuple[tuple[float, ...], int]] = {}
     later: set[tuple[str, str]] = set()  # (leg, station) of all stations but a leg's first, which may be its last too
@@ -103,6 +104,11 @@ def _read_legs(path: Path) -> list[SurveyLeg]:
         for column, value in zip(_COLUMNS[4:], values[2:], strict=True):
             if value < 0:
                 raise InputError(f"{path}:{line}: {column} = {value:g} of station {row['station']} is negative")
+            if value > farthest:
+                raise InputError(
+                    f"{path}:{line}: {column} = {value:g} of station {row['station']}, at most {farthest:g} "
+                    f"(farthest_wall_m in {FILE})"
+                )
         heights = _heights(path, line, row) if has_heights else ()
         here = (*values[:2], *heights[:1])
         position, first = positions.setdefault(row["station"], (here, line))

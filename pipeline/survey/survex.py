@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,7 +14,8 @@ from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.adjustment import Shot, adjust_network
 from pipeline.survey.legs import Chain, SurveyLeg, legs_of_chains
-from pipeline.survey.plain_file import read_text_bytes, require_at_most
+from pipeline.survey.plain_file import require_at_most
+from pipeline.survey.solved.project_files import plain_lines, readable
 from pipeline.survey.survex_readings import (
     Settings,
     angle_deg,
@@ -21,6 +23,7 @@ from pipeline.survey.survex_readings import (
     number_of,
     order_of_data,
     reading,
+    require_no_more,
     unit_size,
     wall_m,
     with_units,
@@ -38,12 +41,8 @@ _IGNORED_COMMANDS = {
     "ref",
     "require",
     "sd",
-    "set",
     "solve",
-    "truncate",
     "flags",
-    "cs",
-    "default",
     "alias",
 }
 
@@ -146,13 +145,16 @@ def _read(path: Path, folder: Path, settings: Settings, survey: _Survey, files: 
                     angle = 0.0 if auto else number_of(where, rest[0] if rest else "")
                     turned = angle * (unit_size(where, rest[1]) if len(rest) > 1 and not auto else 1.0)
                     settings = replace(settings, declination_deg=turned)
-                case "case":
-                    settings = replace(settings, lower=bool(rest) and rest[0].lower() == "tolower")
+                case "case":  # capital letters only are as one case only
+                    settings = replace(settings, lower=bool(rest) and rest[0].lower() in ("tolower", "toupper"))
+                case "set" if [word.lower() for word in rest[:1]] == ["names"]:
+                    pass
                 case _ if command not in _IGNORED_COMMANDS:
                     raise InputError(f"{where}: *{command[:30]} is not supported")
         elif settings.style == "passage":
             if block is None:  # *end has restored the passage style: begin a new block
                 survey.passages.append(block := [])
+            require_no_more(where, words, settings)
             values = dict(zip(settings.order, words, strict=False))
             if "station" not in values:
                 raise InputError(f"{where}: passage data without a station")
@@ -167,11 +169,11 @@ def _read(path: Path, folder: Path, settings: Settings, survey: _Survey, files: 
 
 
 def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
-    for number, line in enumerate(read_text_bytes(path).decode("utf-8", "replace").splitlines(), start=1):
-        text = line.partition(";")[0].strip()
+    for number, line in plain_lines(path):
+        text = readable(line).partition(";")[0].strip(" \t")
         if text.startswith("*"):
-            text = "*" + text[1:].lstrip()
-        words = text.split()
+            text = "*" + text[1:].lstrip(" \t")
+        words = [word for word in re.split("[ \t]+", text) if word]
         if words and words != ["*"]:
             yield number, words
 
@@ -218,6 +220,7 @@ def _shot(where: str, words: list[str], settings: Settings, survey: _Survey, pen
                 )
             return name
         return f"{pending} {' '.join(words)}" if pending is not None else None
+    require_no_more(where, words, settings)
     values = dict(zip(order, words, strict=False))
     missing = [name for name in ("from", "to") if name not in values]
     if missing:
@@ -264,7 +267,10 @@ def _fix(where: str, rest: list[str], settings: Settings, survey: _Survey) -> No
     position = [number_of(where, word) for word in numbers[:3]] or [0.0, 0.0, 0.0]
     if not rest or len(position) != 3:
         raise InputError(f"{where}: expected *fix station east north up")
-    survey.fixed[_name(settings, rest[0])] = np.array(position)
+    name = _name(settings, rest[0])
+    if name in survey.fixed and (survey.fixed[name] != position).any():
+        raise InputError(f"{where}: station {name[:60]} is fixed twice, at different places")
+    survey.fixed[name] = np.array(position)
 
 
 def _joined_names(chains: list[Chain]) -> list[Chain]:

@@ -98,7 +98,18 @@ def order_of_data(where: str, rest: list[str], settings: Settings) -> Settings:
     unknown = [word for word in order if word not in _READINGS]
     if unknown and style != "nosurvey":
         raise InputError(f"{where}: *data {style}: reading {unknown[0][:30]!r} is not supported")
+    twice = [word for word in dict.fromkeys(order) if order.count(word) > 1 and word != "ignore"]
+    if twice:
+        raise InputError(f"{where}: *data {style}: reading {twice[0]!r} stands twice")
     return replace(settings, style=style, order=order or settings.order)
+
+
+def require_no_more(where: str, words: list[str], settings: Settings) -> None:
+    """Refuse a line with more words than `*data` names readings."""
+    if len(words) > len(settings.order) and "ignoreall" not in settings.order:
+        raise InputError(
+            f"{where}: {words[len(settings.order)][:40]!r} follows the {len(settings.order)} readings that *data names"
+        )
 
 
 def reading(where: str, values: dict[str, str], key: str, settings: Settings) -> float:
@@ -116,8 +127,10 @@ def reading(where: str, values: dict[str, str], key: str, settings: Settings) ->
     low, high = _SHOWN.get(key, (-math.inf, math.inf))
     if not low - 1e-9 <= shown <= high + 1e-9:
         raise InputError(f"{where}: {key} = {text[:40]}: want {low:g} to {high:g}, in metres or degrees")
-    value = shown - settings.zero.get(key, 0.0)
-    return value * settings.factor.get(key, 1.0)
+    value = (shown - settings.zero.get(key, 0.0)) * settings.factor.get(key, 1.0)
+    if key == "tape" and value < 0:
+        raise InputError(f"{where}: {key} = {text[:40]}: {value:g} m with its *calibrate, want 0 or more")
+    return value
 
 
 def angle_deg(where: str, values: dict[str, str], key: str, back: str, settings: Settings) -> float:
@@ -151,6 +164,8 @@ def with_units(where: str, rest: list[str], settings: Settings) -> Settings:
         return replace(settings, scale={})
     keys, words = _quantities(where, rest)
     factor = number_of(where, words[0]) if len(words) > 1 else 1.0
+    if factor <= 0:
+        raise InputError(f"{where}: *units {words[0][:40]}: want a factor above 0")
     if words and words[-1].lower() == "percent":
         raise InputError(f"{where}: gradients in percent are not supported; use degrees")
     return replace(
@@ -188,7 +203,7 @@ def number_of(where: str, text: str) -> float:
         If the text is not such a number. The message names the place and the text.
     """
     try:
-        value = float(text)
+        value = float(text if text.isascii() and "_" not in text else "")
     except ValueError:
         raise InputError(f"{where}: {text[:40]!r} is not a number") from None
     if not math.isfinite(value) or abs(value) > 1e8:

@@ -110,6 +110,8 @@ def test_files_that_are_no_policy_are_refused_by_name(tmp_path):
             r"has shape \(2, 9\), its model wants \(2, 8\)",
         ),
         (lambda arrays, about: about.update(observation="all"), "observation 'all': want beams or map"),
+        (lambda arrays, about: about.update(observation="x" * 10**5), "observation 'x{79}: want beams or map"),
+        (lambda arrays, about: about.update(format="x" * 10**5), "format 'x{79}, this version reads"),
         (lambda arrays, about: about.pop("observation"), "not a policy's file"),
         (lambda arrays, about: about.update(reached="[" * 100_000), "not a policy's file"),
         (

@@ -1,3 +1,4 @@
+import gymnasium
 import numpy as np
 import pytest
 from pettingzoo.test import parallel_api_test, parallel_seed_test
@@ -80,3 +81,18 @@ def test_wrong_arguments_are_refused(tee: BuiltMine):
 def test_a_team_of_no_robots_or_of_more_than_a_model_holds_is_refused_at_once(tee, robots):
     with pytest.raises(ValueError, match=f"robots = {robots}, .*: want 1 to 1000"):
         MineParallelEnv(robots=robots, world=tee.bundle)
+
+
+def test_calls_in_the_wrong_state_and_actions_that_are_no_dict_are_refused(tee: BuiltMine):
+    env = MineParallelEnv(robots=2, world=tee.bundle, render_mode="rgb_array")
+    with pytest.raises(gymnasium.error.ResetNeeded, match="call reset before render"):
+        env.render()
+    env.reset(seed=0)
+    for actions in (None, [[0, 0], [0, 0]]):
+        with pytest.raises(ValueError, match="want a dict with an action for each robot"):
+            env.step(actions)
+    env.close()
+    env.close()
+    for call in (env.reset, env.render, lambda: env.step({})):
+        with pytest.raises(gymnasium.error.ClosedEnvironmentError):
+            call()

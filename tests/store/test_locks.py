@@ -73,3 +73,21 @@ def test_holders_of_a_waiting_lock_run_one_after_the_other_while_the_file_is_rep
     for thread in threads:
         thread.join()
     assert sorted(map(int, path.read_text().split())) == list(range(20))
+
+
+def test_a_lock_without_a_message_waits_and_is_removed(tmp_path):
+    path = tmp_path / ".a.lock"
+    process = holder(path)
+    reached = threading.Event()
+
+    def wait():
+        with hold_lock(path, None):
+            reached.set()
+
+    waiting = threading.Thread(target=wait)
+    waiting.start()
+    assert not reached.wait(0.5)
+    process.communicate("\n")
+    waiting.join(20)
+    assert reached.is_set()
+    assert not path.exists()

@@ -1,5 +1,8 @@
 import dataclasses
+import io
+import json
 import os
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -217,3 +220,45 @@ def test_parameters_that_are_no_yaml_are_named(tmp_path):
         (tmp_path / "dvc.yaml").write_bytes(data)
         with pytest.raises(ArtifactError, match=r"dvc\.yaml: not YAML"):
             verify_chain(tmp_path)
+
+
+def _array(shape, descr="<f8", data=b""):
+    head = f"{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+    return b"\x93NUMPY\x01\0" + len(head).to_bytes(2, "little") + head + data
+
+
+def _archive(data, method=zipfile.ZIP_DEFLATED):
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", method) as archive:
+        archive.writestr("vertices.npy", data)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        _archive(_array((10**12,))),
+        _archive(_array((-1,))),
+        _archive(_array((2,), "|O", b"\x80\x04.")),
+        _archive(_array((1,), "<U4", bytes(16))),
+        _archive(b"no array"),
+        _archive(_array((2,), data=bytes(16)), zipfile.ZIP_LZMA),
+        _archive(_array((2,), data=bytes(16)))[:60] + b"\xff" * 20 + _archive(_array((2,), data=bytes(16)))[80:],
+    ],
+    ids=["terabytes", "negative", "objects", "text", "bytes", "lzma", "broken"],
+)
+def test_a_forged_archive_of_arrays_is_refused_in_one_line(tmp_path, data):
+    path = tmp_path / "mesh.npz"
+    path.write_bytes(data)
+    with pytest.raises(ArtifactError, match=r"mesh\.npz: not a readable") as caught:
+        decode(path, Meshes)
+    assert str(caught.value).isprintable()
+
+
+def test_a_free_space_that_is_no_polygon_is_refused(tmp_path, tee: BuiltMine):
+    path = tmp_path / "free_space.geojson"
+    content = json.loads(encode(path, tee.free_space))
+    content["features"][0]["geometry"] = {"type": "Point", "coordinates": [0, 0]}
+    path.write_text(json.dumps(content))
+    with pytest.raises(ArtifactError, match="a Point, want a Polygon or a MultiPolygon"):
+        decode(path, FreeSpace)

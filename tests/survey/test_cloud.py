@@ -194,10 +194,45 @@ def test_a_pcd_of_other_rows_than_it_states_is_refused(rows, tmp_path):
 def test_a_ply_in_ascii_that_ends_early_is_refused(tmp_path):
     path, point = tmp_path / "drift.ply", "property float x\nproperty float y\nproperty float z\n"
     path.write_text(f"ply\nformat ascii 1.0\nelement vertex 200\n{point}end_header\n" + "1 2 3\n" * 150)
-    with pytest.raises(InputError, match="150 of 200 vertex elements"):
+    with pytest.raises(InputError, match="150 rows, its header states 200"):
         list(read_blocks(path, 1.0))
     faces = "element face 3\nproperty list uchar int vertex_indices\n"
     corners = "0 0 0\n9 0 0\n9 9 0\n0 9 0\n"
     path.write_text(f"ply\nformat ascii 1.0\nelement vertex 4\n{point}{faces}end_header\n{corners}3 0 1 2\n")
     with pytest.raises(InputError, match=r"drift\.ply: "):
+        list(read_blocks(path, 1.0))
+
+
+POINT = "property float x\nproperty float y\nproperty float z\n"
+
+
+@pytest.mark.parametrize(
+    ("head", "message"),
+    [
+        (f"element vertex 150\n{POINT}", "200 rows, its header states 150"),
+        (f"element vertex 200\n{POINT}element camera 2\nproperty float a\n", "200 rows, its header states 202"),
+        (f"element vertex 100\n{POINT}element vertex 100\n{POINT}", "'element vertex 100': not whole, or twice"),
+        (f"element vertex -5\n{POINT}", "'element vertex -5': not whole"),
+        (f"element vertex {10**19}\n{POINT}", "'element vertex 1"),
+        (f"element vertex 200\nproperty float x\n{POINT}", "'property float x': not whole, or twice"),
+        ("element vertex 200\nproperty float a\n", "no vertices with x, y and z"),
+    ],
+)
+def test_a_ply_of_which_a_part_would_be_read_is_refused(head, message, tmp_path):
+    path, rows = tmp_path / "drift.ply", "1 2 3\n" * 200
+    path.write_text(f"ply\nformat ascii 1.0\nelement vertex 200\n{POINT}end_header\n{rows}")
+    assert len(np.concatenate(list(read_blocks(path, 1.0)))) == 200
+    path.write_text(f"ply\nformat ascii 1.0\n{head}end_header\n{rows}")
+    with pytest.raises(InputError, match=message):
+        list(read_blocks(path, 1.0))
+
+
+def test_a_binary_pcd_of_more_points_than_it_states_is_refused(tmp_path):
+    path, points = tmp_path / "drift.pcd", np.ones((200, 3), "<f4").tobytes()
+    head = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {0}\nHEIGHT 1\n"
+    head += "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {0}\nDATA binary\n"
+    path.write_bytes(head.format(200).encode() + points)
+    assert len(np.concatenate(list(read_blocks(path, 1.0)))) == 200
+    path.write_bytes(head.format(150).encode() + points)
+    with pytest.raises(InputError, match="2400 bytes of points, but its header states 150 points, which take 1800"):
         list(read_blocks(path, 1.0))

@@ -113,6 +113,16 @@ def test_the_closing_error_of_a_loop_is_distributed_over_all_shots(tmp_path):
         ("1 2 5 0 0\n*data passage station left right up down\n1 - 1 1 1\n2 - 1 1 1\n", "no distance to the left wall"),
         ("", "no shots"),
         ("*cs long-lat\n*fix 1 -70 -33 0\n", "degrees are not supported"),
+        ("*fix 1 0 0 0\n*fix 1 500 0 0\n", ":2: station 1 is fixed twice"),
+        ("*units tape -1 metres\n", r":1: \*units -1: want a factor above 0"),
+        ("*calibrate tape 9\n1 2 5 0 0\n", ":2: tape = 5: -4 m with its"),
+        ("*default calibrate\n", r"\*default is not supported"),
+        ("*set comment #\n", r"\*set is not supported"),
+        ("*data normal from to tape tape compass clino\n", "reading 'tape' stands twice"),
+        ("1 2 5 0 0 77\n", "'77' follows the 5 readings"),
+        ("1 2 5_0 0 0\n", "'5_0' is not a number"),
+        ("; a note\x0c1 2 5 0 0\n", "a control character, 0x0c"),
+        ("1 2 5 0 0\n*data passage station left right\n1 400 1\n2 1 1\n", "a wall 400 m beside station 1, at most 300"),
         ("*cs UTM19S\n*fix 1 1 2 0\n*cs UTM20S\n*fix 2 1 2 0\n", "only one coordinate system is supported"),
     ],
 )
@@ -184,3 +194,13 @@ def test_a_plot_file_that_cannot_be_used_is_refused(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(InputError, match=message):
         read_plt(path)
+
+
+def test_names_of_other_letters_than_ascii_are_not_merged(tmp_path):
+    path = tmp_path / "cave.svx"
+    shots = "1 2 5 90 0\n2 \xe91 5 90 0\n2 \xe81 5 0 0\n*data passage station left right\n1 1 1\n2 1 1\n\xe91 1 1\n"
+    found = []
+    for encoding in ("latin-1", "utf-8"):
+        path.write_bytes(f"{shots}*data passage station left right\n2 1 1\n\xe81 1 1\n".encode(encoding))
+        found.append([leg.stations for leg in read_svx(path)[0]])
+    assert found == [[["1", "2", "\xe91"], ["2", "\xe81"]]] * 2

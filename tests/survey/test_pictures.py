@@ -6,6 +6,7 @@ import pytest
 import rasterio
 import shapely
 import yaml
+from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from rasterio.transform import from_origin
 
@@ -265,3 +266,13 @@ def test_licences_come_from_the_registry(data):
     write_png(data / "plan.png", plan_of(TEE, frame_for(TEE)))
     (data / "registry.txt").write_text(f"plan.png\t{'0' * 64}\t1\tour own survey\tCC-BY-4.0\n")
     assert read_survey(plan_params("plan.png"))["survey"].licences == {"data/plan.png": "CC-BY-4.0"}
+
+
+def test_which_page_of_a_pdf_is_read_is_said(data, capsys):
+    with PdfPages(data / "plan.pdf") as pages:
+        for width in (4, 5):
+            figure = Figure(figsize=(width, 3))
+            figure.add_axes((0.2, 0.4, 0.6, 0.2)).set_facecolor("black")
+            pages.savefig(figure)
+    assert read_survey(plan_params("plan.pdf", page=2))["plan"].shape[:2] == (600, 1000)
+    assert "plan.pdf: page 2 of 2 is read; --page states another" in capsys.readouterr().err

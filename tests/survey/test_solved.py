@@ -232,3 +232,43 @@ def test_a_line_of_megabytes_is_refused_before_survex_reads_it(tmp_path):
     path.write_text(f"*title {'x' * 20_000}\n1 2 5 0 0\n")
     with pytest.raises(InputError, match=r"a\.svx:1: a line of 20007 bytes, at most 10000 \(survex_line_bytes"):
         read_solved(path)
+
+
+SHOT = b"*data normal from to tape compass clino\n1 2 50 90 0\n"
+OUTSIDE = b"*include ../outside\n"
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        ({"a.svx": SHOT + b"; a comment \x1a" + OUTSIDE}, r"a\.svx:3: a control character, 0x1a"),
+        ({"a.svx": SHOT + b"*include b\x0b/../../outside\n", "b.svx": b""}, "a control character, 0x0b"),
+        ({"a.svx": b"\xef\xbb\xbf" + OUTSIDE}, r"a\.svx:1: '\.\./outside' is outside the survey's folder"),
+        ({"a.svx": b"*include b\\c\n", "b/c.svx": b"", "b\\c.svx": OUTSIDE}, "name holds a backslash"),
+        ({"a.svx": b"*include b.mak\n", "b.mak": b"#../outside.dat;\n"}, "only .svx files are included"),
+        ({"a.svx": b"*include b.dat\n", "b.dat": b""}, "only .svx files are included"),
+        ({"a.svx": SHOT + b"*cs ;\n"}, r"a\.svx:3: \*cs names no coordinate system"),
+        ({"a.mak": b"#\n../outside.dat;\n"}, r"a\.mak:1: #\.\./outside\.dat: the name does not end on its line"),
+        ({"a.mak": b"/#../\noutside.dat;\n"}, "is outside the survey's folder"),
+        ({"a.mak": b"/#b\n#../outside.dat;\n"}, r"a\.mak:2: '\.\./outside\.dat' is outside"),
+        ({"a.mak": b"#b.mak;\n", "b.mak": b"#../outside.dat;\n"}, "a project is made of .dat files"),
+        ({"a.mak": b"/#b.mak;\n", "b.mak": b"#../outside.dat;\n"}, "a project is made of .dat files"),
+    ],
+)
+def test_what_survex_reads_in_another_way_than_the_scan_leads_out_of_no_folder(tmp_path, files, message):
+    write(tmp_path, {"outside.svx": SHOT, "outside.dat": SHOT})
+    with pytest.raises(InputError, match=message):
+        project_files(write(tmp_path / "mine", files))
+
+
+def test_marks_of_utf_8_and_of_dos_are_no_part_of_a_survey(tmp_path):
+    path = write(tmp_path, {"a.svx": b"\xef\xbb\xbf*include b\r\n\x1a", "b.svx": SHOT})
+    assert project_files(path) == [path, tmp_path / "b.svx"]
+
+
+def test_links_of_nodes_that_lead_out_of_the_folder_are_refused(tmp_path):
+    path = write(tmp_path / "mine", {"c_nodes.dat": "0 0 0\n9 0 0\n"})
+    write(tmp_path, {"outside.dat": "a secret\n"})
+    (tmp_path / "mine" / "c_links.dat").symlink_to(tmp_path / "outside.dat")
+    with pytest.raises(InputError, match=r"'c_links\.dat' is outside the survey's folder$"):
+        read_solved(path)

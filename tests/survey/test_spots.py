@@ -27,3 +27,10 @@ def test_spots_that_are_no_places_are_one_line(tmp_path, text, message):
     with pytest.raises(InputError, match=message) as error:
         read_spots(path, METRIC)
     assert str(error.value).isprintable()
+
+
+def test_two_heights_of_one_place_are_refused(tmp_path):
+    path = tmp_path / "spots.csv"
+    path.write_text("easting_m,northing_m,elevation_m\n1,2,3\n1,2,3.02\n1,2,300\n")
+    with pytest.raises(InputError, match=r"two spots at \(1, 2\), 3 m and 300 m high"):
+        read_spots(path, METRIC)

@@ -131,3 +131,10 @@ def test_faulty_elevations_are_refused_with_their_row(tmp_path, rows, message):
 def test_a_distance_to_the_roof_without_elevations_is_refused(tmp_path):
     with pytest.raises(InputError, match="column up_m needs a column elevation_m"):
         read_stations(write(tmp_path, HEADER.strip() + ",up_m\nA,a,0,0,2,2,3\nA,b,9,0,2,2,3\n"))
+
+
+def test_a_wall_kilometres_from_its_station_is_refused_with_its_line(tmp_path):
+    path = tmp_path / "s.csv"
+    path.write_text("leg,station,easting_m,northing_m,left_m,right_m\n1,a,0,0,2,2\n1,b,50,0,2,5000\n")
+    with pytest.raises(InputError, match=r"s\.csv:3: right_m = 5000 of station b, at most 300 \(farthest_wall_m"):
+        read_stations(path)

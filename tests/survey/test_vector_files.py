@@ -19,7 +19,7 @@ from pipeline.params.survey import VectorSurveyParams
 from pipeline.survey.dxf import read_dxf
 from pipeline.survey.geodata import companions, read_geodata
 from pipeline.survey.geojson import read_geojson
-from pipeline.survey.shapes import Shapes, locate, workings_of
+from pipeline.survey.shapes import Shapes, coordinate_system, locate, workings_of
 from pipeline.survey.vector_survey import draw_vector_survey
 from tests.mines import RING, TEE
 
@@ -225,3 +225,17 @@ def test_walls_at_whole_and_half_metres_miss_all_pixel_centres(tmp_path, monkeyp
     drawn = fill_polygon(workings, frame)
     for shift_m in (0.01, -0.01):
         assert (fill_polygon(translate(workings, shift_m, shift_m), frame) == drawn).all()
+
+
+@pytest.mark.parametrize("system", ["+init={}:a", "+proj=longlat +nadgrids={}", "+proj=pipeline +step +file={}"])
+def test_a_coordinate_system_that_names_a_file_is_refused_before_proj_opens_it(tmp_path, system):
+    secret = tmp_path / "outside.init"
+    secret.write_text("<a> +proj=utm +zone=33 +datum=WGS84 <>\n")
+    ring = [[0, 0], [50, 0], [50, 5], [0, 5], [0, 0]]
+    feature = {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+    crs = {"type": "name", "properties": {"name": system.format(secret)}}
+    path = tmp_path / "plan.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": [feature]}))
+    with pytest.raises(InputError, match="names files; they are not read"):
+        locate(path, read_geojson(path, None), None, None)
+    assert coordinate_system(path, "+proj=merc +a=6378137 +b=6378137 +nadgrids=@null +units=m").is_projected

@@ -23,7 +23,8 @@ _MESSAGE_BYTES = 1_000_000
 _ERROR = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: (?:fatal )?error: (.*)$")
 # Survex only warns of readings that no instrument shows; a mine of them would be turned or mirrored in part.
 _UNREAL = re.compile(
-    r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: (Negative tape.*|Suspicious compass.*|Clino reading over 90.*)$"
+    r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: "
+    r"(Negative (?:adjusted )?tape.*|Suspicious compass.*|Clino reading over 90.*)$"
 )
 Origin = Callable[[int], tuple[Path, int]]  # a line of a generated file -> the file and line that it comes from
 

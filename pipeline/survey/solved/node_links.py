@@ -14,6 +14,7 @@ from pipeline.errors import InputError
 from pipeline.survey.plain_file import read_text_bytes, require_at_most
 from pipeline.survey.shapes import REACH_M
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
+from pipeline.survey.solved.project_files import inside
 
 _NODES, _LINKS = "_nodes.dat", "_links.dat"
 
@@ -36,7 +37,9 @@ def read_node_links(path: Path) -> SolvedSurvey:
     InputError
         If a file is missing or a line is not valid. The message names the file, the line and the value.
     """
-    nodes, links = _read(path, 3), _read(links_of(path), 2)
+    beside = links_of(path)
+    inside(f"{path}", beside.name, path.parent, path.parent.resolve())  # it may be a link
+    nodes, links = _read(path, 3), _read(beside, 2)
     bad = np.flatnonzero(
         (links != np.round(links)).any(axis=1) | (links < 1).any(axis=1) | (links > len(nodes)).any(axis=1)
     )

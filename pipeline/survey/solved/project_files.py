@@ -2,6 +2,8 @@
 
 Survex follows every path that a file names. Only files below the main file's folder may be named, also through links.
 The scan is wider than Survex's own reading: it may refuse a harmless line, and finds every path that Survex would open.
+So a file may hold no character that Survex reads in another way than the scan, and names only files of its own format:
+Survex would read another one by that format's rules.
 """
 
 from __future__ import annotations
@@ -14,17 +16,21 @@ from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.plain_file import read_text_bytes
 
-_BLANK = r"[\s,\0]*"  # Survex reads commas as blanks
+_BLANK = "[ \t,]*"  # Survex reads commas as blanks
 _COMMAND = re.compile(rf"{_BLANK}\*{_BLANK}([a-z]+)(.*)", re.IGNORECASE | re.DOTALL)
-_WORD = re.compile(r'[\s,\0]*(?:"([^"]*)"?|([^\s,]+))')
-_MADE_OF = re.compile(r"#([^,;\r\n]*)")
+_WORD = re.compile(r'[ \t,]*(?:"([^"]*)"?|([^ \t,]+))')
+# A name may run over the ends of lines, which Survex leaves out. Each # begins one, whatever stands before it.
+_MADE_OF = re.compile("#(?=([^,;]*))")
+_LINE_END = r"\r\n|\n\r|\n|\r"
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f]")  # all but tabs and ends of lines; Ctrl-Z ends a line as well
+_MARK, _END_OF_TEXT = b"\xef\xbb\xbf", b"\x1a\0 \t\r\n"  # of UTF-8; of DOS
 # These change which characters begin a command or a comment, so that lines would mean something else than they show.
 _UNSAFE_SETS = {"blank", "comment", "eol", "keyword"}
 _SET_ITEMS = {"decimal", "minus", "names", "omit", "plus", "root", "separator"}
 # PROJ opens files that such a definition names.
 _PROJ_FILES = re.compile(r"[/\\@]|init|grids|pipeline|geoid|file", re.IGNORECASE)
-_COMPASS = {".mak", ".clp"}
-_NAME_BYTES = 240  # Linux takes 255; a suffix may be added
+_SURVEX = {".svx", ""}
+_NAME_BYTES, _LONGEST_NAME = 240, 255  # Linux takes 255; a suffix may be added
 
 
 def project_files(path: Path) -> list[Path]:
@@ -43,12 +49,27 @@ def project_files(path: Path) -> list[Path]:
     """
     files: list[Path] = []
     suffix = path.suffix.lower()
-    if suffix in _COMPASS:
+    if suffix == ".mak":
         return [path, *_compass_files(path)]
     if suffix == ".dat":
         return [path]
     _scan(path, path.parent.resolve(), files, [])
     return list(dict.fromkeys(files))
+
+
+def plain_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield line numbers and lines as `text_lines`, and refuse control characters but tabs.
+
+    Raises
+    ------
+    InputError
+        Naming the file, the line and the first such character.
+    """
+    for number, line in text_lines(path):
+        found = _CONTROL.search(line)
+        if found is not None:
+            raise InputError(f"{path}:{number}: a control character, 0x{ord(found[0]):02x}; remove it")
+        yield number, line
 
 
 def text_lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -59,14 +80,26 @@ def text_lines(path: Path) -> Iterator[tuple[int, str]]:
     InputError
         If the file or a line exceeds its limit.
     """
-    text = read_text_bytes(path).decode("latin-1")
     most = reader_limits().survex_line_bytes
-    for number, line in enumerate(re.split(r"\r\n|\n\r|\n|\r", text), start=1):
+    for number, line in enumerate(re.split(_LINE_END, _text(path)), start=1):
         if len(line) > most:
             raise InputError(
                 f"{path}:{number}: a line of {len(line)} bytes, at most {most} (survex_line_bytes in {FILE})"
             )
         yield number, line
+
+
+def _text(path: Path) -> str:
+    """Return a file's text without a mark of UTF-8 at its beginning and a mark of DOS at its end."""
+    return read_text_bytes(path).removeprefix(_MARK).rstrip(_END_OF_TEXT).decode("latin-1")
+
+
+def readable(text: str) -> str:
+    """Return text of `text_lines` as UTF-8 where it is; else each byte is a character, so that no two names meet."""
+    try:
+        return text.encode("latin-1").decode()
+    except UnicodeDecodeError:
+        return text
 
 
 def inside(where: str, name: str, beside: Path, folder: Path) -> Path:
@@ -98,7 +131,7 @@ def _scan(path: Path, folder: Path, files: list[Path], above: list[Path]) -> Non
     if len(files) > limits.survex_files:
         raise InputError(f"{path}: more than {limits.survex_files} files (survex_files in {FILE})")
     depth = 0
-    for number, line in text_lines(path):
+    for number, line in plain_lines(path):
         found = _COMMAND.match(line)
         if found is None:
             continue
@@ -113,6 +146,8 @@ def _scan(path: Path, folder: Path, files: list[Path], above: list[Path]) -> Non
             depth -= 1
         elif command == "set":
             _require_plain_set(where, rest)
+        elif command == "cs" and not rest.partition(";")[0].strip(" \t,"):
+            raise InputError(f"{where}: *cs names no coordinate system")
         elif command == "cs" and _PROJ_FILES.search(rest.partition(";")[0]):
             raise InputError(f"{where}: *cs {rest.strip()[:60]!r}: a definition that can name files is not read")
         elif command == "include":
@@ -141,27 +176,52 @@ def _included(where: str, rest: str, path: Path, folder: Path) -> Path:
         raise InputError(f"{where}: *include {name[:80]!r}: a file name with ; is not read")
     plain = inside(where, name, path.parent, folder)
     with_suffix = inside(where, f"{name}.svx", path.parent, folder)
+    if "\\" in name and any((path.parent / text).exists() for text in (name, f"{name}.svx")):
+        raise InputError(f"{where}: *include {name[:80]!r}: a file whose name holds a backslash; rename it")
     for option in (plain, with_suffix):
         if option.is_file():
+            if option.suffix.lower() not in _SURVEX:
+                raise InputError(f"{where}: *include {name[:80]!r}: only .svx files are included")
             return option
     raise InputError(f"{where}: *include {name[:80]!r}: no such file")
 
 
 def _compass_files(path: Path) -> list[Path]:
     folder, files, count, most = path.parent.resolve(), [], 0, reader_limits().survex_files
-    for number, line in text_lines(path):
-        comment = line.lstrip().startswith("/")
-        for name in _MADE_OF.findall(line):
-            where = f"{path}:{number}"
-            if not name.strip():
-                continue
-            count += 1
-            if count >= most:
-                raise InputError(f"{where}: {most} files or more (survex_files in {FILE})")
-            options = [inside(where, text, path.parent, folder) for text in (name.strip(), f"{name.strip()}.dat")]
-            file = next((option for option in options if option.is_file()), None)
-            if file is None and not comment:
-                raise InputError(f"{where}: #{name.strip()[:80]}: no such file")
-            if file is not None and file not in files:
-                files.append(file)
+    for _ in plain_lines(path):  # their lengths and characters
+        pass
+    text = _text(path)
+    for found in _MADE_OF.finditer(text):
+        name = re.sub("[\r\n]", "", found[1]).strip()
+        if not name:
+            continue
+        begin = max(text.rfind("\n", 0, found.start()), text.rfind("\r", 0, found.start())) + 1
+        where = f"{path}:{len(re.findall(_LINE_END, text[:begin])) + 1}"
+        comment = text[begin : found.start()].lstrip().startswith("/")
+        count += 1
+        if count >= most:
+            raise InputError(f"{where}: {most} files or more (survex_files in {FILE})")
+        if not comment and re.search("[\r\n]", found[1]):
+            raise InputError(f"{where}: #{name[:80]}: the name does not end on its line")
+        file = _made_of(where, name, path, folder, comment)
+        if file is not None and file not in files:
+            files.append(file)
     return files
+
+
+def _made_of(where: str, name: str, path: Path, folder: Path, comment: bool) -> Path | None:
+    """Return a file of a Compass project; None if a line that looks like a comment names none.
+
+    Survex reads such a line as any other.
+    """
+    if comment and any(len(part) > _LONGEST_NAME for part in re.split(r"[/\\]", name)):
+        return None
+    options = [inside(where, text, path.parent, folder) for text in (name, f"{name}.dat")]
+    file = next((option for option in options if option.is_file()), None)
+    if file is None and comment:
+        return None
+    if file is None:
+        raise InputError(f"{where}: #{name[:80]}: no such file")
+    if file.suffix.lower() != ".dat":
+        raise InputError(f"{where}: #{name[:80]}: a project is made of .dat files")
+    return file

@@ -85,6 +85,8 @@ def _plain_lines(path: Path) -> Iterator[Line]:
             comment = words[0] == "comment"
         elif words and not comment:
             yield Line(path, first, words)
+    if comment or pending:
+        raise InputError(f"{path}: ends within {'a comment without endcomment' if comment else 'a continued line'}")
 
 
 def _without_comment(text: str) -> str:

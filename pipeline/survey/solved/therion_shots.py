@@ -89,6 +89,8 @@ class Shots:
         return f"*data {self.style} {' '.join(kept)}"
 
     def _shot(self, line: Line) -> None:
+        if "from" not in self.readings or "to" not in self.readings:
+            raise InputError(f"{line.where}: a shot, but `data {self.style}` names no from and to")
         values = dict(zip(self.readings, line.words, strict=False))
         if len(line.words) < len([word for word in self.readings if word not in ("ignoreall", *_LRUD)]):
             raise InputError(f"{line.where}: {len(line.words)} readings, `data` names {len(self.readings)}")

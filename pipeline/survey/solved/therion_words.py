@@ -100,7 +100,7 @@ def cs_for_survex(where: str, words: tuple[str, ...]) -> tuple[str, str]:
     """Return a coordinate system for `*cs`, and the metric one in which the result is wanted."""
     name = " ".join(words)
     upper = name.upper()
-    if re.fullmatch(r"OSGB:[HNOST][A-Z]", upper):
+    if re.fullmatch(r"OSGB:[HNOST][A-HJ-Z]", upper):
         return upper, "EPSG:27700"
     if re.fullmatch(r"(EPSG|ESRI):\d{3,6}", upper) or upper in ("S-MERC", "JTSK", "IJTSK", "JTSK03", "IJTSK03"):
         return upper, upper if ":" in upper or upper == "S-MERC" else f"I{upper.removeprefix('I')}"
