@@ -7,6 +7,7 @@ import pytest
 from benchmarks.draw_sheet import draw_sheet
 from pipeline.errors import GeometryError
 from pipeline.geometry.sheet import read_sheet
+from pipeline.geometry.sheet_doubt import require_on_walls
 from pipeline.geometry.sheet_lines import drop_ruled
 from pipeline.geometry.sheet_measures import drop_measures
 from pipeline.geometry.sheet_tables import drop_tables
@@ -48,6 +49,27 @@ def test_walls_are_found_beside_lines_that_are_none(seed):
 def test_what_lines_do_not_settle_is_asked_about(seed, doubt):
     with pytest.raises(GeometryError, match=doubt):
         read_sheet(draw_sheet(seed).picture, None)
+
+
+def forked(cut):
+    """The walls of two drifts that part at an acute angle, and the workings, with the rock between cut short or not."""
+    workings = np.zeros((300, 400), np.uint8)
+    for end in ((350, 90), (350, 210)):
+        cv2.line(workings, (60, 150), end, 1, 30)
+    contours, _ = cv2.findContours(workings, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    lines = cv2.drawContours(np.zeros_like(workings), contours, -1, 1, 2) > 0
+    workings[60:240, 130:cut] |= cv2.morphologyEx(workings, cv2.MORPH_CLOSE, np.ones((121, 1), np.uint8))[
+        60:240, 130:cut
+    ]
+    return lines, workings > 0
+
+
+def test_a_border_that_cuts_the_rock_between_two_drifts_is_asked_about():
+    lines, workings = forked(130)
+    require_on_walls(lines, workings, 30.0)
+    lines, workings = forked(230)
+    with pytest.raises(GeometryError, match=r"\d+ % of the lines at the workings' border .* are left by it"):
+        require_on_walls(lines, workings, 30.0)
 
 
 def measure(lines, row, first, last, upright=False):
