@@ -166,7 +166,7 @@ def _area_reading(picture: Image, ink: Mask, areas: Mask, level: int | None, wal
     if walls == "hatched":
         require_hatch_outlined(picture, ink, mask)
     width = 2 * ridge_half_width(mask)
-    require_whole(areas, mask, width)
+    require_whole(areas, mask, width, ink)
     if level is None:
         require_alone(drop_small(drop_straight(_dark_lines(picture, False)), _LETTER_PX), mask)
     return SheetReading(mask, walls, boxes, width)

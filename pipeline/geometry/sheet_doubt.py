@@ -104,12 +104,18 @@ def require_on_walls(lines: Mask, mask: Mask, width: float) -> None:
         )
 
 
-def require_whole(areas: Mask, mask: Mask, width: float) -> None:
-    """Refuse a filled area beside which another piece of the same filling lies: a label or a line may part them."""
+def require_whole(areas: Mask, mask: Mask, width: float, ink: Mask) -> None:
+    """Refuse a filled area beside which another piece of the same filling lies: a label or a line may part them.
+
+    Beside is what is not farther than a drift's width, or joined to the workings by ink, such as an outline.
+    """
     beside = (areas & ~grown(mask, _NEAR_PX)).astype(np.uint8)
     beside = cv2.morphologyEx(beside, cv2.MORPH_OPEN, disc(_SLIVER * width))
     _, labels, stats, _ = cv2.connectedComponentsWithStats(beside)
-    near = np.unique(labels[grown(mask, width)])
+    outlines = drop_straight(ink)
+    _, groups = cv2.connectedComponents(outlines.astype(np.uint8), connectivity=8)
+    joined = np.unique(groups[outlines & grown(mask, _NEAR_PX)])
+    near = np.unique(labels[grown(mask, width) | np.isin(groups, joined[joined > 0])])
     left = max(near[near > 0], key=lambda k: stats[k, cv2.CC_STAT_AREA], default=0)
     if left and stats[left, cv2.CC_STAT_AREA] > _PIECE * width**2:
         col, row, *_ = stats[left]

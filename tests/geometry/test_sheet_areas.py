@@ -89,6 +89,12 @@ def test_a_hatched_drift_that_has_one_wall_only_is_asked_about():
         read_sheet(picture, None)
 
 
+def test_hatching_that_a_light_word_parts_is_not_left_out_silently():
+    picture, _ = shown(8050)
+    with pytest.raises(GeometryError, match=r"a piece of \d+ px with the same filling lies beside .* at \(106, 287\)"):
+        read_sheet(picture, None)
+
+
 def test_two_walls_and_a_survey_line_are_no_hatching():
     picture, _ = shown(4053)
     with pytest.raises(GeometryError) as raised:
