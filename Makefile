@@ -88,7 +88,7 @@ replay: all  ## replay the sweeps below data/raw in the world
 leave-out-sweeps: setup  ## correct the published plan by all sweeps but one, measure that one
 	@$(PY) -m benchmarks.leave_out_sweeps
 
-drawn-sheets: setup  ## find the workings on a thousand drawing sheets: right, asked, wrong
+drawn-sheets: setup  ## find the workings on 1,400 drawing sheets: right, asked, wrong
 	@$(PY) -m benchmarks.drawn_sheets
 
 holdout: setup  ## build rock from half of the sweeps, score it on the other half

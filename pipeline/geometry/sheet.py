@@ -17,14 +17,25 @@ from pipeline.geometry.sheet_doubt import (
     require_agreement,
     require_alone,
     require_explained,
+    require_filled,
     require_no_filling,
+    require_on_walls,
+    require_one_filling,
     require_outlined,
     require_same,
     require_taken,
     require_whole,
 )
 from pipeline.geometry.sheet_drawings import Box, choose_drawing, find_drawings, largest_area, largest_part, part
-from pipeline.geometry.sheet_fill import fill_shade, find_areas, find_filled, find_ink, ridge_half_width, trim
+from pipeline.geometry.sheet_fill import (
+    fill_shade,
+    find_areas,
+    find_filled,
+    find_ink,
+    find_shade,
+    ridge_half_width,
+    trim,
+)
 from pipeline.geometry.sheet_gaps import bridge_gaps, keep_cycles
 from pipeline.geometry.sheet_hatch import find_hatched, require_hatch_outlined
 from pipeline.geometry.sheet_lines import (
@@ -49,6 +60,7 @@ _NARROWEST_PX = 8.0
 _WIDEST_GAP_PX = 24.0
 _CLOSED_PX, _CLOSED_GAPS = 2.0, (0.08, 0.22)  # the same for walls that are closed curves
 _REACHES_PX = (7.0, 5.0, 9.0)
+_BESIDE_PX = 5.0  # from the workings, where two readings are compared
 _SAME_LINES = 0.98  # of the dark pixels belong to black lines: then there are no others
 _DARK = 185  # lines with their soft edges
 _BLACK = 80  # darkness of a black line of one pixel after a blur of one pixel is 102; that of a grey one up to 66
@@ -118,7 +130,7 @@ def _read_area(picture: Image, level: int | None) -> SheetReading | None:
     if plain and largest_area(closed, dense) < share * largest_area(filled, plain):
         shade = fill_shade(picture, part(filled, plain[0]))
         if shade is not None:
-            return _area_reading(picture, ink, find_filled(picture, shade), level, "filled")
+            return _filled_reading(picture, ink, filled, shade, level)
     doubt: GeometryError | None = None
     for areas in (closed, find_hatched(ink, False)):  # a straight wall would be taken for a grid
         if _is_hatched(picture, ink, areas):
@@ -129,6 +141,18 @@ def _read_area(picture: Image, level: int | None) -> SheetReading | None:
     if doubt is not None:
         raise doubt
     return None
+
+
+def _filled_reading(picture: Image, ink: Mask, thick: Mask, shade: np.ndarray, level: int | None) -> SheetReading:
+    """Read workings of one colour (3,), and doubt them if small cells of paper or other areas of ink may matter."""
+    found = _area_reading(picture, ink, find_filled(picture, shade), level, "filled")
+    near = grown(found.mask, _BESIDE_PX)
+    with_cells, without = (
+        largest_part(trim(find_filled(picture, shade, cells) & near, found.width_px)) for cells in (True, False)
+    )
+    require_filled(find_shade(picture, shade), with_cells, without, found.mask)
+    require_one_filling(thick, found.mask, found.width_px)
+    return found
 
 
 def _area_reading(picture: Image, ink: Mask, areas: Mask, level: int | None, walls: str) -> SheetReading:
@@ -142,7 +166,7 @@ def _area_reading(picture: Image, ink: Mask, areas: Mask, level: int | None, wal
     if walls == "hatched":
         require_hatch_outlined(picture, ink, mask)
     width = 2 * ridge_half_width(mask)
-    require_whole(areas, mask, width)
+    require_whole(areas, mask, width, ink)
     if level is None:
         require_alone(drop_small(drop_straight(_dark_lines(picture, False)), _LETTER_PX), mask)
     return SheetReading(mask, walls, boxes, width)
@@ -229,9 +253,10 @@ def _enclosed(drawn: _Walls, width: float, level: int | None) -> SheetReading:
         )
     chosen, boxes = choose_drawing(wide, drawings, level)
     mask = largest_part(chosen)
-    require_agreement(mask, largest_part(narrow & grown(mask, 5.0)))
+    require_agreement(mask, largest_part(narrow & grown(mask, _BESIDE_PX)))
     require_explained(lines, mask, width, _GAPS[1] * width)
     require_outlined(lines, mask)
+    require_on_walls(lines, mask, width)
     require_taken(lines, mask, width, _GAPS[1] * width)
     if level is None:
         require_alone(lines, mask)

@@ -7,7 +7,8 @@ import numpy as np
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.sheet_centre import in_the_middle
-from pipeline.geometry.sheet_lines import drop_straight, grown, margin_px, unexplained_px
+from pipeline.geometry.sheet_fill import disc
+from pipeline.geometry.sheet_lines import drop_straight, grown, margin_px, stroke_px, unexplained_px
 from pipeline.types import Mask
 
 _AGREE, _SAME = 0.97, 0.95  # IoU of the workings with both gaps, and without grey lines
@@ -15,11 +16,20 @@ _UNEXPLAINED = 2.5  # drift widths of line inside the workings that no reading e
 _RULED = 0.12  # of the sheet's side: a level or upright line this long is a piece of a grid
 _OTHER, _RULER_PX = 0.3, 10  # extent of another drawing, of that of the workings; width of a ruled line
 _BOX = 0.7  # covered share of a box's sides
-_OUTLINED, _NEAR_PX = 0.85, 4.0  # share of the border that has a line, and how near, px
+_OUTLINED, _NEAR_PX = 0.95, 4.0  # share of the border that has a line, and how near, px
+_OFF_PX, _OFF = 2.5, 0.08  # from the border of the workings to the edge of a wall, and share of walls farther from it
+_AT_BORDER, _INSIDE = 0.4, 0.3  # drift widths from the border to what may be a wall, outside and inside
 _CIRCLE_PX = 4.0
 _PIECE, _NARROW, _WIDE = 1.0, 0.5, 0.7  # area of a lost piece, in drift widths squared; limits of half its width
+_SLIVER = 0.15  # half the thickness of a piece, in drift widths; compression leaves slivers beside lines
 _LOST = 0.6  # area of drifts between lines that are not taken, in drift widths squared
 _FILLED = 0.5  # of what lines enclose
+_CELLS = 0.97  # IoU of filled workings with all small cells of paper in them, and with none
+_BESIDE_PX, _FAR = (
+    6.0,
+    0.01,
+)  # half the thickest outline or letter, and share of the workings that is farther from filling
+_THICK = 0.5  # area of other ink than the filling, thicker than lines, in drift widths squared
 
 
 class SheetError(GeometryError):
@@ -79,10 +89,33 @@ def require_outlined(lines: Mask, mask: Mask) -> None:
         )
 
 
-def require_whole(areas: Mask, mask: Mask, width: float) -> None:
-    """Refuse a filled area beside which another piece of the same filling lies: a label or a line may part them."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats((areas & ~grown(mask, _NEAR_PX)).astype(np.uint8))
-    near = np.unique(labels[grown(mask, width)])
+def require_on_walls(lines: Mask, mask: Mask, width: float) -> None:
+    """Refuse workings whose border leaves the walls: it cuts a corner, or passes beside a wall."""
+    from_border = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
+    from_border += cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5)
+    walls = lines & (from_border <= np.where(mask, _INSIDE, _AT_BORDER) * width)
+    off = float((from_border[walls] > stroke_px(lines) / 2 + _OFF_PX).mean()) if walls.any() else 1.0
+    if off > _OFF:
+        raise SheetError(
+            f"{100 * off:.0f} % of the lines at the workings' border are no wall of theirs or are left by it, at most "
+            f"{100 * _OFF:.0f} % may; --crop COL0,ROW0,COL1,ROW1 or --ignore R,G,B leaves out what is no wall, "
+            "--seed COL,ROW names a place inside",
+            mask,
+        )
+
+
+def require_whole(areas: Mask, mask: Mask, width: float, ink: Mask) -> None:
+    """Refuse a filled area beside which another piece of the same filling lies: a label or a line may part them.
+
+    Beside is what is not farther than a drift's width, or joined to the workings by ink, such as an outline.
+    """
+    beside = (areas & ~grown(mask, _NEAR_PX)).astype(np.uint8)
+    beside = cv2.morphologyEx(beside, cv2.MORPH_OPEN, disc(_SLIVER * width))
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(beside)
+    outlines = drop_straight(ink)
+    _, groups = cv2.connectedComponents(outlines.astype(np.uint8), connectivity=8)
+    joined = np.unique(groups[outlines & grown(mask, _NEAR_PX)])
+    near = np.unique(labels[grown(mask, width) | np.isin(groups, joined[joined > 0])])
     left = max(near[near > 0], key=lambda k: stats[k, cv2.CC_STAT_AREA], default=0)
     if left and stats[left, cv2.CC_STAT_AREA] > _PIECE * width**2:
         col, row, *_ = stats[left]
@@ -90,6 +123,38 @@ def require_whole(areas: Mask, mask: Mask, width: float) -> None:
             f"a piece of {stats[left, cv2.CC_STAT_AREA]} px with the same filling lies beside the workings, at "
             f"({col}, {row}), and is not joined to them; --gap PX closes gaps, --crop COL0,ROW0,COL1,ROW1 leaves out "
             "what is no workings",
+            mask,
+        )
+
+
+def require_filled(filling: Mask, with_cells: Mask, without: Mask, mask: Mask) -> None:
+    """Refuse filled workings that depend on small cells of paper, or that lie far from their filling."""
+    iou = float((with_cells & without).sum() / max(1, (with_cells | without).sum()))
+    if iou < _CELLS:
+        raise SheetError(
+            f"the workings depend on whether small cells of paper belong to them (IoU {iou:.2f} between two readings, "
+            f"at least {_CELLS}); --ignore R,G,B leaves out the colour of lines that part them from the paper",
+            mask,
+        )
+    far = float((mask & ~grown(filling, _BESIDE_PX)).sum() / max(1, mask.sum()))
+    if far > _FAR:
+        raise SheetError(
+            f"{100 * far:.1f} % of the workings lie more than {_BESIDE_PX:g} px from their filling, at most "
+            f"{100 * _FAR:g} % may; --ignore R,G,B leaves out a colour, --crop COL0,ROW0,COL1,ROW1 what is no workings",
+            mask,
+        )
+
+
+def require_one_filling(areas: Mask, mask: Mask, width: float) -> None:
+    """Refuse filled workings beside which another area lies, thicker than lines: it may be a drift in another shade."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats((areas & ~grown(mask, _NEAR_PX)).astype(np.uint8))
+    near = np.unique(labels[grown(mask, width)])
+    other = max(near[near > 0], key=lambda k: stats[k, cv2.CC_STAT_AREA], default=0)
+    if other and stats[other, cv2.CC_STAT_AREA] > _THICK * width**2:
+        col, row, *_, size = stats[other]
+        raise SheetError(
+            f"an area of {size} px with another filling lies beside the workings, at ({col}, {row}); "
+            "--ignore R,G,B leaves out a colour, --crop COL0,ROW0,COL1,ROW1 what is no workings",
             mask,
         )
 

@@ -69,4 +69,4 @@ def require_hatch_outlined(picture: Image, ink: Mask, mask: Mask) -> None:
             f"needed, and is missing along {longest} px; --crop COL0,ROW0,COL1,ROW1 leaves out what is no workings",
             mask,
         )
-    require_whole(find_hatched(ink, corner_px=_LEAK_PX), mask, width)
+    require_whole(find_hatched(ink, corner_px=_LEAK_PX), mask, width, ink)

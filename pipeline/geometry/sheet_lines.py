@@ -116,7 +116,7 @@ def enclose(lines: Mask, reach_px: float) -> Mask:
     seeds[[0, -1], :] = seeds[:, [0, -1]] = 1
     count, regions, _, _ = cv2.connectedComponentsWithStats(seeds, connectivity=4)
     outside = int(regions[0, 0])
-    across = 2 * reach_px + _stroke_px(lines) + 4
+    across = 2 * reach_px + stroke_px(lines) + 4
     depth = np.full(count, -1)
     depth[0], depth[outside] = -2, 0
     layer = np.array([outside])
@@ -134,7 +134,7 @@ def enclose(lines: Mask, reach_px: float) -> Mask:
     return np.asarray(((depth > 0) & (depth % 2 == 1))[region_of_label[nearest]][2:-2, 2:-2])
 
 
-def _stroke_px(lines: Mask) -> float:
+def stroke_px(lines: Mask) -> float:
     """Return the thickness of lines, px: four times the mean distance to paper over their pixels, less one."""
     if not lines.any():
         return 1.0

@@ -9,7 +9,8 @@ import pytest
 from benchmarks.draw_sheet import draw_sheet
 from pipeline.errors import GeometryError
 from pipeline.geometry.sheet import read_sheet
-from pipeline.geometry.sheet_fill import find_ink
+from pipeline.geometry.sheet_doubt import require_filled
+from pipeline.geometry.sheet_fill import find_filled, find_ink
 from pipeline.geometry.sheet_hatch import find_hatched
 
 
@@ -88,6 +89,12 @@ def test_a_hatched_drift_that_has_one_wall_only_is_asked_about():
         read_sheet(picture, None)
 
 
+def test_hatching_that_a_light_word_parts_is_not_left_out_silently():
+    picture, _ = shown(8050)
+    with pytest.raises(GeometryError, match=r"a piece of \d+ px with the same filling lies beside .* at \(106, 287\)"):
+        read_sheet(picture, None)
+
+
 def test_two_walls_and_a_survey_line_are_no_hatching():
     picture, _ = shown(4053)
     with pytest.raises(GeometryError) as raised:
@@ -110,6 +117,8 @@ def test_strokes_in_the_rock_form_no_area():
         pytest.param(4125, id="thick outlines and survey lines in narrow drifts"),
         pytest.param(4104, id="slivers of filling between a survey line and a wall"),
         pytest.param(4000, id="a grid line runs beside a wall"),
+        pytest.param(7107, id="two light words in a drift, and one across its end"),
+        pytest.param(7041, id="compression leaves slivers of the filling beside a measure"),
     ],
 )
 def test_filled_workings_end_at_the_middle_of_their_outline_whatever_is_written_in_them(seed):
@@ -117,6 +126,11 @@ def test_filled_workings_end_at_the_middle_of_their_outline_whatever_is_written_
     found = read_sheet(picture, None)
     assert found.walls == "filled"
     assert iou(found.mask, truth) > 0.97
+
+
+def test_cells_of_paper_between_outlines_grid_lines_and_strokes_are_rock():
+    picture, truth = shown(7024)
+    assert iou(read_sheet(picture, None).mask, truth) > 0.96
 
 
 def filled(workings):
@@ -138,6 +152,42 @@ def test_workings_of_two_fillings_are_not_read_as_one_of_them():
     picture[:, 320:][cross(40)[:, 320:]] = 90
     with pytest.raises(GeometryError, match=r"--crop|--ignore|--seed"):
         read_sheet(picture, None)
+
+
+def test_a_short_drift_in_another_shade_is_not_left_out_silently():
+    picture = filled(cross(40))
+    picture[60:110, 300:340] = 60
+    with pytest.raises(GeometryError, match=r"an area of \d+ px with another filling lies beside .* at \(300, \d+\)"):
+        read_sheet(picture, None)
+
+
+def test_small_cells_of_paper_that_matter_are_asked_about():
+    workings = cross(40)
+    cells = np.zeros_like(workings)
+    cells[170:200, 60:280] = True
+    require_filled(workings, workings, workings, workings)
+    with pytest.raises(GeometryError, match=r"whether small cells of paper belong to them \(IoU 0\.8\d between"):
+        require_filled(workings, workings | cells, workings, workings)
+
+
+def test_workings_far_from_their_filling_are_asked_about():
+    workings = cross(40)
+    filling = workings.copy()
+    filling[200:240, 60:100] = False
+    with pytest.raises(GeometryError, match=r"\d\.\d % of the workings lie more than 6 px from their filling"):
+        require_filled(filling, workings, workings, workings)
+
+
+@pytest.mark.parametrize(("letter", "bound"), [(True, "filling"), (False, "lines")])
+def test_a_small_cell_of_paper_is_a_letter_if_filling_bounds_it_and_rock_if_lines_do(letter, bound):
+    picture = filled(cross(40))
+    if letter:
+        cv2.putText(picture, "H", (100, 228), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1)
+    else:  # a cell between the outline and two strokes
+        cv2.rectangle(picture, (100, 182), (116, 198), (0, 0, 0), 2)
+    found = find_filled(picture, np.array([150.0] * 3))
+    assert found[215:230, 100:112].all()
+    assert not found[186:194, 104:112].any()
 
 
 def test_workings_no_wider_than_lines_are_asked_about():

@@ -7,6 +7,7 @@ import pytest
 from benchmarks.draw_sheet import draw_sheet
 from pipeline.errors import GeometryError
 from pipeline.geometry.sheet import read_sheet
+from pipeline.geometry.sheet_doubt import require_on_walls
 from pipeline.geometry.sheet_lines import drop_ruled
 from pipeline.geometry.sheet_measures import drop_measures
 from pipeline.geometry.sheet_tables import drop_tables
@@ -26,6 +27,7 @@ def iou(one, other):
         pytest.param(4033, id="strokes in the rock, a grid and measures"),
         pytest.param(4039, id="a title block as large as the workings"),
         pytest.param(4093, id="survey lines in narrow drifts"),
+        pytest.param(6035, id="grey strokes touch the walls"),
         pytest.param(5152, id="a pillar with wavering walls is no table"),
         pytest.param(5075, id="a frame of two lines is no drawing"),
     ],
@@ -41,13 +43,23 @@ def test_walls_are_found_beside_lines_that_are_none(seed):
 @pytest.mark.parametrize(
     ("seed", "doubt"),
     [
-        pytest.param(6035, "whether grey lines are walls", id="grey strokes touch the walls"),
         pytest.param(6138, "another drawing of", id="another level has gaps in its walls"),
     ],
 )
 def test_what_lines_do_not_settle_is_asked_about(seed, doubt):
     with pytest.raises(GeometryError, match=doubt):
         read_sheet(draw_sheet(seed).picture, None)
+
+
+def test_a_border_that_leaves_its_walls_is_asked_about():
+    workings = np.zeros((300, 400), np.uint8)
+    cv2.polylines(workings, [np.array([[60, 60], [200, 220], [350, 90]])], False, 1, 30)
+    contours, _ = cv2.findContours(workings, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    lines = cv2.drawContours(np.zeros_like(workings), contours, -1, 1, 2) > 0
+    require_on_walls(lines, workings > 0, 30.0)
+    workings[:, 300:] = np.roll(workings[:, 300:], 6, axis=0)
+    with pytest.raises(GeometryError, match=r"\d+ % of the lines at the workings' border .* are left by it"):
+        require_on_walls(lines, workings > 0, 30.0)
 
 
 def measure(lines, row, first, last, upright=False):
