@@ -58,8 +58,8 @@ def _wall_distance(free: Polygon, points: np.ndarray, walls_m: np.ndarray | None
 def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: float, clearance_m: float) -> Spawn:
     """Choose the spawn anchor: the cell with the largest clearance within half the radius, or else the whole radius.
 
-    All cells round the anchor are free: beside a seam of two sheets, where no wall is near, the next cell of the plan is
-    none of the workings.
+    All cells round the anchor are free: beside a seam of two sheets, where no wall is near, the next cell of the plan
+    is none of the workings.
 
     Parameters
     ----------
