@@ -43,6 +43,7 @@ def model_surface(
         reported = pool.submit(report_roughness, params, sources, relief, rough)
         checked = pool.submit(lambda: check_mesh(*closed_mesh(rough)))
         sections = pool.submit(draw_sections, rough, smooth.result(), extent.height_m)
+        spectra = pool.submit(lambda: draw_spectra(reported.result()))
         return {
             "smooth": smooth.result(),
             "rough": chunk_files(rough, params),
@@ -50,7 +51,7 @@ def model_surface(
             "sections": sections.result(),
             "amplitude": amplitude_table(rough),
             "roughness": reported.result(),
-            "spectra": draw_spectra(reported.result()),
+            "spectra": spectra.result(),
             "mesh_checks": checked.result(),
         }
 

@@ -21,6 +21,7 @@ from pipeline.surface.simplify import Mesher, Simplification, SurfaceMesh
 from pipeline.surface.walls import outline_of
 from pipeline.types import Mesh
 
+_CHUNKS = {WALL: bundle.WALLS, ROOF: bundle.ROOF}
 _FACES = 32768  # at a time, so that intermediate arrays stay in the cache
 _MEND_ROUNDS = 8
 _MEND_RADIUS_M = 0.6
@@ -178,8 +179,8 @@ def cut_chunks(
     along = _along_walls(lattice, texture_m)
     centre = lattice.vertices[mesh.source[mesh.faces]].mean(axis=1)[:, :2]
     tile = np.floor((centre - lattice.vertices[:, :2].min(axis=0)) / tile_m).astype(int)
-    chunks = {}
-    for piece, name in ((WALL, bundle.WALLS), (ROOF, bundle.ROOF)):
+
+    def cut(piece: int) -> dict[str, Mesh]:
         of_piece = np.flatnonzero(mesh.piece == piece)
         offset = np.zeros((len(mesh.vertices), 2))
         if tether_m is not None:
@@ -187,13 +188,18 @@ def cut_chunks(
             axes = texture_axes(rough, of_piece, piece)
             laid_m = whole.texcoords[whole.faces] * texture_m
             offset = relax_texture(mesh.vertices, mesh.faces[of_piece], laid_m, axes, tether_m) / texture_m
-        tile[of_piece] = _merge_single_faces(tile[of_piece], centre[of_piece])
-        order = of_piece[np.lexsort(tile[of_piece].T[::-1])]
-        first = np.flatnonzero(np.any(np.diff(tile[order], axis=0, prepend=-1) != 0, axis=1))
+        in_tile = _merge_single_faces(tile[of_piece], centre[of_piece])
+        order = np.lexsort(in_tile.T[::-1])
+        first = np.flatnonzero(np.any(np.diff(in_tile[order], axis=0, prepend=-1) != 0, axis=1))
+        chunks = {}
         for part in np.split(order, first[1:]):
-            col, row = tile[part[0]]
-            chunks[bundle.chunk_mesh(name, col, row)] = _chunk(rough, shaded, part, piece, along, texture_m, offset)
-    return chunks
+            name = bundle.chunk_mesh(_CHUNKS[piece], *in_tile[part[0]])
+            chunks[name] = _chunk(rough, shaded, of_piece[part], piece, along, texture_m, offset)
+        return chunks
+
+    with ThreadPoolExecutor(2) as pool:
+        walls, roof = pool.map(cut, (WALL, ROOF))
+    return walls | roof
 
 
 def _merge_single_faces(tile: np.ndarray, centre: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import fast_simplification
@@ -59,6 +60,8 @@ class Mesher:
             self._order = np.argsort(tile.astype(np.min_scalar_type(tile.max())), kind="stable")
             self._first = np.flatnonzero(np.diff(tile[self._order], prepend=-1))
             self._tiles = np.split(self._order, self._first[1:])
+            with ThreadPoolExecutor(2) as pool:
+                self._local = list(pool.map(_local_faces, [lattice.faces[tile] for tile in self._tiles]))
             self._share = np.full(len(self._tiles), simplification.kept_share)
             self._parts: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros((0, 3)), np.zeros((0, 3), int))] * len(
                 self._tiles
@@ -75,7 +78,7 @@ class Mesher:
             return vertices, faces, moved_faces
         new = np.logical_or.reduceat(moved_faces[self._order], self._first)
         for k in np.flatnonzero(new).tolist():
-            self._parts[k] = self._simplified(vertices, faces[self._tiles[k]], float(self._share[k]))
+            self._parts[k] = _simplified(vertices, *self._local[k], float(self._share[k]))
         changed = np.repeat(new, [len(part) for _, part in self._parts])
         return *self._joined(), changed
 
@@ -98,15 +101,6 @@ class Mesher:
             near = [bool(point[self.lattice.faces[tile]].any()) for tile in self._tiles]
             self._share[near] = np.minimum(1.0, 2 * self._share[near])
 
-    @staticmethod
-    def _simplified(vertices: np.ndarray, faces: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray]:
-        used, local = np.unique(faces, return_inverse=True)
-        local = local.reshape(-1, 3).astype(np.int32)
-        if len(faces) < _LEAST_FACES or share >= 1:
-            return vertices[used], local
-        points, kept = fast_simplification.simplify(vertices[used], local, 1 - share, preserve_border=True)
-        return np.round(points, _DIGITS) + 0.0, kept  # + 0.0: no negative zeros
-
     def _joined(self) -> tuple[np.ndarray, np.ndarray]:
         """Join the tiles at their borders, whose points are the lattice's own."""
         points = np.concatenate([p for p, _ in self._parts])
@@ -118,3 +112,19 @@ class Mesher:
         number = np.empty(len(points), np.int32)
         number[order] = np.cumsum(new) - 1
         return points[order[new]], number[faces]
+
+
+def _local_faces(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points (k,) that faces (m, 3) of the lattice use, and the faces (m, 3) by places in that list."""
+    used, local = np.unique(faces, return_inverse=True)
+    return used, local.reshape(-1, 3).astype(np.int32)
+
+
+def _simplified(
+    vertices: np.ndarray, used: np.ndarray, faces: np.ndarray, share: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices (n, 3) m and faces (m, 3) of one tile with about a share of its faces."""
+    if len(faces) < _LEAST_FACES or share >= 1:
+        return vertices[used], faces
+    points, kept = fast_simplification.simplify(vertices[used], faces, 1 - share, preserve_border=True)
+    return np.round(points, _DIGITS) + 0.0, kept  # + 0.0: no negative zeros
