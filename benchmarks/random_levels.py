@@ -23,13 +23,16 @@ from pipeline.store.files import write_atomically
 from tests.heights import Leg, MineWithHeights, certificate_params
 
 _LEGS, _LENGTH_M, _GRADE, _TURN_RAD = (6, 14), (14.0, 30.0), 0.13, 1.2
+_LEVEL_M = 6.0  # from level to level
+_TURN_FALL_M = 4.4  # of a spiral, so that the pillar between two turns holds
 _WITHIN_M, _STATION_M = 0.01, 0.02
 _END_M = 3.0  # a drift's end is traced about its half width, 2.2 m, before its last wall
 _CONTACTS = 200
+SHAFT = "shaft"
 RESULTS, TABLE = Path("artifacts/bench/random-levels.jsonl"), Path("docs/random-levels.md")
 
 
-def random_legs(rng: np.random.Generator) -> dict[str, Leg]:
+def wandering(rng: np.random.Generator) -> dict[str, Leg]:
     """Return a decline that wanders, with level drifts from some of its stations."""
     x, y, z, heading = 0.0, 0.0, 200.0, rng.uniform(-np.pi, np.pi)
     way: Leg = [("d0", x, y, z)]
@@ -47,10 +50,80 @@ def random_legs(rng: np.random.Generator) -> dict[str, Leg]:
     return legs
 
 
+def spiral(rng: np.random.Generator) -> dict[str, Leg]:
+    """Return a spiral decline of 1.5 to 4.5 turns with a straight drift at either end."""
+    turns, radius, stations = rng.uniform(1.5, 4.5), rng.uniform(11.0, 20.0), int(rng.integers(8, 17))
+    grade = max(rng.uniform(0.08, 0.16), _TURN_FALL_M / (2 * np.pi * radius))
+    k = np.arange(int(turns * stations) + 1)
+    angle = rng.choice([-1, 1]) * 2 * np.pi * k / stations + rng.uniform(0, 2 * np.pi)
+    fall = grade * 2 * np.pi * radius / stations
+    turn = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 100 - fall * k])
+    first, last = (_unit((one - two)[:2]) for one, two in (turn[:2], turn[:-3:-1]))
+    start = [*turn[0, :2] + rng.uniform(8, 25) * first, turn[0, 2]]
+    end = [*turn[-1, :2] + rng.uniform(8, 25) * last, turn[-1, 2]]
+    return {"D": [(f"d{i}", float(x), float(y), float(z)) for i, (x, y, z) in enumerate([start, *turn, end])]}
+
+
+def dipping_rooms(rng: np.random.Generator) -> dict[str, Leg]:
+    """Return rooms and pillars on a seam that dips by up to 13 %, without some of the crosscuts."""
+    columns, rows, apart = int(rng.integers(3, 6)), int(rng.integers(3, 6)), rng.uniform(12.0, 18.0)
+    dip, towards, turned = rng.uniform(0.02, _GRADE), rng.uniform(0, 2 * np.pi), rng.uniform(0, np.pi)
+    shift = rng.uniform(-0.08, 0.08, (columns, rows, 2)) * apart
+
+    def station(i: int, j: int) -> tuple[str, float, float, float]:
+        along, across = apart * np.array([i, j]) + shift[i, j]
+        x, y = along * np.cos(turned) - across * np.sin(turned), along * np.sin(turned) + across * np.cos(turned)
+        return f"p{i}-{j}", float(x), float(y), float(100 - dip * (x * np.cos(towards) + y * np.sin(towards)))
+
+    legs = {f"R{j}": [station(i, j) for i in range(columns)] for j in range(rows)}
+    for i in range(columns):
+        for j in range(rows - 1):
+            if i == 0 or rng.random() < 0.75:
+                legs[f"C{i}-{j}"] = [station(i, j), station(i, j + 1)]
+    return legs
+
+
+def levels(rng: np.random.Generator) -> dict[str, Leg]:
+    """Return two or three levels under one another, each a ring with a drift, ramps between them, and a shaft."""
+    legs: dict[str, Leg] = {}
+    apart, wide, deep = _LEVEL_M + rng.uniform(0, 1.5), rng.uniform(18.0, 24.0), rng.uniform(16.0, 26.0)
+    count = int(rng.integers(2, 4))
+    for n in range(count):
+        z, side = 100 - n * apart, rng.choice([-1, 1])
+        main = [(f"m{n}{i}", wide * i, 0.0, z) for i in range(4)]
+        first = int(rng.integers(0, 2))
+        legs[f"M{n}"] = main
+        corners = [(f"c{n}{i}", wide * (first + i), side * deep, z) for i in (0, 1)]
+        legs[f"C{n}"] = [main[first], *corners, main[first + 1]]
+    for n in range(count - 1):
+        z, east, side = 100 - n * apart, 3 * wide, rng.choice([-1, 1])
+        way = [(15, 0), (27, 12), (17, 26), (2, 26), (-9, 15)]
+        down = apart * np.array([0.08, 0.33, 0.55, 0.75, 0.92])
+        ramp = [
+            (f"r{n}{i}", east + x, side * y, z - fall) for i, ((x, y), fall) in enumerate(zip(way, down, strict=True))
+        ]
+        legs[f"R{n}"] = [(f"m{n}3", east, 0.0, z), *ramp, (f"m{n + 1}3", east, 0.0, z - apart)]
+    legs[SHAFT] = [("m00", 0.0, 0.0, 100.0), ("s1", 0.4, 0.4, 100 - apart / 2), ("m10", 0.0, 0.0, 100 - apart)]
+    return legs
+
+
+KINDS = {"wandering decline": wandering, "spiral decline": spiral, "dipping rooms": dipping_rooms, "levels": levels}
+
+
+def random_legs(seed: int) -> tuple[str, dict[str, Leg]]:
+    """Return the kind of one random mine, which takes turns with the seed, and its legs."""
+    kind = list(KINDS)[seed % len(KINDS)]
+    return kind, KINDS[kind](np.random.default_rng(seed))
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / np.linalg.norm(vector)
+
+
 def judge(seed: int, config: Config) -> dict[str, Any]:
     """Build and certify one mine; return what was measured, or why it was refused."""
-    legs = random_legs(np.random.default_rng(seed))
-    row: dict[str, Any] = {"seed": seed}
+    kind, legs = random_legs(seed)
+    row: dict[str, Any] = {"seed": seed, "kind": kind}
     with tempfile.TemporaryDirectory() as folder:
         try:
             mine = MineWithHeights(legs, config, Path(folder))
@@ -83,7 +156,8 @@ def same_graph(legs: dict[str, Leg], mine: MineWithHeights) -> bool:
     """
     truth: nx.Graph = nx.Graph()
     for leg in legs.values():
-        nx.add_path(truth, [name for name, *_ in leg])
+        if leg is not legs.get(SHAFT):  # too steep to drive: it is fenced off
+            nx.add_path(truth, [name for name, *_ in leg])
     places = {name: place for leg in legs.values() for name, *place in leg}
     ends = np.array([places[name] for name in truth if truth.degree(name) == 1])
     datum = mine.survey.heights.datum_m if mine.survey.heights else 0.0
@@ -108,29 +182,36 @@ def holds(row: dict[str, Any]) -> bool:
 
 def report(rows: list[dict[str, Any]]) -> str:
     """Return the page docs/random-levels.md."""
-    built = [row for row in rows if "refused" not in row]
-    refused = len(rows) - len(built)
-    sheets = collections.Counter(row["sheets"] for row in built)
     lines = [
         "# Random mines with heights\n",
-        "Declines that wander or wind round themselves, with level drifts, written by `make random-levels`. A mine",
-        "holds if its certificate does, its network is the truth's with the ends at their places and heights, the",
-        f"floor that wheels touch is within {100 * _WITHIN_M:g} cm of the mesh, and the mesh within",
-        f"{100 * _STATION_M:g} cm of the stations.\n",
-        "| figure | value |",
-        "|---|---|",
-        f"| mines | {len(rows)} |",
-        f"| hold | {sum(map(holds, rows))} |",
-        f"| certificate holds | {sum(not row['broken'] for row in built)} |",
-        f"| graph equal to the truth's | {sum(row['graph'] for row in built)} |",
-        f"| floor within {100 * _WITHIN_M:g} cm | {sum(row['floor_m'] <= _WITHIN_M for row in built)} |",
-        f"| largest floor error | {1000 * max((row['floor_m'] for row in built), default=0):.1f} mm |",
-        f"| refused | {refused} |",
-        f"| sheets | {', '.join(f'{n} in {count} mines' for n, count in sorted(sheets.items()))} |",
-        f"| drift, all together | {sum(row['length_m'] for row in built) / 1000:.1f} km |",
+        "Written by `make random-levels`. Four kinds take turns: declines that wander or wind round themselves, with",
+        "level drifts; spiral declines; rooms and pillars on a dipping seam; two or three levels with rings, ramps",
+        "between them and a fenced shaft. A mine holds if its certificate does, its network is the truth's with the",
+        f"ends at their places and heights, the floor that wheels touch is within {100 * _WITHIN_M:g} cm of the mesh,",
+        f"and the mesh within {100 * _STATION_M:g} cm of the stations.\n",
+        "| kind | mines | hold | certificate | graph | refused | largest floor error | sheets | drift |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
+    lines += [_line(kind, [row for row in rows if row["kind"] == kind]) for kind in KINDS]
+    lines += [_line("all", rows)]
     lines += [f"\nSeed {row['seed']}: {row.get('refused') or row}" for row in rows if not holds(row)]
     return "\n".join(lines) + "\n"
+
+
+def _line(kind: str, rows: list[dict[str, Any]]) -> str:
+    built = [row for row in rows if "refused" not in row]
+    floor_mm = 1000 * max((row["floor_m"] for row in built), default=0.0)
+    counts = [
+        len(rows),
+        sum(map(holds, rows)),
+        sum(not row["broken"] for row in built),
+        sum(row["graph"] for row in built),
+        len(rows) - len(built),
+    ]
+    sheets = {row["sheets"] for row in built} or {0}
+    drift_km = sum(row["length_m"] for row in built) / 1000
+    cells = [kind, *counts, f"{floor_mm:.1f} mm", f"{min(sheets)} to {max(sheets)}", f"{drift_km:.1f} km"]
+    return f"| {' | '.join(map(str, cells))} |"
 
 
 def main() -> int:
