@@ -222,3 +222,15 @@ def test_a_sliver_of_9e_8_m2_on_end_does_not_make_a_floor_steep():
     steepest = float(floor.steepness_deg().max())
     assert steepest == pytest.approx(np.degrees(np.arctan(0.1)))
     _check_figures(floor, {"heights": {"low_m": 0.0, "high_m": 1.0, "steepest_deg": round(steepest, 3)}})
+
+
+@pytest.mark.parametrize("east_m", np.arange(0.3017, 60, 3.0113).round(4))
+def test_sheets_join_at_the_middle_of_a_seam_whose_fifth_decimal_is_a_half(east_m):
+    """The middle of ends at 0.0001 and 4.0 m is 2.00005 m: the last bit of a subtraction decides how it is rounded."""
+    square = np.array([(0, 0, 0), (5, 0.0001, 0), (5, 2.00005, 0), (5, 4, 0), (0, 4, 0)])
+    other = np.array([(5, 0.0001, 0), (10, 0, 0), (10, 4, 0), (5, 4, 0), (5, 2.00005, 0)])
+    aside = np.array([(0, 0), (east_m, -0.7 * east_m)]).round(4)
+    other[:, :2] += aside[1]
+    fan = np.array([(0, 1, 2), (0, 2, 3), (0, 3, 4)], np.int32)
+    floor = Floor(np.vstack([square, other]), np.vstack([fan, fan + 5]), np.array([0] * 3 + [1] * 3), aside)
+    assert len(floor.wall_segments()) == 6

@@ -1,3 +1,6 @@
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import yaml
 
@@ -24,6 +27,15 @@ def test_the_anchor_is_the_place_with_the_largest_clearance_near_the_entrance():
     assert spawn.anchor_clearance_m > 2.5
     with pytest.raises(GeometryError, match=r"move survey\.entrance_m"):
         entrance_anchor(grid, (0.0, 44.0), 3.0, 0.5)
+
+
+def test_the_anchor_is_not_in_the_last_cells_beside_an_edge():
+    """Beside a seam of two sheets the distance from rock does not fall towards the edge of the sheet."""
+    grid = occupancy_grid(STRAIGHT, 0.5, WORLD)
+    beside = replace(grid, clearance_m=np.where(grid.free, np.float32(2.0), np.float32(0.0)))
+    x, y = entrance_anchor(beside, (50.25, 0.25), 4.0, 0.5).anchor_m
+    row, col = np.floor((np.array([y, x]) - grid.origin_m[::-1]) / 0.5).astype(int)
+    assert grid.free[row - 1 : row + 2, col - 1 : col + 2].all()
 
 
 def test_the_nav2_map_shows_the_cells_of_the_grid():
