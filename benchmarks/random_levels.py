@@ -170,7 +170,7 @@ def same_graph(legs: dict[str, Leg], mine: MineWithHeights) -> bool:
     if (len(found), mine.network.loops, mine.network.components, found_forks) != (len(ends), loops, 1, forks):
         return False
     apart = np.linalg.norm(ends[:, None] - found[None], axis=2)
-    return bool(apart[linear_sum_assignment(apart)].max() < _END_M)
+    return bool(apart[linear_sum_assignment(apart)].max(initial=0.0) < _END_M)
 
 
 def holds(row: dict[str, Any]) -> bool:
