@@ -35,6 +35,19 @@ class SurveyLeg:
     heights_m: np.ndarray | None = None
 
 
+def without_shots(leg: SurveyLeg, shots: set[int]) -> list[SurveyLeg]:
+    """Return the pieces of a leg without some shots, each given by the number of the station at which it begins."""
+    if not shots:
+        return [leg]
+    pieces = np.split(np.arange(len(leg.stations)), sorted(shot + 1 for shot in shots))
+    return [_piece(leg, piece) for piece in pieces if len(piece) > 1]
+
+
+def _piece(leg: SurveyLeg, at: np.ndarray) -> SurveyLeg:
+    heights = None if leg.heights_m is None else leg.heights_m[at]
+    return SurveyLeg(leg.name, [leg.stations[k] for k in at], leg.positions_m[at], leg.walls_m[at], heights)
+
+
 Chain = list[
     tuple[str, tuple[float, float], tuple[float, float]]
 ]  # station, position, wall distances left and right (nan: not measured)

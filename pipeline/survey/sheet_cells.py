@@ -11,6 +11,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.geometry.polyline import arc_length
+from pipeline.survey.hairpins import level_hairpins
 from pipeline.survey.legs import SurveyLeg
 
 Way = list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]  # node or "" between two, place (3,), left and right (2,) m
@@ -54,6 +55,7 @@ def survey_cells(legs: list[SurveyLeg]) -> tuple[dict[str, Cell], nx.Graph, list
     cells: dict[str, Cell] = {}
     graph: nx.Graph = nx.Graph()
     ways = [_way(number, leg) for number, leg in enumerate(legs)]
+    level_hairpins(ways, [set(leg.stations) for leg in legs])
     _join_walls(ways, cells)
     for way, leg in zip(ways, legs, strict=True):
         names = set(leg.stations)
@@ -76,6 +78,12 @@ def survey_cells(legs: list[SurveyLeg]) -> tuple[dict[str, Cell], nx.Graph, list
                     cell.shapes.append(shapely.convex_hull(shapely.multipoints([left, *walls, right])))
                     cell.lines.append(np.array([place, other]))
     return cells, graph, ways
+
+
+def shot_numbers(way: Way, leg: SurveyLeg) -> list[int]:
+    """Return for each point of a leg but the last the number of the shot that begins at it or goes on there."""
+    names = set(leg.stations)
+    return (np.cumsum([node in names for node, *_ in way[:-1]]) - 1).tolist()
 
 
 def _way(number: int, leg: SurveyLeg) -> Way:

@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.child import tell
-from pipeline.survey.legs import SurveyLeg
+from pipeline.survey.legs import SurveyLeg, without_shots
 from pipeline.survey.sheet_cells import UNIT_M, Cell, Way, floor_of, survey_cells
 from pipeline.survey.thin_pillars import without_thin_pillars
 from pipeline.types import Heights, Seam
@@ -81,11 +81,7 @@ def _gentle(path: Path, legs: list[SurveyLeg]) -> list[SurveyLeg]:
             x, y = leg.positions_m[k]
             first = first or f"{leg.stations[k]} to {leg.stations[k + 1]} at ({x:.1f}, {y:.1f})"
         steep += int(bad.sum())
-        cuts = np.flatnonzero(bad) + 1
-        for part in np.split(np.arange(len(floor)), cuts):
-            if len(part) > 1 and leg.heights_m is not None:
-                names = [leg.stations[k] for k in part]
-                found.append(SurveyLeg(leg.name, names, leg.positions_m[part], leg.walls_m[part], leg.heights_m[part]))
+        found += without_shots(leg, set(np.flatnonzero(bad).tolist()))
     if not found:
         raise InputError(f"{path}: every leg is steeper than {most:g} (steepest_grade in {FILE}); nothing to drive on")
     if steep:

@@ -11,28 +11,31 @@ import numpy as np
 import shapely
 
 from pipeline.survey.child import tell
-from pipeline.survey.legs import SurveyLeg
-from pipeline.survey.sheet_cells import survey_cells
+from pipeline.survey.legs import SurveyLeg, without_shots
+from pipeline.survey.sheet_cells import shot_numbers, survey_cells
 
 _OVERLAP_M2 = 0.01
 _ONE_FLOOR_M = 0.3  # floors that overlap in plan and differ by less are one
 _AT_JUNCTION_M, _JUNCTION_RISE_M = 12.0, 0.5  # along the legs; the arms of a junction overlap near it
-_NAMED = 3  # passages that a message names
+_NAMED = 3  # shots that a message names
+
+
+Shot = tuple[int, int]  # number of the leg, and of the station in it at which the shot begins
 
 
 @dataclass(frozen=True)
 class _Clash:
-    """Two legs, by number, that overlap in plan at a place, m, and the difference of their floors, m."""
+    """Two shots that overlap in plan at a place, m, and the difference of their floors, m."""
 
-    legs: tuple[int, int]
+    shots: tuple[Shot, Shot]
     place_m: tuple[float, float]
     apart_m: float
 
 
 def without_thin_pillars(path: Path, legs: list[SurveyLeg], apart_m: float) -> list[SurveyLeg]:
-    """Return the legs without those that pass over others by less than a height and do not meet them; say which.
+    """Return the legs without the shots that pass over others by less than a height and do not meet them; say which.
 
-    Of two such legs the one is left out without which more of the survey stays connected; of equals the shorter.
+    Of two such shots the one is left out without which more of the survey stays connected; of equals the shorter.
 
     Parameters
     ----------
@@ -43,34 +46,36 @@ def without_thin_pillars(path: Path, legs: list[SurveyLeg], apart_m: float) -> l
         Least difference of floors over each other: the height of the drifts and 0.5 m of rock.
     """
     graph, clashes = _find_clashes(legs, apart_m)
-    gone: dict[int, _Clash] = {}
+    gone: dict[Shot, _Clash] = {}
     while active := _in_largest(graph, clashes):
         clash = active[0]
-        left_out = min(clash.legs, key=lambda k: (-_largest_m(graph, k), _length_m(legs[k])))
+        left_out = min(clash.shots, key=lambda shot: (-_largest_m(graph, shot), _length_m(legs, shot)))
         gone[left_out] = clash
         graph.remove_edges_from([(a, b, key) for a, b, key in graph.edges(keys=True) if key == left_out])
     if gone:
+        longest = sorted(gone, key=lambda shot: -_length_m(legs, shot))[:_NAMED]
         named = [
-            f"{legs[k].stations[0]} to {legs[k].stations[-1]} ({clash.apart_m:.2f} m from another at "
-            f"({clash.place_m[0]:.1f}, {clash.place_m[1]:.1f}))"
-            for k, clash in sorted(gone.items(), key=lambda item: -_length_m(legs[item[0]]))[:_NAMED]
+            f"{legs[k].stations[i]} to {legs[k].stations[i + 1]} ({gone[k, i].apart_m:.2f} m from another at "
+            f"({gone[k, i].place_m[0]:.1f}, {gone[k, i].place_m[1]:.1f}))"
+            for k, i in longest
         ]
         tell(
-            f"{path.name}: {len(gone)} passages, {sum(_length_m(legs[k]) for k in gone):.0f} m, lie less than "
+            f"{path.name}: {len(gone)} shots, {sum(_length_m(legs, shot) for shot in gone):.0f} m, lie less than "
             f"{apart_m:g} m over or under others that they do not meet, and are left out, the longest "
             f"{', '.join(named)}; survey.apart_m is the least height between floors, null keeps all"
         )
-    return [leg for k, leg in enumerate(legs) if k not in gone]
+    return [part for k, leg in enumerate(legs) for part in without_shots(leg, {i for j, i in gone if j == k})]
 
 
 def _find_clashes(legs: list[SurveyLeg], apart_m: float) -> tuple[nx.MultiGraph, list[_Clash]]:
-    """Return the graph of the legs' pieces, keyed by leg, and the legs that overlap too near to each other."""
+    """Return the graph of the legs' pieces, keyed by shot, and the shots that overlap too near to each other."""
     _, cells, ways = survey_cells(legs)
     graph: nx.MultiGraph = nx.MultiGraph()
     shapes, lines, owner, node_of = [], [], [], []
-    for number, way in enumerate(ways):
+    for number, (way, leg) in enumerate(zip(ways, legs, strict=True)):
+        shot = [(number, i) for i in shot_numbers(way, leg)]
         for i in range(0, len(way) - 2, 2):
-            graph.add_edge(way[i][0], way[i + 2][0], key=number, length=cells[way[i][0]][way[i + 2][0]]["length"])
+            graph.add_edge(way[i][0], way[i + 2][0], key=shot[i], length=cells[way[i][0]][way[i + 2][0]]["length"])
         for i, ((a, p, *own), (b, q, *other)) in enumerate(pairwise(way)):
             shape = shapely.convex_hull(shapely.multipoints([*own, *other]))
             if i in (0, len(way) - 2):  # a leg ends in a disc
@@ -79,7 +84,7 @@ def _find_clashes(legs: list[SurveyLeg], apart_m: float) -> tuple[nx.MultiGraph,
                 shape = shape.union(shapely.Point(end[:2]).buffer(radius, quad_segs=4))
             shapes.append(shape)
             lines.append((p, q))
-            owner.append(number)
+            owner.append(shot[i])
             node_of.append(a or b)
     found, near = [], {}
     for i, j in shapely.STRtree(shapes).query(shapes, predicate="intersects").T.tolist():
@@ -107,17 +112,20 @@ def _height_on(line: tuple[np.ndarray, np.ndarray], x: float, y: float) -> float
 
 
 def _in_largest(graph: nx.MultiGraph, clashes: list[_Clash]) -> list[_Clash]:
-    """Return the clashes of which both legs are in the longest connected piece."""
+    """Return the clashes of which both shots are in the longest connected piece."""
+    if not graph.number_of_edges():
+        return []
     piece = max(nx.connected_components(graph), key=lambda nodes: graph.subgraph(nodes).size(weight="length"))
     kept = {key for _, _, key in graph.subgraph(piece).edges(keys=True)}
-    return [clash for clash in clashes if kept.issuperset(clash.legs)]
+    return [clash for clash in clashes if kept.issuperset(clash.shots)]
 
 
-def _largest_m(graph: nx.MultiGraph, leg: int) -> float:
-    """Return the length, m, of the longest connected piece without a leg."""
-    rest = graph.edge_subgraph([(a, b, key) for a, b, key in graph.edges(keys=True) if key != leg])  # type: ignore[misc]
+def _largest_m(graph: nx.MultiGraph, shot: Shot) -> float:
+    """Return the length, m, of the longest connected piece without a shot."""
+    rest = graph.edge_subgraph([(a, b, key) for a, b, key in graph.edges(keys=True) if key != shot])  # type: ignore[misc]
     return max((rest.subgraph(n).size(weight="length") for n in nx.connected_components(rest)), default=0.0)
 
 
-def _length_m(leg: SurveyLeg) -> float:
-    return float(np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1).sum())
+def _length_m(legs: list[SurveyLeg], shot: Shot) -> float:
+    number, i = shot
+    return float(np.linalg.norm(legs[number].positions_m[i + 1] - legs[number].positions_m[i]))
