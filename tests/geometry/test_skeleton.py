@@ -93,6 +93,13 @@ def test_the_sharp_tip_of_a_pillar_is_no_island_of_its_own(turn_deg):
     assert trace_network(shapely.box(0, -10, 60, 40).difference(pillar), 0.25, 2.0, 3.0).loops == 1
 
 
+def test_four_pixels_where_two_drifts_cross_are_no_loop():
+    """Thinning leaves a square of four pixels at the crossing of these drifts."""
+    drift = shapely.box(-20, -2.2, 20, 2.2)
+    crossing = rotate(drift.union(rotate(drift, 90, origin=(0, 0))), 45, origin=(0, 0))
+    assert network(crossing).loops == 0
+
+
 def test_workings_thinner_than_a_cell_are_refused():
     with pytest.raises(GeometryError, match="some passage or pillar is thinner"):
         network(shapely.union_all([shapely.box(0, 0, 10, 5), shapely.box(9, 2, 20, 2.01), shapely.box(19, 0, 30, 5)]))
