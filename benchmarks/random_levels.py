@@ -7,11 +7,13 @@ import collections
 import json
 import sys
 import tempfile
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
 import networkx as nx
 import numpy as np
+import shapely
 from scipy.optimize import linear_sum_assignment
 from tqdm import tqdm
 
@@ -23,6 +25,7 @@ from pipeline.store.files import write_atomically
 from tests.heights import Leg, MineWithHeights, certificate_params
 
 _LEGS, _LENGTH_M, _GRADE, _TURN_RAD = (6, 14), (14.0, 30.0), 0.13, 1.2
+_ROCK_M, _FLOORS_M = 7.0, 5.0  # between centre lines in plan, and between floors over each other
 _LEVEL_M = 6.0  # from level to level
 _TURN_FALL_M = 4.4  # of a spiral, so that the pillar between two turns holds
 _WITHIN_M, _STATION_M = 0.01, 0.02
@@ -33,7 +36,31 @@ RESULTS, TABLE = Path("artifacts/bench/random-levels.jsonl"), Path("docs/random-
 
 
 def wandering(rng: np.random.Generator) -> dict[str, Leg]:
-    """Return a decline that wanders, with level drifts from some of its stations."""
+    """Return a decline that wanders, with level drifts from some of its stations, and rock where it crosses itself."""
+    while True:
+        legs = _wandering(rng)
+        if _has_rock_between(legs):
+            return legs
+
+
+def _has_rock_between(legs: dict[str, Leg]) -> bool:
+    """Return whether shots that share no station are `_ROCK_M` apart in plan, or one is `_FLOORS_M` over the other."""
+    shots = [np.array([a[1:], b[1:]]) for leg in legs.values() for a, b in pairwise(leg)]
+    for one, two in combinations(shots, 2):
+        line, other = shapely.LineString(one[:, :2]), shapely.LineString(two[:, :2])
+        if any((p == q).all() for p in one for q in two) or line.distance(other) > _ROCK_M:
+            continue
+        near = shapely.get_coordinates(shapely.shortest_line(line, other))
+        heights = [
+            np.interp(way.project(shapely.Point(place)), [0, way.length], shot[:, 2])
+            for way, shot, place in ((line, one, near[0]), (other, two, near[1]))
+        ]
+        if abs(heights[0] - heights[1]) < _FLOORS_M:
+            return False
+    return True
+
+
+def _wandering(rng: np.random.Generator) -> dict[str, Leg]:
     x, y, z, heading = 0.0, 0.0, 200.0, rng.uniform(-np.pi, np.pi)
     way: Leg = [("d0", x, y, z)]
     legs: dict[str, Leg] = {"D": way}
