@@ -11,15 +11,15 @@ from scipy.sparse.csgraph import dijkstra
 
 from baselines.explorers.own_map import FINE, FREE, ROCK, UNKNOWN, OwnMap
 
-_MARGIN_M = 0.1  # between the robot's disc and rock
+MARGIN_M = 0.1  # between the robot's disc and rock
 _NEAR_ROCK_M, _NEAR_ROCK_FACTOR = 0.9, 3.0  # links cost up to 3 times their length nearer to rock than this
 _UNKNOWN_FACTOR = 1.5  # of the cost of a link that touches unknown ground
 _SAMPLES = 9  # of the clearance along a link; 0.35 m apart on the longest
-_BLOCK_CELLS = 4  # clusters of the frontier end at the borders of blocks of so many cells
+BLOCK_CELLS = 4  # clusters of the frontier end at the borders of blocks of so many cells
 _SKIPPED = 3  # nodes at the start of a path that a robot need not pass
 _SPACING_M = 0.4  # of the places of a path
 _TRIED = 16  # nodes around a robot, to find one that it sees
-_NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
+NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 Cell = tuple[int, int]  # column and row of a coverage cell, counted from the mine frame's origin
 
@@ -125,7 +125,7 @@ def map_graph(own: OwnMap, radius_m: float, keep: np.ndarray) -> MapGraph:
     keep : (rows, cols) bool
         The frontier cells that are worth driving to.
     """
-    frontier, clear_m = own.frontier() & keep, radius_m + _MARGIN_M
+    frontier, clear_m = own.frontier() & keep, radius_m + MARGIN_M
     rows, cols = np.nonzero(own.seen | frontier)
     if not len(rows):
         nothing = np.zeros((0, 2))
@@ -142,7 +142,7 @@ def map_graph(own: OwnMap, radius_m: float, keep: np.ndarray) -> MapGraph:
     number[node] = np.arange(node.sum())
     cell = np.argwhere(node)
     at = cell * FINE + np.column_stack([best[node] // FINE, best[node] % FINE])
-    links = _links(number, own.seen[window][node], at, clearance, fine == UNKNOWN, clear_m, own.fine_m)
+    links = link_places(number, own.seen[window][node], at, clearance, fine == UNKNOWN, clear_m, own.fine_m)
     corner = np.array([s.start for s in window])
     groups = _clusters(frontier[window], corner + own.low[::-1])
     places = own.centres(at + corner * FINE)
@@ -190,7 +190,7 @@ def _along(start: np.ndarray, end: np.ndarray, spacing_m: float) -> np.ndarray:
 def _clusters(frontier: np.ndarray, corner: np.ndarray) -> np.ndarray:
     """Return numbers from 1 of the parts of the frontier (rows, cols) that are connected within a block of cells."""
     rows, cols = np.indices(frontier.shape)
-    block = np.stack([rows + corner[0], cols + corner[1]]) // _BLOCK_CELLS
+    block = np.stack([rows + corner[0], cols + corner[1]]) // BLOCK_CELLS
     parts = label(frontier, structure=np.ones((3, 3)))[0]
     keys = np.column_stack([parts[frontier], block[0][frontier], block[1][frontier]])
     found = np.zeros(frontier.shape, dtype=int)
@@ -198,7 +198,7 @@ def _clusters(frontier: np.ndarray, corner: np.ndarray) -> np.ndarray:
     return found
 
 
-def _links(
+def link_places(
     number: np.ndarray,
     seen: np.ndarray,
     at: np.ndarray,
@@ -213,7 +213,7 @@ def _links(
     """
     ours, theirs = [], []
     rows, cols = number.shape
-    for i, j in _NEIGHBOURS:
+    for i, j in NEIGHBOURS:
         a = number[: rows - i, max(0, -j) : cols - max(0, j)]
         b = number[i:, max(0, j) : cols - max(0, -j)]
         both = (a >= 0) & (b >= 0)

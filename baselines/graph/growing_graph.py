@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, label
 from scipy.sparse import coo_matrix, csr_matrix
 
-from baselines.explorers.map_graph import _BLOCK_CELLS, _MARGIN_M, _NEIGHBOURS, MapGraph, _links, widest_places
+from baselines.explorers.map_graph import BLOCK_CELLS, MARGIN_M, NEIGHBOURS, MapGraph, link_places, widest_places
 from baselines.explorers.own_map import FINE, ROCK, UNKNOWN, OwnMap
 
 _MARGIN_CELLS = 4  # round what has changed: a new wall moves the widest places that are so near
@@ -22,11 +22,11 @@ class GrowingGraph:
 
     def __init__(self, own: OwnMap, radius_m: float) -> None:
         """Take an empty map; it must not grow."""
-        self.own, self._clear_m = own, radius_m + _MARGIN_M
+        self.own, self._clear_m = own, radius_m + MARGIN_M
         shape = own.seen.shape
         self._at = np.zeros((*shape, 2), dtype=int)  # the fine cell with the most clearance
         self._widest_m = np.zeros(shape)
-        self._cost_m = np.full((len(_NEIGHBOURS), *shape), np.inf)  # of the link to each neighbour
+        self._cost_m = np.full((len(NEIGHBOURS), *shape), np.inf)  # of the link to each neighbour
         self._frontier = np.zeros(shape, dtype=bool)
         self._known: Box = (shape[0], 0, shape[1], 0)  # encloses all that has changed
 
@@ -69,10 +69,10 @@ class GrowingGraph:
         cell = np.argwhere(wanted)
         at = self._at[_cells(box)][wanted] - [view[0] * FINE, view[2] * FINE]
         seen = self.own.seen[_cells(box)][wanted]
-        found = _links(number, seen, at, clearance, unknown, self._clear_m, self.own.fine_m).tocoo()
+        found = link_places(number, seen, at, clearance, unknown, self._clear_m, self.own.fine_m).tocoo()
         step = cell[found.col] - cell[found.row]
         costs = self._cost_m[:, *_cells(box)]
-        for kind, (i, j) in enumerate(_NEIGHBOURS):
+        for kind, (i, j) in enumerate(NEIGHBOURS):
             rows, cols = costs[kind].shape
             costs[kind, : rows - i, max(0, -j) : cols - max(0, j)] = np.inf
             these = (step == (i, j)).all(axis=1)
@@ -102,7 +102,7 @@ class GrowingGraph:
         """Return the links (n, n) between numbered cells."""
         rows, cols = number.shape
         ours, theirs, lengths = [], [], []
-        for kind, (i, j) in enumerate(_NEIGHBOURS):
+        for kind, (i, j) in enumerate(NEIGHBOURS):
             here = (slice(0, rows - i), slice(max(0, -j), cols - max(0, j)))
             a, b, cost = number[here], number[i:, max(0, j) : cols - max(0, -j)], costs[kind][here]
             linked = (a >= 0) & (b >= 0) & np.isfinite(cost)
@@ -128,7 +128,7 @@ def _number_clusters(frontier: np.ndarray, corner: np.ndarray) -> np.ndarray:
     found = np.zeros(frontier.shape, dtype=int)
     if len(row):
         part = label(frontier, structure=np.ones((3, 3)))[0][row, col].astype(int)
-        block = (np.column_stack([row, col]) + corner) // _BLOCK_CELLS
+        block = (np.column_stack([row, col]) + corner) // BLOCK_CELLS
         block -= block.min(axis=0)
         size = block.max(axis=0) + 1
         keys = (part * size[0] + block[:, 0]) * size[1] + block[:, 1]

@@ -9,8 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from baselines.graph.features import NAMES, STUBS
 
-_APART_M = 20.0  # path lengths are divided by
-_FARTHEST = 5.0  # and cut at
+APART_M = 20.0  # path lengths are divided by
+FARTHEST = 5.0  # and cut at
 
 
 class Shape(BaseModel):
@@ -45,7 +45,7 @@ def scores(arrays: dict[str, np.ndarray], shape: Shape, tokens: np.ndarray, apar
     told = tokens.astype(np.float64)
     if not shape.stubs:
         told[:, STUBS] = 0.0
-    apart = np.minimum(apart_m / _APART_M, _FARTHEST)
+    apart = np.minimum(apart_m / APART_M, FARTHEST)
     x = _linear(arrays, "enter", told)
     for block in range(shape.blocks):
         at = f"blocks.{block}."

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from baselines.graph.features import NAMES, STUBS
-from baselines.graph.network import _APART_M, _FARTHEST, Shape
+from baselines.graph.network import APART_M, FARTHEST, Shape
 
 
 class _Block(nn.Module):
@@ -52,7 +52,7 @@ class GraphNetwork(nn.Module):
         if not self.shape.stubs:
             tokens = tokens.clone()
             tokens[..., STUBS] = 0.0
-        x, apart = self.enter(tokens), (apart_m / _APART_M).clamp(max=_FARTHEST)
+        x, apart = self.enter(tokens), (apart_m / APART_M).clamp(max=FARTHEST)
         for block in self.blocks:
             x = block(x, apart, real)
         out = self.score(x)
