@@ -136,6 +136,8 @@ def merge_convex(
 
     shared = [(np.hypot(*(points[a] - points[b])), a, b) for a, b in owner if a < b and (b, a) in owner]
     for _, a, b in sorted(shared):
+        if (a, b) not in owner:  # it went with another edge of the same two loops
+            continue
         left, right = owner[a, b], owner[b, a]
         if left == right:
             continue
@@ -143,6 +145,14 @@ def merge_convex(
         i, j = one.index(b), two.index(a)
         # `head` is loop one from b to a, `tail` loop two from a to b: joined, they omit the edge a-b.
         head, tail = one[i:] + one[:i], two[j:] + two[:j]
+        gone = [(a, b)]
+        while head[1] == tail[-2]:  # the loops share the next edge beyond b, too; b would be the tip of a spike
+            gone.append((head[0], head[1]))
+            head, tail = head[1:], tail[:-1]
+        while head[-2] == tail[1]:
+            gone.append((tail[0], tail[1]))
+            head, tail = head[:-1], tail[1:]
+        a, b = tail[0], head[0]
         if not (turns_left(head[-2], a, tail[1]) and turns_left(tail[-2], b, head[1])):
             continue
         merged = head + tail[1:-1]
@@ -151,5 +161,6 @@ def merge_convex(
         loops[left], loops[right] = merged, []
         for k in range(len(tail) - 1):
             owner[tail[k], tail[k + 1]] = left
-        del owner[a, b], owner[b, a]
+        for start, end in gone:
+            del owner[start, end], owner[end, start]
     return [loop for loop in loops if loop]

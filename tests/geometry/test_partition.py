@@ -3,16 +3,22 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import Delaunay
 from shapely import Polygon
 from shapely.geometry.polygon import orient
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.partition import convex_partition, rock_around, triangulate, world_box
+from pipeline.geometry.partition import convex_partition, merge_convex, rock_around, triangulate, world_box
 from tests.mines import RING, STRAIGHT, TEE, random_mine
 
 
 def rock_of(mine):
     return rock_around(mine, world_box(mine, 2.0, mine.bounds))
+
+
+def counter_clockwise(points, faces):
+    (ux, uy), (vx, vy) = ((points[faces[:, k]] - points[faces[:, 0]]).T for k in (1, 2))
+    return np.where((ux * vy < uy * vx)[:, None], faces[:, ::-1], faces).tolist()
 
 
 @pytest.mark.parametrize("mine", [STRAIGHT, RING, TEE], ids=["straight", "ring", "tee"])
@@ -59,6 +65,14 @@ def test_there_are_no_more_parts_than_the_bound_of_hertel_and_mehlhorn(seed):
         reflex += int((u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] < 0).sum())
     assert len(convex_partition(rock)) <= 2 * reflex + 1 - len(rock.interiors)
     assert len(convex_partition(rock)) < len(triangulate(rock)[1])
+
+
+def test_triangles_round_points_on_a_line_are_joined_without_spikes():
+    """Two loops that a straight line of three points parts share two edges; joined across one, the other is a spike."""
+    points = np.array([(x, y) for x in (0.0, 6.0, 8.0) for y in (0.0, 2.0, 7.0)])
+    loops = merge_convex(points, counter_clockwise(points, Delaunay(points).simplices))
+    assert [shapely.Polygon(points[loop]).is_valid for loop in loops] == [True]
+    assert sorted(shapely.Polygon(points[loops[0]]).bounds) == [0, 0, 7, 8]
 
 
 def test_invalid_rock_is_refused_with_its_defect():
