@@ -62,7 +62,8 @@ def generate_workings(
         "cave": lambda: _cave(rng, size_m, width_m, loops, dead_ends, wander),
     }[style]()
     rough = displace(shapely.union_all(drawn), rib_noise_m, _RIB_WAVE_M, rng)
-    stable = rough.buffer(_THIN_M / 2, join_style="mitre").buffer(-_THIN_M / 2, join_style="mitre")
+    with np.errstate(divide="ignore", invalid="ignore"):  # GEOS divides by zero at some joins and takes another way
+        stable = rough.buffer(_THIN_M / 2, join_style="mitre").buffer(-_THIN_M / 2, join_style="mitre")
     return as_polygons(stable)
 
 
