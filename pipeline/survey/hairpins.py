@@ -54,11 +54,10 @@ def level_hairpins(ways: list[Points], stations: list[set[str]]) -> None:
         for end in (0, 1):
             meeting.setdefault(shot.arm(end)[0][0], []).append((shot, end))
     for arms in meeting.values():
-        for (one, first), (two, second) in combinations(arms, 2):
-            reach = _parted_at(one.arm(first), two.arm(second))
-            if reach:
-                one.level_m[first] = max(one.level_m[first], _next(one.along_m(first), reach[0]))
-                two.level_m[second] = max(two.level_m[second], _next(two.along_m(second), reach[1]))
+        for pair in combinations(arms, 2):
+            reach_m = _parted_at(*(shot.arm(end) for shot, end in pair))
+            for shot, end in pair if reach_m else ():
+                shot.level_m[end] = max(shot.level_m[end], _next(shot.along_m(end), reach_m))
     for shot in shots:
         _hold_level(shot)
 
@@ -68,13 +67,13 @@ def _shots(way: Points, names: set[str]) -> list[_Shot]:
     return [_Shot(way[i : j + 1], [0.0, 0.0]) for i, j in pairwise(at)]
 
 
-def _parted_at(one: Points, two: Points) -> tuple[float, float] | None:
-    """Return how far from their station two arms part, m along each; None if they need no level floor or never part."""
+def _parted_at(one: Points, two: Points) -> float:
+    """Return how far from their station two arms part, m; 0 if they need no level floor or never part."""
     arms = [np.array([place for _, place, _, _ in arm]) for arm in (one, two)]
     steps = [arm[-1, :2] - arm[0, :2] for arm in arms]
     lengths = [float(np.linalg.norm(step)) for step in steps]
     if min(lengths) == 0 or steps[0] @ steps[1] < _ACUTE * lengths[0] * lengths[1]:
-        return None
+        return 0.0
     half_m = [
         max(float(np.linalg.norm(wall - place[:2])) for _, place, *walls in arm for wall in walls) for arm in (one, two)
     ]
@@ -83,8 +82,8 @@ def _parted_at(one: Points, two: Points) -> tuple[float, float] | None:
     reach = (sum(half_m) + _CLEAR_M) / max(apart, 1e-9)
     rise = [reach * (arm[-1, 2] - arm[0, 2]) / length for arm, length in zip(arms, lengths, strict=True)]
     if reach >= min(lengths) or abs(rise[0] - rise[1]) < _ONE_FLOOR_M:
-        return None
-    return reach, reach
+        return 0.0
+    return reach
 
 
 def _next(along_m: np.ndarray, reach_m: float) -> float:
