@@ -130,14 +130,17 @@ def _mesh_difference(found: TriangleMesh, made: TriangleMesh) -> str | None:
         kinds = "vertices, faces, texture coordinates and normals"
         return f"{counts[0]} {kinds}, want {counts[1]}"
     one, two = (m.vertices[m.faces].astype(np.float64) for m in (found, made))
-    _, at = cKDTree(two.mean(axis=1)).query(one.mean(axis=1))
+    tree = cKDTree(two.mean(axis=1))
+    _, at = tree.query(one.mean(axis=1))
     turned = np.stack([np.roll(one, k, axis=1) for k in range(3)])  # the same face, begun at another corner
     apart = np.linalg.norm(turned - two[at], axis=3).max(axis=2).min(axis=0)
     if not apart.max() <= _APART_M:
         x, y, z = one[int(apart.argmax())].mean(axis=0)
         return f"a face at ({x:.2f}, {y:.2f}, {z:.2f}) m is {apart.max():.3f} m from where it should be"
-    if len(np.unique(at)) < len(two):
-        return f"{len(two) - len(np.unique(at))} faces twice, and as many missing"
+    _, own = tree.query(two.mean(axis=1))  # two bolts may hang at one place: their equal faces count once
+    missing = len(np.unique(own)) - len(np.unique(own[at]))
+    if missing:
+        return f"{missing} faces twice, and as many missing"
     if len(np.unique(found.faces)) < len(found.vertices):
         return "vertices that belong to no face"
     if len(found.texcoords):

@@ -40,6 +40,7 @@ from pipeline.mjcf.weld_mesh import hang_weld_mesh
 from pipeline.params.config import Config
 from pipeline.params.realism import FloorParams
 from pipeline.proof.built import require_built
+from pipeline.proof.fittings import _mesh_difference
 from pipeline.proof.visible import face_samples
 from pipeline.types import DriftNetwork, Leg, Mesh
 from tests.mines import BuiltMine, sealed
@@ -334,6 +335,16 @@ def test_fittings_that_the_builder_does_not_make_are_refused(
     folder, record = rewritten(fitted, files, tmp_path, name, data)
     with pytest.raises(ArtifactError, match=message):
         require_built(folder, record, fitted_config.validation)
+
+
+def test_two_bolts_at_one_place_are_no_difference():
+    corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], np.float32)
+    faces = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)], np.int32)
+    nothing = np.zeros((0, 2), np.float32), np.zeros((0, 3), np.float32)
+    both = TriangleMesh(np.vstack([corners, corners]), np.vstack([faces, faces + 4]), *nothing)
+    assert _mesh_difference(both, both) is None
+    lost = TriangleMesh(both.vertices, np.vstack([faces[:3], faces[:1], faces[:3] + 4, faces[:1] + 4]), *nothing)
+    assert _mesh_difference(lost, both) == "1 faces twice, and as many missing"
 
 
 def test_floors_of_two_zones_that_are_exchanged_are_refused(fitted, fitted_config, files, tmp_path):
