@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -137,13 +138,9 @@ def _input_hashes(stage: Stage, params: Any, root: Path) -> dict[str, str]:
 
 
 def _write_outputs(stage: Stage, params: Any, root: Path, inputs: dict[str, str], outputs: Mapping[str, Any]) -> None:
-    files: dict[str, bytes] = {}
-    for key, artifact in stage.writes.items():
-        path = Path(artifact.path).relative_to(stage.name)
-        if artifact.kind == Bundle:
-            files |= {(path / name).as_posix(): data for name, data in outputs[key].items()}
-        else:
-            files[path.as_posix()] = encode(path, outputs[key])
+    with ThreadPoolExecutor(2) as pool:  # pictures and archives are compressed outside the interpreter
+        parts = pool.map(lambda key: _encoded(stage, key, outputs[key]), stage.writes)
+        files = {name: data for part in parts for name, data in part.items()}
     folder = root / stage.name
     volatile = {a.at(root) for a in stage.writes.values() if a.volatile}
     hashes = {
@@ -151,6 +148,15 @@ def _write_outputs(stage: Stage, params: Any, root: Path, inputs: dict[str, str]
     }
     manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, hashes)
     replace_folder(folder, {**files, "manifest.json": encode(Path("manifest.json"), manifest)})
+
+
+def _encoded(stage: Stage, key: str, value: Any) -> dict[str, bytes]:
+    """Return an output's files by their paths in the stage's folder."""
+    artifact = stage.writes[key]
+    path = Path(artifact.path).relative_to(stage.name)
+    if artifact.kind == Bundle:
+        return {(path / name).as_posix(): data for name, data in value.items()}
+    return {path.as_posix(): encode(path, value)}
 
 
 def main(stage: Stage) -> int:

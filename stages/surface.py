@@ -33,26 +33,27 @@ def model_surface(
         return _NO_ROCK
     free = free_space.polygon
     params = widen_spacing(params, free, extent.height_m)
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(1) as pool:  # works beside this thread, in the order of the calls
         smooth = pool.submit(_smooth, params, free, extent.height_m)
-        texture = pool.submit(_texture, params.texture)
         sources = measure_sources(params)
         lattice = lay_rough_lattice(params, free, topology, extent.height_m)
+        texture = pool.submit(_texture, params.texture)
         relief = choose_relief(params, sources, lattice)
         rough = build_rough_surface(params, lattice, relief)
         reported = pool.submit(report_roughness, params, sources, relief, rough)
-        checked = pool.submit(lambda: check_mesh(*closed_mesh(rough)))
-        sections = pool.submit(draw_sections, rough, smooth.result(), extent.height_m)
         spectra = pool.submit(lambda: draw_spectra(reported.result()))
+        files = chunk_files(rough, params)
+        checked = check_mesh(*closed_mesh(rough))
+        sections = draw_sections(rough, smooth.result(), extent.height_m)
         return {
             "smooth": smooth.result(),
-            "rough": chunk_files(rough, params),
+            "rough": files,
             "texture": texture.result(),
-            "sections": sections.result(),
+            "sections": sections,
             "amplitude": amplitude_table(rough),
             "roughness": reported.result(),
             "spectra": spectra.result(),
-            "mesh_checks": checked.result(),
+            "mesh_checks": checked,
         }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from pipeline.surface.joints import JointedRock, relief_of_joints
 from pipeline.surface.lattice import CrossSection, Lattice, lay_lattice
 from pipeline.surface.noise import Modulation, relief_of_noise
 from pipeline.surface.rough import RoughSurface, cut_chunks, displace_lattice
-from pipeline.surface.simplify import Simplification
+from pipeline.surface.simplify import Mesher, Simplification
 from pipeline.surface.walls import lay_walls
 from pipeline.types import DriftNetwork
 
@@ -77,7 +78,10 @@ def build_rough_surface(params: SurfaceParams, lattice: Lattice, relief: Relief)
     """
     rough = params.rough
     simplification = Simplification(rough.kept_share, rough.tile_m) if rough.kept_share else None
-    return displace_lattice(lattice, _wanted_m(params, lattice, relief), bounds_of(rough), simplification)
+    with ThreadPoolExecutor(1) as pool:
+        mesher = pool.submit(Mesher, lattice, simplification)
+        wanted = _wanted_m(params, lattice, relief)
+        return displace_lattice(mesher.result(), wanted, bounds_of(rough))
 
 
 def _wanted_m(params: SurfaceParams, lattice: Lattice, relief: Relief) -> np.ndarray:

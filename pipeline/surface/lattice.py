@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import cv2
@@ -81,14 +82,18 @@ def lay_lattice(walls: Walls, profile: CrossSection, spacing_m: float, roof_spac
     levels = np.linspace(0.0, top_m, max(2, int(np.ceil(top_m / spacing_m)) + 1))
     toe = np.minimum(profile.floor_chamfer_m, _TOE_SHARE * walls.free_m)  # the floor chamfer, at 45 deg
     rows = [np.column_stack([xy + np.maximum(0.0, toe - z)[:, None] * inward, np.full(len(xy), z)]) for z in levels]
-    inner, faces = _roof_in_plan(walls, roof_spacing_m)
-    near, column = cKDTree(xy).query(inner, workers=2)
-    roof = np.column_stack([inner, _arch(inner, near, profile, roof_spacing_m)])
-    share = smoothstep(near / _BLEND_M)
-    direction = np.column_stack([inward[column] * (1 - share)[:, None], -share])
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    flat = np.column_stack([inward, np.zeros(len(xy))])
-    wall_faces = _wall_faces(walls, len(levels))
+    grid = _roof_grid(walls, roof_spacing_m)
+    with ThreadPoolExecutor(1) as pool:
+        triangulated = pool.submit(_roof_faces, walls, grid, roof_spacing_m)
+        inner = grid.xy
+        near, column = cKDTree(xy).query(inner, workers=2)
+        roof = np.column_stack([inner, _arch(inner, near, profile, roof_spacing_m)])
+        share = smoothstep(near / _BLEND_M)
+        direction = np.column_stack([inward[column] * (1 - share)[:, None], -share])
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        flat = np.column_stack([inward, np.zeros(len(xy))])
+        wall_faces = _wall_faces(walls, len(levels))
+        faces = triangulated.result()
     offset = (len(levels) - 1) * len(xy)  # the first points of the roof are the walls' top row
     return Lattice(
         vertices=np.concatenate([*rows, roof]),
@@ -102,11 +107,22 @@ def lay_lattice(walls: Walls, profile: CrossSection, spacing_m: float, roof_spac
     )
 
 
-def _roof_in_plan(walls: Walls, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Triangulate the workings in plan; return inner grid points (n, 2) m, and faces over wall columns and grid points.
+@dataclass(frozen=True)
+class _RoofGrid:
+    """Points of a square grid in the workings, so far from the walls that all wall lines are edges of a triangulation.
 
-    Grid points are far enough from the walls that a Delaunay triangulation contains every edge of the wall lines.
+    `xy` (n, 2) m; `distance_m` (n,) to the next wall point; `number` (rows, columns) is a point's number, or -1;
+    `origin` (2,) m is the place of the first row and column.
     """
+
+    xy: np.ndarray
+    distance_m: np.ndarray
+    number: np.ndarray
+    origin: np.ndarray
+
+
+def _roof_grid(walls: Walls, spacing_m: float) -> _RoofGrid:
+    """Return the grid points of the roof; their numbers follow those of the wall columns."""
     xy, rings = walls.xy, walls.rings
     outline = outline_of(xy, rings)
     west, south, east, north = outline.bounds
@@ -117,23 +133,32 @@ def _roof_in_plan(walls: Walls, spacing_m: float) -> tuple[np.ndarray, np.ndarra
     inside = fill_polygon(outline, grid_frame)[::-1]
     row, col = np.nonzero(inside)
     grid = np.column_stack([across[col], up[row]])
-    step = max(r.step_m for r in rings)
     distance, _ = cKDTree(xy).query(grid, workers=2)
-    keep = distance > np.hypot(0.71 * spacing_m, step / 2)
-    grid, row, col, distance = grid[keep], row[keep], col[keep], distance[keep]
+    keep = distance > np.hypot(0.71 * spacing_m, _step_m(rings) / 2)
     number = np.full(inside.shape, -1)
-    number[row, col] = np.arange(len(grid)) + len(xy)
+    number[row[keep], col[keep]] = np.arange(keep.sum()) + len(xy)
+    return _RoofGrid(grid[keep], distance[keep], number, np.array([across[0], up[0]]))
+
+
+def _step_m(rings: list[Ring]) -> float:
+    """Return the greatest distance of neighbouring wall points, m."""
+    return max(r.step_m for r in rings)
+
+
+def _roof_faces(walls: Walls, grid: _RoofGrid, spacing_m: float) -> np.ndarray:
+    """Triangulate the workings in plan: faces (m, 3) over wall columns and grid points."""
+    xy, rings, number = walls.xy, walls.rings, grid.number
     corners = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
     square = np.logical_and.reduce([corner >= 0 for corner in corners])
     a, b, c, d = (corner[square] for corner in corners)
     squares = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-    rim = np.flatnonzero(distance < 4 * spacing_m + step)
+    rim = np.flatnonzero(grid.distance_m < 4 * spacing_m + _step_m(rings))
     # A zigzag of 0.1 mm: otherwise three points of a straight wall would make a triangle without area.
     zigzag = xy + np.where(np.arange(len(xy)) % 2, _ZIGZAG_M, 0.0)[:, None] * walls.inward
-    points = np.concatenate([zigzag, grid[rim]])
+    points = np.concatenate([zigzag, grid.xy[rim]])
     strip = _strip_faces(points, outline_of(zigzag, rings), rings)
-    strip = _outside_squares(points, strip, np.array([across[0], up[0]]), spacing_m, square)
-    return grid, np.concatenate([squares, np.concatenate([np.arange(len(xy)), rim + len(xy)])[strip]])
+    strip = _outside_squares(points, strip, grid.origin, spacing_m, square)
+    return np.concatenate([squares, np.concatenate([np.arange(len(xy)), rim + len(xy)])[strip]])
 
 
 def _strip_faces(points: np.ndarray, outline: Polygon, rings: list[Ring]) -> np.ndarray:

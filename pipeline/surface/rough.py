@@ -17,7 +17,7 @@ from pipeline.surface.lattice import ROOF, WALL, Lattice
 from pipeline.surface.mesh_checks import find_crossings, find_shared_edges
 from pipeline.surface.normals import ShadedMesh, shade_mesh
 from pipeline.surface.relaxed_texture import relax_texture
-from pipeline.surface.simplify import Mesher, Simplification, SurfaceMesh
+from pipeline.surface.simplify import Mesher, SurfaceMesh
 from pipeline.surface.walls import outline_of
 from pipeline.types import Mesh
 
@@ -45,9 +45,7 @@ class RoughSurface:
     mesh: SurfaceMesh
 
 
-def displace_lattice(
-    lattice: Lattice, wanted_m: np.ndarray, bounds: Bounds, simplification: Simplification | None = None
-) -> RoughSurface:
+def displace_lattice(mesher: Mesher, wanted_m: np.ndarray, bounds: Bounds) -> RoughSurface:
     """Displace the lattice, simplify its mesh, and repair self-intersections.
 
     Where an edge crosses a face, a face turns over, more than two faces share an edge, or the line of the walls on the
@@ -56,25 +54,25 @@ def displace_lattice(
 
     Parameters
     ----------
-    lattice : Lattice
+    mesher : Mesher
+        It holds the lattice, and makes its meshes.
     wanted_m : (n,) m
         Displacement of each point along the lattice's direction, before bounds.
     bounds : Bounds
-    simplification : Simplification, optional
-        Without it, the mesh has every point of the lattice.
 
     Raises
     ------
     GeometryError
         If the surface intersects itself after all rounds of repairs.
     """
+    lattice = mesher.lattice
     given = bound_displacement(wanted_m, lattice, bounds)
-    mesher, mended, moved = Mesher(lattice, simplification), np.zeros((0, 3)), np.ones(len(given), bool)
+    mended, moved = np.zeros((0, 3)), np.ones(len(given), bool)
     for repair in range(_MEND_ROUNDS):
         vertices = displaced(lattice, given)
         points, faces, changed = mesher.mesh(vertices, moved)
         wrong = _defects(points, faces[changed], vertices, moved, lattice)
-        if not len(wrong) and simplification and not changed.all():  # tiles meet elsewhere, too
+        if not len(wrong) and mesher.simplification and not changed.all():  # tiles meet elsewhere, too
             wrong = find_crossings(points, faces)
         if not len(wrong):
             return RoughSurface(lattice, vertices, wanted_m, given, mended, mesher.surface(vertices))
@@ -96,14 +94,11 @@ def _defects(
 ) -> np.ndarray:
     """Return the places (k, 3) m of defects in the changed faces (m, 3) over points, and at the moved points (n,)."""
     fine = lattice.faces[moved[lattice.faces].any(axis=1)]
-    return np.concatenate(
-        [
-            find_crossings(points, changed),
-            find_shared_edges(points, changed),
-            _folds(vertices, fine, lattice),
-            _knots(vertices, lattice),
-        ]
-    )
+    with ThreadPoolExecutor(2) as pool:
+        crossings = pool.submit(find_crossings, points, changed)
+        shared = pool.submit(find_shared_edges, points, changed)
+        folds, knots = _folds(vertices, fine, lattice), _knots(vertices, lattice)
+        return np.concatenate([crossings.result(), shared.result(), folds, knots])
 
 
 def _folds(vertices: np.ndarray, faces: np.ndarray, lattice: Lattice) -> np.ndarray:

@@ -49,8 +49,8 @@ class SurfaceMesh:
 class Mesher:
     """Make meshes of a lattice again and again, and each time only in the tiles whose points have moved."""
 
-    def __init__(self, lattice: Lattice, simplification: Simplification | None) -> None:
-        """Divide the lattice's faces into tiles."""
+    def __init__(self, lattice: Lattice, simplification: Simplification | None = None) -> None:
+        """Divide the lattice's faces into tiles; without a simplification, meshes have every point of the lattice."""
         self.lattice, self.simplification = lattice, simplification
         if simplification:
             centre = lattice.vertices[lattice.faces].mean(axis=1)[:, :2]
@@ -62,6 +62,7 @@ class Mesher:
             self._tiles = np.split(self._order, self._first[1:])
             with ThreadPoolExecutor(2) as pool:
                 self._local = list(pool.map(_local_faces, [lattice.faces[tile] for tile in self._tiles]))
+            self._mesh = np.zeros((0, 3)), np.zeros((0, 3), np.int32)
             self._share = np.full(len(self._tiles), simplification.kept_share)
             self._parts: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros((0, 3)), np.zeros((0, 3), int))] * len(
                 self._tiles
@@ -80,13 +81,14 @@ class Mesher:
         for k in np.flatnonzero(new).tolist():
             self._parts[k] = _simplified(vertices, *self._local[k], float(self._share[k]))
         changed = np.repeat(new, [len(part) for _, part in self._parts])
-        return *self._joined(), changed
+        self._mesh = self._joined()
+        return *self._mesh, changed
 
     def surface(self, vertices: np.ndarray) -> SurfaceMesh:
         """Return the mesh of the last call of `mesh`, which had the displaced points (n, 3) m, with its sources."""
         if self.simplification is None:
             return SurfaceMesh(vertices, self.lattice.faces, self.lattice.piece, np.arange(len(vertices)))
-        points, faces = self._joined()
+        points, faces = self._mesh
         _, source = cKDTree(vertices).query(points, workers=2)
         pieces = [self.lattice.piece[tile[0]] for tile in self._tiles]
         piece = np.repeat(pieces, [len(part) for _, part in self._parts]).astype(np.uint8)

@@ -31,7 +31,7 @@ def rough_of(free, rms_m=0.1, spacing=0.2, seed=0, bounds=BOUNDS, simplification
     lattice = lay_lattice(lay_walls(free, spacing), PROFILE, spacing, spacing)
     bands = flat_bands(rms_m)
     wanted = relief_of_noise(lattice, bands, bands, STEADY, np.random.default_rng(seed))
-    return displace_lattice(lattice, wanted, bounds, simplification)
+    return displace_lattice(Mesher(lattice, simplification), wanted, bounds)
 
 
 @pytest.mark.parametrize("mine", [STRAIGHT, RING, TEE], ids=["straight", "ring", "tee"])
@@ -194,7 +194,7 @@ def test_the_built_wall_has_the_roughness_that_its_spectrum_predicts():
     spectrum = Bands(waves, 0.03 * (waves / 2) ** 0.8)
     lattice = lay_lattice(lay_walls(shapely.box(0, 0, 120, 7), 0.1), PROFILE, 0.1, 0.3)
     wanted = relief_of_noise(lattice, spectrum, spectrum, STEADY, np.random.default_rng(8))
-    rough = displace_lattice(lattice, wanted, BOUNDS)
+    rough = displace_lattice(Mesher(lattice), wanted, BOUNDS)
     wall = rough.vertices[: lattice.wall_vertices]
     wall = wall[(np.abs(wall[:, 1]) < 0.4) & (wall[:, 0] > 3) & (wall[:, 0] < 117) & (wall[:, 2] > 0.45)]
     residuals = sweep_residuals(wall + np.array([0, 0.5, 0]), (1.0,), 60)[0]
