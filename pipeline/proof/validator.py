@@ -22,7 +22,7 @@ from pipeline.metrics.navigability import Navigability, cast_columns
 from pipeline.metrics.relief import Relief
 from pipeline.metrics.topology import compare_topology
 from pipeline.metrics.wall_error import WallError, measure_wall_error
-from pipeline.mjcf.bundle import World, model_in_plan, open_bundle, part_vertices
+from pipeline.mjcf.bundle import World, model_in_plan, open_bundle, part_vertices, read_floor
 from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.built import require_built, tolerance_of
@@ -199,7 +199,9 @@ def _navigability(validator: Validator) -> dict[str, Any]:
 
 
 def _topology(validator: Validator) -> dict[str, Any]:
-    return vars(compare_topology(validator.cleaned, validator.world_free, validator.survey.frame, *validator._tracing))
+    masks, frame = (validator.cleaned, validator.world_free), validator.survey.frame
+    floor = read_floor(validator.bundle, validator.world.record)
+    return vars(compare_topology(*masks, frame, *validator._tracing, floor))
 
 
 def _areas(validator: Validator) -> dict[str, float]:
