@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Iterator
+from itertools import product
+from math import floor
+
 import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.geometry.partition import triangulate
 
 Edge = tuple[int, int]
+Face = tuple[int, int, int]
+Tile = tuple[int, int]
 _MOST_STEPS = 200  # of a walk to a point
+_TILE_M, _MOST_RINGS = 8.0, 8  # faces are looked up by square tiles, so far around a place
 
 
 class Triangulation:
@@ -22,6 +30,7 @@ class Triangulation:
         points, faces = triangulate(polygon)
         self.xy: list[tuple[float, float]] = [(float(x), float(y)) for x, y in points]
         self.opposite: dict[Edge, int] = {}
+        self._in_tile: defaultdict[Tile, set[Face]] = defaultdict(set)
         for a, b, c in faces.tolist():
             self._add(a, b, c)
         self._last: Edge = next(iter(self.opposite))
@@ -72,10 +81,20 @@ class Triangulation:
         self.opposite[a, b] = c
         self.opposite[b, c] = a
         self.opposite[c, a] = b
+        for tile in self._tiles(a, b, c):
+            self._in_tile[tile].add(_from_lowest(a, b, c))
 
     def _remove(self, a: int, b: int, c: int) -> None:
         for edge in ((a, b), (b, c), (c, a)):
             del self.opposite[edge]
+        for tile in self._tiles(a, b, c):
+            self._in_tile[tile].remove(_from_lowest(a, b, c))
+
+    def _tiles(self, *corners: int) -> Iterator[Tile]:
+        """Return the tiles that the box of some corners meets."""
+        x, y = zip(*(self.xy[k] for k in corners), strict=True)
+        columns, rows = (range(floor(min(v) / _TILE_M), floor(max(v) / _TILE_M) + 1) for v in (x, y))
+        return product(columns, rows)
 
     def _split_edge(self, u: int, v: int, place: tuple[float, float]) -> int:
         number, changed = self._new(place), []
@@ -105,7 +124,7 @@ class Triangulation:
 
     # --- places -------------------------------------------------------------------------------------------------------
 
-    def _locate(self, place: tuple[float, float]) -> tuple[int, int, int]:
+    def _locate(self, place: tuple[float, float]) -> Face:
         """Return the triangle of a place, or the one nearest to it if it lies outside."""
         u, v = self._last
         for _ in range(_MOST_STEPS):
@@ -120,17 +139,26 @@ class Triangulation:
             u, v = b, a
         return self._nearest(place)
 
-    def _nearest(self, place: tuple[float, float]) -> tuple[int, int, int]:
-        points, faces = self.arrays()
-        corners = points[faces] - place
-        turned = np.roll(corners, -1, axis=1)
-        length = np.linalg.norm(turned - corners, axis=2)
-        beside = (corners[:, :, 0] * turned[:, :, 1] - corners[:, :, 1] * turned[:, :, 0]) / length
-        inside = np.flatnonzero((beside >= -1e-12).all(axis=1))
-        if len(inside):
-            a, b, c = faces[inside[0]].tolist()
-            return a, b, c
-        u, v = min(self.boundary(), key=lambda edge: self._reach(edge[0], edge[1], place))
+    def _nearest(self, place: tuple[float, float]) -> Face:
+        column, row = (floor(v / _TILE_M) for v in place)
+        here = sorted(self._in_tile.get((column, row), ()))
+        if here:
+            faces = np.array(here)
+            corners = np.array([self.xy[k] for k in faces.ravel()]).reshape(-1, 3, 2) - place
+            turned = np.roll(corners, -1, axis=1)
+            length = np.linalg.norm(turned - corners, axis=2)
+            beside = (corners[:, :, 0] * turned[:, :, 1] - corners[:, :, 1] * turned[:, :, 0]) / length
+            inside = np.flatnonzero((beside >= -1e-12).all(axis=1))
+            if len(inside):
+                return here[int(inside[0])]
+        for reach in range(1, _MOST_RINGS):
+            around = product(range(column - reach, column + reach + 1), range(row - reach, row + reach + 1))
+            near = {face for tile in around for face in self._in_tile.get(tile, ())}
+            edges = {edge for a, b, c in near for edge in ((a, b), (b, c), (c, a)) if edge[::-1] not in self.opposite}
+            best = min(((self._reach(*edge, place), edge) for edge in edges), default=None)
+            if best and best[0] <= reach * _TILE_M:  # no edge beyond these tiles is nearer
+                return *best[1], self.opposite[best[1]]
+        _, (u, v) = min((self._reach(*edge, place), edge) for edge in self.boundary())
         return u, v, self.opposite[u, v]
 
     def _side(self, a: int, b: int, place: tuple[float, float]) -> float:
@@ -167,3 +195,8 @@ class Triangulation:
             return False
         # Both new triangles must be counter-clockwise by more than rounding.
         return self._side(u, d, self.xy[c]) > 1e-9 and self._side(d, v, self.xy[c]) > 1e-9
+
+
+def _from_lowest(a: int, b: int, c: int) -> Face:
+    """Return the corners of a face in their order, the lowest number first."""
+    return (a, b, c) if a < b and a < c else (b, c, a) if b < c else (c, a, b)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.ndimage import binary_dilation
@@ -12,6 +14,17 @@ from pipeline.errors import GeometryError, InputError
 _DEPTH = 16
 _CENTRE = 1 << (_DEPTH - 1)  # OctoMap's key of the coordinate 0
 UNKNOWN, FREE, OCCUPIED, INNER = 0, 1, 2, 3  # OctoMap's two bits for a child: 00, 10, 01, 11 (low bit first)
+
+
+# Shifts and masks that put two zero bits between each two bits of an integer, 21 bits at first.
+_FULL = 0x1FFFFF
+_STEPS = (
+    (32, 0x1F00000000FFFF),
+    (16, 0x1F0000FF0000FF),
+    (8, 0x100F00F00F00F00F),
+    (4, 0x10C30C30C30C30C3),
+    (2, 0x1249249249249249),
+)
 
 
 @dataclass(frozen=True)
@@ -105,48 +118,54 @@ def _follow(
 ) -> Octree:
     """Build the octree of workings whose columns begin at the layers `base` (rows, cols); rock is one voxel thick."""
     row, col = np.nonzero(free)
-    up = base[row, col]
     west, south = (round(v / cell_m) for v in origin_m)
-    columns = np.column_stack([col + west - shift[row, col, 0], row + south - shift[row, col, 1], up]) + _CENTRE
-    _require_range(columns.min(axis=0) - 1, columns.max(axis=0) + np.array([2, 2, layers + 2]), cell_m)
-    inside = _stack(columns, np.arange(layers))
+    east, north = col + west - shift[row, col, 0] + _CENTRE, row + south - shift[row, col, 1] + _CENTRE
+    up = base[row, col] + _CENTRE
+    low, high = (np.array([f(v) for v in (east, north, up)]) for f in (np.min, np.max))
+    _require_range(low - 1, high + np.array([2, 2, layers + 2]), cell_m)
+    x, y, z = (_spread(np.arange(high[axis] + layers + 2)) << axis for axis in range(3))
+
+    def stacked(j: int, i: int, some: np.ndarray, at: Iterable[int]) -> list[np.ndarray]:
+        """Return the codes of voxels at some heights in columns, moved j voxels to the east and i to the north."""
+        plan = x[east[some] + j] | y[north[some] + i]
+        return [plan | z[up[some] + k] for k in at]
+
+    every = np.ones(len(up), bool)
+    inside = _distinct(stacked(0, 0, every, range(layers)))
     padded = np.pad(free, 1)
-    beside = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-    rock = [_stack(columns + np.array([j, i, 0]), np.array([-1, layers])) for i, j in beside]
-    for i, j in beside:
+    rock: list[np.ndarray] = []
+    for i, j in product((-1, 0, 1), repeat=2):
         at_wall = ~padded[row + 1 + i, col + 1 + j]
-        rock.append(_stack(columns[at_wall] + [j, i, 0], np.arange(layers)))
-    codes = np.unique(_code(inside))
-    solid = np.concatenate(rock)
-    solid = solid[np.unique(_code(solid), return_index=True)[1]]
-    solid = solid[~np.isin(_code(solid), codes, assume_unique=True)]
-    inside = inside[np.unique(_code(inside), return_index=True)[1]]
+        rock += [*stacked(j, i, every, (-1, layers)), *stacked(j, i, at_wall, range(layers))]
+    solid = _distinct(rock)
+    place = np.minimum(np.searchsorted(inside, solid), len(inside) - 1)
+    solid = solid[inside[place] != solid]
+    codes = np.concatenate([inside, solid])
     states = np.repeat(np.array([FREE, OCCUPIED], np.uint8), [len(inside), len(solid)])
-    return _merge(np.concatenate([inside, solid]), states, cell_m)
+    order = np.argsort(codes, kind="stable")
+    return _merge(codes[order], states[order], cell_m)
 
 
-def _stack(columns: np.ndarray, layers: np.ndarray) -> np.ndarray:
-    """Return the keys (n * k, 3) of columns (n, 3) at so many layers (k,) above their third coordinate."""
-    keys = np.repeat(columns, len(layers), axis=0)
-    keys[:, 2] += np.tile(layers, len(columns))
-    return keys
+def _distinct(parts: list[np.ndarray]) -> np.ndarray:
+    """Return codes in order, each once; by sorting, since numpy's `unique` is slow on millions of integers."""
+    codes = np.concatenate(parts)
+    codes.sort()
+    return codes[np.append(True, codes[1:] != codes[:-1])]
 
 
-def _merge(keys: np.ndarray, states: np.ndarray, cell_m: float) -> Octree:
-    """Merge eight equal leaves into their parent, level by level."""
+def _merge(codes: np.ndarray, states: np.ndarray, cell_m: float) -> Octree:
+    """Merge eight equal leaves, given by their codes in order, into their parent, level by level."""
     levels: list[tuple[np.ndarray, np.ndarray]] = []
     for _ in range(_DEPTH):
-        order = np.argsort(_code(keys))
-        keys, states = keys[order], states[order]
-        codes = _code(keys >> 1)
-        starts = np.flatnonzero(np.append(True, codes[1:] != codes[:-1]))
-        count = np.diff(np.append(starts, len(codes)))
+        parents = codes >> 3
+        starts = np.flatnonzero(np.append(True, parents[1:] != parents[:-1]))
+        count = np.diff(np.append(starts, len(parents)))
         low, high = np.minimum.reduceat(states, starts), np.maximum.reduceat(states, starts)
         whole = (count == 8) & (low == high) & (high != INNER)
         kept = ~np.repeat(whole, count)
-        levels.append((keys[kept], states[kept]))
-        keys, states = keys[starts] >> 1, np.where(whole, high, INNER).astype(np.uint8)
-    levels.append((keys, states))
+        levels.append((_keys(codes[kept]), states[kept]))
+        codes, states = parents[starts], np.where(whole, high, INNER).astype(np.uint8)
+    levels.append((_keys(codes), states))
     return Octree(cell_m, [keys for keys, _ in levels[::-1]], [states for _, states in levels[::-1]])
 
 
@@ -172,13 +191,26 @@ def _code(keys: np.ndarray) -> np.ndarray:
     """Interleave (x, y, z) into a Morton code, x lowest: OctoMap's order of children."""
     code = np.zeros(len(keys), dtype=np.int64)
     for axis in range(3):
-        v = keys[:, axis].astype(np.int64)
-        for shift, pattern in ((32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F)):
-            v = (v | (v << shift)) & pattern
-        v = (v | (v << 4)) & 0x10C30C30C30C30C3
-        v = (v | (v << 2)) & 0x1249249249249249
-        code |= v << axis
+        code |= _spread(keys[:, axis].astype(np.int64)) << axis
     return code
+
+
+def _spread(v: np.ndarray) -> np.ndarray:
+    """Return integers with two zero bits between each two bits."""
+    for shift, pattern in _STEPS:
+        v = (v | (v << shift)) & pattern
+    return v
+
+
+def _keys(codes: np.ndarray) -> np.ndarray:
+    """Return the keys (n, 3) of Morton codes (n,)."""
+    keys = np.empty((len(codes), 3), np.int64)
+    for axis in range(3):
+        v = (codes >> axis) & _STEPS[-1][1]
+        for (shift, _), pattern in zip(_STEPS[::-1], [*(p for _, p in _STEPS[-2::-1]), _FULL], strict=True):
+            v = (v | (v >> shift)) & pattern
+        keys[:, axis] = v
+    return keys
 
 
 def to_bt(tree: Octree) -> bytes:
