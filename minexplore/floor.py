@@ -138,14 +138,36 @@ class Floor:
         return self.offset_m[self.sheets_at(places_m)]
 
     def sheets_at(self, places_m: np.ndarray) -> np.ndarray:
-        """Return the number of the sheet (k,) about each place (k, 2) m of the plan; sheets lie from west to east."""
-        return np.searchsorted(self._borders, places_m[:, 0])
+        """Return the number of the sheet (k,) about each place (k, 2) m of the plan."""
+        row_of = np.searchsorted(self._borders[0], places_m[:, 1])
+        found = np.zeros(len(places_m), dtype=np.int64)
+        for number, (row, borders) in enumerate(zip(self.rows, self._borders[1], strict=True)):
+            own = row_of == number
+            found[own] = row.start + np.searchsorted(borders, places_m[own, 0])
+        return found
 
     @functools.cached_property
-    def _borders(self) -> np.ndarray:
-        """Return the eastings (sheets - 1,) m half-way between neighbouring sheets."""
-        corners = [self.vertices[self.faces[self.sheet == k].ravel(), 0] for k in range(len(self.offset_m))]
-        return np.array([(one.max() + two.min()) / 2 for one, two in itertools.pairwise(corners)])
+    def boxes_m(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the south-west and the north-east corner (sheets, 2) m of the box about each sheet in plan."""
+        low, high = np.full((len(self.offset_m), 2), np.inf), np.full((len(self.offset_m), 2), -np.inf)
+        corners, sheet = self.vertices[self.faces.ravel(), :2], np.repeat(self.sheet, 3)
+        np.minimum.at(low, sheet, corners)
+        np.maximum.at(high, sheet, corners)
+        return low, high
+
+    @functools.cached_property
+    def rows(self) -> list[range]:
+        """Return the numbers of the sheets in each row, from the south; in a row they lie from west to east."""
+        low, high = self.boxes_m
+        starts = [0, *(np.flatnonzero(low[1:, 0] <= high[:-1, 0]) + 1).tolist(), len(self.offset_m)]
+        return [range(a, b) for a, b in itertools.pairwise(starts)]
+
+    @functools.cached_property
+    def _borders(self) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Return the northings half-way between neighbouring rows, and each row's eastings between its sheets, m."""
+        low, high = self.boxes_m
+        between = [(high[list(a), 1].max() + low[list(b), 1].min()) / 2 for a, b in itertools.pairwise(self.rows)]
+        return np.array(between), [(high[row[:-1], 0] + low[row[1:], 0]) / 2 for row in map(np.array, self.rows)]
 
     def wall_edges(self) -> list[tuple[int, tuple[int, int]]]:
         """Return the face and the corners of each edge on the boundary; edges that two sheets share are none."""

@@ -75,7 +75,7 @@ TINY = np.array([[0, 0, 0], [1e-160, 0, 0], [0, 1e-150, 0]])
             lambda f: replace(
                 f, offset_m=np.array([[0.0, 0], [100, 0]]), sheet=np.arange(len(f.faces), dtype=np.int32) % 2
             ),
-            "a sheet that is not east of the one before it",
+            "a sheet that is neither east of the one before it nor north of its row",
         ),
         (lambda f: with_face(f, TINY), "or has no area"),
         (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -72,16 +73,14 @@ def _check_edges(floor: Floor) -> None:
 
 
 def _check_sheets(floor: Floor) -> None:
-    """Check that all sheets have faces, and lie side by side in plan from west to east."""
+    """Check that all sheets have faces, and lie side by side in plan: in rows from the south, each from the west."""
     sheets = len(floor.offset_m)
     if not np.array_equal(np.unique(floor.sheet), np.arange(sheets)):
         raise BundleError(f"{FLOOR}: a sheet that is not there, or has no faces; {RECORD} states {sheets}")
-    west, east = np.full(sheets, np.inf), np.full(sheets, -np.inf)
-    of_corner, eastings = np.repeat(floor.sheet, 3), floor.vertices[floor.faces.ravel(), 0]
-    np.minimum.at(west, of_corner, eastings)
-    np.maximum.at(east, of_corner, eastings)
-    if not (west[1:] > east[:-1]).all():
-        raise BundleError(f"{FLOOR}: a sheet that is not east of the one before it")
+    low, high = floor.boxes_m
+    for one, two in pairwise(floor.rows):
+        if not low[list(two), 1].min() > high[list(one), 1].max():
+            raise BundleError(f"{FLOOR}: a sheet that is neither east of the one before it nor north of its row")
 
 
 def _check_figures(floor: Floor, record: Mapping[str, Any]) -> None:

@@ -29,6 +29,12 @@ class Cell:
     shapes: list[BaseGeometry] = field(default_factory=list)
     lines: list[np.ndarray] = field(default_factory=list)
 
+    @property
+    def span_m(self) -> tuple[float, float]:
+        """Return the lowest and the highest place of the cell's floor, m; 0 without a line, as `height_at`."""
+        heights = np.array(self.lines)[:, :, 2] if self.lines else np.zeros(1)
+        return float(heights.min()), float(heights.max())
+
     def height_at(self, x: float, y: float) -> float:
         """Return the floor's height on the nearest line of the cell."""
         best, height = np.inf, 0.0

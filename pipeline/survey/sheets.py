@@ -21,8 +21,9 @@ from pipeline.survey.thin_pillars import without_thin_pillars
 from pipeline.types import Heights, Seam
 
 _APART_M = 2.3  # workings of different heights that are nearer than this in plan belong to different sheets
-_OVERLAP_M2 = 0.01
+_OVERLAP_M2, _INTO_M = 0.01, 0.1  # half a disc of this radius is larger than that
 _GRID_M, _GAP_M = 10.0, 12.0  # offsets are whole numbers of cells of any grid; between sheets in plan
+_ROW_M = 2000.0  # sheets lie in one row if it is no longer
 _TOUCH_M = 1e-3  # two shapes that overlap by less touch
 _DIGITS = 4  # of the outlines' coordinates, m
 _SPECK_M2 = 0.05  # smaller holes come from rounding
@@ -136,30 +137,45 @@ def _is_clean(cut: np.ndarray, near: dict[str, list[BaseGeometry]], cells: dict[
 def _conflicts(path: Path, cells: dict[str, Cell], units: dict[str, str], graph: nx.Graph) -> dict[str, set[str]]:
     """Return the units that cannot be in the same sheet: their floors overlap in plan at different heights."""
     names = sorted(units)
-    shapes = [
-        shapely.union_all([s for s in cells[name].shapes if not s.is_empty]).buffer(_APART_M / 2) for name in names
-    ]
-    tree, step = shapely.STRtree(shapes), reader_limits().flat_step_m
+    shapes = np.array(
+        [shapely.union_all([s for s in cells[name].shapes if not s.is_empty]).buffer(_APART_M / 2) for name in names]
+    )
+    pairs = shapely.STRtree(shapes).query(shapes, predicate="intersects").T
+    pairs = pairs[pairs[:, 0] < pairs[:, 1]]
+    step, is_sure = reader_limits().flat_step_m, _lie_over(shapes, cells, names, pairs)
     found: dict[str, set[str]] = {unit: set() for unit in units.values()}
-    for i, j in tree.query(shapes, predicate="intersects").T.tolist():
-        if i >= j or graph.has_edge(names[i], names[j]):
-            continue
-        common = shapes[i].intersection(shapes[j])
-        if common.area < _OVERLAP_M2:
-            continue
-        at = common.representative_point()
-        one, two = cells[names[i]], cells[names[j]]
-        if abs(one.height_at(at.x, at.y) - two.height_at(at.x, at.y)) <= step:
-            continue
+    for (i, j), sure in zip(pairs.tolist(), is_sure.tolist(), strict=True):
         a, b = units[names[i]], units[names[j]]
-        if a == b:
-            raise InputError(
-                f"{path}: the workings about {names[i]} and {names[j]} lie over each other at "
-                f"({at.x:.1f}, {at.y:.1f}), and no leg between them is long enough for a cut"
-            )
+        if b in found[a] or graph.has_edge(names[i], names[j]):
+            continue
+        if not sure or a == b:
+            common = shapes[i].intersection(shapes[j])
+            if common.area < _OVERLAP_M2:
+                continue
+            at = common.representative_point()
+            one, two = (cells[names[k]].height_at(at.x, at.y) for k in (i, j))
+            if abs(one - two) <= step:
+                continue
+            if a == b:
+                raise InputError(
+                    f"{path}: the workings about {names[i]} and {names[j]} lie over each other at "
+                    f"({at.x:.1f}, {at.y:.1f}), and no leg between them is long enough for a cut"
+                )
         found[a].add(b)
         found[b].add(a)
     return found
+
+
+def _lie_over(shapes: np.ndarray, cells: dict[str, Cell], names: list[str], pairs: np.ndarray) -> np.ndarray:
+    """Return which pairs (k, 2) of cells surely lie over each other: no need to find where they overlap.
+
+    Their floors have no height in common, and one reaches so far into the other that they overlap by half a disc.
+    """
+    low, high = np.array([cells[name].span_m for name in names]).T
+    apart = low[pairs].max(axis=1) - high[pairs].min(axis=1)
+    inner = shapely.buffer(shapes, -_INTO_M)
+    shapely.prepare(inner)
+    return (apart > reader_limits().flat_step_m) & shapely.intersects(inner[pairs[:, 0]], shapes[pairs[:, 1]])
 
 
 def _assign(graph: nx.Graph, units: dict[str, str], conflicts: dict[str, set[str]]) -> dict[str, int]:
@@ -200,12 +216,22 @@ def _polygons(cells: dict[str, Cell], sheet: dict[str, int]) -> list[Polygon]:
 
 
 def _offsets(polygons: list[Polygon]) -> np.ndarray:
-    """Return how far (sheets, 2) m each sheet is moved east, so that all lie side by side."""
-    offsets, east = np.zeros((len(polygons), 2)), polygons[0].bounds[2]
-    for k, polygon in enumerate(polygons[1:], start=1):
-        west, _, own_east, _ = polygon.bounds
+    """Return how far (sheets, 2) m each sheet is moved aside, so that all lie side by side, in rows if there are many.
+
+    The first row has the sheets at their northings; rows lie from the south, and in a row sheets lie from the west.
+    """
+    boxes = np.array([polygon.bounds for polygon in polygons])
+    wide, high = (boxes[:, 2:] - boxes[:, :2] + _GAP_M).T
+    longest = max(_ROW_M, float(wide.max()), float(np.sqrt((wide * high).sum())))
+    offsets = np.zeros((len(polygons), 2))
+    start, base, east, north = boxes[0, 0], -np.inf, boxes[0, 2], boxes[0, 3]
+    for k, (west, south, own_east, own_north) in enumerate(boxes[1:].tolist(), start=1):
+        if east + wide[k] - start > longest:
+            base, east = north + _GAP_M, start - _GAP_M
         offsets[k, 0] = np.ceil((east + _GAP_M - west) / _GRID_M) * _GRID_M
+        offsets[k, 1] = np.ceil((base - south) / _GRID_M) * _GRID_M if np.isfinite(base) else 0.0
         east = own_east + offsets[k, 0]
+        north = max(north, own_north + offsets[k, 1])
     return offsets
 
 

@@ -86,11 +86,9 @@ def _find_clashes(legs: list[SurveyLeg], apart_m: float) -> tuple[nx.MultiGraph,
             lines.append((p, q))
             owner.append(shot[i])
             node_of.append(a or b)
-    found, near = [], {}
-    for i, j in shapely.STRtree(shapes).query(shapes, predicate="intersects").T.tolist():
-        if i >= j or shapely.intersection(shapes[i], shapes[j]).area < _OVERLAP_M2:
-            continue
-        at = shapes[i].intersection(shapes[j]).representative_point()
+    found, near, outlines = [], {}, np.array(shapes)
+    for i, j in _overlapping(outlines, np.array(lines)[:, :, 2], apart_m).tolist():
+        at = outlines[i].intersection(outlines[j]).representative_point()
         first, second = (_height_on(lines[k], at.x, at.y) for k in (i, j))
         apart = abs(first - second)
         if not _ONE_FLOOR_M < apart < apart_m:
@@ -101,6 +99,14 @@ def _find_clashes(legs: list[SurveyLeg], apart_m: float) -> tuple[nx.MultiGraph,
         if node_of[j] not in near[start] or apart > _JUNCTION_RISE_M:
             found.append(_Clash((owner[i], owner[j]), (at.x, at.y), apart))
     return graph, found
+
+
+def _overlapping(shapes: np.ndarray, ends_m: np.ndarray, apart_m: float) -> np.ndarray:
+    """Return the pairs (k, 2) of shapes that overlap in plan and whose floors, each of two heights, may be near."""
+    pairs = shapely.STRtree(shapes).query(shapes, predicate="intersects").T
+    low, high = ends_m.min(axis=1)[pairs], ends_m.max(axis=1)[pairs]
+    pairs = pairs[(pairs[:, 0] < pairs[:, 1]) & (low.max(axis=1) - high.min(axis=1) < apart_m)]
+    return pairs[shapely.area(shapely.intersection(*shapes[pairs.T])) >= _OVERLAP_M2]
 
 
 def _height_on(line: tuple[np.ndarray, np.ndarray], x: float, y: float) -> float:

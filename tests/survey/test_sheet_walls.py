@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 import shapely
 from scipy.spatial import ConvexHull
 
+from minexplore.floor import Floor
 from pipeline.compose import compose
 from pipeline.errors import GeometryError
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.load import _read
-from pipeline.survey.sheets import draw_sheets
+from pipeline.survey.sheet_cells import Cell
+from pipeline.survey.sheets import _lie_over, _offsets, draw_sheets
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.stations import read_station_legs, read_station_survey
 from pipeline.types import Workings
@@ -134,3 +138,46 @@ def test_arms_of_a_junction_and_passages_with_rock_between_are_kept(tmp_path, ca
     polygons, heights = draw_sheets(path, read_solved_legs(path), 4.0)
     assert (len(polygons.geoms), len(heights.seams)) == (2, 1)
     assert "left out" not in capsys.readouterr().err
+
+
+def test_many_wide_sheets_lie_in_rows_apart_from_each_other_and_are_found_again():
+    east = [3.0, -40.0, 500.0, 3.0, -900.0, 3.0, 3.0]
+    polygons = [shapely.box(x, -7.0 * k, x + 1500, -7.0 * k + 90) for k, x in enumerate(east)]
+    offsets = _offsets(polygons)
+    moved = [shapely.transform(polygon, lambda xy, d=d: xy + d) for polygon, d in zip(polygons, offsets, strict=True)]
+    apart = [one.distance(two) for one, two in itertools.combinations(moved, 2)]
+    assert min(apart) >= 12.0
+    assert np.ptp(shapely.bounds(moved)[:, ::2]) < 4000  # one row would be 10 km long
+    assert (offsets % 10 == 0).all()
+    assert not offsets[0].any()
+    corners = np.concatenate([np.asarray(polygon.exterior.coords)[:3] for polygon in moved])
+    number = np.arange(len(moved))
+    floor = Floor(np.pad(corners, [(0, 0), (0, 1)]), np.arange(len(corners)).reshape(-1, 3), number, offsets)
+    assert len(floor.rows) > 1
+    places = np.concatenate([np.asarray(polygon.buffer(5).exterior.coords) for polygon in moved])
+    counts = [len(polygon.buffer(5).exterior.coords) for polygon in moved]
+    np.testing.assert_array_equal(floor.sheets_at(places), np.repeat(number, counts))
+
+
+def test_few_sheets_lie_in_one_row():
+    offsets = _offsets([shapely.box(0, 0, 60, 50), shapely.box(10, 200, 90, 260), shapely.box(-5, -90, 20, 0)])
+    assert not offsets[:, 1].any()
+    assert (np.diff(offsets[:, 0]) > 0).all()
+
+
+def test_a_cell_surely_over_another_is_one_that_overlaps_it_at_another_height():
+    rng = np.random.default_rng(3)
+    cells, shapes = {}, []
+    for k in range(60):
+        (x, y), z = rng.uniform(0, 12, 2), rng.choice([0.0, 2.0, 40.0])
+        ends = np.array([[x, y, z], [x + rng.uniform(1, 4), y, z + rng.uniform(0, 1)]])
+        shapes.append(shapely.LineString(ends[:, :2]).buffer(rng.uniform(0.4, 2)))
+        cells[str(k)] = Cell(str(k), [shapes[-1]], [ends])
+    pairs = np.array(list(itertools.combinations(range(60), 2)))
+    sure = _lie_over(np.array(shapes), cells, [str(k) for k in range(60)], pairs)
+    common = shapely.intersection(*np.array(shapes)[pairs.T])
+    for (i, j), part in zip(pairs[sure], common[sure], strict=True):
+        at = part.representative_point()
+        assert part.area >= 0.01
+        assert abs(cells[str(i)].height_at(at.x, at.y) - cells[str(j)].height_at(at.x, at.y)) > 1.0
+    assert 100 < sure.sum() < (shapely.area(common) >= 0.01).sum()
