@@ -71,6 +71,12 @@ class Floor:
         return corners.min(axis=1), corners.max(axis=1)
 
     @functools.cached_property
+    def levels_m(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lowest and the highest corner (m,) m of each face."""
+        corners = self.vertices[self.faces, 2]
+        return corners.min(axis=1), corners.max(axis=1)
+
+    @functools.cached_property
     def _middles(self) -> np.ndarray:
         return self.vertices[self.faces].mean(axis=1)[:, :2]
 
@@ -78,10 +84,20 @@ class Floor:
         """Return the faces whose boxes meet a tile."""
         if tile not in self._near:
             low = np.array(tile) * _TILE_M
-            least, most = self._boxes
-            meets = ((least <= low + _TILE_M) & (most >= low)).all(axis=1)
-            self._near[tile] = np.flatnonzero(meets)
+            axis, order, starts, longest = self._along
+            first = np.searchsorted(starts, low[axis] - longest)
+            some = order[first : np.searchsorted(starts, low[axis] + _TILE_M, side="right")]
+            least, most = (box[some] for box in self._boxes)
+            self._near[tile] = np.sort(some[((least <= low + _TILE_M) & (most >= low)).all(axis=1)])
         return self._near[tile]
+
+    @functools.cached_property
+    def _along(self) -> tuple[int, np.ndarray, np.ndarray, float]:
+        """Return the longer axis of the plan, the faces by their boxes along it, the boxes' starts, and the longest."""
+        least, most = self._boxes
+        axis = int(np.ptp(least, axis=0).argmax())
+        order = np.argsort(least[:, axis], kind="stable")
+        return axis, order, least[order, axis], float((most - least)[:, axis].max())
 
     def faces_at(self, places_m: np.ndarray) -> np.ndarray:
         """Return the number of the face (k,) at each place (k, 2) m of the plan, or of one near it if none is there."""
@@ -108,8 +124,8 @@ class Floor:
             return np.zeros(len(places_m))
         faces = self.faces_at(places_m)
         a, b, c = self.planes[faces].T
-        corners = self.vertices[self.faces[faces], 2]
-        return np.clip(a * places_m[:, 0] + b * places_m[:, 1] + c, corners.min(axis=1), corners.max(axis=1))
+        low, high = self.levels_m
+        return np.clip(a * places_m[:, 0] + b * places_m[:, 1] + c, low[faces], high[faces])
 
     def heights_within(self, low_m: np.ndarray, high_m: np.ndarray) -> np.ndarray:
         """Return the heights of all corners of faces that meet a box of the plan, or of the face nearest to it."""

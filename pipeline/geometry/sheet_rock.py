@@ -23,11 +23,13 @@ def beside_sheets(floor: Floor, height_m: float) -> list[BaseGeometry]:
     if len(floor.offset_m) == 1:
         return []
     foot = WallFoot(floor)
+    low, high = floor.levels_m
     found = []
     for sheet, offset in enumerate(floor.offset_m):
         own = shapely.union_all(shapely.polygons(floor.vertices[floor.faces[floor.sheet == sheet], :2]))
         band = own.buffer(BAND_M * CORNER).difference(own)
-        others = np.flatnonzero(floor.sheet != sheet)
+        least, most = floor.spans_m[sheet] + [-height_m, height_m]
+        others = np.flatnonzero((floor.sheet != sheet) & (low < most) & (high > least))
         moved = offset - floor.offset_m[floor.sheet[others]]
         triangles = shapely.polygons(floor.vertices[floor.faces[others], :2] + moved[:, None])
         near = np.flatnonzero(shapely.intersects(band, triangles))
@@ -55,8 +57,11 @@ def require_pillars(floor: Floor, height_m: float) -> None:
     corners = floor.vertices[floor.faces].copy()
     corners[:, :, :2] -= floor.offset_m[floor.sheet][:, None]
     triangles = shapely.polygons(corners[:, :, :2])
-    one, two = shapely.STRtree(triangles).query(triangles, predicate="overlaps")
-    pairs = (one < two) & (floor.sheet[one] != floor.sheet[two])
+    one, two = shapely.STRtree(triangles).query(triangles)
+    low, high = floor.levels_m
+    between = np.maximum(low[one], low[two]) - np.minimum(high[one], high[two])
+    near = np.flatnonzero((one < two) & (floor.sheet[one] != floor.sheet[two]) & (between < height_m + 2 * SLAB_M))
+    pairs = near[shapely.overlaps(triangles[one[near]], triangles[two[near]])]
     one, two = one[pairs], two[pairs]
     common = shapely.intersection(triangles[one], triangles[two])
     large = shapely.area(common) > _OVERLAP_M2
