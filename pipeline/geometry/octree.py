@@ -133,11 +133,10 @@ def _follow(
     every = np.ones(len(up), bool)
     inside = _distinct(stacked(0, 0, every, range(layers)))
     padded = np.pad(free, 1)
-    rock: list[np.ndarray] = []
-    for i, j in product((-1, 0, 1), repeat=2):
+    solid = np.zeros(0, np.int64)
+    for i, j in product((-1, 0, 1), repeat=2):  # one after another: most voxels are the same
         at_wall = ~padded[row + 1 + i, col + 1 + j]
-        rock += [*stacked(j, i, every, (-1, layers)), *stacked(j, i, at_wall, range(layers))]
-    solid = _distinct(rock)
+        solid = _distinct([solid, *stacked(j, i, every, (-1, layers)), *stacked(j, i, at_wall, range(layers))])
     place = np.minimum(np.searchsorted(inside, solid), len(inside) - 1)
     solid = solid[inside[place] != solid]
     codes = np.concatenate([inside, solid])
