@@ -197,6 +197,10 @@ class RobotBatch:
         yaw = [math.atan2(y, x) for x, y in heading[:, :2].tolist()]  # NumPy's differs between processors
         return np.column_stack([place[:, :2], yaw])
 
+    def heights(self, robots: np.ndarray) -> np.ndarray:
+        """Return how high the floor is under robots (k,) m, by the height of their axles in the mine frame."""
+        return rotate_inverse(self.qpos[robots, :3] - self._t, self._R)[:, 2] - self.robot.wheel_radius_m
+
     def attitudes(self, robots: np.ndarray) -> np.ndarray:
         """Return pitch, nose up, and roll, left side up, (k, 2) rad, of robots against the level."""
         axes = rotation_matrices(self.qpos[robots, 3:7])
@@ -250,6 +254,7 @@ class RobotBatch:
             "collisions": self.collisions[robots].copy(),
             "zone": self.world.zone_names[self.world.zones_at(self.plan_places(robots)[:, 0])],
             "pose_m_rad": poses,
+            "height_m": self.heights(robots),
             "pitch_rad": attitude[:, 0],
             "roll_rad": attitude[:, 1],
         }
