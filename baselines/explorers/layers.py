@@ -6,7 +6,7 @@ beam that ends ahead may have met rock, or a floor that rises: from its sensor's
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -136,7 +136,7 @@ class LayerMap(OwnMap):
         inside = (np.abs(ahead_x * east + ahead_y * north) <= along_m) & (
             np.abs(left_x * east + left_y * north) <= across_m
         )
-        nearer = inside & (away <= apart_m[window]) & self._holds(plane)
+        nearer = inside & (away <= apart_m[window])
         heights[window] = np.where(nearer, plane, heights[window])
         apart_m[window] = np.where(nearer, away, apart_m[window])
 
@@ -203,9 +203,9 @@ class LayeredMap:
                 self.layers[number] = LayerMap(self._cell_m, level_m)
             self.layers[number].add_scan(stance, bearings, ranges, sensor_m, far_m)
 
-    def doubt(self) -> bool:
-        """Forget all rock that may be a floor that rises; return whether there was any."""
-        return any([own.doubt() for own in self.layers.values()])
+    def doubt(self, layers: Iterable[int]) -> bool:
+        """Forget the rock of layers that may be a floor that rises; return whether there was any."""
+        return any([self.layers[number].doubt() for number in layers])
 
     def beside(self, layer: int) -> list[int]:
         """Return the numbers of the other layers that can hold the same floors as one."""

@@ -27,6 +27,8 @@ from baselines.explorers.wall_following import WallFollowing
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 
+_FAR_M = 30.0  # a frontier so far away is farther than most that a doubt opens
+
 
 class OverHeights(GraphExplorer):
     """A `GraphExplorer` whose map has layers; it needs height, pitch and roll of the robots beside their poses.
@@ -94,16 +96,20 @@ class _LayerDriver:
     def look_around(self, place: np.ndarray) -> Situation | None:
         """Return what there is to decide at a place (2,) m; None if no frontier can be reached.
 
-        Where none is left, rock that may be a floor that rises is doubted, so that the robot drives there.
+        Where none is near, rock nearby that may be a floor that rises is doubted, so that the robot drives there; where
+        none is left, all such rock.
         """
         self._place = place.copy()
         if not np.linalg.norm(place - self._anchor) <= STILL_M:
             self._anchor, self._anchored = place.copy(), self._step
         found = self._situation(place)
-        if found is None and self.map.doubt():
-            self._graphs.forget()
-            self._beside.clear()
-            found = self._situation(place)
+        for layers in ([self.map.layer, *self.map.beside(self.map.layer)], list(self.map.layers)):
+            if (found is None or found.costs.min() > _FAR_M) and self.map.doubt(layers):
+                self._graphs.forget()
+                self._beside.clear()
+                found = self._situation(place)
+            if found is not None:
+                break
         return found
 
     def _situation(self, place: np.ndarray) -> Situation | None:
