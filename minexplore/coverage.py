@@ -18,7 +18,8 @@ class CoverageGrid:
         standing = _connected(world, world.clearance_m >= radius_m, centre_m)
         row, col = np.nonzero(standing)
         places = world.origin_m + (np.column_stack([col, row]) + 0.5) * world.cell_m
-        places = places[np.linalg.norm(places - centre_m, axis=1) <= reach_m]
+        if np.isfinite(reach_m):
+            places = places[_distances(world, places, centre_m) <= reach_m]
         self.cell_m = cell_m
         self.origin_m = np.floor(world.origin_m / cell_m) * cell_m
         cols, rows = np.ceil((world.record["world_m"][2:] - self.origin_m) / cell_m).astype(int)
@@ -83,6 +84,14 @@ class CoverageGrid:
         new = np.unique(flat[~view[flat]])
         view[new] = True
         return np.bincount(new // self.reachable.size, minlength=len(seen))
+
+
+def _distances(world: World, places: np.ndarray, centre_m: np.ndarray) -> np.ndarray:
+    """Return the distances (n,) m in the mine frame, seen from above, of places (n, 2) m of the plan from one."""
+    if len(world.floor.offset_m) > 1:
+        places = places - world.floor.offsets_at(places)
+        centre_m = centre_m - world.floor.offsets_at(centre_m[None])[0]
+    return np.linalg.norm(places - centre_m, axis=1)
 
 
 def _connected(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.ndarray:

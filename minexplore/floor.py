@@ -171,23 +171,28 @@ class Floor:
         places[:, :2] -= self.offset_m[sheet]
         return np.unique((places + 2.5e-5).round(4), axis=0, return_inverse=True)[1].reshape(-1)
 
-    def seams(self) -> np.ndarray:
-        """Return the middle of each seam (k, 2, 2) m in the plan of both its sheets."""
+    def seam_edges(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the two sheets (k, 2) of each edge that two sheets share, and its corners in both plans (k, 2, 2, 2) m."""
         edges = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]]).astype(np.int64)
         sheet, number, count = np.tile(self.sheet, 3), self._joined[edges], len(self.vertices)
         own = {int(a * count + b): k for k, (a, b) in enumerate(number.tolist())}
+        pairs = [(k, own.get(int(b * count + a))) for k, (a, b) in enumerate(number.tolist())]
+        shared = [(k, other) for k, other in pairs if other is not None and sheet[other] > sheet[k]]
+        one, two = np.array(shared, dtype=int).reshape(-1, 2).T
+        corners = np.stack([self.vertices[edges[one], :2], self.vertices[edges[two][:, ::-1], :2]], axis=1)
+        return np.column_stack([sheet[one], sheet[two]]), corners
+
+    def seams(self) -> np.ndarray:
+        """Return the middle of each seam (k, 2, 2) m in the plan of both its sheets."""
         middles: dict[tuple[int, int, int], list[np.ndarray]] = {}
-        for k, (a, b) in enumerate(number.tolist()):
-            other = own.get(int(b * count + a))
-            if other is None or sheet[other] <= sheet[k]:
-                continue
-            pair = np.array([self.vertices[edges[e], :2].mean(axis=0) for e in (k, other)])
+        for number, ((one, two), corners) in enumerate(zip(*self.seam_edges(), strict=True)):
+            pair = corners.mean(axis=1)
             for key, found in middles.items():  # the edges of one seam lie on one line, end to end
-                if key[:2] == (sheet[k], sheet[other]) and any(np.hypot(*(f[0] - pair[0])) < _SEAM_M for f in found):
+                if key[:2] == (one, two) and any(np.hypot(*(f[0] - pair[0])) < _SEAM_M for f in found):
                     found.append(pair)
                     break
             else:
-                middles[int(sheet[k]), int(sheet[other]), k] = [pair]
+                middles[int(one), int(two), number] = [pair]
         return np.array([np.mean(found, axis=0) for found in middles.values()]).reshape(-1, 2, 2)
 
     def wall_segments(self) -> np.ndarray:
