@@ -18,6 +18,7 @@ from minexplore.tiles import Tile, group_by_tile, tiles_at
 _TILE_M = 4.0  # faces are looked up by square tiles of the plan
 _SEAM_M = 12.0  # edges of two sheets that are nearer than this belong to one seam
 _BETWEEN_M = 2.5  # a point whose height above a sheet is so far from the expected one is not the sheet's
+_SURE_M = 1.0  # one that is nearer than this is: floors over each other are farther apart than twice that
 _SLIVER_M = 0.05  # a sliver is thinner and rises less
 _CHUNK = 2_000_000  # pairs of a place and a triangle that are tried at once
 
@@ -95,8 +96,8 @@ class Floor:
                 continue
             places = np.column_stack([places_m[rows], np.ones(len(rows))])
             for some in _chunks(len(rows), len(faces)):
-                weights = np.einsum("fij,kj->kfi", self._to_barycentric[faces], places[some]).min(axis=2)
-                found[rows[some]] = faces[weights.argmax(axis=1)]
+                weights = np.einsum("fij,kj->ikf", self._to_barycentric[faces], places[some])
+                found[rows[some]] = faces[np.minimum(np.minimum(*weights[:2]), weights[2]).argmax(axis=1)]
         return found
 
     def heights_at(self, places_m: np.ndarray) -> np.ndarray:
@@ -104,12 +105,19 @@ class Floor:
 
         Beside the floor it is between the heights of the corners of a face nearby.
         """
-        if self.is_flat:
-            return np.zeros(len(places_m))
-        faces = self.faces_at(places_m)
+        return np.zeros(len(places_m)) if self.is_flat else self._heights_on(self.faces_at(places_m), places_m)
+
+    def _heights_on(self, faces: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        """Return the heights (k,) m of faces (k,) at places (k, 2) m, between those of their corners."""
         a, b, c = self.planes[faces].T
-        corners = self.vertices[self.faces[faces], 2]
-        return np.clip(a * places_m[:, 0] + b * places_m[:, 1] + c, corners.min(axis=1), corners.max(axis=1))
+        low, high = self._levels
+        return np.clip(a * places_m[:, 0] + b * places_m[:, 1] + c, low[faces], high[faces])
+
+    @functools.cached_property
+    def _levels(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lowest and the highest corner (m,) m of each face."""
+        corners = self.vertices[self.faces, 2]
+        return corners.min(axis=1), corners.max(axis=1)
 
     def heights_within(self, low_m: np.ndarray, high_m: np.ndarray) -> np.ndarray:
         """Return the heights of all corners of faces that meet a box of the plan, or of the face nearest to it."""
@@ -216,18 +224,19 @@ class Floor:
         if len(self.offset_m) == 1:
             return np.column_stack([points_m[:, :2], points_m[:, 2] - self.heights_at(points_m[:, :2])])
         best = np.full((len(points_m), 3), np.inf)
-        for number, offset in enumerate(self.offset_m):
-            low, high = self.spans_m[number] + about_m
-            z = points_m[:, 2]
-            rows = np.flatnonzero((z > low - _BETWEEN_M) & (z < high + _BETWEEN_M))
+        z, found = points_m[:, 2], np.zeros(len(points_m), dtype=bool)
+        for number, (offset, (low, high)) in enumerate(zip(self.offset_m, self.spans_m + about_m, strict=True)):
+            rows = np.flatnonzero((z > low - _BETWEEN_M) & (z < high + _BETWEEN_M) & ~found)
             if not len(rows):
                 continue
             places = points_m[rows, :2] + offset
             faces = self.faces_at(places)
-            above = z[rows] - self.heights_at(places)
-            nearer = np.abs(above - about_m) < np.minimum(np.abs(best[rows, 2] - about_m), _BETWEEN_M)
-            nearer &= (self.sheet[faces] == number) & self._covers(faces, places)
+            above = z[rows] - self._heights_on(faces, places)
+            off = np.abs(above - about_m)
+            nearer = (off < np.minimum(np.abs(best[rows, 2] - about_m), _BETWEEN_M)) & (self.sheet[faces] == number)
+            nearer &= self._covers(faces, places)
             best[rows[nearer]] = np.column_stack([places, above])[nearer]
+            found[rows[nearer & (off < _SURE_M)]] = True
         lost = np.flatnonzero(~np.isfinite(best[:, 2]))
         if len(lost):  # beside the floor: of the sheet with the nearest corner
             corners = self.vertices[self.faces[:, 0]] + [0.0, 0.0, about_m]
@@ -251,7 +260,8 @@ class Floor:
     def _covers(self, faces: np.ndarray, places_m: np.ndarray, slack: float = 1e-9) -> np.ndarray:
         """Return whether faces (k,) cover places (k, 2) m, to a share of their size."""
         places = np.column_stack([places_m, np.ones(len(places_m))])
-        return np.asarray(np.einsum("kij,kj->ki", self._to_barycentric[faces], places).min(axis=1) > -slack)
+        weights = np.einsum("kij,kj->ik", self._to_barycentric[faces], places)
+        return np.minimum(np.minimum(*weights[:2]), weights[2]) > -slack
 
 
 def _chunks(places: int, faces: int) -> list[slice]:

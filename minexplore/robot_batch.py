@@ -169,17 +169,18 @@ class RobotBatch:
             Whether the chassis touched rock in any physics step.
         """
         task = self.task
-        zone = self.world.zones_at(self.plan_places(robots)[:, 0])
+        places = self.plan_places(robots)
+        zone = self.world.zones_at(places[:, 0])
         forward = command[:, 0] * task.max_forward_mps * self._scale[zone]
         for k in np.flatnonzero(self._noise[zone]).tolist():
             forward[k] += rngs[robots[k]].normal(0.0, self._noise[zone[k]])
         turn = command[:, 1] * task.max_turn_radps * self._scale[zone]
         self.stepper.ctrl[robots] = self.robot.controls(forward, turn)
-        return self._advance(robots)
+        return self._advance(robots, places)
 
-    def _advance(self, robots: np.ndarray) -> np.ndarray:
-        """Step the physics of robots (k,) for one control step; return which touched rock."""
-        return self.stepper.advance(robots, self.plan_places(robots), self.task.substeps)
+    def _advance(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        """Step the physics of robots (k,) at places (k, 2) m of the plan for one control step; return which touched rock."""
+        return self.stepper.advance(robots, places_m, self.task.substeps)
 
     def plan_places(self, robots: np.ndarray) -> np.ndarray:
         """Return the places (k, 2) m of robots in the plan, in which sheets lie side by side."""
