@@ -37,25 +37,21 @@ class CoverageGrid:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return ray numbers, rows and columns of all cells that segments (n, 3) to (n, 3) pass through.
 
+
         Exact: each segment, no longer than `longest_m`, is cut at every grid line it crosses, and each piece names the
         cell of its middle. Of cells of several sheets, a piece names those between whose floor and roof it is.
         """
         if len(self._floor.offset_m) == 1:
             return self._crossed(starts_m[:, :2], ends_m[:, :2], longest_m)[:3]
-        nothing = np.zeros(0, dtype=int)
-        found = [(nothing, nothing, nothing)]
         low_m, high_m = np.minimum(starts_m[:, 2], ends_m[:, 2]), np.maximum(starts_m[:, 2], ends_m[:, 2])
-        for offset, (low, high) in zip(self._floor.offset_m, self._floor.spans_m, strict=True):
-            some = np.flatnonzero((high_m > low - _BESIDE_M) & (low_m < high + self._height_m + _BESIDE_M))
-            if not len(some):
-                continue
-            start, end = starts_m[some], ends_m[some]
-            ray, row, col, share = self._crossed(start[:, :2] + offset, end[:, :2] + offset, longest_m)
-            above = start[ray, 2] + share * (end - start)[ray, 2] - self._level_m[row, col]
-            inside = self.reachable[row, col] & (above > -_BESIDE_M) & (above < self._height_m + _BESIDE_M)
-            found.append((some[ray[inside]], row[inside], col[inside]))
-        ray, row, col = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        return ray, row, col
+        low, high = self._floor.spans_m.T[:, :, None] + [[[-_BESIDE_M]], [[self._height_m + _BESIDE_M]]]
+        sheet, some = np.nonzero((high_m > low) & (low_m < high))
+        start, end = starts_m[some], ends_m[some]
+        offset = self._floor.offset_m[sheet]
+        ray, row, col, share = self._crossed(start[:, :2] + offset, end[:, :2] + offset, longest_m)
+        above = start[ray, 2] + share * (end[ray, 2] - start[ray, 2]) - self._level_m[row, col]
+        inside = self.reachable[row, col] & (above > -_BESIDE_M) & (above < self._height_m + _BESIDE_M)
+        return some[ray[inside]], row[inside], col[inside]
 
     def _crossed(
         self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float

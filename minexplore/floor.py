@@ -247,6 +247,19 @@ class Floor:
                 best[k] = *place, points_m[k, 2] - self.heights_at(place[None])[0]
         return best
 
+    def follow(self, points_m: np.ndarray, faces: np.ndarray, about_m: float) -> np.ndarray:
+        """Return the places (k, 2) m in plan of points (k, 3) m that move, as `unfold` does; `faces` (k,) are where they were.
+
+        A point that is still over its face is not looked for. The others' faces are brought up to date.
+        """
+        places = points_m[:, :2] + self.offset_m[self.sheet[faces]]
+        above = points_m[:, 2] - self._heights_on(faces, places)
+        lost = np.flatnonzero(~self._covers(faces, places) | (np.abs(above - about_m) >= _SURE_M))
+        if len(lost):
+            places[lost] = self.unfold(points_m[lost], about_m)[:, :2]
+            faces[lost] = self.faces_at(places[lost])
+        return places
+
     def unfold_body(self, points_m: np.ndarray, about_m: float = 1.0) -> np.ndarray:
         """Return the points (k, 3) m of one body in the plan of the sheet that its middle belongs to."""
         middle = points_m.mean(axis=0)[None]

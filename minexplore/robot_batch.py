@@ -68,6 +68,7 @@ class RobotBatch:
         self.seen_m = np.tile([[np.inf], [-np.inf]], (count, 1, 2))  # the box of all cells that each has seen
         self.cells_seen = np.zeros(count, dtype=int)
         self.previous = np.zeros((count, 2))
+        self._faces = np.zeros(count, dtype=int)  # of the floor, under each robot when it was last looked for
         self.steps, self.stalled, self.collisions = (np.zeros(count, dtype=int) for _ in range(3))
 
     def reset(self, robots: np.ndarray, rngs: list[np.random.Generator]) -> Outcome:
@@ -185,11 +186,12 @@ class RobotBatch:
     def plan_places(self, robots: np.ndarray) -> np.ndarray:
         """Return the places (k, 2) m of robots in the plan, in which sheets lie side by side."""
         place = rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
-        return (
-            place[:, :2]
-            if len(self.floor.offset_m) == 1
-            else self.floor.unfold(place, self.robot.wheel_radius_m)[:, :2]
-        )
+        if len(self.floor.offset_m) == 1:
+            return place[:, :2]
+        faces = self._faces[robots]
+        places = self.floor.follow(place, faces, self.robot.wheel_radius_m)
+        self._faces[robots] = faces
+        return places
 
     def poses(self) -> np.ndarray:
         """Return every robot's x, y (m) and yaw (rad) in the mine frame, (n, 3)."""
