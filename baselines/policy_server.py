@@ -10,8 +10,11 @@ from baselines.policy import make_policy, policy_sha256
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams, coerce_params
 
-
-HEIGHTS = ("height_m", "pitch_rad", "roll_rad")  # what a policy is told of a robot beside its pose in a mine with heights
+HEIGHTS = (
+    "height_m",
+    "pitch_rad",
+    "roll_rad",
+)  # what a policy is told of a robot beside its pose in a mine with heights
 
 
 class PolicyServer:

@@ -31,7 +31,7 @@ _LEAST = 0.8
 
 
 def build_level(legs: dict[str, Leg], folder: Path) -> Path:
-    """Build a station table's plan, sheet beside sheet, as a level mine without tilt; return its bundle."""
+    """Build the largest sheet of a station table's plan as a level mine without tilt; return its bundle."""
     config = compose(["preset=light", "realism.tilt_deg=0"])
     path = folder / "stations.csv"
     path.write_text(table(legs))
@@ -54,13 +54,13 @@ def one_steps_per_s(env: MineEnv, actions: list[list[float]]) -> float:
 
 
 def measure(heights: Path, level: Path, runs: int) -> dict[str, tuple[float, float, float]]:
-    """Return steps a second with heights and on the level, and the median of their ratios run by run, by environment."""
+    """Return steps a second with heights and on the level, and the median of their ratios, by environment."""
     actions = [[1.0, 0.6], [0.7, -1.0], [0.9, 0.2], [1.0, -0.4]]
     many = [MineVectorEnv(_ROBOTS, world) for world in (heights, level)]
     alone = [MineEnv(world) for world in (heights, level)]
     rows: dict[str, list[tuple[float, float]]] = {"vector": [], "one robot": []}
     for run in range(runs + 1):  # in the first, models and scenes are made as robots reach them
-        rates = {"vector": [], "one robot": []}
+        rates: dict[str, list[float]] = {"vector": [], "one robot": []}
         for env in many:
             env.reset(seed=0)
             rates["vector"].append(steps_per_s(env, _STEPS))
@@ -70,8 +70,10 @@ def measure(heights: Path, level: Path, runs: int) -> dict[str, tuple[float, flo
         for name, (ours, theirs) in rates.items():
             if run:
                 rows[name].append((ours, theirs))
-    for env in (*many, *alone):
+    for env in many:
         env.close()
+    for one in alone:
+        one.close()
     return {
         name: (median(o for o, _ in pairs), median(t for _, t in pairs), median(o / t for o, t in pairs))
         for name, pairs in rows.items()
@@ -94,13 +96,13 @@ def main() -> int:
             mine, level = MineWithHeights(legs, config, places[0]), build_level(legs, places[1])
             found = measure(mine.bundle, level, arguments.runs)
         for kind, (ours, theirs, ratio) in found.items():
-            kind = f"{_ROBOTS} robots" if kind == "vector" else kind
-            lines.append(f"| {name} | {kind} | {ours:,.0f} | {theirs:,.0f} | {ratio:.2f} | >= {_LEAST:g} |")
+            robots = f"{_ROBOTS} robots" if kind == "vector" else kind
+            lines.append(f"| {name} | {robots} | {ours:,.0f} | {theirs:,.0f} | {ratio:.2f} | >= {_LEAST:g} |")
             lowest = min(lowest, ratio)
     head = (
-        f"# Environment speed with heights\n\nWritten by `make bench-heights` on {os.cpu_count()} cores, one thread: steps "
-        f"a second in mines with heights, and in level mines of the same plan, sheet beside sheet, without tilt. Both take "
-        f"turns; medians of {arguments.runs} runs, and the median of the ratios run by run.\n\n"
+        f"# Environment speed with heights\n\nWritten by `make bench-heights` on {os.cpu_count()} cores, one thread: "
+        f"control steps a second in mines with heights, and in level mines without tilt of the same plan, of which the "
+        f"largest sheet is kept. Both take turns; medians of {arguments.runs} runs, and of the ratios run by run.\n\n"
     )
     text = "\n".join(lines) + "\n"
     write_atomically(TABLE, (head + text).encode())

@@ -37,7 +37,6 @@ class CoverageGrid:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return ray numbers, rows and columns of all cells that segments (n, 3) to (n, 3) pass through.
 
-
         Exact: each segment, no longer than `longest_m`, is cut at every grid line it crosses, and each piece names the
         cell of its middle. Of cells of several sheets, a piece names those between whose floor and roof it is.
         """

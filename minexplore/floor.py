@@ -180,7 +180,7 @@ class Floor:
         return np.unique((places + 2.5e-5).round(4), axis=0, return_inverse=True)[1].reshape(-1)
 
     def seam_edges(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the two sheets (k, 2) of each edge that two sheets share, and its corners in both plans (k, 2, 2, 2) m."""
+        """Return the two sheets (k, 2) of each edge that two share, and its corners in both plans (k, 2, 2, 2) m."""
         edges = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]]).astype(np.int64)
         sheet, number, count = np.tile(self.sheet, 3), self._joined[edges], len(self.vertices)
         own = {int(a * count + b): k for k, (a, b) in enumerate(number.tolist())}
@@ -248,9 +248,10 @@ class Floor:
         return best
 
     def follow(self, points_m: np.ndarray, faces: np.ndarray, about_m: float) -> np.ndarray:
-        """Return the places (k, 2) m in plan of points (k, 3) m that move, as `unfold` does; `faces` (k,) are where they were.
+        """Return the places (k, 2) m in plan of points (k, 3) m that move; see `unfold`.
 
-        A point that is still over its face is not looked for. The others' faces are brought up to date.
+        `faces` (k,) are those under the points before. A point that is still over its face is not looked for; the
+        others' faces are brought up to date.
         """
         places = points_m[:, :2] + self.offset_m[self.sheet[faces]]
         above = points_m[:, 2] - self._heights_on(faces, places)

@@ -127,8 +127,10 @@ class LocalModels:
             )
 
     def _add_lowest_roof(self, solid: mujoco.MjsBody, box: _Box) -> list[mujoco.MjsGeom]:
-        """Add a level roof in place of the wedges of one that no robot reaches; return the geoms that are left to add."""
-        roof = [g for g in self._slabs if is_roof(g.name) and g.name in self._wedges and box.holds(self._wedges[g.name])]
+        """Add a level roof in place of the wedges of one that no robot reaches; return the geoms left to add."""
+        roof = [
+            g for g in self._slabs if is_roof(g.name) and g.name in self._wedges and box.holds(self._wedges[g.name])
+        ]
         lowest = min((self._wedges[geom.name].heights[0] for geom in roof), default=-np.inf)
         if lowest - box.floor_m < _OVERHEAD * (self.robot.sensor_height_m + self.robot.scanner_height_m):
             return self._slabs

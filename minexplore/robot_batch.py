@@ -180,7 +180,7 @@ class RobotBatch:
         return self._advance(robots, places)
 
     def _advance(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Step the physics of robots (k,) at places (k, 2) m of the plan for one control step; return which touched rock."""
+        """Step the physics of robots (k,) at places (k, 2) m, plan, for one control step; return which touched rock."""
         return self.stepper.advance(robots, places_m, self.task.substeps)
 
     def plan_places(self, robots: np.ndarray) -> np.ndarray:

@@ -60,8 +60,8 @@ def stances_of(info: dict[str, Any]) -> Iterator[Stance]:
 class LayerMap(OwnMap):
     """One layer: a map of what is near its level, and how high the floor of its cells is.
 
-    `height_m[i, j]` is the floor of a coverage cell, by the robot that was nearest to it: NaN where none was. `ground_m`
-    is the same of fine cells that a robot has been near to. `unsure` is rock that may be a floor that rises.
+    `height_m[i, j]` is the floor of a coverage cell, by the robot that was nearest to it, else NaN. `ground_m` is
+    the same of fine cells that a robot has been near to. `unsure` is rock that may be a floor that rises.
     """
 
     def __init__(self, cell_m: float, level_m: float) -> None:
@@ -98,7 +98,7 @@ class LayerMap(OwnMap):
         return np.abs(heights - self.level_m) < _HELD_M
 
     def doubt(self) -> bool:
-        """Forget the rock that is unsure; only a robot beside it will take it for rock again. Return whether any was."""
+        """Forget the rock that is unsure, until a robot is beside it; return whether there was any."""
         if not self.unsure.any():
             return False
         self.fine[self.unsure] = UNKNOWN
@@ -120,7 +120,7 @@ class LayerMap(OwnMap):
         along_m: float,
         across_m: float,
     ) -> None:
-        """Write the plane's heights into a grid of cells so far along and across the heading, where no robot was nearer."""
+        """Write the plane's heights into the cells so far along and across the heading, where no robot was nearer."""
         row, col = (int(v[0]) for v in self.at(stance.place[None], cell_m))
         reach = int(np.ceil(max(along_m, across_m) / cell_m))
         (first, end), (left, right) = (
@@ -161,7 +161,7 @@ class LayerMap(OwnMap):
             setattr(self, name, new)
 
     def floor_of(self, cells: np.ndarray) -> np.ndarray:
-        """Return the floor (k,) m of coverage cells (k, 2), column and row from the mine frame's origin; NaN if none."""
+        """Return the floor (k,) m of coverage cells (k, 2), column and row from the mine frame's origin, else NaN."""
         col, row = (np.asarray(cells).reshape(-1, 2) - self.low).T
         inside = (row >= 0) & (col >= 0) & (row < self.seen.shape[0]) & (col < self.seen.shape[1])
         found = np.full(len(row), np.nan)

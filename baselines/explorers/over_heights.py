@@ -52,9 +52,7 @@ class OverHeights(GraphExplorer):
         robots = zip(self._drivers, stances_of(info), info["pose_m_rad"], ranges, strict=True)
         return np.array([self._drive_over(*each) for each in robots])
 
-    def _drive_over(
-        self, driver: _LayerDriver, stance: Stance, pose: np.ndarray, ranges: np.ndarray
-    ) -> tuple[float, float]:
+    def _drive_over(self, driver: Any, stance: Stance, pose: np.ndarray, ranges: np.ndarray) -> tuple[float, float]:
         bearings, sensor_m = self._follower.bearings, self._robot.sensor_height_m
         driver.map.add_scan(stance, bearings, ranges, sensor_m, self._task.range_m[1])
         if driver.wants_a_plan(pose[:2]):

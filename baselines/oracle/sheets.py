@@ -46,8 +46,8 @@ _LAST_M = 1.0  # of rise beyond a beam's: a floor and its roof change within a c
 def network_over_sheets(batch: RobotBatch, band_s: float) -> TimeNetwork:
     """Return what `time_network` does, of a mine with heights.
 
-    A way's length is that in space, along the floor. Cells of two sheets beside their seam are linked, and what the
-    link may be too long by is taken off; so are the slopes' parts of the metric. A bound is higher by that, never lower.
+    A way's length is that in space, along the floor. Cells of two sheets beside their seam are linked, and what a
+    link may be too long by is taken off. See `metric_of` for slopes. A bound is higher by that, never lower.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def network_over_sheets(batch: RobotBatch, band_s: float) -> TimeNetwork:
 
 
 def steep_speed_mps(world: World, task: TaskParams) -> np.ndarray:
-    """Return the mean speed (columns,), m/s along the floor, that no robot exceeds at the map's eastings, down slopes too."""
+    """Return the mean speed (columns,), m/s along the floor, that no robot exceeds at the map's eastings."""
     east = world.origin_m[0] + (np.arange(world.clearance_m.shape[1]) + 0.5) * world.cell_m
     zones = world.active_zones(task.terrain)
     steep = np.tan(np.radians(world.floor.steepness_deg().max()))
@@ -123,7 +123,7 @@ def seam_links(world: World, standing: np.ndarray) -> np.ndarray:
 
 
 def links_in_space(world: World, standing: np.ndarray, across: np.ndarray, weight: np.ndarray) -> csr_matrix:
-    """Return the links (n, n) between standing cells: their lengths in space, m, times the mean of the cells' weights."""
+    """Return the links (n, n) between standing cells: lengths in space, m, times the mean of the cells' weights."""
     number = np.where(standing, np.cumsum(standing).reshape(standing.shape) - 1, -1)
     cells = np.argwhere(standing)
     places = _centres(world, cells)
@@ -206,7 +206,11 @@ def cells_in_view(batch: RobotBatch, regions: np.ndarray) -> list[np.ndarray]:
             ground = level[at[..., 0], at[..., 1]]
             with np.errstate(invalid="ignore"):
                 meets = (eye + rise * steps > ground - _LAST_M) & (eye - rise * steps < ground + height_m + _LAST_M)
-            inside &= open_[at[..., 0], at[..., 1]] & meets & (floor.sheets_at(points.reshape(-1, 2)) == other).reshape(inside.shape)
+            inside &= (
+                open_[at[..., 0], at[..., 1]]
+                & meets
+                & (floor.sheets_at(points.reshape(-1, 2)) == other).reshape(inside.shape)
+            )
             clear |= inside
             views.append((points, inside))
         clear = np.logical_and.accumulate(clear, axis=1)
