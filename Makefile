@@ -11,7 +11,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock look-pictures drive-clip compare-collision search-texture bench bench-light bench-pipeline time-training setup-baselines setup-gpu parity-gpu bench-gpu train-gpu test-gpu oracle explorers teams unseen train train-graph compare-graph train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock bench-growth leave-out-sweeps drawn-sheets
+.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock look-pictures drive-clip compare-collision search-texture bench bench-heights bench-light bench-pipeline time-training setup-baselines setup-gpu parity-gpu bench-gpu train-gpu test-gpu oracle explorers teams unseen train train-graph compare-graph train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock bench-growth leave-out-sweeps drawn-sheets
 
 help:  # show the targets that have a remark of two hashes; rarer ones have one
 	@awk -F ':.*## ' '/^##@/ {print substr($$0, 5)} /^all:/ {printf "  %-18s %s\n", "$(firstword $(STAGES)) ...", "up to and including one stage: $(STAGES)"} /^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' Makefile
@@ -135,6 +135,9 @@ search-texture: setup  # search the noise for the texture scores
 
 bench: setup  ## time the environment against its references
 	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.time_env
+
+bench-heights: setup  ## time mines with heights against level ones (docs/levels-speed.md)
+	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.time_heights $(ARGS)
 
 bench-gpu: setup-gpu  ## time the environment on a GPU (docs/env-speed-gpu.md); exit code 3 without one
 	@$(PY) -m benchmarks.time_gpu $(ARGS)

@@ -22,6 +22,7 @@ import numpy as np
 from baselines.channel import ACT, DONE, MAKE, RESET, Channel, ChannelError
 from baselines.confinement import Confinement, Limits
 from baselines.errors import BaselineError, RejectedError
+from baselines.policy_server import HEIGHTS
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 
@@ -47,8 +48,16 @@ class ConfinedPolicy:
     Use it in a `with` statement: leaving it ends the process.
     """
 
-    def __init__(self, name: str, count: int, task: TaskParams, robot: RobotParams, confined: Confined) -> None:
-        """Start the process and make the policy in it.
+    def __init__(
+        self,
+        name: str,
+        count: int,
+        task: TaskParams,
+        robot: RobotParams,
+        confined: Confined,
+        heights: bool = False,
+    ) -> None:
+        """Start the process and make the policy in it; see `baselines.policy.make_policy`.
 
         Raises
         ------
@@ -56,11 +65,12 @@ class ConfinedPolicy:
             If there is no such policy, it is another than `confined` names, it fails, or it exceeds its limits.
         """
         self._name, self._count, self._limits, self._used_s = name, count, confined.limits, 0.0
+        self._sent = ("pose_m_rad", *(HEIGHTS if heights else ()))
         self._process, self._channel, self._pipes = _start(confined.limits)
         try:
             self._await(None, b"")
             params = {"task": _fields(TaskParams, task), "robot": _fields(RobotParams, robot)}
-            asked = json.dumps({"name": name, "count": count, **params})
+            asked = json.dumps({"name": name, "count": count, "heights": heights, **params})
             found = self._await(MAKE, asked.encode())[:64].decode("ascii", "replace")
             if confined.sha256 is not None and found != confined.sha256:
                 raise RejectedError(f"policy {name} is {found[:12]} here, not {confined.sha256[:12]}")
@@ -75,9 +85,12 @@ class ConfinedPolicy:
         self._await(RESET, json.dumps(seeds.tolist()).encode())
 
     def act(self, observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
-        """Return the policy's commands (n, 2); it gets the observations and the poses, and nothing else."""
-        poses = np.ascontiguousarray(info["pose_m_rad"], dtype=np.float64)
-        answer = self._await(ACT, poses.tobytes() + np.ascontiguousarray(observation, dtype=np.float32).tobytes())
+        """Return the policy's commands (n, 2).
+
+        It gets the observations and the poses, in a mine with heights the robots' attitudes too, and nothing else.
+        """
+        stated = b"".join(np.ascontiguousarray(info[key], dtype=np.float64).tobytes() for key in self._sent)
+        answer = self._await(ACT, stated + np.ascontiguousarray(observation, dtype=np.float32).tobytes())
         if len(answer) != 16 * self._count:
             raise BaselineError(f"policy {self._name}: it sends {len(answer)} bytes, want {16 * self._count}")
         action = np.frombuffer(answer, np.float64).reshape(self._count, 2)

@@ -94,11 +94,12 @@ def _drive_part(
     policy_name: str, env_id: str, seeds: list[int], step_done: Callable[[int], Any], confined: Confined | None
 ) -> list[Episode]:
     env = make_env(env_id, len(seeds))
+    heights = not env.world.floor.is_flat
     try:
         if confined is None:
-            policy = make_policy(policy_name, len(seeds), env.task, env.robot)
+            policy = make_policy(policy_name, len(seeds), env.task, env.robot, heights)
             return list(run_episodes(env, policy, seeds, step_done))
-        with ConfinedPolicy(policy_name, len(seeds), env.task, env.robot, confined) as driver:
+        with ConfinedPolicy(policy_name, len(seeds), env.task, env.robot, confined, heights) as driver:
             return list(run_episodes(env, driver, seeds, step_done))
     finally:
         env.close()

@@ -14,6 +14,7 @@ import numpy as np
 
 from baselines.errors import BaselineError
 from baselines.explorers import EXPLORERS
+from baselines.explorers.over_heights import EXPLORERS_OVER_HEIGHTS
 from baselines.graph import checkpoint as graph_checkpoint
 from baselines.graph.policy import GraphPolicy
 from baselines.learned import LearnedPolicy
@@ -40,11 +41,14 @@ class Policy(Protocol):
         observation : (n, features) float32
             What `minexplore.observation.observation_space` describes.
         info : dict
-            The environment's. A policy may use the poses `pose_m_rad` (n, 3) and nothing else.
+            The environment's. A policy may use the poses `pose_m_rad` (n, 3) and, in a mine with heights, `height_m`,
+            `pitch_rad` and `roll_rad` (n,), and nothing else.
         """
 
 
-def make_policy(name: str, count: int, task: TaskParams, robot: RobotParams | None = None) -> Policy:
+def make_policy(
+    name: str, count: int, task: TaskParams, robot: RobotParams | None = None, heights: bool = False
+) -> Policy:
     """Return a policy for `count` robots.
 
     Parameters
@@ -56,18 +60,25 @@ def make_policy(name: str, count: int, task: TaskParams, robot: RobotParams | No
     task : TaskParams
     robot : RobotParams, optional
         The default robot without it.
+    heights : bool
+        Whether the mine has heights, see `minexplore.floor.Floor.is_flat`: explorers then map it in layers.
 
     Raises
     ------
     BaselineError
-        If there is no policy of that name; the message lists the choices.
+        If there is no policy of that name, or it knows level mines only; the message lists the choices.
     """
     robot = robot or RobotParams()
     if name in EXPLORERS:
-        return EXPLORERS[name](count, task, robot)
+        return (EXPLORERS_OVER_HEIGHTS if heights else EXPLORERS)[name](count, task, robot)
     if ":" in name:
         return _import_class(name)(count, task, robot)
     path = find_checkpoint(name)
+    if heights:
+        raise BaselineError(
+            f"policy = {name!r}: learned policies map level mines only; in a mine with heights valid choices are "
+            f"{', '.join(EXPLORERS_OVER_HEIGHTS)}, module:Class"
+        )
     if graph_checkpoint.format_of(path) == graph_checkpoint.FORMAT:
         return GraphPolicy(path, count, task, robot)
     return LearnedPolicy(path, count, task)

@@ -43,6 +43,8 @@ def drive_team(env_id: str, robots: int, seed: int, step_done: Any = lambda coun
     """
     env = MineParallelEnv(robots, **gymnasium.spec(env_id).kwargs)
     try:
+        if not env.world.floor.is_flat:
+            raise BaselineError(f"{env_id}: its mine has heights; the team's map knows level mines only")
         policy = AssignedFrontiers(robots, env.task, env.robot)
         observation, info = env.reset(seed=seed)
         agents, curve, collisions = env.possible_agents, [], 0

@@ -18,7 +18,8 @@ class CoverageGrid:
         standing = _connected(world, world.clearance_m >= radius_m, centre_m)
         row, col = np.nonzero(standing)
         places = world.origin_m + (np.column_stack([col, row]) + 0.5) * world.cell_m
-        places = places[np.linalg.norm(places - centre_m, axis=1) <= reach_m]
+        if np.isfinite(reach_m):
+            places = places[_distances(world, places, centre_m) <= reach_m]
         self.cell_m = cell_m
         self.origin_m = np.floor(world.origin_m / cell_m) * cell_m
         cols, rows = np.ceil((world.record["world_m"][2:] - self.origin_m) / cell_m).astype(int)
@@ -41,20 +42,15 @@ class CoverageGrid:
         """
         if len(self._floor.offset_m) == 1:
             return self._crossed(starts_m[:, :2], ends_m[:, :2], longest_m)[:3]
-        nothing = np.zeros(0, dtype=int)
-        found = [(nothing, nothing, nothing)]
         low_m, high_m = np.minimum(starts_m[:, 2], ends_m[:, 2]), np.maximum(starts_m[:, 2], ends_m[:, 2])
-        for offset, (low, high) in zip(self._floor.offset_m, self._floor.spans_m, strict=True):
-            some = np.flatnonzero((high_m > low - _BESIDE_M) & (low_m < high + self._height_m + _BESIDE_M))
-            if not len(some):
-                continue
-            start, end = starts_m[some], ends_m[some]
-            ray, row, col, share = self._crossed(start[:, :2] + offset, end[:, :2] + offset, longest_m)
-            above = start[ray, 2] + share * (end - start)[ray, 2] - self._level_m[row, col]
-            inside = self.reachable[row, col] & (above > -_BESIDE_M) & (above < self._height_m + _BESIDE_M)
-            found.append((some[ray[inside]], row[inside], col[inside]))
-        ray, row, col = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        return ray, row, col
+        low, high = self._floor.spans_m.T[:, :, None] + [[[-_BESIDE_M]], [[self._height_m + _BESIDE_M]]]
+        sheet, some = np.nonzero((high_m > low) & (low_m < high))
+        start, end = starts_m[some], ends_m[some]
+        offset = self._floor.offset_m[sheet]
+        ray, row, col, share = self._crossed(start[:, :2] + offset, end[:, :2] + offset, longest_m)
+        above = start[ray, 2] + share * (end[ray, 2] - start[ray, 2]) - self._level_m[row, col]
+        inside = self.reachable[row, col] & (above > -_BESIDE_M) & (above < self._height_m + _BESIDE_M)
+        return some[ray[inside]], row[inside], col[inside]
 
     def _crossed(
         self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float
@@ -83,6 +79,14 @@ class CoverageGrid:
         new = np.unique(flat[~view[flat]])
         view[new] = True
         return np.bincount(new // self.reachable.size, minlength=len(seen))
+
+
+def _distances(world: World, places: np.ndarray, centre_m: np.ndarray) -> np.ndarray:
+    """Return the distances (n,) m in the mine frame, seen from above, of places (n, 2) m of the plan from one."""
+    if len(world.floor.offset_m) > 1:
+        places = places - world.floor.offsets_at(places)
+        centre_m = centre_m - world.floor.offsets_at(centre_m[None])[0]
+    return np.linalg.norm(places - centre_m, axis=1)
 
 
 def _connected(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.ndarray:

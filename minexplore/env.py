@@ -71,7 +71,8 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
 
     ## Info
     `cells_seen`, `cells_reachable`, `coverage`, `collision` (in this step), `collisions` (so far), `zone`,
-    `pose_m_rad` (x, y, yaw in the mine frame).
+    `pose_m_rad` (x, y, yaw in the mine frame), `height_m` (of the floor under the robot, mine frame), `pitch_rad`,
+    `roll_rad` (against the level).
 
     ## Copies
     `copy.deepcopy` and pickle give an environment in the same state, random numbers included, without windows. An

@@ -18,6 +18,7 @@ from minexplore.tiles import Tile, group_by_tile, tiles_at
 _TILE_M = 4.0  # faces are looked up by square tiles of the plan
 _SEAM_M = 12.0  # edges of two sheets that are nearer than this belong to one seam
 _BETWEEN_M = 2.5  # a point whose height above a sheet is so far from the expected one is not the sheet's
+_SURE_M = 1.0  # one that is nearer than this is: floors over each other are farther apart than twice that
 _SLIVER_M = 0.05  # a sliver is thinner and rises less
 _CHUNK = 2_000_000  # pairs of a place and a triangle that are tried at once
 
@@ -111,8 +112,8 @@ class Floor:
                 continue
             places = np.column_stack([places_m[rows], np.ones(len(rows))])
             for some in _chunks(len(rows), len(faces)):
-                weights = np.einsum("fij,kj->kfi", self._to_barycentric[faces], places[some]).min(axis=2)
-                found[rows[some]] = faces[weights.argmax(axis=1)]
+                weights = np.einsum("fij,kj->ikf", self._to_barycentric[faces], places[some])
+                found[rows[some]] = faces[np.minimum(np.minimum(*weights[:2]), weights[2]).argmax(axis=1)]
         return found
 
     def heights_at(self, places_m: np.ndarray) -> np.ndarray:
@@ -120,9 +121,10 @@ class Floor:
 
         Beside the floor it is between the heights of the corners of a face nearby.
         """
-        if self.is_flat:
-            return np.zeros(len(places_m))
-        faces = self.faces_at(places_m)
+        return np.zeros(len(places_m)) if self.is_flat else self._heights_on(self.faces_at(places_m), places_m)
+
+    def _heights_on(self, faces: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        """Return the heights (k,) m of faces (k,) at places (k, 2) m, between those of their corners."""
         a, b, c = self.planes[faces].T
         low, high = self.levels_m
         return np.clip(a * places_m[:, 0] + b * places_m[:, 1] + c, low[faces], high[faces])
@@ -209,23 +211,28 @@ class Floor:
         places[:, :2] -= self.offset_m[sheet]
         return np.unique((places + 2.5e-5).round(4), axis=0, return_inverse=True)[1].reshape(-1)
 
-    def seams(self) -> np.ndarray:
-        """Return the middle of each seam (k, 2, 2) m in the plan of both its sheets."""
+    def seam_edges(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the two sheets (k, 2) of each edge that two share, and its corners in both plans (k, 2, 2, 2) m."""
         edges = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]]).astype(np.int64)
         sheet, number, count = np.tile(self.sheet, 3), self._joined[edges], len(self.vertices)
         own = {int(a * count + b): k for k, (a, b) in enumerate(number.tolist())}
+        pairs = [(k, own.get(int(b * count + a))) for k, (a, b) in enumerate(number.tolist())]
+        shared = [(k, other) for k, other in pairs if other is not None and sheet[other] > sheet[k]]
+        one, two = np.array(shared, dtype=int).reshape(-1, 2).T
+        corners = np.stack([self.vertices[edges[one], :2], self.vertices[edges[two][:, ::-1], :2]], axis=1)
+        return np.column_stack([sheet[one], sheet[two]]), corners
+
+    def seams(self) -> np.ndarray:
+        """Return the middle of each seam (k, 2, 2) m in the plan of both its sheets."""
         middles: dict[tuple[int, int, int], list[np.ndarray]] = {}
-        for k, (a, b) in enumerate(number.tolist()):
-            other = own.get(int(b * count + a))
-            if other is None or sheet[other] <= sheet[k]:
-                continue
-            pair = np.array([self.vertices[edges[e], :2].mean(axis=0) for e in (k, other)])
+        for number, ((one, two), corners) in enumerate(zip(*self.seam_edges(), strict=True)):
+            pair = corners.mean(axis=1)
             for key, found in middles.items():  # the edges of one seam lie on one line, end to end
-                if key[:2] == (sheet[k], sheet[other]) and any(np.hypot(*(f[0] - pair[0])) < _SEAM_M for f in found):
+                if key[:2] == (one, two) and any(np.hypot(*(f[0] - pair[0])) < _SEAM_M for f in found):
                     found.append(pair)
                     break
             else:
-                middles[int(sheet[k]), int(sheet[other]), k] = [pair]
+                middles[int(one), int(two), number] = [pair]
         return np.array([np.mean(found, axis=0) for found in middles.values()]).reshape(-1, 2, 2)
 
     def wall_segments(self) -> np.ndarray:
@@ -249,18 +256,19 @@ class Floor:
         if len(self.offset_m) == 1:
             return np.column_stack([points_m[:, :2], points_m[:, 2] - self.heights_at(points_m[:, :2])])
         best = np.full((len(points_m), 3), np.inf)
-        for number, offset in enumerate(self.offset_m):
-            low, high = self.spans_m[number] + about_m
-            z = points_m[:, 2]
-            rows = np.flatnonzero((z > low - _BETWEEN_M) & (z < high + _BETWEEN_M))
+        z, found = points_m[:, 2], np.zeros(len(points_m), dtype=bool)
+        for number, (offset, (low, high)) in enumerate(zip(self.offset_m, self.spans_m + about_m, strict=True)):
+            rows = np.flatnonzero((z > low - _BETWEEN_M) & (z < high + _BETWEEN_M) & ~found)
             if not len(rows):
                 continue
             places = points_m[rows, :2] + offset
             faces = self.faces_at(places)
-            above = z[rows] - self.heights_at(places)
-            nearer = np.abs(above - about_m) < np.minimum(np.abs(best[rows, 2] - about_m), _BETWEEN_M)
-            nearer &= (self.sheet[faces] == number) & self._covers(faces, places)
+            above = z[rows] - self._heights_on(faces, places)
+            off = np.abs(above - about_m)
+            nearer = (off < np.minimum(np.abs(best[rows, 2] - about_m), _BETWEEN_M)) & (self.sheet[faces] == number)
+            nearer &= self._covers(faces, places)
             best[rows[nearer]] = np.column_stack([places, above])[nearer]
+            found[rows[nearer & (off < _SURE_M)]] = True
         lost = np.flatnonzero(~np.isfinite(best[:, 2]))
         if len(lost):  # beside the floor: of the sheet with the nearest corner
             corners = self.vertices[self.faces[:, 0]] + [0.0, 0.0, about_m]
@@ -270,6 +278,20 @@ class Floor:
                 place = points_m[k, :2] + self.offset_m[self.sheet[nearest]]
                 best[k] = *place, points_m[k, 2] - self.heights_at(place[None])[0]
         return best
+
+    def follow(self, points_m: np.ndarray, faces: np.ndarray, about_m: float) -> np.ndarray:
+        """Return the places (k, 2) m in plan of points (k, 3) m that move; see `unfold`.
+
+        `faces` (k,) are those under the points before. A point that is still over its face is not looked for; the
+        others' faces are brought up to date.
+        """
+        places = points_m[:, :2] + self.offset_m[self.sheet[faces]]
+        above = points_m[:, 2] - self._heights_on(faces, places)
+        lost = np.flatnonzero(~self._covers(faces, places) | (np.abs(above - about_m) >= _SURE_M))
+        if len(lost):
+            places[lost] = self.unfold(points_m[lost], about_m)[:, :2]
+            faces[lost] = self.faces_at(places[lost])
+        return places
 
     def unfold_body(self, points_m: np.ndarray, about_m: float = 1.0) -> np.ndarray:
         """Return the points (k, 3) m of one body in the plan of the sheet that its middle belongs to."""
@@ -284,7 +306,8 @@ class Floor:
     def _covers(self, faces: np.ndarray, places_m: np.ndarray, slack: float = 1e-9) -> np.ndarray:
         """Return whether faces (k,) cover places (k, 2) m, to a share of their size."""
         places = np.column_stack([places_m, np.ones(len(places_m))])
-        return np.asarray(np.einsum("kij,kj->ki", self._to_barycentric[faces], places).min(axis=1) > -slack)
+        weights = np.einsum("kij,kj->ik", self._to_barycentric[faces], places)
+        return np.minimum(np.minimum(*weights[:2]), weights[2]) > -slack
 
 
 def _chunks(places: int, faces: int) -> list[slice]:

@@ -27,6 +27,7 @@ from minexplore.tiles import Tile, tiles_at
 from minexplore.world import World
 
 TILE_M = 2.0
+_OVERHEAD = 2.0  # times a robot's height: a roof so high over the highest floor nearby is out of its reach
 _MARGIN_M = 0.1  # beyond the robot's radius and one control step's travel; contacts need none of it
 
 
@@ -93,6 +94,9 @@ class LocalModels:
         for part in self.parts if box is None else self._parts_in(box):
             _add_part(spec, solid, part, friction=rock.friction, group=rock.group)
         separate_contacts(spec)
+        if box is not None and not self.world.floor.is_flat:
+            # Testing every pair of a robot's parts and a dozen wedges takes less time than MuJoCo's trees of boxes do.
+            spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         for name in robots:
             self.robot.attach(spec, name)
             contact_sensor(spec, name)
@@ -102,7 +106,8 @@ class LocalModels:
         self, spec: mujoco.MjSpec, mine: mujoco.MjsBody, solid: mujoco.MjsBody, box: _Box | None
     ) -> None:
         """Add the floor zones and the roof, or their wedges, that reach into a box."""
-        for geom in self._slabs:
+        slabs = self._slabs if box is None else self._add_lowest_roof(solid, box)
+        for geom in slabs:
             zone, wedge = self._zones.get(_zone_of(geom)), self._wedges.get(geom.name)
             if box is not None and not (_overlaps(geom, box.low, box.high) if wedge is None else box.holds(wedge)):
                 continue
@@ -121,6 +126,26 @@ class LocalModels:
                 group=geom.group,
             )
 
+    def _add_lowest_roof(self, solid: mujoco.MjsBody, box: _Box) -> list[mujoco.MjsGeom]:
+        """Add a level roof in place of the wedges of one that no robot reaches; return the geoms left to add."""
+        roof = [
+            g for g in self._slabs if is_roof(g.name) and g.name in self._wedges and box.holds(self._wedges[g.name])
+        ]
+        lowest = min((self._wedges[geom.name].heights[0] for geom in roof), default=-np.inf)
+        if lowest - box.floor_m < _OVERHEAD * (self.robot.sensor_height_m + self.robot.scanner_height_m):
+            return self._slabs
+        half, middle = np.append((box.high - box.low) / 2 + _MARGIN_M, _MARGIN_M), (box.high + box.low) / 2
+        solid.add_geom(
+            name=roof[0].name,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=[*middle, lowest + _MARGIN_M],
+            size=half,
+            friction=roof[0].friction,
+            priority=roof[0].priority,
+            group=roof[0].group,
+        )
+        return [geom for geom in self._slabs if not is_roof(geom.name)]
+
     def _parts_in(self, box: _Box) -> list[RockPart]:
         """Return the parts that may meet a box."""
         near = np.flatnonzero(((self._low <= box.high) & (self._high >= box.low)).all(axis=1))
@@ -136,7 +161,7 @@ class LocalModels:
         offset = floor.offsets_at((low + high)[None] / 2)[0]
         # With a margin: the top of a level wedge, in decimals and 32 bits, may be a nanometre below the mesh.
         bottom, top = float(nearby.min()) - _MARGIN_M, float(nearby.max()) + float(self.world.record["height_m"])
-        return _Box(low - offset, high - offset, bottom, top + _MARGIN_M)
+        return _Box(low - offset, high - offset, bottom, top + _MARGIN_M, float(nearby.max()))
 
     def reach(self, tile: np.ndarray, size_m: float = TILE_M) -> tuple[np.ndarray, np.ndarray]:
         """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step.
@@ -155,6 +180,7 @@ class _Box:
     high: np.ndarray
     bottom_m: float = -np.inf
     top_m: float = np.inf
+    floor_m: float = np.inf  # the highest floor in it
 
     def holds(self, part: RockPart) -> bool:
         """Return whether a part may reach into the box."""

@@ -68,6 +68,7 @@ class RobotBatch:
         self.seen_m = np.tile([[np.inf], [-np.inf]], (count, 1, 2))  # the box of all cells that each has seen
         self.cells_seen = np.zeros(count, dtype=int)
         self.previous = np.zeros((count, 2))
+        self._faces = np.zeros(count, dtype=int)  # of the floor, under each robot when it was last looked for
         self.steps, self.stalled, self.collisions = (np.zeros(count, dtype=int) for _ in range(3))
 
     def reset(self, robots: np.ndarray, rngs: list[np.random.Generator]) -> Outcome:
@@ -169,26 +170,28 @@ class RobotBatch:
             Whether the chassis touched rock in any physics step.
         """
         task = self.task
-        zone = self.world.zones_at(self.plan_places(robots)[:, 0])
+        places = self.plan_places(robots)
+        zone = self.world.zones_at(places[:, 0])
         forward = command[:, 0] * task.max_forward_mps * self._scale[zone]
         for k in np.flatnonzero(self._noise[zone]).tolist():
             forward[k] += rngs[robots[k]].normal(0.0, self._noise[zone[k]])
         turn = command[:, 1] * task.max_turn_radps * self._scale[zone]
         self.stepper.ctrl[robots] = self.robot.controls(forward, turn)
-        return self._advance(robots)
+        return self._advance(robots, places)
 
-    def _advance(self, robots: np.ndarray) -> np.ndarray:
-        """Step the physics of robots (k,) for one control step; return which touched rock."""
-        return self.stepper.advance(robots, self.plan_places(robots), self.task.substeps)
+    def _advance(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        """Step the physics of robots (k,) at places (k, 2) m, plan, for one control step; return which touched rock."""
+        return self.stepper.advance(robots, places_m, self.task.substeps)
 
     def plan_places(self, robots: np.ndarray) -> np.ndarray:
         """Return the places (k, 2) m of robots in the plan, in which sheets lie side by side."""
         place = rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
-        return (
-            place[:, :2]
-            if len(self.floor.offset_m) == 1
-            else self.floor.unfold(place, self.robot.wheel_radius_m)[:, :2]
-        )
+        if len(self.floor.offset_m) == 1:
+            return place[:, :2]
+        faces = self._faces[robots]
+        places = self.floor.follow(place, faces, self.robot.wheel_radius_m)
+        self._faces[robots] = faces
+        return places
 
     def poses(self) -> np.ndarray:
         """Return every robot's x, y (m) and yaw (rad) in the mine frame, (n, 3)."""
@@ -196,6 +199,10 @@ class RobotBatch:
         heading = rotate_inverse(rotation_matrices(self.qpos[:, 3:7])[:, :, 0], self._R)
         yaw = [math.atan2(y, x) for x, y in heading[:, :2].tolist()]  # NumPy's differs between processors
         return np.column_stack([place[:, :2], yaw])
+
+    def heights(self, robots: np.ndarray) -> np.ndarray:
+        """Return how high the floor is under robots (k,) m, by the height of their axles in the mine frame."""
+        return rotate_inverse(self.qpos[robots, :3] - self._t, self._R)[:, 2] - self.robot.wheel_radius_m
 
     def attitudes(self, robots: np.ndarray) -> np.ndarray:
         """Return pitch, nose up, and roll, left side up, (k, 2) rad, of robots against the level."""
@@ -250,6 +257,7 @@ class RobotBatch:
             "collisions": self.collisions[robots].copy(),
             "zone": self.world.zone_names[self.world.zones_at(self.plan_places(robots)[:, 0])],
             "pose_m_rad": poses,
+            "height_m": self.heights(robots),
             "pitch_rad": attitude[:, 0],
             "roll_rad": attitude[:, 1],
         }

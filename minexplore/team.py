@@ -60,7 +60,7 @@ class Team(RobotBatch):
         self._taken.append((float(x), float(y)))
         return self._taken[-1]
 
-    def _advance(self, robots: np.ndarray) -> np.ndarray:
+    def _advance(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         touched = np.zeros(self.count, dtype=bool)
         self.data.ctrl[:] = self.stepper.ctrl.ravel()
         for _ in range(self.task.substeps):

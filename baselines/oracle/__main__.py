@@ -16,6 +16,7 @@ from baselines.evaluate import is_current
 from baselines.oracle.bound import best_walk
 from baselines.oracle.figure import draw_oracle
 from baselines.oracle.network import TimeNetwork, time_network
+from baselines.oracle.sheets import network_over_sheets, tour_over_sheets
 from baselines.oracle.tour import OracleTour, plan_tour
 from baselines.progress import Progress
 from baselines.protocol import SEEDS, head_of, run_episodes
@@ -34,7 +35,8 @@ def renew(env_id: str, seeds: list[int], limit_s: float, picture: Path) -> None:
     head = head_of(env_id, env, LABEL, OracleTour(1, env.task, env.robot, np.zeros((1, 2))), seeds)
     known, results, times = _known_bound(env_id, head), result_path(LABEL, env_id), _times(env)
     bounded, driven = len(known.time_s) == len(times), is_current(results, head)
-    network = None if bounded and driven else time_network(env.robots, times[-1] / _BANDS)
+    build = time_network if env.world.floor.is_flat else network_over_sheets
+    network = None if bounded and driven else build(env.robots, times[-1] / _BANDS)
     bound = known if network is None else _bound(env_id, network, known, times, limit_s)
     if network is not None and not driven:
         write_results(results, head, _tour(env_id, env, network, seeds, limit_s))
@@ -84,7 +86,8 @@ def _tour(env_id: str, env: MineVectorEnv, network: TimeNetwork, seeds: list[int
     progress = Progress(f"{env_id}: tours", len(_BUDGETS) * len(seeds) * env.task.max_steps)
     tours = []
     for budget in _BUDGETS:
-        path = plan_tour(network, best_walk(network, budget * horizon, limit_s), env.world)
+        plan = plan_tour if env.world.floor.is_flat else tour_over_sheets
+        path = plan(network, best_walk(network, budget * horizon, limit_s), env.world)
         tour = OracleTour(len(seeds), env.task, env.robot, path)
         tours.append(list(run_episodes(env, tour, seeds, progress.add)))
     progress.close()

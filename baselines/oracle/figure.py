@@ -39,7 +39,13 @@ def _draw_plan(plan: Any, env: MineVectorEnv, episode: Episode) -> Any:
     west, south = world.origin_m
     frame = (west, west + cols * world.cell_m, south, south + rows * world.cell_m)
     colours = matplotlib.colors.ListedColormap([_ROCK, "white"])
-    plan.imshow(world.clearance_m > 0, origin="lower", extent=frame, cmap=colours)
+    if world.floor.is_flat:
+        plan.imshow(world.clearance_m > 0, origin="lower", extent=frame, cmap=colours)
+    else:  # its sheets lie over each other
+        floor = world.floor
+        corners = floor.fold(floor.vertices * [1, 1, 0])[:, :2]
+        plan.tripcolor(*corners.T, floor.faces, facecolors=np.zeros(len(floor.faces)), cmap="Greys", alpha=0.3)
+        plan.set_aspect("equal")
     path, times = np.array(episode.path_cm) / 100, sample_times(episode, task.control_s)
     if np.isfinite(task.region_m):
         row, col = np.nonzero(grid.reachable)
