@@ -27,7 +27,6 @@ from minexplore.bundle import (
     GeomGroup,
 )
 from minexplore.floor import Floor
-from pipeline.errors import ParamsError
 from pipeline.geometry.floor_parts import floor_patches
 from pipeline.mjcf.bundle import HeightFigures, WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.floor_cover import cover_floor
@@ -62,14 +61,7 @@ def assemble_world(
     `rough` is the folder with the chunks of the rough surface, or these files by name. An empty `smooth` gives a world
     without visible rock, which has no texture and no preview either. The last four arguments enter the bundle as they
     are.
-
-    Raises
-    ------
-    ParamsError
-        If a mine with heights has visible rock.
     """
-    if smooth and not floor.is_flat:
-        raise ParamsError("surface.overlay = rough: a mine with heights shows no rock yet; want surface.overlay=none")
     chunks = _chunks(rough)
     zones = tile_zones(params.zones, extent.world_m)
     scene = MineScene(

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import itertools
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from minexplore.bundle import (
     COVER_M,
@@ -28,6 +31,7 @@ from minexplore.bundle import (
     world_sha256,
 )
 from minexplore.floor import Floor
+from minexplore.folding import Folding
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.scene import FloorZone, MineScene
@@ -38,6 +42,7 @@ from pipeline.store.verify import verify_world
 from pipeline.types import Areas, Frame, Spawn
 
 _LEVEL_M = 1e-3
+Unfold = Callable[[np.ndarray], np.ndarray]  # triangles (n, 3, 3) m of one mesh, into the plan
 
 
 @dataclass(frozen=True)
@@ -183,22 +188,50 @@ def open_bundle(folder: Path, checked: bool = True) -> World:
     return World(record, model, len(warnings), size)
 
 
-def visible_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
+def visible_triangles(model: mujoco.MjModel, piece: str, unfold: Unfold | None = None) -> np.ndarray:
     """Return the visible triangles (n, 3, 3), m, mine frame, of a piece (walls or roof) of a compiled world.
 
-    They belong to the rough surface, or to the smooth surface if the world has no rough one.
+    They belong to the rough surface, or to the smooth surface if the world has no rough one. With `unfold` they are in
+    the plan.
     """
-    rough = _triangles_of_geoms(model, surface_geom(piece))
-    return rough if len(rough) else smooth_triangles(model, piece)
+    rough = _triangles_of_geoms(model, surface_geom(piece), unfold)
+    return rough if len(rough) else smooth_triangles(model, piece, unfold)
 
 
-def smooth_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
+def smooth_triangles(model: mujoco.MjModel, piece: str, unfold: Unfold | None = None) -> np.ndarray:
     """Return the triangles (n, 3, 3), m, mine frame, of a piece of the smooth surface of a compiled world."""
-    return _triangles_of_geoms(model, surface_geom(smooth_mesh(piece)))
+    return _triangles_of_geoms(model, surface_geom(smooth_mesh(piece)), unfold)
 
 
-def _triangles_of_geoms(model: mujoco.MjModel, prefix: str) -> np.ndarray:
-    return _triangles(model, [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(prefix)])
+def unfold_surfaces(folder: Path, record: WorldRecord) -> Unfold | None:
+    """Return what moves the triangles (n, 3, 3) m of one mesh into the plan, or None for a flat world.
+
+    The pieces of a mesh that hang together belong to one sheet each.
+    """
+    if record.heights is None:
+        return None
+    folding = Folding(read_floor(folder, record))
+
+    def unfold(triangles: np.ndarray) -> np.ndarray:
+        _, corner = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+        corner = corner.reshape(-1, 3)
+        ends = corner[:, [0, 1, 1, 2]].reshape(-1, 2).T
+        links = coo_array((np.ones(ends.shape[1]), ends), shape=(corner.max() + 1,) * 2)
+        piece = connected_components(links, directed=False)[1][corner[:, 0]]
+        placed = triangles.astype(np.float64)
+        for number in np.unique(piece):
+            own = piece == number
+            placed[own] = folding.unfold(placed[own].reshape(-1, 3), record.height_m).reshape(-1, 3, 3)
+        return placed
+
+    return unfold
+
+
+def _triangles_of_geoms(model: mujoco.MjModel, prefix: str, unfold: Unfold | None) -> np.ndarray:
+    geoms = [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(prefix)]
+    if unfold is None:
+        return _triangles(model, geoms)
+    return np.concatenate([np.zeros((0, 3, 3)), *(unfold(_triangles(model, [geom])) for geom in geoms)])
 
 
 def geom_triangles(model: mujoco.MjModel, group: int) -> np.ndarray:

@@ -36,7 +36,7 @@ class Meeting:
         return flat.reshape(values.shape)
 
     def join(self, vertices: np.ndarray, offset_m: np.ndarray) -> np.ndarray:
-        """Return vertices (n, 3) m, those on seams at the place of the first of them; `offset_m` (n, 2) of the sheets."""
+        """Return vertices (n, 3) m, those on seams at the first one's place; `offset_m` (n, 2) is of their sheets."""
         first = np.unique(self.place, return_index=True)[1]
         joined = vertices.copy()
         source = self.points[first][self.place]

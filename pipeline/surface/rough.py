@@ -248,8 +248,8 @@ def _along_walls(lattice: Lattice, texture_m: float) -> tuple[np.ndarray, np.nda
     """Return each column's texture coordinate along its wall, and its ring's number of repeats, a whole number."""
     if lattice.walls.sheets:
         sheets = lattice.walls.sheets
-        whole = np.maximum(1, np.round(sheets.length_m / texture_m))
-        return sheets.along_m / sheets.length_m * whole, whole
+        times = np.maximum(1, np.round(sheets.length_m / texture_m))
+        return sheets.along_m / sheets.length_m * times, times
     u, repeats = [], []
     for ring in lattice.walls.rings:
         whole = max(1, round(ring.count * ring.step_m / texture_m))

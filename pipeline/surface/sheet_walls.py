@@ -69,9 +69,11 @@ def lay_sheet_walls(free: BaseGeometry, floor: Floor, spacing_m: float, network:
     free_m, rock_m, passage_m = np.zeros((3, len(xy)))
     free_m[walls], rock_m[walls] = largest_discs(xy[walls], inward[walls])
     passage_m[walls] = free_m[walls] if network is None else passages(xy[walls], free_m[walls], network)
-    even = [_evened(radius, runs) for radius in (free_m, rock_m, passage_m)]
+    free_m, rock_m, passage_m = (_evened(radius, runs) for radius in (free_m, rock_m, passage_m))
     along_m, length_m = _along(len(xy), runs, joined, group)
-    return Walls(xy, inward, *even, rings, Sheets(is_open, joined, group, along_m, length_m, offset))
+    return Walls(
+        xy, inward, free_m, rock_m, passage_m, rings, Sheets(is_open, joined, group, along_m, length_m, offset)
+    )
 
 
 def _rounded_sheets(free: BaseGeometry, floor: Floor, seams: list[SeamLine]) -> list[Polygon]:
@@ -116,7 +118,7 @@ def _lay_ring(
 
 
 def _meet(xy: np.ndarray, offset_m: np.ndarray, runs: list[_Run]) -> tuple[np.ndarray, np.ndarray]:
-    """Move the columns of each seam to one place in both sheets; return columns on seams (k,), and their groups (k,)."""
+    """Move the columns of each seam to one place in both sheets; return the columns on seams (k,) and their groups."""
     pairs = []
     of_seam: dict[int, list[_Run]] = defaultdict(list)
     for run in (run for run in runs if run.seam is not None):

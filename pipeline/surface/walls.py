@@ -76,6 +76,18 @@ class Walls:
         """Return the numbers of the columns that stand on a wall; on a seam between two sheets there is none."""
         return np.arange(len(self.xy)) if self.sheets is None else np.flatnonzero(~self.sheets.open)
 
+    @property
+    def stretches(self) -> list[tuple[int, int, float]]:
+        """Return first column, number of columns and their distance, m, of each ring, or each wall between seams."""
+        found = []
+        for ring in self.rings:
+            own = np.ones(ring.count, bool)
+            if self.sheets is not None:
+                own = ~self.sheets.open[ring.first : ring.first + ring.count]
+            edge = np.flatnonzero(np.diff(np.concatenate([[0], own.astype(int), [0]]))).reshape(-1, 2)
+            found += [(ring.first + a, b - a, ring.step_m) for a, b in edge.tolist() if b - a > 1]
+        return found
+
 
 def lay_walls(free: Polygon, spacing_m: float, network: DriftNetwork | None = None) -> Walls:
     """Place columns along the walls, at most `spacing_m` apart, and measure the space around each.
@@ -106,7 +118,7 @@ def outline_of(xy: np.ndarray, rings: list[Ring]) -> Polygon | MultiPolygon:
 
 
 def foot_of(xy: np.ndarray, walls: Walls) -> tuple[Polygon | MultiPolygon, np.ndarray]:
-    """Return the polygon through places (n, 2) m of the columns, straight over seams, and the numbers of its columns."""
+    """Return the polygon through places (n, 2) m of the columns, straight over seams, and its columns' numbers."""
     kept = np.zeros(len(xy), bool)
     kept[walls.closed] = True
     rings, first = [], 0
