@@ -2,27 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 _ROUNDS = 20  # each halves the longest edges
 
 
 def split_long_edges(points: np.ndarray, faces: np.ndarray, most_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return points (n, d) and faces (m, 3) without edges longer than a bound.
+    """Return points (n, d) and faces (m, 3) without edges longer than a bound; a point's place, m, comes first."""
 
-    Each round halves every edge that is too long, for all its faces alike.
+    def is_long(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(one[:, :3] - two[:, :3], axis=1) > most_m
+
+    return split_edges(points, faces, is_long)
+
+
+def split_edges(
+    points: np.ndarray, faces: np.ndarray, wants: Callable[[np.ndarray, np.ndarray], np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (n, d) and faces (m, 3) whose edges are halved until none wants it.
+
+    Each round halves an edge for all its faces alike, so that neighbours stay joined.
 
     Parameters
     ----------
     points : (n, d)
-        The first three columns are places, m; further ones are divided as they are.
     faces : (m, 3) int
-    most_m : float
+    wants : callable
+        Whether edges (k,) between points (k, d) and (k, d) are to be halved.
     """
     for _ in range(_ROUNDS):
         edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         unique, of_face = np.unique(edges, axis=0, return_inverse=True)
-        long = np.linalg.norm(points[unique[:, 0], :3] - points[unique[:, 1], :3], axis=1) > most_m
+        long = wants(points[unique[:, 0]], points[unique[:, 1]])
         if not long.any():
             break
         number = np.full(len(unique), -1)

@@ -17,6 +17,7 @@ from pipeline.geometry.polyline import arc_length
 from pipeline.types import Mesh
 
 FLOOR = "floor"  # the flat floor closes the surface; a bundle does not hold it
+_CUT_M, _HAIR_M2 = 1e-6, 1e-5
 _RINGS = 4  # contours of a chamfer; in drifts narrower than two chamfers the ridge is exact to one contour
 
 
@@ -89,8 +90,13 @@ def _sloping_cap(free: Polygon, chamfer_m: float, whole: Polygon | None) -> tupl
         if outer.is_empty:
             break
         points, faces = triangulate(outer.difference(inner))
-        on_inner = {xy.tobytes() for xy in shapely.get_coordinates(inner)}
-        depths = np.array([depth + step if xy.tobytes() in on_inner else depth for xy in points])
+        if whole is None:
+            on_inner = {xy.tobytes() for xy in shapely.get_coordinates(inner)}
+            inside = np.array([xy.tobytes() in on_inner for xy in points])
+        else:  # where the workings go on, rings end on the cut, and rounding moves their ends
+            inside = shapely.dwithin(inner, shapely.points(points), _CUT_M)
+            faces = faces[shapely.area(shapely.polygons(points[faces])) > _HAIR_M2]
+        depths = np.where(inside, depth + step, depth)
         triangles.append(np.column_stack([points, depths])[faces])
         flat.append(np.full(len(faces), k == _RINGS))
         outer = inner
