@@ -126,7 +126,8 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], floor:
     if not has_visible_rock(record):
         _refuse_visible(files)
     low, high = rock_box(record, floor)
-    check_meshes(files, low - [_BEYOND_M, _BEYOND_M, _BELOW_M], high + np.array([_BEYOND_M, _BEYOND_M, _ABOVE_M]))
+    low, high = low - [_BEYOND_M, _BEYOND_M, _BELOW_M], high + np.array([_BEYOND_M, _BEYOND_M, _ABOVE_M])
+    check_meshes(files, low, high, floor, record["height_m"])
     for name, kind in pictures_of(record).items():
         width, height = check_png(name, files[name], kind, _MOST_PIXELS[name])
         if name == ROCK_TEXTURE and (width != height or width < 16):

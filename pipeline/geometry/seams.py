@@ -83,12 +83,12 @@ def continue_sheets(free: BaseGeometry, floor: Floor, reach_m: float) -> list[Po
     return continued
 
 
-def behind_seam(line_m: np.ndarray, inside: Polygon, depth_m: float) -> Polygon:
+def behind_seam(line_m: np.ndarray, inside: Polygon, depth_m: float, aside_m: float = _ASIDE_M) -> Polygon:
     """Return the box behind a seam (2, 2) m, as seen from its sheet, a little wider than the seam."""
     along = (line_m[1] - line_m[0]) / np.linalg.norm(line_m[1] - line_m[0])
     across = np.array([-along[1], along[0]])
     probe = line_m.mean(axis=0) + 1e-3 * across
     if inside.contains(shapely.Point(probe)):
         across = -across
-    one, two = line_m[0] - _ASIDE_M * along, line_m[1] + _ASIDE_M * along
+    one, two = line_m[0] - aside_m * along, line_m[1] + aside_m * along
     return Polygon([one, two, two + depth_m * across, one + depth_m * across])

@@ -27,6 +27,7 @@ from minexplore.bundle import (
     GeomGroup,
 )
 from minexplore.floor import Floor
+from pipeline.errors import ParamsError
 from pipeline.geometry.floor_parts import floor_patches
 from pipeline.mjcf.bundle import HeightFigures, WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.floor_cover import cover_floor
@@ -61,6 +62,11 @@ def assemble_world(
     `rough` is the folder with the chunks of the rough surface, or these files by name. An empty `smooth` gives a world
     without visible rock, which has no texture and no preview either. The last four arguments enter the bundle as they
     are.
+
+    Raises
+    ------
+    ParamsError
+        If a mine with heights has puddles.
     """
     chunks = _chunks(rough)
     zones = tile_zones(params.zones, extent.world_m)
@@ -79,7 +85,7 @@ def assemble_world(
         heading_rad=heading_at(topology, spawn.anchor_m),
         T_world_mine=tilt_about_centre(_tilt_deg(params, floor), extent.world_m),
         look=params.look,
-        fittings=_fittings(params, free_space, topology, zones, chunks, extent.height_m),
+        fittings=_fittings(params, free_space, topology, zones, chunks, extent.height_m, floor),
         puddles=tuple(zone.name for zone in zones if zone.name in params.floor.puddles) if params.floor else (),
         water_m=params.floor.water_m if params.floor else 0.0,
         floor=floor,
@@ -108,14 +114,19 @@ def _fittings(
     zones: list[FloorZone],
     rough: Bundle,
     height_m: float,
+    floor: Floor,
 ) -> Bundle:
     """Return the meshes of the visible floor and of the furniture as `NAME.msh`."""
     found: Bundle = {}
+    if params.floor and params.floor.puddles and not floor.is_flat:
+        raise ParamsError(
+            f"realism.floor.puddles = {params.floor.puddles}: a mine with heights shows no water; want []"
+        )
     if params.floor:
-        cover = cover_floor(params.floor, free_space.polygon, topology, zones)
+        cover = cover_floor(params.floor, free_space.polygon, topology, zones, floor)
         found |= {name: encode(Path(f"{name}.msh"), mesh) for name, mesh in cover.items()}
     if params.furnish != "off":
-        found |= hang_furniture(params.furniture[params.furnish], topology, rough, height_m)
+        found |= hang_furniture(params.furniture[params.furnish], topology, rough, height_m, floor)
     return {f"{name}.msh": found[name] for name in sorted(found)}
 
 

@@ -6,13 +6,12 @@ import itertools
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import mujoco
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from minexplore.bundle import (
     COVER_M,
@@ -42,7 +41,7 @@ from pipeline.store.verify import verify_world
 from pipeline.types import Areas, Frame, Spawn
 
 _LEVEL_M = 1e-3
-Unfold = Callable[[np.ndarray], np.ndarray]  # triangles (n, 3, 3) m of one mesh, into the plan
+Unfold = Callable[[np.ndarray], np.ndarray]  # triangles (n, 3, 3) m, into the plan
 
 
 @dataclass(frozen=True)
@@ -204,34 +203,16 @@ def smooth_triangles(model: mujoco.MjModel, piece: str, unfold: Unfold | None = 
 
 
 def unfold_surfaces(folder: Path, record: WorldRecord) -> Unfold | None:
-    """Return what moves the triangles (n, 3, 3) m of one mesh into the plan, or None for a flat world.
-
-    The pieces of a mesh that hang together belong to one sheet each.
-    """
+    """Return what moves triangles (n, 3, 3) m into the plan, or None for a flat world."""
     if record.heights is None:
         return None
-    folding = Folding(read_floor(folder, record))
-
-    def unfold(triangles: np.ndarray) -> np.ndarray:
-        _, corner = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
-        corner = corner.reshape(-1, 3)
-        ends = corner[:, [0, 1, 1, 2]].reshape(-1, 2).T
-        links = coo_array((np.ones(ends.shape[1]), ends), shape=(corner.max() + 1,) * 2)
-        piece = connected_components(links, directed=False)[1][corner[:, 0]]
-        placed = triangles.astype(np.float64)
-        for number in np.unique(piece):
-            own = piece == number
-            placed[own] = folding.unfold(placed[own].reshape(-1, 3), record.height_m).reshape(-1, 3, 3)
-        return placed
-
-    return unfold
+    return partial(Folding(read_floor(folder, record)).unfold_each, height_m=record.height_m)
 
 
 def _triangles_of_geoms(model: mujoco.MjModel, prefix: str, unfold: Unfold | None) -> np.ndarray:
     geoms = [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(prefix)]
-    if unfold is None:
-        return _triangles(model, geoms)
-    return np.concatenate([np.zeros((0, 3, 3)), *(unfold(_triangles(model, [geom])) for geom in geoms)])
+    triangles = _triangles(model, geoms)
+    return triangles if unfold is None else unfold(triangles)
 
 
 def geom_triangles(model: mujoco.MjModel, group: int) -> np.ndarray:
