@@ -16,7 +16,7 @@ from minexplore.tiles import group_by_tile, tiles_at
 
 _TILE_M = 4.0
 _NEAR_M = 2.0  # edges so far beyond a tile are tried first
-_BEHIND_M = 3.0  # along the walls behind a seam
+_BEHIND_M = 1.0  # along the walls behind a seam
 _FAR_M = 100.0  # what points count that are nowhere near a sheet
 _ALIKE = 0.1  # walls farther by this share of the nearest one's distance count nothing
 _BEYOND_M = 0.3  # of an edge's ends, that its slope goes on
@@ -150,26 +150,26 @@ def _walls(floor: Floor) -> np.ndarray:
         if other is None or of[other] == of[k]:
             continue
         aside = np.append(floor.offset_m[of[k]] - floor.offset_m[of[other]], 0.0)
-        rows = _walls_from(edges[other].tolist(), walls, corners, at_corner)
-        moved += [floor.vertices[edges[k]][None], walls[rows] + aside]
+        behind = _walls_from(edges[other].tolist(), walls, corners, at_corner)
+        moved += [floor.vertices[edges[k]][None], behind + aside]
     return np.unique(np.concatenate(moved), axis=0)
 
 
 def _walls_from(
     ends: list[int], walls: np.ndarray, corners: np.ndarray, at_corner: Mapping[int, list[int]]
-) -> list[int]:
-    """Return the walls, by number, along which one comes from the ends of a seam without going far from it."""
-    found: set[int] = set()
+) -> np.ndarray:
+    """Return the first metre of the walls (k, 2, 3) m that begin at the ends of a seam."""
+    found = [np.zeros((0, 2, 3))]
     for seam_end in ends:
-        todo, done = [(seam_end, 0.0)], {seam_end}
+        todo, done = [(seam_end, 0.0)], set()
         while todo:
             corner, along = todo.pop()
-            for number in at_corner.get(corner, []):
-                found.add(number)
-                one, two = corners[number].tolist()
-                end = two if one == corner else one
-                length = along + float(np.hypot(*(walls[number, 1] - walls[number, 0])[:2]))
-                if end not in done and length < _BEHIND_M:
-                    done.add(end)
-                    todo.append((end, length))
-    return sorted(found)
+            for number in set(at_corner.get(corner, [])) - done:
+                done.add(number)
+                ahead = corners[number, 0] == corner
+                one, two = walls[number] if ahead else walls[number, ::-1]
+                length = float(np.hypot(*(two - one)[:2]))
+                found.append(np.array([[one, one + min(1.0, (_BEHIND_M - along) / length) * (two - one)]]))
+                if along + length < _BEHIND_M:
+                    todo.append((int(corners[number, int(ahead)]), along + length))
+    return np.concatenate(found)
