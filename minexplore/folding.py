@@ -161,7 +161,8 @@ def _walls_from(
     """Return the first metre of the walls (k, 2, 3) m that begin at the ends of a seam."""
     found = [np.zeros((0, 2, 3))]
     for seam_end in ends:
-        todo, done = [(seam_end, 0.0)], set()
+        todo: list[tuple[int, float]] = [(seam_end, 0.0)]
+        done: set[int] = set()
         while todo:
             corner, along = todo.pop()
             for number in set(at_corner.get(corner, [])) - done:

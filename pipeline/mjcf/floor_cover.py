@@ -61,9 +61,12 @@ def cover_floor(
         Ruts follow its legs.
     zones : list of FloorZone
     floor : Floor, optional
-        Of a mine with heights: the floor is laid in the plan, level on seams, and folded.
+        Of a mine with heights: the floor is laid in the plan, level on seams, and folded. It has no puddles: water is
+        level.
     """
     floor = floor or Floor()
+    if not floor.is_flat:
+        params = params.model_copy(update={"puddles": []})
     # An outline of stage 2 carries the grid that it was rounded to, and would round the band round it to that.
     free = shapely.set_precision(free, 0.0)
     params = _widened(params, free)

@@ -14,6 +14,7 @@ from minexplore.bundle import (
     TOPOLOGY,
     TriangleMesh,
     decode_msh,
+    encode_msh,
     is_cover,
     is_fitting,
     mesh_file,
@@ -135,6 +136,8 @@ def _mesh_difference(found: TriangleMesh, made: TriangleMesh) -> str | None:
         kinds = "vertices, faces, texture coordinates and normals"
         return f"{counts[0]} {kinds}, want {counts[1]}"
     one, two = (m.vertices[m.faces].astype(np.float64) for m in (found, made))
+    if encode_msh(found) == encode_msh(made):
+        return None
     tree = cKDTree(two.mean(axis=1))
     _, at = tree.query(one.mean(axis=1))
     turned = np.stack([np.roll(one, k, axis=1) for k in range(3)])  # the same face, begun at another corner
