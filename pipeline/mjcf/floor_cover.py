@@ -151,9 +151,9 @@ def _frame(free: Polygon, spacing_m: float) -> Frame:
     return Frame(1 / spacing_m, -west / spacing_m, north / spacing_m, cols, rows)
 
 
-def _grid(free: Polygon, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+def _grid(covered: BaseGeometry, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     """Return the pixels (n, 2), column and row, on the floor, and the corners (k, 4) of the cells between them."""
-    inside = fill_polygon(free.buffer(_BEYOND_M), frame)
+    inside = fill_polygon(covered, frame)
     kept = inside[:-1, :-1] & inside[:-1, 1:] & inside[1:, 1:] & inside[1:, :-1]
     used = np.zeros_like(inside)
     first, last = slice(-1), slice(1, None)
