@@ -124,6 +124,9 @@ random-levels: setup  ## build two hundred random mines with heights: do all hol
 level-pictures: setup  ## mines with heights in plan and in space (docs/levels.png)
 	@$(PY) -m benchmarks.level_pictures
 
+decline-pictures: setup  ## views inside mines with heights, with their rock (docs/decline.jpg)
+	@$(PY) -m benchmarks.decline_pictures
+
 drive-clip: all  ## ten seconds behind a robot, for the README (docs/drive.gif)
 	@$(PY) -m benchmarks.drive_clip
 

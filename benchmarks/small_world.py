@@ -60,7 +60,7 @@ def finish_world(
     """
     free_space, network = traced["free_space"], traced["topology"]
     rock = compile_rock(config.compile3d, free_space, network, survey)
-    surface = model_surface(config.surface, free_space, network, rock["extent"])
+    surface = model_surface(config.surface, free_space, network, rock["extent"], rock["floor"])
     world = assemble_world(
         config.realism,
         survey,

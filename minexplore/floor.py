@@ -164,6 +164,12 @@ class Floor:
             found[own] = row.start + np.searchsorted(borders, places_m[own, 0])
         return found
 
+    def places_at(self, places_m: np.ndarray) -> np.ndarray:
+        """Return which sheet of its row and which row (k, 2) is about each place (k, 2) m of the plan, from 0."""
+        sheet, starts = self.sheets_at(places_m), np.array([row.start for row in self.rows])
+        row = np.searchsorted(starts, sheet, side="right") - 1
+        return np.column_stack([sheet - starts[row], row])
+
     @functools.cached_property
     def boxes_m(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the south-west and the north-east corner (sheets, 2) m of the box about each sheet in plan."""

@@ -7,8 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
+from minexplore.floor import Floor
 from pipeline.params.surface import SurfaceParams, TextureParams
 from pipeline.report.roughness import draw_sections, draw_spectra
 from pipeline.stage import Artifact, Stage, main
@@ -16,37 +17,42 @@ from pipeline.store.codecs import Bundle, Meshes
 from pipeline.surface.build import build_rough_surface, chunk_files, lay_rough_lattice, widen_spacing
 from pipeline.surface.built import RoughnessReport, amplitude_table, report_roughness
 from pipeline.surface.choose import choose_relief
+from pipeline.surface.folded import check_folded, fold_surface
 from pipeline.surface.mesh_checks import MeshReport, check_mesh, join_meshes
 from pipeline.surface.reference import measure_sources, reference_files
 from pipeline.surface.rock_texture import Layers, make_rock_texture
 from pipeline.surface.rough import closed_mesh
-from pipeline.surface.smooth import smooth_surface
+from pipeline.surface.smooth_sheets import fold_smooth, smooth_sheets
 from pipeline.surface.texture import make_texture
 from pipeline.types import NO_PICTURE, DriftNetwork, FreeSpace, Image, SolidExtent
 
 
 def model_surface(
-    params: SurfaceParams, free_space: FreeSpace, topology: DriftNetwork, extent: SolidExtent
+    params: SurfaceParams, free_space: FreeSpace, topology: DriftNetwork, extent: SolidExtent, floor: Floor
 ) -> dict[str, Any]:
-    """Return both surfaces, the texture, and reports on roughness and meshes; with `overlay=none` all are empty."""
+    """Return both surfaces, the texture, and reports on roughness and meshes; with `overlay=none` all are empty.
+
+    Surfaces are made and measured in the plan, and then folded by the floor.
+    """
     if params.overlay == "none":
         return _NO_ROCK
     free = free_space.polygon
     params = widen_spacing(params, free, extent.height_m)
     with ThreadPoolExecutor(1) as pool:  # works beside this thread, in the order of the calls
-        smooth = pool.submit(_smooth, params, free, extent.height_m)
+        smooth = pool.submit(_smooth, params, free, floor, extent.height_m)
         sources = measure_sources(params)
-        lattice = lay_rough_lattice(params, free, topology, extent.height_m)
+        lattice = lay_rough_lattice(params, free, topology, extent.height_m, floor)
         texture = pool.submit(_texture, params.texture)
         relief = choose_relief(params, sources, lattice)
         rough = build_rough_surface(params, lattice, relief)
         reported = pool.submit(report_roughness, params, sources, relief, rough)
         spectra = pool.submit(lambda: draw_spectra(reported.result()))
-        files = chunk_files(rough, params)
-        checked = check_mesh(*closed_mesh(rough))
+        folded = fold_surface(rough)
+        files = chunk_files(rough, params, folded)
+        checked = check_folded(rough, folded, closed_mesh(rough)[1])
         sections = draw_sections(rough, smooth.result(), extent.height_m)
         return {
-            "smooth": smooth.result(),
+            "smooth": fold_smooth(smooth.result(), floor),
             "rough": files,
             "texture": texture.result(),
             "sections": sections,
@@ -69,10 +75,12 @@ _NO_ROCK: dict[str, Any] = {
 }
 
 
-def _smooth(params: SurfaceParams, free: Polygon, height_m: float) -> Meshes:
-    """Return the smooth surface, checked."""
-    smooth = smooth_surface(free, height_m, params.floor_chamfer_m, params.roof_chamfer_m, params.texture.repeat_m)
-    check_mesh(*join_meshes(smooth))
+def _smooth(params: SurfaceParams, free: BaseGeometry, floor: Floor, height_m: float) -> Meshes:
+    """Return the smooth surface in the plan, checked where it is closed; that of several sheets is open on seams."""
+    chamfers = params.floor_chamfer_m, params.roof_chamfer_m
+    smooth = smooth_sheets(free, floor, height_m, *chamfers, params.texture.repeat_m)
+    if len(floor.offset_m) == 1:
+        check_mesh(*join_meshes(smooth))
     return smooth
 
 
@@ -92,6 +100,7 @@ STAGE = Stage(
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
         "topology": Artifact("contours/topology.json", DriftNetwork),
         "extent": Artifact("compile3d/extent.json", SolidExtent),
+        "floor": Artifact("compile3d/floor.npz", Floor),
     },
     writes={
         "smooth": Artifact("surface/smooth.npz", Meshes),

@@ -12,6 +12,7 @@ from typing import Any
 from minexplore.bundle import MODEL
 from pipeline.geometry.sheets import whole_of
 from pipeline.metrics.limits import breaches, flatten, require_limits
+from pipeline.mjcf.bundle import read_floor
 from pipeline.mjcf.load_time import LoadCost, measure_load
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
@@ -79,7 +80,7 @@ def _evidence_of_rock(params: ValidationParams, validator: Validator) -> dict[st
         "texture": validator.texture,
         "texture_picture": draw_texture(validator.texture),
         "heat": draw_heat(validator.texture, free),
-        "views": draw_views(validator.world, validator.network),
+        "views": draw_views(validator.world, validator.network, read_floor(validator.bundle, validator.world.record)),
         "replay": replay.report,
         "replay_picture": draw_replay(replay, free),
     }

@@ -12,7 +12,7 @@ from minexplore.floor import Floor
 from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.schema.floor_mesh import _check_figures
 from pipeline.compose import compose
-from pipeline.errors import GeometryError, InputError, ParamsError
+from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.floor_mesh import build_floor
 from pipeline.geometry.network_heights import floor_lines
 from pipeline.geometry.octree import build_octree, to_bt
@@ -171,13 +171,6 @@ def test_a_wedge_that_was_moved_is_refused_with_its_name(ramp):
     without = sealed({name: data for name, data in files.items() if name != "floor.npz"})
     with pytest.raises(BundleError, match=r"floor\.npz: missing"):
         check_files(ramp.bundle, without, hash_files(without))
-
-
-def test_a_mine_with_heights_refuses_visible_rock_which_would_not_follow_its_floor(tmp_path):
-    coarse = ["surface.rough.spacing_m=0.5", "surface.rough.roof_spacing_m=0.5", "surface.texture.size_px=32"]
-    rough = compose([*coarse, "realism.tilt_deg=0", "contours.tolerance_m=0.16"])
-    with pytest.raises(ParamsError, match=r"a mine with heights shows no rock yet; want surface\.overlay=none"):
-        MineWithHeights(RAMP, rough, tmp_path)
 
 
 def test_too_thin_a_pillar_is_refused_with_its_place(light, tmp_path):

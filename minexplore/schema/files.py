@@ -27,6 +27,8 @@ from minexplore.bundle import (
     BundleError,
     has_visible_rock,
 )
+from minexplore.floor import Floor
+from minexplore.schema.agreement import rock_box
 from minexplore.schema.arrays import read_arrays
 from minexplore.schema.fittings import FITTING_MESH
 from minexplore.schema.meshes import MESHES, check_meshes
@@ -110,7 +112,7 @@ def _walk(folder: Path) -> list[tuple[Path, str]]:
     return found
 
 
-def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes]) -> dict[str, np.ndarray]:
+def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], floor: Floor) -> dict[str, np.ndarray]:
     """Refuse meshes, grid, map or pictures that a world cannot have; return the grid's arrays.
 
     Raises
@@ -123,10 +125,9 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes]) -> dic
             raise BundleError(f"{name}: missing")
     if not has_visible_rock(record):
         _refuse_visible(files)
-    west, south, east, north = record["world_m"]
-    low = np.array([west - _BEYOND_M, south - _BEYOND_M, -_BELOW_M])
-    high = np.array([east + _BEYOND_M, north + _BEYOND_M, record["height_m"] + _ABOVE_M])
-    check_meshes(files, low, high)
+    low, high = rock_box(record, floor)
+    low, high = low - [_BEYOND_M, _BEYOND_M, _BELOW_M], high + np.array([_BEYOND_M, _BEYOND_M, _ABOVE_M])
+    check_meshes(files, low, high, floor, record["height_m"])
     for name, kind in pictures_of(record).items():
         width, height = check_png(name, files[name], kind, _MOST_PIXELS[name])
         if name == ROCK_TEXTURE and (width != height or width < 16):

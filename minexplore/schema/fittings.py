@@ -20,6 +20,7 @@ from minexplore.bundle import (
     cover_material,
     fitting_geom,
     fitting_material,
+    has_heights,
     is_cover,
     is_fitting,
     mesh_file,
@@ -145,7 +146,7 @@ BODY = Element(
 )
 
 
-def check_heights(name: str, lowest_m: float, highest_m: float) -> None:
+def check_heights(name: str, lowest_m: float, highest_m: float, slack_m: float = 1e-6) -> None:
     """Refuse a fitting's mesh that is not where fittings are: under a decimetre, or above every robot.
 
     Raises
@@ -156,7 +157,7 @@ def check_heights(name: str, lowest_m: float, highest_m: float) -> None:
     kind = name.partition("_")[0]
     least = 0.0 if is_cover(name) else FURNITURE_ABOVE_M if kind == "bolts" else LINES_ABOVE_M
     most = COVER_M if is_cover(name) else float("inf")
-    if not (lowest_m >= least - 1e-6 and highest_m <= most + 1e-6):
+    if not (lowest_m >= least - slack_m and highest_m <= most + slack_m):
         wanted = f"{least:g} to {most:g} m" if is_cover(name) else f"{least:g} m or more"
         raise BundleError(
             f"{mesh_file(name)}: from {lowest_m:g} to {highest_m:g} m above the floor, want {wanted}; "
@@ -190,13 +191,14 @@ def check_fittings(body: Node | None, assets: Mapping[tuple[str, str], Node], re
         wanted = fitting_material(mesh, names)
         if (node.attributes["mesh"], node.attributes["material"]) != (mesh, wanted):
             raise BundleError(f"{MODEL}: {node.path}: want mesh {mesh!r} and material {wanted!r}")
-    shades = {shade_geom(layer) for layer in range(len(SHADE_LEVELS))} if any(map(is_cover, meshes)) else set()
+    level = any(map(is_cover, meshes)) and not has_heights(record)  # planes are, and lie over a level floor alone
+    shades = {shade_geom(layer) for layer in range(len(SHADE_LEVELS))} if level else set()
     waters = {puddle_geom(zone) for zone in zones} if shades else set()
     if planes.keys() - waters != shades:
         odd = min((planes.keys() - waters) ^ shades)
         raise BundleError(
-            f"{MODEL}: {FITTINGS_BODY}: want {len(SHADE_LEVELS)} planes of shade over a visible floor, and water on "
-            f"floor zones alone; see {odd!r}"
+            f"{MODEL}: {FITTINGS_BODY}: want {len(SHADE_LEVELS)} planes of shade over a visible level floor, and water "
+            f"on its zones alone; see {odd!r}"
         )
     if shades:
         _check_planes(planes, zones)

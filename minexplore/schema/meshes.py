@@ -7,14 +7,17 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from minexplore.bundle import BundleError, TriangleMesh, decode_msh, is_cover, is_fitting
+from minexplore.floor import Floor
+from minexplore.folding import Folding
 from minexplore.schema.fittings import check_heights
 
 MESHES = "meshes/"
 _MOST_REPEATS = 1e7  # of the texture
+_ROUNDED_M = 1e-3  # heights are differences of rounded numbers, in 32 bits
 _AT_ONCE_BYTES = 16 << 20  # of meshes that are copied into one array
 
 
-def check_meshes(files: Mapping[str, bytes], low: np.ndarray, high: np.ndarray) -> None:
+def check_meshes(files: Mapping[str, bytes], low: np.ndarray, high: np.ndarray, floor: Floor, height_m: float) -> None:
     """Refuse meshes that no world has: lying counts, places outside the rock, faces of vertices that are not there.
 
     Parameters
@@ -23,15 +26,19 @@ def check_meshes(files: Mapping[str, bytes], low: np.ndarray, high: np.ndarray) 
         A bundle's files; those below `meshes/` are checked.
     low, high : (3,) float64, m
         Corners of the box that holds all vertices.
+    floor, height_m : Floor, float
+        Fittings lie at heights above it, below a roof.
 
     Raises
     ------
     BundleError
         Naming the file, the value and the limit.
     """
+    folding = Folding(floor)
     for names in _batches(files):
         meshes = [_decode(name, files[name]) for name in names]
         _check_places(names, [mesh.vertices for mesh in meshes], low, high)
+        _check_fittings(names, meshes, folding, height_m)
         _check_faces(names, meshes)
         _check_textures(names, meshes)
         _check_normals(names, meshes)
@@ -79,7 +86,7 @@ def _starts(arrays: list[np.ndarray]) -> np.ndarray:
 
 
 def _check_places(names: list[str], vertices: list[np.ndarray], low: np.ndarray, high: np.ndarray) -> None:
-    """Check that vertices lie in the box, and those of fittings at heights where fittings are. NaN fails as well."""
+    """Check that vertices lie in the box. NaN fails as well."""
     along, starts = np.ascontiguousarray(np.concatenate(vertices).T), _starts(vertices)
     first, last = np.minimum.reduceat(along, starts, axis=1), np.maximum.reduceat(along, starts, axis=1)
     outside = np.argwhere(~((first >= low[:, None]) & (last <= high[:, None])))
@@ -89,9 +96,21 @@ def _check_places(names: list[str], vertices: list[np.ndarray], low: np.ndarray,
             f"{names[k]}: vertices from {first[axis, k]:g} to {last[axis, k]:g} m along axis {axis}, "
             f"the rock ends at {low[axis]:g} and {high[axis]:g} m"
         )
-    for name, lowest_m, highest_m in zip(names, first[2].tolist(), last[2].tolist(), strict=True):
-        if is_fitting(_stem(name)):
-            check_heights(_stem(name), lowest_m, highest_m)
+
+
+def _check_fittings(names: list[str], meshes: list[TriangleMesh], folding: Folding, height_m: float) -> None:
+    """Check that fittings are at heights where fittings are, above the floor under them; NaN fails as well."""
+    for name, mesh in zip(names, meshes, strict=True):
+        if not is_fitting(_stem(name)):
+            continue
+        if folding.floor.is_flat:
+            check_heights(_stem(name), float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max()))
+            continue
+        places = folding.unfold(mesh.vertices.astype(np.float64), height_m)
+        # Behind a wall a height may be that of one wall or another's; over the floor there is no doubt.
+        over = places[folding.heights_at(places[:, :2])[1] == 0, 2]
+        if len(over):
+            check_heights(_stem(name), float(over.min()), float(over.max()), _ROUNDED_M)
 
 
 def _check_faces(names: list[str], meshes: list[TriangleMesh]) -> None:

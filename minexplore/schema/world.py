@@ -72,10 +72,10 @@ def _check(files: Mapping[str, bytes], hashes: Mapping[str, str]) -> CheckedWorl
     record = read_json(RECORD, files.get(RECORD, b""))
     check_hashes(record, hashes)
     check_record(RECORD, record)
-    grid = check_contents(record, files)
+    floor = read_floor(record, files)
+    grid = check_contents(record, files, floor)
     root = read_xml(MODEL, files[MODEL])
     check_elements(MODEL, root, _TABLES[has_visible_rock(record), has_heights(record)])
-    floor = read_floor(record, files)
     check_agreement(root, record, [name for name in files if name.startswith(MESHES)], floor)
     return CheckedWorld(record, files, grid, floor)
 

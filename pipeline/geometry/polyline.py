@@ -3,6 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+
+def rings_of(polygons: BaseGeometry) -> list[shapely.LinearRing]:
+    """Return the rings of a polygon, or of several: of each the exterior first, then its holes."""
+    return [ring for part in shapely.get_parts(polygons) for ring in (part.exterior, *part.interiors)]
 
 
 def arc_length(points: np.ndarray) -> np.ndarray:

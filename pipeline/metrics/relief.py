@@ -10,8 +10,9 @@ import trimesh
 from scipy.signal import detrend
 from scipy.signal.windows import hann
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
-from pipeline.geometry.polyline import arc_length
+from pipeline.geometry.polyline import arc_length, rings_of
 from pipeline.metrics.digits import repeatable
 from pipeline.metrics.profile import arc_windows, line_roughness, project_on_rings
 from pipeline.metrics.roughness import SurfaceRoughness
@@ -47,9 +48,13 @@ class Cut:
     line_rq_m: dict[str, float]
 
 
-def measure_relief(walls: np.ndarray, sample: np.ndarray, free: Polygon) -> Relief:
-    """Measure the walls, faces (n, 3, 3) m in the mine frame; flat faces are grown in a `sample` (k, 3, 3) of rock."""
-    cuts = {_cm("at", z): cut_walls(walls, free, z) for z in CUT_HEIGHTS_M}
+def measure_relief(walls: np.ndarray, sample: np.ndarray, free: Polygon, lines: BaseGeometry | None = None) -> Relief:
+    """Measure the walls, faces (n, 3, 3) m in the mine frame; flat faces are grown in a `sample` (k, 3, 3) of rock.
+
+    The plan's walls are `lines`, by default the boundary of the free space.
+    """
+    wall_m = (lines or free).length
+    cuts = {_cm("at", z): cut_walls(walls, free, z, wall_m) for z in CUT_HEIGHTS_M}
     return repeatable(Relief(face_angle_deg(walls, free), flat_face_share(sample), cuts))
 
 
@@ -59,7 +64,7 @@ def face_angle_deg(walls: np.ndarray, free: Polygon) -> float:
     area = np.linalg.norm(normal, axis=1)
     # Rounded: the sides of a corner tie, and the last digit, which differs between processors, would choose.
     middle = walls.mean(axis=1)[:, :2].round(6)
-    sides = np.concatenate([_sides(ring) for ring in (free.exterior, *free.interiors)])
+    sides = np.concatenate([_sides(ring) for ring in rings_of(free)])
     nearest = shapely.STRtree(shapely.linestrings(sides)).nearest(shapely.points(middle))
     along = sides[nearest, 1] - sides[nearest, 0]
     across = np.abs(normal[:, 0] * along[:, 1] - normal[:, 1] * along[:, 0])
@@ -75,8 +80,11 @@ def _sides(ring: shapely.LinearRing) -> np.ndarray:
     return np.stack([xy[:-1], xy[1:]], axis=1)
 
 
-def cut_walls(walls: np.ndarray, free: Polygon, height_m: float) -> Cut:
-    """Cut the walls, faces (n, 3, 3) m, at a height above the floor, and measure the cut against the plan's walls."""
+def cut_walls(walls: np.ndarray, free: Polygon, height_m: float, wall_m: float | None = None) -> Cut:
+    """Cut the walls, faces (n, 3, 3) m, at a height above the floor, and measure the cut against the plan's walls.
+
+    These are `wall_m` long, by default as the boundary of the free space.
+    """
     mesh = trimesh.Trimesh(walls.reshape(-1, 3), np.arange(3 * len(walls)).reshape(-1, 3), process=False)
     segments = trimesh.intersections.mesh_plane(mesh, [0, 0, 1], [0, 0, height_m])[:, :, :2]
     length = float(np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1).sum())
@@ -84,7 +92,7 @@ def cut_walls(walls: np.ndarray, free: Polygon, height_m: float) -> Cut:
     lines = [line for line in shapely.get_parts(joined) if line.length >= _LEAST_RUN_M]
     runs = [_evenly_spaced(shapely.get_coordinates(line)) for line in lines]
     return Cut(
-        length / free.length,
+        length / (wall_m or free.length),
         _octave_slopes(runs, free),
         {_cm("at", w): float(np.median(r)) for w in LINE_WINDOWS_M if len(r := line_roughness(runs, w))},
     )
@@ -106,7 +114,7 @@ def _evenly_spaced(line: np.ndarray) -> np.ndarray:
 
 def _octave_slopes(runs: list[np.ndarray], free: Polygon) -> dict[str, float]:
     """Return the slope of the mean spectrum in each octave, by least squares in the logarithms."""
-    rings = [free.exterior, *free.interiors]
+    rings = rings_of(free)
     total = np.zeros(round(_WINDOW_M / _STEP_M) // 2 + 1)
     for run in runs:
         ring, along, offset = project_on_rings(rings, run)

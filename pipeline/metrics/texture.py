@@ -11,6 +11,7 @@ from scipy.signal import detrend
 from scipy.signal.windows import hann
 from shapely import Polygon
 
+from pipeline.geometry.polyline import rings_of
 from pipeline.metrics.planefit import Residuals, fit_voxel_planes, normal_scatter_deg, sweep_residuals
 from pipeline.metrics.profile import arc_windows, project_on_rings
 
@@ -189,7 +190,7 @@ def wall_wavelength_m(walls: np.ndarray, free: Polygon) -> float | None:
     lengths = np.geomspace(*_BAND_M, 400)
     total = np.zeros(len(lengths))
     level = np.floor(walls[:, 2] / _SLAB_M).astype(int)
-    nearest, along, offset = project_on_rings([free.exterior, *free.interiors], walls[:, :2])
+    nearest, along, offset = project_on_rings(rings_of(free), walls[:, :2])
     offset = np.where(shapely.contains_xy(free, walls[:, 0], walls[:, 1]), offset, -offset)
     for k in np.unique(nearest):
         for value in np.unique(level[nearest == k]):

@@ -27,7 +27,6 @@ from minexplore.bundle import (
     GeomGroup,
 )
 from minexplore.floor import Floor
-from pipeline.errors import ParamsError
 from pipeline.geometry.floor_parts import floor_patches
 from pipeline.mjcf.bundle import HeightFigures, WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.floor_cover import cover_floor
@@ -62,16 +61,12 @@ def assemble_world(
     `rough` is the folder with the chunks of the rough surface, or these files by name. An empty `smooth` gives a world
     without visible rock, which has no texture and no preview either. The last four arguments enter the bundle as they
     are.
-
-    Raises
-    ------
-    ParamsError
-        If a mine with heights has visible rock.
     """
-    if smooth and not floor.is_flat:
-        raise ParamsError("surface.overlay = rough: a mine with heights shows no rock yet; want surface.overlay=none")
     chunks = _chunks(rough)
     zones = tile_zones(params.zones, extent.world_m)
+    wet = params.floor if floor.is_flat else None  # water is level
+    if params.floor and params.floor.puddles and not floor.is_flat:
+        print("realism.floor.puddles: a mine with heights shows none")
     scene = MineScene(
         name=survey.name,
         extent=extent,
@@ -87,9 +82,9 @@ def assemble_world(
         heading_rad=heading_at(topology, spawn.anchor_m),
         T_world_mine=tilt_about_centre(_tilt_deg(params, floor), extent.world_m),
         look=params.look,
-        fittings=_fittings(params, free_space, topology, zones, chunks, extent.height_m),
-        puddles=tuple(zone.name for zone in zones if zone.name in params.floor.puddles) if params.floor else (),
-        water_m=params.floor.water_m if params.floor else 0.0,
+        fittings=_fittings(params, free_space, topology, zones, chunks, extent.height_m, floor),
+        puddles=tuple(zone.name for zone in zones if zone.name in wet.puddles) if wet else (),
+        water_m=wet.water_m if wet else 0.0,
         floor=floor,
     )
     files = compile_bundle(scene)
@@ -116,14 +111,15 @@ def _fittings(
     zones: list[FloorZone],
     rough: Bundle,
     height_m: float,
+    floor: Floor,
 ) -> Bundle:
     """Return the meshes of the visible floor and of the furniture as `NAME.msh`."""
     found: Bundle = {}
     if params.floor:
-        cover = cover_floor(params.floor, free_space.polygon, topology, zones)
+        cover = cover_floor(params.floor, free_space.polygon, topology, zones, floor)
         found |= {name: encode(Path(f"{name}.msh"), mesh) for name, mesh in cover.items()}
     if params.furnish != "off":
-        found |= hang_furniture(params.furniture[params.furnish], topology, rough, height_m)
+        found |= hang_furniture(params.furniture[params.furnish], topology, rough, height_m, floor)
     return {f"{name}.msh": found[name] for name in sorted(found)}
 
 

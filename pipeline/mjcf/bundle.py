@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import itertools
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import mujoco
@@ -28,6 +30,7 @@ from minexplore.bundle import (
     world_sha256,
 )
 from minexplore.floor import Floor
+from minexplore.folding import Folding
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.scene import FloorZone, MineScene
@@ -38,6 +41,7 @@ from pipeline.store.verify import verify_world
 from pipeline.types import Areas, Frame, Spawn
 
 _LEVEL_M = 1e-3
+Unfold = Callable[[np.ndarray], np.ndarray]  # triangles (n, 3, 3) m, into the plan
 
 
 @dataclass(frozen=True)
@@ -183,22 +187,32 @@ def open_bundle(folder: Path, checked: bool = True) -> World:
     return World(record, model, len(warnings), size)
 
 
-def visible_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
+def visible_triangles(model: mujoco.MjModel, piece: str, unfold: Unfold | None = None) -> np.ndarray:
     """Return the visible triangles (n, 3, 3), m, mine frame, of a piece (walls or roof) of a compiled world.
 
-    They belong to the rough surface, or to the smooth surface if the world has no rough one.
+    They belong to the rough surface, or to the smooth surface if the world has no rough one. With `unfold` they are in
+    the plan.
     """
-    rough = _triangles_of_geoms(model, surface_geom(piece))
-    return rough if len(rough) else smooth_triangles(model, piece)
+    rough = _triangles_of_geoms(model, surface_geom(piece), unfold)
+    return rough if len(rough) else smooth_triangles(model, piece, unfold)
 
 
-def smooth_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
+def smooth_triangles(model: mujoco.MjModel, piece: str, unfold: Unfold | None = None) -> np.ndarray:
     """Return the triangles (n, 3, 3), m, mine frame, of a piece of the smooth surface of a compiled world."""
-    return _triangles_of_geoms(model, surface_geom(smooth_mesh(piece)))
+    return _triangles_of_geoms(model, surface_geom(smooth_mesh(piece)), unfold)
 
 
-def _triangles_of_geoms(model: mujoco.MjModel, prefix: str) -> np.ndarray:
-    return _triangles(model, [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(prefix)])
+def unfold_surfaces(folder: Path, record: WorldRecord) -> Unfold | None:
+    """Return what moves triangles (n, 3, 3) m into the plan, or None for a flat world."""
+    if record.heights is None:
+        return None
+    return partial(Folding(read_floor(folder, record)).unfold_each, height_m=record.height_m)
+
+
+def _triangles_of_geoms(model: mujoco.MjModel, prefix: str, unfold: Unfold | None) -> np.ndarray:
+    geoms = [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(prefix)]
+    triangles = _triangles(model, geoms)
+    return triangles if unfold is None else unfold(triangles)
 
 
 def geom_triangles(model: mujoco.MjModel, group: int) -> np.ndarray:

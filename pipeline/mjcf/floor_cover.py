@@ -10,10 +10,16 @@ import shapely
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import COVER_M, cover_mesh
+from minexplore.floor import Floor
+from minexplore.folding import Folding
 from minexplore.looks import SHADE_LEVELS, TEXTURE_PER_M
+from pipeline.geometry.floor_parts import wall_lines
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.geometry.seams import behind_seam, seam_lines
+from pipeline.geometry.subdivide import split_edges
 from pipeline.mjcf.scene import FloorZone
 from pipeline.params.realism import FloorParams
 from pipeline.types import DriftNetwork, Frame, Mesh
@@ -32,10 +38,15 @@ _UNDULATIONS_M = ((0.12, 0.24), (0.35, 0.35), (1.2, 0.6))  # scale of the uneven
 _WANDER_SCALE_M, _WANDER_M, _SHALLOWER = 1.5, 0.08, 0.35  # how ruts wander, and what their depth varies by
 _EXAGGERATED = 25.0  # heights, while the mesh is simplified
 _STRETCHED = np.array([1.0, 2.5, 1.0, 0.25])  # besides: below the water's level, round it, above it, above all shade
+_FADE_M = 1.0  # from a seam, over which the floor becomes as high as in the next sheet
+_LAP_M = 0.1  # by which two sheets lap over each other
+_OFF_FOLD_M = 0.004  # of a middle of an edge
 _SUNK_M = (0.15, 0.4)  # behind the wall the floor sinks, unseen; simplification cuts corners of the level rest
 
 
-def cover_floor(params: FloorParams, free: Polygon, network: DriftNetwork, zones: list[FloorZone]) -> dict[str, Mesh]:
+def cover_floor(
+    params: FloorParams, free: Polygon, network: DriftNetwork, zones: list[FloorZone], floor: Floor | None = None
+) -> dict[str, Mesh]:
     """Return the meshes of the visible floor by name, m, mine frame; nothing of them collides.
 
     The floor is uneven by noise, rises to a bank along the ribs and has two ruts along every drift. It lies between 0
@@ -49,21 +60,59 @@ def cover_floor(params: FloorParams, free: Polygon, network: DriftNetwork, zones
     network : DriftNetwork
         Ruts follow its legs.
     zones : list of FloorZone
+    floor : Floor, optional
+        Of a mine with heights: the floor is laid in the plan, level on seams, and folded. It has no puddles: water is
+        level.
     """
+    floor = floor or Floor()
+    if not floor.is_flat:
+        params = params.model_copy(update={"puddles": []})
     # An outline of stage 2 carries the grid that it was rounded to, and would round the band round it to that.
     free = shapely.set_precision(free, 0.0)
     params = _widened(params, free)
     frame = _frame(free, params.spacing_m)
-    pixels, cells = _grid(free, frame)
+    seams = _seams(free, floor)
+    pixels, cells = _grid(_covered(free, seams), frame)
     places = frame.to_mine(pixels + 0.5)
     noise = _Noise(params, pixels)
     uneven = 0.35 * params.relief_m * sum(share * noise.of(scale_m) for scale_m, share in _UNDULATIONS_M)
     wander = noise.of(_WANDER_SCALE_M)
-    height = params.relief_m + uneven + _banks(params, free, places) - _ruts(params, places, network, wander)
+    walls = list(shapely.get_parts(wall_lines(free, floor)))
+    height = params.relief_m + uneven + _banks(params, free, walls, places) - _ruts(params, places, network, wander)
     height = _flooded(params, places, height, zones, wander)
-    height = np.clip(_sunk_under_rock(free, places, height), _LOWEST_M, COVER_M)
+    height = _level_on_seams(params, seams, places, height)
+    height = np.clip(_sunk_under_rock(free, walls, places, height), _LOWEST_M, COVER_M)
     vertices, faces = _simplified(params, np.column_stack([places, height]), _faces(cells))
-    return _cut(vertices, _upwards(vertices, faces), zones, params.spacing_m)
+    return _cut(vertices, _upwards(vertices, faces), zones, params.spacing_m, Folding(floor))
+
+
+def _seams(free: BaseGeometry, floor: Floor) -> list[tuple[np.ndarray, Polygon]]:
+    """Return the line (2, 2) m of each seam with its sheet, for both its sheets."""
+    parts = shapely.get_parts(free)
+    return [(seam.line_in(sheet), parts[sheet]) for seam in seam_lines(floor) for sheet in seam.sheets]
+
+
+def _covered(free: BaseGeometry, seams: list[tuple[np.ndarray, Polygon]]) -> BaseGeometry:
+    """Return the workings and the rock's foot; behind a seam, a little of the next sheet."""
+    covered = free.buffer(_BEYOND_M)
+    for line, part in seams:
+        covered = covered.difference(behind_seam(line, part, 2 * _BEYOND_M, _BEYOND_M).difference(free.buffer(_LAP_M)))
+    return covered
+
+
+def _level_on_seams(
+    params: FloorParams, seams: list[tuple[np.ndarray, Polygon]], places: np.ndarray, height: np.ndarray
+) -> np.ndarray:
+    """Return the heights, the same along each seam; where two sheets lap over each other the farther one lies lower."""
+    for line, part in seams:
+        reach = shapely.LineString(line)
+        near = np.flatnonzero(shapely.dwithin(reach, shapely.points(places), _FADE_M))
+        points = shapely.points(places[near])
+        share = _smooth_step(1 - shapely.distance(reach, points) / _FADE_M)
+        height[near] += share * (params.relief_m - height[near])
+        behind = shapely.distance(part, points)
+        height[near] -= _smooth_step(behind / _LAP_M) * (height[near] - _LOWEST_M)
+    return height
 
 
 def _simplified(params: FloorParams, corner: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -102,9 +151,9 @@ def _frame(free: Polygon, spacing_m: float) -> Frame:
     return Frame(1 / spacing_m, -west / spacing_m, north / spacing_m, cols, rows)
 
 
-def _grid(free: Polygon, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+def _grid(covered: BaseGeometry, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     """Return the pixels (n, 2), column and row, on the floor, and the corners (k, 4) of the cells between them."""
-    inside = fill_polygon(free.buffer(_BEYOND_M), frame)
+    inside = fill_polygon(covered, frame)
     kept = inside[:-1, :-1] & inside[:-1, 1:] & inside[1:, 1:] & inside[1:, :-1]
     used = np.zeros_like(inside)
     first, last = slice(-1), slice(1, None)
@@ -156,17 +205,17 @@ def _near(lines: list, places: np.ndarray, reach_m: float) -> np.ndarray:
     return np.asarray(cKDTree(points).query(places, distance_upper_bound=reach_m)[0])
 
 
-def _banks(params: FloorParams, free: Polygon, places: np.ndarray) -> np.ndarray:
+def _banks(params: FloorParams, free: Polygon, walls: list[BaseGeometry], places: np.ndarray) -> np.ndarray:
     """Return how much higher the floor is towards the ribs, where passing wheels push it."""
-    away = _near(list(shapely.get_parts(free.boundary)), places, params.bank_width_m)
+    away = _near(walls, places, params.bank_width_m)
     away[~shapely.contains_xy(free, places[:, 0], places[:, 1])] = 0.0
     return params.bank_m * _smooth_step(1 - away / params.bank_width_m)
 
 
-def _sunk_under_rock(free: Polygon, places: np.ndarray, height: np.ndarray) -> np.ndarray:
+def _sunk_under_rock(free: Polygon, walls: list[BaseGeometry], places: np.ndarray, height: np.ndarray) -> np.ndarray:
     """Lower the floor behind the walls to its lowest; without this slope simplification would cut into the drift."""
     far = ~shapely.contains_xy(free, places[:, 0], places[:, 1])
-    behind_m = np.minimum(_near(list(shapely.get_parts(free.boundary)), places[far], 1.0), 1.0)
+    behind_m = np.minimum(_near(walls, places[far], 1.0), 1.0)
     sunk = _smooth_step((behind_m - _SUNK_M[0]) / (_SUNK_M[1] - _SUNK_M[0]))
     height[far] += sunk * (_LOWEST_M - height[far])
     return height
@@ -218,18 +267,23 @@ def _split(
     return np.concatenate([vertices, points]), np.concatenate([whole, pieces]), east, origin
 
 
-def _cut(vertices: np.ndarray, faces: np.ndarray, zones: list[FloorZone], least_m: float) -> dict[str, Mesh]:
-    """Cut the floor into one mesh for each zone and tile; pieces of less than four vertices are dropped.
+def _cut(
+    vertices: np.ndarray, faces: np.ndarray, zones: list[FloorZone], least_m: float, folding: Folding
+) -> dict[str, Mesh]:
+    """Cut the floor into one mesh for each zone and tile, and fold it; pieces of less than four vertices are dropped.
 
-    Zones meet on a line that wanders to both sides of their border.
+    Zones meet on a line that wanders to both sides of their border. Edges are halved until they follow the fold.
     """
     zone = np.zeros(len(faces), int)
     for border in (zone.east_m for zone in zones[:-1]):
         wander = np.sin(2 * np.pi * np.outer(vertices[:, 1], 1 / _BORDER_WAVES_M)).sum(axis=1)
         vertices, faces, east, origin = _split(vertices, faces, vertices[:, 0] - border - _BORDER_M * wander)
         zone = zone[origin] + east
+    if not folding.floor.is_flat:
+        vertices, faces, zone = _bent(vertices, faces, zone, folding, least_m)
     centre = vertices[faces].mean(axis=1)
     tile = np.floor((centre[:, :2] - vertices[:, :2].min(axis=0)) / _TILE_M).astype(int)
+    tile += folding.floor.places_at(centre[:, :2])  # so that no tile has faces of two sheets
     keys, index = np.unique(np.column_stack([zone, tile]), axis=0, return_inverse=True)
     meshes = {}
     for number, (of_zone, col, row) in enumerate(keys.tolist()):
@@ -237,5 +291,31 @@ def _cut(vertices: np.ndarray, faces: np.ndarray, zones: list[FloorZone], least_
         if len(used) >= 4:
             corners = vertices[used]
             local = local.reshape(-1, 3).astype(np.int32)
-            meshes[cover_mesh(of_zone, col, row)] = Mesh(corners, local, TEXTURE_PER_M * corners[:, :2])
+            laid = TEXTURE_PER_M * corners[:, :2]
+            meshes[cover_mesh(of_zone, col, row)] = Mesh(folding.fold(corners).round(4), local, laid)
     return meshes
+
+
+def _bent(
+    vertices: np.ndarray, faces: np.ndarray, zone: np.ndarray, folding: Folding, least_m: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return vertices, faces and their zones whose edges lie within `_OFF_FOLD_M` of the fold, or are short.
+
+    Behind walls the fold has steps between the feet of two walls.
+    """
+
+    def is_off(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+        a, b, middle = (folding.heights_at(at[:, :2])[0] for at in (one, two, (one + two) / 2))
+        long = np.linalg.norm(one[:, :2] - two[:, :2], axis=1) > least_m
+        return long & (np.abs(middle - (a + b) / 2) > _OFF_FOLD_M)
+
+    parts = []
+    for of_zone in np.unique(zone):
+        points, split = split_edges(vertices, faces[zone == of_zone], is_off)
+        parts.append((np.round(points, 4), split))
+    starts = np.cumsum([0, *(len(points) for points, _ in parts)])
+    return (
+        np.concatenate([points for points, _ in parts]),
+        np.concatenate([split + start for (_, split), start in zip(parts, starts, strict=False)]),
+        np.concatenate([np.full(len(split), k) for k, (_, split) in zip(np.unique(zone), parts, strict=True)]),
+    )

@@ -9,6 +9,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from minexplore.bundle import FURNITURE_ABOVE_M, LINES_ABOVE_M, TriangleMesh, decode_msh, encode_msh, furniture_mesh
+from minexplore.floor import Floor
+from minexplore.folding import Folding
 from pipeline.geometry.polyline import arc_length, resample
 from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
@@ -45,7 +47,9 @@ DUCT_RADIUS_M, DUCT_SIDES, DUCT_GAP_M = 0.3, 8, 0.12
 HANGERS_M = 3.0  # between the hooks of a cable or a duct
 
 
-def hang_furniture(params: FurnitureParams, network: DriftNetwork, rough: Bundle, height_m: float) -> Bundle:
+def hang_furniture(
+    params: FurnitureParams, network: DriftNetwork, rough: Bundle, height_m: float, floor: Floor | None = None
+) -> Bundle:
     """Return the furniture's meshes by name as `.msh`, m, mine frame; nothing of it collides.
 
     All of it is fixed to the visible rock, and above all robots: bolts above `FURNITURE_ABOVE_M`, all else
@@ -60,12 +64,16 @@ def hang_furniture(params: FurnitureParams, network: DriftNetwork, rough: Bundle
         The chunks of the visible rock as `.msh`.
     height_m : float
         From the floor to the roof.
+    floor : Floor, optional
+        Of a mine with heights: the rock is unfolded, and the furniture that hangs on it is folded with it.
     """
     if height_m < _LEAST_HEIGHT_M:
         print(f"realism.furnish: no furniture, workings of {height_m:g} m are lower than {_LEAST_HEIGHT_M:g} m")
         return {}
+    folding = Folding(floor or Floor())
     meshes = [decode_msh(data) for data in rough.values()]
-    rock = RayCaster(np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes]).astype(np.float64))
+    placed = [folding.unfold(mesh.vertices, height_m)[mesh.faces] for mesh in meshes]
+    rock = RayCaster(np.concatenate(placed).astype(np.float64))
     parts: list[tuple[str, np.ndarray, np.ndarray]] = []
     for leg in network.legs:
         line, half = np.array(leg.stations_m), float(np.median(leg.half_width_m))
@@ -76,7 +84,7 @@ def hang_furniture(params: FurnitureParams, network: DriftNetwork, rough: Bundle
         parts += hang_weld_mesh(params.weld_mesh, network, rock)
     if params.duct:
         parts += _duct(rock, np.array(network.main_drift_m), params.duct_side_m)
-    return _merged(parts)
+    return _merged(parts, folding)
 
 
 def _frames(line: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -188,17 +196,20 @@ def _tube(middle: np.ndarray, radius_m: float, sides: int) -> tuple[np.ndarray, 
     return vertices, np.concatenate([quads[:, [0, 2, 1]], quads[:, [0, 3, 2]]])
 
 
-def _merged(parts: list[tuple[str, np.ndarray, np.ndarray]]) -> Bundle:
-    """Return one mesh for each kind and tile of the plan; pieces of less than four vertices are dropped."""
+def _merged(parts: list[tuple[str, np.ndarray, np.ndarray]], folding: Folding | None = None) -> Bundle:
+    """Return one mesh for each kind and tile of the plan, folded; pieces of less than four vertices are dropped."""
+    folding = folding or Folding(Floor())
     corner = np.min([vertices[:, :2].min(axis=0) for _, vertices, _ in parts], axis=0) if parts else np.zeros(2)
     groups: dict[str, list[np.ndarray]] = {}
     for kind, vertices, faces in parts:
         if vertices[:, 2].min() < (FURNITURE_ABOVE_M if kind == "bolts" else LINES_ABOVE_M):
             continue
-        tiles = np.floor((vertices[faces].mean(axis=1)[:, :2] - corner) / _TILE_M).astype(int)
+        middle = vertices[faces].mean(axis=1)[:, :2]
+        tiles = np.floor((middle - corner) / _TILE_M).astype(int)
+        tiles += folding.floor.places_at(middle)  # so that no tile has faces of two sheets
         for col, row in np.unique(tiles, axis=0).tolist():
             of_tile = faces[(tiles == [col, row]).all(axis=1)]
-            groups.setdefault(furniture_mesh(kind, col, row), []).append(vertices[of_tile])
+            groups.setdefault(furniture_mesh(kind, col, row), []).append(folding.fold(vertices)[of_tile])
     meshes = {name: _joined(np.concatenate(triangles)) for name, triangles in sorted(groups.items())}
     return {name: encode_msh(mesh) for name, mesh in meshes.items() if len(mesh.vertices) >= 4}
 

@@ -14,16 +14,18 @@ from minexplore.bundle import (
     TOPOLOGY,
     TriangleMesh,
     decode_msh,
+    encode_msh,
     is_cover,
     is_fitting,
     mesh_file,
     puddle_geom,
     shade_geom,
 )
+from minexplore.floor import Floor
 from minexplore.looks import SHADE_LEVELS, TEXTURE_PER_M
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
-from pipeline.mjcf.bundle import WorldRecord
+from pipeline.mjcf.bundle import WorldRecord, read_floor
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
 from pipeline.params.realism import FloorParams
@@ -51,12 +53,13 @@ def require_fittings(folder: Path, record: WorldRecord, free: Polygon, params: F
     cover = {name for name in names if is_fitting(name) and is_cover(name)}
     furniture = {name for name in names if is_fitting(name) and not is_cover(name)}
     network: DriftNetwork = decode(folder / TOPOLOGY, DriftNetwork)
+    floor = read_floor(folder, record)
     if cover:
-        _require_floor(folder, record, free, network, cover, params.floor)
+        _require_floor(folder, record, free, network, cover, params.floor, floor)
     if furniture:
         rough = {f"{n}.msh": (folder / mesh_file(n)).read_bytes() for n in names if not is_fitting(n)}
         rough = {name: data for name, data in rough.items() if Path(name).stem not in SMOOTH_MESHES}
-        _require_furniture(folder, furniture, _furniture_made(params, network, rough, record.height_m))
+        _require_furniture(folder, furniture, _furniture_made(params, network, rough, record.height_m, floor))
 
 
 def _require_floor(
@@ -66,14 +69,17 @@ def _require_floor(
     network: DriftNetwork,
     names: set[str],
     params: FloorParams | None,
+    floor: Floor,
 ) -> None:
     if params is None:
         raise ArtifactError(f"{folder / mesh_file(min(names))}: a visible floor, realism.floor = null says none")
-    meshes = cover_floor(params, free, network, record.zones)
+    meshes = cover_floor(params, free, network, record.zones, floor)
     made = {name: decode_msh(encode(Path("cover.msh"), mesh)) for name, mesh in meshes.items()}
     differs = _first_difference(folder, names, made)
     if differs:
         raise ArtifactError(f"{differs}, by realism.floor")
+    if record.heights:  # it has no level planes
+        return
     flooded = [zone.name for zone in record.zones if zone.name in params.puddles]
     spec = mujoco.MjSpec.from_file(str(folder / MODEL))  # require_same_model has compared the planes
     level = float(spec.geom(shade_geom(0)).pos[2]) / SHADE_LEVELS[0]
@@ -86,11 +92,11 @@ def _require_floor(
 
 
 def _furniture_made(
-    params: FittingsParams, network: DriftNetwork, rough: Bundle, height_m: float
+    params: FittingsParams, network: DriftNetwork, rough: Bundle, height_m: float, floor: Floor
 ) -> dict[str, dict[str, TriangleMesh]]:
     """Return what each kind of furniture would be, by the kind's name."""
     return {
-        kind: {name: decode_msh(data) for name, data in hang_furniture(how, network, rough, height_m).items()}
+        kind: {name: decode_msh(data) for name, data in hang_furniture(how, network, rough, height_m, floor).items()}
         for kind, how in params.furniture.items()
     }
 
@@ -130,6 +136,8 @@ def _mesh_difference(found: TriangleMesh, made: TriangleMesh) -> str | None:
         kinds = "vertices, faces, texture coordinates and normals"
         return f"{counts[0]} {kinds}, want {counts[1]}"
     one, two = (m.vertices[m.faces].astype(np.float64) for m in (found, made))
+    if encode_msh(found) == encode_msh(made):
+        return None
     tree = cKDTree(two.mean(axis=1))
     _, at = tree.query(one.mean(axis=1))
     turned = np.stack([np.roll(one, k, axis=1) for k in range(3)])  # the same face, begun at another corner

@@ -20,15 +20,25 @@ _SAME_SIDE = 0.5  # cosine between normals of the two surfaces
 def surfaces_differ(found: Mesh, wanted: Mesh) -> str | None:
     """Return how a surface differs from another in place, area or side, or None if it does not."""
     one, two = found.vertices[found.faces], wanted.vertices[wanted.faces]
+    differs = triangles_differ(one, two)
+    if differs is None and (len(one) != len(two) or _rim(found.faces) != _rim(wanted.faces)):
+        return f"{len(one)} faces and a rim of {_rim(found.faces)} edges, want {len(two)} and {_rim(wanted.faces)}"
+    return differs
+
+
+def triangles_differ(one: np.ndarray, two: np.ndarray, split: bool = False) -> str | None:
+    """Return how triangles (n, 3, 3) m differ from others in place, area or side, or None if they do not.
+
+    The first may be `split`: then they have corners besides those of the others.
+    """
     areas = [float(np.linalg.norm(_crossed(t), axis=1).sum() / 2) for t in (one, two)]
     if abs(areas[0] - areas[1]) > _AREA_SHARE * areas[1]:
         return f"an area of {areas[0]:.3f} m2, want {areas[1]:.3f} m2"
-    corners = found.vertices[found.faces].reshape(-1, 3), wanted.vertices[wanted.faces].reshape(-1, 3)
-    off = max(float(cKDTree(a).query(b)[0].max()) for a, b in (corners, corners[::-1]))
+    corners = one.reshape(-1, 3), two.reshape(-1, 3)
+    ways = [corners] if split else [corners, corners[::-1]]
+    off = max(float(cKDTree(a).query(b)[0].max()) for a, b in ways)
     if not off <= _CORNER_M:
         return f"a corner {off:.4f} m from where it should be"
-    if len(one) != len(two) or _rim(found.faces) != _rim(wanted.faces):
-        return f"{len(one)} faces and a rim of {_rim(found.faces)} edges, want {len(two)} and {_rim(wanted.faces)}"
     apart, side = NearestFace(two).query(_samples(one))
     worst = max(float(apart.max()), float(NearestFace(one).query(_samples(two))[0].max()))
     if not worst <= _APART_M:

@@ -2,33 +2,64 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from shapely import Polygon
 
 from minexplore.bundle import FLOOR_CHAMFER, ROOF, WALLS, mesh_file, smooth_mesh
+from minexplore.floor import Floor
+from minexplore.folding import Folding
 from pipeline.errors import ArtifactError
-from pipeline.mjcf.bundle import WorldRecord
-from pipeline.proof.same_surface import surfaces_differ
+from pipeline.mjcf.bundle import WorldRecord, read_floor, unfold_surfaces
+from pipeline.proof.same_surface import surfaces_differ, triangles_differ
 from pipeline.store.codecs import decode
-from pipeline.surface.smooth import FLOOR, smooth_surface
+from pipeline.surface.smooth import FLOOR
+from pipeline.surface.smooth_sheets import fold_smooth, smooth_sheets
 from pipeline.types import Mesh
 
 
-def texture_repeat_m(folder: Path) -> float:
+@dataclass(frozen=True)
+class SmoothSizes:
+    """What makes the smooth surface of an outline, m: its chamfers, and the length of one repeat of its texture."""
+
+    floor_chamfer_m: float
+    roof_chamfer_m: float
+    repeat_m: float
+
+
+def smooth_sizes(folder: Path, record: WorldRecord) -> SmoothSizes:
+    """Read the sizes of the smooth surface off its meshes, to a tenth of a millimetre."""
+    floor, repeat_m = read_floor(folder, record), texture_repeat_m(folder, record)
+    chamfer, roof = (_above_floor(folder, floor, piece, repeat_m) for piece in (FLOOR_CHAMFER, ROOF))
+    return SmoothSizes(
+        round(float(chamfer.max()), 4), round(record.height_m - float(roof.min()), 4), round(repeat_m, 4)
+    )
+
+
+def _above_floor(folder: Path, floor: Floor, piece: str, repeat_m: float) -> np.ndarray:
+    """Return the heights (n,) m above the floor of a piece whose texture is laid in the plan."""
+    mesh: Mesh = decode(folder / mesh_file(smooth_mesh(piece)), Mesh)
+    if floor.is_flat:
+        return mesh.vertices[:, 2]
+    return mesh.vertices[:, 2] - Folding(floor).heights_at(mesh.texcoords * repeat_m)[0]
+
+
+def texture_repeat_m(folder: Path, record: WorldRecord) -> float:
     """Return the length that one repeat of the texture covers, m, by the smooth floor chamfer; 0 if it has none."""
     floor: Mesh = decode(folder / mesh_file(smooth_mesh(FLOOR_CHAMFER)), Mesh)
+    if record.heights:  # sheets are moved aside in the texture's plan
+        laid, built = (
+            np.linalg.norm(at[floor.faces[:, 0]] - at[floor.faces[:, 1]], axis=1)
+            for at in (floor.texcoords, floor.vertices[:, :2])
+        )
+        longest = int(laid.argmax())
+        return round(float(built[longest] / laid[longest]), 4) if laid[longest] else 0.0
     widest = int(np.abs(floor.texcoords).max(axis=1).argmax())
     axis = int(np.abs(floor.texcoords[widest]).argmax())
     repeats = float(floor.texcoords[widest, axis])
     return round(float(floor.vertices[widest, axis]) / repeats, 4) if repeats else 0.0
-
-
-def roof_foot_m(folder: Path) -> float:
-    """Return the height at which the smooth roof begins, m."""
-    roof: Mesh = decode(folder / mesh_file(smooth_mesh(ROOF)), Mesh)
-    return float(roof.vertices[:, 2].min())
 
 
 def require_smooth(folder: Path, record: WorldRecord, free: Polygon) -> None:
@@ -39,22 +70,27 @@ def require_smooth(folder: Path, record: WorldRecord, free: Polygon) -> None:
     ArtifactError
         With the file and how it differs.
     """
-    floor: Mesh = decode(folder / mesh_file(smooth_mesh(FLOOR_CHAMFER)), Mesh)
-    repeat_m = texture_repeat_m(folder)
-    chamfers = float(floor.vertices[:, 2].max()), record.height_m - roof_foot_m(folder)
+    floor, sizes = read_floor(folder, record), smooth_sizes(folder, record)
+    chamfers, repeat_m = (sizes.floor_chamfer_m, sizes.roof_chamfer_m), sizes.repeat_m
     if not (0.01 < repeat_m < 1000 and min(chamfers) > 1e-3 and sum(chamfers) < record.height_m):
         raise ArtifactError(
             f"{folder / mesh_file(smooth_mesh(ROOF))}: chamfers of {chamfers} m, a texture of {repeat_m} m; "
             f"want chamfers above 0 that fit under {record.height_m} m"
         )
-    rounded = [round(value, 4) for value in (*chamfers, repeat_m)]
-    made = smooth_surface(free, record.height_m, *rounded)
+    flat = smooth_sheets(free, floor, record.height_m, *chamfers, repeat_m)
+    made, unfold = fold_smooth(flat, floor), unfold_surfaces(folder, record)
     for piece in (name for name in made if name != FLOOR):
         path = folder / mesh_file(smooth_mesh(piece))
         found: Mesh = decode(path, Mesh)
-        differs = "a normal, want none" if found.normals is not None else surfaces_differ(found, made[piece])
+        if found.normals is not None:
+            differs: str | None = "a normal, want none"
+        elif unfold is None or piece == WALLS:
+            differs = surfaces_differ(found, made[piece])
+        else:  # where long edges are split depends on how GEOS cut the piece into triangles
+            triangles = flat[piece].vertices[flat[piece].faces]
+            differs = triangles_differ(unfold(found.vertices[found.faces]), triangles, split=True)
         # The walls have the outline's own points in its order; roof and chamfer are textured from above.
-        above = found.vertices[:, :2] / rounded[2]
+        above = (found.vertices[:, :2] + floor.offsets_at(found.texcoords * repeat_m)) / repeat_m
         wanted = (
             made[piece].texcoords if piece == WALLS and len(found.texcoords) == len(made[piece].texcoords) else above
         )
@@ -62,6 +98,6 @@ def require_smooth(folder: Path, record: WorldRecord, free: Polygon) -> None:
             differs = "texture coordinates that differ"
         if differs:
             raise ArtifactError(
-                f"{path}: {differs}; compared with the smooth surface of the outline with chamfers of {rounded[0]:g} m "
-                f"and {rounded[1]:g} m and a texture of {rounded[2]:g} m"
+                f"{path}: {differs}; compared with the smooth surface of the outline, chamfers of {chamfers[0]:g} m "
+                f"and {chamfers[1]:g} m and a texture of {repeat_m:g} m"
             )

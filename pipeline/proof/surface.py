@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import ROOF, WALLS
 from pipeline.errors import ArtifactError
@@ -31,7 +32,7 @@ from pipeline.metrics.texture import (
     sweep_walls,
     wall_wavelength_m,
 )
-from pipeline.mjcf.bundle import smooth_triangles, visible_triangles
+from pipeline.mjcf.bundle import Unfold, smooth_triangles, visible_triangles
 from pipeline.params.validation import TextureReportParams
 from pipeline.types import DriftNetwork
 
@@ -77,11 +78,18 @@ class MeasuredTexture:
 
 
 def report_texture(
-    model: mujoco.MjModel, free: Polygon, network: DriftNetwork, params: TextureReportParams
+    model: mujoco.MjModel,
+    free: Polygon,
+    network: DriftNetwork,
+    params: TextureReportParams,
+    unfold: Unfold | None = None,
 ) -> TextureReport:
-    """Measure the visible rock of a compiled world on the paper's six axes, and the smooth surface for comparison."""
-    walls, roof = (visible_triangles(model, piece) for piece in (WALLS, ROOF))
-    smooth_walls, smooth_roof = (smooth_triangles(model, piece) for piece in (WALLS, ROOF))
+    """Measure the visible rock of a compiled world on the paper's six axes, and the smooth surface for comparison.
+
+    Rock that follows a floor's heights is measured in the plan.
+    """
+    walls, roof = (visible_triangles(model, piece, unfold) for piece in (WALLS, ROOF))
+    smooth_walls, smooth_roof = (smooth_triangles(model, piece, unfold) for piece in (WALLS, ROOF))
     rock = measure_texture(walls, roof, free, network, params)
     flat = measure_texture(smooth_walls, smooth_roof, free, network, _quarter(params))
     sigma = fit_voxel_planes(rock.wall, 0.5, 30).sigma
@@ -178,26 +186,48 @@ def texture_metrics(report: TextureReport) -> dict[str, Any]:
     }
 
 
-def report_walls(model: mujoco.MjModel, free: Polygon, network: DriftNetwork, height_m: float, seed: int) -> WallGaps:
-    """Compare the visible walls at a height with the collision walls."""
-    walls = visible_triangles(model, WALLS)
+def report_walls(
+    model: mujoco.MjModel,
+    free: Polygon,
+    network: DriftNetwork,
+    height_m: float,
+    seed: int,
+    unfold: Unfold | None = None,
+    lines: BaseGeometry | None = None,
+) -> WallGaps:
+    """Compare the visible walls at a height with the collision walls: `lines`, by default the outline's boundary."""
+    walls = visible_triangles(model, WALLS, unfold)
     z = walls[:, :, 2]
     band = walls[(z.max(axis=1) > height_m - _BAND_M) & (z.min(axis=1) < height_m + _BAND_M)]
     points, _ = sample_triangles(_split_long(band), _WALL_POINTS, np.random.default_rng(seed))
-    return measure_walls(_between(points, (height_m - _BAND_M, height_m + _BAND_M))[:, :2], free, network)
+    return measure_walls(_between(points, (height_m - _BAND_M, height_m + _BAND_M))[:, :2], free, network, lines)
 
 
-def report_relief(model: mujoco.MjModel, free: Polygon, network: DriftNetwork, stretches: int) -> Relief:
-    """Measure the shape of the visible walls of a compiled world."""
-    walls, roof = (visible_triangles(model, piece) for piece in (WALLS, ROOF))
-    return relief_of(walls, roof, free, network, stretches)
+def report_relief(
+    model: mujoco.MjModel,
+    free: Polygon,
+    network: DriftNetwork,
+    stretches: int,
+    unfold: Unfold | None = None,
+    lines: BaseGeometry | None = None,
+) -> Relief:
+    """Measure the shape of the visible walls of a compiled world along `lines`, by default the outline's boundary."""
+    walls, roof = (visible_triangles(model, piece, unfold) for piece in (WALLS, ROOF))
+    return relief_of(walls, roof, free, network, stretches, lines)
 
 
-def relief_of(walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNetwork, stretches: int) -> Relief:
+def relief_of(
+    walls: np.ndarray,
+    roof: np.ndarray,
+    free: Polygon,
+    network: DriftNetwork,
+    stretches: int,
+    lines: BaseGeometry | None = None,
+) -> Relief:
     """Measure walls (n, 3, 3) m; flat faces are searched in walls and roof near evenly spaced stations."""
     places = stretch_centres(network, stretches)
     sample = np.concatenate([faces_near(piece, places, _FLAT_RADIUS_M) for piece in (walls, roof)])
-    return measure_relief(walls, sample, free)
+    return measure_relief(walls, sample, free, lines)
 
 
 def stretch_centres(network: DriftNetwork, count: int) -> np.ndarray:

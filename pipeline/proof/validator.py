@@ -11,10 +11,12 @@ from typing import Any
 import mujoco
 import numpy as np
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import FREE_SPACE, RECORD, TOPOLOGY, GeomGroup
 from pipeline.errors import ArtifactError
 from pipeline.geometry.binarize import left_out
+from pipeline.geometry.floor_parts import wall_lines
 from pipeline.geometry.half_level import trace_half_level
 from pipeline.metrics.clearance import WallGaps
 from pipeline.metrics.iou import intersection_over_union
@@ -22,7 +24,7 @@ from pipeline.metrics.navigability import Navigability, cast_columns
 from pipeline.metrics.relief import Relief
 from pipeline.metrics.topology import compare_topology
 from pipeline.metrics.wall_error import WallError, measure_wall_error
-from pipeline.mjcf.bundle import World, model_in_plan, open_bundle, part_vertices, read_floor
+from pipeline.mjcf.bundle import Unfold, World, model_in_plan, open_bundle, part_vertices, read_floor, unfold_surfaces
 from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.built import require_built, tolerance_of
@@ -85,6 +87,16 @@ class Validator:
         return model_in_plan(self.bundle, self.world)
 
     @functools.cached_property
+    def _unfold(self) -> Unfold | None:
+        """Return what moves the visible rock of a world with heights into the plan."""
+        return unfold_surfaces(self.bundle, self.world.record)
+
+    @functools.cached_property
+    def _wall_lines(self) -> BaseGeometry:
+        """Return the walls in plan; the seams between sheets are none."""
+        return wall_lines(self.free_space.polygon, read_floor(self.bundle, self.world.record))
+
+    @functools.cached_property
     def wall_error(self) -> WallError:
         """Return how far the walls stand from those that were traced."""
         frame = self.survey.frame
@@ -109,12 +121,14 @@ class Validator:
     @functools.cached_property
     def texture(self) -> TextureReport:
         """Return the texture report."""
-        return report_texture(self.world.model, self.free_space.polygon, self.network, self.params.texture)
+        free, unfold = self.free_space.polygon, self._unfold
+        return report_texture(self.world.model, free, self.network, self.params.texture, unfold)
 
     @functools.cached_property
     def relief(self) -> Relief:
         """Return the shape of the visible walls."""
-        return report_relief(self.world.model, self.free_space.polygon, self.network, self.params.texture.stretches)
+        free, stretches = self.free_space.polygon, self.params.texture.stretches
+        return report_relief(self.world.model, free, self.network, stretches, self._unfold, self._wall_lines)
 
     @functools.cached_property
     def containment(self) -> dict[str, Any]:
@@ -125,7 +139,8 @@ class Validator:
     def walls(self) -> WallGaps:
         """Return the distances between visible walls and collision walls."""
         height, seed = self.params.robot_height_m, self.params.texture.seed
-        return report_walls(self.world.model, self.free_space.polygon, self.network, height, seed)
+        free = self.free_space.polygon
+        return report_walls(self.world.model, free, self.network, height, seed, self._unfold, self._wall_lines)
 
     @functools.cached_property
     def consistency(self) -> dict[str, Any]:

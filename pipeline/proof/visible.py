@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +14,19 @@ from scipy.spatial import cKDTree
 from shapely import Polygon
 
 from minexplore.bundle import RECORD, WALLS, is_fitting, mesh_file
+from minexplore.floor import Floor
+from minexplore.folding import Folding
 from minexplore.looks import PLAIN
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
-from pipeline.mjcf.bundle import WorldRecord
+from pipeline.geometry.floor_parts import wall_lines
+from pipeline.geometry.seams import seam_lines
+from pipeline.mjcf.bundle import WorldRecord, read_floor
 from pipeline.proof.same_surface import NearestFace
-from pipeline.proof.smooth import roof_foot_m, texture_repeat_m
+from pipeline.proof.smooth import SmoothSizes, smooth_sizes
 from pipeline.store.codecs import decode
+from pipeline.surface.smooth import FLOOR as SMOOTH_FLOOR
+from pipeline.surface.smooth_sheets import smooth_sheets
 from pipeline.types import Mesh, Occupancy
 
 HEIGHTS_M = (0.3, 0.5, 1.0, 1.5)  # where visible and collision walls are compared; the roof's arch begins above
@@ -28,6 +36,7 @@ _BEHIND = 0.05  # cosine
 _TEXTURED_M = 5e-3  # far from the origin a coordinate has millimetres
 _ACROSS_M = 1.5  # a face belongs to the tile of its centre before it was displaced
 _FOOT_M = 1e-4  # above the floor
+_ON_SEAM_M = 0.01
 _FOOT_AWAY_M = 1.0  # bumps, the floor chamfer, and rounded corners
 _FROM_SMOOTH_M = 1.0  # of a rough vertex: bumps of 0.45 m, and the arch against the chamfer of the roof
 _FROM_WALL_M = 0.6  # of a slice through the visible walls: bumps, and the floor chamfer below
@@ -43,44 +52,59 @@ _VOLUME = (0.7, 1.3)  # of the visible space, as shares of the plan's area times
 def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occupancy) -> None:
     """Check the visible surface of a bundle whose smooth surface has been made again.
 
+    Of a mine with heights, it is unfolded and checked in the plan; whether its sheets meet, in the mine frame.
+
     Raises
     ------
     ArtifactError
         With the file or place, the value and the limit.
     """
-    smooth = _triangles(folder, [name for name in SMOOTH_MESHES])
+    floor, sizes = read_floor(folder, record), smooth_sizes(folder, record)
     names = [name.removeprefix("meshes/").removesuffix(".msh") for name in record.files if name.startswith("meshes/")]
-    rough = [name for name in names if name not in SMOOTH_MESHES and not is_fitting(name)]
-    repeat_m, foot_m = texture_repeat_m(folder), roof_foot_m(folder)
-    near, walls = NearestFace(smooth), cKDTree(shapely.get_coordinates(shapely.segmentize(free.boundary, _FINE_M)))
+    folding = Folding(floor)
+    rough = {name: _read_chunk(folder, record, folding, name) for name in rough_meshes(names)}
+    smooth = _smooth_triangles(record, free, floor, sizes)
+    near, foot_m = NearestFace(smooth), record.height_m - sizes.roof_chamfer_m
+    walls = cKDTree(shapely.get_coordinates(shapely.segmentize(wall_lines(free, floor), _FINE_M)))
     far = [np.zeros((0, 2))]
-    for name in rough:
-        _require_near(folder / mesh_file(name), near, repeat_m, relaxed=record.look != PLAIN)
-        far.append(_require_bounded(folder / mesh_file(name), walls, foot_m, repeat_m))
+    for name, chunk in rough.items():
+        _require_near(folder / mesh_file(name), chunk, near, sizes.repeat_m, relaxed=record.look != PLAIN)
+        far.append(_require_bounded(folder / mesh_file(name), chunk, walls, foot_m, sizes.repeat_m))
     _require_kept(folder, np.concatenate(far), grid, f"{_LOW_M[0]} to {_LOW_M[1]} m")
     _require_tiles(folder, rough)
-    seen = _triangles(folder, rough) if rough else smooth
+    seen = np.concatenate([chunk.places_m[chunk.mesh.faces] for chunk in rough.values()]) if rough else smooth
     if rough:
-        _require_closed(folder, _meshes(folder, rough), free, walls, record.height_m)
+        _require_closed(folder, list(rough.values()), free, floor, walls, record.height_m)
     for height in HEIGHTS_M:
         if height < record.height_m / 2:
             _require_clear(folder, seen, walls, grid, height)
 
 
-def _triangles(folder: Path, names: list[str]) -> np.ndarray:
-    return np.concatenate([mesh.vertices[mesh.faces] for mesh in _meshes(folder, names)])
+@dataclass(frozen=True)
+class _Chunk:
+    """A mesh of the rough surface as a bundle holds it, and the places (n, 3) m of its vertices in the plan."""
+
+    mesh: Mesh
+    places_m: np.ndarray
 
 
-def _meshes(folder: Path, names: list[str]) -> list[Mesh]:
-    return [decode(folder / mesh_file(name), Mesh) for name in names]
+def rough_meshes(names: Iterable[str]) -> list[str]:
+    """Return the names of the chunks of the rough surface among names of meshes."""
+    return [name for name in names if name not in SMOOTH_MESHES and not is_fitting(name)]
 
 
-def _require_tiles(folder: Path, names: list[str]) -> None:
+def _smooth_triangles(record: WorldRecord, free: Polygon, floor: Floor, sizes: SmoothSizes) -> np.ndarray:
+    """Return the triangles (n, 3, 3) m of the smooth surface in the plan, without its floor."""
+    chamfers = sizes.floor_chamfer_m, sizes.roof_chamfer_m
+    pieces = smooth_sheets(free, floor, record.height_m, *chamfers, sizes.repeat_m)
+    return np.concatenate([mesh.vertices[mesh.faces] for name, mesh in pieces.items() if name != SMOOTH_FLOOR])
+
+
+def _require_tiles(folder: Path, chunks: dict[str, _Chunk]) -> None:
     """Check that the column and row in the chunks' names rise from the south-west."""
     spans: dict[tuple[int, int], list[tuple[float, float]]] = {}
-    for name in names:
-        mesh: Mesh = decode(folder / mesh_file(name), Mesh)
-        centre = mesh.vertices[mesh.faces].mean(axis=1)
+    for name, chunk in chunks.items():
+        centre = chunk.places_m[chunk.mesh.faces].mean(axis=1)
         for axis, number in enumerate(map(int, name.split("_")[-2:])):
             spans.setdefault((axis, number), []).append((centre[:, axis].min(), centre[:, axis].max()))
     ends = {key: (min(low for low, _ in span), max(high for _, high in span)) for key, span in spans.items()}
@@ -93,16 +117,21 @@ def _require_tiles(folder: Path, names: list[str]) -> None:
             )
 
 
-def _require_near(path: Path, smooth: NearestFace, repeat_m: float, relaxed: bool) -> None:
+def _read_chunk(folder: Path, record: WorldRecord, folding: Folding, name: str) -> _Chunk:
+    mesh: Mesh = decode(folder / mesh_file(name), Mesh)
+    return _Chunk(mesh, folding.unfold(mesh.vertices, record.height_m))
+
+
+def _require_near(path: Path, chunk: _Chunk, smooth: NearestFace, repeat_m: float, relaxed: bool) -> None:
     """Check that all vertices of a mesh are used, lie near the smooth surface, and carry the texture of their piece.
 
     A `relaxed` texture follows the rock, and so leaves the wall's heights by as much as the rock leaves the wall.
     """
-    mesh: Mesh = decode(path, Mesh)
+    mesh = chunk.mesh
     # Pieces are textured before they are displaced: walls by their height, which stays, the roof from above.
     laid = mesh.texcoords * repeat_m
     wall = path.name.startswith(f"{WALLS}_")
-    off = np.abs(laid[:, 1] - mesh.vertices[:, 2]) if wall else np.abs(laid - mesh.vertices[:, :2]).max(axis=1)
+    off = np.abs(laid[:, 1] - chunk.places_m[:, 2]) if wall else np.abs(laid - mesh.vertices[:, :2]).max(axis=1)
     most = _TEXTURED_M if wall and not relaxed else _FROM_WALL_M
     if not off.max() <= most:
         worst = int(off.argmax())
@@ -112,7 +141,7 @@ def _require_near(path: Path, smooth: NearestFace, repeat_m: float, relaxed: boo
         )
     if len(np.unique(mesh.faces)) != len(mesh.vertices):
         raise ArtifactError(f"{path}: vertices that belong to no face")
-    apart, _ = smooth.query(mesh.vertices)
+    apart, _ = smooth.query(chunk.places_m)
     worst = int(apart.argmax())
     if not apart[worst] <= _FROM_SMOOTH_M:
         raise ArtifactError(
@@ -121,7 +150,7 @@ def _require_near(path: Path, smooth: NearestFace, repeat_m: float, relaxed: boo
         )
 
 
-def _require_bounded(path: Path, walls: cKDTree, foot_m: float, repeat_m: float) -> np.ndarray:
+def _require_bounded(path: Path, chunk: _Chunk, walls: cKDTree, foot_m: float, repeat_m: float) -> np.ndarray:
     """Check that walls stand along the outline and the roof above its foot, and that texture and normals fit faces.
 
     Returns
@@ -129,14 +158,15 @@ def _require_bounded(path: Path, walls: cKDTree, foot_m: float, repeat_m: float)
     (n, 2) float64, m
         Points of walls that are so far from the outline that they could stand in a free cell's clearance.
     """
-    mesh: Mesh = decode(path, Mesh)
+    mesh = chunk.mesh
     corners = mesh.vertices[mesh.faces]
     side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     if not side.max() <= _LONGEST_M:
         at = corners.reshape(-1, 3)[int(side.argmax())].round(3).tolist()
         raise ArtifactError(f"{path}: an edge of {side.max():.3f} m at {at} m, want at most {_LONGEST_M:g} m")
     # A long face may cross a drift although its corners are allowed.
-    points = np.concatenate([mesh.vertices, face_samples(corners[side.max(axis=1) > _SAMPLED_M], _SAMPLED_M)])
+    long = chunk.places_m[mesh.faces[side.max(axis=1) > _SAMPLED_M]]
+    points = np.concatenate([chunk.places_m, face_samples(long, _SAMPLED_M)])
     if path.name.startswith(f"{WALLS}_"):
         off = walls.query(points[:, :2])[0]
         low = (points[:, 2] >= _LOW_M[0]) & (points[:, 2] <= _LOW_M[1])
@@ -177,41 +207,37 @@ def face_samples(triangles: np.ndarray, most_m: float) -> np.ndarray:
     return np.concatenate(points)
 
 
-def _require_closed(folder: Path, meshes: list[Mesh], free: Polygon, walls: cKDTree, height_m: float) -> None:
+def _require_closed(
+    folder: Path, chunks: list[_Chunk], free: Polygon, floor: Floor, walls: cKDTree, height_m: float
+) -> None:
     """Check that the chunks together have no hole, no flipped and no double face, and end on the floor."""
-    # Vertices on the border of two chunks are equal to the last bit.
-    points = np.concatenate([mesh.vertices for mesh in meshes]).astype(np.float32) + np.float32(
+    # Vertices on the border of two chunks are equal to the last bit, also where two sheets meet.
+    points = np.concatenate([chunk.mesh.vertices for chunk in chunks]).astype(np.float32) + np.float32(
         0.0
     )  # no negative zeros
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    numbers = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    places = np.concatenate([chunk.places_m for chunk in chunks])
+    starts = np.cumsum([0, *(len(chunk.places_m) for chunk in chunks)])
+    numbers = np.concatenate([chunk.mesh.faces + start for chunk, start in zip(chunks, starts, strict=False)])
     _, first, index = np.unique(points.view(np.dtype((np.void, 12))).ravel(), return_index=True, return_inverse=True)
     corners, faces = points[first], index.ravel()[numbers]
-    triangles = corners[faces].astype(np.float64)
     ahead = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
     order, back = (np.sort(ahead[:, i] * len(corners) + ahead[:, 1 - i]) for i in (0, 1))
     double = order[:-1][np.diff(order) == 0]
     if len(double):
         at = corners[int(double[0] // len(corners))]
         raise ArtifactError(f"{folder / RECORD}: visible rock: two faces on one side of an edge at {at.tolist()} m")
-    open_ = back[order[np.minimum(np.searchsorted(order, back), len(order) - 1)] != back]
-    rim = np.column_stack([open_ // len(corners), open_ % len(corners)])
-    lifted = np.abs(corners[rim][:, :, 2]).max(axis=1, initial=0.0) > _FOOT_M
+    alone = ~np.isin(ahead[:, 0] * len(corners) + ahead[:, 1], back)
+    rim = np.concatenate([numbers[:, [0, 1]], numbers[:, [1, 2]], numbers[:, [2, 0]]])[alone]
+    lifted = np.abs(places[rim][:, :, 2]).max(axis=1, initial=0.0) > _FOOT_M
     if lifted.any() or not len(rim):
-        at = corners[rim[lifted][0, 0]].tolist() if lifted.any() else None
+        at = points[rim[lifted][0, 0]].tolist() if lifted.any() else None
         raise ArtifactError(f"{folder / RECORD}: visible rock: a hole at {at} m; its only rim is on the floor")
-    foot = shapely.polygonize(shapely.linestrings(corners[rim][:, :, :2].astype(np.float64)))
-    shape = max(shapely.get_parts(foot), key=lambda part: part.intersection(free).area, default=Polygon())
-    rings = len(shape.interiors) == len(free.interiors) and len(shapely.get_parts(foot)) == 1 + len(free.interiors)
-    away = walls.query(corners[rim[:, 0], :2])[0]
-    if not rings or not away.max() <= _FOOT_AWAY_M:  # the slices find walls that have no foot
-        raise ArtifactError(
-            f"{folder / RECORD}: visible rock: its foot on the floor is not the outline of the workings"
-        )
+    _require_foot(folder, places[rim][:, :, :2], free, floor, walls)
     links = coo_array((np.ones(len(ahead)), (ahead[:, 0], ahead[:, 1])), shape=(len(corners), len(corners)))
     pieces, _ = connected_components(links, directed=False)
     if pieces != 1:
         raise ArtifactError(f"{folder / RECORD}: visible rock: {pieces} separate surfaces, want 1")
+    triangles = places[numbers]
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 2] / 2
     share = -float((triangles[:, :, 2].mean(axis=1) * normal).sum()) / (free.area * height_m)
     if not _VOLUME[0] <= share <= _VOLUME[1]:
@@ -219,6 +245,36 @@ def _require_closed(folder: Path, meshes: list[Mesh], free: Polygon, walls: cKDT
             f"{folder / RECORD}: visible rock: encloses {share:.3f} of the workings' volume, want {_VOLUME[0]} to "
             f"{_VOLUME[1]}; a surface inside out encloses less than 0"
         )
+
+
+def _require_foot(folder: Path, rim: np.ndarray, free: Polygon, floor: Floor, walls: cKDTree) -> None:
+    """Check that the rim (k, 2, 2) m on the floor, closed over seams, has the rings of each sheet's outline."""
+    lines = [*shapely.linestrings(rim), *_over_seams(rim, floor)]
+    foot = shapely.get_parts(shapely.polygonize(lines))
+    parts = shapely.get_parts(free)
+    rings = len(foot) == len(parts) + sum(len(part.interiors) for part in parts)
+    for part in parts:
+        shape = max(foot, key=lambda piece: piece.intersection(part).area, default=Polygon())
+        rings &= len(shape.interiors) == len(part.interiors)
+    away = walls.query(rim[:, 0])[0]
+    if not rings or not away.max() <= _FOOT_AWAY_M:  # the slices find walls that have no foot
+        raise ArtifactError(
+            f"{folder / RECORD}: visible rock: its foot on the floor is not the outline of the workings"
+        )
+
+
+def _over_seams(rim: np.ndarray, floor: Floor) -> list[shapely.LineString]:
+    """Return the lines over the seams that close the rim: in each sheet, between its two ends at the seam."""
+    ends, count = np.unique(rim.reshape(-1, 2), axis=0, return_counts=True)
+    ends, lines = ends[count % 2 == 1], []
+    for seam in seam_lines(floor):
+        for line in seam.lines_m:
+            along = (line[1] - line[0]) / np.linalg.norm(line[1] - line[0])
+            reach = shapely.LineString([line[0] - _FOOT_AWAY_M * along, line[1] + _FOOT_AWAY_M * along])
+            on = ends[shapely.dwithin(reach, shapely.points(ends), _ON_SEAM_M)]
+            if len(on) == 2:
+                lines.append(shapely.LineString(on))
+    return lines
 
 
 def _require_clear(folder: Path, triangles: np.ndarray, walls: cKDTree, grid: Occupancy, height_m: float) -> None:

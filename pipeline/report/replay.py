@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from shapely import Polygon
 
+from pipeline.geometry.polyline import rings_of
 from pipeline.proof.replay_report import Replay
 from pipeline.report.style import GREY, MOSS, OCHRE, ROCK, STEEL, new_figure, to_image
 from pipeline.types import Image
@@ -35,7 +36,7 @@ def draw_replay(replay: Replay, free: Polygon) -> Image:
 def _draw_sweep(panel: Axes, replay: Replay, name: str, free: Polygon, colour: str) -> None:
     sweep = replay.report.sweeps[name]
     x, y, _ = sweep.pose_m
-    for ring in (free.exterior, *free.interiors):
+    for ring in rings_of(free):
         panel.plot(*np.asarray(ring.coords)[:, :2].T, color="black", linewidth=0.8)
     panel.plot(*replay.points[name].T, ".", color=colour, markersize=1.5)
     panel.plot(x, y, "+", color="black", markersize=8)

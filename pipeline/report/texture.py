@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from shapely import Polygon
 
+from pipeline.geometry.polyline import rings_of
 from pipeline.metrics.published import PAPER, PAPER_SCORES, REAL, REAL_SWEEP
 from pipeline.metrics.texture import AXES, AXIS_TITLES, axis_ratios, is_uninformative
 from pipeline.proof.surface import TextureReport
@@ -75,7 +76,7 @@ def draw_heat(report: TextureReport, free: Polygon) -> Image:
     width = 12.0
     figure = new_figure(width, max(2.5, width * (north - south) / (east - west) + 1.2))
     axes = figure.subplots()
-    for ring in (free.exterior, *free.interiors):
+    for ring in rings_of(free):
         axes.plot(*np.asarray(ring.coords)[:, :2].T, color=GREY, lw=0.4)
     if len(heat):
         most = float(np.percentile(heat[:, 2], 99))

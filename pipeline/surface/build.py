@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
+from minexplore.floor import Floor
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
 from pipeline.store.codecs import Bundle, encode
 from pipeline.surface.choose import Relief, bounds_of
+from pipeline.surface.folded import FoldedSurface
 from pipeline.surface.joints import JointedRock, relief_of_joints
 from pipeline.surface.lattice import CrossSection, Lattice, lay_lattice
+from pipeline.surface.meeting import open_seams
 from pipeline.surface.noise import Modulation, relief_of_noise
 from pipeline.surface.rough import RoughSurface, cut_chunks, displace_lattice
+from pipeline.surface.sheet_walls import lay_sheet_walls
 from pipeline.surface.simplify import Mesher, Simplification
 from pipeline.surface.walls import lay_walls
 from pipeline.types import DriftNetwork
@@ -29,7 +34,7 @@ def cross_section(params: SurfaceParams, height_m: float) -> CrossSection:
     return CrossSection(height_m, params.floor_chamfer_m, params.roof_chamfer_m, params.rough.arch_half_span_m)
 
 
-def widen_spacing(params: SurfaceParams, free: Polygon, height_m: float) -> SurfaceParams:
+def widen_spacing(params: SurfaceParams, free: BaseGeometry, height_m: float) -> SurfaceParams:
     """Widen both spacings until the rough surface has at most `most_faces`, and print the new spacings.
 
     Raises
@@ -56,16 +61,24 @@ def widen_spacing(params: SurfaceParams, free: Polygon, height_m: float) -> Surf
     )
 
 
-def lay_rough_lattice(params: SurfaceParams, free: Polygon, network: DriftNetwork | None, height_m: float) -> Lattice:
-    """Lay the lattice of the workings by the configured spacings and cross-section.
+def lay_rough_lattice(
+    params: SurfaceParams, free: BaseGeometry, network: DriftNetwork | None, height_m: float, floor: Floor | None = None
+) -> Lattice:
+    """Lay the lattice of the workings by the configured spacings and cross-section; a floor with heights folds it.
 
     Raises
     ------
     GeometryError
         If two walls are nearer to each other than the spacing.
     """
-    rough, profile = params.rough, cross_section(params, height_m)
-    return lay_lattice(lay_walls(free, rough.spacing_m, network), profile, rough.spacing_m, rough.roof_spacing_m)
+    rough, profile, floor = params.rough, cross_section(params, height_m), floor or Floor()
+    if len(floor.offset_m) > 1:
+        walls = lay_sheet_walls(free, floor, rough.spacing_m, network)
+        lattice = open_seams(lay_lattice(walls, profile, rough.spacing_m, rough.roof_spacing_m), profile)
+    else:
+        walls = lay_walls(free, rough.spacing_m, network)
+        lattice = lay_lattice(walls, profile, rough.spacing_m, rough.roof_spacing_m)
+    return replace(lattice, floor=floor)
 
 
 def build_rough_surface(params: SurfaceParams, lattice: Lattice, relief: Relief) -> RoughSurface:
@@ -87,13 +100,14 @@ def build_rough_surface(params: SurfaceParams, lattice: Lattice, relief: Relief)
 def _wanted_m(params: SurfaceParams, lattice: Lattice, relief: Relief) -> np.ndarray:
     rough = params.rough
     if isinstance(relief, JointedRock):
-        return relief_of_joints(lattice.vertices, lattice.direction, relief, rough.seed)
+        return relief_of_joints(lattice.places_m, lattice.direction, relief, rough.seed)
     modulation = Modulation(rough.modulation_m, rough.modulation_spread)
     return relief_of_noise(lattice, *relief, modulation, np.random.default_rng(rough.seed))
 
 
-def chunk_files(rough: RoughSurface, params: SurfaceParams) -> Bundle:
-    """Return the rough surface's chunks as `NAME.msh`."""
+def chunk_files(rough: RoughSurface, params: SurfaceParams, folded: FoldedSurface | None = None) -> Bundle:
+    """Return the rough surface's chunks as `NAME.msh`, where the floor folds them to."""
     build, texture = params.rough, params.texture
-    chunks = cut_chunks(rough, build.tile_m, texture.repeat_m, build.normals, build.crease_deg, texture.tether_m)
+    shading = build.normals, build.crease_deg
+    chunks = cut_chunks(rough, build.tile_m, texture.repeat_m, *shading, texture.tether_m, folded)
     return {f"{name}.msh": encode(Path(f"{name}.msh"), mesh) for name, mesh in chunks.items()}

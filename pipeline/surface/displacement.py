@@ -49,7 +49,12 @@ def bound_displacement(wanted_m: np.ndarray, lattice: Lattice, bounds: Bounds) -
 
 def displaced(lattice: Lattice, displacement_m: np.ndarray) -> np.ndarray:
     """Return the displaced vertices (n, 3) m, rounded to 0.1 mm."""
-    return np.round(lattice.vertices + displacement_m[:, None] * lattice.direction, 4)
+    if lattice.meeting:
+        displacement_m = lattice.meeting.meet(displacement_m)
+    vertices = np.round(lattice.vertices + displacement_m[:, None] * lattice.direction, 4)
+    if lattice.meeting and lattice.walls.sheets:
+        return lattice.meeting.join(vertices, lattice.walls.sheets.offset_m[lattice.column])
+    return vertices
 
 
 def damp(displacement_m: np.ndarray, distance_m: np.ndarray, radius_m: float, factor: float) -> np.ndarray:

@@ -63,13 +63,14 @@ class RockWalls:
     def __init__(self, rock: JointedRock, lattice: Lattice, bounds: Bounds, seed: int) -> None:
         count, columns = lattice.wall_vertices, len(lattice.walls.xy)
         self.bounds, self.seed = bounds, seed
-        self.parts = parts_of_joints(lattice.vertices, lattice.direction, rock, seed)[:, :count]
+        self.parts = parts_of_joints(lattice.places_m, lattice.direction, rock, seed)[:, :count]
         self.lattice = dataclasses.replace(
             lattice,
             vertices=lattice.vertices[:count],
             direction=lattice.direction[:count],
             roof_share=lattice.roof_share[:count],
             column=lattice.column[:count],
+            meeting=None,
         )
         above = lattice.vertices[:count:columns, 2]
         self.rows = [np.abs(above - level) <= max(_FOOTPRINT_M / 2, np.abs(above - level).min()) for level in CUTS_M]

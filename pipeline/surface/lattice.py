@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -13,13 +14,17 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, cKDTree
 from shapely import Polygon
 
+from minexplore.floor import Floor
 from pipeline.errors import GeometryError
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.surface.walls import Ring, Walls, outline_of, smoothstep
 from pipeline.types import Frame
 
+if TYPE_CHECKING:
+    from pipeline.surface.meeting import Meeting
+
 WALL, ROOF = 0, 1
-_BLEND_M = 0.8  # width of the strip in which the direction turns from the wall's to the roof's
+BLEND_M = 0.8  # width of the strip in which the direction turns from the wall's to the roof's
 _TOE_SHARE = 0.4  # of the free disc's radius: bound on the floor chamfer in narrow places
 _ZIGZAG_M = 1e-4
 _BLUR_M = 0.35  # s.d. of the smoothing that rounds the arch's ridge where two walls are nearer than its span
@@ -41,7 +46,8 @@ class Lattice:
 
     Vertices are the wall points, with number `row * columns + column`, then the inner points of the roof. `direction`
     (n, 3) are unit vectors into the workings. `roof_share` (n,) is 0 on the walls and rises to 1 on the roof. `column`
-    (n,) is the wall column at or nearest to a vertex. `piece` (m,) is `WALL` or `ROOF` for each face.
+    (n,) is the wall column at or nearest to a vertex. `piece` (m,) is `WALL` or `ROOF` for each face. The sheets of a
+    mine meet at the points of `meeting`; `floor` folds the surface.
     """
 
     vertices: np.ndarray
@@ -52,6 +58,16 @@ class Lattice:
     piece: np.ndarray
     walls: Walls
     rows: int
+    meeting: Meeting | None = None
+    floor: Floor = field(default_factory=Floor)
+
+    @property
+    def places_m(self) -> np.ndarray:
+        """Return the points (n, 3) m where they are in the mine frame, but for the floor's height."""
+        sheets = self.walls.sheets
+        if sheets is None:
+            return self.vertices
+        return self.vertices - np.column_stack([sheets.offset_m[self.column], np.zeros(len(self.column))])
 
     @property
     def wall_vertices(self) -> int:
@@ -86,9 +102,10 @@ def lay_lattice(walls: Walls, profile: CrossSection, spacing_m: float, roof_spac
     with ThreadPoolExecutor(1) as pool:
         triangulated = pool.submit(_roof_faces, walls, grid, roof_spacing_m)
         inner = grid.xy
-        near, column = cKDTree(xy).query(inner, workers=2)
+        near, column = cKDTree(xy[walls.closed]).query(inner, workers=2)
+        column = walls.closed[column]
         roof = np.column_stack([inner, _arch(inner, near, profile, roof_spacing_m)])
-        share = smoothstep(near / _BLEND_M)
+        share = smoothstep(near / BLEND_M)
         direction = np.column_stack([inward[column] * (1 - share)[:, None], -share])
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
         flat = np.column_stack([inward, np.zeros(len(xy))])
@@ -217,7 +234,7 @@ def _arch(inner: np.ndarray, near: np.ndarray, profile: CrossSection, spacing_m:
     rise[row, col], weight[row, col] = t * (2 - t), 1.0
     sigma = _BLUR_M / spacing_m
     blurred = cv2.GaussianBlur(rise, (0, 0), sigma) / np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), 1e-6)
-    share = smoothstep(near / _BLEND_M)
+    share = smoothstep(near / BLEND_M)
     smooth = share * blurred[row, col] + (1 - share) * rise[row, col]
     return profile.height_m - profile.arch_rise_m * (1 - smooth)
 

@@ -10,15 +10,18 @@ import shapely
 from scipy.spatial import cKDTree
 
 from minexplore import bundle
+from minexplore.floor import Floor
+from minexplore.folding import Folding
 from pipeline.errors import GeometryError
 from pipeline.geometry.partition import triangulate
 from pipeline.surface.displacement import Bounds, bound_displacement, damp, displaced
+from pipeline.surface.folded import FoldedSurface, fold_surface, shade_folded
 from pipeline.surface.lattice import ROOF, WALL, Lattice
 from pipeline.surface.mesh_checks import find_crossings, find_shared_edges
-from pipeline.surface.normals import ShadedMesh, shade_mesh
+from pipeline.surface.normals import ShadedMesh
 from pipeline.surface.relaxed_texture import relax_texture
 from pipeline.surface.simplify import Mesher, SurfaceMesh
-from pipeline.surface.walls import outline_of
+from pipeline.surface.walls import foot_of
 from pipeline.types import Mesh
 
 _CHUNKS = {WALL: bundle.WALLS, ROOF: bundle.ROOF}
@@ -74,6 +77,8 @@ def displace_lattice(mesher: Mesher, wanted_m: np.ndarray, bounds: Bounds) -> Ro
         wrong = _defects(points, faces[changed], vertices, moved, lattice)
         if not len(wrong) and mesher.simplification and not changed.all():  # tiles meet elsewhere, too
             wrong = find_crossings(points, faces)
+        if not len(wrong) and not lattice.floor.is_flat:
+            wrong = _crossings_when_folded(points, faces, lattice.floor)
         if not len(wrong):
             return RoughSurface(lattice, vertices, wanted_m, given, mended, mesher.surface(vertices))
         mended = np.concatenate([mended, wrong])
@@ -82,6 +87,8 @@ def displace_lattice(mesher: Mesher, wanted_m: np.ndarray, bounds: Bounds) -> Ro
         near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=_MEND_RADIUS_M, workers=2)
         given = damp(given, near, _MEND_RADIUS_M, _MEND_FACTOR)
         moved = np.isfinite(near)  # only what is near the repairs has moved, so only this is built and checked again
+        if lattice.meeting:  # and the next sheet where it meets this one
+            moved |= (displaced(lattice, given) != vertices).any(axis=1)
     x, y, z = wrong[0]
     raise GeometryError(
         f"surface: the rough surface intersects itself at ({x:.1f}, {y:.1f}, {z:.1f}) m "
@@ -99,6 +106,15 @@ def _defects(
         shared = pool.submit(find_shared_edges, points, changed)
         folds, knots = _folds(vertices, fine, lattice), _knots(vertices, lattice)
         return np.concatenate([crossings.result(), shared.result(), folds, knots])
+
+
+def _crossings_when_folded(points: np.ndarray, faces: np.ndarray, floor: Floor) -> np.ndarray:
+    """Return the places (k, 3) m, in plan, of crossings of the folded faces, also of faces of two sheets."""
+    folded = Folding(floor).fold(points)
+    crossings = find_crossings(folded, faces)
+    if not len(crossings):
+        return crossings
+    return np.asarray(points[cKDTree(folded).query(crossings)[1]])
 
 
 def _folds(vertices: np.ndarray, faces: np.ndarray, lattice: Lattice) -> np.ndarray:
@@ -125,7 +141,7 @@ def _normals(triangles: np.ndarray) -> np.ndarray:
 
 def _knots(vertices: np.ndarray, lattice: Lattice) -> np.ndarray:
     """Return the place (1, 3) m where the line of the walls on the floor crosses itself, or (0, 3) if it does not."""
-    foot = outline_of(vertices[: len(lattice.walls.xy), :2], lattice.walls.rings)
+    foot, _ = foot_of(vertices[: len(lattice.walls.xy), :2], lattice.walls)
     if foot.is_valid:
         return np.zeros((0, 3))
     reason = shapely.is_valid_reason(foot)
@@ -133,12 +149,21 @@ def _knots(vertices: np.ndarray, lattice: Lattice) -> np.ndarray:
 
 
 def closed_mesh(rough: RoughSurface) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices (n, 3) m and faces (m, 3) of the rough surface closed by the floor."""
-    columns = len(rough.lattice.walls.xy)
-    foot = rough.vertices[:columns, :2]
-    points, floor = triangulate(outline_of(foot, rough.lattice.walls.rings))
-    number = {xy.tobytes(): i for i, xy in enumerate(foot)}
-    index = rough.mesh.place_of(columns)[np.array([number[xy.tobytes()] for xy in points])]
+    """Return vertices (n, 3) m and faces (m, 3) of the rough surface closed by the floor, in the plan.
+
+    The sheets of a mine are closed by their own floors and open on their seams.
+    """
+    walls = rough.lattice.walls
+    outline, columns = foot_of(rough.vertices[: len(walls.xy), :2], walls)
+    points, floor = triangulate(outline)
+    if walls.sheets is None:
+        number = {tuple(xy): i for i, xy in enumerate(rough.vertices[columns, :2].tolist())}
+        place = rough.mesh.place_of(len(columns))
+    else:
+        on_floor = np.flatnonzero(rough.mesh.vertices[:, 2] == 0)
+        place, corners = on_floor, rough.mesh.vertices[on_floor, :2]
+        number = dict(zip(map(tuple, corners.tolist()), range(len(on_floor)), strict=True))
+    index = place[np.array([number[tuple(xy)] for xy in points.tolist()])]
     return rough.mesh.vertices, np.concatenate([rough.mesh.faces, index[floor]])
 
 
@@ -149,6 +174,7 @@ def cut_chunks(
     normals: bool = False,
     crease_deg: float = 180.0,
     tether_m: float | None = None,
+    folded: FoldedSurface | None = None,
 ) -> dict[str, Mesh]:
     """Cut walls and roof into square tiles of the plan, so that a renderer can skip most of them.
 
@@ -163,33 +189,38 @@ def cut_chunks(
         Faces that meet at a sharper angle share no normal.
     tether_m : float, optional
         Let the texture follow the displaced surface by `relax_texture`; without it, it is that of the plan's walls.
+    folded : FoldedSurface, optional
+        Where the vertices are in space; by default where the floor folds them to. Tiles and texture are of the plan.
 
     Returns
     -------
     dict of Mesh
-        The name holds the piece, and the tile's column and row from the south-west. Faces face the workings.
+        The name holds the piece, and the tile's column and row from the south-west. Faces face the workings. A chunk
+        belongs to one sheet.
     """
-    lattice, mesh = rough.lattice, rough.mesh
-    shaded = shade_mesh(mesh.vertices, mesh.faces, crease_deg) if normals else _unshaded(mesh)
+    lattice, mesh, folded = rough.lattice, rough.mesh, folded or fold_surface(rough)
+    shaded = shade_folded(rough, folded, crease_deg) if normals else _unshaded(mesh)
     along = _along_walls(lattice, texture_m)
     centre = lattice.vertices[mesh.source[mesh.faces]].mean(axis=1)[:, :2]
     tile = np.floor((centre - lattice.vertices[:, :2].min(axis=0)) / tile_m).astype(int)
+    tile += lattice.floor.places_at(centre)  # so that no tile has faces of two sheets
 
     def cut(piece: int) -> dict[str, Mesh]:
         of_piece = np.flatnonzero(mesh.piece == piece)
         offset = np.zeros((len(mesh.vertices), 2))
         if tether_m is not None:
-            whole = _chunk(rough, shaded, of_piece, piece, along, texture_m, offset)
+            whole = _chunk(rough, mesh.vertices, shaded, of_piece, piece, along, texture_m, offset)
             axes = texture_axes(rough, of_piece, piece)
             laid_m = whole.texcoords[whole.faces] * texture_m
-            offset = relax_texture(mesh.vertices, mesh.faces[of_piece], laid_m, axes, tether_m) / texture_m
+            faces = folded.number[mesh.faces[of_piece]]
+            offset = relax_texture(folded.vertices, faces, laid_m, axes, tether_m)[folded.number] / texture_m
         in_tile = _merge_single_faces(tile[of_piece], centre[of_piece])
         order = np.lexsort(in_tile.T[::-1])
         first = np.flatnonzero(np.any(np.diff(in_tile[order], axis=0, prepend=-1) != 0, axis=1))
         chunks = {}
         for part in np.split(order, first[1:]):
             name = bundle.chunk_mesh(_CHUNKS[piece], *in_tile[part[0]])
-            chunks[name] = _chunk(rough, shaded, of_piece[part], piece, along, texture_m, offset)
+            chunks[name] = _chunk(rough, folded.vertices, shaded, of_piece[part], piece, along, texture_m, offset)
         return chunks
 
     with ThreadPoolExecutor(2) as pool:
@@ -210,6 +241,10 @@ def _merge_single_faces(tile: np.ndarray, centre: np.ndarray) -> np.ndarray:
 
 def _along_walls(lattice: Lattice, texture_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return each column's texture coordinate along its wall, and its ring's number of repeats, a whole number."""
+    if lattice.walls.sheets:
+        sheets = lattice.walls.sheets
+        times = np.maximum(1, np.round(sheets.length_m / texture_m))
+        return sheets.along_m / sheets.length_m * times, times
     u, repeats = [], []
     for ring in lattice.walls.rings:
         whole = max(1, round(ring.count * ring.step_m / texture_m))
@@ -220,6 +255,7 @@ def _along_walls(lattice: Lattice, texture_m: float) -> tuple[np.ndarray, np.nda
 
 def _chunk(
     rough: RoughSurface,
+    vertices: np.ndarray,
     shaded: ShadedMesh,
     part: np.ndarray,
     piece: int,
@@ -230,7 +266,8 @@ def _chunk(
     mesh, faces = rough.mesh, shaded.faces[part]
     if piece == ROOF:
         used, index = np.unique(faces, return_inverse=True)
-        texcoords = _places_on_surface(rough, shaded.source[used])[:, :2] / texture_m
+        places = _places_on_surface(rough, shaded.source[used])[:, :2]
+        texcoords = (places - _offset_m(rough, shaded.source[used])) / texture_m
     else:
         u, repeats = along
         column = rough.lattice.column[mesh.source[shaded.source[faces]]]
@@ -247,7 +284,7 @@ def _chunk(
     index = index.reshape(-1, 3).astype(np.int32)
     texcoords = texcoords + offset[shaded.source[used]]
     normals = shaded.normals[used] if len(shaded.normals) else None
-    return Mesh(mesh.vertices[shaded.source[used]], index, texcoords, normals)
+    return Mesh(vertices[shaded.source[used]], index, texcoords, normals)
 
 
 def texture_axes(rough: RoughSurface, faces: np.ndarray, piece: int) -> np.ndarray:
@@ -273,6 +310,12 @@ def _places_on_surface(rough: RoughSurface, vertices: np.ndarray) -> np.ndarray:
     """Return the places (k, 3) m of the mesh's vertices, given by number, on the surface before displacement."""
     source = rough.mesh.source[vertices]
     return rough.lattice.vertices[source] + (rough.mesh.vertices[vertices] - rough.vertices[source])
+
+
+def _offset_m(rough: RoughSurface, vertices: np.ndarray) -> np.ndarray | float:
+    """Return how far (k, 2) m the sheets of the mesh's vertices, given by number, are moved aside."""
+    sheets = rough.lattice.walls.sheets
+    return sheets.offset_m[rough.lattice.column[rough.mesh.source[vertices]]] if sheets else 0.0
 
 
 def _unshaded(mesh: SurfaceMesh) -> ShadedMesh:

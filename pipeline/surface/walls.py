@@ -8,28 +8,49 @@ import numpy as np
 import shapely
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 from scipy.spatial import cKDTree
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 from shapely.geometry.polygon import orient
 
 from pipeline.geometry.skeleton import passage_stations
 from pipeline.types import DriftNetwork
 
 _FILLET_M = 0.2  # radius to which corners are rounded, so that displaced walls do not cross there
-_TURN_M = 0.4  # s.d. of the smoothing along a wall that turns its direction gradually at corners
+TURN_M = 0.4  # s.d. of the smoothing along a wall that turns its direction gradually at corners
 _REACH_M = 9.0  # walls farther apart than this do not limit each other's displacement
 _OWN_WALL_M = 0.6  # points nearer than this belong to the same piece of wall
-_EVEN_M = 1.0
+EVEN_M = 1.0
 _PAIRS = 65536  # at a time, so that intermediate arrays stay in the cache
 _BORDER, _BORDER_M = 1.25, 0.3  # a wall borders a passage within 1.25 half widths + 0.3 m of its middle
 
 
 @dataclass(frozen=True)
 class Ring:
-    """One closed wall line with `count` columns from number `first`, at even distances `step_m`."""
+    """One closed wall line with `count` columns from number `first`, at even distances `step_m`, of a part of a mine.
+
+    Sheets are parts; the first ring of a part goes round it, further ones go round its pillars.
+    """
 
     first: int
     count: int
     step_m: float
+    part: int = 0
+
+
+@dataclass(frozen=True)
+class Sheets:
+    """What the columns of several sheets have besides those of one.
+
+    `open` (n,) marks columns in the open air, on a seam between its ends. Columns `joined` (k,) stand at one place of
+    the mine frame if they have the same number in `group` (k,). A wall goes on in the next sheet: `along_m` (n,) is the
+    distance along it from its beginning, `length_m` (n,) its length. `offset_m` (n, 2) is that of the column's sheet.
+    """
+
+    open: np.ndarray
+    joined: np.ndarray
+    group: np.ndarray
+    along_m: np.ndarray
+    length_m: np.ndarray
+    offset_m: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -39,7 +60,7 @@ class Walls:
     `xy` (n, 2) m are their places, `inward` (n, 2) unit vectors into the workings. `free_m` and `rock_m` (n,) are radii
     of the largest discs in the workings and in the rock that touch the wall at the column. `passage_m` (n,) is half the
     width of the narrowest passage that the wall borders. In a bay of the wall, the disc is small even if the passage is
-    wide.
+    wide. A mine of several sheets has `sheets`, and columns in the open air along their seams.
     """
 
     xy: np.ndarray
@@ -48,6 +69,24 @@ class Walls:
     rock_m: np.ndarray
     passage_m: np.ndarray
     rings: list[Ring]
+    sheets: Sheets | None = None
+
+    @property
+    def closed(self) -> np.ndarray:
+        """Return the numbers of the columns that stand on a wall; on a seam between two sheets there is none."""
+        return np.arange(len(self.xy)) if self.sheets is None else np.flatnonzero(~self.sheets.open)
+
+    @property
+    def stretches(self) -> list[tuple[int, int, float]]:
+        """Return first column, number of columns and their distance, m, of each ring, or each wall between seams."""
+        found = []
+        for ring in self.rings:
+            own = np.ones(ring.count, bool)
+            if self.sheets is not None:
+                own = ~self.sheets.open[ring.first : ring.first + ring.count]
+            edge = np.flatnonzero(np.diff(np.concatenate([[0], own.astype(int), [0]]))).reshape(-1, 2)
+            found += [(ring.first + a, b - a, ring.step_m) for a, b in edge.tolist() if b - a > 1]
+        return found
 
 
 def lay_walls(free: Polygon, spacing_m: float, network: DriftNetwork | None = None) -> Walls:
@@ -55,7 +94,7 @@ def lay_walls(free: Polygon, spacing_m: float, network: DriftNetwork | None = No
 
     Without a drift network, `passage_m` is `free_m`.
     """
-    free = _fillet(free)
+    free = fillet(free)
     rings: list[Ring] = []
     points = []
     for line in (free.exterior, *free.interiors):
@@ -64,15 +103,30 @@ def lay_walls(free: Polygon, spacing_m: float, network: DriftNetwork | None = No
         rings.append(Ring(sum(r.count for r in rings), count, line.length / count))
     xy = np.concatenate(points)
     inward = np.concatenate([_inward(xy[r.first : r.first + r.count], r.step_m) for r in rings])
-    free_m, rock_m = _largest_discs(xy, inward)
-    passage_m = free_m if network is None else _passages(xy, free_m, network)
+    free_m, rock_m = largest_discs(xy, inward)
+    passage_m = free_m if network is None else passages(xy, free_m, network)
     return Walls(xy, inward, _smoothed(free_m, rings), _smoothed(rock_m, rings), _smoothed(passage_m, rings), rings)
 
 
-def outline_of(xy: np.ndarray, rings: list[Ring]) -> Polygon:
-    """Return the polygon through the places (n, 2) m of the columns, ring by ring."""
-    outer, *holes = (xy[r.first : r.first + r.count] for r in rings)
-    return Polygon(outer, holes)
+def outline_of(xy: np.ndarray, rings: list[Ring]) -> Polygon | MultiPolygon:
+    """Return the polygon through the places (n, 2) m of the columns, ring by ring, or one a part."""
+    parts = []
+    for number in range(rings[-1].part + 1):
+        outer, *holes = (xy[r.first : r.first + r.count] for r in rings if r.part == number)
+        parts.append(Polygon(outer, holes))
+    return parts[0] if len(parts) == 1 else MultiPolygon(parts)
+
+
+def foot_of(xy: np.ndarray, walls: Walls) -> tuple[Polygon | MultiPolygon, np.ndarray]:
+    """Return the polygon through places (n, 2) m of the columns, straight over seams, and its columns' numbers."""
+    kept = np.zeros(len(xy), bool)
+    kept[walls.closed] = True
+    rings, first = [], 0
+    for ring in walls.rings:
+        count = int(kept[ring.first : ring.first + ring.count].sum())
+        rings.append(Ring(first, count, ring.step_m, ring.part))
+        first += count
+    return outline_of(xy[kept], rings), np.flatnonzero(kept)
 
 
 def smoothstep(t: np.ndarray) -> np.ndarray:
@@ -81,7 +135,7 @@ def smoothstep(t: np.ndarray) -> np.ndarray:
     return t * t * (3 - 2 * t)
 
 
-def _fillet(free: Polygon) -> Polygon:
+def fillet(free: Polygon) -> Polygon:
     """Round the corners, with a smaller radius if a passage or pillar is too thin for it."""
     radius = _FILLET_M
     while radius > 0.02:
@@ -97,11 +151,11 @@ def _inward(ring: np.ndarray, step_m: float) -> np.ndarray:
     along = np.roll(ring, -1, axis=0) - np.roll(ring, 1, axis=0)
     left = np.column_stack([-along[:, 1], along[:, 0]])
     left /= np.linalg.norm(left, axis=1, keepdims=True)
-    smooth = gaussian_filter1d(left, min(_TURN_M / step_m, len(ring) / 8), axis=0, mode="wrap")
+    smooth = gaussian_filter1d(left, min(TURN_M / step_m, len(ring) / 8), axis=0, mode="wrap")
     return smooth / np.linalg.norm(smooth, axis=1, keepdims=True)
 
 
-def _largest_discs(xy: np.ndarray, inward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def largest_discs(xy: np.ndarray, inward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the radii (n,) m of the largest discs in workings and rock that touch the wall at each column."""
     all_pairs = cKDTree(xy).query_pairs(_REACH_M, output_type="ndarray")
     free, rock = np.full(len(xy), _REACH_M / 2), np.full(len(xy), _REACH_M / 2)
@@ -120,7 +174,7 @@ def _largest_discs(xy: np.ndarray, inward: np.ndarray) -> tuple[np.ndarray, np.n
     return free, rock
 
 
-def _passages(xy: np.ndarray, disc_m: np.ndarray, network: DriftNetwork) -> np.ndarray:
+def passages(xy: np.ndarray, disc_m: np.ndarray, network: DriftNetwork) -> np.ndarray:
     """Return half the width (n,) m of the narrowest passage that a column borders, or its disc's radius."""
     stations, half = passage_stations(network)
     least = np.full(len(xy), np.inf)
@@ -135,7 +189,7 @@ def _smoothed(radius: np.ndarray, rings: list[Ring]) -> np.ndarray:
     smooth = np.empty_like(radius)
     for ring in rings:
         part = slice(ring.first, ring.first + ring.count)
-        reach = min(int(_EVEN_M / ring.step_m), (ring.count - 1) // 2)
+        reach = min(int(EVEN_M / ring.step_m), (ring.count - 1) // 2)
         least = minimum_filter1d(radius[part], 2 * reach + 1, mode="wrap")
         smooth[part] = gaussian_filter1d(least, max(reach / 3, 0.1), mode="wrap", truncate=3)
     return smooth

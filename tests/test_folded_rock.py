@@ -1,0 +1,194 @@
+"""Visible rock over floors with heights: it is that of the plan, folded, and two sheets meet without a gap."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from minexplore.bundle import decode_msh, encode_msh, is_cover, is_fitting, is_shade, mesh_file
+from minexplore.floor import Floor
+from minexplore.folding import Folding
+from minexplore.lidar import floor_meshes, shared_lidar
+from minexplore.schema import check_world
+from minexplore.world import load_world
+from pipeline.compose import compose
+from pipeline.errors import ArtifactError
+from pipeline.geometry.floor_mesh import build_floor
+from pipeline.geometry.subdivide import split_long_edges
+from pipeline.mjcf.bundle import read_record
+from pipeline.proof.remake import read_free_space
+from pipeline.proof.validator import Validator
+from pipeline.proof.visible import require_visible, rough_meshes
+from pipeline.store.codecs import decode
+from pipeline.surface.build import build_rough_surface, lay_rough_lattice
+from pipeline.surface.choose import choose_relief
+from pipeline.surface.folded import check_folded, fold_surface
+from pipeline.surface.reference import measure_sources
+from pipeline.surface.rough import closed_mesh
+from pipeline.types import Occupancy
+from tests.heights import RAMP, UNDER, MineWithHeights, certificate_params
+from tests.mines import STRAIGHT
+from tests.project import ROOT
+
+COARSE = [
+    "surface.rough.spacing_m=0.25",
+    "surface.rough.roof_spacing_m=0.3",
+    "surface.texture.size_px=32",
+    "realism.preview_width_px=64",
+    "realism.tilt_deg=0",
+    "contours.tolerance_m=0.16",
+]
+
+
+@pytest.fixture(scope="module")
+def config():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        return compose(COARSE)
+
+
+@pytest.fixture(scope="module")
+def under(config, tmp_path_factory):
+    return MineWithHeights(UNDER, config, tmp_path_factory.mktemp("under"))
+
+
+@pytest.fixture(scope="module")
+def ramp(config, tmp_path_factory):
+    return MineWithHeights(RAMP, config, tmp_path_factory.mktemp("ramp"))
+
+
+def rough_surface(config, free, floor, network=None):
+    lattice = lay_rough_lattice(config.surface, free, network, 3.5, floor)
+    return build_rough_surface(
+        config.surface, lattice, choose_relief(config.surface, measure_sources(config.surface), lattice)
+    )
+
+
+def copied(mine, folder):
+    shutil.copytree(mine.bundle, folder)
+    return folder
+
+
+def visible(folder):
+    record = read_record(folder, checked=False)
+    require_visible(folder, record, read_free_space(folder).polygon, decode(folder / "occupancy.npz", Occupancy))
+
+
+def test_the_rock_of_a_straight_decline_of_10_percent_is_that_of_a_level_drift_folded(config):
+    decline = build_floor(STRAIGHT, [np.array([[0, 2.5, 0], [100, 2.5, 10.0]])], 30.0)
+    level, folded = rough_surface(config, STRAIGHT, Floor()), rough_surface(config, STRAIGHT, decline)
+    np.testing.assert_array_equal(folded.mesh.vertices, level.mesh.vertices)
+    np.testing.assert_array_equal(folded.mesh.faces, level.mesh.faces)
+    built, plan = fold_surface(folded).vertices, level.mesh.vertices
+    np.testing.assert_allclose(built[:, :2], plan[:, :2], atol=1e-4)
+    ends = (plan[:, 0] > 6) & (plan[:, 0] < 94)  # near its ends the floor itself is not linear
+    assert np.ptp(built[:, 2] - plan[:, 2]) > 9.5
+    np.testing.assert_allclose((built[:, 2] - plan[:, 2])[ends], 0.1 * plan[ends, 0], atol=2e-4)
+
+
+def test_two_sheets_meet_on_their_seam_without_a_gap(config, under):
+    rough = rough_surface(config, under.free_space.polygon, under.floor, under.network)
+    folded = fold_surface(rough)
+    report = check_folded(rough, folded, closed_mesh(rough)[1])
+    assert report.watertight
+    assert not report.self_intersecting
+    meeting = rough.lattice.meeting
+    places = np.column_stack([rough.vertices[:, :2] - rough.lattice.walls.sheets.offset_m[rough.lattice.column]])
+    for place in np.unique(meeting.place):
+        one, two = meeting.points[meeting.place == place]
+        np.testing.assert_allclose(places[one], places[two], atol=1e-9)
+        assert rough.vertices[one, 2] == rough.vertices[two, 2]
+    # The rock stands out on the seam, too: it is not smoothed away there.
+    assert np.abs(rough.vertices - rough.lattice.vertices)[meeting.points].max() > 0.1
+
+
+def test_a_world_with_heights_and_rock_holds_its_certificate(config, under, ramp):
+    for mine in (under, ramp):
+        validator = Validator(certificate_params(config, 100), mine.bundle, mine.cleaned, mine.raw, mine.survey)
+        assert {n: c.value for n, c in validator.certificate.clauses.items() if not c.holds} == {}
+
+
+def test_rock_that_is_not_folded_is_refused(ramp, tmp_path):
+    folder = copied(ramp, tmp_path / "world")
+    visible(folder)
+    folding, record = Folding(ramp.floor), read_record(folder)
+    for name in rough_meshes(name[7:-4] for name in record.files if name.startswith("meshes/")):
+        mesh = decode_msh((folder / mesh_file(name)).read_bytes())
+        plan = folding.unfold(mesh.vertices.astype(np.float64), record.height_m)
+        (folder / mesh_file(name)).write_bytes(encode_msh(replace(mesh, vertices=plan)))
+    with pytest.raises(ArtifactError, match=r"has the texture of a place|m from the smooth surface"):
+        visible(folder)
+
+
+def test_a_gap_of_a_centimetre_at_a_seam_is_refused_with_its_place(under, tmp_path):
+    folder = copied(under, tmp_path / "world")
+    ((one, _),) = under.floor.seams()
+    record, opened = read_record(folder), 0
+    for name in rough_meshes(name[7:-4] for name in record.files if name.startswith("meshes/roof")):
+        mesh = decode_msh((folder / mesh_file(name)).read_bytes())
+        plan = Folding(under.floor).unfold(mesh.vertices.astype(np.float64), record.height_m)
+        on_seam = np.abs(plan[:, :2] - one).max(axis=1) < 1.0
+        moved = mesh.vertices + np.where(on_seam, 0.01, 0.0)[:, None].astype(np.float32) * [0, 0, 1]
+        opened += int(on_seam.sum())
+        (folder / mesh_file(name)).write_bytes(encode_msh(replace(mesh, vertices=moved)))
+    assert opened
+    with pytest.raises(ArtifactError, match=r"a hole at \["):
+        visible(folder)
+
+
+def test_folding_and_unfolding_rock_behind_the_walls_returns_it(under):
+    folding, rng = Folding(under.floor), np.random.default_rng(4)
+    for sheet in range(2):
+        own = under.floor.wall_segments()
+        own = own[under.floor.sheets_at(own.mean(axis=1)) == sheet]
+        along = own[:, 1] - own[:, 0]
+        away = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+        places = own.mean(axis=1) + rng.uniform(-0.3, 0.4, (len(own), 1)) * away
+        points = np.column_stack([places, rng.uniform(0, 3.5, len(own))])
+        np.testing.assert_allclose(folding.unfold(folding.fold(points), 3.5), points, atol=1e-9)
+
+
+def test_beams_end_on_the_rock_and_on_the_floor_beside_it(under):
+    world = load_world(under.bundle)
+    lidar = shared_lidar(under.bundle, world.record["world_sha256"], 30.0, "auto")
+    stations = np.concatenate([np.array(leg.stations_m) for leg in under.network.legs])
+    origins = under.floor.fold(np.column_stack([stations, np.full(len(stations), 0.5)]))
+    angle = np.radians(np.arange(0, 360, 10))
+    for slope, least in ((0.0, 0.3), (-0.2, 0.3)):
+        ways = np.column_stack([np.cos(angle), np.sin(angle), np.full(len(angle), slope)])
+        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+        ranges = lidar.cast(origins, np.broadcast_to(ways, (len(origins), *ways.shape)))
+        assert ranges.min() > least
+        if slope:  # a beam that falls by 0.2 m a metre meets the floor or the rock
+            assert ranges.max() < 30.0
+    assert "beside" in floor_meshes(world)
+
+
+def test_fittings_follow_the_floor_and_no_level_plane_is_built(under):
+    checked = check_world(under.bundle)
+    names = [name[7:-4] for name in checked.files if name.startswith("meshes/")]
+    assert any(is_cover(name) for name in names)
+    assert any(is_fitting(name) and not is_cover(name) for name in names)
+    assert not any(
+        is_shade(geom.name) or geom.name.startswith("puddle_") for geom in load_world(under.bundle).spec().geoms
+    )
+    folding, spread = Folding(under.floor), []
+    for name in filter(is_cover, names):
+        mesh = decode_msh(checked.files[mesh_file(name)])
+        plan = folding.unfold(mesh.vertices.astype(np.float64), 3.5)
+        assert plan[:, 2].min() > 0
+        assert plan[:, 2].max() < 0.1 + 1e-3
+        spread.append(float(mesh.vertices[:, 2].mean()))
+    assert np.ptp(spread) > 5
+
+
+def test_split_edges_leave_no_crack_between_neighbours():
+    corners = np.array([[0, 0, 0], [7, 0, 0], [7, 3, 0], [0, 3, 0], [3, 9, 0.0]])
+    points, faces = split_long_edges(corners, np.array([[0, 1, 2], [0, 2, 3], [3, 2, 4]]), 1.0)
+    sides = np.linalg.norm(points[faces] - np.roll(points[faces], 1, axis=1), axis=2)
+    assert sides.max() <= 1.0
+    edges, count = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0, return_counts=True)
+    assert count.max() == 2
+    rim = np.linalg.norm(points[edges[count == 1, 0]] - points[edges[count == 1, 1]], axis=1).sum()
+    assert rim == pytest.approx(7 + 3 + 3 + np.hypot(4, 6) + np.hypot(3, 6))
