@@ -17,11 +17,11 @@ from tqdm import tqdm
 
 from pipeline.compose import compose
 from pipeline.errors import MineError
+from pipeline.metrics.axes import TextureAxes
 from pipeline.metrics.published import REAL, REAL_SWEEP
 from pipeline.metrics.sampling import faces_near, sample_triangles
 from pipeline.metrics.texture import (
     AXES,
-    TextureAxes,
     axis_ratios,
     bump_rq_m,
     published_score,

@@ -5,8 +5,8 @@ From the text files of their repository (Badri1401/MineXplore, commit 3f7fe7c): 
 
 from __future__ import annotations
 
+from pipeline.metrics.axes import TextureAxes
 from pipeline.metrics.planefit import Residuals
-from pipeline.metrics.texture import TextureAxes
 
 REAL = TextureAxes(37.477, 0.055162, 0.149121, 1.75749, 0.128520, 0.010008)
 PAPER_MODEL = TextureAxes(26.246, 0.019943, 0.050549, 1.463839, 0.019789, 0.003202)

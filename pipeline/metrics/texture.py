@@ -12,6 +12,7 @@ from scipy.signal.windows import hann
 from shapely import Polygon
 
 from pipeline.geometry.polyline import rings_of
+from pipeline.metrics.axes import TextureAxes
 from pipeline.metrics.planefit import Residuals, fit_voxel_planes, normal_scatter_deg, sweep_residuals
 from pipeline.metrics.profile import arc_windows, project_on_rings
 
@@ -25,18 +26,6 @@ _RING_M = (1.65, 1.85)
 _ARC_STEP_M, _ARC_WINDOW_M = 0.025, 8.0
 _TURN_RAD = 0.4
 _FLAT_SCORE = 0.9
-
-
-@dataclass(frozen=True)
-class TextureAxes:
-    """The six axes of the texture report in the paper; None where the surface gives no figure."""
-
-    wall_jaggedness_deg: float | None
-    bump_rq_m: float | None
-    roughness_integral_m2: float | None
-    dominant_wavelength_m: float | None
-    roof_irregularity_m: float | None
-    wall_heterogeneity_m: float | None
 
 
 AXES = tuple(field.name for field in fields(TextureAxes))

@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import ROOF, WALLS
 from pipeline.errors import ArtifactError
+from pipeline.metrics.axes import TextureAxes
 from pipeline.metrics.clearance import WallGaps, measure_walls
 from pipeline.metrics.digits import repeatable
 from pipeline.metrics.planefit import Residuals, fit_voxel_planes
@@ -21,7 +22,6 @@ from pipeline.metrics.relief import Relief, measure_relief
 from pipeline.metrics.sampling import faces_near, sample_triangles, with_noise
 from pipeline.metrics.texture import (
     Scores,
-    TextureAxes,
     axis_ratios,
     measure_axes,
     published_score,

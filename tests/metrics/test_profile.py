@@ -2,9 +2,17 @@ import math
 
 import numpy as np
 import pytest
+from scipy.signal import lombscargle
 
 from pipeline.errors import InputError
-from pipeline.metrics.profile import amplitude_of, line_roughness, profiles_of_cloud, profiles_of_runs, spectrum_of
+from pipeline.metrics.profile import (
+    _periodogram,
+    amplitude_of,
+    line_roughness,
+    profiles_of_cloud,
+    profiles_of_runs,
+    spectrum_of,
+)
 from pipeline.metrics.roughness import roughness_of_cloud, roughness_of_sweeps
 from pipeline.survey.sweeps import read_sweep
 
@@ -91,3 +99,15 @@ def test_the_real_sweeps_have_the_roughness_of_an_independent_measurement(shared
     rq = dict(zip(found.window_m, found.rq_m, strict=True))
     for window, reference in ((0.2, 0.0017), (0.3, 0.0029), (0.5, 0.0058), (1.0, 0.015), (2.0, 0.032)):
         assert rq[window] == pytest.approx(reference, rel=0.2)
+
+
+def test_the_power_of_many_profiles_is_that_of_scipy_for_each():
+    rng = np.random.default_rng(5)
+    count = rng.integers(24, 60, 40)
+    first = np.cumsum(count) - count
+    places = [np.sort(rng.uniform(-1, 1, n)) for n in count]
+    offsets = [rng.normal(size=n) for n in count]
+    for omega in 2 * np.pi / np.array([0.05, 0.2, 0.9, 4.0]):
+        found = _periodogram(np.concatenate(places), np.concatenate(offsets), first, count, omega)
+        wanted = [lombscargle(x, y, np.array([omega, 1.0]))[0] for x, y in zip(places, offsets, strict=True)]
+        np.testing.assert_allclose(found, wanted, rtol=1e-8)

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 import shapely
 
+from pipeline.metrics.axes import TextureAxes
 from pipeline.metrics.planefit import fit_voxel_planes, normal_scatter_deg, sweep_residuals
 from pipeline.metrics.published import PAPER_MODEL, PAPER_SCORES, REAL
 from pipeline.metrics.texture import (
     AXES,
-    TextureAxes,
     bump_rq_m,
     published_score,
     published_wavelength_m,
