@@ -231,7 +231,7 @@ def test_fittings_are_no_obstacles_of_the_certificate(fitted: BuiltMine):
         ('<geom name="fitting_duct', '<geom name="fitting_panel', "<geom> is not allowed"),
         ('name="puddle_water"', 'name="puddle_water" conaffinity="1"', "@conaffinity: '1' is not allowed"),
         ('type="plane"', 'type="box"', "@type: 'box', want 'plane'"),
-        ('name="puddle_water"', 'name="puddle_lava"', "water on floor zones alone; see 'puddle_lava'"),
+        ('name="puddle_water"', 'name="puddle_lava"', "water on its zones alone; see 'puddle_lava'"),
         ('name="shade_3"', 'name="shade_9"', "want 6 planes of shade"),
         ('rgba="0 0 0 0.035"', 'rgba="0 0 0 0.5"', "material[shade]@rgba"),
         ('reflectance="0.35"', 'reflectance="0.9"', "material[water]@reflectance"),
