@@ -299,11 +299,16 @@ class Floor:
             faces[lost] = self.faces_at(places[lost])
         return places
 
-    def unfold_body(self, points_m: np.ndarray, about_m: float = 1.0) -> np.ndarray:
-        """Return the points (k, 3) m of one body in the plan of the sheet that its middle belongs to."""
-        middle = points_m.mean(axis=0)[None]
-        places = points_m[:, :2] + (self.unfold(middle, about_m) - middle)[0, :2]
-        return np.column_stack([places, points_m[:, 2] - self.heights_at(places)])
+    def unfold_bodies(self, bodies_m: list[np.ndarray], about_m: float = 1.0) -> list[np.ndarray]:
+        """Return the points (k, 3) m of each body in the plan of the sheet that its middle belongs to."""
+        if not bodies_m:
+            return []
+        middles, count = np.array([points.mean(axis=0) for points in bodies_m]), [len(points) for points in bodies_m]
+        moved = np.repeat((self.unfold(middles, about_m) - middles)[:, :2], count, axis=0)
+        points = np.concatenate(bodies_m)
+        places = points[:, :2] + moved
+        unfolded = np.column_stack([places, points[:, 2] - self.heights_at(places)])
+        return np.split(unfolded, np.cumsum(count)[:-1])
 
     def covers(self, places_m: np.ndarray) -> np.ndarray:
         """Return whether there is floor (k,) at places (k, 2) m of the plan, to a centimetre or so."""

@@ -144,16 +144,24 @@ def _expect_slabs(
     levels: tuple[float, float],
 ) -> None:
     """Check that every corner of these wedges lies on the floor's mesh moved up to one of two levels."""
+    bodies = []
     for name in names:
         geom, mesh = of_mine["geom", name], of_assets["mesh", name]
         if geom.attributes["mesh"] != name:
             raise BundleError(f"{MODEL}: {geom.path}@mesh: {geom.attributes['mesh']!r}, want a mesh of the geom's name")
         corners = np.array(numbers_in(mesh.attributes["vertex"])).reshape(-1, 3)
-        corners = corners + (numbers_in(geom.attributes.get("pos", "0 0 0")) or [])
-        unfolded = floor.unfold_body(corners, sum(levels) / 2)
-        if not floor.covers(unfolded[:, :2]).all():
+        bodies.append(corners + (numbers_in(geom.attributes.get("pos", "0 0 0")) or []))
+    if not bodies:
+        return
+    unfolded = floor.unfold_bodies(bodies, sum(levels) / 2)
+    covered = np.split(
+        floor.covers(np.concatenate(unfolded)[:, :2]), np.cumsum([len(corners) for corners in unfolded])[:-1]
+    )
+    for name, corners, is_covered in zip(names, unfolded, covered, strict=True):
+        mesh = of_assets["mesh", name]
+        if not is_covered.all():
             raise BundleError(f"{MODEL}: {mesh.path}@vertex: a corner beside the floor of {FLOOR}")
-        above = unfolded[:, 2]
+        above = corners[:, 2]
         off = np.abs(above[:, None] - levels)
         if off.min(axis=1).max() > _ON_FLOOR_M or off.min(axis=0).max() > _ON_FLOOR_M:
             raise BundleError(

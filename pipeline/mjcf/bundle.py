@@ -288,11 +288,11 @@ def model_in_plan(folder: Path, world: World) -> mujoco.MjModel:
     if len(floor.offset_m) == 1:
         return world.model
     spec = mujoco.MjSpec.from_file(str(folder / MODEL))
-    for geom in spec.geoms:
-        if geom.meshname and geom.group in (GeomGroup.FLOOR, GeomGroup.COLLISION):
-            about_m = 0.0 if geom.group == GeomGroup.FLOOR else world.record.height_m / 2
-            place = np.array([geom.pos])
-            geom.pos = geom.pos + (floor.unfold(place, about_m) - place)[0] * [1.0, 1.0, 0.0]
+    for group, about_m in ((GeomGroup.FLOOR, 0.0), (GeomGroup.COLLISION, world.record.height_m / 2)):
+        geoms = [geom for geom in spec.geoms if geom.meshname and geom.group == group]
+        places = np.array([geom.pos for geom in geoms]).reshape(-1, 3)
+        for geom, place in zip(geoms, floor.unfold(places, about_m), strict=True):
+            geom.pos = [*place[:2], geom.pos[2]]
     return spec.compile()
 
 

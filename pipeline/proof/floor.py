@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import mujoco
@@ -44,8 +45,7 @@ def enclosure_of_floor(
 def _open_m2(wedges: list[np.ndarray], floor: Floor, free: Polygon, level_m: float) -> float:
     """Return the area of the workings, m2, over which no wedge has its inner face at a height above the floor."""
     covered = []
-    for wedge in wedges:
-        inside = floor.unfold_body(wedge, level_m)
+    for inside in floor.unfold_bodies(wedges, level_m):
         off = np.abs(inside[:, 2] - level_m)
         if np.sort(off)[: len(off) // 2].max() < _ON_FLOOR_M and off.max() < SLAB_M + _ON_FLOOR_M:
             covered.append(section_footprint(inside).buffer(_ROUND_M))
@@ -59,16 +59,37 @@ def _floor_error_m(model: mujoco.MjModel, T_world_mine: np.ndarray, floor: Floor
     follow. Faces so thin that they have no other place are left out: each place on them is within 1.5 mm of an edge,
     and the faces beyond their edges are probed.
     """
-    starts = _floor_probes(floor) + np.array([0.0, 0.0, _ABOVE_M])
-    starts = starts @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
+    probes = _floor_probes(floor)
+    starts = (probes + np.array([0.0, 0.0, _ABOVE_M])) @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    groups = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
-    groups[GeomGroup.FLOOR] = 1
-    hit, down, worst = np.zeros(1, np.int32), -T_world_mine[:3, 2].copy(), 0.0
-    for start in starts:
-        worst = max(worst, abs(mujoco.mj_ray(model, data, start, down, groups, 1, -1, hit, None) - _ABOVE_M))
-    return round(worst, 6)
+    geoms = np.flatnonzero(model.geom_group == GeomGroup.FLOOR)
+    boxes = [_box_in_plan(model, data, geom, T_world_mine) for geom in geoms.tolist()]
+    ray, box = shapely.STRtree(boxes).query(shapely.points(probes[:, :2]), predicate="intersects")
+    down, nearest = -T_world_mine[:3, 2].copy(), np.full(len(starts), np.inf)
+    for k, geom in zip(ray.tolist(), geoms[box].tolist(), strict=True):
+        far = _distance_to(model, data, geom, starts[k], down)
+        if 0 <= far < nearest[k]:
+            nearest[k] = far
+    nearest[~np.isfinite(nearest)] = -1.0  # beside the floor, as MuJoCo states it
+    return round(float(np.abs(nearest - _ABOVE_M).max()), 6)
+
+
+def _box_in_plan(model: mujoco.MjModel, data: mujoco.MjData, geom: int, T_world_mine: np.ndarray) -> Polygon:
+    """Return the box around a geom in plan, m."""
+    middle, half = model.geom_aabb[geom][:3], model.geom_aabb[geom][3:]
+    corners = middle + half * np.array(list(itertools.product((-1, 1), repeat=3)))
+    corners = corners @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+    x, y, _ = ((corners - T_world_mine[:3, 3]) @ T_world_mine[:3, :3]).T
+    return shapely.box(x.min(), y.min(), x.max(), y.max()).buffer(_ROUND_M)
+
+
+def _distance_to(model: mujoco.MjModel, data: mujoco.MjData, geom: int, start: np.ndarray, along: np.ndarray) -> float:
+    """Return the distance, m, of a geom along a ray; -1 if it is beside the ray."""
+    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+        return float(mujoco.mj_rayMesh(model, data, geom, start, along))
+    place, axes = data.geom_xpos[geom], data.geom_xmat[geom]
+    return float(mujoco.mju_rayGeom(place, axes, model.geom_size[geom], start, along, model.geom_type[geom]))
 
 
 def _floor_probes(floor: Floor) -> np.ndarray:

@@ -84,7 +84,7 @@ def stress_walls(
     rng = np.random.default_rng(seed)
     floor, height = batch.floor, batch.world.record["height_m"]
     walls = wall_lines(free, floor)
-    kinds = _targets(walls, [floor.unfold_body(part, height / 2) for part in parts], zone_edges_m, rng)
+    kinds = _targets(walls, floor.unfold_bodies(parts, height / 2), zone_edges_m, rng)
     inside = free.buffer(-robot.radius_m)
     shapely.prepare(inside)
     touched = escapes = throws = 0
