@@ -50,9 +50,13 @@ def rock_clearance(world: Path, T_world_mine: np.ndarray, group: int, places: np
 
 
 def _keep_group(spec: mujoco.MjSpec, group: int) -> None:
-    """Remove all other geoms, and the meshes that only they use: most meshes of a world are visible rock."""
-    for geom in [geom for geom in spec.geoms if geom.group != group]:
-        spec.delete(geom)
+    """Make all other geoms small spheres, and remove the files that only they use: most meshes are visible rock.
+
+    Geoms and small meshes stay, since MuJoCo takes longer to remove one the more there are.
+    """
+    for geom in spec.geoms:
+        if geom.group != group:
+            geom.type, geom.meshname, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, "", [_PROBE_M, 0, 0]
     used = {geom.meshname for geom in spec.geoms}
-    for mesh in [mesh for mesh in spec.meshes if mesh.name not in used]:
+    for mesh in [mesh for mesh in spec.meshes if mesh.file and mesh.name not in used]:
         spec.delete(mesh)
