@@ -93,9 +93,16 @@ def test_a_floor_that_rises_is_taken_for_rock_until_it_is_doubted_and_never_wher
     assert not own.doubt([0])
 
 
-@pytest.mark.parametrize("name", ["nearest-frontier", pytest.param("two-level", marks=pytest.mark.slow)])
-def test_an_explorer_drives_over_a_seam_and_sees_all_sheets(name, under):
-    episode, shares = explore(under.bundle, name, 4000)
+@pytest.mark.parametrize(
+    ("name", "steps"),
+    [
+        ("depth-first", 2000),
+        pytest.param("nearest-frontier", 4000, marks=pytest.mark.slow),
+        pytest.param("two-level", 4000, marks=pytest.mark.slow),
+    ],
+)
+def test_an_explorer_drives_over_a_seam_and_sees_all_sheets(name, steps, under):
+    episode, shares = explore(under.bundle, name, steps)
     assert len(shares) == 2
     assert (shares > 0.9).all(), shares
     assert episode.collided == 0
