@@ -87,10 +87,12 @@ def make_artifacts(stage: Stage, params: Any, root: Path) -> None:
     MineError
         If the stage fails. The artifacts are unchanged, except after a breached limit: then the new ones are kept.
     """
-    inputs, values = _input_hashes(stage, params, root), {}
-    for key, artifact in stage.reads.items():
-        values[key] = decode(artifact.at(root), artifact.kind)
-    outputs = stage.run(params, **values)
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(code_sha256, stage.name, Path.cwd())  # it takes half a second, and the manifest needs it
+        inputs, values = _input_hashes(stage, params, root), {}
+        for key, artifact in stage.reads.items():
+            values[key] = decode(artifact.at(root), artifact.kind)
+        outputs = stage.run(params, **values)
     if set(outputs) != set(stage.writes):
         raise ArtifactError(f"{stage.name}: wrote {sorted(outputs)}, declares {sorted(stage.writes)}")
     _write_outputs(stage, params, root, inputs, outputs)

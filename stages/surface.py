@@ -40,22 +40,22 @@ def model_surface(
     params = widen_spacing(params, free, extent.height_m)
     with ThreadPoolExecutor(1) as pool:  # works beside this thread, in the order of the calls
         smooth = pool.submit(_smooth, params, free, floor, extent.height_m)
+        texture = pool.submit(_texture, params.texture)
         sources = measure_sources(params)
         lattice = lay_rough_lattice(params, free, topology, extent.height_m, floor)
-        texture = pool.submit(_texture, params.texture)
         relief = choose_relief(params, sources, lattice)
         rough = build_rough_surface(params, lattice, relief)
         reported = pool.submit(report_roughness, params, sources, relief, rough)
         spectra = pool.submit(lambda: draw_spectra(reported.result()))
+        sections = pool.submit(lambda: draw_sections(rough, smooth.result(), extent.height_m))
         folded = fold_surface(rough)
         files = chunk_files(rough, params, folded)
         checked = check_folded(rough, folded, closed_mesh(rough)[1])
-        sections = draw_sections(rough, smooth.result(), extent.height_m)
         return {
             "smooth": fold_smooth(smooth.result(), floor),
             "rough": files,
             "texture": texture.result(),
-            "sections": sections,
+            "sections": sections.result(),
             "amplitude": amplitude_table(rough),
             "roughness": reported.result(),
             "spectra": spectra.result(),

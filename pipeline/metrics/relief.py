@@ -15,10 +15,9 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.geometry.polyline import arc_length, rings_of
 from pipeline.metrics.digits import repeatable
 from pipeline.metrics.profile import arc_windows, line_roughness, project_on_rings
-from pipeline.metrics.roughness import SurfaceRoughness
+from pipeline.metrics.roughness import CUT_HEIGHTS_M, SurfaceRoughness
 
 OCTAVES_M = ((0.2, 0.5), (0.5, 1.0), (1.0, 2.0))
-CUT_HEIGHTS_M = (1.0, 1.5)
 LINE_WINDOWS_M = (0.5, 1.0, 2.0, 3.0)
 _STEP_M, _WINDOW_M = 0.025, 8.0
 _LEAST_RUN_M = 3.0

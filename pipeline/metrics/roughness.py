@@ -20,6 +20,7 @@ from pipeline.metrics.profile import (
 )
 from pipeline.metrics.published import REAL_SWEEP
 
+CUT_HEIGHTS_M = (1.0, 1.5)  # of level cuts through the walls
 LINE_WINDOWS_M = (0.2, 0.3, 0.5, 1.0, 2.0, 3.0)
 VOXELS_M = (0.10, 0.15, 0.20, 0.30, 0.50, 1.00, 2.00)
 _VOXEL_POINTS = 20

@@ -11,8 +11,7 @@ from scipy.spatial import cKDTree
 from pipeline.geometry.polyline import resample
 from pipeline.metrics.planefit import sweep_residuals
 from pipeline.metrics.profile import line_roughness
-from pipeline.metrics.relief import CUT_HEIGHTS_M as CUTS_M
-from pipeline.metrics.roughness import SurfaceRoughness
+from pipeline.metrics.roughness import CUT_HEIGHTS_M, SurfaceRoughness
 from pipeline.metrics.sampling import sample_triangles
 from pipeline.surface.displacement import Bounds, bound_displacement, displaced
 from pipeline.surface.joints import Gains, JointedRock, parts_of_joints
@@ -73,7 +72,8 @@ class RockWalls:
             meeting=None,
         )
         above = lattice.vertices[:count:columns, 2]
-        self.rows = [np.abs(above - level) <= max(_FOOTPRINT_M / 2, np.abs(above - level).min()) for level in CUTS_M]
+        away = [np.abs(above - level) for level in CUT_HEIGHTS_M]
+        self.rows = [apart <= max(_FOOTPRINT_M / 2, apart.min()) for apart in away]
         faces = lattice.faces[lattice.piece == WALL]
         middle = lattice.vertices[faces].mean(axis=1)[:, :2]
         stretches = lattice.walls.xy[np.linspace(0, columns - 1, _STRETCHES, dtype=int)]

@@ -64,7 +64,8 @@ def check_folded(rough: RoughSurface, folded: FoldedSurface, faces: np.ndarray) 
     """Check that the folded surface encloses one volume and faces inwards, as `check_mesh` does.
 
     `faces` (m, 3) are those of the mesh closed by a floor. On a floor with heights these are long faces between the
-    feet of the walls, so that only the rock's crossings count.
+    feet of the walls, so that only the rock's crossings count. On a flat floor, `displace_lattice` has tried all edges
+    of the rock against the rock; what may still cross is the floor and the rock that reaches down to it.
 
     Raises
     ------
@@ -72,7 +73,7 @@ def check_folded(rough: RoughSurface, folded: FoldedSurface, faces: np.ndarray) 
         If it has a crack or a flipped face, intersects itself, or is in several pieces.
     """
     if rough.lattice.floor.is_flat:
-        return check_mesh(folded.vertices, faces)
+        return check_mesh(folded.vertices, faces, faces[folded.vertices[faces, 2].min(axis=1) <= 0])
     mesh = trimesh.Trimesh(folded.vertices, folded.number[faces], process=False)
     crossings = find_crossings(folded.vertices, folded.number[rough.mesh.faces])
     report = MeshReport(

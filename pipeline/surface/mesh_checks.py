@@ -38,8 +38,10 @@ def join_meshes(pieces: dict[str, Mesh]) -> tuple[np.ndarray, np.ndarray]:
     return np.array(mesh.vertices), np.array(mesh.faces)
 
 
-def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> MeshReport:
+def check_mesh(vertices: np.ndarray, faces: np.ndarray, cast: np.ndarray | None = None) -> MeshReport:
     """Check that a mesh encloses one volume and faces inwards.
+
+    Only the edges of the faces `cast` (k, 3) are tried for crossings, by default those of all faces.
 
     Raises
     ------
@@ -47,7 +49,7 @@ def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> MeshReport:
         If the mesh has a crack or a flipped face, intersects itself (the message gives the place), or faces outwards.
     """
     mesh = trimesh.Trimesh(vertices, faces, process=False)
-    crossings = find_crossings(vertices, faces)
+    crossings = find_crossings(vertices, faces, cast)
     report = MeshReport(
         faces=len(faces),
         vertices=len(vertices),
@@ -72,8 +74,10 @@ def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> MeshReport:
     return report
 
 
-def find_crossings(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def find_crossings(vertices: np.ndarray, faces: np.ndarray, cast: np.ndarray | None = None) -> np.ndarray:
     """Return the places (k, 3) m where an edge crosses a face that shares no vertex with it.
+
+    The edges are those of the faces `cast` (k, 3), by default of all faces.
 
     If two faces of a mesh intersect, an edge of one crosses the other. Every edge is cast as a ray in 32 bits, and each
     hit is tested again in 64 bits; if the test fails, the ray continues behind the face.
@@ -83,7 +87,7 @@ def find_crossings(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     scene, origin = open3d.t.geometry.RaycastingScene(), vertices.mean(axis=0)
     tensor: Any = open3d.core.Tensor
     scene.add_triangles(tensor((vertices - origin).astype(np.float32)), tensor(faces.astype(np.uint32)))
-    edges = _edges(faces)
+    edges = _edges(faces if cast is None else cast)
     parts = [edges[i : i + _AT_ONCE] for i in range(0, len(edges), _AT_ONCE)]
     with ThreadPoolExecutor(2) as pool:
         places = pool.map(lambda part: _edge_crossings(part, scene, origin, vertices, faces), parts)
