@@ -30,12 +30,15 @@ class Folding:
     def __init__(self, floor: Floor) -> None:
         """Take the walls of each sheet, and near a seam those of the next sheet too."""
         self.floor = floor
-        rim = _walls(floor)
+        rim, self._is_own = _walls(floor)
         self._start, self._along = rim[:, 0], rim[:, 1] - rim[:, 0]
         self._low, self._high = rim[:, :, :2].min(axis=1), rim[:, :, :2].max(axis=1)
 
     def heights_at(self, places_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the floor's height (k,) m at places (k, 2) m of the plan, and how far (k,) m they are beside it."""
+        """Return the floor's height (k,) m at places (k, 2) m of the plan, and how far (k,) m they are beside it.
+
+        Behind a seam, the height is that of the next sheet's walls, but the distance is from the sheet itself.
+        """
         heights, beside = np.zeros(len(places_m)), np.zeros(len(places_m))
         if self.floor.is_flat or not len(places_m):
             return heights, beside
@@ -56,7 +59,7 @@ class Folding:
         return heights, beside
 
     def _nearest(self, places: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the height at, and the distance to, the nearest point of edges.
+        """Return the height at the nearest point of edges, and the distance to the nearest one of the sheets' own.
 
         Of edges that are about as near, heights are averaged: behind a corner, a surface would have a step otherwise.
         """
@@ -70,7 +73,8 @@ class Folding:
         # A straight wall of several edges counts as one; hairs have any slope.
         reach = np.where(length > _BEYOND_M, _BEYOND_M / length, 0.0)
         heights = start[:, 2] + np.clip(share, -reach, 1 + reach) * along[:, 2]
-        return (weight * heights).sum(axis=1) / weight.sum(axis=1), least
+        beside = away[:, self._is_own[edges]].min(axis=1, initial=_FAR_M)
+        return (weight * heights).sum(axis=1) / weight.sum(axis=1), beside
 
     def fold(self, points_m: np.ndarray) -> np.ndarray:
         """Return points (k, 3) m of the plan, z from the floor, in the mine frame."""
@@ -125,18 +129,19 @@ class Folding:
         return miss
 
 
-def _walls(floor: Floor) -> np.ndarray:
+def _walls(floor: Floor) -> tuple[np.ndarray, np.ndarray]:
     """Return the feet of the walls (k, 2, 3) m in plan, seams, and walls behind them in the plan of the sheet before.
 
-    Two sheets then find the same foot for a place beside their seam.
+    Two sheets then find the same foot for a place beside their seam. The second array (k,) states which are a sheet's
+    own.
     """
     if floor.is_flat:
-        return np.zeros((0, 2, 3))
+        return np.zeros((0, 2, 3)), np.zeros(0, bool)
     found = floor.wall_edges()
     corners = np.array([edge for _, edge in found])
     walls = floor.vertices[corners]
     if len(floor.offset_m) == 1:
-        return walls
+        return walls, np.ones(len(walls), bool)
     at_corner: dict[int, list[int]] = defaultdict(list)
     for number, (a, b) in enumerate(corners.tolist()):
         at_corner[a].append(number)
@@ -144,15 +149,16 @@ def _walls(floor: Floor) -> np.ndarray:
     edges = np.concatenate([floor.faces[:, [0, 1]], floor.faces[:, [1, 2]], floor.faces[:, [2, 0]]]).astype(np.int64)
     of, joined, count = np.tile(floor.sheet, 3), floor._joined[edges], len(floor.vertices)
     owner = {int(a * count + b): k for k, (a, b) in enumerate(joined.tolist())}
-    moved = [walls]
+    own, behind = [walls], [np.zeros((0, 2, 3))]
     for k, (a, b) in enumerate(joined.tolist()):
         other = owner.get(int(b * count + a))
         if other is None or of[other] == of[k]:
             continue
         aside = np.append(floor.offset_m[of[k]] - floor.offset_m[of[other]], 0.0)
-        behind = _walls_from(edges[other].tolist(), walls, corners, at_corner)
-        moved += [floor.vertices[edges[k]][None], behind + aside]
-    return np.unique(np.concatenate(moved), axis=0)
+        own.append(floor.vertices[edges[k]][None])
+        behind.append(_walls_from(edges[other].tolist(), walls, corners, at_corner) + aside)
+    edge, first = np.unique(np.concatenate([*own, *behind]), axis=0, return_index=True)
+    return edge, first < sum(map(len, own))
 
 
 def _walls_from(

@@ -129,7 +129,7 @@ def wall_parts(free: Polygon, floor: Floor, height_m: float) -> list[Points3]:
 def wall_lines(free: BaseGeometry, floor: Floor) -> BaseGeometry:
     """Return the walls in plan; the seams between sheets are none."""
     walls = sheet_walls(floor)
-    return free.boundary if walls is None else shapely.multilinestrings(walls)
+    return free.boundary if walls is None else shapely.line_merge(shapely.multilinestrings(walls))
 
 
 def sheet_walls(floor: Floor) -> np.ndarray | None:

@@ -12,7 +12,7 @@ from scipy.signal.windows import hann
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.geometry.polyline import arc_length, rings_of
+from pipeline.geometry.polyline import arc_length
 from pipeline.metrics.digits import repeatable
 from pipeline.metrics.profile import arc_windows, line_roughness, project_on_rings
 from pipeline.metrics.roughness import CUT_HEIGHTS_M, SurfaceRoughness
@@ -52,18 +52,18 @@ def measure_relief(walls: np.ndarray, sample: np.ndarray, free: Polygon, lines: 
 
     The plan's walls are `lines`, by default the boundary of the free space.
     """
-    wall_m = (lines or free).length
-    cuts = {_cm("at", z): cut_walls(walls, free, z, wall_m) for z in CUT_HEIGHTS_M}
-    return repeatable(Relief(face_angle_deg(walls, free), flat_face_share(sample), cuts))
+    lines = lines or free.boundary
+    cuts = {_cm("at", z): cut_walls(walls, free, z, lines) for z in CUT_HEIGHTS_M}
+    return repeatable(Relief(face_angle_deg(walls, lines), flat_face_share(sample), cuts))
 
 
-def face_angle_deg(walls: np.ndarray, free: Polygon) -> float:
-    """Return the median angle, by area, between faces (n, 3, 3) m and the nearest wall of the plan."""
+def face_angle_deg(walls: np.ndarray, lines: BaseGeometry) -> float:
+    """Return the median angle, by area, between faces (n, 3, 3) m and the nearest of the plan's walls, `lines`."""
     normal = np.cross(walls[:, 1] - walls[:, 0], walls[:, 2] - walls[:, 0])
     area = np.linalg.norm(normal, axis=1)
     # Rounded: the sides of a corner tie, and the last digit, which differs between processors, would choose.
     middle = walls.mean(axis=1)[:, :2].round(6)
-    sides = np.concatenate([_sides(ring) for ring in rings_of(free)])
+    sides = np.concatenate([_sides(line) for line in shapely.get_parts(lines)])
     nearest = shapely.STRtree(shapely.linestrings(sides)).nearest(shapely.points(middle))
     along = sides[nearest, 1] - sides[nearest, 0]
     across = np.abs(normal[:, 0] * along[:, 1] - normal[:, 1] * along[:, 0])
@@ -74,25 +74,26 @@ def face_angle_deg(walls: np.ndarray, free: Polygon) -> float:
     return float(angle[order][np.searchsorted(covered, covered[-1] / 2)])
 
 
-def _sides(ring: shapely.LinearRing) -> np.ndarray:
-    xy = shapely.get_coordinates(ring)
+def _sides(line: shapely.LineString) -> np.ndarray:
+    xy = shapely.get_coordinates(line)
     return np.stack([xy[:-1], xy[1:]], axis=1)
 
 
-def cut_walls(walls: np.ndarray, free: Polygon, height_m: float, wall_m: float | None = None) -> Cut:
+def cut_walls(walls: np.ndarray, free: Polygon, height_m: float, lines: BaseGeometry | None = None) -> Cut:
     """Cut the walls, faces (n, 3, 3) m, at a height above the floor, and measure the cut against the plan's walls.
 
-    These are `wall_m` long, by default as the boundary of the free space.
+    These are `lines`, by default the boundary of the free space.
     """
+    lines = lines or free.boundary
     mesh = trimesh.Trimesh(walls.reshape(-1, 3), np.arange(3 * len(walls)).reshape(-1, 3), process=False)
     segments = trimesh.intersections.mesh_plane(mesh, [0, 0, 1], [0, 0, height_m])[:, :, :2]
     length = float(np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1).sum())
     joined = shapely.line_merge(shapely.multilinestrings(shapely.linestrings(np.round(segments, 4))))
-    lines = [line for line in shapely.get_parts(joined) if line.length >= _LEAST_RUN_M]
-    runs = [_evenly_spaced(shapely.get_coordinates(line)) for line in lines]
+    long = [line for line in shapely.get_parts(joined) if line.length >= _LEAST_RUN_M]
+    runs = [_evenly_spaced(shapely.get_coordinates(line)) for line in long]
     return Cut(
-        length / (wall_m or free.length),
-        _octave_slopes(runs, free),
+        length / lines.length,
+        _octave_slopes(runs, free, lines),
         {_cm("at", w): float(np.median(r)) for w in LINE_WINDOWS_M if len(r := line_roughness(runs, w))},
     )
 
@@ -111,9 +112,9 @@ def _evenly_spaced(line: np.ndarray) -> np.ndarray:
     return np.column_stack([np.interp(at, along, line[:, k]) for k in (0, 1)])
 
 
-def _octave_slopes(runs: list[np.ndarray], free: Polygon) -> dict[str, float]:
+def _octave_slopes(runs: list[np.ndarray], free: Polygon, lines: BaseGeometry) -> dict[str, float]:
     """Return the slope of the mean spectrum in each octave, by least squares in the logarithms."""
-    rings = rings_of(free)
+    rings = list(shapely.get_parts(lines))
     total = np.zeros(round(_WINDOW_M / _STEP_M) // 2 + 1)
     for run in runs:
         ring, along, offset = project_on_rings(rings, run)

@@ -51,7 +51,10 @@ def widen_spacing(params: SurfaceParams, free: BaseGeometry, height_m: float) ->
     spacing, roof_spacing = (round(wider * s, 3) for s in (rough.spacing_m, rough.roof_spacing_m))
     size = f"{free.area:.0f} m2 of workings would need {faces / 1e6:.1f} million faces of rock"
     if max(spacing, roof_spacing) > _WIDEST_M:
-        raise InputError(f"surface: {size}, surface.rough.most_faces is {rough.most_faces}; build a part of the mine")
+        raise InputError(
+            f"surface: {size}, surface.rough.most_faces is {rough.most_faces}; "
+            "build a part of the mine, or none of the rock (preset=light)"
+        )
     print(
         f"surface: {size}, more than surface.rough.most_faces = {rough.most_faces}; points are {spacing:g} m apart "
         f"instead of {rough.spacing_m:g} m, too far for the limits on texture"

@@ -10,6 +10,7 @@ from pipeline.surface.gradient_noise import bell, gradient_noise, hashed, self_a
 
 _WAVY_M = (0.8, 6.0)  # wavelengths of the joints' own waviness
 _WAVY_HURST = 0.9
+_NO_NORMAL = 1e-9
 _SHIFT = 1000.0  # layers by which joints are offset where they end at another joint
 
 
@@ -138,6 +139,8 @@ def _cut_faces(
     centre, normal = (
         np.stack([np.bincount(index, v) for v in vectors.T], axis=1) / count[:, None] for vectors in (points, inward)
     )
+    for lone in np.flatnonzero((np.abs(normal) < _NO_NORMAL).all(axis=1)).tolist():
+        normal[lone] = inward[int(np.argmax(index == lone))]  # both walls of a narrow drift: that of its first point
     normal /= np.sqrt((normal * normal).sum(axis=1, keepdims=True))
     slope = _joint_slopes(normal, sets, faces.follow_deg)
     random = faces.slope * np.stack([bell(name, 10 + k) for k in range(3)], axis=1)

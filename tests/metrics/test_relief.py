@@ -25,7 +25,7 @@ def near_the_entrance(triangles):
 
 def test_flat_walls_have_no_angle_the_length_of_the_plan_and_only_flat_faces():
     flat = walls_of(lambda x, z: 0 * x)
-    assert face_angle_deg(flat, DRIFT) == pytest.approx(0, abs=1e-4)
+    assert face_angle_deg(flat, DRIFT.boundary) == pytest.approx(0, abs=1e-4)
     assert cut_walls(flat, DRIFT, 1.0).length_ratio == pytest.approx(240 / DRIFT.length, rel=1e-6)
     assert flat_face_share(near_the_entrance(flat)) == pytest.approx(1.0)
 
@@ -37,7 +37,7 @@ def test_a_zigzag_has_the_angle_and_the_length_of_its_slope_and_its_facets_count
         return walls_of(lambda x, z: slope * np.abs((x % length_m) - length_m / 2), step_m=length_m / 2)
 
     wide, narrow = zigzag(1.0), zigzag(0.03)
-    assert face_angle_deg(wide, DRIFT) == pytest.approx(30, abs=0.01)
+    assert face_angle_deg(wide, DRIFT.boundary) == pytest.approx(30, abs=0.01)
     assert cut_walls(wide, DRIFT, 1.0).length_ratio == pytest.approx(240 / DRIFT.length / np.cos(np.radians(30)), 1e-3)
     assert flat_face_share(near_the_entrance(wide)) == pytest.approx(1.0)
     assert flat_face_share(near_the_entrance(narrow)) < 0.05

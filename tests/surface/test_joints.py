@@ -148,3 +148,11 @@ def test_the_relief_of_another_seed_differs():
     points, inward, _ = wall()
     one, two = (relief_of_joints(points, inward, rock(Faces(0.1, 1.0, 0.1, 10.0)), seed) for seed in (1, 2))
     assert abs(np.corrcoef(one, two)[0, 1]) < 0.3
+
+
+def test_a_block_that_holds_both_walls_of_a_narrow_drift_has_a_relief():
+    points = np.array([[0.0, 0.0, 1.0], [0.0, 0.01, 1.0]])
+    relief = relief_of_joints(
+        points, np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]), rock(Faces(0.1, 1.0, 0.1, 16.0)), 3
+    )
+    assert np.isfinite(relief).all()
