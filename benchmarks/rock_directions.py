@@ -38,7 +38,7 @@ The joint sets have directions of their own: a drift along one of them has steep
 """
 
 
-def measure(free: Polygon, config: Config) -> list[float]:
+def measure(free: Polygon, config: Config) -> list[float | None]:
     """Build the rock of workings, and return its figures in the order of the table."""
     surface, texture, traced = config.surface, config.validation.texture, config.contours.network
     network = trace_network(free, traced.cell_m, traced.min_leg_m, traced.station_spacing_m)
@@ -70,10 +70,10 @@ def main() -> int:
     config = compose(["+mine=own"])
     todo = list(product(_WIDTHS_M, _DIRECTIONS_DEG))
     found = [measure(drift(*one), config) for one in tqdm(todo, unit="drift", disable=None)]
-    figures = np.array(found).reshape(len(_WIDTHS_M), len(_DIRECTIONS_DEG), -1)
+    figures = np.array(found, dtype=float).reshape(len(_WIDTHS_M), len(_DIRECTIONS_DEG), -1)
     lines = ["| width of the drift, m | " + " | ".join(_FIGURES) + " |", "|---" * (len(_FIGURES) + 1) + "|"]
     for width, of_width in zip(_WIDTHS_M, figures, strict=True):
-        cells = (" / ".join(f"{np.quantile(column, q):.2f}" for q in (0, 0.5, 1)) for column in of_width.T)
+        cells = (" / ".join(f"{np.nanquantile(column, q):.2f}" for q in (0, 0.5, 1)) for column in of_width.T)
         lines.append(f"| {width:g} | {' | '.join(cells)} |")
     write_atomically(TABLE, (_HEAD + "\n".join(lines) + "\n").encode())
     print("\n".join(lines))
