@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from minexplore.stretch import raise_m
 from minexplore.world import World
 
 _BESIDE_M = 0.3  # a cell is 2 m wide: its floor rises within it
@@ -33,8 +32,7 @@ class CoverageGrid:
         self._level_m, self._lift_m = np.zeros(self.reachable.shape), np.zeros(self.reachable.shape)
         if len(world.floor.offset_m) > 1:
             self._level_m[at[:, 1], at[:, 0]] = world.floor.heights_at(places)
-            stretch = world.floor.stretch_at(places)
-            self._lift_m[at[:, 1], at[:, 0]] = raise_m(self._height_m, stretch) - raise_m(self._height_m, 1.0)
+            self._lift_m[at[:, 1], at[:, 0]] = world.floor.lifts_at(places, self._height_m)
 
     def cells_crossed(
         self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float

@@ -71,6 +71,10 @@ class Floor:
         """Return how much higher (n,) m over each vertex the roof is than `height_m`, at which the plan has it."""
         return (height_m - KNEE_M) * (self.stretch - 1) if self.is_stretched else np.zeros(len(self.vertices))
 
+    def lifts_at(self, places_m: np.ndarray, height_m: float) -> np.ndarray:
+        """Return how much higher (k,) m over the floor the roof is than `height_m` at places (k, 2) m of the plan."""
+        return (height_m - KNEE_M) * (self.stretch_at(places_m) - 1)
+
     def stretch_at(self, places_m: np.ndarray) -> np.ndarray:
         """Return how much (k,) the plan is stretched at places (k, 2) m of the plan; 1 if it is not."""
         if self.is_flat or not self.is_stretched:

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 KNEE_M = 1.0
-LEAST_ROOF_M, MOST_ROOF_M = 1.5, 30.0  # over the floor; floors over each other are then 2 m apart or more
+LEAST_ROOF_M = 1.5  # over the floor; floors over each other are then 2 m apart or more
+MOST_ROOF_M = 30.0  # over the floor
 LEAST_STRETCH = 0.1  # heights in a file have four decimals; so have those of the plan, to a millimetre
 
 

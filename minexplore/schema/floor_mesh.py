@@ -12,13 +12,14 @@ from minexplore.bundle import FLOOR, RECORD, BundleError, has_heights
 from minexplore.floor import Floor
 from minexplore.schema.arrays import read_arrays
 from minexplore.schema.model import REACH_M
-from minexplore.stretch import KNEE_M, LEAST_STRETCH, MOST_ROOF_M
+from minexplore.stretch import KNEE_M, MOST_ROOF_M, least_roof_m, raise_m, stretch_of
 
 MOST_FACES = 1_000_000
 _ARRAYS = {"vertices": ("<f8", 2), "faces": ("<i4", 2), "sheet": ("<i4", 1), "offset_m": ("<f8", 2)}
 _STRETCH = {"stretch": ("<f8", 1)}  # only where the roof has heights of its own
 _LEAST_M2 = 1e-10  # twice a face's area; the thinnest faces of surveyed mines have 1e-7
 _ROUND = 1e-9
+_ROOF_M = 1.5e-6  # the record has six decimals
 _STEEP_DEG = 0.01  # the record has three decimals, and thin faces are rounded differently on another machine
 
 
@@ -115,15 +116,14 @@ def _check_roof(floor: Floor, record: Mapping[str, Any], has_roof: bool) -> None
             f"{FLOOR}: stretch has shape {floor.stretch.shape} for {len(floor.vertices)} vertices; want one a vertex, "
             f"and height_m = {height_m:g} above {KNEE_M:g}"
         )
-    most = (MOST_ROOF_M - KNEE_M) / (height_m - KNEE_M)
-    if not ((floor.stretch >= LEAST_STRETCH - _ROUND) & (floor.stretch <= most + _ROUND)).all():
-        raise BundleError(f"{FLOOR}: a stretch that is no number from {LEAST_STRETCH:g} to {most:g}")
+    least, most = stretch_of(np.array([least_roof_m(height_m), MOST_ROOF_M]), height_m).tolist()
+    if not ((floor.stretch >= least - _ROUND) & (floor.stretch <= most + _ROUND)).all():
+        raise BundleError(f"{FLOOR}: a stretch that is no number from {least:g} to {most:g}")
     order = np.argsort(floor._joined, kind="stable")
     same = np.diff(floor._joined[order]) == 0
     if np.abs(np.diff(floor.stretch[order]))[same].max(initial=0.0) > _ROUND:
         raise BundleError(f"{FLOOR}: two stretches at one place of a seam: the roof would have a step")
-    roof_m = height_m + floor.lifts_m(height_m)
-    if np.abs(np.subtract(stated, (roof_m.min(), roof_m.max()))).max() > _ROUND:
-        raise BundleError(
-            f"{RECORD}: heights.roof_m = {stated}: {FLOOR} has {[float(roof_m.min()), float(roof_m.max())]}"
-        )
+    roof_m = raise_m(height_m, floor.stretch)
+    found = round(float(roof_m.min()), 6), round(float(roof_m.max()), 6)
+    if np.abs(np.subtract(stated, found)).max() > _ROOF_M:
+        raise BundleError(f"{RECORD}: heights.roof_m = {stated}: {FLOOR} has {list(found)}")

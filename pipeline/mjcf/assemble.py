@@ -27,6 +27,7 @@ from minexplore.bundle import (
     GeomGroup,
 )
 from minexplore.floor import Floor
+from minexplore.stretch import raise_m
 from pipeline.geometry.floor_parts import roof_slabs
 from pipeline.mjcf.bundle import HeightFigures, WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.floor_cover import cover_floor
@@ -182,7 +183,7 @@ def _tilt_deg(params: RealismParams, floor: Floor) -> float:
 
 def _heights(scene: MineScene) -> HeightFigures:
     floor, height_m = scene.floor, scene.extent.height_m
-    roof_m = height_m + floor.lifts_m(height_m)
+    roof_m = raise_m(height_m, floor.stretch)
     return HeightFigures(
         low_m=float(floor.vertices[:, 2].min()),
         high_m=float(floor.vertices[:, 2].max()),
@@ -190,7 +191,7 @@ def _heights(scene: MineScene) -> HeightFigures:
         sheets=len(floor.offset_m),
         floor_wedges=len(zoned_patches(floor, scene.zones)),
         roof_wedges=len(roof_slabs(floor, height_m)),
-        roof_m=(float(roof_m.min()), float(roof_m.max())) if floor.is_stretched else None,
+        roof_m=(round(float(roof_m.min()), 6), round(float(roof_m.max()), 6)) if floor.is_stretched else None,
     )
 
 

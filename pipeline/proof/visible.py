@@ -168,9 +168,12 @@ def _require_bounded(path: Path, chunk: _Chunk, walls: cKDTree, foot_m: float, r
     mesh = chunk.mesh
     corners = mesh.vertices[mesh.faces]
     side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    if not side.max() <= _LONGEST_M:
-        at = corners.reshape(-1, 3)[int(side.argmax())].round(3).tolist()
-        raise ArtifactError(f"{path}: an edge of {side.max():.3f} m at {at} m, want at most {_LONGEST_M:g} m")
+    # Edges are limited as the lattice has them; a roof of its own stretches them in space.
+    laid = (mesh.vertices - np.outer(chunk.above_m - chunk.places_m[:, 2], [0.0, 0.0, 1.0]))[mesh.faces]
+    length = np.linalg.norm(laid - np.roll(laid, 1, axis=1), axis=2)
+    if not length.max() <= _LONGEST_M:
+        at = corners.reshape(-1, 3)[int(length.argmax())].round(3).tolist()
+        raise ArtifactError(f"{path}: an edge of {length.max():.3f} m at {at} m, want at most {_LONGEST_M:g} m")
     # A long face may cross a drift although its corners are allowed.
     long = chunk.places_m[mesh.faces[side.max(axis=1) > _SAMPLED_M]]
     points = np.concatenate([chunk.places_m, face_samples(long, _SAMPLED_M)])
@@ -184,13 +187,13 @@ def _require_bounded(path: Path, chunk: _Chunk, walls: cKDTree, foot_m: float, r
     if not off.max() <= _FROM_WALL_M:
         at = points[int(off.argmax())].round(3).tolist()
         raise ArtifactError(f"{path}: rock at {at} m is {off.max():.3f} m off, want at most {_FROM_WALL_M:g} m")
-    laid = (
+    woven = (
         np.linalg.norm(mesh.texcoords[mesh.faces] - np.roll(mesh.texcoords[mesh.faces], 1, axis=1), axis=2) * repeat_m
     )
-    stretched = (laid - _STRETCHED * side).max()
+    stretched = (woven - _STRETCHED * side).max()
     if not stretched <= _FROM_WALL_M:
         raise ArtifactError(
-            f"{path}: an edge of {side.flat[int(laid.argmax())]:.3f} m has {laid.max():.3f} m of texture"
+            f"{path}: an edge of {side.flat[int(woven.argmax())]:.3f} m has {woven.max():.3f} m of texture"
         )
     if mesh.normals is not None:
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
