@@ -28,9 +28,11 @@ class CoverageGrid:
         self.reachable[at[:, 1], at[:, 0]] = True
         self.total = int(self.reachable.sum())
         self._floor, self._height_m = world.floor, float(world.record["height_m"])
-        self._level_m = np.zeros(self.reachable.shape)
+        self._roof = self._floor.raised(self._height_m)
+        self._level_m, self._lift_m = np.zeros(self.reachable.shape), np.zeros(self.reachable.shape)
         if len(world.floor.offset_m) > 1:
             self._level_m[at[:, 1], at[:, 0]] = world.floor.heights_at(places)
+            self._lift_m[at[:, 1], at[:, 0]] = world.floor.lifts_at(places, self._height_m)
 
     def cells_crossed(
         self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float
@@ -43,13 +45,14 @@ class CoverageGrid:
         if len(self._floor.offset_m) == 1:
             return self._crossed(starts_m[:, :2], ends_m[:, :2], longest_m)[:3]
         low_m, high_m = np.minimum(starts_m[:, 2], ends_m[:, 2]), np.maximum(starts_m[:, 2], ends_m[:, 2])
-        low, high = self._floor.spans_m.T[:, :, None] + [[[-_BESIDE_M]], [[self._height_m + _BESIDE_M]]]
+        low, high = self._floor.spans_m[:, :1] - _BESIDE_M, self._roof.spans_m[:, 1:] + _BESIDE_M
         sheet, some = np.nonzero((high_m > low) & (low_m < high))
         start, end = starts_m[some], ends_m[some]
         offset = self._floor.offset_m[sheet]
         ray, row, col, share = self._crossed(start[:, :2] + offset, end[:, :2] + offset, longest_m)
         above = start[ray, 2] + share * (end[ray, 2] - start[ray, 2]) - self._level_m[row, col]
-        inside = self.reachable[row, col] & (above > -_BESIDE_M) & (above < self._height_m + _BESIDE_M)
+        high_m = self._height_m + self._lift_m[row, col] + _BESIDE_M
+        inside = self.reachable[row, col] & (above > -_BESIDE_M) & (above < high_m)
         return some[ray[inside]], row[inside], col[inside]
 
     def _crossed(

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import functools
 import itertools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from minexplore.stretch import KNEE_M, lower_m, raise_m
 from minexplore.tiles import Tile, group_by_tile, tiles_at
 
 _TILE_M = 4.0  # faces are looked up by square tiles of the plan
@@ -27,13 +28,15 @@ _CHUNK = 2_000_000  # pairs of a place and a triangle that are tried at once
 class Floor:
     """A floor: `vertices` (n, 3) m, plan; `faces` (m, 3), counter-clockwise in plan; the sheet of each face.
 
-    `offset_m` (sheets, 2) is how far each sheet is moved aside in plan; the first is not moved.
+    `offset_m` (sheets, 2) is how far each sheet is moved aside in plan; the first is not moved. `stretch` (n,) is how
+    much the plan is stretched upwards at each vertex, above `KNEE_M`; without it the roof is level with the floor.
     """
 
     vertices: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     faces: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.int32))
     sheet: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
     offset_m: np.ndarray = field(default_factory=lambda: np.zeros((1, 2)))
+    stretch: np.ndarray = field(default_factory=lambda: np.zeros(0), metadata={"optional": True})
 
     @property
     def is_flat(self) -> bool:
@@ -43,9 +46,57 @@ class Floor:
     @functools.cached_property
     def planes(self) -> np.ndarray:
         """Return each face's plane (m, 3): z = a x + b y + c."""
-        corners = self.vertices[self.faces]
-        places = np.concatenate([corners[:, :, :2], np.ones((len(corners), 3, 1))], axis=2)
-        return np.linalg.solve(places, corners[:, :, 2:])[:, :, 0]
+        return self.planes_of(self.vertices[:, 2])
+
+    def planes_of(self, values: np.ndarray) -> np.ndarray:
+        """Return the plane (m, 3) over each face of values (n,) at the vertices."""
+        places = np.concatenate([self.vertices[self.faces][:, :, :2], np.ones((len(self.faces), 3, 1))], axis=2)
+        return np.linalg.solve(places, values[self.faces][:, :, None])[:, :, 0]
+
+    @property
+    def is_stretched(self) -> bool:
+        """Return whether the roof has heights of its own."""
+        return bool(len(self.stretch))
+
+    def raised(self, above_m: float) -> Floor:
+        """Return what is at a height above the floor in the plan, such as the roof, as a floor."""
+        if self.is_flat:
+            return self
+        lift = raise_m(above_m, self.stretch) if self.is_stretched else above_m
+        return replace(
+            self, vertices=self.vertices + np.column_stack(np.broadcast_arrays(0.0, 0.0, lift)), stretch=np.zeros(0)
+        )
+
+    def lifts_m(self, height_m: float) -> np.ndarray:
+        """Return how much higher (n,) m over each vertex the roof is than `height_m`, at which the plan has it."""
+        return (height_m - KNEE_M) * (self.stretch - 1) if self.is_stretched else np.zeros(len(self.vertices))
+
+    def lifts_at(self, places_m: np.ndarray, height_m: float) -> np.ndarray:
+        """Return how much higher (k,) m over the floor the roof is than `height_m` at places (k, 2) m of the plan."""
+        return (height_m - KNEE_M) * (self.stretch_at(places_m) - 1)
+
+    def stretch_at(self, places_m: np.ndarray) -> np.ndarray:
+        """Return how much (k,) the plan is stretched at places (k, 2) m of the plan; 1 if it is not."""
+        if self.is_flat or not self.is_stretched:
+            return np.ones(len(places_m))
+        return self._stretch_on(self.faces_at(places_m), places_m)
+
+    @functools.cached_property
+    def _stretches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the plane (m, 3) of each face's stretch, and its least and its most."""
+        corners = self.stretch[self.faces]
+        return self.planes_of(self.stretch), corners.min(axis=1), corners.max(axis=1)
+
+    def _stretch_on(self, faces: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        """Return how much (k,) the plan is stretched over faces (k,) at places (k, 2) m."""
+        planes, low, high = self._stretches
+        a, b, c = planes[faces].T
+        return np.clip(a * places_m[:, 0] + b * places_m[:, 1] + c, low[faces], high[faces])
+
+    def _above(self, faces: np.ndarray, places_m: np.ndarray, z_m: np.ndarray) -> np.ndarray:
+        """Return how high (k,) m over faces points at heights (k,) m of the mine frame are in the plan."""
+        above = z_m - self._heights_on(faces, places_m)
+        return lower_m(above, self._stretch_on(faces, places_m)) if self.is_stretched else above
 
     def steepness_deg(self) -> np.ndarray:
         """Return the angle (m,) deg between each face and the level; 0 for slivers, which a robot does not notice."""
@@ -249,8 +300,10 @@ class Floor:
         """Return points (k, 3) m of the plan, z from the floor, in the mine frame."""
         if self.is_flat:
             return points_m
-        places = points_m[:, :2]
-        return np.column_stack([places - self.offsets_at(places), points_m[:, 2] + self.heights_at(places)])
+        places, above = points_m[:, :2], points_m[:, 2]
+        if self.is_stretched:
+            above = raise_m(above, self.stretch_at(places))
+        return np.column_stack([places - self.offsets_at(places), above + self.heights_at(places)])
 
     def unfold(self, points_m: np.ndarray, about_m: float = 1.0) -> np.ndarray:
         """Return points (k, 3) m of the mine frame in the plan, z from the floor.
@@ -260,16 +313,16 @@ class Floor:
         if self.is_flat:
             return points_m
         if len(self.offset_m) == 1:
-            return np.column_stack([points_m[:, :2], points_m[:, 2] - self.heights_at(points_m[:, :2])])
+            return np.column_stack([points_m[:, :2], self._above_at(points_m[:, :2], points_m[:, 2])])
         best = np.full((len(points_m), 3), np.inf)
         z, found = points_m[:, 2], np.zeros(len(points_m), dtype=bool)
-        for number, (offset, (low, high)) in enumerate(zip(self.offset_m, self.spans_m + about_m, strict=True)):
-            rows = np.flatnonzero((z > low - _BETWEEN_M) & (z < high + _BETWEEN_M) & ~found)
+        for number, (offset, (low, high)) in enumerate(zip(self.offset_m, self._spans_about(about_m), strict=True)):
+            rows = np.flatnonzero((z > low) & (z < high) & ~found)
             if not len(rows):
                 continue
             places = points_m[rows, :2] + offset
             faces = self.faces_at(places)
-            above = z[rows] - self._heights_on(faces, places)
+            above = self._above(faces, places, z[rows])
             off = np.abs(above - about_m)
             nearer = (off < np.minimum(np.abs(best[rows, 2] - about_m), _BETWEEN_M)) & (self.sheet[faces] == number)
             nearer &= self._covers(faces, places)
@@ -277,13 +330,23 @@ class Floor:
             found[rows[nearer & (off < _SURE_M)]] = True
         lost = np.flatnonzero(~np.isfinite(best[:, 2]))
         if len(lost):  # beside the floor: of the sheet with the nearest corner
-            corners = self.vertices[self.faces[:, 0]] + [0.0, 0.0, about_m]
+            corners = self.raised(about_m).vertices[self.faces[:, 0]]
             corners[:, :2] -= self.offset_m[self.sheet]
             for k in lost.tolist():
                 nearest = np.square(corners - points_m[k]).sum(axis=1).argmin()
                 place = points_m[k, :2] + self.offset_m[self.sheet[nearest]]
-                best[k] = *place, points_m[k, 2] - self.heights_at(place[None])[0]
+                best[k] = *place, self._above_at(place[None], points_m[k, 2:])[0]
         return best
+
+    def _above_at(self, places_m: np.ndarray, z_m: np.ndarray) -> np.ndarray:
+        return self._above(self.faces_at(places_m), places_m, z_m)
+
+    def _spans_about(self, about_m: float) -> np.ndarray:
+        """Return from where to where (sheets, 2) m a sheet's points at about a height above it can be."""
+        ends_m = about_m + np.array([-_BETWEEN_M, _BETWEEN_M])
+        if self.is_stretched:
+            ends_m = raise_m(ends_m, np.array([self.stretch.min(), self.stretch.max()]))
+        return np.asarray(self.spans_m + ends_m)
 
     def follow(self, points_m: np.ndarray, faces: np.ndarray, about_m: float) -> np.ndarray:
         """Return the places (k, 2) m in plan of points (k, 3) m that move; see `unfold`.
@@ -292,7 +355,7 @@ class Floor:
         others' faces are brought up to date.
         """
         places = points_m[:, :2] + self.offset_m[self.sheet[faces]]
-        above = points_m[:, 2] - self._heights_on(faces, places)
+        above = self._above(faces, places, points_m[:, 2])
         lost = np.flatnonzero(~self._covers(faces, places) | (np.abs(above - about_m) >= _SURE_M))
         if len(lost):
             places[lost] = self.unfold(points_m[lost], about_m)[:, :2]
@@ -307,7 +370,7 @@ class Floor:
         moved = np.repeat((self.unfold(middles, about_m) - middles)[:, :2], count, axis=0)
         points = np.concatenate(bodies_m)
         places = points[:, :2] + moved
-        unfolded = np.column_stack([places, points[:, 2] - self.heights_at(places)])
+        unfolded = np.column_stack([places, self._above_at(places, points[:, 2])])
         return np.split(unfolded, np.cumsum(count)[:-1])
 
     def covers(self, places_m: np.ndarray) -> np.ndarray:

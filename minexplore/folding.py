@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from minexplore.floor import Floor
+from minexplore.stretch import lower_m, raise_m
 from minexplore.tiles import group_by_tile, tiles_at
 
 _TILE_M = 4.0
@@ -39,13 +40,24 @@ class Folding:
 
         Behind a seam, the height is that of the next sheet's walls, but the distance is from the sheet itself.
         """
-        heights, beside = np.zeros(len(places_m)), np.zeros(len(places_m))
+        values, beside = self._values_at(places_m)
+        return values[:, 0], beside
+
+    def stretch_at(self, places_m: np.ndarray) -> np.ndarray | None:
+        """Return how much (k,) the plan is stretched upwards at places (k, 2) m, None if it is nowhere."""
+        return self._values_at(places_m)[0][:, 1] if self.floor.is_stretched else None
+
+    def _values_at(self, places_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the floor's height, and the stretch if it has one (k, 1 or 2), and the distance beside it (k,) m."""
+        heights, beside = np.zeros((len(places_m), 1 + self.floor.is_stretched)), np.zeros(len(places_m))
         if self.floor.is_flat or not len(places_m):
             return heights, beside
         faces = self.floor.faces_at(places_m)
         over = self.floor._covers(faces, places_m, _ON_M)
         a, b, c = self.floor.planes[faces[over]].T
-        heights[over] = a * places_m[over, 0] + b * places_m[over, 1] + c
+        heights[over, 0] = a * places_m[over, 0] + b * places_m[over, 1] + c
+        if self.floor.is_stretched:
+            heights[over, 1] = self.floor._stretch_on(faces[over], places_m[over])
         off = np.flatnonzero(~over)
         for tile, rows in group_by_tile(tiles_at(places_m[off], _TILE_M)):
             low = np.array(tile) * _TILE_M
@@ -59,9 +71,9 @@ class Folding:
         return heights, beside
 
     def _nearest(self, places: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the height at the nearest point of edges, and the distance to the nearest one of the sheets' own.
+        """Return the values at the nearest point of edges, and the distance to the nearest one of the sheets' own.
 
-        Of edges that are about as near, heights are averaged: behind a corner, a surface would have a step otherwise.
+        Of edges that are about as near, values are averaged: behind a corner, a surface would have a step otherwise.
         """
         start, along = self._start[edges], self._along[edges]
         apart = places[:, None] - start[None, :, :2]
@@ -72,16 +84,20 @@ class Folding:
         weight = np.maximum(0.0, 1 - (away - least[:, None]) / (_ALIKE * least + _ON_M)[:, None])
         # A straight wall of several edges counts as one; hairs have any slope.
         reach = np.where(length > _BEYOND_M, _BEYOND_M / length, 0.0)
-        heights = start[:, 2] + np.clip(share, -reach, 1 + reach) * along[:, 2]
+        share = np.clip(share, -reach, 1 + reach)
+        values = [(weight * (a + share * b)).sum(axis=1) for a, b in zip(start.T[2:], along.T[2:], strict=True)]
         beside = away[:, self._is_own[edges]].min(axis=1, initial=_FAR_M)
-        return (weight * heights).sum(axis=1) / weight.sum(axis=1), beside
+        return np.column_stack(values) / weight.sum(axis=1)[:, None], beside
 
     def fold(self, points_m: np.ndarray) -> np.ndarray:
         """Return points (k, 3) m of the plan, z from the floor, in the mine frame."""
         if self.floor.is_flat:
             return points_m
-        places = points_m[:, :2]
-        return np.column_stack([places - self.floor.offsets_at(places), points_m[:, 2] + self.heights_at(places)[0]])
+        places, above = points_m[:, :2], points_m[:, 2]
+        values = self._values_at(places)[0]
+        if self.floor.is_stretched:
+            above = raise_m(above, values[:, 1])
+        return np.column_stack([places - self.floor.offsets_at(places), above + values[:, 0]])
 
     def unfold(self, points_m: np.ndarray, height_m: float) -> np.ndarray:
         """Return the points (k, 3) m of one surface, which belongs to one sheet, in the plan.
@@ -112,19 +128,25 @@ class Folding:
     def _in_sheet(self, points_m: np.ndarray, sheet: int) -> np.ndarray:
         """Return points (k, 3) m in the plan of a sheet, z from the floor."""
         places = points_m[:, :2] + self.floor.offset_m[sheet]
-        return np.column_stack([places, points_m[:, 2] - self.heights_at(places)[0]])
+        return np.column_stack([places, self.above(places, points_m[:, 2])[0]])
+
+    def above(self, places_m: np.ndarray, z_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how high (k,) m points are in the plan, and how far (k,) m beside the floor."""
+        values, beside = self._values_at(places_m)
+        above = z_m - values[:, 0]
+        return lower_m(above, values[:, 1]) if self.floor.is_stretched else above, beside
 
     def _miss(self, points_m: np.ndarray, sheet: int, height_m: float) -> np.ndarray:
         """Return how far (k,) m points are from the workings of a sheet: beside, below and above; far ones roughly."""
         low, high = self.floor.spans_m[sheet]
+        most = height_m + max(0.0, self.floor.lifts_m(height_m).max())
         z = points_m[:, 2]
-        miss = np.maximum(0.0, low - z) + np.maximum(0.0, z - high - height_m) + _FAR_M
+        miss = np.maximum(0.0, low - z) + np.maximum(0.0, z - high - most) + _FAR_M
         near = np.flatnonzero(miss < _FAR_M + height_m)
         places = points_m[near, :2] + self.floor.offset_m[sheet]
         own = self.floor.sheets_at(places) == sheet
         near, places = near[own], places[own]
-        heights, beside = self.heights_at(places)
-        above = z[near] - heights
+        above, beside = self.above(places, z[near])
         miss[near] = beside + np.maximum(0.0, -above) + np.maximum(0.0, above - height_m)
         return miss
 
@@ -132,14 +154,15 @@ class Folding:
 def _walls(floor: Floor) -> tuple[np.ndarray, np.ndarray]:
     """Return the feet of the walls (k, 2, 3) m in plan, seams, and walls behind them in the plan of the sheet before.
 
-    Two sheets then find the same foot for a place beside their seam. The second array (k,) states which are a sheet's
-    own.
+    A stretch is a fourth column. Two sheets then find the same foot for a place beside their seam. The second array
+    (k,) states which are a sheet's own.
     """
     if floor.is_flat:
         return np.zeros((0, 2, 3)), np.zeros(0, bool)
     found = floor.wall_edges()
     corners = np.array([edge for _, edge in found])
-    walls = floor.vertices[corners]
+    vertices = np.column_stack([floor.vertices, floor.stretch]) if floor.is_stretched else floor.vertices
+    walls = vertices[corners]
     if len(floor.offset_m) == 1:
         return walls, np.ones(len(walls), bool)
     at_corner: dict[int, list[int]] = defaultdict(list)
@@ -149,13 +172,14 @@ def _walls(floor: Floor) -> tuple[np.ndarray, np.ndarray]:
     edges = np.concatenate([floor.faces[:, [0, 1]], floor.faces[:, [1, 2]], floor.faces[:, [2, 0]]]).astype(np.int64)
     of, joined, count = np.tile(floor.sheet, 3), floor._joined[edges], len(floor.vertices)
     owner = {int(a * count + b): k for k, (a, b) in enumerate(joined.tolist())}
-    own, behind = [walls], [np.zeros((0, 2, 3))]
+    own, behind = [walls], [walls[:0]]
     for k, (a, b) in enumerate(joined.tolist()):
         other = owner.get(int(b * count + a))
         if other is None or of[other] == of[k]:
             continue
-        aside = np.append(floor.offset_m[of[k]] - floor.offset_m[of[other]], 0.0)
-        own.append(floor.vertices[edges[k]][None])
+        aside = np.zeros(vertices.shape[1])
+        aside[:2] = floor.offset_m[of[k]] - floor.offset_m[of[other]]
+        own.append(vertices[edges[k]][None])
         behind.append(_walls_from(edges[other].tolist(), walls, corners, at_corner) + aside)
     edge, first = np.unique(np.concatenate([*own, *behind]), axis=0, return_index=True)
     return edge, first < sum(map(len, own))
@@ -165,7 +189,7 @@ def _walls_from(
     ends: list[int], walls: np.ndarray, corners: np.ndarray, at_corner: Mapping[int, list[int]]
 ) -> np.ndarray:
     """Return the first metre of the walls (k, 2, 3) m that begin at the ends of a seam."""
-    found = [np.zeros((0, 2, 3))]
+    found = [np.zeros((0, *walls.shape[1:]))]
     for seam_end in ends:
         todo: list[tuple[int, float]] = [(seam_end, 0.0)]
         done: set[int] = set()

@@ -68,11 +68,13 @@ def floor_meshes(world: World) -> Meshes:
     meshes: Meshes = {}
     if has_visible_rock(world.record):  # its foot stands behind the wall: there the floor goes on
         meshes["beside"] = floor_beside(floor)
-    lifts = {"floor": 0.0} if has_visible_rock(world.record) else {"floor": 0.0, "roof": world.record["height_m"]}
+    surfaces = {"floor": floor}
+    if not has_visible_rock(world.record):
+        surfaces["roof"] = floor.raised(world.record["height_m"])
     for number, offset in enumerate(floor.offset_m):
         used, faces = np.unique(floor.faces[floor.sheet == number], return_inverse=True)
-        for name, lift in lifts.items():
-            places = floor.vertices[used] + [-offset[0], -offset[1], lift]
+        for name, surface in surfaces.items():
+            places = surface.vertices[used] - [*offset, 0.0]
             meshes[f"{name} {number}"] = places, faces.reshape(-1, 3).astype(np.int32)
     return meshes
 

@@ -61,6 +61,7 @@ class LocalModels:
         absent = sorted(set(self._zones) - {_zone_of(geom) for geom in self._slabs}) if world.floor.is_flat else []
         if absent:
             raise BundleError(f"{world.folder / MODEL}: no geom {absent[0]!r} of a floor zone that {RECORD} names")
+        self._roof = world.floor.raised(float(world.record["height_m"]))
         self._margin_m = robot.radius_m + task.max_forward_mps * task.control_s + _MARGIN_M
 
     def tiles_of(self, xy: np.ndarray) -> np.ndarray:
@@ -160,7 +161,7 @@ class LocalModels:
         nearby = floor.heights_within(low, high)
         offset = floor.offsets_at((low + high)[None] / 2)[0]
         # With a margin: the top of a level wedge, in decimals and 32 bits, may be a nanometre below the mesh.
-        bottom, top = float(nearby.min()) - _MARGIN_M, float(nearby.max()) + float(self.world.record["height_m"])
+        bottom, top = float(nearby.min()) - _MARGIN_M, float(self._roof.heights_within(low, high).max())
         return _Box(low - offset, high - offset, bottom, top + _MARGIN_M, float(nearby.max()))
 
     def reach(self, tile: np.ndarray, size_m: float = TILE_M) -> tuple[np.ndarray, np.ndarray]:

@@ -106,6 +106,8 @@ class Heights:
 
     Lines and spots are (x, y, z) in m, plan; z is the elevation less `datum_m`. A `grade` is rise over run along the
     drifts, away from the entrance. `offset_m` is how far each sheet is moved aside in plan; the first is not moved.
+    `roofs` are (m, share) at the points of the lines: the roof is as many metres, and that share of
+    `compile3d.height_m`, over the floor; it is empty if the survey knows none.
     """
 
     lines: list[list[tuple[float, float, float]]] = field(default_factory=list)
@@ -114,6 +116,7 @@ class Heights:
     datum_m: float = 0.0
     offset_m: list[tuple[float, float]] = field(default_factory=lambda: [(0.0, 0.0)])
     seams: list[Seam] = field(default_factory=list)
+    roofs: list[list[tuple[float, float]]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from pipeline.errors import ParamsError
 from pipeline.geometry.collision import decomposed_hulls, exact_prisms
 from pipeline.geometry.extrude import collect_parts
 from pipeline.geometry.floor_mesh import build_floor
-from pipeline.geometry.floor_parts import cell_heights, cell_offsets, sheet_walls, wall_parts
+from pipeline.geometry.floor_parts import cell_columns, cell_offsets, sheet_walls, wall_parts
 from pipeline.geometry.network_heights import floor_lines
 from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.octree import build_octree, to_bt
@@ -45,7 +45,7 @@ def compile_rock(
         "occupancy": grid,
         "octree": to_bt(
             build_octree(
-                grid.free, grid.origin_m, cell, params.height_m, cell_heights(grid, floor), cell_offsets(grid, floor)
+                grid.free, grid.origin_m, cell, *cell_columns(grid, floor, params.height_m), cell_offsets(grid, floor)
             )
         ),
         "map": pixels,
@@ -67,8 +67,8 @@ def model_floor(
     if params.collision.method != "exact":
         raise ParamsError(f"collision = {params.collision.method}: a mine with heights needs collision=exact")
     heights = survey.heights
-    lines = floor_lines(heights, topology, entrance_m)
-    floor = build_floor(free, lines, params.steepest_deg, heights.offset_m, heights.seams)
+    lines = floor_lines(heights, topology, entrance_m, params.height_m)
+    floor = build_floor(free, lines, params.steepest_deg, heights.offset_m, heights.seams, params.height_m)
     require_pillars(floor, params.height_m)
     return floor
 

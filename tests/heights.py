@@ -16,6 +16,7 @@ from stages.contours import trace_free_space
 
 HEADER = "leg,station,easting_m,northing_m,left_m,right_m,elevation_m,up_m,down_m\n"
 Leg = list[tuple[str, float, float, float]]
+Roofs = dict[str, float | None]  # over the floor at stations, None: not surveyed; others have 3.5 m
 
 # 10 m of 15 % between two level drifts.
 RAMP: dict[str, Leg] = {"A": [("a", 0, 0, 100), ("b", 20, 0, 100), ("c", 30, 0, 101.5), ("d", 60, 0, 101.5)]}
@@ -82,10 +83,11 @@ def shelves() -> dict[str, Leg]:
     return {"A": upper, "B": middle, "C": lower, "L": ledge, **ramps}
 
 
-def table(legs: dict[str, Leg], half_m: float = 2.2) -> str:
+def table(legs: dict[str, Leg], half_m: float = 2.2, roofs: Roofs | None = None) -> str:
     """Return a station table of legs of one width."""
+    up = {name: "" if roof is None else f"{roof:g}" for name, roof in (roofs or {}).items()}
     rows = [
-        f"{leg},{name},{x:.4f},{y:.4f},{half_m},{half_m},{z:.4f},3.5,0\n"
+        f"{leg},{name},{x:.4f},{y:.4f},{half_m},{half_m},{z:.4f},{up.get(name, '3.5')},0\n"
         for leg, stations in legs.items()
         for name, x, y, z in stations
     ]
@@ -95,10 +97,10 @@ def table(legs: dict[str, Leg], half_m: float = 2.2) -> str:
 class MineWithHeights:
     """A station table built by stages 1 to 5 in memory; its bundle is written to `folder / "world"`."""
 
-    def __init__(self, legs: dict[str, Leg], config: Config, folder: Path) -> None:
+    def __init__(self, legs: dict[str, Leg], config: Config, folder: Path, roofs: Roofs | None = None) -> None:
         """Run the functions of the stages."""
         path = folder / "stations.csv"
-        path.write_text(table(legs))
+        path.write_text(table(legs, roofs=roofs))
         params = PassageSurveyParams(kind="passages", name="heights", file="data/x", heights=None)
         plan, self.survey, polygons = _read(params.model_copy(update={"file": path.as_posix()}))
         traced = trace_free_space(config.contours, plan, self.survey, Workings(polygons))
@@ -120,4 +122,15 @@ def certificate_params(config: Config, contacts: int) -> ValidationParams:
     return config.validation.model_copy(update={"certificate": stress})
 
 
-__all__ = ["RAMP", "UNDER", "MineWithHeights", "certificate_params", "levels", "seam", "shelves", "spiral", "table"]
+__all__ = [
+    "RAMP",
+    "UNDER",
+    "MineWithHeights",
+    "Roofs",
+    "certificate_params",
+    "levels",
+    "seam",
+    "shelves",
+    "spiral",
+    "table",
+]

@@ -183,9 +183,10 @@ def cells_in_view(batch: RobotBatch, regions: np.ndarray) -> list[np.ndarray]:
     far, height_m = batch.task.range_m[1] + _SAMPLE_M / np.sqrt(2), float(world.record["height_m"])
     rise = np.tan(np.radians(floor.steepness_deg().max())) + _LEAN
     open_ = binary_dilation(world.clearance_m > 0, iterations=round(SURFACE_M / world.cell_m))
-    level = np.full(open_.shape, np.nan)
-    cells = np.argwhere(open_)
+    level, tall_m = np.full(open_.shape, np.nan), np.full(open_.shape, height_m)
+    cells, roof = np.argwhere(open_), floor.raised(height_m)
     level[open_] = floor.heights_at(_centres(world, cells))
+    tall_m[open_] += floor.lifts_at(_centres(world, cells), height_m)
     angle = np.linspace(0, 2 * np.pi, _RAYS, endpoint=False)
     steps = np.arange(0.0, far + _MARCH_M, _MARCH_M)
     offsets = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None, :] * steps[:, None]  # (rays, steps, 2)
@@ -196,16 +197,16 @@ def cells_in_view(batch: RobotBatch, regions: np.ndarray) -> list[np.ndarray]:
         sheet, eye = int(floor.sheets_at(place[None])[0]), level[row, col] + batch.robot.sensor_height_m
         clear, views = np.zeros(offsets.shape[:2], dtype=bool), []
         for other in range(len(floor.offset_m)):
-            low, high = floor.spans_m[other]
-            if eye + rise * far < low - _LAST_M or eye - rise * far > high + height_m + _LAST_M:
+            low, high = floor.spans_m[other, 0], roof.spans_m[other, 1]
+            if eye + rise * far < low - _LAST_M or eye - rise * far > high + _LAST_M:
                 continue
             points = place + offsets + floor.offset_m[other] - floor.offset_m[sheet]
             at = np.floor((points - world.origin_m) / world.cell_m).astype(int)[..., ::-1]
             inside = ((at >= 0) & (at < open_.shape)).all(axis=-1)
             at[~inside] = 0
-            ground = level[at[..., 0], at[..., 1]]
+            ground, tall = level[at[..., 0], at[..., 1]], tall_m[at[..., 0], at[..., 1]]
             with np.errstate(invalid="ignore"):
-                meets = (eye + rise * steps > ground - _LAST_M) & (eye - rise * steps < ground + height_m + _LAST_M)
+                meets = (eye + rise * steps > ground - _LAST_M) & (eye - rise * steps < ground + tall + _LAST_M)
             inside &= (
                 open_[at[..., 0], at[..., 1]]
                 & meets

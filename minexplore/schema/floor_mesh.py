@@ -12,10 +12,14 @@ from minexplore.bundle import FLOOR, RECORD, BundleError, has_heights
 from minexplore.floor import Floor
 from minexplore.schema.arrays import read_arrays
 from minexplore.schema.model import REACH_M
+from minexplore.stretch import KNEE_M, MOST_ROOF_M, least_roof_m, raise_m, stretch_of
 
 MOST_FACES = 1_000_000
 _ARRAYS = {"vertices": ("<f8", 2), "faces": ("<i4", 2), "sheet": ("<i4", 1), "offset_m": ("<f8", 2)}
+_STRETCH = {"stretch": ("<f8", 1)}  # only where the roof has heights of its own
 _LEAST_M2 = 1e-10  # twice a face's area; the thinnest faces of surveyed mines have 1e-7
+_ROUND = 1e-9
+_ROOF_M = 1.5e-6  # the record has six decimals
 _STEEP_DEG = 0.01  # the record has three decimals, and thin faces are rounded differently on another machine
 
 
@@ -31,11 +35,13 @@ def read_floor(record: Mapping[str, Any], files: Mapping[str, bytes]) -> Floor:
         raise BundleError(f"{FLOOR}: {'missing' if has_heights(record) else f'{RECORD} states no heights'}")
     if not has_heights(record):
         return Floor()
-    floor = Floor(**read_arrays(FLOOR, files[FLOOR], _ARRAYS, 3 * MOST_FACES))
+    arrays = read_arrays(FLOOR, files[FLOOR], _ARRAYS | _STRETCH, 3 * MOST_FACES, frozenset(_STRETCH))
+    floor = Floor(**arrays)
     _check_arrays(floor, record)
     _check_edges(floor)
     _check_sheets(floor)
     _check_figures(floor, record)
+    _check_roof(floor, record, "stretch" in arrays)
     return floor
 
 
@@ -93,3 +99,31 @@ def _check_figures(floor: Floor, record: Mapping[str, Any]) -> None:
     steepest = float(floor.steepness_deg().max())
     if not abs(steepest - heights["steepest_deg"]) <= _STEEP_DEG:
         raise BundleError(f"{RECORD}: heights.steepest_deg = {heights['steepest_deg']}: {FLOOR} has {steepest:.3f}")
+
+
+def _check_roof(floor: Floor, record: Mapping[str, Any], has_roof: bool) -> None:
+    """Check that the roof has heights of its own where the record states them, in range, and no step at seams."""
+    stated, height_m = record["heights"].get("roof_m"), record["height_m"]
+    if (stated is not None) != has_roof:
+        raise BundleError(
+            f"{RECORD}: heights.roof_m {'missing' if has_roof else f'= {stated}'}: {FLOOR} has "
+            f"{'a' if has_roof else 'no'} stretch"
+        )
+    if stated is None:
+        return
+    if height_m <= KNEE_M or floor.stretch.shape != (len(floor.vertices),):
+        raise BundleError(
+            f"{FLOOR}: stretch has shape {floor.stretch.shape} for {len(floor.vertices)} vertices; want one a vertex, "
+            f"and height_m = {height_m:g} above {KNEE_M:g}"
+        )
+    least, most = stretch_of(np.array([least_roof_m(height_m), MOST_ROOF_M]), height_m).tolist()
+    if not ((floor.stretch >= least - _ROUND) & (floor.stretch <= most + _ROUND)).all():
+        raise BundleError(f"{FLOOR}: a stretch that is no number from {least:g} to {most:g}")
+    order = np.argsort(floor._joined, kind="stable")
+    same = np.diff(floor._joined[order]) == 0
+    if np.abs(np.diff(floor.stretch[order]))[same].max(initial=0.0) > _ROUND:
+        raise BundleError(f"{FLOOR}: two stretches at one place of a seam: the roof would have a step")
+    roof_m = raise_m(height_m, floor.stretch)
+    found = round(float(roof_m.min()), 6), round(float(roof_m.max()), 6)
+    if np.abs(np.subtract(stated, found)).max() > _ROOF_M:
+        raise BundleError(f"{RECORD}: heights.roof_m = {stated}: {FLOOR} has {list(found)}")

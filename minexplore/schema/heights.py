@@ -25,8 +25,9 @@ from minexplore.bundle import (
 from minexplore.floor import Floor
 from minexplore.schema.attributes import Attribute, Element, named, required
 from minexplore.schema.model import MOST_PARTS, REACH_M, ZONE_NAME
-from minexplore.schema.rules import exactly, matching, number, numbers, numbers_in, points, same, whole
+from minexplore.schema.rules import exactly, list_of, matching, number, numbers, numbers_in, points, same, whole
 from minexplore.schema.xml import Node
+from minexplore.stretch import MOST_ROOF_M
 
 MOST_SHEETS = 1000
 _STEEPEST_DEG = 45.0
@@ -43,6 +44,7 @@ HEIGHT_FIELDS = {
     "floor_wedges": whole(1, MOST_PARTS),
     "roof_wedges": whole(1, MOST_PARTS),
 }
+ROOF_FIELDS = {"roof_m": list_of(number(0, MOST_ROOF_M + 1), 2)}  # only where the roof has heights of its own
 
 
 def _mesh(pattern: str) -> Element:
@@ -121,7 +123,7 @@ def check_wedges(
                 f"{MODEL}: {geom.path}@friction: {geom.attributes.get('friction')}, {RECORD} gives {zone['friction']}"
             )
     _expect_slabs(floors, of_mine, of_assets, floor, (-SLAB_M, 0.0))
-    _expect_slabs(roofs, of_mine, of_assets, floor, (record["height_m"], record["height_m"] + SLAB_M))
+    _expect_slabs(roofs, of_mine, of_assets, floor.raised(record["height_m"]), (0.0, SLAB_M), "the roof")
 
 
 def _is_file(mesh: Node) -> bool:
@@ -142,8 +144,15 @@ def _expect_slabs(
     of_assets: Mapping[tuple[str, str], Node],
     floor: Floor,
     levels: tuple[float, float],
+    surface: str = "the floor",
 ) -> None:
-    """Check that every corner of these wedges lies on the floor's mesh moved up to one of two levels."""
+    """Check that every corner of these wedges lies on the mesh of the floor or the roof moved up to one of two levels.
+
+    Parameters
+    ----------
+    surface : str
+        For the message.
+    """
     bodies = []
     for name in names:
         geom, mesh = of_mine["geom", name], of_assets["mesh", name]
@@ -160,11 +169,11 @@ def _expect_slabs(
     for name, corners, is_covered in zip(names, unfolded, covered, strict=True):
         mesh = of_assets["mesh", name]
         if not is_covered.all():
-            raise BundleError(f"{MODEL}: {mesh.path}@vertex: a corner beside the floor of {FLOOR}")
+            raise BundleError(f"{MODEL}: {mesh.path}@vertex: a corner beside {surface} of {FLOOR}")
         above = corners[:, 2]
         off = np.abs(above[:, None] - levels)
         if off.min(axis=1).max() > _ON_FLOOR_M or off.min(axis=0).max() > _ON_FLOOR_M:
             raise BundleError(
-                f"{MODEL}: {mesh.path}@vertex: corners {above.min():g} to {above.max():g} m above the floor "
+                f"{MODEL}: {mesh.path}@vertex: corners {above.min():g} to {above.max():g} m above {surface} "
                 f"of {FLOOR}, want {levels[0]:g} and {levels[1]:g}"
             )

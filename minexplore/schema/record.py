@@ -9,7 +9,7 @@ from typing import Any
 
 from minexplore.bundle import FORMAT, FRAMES, GEOM_GROUPS, NO_OVERLAY, ROUGH_OVERLAY, BundleError, has_heights
 from minexplore.looks import LOOKS
-from minexplore.schema.heights import HEIGHT_FIELDS
+from minexplore.schema.heights import HEIGHT_FIELDS, ROOF_FIELDS
 from minexplore.schema.model import MOST_LIGHTS, MOST_PARTS, MOST_ZONES, REACH_M, WORLD_NAME, ZONE_NAME
 from minexplore.schema.rules import Rule, list_of, matching, number, one_of_texts, same_json, whole
 
@@ -140,7 +140,11 @@ def check_record(file: str, record: Any) -> None:
         raise BundleError(f"{file}: not a world bundle's record (a JSON object)")
     if record.get("format") != FORMAT:
         raise BundleError(f"{file}: format {_shown(record.get('format'))}, this version reads {FORMAT!r}")
-    _check_fields(file, record, RECORD_FIELDS | ({"heights": HEIGHT_FIELDS} if has_heights(record) else {}))
+    fields: dict[str, Any] = dict(RECORD_FIELDS)
+    if has_heights(record):
+        has_roof = isinstance(record["heights"], dict) and "roof_m" in record["heights"]
+        fields["heights"] = HEIGHT_FIELDS | (ROOF_FIELDS if has_roof else {})
+    _check_fields(file, record, fields)
     if has_heights(record) and record["tilt_deg"] != 0:
         raise BundleError(f"{file}: tilt_deg = {record['tilt_deg']}: want 0; the floor has heights of its own")
     west, south, east, north = record["world_m"]

@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import SLAB_M
 from minexplore.floor import Floor
+from minexplore.stretch import raise_m
 from pipeline.geometry.partition import convex_partition, merge_convex
 from pipeline.geometry.polyline import arc_length
 from pipeline.geometry.sheet_rock import beside_sheets
@@ -104,18 +105,26 @@ def slab(top: Points3, low_m: float, high_m: float) -> Points3:
     return np.vstack([top + np.array([0.0, 0.0, z]) for z in (low_m, high_m)])
 
 
+def roof_slabs(floor: Floor, height_m: float) -> list[Points3]:
+    """Return the convex wedges (k, 3) m of the roof, in the mine frame."""
+    if floor.is_stretched:
+        roof = floor.raised(height_m)
+        return [slab(fold_patch(roof, patch), 0.0, SLAB_M) for patch in floor_patches(roof)]
+    return [slab(fold_patch(floor, patch), height_m, height_m + SLAB_M) for patch in floor_patches(floor)]
+
+
 def wall_parts(free: Polygon, floor: Floor, height_m: float) -> list[Points3]:
     """Return the convex parts (k, 3) m of the rock round the workings, from below the floor to above the roof.
 
-    The rock is cut across where the floor's slope along a wall changes, so that every part follows the floor.
+    The rock is cut across where the floor's or the roof's slope along a wall changes, so that every part follows both.
     """
-    outline, cuts = _wall_lines(floor)
+    outline, cuts = _wall_lines(floor, height_m)
     rock = band_of(free).difference(shapely.union_all([outline, *beside_sheets(floor, height_m)]))
     # Corners of two sheets at one place differ by rounding; the partition must not see an edge between them.
     rock = shapely.set_precision(shapely.set_precision(rock, _SAME_M), 0.0)
     lines = shapely.union_all([rock.boundary, *([shapely.multilinestrings(cuts)] if len(cuts) else [])])
     pieces = [piece for piece in shapely.polygonize([lines]).geoms if rock.contains(piece.representative_point())]
-    foot = WallFoot(floor, rock)
+    foot = WallFoot(floor, rock, height_m)
     parts = []
     for piece in pieces:
         for part in (part for part in convex_partition(piece) if _is_solid(part)):
@@ -152,12 +161,14 @@ def _is_solid(part: np.ndarray) -> bool:
     return bool(np.linalg.eigvalsh(np.cov(part.T, bias=True))[0] > _HAIR_M**2)
 
 
-def _wall_lines(floor: Floor) -> tuple[BaseGeometry, np.ndarray]:
+def _wall_lines(floor: Floor, height_m: float) -> tuple[BaseGeometry, np.ndarray]:
     """Return the workings with the corners that their walls need, and lines (k, 2, 2) m that cut the rock behind them.
 
-    A wall needs its corners in plan, and so many more that its foot lies within `FOOT_M` of the floor's mesh.
+    A wall needs its corners in plan, and so many more that foot and head lie within `FOOT_M` of floor and roof.
     """
     rings, cuts = [], []
+    lifts = floor.lifts_m(height_m)[:, None] if floor.is_stretched else np.zeros((len(floor.vertices), 0))
+    levels = np.column_stack([floor.vertices[:, 2:], floor.vertices[:, 2:] + lifts])
     for ring in boundary_rings(floor):
         corners = floor.vertices[ring]
         along = np.roll(corners, -1, axis=0)[:, :2] - corners[:, :2]
@@ -169,7 +180,7 @@ def _wall_lines(floor: Floor) -> tuple[BaseGeometry, np.ndarray]:
         kept = []
         for run in np.split(order, np.flatnonzero(turns[order])[1:]):
             closed = np.append(run, order[(np.flatnonzero(order == run[-1])[0] + 1) % len(order)])
-            own = _bends(np.column_stack([arc_length(corners[closed, :2]), corners[closed, 2]]))
+            own = _bends(np.column_stack([arc_length(corners[closed, :2]), levels[ring][closed]]))
             kept += run[own[:-1]].tolist()
             for k in run[own[1:-1]].tolist():
                 normal = np.array([along[k, 1], -along[k, 0]])
@@ -179,13 +190,17 @@ def _wall_lines(floor: Floor) -> tuple[BaseGeometry, np.ndarray]:
 
 
 def _bends(profile: np.ndarray) -> np.ndarray:
-    """Return the numbers of the points of a profile (k, 2) m that keep the line through them near to all points."""
+    """Return the numbers of the points of profiles (k, 1 + m) m that keep the lines through them near to all points.
+
+    The first column is the distance along all of them.
+    """
     kept = [0, len(profile) - 1]
     todo = [(0, len(profile) - 1)]
     while todo:
         a, b = todo.pop()
-        line = np.interp(profile[a : b + 1, 0], profile[[a, b], 0], profile[[a, b], 1])
-        off = np.abs(profile[a : b + 1, 1] - line)
+        along, ends = profile[a : b + 1, 0], profile[[a, b]]
+        lines = [np.interp(along, ends[:, 0], column) for column in ends.T[1:]]
+        off = np.abs(profile[a : b + 1, 1:] - np.column_stack(lines)).max(axis=1)
         if off.max() > FOOT_M:
             middle = a + int(off.argmax())
             kept.append(middle)
@@ -193,11 +208,20 @@ def _bends(profile: np.ndarray) -> np.ndarray:
     return np.array(sorted(kept))
 
 
-def cell_heights(grid: Occupancy, floor: Floor) -> np.ndarray | None:
-    """Return the floor's height (rows, cols) m at each free cell's centre, else zero; None on a flat floor."""
+def cell_columns(grid: Occupancy, floor: Floor, height_m: float) -> tuple[float | np.ndarray, np.ndarray | None]:
+    """Return how high the roof is over the floor at free cells' centres, and the floor's height (rows, cols) m there.
+
+    Of other cells both are any. The first is one number if the roof has no heights of its own, the second is None on a
+    flat floor.
+    """
     if floor.is_flat:
-        return None
+        return height_m, None
     row, col = np.nonzero(grid.free)
+    places = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
     heights = np.zeros(grid.free.shape)
-    heights[row, col] = floor.heights_at(grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m)
-    return heights
+    heights[row, col] = floor.heights_at(places)
+    if not floor.is_stretched:
+        return height_m, heights
+    roofs = np.full(grid.free.shape, height_m)
+    roofs[row, col] = raise_m(height_m, floor.stretch_at(places))
+    return roofs, heights

@@ -9,23 +9,29 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
 from pipeline.errors import GeometryError
-from pipeline.types import DriftNetwork, Heights, Points3
+from pipeline.types import DriftNetwork, Heights
 
 _NEAR_M = 15.0  # of a spot from the middle of its drift
 _SAME_M = 0.01
 
 
-def floor_lines(heights: Heights, network: DriftNetwork, entrance_m: tuple[float, float]) -> list[Points3]:
-    """Return the lines (k, 3) m along which the floor's height is known.
+def floor_lines(
+    heights: Heights, network: DriftNetwork, entrance_m: tuple[float, float], height_m: float = 0.0
+) -> list[np.ndarray]:
+    """Return the lines (k, 3) m along which the floor's height is known; (k, 4) m with the roof over it if that is too.
 
     Spots set the height of the station nearest to them; between them it is linear along the drifts, and beyond the
-    last one it stays. A grade rises from the station nearest to the entrance by the shortest way.
+    last one it stays. A grade rises from the station nearest to the entrance by the shortest way. The roof is
+    `height_m` over the floor where the survey knows none.
 
     Raises
     ------
     GeometryError
         If a spot is far from every drift, or two spots of one station differ; the message names the spot.
     """
+    if heights.roofs:
+        pairs = zip(heights.lines, heights.roofs, strict=True)
+        return [np.column_stack([line, np.array(roof) @ [1.0, height_m]]) for line, roof in pairs]
     if heights.lines:
         return [np.array(line, dtype=float) for line in heights.lines]
     places, number, lengths = _graph(network)

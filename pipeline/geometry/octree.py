@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import product
 
@@ -67,7 +66,7 @@ def build_octree(
     free: np.ndarray,
     origin_m: np.ndarray,
     cell_m: float,
-    height_m: float,
+    height_m: float | np.ndarray,
     floor_m: np.ndarray | None = None,
     moved: np.ndarray | None = None,
 ) -> Octree:
@@ -83,22 +82,23 @@ def build_octree(
         South-west corner, a whole number of cells from the mine's origin.
     cell_m : float
         Edge of a voxel.
-    height_m : float
+    height_m : float, or (rows, cols) float with `floor_m`
         Height of the workings; a voxel is free when its centre lies below it.
     floor_m : (rows, cols) float, optional
         The floor's height at each free cell; without it the floor is level at zero.
     moved : (rows, cols, 2) int, optional
         How many cells each free cell is moved east and north in plan.
     """
-    layers = max(1, round(height_m / cell_m))
     if floor_m is not None:
+        layers = np.maximum(1, np.round(np.broadcast_to(height_m, free.shape) / cell_m)).astype(np.int64)
         shift = np.zeros((*free.shape, 2), np.int64) if moved is None else moved
         return _follow(free, origin_m, cell_m, layers, np.round(floor_m / cell_m).astype(np.int64), shift)
+    number = max(1, round(float(np.max(height_m)) / cell_m))
     padded = np.pad(free, 1)
     shell = binary_dilation(padded, np.ones((3, 3), dtype=bool))
     column = np.where(padded, FREE, np.where(shell, OCCUPIED, UNKNOWN)).astype(np.uint8)
     closed = np.where(shell, OCCUPIED, UNKNOWN).astype(np.uint8)
-    volume = np.stack([closed, *[column] * layers, closed])
+    volume = np.stack([closed, *[column] * number, closed])
     first = np.array([round(origin_m[0] / cell_m) - 1, round(origin_m[1] / cell_m) - 1, -1]) + _CENTRE
     last = first + volume.shape[::-1]
     _require_range(first, last, cell_m)
@@ -114,29 +114,38 @@ def _require_range(first: np.ndarray, last: np.ndarray, cell_m: float) -> None:
 
 
 def _follow(
-    free: np.ndarray, origin_m: np.ndarray, cell_m: float, layers: int, base: np.ndarray, shift: np.ndarray
+    free: np.ndarray, origin_m: np.ndarray, cell_m: float, layers: np.ndarray, base: np.ndarray, shift: np.ndarray
 ) -> Octree:
-    """Build the octree of workings whose columns begin at the layers `base` (rows, cols); rock is one voxel thick."""
+    """Build the octree of workings whose columns begin at the layers `base` (rows, cols); rock is one voxel thick.
+
+    Each column is as many `layers` (rows, cols) high.
+    """
     row, col = np.nonzero(free)
     west, south = (round(v / cell_m) for v in origin_m)
     east, north = col + west - shift[row, col, 0] + _CENTRE, row + south - shift[row, col, 1] + _CENTRE
-    up = base[row, col] + _CENTRE
+    up, tall = base[row, col] + _CENTRE, layers[row, col]
+    most = int(tall.max(initial=1))
     low, high = (np.array([f(v) for v in (east, north, up)]) for f in (np.min, np.max))
-    _require_range(low - 1, high + np.array([2, 2, layers + 2]), cell_m)
-    x, y, z = (_spread(np.arange(high[axis] + layers + 2)) << axis for axis in range(3))
+    _require_range(low - 1, high + np.array([2, 2, most + 2]), cell_m)
+    x, y, z = (_spread(np.arange(high[axis] + most + 2)) << axis for axis in range(3))
 
-    def stacked(j: int, i: int, some: np.ndarray, at: Iterable[int]) -> list[np.ndarray]:
-        """Return the codes of voxels at some heights in columns, moved j voxels to the east and i to the north."""
-        plan = x[east[some] + j] | y[north[some] + i]
-        return [plan | z[up[some] + k] for k in at]
+    def stacked(j: int, i: int, some: np.ndarray) -> list[np.ndarray]:
+        """Return the codes of the voxels of columns, moved j voxels to the east and i to the north."""
+        plan = x[east + j] | y[north + i]
+        return [plan[some & (tall > k)] | z[up[some & (tall > k)] + k] for k in range(most)]
 
-    every = np.ones(len(up), bool)
-    inside = _distinct(stacked(0, 0, every, range(layers)))
+    def ends(j: int, i: int) -> list[np.ndarray]:
+        """Return the codes of the voxels below and above all columns, moved alike."""
+        plan = x[east + j] | y[north + i]
+        return [plan | z[up - 1], plan | z[up + tall]]
+
+    every, is_level = np.ones(len(up), bool), (tall == most).all()
+    inside = _distinct(stacked(0, 0, every))
     padded = np.pad(free, 1)
     solid = np.zeros(0, np.int64)
     for i, j in product((-1, 0, 1), repeat=2):  # one after another: most voxels are the same
-        at_wall = ~padded[row + 1 + i, col + 1 + j]
-        solid = _distinct([solid, *stacked(j, i, every, (-1, layers)), *stacked(j, i, at_wall, range(layers))])
+        at_wall = ~padded[row + 1 + i, col + 1 + j] if is_level else every  # else beside a lower column too
+        solid = _distinct([solid, *ends(j, i), *stacked(j, i, at_wall)])
     place = np.minimum(np.searchsorted(inside, solid), len(inside) - 1)
     solid = solid[inside[place] != solid]
     codes = np.concatenate([inside, solid])

@@ -56,12 +56,13 @@ def boundary_edges(floor: Floor) -> np.ndarray:
 
 
 class WallFoot:
-    """The floor's height along its boundary."""
+    """The floor's height along its boundary, and how much higher than `height_m` over it the roof is there."""
 
-    def __init__(self, floor: Floor, rock: BaseGeometry | None = None) -> None:
+    def __init__(self, floor: Floor, rock: BaseGeometry | None = None, height_m: float = 0.0) -> None:
         """Take the boundary's edges, and for `ranges_at` the rock round the workings in plan."""
         edges = boundary_edges(floor)
-        self._a, self._b = floor.vertices[edges[:, 0]], floor.vertices[edges[:, 1]]
+        corners = np.column_stack([floor.vertices, floor.lifts_m(height_m)])
+        self._a, self._b = corners[edges[:, 0]], corners[edges[:, 1]]
         lines = shapely.linestrings(np.stack([self._a[:, :2], self._b[:, :2]], axis=1))
         self._tree = shapely.STRtree(lines)
         middles = (self._a + self._b) / 2
@@ -70,27 +71,33 @@ class WallFoot:
         self._rock = None if rock is None else rock.buffer(FOOT_M)
 
     def heights_at(self, places_m: np.ndarray) -> np.ndarray:
-        """Return the height (k,) m at the points of the boundary nearest to places (k, 2) m."""
+        """Return the floor's height (k,) m at the points of the boundary nearest to places (k, 2) m."""
+        return self.levels_at(places_m)[0]
+
+    def levels_at(self, places_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the floor's height and the roof's lift (k,) m at the points of the boundary nearest to places."""
         nearest = self._tree.nearest(shapely.points(places_m))
         a, b = self._a[nearest], self._b[nearest]
         along = b[:, :2] - a[:, :2]
         share = np.clip(((places_m - a[:, :2]) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
-        return np.asarray(a[:, 2] + share * (b[:, 2] - a[:, 2]))
+        level, lift = (a[:, 2:] + share[:, None] * (b[:, 2:] - a[:, 2:])).T
+        return level, lift
 
     def ranges_at(self, places_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lowest and the highest floor (k,) m that the rock at places (k, 2) m is the wall of.
+        """Return the lowest floor and the highest roof, less the plan's height (k,) m, that rock is the wall of.
 
         Walls of different heights may be so near to each other that one piece of rock is the wall of both: from a place
         to either wall there is nothing but rock.
         """
-        low = self.heights_at(places_m)
-        high = low.copy()
+        low, lift = self.levels_at(places_m)
+        high = low + lift
         for k, near in enumerate(self._near.query_ball_point(places_m, 2 * BAND_M)):
             points = self._points[near]
-            rise = np.abs(points[:, 2] - low[k])
+            tops = points[:, 2] + points[:, 3]
+            rise = np.maximum(np.abs(points[:, 2] - low[k]), np.abs(tops - high[k]))
             other = points[rise > _ALONG + _SLOPE * np.hypot(*(points[:, :2] - places_m[k]).T)]
             ways = shapely.linestrings(np.stack([np.broadcast_to(places_m[k], (len(other), 2)), other[:, :2]], axis=1))
-            heights = other[shapely.covers(self._rock, ways), 2] if len(other) else other[:, 2]
-            if len(heights):
-                low[k], high[k] = min(low[k], heights.min()), max(high[k], heights.max())
+            seen = other[shapely.covers(self._rock, ways)] if len(other) else other
+            if len(seen):
+                low[k], high[k] = min(low[k], seen[:, 2].min()), max(high[k], (seen[:, 2] + seen[:, 3]).max())
         return low, high

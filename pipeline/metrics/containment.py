@@ -65,27 +65,27 @@ def cover_floor(parts: Iterable[np.ndarray], floor: Floor, heights_m: Iterable[f
     parts : iterable of (n, 3) float64, m, mine frame
     floor : Floor
     heights_m : iterable of float
-        Heights of the slices above the floor.
+        Heights of the slices above the floor in the plan; a stretched one is stretched with it, and stays a plane.
     """
     all_parts, heights = list(parts), list(heights_m)
     footprints = [shapely.convex_hull(shapely.multipoints(part[:, :2])) for part in all_parts]
     tree, spans = shapely.STRtree(footprints), np.array([(part[:, 2].min(), part[:, 2].max()) for part in all_parts])
     places = floor.vertices[:, :2][floor.faces] - floor.offset_m[floor.sheet][:, None]
     triangles = shapely.polygons(places)
-    own = _shifted_planes(floor)
-    levels = floor.vertices[:, 2][floor.faces]
+    own = np.stack([_shifted_planes(floor.raised(height)) for height in heights], axis=1)
+    levels, tops = floor.vertices[:, 2][floor.faces], floor.raised(max(heights)).vertices[:, 2][floor.faces]
     intrusion = np.zeros(len(heights))
     for face, part in zip(*tree.query(triangles, predicate="intersects"), strict=True):
-        beside = spans[part, 1] < levels[face].min() or spans[part, 0] > levels[face].max() + max(heights)
+        beside = spans[part, 1] < levels[face].min() or spans[part, 0] > tops[face].max()
         if beside or shapely.intersection(triangles[face], footprints[part]).area < _NOTHING_M2:
             continue
-        for k, cut in enumerate(_slices_above(all_parts[part], own[face], heights)):
+        for k, cut in enumerate(_slices_along(all_parts[part], own[face])):
             intrusion[k] += shapely.intersection(cut, triangles[face]).area
     missing = np.zeros(len(heights))
     gaps: list[list[BaseGeometry]] = [[] for _ in heights]
-    for face, edge, strip in _strips(floor, triangles, levels, max(heights)):
+    for face, edge, strip in _strips(floor, triangles, levels, tops):
         near = [part for part in tree.query(strip) if spans[part, 1] > levels[face].min()]
-        cuts = [_slices_above(all_parts[part], own[face], heights) for part in near]
+        cuts = [_slices_along(all_parts[part], own[face]) for part in near]
         for k in range(len(heights)):
             rock = shapely.union_all([cut[k] for cut in cuts])
             missing[k] += strip.difference(rock).area
@@ -104,14 +104,14 @@ def _shifted_planes(floor: Floor) -> np.ndarray:
     return planes
 
 
-def _slices_above(part: np.ndarray, plane: np.ndarray, heights_m: list[float]) -> list[BaseGeometry]:
-    """Return the slices of a convex body at heights above a plane, seen from above."""
-    sheared = np.column_stack([part[:, :2], part[:, 2] - part[:, :2] @ plane[:2] - plane[2]])
-    return [_slice(sheared, height) for height in heights_m]
+def _slices_along(part: np.ndarray, planes: np.ndarray) -> list[BaseGeometry]:
+    """Return the slices of a convex body along planes (k, 3), seen from above."""
+    above = part[:, 2] - planes[:, :2] @ part[:, :2].T - planes[:, 2:]
+    return [_slice(np.column_stack([part[:, :2], heights]), 0.0) for heights in above]
 
 
 def _strips(
-    floor: Floor, triangles: np.ndarray, levels: np.ndarray, height_m: float
+    floor: Floor, triangles: np.ndarray, levels: np.ndarray, tops: np.ndarray
 ) -> Iterator[tuple[int, BaseGeometry, BaseGeometry]]:
     """Return for each edge on a wall its face, the edge, and the strip of rock beside it, in the mine frame."""
     tree = shapely.STRtree(triangles)
@@ -121,8 +121,7 @@ def _strips(
         out = np.array([along[1], -along[0]]) / max(float(np.hypot(*along)), 1e-12) * STRIP_M
         strip = shapely.Polygon([edge[0], edge[0] + out, edge[1] + out, edge[1]])
         near = tree.query(strip, predicate="intersects")
-        level = levels[near]
-        same = (level.min(axis=1) < levels[face].max() + height_m) & (level.max(axis=1) > levels[face].min() - height_m)
+        same = (levels[near].min(axis=1) < tops[face].max()) & (tops[near].max(axis=1) > levels[face].min())
         # Floor a little above or below is workings too; its own edges judge the rock beside it.
         yield (
             face,

@@ -27,7 +27,8 @@ from minexplore.bundle import (
     GeomGroup,
 )
 from minexplore.floor import Floor
-from pipeline.geometry.floor_parts import floor_patches
+from minexplore.stretch import raise_m
+from pipeline.geometry.floor_parts import roof_slabs
 from pipeline.mjcf.bundle import HeightFigures, WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
@@ -181,14 +182,16 @@ def _tilt_deg(params: RealismParams, floor: Floor) -> float:
 
 
 def _heights(scene: MineScene) -> HeightFigures:
-    floor = scene.floor
+    floor, height_m = scene.floor, scene.extent.height_m
+    roof_m = raise_m(height_m, floor.stretch)
     return HeightFigures(
         low_m=float(floor.vertices[:, 2].min()),
         high_m=float(floor.vertices[:, 2].max()),
         steepest_deg=round(float(floor.steepness_deg().max()), 3),
         sheets=len(floor.offset_m),
         floor_wedges=len(zoned_patches(floor, scene.zones)),
-        roof_wedges=len(floor_patches(floor)),
+        roof_wedges=len(roof_slabs(floor, height_m)),
+        roof_m=(round(float(roof_m.min()), 6), round(float(roof_m.max()), 6)) if floor.is_stretched else None,
     )
 
 

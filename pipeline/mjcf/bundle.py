@@ -46,7 +46,10 @@ Unfold = Callable[[np.ndarray], np.ndarray]  # triangles (n, 3, 3) m, into the p
 
 @dataclass(frozen=True)
 class HeightFigures:
-    """What `world.json` says of a floor with heights: lowest and highest place, steepest face, numbers of pieces."""
+    """What `world.json` says of a floor with heights: lowest and highest place, steepest face, numbers of pieces.
+
+    `roof_m` is the lowest and the highest roof over the floor; it is absent if that is `height_m` everywhere.
+    """
 
     low_m: float
     high_m: float
@@ -54,6 +57,7 @@ class HeightFigures:
     sheets: int
     floor_wedges: int
     roof_wedges: int
+    roof_m: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,9 @@ class WorldRecord:
     @property
     def top_m(self) -> float:
         """Return how high the rock reaches in the mine frame, m."""
-        return self.height_m + (self.heights.high_m + SLAB_M if self.heights else 0.0)
+        if self.heights is None:
+            return self.height_m
+        return max((self.height_m, *(self.heights.roof_m or ()))) + (self.heights.high_m + SLAB_M)
 
     @property
     def bottom_m(self) -> float:
@@ -134,6 +140,8 @@ def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes
     fields = TypeAdapter(WorldRecord).dump_python(record, mode="json")
     if record.heights is None:
         del fields["heights"]
+    elif record.heights.roof_m is None:
+        del fields["heights"]["roof_m"]
     fields["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
     fields["world_sha256"] = world_sha256(fields)
     return {**files, RECORD: (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -36,17 +37,17 @@ def enclosure_of_floor(
     figures: dict[str, Any] = vars(cover_floor(everything, floor, slices_m)).copy()
     figures["rock_round_m"] = STRIP_M if figures["missing_m2"] < _ROUND_M * free.length else 0.0
     height_m = world.record.height_m
-    for name, group, level in (("floor", GeomGroup.FLOOR, 0.0), ("roof", GeomGroup.ROOF, height_m)):
-        figures[f"{name}_open_m2"] = _open_m2(placed_parts(world.model, group, T), floor, free, level)
+    for name, group, surface in (("floor", GeomGroup.FLOOR, floor), ("roof", GeomGroup.ROOF, floor.raised(height_m))):
+        figures[f"{name}_open_m2"] = _open_m2(placed_parts(world.model, group, T), surface, free)
     figures["floor_error_m"] = _floor_error_m(world.model, T, floor)
     return figures
 
 
-def _open_m2(wedges: list[np.ndarray], floor: Floor, free: Polygon, level_m: float) -> float:
-    """Return the area of the workings, m2, over which no wedge has its inner face at a height above the floor."""
+def _open_m2(wedges: list[np.ndarray], surface: Floor, free: Polygon) -> float:
+    """Return the area of the workings, m2, over which no wedge has its inner face on the floor or the roof."""
     covered = []
-    for inside in floor.unfold_bodies(wedges, level_m):
-        off = np.abs(inside[:, 2] - level_m)
+    for inside in replace(surface, stretch=np.zeros(0)).unfold_bodies(wedges, 0.0):
+        off = np.abs(inside[:, 2])
         if np.sort(off)[: len(off) // 2].max() < _ON_FLOOR_M and off.max() < SLAB_M + _ON_FLOOR_M:
             covered.append(section_footprint(inside).buffer(_ROUND_M))
     return round(float(free.difference(shapely.union_all(covered)).area), 6)

@@ -27,7 +27,7 @@ from minexplore.bundle import (
     TOPOLOGY,
 )
 from pipeline.errors import ArtifactError, GeometryError
-from pipeline.geometry.floor_parts import cell_heights, cell_offsets, sheet_walls
+from pipeline.geometry.floor_parts import cell_columns, cell_offsets, sheet_walls
 from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.octree import build_octree, to_bt
 from pipeline.geometry.sheets import count_islands, filled, floor_seams, trace_sheets
@@ -216,10 +216,8 @@ def _require_map_and_octree(folder: Path, record: WorldRecord, grid: Occupancy) 
     if picture.shape != pixels.shape or (picture != pixels).any():
         raise ArtifactError(f"{folder / NAV2_PICTURE}: pixels differ from the clearance grid")
     floor = read_floor(folder, record)
-    heights, moved = cell_heights(grid, floor), cell_offsets(grid, floor)
-    if (folder / OCTREE).read_bytes() != to_bt(
-        build_octree(grid.free, grid.origin_m, grid.cell_m, record.height_m, heights, moved)
-    ):
+    heights, moved = cell_columns(grid, floor, record.height_m), cell_offsets(grid, floor)
+    if (folder / OCTREE).read_bytes() != to_bt(build_octree(grid.free, grid.origin_m, grid.cell_m, *heights, moved)):
         raise ArtifactError(
             f"{folder / OCTREE}: not the octree of the clearance grid and the height {record.height_m} m"
         )

@@ -39,11 +39,11 @@ def smooth_sizes(folder: Path, record: WorldRecord) -> SmoothSizes:
 
 
 def _above_floor(folder: Path, floor: Floor, piece: str, repeat_m: float) -> np.ndarray:
-    """Return the heights (n,) m above the floor of a piece whose texture is laid in the plan."""
+    """Return the heights (n,) m above the floor, in the plan, of a piece whose texture is laid there."""
     mesh: Mesh = decode(folder / mesh_file(smooth_mesh(piece)), Mesh)
     if floor.is_flat:
         return mesh.vertices[:, 2]
-    return mesh.vertices[:, 2] - Folding(floor).heights_at(mesh.texcoords * repeat_m)[0]
+    return Folding(floor).above(mesh.texcoords * repeat_m, mesh.vertices[:, 2])[0]
 
 
 def texture_repeat_m(folder: Path, record: WorldRecord) -> float:

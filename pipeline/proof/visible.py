@@ -18,6 +18,7 @@ from minexplore.floor import Floor
 from minexplore.folding import Folding
 from minexplore.looks import PLAIN
 from minexplore.schema.model import SMOOTH_MESHES
+from minexplore.stretch import raise_m
 from pipeline.errors import ArtifactError
 from pipeline.geometry.floor_parts import wall_lines
 from pipeline.geometry.seams import seam_lines
@@ -66,9 +67,9 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     smooth = _smooth_triangles(record, free, floor, sizes)
     near, foot_m = NearestFace(smooth), record.height_m - sizes.roof_chamfer_m
     walls = cKDTree(shapely.get_coordinates(shapely.segmentize(wall_lines(free, floor), _FINE_M)))
-    far = [np.zeros((0, 2))]
+    far, relaxed = [np.zeros((0, 2))], record.look != PLAIN or floor.is_stretched
     for name, chunk in rough.items():
-        _require_near(folder / mesh_file(name), chunk, near, sizes.repeat_m, relaxed=record.look != PLAIN)
+        _require_near(folder / mesh_file(name), chunk, near, sizes.repeat_m, relaxed=relaxed)
         far.append(_require_bounded(folder / mesh_file(name), chunk, walls, foot_m, sizes.repeat_m))
     _require_kept(folder, np.concatenate(far), grid, f"{_LOW_M[0]} to {_LOW_M[1]} m")
     _require_tiles(folder, rough)
@@ -82,10 +83,14 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
 
 @dataclass(frozen=True)
 class _Chunk:
-    """A mesh of the rough surface as a bundle holds it, and the places (n, 3) m of its vertices in the plan."""
+    """A mesh of the rough surface as a bundle holds it, and the places (n, 3) m of its vertices in the plan.
+
+    `above_m` (n,) is how high they are over the floor in space.
+    """
 
     mesh: Mesh
     places_m: np.ndarray
+    above_m: np.ndarray
 
 
 def rough_meshes(names: Iterable[str]) -> list[str]:
@@ -119,7 +124,9 @@ def _require_tiles(folder: Path, chunks: dict[str, _Chunk]) -> None:
 
 def _read_chunk(folder: Path, record: WorldRecord, folding: Folding, name: str) -> _Chunk:
     mesh: Mesh = decode(folder / mesh_file(name), Mesh)
-    return _Chunk(mesh, folding.unfold(mesh.vertices, record.height_m))
+    places = folding.unfold(mesh.vertices, record.height_m)
+    stretch = folding.stretch_at(places[:, :2])
+    return _Chunk(mesh, places, places[:, 2] if stretch is None else raise_m(places[:, 2], stretch))
 
 
 def _require_near(path: Path, chunk: _Chunk, smooth: NearestFace, repeat_m: float, relaxed: bool) -> None:
@@ -128,10 +135,10 @@ def _require_near(path: Path, chunk: _Chunk, smooth: NearestFace, repeat_m: floa
     A `relaxed` texture follows the rock, and so leaves the wall's heights by as much as the rock leaves the wall.
     """
     mesh = chunk.mesh
-    # Pieces are textured before they are displaced: walls by their height, which stays, the roof from above.
+    # Pieces are textured before they are displaced: walls by their height in space, which stays, the roof from above.
     laid = mesh.texcoords * repeat_m
     wall = path.name.startswith(f"{WALLS}_")
-    off = np.abs(laid[:, 1] - chunk.places_m[:, 2]) if wall else np.abs(laid - mesh.vertices[:, :2]).max(axis=1)
+    off = np.abs(laid[:, 1] - chunk.above_m) if wall else np.abs(laid - mesh.vertices[:, :2]).max(axis=1)
     most = _TEXTURED_M if wall and not relaxed else _FROM_WALL_M
     if not off.max() <= most:
         worst = int(off.argmax())
@@ -161,9 +168,12 @@ def _require_bounded(path: Path, chunk: _Chunk, walls: cKDTree, foot_m: float, r
     mesh = chunk.mesh
     corners = mesh.vertices[mesh.faces]
     side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    if not side.max() <= _LONGEST_M:
-        at = corners.reshape(-1, 3)[int(side.argmax())].round(3).tolist()
-        raise ArtifactError(f"{path}: an edge of {side.max():.3f} m at {at} m, want at most {_LONGEST_M:g} m")
+    # Edges are limited as the lattice has them; a roof of its own stretches them in space.
+    laid = (mesh.vertices - np.outer(chunk.above_m - chunk.places_m[:, 2], [0.0, 0.0, 1.0]))[mesh.faces]
+    length = np.linalg.norm(laid - np.roll(laid, 1, axis=1), axis=2)
+    if not length.max() <= _LONGEST_M:
+        at = corners.reshape(-1, 3)[int(length.argmax())].round(3).tolist()
+        raise ArtifactError(f"{path}: an edge of {length.max():.3f} m at {at} m, want at most {_LONGEST_M:g} m")
     # A long face may cross a drift although its corners are allowed.
     long = chunk.places_m[mesh.faces[side.max(axis=1) > _SAMPLED_M]]
     points = np.concatenate([chunk.places_m, face_samples(long, _SAMPLED_M)])
@@ -177,13 +187,13 @@ def _require_bounded(path: Path, chunk: _Chunk, walls: cKDTree, foot_m: float, r
     if not off.max() <= _FROM_WALL_M:
         at = points[int(off.argmax())].round(3).tolist()
         raise ArtifactError(f"{path}: rock at {at} m is {off.max():.3f} m off, want at most {_FROM_WALL_M:g} m")
-    laid = (
+    woven = (
         np.linalg.norm(mesh.texcoords[mesh.faces] - np.roll(mesh.texcoords[mesh.faces], 1, axis=1), axis=2) * repeat_m
     )
-    stretched = (laid - _STRETCHED * side).max()
+    stretched = (woven - _STRETCHED * side).max()
     if not stretched <= _FROM_WALL_M:
         raise ArtifactError(
-            f"{path}: an edge of {side.flat[int(laid.argmax())]:.3f} m has {laid.max():.3f} m of texture"
+            f"{path}: an edge of {side.flat[int(woven.argmax())]:.3f} m has {woven.max():.3f} m of texture"
         )
     if mesh.normals is not None:
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -101,25 +101,26 @@ def draw_long_section(floor: Floor, height_m: float, datum_m: float) -> Figure:
     floor : Floor
         With heights.
     height_m : float
-        Of the roof over the floor.
+        Of the roof over the floor, where the survey knows none.
     datum_m : float
     """
-    feet = np.array(
-        [floor.vertices[list(edge)] - [*floor.offset_m[floor.sheet[face]], 0.0] for face, edge in floor.wall_edges()]
+    feet, heads = (
+        np.array([at.vertices[list(edge)] - [*at.offset_m[at.sheet[face]], 0.0] for face, edge in at.wall_edges()])
+        for at in (floor, floor.raised(height_m))
     )
     along = _long_axis(feet.reshape(-1, 3)[:, :2])
-    x, z = feet[:, :, :2] @ along, feet[:, :, 2] + datum_m
-    walls = np.stack([np.column_stack([x, x[:, ::-1]]), np.column_stack([z, z[:, ::-1] + height_m])], axis=2)
-    wide, high = max(float(np.ptp(x)), 1.0), float(np.ptp(z)) + height_m
+    x, z, top = feet[:, :, :2] @ along, feet[:, :, 2] + datum_m, heads[:, :, 2] + datum_m
+    walls = np.stack([np.column_stack([x, x[:, ::-1]]), np.column_stack([z, top[:, ::-1]])], axis=2)
+    wide, high = max(float(np.ptp(x)), 1.0), float(top.max() - z.min())
     times = next((k for k in _TIMES if k * high / wide * _WIDE_IN < _SECTION_IN), 1)
     figure = new_figure(_WIDE_IN, float(np.clip(_WIDE_IN * times * high / wide + 0.9, 2.0, 10.0)))
     axis = figure.add_subplot()
     axis.add_collection(PolyCollection(list(walls), facecolor="#d9cbbf", edgecolor="none", alpha=0.5))
-    axis.add_collection(LineCollection(list(np.stack([x, z + height_m], axis=2)), colors=GREY, linewidths=0.4))
+    axis.add_collection(LineCollection(list(np.stack([x, top], axis=2)), colors=GREY, linewidths=0.4))
     axis.add_collection(LineCollection(list(np.stack([x, z], axis=2)), colors=ROCK, linewidths=0.8))
     bearing = np.degrees(np.arctan2(along[0], along[1])) % 360
     axis.set(xlabel=f"distance along bearing {bearing:.0f}°, m", ylabel="elevation, m", aspect=times)
-    axis.set(xlim=(x.min() - 2, x.max() + 2), ylim=(z.min() - 1, z.max() + height_m + 1))
+    axis.set(xlim=(x.min() - 2, x.max() + 2), ylim=(z.min() - 1, top.max() + 1))
     axis.set_title("floor brown, roof grey" + (f"; heights {times} times as large" if times > 1 else ""), fontsize=8)
     return figure
 

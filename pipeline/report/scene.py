@@ -76,10 +76,10 @@ def mine_scene(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> trim
 def _add_folded(scene: trimesh.Scene, floor: Floor, height_m: float) -> list[float]:
     """Add the floor of a mine with heights, coloured by elevation, and its walls; return the bounds, m."""
     places = floor.vertices[floor.faces] - np.pad(floor.offset_m, [(0, 0), (0, 1)])[floor.sheet][:, None]
-    walls = []
+    roof, walls = floor.raised(height_m), []
     for face, edge in floor.wall_edges():
-        foot = floor.vertices[list(edge)] - np.append(floor.offset_m[floor.sheet[face]], 0.0)
-        top = foot + np.array([0.0, 0.0, height_m])
+        aside = np.append(floor.offset_m[floor.sheet[face]], 0.0)
+        foot, top = floor.vertices[list(edge)] - aside, roof.vertices[list(edge)] - aside
         walls += [[foot[0], foot[1], top[1]], [foot[0], top[1], top[0]]]
     corners = np.array(walls).reshape(-1, 3)
     scene.add_geometry(_coloured(corners, np.arange(len(corners)).reshape(-1, 3), _ROCK_RGB))

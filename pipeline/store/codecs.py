@@ -158,7 +158,11 @@ def _encode_npz(value: Any) -> bytes:
     arrays = (
         {f"{name}/{k}": v for name, mesh in value.items() for k, v in vars(mesh).items() if v is not None}
         if isinstance(value, dict)
-        else {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+        else {
+            f.name: getattr(value, f.name)
+            for f in dataclasses.fields(value)
+            if not f.metadata.get("optional") or len(getattr(value, f.name))
+        }
     )
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from minexplore import bundle
 from minexplore.floor import Floor
 from minexplore.folding import Folding
+from minexplore.stretch import raise_m
 from pipeline.errors import GeometryError
 from pipeline.geometry.partition import triangulate
 from pipeline.surface.displacement import Bounds, bound_displacement, damp, displaced
@@ -280,7 +281,10 @@ def _chunk(
         used, late = key // 2, (key % 2).astype(float)
         column = rough.lattice.column[mesh.source[shaded.source[used]]]
         repeat = u[column] + late * repeats[column] + _beside(rough, shaded.source[used]) / texture_m
-        texcoords = np.column_stack([repeat, _places_on_surface(rough, shaded.source[used])[:, 2] / texture_m])
+        places = _places_on_surface(rough, shaded.source[used])
+        stretch = Folding(rough.lattice.floor).stretch_at(places[:, :2])
+        above = places[:, 2] if stretch is None else raise_m(places[:, 2], stretch)
+        texcoords = np.column_stack([repeat, above / texture_m])
     index = index.reshape(-1, 3).astype(np.int32)
     texcoords = texcoords + offset[shaded.source[used]]
     normals = shaded.normals[used] if len(shaded.normals) else None

@@ -10,11 +10,14 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from minexplore.stretch import LEAST_ROOF_M, MOST_ROOF_M
 from pipeline.geometry.polyline import arc_length
 from pipeline.survey.hairpins import level_hairpins
 from pipeline.survey.legs import SurveyLeg
 
-Way = list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]  # node or "" between two, place (3,), left and right (2,) m
+# Node or "" between two; place (3,) m, with the roof over it as metres and a share of the drifts' height (2,); left and
+# right (2,) m.
+Way = list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]
 UNIT_M = 8.0  # a cell of the plan reaches half of this from its station along each leg
 _NARROWEST_M = 0.05
 _SAME_WALL_M = 0.2  # ends of the walls of two legs at a station that are so near are one
@@ -23,7 +26,7 @@ _ONWARDS = 0.5  # cosine of the angle by which two legs may turn at a station an
 
 @dataclass
 class Cell:
-    """A station with its halves of the legs that meet there: outline, and the lines (k, 2, 3) m of its floor."""
+    """A station with its halves of the legs that meet there: outline, and the lines (k, 2, 5) of its floor and roof."""
 
     name: str
     shapes: list[BaseGeometry] = field(default_factory=list)
@@ -54,6 +57,17 @@ def floor_of(leg: SurveyLeg) -> np.ndarray:
     known = np.flatnonzero(np.isfinite(down))
     filled = np.interp(np.arange(len(down)), known, down[known]) if len(known) else np.zeros(len(down))
     return np.asarray(elevation - filled)
+
+
+def roof_of(leg: SurveyLeg) -> np.ndarray:
+    """Return the roof over the floor at the stations of a leg (n, 2): metres, and a share of the drifts' height.
+
+    The share is 1 at a station without a distance up, else 0. A roof beyond the limits counts as the limit.
+    """
+    assert leg.heights_m is not None
+    over = leg.heights_m[:, 0] + leg.heights_m[:, 1] - floor_of(leg)
+    known = np.isfinite(over)
+    return np.column_stack([np.where(known, np.clip(over, LEAST_ROOF_M, MOST_ROOF_M), 0.0), ~known])
 
 
 def survey_cells(legs: list[SurveyLeg]) -> tuple[dict[str, Cell], nx.Graph, list[Way]]:
@@ -94,7 +108,7 @@ def shot_numbers(way: Way, leg: SurveyLeg) -> list[int]:
 
 def _way(number: int, leg: SurveyLeg) -> Way:
     """Return the points of a leg: its stations, places between them if they are far apart, and the cuts half-way."""
-    places, names = np.column_stack([leg.positions_m, floor_of(leg)]), list(leg.stations)
+    places, names = np.column_stack([leg.positions_m, floor_of(leg), roof_of(leg)]), list(leg.stations)
     walls = np.maximum(leg.walls_m, _NARROWEST_M)
     along = arc_length(places[:, :2])
     at, nodes = [along[0]], [names[0]]
@@ -102,7 +116,7 @@ def _way(number: int, leg: SurveyLeg) -> Way:
         count = max(1, round((b - a) / UNIT_M))
         at += np.linspace(a, b, 2 * count + 1)[1:].tolist()
         nodes += [name for j in range(1, count) for name in ("", f"{number}:{k}:{j}")] + ["", names[k + 1]]
-    points = np.column_stack([np.interp(at, along, places[:, k]) for k in range(3)])
+    points = np.column_stack([np.interp(at, along, places[:, k]) for k in range(5)])
     sides = np.column_stack([np.interp(at, along, walls[:, k]) for k in range(2)])
     heading = np.gradient(points[:, :2], axis=0)
     heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-12)

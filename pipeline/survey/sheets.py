@@ -12,6 +12,7 @@ from networkx.utils import UnionFind
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from minexplore.stretch import LEAST_ROOF_M, MOST_ROOF_M
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.child import tell
@@ -46,20 +47,25 @@ def draw_sheets(path: Path, legs: list[SurveyLeg], apart_m: float | None = None)
         kept = without_thin_pillars(path, kept, apart_m)
     cells, graph, ways = survey_cells(kept)
     whole = _largest(path, cells, graph)
+    _tell_roofs(path, kept, whole)
     units = _units(whole, cells)
     conflicts = _conflicts(path, cells, units, whole)
     sheet = _assign(whole, units, conflicts)
     polygons = _polygons(cells, sheet)
     offsets = _offsets(polygons)
     datum = float(np.floor(min(line[:, 2].min() for node in whole for line in cells[node].lines)))
-    lines, seams = [], []
+    lines, roofs, seams = [], [], []
     for way in ways:
         for run, number in _runs(way, sheet):
-            moved = np.array(run) + np.array([*offsets[number], -datum])
+            moved = np.array(run)[:, :3] + np.array([*offsets[number], -datum])
             lines.append([(float(x), float(y), float(z)) for x, y, z in moved])
+            roofs.append([(float(metres), float(share)) for metres, share in np.array(run)[:, 3:]])
         seams += _seams(way, sheet, offsets)
     moved_polygons = [shapely.transform(p, lambda xy, d=offsets[k]: xy + d) for k, p in enumerate(polygons)]
-    heights = Heights(lines=lines, datum_m=datum, offset_m=[(float(x), float(y)) for x, y in offsets], seams=seams)
+    if not any(share < 1 for line in roofs for _, share in line):
+        roofs = []
+    moved_m = [(float(x), float(y)) for x, y in offsets]
+    heights = Heights(lines=lines, datum_m=datum, offset_m=moved_m, seams=seams, roofs=roofs)
     return MultiPolygon(moved_polygons), heights
 
 
@@ -104,6 +110,27 @@ def _largest(path: Path, cells: dict[str, Cell], graph: nx.Graph) -> nx.Graph:
             f"about {_station_of(pieces[1])}"
         )
     return graph.subgraph(pieces[0])
+
+
+def _tell_roofs(path: Path, legs: list[SurveyLeg], whole: nx.Graph) -> None:
+    """Say which roofs of the piece that is built are lower or higher than those that are built."""
+    low: dict[str, float] = {}
+    high: dict[str, float] = {}
+    for leg in legs:
+        assert leg.heights_m is not None
+        over = leg.heights_m[:, 0] + leg.heights_m[:, 1] - floor_of(leg)
+        for name, roof_m in zip(leg.stations, over.tolist(), strict=True):
+            if name in whole and roof_m < LEAST_ROOF_M:
+                low[name] = roof_m
+            elif name in whole and roof_m > MOST_ROOF_M:
+                high[name] = roof_m
+    for found, limit_m, what in ((low, LEAST_ROOF_M, "low"), (high, MOST_ROOF_M, "high")):
+        if found:
+            name, roof_m = next(iter(found.items()))
+            tell(
+                f"{path.name}: {len(found)} stations have roofs {what}er over the floor than {limit_m:g} m, and get "
+                f"{limit_m:g} m, the first {name} with {roof_m:.2f} m"
+            )
 
 
 def _station_of(piece: set[str]) -> str:

@@ -95,7 +95,7 @@ def read_station_survey(path: Path) -> SolvedSurvey:
 
 def _read_legs(path: Path) -> list[SurveyLeg]:
     rows = _read_rows(path)
-    has_heights, farthest = _has_heights(path, rows), reader_limits().farthest_wall_m
+    has_heights = _has_heights(path, rows)
     legs: dict[str, list[tuple[str, tuple[float, ...]]]] = {}
     positions: dict[str, tuple[tuple[float, ...], int]] = {}
     later: set[tuple[str, str]] = set()  # (leg, station) of all stations but a leg's first, which may be its last too
@@ -104,11 +104,7 @@ def _read_legs(path: Path) -> list[SurveyLeg]:
         for column, value in zip(_COLUMNS[4:], values[2:], strict=True):
             if value < 0:
                 raise InputError(f"{path}:{line}: {column} = {value:g} of station {row['station']} is negative")
-            if value > farthest:
-                raise InputError(
-                    f"{path}:{line}: {column} = {value:g} of station {row['station']}, at most {farthest:g} "
-                    f"(farthest_wall_m in {FILE})"
-                )
+            _require_near(path, line, column, value, row["station"])
         heights = _heights(path, line, row) if has_heights else ()
         here = (*values[:2], *heights[:1])
         position, first = positions.setdefault(row["station"], (here, line))
@@ -146,12 +142,23 @@ def _heights(path: Path, line: int, row: dict[str, str]) -> tuple[float, ...]:
     for column, value in zip(_HEIGHTS[1:], (up, down), strict=True):
         if value < 0:
             raise InputError(f"{path}:{line}: {column} = {value:g} of station {row['station']} is negative")
+        _require_near(path, line, column, value, row["station"])
     if up + down <= 0:
         raise InputError(
             f"{path}:{line}: station {row['station']}: the roof at {elevation + up:g} m is not above the floor at "
             f"{elevation - down:g} m (up_m = {up:g}, down_m = {down:g})"
         )
     return elevation, up, down
+
+
+def _require_near(path: Path, line: int, column: str, value: float, station: str) -> None:
+    """Refuse a distance to wall, roof or floor that is too large; one that is unknown is nan."""
+    farthest = reader_limits().farthest_wall_m
+    if value > farthest:
+        raise InputError(
+            f"{path}:{line}: {column} = {value:g} of station {station}, at most {farthest:g} "
+            f"(farthest_wall_m in {FILE})"
+        )
 
 
 def _require_no_stray_zero(path: Path, elevations: list[tuple[int, float]]) -> None:

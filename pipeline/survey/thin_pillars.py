@@ -10,6 +10,7 @@ import networkx as nx
 import numpy as np
 import shapely
 
+from minexplore.bundle import SLAB_M
 from pipeline.survey.child import tell
 from pipeline.survey.legs import SurveyLeg, without_shots
 from pipeline.survey.sheet_cells import shot_numbers, survey_cells
@@ -43,7 +44,8 @@ def without_thin_pillars(path: Path, legs: list[SurveyLeg], apart_m: float) -> l
     legs : list of SurveyLeg
         With heights, and gentle.
     apart_m : float
-        Least difference of floors over each other: the height of the drifts and 0.5 m of rock.
+        Least difference of floors over each other: the height of the drifts and 0.5 m of rock. Where the survey knows
+        the lower one's roof, it is the height of that and 0.5 m.
     """
     graph, clashes = _find_clashes(legs, apart_m)
     gone: dict[Shot, _Clash] = {}
@@ -61,8 +63,9 @@ def without_thin_pillars(path: Path, legs: list[SurveyLeg], apart_m: float) -> l
         ]
         tell(
             f"{path.name}: {len(gone)} shots, {sum(_length_m(legs, shot) for shot in gone):.0f} m, lie less than "
-            f"{apart_m:g} m over or under others that they do not meet, and are left out, the longest "
-            f"{', '.join(named)}; survey.apart_m is the least height between floors, null keeps all"
+            f"{apart_m:g} m over or under others that they do not meet, or too near to the roof of one, and are left "
+            f"out, the longest {', '.join(named)}; survey.apart_m is the least height between floors where no roof is "
+            "surveyed, null keeps all"
         )
     return [part for k, leg in enumerate(legs) for part in without_shots(leg, {i for j, i in gone if j == k})]
 
@@ -87,11 +90,13 @@ def _find_clashes(legs: list[SurveyLeg], apart_m: float) -> tuple[nx.MultiGraph,
             owner.append(shot[i])
             node_of.append(a or b)
     found, near, outlines = [], {}, np.array(shapes)
-    for i, j in _overlapping(outlines, np.array(lines)[:, :, 2], apart_m).tolist():
+    ends: np.ndarray = np.array(lines)
+    most_m = (ends[:, :, 3:] @ [1.0, apart_m - 2 * SLAB_M]).max() + 2 * SLAB_M
+    for i, j in _overlapping(outlines, ends[:, :, 2], most_m).tolist():
         at = outlines[i].intersection(outlines[j]).representative_point()
-        first, second = (_height_on(lines[k], at.x, at.y) for k in (i, j))
-        apart = abs(first - second)
-        if not _ONE_FLOOR_M < apart < apart_m:
+        first, second = (_place_on(lines[k], at.x, at.y) for k in (i, j))
+        apart, lower = abs(float(first[2] - second[2])), min(first, second, key=lambda place: float(place[2]))
+        if not _ONE_FLOOR_M < apart < lower[3] + lower[4] * (apart_m - 2 * SLAB_M) + 2 * SLAB_M:
             continue
         start = node_of[i]
         if start not in near:
@@ -109,12 +114,12 @@ def _overlapping(shapes: np.ndarray, ends_m: np.ndarray, apart_m: float) -> np.n
     return pairs[shapely.area(shapely.intersection(*shapes[pairs.T])) >= _OVERLAP_M2]
 
 
-def _height_on(line: tuple[np.ndarray, np.ndarray], x: float, y: float) -> float:
-    """Return the height of a line in space at the point nearest to a place in plan."""
+def _place_on(line: tuple[np.ndarray, np.ndarray], x: float, y: float) -> np.ndarray:
+    """Return the place (5,) on a line of floor and roof that is nearest to a place in plan."""
     p, q = line
     step = q[:2] - p[:2]
     share = float(np.clip(np.dot((x, y) - p[:2], step) / max(float(np.dot(step, step)), 1e-12), 0.0, 1.0))
-    return float(p[2] + share * (q[2] - p[2]))
+    return np.asarray(p + share * (q - p))
 
 
 def _in_largest(graph: nx.MultiGraph, clashes: list[_Clash]) -> list[_Clash]:

@@ -37,7 +37,7 @@ _ABOVE_M = (0.02, 0.5, 1.5, 3.4)
 
 def rows(leg, stations):
     """Return the rows of a leg."""
-    return "".join(f"{leg},{name},{x},{y},{left},{right},{z},3,0\n" for name, x, y, left, right, z in stations)
+    return "".join(f"{leg},{name},{x},{y},{left},{right},{z},3.5,0\n" for name, x, y, left, right, z in stations)
 
 
 def read_solved_legs(path):

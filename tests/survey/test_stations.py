@@ -115,6 +115,9 @@ def test_a_table_with_elevations_is_a_survey_in_three_dimensions(tmp_path):
         ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,inf,0\n", r":3: up_m = inf is not within"),
         ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,,2,0\n", r":3: elevation_m = '' is not a number"),
         ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,-1,0\n", r":3: up_m = -1 of station b is negative"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,nan,0\n", r":3: up_m = nan is not within"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,400,0\n", r":3: up_m = 400 of station b, at most 300"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,2,1e300\n", r":3: down_m = 1e300 is not within"),
         ("A,a,0,0,2,2,5,0,0\nA,b,9,0,2,2,5,2,0\n", r":2: station a: the roof at 5 m is not above the floor at 5 m"),
         (
             "A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,2,0\nB,b,9,0,2,2,6,2,0\nB,c,9,9,2,2,5,2,0\n",
