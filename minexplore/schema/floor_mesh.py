@@ -12,6 +12,7 @@ from minexplore.bundle import FLOOR, RECORD, BundleError, has_heights
 from minexplore.floor import Floor
 from minexplore.schema.arrays import read_arrays
 from minexplore.schema.model import REACH_M
+from minexplore.schema.openings import check_openings
 
 MOST_FACES = 1_000_000
 _ARRAYS = {"vertices": ("<f8", 2), "faces": ("<i4", 2), "sheet": ("<i4", 1), "offset_m": ("<f8", 2)}
@@ -36,6 +37,7 @@ def read_floor(record: Mapping[str, Any], files: Mapping[str, bytes]) -> Floor:
     _check_edges(floor)
     _check_sheets(floor)
     _check_figures(floor, record)
+    check_openings(record, floor)
     return floor
 
 

@@ -54,7 +54,9 @@ def cover_walls(parts: Iterable[np.ndarray], free: Polygon, world: Polygon, heig
     return WallCover(*(round(float(v), 6) for v in worst))
 
 
-def cover_floor(parts: Iterable[np.ndarray], floor: Floor, heights_m: Iterable[float]) -> WallCover:
+def cover_floor(
+    parts: Iterable[np.ndarray], floor: Floor, heights_m: Iterable[float], no_walls: BaseGeometry | None = None
+) -> WallCover:
     """Compare slices of convex parts with the rock round a floor with heights, triangle by triangle.
 
     Relative to the plane of a triangle, which is a shear, a slice at a constant height above it is exact. No part may
@@ -66,6 +68,8 @@ def cover_floor(parts: Iterable[np.ndarray], floor: Floor, heights_m: Iterable[f
     floor : Floor
     heights_m : iterable of float
         Heights of the slices above the floor.
+    no_walls : shapely geometry, m, plan
+        Edges on the boundary along these lines have no walls.
     """
     all_parts, heights = list(parts), list(heights_m)
     footprints = [shapely.convex_hull(shapely.multipoints(part[:, :2])) for part in all_parts]
@@ -79,13 +83,13 @@ def cover_floor(parts: Iterable[np.ndarray], floor: Floor, heights_m: Iterable[f
         beside = spans[part, 1] < levels[face].min() or spans[part, 0] > levels[face].max() + max(heights)
         if beside or shapely.intersection(triangles[face], footprints[part]).area < _NOTHING_M2:
             continue
-        for k, cut in enumerate(_slices_above(all_parts[part], own[face], heights)):
+        for k, cut in enumerate(slices_above(all_parts[part], own[face], heights)):
             intrusion[k] += shapely.intersection(cut, triangles[face]).area
     missing = np.zeros(len(heights))
     gaps: list[list[BaseGeometry]] = [[] for _ in heights]
-    for face, edge, strip in _strips(floor, triangles, levels, max(heights)):
+    for face, edge, strip in _strips(floor, triangles, levels, max(heights), no_walls or Polygon()):
         near = [part for part in tree.query(strip) if spans[part, 1] > levels[face].min()]
-        cuts = [_slices_above(all_parts[part], own[face], heights) for part in near]
+        cuts = [slices_above(all_parts[part], own[face], heights) for part in near]
         for k in range(len(heights)):
             rock = shapely.union_all([cut[k] for cut in cuts])
             missing[k] += strip.difference(rock).area
@@ -104,18 +108,20 @@ def _shifted_planes(floor: Floor) -> np.ndarray:
     return planes
 
 
-def _slices_above(part: np.ndarray, plane: np.ndarray, heights_m: list[float]) -> list[BaseGeometry]:
+def slices_above(part: np.ndarray, plane: np.ndarray, heights_m: list[float]) -> list[BaseGeometry]:
     """Return the slices of a convex body at heights above a plane, seen from above."""
     sheared = np.column_stack([part[:, :2], part[:, 2] - part[:, :2] @ plane[:2] - plane[2]])
     return [_slice(sheared, height) for height in heights_m]
 
 
 def _strips(
-    floor: Floor, triangles: np.ndarray, levels: np.ndarray, height_m: float
+    floor: Floor, triangles: np.ndarray, levels: np.ndarray, height_m: float, no_walls: BaseGeometry
 ) -> Iterator[tuple[int, BaseGeometry, BaseGeometry]]:
     """Return for each edge on a wall its face, the edge, and the strip of rock beside it, in the mine frame."""
     tree = shapely.STRtree(triangles)
     for face, (a, b) in floor.wall_edges():
+        if no_walls.covers(shapely.points(floor.vertices[[a, b], :2])).all():
+            continue
         edge = floor.vertices[[a, b], :2] - floor.offset_m[floor.sheet[face]]
         along = edge[1] - edge[0]
         out = np.array([along[1], -along[0]]) / max(float(np.hypot(*along)), 1e-12) * STRIP_M

@@ -31,6 +31,7 @@ from minexplore.bundle import (
 from minexplore.floor import Floor
 from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS, PLAIN
 from pipeline.geometry.floor_parts import cut_by_zones, floor_patches, fold_patch, slab
+from pipeline.geometry.shaft_parts import roof_patches
 from pipeline.mjcf.fittings import add_fittings
 from pipeline.mjcf.scene import FloorZone, MineScene
 from pipeline.store.codecs import Bundle, encode
@@ -196,8 +197,8 @@ def zoned_patches(floor: Floor, zones: list[FloorZone]) -> list[tuple[int, Point
 
 def _add_roof(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> None:
     if not scene.floor.is_flat:
-        for number, patch in enumerate(floor_patches(scene.floor)):
-            top = slab(fold_patch(scene.floor, patch), scene.extent.height_m, scene.extent.height_m + SLAB_M)
+        for number, patch in enumerate(roof_patches(scene.floor, scene.openings)):
+            top = slab(patch, scene.extent.height_m, scene.extent.height_m + SLAB_M)
             mine.add_geom(
                 spec.find_default(ROCK_CLASS),
                 name=roof_wedge(number),
