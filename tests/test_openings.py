@@ -10,13 +10,19 @@ import shapely
 
 from minexplore.bundle import RECORD, BundleError, rock_geom
 from minexplore.env import MineEnv
+from minexplore.robot import RobotParams
+from minexplore.robot_batch import RobotBatch
 from minexplore.schema import check_files, hash_files, read_folder
+from minexplore.task import TaskParams
+from minexplore.world import load_world
 from pipeline.compose import compose
 from pipeline.errors import ParamsError
+from pipeline.geometry.floor_parts import wall_lines
 from pipeline.geometry.openings import fit_openings
 from pipeline.mjcf.bundle import World, open_bundle, placed_parts
 from pipeline.mjcf.world import GeomGroup
 from pipeline.proof.floor import enclosure_of_floor
+from pipeline.proof.stress_test import _escaped, _throw
 from pipeline.proof.validator import Validator
 from pipeline.survey.sheets import draw_sheets
 from pipeline.survey.stations import read_station_legs
@@ -45,6 +51,14 @@ def light():
 @pytest.fixture(scope="module")
 def fenced(light, tmp_path_factory):
     return MineWithHeights(with_shafts(), light, tmp_path_factory.mktemp("fenced"))
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        config = compose(["preset=light", "realism.fence_openings=false"])
+    return MineWithHeights(with_shafts(), config, tmp_path_factory.mktemp("opened"))
 
 
 def validator_of(mine, config, contacts=0):
@@ -201,3 +215,66 @@ def test_openings_need_a_world_without_visible_rock(monkeypatch):
     monkeypatch.chdir(ROOT)
     with pytest.raises(ParamsError, match=r"contours\.openings=true needs a world without visible rock"):
         compose(["contours.openings=true"])
+
+
+def drive_into_the_shaft(world, whole, steps=60):
+    """Drive a robot into the shaft of the upper level at full speed; return its heights and the last info."""
+    env = MineEnv(world=world, whole=whole)
+    env.reset(seed=1)
+    env.robots.place(0, 3.0, 0.1, np.pi)
+    heights = []
+    for _ in range(steps):
+        info = env.step(np.array([1.0, 0.0]))[4]
+        heights.append(info["height_m"])
+    place = env.robots.plan_places(np.arange(1))[0]
+    env.close()
+    return np.array(heights), info, place
+
+
+def test_a_robot_driven_into_an_open_shaft_falls_to_the_level_below_and_stays_there(opened):
+    heights, info, place = drive_into_the_shaft(opened.bundle, whole=False)
+    assert info["fell"]
+    assert heights[0] == pytest.approx(12.0, abs=0.05)
+    assert heights[-1] == pytest.approx(6.1, abs=0.15)
+    assert np.diff(heights).min() > -0.5  # at 3 m/s, and what gravity adds within a step
+    below = shapely.get_parts(opened.free_space.polygon)[1]
+    assert below.contains(shapely.Point(place))
+
+
+def test_a_fall_in_the_model_of_the_rock_nearby_is_that_in_the_model_of_all_rock(opened):
+    near, *_ = drive_into_the_shaft(opened.bundle, whole=False, steps=35)
+    whole, *_ = drive_into_the_shaft(opened.bundle, whole=True, steps=35)
+    np.testing.assert_allclose(near, whole, atol=0.05)
+
+
+def test_the_certificate_of_open_shafts_holds_and_only_their_fences_differ(opened, fenced, light):
+    validator = validator_of(opened, light, 1000)
+    assert broken(validator.certificate) == {}
+    assert validator.containment["escapes"] == 0
+    assert validator.containment["deepest_m"] < 0.05
+    assert (fenced.bundle / "floor.npz").read_bytes() == (opened.bundle / "floor.npz").read_bytes()
+    parts = [open_bundle(mine.bundle).record.collision_parts for mine in (fenced, opened)]
+    assert parts[0] - parts[1] == 4 * len(opened.openings)
+
+
+def test_robots_thrown_into_open_shafts_never_leave_the_workings(opened):
+    robots, rng = 32, np.random.default_rng(0)
+    batch = RobotBatch(load_world(opened.bundle), TaskParams(), RobotParams(), robots)
+    here, free = np.arange(robots), opened.free_space.polygon
+    rngs = [np.random.default_rng(k) for k in here]
+    solid = wall_lines(free, batch.floor).difference(
+        shapely.union_all([shapely.LinearRing(o.outline_m) for o in opened.openings])
+    )
+    for opening in opened.openings:
+        middle, angle = np.mean(opening.outline_m, axis=0), rng.uniform(-np.pi, np.pi, robots)
+        start = middle + 1.3 * np.column_stack([np.cos(angle), np.sin(angle)])
+        batch.reset(here, rngs)
+        _throw(batch, here, start, (middle - start) / 1.3, rng)
+        lowest = np.inf
+        for _ in range(90):
+            batch.drive(np.column_stack([np.ones(robots), rng.uniform(-1, 1, robots)]), rngs, here)
+            out, _ = _escaped(batch, here, free, solid, batch.robot.radius_m, 3.5)
+            assert not out.any()
+            lowest = min(lowest, batch.heights(here).min())
+        assert lowest == pytest.approx(opening.bottom_m, abs=0.2)
+    batch.close()

@@ -7,19 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.bundle import FLOOR, RECORD, BundleError
+from minexplore.bundle import COLLAR_CORNERS, FLOOR, RECORD, BundleError
 from minexplore.floor import Floor
 from minexplore.schema.model import REACH_M
 from minexplore.schema.rules import Rule, list_of, number, one_of, same_json, whole
 
 MOST_OPENINGS = 10_000
 _MOST_SHEETS = 1000
-_CORNERS = 4
 _CORNER_M = 1e-6
 _LEAST_M2 = 0.01
 
 OPENING: dict[str, Rule] = {
-    "outline_m": list_of(list_of(number(-REACH_M, REACH_M), 2), _CORNERS),
+    "outline_m": list_of(list_of(number(-REACH_M, REACH_M), 2), COLLAR_CORNERS),
     "sheet": whole(0, _MOST_SHEETS - 1),
     "below": one_of(whole(0, _MOST_SHEETS - 1), same_json(None)),
     "top_m": number(-REACH_M, REACH_M),

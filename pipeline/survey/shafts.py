@@ -18,7 +18,7 @@ from pipeline.types import Shaft
 _LEAN = 0.36  # run over fall: a shaft that leans by more than 20 deg off plumb is not built as a plumb one
 _LEAST_FALL_M = 1.0
 _BESIDE_M = 1.5  # workings so near to a shaft's middle in plan are in its way
-_FLOORS_APART_M = 4.0  # a shaft that ends blind so near over other workings would break into them
+_FLOORS_APART_M = 6.0  # a shaft that ends blind so near over other workings would break into them
 
 
 @dataclass(frozen=True)
