@@ -58,8 +58,8 @@ def finish_world(
     dict, dict
         What stages 3 and 4 returned.
     """
-    free_space, network = traced["free_space"], traced["topology"]
-    rock = compile_rock(config.compile3d, free_space, network, survey)
+    free_space, network, openings = (traced[name] for name in ("free_space", "topology", "openings"))
+    rock = compile_rock(config.compile3d, free_space, network, survey, openings)
     surface = model_surface(config.surface, free_space, network, rock["extent"], rock["floor"])
     world = assemble_world(
         config.realism,
@@ -77,6 +77,7 @@ def finish_world(
         free_space_bt=rock["octree"],
         map_png=encode(Path("map.png"), rock["map"]),
         map_yaml=rock["map_yaml"].encode(),
+        openings=openings,
     )["world"]
     for name, data in world.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)

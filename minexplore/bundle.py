@@ -54,6 +54,7 @@ ROOF_GEOM = "roof"
 # Pieces of a surface: the rough one is cut into chunks of walls and roof, the smooth one has a mesh a piece.
 WALLS, ROOF, FLOOR_CHAMFER = "walls", "roof", "floor_chamfer"
 
+COLLAR_CORNERS = 4  # of an opening in the floor
 SLAB_M = 0.25  # thickness of floor and roof of a mine with heights, and how far its walls reach beyond both
 
 _FLOOR, _ROCK, _SURFACE, _SMOOTH, _WEDGE = "floor_", "rock_", "surface_", "smooth_", "roof_"

@@ -162,6 +162,8 @@ class LocalModels:
         offset = floor.offsets_at((low + high)[None] / 2)[0]
         # With a margin: the top of a level wedge, in decimals and 32 bits, may be a nanometre below the mesh.
         bottom, top = float(nearby.min()) - _MARGIN_M, float(self._roof.heights_within(low, high).max())
+        if len(self.world.open_shafts):  # all that a robot can fall on
+            bottom = min(bottom, self.world.open_shafts.lowest_within(low, high) - _MARGIN_M)
         return _Box(low - offset, high - offset, bottom, top + _MARGIN_M, float(nearby.max()))
 
     def reach(self, tile: np.ndarray, size_m: float = TILE_M) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ from minexplore.coverage import CoverageGrid
 from minexplore.lidar import Backend, shared_lidar
 from minexplore.local_models import LocalModels
 from minexplore.observation import observe
+from minexplore.open_shafts import FASTEST_FALL_MPS
 from minexplore.reward import step_reward
 from minexplore.robot import RobotParams, free_joint_qpos
 from minexplore.rotations import rotate_inverse, rotation_matrices
@@ -20,7 +21,7 @@ from minexplore.task import TaskParams
 from minexplore.world import World
 
 # Arrays with a row for each robot that hold what changes while it drives.
-_CHANGES = ("state", "seen", "seen_m", "cells_seen", "previous", "steps", "stalled", "collisions")
+_CHANGES = ("state", "seen", "seen_m", "cells_seen", "previous", "steps", "stalled", "collisions", "fell")
 
 
 @dataclass
@@ -70,6 +71,7 @@ class RobotBatch:
         self.previous = np.zeros((count, 2))
         self._faces = np.zeros(count, dtype=int)  # of the floor, under each robot when it was last looked for
         self.steps, self.stalled, self.collisions = (np.zeros(count, dtype=int) for _ in range(3))
+        self.fell = np.zeros(count, dtype=bool)
 
     def reset(self, robots: np.ndarray, rngs: list[np.random.Generator]) -> Outcome:
         """Place robots (k,) near the entrance with a random yaw, and cast the beams once."""
@@ -77,7 +79,7 @@ class RobotBatch:
             x, y = self._draw_place(rngs[i])
             self.place(i, x, y, rngs[i].uniform(-np.pi, np.pi))
         self._forget(robots)
-        self.previous[robots] = 0.0
+        self.previous[robots], self.fell[robots] = 0.0, False
         for counter in (self.steps, self.stalled, self.collisions, self.cells_seen):
             counter[robots] = 0
         ranges, new = self._look(robots)
@@ -132,6 +134,7 @@ class RobotBatch:
         command = self._commands(actions, robots)
         collision = self.drive(command, rngs, robots)
         self.collisions[robots] += collision
+        self._fall(robots)
         self.previous[robots] = command
         ranges, new = self._look(robots)
         reward = step_reward(self.cells_seen[robots], new, self.grid.total, collision)
@@ -177,6 +180,7 @@ class RobotBatch:
             forward[k] += rngs[robots[k]].normal(0.0, self._noise[zone[k]])
         turn = command[:, 1] * task.max_turn_radps * self._scale[zone]
         self.stepper.ctrl[robots] = self.robot.controls(forward, turn)
+        self._brake(robots)
         return self._advance(robots, places)
 
     def _advance(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
@@ -191,6 +195,8 @@ class RobotBatch:
         faces = self._faces[robots]
         places = self.floor.follow(place, faces, self.robot.wheel_radius_m)
         self._faces[robots] = faces
+        if len(self.world.open_shafts):
+            self.world.open_shafts.move(places, place)
         return places
 
     def poses(self) -> np.ndarray:
@@ -208,6 +214,19 @@ class RobotBatch:
         """Return pitch, nose up, and roll, left side up, (k, 2) rad, of robots against the level."""
         axes = rotation_matrices(self.qpos[robots, 3:7])
         return np.arcsin(np.clip(axes[:, 2, :2], -1.0, 1.0))
+
+    def _brake(self, robots: np.ndarray) -> None:
+        """Slow the robots (k,) that fall down a shaft."""
+        if len(self.world.open_shafts):
+            place = rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
+            falling = robots[self.world.open_shafts.inside(place) >= 0]
+            self.qvel[falling, 2] = np.maximum(self.qvel[falling, 2], -FASTEST_FALL_MPS)
+
+    def _fall(self, robots: np.ndarray) -> None:
+        """Remember which robots (k,) have fallen into a shaft."""
+        if len(self.world.open_shafts):
+            place = rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
+            self.fell[robots] |= self.world.open_shafts.fallen(place)
 
     def _speeds(self, robots: np.ndarray) -> np.ndarray:
         along = rotate_inverse(self.qvel[robots, :3], self._R)
@@ -260,6 +279,7 @@ class RobotBatch:
             "height_m": self.heights(robots),
             "pitch_rad": attitude[:, 0],
             "roll_rad": attitude[:, 1],
+            **({"fell": self.fell[robots]} if len(self.world.open_shafts) else {}),
         }
 
     def copy_state(self) -> dict[str, np.ndarray]:

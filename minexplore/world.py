@@ -17,6 +17,7 @@ import numpy as np
 from minexplore.bundle import MODEL, RECORD, BundleError
 from minexplore.floor import Floor
 from minexplore.floor_zones import FloorZone, read_zones
+from minexplore.open_shafts import OpenShafts
 from minexplore.schema import CheckedWorld, check_files, hash_files, read_folder
 
 DEFAULT_WORLD = "chilean_mine"
@@ -87,6 +88,11 @@ class World:
         """Return the numbers of the zones at eastings (n,) m; beyond the ends, the nearest."""
         edges = [zone.east_m for zone in self.floor_zones[:-1]]
         return np.searchsorted(edges, east_m, side="right")
+
+    @functools.cached_property
+    def open_shafts(self) -> OpenShafts:
+        """Return the shafts that robots can fall into."""
+        return OpenShafts(self.record, self.floor)
 
     @functools.cached_property
     def zone_names(self) -> np.ndarray:

@@ -101,6 +101,50 @@ class Seam:
 
 
 @dataclass(frozen=True)
+class Shaft:
+    """A shaft of a survey: shots too steep to drive, down from a station of a drift to one below or to a blind end.
+
+    `place_m` is the upper station in the plan of `sheet`, `heading_rad` the drift's heading there, and `side_m` the
+    surveyed width, None if there is none. `top_m` and `bottom_m` are the floor's heights at its ends. `below` is the
+    sheet of the lower station, None at a blind end.
+    """
+
+    stations: tuple[str, str]
+    place_m: tuple[float, float]
+    heading_rad: float
+    side_m: float | None
+    sheet: int
+    below: int | None
+    top_m: float
+    bottom_m: float
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A plumb shaft that is built: an opening in the floor of `sheet`, with the corners `outline_m` (m, plan).
+
+    The corners are counter-clockwise and the outline is convex. `top_m` and `bottom_m` are the heights of the floor at
+    its ends. It ends in the roof of the sheet `below`, or at a floor of its own at `bottom_m` if that is None.
+    """
+
+    outline_m: tuple[tuple[float, float], ...]
+    sheet: int
+    below: int | None
+    top_m: float
+    bottom_m: float
+
+
+@dataclass(frozen=True)
+class Openings:
+    """The openings of a mine with heights."""
+
+    shafts: list[Opening] = field(default_factory=list)
+
+
+NO_OPENINGS = Openings()
+
+
+@dataclass(frozen=True)
 class Heights:
     """What a survey says of the floor's height: lines along which it is known, spots, or a grade from the entrance.
 
@@ -117,6 +161,7 @@ class Heights:
     offset_m: list[tuple[float, float]] = field(default_factory=lambda: [(0.0, 0.0)])
     seams: list[Seam] = field(default_factory=list)
     roofs: list[list[tuple[float, float]]] = field(default_factory=list)
+    shafts: list[Shaft] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

@@ -18,28 +18,48 @@ from pipeline.geometry.floor_parts import cell_columns, cell_offsets, sheet_wall
 from pipeline.geometry.network_heights import floor_lines
 from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.octree import build_octree, to_bt
+from pipeline.geometry.openings import cut_floor, without_openings
 from pipeline.geometry.partition import Box, rock_around, tiled_rock, world_box
+from pipeline.geometry.shaft_parts import shaft_parts
 from pipeline.geometry.sheet_rock import require_pillars
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.stage import Artifact, Stage, main
-from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, Occupancy, SolidExtent, Spawn, Survey
+from pipeline.types import (
+    NO_OPENINGS,
+    ConvexParts,
+    DriftNetwork,
+    FreeSpace,
+    Image,
+    Occupancy,
+    Openings,
+    SolidExtent,
+    Spawn,
+    Survey,
+)
 
 
 def compile_rock(
-    params: Compile3dParams, free_space: FreeSpace, topology: DriftNetwork, survey: Survey
+    params: Compile3dParams,
+    free_space: FreeSpace,
+    topology: DriftNetwork,
+    survey: Survey,
+    openings: Openings = NO_OPENINGS,
 ) -> dict[str, Any]:
     """Return collision parts, occupancy (grid, octree and Nav2 map), extent, and the spawn region."""
     free = free_space.polygon
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
     cell = params.grid_cell_m
     entrance = survey.entrance_m or topology.main_drift_m[0]
-    floor = model_floor(params, free, topology, survey, entrance)
+    whole = model_floor(params, without_openings(free, openings), topology, survey, entrance)
+    floor = cut_floor(whole, openings)
     grid = occupancy_grid(free, cell, world, sheet_walls(floor))
     pixels, yaml = nav2_map(grid)
     return {
         "collision": collision_parts(params, rock_around(free, world), world)
         if floor.is_flat
-        else collect_parts(wall_parts(free, floor, params.height_m)),
+        else collect_parts(
+            wall_parts(free, floor, params.height_m, openings) + shaft_parts(openings, floor, params.height_m)
+        ),
         "floor": floor,
         "extent": SolidExtent(params.height_m, world),
         "occupancy": grid,
@@ -92,6 +112,7 @@ STAGE = Stage(
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
         "topology": Artifact("contours/topology.json", DriftNetwork),
         "survey": Artifact("survey/survey.json", Survey),
+        "openings": Artifact("contours/openings.json", Openings),
     },
     writes={
         "collision": Artifact("compile3d/collision.npz", ConvexParts),

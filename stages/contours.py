@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError, ParamsError
 from pipeline.geometry.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
 from pipeline.geometry.components import choose_component, choose_mask_component, mend
 from pipeline.geometry.fewest_vertices import MOST_RATIO
 from pipeline.geometry.half_level import cover_of, trace_half_level
+from pipeline.geometry.openings import cut_openings, fit_openings
 from pipeline.geometry.outline import simplify_outline, simplify_to_wall_error, trace_outline
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.sheets import count_islands, filled, plan_seams, simplify_sheets, trace_sheets
@@ -26,7 +28,7 @@ from pipeline.report.graph import network_dot, width_table
 from pipeline.report.plans import draw_contours
 from pipeline.stage import Artifact, Stage, main
 from pipeline.survey.correct import Correction, CorrectionReport, correct_by_sweeps, read_sweeps
-from pipeline.types import NO_PICTURE, Areas, DriftNetwork, Frame, FreeSpace, Image, Mask, Survey, Workings
+from pipeline.types import NO_PICTURE, Areas, DriftNetwork, Frame, FreeSpace, Image, Mask, Openings, Survey, Workings
 
 _HALVINGS = 3  # of a wall error that would change the drift network
 
@@ -62,6 +64,10 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
         network = trace_sheets(outline, seams, *_tracing(params))
     else:
         outline, network, tolerance = _simplify(params, traced)
+    openings = _find_openings(params, survey, outline)
+    if openings.shafts:  # the network above is that of the drifts: openings are no islands in it
+        outline, traced = cut_openings(outline, openings), cut_openings(traced, openings)
+        raw = cleaned = fill_polygon(traced, frame)
     outer = filled(outline)
     areas = Areas(
         tunnel_m2=round(outline.area, 3),
@@ -76,6 +82,7 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
         "cleaned": cleaned,
         "traced": Workings(MultiPolygon(shapely.get_parts(traced).tolist())),
         "free_space": FreeSpace(outline, areas, tolerance, frame),
+        "openings": openings,
         "topology": network,
         "topology_dot": network_dot(network),
         "widths": width_table(network),
@@ -83,6 +90,19 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
         "correction": None if correction is None else correction.report,
         "corrected": NO_PICTURE if correction is None else draw_corrected(drawn, correction, frame),
     }
+
+
+def _find_openings(params: ContoursParams, survey: Survey, outline: BaseGeometry) -> Openings:
+    """Return the survey's shafts that fit into the workings, and print which do not, if the parameters ask for any."""
+    if not params.openings or survey.heights is None:
+        return Openings()
+    openings, left_out = fit_openings(outline, survey.heights)
+    for line in left_out:
+        print(f"contours: {line}", file=sys.stderr)
+    if openings.shafts:
+        deepest = max(shaft.top_m - shaft.bottom_m for shaft in openings.shafts)
+        print(f"contours: {len(openings.shafts)} shafts are openings, the deepest {deepest:.1f} m", file=sys.stderr)
+    return openings
 
 
 def _correct(params: ContoursParams, traced: Polygon) -> Correction | None:
@@ -195,6 +215,7 @@ STAGE = Stage(
         "cleaned": Artifact("contours/cleaned.png", Mask),
         "traced": Artifact("contours/traced.geojson", Workings),
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
+        "openings": Artifact("contours/openings.json", Openings),
         "topology": Artifact("contours/topology.json", DriftNetwork),
         "topology_dot": Artifact("contours/topology.dot", str),
         "widths": Artifact("contours/widths.csv", str),

@@ -8,7 +8,7 @@ from minexplore.floor import Floor
 from pipeline.mjcf.assemble import assemble_world
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
-from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, SolidExtent, Spawn, Survey
+from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, Openings, SolidExtent, Spawn, Survey
 
 STAGE = Stage(
     name="realism",
@@ -17,6 +17,7 @@ STAGE = Stage(
         "survey": Artifact("survey/survey.json", Survey),
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
         "topology": Artifact("contours/topology.json", DriftNetwork),
+        "openings": Artifact("contours/openings.json", Openings),
         "extent": Artifact("compile3d/extent.json", SolidExtent),
         "collision": Artifact("compile3d/collision.npz", ConvexParts),
         "floor": Artifact("compile3d/floor.npz", Floor),

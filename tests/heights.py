@@ -108,6 +108,7 @@ class MineWithHeights:
         self.free_space, self.network = traced["free_space"], traced["topology"]
         self.bundle = folder / "world"
         rock, _ = finish_world(config, self.survey, traced, self.bundle)
+        self.openings = traced["openings"].shafts
         self.floor, self.parts = rock["floor"], rock["collision"]
 
     def stations(self) -> np.ndarray:

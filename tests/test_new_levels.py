@@ -74,7 +74,7 @@ def test_wheal_pell_becomes_a_world_and_what_is_left_out_is_told(project):
     done, survey, _, floor = built(project, "pell", "data/wheal_pell/pell.3d")
     for told in (
         "in 2 pieces that share no station",
-        "3 shafts are left out",
+        "3 shafts are not drivable",
         "are steeper than",
         "survey.half_width_m",
     ):

@@ -22,6 +22,7 @@ from baselines.progress import Progress
 from baselines.protocol import SEEDS, head_of, run_episodes
 from baselines.result_file import Episode, Head, line_sha256, read_results, result_path, write_results
 from minexplore.vector import MineVectorEnv
+from minexplore.world import World
 
 LABEL = "oracle-tour"
 _BANDS = 150  # of the horizon; shorter bands give a closer bound and a harder problem
@@ -32,6 +33,7 @@ _BUDGETS = (1.0, 0.92, 0.85, 0.78)  # of the horizon: a tour is planned for each
 def renew(env_id: str, seeds: list[int], limit_s: float, picture: Path) -> None:
     """Bring an environment's bound, tour and picture up to date; what is current is kept."""
     env = make_env(env_id, len(seeds), os.cpu_count() or 1)
+    require_fences(env_id, env.world)
     head = head_of(env_id, env, LABEL, OracleTour(1, env.task, env.robot, np.zeros((1, 2))), seeds)
     known, results, times = _known_bound(env_id, head), result_path(LABEL, env_id), _times(env)
     bounded, driven = len(known.time_s) == len(times), is_current(results, head)
@@ -51,6 +53,12 @@ def renew(env_id: str, seeds: list[int], limit_s: float, picture: Path) -> None:
         f"{'; both were current' if network is None else ''}",
         flush=True,
     )
+
+
+def require_fences(env_id: str, world: World) -> None:
+    """Refuse a world whose shafts have no fence: a robot that falls is faster than any along the floor."""
+    if len(world.open_shafts):
+        raise BaselineError(f"{env_id}: robots can fall down its shafts; a bound needs realism.fence_openings=true")
 
 
 def _times(env: MineVectorEnv) -> list[float]:

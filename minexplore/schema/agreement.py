@@ -202,7 +202,8 @@ def rock_box(record: Mapping[str, Any], floor: Floor) -> tuple[np.ndarray, np.nd
     if not floor.is_flat:
         low[:2] -= floor.offset_m.max(axis=0)
         high[:2] -= floor.offset_m.min(axis=0)
-        low[2] = record["heights"]["low_m"]
+        lowest = min((opening["bottom_m"] for opening in record.get("openings", [])), default=np.inf)
+        low[2] = min(lowest, record["heights"]["low_m"])
         high[2] = record["heights"]["high_m"] + max((record["height_m"], *record["heights"].get("roof_m", ())))
     return low, high
 

@@ -12,6 +12,7 @@ from minexplore.bundle import FLOOR, RECORD, BundleError, has_heights
 from minexplore.floor import Floor
 from minexplore.schema.arrays import read_arrays
 from minexplore.schema.model import REACH_M
+from minexplore.schema.openings import check_openings
 from minexplore.stretch import KNEE_M, MOST_ROOF_M, least_roof_m, raise_m, stretch_of
 
 MOST_FACES = 1_000_000
@@ -42,6 +43,7 @@ def read_floor(record: Mapping[str, Any], files: Mapping[str, bytes]) -> Floor:
     _check_sheets(floor)
     _check_figures(floor, record)
     _check_roof(floor, record, "stretch" in arrays)
+    check_openings(record, floor)
     return floor
 
 

@@ -11,6 +11,7 @@ from minexplore.bundle import FORMAT, FRAMES, GEOM_GROUPS, NO_OVERLAY, ROUGH_OVE
 from minexplore.looks import LOOKS
 from minexplore.schema.heights import HEIGHT_FIELDS, ROOF_FIELDS
 from minexplore.schema.model import MOST_LIGHTS, MOST_PARTS, MOST_ZONES, REACH_M, WORLD_NAME, ZONE_NAME
+from minexplore.schema.openings import FENCED, MOST_OPENINGS, OPENING
 from minexplore.schema.rules import Rule, list_of, matching, number, one_of_texts, same_json, whole
 
 Table = Mapping[str, "Rule | Table | Callable[[str, Any], None]"]
@@ -100,6 +101,23 @@ RECORD_FIELDS: dict[str, Any] = {
 }
 
 
+def _check_openings(where: str, openings: Any) -> None:
+    if not isinstance(openings, list) or not 1 <= len(openings) <= MOST_OPENINGS:
+        raise BundleError(f"{where} = {_shown(openings)}: want a list of 1 to {MOST_OPENINGS} openings")
+    for at, opening in enumerate(openings):
+        _check_fields(f"{where}[{at}]", opening, OPENING)
+
+
+def _fields_of(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields that a record must have."""
+    if not has_heights(record):
+        return dict(RECORD_FIELDS)
+    has_roof = isinstance(record["heights"], dict) and "roof_m" in record["heights"]
+    heights = {"heights": HEIGHT_FIELDS | (ROOF_FIELDS if has_roof else {})}
+    openings = {"openings": _check_openings, "fenced": FENCED} if "openings" in record else {}
+    return RECORD_FIELDS | heights | openings
+
+
 def read_json(file: str, data: bytes) -> Any:
     """Return the content of a JSON file; a key that stands twice, NaN and infinity are refused.
 
@@ -140,11 +158,7 @@ def check_record(file: str, record: Any) -> None:
         raise BundleError(f"{file}: not a world bundle's record (a JSON object)")
     if record.get("format") != FORMAT:
         raise BundleError(f"{file}: format {_shown(record.get('format'))}, this version reads {FORMAT!r}")
-    fields: dict[str, Any] = dict(RECORD_FIELDS)
-    if has_heights(record):
-        has_roof = isinstance(record["heights"], dict) and "roof_m" in record["heights"]
-        fields["heights"] = HEIGHT_FIELDS | (ROOF_FIELDS if has_roof else {})
-    _check_fields(file, record, fields)
+    _check_fields(file, record, _fields_of(record))
     if has_heights(record) and record["tilt_deg"] != 0:
         raise BundleError(f"{file}: tilt_deg = {record['tilt_deg']}: want 0; the floor has heights of its own")
     west, south, east, north = record["world_m"]

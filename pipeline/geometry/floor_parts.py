@@ -16,7 +16,7 @@ from pipeline.geometry.partition import convex_partition, merge_convex
 from pipeline.geometry.polyline import arc_length
 from pipeline.geometry.sheet_rock import beside_sheets
 from pipeline.geometry.wall_foot import BAND_M, FOOT_M, WallFoot, band_of, boundary_rings, polygon_of
-from pipeline.types import Occupancy, Points3
+from pipeline.types import NO_OPENINGS, Occupancy, Openings, Points3
 
 _SAME_M = 1e-6
 _HAIR_M = 0.0005
@@ -105,21 +105,17 @@ def slab(top: Points3, low_m: float, high_m: float) -> Points3:
     return np.vstack([top + np.array([0.0, 0.0, z]) for z in (low_m, high_m)])
 
 
-def roof_slabs(floor: Floor, height_m: float) -> list[Points3]:
-    """Return the convex wedges (k, 3) m of the roof, in the mine frame."""
-    if floor.is_stretched:
-        roof = floor.raised(height_m)
-        return [slab(fold_patch(roof, patch), 0.0, SLAB_M) for patch in floor_patches(roof)]
-    return [slab(fold_patch(floor, patch), height_m, height_m + SLAB_M) for patch in floor_patches(floor)]
-
-
-def wall_parts(free: Polygon, floor: Floor, height_m: float) -> list[Points3]:
+def wall_parts(free: Polygon, floor: Floor, height_m: float, openings: Openings = NO_OPENINGS) -> list[Points3]:
     """Return the convex parts (k, 3) m of the rock round the workings, from below the floor to above the roof.
 
     The rock is cut across where the floor's or the roof's slope along a wall changes, so that every part follows both.
+    There is none in openings.
     """
     outline, cuts = _wall_lines(floor, height_m)
     rock = band_of(free).difference(shapely.union_all([outline, *beside_sheets(floor, height_m)]))
+    if openings.shafts:
+        holes = shapely.polygons([opening.outline_m for opening in openings.shafts])
+        rock = rock.difference(shapely.union_all(shapely.buffer(holes, _HAIR_M, join_style="mitre")))
     # Corners of two sheets at one place differ by rounding; the partition must not see an edge between them.
     rock = shapely.set_precision(shapely.set_precision(rock, _SAME_M), 0.0)
     lines = shapely.union_all([rock.boundary, *([shapely.multilinestrings(cuts)] if len(cuts) else [])])
@@ -127,7 +123,7 @@ def wall_parts(free: Polygon, floor: Floor, height_m: float) -> list[Points3]:
     foot = WallFoot(floor, rock, height_m)
     parts = []
     for piece in pieces:
-        for part in (part for part in convex_partition(piece) if _is_solid(part)):
+        for part in (part for part in convex_partition(piece) if is_solid(part)):
             corners = _corners(np.column_stack([part, *foot.ranges_at(part)]))
             feet, tops = (fold_patch(floor, corners[:, [0, 1, z]]) for z in (2, 3))
             lowest, highest = np.array([0.0, 0.0, -SLAB_M]), np.array([0.0, 0.0, height_m + SLAB_M])
@@ -156,7 +152,7 @@ def cell_offsets(grid: Occupancy, floor: Floor) -> np.ndarray:
     return offsets
 
 
-def _is_solid(part: np.ndarray) -> bool:
+def is_solid(part: np.ndarray) -> bool:
     """Return whether a convex polygon (k, 2) m is wider than a hair; cuts near corners leave slivers."""
     return bool(np.linalg.eigvalsh(np.cov(part.T, bias=True))[0] > _HAIR_M**2)
 

@@ -54,7 +54,9 @@ def cover_walls(parts: Iterable[np.ndarray], free: Polygon, world: Polygon, heig
     return WallCover(*(round(float(v), 6) for v in worst))
 
 
-def cover_floor(parts: Iterable[np.ndarray], floor: Floor, heights_m: Iterable[float]) -> WallCover:
+def cover_floor(
+    parts: Iterable[np.ndarray], floor: Floor, heights_m: Iterable[float], no_walls: BaseGeometry | None = None
+) -> WallCover:
     """Compare slices of convex parts with the rock round a floor with heights, triangle by triangle.
 
     Relative to the plane of a triangle, which is a shear, a slice at a constant height above it is exact. No part may
@@ -66,6 +68,8 @@ def cover_floor(parts: Iterable[np.ndarray], floor: Floor, heights_m: Iterable[f
     floor : Floor
     heights_m : iterable of float
         Heights of the slices above the floor in the plan; a stretched one is stretched with it, and stays a plane.
+    no_walls : shapely geometry, m, plan
+        Edges on the boundary along these lines have no walls.
     """
     all_parts, heights = list(parts), list(heights_m)
     footprints = [shapely.convex_hull(shapely.multipoints(part[:, :2])) for part in all_parts]
@@ -83,7 +87,7 @@ def cover_floor(parts: Iterable[np.ndarray], floor: Floor, heights_m: Iterable[f
             intrusion[k] += shapely.intersection(cut, triangles[face]).area
     missing = np.zeros(len(heights))
     gaps: list[list[BaseGeometry]] = [[] for _ in heights]
-    for face, edge, strip in _strips(floor, triangles, levels, tops):
+    for face, edge, strip in _strips(floor, triangles, levels, tops, no_walls or Polygon()):
         near = [part for part in tree.query(strip) if spans[part, 1] > levels[face].min()]
         cuts = [_slices_along(all_parts[part], own[face]) for part in near]
         for k in range(len(heights)):
@@ -110,12 +114,20 @@ def _slices_along(part: np.ndarray, planes: np.ndarray) -> list[BaseGeometry]:
     return [_slice(np.column_stack([part[:, :2], heights]), 0.0) for heights in above]
 
 
+def slices_above(part: np.ndarray, plane: np.ndarray, heights_m: list[float]) -> list[BaseGeometry]:
+    """Return the slices of a convex body at heights above a plane, seen from above."""
+    sheared = np.column_stack([part[:, :2], part[:, 2] - part[:, :2] @ plane[:2] - plane[2]])
+    return [_slice(sheared, height) for height in heights_m]
+
+
 def _strips(
-    floor: Floor, triangles: np.ndarray, levels: np.ndarray, tops: np.ndarray
+    floor: Floor, triangles: np.ndarray, levels: np.ndarray, tops: np.ndarray, no_walls: BaseGeometry
 ) -> Iterator[tuple[int, BaseGeometry, BaseGeometry]]:
     """Return for each edge on a wall its face, the edge, and the strip of rock beside it, in the mine frame."""
     tree = shapely.STRtree(triangles)
     for face, (a, b) in floor.wall_edges():
+        if no_walls.covers(shapely.points(floor.vertices[[a, b], :2])).all():
+            continue
         edge = floor.vertices[[a, b], :2] - floor.offset_m[floor.sheet[face]]
         along = edge[1] - edge[0]
         out = np.array([along[1], -along[0]]) / max(float(np.hypot(*along)), 1e-12) * STRIP_M

@@ -28,7 +28,8 @@ from minexplore.bundle import (
 )
 from minexplore.floor import Floor
 from minexplore.stretch import raise_m
-from pipeline.geometry.floor_parts import roof_slabs
+from pipeline.geometry.extrude import collect_parts
+from pipeline.geometry.shaft_parts import fence_parts, roof_slabs
 from pipeline.mjcf.bundle import HeightFigures, WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
@@ -37,7 +38,17 @@ from pipeline.mjcf.scene import FloorZone, MineScene, place_lights, tile_zones, 
 from pipeline.mjcf.world import zoned_patches
 from pipeline.params.realism import RealismParams
 from pipeline.store.codecs import Bundle, Meshes, encode
-from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, SolidExtent, Spawn, Survey
+from pipeline.types import (
+    NO_OPENINGS,
+    ConvexParts,
+    DriftNetwork,
+    FreeSpace,
+    Image,
+    Openings,
+    SolidExtent,
+    Spawn,
+    Survey,
+)
 
 
 def assemble_world(
@@ -56,6 +67,7 @@ def assemble_world(
     free_space_bt: bytes,
     map_png: bytes,
     map_yaml: bytes,
+    openings: Openings = NO_OPENINGS,
 ) -> dict[str, Bundle]:
     """Return `world`: the files of the bundle by name.
 
@@ -71,7 +83,7 @@ def assemble_world(
     scene = MineScene(
         name=survey.name,
         extent=extent,
-        parts=collision,
+        parts=_fenced(collision, openings, floor) if params.fence_openings else collision,
         rock_friction=params.rock_friction,
         floor_thickness_m=params.floor_thickness_m,
         zones=zones,
@@ -87,6 +99,7 @@ def assemble_world(
         puddles=tuple(zone.name for zone in zones if zone.name in wet.puddles) if wet else (),
         water_m=wet.water_m if wet else 0.0,
         floor=floor,
+        openings=openings,
     )
     files = compile_bundle(scene)
     if scene.has_visible_rock:
@@ -97,6 +110,18 @@ def assemble_world(
         files[FLOOR] = encode(Path(FLOOR), floor)
     files |= {CLEARANCE_GRID: occupancy, OCTREE: free_space_bt, NAV2_PICTURE: map_png, NAV2_MAP: map_yaml}
     return {"world": seal_bundle(files, _record(params, scene, free_space, topology, spawn))}
+
+
+def _fenced(parts: ConvexParts, openings: Openings, floor: Floor) -> ConvexParts:
+    """Return collision parts with fences round the openings."""
+    fences = fence_parts(openings, floor)
+    if not fences:
+        return parts
+    more = collect_parts(fences)
+    return ConvexParts(
+        np.vstack([parts.vertices, more.vertices]),
+        np.concatenate([parts.offsets, parts.offsets[-1] + more.offsets[1:]]).astype(np.int32),
+    )
 
 
 def _chunks(rough: Path | Bundle) -> Bundle:
@@ -173,6 +198,8 @@ def _record(
         world_sha256="",
         look=scene.look,
         heights=None if scene.floor.is_flat else _heights(scene),
+        openings=scene.openings.shafts,
+        fenced=params.fence_openings,
     )
 
 
@@ -190,7 +217,7 @@ def _heights(scene: MineScene) -> HeightFigures:
         steepest_deg=round(float(floor.steepness_deg().max()), 3),
         sheets=len(floor.offset_m),
         floor_wedges=len(zoned_patches(floor, scene.zones)),
-        roof_wedges=len(roof_slabs(floor, height_m)),
+        roof_wedges=len(roof_slabs(floor, height_m, scene.openings)),
         roof_m=(round(float(roof_m.min()), 6), round(float(roof_m.max()), 6)) if floor.is_stretched else None,
     )
 

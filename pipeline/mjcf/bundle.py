@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from minexplore.bundle import (
     SLAB_M,
     SURFACE_BODY,
     GeomGroup,
+    rock_geom,
     smooth_mesh,
     surface_geom,
     world_sha256,
@@ -32,13 +33,14 @@ from minexplore.bundle import (
 from minexplore.floor import Floor
 from minexplore.folding import Folding
 from pipeline.errors import ArtifactError
+from pipeline.geometry.shaft_parts import sheets_of_parts
 from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.scene import FloorZone, MineScene
 from pipeline.mjcf.world import build_spec
 from pipeline.store.codecs import decode
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.verify import verify_world
-from pipeline.types import Areas, Frame, Spawn
+from pipeline.types import Areas, Frame, Opening, Openings, Spawn
 
 _LEVEL_M = 1e-3
 Unfold = Callable[[np.ndarray], np.ndarray]  # triangles (n, 3, 3) m, into the plan
@@ -64,7 +66,8 @@ class HeightFigures:
 class WorldRecord:
     """The content of `world.json`; all units are m, rad, kg and s, except where a name states another.
 
-    `overlay` is "none" in a world without visible rock, else "rough". `heights` is absent in a flat world.
+    `overlay` is "none" in a world without visible rock, else "rough". `heights` is absent in a flat world, `openings`
+    and whether they are `fenced` in one without openings.
     """
 
     format: str
@@ -90,6 +93,8 @@ class WorldRecord:
     files: dict[str, str]
     world_sha256: str
     heights: HeightFigures | None = None
+    openings: list[Opening] = field(default_factory=list)
+    fenced: bool = True
 
     @property
     def has_visible_rock(self) -> bool:
@@ -142,6 +147,8 @@ def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes
         del fields["heights"]
     elif record.heights.roof_m is None:
         del fields["heights"]["roof_m"]
+    if not record.openings:
+        del fields["openings"], fields["fenced"]
     fields["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
     fields["world_sha256"] = world_sha256(fields)
     return {**files, RECORD: (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()}
@@ -296,11 +303,15 @@ def model_in_plan(folder: Path, world: World) -> mujoco.MjModel:
     if len(floor.offset_m) == 1:
         return world.model
     spec = mujoco.MjSpec.from_file(str(folder / MODEL))
+    openings, parts = Openings(world.record.openings), world.record.collision_parts
+    sheets = sheets_of_parts(openings, world.record.fenced)
+    own = {rock_geom(parts - len(sheets) + k): sheet for k, sheet in enumerate(sheets)}  # of shafts and fences
     for group, about_m in ((GeomGroup.FLOOR, 0.0), (GeomGroup.COLLISION, world.record.height_m / 2)):
         geoms = [geom for geom in spec.geoms if geom.meshname and geom.group == group]
         places = np.array([geom.pos for geom in geoms]).reshape(-1, 3)
         for geom, place in zip(geoms, floor.unfold(places, about_m), strict=True):
-            geom.pos = [*place[:2], geom.pos[2]]
+            sheet = own.get(geom.name)
+            geom.pos = [*(place[:2] if sheet is None else geom.pos[:2] + floor.offset_m[sheet]), geom.pos[2]]
     return spec.compile()
 
 

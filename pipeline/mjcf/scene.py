@@ -14,7 +14,7 @@ from minexplore.looks import PLAIN
 from pipeline.geometry.polyline import arc_length
 from pipeline.params.realism import ZoneParams
 from pipeline.store.codecs import Bundle
-from pipeline.types import ConvexParts, Image, Mesh, SolidExtent
+from pipeline.types import NO_OPENINGS, ConvexParts, Image, Mesh, Openings, SolidExtent
 
 
 @dataclass(frozen=True)
@@ -79,6 +79,7 @@ class MineScene:
     puddles: tuple[str, ...] = ()
     water_m: float = 0.0
     floor: Floor = field(default_factory=Floor)
+    openings: Openings = NO_OPENINGS
 
     @property
     def has_visible_rock(self) -> bool:

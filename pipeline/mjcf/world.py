@@ -30,7 +30,8 @@ from minexplore.bundle import (
 )
 from minexplore.floor import Floor
 from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS, PLAIN
-from pipeline.geometry.floor_parts import cut_by_zones, floor_patches, fold_patch, roof_slabs, slab
+from pipeline.geometry.floor_parts import cut_by_zones, floor_patches, fold_patch, slab
+from pipeline.geometry.shaft_parts import roof_slabs
 from pipeline.mjcf.fittings import add_fittings
 from pipeline.mjcf.scene import FloorZone, MineScene
 from pipeline.store.codecs import Bundle, encode
@@ -196,7 +197,7 @@ def zoned_patches(floor: Floor, zones: list[FloorZone]) -> list[tuple[int, Point
 
 def _add_roof(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> None:
     if not scene.floor.is_flat:
-        for number, wedge in enumerate(roof_slabs(scene.floor, scene.extent.height_m)):
+        for number, wedge in enumerate(roof_slabs(scene.floor, scene.extent.height_m, scene.openings)):
             mine.add_geom(
                 spec.find_default(ROCK_CLASS),
                 name=roof_wedge(number),

@@ -38,5 +38,6 @@ class ContoursParams(Params):
         0.03, ge=0.002, le=1, description="mean distance of the traced wall from the simplified one"
     )
     network: NetworkParams
+    openings: bool = Field(False, description="build the shafts of a survey with heights; not with visible rock")
     correct: Literal["sweeps"] | None = None
     poses: PosesParams | None = None

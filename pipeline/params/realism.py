@@ -80,6 +80,7 @@ class RealismParams(Params):
     rock_friction: float = Field(gt=0, le=2)
     zones: list[ZoneParams] = Field(min_length=1)
     lights: LightParams
+    fence_openings: bool = Field(True, description="a fence round each opening; false: a robot can fall in")
     look: Literal["plain", "dry", "wet", "dusty"] = Field("plain", description="light, haze and sheen of the rock")
     floor: FloorParams | None = Field(None, description="the visible floor; null: the flat zones alone")
     furnish: Literal["off", "light", "full", "meshed"] = "off"

@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 import shapely
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import GeomGroup
 from minexplore.floor import Floor
@@ -26,7 +27,7 @@ from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.geometry.wall_foot import BAND_M, WallFoot
 from pipeline.metrics.containment import cover_walls, open_area_m2
 from pipeline.metrics.reach import compare_sheets, reached_cells, start_cell
-from pipeline.mjcf.bundle import World, mine_from_body, obstacles, placed_parts, read_floor
+from pipeline.mjcf.bundle import World, WorldRecord, mine_from_body, obstacles, placed_parts, read_floor
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
 from pipeline.proof.floor import enclosure_of_floor
@@ -149,13 +150,18 @@ def _reach(
     frame = Frame(1 / cell, (margin - west) / cell, (north + margin) / cell, width, height)
     rows, cols = np.indices((height, width))
     places = frame.to_mine(np.column_stack([cols.ravel(), rows.ravel()]) + 0.5)
+    most = radius + _COMPARED_M
     around = free.buffer(_MARGIN_M if floor.is_flat else BAND_M - cell / 2).intersection(shapely.box(*record.world_m))
     around = around.difference(shapely.union_all(beside_sheets(floor, record.height_m)))
+    around = around.difference(_not_compared(record, most))
     queried = np.flatnonzero(shapely.contains_xy(around, places[:, 0], places[:, 1]))
-    most = radius + _COMPARED_M
     plan, measured = np.zeros(len(places)), np.zeros(len(places))
     inside = queried[shapely.contains_xy(free, places[queried, 0], places[queried, 1])]
     plan[inside] = np.minimum(distances_to_walls(wall_lines(free, floor), places[inside]), most)
+    if record.openings and not record.fenced:  # nothing stands at their edges: the plan alone keeps robots off
+        near = np.flatnonzero(shapely.contains_xy(free, *places.T) & ~shapely.contains_xy(around, *places.T))
+        plan[near] = np.minimum(distances_to_walls(wall_lines(free, floor), places[near]), most)
+        measured[near] = plan[near]
     T = np.array(record.T_world_mine)
     probes = _probes(floor, places[queried], np.isin(queried, inside))
     measured[queried] = rock_clearance(folder, T, GeomGroup.COLLISION, probes, most)
@@ -168,6 +174,12 @@ def _reach(
         by_plan, by_world, frame, [part.bounds for part in shapely.get_parts(free)], radius, *network
     )
     return {"clearance_error_m": round(error, 5), **vars(match)}
+
+
+def _not_compared(record: WorldRecord, most_m: float) -> BaseGeometry:
+    """Return where clearances of plan and world differ: within openings, and near to those without a fence."""
+    holes = [Polygon(opening.outline_m) for opening in record.openings]
+    return shapely.union_all(holes if record.fenced else shapely.buffer(holes, most_m))
 
 
 def _probes(floor: Floor, places_m: np.ndarray, inside: np.ndarray) -> np.ndarray:

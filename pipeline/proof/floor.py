@@ -16,6 +16,7 @@ from minexplore.floor import Floor
 from pipeline.geometry.extrude import section_footprint
 from pipeline.metrics.containment import STRIP_M, cover_floor
 from pipeline.mjcf.bundle import World, obstacles, placed_parts
+from pipeline.proof.openings import cover_openings, holes_in_roof, open_over_collars_m2
 
 _ON_FLOOR_M = 0.01
 _ROUND_M = 1e-4  # positions have four decimals
@@ -34,11 +35,19 @@ def enclosure_of_floor(
     """
     T = np.array(world.record.T_world_mine)
     everything = obstacles(world.model, T, world.record.height_m)
-    figures: dict[str, Any] = vars(cover_floor(everything, floor, slices_m)).copy()
+    collars = [Polygon(opening.outline_m).exterior for opening in world.record.openings]
+    walls = cover_floor(everything, floor, slices_m, shapely.union_all(collars))
+    shafts = cover_openings(world, floor, everything, slices_m)
+    figures: dict[str, Any] = {name: max(value, vars(shafts)[name]) for name, value in vars(walls).items()}
     figures["rock_round_m"] = STRIP_M if figures["missing_m2"] < _ROUND_M * free.length else 0.0
     height_m = world.record.height_m
-    for name, group, surface in (("floor", GeomGroup.FLOOR, floor), ("roof", GeomGroup.ROOF, floor.raised(height_m))):
-        figures[f"{name}_open_m2"] = _open_m2(placed_parts(world.model, group, T), surface, free)
+    roofed = free.difference(holes_in_roof(world, floor)) if world.record.openings else free
+    for name, group, surface, area in (
+        ("floor", GeomGroup.FLOOR, floor, free),
+        ("roof", GeomGroup.ROOF, floor.raised(height_m), roofed),
+    ):
+        figures[f"{name}_open_m2"] = _open_m2(placed_parts(world.model, group, T), surface, area)
+    figures["roof_open_m2"] = round(figures["roof_open_m2"] + open_over_collars_m2(world, floor), 6)
     figures["floor_error_m"] = _floor_error_m(world.model, T, floor)
     return figures
 

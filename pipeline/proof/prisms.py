@@ -15,7 +15,9 @@ from minexplore.floor import Floor
 from pipeline.errors import ArtifactError
 from pipeline.geometry.floor_parts import wall_parts
 from pipeline.geometry.partition import Box, cut_lines
+from pipeline.geometry.shaft_parts import fence_parts, shaft_parts
 from pipeline.mjcf.bundle import WorldRecord
+from pipeline.types import Openings
 
 _PLACE_M = 2e-4  # centres have four decimals, vertices 32 bits
 _OVERLAP_M = 4e-4  # of two parts along their common edges
@@ -83,7 +85,9 @@ def require_walls(folder: Path, record: WorldRecord, stated: mujoco.MjSpec, free
     ArtifactError
         With the first part that differs.
     """
-    made = wall_parts(free, floor, record.height_m)
+    openings = Openings(record.openings)
+    made = wall_parts(free, floor, record.height_m, openings) + shaft_parts(openings, floor, record.height_m)
+    made += fence_parts(openings, floor) if record.fenced else []
     rock = [geom for geom in stated.geoms if is_rock(geom.name)]
     if len(made) != len(rock):
         raise ArtifactError(f"{folder / MODEL}: {len(rock)} collision parts, the builder makes {len(made)}")

@@ -30,6 +30,7 @@ from pipeline.errors import ArtifactError, GeometryError
 from pipeline.geometry.floor_parts import cell_columns, cell_offsets, sheet_walls
 from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.octree import build_octree, to_bt
+from pipeline.geometry.openings import without_openings
 from pipeline.geometry.sheets import count_islands, filled, floor_seams, trace_sheets
 from pipeline.geometry.skeleton import trace_network
 from pipeline.geometry.wall_distance import distances_to_walls
@@ -37,7 +38,7 @@ from pipeline.mjcf.bundle import WorldRecord, read_floor
 from pipeline.proof.differences import first_difference
 from pipeline.proof.smooth import require_smooth
 from pipeline.store.codecs import decode, encode
-from pipeline.types import Areas, DriftNetwork, FreeSpace, Image, Occupancy
+from pipeline.types import Areas, DriftNetwork, FreeSpace, Image, Occupancy, Openings
 
 _M2 = 1.1e-3  # areas and lengths of the record have three decimals
 _CM = 1.1e-2  # the network's lengths have two; another machine's library may round the other way
@@ -174,9 +175,13 @@ def _require_network(folder: Path, record: WorldRecord, free: Polygon, tracing: 
     if not any(math.isclose(stated.cell_m, cell) for cell in cells):
         raise ArtifactError(f"{path}: cell_m = {stated.cell_m}, want one of {cells}")
     grid = stated.cell_m, tracing.min_leg_m, tracing.station_spacing_m
-    floor = read_floor(folder, record)
+    floor, drifts = read_floor(folder, record), without_openings(free, Openings(record.openings))
     try:
-        made = trace_network(free, *grid) if len(floor.offset_m) == 1 else trace_sheets(free, floor_seams(floor), *grid)
+        made = (
+            trace_network(drifts, *grid)
+            if len(floor.offset_m) == 1
+            else trace_sheets(drifts, floor_seams(floor), *grid)
+        )
     except GeometryError as error:
         raise ArtifactError(f"{folder / FREE_SPACE}: {error}") from error
     differs = first_difference(json.loads(encode(path, stated)), json.loads(encode(path, made)), _CM)

@@ -34,7 +34,7 @@ from pipeline.mjcf.world import build_spec
 from pipeline.proof.lights import remake_lights
 from pipeline.proof.prisms import require_prisms, require_walls
 from pipeline.store.codecs import decode, encode
-from pipeline.types import NO_PICTURE, ConvexParts, DriftNetwork, Image, Mesh, SolidExtent
+from pipeline.types import NO_PICTURE, ConvexParts, DriftNetwork, Image, Mesh, Openings, SolidExtent
 
 _MARGIN = 1e-9  # relative and absolute: the text of a model has 16 digits
 _PLACE_M = 2e-4  # centres have four decimals
@@ -122,6 +122,7 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
         puddles=tuple(zone.name for zone in record.zones if puddle_geom(zone.name) in named),
         water_m=float(lowest.pos[2]) / SHADE_LEVELS[0] if lowest else 0.0,
         floor=floor,
+        openings=Openings(record.openings),
     )
     spec = build_spec(scene)
     for geom, own, was in zip((g for g in spec.geoms if is_rock(g.name)), vertices, rock, strict=True):

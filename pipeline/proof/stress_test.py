@@ -84,6 +84,8 @@ def stress_walls(
     rng = np.random.default_rng(seed)
     floor, height = batch.floor, batch.world.record["height_m"]
     walls = wall_lines(free, floor)
+    collars = shapely.linearrings(batch.world.open_shafts.outlines_m)
+    solid = walls.difference(shapely.union_all(collars)) if len(collars) else walls
     kinds = _targets(walls, floor.unfold_bodies(parts, height / 2), zone_edges_m, rng)
     inside = free.buffer(-robot.radius_m)
     shapely.prepare(inside)
@@ -107,7 +109,7 @@ def stress_walls(
                 touched += int(batch.drive(command, rngs, here).sum())
             except RuntimeError as error:
                 raise GeometryError(f"stress test: {error}") from error
-            out, depth = _escaped(batch, here, free, walls, robot.radius_m, height)
+            out, depth = _escaped(batch, here, free, solid, robot.radius_m, height)
             escapes += int(out.sum())
             deepest = max(deepest, depth)
     batch.close()
@@ -175,12 +177,21 @@ def _throw(
 def _escaped(
     batch: RobotBatch, here: np.ndarray, free: Polygon, walls: BaseGeometry, radius_m: float, height_m: float
 ) -> tuple[np.ndarray, float]:
-    """Return which robots (k,) are out of the workings, and the largest depth of an upright robot's disc in rock, m."""
+    """Return which robots (k,) are out of the workings, and the largest depth of an upright robot's disc in rock, m.
+
+    The shafts that are not fenced are workings.
+    """
     T = batch.T_world_mine
     local = rotate_inverse(batch.qpos[here, :3] - T[:3, 3], T[:3, :3])
     place = batch.floor.unfold(local, batch.robot.wheel_radius_m)
+    shafts = batch.world.open_shafts
+    falling = shafts.inside(local) >= 0
+    if len(shafts):
+        shafts.move(place[:, :2], local)
+        place[:, 2] = np.where(falling, 0.0, local[:, 2] - batch.floor.heights_at(place[:, :2]))
     centre = shapely.points(place[:, :2])
     clearance = np.where(shapely.contains_xy(free, place[:, 0], place[:, 1]), 1, -1) * shapely.distance(walls, centre)
+    clearance[falling] = np.inf
     out = ~np.isfinite(place).all(axis=1) | (clearance < 0) | (place[:, 2] < 0) | (place[:, 2] > height_m)
     x, y = batch.qpos[here, 4], batch.qpos[here, 5]
     mast = np.column_stack(

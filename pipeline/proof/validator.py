@@ -10,7 +10,8 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from shapely import Polygon
+import shapely
+from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import FREE_SPACE, RECORD, TOPOLOGY, GeomGroup
@@ -18,6 +19,7 @@ from pipeline.errors import ArtifactError
 from pipeline.geometry.binarize import left_out
 from pipeline.geometry.floor_parts import wall_lines
 from pipeline.geometry.half_level import trace_half_level
+from pipeline.geometry.rasterize import fill_polygon
 from pipeline.metrics.clearance import WallGaps
 from pipeline.metrics.iou import intersection_over_union
 from pipeline.metrics.navigability import Navigability, cast_columns
@@ -34,6 +36,7 @@ from pipeline.proof.surface import TextureReport, report_relief, report_texture,
 from pipeline.store.codecs import decode
 from pipeline.types import DriftNetwork, FreeSpace, Mask, Survey
 
+_PIXELS = 1.5  # round an opening, whose border the two masks may see differently
 _AREA_M2 = 1.1e-3  # areas have three decimals
 
 
@@ -214,8 +217,13 @@ def _navigability(validator: Validator) -> dict[str, Any]:
 
 
 def _topology(validator: Validator) -> dict[str, Any]:
-    masks, frame = (validator.cleaned, validator.world_free), validator.survey.frame
-    floor = read_floor(validator.bundle, validator.world.record)
+    frame, record = validator.survey.frame, validator.world.record
+    floor, openings = read_floor(validator.bundle, record), record.openings
+    masks = validator.cleaned, validator.world_free
+    if openings:  # the network of drifts is that without them
+        holes = shapely.polygons([opening.outline_m for opening in openings])
+        drawn = fill_polygon(MultiPolygon(shapely.buffer(holes, _PIXELS / frame.px_per_m).tolist()), frame)
+        masks = masks[0] | drawn, masks[1] | drawn
     return vars(compare_topology(*masks, frame, *validator._tracing, floor))
 
 

@@ -25,7 +25,7 @@ class SurveyLeg:
     """One leg: names of its stations, positions (n, 2) m, and distances to the left and right wall (n, 2) m.
 
     `heights_m` (n, 3) m holds elevation and the distances up to the roof and down to the floor, nan if not measured;
-    None if the survey has no elevations.
+    None if the survey has no elevations. A plumb leg has no length in plan, and may have no walls: these are nan.
     """
 
     name: str
@@ -33,6 +33,7 @@ class SurveyLeg:
     positions_m: Points2
     walls_m: Points2
     heights_m: np.ndarray | None = None
+    is_plumb: bool = False
 
 
 def without_shots(leg: SurveyLeg, shots: set[int]) -> list[SurveyLeg]:
@@ -62,6 +63,7 @@ def legs_of_chains(
     connected: a piece of them may be built.
 
     A station at the same position as the one before it, as in a shaft, is omitted. Legs of one station are omitted.
+    With `heights`, shafts are legs of their own, at the end.
 
     Raises
     ------
@@ -79,8 +81,9 @@ def legs_of_chains(
                     f"{path}: a wall {distance:g} m beside station {label}, at most {farthest:g} "
                     f"(farthest_wall_m in {FILE})"
                 )
+    shafts: list[SurveyLeg] = []
     if heights:
-        chains = _without_shafts(path, chains, heights)
+        chains, shafts = _without_shafts(path, chains, heights)
     for number, chain in enumerate(chains, start=1):
         kept = (
             [chain[0], *(b for a, b in pairwise(chain) if np.hypot(*np.subtract(a[1], b[1])) > _SHAFT_M)]
@@ -102,17 +105,24 @@ def legs_of_chains(
         raise InputError(f"{path}: no legs with passages; widths left and right of the stations are needed")
     if heights is None:
         check_network(path, legs)
-    return legs
+    return legs + shafts
 
 
-def _without_shafts(path: Path, chains: list[Chain], heights: dict[str, tuple[float, float, float]]) -> list[Chain]:
+def _without_shafts(
+    path: Path, chains: list[Chain], heights: dict[str, tuple[float, float, float]]
+) -> tuple[list[Chain], list[SurveyLeg]]:
     """Cut chains at legs without a length in plan, and say how many there are: each end keeps its station."""
-    found, shafts = [], []
+    found, shafts, legs = [], [], []
     for chain in chains:
         part: Chain = []
         for station in chain:
             if part and np.hypot(*np.subtract(part[-1][1], station[1])) <= _SHAFT_M:
                 shafts.append((part[-1][0], station[0]))
+                ends = [part[-1], station]
+                names = [name for name, _, _ in ends]
+                walls = np.array([sides for _, _, sides in ends], dtype=float)
+                known = np.array([heights[name] for name in names], dtype=float)
+                legs.append(SurveyLeg("plumb", names, np.array([p for _, p, _ in ends]), walls, known, True))
                 found.append(part)
                 part = []
             part.append(station)
@@ -121,10 +131,10 @@ def _without_shafts(path: Path, chains: list[Chain], heights: dict[str, tuple[fl
         deepest = max(shafts, key=lambda ends: abs(heights[ends[0]][0] - heights[ends[1]][0]))
         depth = abs(heights[deepest[0]][0] - heights[deepest[1]][0])
         tell(
-            f"{path.name}: {len(shafts)} shafts are left out, the deepest {depth:.1f} m, from {deepest[0]} to "
+            f"{path.name}: {len(shafts)} shafts are not drivable, the deepest {depth:.1f} m, from {deepest[0]} to "
             f"{deepest[1]}"
         )
-    return found
+    return found, legs
 
 
 def check_network(path: Path, legs: list[SurveyLeg]) -> None:

@@ -17,6 +17,7 @@ from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.child import tell
 from pipeline.survey.legs import SurveyLeg, without_shots
+from pipeline.survey.shafts import Built, find_shafts, steep_shots
 from pipeline.survey.sheet_cells import UNIT_M, Cell, Way, floor_of, survey_cells
 from pipeline.survey.thin_pillars import without_thin_pillars
 from pipeline.types import Heights, Seam
@@ -34,15 +35,16 @@ def draw_sheets(path: Path, legs: list[SurveyLeg], apart_m: float | None = None)
     """Return the workings of each sheet in plan, moved aside but for the first, and the heights of their floors.
 
     Legs steeper than `steepest_grade` are left out, as a fence would, and the largest connected piece is kept; both are
-    said. So are passages less than `apart_m` over others that they do not meet (`without_thin_pillars`). Where workings
-    lie over each other, legs are cut half-way between two stations.
+    said. So are passages less than `apart_m` over others that they do not meet (`without_thin_pillars`). Steep legs
+    that lead down from what is built are its shafts (`find_shafts`). Where workings lie over each other, legs are cut
+    half-way between two stations.
 
     Raises
     ------
     InputError
         If nothing remains, or workings pass over each other between two stations; the message names the stations.
     """
-    kept = _gentle(path, legs)
+    kept = _gentle(path, [leg for leg in legs if not leg.is_plumb])
     if apart_m is not None:
         kept = without_thin_pillars(path, kept, apart_m)
     cells, graph, ways = survey_cells(kept)
@@ -64,16 +66,18 @@ def draw_sheets(path: Path, legs: list[SurveyLeg], apart_m: float | None = None)
     moved_polygons = [shapely.transform(p, lambda xy, d=offsets[k]: xy + d) for k, p in enumerate(polygons)]
     if not any(share < 1 for line in roofs for _, share in line):
         roofs = []
+    shafts = find_shafts(path, legs, Built(cells, sheet, offsets, datum))
     moved_m = [(float(x), float(y)) for x, y in offsets]
-    heights = Heights(lines=lines, datum_m=datum, offset_m=moved_m, seams=seams, roofs=roofs)
+    heights = Heights(lines=lines, datum_m=datum, offset_m=moved_m, seams=seams, roofs=roofs, shafts=shafts)
     return MultiPolygon(moved_polygons), heights
 
 
 def has_relief(legs: list[SurveyLeg]) -> bool:
     """Return whether a survey has elevations that differ by more than `flat_step_m`; else its world is flat."""
-    if not legs or any(leg.heights_m is None for leg in legs):
+    driven = [leg for leg in legs if not leg.is_plumb]
+    if not driven or any(leg.heights_m is None for leg in driven):
         return False
-    floors = np.concatenate([floor_of(leg) for leg in legs])
+    floors = np.concatenate([floor_of(leg) for leg in driven])
     return bool(np.isfinite(floors).all() and np.ptp(floors) > reader_limits().flat_step_m)
 
 
@@ -81,14 +85,12 @@ def _gentle(path: Path, legs: list[SurveyLeg]) -> list[SurveyLeg]:
     """Return the legs without their steep parts."""
     most, found, steep, first = reader_limits().steepest_grade, [], 0, ""
     for leg in legs:
-        floor = floor_of(leg)
-        run = np.maximum(np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1), 1e-9)
-        bad = np.abs(np.diff(floor)) > most * run
-        for k in np.flatnonzero(bad).tolist():
+        bad = steep_shots(leg).tolist()
+        for k in bad:
             x, y = leg.positions_m[k]
             first = first or f"{leg.stations[k]} to {leg.stations[k + 1]} at ({x:.1f}, {y:.1f})"
-        steep += int(bad.sum())
-        found += without_shots(leg, set(np.flatnonzero(bad).tolist()))
+        steep += len(bad)
+        found += without_shots(leg, set(bad))
     if not found:
         raise InputError(f"{path}: every leg is steeper than {most:g} (steepest_grade in {FILE}); nothing to drive on")
     if steep:

@@ -113,8 +113,9 @@ def _read_passages(
         sheets, heights = draw_sheets(path, legs, apart_m)
         built: BaseGeometry = sheets
     else:
-        check_network(path, legs)
-        built = build_workings(legs)
+        driven = [leg for leg in legs if not leg.is_plumb]
+        check_network(path, driven)
+        built = build_workings(driven)
     if built.is_empty:
         raise InputError(f"{path}: the stations' walls enclose no area")
     shapes, georeference = locate(path, Shapes([built], "m"), "m", origin)
@@ -132,7 +133,11 @@ def _moved(heights: Heights, origin: tuple[float, float]) -> Heights:
         Seam(seam.sheets, tuple((x - east, y - north) for x, y in seam.ends_m))  # type: ignore[arg-type]
         for seam in heights.seams
     ]
-    return dataclasses.replace(heights, lines=lines, seams=seams)
+    shafts = [
+        dataclasses.replace(shaft, place_m=(shaft.place_m[0] - east, shaft.place_m[1] - north))
+        for shaft in heights.shafts
+    ]
+    return dataclasses.replace(heights, lines=lines, seams=seams, shafts=shafts)
 
 
 def _name(params: VectorSurvey) -> str:

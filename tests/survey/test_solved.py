@@ -97,7 +97,7 @@ def test_wheal_pell_reads_with_its_stations_and_splays(capsys):
     said = capsys.readouterr().err
     assert "186 of 296 stations of passages have no measured wall beside them; they get 0.67 m" in said
     assert "in 2 pieces that share no station" in said
-    assert "3 shafts are left out, the deepest 37.0 m" in said
+    assert "3 shafts are not drivable, the deepest 37.0 m" in said
     assert all(np.isfinite(leg.walls_m).all() and np.isfinite(leg.heights_m[:, 2]).all() for leg in legs)
     stated = plan_legs(PELL, survey, 0.5)
     assert max(np.abs(a.walls_m - b.walls_m).max() for a, b in zip(legs, stated, strict=True)) == pytest.approx(

@@ -1,0 +1,92 @@
+"""The certificate's figures of openings: fences, walls and ends of shafts, and the roof over their collars."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from minexplore.bundle import SLAB_M, GeomGroup
+from minexplore.floor import Floor
+from pipeline.geometry.extrude import section_footprint
+from pipeline.geometry.shaft_parts import FENCE_HEIGHT_M, FENCE_M, ends_of, section_of
+from pipeline.metrics.containment import WallCover, slices_above
+from pipeline.mjcf.bundle import World, placed_parts
+from pipeline.types import Opening
+
+_SEAM_M = 0.002
+_NEAR_M = 0.01  # of the first and the last slice from a shaft's ends
+_THICK_M, _SLANT = 0.2, 0.2  # of a shaft's walls, and by how much they grow a metre from its ends
+_ON_ROOF_M = 0.02
+_LEVEL = np.zeros(3)
+
+
+def cover_openings(world: World, floor: Floor, parts: list[np.ndarray], slices_m: tuple[float, ...]) -> WallCover:
+    """Return the worst of all openings: rock within, rock missing from fence, walls and blind ends, and the widest gap.
+
+    Fences are sliced above the collar, shafts at six depths. The parts are convex, so that what is closed in the
+    slices next to both ends of a wall is closed between them.
+    """
+    worst = np.zeros(3)
+    for opening in world.record.openings:
+        hole = Polygon(section_of(opening, floor))
+        near = [part for part in parts if section_footprint(part).intersects(hole.buffer(SLAB_M + _SEAM_M))]
+        tops, ends = ends_of(opening, floor, world.record.height_m)
+        if world.record.fenced:
+            plane, ring = _collar_plane(opening, floor), hole.difference(hole.buffer(-FENCE_M, join_style="mitre"))
+            for height in (height for height in slices_m if height < FENCE_HEIGHT_M):
+                worst = np.maximum(worst, _errors(near, plane, height, Polygon(), ring, hole))
+        top, end = float(tops.min()), float(ends.max())
+        fence_end = top - SLAB_M - _SEAM_M if world.record.fenced else top
+        for depth in np.linspace(end + _NEAR_M, top - _NEAR_M, 6).tolist():
+            thick = min(_THICK_M, _SLANT * min(top - depth, depth - end))
+            inner = hole.buffer(-FENCE_M - _SEAM_M, join_style="mitre") if depth > fence_end else hole
+            ring = hole.buffer(thick, join_style="mitre").difference(hole)
+            worst = np.maximum(worst, _errors(near, _LEVEL, depth, inner, ring, hole))
+        if opening.below is None:
+            worst = np.maximum(worst, _errors(near, _LEVEL, end - SLAB_M / 2, Polygon(), hole, hole))
+    return WallCover(*worst.round(6).tolist())
+
+
+def _errors(
+    parts: list[np.ndarray], plane: np.ndarray, height_m: float, open_to: Polygon, closed: BaseGeometry, rim: Polygon
+) -> np.ndarray:
+    """Return rock in the one area, rock missing from the other (m2), and the longest gap along a rim (m) in a slice."""
+    rock = shapely.union_all([cut for part in parts for cut in slices_above(part, plane, [height_m])])
+    gaps = shapely.get_parts(rim.exterior.difference(rock.buffer(_SEAM_M)))
+    widest = max((gap.length for gap in gaps), default=0.0)
+    return np.array([rock.intersection(open_to).area, closed.difference(rock).area, widest])
+
+
+def _collar_plane(opening: Opening, floor: Floor) -> np.ndarray:
+    """Return the plane (3,), z = a x + b y + c, through the corners of a collar in the mine frame."""
+    corners, heights = section_of(opening, floor), floor.heights_at(np.array(opening.outline_m))
+    fit, *_ = np.linalg.lstsq(np.column_stack([corners, np.ones(len(corners))]), heights, rcond=None)
+    return np.asarray(fit)
+
+
+def holes_in_roof(world: World, floor: Floor) -> BaseGeometry:
+    """Return where shafts come through roofs, in plan."""
+    sections = [
+        Polygon(section_of(o, floor) + floor.offset_m[o.below]) for o in world.record.openings if o.below is not None
+    ]
+    return shapely.union_all(sections)
+
+
+def open_over_collars_m2(world: World, floor: Floor) -> float:
+    """Return the area of collars, m2, over which no wedge of the roof has its lower face at the roof's height."""
+    if not world.record.openings:
+        return 0.0
+    wedges, missing = placed_parts(world.model, GeomGroup.ROOF, np.array(world.record.T_world_mine)), 0.0
+    roof = floor.raised(world.record.height_m)
+    for opening in world.record.openings:
+        plane, hole = _collar_plane(opening, roof), Polygon(section_of(opening, floor))
+        covered = []
+        for wedge in wedges:
+            above = wedge[:, 2] - wedge[:, :2] @ plane[:2] - plane[2]
+            if np.minimum(np.abs(above), np.abs(above - SLAB_M)).max() < _ON_ROOF_M and above.min() < _ON_ROOF_M:
+                covered.append(section_footprint(wedge).buffer(_SEAM_M))
+        through = [Polygon(section_of(o, floor)) for o in world.record.openings if o.below == opening.sheet]
+        missing += hole.difference(shapely.union_all(covered + through)).area
+    return float(missing)
