@@ -43,14 +43,15 @@ def find_shafts(path: Path, legs: list[SurveyLeg], built: Built) -> list[Shaft]:
     A shaft follows the lowest of the steep shots from station to station, to a built station or to its end.
     """
     steep = _steep_graph(legs)
-    found, left_out = [], []
-    in_the_way = _Workings(built) if steep else None
+    if not steep:
+        return []
+    found, left_out, workings = [], [], _Workings(built)
     for top in (name for name in steep if name in built.sheet):
         for first in _lower(steep, top):
             way = [top, first]
             while way[-1] not in built.sheet and (ahead := _lower(steep, way[-1])):
                 way.append(ahead[0])
-            shaft, reason = _shaft(way, steep, built, in_the_way)  # type: ignore[arg-type]
+            shaft, reason = _shaft(way, steep, built, workings)
             if reason:
                 x, y, _ = steep.nodes[top]["place"]
                 left_out.append(f"{top} to {way[-1]} at ({x:.1f}, {y:.1f}), which {reason}")
