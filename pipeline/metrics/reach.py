@@ -86,10 +86,10 @@ def compare_sheets(
     if len(boxes_m) == 1:
         return compare_reach(plan, world, frame, radius_m, cell_m, min_leg_m)
     found = []
-    for west, _, east, _ in boxes_m:
-        ends = frame.to_image(np.array([[west, 0.0], [east, 0.0]]))[:, 0]
-        own = np.zeros(plan.shape[1], dtype=bool)
-        own[max(0, int(ends[0]) - 2) : int(ends[1]) + 3] = True
+    for west, south, east, north in boxes_m:
+        (left, top), (right, bottom) = frame.to_image(np.array([[west, north], [east, south]])).astype(int).tolist()
+        own = np.zeros(plan.shape, dtype=bool)
+        own[max(0, top - 2) : max(0, bottom + 3), max(0, left - 2) : max(0, right + 3)] = True
         if (plan & own).any() or (world & own).any():
             found.append(compare_reach(plan & own, world & own, frame, radius_m, cell_m, min_leg_m))
     chainages = [match.largest_chainage_difference_m for match in found]
