@@ -339,7 +339,7 @@ class Floor:
         return best
 
     def _above_at(self, places_m: np.ndarray, z_m: np.ndarray) -> np.ndarray:
-        return self._above(self.faces_at(places_m), places_m, z_m)
+        return z_m if self.is_flat else self._above(self.faces_at(places_m), places_m, z_m)
 
     def _spans_about(self, about_m: float) -> np.ndarray:
         """Return from where to where (sheets, 2) m a sheet's points at about a height above it can be."""

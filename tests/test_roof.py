@@ -158,6 +158,14 @@ def test_rock_over_a_low_and_a_very_high_roof_is_one_surface_along_the_walls(roc
         require_visible(bundle, read_record(bundle), read_free_space(bundle).polygon, grid)
 
 
+def test_a_level_floor_leaves_bodies_and_its_roof_as_they_are():
+    body, flat = np.array([[1.0, 2, 0], [3, 2, 3.5], [1, 5, 1]]), Floor()
+    (found,) = flat.unfold_bodies([body], 1.75)
+    np.testing.assert_array_equal(found, body)
+    assert flat.raised(3.5).is_flat
+    np.testing.assert_array_equal(flat.lifts_at(body[:, :2], 3.5), 0)
+
+
 def test_what_robots_drive_by_is_not_stretched_and_folding_returns(over):
     rng, folding = np.random.default_rng(1), Folding(over.floor)
     row, col = np.nonzero(load_world(over.bundle).clearance_m > 0.3)
