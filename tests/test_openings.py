@@ -2,6 +2,7 @@
 
 import json
 import re
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -28,6 +29,7 @@ from pipeline.proof.stress_test import _escaped, _throw
 from pipeline.proof.validator import Validator
 from pipeline.survey.sheets import draw_sheets
 from pipeline.survey.stations import read_station_legs
+from stages.contours import _find_openings
 from tests.heights import HEADER, RAMP, MineWithHeights, certificate_params, levels, table
 from tests.mines import sealed
 from tests.project import ROOT
@@ -75,6 +77,12 @@ def shafts_of(legs, tmp_path):
     path = tmp_path / "mine.csv"
     path.write_text(table(legs))
     return draw_sheets(path, read_station_legs(path))
+
+
+def test_shafts_that_visible_rock_leaves_out_are_told_with_the_way_to_build_them(tmp_path, capsys):
+    workings, heights = shafts_of(with_shafts(), tmp_path)
+    assert not _find_openings(compose([]).contours, SimpleNamespace(heights=heights), workings).shafts
+    assert f"{len(heights.shafts)} shafts are left out; without visible rock (preset=light)" in capsys.readouterr().err
 
 
 def test_shafts_of_a_survey_lead_from_station_to_station_and_to_blind_ends(tmp_path):
