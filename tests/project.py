@@ -77,7 +77,10 @@ class Project:
         rock, validation = (self.folder / "conf" / name for name in ("rock/andesite.yaml", "validation/default.yaml"))
         set_values(
             self.folder / "conf/mine/own.yaml",
-            {f"validation.limits.texture.{name}": None for name in ("rq_ratio", "strict")},
+            {
+                f"validation.limits.{name}": None
+                for name in ("texture.rq_ratio", "texture.strict", "texture.published", "relief")
+            },
         )
         set_values(rock, {"surface.rough.spacing_m": 0.3, "surface.rough.roof_spacing_m": 0.4, "validation.limits": {}})
         coarse = {"texture.points_per_m2": 200, "certificate.contacts": 100}
