@@ -214,7 +214,7 @@ def _leg(path: Path, name: str, stations: list[tuple[str, tuple[float, ...]]]) -
     if len(stations) < 2:
         raise InputError(f"{path}: leg {name} has one station ({stations[0][0]}); a leg needs two")
     values = np.array([v for _, v in stations])
-    step = np.linalg.norm(np.diff(values[:, :2], axis=0), axis=1)
+    step = np.linalg.norm(np.diff(values[:, [0, 1, 4] if values.shape[1] > 4 else [0, 1]], axis=0), axis=1)
     if step.min() == 0:
         i = int(step.argmin())
         raise InputError(f"{path}: stations {stations[i][0]} and {stations[i + 1][0]} of leg {name} have one position")

@@ -5,7 +5,7 @@ import shapely
 from pipeline.errors import InputError
 from pipeline.survey.legs import build_workings
 from pipeline.survey.solved.read import read_solved
-from pipeline.survey.stations import read_stations
+from pipeline.survey.stations import read_station_legs, read_stations
 from tests.project import ROOT, TINY_STATIONS
 
 HEADER = "leg,station,easting_m,northing_m,left_m,right_m\n"
@@ -61,6 +61,14 @@ def test_a_byte_order_mark_and_windows_line_ends_are_accepted(tmp_path):
 def test_a_faulty_survey_is_refused_with_line_and_value(tmp_path, rows, message):
     with pytest.raises(InputError, match=message):
         read_stations(write(tmp_path, HEADER + rows))
+
+
+def test_a_plumb_leg_is_allowed_where_stations_have_elevations(tmp_path):
+    header = HEADER.replace("\n", ",elevation_m\n")
+    (leg,) = read_station_legs(write(tmp_path, header + "S,a,0,0,2,2,10\nS,b,0,0,2,2,4\n"))
+    assert leg.stations == ["a", "b"]
+    with pytest.raises(InputError, match="stations a and b of leg S have one position"):
+        read_station_legs(write(tmp_path, header + "S,a,0,0,2,2,10\nS,b,0,0,2,2,10\n"))
 
 
 def test_a_column_that_stands_twice_and_a_field_too_many_are_refused(tmp_path):
