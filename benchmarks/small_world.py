@@ -60,7 +60,7 @@ def finish_world(
     """
     free_space, network, openings = (traced[name] for name in ("free_space", "topology", "openings"))
     rock = compile_rock(config.compile3d, free_space, network, survey, openings)
-    surface = model_surface(config.surface, free_space, network, rock["extent"], rock["floor"])
+    surface = model_surface(config.surface, free_space, network, rock["extent"], rock["floor"], openings)
     world = assemble_world(
         config.realism,
         survey,

@@ -40,7 +40,7 @@ FRAMES = {
 }
 
 # Bodies of the MJCF. The mine's body carries the mine frame. What is seen and never touched is in two bodies: the
-# rock's surface, and the fittings, which are the visible floor, its puddles, and what hangs in a drift.
+# rock's surface, and the fittings, which are the visible floor, its puddles, what hangs in a drift, and openings.
 MINE_BODY = "mine"
 SURFACE_BODY = "surface"
 FITTINGS_BODY = "fittings"
@@ -63,6 +63,7 @@ _FLOOR, _ROCK, _SURFACE, _SMOOTH, _WEDGE = "floor_", "rock_", "surface_", "smoot
 # Fittings, and where they may be above the flat floor, m: the visible floor lies below `COVER_M`, furniture hangs above
 # every robot. Lines run along a rib or under the roof.
 FURNITURE = ("bolts", "cable", "duct", "pipe", "weldmesh")
+OPENING_FITTINGS = ("fence", "shaft")  # on the faces of an opening's collision parts
 _LET_BEAMS_PASS = "weldmesh"
 WATER_MATERIAL, SHADE_MATERIAL = "water", "shade"
 COVER_M, FURNITURE_ABOVE_M, LINES_ABOVE_M = 0.1, 1.0, 2.0
@@ -189,9 +190,19 @@ def furniture_mesh(kind: str, col: int, row: int) -> str:
     return f"{kind}_{col:02d}_{row:02d}"
 
 
+def opening_mesh(kind: str, number: int) -> str:
+    """Return the name of the mesh of one of `OPENING_FITTINGS` of an opening, by number."""
+    return f"{kind}_{number:04d}"
+
+
+def is_of_opening(mesh: str) -> bool:
+    """Return whether a mesh of this name shows the lining of a shaft, or the fence round its collar."""
+    return mesh.partition("_")[0] in OPENING_FITTINGS
+
+
 def is_fitting(mesh: str) -> bool:
-    """Return whether a mesh of this name is part of the visible floor or of the furniture."""
-    return is_cover(mesh) or mesh.partition("_")[0] in FURNITURE
+    """Return whether a mesh of this name is part of the visible floor, of the furniture or of an opening."""
+    return is_cover(mesh) or mesh.partition("_")[0] in FURNITURE or is_of_opening(mesh)
 
 
 def stops_beams(mesh: str) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -66,6 +67,19 @@ class Floor:
         return replace(
             self, vertices=self.vertices + np.column_stack(np.broadcast_arrays(0.0, 0.0, lift)), stretch=np.zeros(0)
         )
+
+    def filled(self, outlines_m: Iterable[np.ndarray]) -> Floor:
+        """Return the floor with faces over convex holes (k, 2) m, plan, whose corners are vertices of it.
+
+        Faces keep their numbers; those over holes come last.
+        """
+        faces, sheets = [self.faces], [self.sheet]
+        for outline in outlines_m:
+            corners = [int(np.abs(self.vertices[:, :2] - corner).max(axis=1).argmin()) for corner in outline]
+            made = np.array([(corners[0], b, c) for b, c in itertools.pairwise(corners[1:])], self.faces.dtype)
+            faces.append(made)
+            sheets.append(np.full(len(made), self.sheets_at(np.mean(outline, axis=0)[None])[0], self.sheet.dtype))
+        return self if len(faces) == 1 else replace(self, faces=np.concatenate(faces), sheet=np.concatenate(sheets))
 
     def lifts_m(self, height_m: float) -> np.ndarray:
         """Return how much higher (n,) m over each vertex the roof is than `height_m`, at which the plan has it."""

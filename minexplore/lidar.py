@@ -64,10 +64,10 @@ def collision_meshes(world: World) -> Meshes:
 
 def floor_meshes(world: World) -> Meshes:
     """Return floor and, where no mesh shows it, roof of a mine with heights, sheet by sheet; see `surface_meshes`."""
-    floor = world.floor
+    floor, openings = world.floor, world.record.get("openings", [])
     meshes: Meshes = {}
     if has_visible_rock(world.record):  # its foot stands behind the wall: there the floor goes on
-        meshes["beside"] = floor_beside(floor)
+        meshes["beside"] = floor_beside(floor.filled(np.array(o["outline_m"]) for o in openings))
     surfaces = {"floor": floor}
     if not has_visible_rock(world.record):
         surfaces["roof"] = floor.raised(world.record["height_m"])

@@ -94,15 +94,7 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
 
 def _find_openings(params: ContoursParams, survey: Survey, outline: BaseGeometry) -> Openings:
     """Return the survey's shafts that fit into the workings, and print which do not, if the parameters ask for any."""
-    if survey.heights is None:
-        return Openings()
-    if not params.openings:
-        if survey.heights.shafts:
-            count = len(survey.heights.shafts)
-            print(
-                f"contours: {count} shafts are left out; without visible rock (preset=light) they are built",
-                file=sys.stderr,
-            )
+    if survey.heights is None or not params.openings:
         return Openings()
     openings, left_out = fit_openings(outline, survey.heights)
     for line in left_out:

@@ -10,6 +10,7 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.floor import Floor
+from pipeline.geometry.openings import filled_floor, without_openings
 from pipeline.params.surface import SurfaceParams, TextureParams
 from pipeline.report.roughness import draw_sections, draw_spectra
 from pipeline.stage import Artifact, Stage, main
@@ -19,24 +20,31 @@ from pipeline.surface.built import RoughnessReport, amplitude_table, report_roug
 from pipeline.surface.choose import choose_relief
 from pipeline.surface.folded import check_folded, fold_surface
 from pipeline.surface.mesh_checks import MeshReport, check_mesh, join_meshes
+from pipeline.surface.open_roof import open_roof
 from pipeline.surface.reference import measure_sources, reference_files
 from pipeline.surface.rock_texture import Layers, make_rock_texture
-from pipeline.surface.rough import closed_mesh
+from pipeline.surface.rough import RoughSurface, closed_mesh
 from pipeline.surface.smooth_sheets import fold_smooth, smooth_sheets
 from pipeline.surface.texture import make_texture
-from pipeline.types import NO_PICTURE, DriftNetwork, FreeSpace, Image, SolidExtent
+from pipeline.types import NO_OPENINGS, NO_PICTURE, DriftNetwork, FreeSpace, Image, Openings, SolidExtent
 
 
 def model_surface(
-    params: SurfaceParams, free_space: FreeSpace, topology: DriftNetwork, extent: SolidExtent, floor: Floor
+    params: SurfaceParams,
+    free_space: FreeSpace,
+    topology: DriftNetwork,
+    extent: SolidExtent,
+    floor: Floor,
+    openings: Openings = NO_OPENINGS,
 ) -> dict[str, Any]:
     """Return both surfaces, the texture, and reports on roughness and meshes; with `overlay=none` all are empty.
 
-    Surfaces are made and measured in the plan, and then folded by the floor.
+    Surfaces are made and measured in the plan, as if openings were floor. Then the roof is opened where shafts come
+    down, and all is folded by the floor.
     """
     if params.overlay == "none":
         return _NO_ROCK
-    free = free_space.polygon
+    free, floor = without_openings(free_space.polygon, openings), filled_floor(floor, openings)
     params = widen_spacing(params, free, extent.height_m)
     with ThreadPoolExecutor(1) as pool:  # works beside this thread, in the order of the calls
         smooth = pool.submit(_smooth, params, free, floor, extent.height_m)
@@ -49,7 +57,7 @@ def model_surface(
         spectra = pool.submit(lambda: draw_spectra(reported.result()))
         sections = pool.submit(lambda: draw_sections(rough, smooth.result(), extent.height_m))
         folded = fold_surface(rough)
-        files = chunk_files(rough, params, folded)
+        files = chunk_files(rough, params, folded) if not openings.shafts else _opened(rough, params, openings, floor)
         checked = check_folded(rough, folded, closed_mesh(rough)[1])
         return {
             "smooth": fold_smooth(smooth.result(), floor),
@@ -73,6 +81,11 @@ _NO_ROCK: dict[str, Any] = {
     "spectra": NO_PICTURE,
     "mesh_checks": None,
 }
+
+
+def _opened(rough: RoughSurface, params: SurfaceParams, openings: Openings, floor: Floor) -> Bundle:
+    opened = open_roof(rough, openings, floor)
+    return chunk_files(opened, params, fold_surface(opened))
 
 
 def _smooth(params: SurfaceParams, free: BaseGeometry, floor: Floor, height_m: float) -> Meshes:
@@ -101,6 +114,7 @@ STAGE = Stage(
         "topology": Artifact("contours/topology.json", DriftNetwork),
         "extent": Artifact("compile3d/extent.json", SolidExtent),
         "floor": Artifact("compile3d/floor.npz", Floor),
+        "openings": Artifact("contours/openings.json", Openings),
     },
     writes={
         "smooth": Artifact("surface/smooth.npz", Meshes),

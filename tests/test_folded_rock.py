@@ -6,17 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from minexplore.bundle import decode_msh, encode_msh, is_cover, is_fitting, is_shade, mesh_file
+from minexplore.bundle import BundleError, decode_msh, encode_msh, is_cover, is_fitting, is_shade, mesh_file
 from minexplore.floor import Floor
 from minexplore.folding import Folding
 from minexplore.lidar import floor_meshes, shared_lidar
-from minexplore.schema import check_world
+from minexplore.schema import check_files, check_world, hash_files, read_folder
 from minexplore.world import load_world
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError
 from pipeline.geometry.floor_mesh import build_floor
+from pipeline.geometry.openings import filled_floor, without_openings
 from pipeline.geometry.subdivide import split_long_edges
 from pipeline.mjcf.bundle import read_record
+from pipeline.mjcf.openings import show_openings
+from pipeline.proof.fittings import require_fittings
 from pipeline.proof.remake import read_free_space
 from pipeline.proof.validator import Validator
 from pipeline.proof.visible import require_visible, rough_meshes
@@ -24,11 +27,12 @@ from pipeline.store.codecs import decode
 from pipeline.surface.build import build_rough_surface, lay_rough_lattice
 from pipeline.surface.choose import choose_relief
 from pipeline.surface.folded import check_folded, fold_surface
+from pipeline.surface.open_roof import open_roof
 from pipeline.surface.reference import measure_sources
 from pipeline.surface.rough import closed_mesh
-from pipeline.types import Occupancy
+from pipeline.types import Occupancy, Openings
 from tests.heights import RAMP, UNDER, MineWithHeights, certificate_params
-from tests.mines import STRAIGHT
+from tests.mines import STRAIGHT, sealed
 from tests.project import ROOT
 
 COARSE = [
@@ -50,7 +54,10 @@ def config():
 
 @pytest.fixture(scope="module")
 def under(config, tmp_path_factory):
-    return MineWithHeights(UNDER, config, tmp_path_factory.mktemp("under"))
+    """Build a drift over a drift, with a shaft between them at (30, 0)."""
+    collar = ("s", 30, 0, 10)
+    legs = {**UNDER, "A": [*UNDER["A"][:2], collar, *UNDER["A"][2:]], "S": [collar, ("b1", 30, 0, 1)]}
+    return MineWithHeights(legs, config, tmp_path_factory.mktemp("under"))
 
 
 @pytest.fixture(scope="module")
@@ -70,9 +77,14 @@ def copied(mine, folder):
     return folder
 
 
+def drifts_of(mine):
+    return without_openings(mine.free_space.polygon, Openings(mine.openings))
+
+
 def visible(folder):
     record = read_record(folder, checked=False)
-    require_visible(folder, record, read_free_space(folder).polygon, decode(folder / "occupancy.npz", Occupancy))
+    drifts = without_openings(read_free_space(folder).polygon, Openings(record.openings))
+    require_visible(folder, record, drifts, decode(folder / "occupancy.npz", Occupancy))
 
 
 def test_the_rock_of_a_straight_decline_of_10_percent_is_that_of_a_level_drift_folded(config):
@@ -88,7 +100,8 @@ def test_the_rock_of_a_straight_decline_of_10_percent_is_that_of_a_level_drift_f
 
 
 def test_two_sheets_meet_on_their_seam_without_a_gap(config, under):
-    rough = rough_surface(config, under.free_space.polygon, under.floor, under.network)
+    floor = filled_floor(under.floor, Openings(under.openings))
+    rough = rough_surface(config, drifts_of(under), floor, under.network)
     folded = fold_surface(rough)
     report = check_folded(rough, folded, closed_mesh(rough)[1])
     assert report.watertight
@@ -181,6 +194,85 @@ def test_fittings_follow_the_floor_and_no_level_plane_is_built(under):
         assert plan[:, 2].max() < 0.1 + 1e-3
         spread.append(float(mesh.vertices[:, 2].mean()))
     assert np.ptp(spread) > 5
+
+
+def up_the_shaft(mine, place, far_m):
+    """Return the range, m, of a beam upwards from a place of the mine frame."""
+    lidar = shared_lidar(mine.bundle, load_world(mine.bundle).record["world_sha256"], far_m, "auto")
+    return float(lidar.cast(np.array([place], float), np.array([[[0.0, 0.0, 1.0]]]))[0, 0])
+
+
+def test_a_shaft_is_open_through_the_rock_and_closed_round_its_sides(under):
+    (opening,) = under.openings
+    middle = [30.1, 0.2]
+    assert up_the_shaft(under, [*middle, 1.0], 30.0) == pytest.approx(11.5, abs=0.6)  # to the roof over the collar
+    assert up_the_shaft(under, [31.2, 0.2, 1.0], 30.0) == pytest.approx(2.5, abs=0.6)  # to the roof beside the shaft
+    lidar = shared_lidar(under.bundle, load_world(under.bundle).record["world_sha256"], 30.0, "auto")
+    angle = np.radians(np.arange(0, 360, 5))
+    level = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
+    side = lidar.cast(np.array([[*middle, 6.0]]), level[None])[0]
+    ends = middle + side[:, None] * level[:, :2]
+    np.testing.assert_allclose(np.abs(ends - [30, 0]).max(axis=1), 0.75, atol=1e-3)
+    fence = lidar.cast(np.array([[27.0, 0.1, 9.5]]), level[None, :1])[0, 0]
+    assert fence == pytest.approx(2.25, abs=1e-3)
+    assert (opening.bottom_m, opening.top_m) == pytest.approx((0.0, 9.0))
+
+
+@pytest.mark.parametrize(
+    ("mesh", "change", "said"),
+    [
+        ("roof", lambda mesh: replace(mesh, faces=mesh.faces[1:]), r"a hole at \["),
+        ("shaft", lambda mesh: replace(mesh, vertices=mesh.vertices * np.float32([1, 1, 1.001])), r"shaft_0000\.msh: "),
+        ("fence", lambda mesh: replace(mesh, faces=mesh.faces[2:]), r"fence_0000\.msh: "),
+    ],
+)
+def test_a_forged_hole_lining_or_fence_is_refused(mesh, change, said, config, under, tmp_path):
+    folder = copied(under, tmp_path / "world")
+    record = read_record(folder)
+    name = min(name for name in record.files if name.startswith(f"meshes/{mesh}"))
+    (folder / name).write_bytes(encode_msh(change(decode_msh((folder / name).read_bytes()))))
+
+    def check():
+        visible(folder)
+        require_fittings(folder, record, drifts_of(under), config.validation.fittings)
+
+    with pytest.raises(ArtifactError, match=said):
+        check()
+
+
+def test_a_lining_outside_its_opening_and_a_missing_fence_are_refused_by_the_schema(under):
+    files = read_folder(under.bundle)
+    lining = decode_msh(files["meshes/shaft_0000.msh"])
+    moved = encode_msh(replace(lining, vertices=lining.vertices + np.float32([0.05, 0, 0])))
+    low = encode_msh(replace(lining, vertices=lining.vertices - np.float32([0, 0, 2.6])))
+    without = {name: data for name, data in files.items() if name != "meshes/fence_0000.msh"}
+    model = files["mine.xml"].decode().splitlines()
+    without["mine.xml"] = "\n".join(line for line in model if "fence_" not in line).encode()
+    for forged, said in (
+        ({**files, "meshes/shaft_0000.msh": moved}, r"shaft_0000\.msh: 0\.050 m outside openings\[0\]"),
+        ({**files, "meshes/shaft_0000.msh": low}, r"shaft_0000\.msh: from .* openings\[0\] has 1\.000 to 9"),
+        (without, "'fence_0000': missing, or no opening has it"),
+    ):
+        forged = sealed(forged)
+        with pytest.raises(BundleError, match=said):
+            check_files(under.bundle, forged, hash_files(forged))
+
+
+def test_an_open_shaft_shows_its_lining_and_no_fence(under):
+    openings = Openings(under.openings)
+    floor = filled_floor(under.floor, openings)
+    for fenced, names in ((True, {"fence_0000", "shaft_0000"}), (False, {"shaft_0000"})):
+        assert show_openings(openings, floor, {}, 3.5, fenced).keys() == names
+
+
+def test_rock_that_hangs_low_under_a_shaft_shows_no_hole(config, under, capsys):
+    openings = Openings(under.openings)
+    floor = filled_floor(under.floor, openings)
+    rough = rough_surface(config, drifts_of(under), floor, under.network)
+    assert len(open_roof(rough, openings, floor).mesh.vertices) > len(rough.mesh.vertices)
+    sunk = replace(rough.mesh, vertices=rough.mesh.vertices - [0, 0, 2.0])
+    assert len(open_roof(replace(rough, mesh=sunk), openings, floor).mesh.vertices) == len(sunk.vertices)
+    assert "the rock under the shaft at (30.0, 0.0) shows no hole" in capsys.readouterr().err
 
 
 def test_split_edges_leave_no_crack_between_neighbours():

@@ -19,7 +19,6 @@ from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.compose import compose
-from pipeline.errors import ParamsError
 from pipeline.geometry.floor_parts import wall_lines
 from pipeline.geometry.openings import fit_openings
 from pipeline.mjcf.bundle import World, open_bundle, placed_parts
@@ -79,10 +78,31 @@ def shafts_of(legs, tmp_path):
     return draw_sheets(path, read_station_legs(path))
 
 
-def test_shafts_that_visible_rock_leaves_out_are_told_with_the_way_to_build_them(tmp_path, capsys):
+def test_shafts_are_built_unless_the_parameters_say_otherwise(tmp_path):
     workings, heights = shafts_of(with_shafts(), tmp_path)
-    assert not _find_openings(compose([]).contours, SimpleNamespace(heights=heights), workings).shafts
-    assert f"{len(heights.shafts)} shafts are left out; without visible rock (preset=light)" in capsys.readouterr().err
+    survey = SimpleNamespace(heights=heights)
+    assert len(_find_openings(compose([]).contours, survey, workings).shafts) == 3
+    assert not _find_openings(compose(["contours.openings=false"]).contours, survey, workings).shafts
+
+
+def test_a_surveyed_roof_stays_as_high_in_a_floor_with_openings(light, tmp_path):
+    mine = MineWithHeights(with_shafts(), light, tmp_path, {"m00": 5.0, "m01": 5.0, "m10": 3.0})
+    assert len(mine.openings) == 3
+    collar = np.array(mine.openings[0].outline_m)
+    roof = mine.floor.raised(3.5).heights_at(collar) - mine.floor.heights_at(collar)
+    np.testing.assert_allclose(roof, 5.0, atol=0.01)
+    assert broken(validator_of(mine, light).certificate) == {}
+
+
+def test_a_floor_is_filled_over_its_openings_and_keeps_its_other_faces(fenced):
+    floor, outlines = fenced.floor, [np.array(opening.outline_m) for opening in fenced.openings]
+    whole = floor.filled(outlines)
+    np.testing.assert_array_equal(whole.faces[: len(floor.faces)], floor.faces)
+    middles = np.array([outline.mean(axis=0) for outline in outlines])
+    assert not floor.covers(middles).any()
+    assert whole.covers(middles).all()
+    assert whole.sheet[whole.faces_at(middles)].tolist() == [opening.sheet for opening in fenced.openings]
+    assert len(floor.wall_edges()) - len(whole.wall_edges()) == 4 * len(outlines)
 
 
 def test_shafts_of_a_survey_lead_from_station_to_station_and_to_blind_ends(tmp_path):
@@ -219,12 +239,6 @@ def test_forged_openings_are_refused_with_their_field(fenced):
         forged = sealed({**files, RECORD: json.dumps(changed).encode()})
         with pytest.raises(BundleError, match=said):
             check_files(fenced.bundle, forged, hash_files(forged))
-
-
-def test_openings_need_a_world_without_visible_rock(monkeypatch):
-    monkeypatch.chdir(ROOT)
-    with pytest.raises(ParamsError, match=r"contours\.openings=true needs a world without visible rock"):
-        compose(["contours.openings=true"])
 
 
 def drive_into_the_shaft(world, whole, steps=60):

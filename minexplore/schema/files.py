@@ -33,6 +33,7 @@ from minexplore.schema.arrays import read_arrays
 from minexplore.schema.fittings import FITTING_MESH
 from minexplore.schema.meshes import MESHES, check_meshes
 from minexplore.schema.model import VISIBLE_MESH
+from minexplore.schema.openings import check_opening_meshes
 from minexplore.schema.png import GREY, PALETTE, RGB, check_png
 from minexplore.schema.rules import numbers_in
 
@@ -128,6 +129,7 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], floor:
     low, high = rock_box(record, floor)
     low, high = low - [_BEYOND_M, _BEYOND_M, _BELOW_M], high + np.array([_BEYOND_M, _BEYOND_M, _ABOVE_M])
     check_meshes(files, low, high, floor, record["height_m"])
+    check_opening_meshes(files, record, floor)
     for name, kind in pictures_of(record).items():
         width, height = check_png(name, files[name], kind, _MOST_PIXELS[name])
         if name == ROCK_TEXTURE and (width != height or width < 16):

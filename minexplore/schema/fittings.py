@@ -12,6 +12,7 @@ from minexplore.bundle import (
     FURNITURE_ABOVE_M,
     LINES_ABOVE_M,
     MODEL,
+    OPENING_FITTINGS,
     RECORD,
     SHADE_MATERIAL,
     SURFACE_CLASS,
@@ -21,9 +22,12 @@ from minexplore.bundle import (
     fitting_geom,
     fitting_material,
     has_heights,
+    has_visible_rock,
     is_cover,
     is_fitting,
+    is_of_opening,
     mesh_file,
+    opening_mesh,
     puddle_geom,
     shade_geom,
 )
@@ -33,8 +37,11 @@ from minexplore.schema.rules import exactly, matching, numbers, numbers_in, same
 from minexplore.schema.xml import Node
 
 _MOST = 100_000
-_KINDS = "|".join(FURNITURE)
-FITTING_MESH = rf"(?:cover_\d{{3,4}}_\d{{2,4}}_\d{{2,4}}|(?:{_KINDS})_\d{{2,4}}_\d{{2,4}})"
+_KINDS = "|".join([*FURNITURE, *OPENING_FITTINGS])
+FITTING_MESH = (
+    rf"(?:cover_\d{{3,4}}_\d{{2,4}}_\d{{2,4}}|(?:{'|'.join(FURNITURE)})_\d{{2,4}}_\d{{2,4}}"
+    rf"|(?:{'|'.join(OPENING_FITTINGS)})_\d{{4}})"
+)
 _ZONE = r"[a-z][a-z0-9_]{0,63}"
 _RGBA = Attribute(numbers(4, 0, 1), "1 1 1 1")
 _NOT_TURNED = constant(1, 0, 0, 0, default="1 0 0 0")
@@ -74,7 +81,7 @@ MATERIALS = (
         },
         name=f"fitting_(?:{_KINDS})",
         least=0,
-        most=len(FURNITURE),
+        most=len(FURNITURE) + len(OPENING_FITTINGS),
     ),
     Element(
         "material",
@@ -175,8 +182,9 @@ def check_fittings(body: Node | None, assets: Mapping[tuple[str, str], Node], re
     """
     meshes = {name for tag, name in assets if tag == "mesh" and is_fitting(name)}
     geoms = {node.name: node for node in body.children} if body else {}
-    if (body or meshes) and record["look"] == PLAIN:
-        raise BundleError(f"{MODEL}: {FITTINGS_BODY}: a world of the plain look has none")
+    if (body or meshes) and record["look"] == PLAIN and not (meshes and all(map(is_of_opening, meshes))):
+        raise BundleError(f"{MODEL}: {FITTINGS_BODY}: a world of the plain look has none but those of openings")
+    _check_of_openings({name for name in meshes if is_of_opening(name)}, record)
     planes = {name: node for name, node in geoms.items() if node.attributes.get("type") == "plane"}
     shown = {fitting_geom(name) for name in meshes}
     if shown != geoms.keys() - planes.keys():
@@ -203,6 +211,15 @@ def check_fittings(body: Node | None, assets: Mapping[tuple[str, str], Node], re
     if shades:
         _check_planes(planes, zones)
     _check_materials(geoms, assets, zones)
+
+
+def _check_of_openings(found: set[str], record: Mapping[str, Any]) -> None:
+    """Check that each opening of a world with visible rock has its lining, and a fence if it is fenced."""
+    count = len(record.get("openings", [])) if has_visible_rock(record) else 0
+    kinds = OPENING_FITTINGS if record.get("fenced") else [kind for kind in OPENING_FITTINGS if kind != "fence"]
+    wanted = {opening_mesh(kind, number) for kind in kinds for number in range(count)}
+    if found != wanted:
+        raise BundleError(f"{MODEL}: {FITTINGS_BODY}: {min(found ^ wanted)!r}: missing, or no opening has it")
 
 
 def _check_planes(planes: Mapping[str, Node], zones: Mapping[str, Any]) -> None:

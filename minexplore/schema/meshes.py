@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from minexplore.bundle import BundleError, TriangleMesh, decode_msh, is_cover, is_fitting
+from minexplore.bundle import BundleError, TriangleMesh, decode_msh, is_cover, is_fitting, is_of_opening
 from minexplore.floor import Floor
 from minexplore.folding import Folding
 from minexplore.schema.fittings import check_heights
@@ -101,7 +101,7 @@ def _check_places(names: list[str], vertices: list[np.ndarray], low: np.ndarray,
 def _check_fittings(names: list[str], meshes: list[TriangleMesh], folding: Folding, height_m: float) -> None:
     """Check that fittings are at heights where fittings are, above the floor under them; NaN fails as well."""
     for name, mesh in zip(names, meshes, strict=True):
-        if not is_fitting(_stem(name)):
+        if not is_fitting(_stem(name)) or is_of_opening(_stem(name)):
             continue
         if folding.floor.is_flat:
             check_heights(_stem(name), float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max()))

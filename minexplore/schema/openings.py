@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.bundle import COLLAR_CORNERS, FLOOR, RECORD, BundleError
+from minexplore.bundle import COLLAR_CORNERS, FLOOR, RECORD, BundleError, decode_msh, mesh_file, opening_mesh
 from minexplore.floor import Floor
 from minexplore.schema.model import REACH_M
 from minexplore.schema.rules import Rule, list_of, number, one_of, same_json, whole
@@ -16,6 +16,9 @@ MOST_OPENINGS = 10_000
 _MOST_SHEETS = 1000
 _CORNER_M = 1e-6
 _LEAST_M2 = 0.01
+_FENCE_M = 1.5  # height, at most
+_OVER_ROBOTS_M = 1.0  # over the floor below a shaft
+_SLACK_M = 0.01
 
 OPENING: dict[str, Rule] = {
     "outline_m": list_of(list_of(number(-REACH_M, REACH_M), 2), COLLAR_CORNERS),
@@ -25,6 +28,40 @@ OPENING: dict[str, Rule] = {
     "bottom_m": number(-REACH_M, REACH_M),
 }
 FENCED = one_of(same_json(True), same_json(False))
+
+
+def check_opening_meshes(files: Mapping[str, bytes], record: Mapping[str, Any], floor: Floor) -> None:
+    """Refuse a lining or a fence that is not within its opening, or hangs as low as robots are in the drift below.
+
+    Raises
+    ------
+    BundleError
+        Naming the file, how far it is outside, or its heights and the limits.
+    """
+    for at, opening in enumerate(record.get("openings", [])):
+        outline = np.array(opening["outline_m"])
+        corners = [int(np.abs(floor.vertices[:, :2] - corner).max(axis=1).argmin()) for corner in outline]
+        collar_m, section = floor.vertices[corners, 2], outline - floor.offset_m[opening["sheet"]]
+        along = np.roll(section, -1, axis=0) - section
+        out = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+        above = 0.0 if opening["below"] is None else _OVER_ROBOTS_M
+        heights = {
+            "fence": (collar_m.min(), collar_m.max() + _FENCE_M),
+            "shaft": (opening["bottom_m"] + above, collar_m.max()),
+        }
+        for kind, (low, high) in heights.items():
+            name = mesh_file(opening_mesh(kind, at))
+            if name not in files:  # `check_fittings` says which there must be
+                continue
+            vertices = decode_msh(files[name]).vertices.astype(np.float64)
+            beyond = ((vertices[:, None, :2] - section) * out).sum(axis=2).max()
+            least, most = vertices[:, 2].min(), vertices[:, 2].max()
+            if not beyond <= _SLACK_M:
+                raise BundleError(f"{name}: {beyond:.3f} m outside openings[{at}], want at most {_SLACK_M:g} m")
+            if not (least >= low - _SLACK_M and most <= high + _SLACK_M):
+                raise BundleError(
+                    f"{name}: from {least:.3f} to {most:.3f} m, openings[{at}] has {low:.3f} to {high:.3f} m"
+                )
 
 
 def check_openings(record: Mapping[str, Any], floor: Floor) -> None:

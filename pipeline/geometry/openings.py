@@ -127,6 +127,11 @@ def without_openings(outline: BaseGeometry, openings: Openings) -> BaseGeometry:
     return parts[0] if isinstance(outline, Polygon) else MultiPolygon(parts)
 
 
+def filled_floor(floor: Floor, openings: Openings) -> Floor:
+    """Return a floor that `cut_floor` made with faces over its openings: visible rock is made over it."""
+    return floor.filled(np.array(opening.outline_m) for opening in openings.shafts)
+
+
 def cut_floor(floor: Floor, openings: Openings) -> Floor:
     """Return a floor without its faces over openings.
 
@@ -145,6 +150,7 @@ def _without_faces(floor: Floor, opening: Opening) -> Floor:
     outer = max(rings, key=lambda ring: Polygon(ring).area)
     region = Polygon(outer, [*(ring for ring in rings if ring is not outer), corners])
     vertices = np.vstack([floor.vertices, np.column_stack([corners, floor.heights_at(corners)])])
+    stretch = np.concatenate([floor.stretch, floor.stretch_at(corners)]) if floor.is_stretched else floor.stretch
     points, faces = triangulate(region)
     of_region = np.append(np.unique(floor.faces[near]), len(floor.vertices) + np.arange(len(corners)))
     number = {(x, y): k for k, (x, y) in zip(of_region.tolist(), vertices[of_region, :2].tolist(), strict=True)}
@@ -152,4 +158,5 @@ def _without_faces(floor: Floor, opening: Opening) -> Floor:
     every = np.concatenate([floor.faces[~near], made])
     used, renumbered = np.unique(every, return_inverse=True)
     sheet = np.concatenate([floor.sheet[~near], np.full(len(made), opening.sheet)]).astype(floor.sheet.dtype)
-    return Floor(vertices[used], renumbered.reshape(-1, 3).astype(np.int32), sheet, floor.offset_m)
+    stretch = stretch[used] if floor.is_stretched else stretch
+    return Floor(vertices[used], renumbered.reshape(-1, 3).astype(np.int32), sheet, floor.offset_m, stretch)

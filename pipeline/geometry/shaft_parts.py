@@ -21,13 +21,18 @@ def section_of(opening: Opening, floor: Floor) -> Points2:
     return np.array(opening.outline_m) - floor.offset_m[opening.sheet]
 
 
+def section_below(opening: Opening, floor: Floor) -> Points2 | None:
+    """Return the corners (k, 2) m of a shaft in the plan of the sheet below it, or None if it ends blind."""
+    return None if opening.below is None else section_of(opening, floor) + floor.offset_m[opening.below]
+
+
 def ends_of(opening: Opening, floor: Floor, height_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return how high each of a shaft's edges begins and ends (k,) m: at its collar, and at the roof or floor below."""
     corners = np.array(opening.outline_m)
-    tops = floor.heights_at(corners)
-    if opening.below is None:
+    tops, below = floor.heights_at(corners), section_below(opening, floor)
+    if below is None:
         return tops, np.full(len(corners), opening.bottom_m)
-    return tops, floor.raised(height_m).heights_at(section_of(opening, floor) + floor.offset_m[opening.below])
+    return tops, floor.raised(height_m).heights_at(below)
 
 
 def shaft_parts(openings: Openings, floor: Floor, height_m: float) -> list[Points3]:
@@ -39,7 +44,7 @@ def shaft_parts(openings: Openings, floor: Floor, height_m: float) -> list[Point
     parts = []
     for opening in openings.shafts:
         inner = section_of(opening, floor)
-        outer = _moved_out(inner, SLAB_M)
+        outer = moved_out(inner, SLAB_M)
         tops, ends = ends_of(opening, floor, height_m)
         shoulders = np.minimum(_SHOULDER_M, (tops - ends) / 2)
         feet = ends + SLAB_M if opening.below is not None else ends - SLAB_M
@@ -57,7 +62,7 @@ def fence_parts(openings: Openings, floor: Floor) -> list[Points3]:
     parts = []
     for opening in openings.shafts:
         outer = section_of(opening, floor)
-        inner = _moved_out(outer, -FENCE_M)
+        inner = moved_out(outer, -FENCE_M)
         foot = floor.heights_at(np.array(opening.outline_m))
         for k in range(len(outer)):
             pair = [k, (k + 1) % len(outer)]
@@ -83,13 +88,13 @@ def roof_slabs(floor: Floor, height_m: float, openings: Openings) -> list[Points
         corners = np.array(opening.outline_m)
         patches.append(np.column_stack([corners, under.heights_at(corners)]))
     for opening in openings.shafts:
-        if opening.below is not None:
-            hole = section_of(opening, floor) + floor.offset_m[opening.below]
+        hole = section_below(opening, floor)
+        if hole is not None:
             patches = [piece for patch in patches for piece in _around(patch, hole)]
     return [slab(fold_patch(under, patch), low, low + SLAB_M) for patch in patches]
 
 
-def _moved_out(corners: Points2, far_m: float) -> Points2:
+def moved_out(corners: Points2, far_m: float) -> Points2:
     """Return the corners (k, 2) m of a convex counter-clockwise outline with its edges moved outwards."""
     along = np.roll(corners, -1, axis=0) - corners
     along /= np.linalg.norm(along, axis=1, keepdims=True)

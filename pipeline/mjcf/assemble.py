@@ -29,10 +29,12 @@ from minexplore.bundle import (
 from minexplore.floor import Floor
 from minexplore.stretch import raise_m
 from pipeline.geometry.extrude import collect_parts
+from pipeline.geometry.openings import filled_floor, without_openings
 from pipeline.geometry.shaft_parts import fence_parts, roof_slabs
 from pipeline.mjcf.bundle import HeightFigures, WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
+from pipeline.mjcf.openings import show_openings
 from pipeline.mjcf.render import render_camera
 from pipeline.mjcf.scene import FloorZone, MineScene, place_lights, tile_zones, tilt_about_centre
 from pipeline.mjcf.world import zoned_patches
@@ -95,7 +97,9 @@ def assemble_world(
         heading_rad=heading_at(topology, spawn.anchor_m),
         T_world_mine=tilt_about_centre(_tilt_deg(params, floor), extent.world_m),
         look=params.look,
-        fittings=_fittings(params, free_space, topology, zones, chunks, extent.height_m, floor),
+        fittings=_fittings(params, free_space, topology, zones, chunks, extent.height_m, floor, openings)
+        if smooth
+        else {},
         puddles=tuple(zone.name for zone in zones if zone.name in wet.puddles) if wet else (),
         water_m=wet.water_m if wet else 0.0,
         floor=floor,
@@ -138,14 +142,16 @@ def _fittings(
     rough: Bundle,
     height_m: float,
     floor: Floor,
+    openings: Openings,
 ) -> Bundle:
-    """Return the meshes of the visible floor and of the furniture as `NAME.msh`."""
-    found: Bundle = {}
+    """Return the meshes of the visible floor, the furniture and the openings as `NAME.msh`."""
+    free, whole = without_openings(free_space.polygon, openings), filled_floor(floor, openings)
+    found: Bundle = show_openings(openings, whole, rough, height_m, params.fence_openings)
     if params.floor:
-        cover = cover_floor(params.floor, free_space.polygon, topology, zones, floor)
+        cover = cover_floor(params.floor, free, topology, zones, whole, openings)
         found |= {name: encode(Path(f"{name}.msh"), mesh) for name, mesh in cover.items()}
     if params.furnish != "off":
-        found |= hang_furniture(params.furniture[params.furnish], topology, rough, height_m, floor)
+        found |= hang_furniture(params.furniture[params.furnish], topology, rough, height_m, whole)
     return {f"{name}.msh": found[name] for name in sorted(found)}
 
 

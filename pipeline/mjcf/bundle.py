@@ -33,6 +33,7 @@ from minexplore.bundle import (
 from minexplore.floor import Floor
 from minexplore.folding import Folding
 from pipeline.errors import ArtifactError
+from pipeline.geometry.openings import filled_floor
 from pipeline.geometry.shaft_parts import sheets_of_parts
 from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.scene import FloorZone, MineScene
@@ -221,7 +222,7 @@ def unfold_surfaces(folder: Path, record: WorldRecord) -> Unfold | None:
     """Return what moves triangles (n, 3, 3) m into the plan, or None for a flat world."""
     if record.heights is None:
         return None
-    return partial(Folding(read_floor(folder, record)).unfold_each, height_m=record.height_m)
+    return partial(Folding(read_whole_floor(folder, record)).unfold_each, height_m=record.height_m)
 
 
 def _triangles_of_geoms(model: mujoco.MjModel, prefix: str, unfold: Unfold | None) -> np.ndarray:
@@ -295,6 +296,11 @@ def read_floor(folder: Path, record: WorldRecord) -> Floor:
     """Return the floor of a bundle."""
     floor: Floor = decode(folder / FLOOR, Floor) if record.heights else Floor()
     return floor
+
+
+def read_whole_floor(folder: Path, record: WorldRecord) -> Floor:
+    """Return the floor of a bundle with faces over its openings: visible rock is made over it."""
+    return filled_floor(read_floor(folder, record), Openings(record.openings))
 
 
 def model_in_plan(folder: Path, world: World) -> mujoco.MjModel:

@@ -17,12 +17,13 @@ from minexplore.floor import Floor
 from minexplore.folding import Folding
 from minexplore.looks import SHADE_LEVELS, TEXTURE_PER_M
 from pipeline.geometry.floor_parts import wall_lines
+from pipeline.geometry.holes import cut_hole
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.seams import behind_seam, seam_lines
 from pipeline.geometry.subdivide import split_edges
 from pipeline.mjcf.scene import FloorZone
 from pipeline.params.realism import FloorParams
-from pipeline.types import DriftNetwork, Frame, Mesh
+from pipeline.types import NO_OPENINGS, DriftNetwork, Frame, Mesh, Openings
 
 _BEYOND_M = 0.6  # under the rock, whose foot stands that far behind the wall
 _TILE_M = 20.0
@@ -45,7 +46,12 @@ _SUNK_M = (0.15, 0.4)  # behind the wall the floor sinks, unseen; simplification
 
 
 def cover_floor(
-    params: FloorParams, free: Polygon, network: DriftNetwork, zones: list[FloorZone], floor: Floor | None = None
+    params: FloorParams,
+    free: Polygon,
+    network: DriftNetwork,
+    zones: list[FloorZone],
+    floor: Floor | None = None,
+    openings: Openings = NO_OPENINGS,
 ) -> dict[str, Mesh]:
     """Return the meshes of the visible floor by name, m, mine frame; nothing of them collides.
 
@@ -63,6 +69,8 @@ def cover_floor(
     floor : Floor, optional
         Of a mine with heights: the floor is laid in the plan, level on seams, and folded. It has no puddles: water is
         level.
+    openings : Openings
+        Holes in the visible floor; `free` and `floor` are those without them.
     """
     floor = floor or Floor()
     if not floor.is_flat:
@@ -83,7 +91,11 @@ def cover_floor(
     height = _level_on_seams(params, seams, places, height)
     height = np.clip(_sunk_under_rock(free, walls, places, height), _LOWEST_M, COVER_M)
     vertices, faces = _simplified(params, np.column_stack([places, height]), _faces(cells))
-    return _cut(vertices, _upwards(vertices, faces), zones, params.spacing_m, Folding(floor))
+    faces = _upwards(vertices, faces)
+    for opening in openings.shafts:
+        cut = cut_hole(vertices, faces, np.array(opening.outline_m))
+        vertices, faces = cut.points, cut.faces
+    return _cut(vertices, faces, zones, params.spacing_m, Folding(floor))
 
 
 def _seams(free: BaseGeometry, floor: Floor) -> list[tuple[np.ndarray, Polygon]]:

@@ -30,12 +30,6 @@ class Config(Params):
         return self
 
     @model_validator(mode="after")
-    def _openings_without_rock(self) -> Config:
-        if self.contours.openings and self.surface.overlay != "none":
-            raise ValueError("contours.openings=true needs a world without visible rock (surface.overlay=none)")
-        return self
-
-    @model_validator(mode="after")
     def _fittings_on_rock(self) -> Config:
         if self.surface.overlay == "none" and (self.realism.floor or self.realism.furnish != "off"):
             raise ValueError("realism.floor and realism.furnish need visible rock (surface.overlay=rough)")

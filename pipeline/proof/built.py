@@ -10,6 +10,7 @@ from minexplore.schema.files import pictures_of
 from minexplore.schema.png import inflate_png
 from pipeline.errors import ArtifactError
 from pipeline.geometry.fewest_vertices import MOST_RATIO
+from pipeline.geometry.openings import without_openings
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.fittings import require_fittings
@@ -17,7 +18,7 @@ from pipeline.proof.remake import Tracing, read_free_space, require_remade
 from pipeline.proof.same_floor import require_floor
 from pipeline.proof.same_model import require_same_model
 from pipeline.proof.visible import require_visible
-from pipeline.types import FreeSpace
+from pipeline.types import FreeSpace, Openings
 
 
 def tolerance_of(params: ValidationParams) -> float:
@@ -48,8 +49,9 @@ def require_built(folder: Path, record: WorldRecord, params: ValidationParams) -
     grid = require_remade(folder, record, free_space, tracing, tolerance_of(params))
     require_same_model(folder, record, free_space.polygon, params.collision_method == "exact", params.collision_tile_m)
     if record.has_visible_rock:
-        require_visible(folder, record, free_space.polygon, grid)
-        require_fittings(folder, record, free_space.polygon, params.fittings)
+        drifts = without_openings(free_space.polygon, Openings(record.openings))
+        require_visible(folder, record, drifts, grid)
+        require_fittings(folder, record, drifts, params.fittings)
     return free_space
 
 

@@ -17,21 +17,23 @@ from minexplore.bundle import (
     encode_msh,
     is_cover,
     is_fitting,
+    is_of_opening,
     mesh_file,
     puddle_geom,
     shade_geom,
 )
 from minexplore.floor import Floor
 from minexplore.looks import SHADE_LEVELS, TEXTURE_PER_M
-from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
-from pipeline.mjcf.bundle import WorldRecord, read_floor
+from pipeline.mjcf.bundle import WorldRecord, read_whole_floor
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
+from pipeline.mjcf.openings import show_openings
 from pipeline.params.realism import FloorParams
 from pipeline.params.validation import FittingsParams
+from pipeline.proof.visible import rough_meshes
 from pipeline.store.codecs import Bundle, decode, encode
-from pipeline.types import DriftNetwork
+from pipeline.types import DriftNetwork, Openings
 
 _APART_M = 2e-3  # of a corner: far from the origin it has millimetres, and another processor may round the other way
 _TEXTURED_M = 5e-3
@@ -39,9 +41,9 @@ _LEVEL_M = 1e-6
 
 
 def require_fittings(folder: Path, record: WorldRecord, free: Polygon, params: FittingsParams) -> None:
-    """Make the visible floor and the furniture of a bundle again and compare every face.
+    """Make the visible floor, the furniture and the openings of a bundle again and compare every face.
 
-    Both may be absent. The floor must be the one of `params.floor`; the furniture must be all of one of
+    The first two may be absent. The floor must be the one of `params.floor`; the furniture must be all of one of
     `params.furniture`, hung on the bundle's own rock, which `visible` checks.
 
     Raises
@@ -51,14 +53,19 @@ def require_fittings(folder: Path, record: WorldRecord, free: Polygon, params: F
     """
     names = [name.removeprefix("meshes/").removesuffix(".msh") for name in record.files if name.startswith("meshes/")]
     cover = {name for name in names if is_fitting(name) and is_cover(name)}
-    furniture = {name for name in names if is_fitting(name) and not is_cover(name)}
+    furniture = {name for name in names if is_fitting(name) and not (is_cover(name) or is_of_opening(name))}
     network: DriftNetwork = decode(folder / TOPOLOGY, DriftNetwork)
-    floor = read_floor(folder, record)
+    floor = read_whole_floor(folder, record)
+    rough = {f"{n}.msh": (folder / mesh_file(n)).read_bytes() for n in rough_meshes(names)}
+    if record.openings:
+        shown = show_openings(Openings(record.openings), floor, rough, record.height_m, record.fenced)
+        made = {name: decode_msh(data) for name, data in shown.items()}
+        differs = _first_difference(folder, {name for name in names if is_of_opening(name)}, made)
+        if differs:
+            raise ArtifactError(differs)
     if cover:
         _require_floor(folder, record, free, network, cover, params.floor, floor)
     if furniture:
-        rough = {f"{n}.msh": (folder / mesh_file(n)).read_bytes() for n in names if not is_fitting(n)}
-        rough = {name: data for name, data in rough.items() if Path(name).stem not in SMOOTH_MESHES}
         _require_furniture(folder, furniture, _furniture_made(params, network, rough, record.height_m, floor))
 
 
@@ -73,7 +80,7 @@ def _require_floor(
 ) -> None:
     if params is None:
         raise ArtifactError(f"{folder / mesh_file(min(names))}: a visible floor, realism.floor = null says none")
-    meshes = cover_floor(params, free, network, record.zones, floor)
+    meshes = cover_floor(params, free, network, record.zones, floor, Openings(record.openings))
     made = {name: decode_msh(encode(Path("cover.msh"), mesh)) for name, mesh in meshes.items()}
     differs = _first_difference(folder, names, made)
     if differs:

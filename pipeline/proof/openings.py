@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from minexplore.bundle import SLAB_M, GeomGroup
 from minexplore.floor import Floor
 from pipeline.geometry.extrude import section_footprint
-from pipeline.geometry.shaft_parts import FENCE_HEIGHT_M, FENCE_M, ends_of, section_of
+from pipeline.geometry.shaft_parts import FENCE_HEIGHT_M, FENCE_M, ends_of, section_below, section_of
 from pipeline.metrics.containment import WallCover, slices_above
 from pipeline.mjcf.bundle import World, placed_parts
 from pipeline.types import Opening
@@ -68,10 +68,8 @@ def _collar_plane(opening: Opening, floor: Floor) -> np.ndarray:
 
 def holes_in_roof(world: World, floor: Floor) -> BaseGeometry:
     """Return where shafts come through roofs, in plan."""
-    sections = [
-        Polygon(section_of(o, floor) + floor.offset_m[o.below]) for o in world.record.openings if o.below is not None
-    ]
-    return shapely.union_all(sections)
+    sections = [section_below(opening, floor) for opening in world.record.openings]
+    return shapely.union_all([Polygon(section) for section in sections if section is not None])
 
 
 def open_over_collars_m2(world: World, floor: Floor) -> float:

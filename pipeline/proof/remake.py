@@ -86,7 +86,7 @@ def require_remade(
     _require_map_and_octree(folder, record, grid)
     _require_spawn(folder, record, grid)
     if record.has_visible_rock:
-        require_smooth(folder, record, free)
+        require_smooth(folder, record, without_openings(free, Openings(record.openings)))
     return grid
 
 

@@ -12,7 +12,7 @@ from minexplore.bundle import FLOOR_CHAMFER, ROOF, WALLS, mesh_file, smooth_mesh
 from minexplore.floor import Floor
 from minexplore.folding import Folding
 from pipeline.errors import ArtifactError
-from pipeline.mjcf.bundle import WorldRecord, read_floor, unfold_surfaces
+from pipeline.mjcf.bundle import WorldRecord, read_whole_floor, unfold_surfaces
 from pipeline.proof.same_surface import surfaces_differ, triangles_differ
 from pipeline.store.codecs import decode
 from pipeline.surface.smooth import FLOOR
@@ -31,7 +31,7 @@ class SmoothSizes:
 
 def smooth_sizes(folder: Path, record: WorldRecord) -> SmoothSizes:
     """Read the sizes of the smooth surface off its meshes, to a tenth of a millimetre."""
-    floor, repeat_m = read_floor(folder, record), texture_repeat_m(folder, record)
+    floor, repeat_m = read_whole_floor(folder, record), texture_repeat_m(folder, record)
     chamfer, roof = (_above_floor(folder, floor, piece, repeat_m) for piece in (FLOOR_CHAMFER, ROOF))
     return SmoothSizes(
         round(float(chamfer.max()), 4), round(record.height_m - float(roof.min()), 4), round(repeat_m, 4)
@@ -70,7 +70,7 @@ def require_smooth(folder: Path, record: WorldRecord, free: Polygon) -> None:
     ArtifactError
         With the file and how it differs.
     """
-    floor, sizes = read_floor(folder, record), smooth_sizes(folder, record)
+    floor, sizes = read_whole_floor(folder, record), smooth_sizes(folder, record)
     chamfers, repeat_m = (sizes.floor_chamfer_m, sizes.roof_chamfer_m), sizes.repeat_m
     if not (0.01 < repeat_m < 1000 and min(chamfers) > 1e-3 and sum(chamfers) < record.height_m):
         raise ArtifactError(

@@ -19,6 +19,7 @@ from pipeline.errors import ArtifactError
 from pipeline.geometry.binarize import left_out
 from pipeline.geometry.floor_parts import wall_lines
 from pipeline.geometry.half_level import trace_half_level
+from pipeline.geometry.openings import without_openings
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.metrics.clearance import WallGaps
 from pipeline.metrics.iou import intersection_over_union
@@ -26,7 +27,16 @@ from pipeline.metrics.navigability import Navigability, cast_columns
 from pipeline.metrics.relief import Relief
 from pipeline.metrics.topology import compare_topology
 from pipeline.metrics.wall_error import WallError, measure_wall_error
-from pipeline.mjcf.bundle import Unfold, World, model_in_plan, open_bundle, part_vertices, read_floor, unfold_surfaces
+from pipeline.mjcf.bundle import (
+    Unfold,
+    World,
+    model_in_plan,
+    open_bundle,
+    part_vertices,
+    read_floor,
+    read_whole_floor,
+    unfold_surfaces,
+)
 from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.built import require_built, tolerance_of
@@ -34,7 +44,7 @@ from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.consistency import measure_consistency
 from pipeline.proof.surface import TextureReport, report_relief, report_texture, report_walls, texture_metrics
 from pipeline.store.codecs import decode
-from pipeline.types import DriftNetwork, FreeSpace, Mask, Survey
+from pipeline.types import DriftNetwork, FreeSpace, Mask, Openings, Survey
 
 _PIXELS = 1.5  # round an opening, whose border the two masks may see differently
 _AREA_M2 = 1.1e-3  # areas have three decimals
@@ -95,9 +105,14 @@ class Validator:
         return unfold_surfaces(self.bundle, self.world.record)
 
     @functools.cached_property
+    def _drifts(self) -> BaseGeometry:
+        """Return the workings as if openings were floor, as visible rock is made along them."""
+        return without_openings(self.free_space.polygon, Openings(self.world.record.openings))
+
+    @functools.cached_property
     def _wall_lines(self) -> BaseGeometry:
-        """Return the walls in plan; the seams between sheets are none."""
-        return wall_lines(self.free_space.polygon, read_floor(self.bundle, self.world.record))
+        """Return the walls of the drifts in plan; the seams between sheets are none."""
+        return wall_lines(self._drifts, read_whole_floor(self.bundle, self.world.record))
 
     @functools.cached_property
     def wall_error(self) -> WallError:
@@ -124,13 +139,13 @@ class Validator:
     @functools.cached_property
     def texture(self) -> TextureReport:
         """Return the texture report."""
-        free, unfold = self.free_space.polygon, self._unfold
+        free, unfold = self._drifts, self._unfold
         return report_texture(self.world.model, free, self.network, self.params.texture, unfold)
 
     @functools.cached_property
     def relief(self) -> Relief:
         """Return the shape of the visible walls."""
-        free, stretches = self.free_space.polygon, self.params.texture.stretches
+        free, stretches = self._drifts, self.params.texture.stretches
         return report_relief(self.world.model, free, self.network, stretches, self._unfold, self._wall_lines)
 
     @functools.cached_property
@@ -142,8 +157,7 @@ class Validator:
     def walls(self) -> WallGaps:
         """Return the distances between visible walls and collision walls."""
         height, seed = self.params.robot_height_m, self.params.texture.seed
-        free = self.free_space.polygon
-        return report_walls(self.world.model, free, self.network, height, seed, self._unfold, self._wall_lines)
+        return report_walls(self.world.model, self._drifts, self.network, height, seed, self._unfold, self._wall_lines)
 
     @functools.cached_property
     def consistency(self) -> dict[str, Any]:

@@ -18,11 +18,12 @@ from minexplore.floor import Floor
 from minexplore.folding import Folding
 from minexplore.looks import PLAIN
 from minexplore.schema.model import SMOOTH_MESHES
-from minexplore.stretch import raise_m
+from minexplore.stretch import KNEE_M, raise_m
 from pipeline.errors import ArtifactError
 from pipeline.geometry.floor_parts import wall_lines
 from pipeline.geometry.seams import seam_lines
-from pipeline.mjcf.bundle import WorldRecord, read_floor
+from pipeline.geometry.shaft_parts import section_below
+from pipeline.mjcf.bundle import WorldRecord, read_whole_floor
 from pipeline.proof.same_surface import NearestFace
 from pipeline.proof.smooth import SmoothSizes, smooth_sizes
 from pipeline.store.codecs import decode
@@ -38,6 +39,7 @@ _TEXTURED_M = 5e-3  # far from the origin a coordinate has millimetres
 _ACROSS_M = 1.5  # a face belongs to the tile of its centre before it was displaced
 _FOOT_M = 1e-4  # above the floor
 _ON_SEAM_M = 0.01
+_ON_SHAFT_M = 0.025  # a hole in the roof may be smaller than its shaft by two centimetres
 _FOOT_AWAY_M = 1.0  # bumps, the floor chamfer, and rounded corners
 _FROM_SMOOTH_M = 1.0  # of a rough vertex: bumps of 0.45 m, and the arch against the chamfer of the roof
 _FROM_WALL_M = 0.6  # of a slice through the visible walls: bumps, and the floor chamfer below
@@ -60,7 +62,7 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     ArtifactError
         With the file or place, the value and the limit.
     """
-    floor, sizes = read_floor(folder, record), smooth_sizes(folder, record)
+    floor, sizes = read_whole_floor(folder, record), smooth_sizes(folder, record)
     names = [name.removeprefix("meshes/").removesuffix(".msh") for name in record.files if name.startswith("meshes/")]
     folding = Folding(floor)
     rough = {name: _read_chunk(folder, record, folding, name) for name in rough_meshes(names)}
@@ -75,7 +77,8 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     _require_tiles(folder, rough)
     seen = np.concatenate([chunk.places_m[chunk.mesh.faces] for chunk in rough.values()]) if rough else smooth
     if rough:
-        _require_closed(folder, list(rough.values()), free, floor, walls, record.height_m)
+        holes = [section_below(opening, floor) for opening in record.openings]
+        _require_closed(folder, list(rough.values()), free, floor, walls, record.height_m, holes)
     for height in HEIGHTS_M:
         if height < record.height_m / 2:
             _require_clear(folder, seen, walls, grid, height)
@@ -218,9 +221,18 @@ def face_samples(triangles: np.ndarray, most_m: float) -> np.ndarray:
 
 
 def _require_closed(
-    folder: Path, chunks: list[_Chunk], free: Polygon, floor: Floor, walls: cKDTree, height_m: float
+    folder: Path,
+    chunks: list[_Chunk],
+    free: Polygon,
+    floor: Floor,
+    walls: cKDTree,
+    height_m: float,
+    holes: list[np.ndarray | None],
 ) -> None:
-    """Check that the chunks together have no hole, no flipped and no double face, and end on the floor."""
+    """Check that the chunks together have no flipped and no double face, and end on the floor and round shafts alone.
+
+    `holes` are the sections (k, 2) m of shafts in plan, or None.
+    """
     # Vertices on the border of two chunks are equal to the last bit, also where two sheets meet.
     points = np.concatenate([chunk.mesh.vertices for chunk in chunks]).astype(np.float32) + np.float32(
         0.0
@@ -239,9 +251,11 @@ def _require_closed(
     alone = ~np.isin(ahead[:, 0] * len(corners) + ahead[:, 1], back)
     rim = np.concatenate([numbers[:, [0, 1]], numbers[:, [1, 2]], numbers[:, [2, 0]]])[alone]
     lifted = np.abs(places[rim][:, :, 2]).max(axis=1, initial=0.0) > _FOOT_M
+    lifted[lifted] = ~_round_shafts(places[rim[lifted]], holes)
     if lifted.any() or not len(rim):
         at = points[rim[lifted][0, 0]].tolist() if lifted.any() else None
         raise ArtifactError(f"{folder / RECORD}: visible rock: a hole at {at} m; its only rim is on the floor")
+    rim = rim[np.abs(places[rim][:, :, 2]).max(axis=1) <= _FOOT_M]
     _require_foot(folder, places[rim][:, :, :2], free, floor, walls)
     links = coo_array((np.ones(len(ahead)), (ahead[:, 0], ahead[:, 1])), shape=(len(corners), len(corners)))
     pieces, _ = connected_components(links, directed=False)
@@ -255,6 +269,17 @@ def _require_closed(
             f"{folder / RECORD}: visible rock: encloses {share:.3f} of the workings' volume, want {_VOLUME[0]} to "
             f"{_VOLUME[1]}; a surface inside out encloses less than 0"
         )
+
+
+def _round_shafts(rim: np.ndarray, holes: list[np.ndarray | None]) -> np.ndarray:
+    """Return whether edges (k, 2, 3) m are of the rim, above robots, of one whole hole where a shaft comes down."""
+    around = np.zeros(len(rim), bool)
+    for hole in (Polygon(corners) for corners in holes if corners is not None):
+        off = shapely.distance(hole.exterior, shapely.points(rim[:, :, :2])).max(axis=1, initial=0.0)
+        own = (off < _ON_SHAFT_M) & (rim[:, :, 2].min(axis=1, initial=np.inf) > KNEE_M)
+        shown = shapely.union_all(shapely.get_parts(shapely.polygonize(shapely.linestrings(rim[own][:, :, :2]))))
+        around |= own & (shown.symmetric_difference(hole).area < _ON_SHAFT_M * hole.length)
+    return around
 
 
 def _require_foot(folder: Path, rim: np.ndarray, free: Polygon, floor: Floor, walls: cKDTree) -> None:

@@ -1,0 +1,136 @@
+"""What a camera sees of openings: the lining of each shaft, and the fence round its collar; neither collides.
+
+They lie on the faces of the collision parts, so that beams and cameras meet what a robot would touch.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from minexplore.bundle import TriangleMesh, decode_msh, encode_msh, opening_mesh
+from minexplore.floor import Floor
+from minexplore.folding import Folding
+from pipeline.geometry.raycast import RayCaster
+from pipeline.geometry.shaft_parts import FENCE_HEIGHT_M, FENCE_M, ends_of, moved_out, section_below, section_of
+from pipeline.store.codecs import Bundle
+from pipeline.types import Opening, Openings
+
+_STEP_M, _MOST_STEPS = 0.5, 100  # of a lining: MuJoCo lights vertices
+_EYE_M = 1.2  # over the floor below, from where the roof is looked for
+_BESIDE_M = 0.02  # a shaft's section, where the roof is whole
+_DIGITS = 4
+
+
+def show_openings(openings: Openings, floor: Floor, rough: Bundle, height_m: float, fenced: bool) -> Bundle:
+    """Return the meshes of linings and fences by name as `.msh`, m, mine frame.
+
+    Parameters
+    ----------
+    openings : Openings
+    floor : Floor
+        With faces over the openings.
+    rough : dict of bytes
+        The chunks of the visible rock as `.msh`: a lining ends where the roof below is.
+    height_m : float
+        From the floor to the roof.
+    fenced : bool
+        Whether there are fences.
+    """
+    rock = _rock_under(openings, floor, rough, height_m)
+    found: Bundle = {}
+    for number, opening in enumerate(openings.shafts):
+        found[opening_mesh("shaft", number)] = encode_msh(_lining(opening, floor, rock, height_m))
+        if fenced:
+            found[opening_mesh("fence", number)] = encode_msh(_fence(opening, floor))
+    return found
+
+
+def _rock_under(openings: Openings, floor: Floor, rough: Bundle, height_m: float) -> RayCaster | None:
+    """Return the visible rock of the sheets that shafts lead to, in the plan."""
+    below = {opening.below for opening in openings.shafts} - {None}
+    folding, placed = Folding(floor), [np.zeros((0, 3, 3))]
+    for data in rough.values() if below else ():
+        mesh = decode_msh(data)
+        places = folding.unfold(mesh.vertices, height_m)
+        if floor.sheets_at(places[:1, :2])[0] in below:
+            placed.append(places[mesh.faces])
+    triangles = np.concatenate(placed)
+    return RayCaster(triangles) if len(triangles) else None
+
+
+def _lining(opening: Opening, floor: Floor, rock: RayCaster | None, height_m: float) -> TriangleMesh:
+    """Return the walls of a shaft, seen from inside, and the floor of a blind one."""
+    corners, (tops, ends) = section_of(opening, floor), ends_of(opening, floor, height_m)
+    deep = float(np.ptp([*tops, *ends]))
+    step = max(_STEP_M, deep / _MOST_STEPS)
+    rows = max(2, int(np.ceil(deep / step)) + 1)
+    pieces = []
+    for k, after in enumerate(np.roll(np.arange(len(corners)), -1)):
+        count = max(2, int(np.ceil(np.linalg.norm(corners[after] - corners[k]) / step)) + 1)
+        share = np.linspace(0, 1, count)[:, None]
+        places = corners[k] + share * (corners[after] - corners[k])
+        top, end = (values[k] + share[:, 0] * (values[after] - values[k]) for values in (tops, ends))
+        end = _roofs_at(opening, floor, rock, places, end)
+        down = np.linspace(0, 1, rows)[:, None]
+        heights = top + down * (end - top)
+        pieces.append(_grid(np.dstack([*np.broadcast_arrays(places[:, 0], places[:, 1], heights)])))
+    if opening.below is None:
+        bottom = np.column_stack([corners, ends])
+        pieces.append((bottom, np.array([(0, b, b + 1) for b in range(1, len(corners) - 1)])))
+    return _joined(pieces)
+
+
+def _roofs_at(
+    opening: Opening, floor: Floor, rock: RayCaster | None, places: np.ndarray, ends_m: np.ndarray
+) -> np.ndarray:
+    """Return how high (k,) m in the mine frame the visible roof is beside a shaft at places (k, 2) m on its walls.
+
+    Where none is seen, it is at the ends of the shaft's collision parts.
+    """
+    section = section_below(opening, floor)
+    if section is None or rock is None:
+        return ends_m
+    aside = section - section_of(opening, floor)
+    middle = section.mean(axis=0)
+    plan = places + aside[0]
+    beside = plan + _BESIDE_M * (plan - middle) / np.linalg.norm(plan - middle, axis=1, keepdims=True)
+    up = np.broadcast_to([0.0, 0.0, 1.0], (len(plan), 3))
+    above = _EYE_M + rock.cast(np.column_stack([beside, np.full(len(plan), _EYE_M)]), up)
+    seen = np.isfinite(above)
+    roofs = ends_m.copy()
+    if seen.any():
+        roofs[seen] = Folding(floor).fold(np.column_stack([plan, above])[seen])[:, 2]
+    return roofs
+
+
+def _fence(opening: Opening, floor: Floor) -> TriangleMesh:
+    """Return a fence: outer faces, inner faces and the top of each of its sides."""
+    outer = section_of(opening, floor)
+    inner, foot = moved_out(outer, -FENCE_M), floor.heights_at(np.array(opening.outline_m))
+    low, high = ([np.column_stack([ring, foot + z]) for ring in (outer, inner)] for z in (0.0, FENCE_HEIGHT_M))
+    pieces = []
+    for k, after in enumerate(np.roll(np.arange(len(outer)), -1)):
+        for start, end in (  # each from the left to the right of who sees it, and upwards
+            ((low[0][k], low[0][after]), (high[0][k], high[0][after])),
+            ((low[1][after], low[1][k]), (high[1][after], high[1][k])),
+            ((high[0][k], high[0][after]), (high[1][k], high[1][after])),
+        ):
+            pieces.append((np.array([*start, *end]), np.array([[0, 1, 3], [0, 3, 2]])))
+    return _joined(pieces)
+
+
+def _grid(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points (rows * columns, 3) of a grid and its faces (m, 3), seen from the left of its rows."""
+    rows, columns = points.shape[:2]
+    at = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = at[:-1, :-1], at[:-1, 1:], at[1:, 1:], at[1:, :-1]
+    faces = np.stack([np.dstack([a, b, c]), np.dstack([a, c, d])]).reshape(-1, 3)
+    return points.reshape(-1, 3), faces
+
+
+def _joined(pieces: list[tuple[np.ndarray, np.ndarray]]) -> TriangleMesh:
+    """Return one mesh of pieces that share no corner, so that light does not blend over their edges."""
+    starts = np.cumsum([0, *(len(points) for points, _ in pieces)])
+    points = np.concatenate([points for points, _ in pieces]).round(_DIGITS)
+    faces = np.concatenate([faces + start for (_, faces), start in zip(pieces, starts, strict=False)])
+    return TriangleMesh(points, faces, np.zeros((0, 2)), np.zeros((0, 3)))
