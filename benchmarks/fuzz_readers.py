@@ -13,6 +13,7 @@ PICTURES = ("png", "jpeg", "tiff", "pdf")
 PLACED = ("geotiff", "world file")
 VECTORS = ("map.yaml", "dxf", "geojson", "geopackage", "shapefile", "stations", "survex", "compass")
 SURVEYS = ("solved .3d", "survex project", "therion", "compass data")
+HEIGHTS = ("height raster", "height grid", "contour lines", "height labels")
 CLOUDS = ("xyz", "ply", "pcd", "las", "stl", "obj")
 
 
@@ -36,6 +37,25 @@ def _read_mine(path: Path, **stated: float) -> None:
 
 def _read_picture(path: Path) -> None:
     _read_mine(path, px_per_m=8.0)
+
+
+def _read_centrelines(path: Path) -> None:
+    _read_mine(path, half_width_m=2.0)
+
+
+def _read_heights(path: Path) -> None:
+    """Read a plan with the heights of a file beside it, as stage 1 does."""
+    from pydantic import TypeAdapter
+
+    from pipeline.params.survey import SurveyParams
+    from pipeline.survey.load import read_survey, sources
+
+    with chdir(path.parent.parent):
+        folder = path.parent.name
+        section = {"kind": "vector", "name": "fuzz", "file": f"{folder}/plan.geojson", "unit": "m"}
+        params = TypeAdapter(SurveyParams).validate_python({**section, "heights": f"{folder}/{path.name}"})
+        sources(params)
+        read_survey(params)
 
 
 def _read_cloud(path: Path) -> None:
@@ -87,6 +107,8 @@ def registry_beside(folder: Path) -> None:
 READERS: dict[str, Callable[[Path], None]] = {
     **dict.fromkeys(PICTURES, _read_picture),
     **dict.fromkeys((*PLACED, *VECTORS, *SURVEYS), _read_mine),
+    "centrelines": _read_centrelines,
+    **dict.fromkeys(HEIGHTS, _read_heights),
     **dict.fromkeys(CLOUDS, _read_cloud),
     "sweep": _read_sweep,
     "bundle": _read_bundle,

@@ -99,6 +99,65 @@ def _geojson() -> Files:
     return {"mine.geojson": json.dumps({**content, "note": "metres"}).encode()}
 
 
+def _centrelines() -> Files:
+    lines = [[[0, 0, 100], [40, 0, 100], [80, 0, 105]], [[40.1, 0, 100], [40, 30, 98], [70, 30, 90]]]
+    features = [
+        {"type": "Feature", "properties": {}, "geometry": {"type": "LineString", "coordinates": line}} for line in lines
+    ]
+    content = {"type": "FeatureCollection", "features": features, "note": "metres"}
+    return {"mine.geojson": json.dumps(content).encode()}
+
+
+def _beside_plan(files: Files) -> Files:
+    return {**files, "plan.geojson": _geojson()["mine.geojson"]}
+
+
+def _height_raster() -> Files:
+    import rasterio
+    from rasterio.transform import from_origin
+
+    def write(path: Path) -> None:
+        shape = {"width": 62, "height": 42, "count": 1, "dtype": "float32"}
+        with rasterio.open(path, "w", driver="GTiff", transform=from_origin(-1, 41, 1, 1), **shape) as out:
+            out.write(np.add.outer(np.arange(42), np.arange(62)).astype(np.float32) / 20, 1)
+
+    return _beside_plan(_saved("heights.tif", write))
+
+
+def _height_grid() -> Files:
+    head = b"ncols 62\nnrows 42\nxllcorner -1\nyllcorner -1\ncellsize 1\nNODATA_value -9999\n"
+    rows = [b" ".join(b"%.2f" % ((i + j) / 20) for i in range(62)) for j in range(42)]
+    return _beside_plan({"heights.asc": head + b"\n".join(rows) + b"\n"})
+
+
+def _contour_lines() -> Files:
+    import pyogrio.raw
+    import shapely
+
+    lines = [shapely.LineString([(5 * k, -2, k / 4), (5 * k, 44, k / 4)]) for k in range(14)]
+    wkb = np.array([shapely.to_wkb(line, output_dimension=3) for line in lines], dtype=object)
+    return _beside_plan(
+        _saved(
+            "heights.gpkg", lambda path: pyogrio.raw.write(path, wkb, [], [], geometry_type="LineString Z", crs=None)
+        )
+    )
+
+
+def _height_labels() -> Files:
+    import ezdxf.filemanagement
+
+    def write(path: Path) -> None:
+        drawing = ezdxf.filemanagement.new()
+        drawing.header["$INSUNITS"] = 6
+        drawing.modelspace().add_line((0, 0), (5, 5))
+        for x in range(1, 60, 6):
+            drawing.modelspace().add_text(f"{x / 20:.2f}", dxfattribs={"insert": (x, 3)})
+        drawing.modelspace().add_point((3, 20, 1.0))
+        drawing.saveas(path)
+
+    return _beside_plan(_saved("heights.dxf", write))
+
+
 def _map() -> Files:
     fields = {
         "image": "map.pgm",
@@ -217,6 +276,11 @@ SAMPLES: dict[str, Callable[[], Files]] = {
     "survex": lambda: {"cave.svx": _SVX, "more.svx": b"*data normal from to tape compass clino\n2 9 4 4 4\n"},
     "compass": lambda: {"cave.plt": _PLT},
     **{name: partial(dict, files) for name, files in SAMPLES_3D.items()},
+    "centrelines": _centrelines,
+    "height raster": _height_raster,
+    "height grid": _height_grid,
+    "contour lines": _contour_lines,
+    "height labels": _height_labels,
     "xyz": lambda: {"c.xyz": b"".join(b"%.3f %.3f %.3f 9\n" % tuple(p) for p in _cave())},
     "ply": _ply,
     "pcd": _pcd,

@@ -240,3 +240,84 @@ SHAPEFILE: Named = {
     "unit with line breaks": lambda: {"mine.prj": b'LOCAL_CS["a",UNIT["b\n  image: x",1]]'},
     "table of 2^32 rows": lambda: {"mine.dbf": struct.pack("<B3BIHH20x", 3, 26, 1, 1, 2**32 - 1, 65, 65_535) + b"\r"},
 }
+
+
+def _lines(*lines: object) -> dict[str, bytes]:
+    geometry = {"type": "MultiLineString", "coordinates": lines}
+    feature = {"type": "Feature", "properties": {}, "geometry": geometry}
+    content = {"type": "FeatureCollection", "features": [feature], "note": "metres"}
+    return {"mine.geojson": json.dumps(content).encode()}
+
+
+def _risen(number: str) -> bytes:
+    return _lines([[0, 0, 5], [40, 0, "N"]])["mine.geojson"].replace(b'"N"', number.encode())
+
+
+CENTRELINES: Named = {
+    "50,000 ends in one place": lambda: _lines(*([[0, 0, 5], [9 + k / 1e4, 3, 7]] for k in range(50_000))),
+    "3,000 lines that cross": lambda: _lines(
+        *([[k, -1, 5], [k, 1600, 5]] for k in range(1500)), *([[-1, k, 5], [1600, k, 5]] for k in range(1500))
+    ),
+    "60,000 points in one place": lambda: _lines([[k % 3, 0, k % 5] for k in range(60_000)]),
+    "plumb lines 20 km deep": lambda: _lines([[0, 0, 9000], [0, 0, -9000]], [[0, 0, 9000], [40, 0, 9000]]),
+    "10,000 passages over each other": lambda: _lines(*([[0, 0, k], [60, 0.1 * k, k]] for k in range(9999))),
+    "a coordinate of four numbers": lambda: _lines([[0, 0, 5, 7], [40, 0, 5, 7]]),
+    **absurd_numbers("mine.geojson", _risen),
+}
+
+
+def _sparse_raster(side: int) -> dict[str, bytes]:
+    """Return a GeoTIFF of so many cells a side, of which none is stored."""
+    import tempfile
+    from pathlib import Path
+
+    import rasterio
+    from rasterio.transform import from_origin
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "heights.tif"
+        shape = {"width": side, "height": side, "count": 1, "dtype": "float64", "sparse_ok": True, "tiled": True}
+        with rasterio.open(path, "w", driver="GTiff", transform=from_origin(0, 40, 1e-3, 1e-3), **shape):
+            pass
+        return {"heights.tif": path.read_bytes()}
+
+
+HEIGHT_RASTER: Named = {
+    "60,000 x 60,000 cells that are not stored": lambda: _sparse_raster(60_000),
+    "5,000 x 5,000 cells in a few metres": lambda: _sparse_raster(5000),
+    "a virtual raster": lambda: {
+        "heights.tif": b'<VRTDataset rasterXSize="9" rasterYSize="9"><VRTRasterBand><SimpleSource>'
+        b"<SourceFilename>/etc/passwd</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>"
+    },
+}
+_GRID = "ncols {0}\nnrows {0}\nxllcorner 0\nyllcorner 0\ncellsize {1}\n"
+HEIGHT_GRID: Named = {
+    "10^9 columns and rows": lambda: {"heights.asc": _GRID.format(10**9, 1).encode() + b"1 2 3\n"},
+    "30,000 columns and rows, empty": lambda: {"heights.asc": _GRID.format(30_000, 0.01).encode()},
+    "a number of 30 MB": lambda: {"heights.asc": _GRID.format(2, 20).encode() + b"1" * 30_000_000 + b" 1 1 1\n"},
+    **absurd_numbers("heights.asc", lambda n: (_GRID.format(2, 20) + f"1 {n}\n1 1\n").encode()),
+}
+CONTOUR_LINES: Named = {
+    "a text": lambda: {"heights.gpkg": b"not a database"},
+    "a database of another kind": lambda: {"heights.gpkg": b"SQLite format 3\x00" + bytes(4096)},
+}
+HEIGHT_LABELS: Named = {
+    "a line of 10^11 m": lambda: {"heights.dxf": make.dxf(dxf_line(0, 0, 10**11, 1).replace("31\n0", "31\n9"))},
+    "100,000 labels in one place": lambda: {
+        "heights.dxf": make.dxf(dxf_line(0, 0, 9, 9) + "0\nTEXT\n8\n0\n10\n3\n20\n3\n30\n0\n40\n1\n1\n1.5\n" * 100_000)
+    },
+    "a label of 10 MB": lambda: {
+        "heights.dxf": make.dxf(
+            dxf_line(0, 0, 9, 9) + "0\nTEXT\n8\n0\n10\n3\n20\n3\n30\n0\n40\n1\n1\n" + "1" * 10_000_000 + "\n"
+        )
+    },
+    "codes within codes": lambda: {
+        "heights.dxf": make.dxf(
+            dxf_line(0, 0, 9, 9) + "0\nMTEXT\n8\n0\n10\n3\n20\n3\n30\n0\n40\n1\n1\n" + "{\\\\S1/2;" * 20_000 + "\n"
+        )
+    },
+    **absurd_numbers(
+        "heights.dxf",
+        lambda n: make.dxf(dxf_line(0, 0, 9, 9) + f"0\nTEXT\n8\n0\n10\n{n}\n20\n3\n30\n0\n40\n1\n1\n1.5\n"),
+    ),
+}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,8 @@ from pipeline.store.files import remove_empty_folders, write_atomically
 from pipeline.store.registry import read_registry, register, unregister
 from pipeline.survey.child import one_line
 from pipeline.survey.detect import Detection, detect_survey
+from pipeline.survey.plain_file import require_plain_file
+from pipeline.survey.surfaces import HEIGHT_SUFFIXES, height_files
 from pipeline.survey.workings import WIDTHS_M
 from pipeline.types import Image
 
@@ -29,6 +31,7 @@ _KINDS = {
     "grid": "an occupancy grid",
     "vector": "a vector drawing",
     "passages": "a station survey",
+    "centrelines": "centrelines of drifts",
 }
 _NAME = r"[A-Za-z][A-Za-z0-9_-]{0,63}"
 # YAML or this project gives these words another meaning.
@@ -87,8 +90,14 @@ def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict
     conf = survey_file(name)
     if conf.is_file():
         return Import([f"{conf} exists and is kept; remove it to detect the file again"], [], [])
+    stated = dict(stated)
+    heights: Path | None = stated.pop("heights", None)
     detected = detect_survey(source, stated)
     targets = _targets(source, detected.files, DATA / name)
+    detected = _with_heights(detected, heights, stated.get("grade"), source)
+    if heights is not None:
+        targets |= _targets(heights, [Path(file) for file in height_files(heights)], DATA / name)
+        detected.values["heights"] = targets[heights].as_posix()
     text = survey_yaml(name, targets[detected.files[0]], detected, stated)
     require_section(text)
     known = read_registry()
@@ -108,6 +117,30 @@ def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict
         forget_import(made)
         raise
     return made
+
+
+def _with_heights(detected: Detection, heights: Path | None, grade: float | None, source: Path) -> Detection:
+    """Return what was detected with stated heights of the floor.
+
+    Raises
+    ------
+    InputError
+        If both are stated, the file has elevations of its own, or heights are not read from such a file.
+    """
+    if heights is None and grade is None:
+        return detected
+    option = "--grade" if heights is None else f"--heights {heights}"
+    if heights is not None and grade is not None:
+        raise InputError(f"{source}: give --heights or --grade, not both")
+    if detected.has_heights:
+        raise InputError(f"{source}: {option}: it has elevations of its own")
+    if heights is not None:
+        require_plain_file(heights)
+        if heights.suffix.lower() not in HEIGHT_SUFFIXES:
+            raise InputError(f"{heights}: --heights is read from {', '.join(HEIGHT_SUFFIXES)}")
+    remarks = {"heights": "of the floor", "grade": "rise over run along the drifts, away from the entrance"}
+    values = {**detected.values, **({} if grade is None else {"grade": grade})}
+    return replace(detected, values=values, remarks={**detected.remarks, **remarks}, has_heights=True)
 
 
 def forget_import(made: Import) -> None:

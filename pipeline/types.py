@@ -150,6 +150,7 @@ class Heights:
 
     Lines and spots are (x, y, z) in m, plan; z is the elevation less `datum_m`. A `grade` is rise over run along the
     drifts, away from the entrance. `offset_m` is how far each sheet is moved aside in plan; the first is not moved.
+    Spots that are `sampled` are points of a surface, linear between them, that holds in the drifts.
     `roofs` are (m, share) at the points of the lines: the roof is as many metres, and that share of
     `compile3d.height_m`, over the floor; it is empty if the survey knows none.
     """
@@ -157,6 +158,7 @@ class Heights:
     lines: list[list[tuple[float, float, float]]] = field(default_factory=list)
     spots: list[tuple[float, float, float]] = field(default_factory=list)
     grade: float | None = None
+    sampled: bool = False
     datum_m: float = 0.0
     offset_m: list[tuple[float, float]] = field(default_factory=lambda: [(0.0, 0.0)])
     seams: list[Seam] = field(default_factory=list)

@@ -214,6 +214,8 @@ def add_to(commands: Any) -> None:
     make.add_argument(
         "--half-width", dest="half_width_m", type=float, help="distance to a wall that a survey has not measured, m"
     )
+    make.add_argument("--heights", type=Path, metavar="FILE", help="the floor's heights: CSV, GeoTIFF, contour lines")
+    make.add_argument("--grade", type=float, help="rise over run along the drifts, away from the entrance")
     make.add_argument("--entrance", dest="entrance_m", type=numbers(2), help="X,Y in the mine frame, m")
     make.add_argument("overrides", nargs="*", help="for example compile3d.height_m=2.8")
     make.add_argument("--layer", dest="layers", action="append", help="layer of a drawing; repeat for more layers")
@@ -239,6 +241,7 @@ def add_to(commands: Any) -> None:
         "page",
         "dpi",
         "half_width_m",
+        "grade",
     )
     of_sheets = ("crop_px", "level", "seeds_px", "wall_gap_px", "ignore_colours")
     make.set_defaults(
@@ -247,7 +250,7 @@ def add_to(commands: Any) -> None:
             a.source,
             a.origin,
             a.licence,
-            {k: getattr(a, k) for k in (*stated, *of_sheets)},
+            {"heights": a.heights, **{k: getattr(a, k) for k in (*stated, *of_sheets)}},
             a.overrides,
             a.detected,
         )

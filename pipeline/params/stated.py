@@ -18,11 +18,11 @@ _PICTURE = {"px_per_m", "bar_length_m", "bar_box_px", "crop_px", "level", "seeds
 _NAMES = {"bar_length_m": "bar-length", "bar_box_px": "bar-box", "entrance_m": "entrance", "layers": "layer",
           "snap_m": "snap", "half_width_m": "half-width", "crop_px": "crop", "seeds_px": "seed", "wall_gap_px": "gap",
           "ignore_colours": "ignore"}  # fmt: skip
-APPLIES = {  # what a file is -> the options that are read with it; the entrance is with all
+APPLIES = {  # what a file is -> the options that are read with it; entrance and grade are with all
     "a picture": _PICTURE,
     "a PDF": {*_PICTURE, "page", "dpi"},
     "an occupancy grid": set(),
-    "a vector file": {"unit", "layers", "snap_m"},
+    "a vector file": {"unit", "layers", "snap_m", "half_width_m"},
     "a station survey": {"half_width_m"},
 }
 
@@ -40,6 +40,7 @@ class StatedOptions(Params):
     page: int | None = Field(None, ge=1, le=100_000)
     dpi: float | None = Field(None, ge=36, le=1200)
     half_width_m: float | None = Field(None, gt=0, le=20)
+    grade: float | None = Field(None, ge=-0.36, le=0.36)
     crop_px: BoxPx | None = None
     level: int | None = Field(None, ge=1, le=99)
     seeds_px: list[tuple[_Px, _Px]] | None = Field(None, max_length=1000)
@@ -74,7 +75,7 @@ def require_stated(path: Path, is_a: str, stated: dict[str, Any]) -> None:
         first = error.errors()[0]
         message = first["msg"].removeprefix("Value error, ")
         raise InputError(f"{path}: {option_of(str(first['loc'][0]))} = {first['input']!r:.80}: {message}") from error
-    known = {*APPLIES[is_a], "entrance_m"}
+    known = {*APPLIES[is_a], "entrance_m", "grade"}
     unread = [name for name, value in stated.items() if value is not None and name not in known]
     if unread:
         options = ", ".join(sorted(map(option_of, known)))

@@ -65,7 +65,8 @@ class _SurveyParams(Params):
     )
     heights: DataFile | None = Field(
         default=None,
-        description="spot heights of the floor: CSV of easting_m, northing_m, elevation_m as in the survey's file",
+        description="heights of the floor in the coordinates of the survey's file: CSV of easting_m, northing_m, "
+        "elevation_m; GeoTIFF; contour lines, points or labels",
     )
 
     @model_validator(mode="after")
@@ -184,6 +185,19 @@ class PassageSurveyParams(_DrawnParams):
     )
 
 
+class CentrelineSurveyParams(_DrawnParams):
+    """Centrelines of drifts of one width in a vector file, in plan or in three dimensions."""
+
+    kind: Literal["centrelines"]
+    file: DataFile
+    layers: list[str] | None = Field(default=None, description="null: all")
+    unit: Unit | None = Field(default=None, description="null: the unit that the file states")
+    origin: PointM | None = None
+    half_width_m: float = Field(gt=0, le=20)
+    snap_m: float = Field(default=0.25, ge=0, le=10, description="an end nearer than this to another line joins it")
+    apart_m: float | None = Field(default=None, gt=0, le=50, description="as of passages")
+
+
 class GridSurveyParams(_SurveyParams):
     """A ROS occupancy grid: `map.yaml` and its image."""
 
@@ -245,6 +259,7 @@ SurveyParams = Annotated[
     | PlanSurveyParams
     | VectorSurveyParams
     | PassageSurveyParams
+    | CentrelineSurveyParams
     | GridSurveyParams
     | ProceduralSurveyParams
     | VariantSurveyParams,

@@ -8,13 +8,19 @@ from typing import Any
 
 import cv2
 import numpy as np
+import shapely
 from pydantic import ValidationError
 
 from pipeline.errors import InputError
 from pipeline.geometry.binarize import dark_pixels
 from pipeline.params.reader_limits import reader_limits
 from pipeline.params.stated import require_stated
-from pipeline.params.survey import PassageSurveyParams, PlanSurveyParams, VectorSurveyParams
+from pipeline.params.survey import (
+    CentrelineSurveyParams,
+    PassageSurveyParams,
+    PlanSurveyParams,
+    VectorSurveyParams,
+)
 from pipeline.survey.child import Payload, one_line, run_limited
 from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
 from pipeline.survey.georeference import has_placement, read_placement, world_file
@@ -24,7 +30,7 @@ from pipeline.survey.nav2 import nav2_picture
 from pipeline.survey.picture import draw_page, make_ready, require_few_regions
 from pipeline.survey.plain_file import require_plain_file
 from pipeline.survey.scale import find_bar, measure_bar
-from pipeline.survey.shapes import METRES
+from pipeline.survey.shapes import METRES, Shapes
 from pipeline.survey.solved.read import SOLVED_SUFFIXES
 from pipeline.survey.vector_sheet import require_no_sheet
 from pipeline.survey.vector_survey import draw_vector_survey, read_shapes, vector_files
@@ -34,6 +40,7 @@ from pipeline.types import Georeference, Image, Mask
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pdf")
 _LIKELY_M = 5.5  # usual width of a mechanized drift; that of the published mine at scan 02S
 _BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
+_OF_WALLS = 0.7  # of the length of lines with elevations, that bounds workings; else they are centrelines
 _APART_M = 4.0  # between floors over each other: compile3d.height_m and 0.5 m of rock
 
 
@@ -122,7 +129,7 @@ def _detect(path: Path, stated: dict[str, Any]) -> Detection:
         width = typical_width_px(plan[..., 0] < 128) / frame.px_per_m
         return Detection({"kind": "grid", "map": path.name}, {}, [path, nav2_picture(path)], width)
     if suffix in SHAPE_READERS:
-        return _detect_vector(path, stated)
+        return _detect_vector(path, stated) if stated.get("half_width_m") is None else _detect_centrelines(path, stated)
     params = PassageSurveyParams(kind="passages", name="detect", file="data/x", heights=None)
     half = stated.get("half_width_m")
     params = params.model_copy(update={"file": path.as_posix(), "half_width_m": half, "apart_m": _APART_M})
@@ -142,7 +149,7 @@ def _detect(path: Path, stated: dict[str, Any]) -> Detection:
 
 def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
     """Use the unit that the file names, or the unit in which the drifts have a plausible width."""
-    tried: dict[str | None, tuple[float, Any]] = {}
+    tried: dict[str | None, tuple[float, Any, bool]] = {}
     units = [stated["unit"]] if stated.get("unit") else [None, *METRES]
     problem: InputError | None = None
     content = read_shapes(path, stated.get("layers"))
@@ -151,20 +158,23 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
     for unit in units:
         params = _vector(path, unit, stated)
         try:
-            workings, place, *_ = draw_vector_survey(params, content)
+            workings, place, _, _, heights = draw_vector_survey(params, content)
+            _require_walls(path, content, workings.length / place.metres_per_unit)
         except InputError as error:
             problem = problem or error
             continue
-        tried[unit] = 2 * workings.area / workings.length, place
+        tried[unit] = 2 * workings.area / workings.length, place, heights is not None
         if unit is None and WIDTHS_M[0] <= tried[None][0] <= WIDTHS_M[1]:
             break
-    plausible = any(WIDTHS_M[0] <= width <= WIDTHS_M[1] for width, _ in tried.values())
+    plausible = any(WIDTHS_M[0] <= width <= WIDTHS_M[1] for width, _, _ in tried.values())
     # In a unit small enough, every gap between walls is closed: such a reading must at least be plausible.
     if not tried or (None in units and None not in tried and not plausible):
-        raise problem or InputError(f"{path}: has no workings")
+        lines = all(shapely.get_dimensions(shape) == 1 for shape in content.shapes)
+        advice = "; --half-width M reads centrelines of drifts" if lines and "--half-width" not in str(problem) else ""
+        raise InputError(f"{problem or f'{path}: has no workings'}{advice}")
     keeps_unit = None in tried and (WIDTHS_M[0] <= tried[None][0] <= WIDTHS_M[1] or tried[None][1].crs is not None)
     unit = None if keeps_unit else min(tried, key=lambda u: abs(np.log(tried[u][0] / _LIKELY_M)))
-    width, place = tried[unit]
+    width, place, has_heights = tried[unit]
     values = {
         "kind": "vector",
         "file": path.name,
@@ -182,7 +192,44 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
         "snap_m": "wall ends closer than this are joined",
         "seeds_m": "[[x, y], ...] points inside the workings, if the walls enclose other areas too",
     }
-    return Detection(values, remarks, [Path(f) for f in vector_files(_vector(path, unit, stated))], width)
+    files = [Path(file) for file in vector_files(_vector(path, unit, stated))]
+    return Detection(values, remarks, files, width, has_heights=has_heights)
+
+
+def _require_walls(path: Path, content: Shapes, walls: float) -> None:
+    """Refuse lines with elevations most of which are no walls of the workings, whose length is given."""
+    lines = [shape for shape in content.shapes if shapely.get_dimensions(shape) == 1 and shape.has_z]
+    if walls < _OF_WALLS * sum(line.length for line in lines):
+        raise InputError(
+            f"{path}: its lines have elevations, and most of them bound no workings; --half-width M reads them as "
+            "centrelines of drifts, M metres from the line to either wall"
+        )
+
+
+def _detect_centrelines(path: Path, stated: dict[str, Any]) -> Detection:
+    """Read the lines of a file as centrelines of drifts of the stated half width."""
+    options = {key: stated[key] for key in ("layers", "unit", "snap_m", "half_width_m") if stated.get(key) is not None}
+    params = CentrelineSurveyParams.model_validate(
+        {"kind": "centrelines", "name": "detect", "file": "data/x", "apart_m": _APART_M, **options}
+    ).model_copy(update={"file": path.as_posix()})
+    workings, place, _, _, heights = draw_vector_survey(params)
+    values = {
+        "kind": "centrelines",
+        "file": path.name,
+        **params.model_dump(include={"layers", "unit", "half_width_m", "snap_m", "apart_m"}),
+        "origin": list(place.origin),
+    }
+    remarks = {
+        **({"projection": _projected(place)} if place.projection and place.crs else {}),
+        "half_width_m": "from the line to either wall, m",
+        "snap_m": "an end nearer than this to another line joins it",
+        "apart_m": "passages nearer over or under others that they do not meet are left out; null: none",
+        "layers": "null: all layers; or a list",
+        "unit": f"null: the file's unit ({place.unit}); or m, cm, mm, ft, in",
+        "origin": "of the mine frame, in the file's coordinates",
+    }
+    files = [Path(file) for file in vector_files(params)]
+    return Detection(values, remarks, files, 2 * workings.area / workings.length, has_heights=heights is not None)
 
 
 def _projected(place: Georeference) -> str:

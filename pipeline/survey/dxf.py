@@ -7,10 +7,13 @@ from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
+import numpy as np
 from ezdxf import disassemble
 from ezdxf.document import Drawing
 from ezdxf.entities.dxfentity import DXFEntity
 from ezdxf.entities.insert import Insert
+from ezdxf.entities.mtext import MText
+from ezdxf.entities.text import Text
 from ezdxf.filemanagement import readfile
 from ezdxf.lldxf.const import DXFError
 from ezdxf.math import Vec3
@@ -25,8 +28,23 @@ _UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
 _CHORD_SHARE = 1e-4  # largest distance between a curve and its chords, as a share of the drawing's size
 _ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?$", re.MULTILINE)  # each entity begins with group code 0
 _POINT = re.compile(rb"^[ \t]*10[ \t]*\r?$", re.MULTILINE)  # a point begins with group code 10
+_HEIGHT = re.compile(r"\s*([-+]?\d{1,6}[.,]\d{1,6})\s*m?\s*")  # a label; whole numbers name stations
 _LARGEST = 1e12  # a mine in mm at map coordinates needs 1e10
 _DRAWN = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
+
+
+_ERRORS = (
+    DXFError,
+    ValueError,
+    TypeError,
+    KeyError,
+    IndexError,
+    AttributeError,
+    RecursionError,
+    ArithmeticError,
+    StopIteration,
+    RuntimeError,  # an iterator of ezdxf that ends within another
+)
 
 
 def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
@@ -55,24 +73,44 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
         raise
     except OSError as error:
         raise InputError(f"{path}: not a DXF drawing ({error.strerror or error})") from error
-    except (
-        DXFError,
-        ValueError,
-        TypeError,
-        KeyError,
-        IndexError,
-        AttributeError,
-        RecursionError,
-        ArithmeticError,
-        StopIteration,
-        RuntimeError,  # an iterator of ezdxf that ends within another
-    ) as error:
+    except _ERRORS as error:
         raise InputError(f"{path}: not a readable DXF drawing ({type(error).__name__}: {str(error)[:120]})") from error
     unknown = sorted(set(layers or []) - existing)
     if unknown and not lines:
         raise InputError(f"{path}: no layer {', '.join(unknown)}; there are {', '.join(sorted(existing))}")
     unit = _UNITS.get(int(drawing.header.get("$INSUNITS", 0)))
     return Shapes([line for line, _ in lines], unit, layer_of=[layer for _, layer in lines])
+
+
+def read_dxf_labels(path: Path) -> np.ndarray:
+    """Return the points of a drawing that `read_dxf` has read, and its texts that are decimal numbers, as (k, 3).
+
+    A text is the height at its insertion point; a decimal comma counts as a point.
+
+    Raises
+    ------
+    InputError
+        If a coordinate is absurd.
+    """
+    found: list[tuple[float, ...]] = []
+    try:
+        entities = disassemble.recursive_decompose(readfile(path).modelspace())
+        for entity in islice(entities, reader_limits().dxf_entities):
+            if entity.dxftype() not in ("POINT", "TEXT", "MTEXT"):
+                continue
+            _require_plain_numbers(path, entity)
+            if entity.dxftype() == "POINT":
+                found.append(tuple(entity.dxf.location))
+            elif isinstance(entity, Text | MText):
+                number = _HEIGHT.fullmatch(str(entity.plain_text()))
+                if number:
+                    x, y = entity.dxf.insert.vec2
+                    found.append((x, y, float(number[1].replace(",", "."))))
+    except InputError:
+        raise
+    except _ERRORS as error:
+        raise InputError(f"{path}: not a readable DXF drawing ({type(error).__name__}: {str(error)[:120]})") from error
+    return np.array(found, dtype=float).reshape(-1, 3)
 
 
 def _require_plain_numbers(path: Path, entity: DXFEntity) -> None:
@@ -136,11 +174,12 @@ def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> list[tuple
     if not vertices:
         return []
     size = max(max(v[k] for v in vertices) - min(v[k] for v in vertices) for k in (0, 1))
+    rises = len({v.z for v in vertices}) > 1  # else it is a plan, at whatever elevation
     lines: list[tuple[LineString, str]] = []
     count, limit = 0, reader_limits().points
     for p, layer in paths:
         chords = p.flattening(max(size * _CHORD_SHARE, 1e-9), segments=4)
-        points = [(v.x, v.y) for v in islice(chords, limit + 1 - count)]
+        points = [(v.x, v.y, v.z) if rises else (v.x, v.y) for v in islice(chords, limit + 1 - count)]
         count += len(points)
         require_size(path, count)
         if len(set(points)) > 1:

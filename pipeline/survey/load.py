@@ -33,8 +33,8 @@ from pipeline.survey.picture import (
 from pipeline.survey.poses import PoseScale, scale_from_poses
 from pipeline.survey.scale import measure_bar
 from pipeline.survey.solved.read import SOLVED_SUFFIXES
-from pipeline.survey.spots import read_spots
 from pipeline.survey.stations import read_stations
+from pipeline.survey.surfaces import height_files, read_heights
 from pipeline.survey.sweeps import gate_returns, read_poses, read_returns
 from pipeline.survey.vector_survey import WIDEST_M, draw_vector_survey, vector_files
 from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Scale, Survey, Workings
@@ -136,15 +136,15 @@ def _read(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
         files,
         georeference,
         licences,
-        _stated_heights(params, georeference) or heights,
+        _stated_heights(params, georeference, plan, frame) or heights,
     )
     return plan, survey, workings
 
 
-def _stated_heights(params: SurveyParams, georeference: Georeference) -> Heights | None:
+def _stated_heights(params: SurveyParams, georeference: Georeference, plan: Image, frame: Frame) -> Heights | None:
     """Return the heights that the survey section states, None if it states none."""
     if params.heights is not None:
-        return read_spots(Path(params.heights), georeference)
+        return read_heights(Path(params.heights), georeference, plan, frame)
     return None if params.grade is None else Heights(grade=params.grade)
 
 
@@ -311,6 +311,6 @@ def _sources(params: SurveyParams) -> list[str]:
     return (
         files
         + bar
-        + ([params.heights] if params.heights else [])
+        + (height_files(Path(params.heights)) if params.heights else [])
         + ([params.poses.file, *params.poses.sweeps.values()] if params.poses else [])
     )

@@ -52,7 +52,7 @@ def require_size(path: Path, points: int) -> None:
 
 
 def require_simple(path: Path, content: Shapes) -> Shapes:
-    """Return a file's shapes without collections in collections.
+    """Return a file's shapes without collections in collections; lines in three dimensions keep their elevations.
 
     Raises
     ------
@@ -72,10 +72,10 @@ def require_simple(path: Path, content: Shapes) -> Shapes:
         )
     require_at_most(path, len(parts), "shapes", "shapes")
     require_size(path, int(shapely.get_num_coordinates(parts).sum()))
-    shapes = [shapely.force_2d(shape) for shape in parts if not shape.is_empty]
+    shapes = [shape for shape in parts if not shape.is_empty]
     if not np.isfinite(shapely.get_coordinates(shapes)).all():
         raise InputError(f"{path}: a coordinate is not finite")
-    if count_crossings(shapes, limits.crossings) > limits.crossings:
+    if count_crossings([shapely.force_2d(shape) for shape in shapes], limits.crossings) > limits.crossings:
         raise InputError(f"{path}: its lines cross more than {limits.crossings} times, the limit (crossings in {FILE})")
     return Shapes(shapes, content.unit, content.crs, content.layer_of)
 

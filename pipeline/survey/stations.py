@@ -20,7 +20,7 @@ from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, Statio
 
 _COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]
 _HEIGHTS = ["elevation_m", "up_m", "down_m"]
-_STRAY_M = 20.0  # an elevation of exactly 0 is a missing value if all others are further from 0 than this
+STRAY_M = 20.0  # an elevation of exactly 0 is a missing value if all others are further from 0 than this
 
 
 def read_stations(path: Path) -> list[SurveyLeg]:
@@ -165,7 +165,7 @@ def _require_no_stray_zero(path: Path, elevations: list[tuple[int, float]]) -> N
     """Refuse an elevation of exactly 0 among elevations that all lie on one side of 0 and far from it."""
     zeros = [line for line, value in elevations if value == 0]
     others = [value for _, value in elevations if value != 0]
-    if zeros and others and (min(others) > _STRAY_M or max(others) < -_STRAY_M):
+    if zeros and others and (min(others) > STRAY_M or max(others) < -STRAY_M):
         raise InputError(
             f"{path}:{zeros[0]}: elevation_m = 0, but the others lie from {min(others):g} to {max(others):g} m; "
             "is the elevation of this station missing?"

@@ -15,18 +15,29 @@ from pipeline.geometry.enclosure import as_polygons
 from pipeline.geometry.generate import generate_workings
 from pipeline.geometry.perturb import perturb_workings
 from pipeline.geometry.rough_walls import roughen_walls
-from pipeline.params.survey import PassageSurveyParams, ProceduralSurveyParams, VariantSurveyParams, VectorSurveyParams
+from pipeline.params.survey import (
+    CentrelineSurveyParams,
+    PassageSurveyParams,
+    ProceduralSurveyParams,
+    VariantSurveyParams,
+    VectorSurveyParams,
+)
+from pipeline.survey.centrelines import read_centrelines
 from pipeline.survey.draw import draw_picture, draw_workings, frame_around
 from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
 from pipeline.survey.geodata import companions
 from pipeline.survey.geojson import read_geojson
-from pipeline.survey.legs import build_workings, check_network
+from pipeline.survey.legs import SurveyLeg, build_workings, check_network
 from pipeline.survey.shapes import Shapes, locate, require_simple, workings_of
 from pipeline.survey.sheets import draw_sheets, has_relief
+from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.read import SOLVED_SUFFIXES, survey_files
+from pipeline.survey.surfaces import wall_heights
 from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Seam
 
-VectorSurvey = VectorSurveyParams | PassageSurveyParams | ProceduralSurveyParams | VariantSurveyParams
+VectorSurvey = (
+    VectorSurveyParams | PassageSurveyParams | CentrelineSurveyParams | ProceduralSurveyParams | VariantSurveyParams
+)
 WIDEST_M = 20_000.0  # of a survey
 _FINEST_PX_PER_M, _WIDEST_PX = 8.0, 6000
 _ORIGIN_AT = 0.25  # of a pixel: walls at whole and half metres then miss pixel centres, where rounding would decide
@@ -95,10 +106,13 @@ def _read(params: VectorSurvey, content: Shapes | None) -> tuple[MultiPolygon, G
             return perturbed, georeference, None
         case "passages":
             return _read_passages(Path(params.file), params.origin, params.half_width_m, params.apart_m)
+        case "centrelines":
+            return _read_centrelines(params, content)
     path = Path(params.file)
     content = content or read_shapes(path, params.layers)
     shapes, georeference = locate(path, content, params.unit, params.origin)
-    return workings_of(path, shapes, params.snap_m, list(params.seeds_m)), georeference, None
+    heights = wall_heights(path, content, shapes, georeference)
+    return workings_of(path, shapes, params.snap_m, list(params.seeds_m)), georeference, heights
 
 
 def _read_passages(
@@ -108,21 +122,34 @@ def _read_passages(
     if reader is None:
         raise InputError(f"{path}: not a supported passage survey ({', '.join(PASSAGE_READERS)})")
     legs, crs = reader(path, half_width_m)
-    heights = None
-    if has_relief(legs):
-        sheets, heights = draw_sheets(path, legs, apart_m)
-        built: BaseGeometry = sheets
-    else:
-        driven = [leg for leg in legs if not leg.is_plumb]
-        check_network(path, driven)
-        built = build_workings(driven)
-    if built.is_empty:
-        raise InputError(f"{path}: the stations' walls enclose no area")
+    built, heights = _build(path, legs, apart_m)
     shapes, georeference = locate(path, Shapes([built], "m"), "m", origin)
     place = Georeference("m", 1.0, georeference.origin, crs)
     if heights is None:
         return as_polygons(shapely.union_all(shapes)), place, None
     return shapes[0], place, _moved(heights, georeference.origin)
+
+
+def _read_centrelines(
+    params: CentrelineSurveyParams, content: Shapes | None
+) -> tuple[MultiPolygon, Georeference, Heights | None]:
+    path = Path(params.file)
+    content = content or read_shapes(path, params.layers)
+    survey, georeference = read_centrelines(path, content, params.unit, params.origin, params.snap_m)
+    built, heights = _build(path, plan_legs(path, survey, params.half_width_m), params.apart_m)
+    return as_polygons(built) if heights is None else built, georeference, heights
+
+
+def _build(path: Path, legs: list[SurveyLeg], apart_m: float | None) -> tuple[BaseGeometry, Heights | None]:
+    """Return the workings of legs, sheet by sheet if they have heights, and these."""
+    if has_relief(legs):
+        return draw_sheets(path, legs, apart_m)
+    driven = [leg for leg in legs if not leg.is_plumb]
+    check_network(path, driven)
+    built = build_workings(driven)
+    if built.is_empty:
+        raise InputError(f"{path}: the stations' walls enclose no area")
+    return built, None
 
 
 def _moved(heights: Heights, origin: tuple[float, float]) -> Heights:

@@ -1,0 +1,212 @@
+"""Heights of the floor from a surface: contour lines, points, labels of a drawing, a raster, walls with elevations."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import warnings
+from pathlib import Path
+
+import numpy as np
+import rasterio
+import shapely
+from rasterio.errors import NotGeoreferencedWarning, RasterioError
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.errors import InputError
+from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.child import tell
+from pipeline.survey.dxf import read_dxf_labels
+from pipeline.survey.formats import SHAPE_READERS
+from pipeline.survey.geodata import companions
+from pipeline.survey.plain_file import require_at_most
+from pipeline.survey.shapes import REACH_M, Shapes, coordinate_system, require_size
+from pipeline.survey.spots import read_spots
+from pipeline.survey.stations import STRAY_M
+from pipeline.types import Frame, Georeference, Heights, Image
+
+RASTER_DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid"}
+HEIGHT_SUFFIXES = (".csv", *RASTER_DRIVERS, *SHAPE_READERS)
+_APART_M = 1.0  # of the points that a surface is sampled at
+_SAME_M, _WALL_STEP_M = 0.01, 2.0
+_MOST = 50_000
+_DARK = 128
+
+Points = np.ndarray  # (k, 3), x and y in the file's coordinates, then m in the mine frame
+
+
+def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Frame) -> Heights:
+    """Read the floor's heights from a file in the coordinates of the survey's file.
+
+    Parameters
+    ----------
+    path : Path
+        CSV of spot heights (`read_spots`); a raster (GeoTIFF, Esri ASCII grid); DXF, GeoPackage, Shapefile or GeoJSON
+        with points and lines that have an elevation, such as contour lines; of a DXF, also numbers written as text,
+        each the height at its insertion point. Elevations have the unit of the coordinates; of a CSV they are metres.
+    georeference : Georeference
+    plan : (rows, cols, 3) uint8
+        Workings are dark; a surface counts there.
+    frame : Frame
+        Of the plan.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, has another coordinate system, or shows no height in the workings.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        return read_spots(path, georeference)
+    if suffix not in HEIGHT_SUFFIXES:
+        raise InputError(f"{path}: survey.heights is read from {', '.join(HEIGHT_SUFFIXES)}")
+    if georeference.projection is not None:
+        raise InputError(f"{path}: the survey's coordinates are projected; state its heights as a CSV in metres")
+    has_lines = False
+    if suffix in RASTER_DRIVERS:
+        points, crs = _read_raster(path)
+    else:
+        points, crs, has_lines = _read_drawing(path, _APART_M / georeference.metres_per_unit)
+    _require_same_system(path, crs, georeference.crs)
+    points = points.copy()
+    points[:, :2] -= georeference.origin
+    points *= georeference.metres_per_unit
+    shown = _is_in(frame, points[:, :2]) if has_lines else _is_dark(plan, frame, points[:, :2])
+    inside, where = points[shown], "on the plan" if has_lines else "in the workings"
+    if not len(inside):
+        raise InputError(
+            f"{path}: none of its {len(points)} heights lies {where}; is it in the coordinates of the survey's file?"
+        )
+    low, high = inside[:, 2].min(), inside[:, 2].max()
+    tell(f"{path.name}: {len(inside)} of {len(points)} heights lie {where}, from {low:.1f} to {high:.1f} m")
+    return _heights(path, inside, has_lines or suffix in RASTER_DRIVERS)
+
+
+def height_files(path: Path) -> list[str]:
+    """Return a file of heights and its companions."""
+    return [file.as_posix() for file in (path, *companions(path))]
+
+
+def wall_heights(path: Path, content: Shapes, moved: list[BaseGeometry], georeference: Georeference) -> Heights | None:
+    """Return the floor's heights from walls with elevations, None if these differ by no more than `flat_step_m`.
+
+    Parameters
+    ----------
+    path : Path
+    content : Shapes
+        As `read_shapes` returns them.
+    moved : list of shapely geometry, m, mine frame
+        The same shapes in plan, as `locate` returns them.
+    georeference : Georeference
+    """
+    shapes = [shape for shape in content.shapes if not shape.is_empty]
+    z = shapely.get_coordinates(shapes, include_z=True)[:, 2] * georeference.metres_per_unit
+    known = np.isfinite(z)
+    if not known.any() or np.ptp(z[known]) <= reader_limits().flat_step_m:
+        return None
+    flat, starts = [*moved], np.cumsum([0, *map(shapely.get_num_coordinates, moved)])
+    points = np.column_stack([shapely.get_coordinates(flat), z])
+    rings = [points[a:b] for a, b in itertools.pairwise(starts.tolist())]
+    walls = [shapely.LineString(ring) for ring in rings if len(ring) > 1]
+    dense = shapely.get_coordinates(shapely.segmentize(walls, _WALL_STEP_M), include_z=True)
+    return _heights(path, dense[np.isfinite(dense).all(axis=1)], True)
+
+
+def _heights(path: Path, points: Points, sampled: bool) -> Heights:
+    """Return heights from points in m; those `sampled` from a surface are thinned to one a square metre or less."""
+    z = points[:, 2]
+    if not np.abs(z).max() <= REACH_M:
+        raise InputError(f"{path}: an elevation of {z[np.abs(z).argmax()]:g} m, at most {REACH_M:g} m")
+    others = z[z != 0]
+    if len(others) < len(z) and len(others) and (others.min() > STRAY_M or others.max() < -STRAY_M):
+        x, y, _ = points[z == 0][0]
+        raise InputError(
+            f"{path}: {(z == 0).sum()} points have elevation 0, the first at ({x:.1f}, {y:.1f}) m in the mine frame, "
+            f"but the others lie from {others.min():g} to {others.max():g} m; are elevations missing?"
+        )
+    spacing = _APART_M if sampled else _SAME_M
+    while True:
+        cell, index = np.unique(np.floor(points[:, :2] / spacing), axis=0, return_inverse=True)
+        if len(cell) <= _MOST:
+            break
+        spacing *= math.sqrt(len(cell) / _MOST) * 1.01
+    count = np.bincount(index.ravel())
+    mean = np.column_stack([np.bincount(index.ravel(), column) / count for column in points.T])
+    datum = float(np.floor(mean[:, 2].min()))
+    mean[:, 2] -= datum
+    spots = [(float(x), float(y), float(z)) for x, y, z in mean.round(4)]
+    return Heights(spots=spots, datum_m=datum, sampled=sampled)
+
+
+def _is_in(frame: Frame, places_m: np.ndarray) -> np.ndarray:
+    """Return whether places (k, 2) m are on a plan."""
+    west, south, east, north = frame.extent_m
+    return np.asarray(((places_m >= [west, south]) & (places_m <= [east, north])).all(axis=1))
+
+
+def _is_dark(plan: Image, frame: Frame, places_m: np.ndarray) -> np.ndarray:
+    """Return whether places (k, 2) m are in the workings that a plan shows."""
+    col, row = np.floor(frame.to_image(places_m)).astype(int).T
+    within = (col >= 0) & (row >= 0) & (col < plan.shape[1]) & (row < plan.shape[0])
+    dark = np.zeros(len(places_m), bool)
+    dark[within] = plan[row[within], col[within]].max(axis=1) < _DARK
+    return dark
+
+
+def _require_same_system(path: Path, crs: str | None, of_survey: str | None) -> None:
+    if crs is None or of_survey is None:
+        return
+    one, two = coordinate_system(path, crs), coordinate_system(path, of_survey)
+    if not one.equals(two, ignore_axis_order=True):
+        raise InputError(f"{path}: its coordinate system is {one.name}, the survey's is {two.name}")
+
+
+def _read_raster(path: Path) -> tuple[Points, str | None]:
+    """Return the middles of a raster's cells that have a value."""
+    most = reader_limits()
+    if path.stat().st_size > most.file_bytes:
+        raise InputError(f"{path}: {path.stat().st_size} bytes, the limit is {most.file_bytes} (file_bytes in {FILE})")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)
+            with (
+                rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR"),  # files beside it are not read
+                rasterio.open(path, driver=RASTER_DRIVERS[path.suffix.lower()]) as raster,
+            ):
+                if raster.width * raster.height > most.megapixels * 1e6:
+                    raise InputError(
+                        f"{path}: {raster.width} x {raster.height} cells, the limit is {most.megapixels:g} million "
+                        f"(megapixels in {FILE})"
+                    )
+                if raster.transform.is_identity:
+                    raise InputError(f"{path}: has no georeference")
+                values, place = raster.read(1, masked=True), raster.transform
+                crs = raster.crs.to_wkt() if raster.crs is not None else None
+    except (RasterioError, ValueError, TypeError) as error:
+        raise InputError(f"{path}: not a raster of heights ({str(error)[:120]})") from error
+    row, col = np.nonzero(~np.ma.getmaskarray(values) & np.isfinite(values.data))
+    east, north = place @ (col + 0.5, row + 0.5)
+    return np.column_stack([east, north, values.data[row, col].astype(float)]), crs
+
+
+def _read_drawing(path: Path, step: float) -> tuple[Points, str | None, bool]:
+    """Return the points of a drawing that have an elevation: points, labels, and points a step apart along lines.
+
+    The last value is whether there are lines.
+    """
+    suffix = path.suffix.lower()
+    content = SHAPE_READERS[suffix](path, None)
+    require_at_most(path, len(content.shapes), "shapes", "shapes")
+    parts = [part for shape in content.shapes for part in shapely.get_parts(shape) if part.has_z]
+    lines = [part for part in parts if shapely.get_dimensions(part) == 1]
+    length = sum(line.length for line in lines)
+    require_size(path, int(min(length / step, 1e12)))
+    found = [shapely.get_coordinates(shapely.segmentize(lines, step), include_z=True)] if lines else []
+    found += [shapely.get_coordinates([p for p in parts if shapely.get_dimensions(p) == 0], include_z=True)]
+    if suffix == ".dxf":
+        found.append(read_dxf_labels(path))
+    points = np.concatenate([np.zeros((0, 3)), *(f for f in found if len(f))])
+    points = points[np.isfinite(points).all(axis=1)]
+    if not len(points):
+        raise InputError(f"{path}: no point, line or label with an elevation")
+    return points, content.crs, bool(lines)

@@ -1,0 +1,140 @@
+"""Heights of the floor from a surface: a raster, contour lines, labels, walls with elevations."""
+
+from pathlib import Path
+
+import ezdxf
+import numpy as np
+import pyogrio.raw
+import pytest
+import rasterio
+import shapely
+from rasterio.transform import from_origin
+from shapely import LineString
+
+from pipeline.compose import compose
+from pipeline.errors import GeometryError, InputError
+from pipeline.geometry.network_heights import floor_lines
+from pipeline.params.survey import VectorSurveyParams
+from pipeline.survey.load import _read
+from pipeline.types import DriftNetwork, Heights, Leg, Workings
+from stages.compile3d import model_floor
+from stages.contours import trace_free_space
+from tests.project import ROOT
+
+WORKINGS = shapely.box(0, 0, 80, 5).union(shapely.box(40, 0, 45, 40))
+EAST, NORTH, GRADE = 500_000.0, 7_000_000.0, 0.1
+PLACES = np.array([[20, 1], [60, 4], [30.0, 2.5], [42.5, 20], [42.5, 35]])
+
+
+def write(path: Path, shapes, kind, dimension=2):
+    wkb = np.array([shapely.to_wkb(shape, output_dimension=dimension) for shape in shapes], object)
+    pyogrio.raw.write(path, wkb, [], [], geometry_type=kind, crs="EPSG:32719", layer="a")
+    return path
+
+
+def plan_of(tmp_path):
+    moved = shapely.transform(WORKINGS, lambda p: np.add(p, [EAST, NORTH]))
+    return write(tmp_path / "plan.gpkg", [moved], "Polygon")
+
+
+def raster(tmp_path, crs="EPSG:32719", east=EAST, lift_m=0.0):
+    x, y = np.meshgrid(np.arange(-10, 95) + 0.5, 50 - np.arange(60) - 0.5)
+    values = (100 + lift_m + GRADE * x + 0 * y).astype("float32")
+    values[0, :5] = -9999
+    path = tmp_path / "dem.tif"
+    place = from_origin(east - 10, NORTH + 50, 1, 1)
+    shape = {"height": values.shape[0], "width": values.shape[1], "count": 1, "dtype": "float32"}
+    with rasterio.open(path, "w", driver="GTiff", crs=crs, transform=place, nodata=-9999, **shape) as file:
+        file.write(values, 1)
+    return path
+
+
+def contours(tmp_path):
+    lines = [LineString([(EAST + 10 * k, NORTH - 9, 100 + k), (EAST + 10 * k, NORTH + 49, 100 + k)]) for k in range(9)]
+    return write(tmp_path / "contours.gpkg", lines, "LineString Z", 3)
+
+
+def labels(tmp_path):
+    drawing = ezdxf.new()
+    space = drawing.modelspace()
+    for x in range(2, 80, 6):
+        space.add_text(f"{100 + GRADE * x:.2f}".replace(".", ","), dxfattribs={"insert": (EAST + x, NORTH + 2.5)})
+    space.add_text("CROSSCUT 5", dxfattribs={"insert": (EAST + 42, NORTH + 20)})
+    space.add_point((EAST + 42.5, NORTH + 36, 104.25))
+    space.add_line((EAST, NORTH), (EAST + 5, NORTH))
+    drawing.saveas(tmp_path / "labels.dxf")
+    return tmp_path / "labels.dxf"
+
+
+def read(plan, heights):
+    params = VectorSurveyParams(kind="vector", name="a", file="data/x")
+    found = heights.as_posix() if heights else None
+    return _read(params.model_copy(update={"file": plan.as_posix(), "heights": found}))
+
+
+def floor_of(plan, survey, workings, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    config = compose(["preset=light"])
+    traced = trace_free_space(config.contours, plan, survey, Workings(workings))
+    return model_floor(config.compile3d, traced["free_space"].polygon, traced["topology"], survey, (2.0, 2.5))
+
+
+@pytest.mark.parametrize("source", [raster, contours, labels])
+def test_the_floor_follows_a_surface_within_a_centimetre_along_the_drifts(tmp_path, source, monkeypatch):
+    plan, survey, workings = read(plan_of(tmp_path), source(tmp_path))
+    floor = floor_of(plan, survey, workings, monkeypatch)
+    known = PLACES if source is raster else PLACES[:4]  # beyond the last height the floor is level
+    wanted = 100 + GRADE * known[:, 0]
+    np.testing.assert_allclose(floor.heights_at(known) + survey.heights.datum_m, wanted, atol=0.012)
+
+
+def test_the_floor_follows_walls_with_elevations(tmp_path, monkeypatch):
+    walls = shapely.transform(
+        shapely.force_3d(shapely.segmentize(WORKINGS, 3.0)),
+        lambda p: np.column_stack([np.add(p[:, :2], [EAST, NORTH]), 100 + GRADE * p[:, 0]]),
+        include_z=True,
+    )
+    plan, survey, workings = read(write(tmp_path / "walls.gpkg", [walls], "Polygon Z", 3), None)
+    floor = floor_of(plan, survey, workings, monkeypatch)
+    np.testing.assert_allclose(floor.heights_at(PLACES) + survey.heights.datum_m, 100 + GRADE * PLACES[:, 0], atol=0.03)
+
+
+def test_a_surface_that_does_not_belong_to_the_plan_is_refused(tmp_path):
+    plan = plan_of(tmp_path)
+    with pytest.raises(InputError, match=r"dem\.tif: its coordinate system is WGS 84 / UTM zone 18S, the survey's"):
+        read(plan, raster(tmp_path, "EPSG:32718"))
+    with pytest.raises(InputError, match=r"dem\.tif: none of its 6295 heights lies in the workings"):
+        read(plan, raster(tmp_path, east=EAST + 5000))
+    with pytest.raises(InputError, match=r"dem\.tif: an elevation of .* m, at most 10000 m"):
+        read(plan, raster(tmp_path, lift_m=20_000))
+    (tmp_path / "dem.tif").write_bytes(b"II*\0nothing")
+    with pytest.raises(InputError, match=r"dem\.tif: not a raster of heights"):
+        read(plan, tmp_path / "dem.tif")
+    empty = write(tmp_path / "flat.gpkg", [LineString([(EAST, NORTH), (EAST + 9, NORTH)])], "LineString")
+    with pytest.raises(InputError, match=r"flat\.gpkg: no point, line or label with an elevation"):
+        read(plan, empty)
+    with pytest.raises(InputError, match=r"dem\.png: survey\.heights is read from \.csv, \.tif"):
+        read(plan, tmp_path / "dem.png")
+
+
+def test_a_stray_elevation_of_0_is_refused_with_its_place(tmp_path):
+    points = [shapely.Point(EAST + x, NORTH + 2.5, 0.0 if x == 30 else 100 + x / 10) for x in range(5, 80, 5)]
+    with pytest.raises(
+        InputError, match=r"1 points have elevation 0, the first at \(30\.0, 2\.5\) m in the mine frame"
+    ):
+        read(plan_of(tmp_path), write(tmp_path / "spots.gpkg", points, "Point Z", 3))
+
+
+def network_of(*places):
+    leg = Leg("A", "a", "b", 40.0, [], list(places), [2.0] * len(places))
+    return DriftNetwork({}, [leg], [], [], 0, 1, 40.0, [], list(places), 40.0, 0.25)
+
+
+def test_spots_count_where_they_are_and_two_heights_of_one_place_are_refused():
+    network = network_of((0.0, 0.0), (20.0, 0.0), (40.0, 0.0))
+    (line,) = floor_lines(Heights(spots=[(5.0, 1.0, 10.0), (15.0, -1.0, 11.0)]), network, (0.0, 0.0))
+    np.testing.assert_allclose(np.interp([2, 5, 10, 15, 30], line[:, 0], line[:, 2]), [10, 10, 10.5, 11, 11])
+    with pytest.raises(GeometryError, match=r"the spot \(5\.1, -1\.0\) is 12\.00 m high, another at the same place"):
+        floor_lines(Heights(spots=[(5.0, 1.0, 10.0), (5.1, -1.0, 12.0)]), network, (0.0, 0.0))
+    with pytest.raises(GeometryError, match=r"the spot \(5\.0, 60\.0\), 9\.00 m high, is 60\.0 m from"):
+        floor_lines(Heights(spots=[(5.0, 60.0, 9.0)]), network, (0.0, 0.0))
