@@ -88,7 +88,10 @@ def make_artifacts(stage: Stage, params: Any, root: Path) -> None:
         If the stage fails. The artifacts are unchanged, except after a breached limit: then the new ones are kept.
     """
     with ThreadPoolExecutor(1) as pool:
-        pool.submit(code_sha256, stage.name, Path.cwd())  # it takes half a second, and the manifest needs it
+        if (
+            stage.reads
+        ):  # not stage 1: beside a thread, its reader would start a new interpreter (pipeline.survey.child)
+            pool.submit(code_sha256, stage.name, Path.cwd())  # it takes half a second, and the manifest needs it
         inputs, values = _input_hashes(stage, params, root), {}
         for key, artifact in stage.reads.items():
             values[key] = decode(artifact.at(root), artifact.kind)
