@@ -1,4 +1,4 @@
-"""What the process that forks commands imports for them (see `tests.forked`): parsed sources, from which stages hash."""
+"""Parsed sources, whose imports each stage follows for its hash: kept for all commands that `tests.forked` runs."""
 
 from pipeline.store.hashing import import_closure
 from stages.__main__ import STAGES

@@ -13,7 +13,6 @@ from pipeline.mjcf.render import render_free_space
 from pipeline.proof.certificate import certify, measure_containment
 from tests.mines import BuiltMine, random_mine
 
-
 COARSE = [
     "surface.rough.spacing_m=0.3",
     "surface.rough.roof_spacing_m=0.4",
