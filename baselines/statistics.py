@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import bootstrap, trim_mean
+from scipy.stats import bootstrap
 
 from baselines.errors import BaselineError
 from baselines.result_file import SAMPLE_STEPS, Episode, Head
@@ -30,8 +30,14 @@ class Figure:
 
 
 def interquartile_mean(values: np.ndarray, axis: int = 0) -> np.ndarray:
-    """Return the mean of the middle half of values (Agarwal et al. 2021, NeurIPS 34)."""
-    return trim_mean(values, 0.25, axis=axis)
+    """Return the mean of the middle half of finite values (Agarwal et al. 2021, NeurIPS 34).
+
+    It is SciPy's `trim_mean(values, 0.25, axis)` without its checks, which take most of the time of an interval.
+    """
+    count = values.shape[axis]
+    cut = int(0.25 * count)
+    parted = np.partition(values, (cut, count - cut - 1), axis)
+    return np.mean(parted.take(range(cut, count - cut), axis), axis=axis)
 
 
 def estimate(values: list[float], seed: int = 0) -> Figure:

@@ -33,7 +33,7 @@ Written by `make rock-directions`: the default rock in straight, level drifts of
 mines other than the published one (`conf/mine/own.yaml`), in {len(_DIRECTIONS_DEG)} directions, each at another place.
 *Slope* is that of the spectrum over 1 to 2 m. Each cell has the least, the median and the greatest of the directions.
 The joint sets have directions of their own: a drift along one of them has steeper faces. 80 m of wall have few waves of
-1 to 2 m. The limits of `conf/mine/own.yaml` on these figures are as wide as this table.
+1 to 2 m. The limits of `conf/mine/limits/andesite.yaml` on these figures are as wide as this table.
 
 """
 

@@ -88,7 +88,8 @@ def make_artifacts(stage: Stage, params: Any, root: Path) -> None:
         If the stage fails. The artifacts are unchanged, except after a breached limit: then the new ones are kept.
     """
     with ThreadPoolExecutor(1) as pool:
-        pool.submit(code_sha256, stage.name, Path.cwd())  # it takes half a second, and the manifest needs it
+        if stage.reads:  # stage 1 reads none: beside a thread, its survey's reader would start an interpreter
+            pool.submit(code_sha256, stage.name, Path.cwd())  # it takes half a second, and the manifest needs it
         inputs, values = _input_hashes(stage, params, root), {}
         for key, artifact in stage.reads.items():
             values[key] = decode(artifact.at(root), artifact.kind)

@@ -33,6 +33,7 @@ hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
 # The walls of drawn test mines follow the borders of pixels, corners too.
 EXACT_WALLS = ["contours.trace=pixels", "contours.tolerance_m=0.21"]
+SMALL_PICTURES = ["surface.texture.size_px=256", "realism.preview_width_px=400"]
 SHARED = ROOT.parent / "shared" / "data"
 
 
@@ -61,11 +62,11 @@ def shared_rock() -> Path:
 
 @pytest.fixture(scope="session")
 def config() -> Config:
-    """Return the default configuration, but for the walls of drawn test mines."""
+    """Return the default configuration, but for the walls of drawn test mines and the size of pictures."""
     before = Path.cwd()
     os.chdir(ROOT)
     try:
-        return compose(EXACT_WALLS)
+        return compose([*EXACT_WALLS, *SMALL_PICTURES])
     finally:
         os.chdir(before)
 
@@ -100,10 +101,11 @@ def tee(config: Config, tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
 
 
 @pytest.fixture(scope="session")
-def ring(config: Config, tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
+def ring(tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
     """Return the ring drift as a world with a coarse surface; tests must not change its folder."""
-    coarse = compose([*EXACT_WALLS, "surface.rough.spacing_m=0.3", "surface.rough.roof_spacing_m=0.4"])
-    return build_mine(tmp_path_factory, "ring", RING, coarse)
+    coarse = [f"surface.rough.{spacing}" for spacing in ("spacing_m=0.3", "roof_spacing_m=0.4")]
+    config = compose([*EXACT_WALLS, *SMALL_PICTURES, *coarse])
+    return build_mine(tmp_path_factory, "ring", RING, config)
 
 
 @pytest.fixture(scope="session")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from pipeline.params.validation import ValidationParams
 from pipeline.survey.load import _read
 from pipeline.types import Workings
 from stages.contours import trace_free_space
+from tests.mines import unreported
 
 HEADER = "leg,station,easting_m,northing_m,left_m,right_m,elevation_m,up_m,down_m\n"
 Leg = list[tuple[str, float, float, float]]
@@ -97,8 +99,10 @@ def table(legs: dict[str, Leg], half_m: float = 2.2, roofs: Roofs | None = None)
 class MineWithHeights:
     """A station table built by stages 1 to 5 in memory; its bundle is written to `folder / "world"`."""
 
-    def __init__(self, legs: dict[str, Leg], config: Config, folder: Path, roofs: Roofs | None = None) -> None:
-        """Run the functions of the stages."""
+    def __init__(
+        self, legs: dict[str, Leg], config: Config, folder: Path, roofs: Roofs | None = None, report: bool = True
+    ) -> None:
+        """Run the functions of the stages; without `report`, those of stage 4's report (see `unreported`)."""
         path = folder / "stations.csv"
         path.write_text(table(legs, roofs=roofs))
         params = PassageSurveyParams(kind="passages", name="heights", file="data/x", heights=None)
@@ -107,7 +111,8 @@ class MineWithHeights:
         self.raw, self.cleaned, self.traced = traced["raw"], traced["cleaned"], traced["traced"]
         self.free_space, self.network = traced["free_space"], traced["topology"]
         self.bundle = folder / "world"
-        rock, _ = finish_world(config, self.survey, traced, self.bundle)
+        with nullcontext() if report else unreported():
+            rock, _ = finish_world(config, self.survey, traced, self.bundle)
         self.openings = traced["openings"].shafts
         self.floor, self.parts = rock["floor"], rock["collision"]
 

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+import pytest
 import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
+import stages.surface
 from benchmarks.small_world import finish_world
 from minexplore.bundle import world_sha256
 from pipeline.geometry.rasterize import fill_polygon
@@ -50,8 +54,10 @@ PICTURE = Workings(MultiPolygon())  # a survey that is a picture has no polygons
 class BuiltMine:
     """A mine built by stages 2 to 5 in memory; its bundle is written to a folder."""
 
-    def __init__(self, polygon: Polygon, config: Config, folder: Path, px_per_m: float = 8.0) -> None:
-        """Run the functions of the stages."""
+    def __init__(
+        self, polygon: Polygon, config: Config, folder: Path, px_per_m: float = 8.0, report: bool = True
+    ) -> None:
+        """Run the functions of the stages; without `report`, those of stage 4's report (see `unreported`)."""
         self.frame = frame_for(polygon, px_per_m)
         inside = polygon.representative_point()
         self.survey = survey_of(self.frame, (inside.x, inside.y))
@@ -60,7 +66,20 @@ class BuiltMine:
         self.free_space: FreeSpace = traced["free_space"]
         self.network: DriftNetwork = traced["topology"]
         self.bundle = folder
-        self.compiled, self.surface = finish_world(config, self.survey, traced, folder)
+        with nullcontext() if report else unreported():
+            self.compiled, self.surface = finish_world(config, self.survey, traced, folder)
+
+
+@contextmanager
+def unreported() -> Iterator[None]:
+    """Leave out the figures and pictures of stage 4's report: no world holds them, and they take half of its time.
+
+    For mines whose rock another test reports on.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("report_roughness", "draw_spectra", "draw_sections"):
+            patch.setattr(stages.surface, name, lambda *arguments: None)
+        yield
 
 
 def random_mine(rng: np.random.Generator, drifts: int) -> Polygon:

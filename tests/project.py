@@ -73,18 +73,17 @@ class Project:
         )
 
     def coarsen(self) -> None:
-        """Use a coarse rock mesh and few samples, without the limits on texture and walls, which need a fine mesh."""
-        rock, validation = (self.folder / "conf" / name for name in ("rock/andesite.yaml", "validation/default.yaml"))
-        set_values(
-            self.folder / "conf/mine/own.yaml",
-            {
-                f"validation.limits.{name}": None
-                for name in ("texture.rq_ratio", "texture.strict", "texture.published", "relief")
-            },
-        )
-        set_values(rock, {"surface.rough.spacing_m": 0.3, "surface.rough.roof_spacing_m": 0.4, "validation.limits": {}})
-        coarse = {"texture.points_per_m2": 200, "certificate.contacts": 100}
-        set_values(validation, {**coarse, "limits.texture": None, "limits.walls": None})
+        """Use a coarse rock mesh, small pictures and few samples, without the limits that need a fine mesh."""
+        relief = {"surface.rough.spacing_m": 0.3, "surface.rough.roof_spacing_m": 0.4, "validation.limits": {}}
+        samples = {"texture.points_per_m2": 200, "certificate.contacts": 100}
+        for name, values in {
+            "rock/andesite.yaml": relief,
+            "mine/limits/andesite.yaml": {"validation.limits": {}},
+            "look/dry.yaml": {"surface.texture.size_px": 128},
+            "realism/default.yaml": {"preview_width_px": 400},
+            "validation/default.yaml": {**samples, "limits.texture": None, "limits.walls": None},
+        }.items():
+            set_values(self.folder / "conf" / name, values)
 
     def copy(self, folder: Path) -> Project:
         """Copy this project, with its artifacts, into `folder`."""

@@ -127,14 +127,14 @@ def test_a_full_disk_is_reported_and_the_artifacts_are_kept(traced_project, tmp_
     folder = project.folder
     before = project.hashes()
     # A limit on file size replaces a disk that fills while the stage writes.
-    done = subprocess.run(
-        ["bash", "-c", f"trap '' XFSZ; ulimit -f 4; {sys.executable} -m stages.contours"],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+    (folder / "filled.py").write_text(
+        "import resource, sys\n"
+        "from pipeline.stage import main\n"
+        "from stages.contours import STAGE\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))\n"
+        "sys.exit(main(STAGE))\n"
     )
-    assert "cannot be written" in message_of(done)
+    assert "cannot be written" in message_of(project.module("filled"))
     assert project.hashes() == before
     assert not list((folder / "artifacts").glob(".*partial"))
 
@@ -157,7 +157,8 @@ def test_a_killed_stage_keeps_the_old_artifacts_and_the_next_run_recovers(traced
             "from stages.contours import STAGE\n"
             "run_stage(STAGE, ['contours.tolerance_m=0.3'])\n"
         )
-        killed = subprocess.run([sys.executable, "-c", script], cwd=folder, capture_output=True, text=True)
+        (folder / "killed.py").write_text(script)
+        killed = project.module("killed")
         assert killed.returncode == -signal.SIGKILL, killed.stderr
         left = {p.name for p in (folder / "artifacts").iterdir() if p.name.startswith(".contours")}
         whole = {".contours.partial"} if moment == "os.fsync" else {".contours.partial", ".contours.old"}

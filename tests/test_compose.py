@@ -84,6 +84,15 @@ def test_another_mine_has_every_limit_except_those_that_depend_on_the_size_of_th
     assert all(clauses[1][name] == clauses[0][name] for name in clauses[1])
 
 
+@pytest.mark.parametrize("rock", ["coal", "limestone", "published_score", "sandstone"])
+def test_another_rock_keeps_its_limits_in_another_mine(rock):
+    published, own = (compose([f"rock={rock}", *more]).validation.limits for more in ([], ["survey=procedural"]))
+    groups = ("texture.", "relief.")
+    kept, found = ({n: limit for n, limit in all_.items() if n.startswith(groups)} for all_ in (published, own))
+    assert found == kept
+    assert bool(kept) == (rock == "published_score")  # the others copy no scan
+
+
 def test_a_limit_per_metre_of_the_embedded_survey_is_at_least_as_strict_as_its_absolute_one():
     validation, drift_m, wall_m = compose([]).validation, 1357.59, 2614.66
     limits, clauses = validation.limits, validation.certificate.limits

@@ -62,7 +62,7 @@ def under(config, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def ramp(config, tmp_path_factory):
-    return MineWithHeights(RAMP, config, tmp_path_factory.mktemp("ramp"))
+    return MineWithHeights(RAMP, config, tmp_path_factory.mktemp("ramp"), report=False)
 
 
 def rough_surface(config, free, floor, network=None):

@@ -21,12 +21,14 @@ from pipeline.geometry.extrude import section_footprint
 from pipeline.mjcf.bundle import obstacles, open_bundle
 from pipeline.proof.same_model import model_difference
 from pipeline.store.verify import verify_certificate
+from tests.mines import unreported
 
 
 @pytest.fixture(scope="session")
 def small(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("small") / "world"
-    build_small_world(folder)
+    with unreported():
+        build_small_world(folder)
     return folder
 
 

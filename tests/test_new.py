@@ -21,7 +21,7 @@ from tests.project import message_of
 
 
 def pipeline(project, *arguments):
-    return project.run(sys.executable, "-m", "pipeline", *arguments)
+    return project.module("pipeline", *arguments)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,8 @@ def owned(tmp_path_factory, repro):
     project = repro.copy(tmp_path_factory.mktemp("own") / "mine")
     plan, _ = draw_plan(TEE, frame_around((-10, -20, 90, 60), 8.0), {}, 20.0, 40)
     cv2.imwrite(str(project.folder / "plan.png"), plan)
-    done = pipeline(project, "new", "my-tee", "--from", "plan.png", "--licence", "CC0")
+    words = ("new", "my-tee", "--from", "plan.png", "--licence", "CC0")
+    done = project.run(sys.executable, "-m", "pipeline", *words)
     assert done.returncode == 0, done.stderr
     return project, done
 

@@ -13,9 +13,16 @@ from pipeline.mjcf.render import render_free_space
 from pipeline.proof.certificate import certify, measure_containment
 from tests.mines import BuiltMine, random_mine
 
+COARSE = [
+    "surface.rough.spacing_m=0.3",
+    "surface.rough.roof_spacing_m=0.4",
+    "surface.texture.size_px=64",
+    "realism.preview_width_px=64",
+]
+
 
 def check_mine(seed, drifts, folder, contacts=0):
-    config = compose(["surface.rough.spacing_m=0.3", "surface.rough.roof_spacing_m=0.4"])
+    config = compose(COARSE)
     built = BuiltMine(random_mine(np.random.default_rng(seed), drifts), config, folder)
     world = open_bundle(built.bundle)
     assert built.free_space.polygon.is_valid

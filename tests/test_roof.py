@@ -139,7 +139,7 @@ def test_the_visible_roof_is_as_high_as_surveyed_within_the_relief_of_the_rock(r
     mines = []
     for name, roofs in (("level", None), ("hall", HALL)):
         (tmp_path / name).mkdir()
-        mines.append(MineWithHeights(RAMP, rock, tmp_path / name, roofs))
+        mines.append(MineWithHeights(RAMP, rock, tmp_path / name, roofs, report=False))
     level, found = map(visible_roof_m, mines)
     stretch = (surveyed_m(ALONG_M) - 1) / (3.5 - 1)
     np.testing.assert_allclose(found - surveyed_m(ALONG_M), (level - 3.5) * stretch, atol=0.02)
@@ -153,7 +153,7 @@ def test_the_visible_roof_is_as_high_as_surveyed_within_the_relief_of_the_rock(r
 def test_rock_over_a_low_and_a_very_high_roof_is_one_surface_along_the_walls(rock, tmp_path):
     for name, roofs in (("low", LOW), ("high", {"a": 2.0, "b": 2.0, "c": 30.0, "d": 30.0})):
         (tmp_path / name).mkdir()
-        bundle = MineWithHeights(RAMP, rock, tmp_path / name, roofs).bundle
+        bundle = MineWithHeights(RAMP, rock, tmp_path / name, roofs, report=False).bundle
         grid = decode(bundle / "occupancy.npz", Occupancy)
         require_visible(bundle, read_record(bundle), read_free_space(bundle).polygon, grid)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import open3d
 from shapely import Polygon
 
 from minexplore.planes import face_planes, plane_distances
@@ -25,6 +24,8 @@ class RayCaster:
         """
         if not len(triangles):
             raise GeometryError("rays: there are no triangles to cast rays against")
+        import open3d  # takes a second to load, and few surveys need it
+
         tensor: Any = open3d.core.Tensor
         self._tensor = tensor
         self._middle = triangles.reshape(-1, 3).mean(axis=0)

@@ -123,8 +123,9 @@ def enclose(lines: Mask, reach_px: float) -> Mask:
     for level in range(1, _DEEPEST):
         chosen = np.zeros(count, bool)
         chosen[layer] = True
-        found = np.unique(regions[grown(chosen[regions], across)])
-        layer = found[depth[found] == -1]
+        found = np.zeros(count, bool)
+        found[regions[grown(chosen[regions], across)]] = True
+        layer = np.flatnonzero(found & (depth == -1))
         if not len(layer):
             break
         depth[layer] = level

@@ -1,6 +1,4 @@
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -23,6 +21,7 @@ from benchmarks.forged_results import ACCEPTED, CHECKED, CRASHED, LATE, READ, Ta
 from benchmarks.forgery import forge as forge_any
 from minexplore.reward import COVERAGE_GAIN, MILESTONES
 from tests.baselines.test_learned import write_policy
+from tests.forked import run_forked
 from tests.project import ROOT
 
 FEW = [0, 1]
@@ -404,7 +403,8 @@ def test_figures_of_an_episode_are_those_of_its_curve(honest):
     ],
 )
 def test_bad_input_ends_with_one_message_and_code_two(arguments, message):
-    done = subprocess.run([sys.executable, "-m", *arguments], capture_output=True, text=True, cwd=ROOT)
+    module, *words = arguments
+    done = run_forked(module, tuple(words), ROOT)
     assert done.returncode == 2, done.stderr
     assert message in done.stderr
     assert "Traceback" not in done.stderr

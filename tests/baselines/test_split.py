@@ -74,7 +74,9 @@ def test_a_file_that_is_not_whole_or_was_changed_is_refused(mines, tmp_path):
     forged = text.replace('"collided":', '"collided":1', 1)
     assert forged != text
     path.write_text(forged)  # a digit before the number of contacts
-    bound_split("test", 1)
+    for env_id, (head, _) in zip(mines, drives, strict=True):
+        whole = Bound(world_sha256=head.world_sha256, cells=head.cells, time_s=[20.0], most=[head.cells], found=[1])
+        write_bound(env_id, whole)
     with pytest.raises(RejectedError, match=r"random\.jsonl: MineXplore/Family-test-0000-v0: return "):
         split_section("test")
     path.write_text(text.splitlines()[0] + "\n")

@@ -39,12 +39,13 @@ def looking() -> Config:
 
 @pytest.fixture(scope="module")
 def wet(looking: Config, tmp_path_factory) -> BuiltMine:
-    return BuiltMine(DRIFT, looking, tmp_path_factory.mktemp("wet") / "world")
+    return BuiltMine(DRIFT, looking, tmp_path_factory.mktemp("wet") / "world", report=False)
 
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory) -> BuiltMine:
-    return BuiltMine(DRIFT, compose([*COARSE, "look=plain"]), tmp_path_factory.mktemp("plain") / "world")
+    config = compose([*COARSE, "look=plain", "surface.texture.size_px=128"])
+    return BuiltMine(DRIFT, config, tmp_path_factory.mktemp("plain") / "world", report=False)
 
 
 def refusal(files: dict[str, bytes], **fields) -> str:

@@ -33,8 +33,9 @@ def test_parts_are_placed_by_the_stated_frame_and_not_by_the_models():
 
 def test_a_mine_kilometres_from_its_origin_keeps_its_hundredths_of_a_millimetre(tmp_path):
     far = translate(rotate(shapely.box(0, 0, 40, 6), 21.0), 5123.4567, 7654.3219)
-    coarse = compose(["surface.rough.spacing_m=0.5", "surface.rough.roof_spacing_m=0.5"])
-    mine = BuiltMine(far, coarse, tmp_path / "world")
+    coarse = [f"surface.rough.{name}=0.5" for name in ("spacing_m", "roof_spacing_m")]
+    config = compose([*coarse, "surface.texture.size_px=64", "realism.preview_width_px=64"])
+    mine = BuiltMine(far, config, tmp_path / "world")
     world = open_bundle(mine.bundle)
     assert measure_consistency(mine.bundle, world, mine.free_space)["frame_error_m"] < 1e-9
     built = np.concatenate(part_vertices(world.model, GeomGroup.COLLISION))

@@ -63,8 +63,9 @@ def test_no_normal_lies_behind_a_face_even_where_none_is_in_front_of_all():
 @pytest.fixture(scope="module")
 def shaded(tmp_path_factory):
     """Return the T-junction's world with normals."""
-    coarse = compose(["surface.rough.spacing_m=0.3", "surface.rough.roof_spacing_m=0.4", "surface.rough.normals=true"])
-    return BuiltMine(TEE, coarse, tmp_path_factory.mktemp("shaded"))
+    coarse = [f"surface.rough.{value}" for value in ("spacing_m=0.3", "roof_spacing_m=0.4", "normals=true")]
+    config = compose([*coarse, "surface.texture.size_px=64", "realism.preview_width_px=64"])
+    return BuiltMine(TEE, config, tmp_path_factory.mktemp("shaded"), report=False)
 
 
 def test_chunks_of_a_built_world_meet_with_equal_normals(shaded):
