@@ -31,7 +31,7 @@ SHAPE_READERS: dict[str, ShapeReader] = {
 PASSAGE_READERS: dict[str, PassageReader] = {
     ".csv": lambda path, _: (read_station_legs(path), None),
     ".svx": read_survex,
-    ".plt": lambda path, _: (read_plt(path), None),
+    ".plt": lambda path, half_width_m: (read_plt(path, half_width_m), None),
     ".3d": read_passages,
     ".th": read_passages,
     ".dat": read_passages,

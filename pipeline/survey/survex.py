@@ -79,6 +79,12 @@ def read_svx(path: Path) -> tuple[list[SurveyLeg], str | None]:
     Survex manual, "Survex data files". Loops are closed by least squares; a shot's variance is proportional to its
     length.
     """
+    legs, crs, _ = read_svx_rise(path)
+    return legs, crs
+
+
+def read_svx_rise(path: Path) -> tuple[list[SurveyLeg], str | None, float]:
+    """Read a Survex survey as `read_svx`, and how far its highest passage station lies over its lowest, m."""
     survey = _Survey()
     _read(path, path.parent.resolve(), Settings(), survey, [path])
     positions = adjust_network(path, survey.shots, survey.fixed, survey.equal)
@@ -88,7 +94,9 @@ def read_svx(path: Path) -> tuple[list[SurveyLeg], str | None]:
         if unknown:
             raise InputError(f"{path}: station {unknown[0]} has passage data, but no shot leads to it")
         chains.append([(n, (float(positions[n][0]), float(positions[n][1])), walls) for n, walls in block])
-    return legs_of_chains(path, _joined_names(chains)), survey.crs
+    heights = [float(positions[name][2]) for block in survey.passages for name, _ in block]
+    rise_m = max(heights, default=0.0) - min(heights, default=0.0)
+    return legs_of_chains(path, _joined_names(chains)), survey.crs, rise_m
 
 
 def svx_files(path: Path) -> list[Path]:

@@ -179,6 +179,14 @@ def test_plot_files_are_in_feet_and_missing_wall_distances_are_interpolated(tmp_
     assert two.stations == ["b", "d"]
 
 
+def test_a_plot_file_whose_stations_differ_in_height_keeps_their_heights(tmp_path):
+    path = tmp_path / "a.plt"
+    path.write_text(PLT.replace("1089.00 426.51 0 Sd P 4.92 6.56 1.64", "1089.00 426.51 -9.84 Sd P 4.92 6.56 3.28"))
+    heights = {s: h for leg in read_plt(path) for s, h in zip(leg.stations, leg.heights_m, strict=True)}
+    np.testing.assert_allclose(heights["a"], (0, 2.0, 0.5), atol=0.01)
+    np.testing.assert_allclose(heights["d"], (-3.0, 2.0, 1.0), atol=0.01)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -9,9 +9,10 @@ import re
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.params.reader_limits import FILE
+from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.child import Payload, one_line, run_limited
 from pipeline.survey.legs import SurveyLeg
+from pipeline.survey.sheets import has_relief
 from pipeline.survey.solved.cavern import INSTALL, has_cavern, require_cavern, solve
 from pipeline.survey.solved.compass_sections import with_sections
 from pipeline.survey.solved.model import SolvedSurvey, from_payload, to_payload
@@ -22,7 +23,7 @@ from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.solved.therion import to_survex
 from pipeline.survey.solved.therion_lines import therion_lines
 from pipeline.survey.stations import read_station_survey
-from pipeline.survey.survex import read_svx
+from pipeline.survey.survex import read_svx, read_svx_rise
 
 SOLVED_SUFFIXES = (".3d", ".svx", ".th", ".dat", ".mak")
 _INCLUDE = re.compile(r"[\s,\0]*\*[\s,\0]*include(?![a-z])", re.IGNORECASE)
@@ -119,15 +120,17 @@ def read_passages(path: Path, half_width_m: float | None = None) -> tuple[list[S
 
 
 def read_survex(path: Path, half_width_m: float | None = None) -> tuple[list[SurveyLeg], str | None]:
-    """Read a Survex survey with passage data.
+    """Read a Survex survey.
 
-    A survey in one file is read by our own reader, so that its world is the same with and without Survex; Survex solves
-    what our reader refuses. Survex solves a survey in several files; our reader does where Survex is not installed.
+    A level survey in one file, with passage data, is read by our own reader, so that its world is the same with and
+    without Survex; Survex solves what our reader refuses, and a survey whose stations differ in height by more than
+    `flat_step_m`. Survex solves a survey in several files; our reader does where Survex is not installed.
 
     Raises
     ------
     InputError
-        If neither can read it. Of a survey in one file the message is our reader's.
+        If neither can read it, or the stations differ in height and Survex is not installed. Of a survey in one file
+        with passage data the message is our reader's.
     """
     if _has_includes(path):
         if has_cavern():
@@ -139,7 +142,7 @@ def read_survex(path: Path, half_width_m: float | None = None) -> tuple[list[Sur
                 raise
             raise InputError(f"{error}; for all that Survex reads, {INSTALL}") from error
     try:
-        return read_svx(path)
+        legs, crs, rise_m = read_svx_rise(path)
     except InputError as error:
         if FILE in str(error) or not has_cavern():
             raise
@@ -147,9 +150,13 @@ def read_survex(path: Path, half_width_m: float | None = None) -> tuple[list[Sur
             survey = solve_file(path)
         except InputError:
             raise error from None
-        if not len(survey.passages):
-            raise
         return plan_legs(path, survey, half_width_m), survey.crs
+    if rise_m <= reader_limits().flat_step_m:
+        return legs, crs
+    if not has_cavern():
+        raise InputError(f"{path}: its stations differ in height by {rise_m:.1f} m, which needs Survex; {INSTALL}")
+    solved, solved_crs = read_passages(path, half_width_m)
+    return (solved, solved_crs) if has_relief(solved) else (legs, crs)
 
 
 def _has_includes(path: Path) -> bool:
