@@ -17,6 +17,7 @@ from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.read import read_passages, read_solved, read_survex, survey_files
 from pipeline.survey.solved.survex_3d import read_3d
+from pipeline.survey.survex import read_svx
 from tests.project import ROOT
 
 needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
@@ -127,12 +128,76 @@ def test_the_plan_of_a_project_is_that_of_the_same_survey_in_one_file(tmp_path):
     assert several.boundary.hausdorff_distance(alone.boundary) < 0.1  # the adjustments weight shots differently
 
 
+ONE_FILE = "1 2 20 0 -7\n2 3 20 90 -7\n"
+WALLS = "*data passage station left right up down\n1 2 2 3 1\n2 2 2 3 1\n3 2 2 3 1\n"
+
+
+@needs_cavern
+def test_a_survey_in_one_file_keeps_its_heights(tmp_path):
+    legs, _ = read_survex(write(tmp_path, {"a.svx": ONE_FILE + WALLS}))
+    drop = 20 * np.sin(np.radians(7))
+    np.testing.assert_allclose(legs[0].heights_m, [[-drop * k, 3, 1] for k in range(3)], atol=0.011)
+
+
+def test_a_level_survey_in_one_file_is_read_as_without_survex(tmp_path):
+    path = write(tmp_path, {"a.svx": ONE_FILE.replace("-7", "0") + WALLS})
+    (leg,), _ = read_survex(path)
+    assert leg.heights_m is None
+    np.testing.assert_array_equal(leg.positions_m, read_svx(path)[0][0].positions_m)
+
+
+def test_heights_in_one_file_without_survex_are_refused(tmp_path, monkeypatch):
+    path = write(tmp_path, {"a.svx": ONE_FILE + WALLS})
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(InputError, match=r"a\.svx: its stations differ in height by 4\.9 m, which needs Survex"):
+        read_survex(path)
+
+
+@needs_cavern
+def test_a_survey_in_one_file_without_cross_sections_has_walls_of_splays_or_as_stated(tmp_path):
+    path = write(tmp_path, {"a.svx": ONE_FILE})
+    with pytest.raises(InputError, match=r"no cross-sections and no splays; state .*--half-width"):
+        read_survex(path)
+    np.testing.assert_array_equal(read_survex(path, 1.5)[0][0].walls_m, np.full((3, 2), 1.5))
+    path.write_text(ONE_FILE + "".join(f"{i} .. 2 {turn} 0\n" for i in (1, 2, 3) for turn in (135, 315)))
+    assert len(read_survex(path)[0]) == 1
+
+
 @needs_cavern
 def test_a_survey_without_cross_sections_gets_its_walls_from_splays(tmp_path):
     text = "1 2 20 0 0\n2 3 20 0 0\n" + "".join(f"{i} .. 2 90 0\n{i} .. 3 270 0\n{i} .. 9 0 80\n" for i in (1, 2, 3))
     legs, _ = read_passages(write(tmp_path, {"a.svx": text}))
     assert [leg.stations for leg in legs] == [["1", "2", "3"]]
     np.testing.assert_allclose(legs[0].walls_m, [[3.0, 2.0]] * 3, atol=0.011)
+
+
+COMPASS = """MINE
+SURVEY NAME: A
+SURVEY DATE: 7 10 2001
+SURVEY TEAM:
+
+DECLINATION: 0.00  FORMAT: DMMDLUDRADLNF  CORRECTIONS: 0.00 0.00 0.00
+
+FROM TO LENGTH BEARING INC LEFT UP DOWN RIGHT FLAGS COMMENTS
+
+a b 100 0 0 5 9 1 5
+b c 100 90 0 5 9 1 5
+c d 100 0 0 5 9 1 5 #|L# resurveyed
+a c 141.4 45 0 5 9 1 5 FLAGS
+"""
+
+
+@needs_cavern
+@pytest.mark.parametrize(
+    ("flags", "built"), [("", True), ("#|L#", True), ("#|S#", False), ("#|PL#", False), ("#|X#", 0)]
+)
+def test_a_compass_shot_that_is_no_passage_gets_no_walls(tmp_path, capsys, flags, built):
+    path = write(tmp_path, {"a.dat": COMPASS.replace("FLAGS\n", f"{flags}\n") + "\f\n"})
+    legs, _ = read_passages(path)
+    joined = {frozenset(pair) for leg in legs for pair in zip(leg.stations, leg.stations[1:], strict=False)}
+    assert {frozenset("ab"), frozenset("bc"), frozenset("cd")} <= joined
+    assert (frozenset("ac") in joined) == built
+    assert "pieces" not in capsys.readouterr().err
 
 
 @needs_cavern

@@ -95,14 +95,20 @@ class _Plan:
         for node, name in zip(self.node.tolist(), survey.names, strict=True):
             names[node] = names[node] or name
         self.names = [name or f"unnamed {node}" for node, name in names.items()]
-        ends = self.node[survey.legs[survey.centreline()]] if len(survey.legs) else np.zeros((0, 2), np.int64)
-        self.edges = np.unique(np.sort(ends[ends[:, 0] != ends[:, 1]], axis=1), axis=0)
+        self.edges = self._edges(survey.centreline())
+        self.all_edges = self._edges(np.flatnonzero((survey.leg_flags | LegFlag.DUPLICATE) == LegFlag.DUPLICATE))
+
+    def _edges(self, legs: np.ndarray) -> np.ndarray:
+        """Return the nodes (k, 2) that some legs join, each pair once."""
+        ends = self.node[self.survey.legs[legs]] if len(legs) else np.zeros((0, 2), np.int64)
+        return np.unique(np.sort(ends[ends[:, 0] != ends[:, 1]], axis=1), axis=0)
 
     def tell_pieces(self, path: Path) -> None:
-        """Say if the centreline is in pieces that share no station."""
+        """Say if the centreline is in pieces that share no station; duplicate legs join pieces, too."""
         graph: nx.Graph = nx.Graph()
-        steps = np.linalg.norm(self.places[self.edges[:, 0]] - self.places[self.edges[:, 1]], axis=1)
-        graph.add_weighted_edges_from(zip(*self.edges.T.tolist(), steps.tolist(), strict=True), weight="length")
+        edges = self.all_edges
+        steps = np.linalg.norm(self.places[edges[:, 0]] - self.places[edges[:, 1]], axis=1)
+        graph.add_weighted_edges_from(zip(*edges.T.tolist(), steps.tolist(), strict=True), weight="length")
         pieces = [(graph.subgraph(nodes).size(weight="length"), min(nodes)) for nodes in nx.connected_components(graph)]
         if len(pieces) > 1:
             longest = sorted(pieces, reverse=True)[:_MOST_PIECES]
