@@ -112,12 +112,11 @@ def _without_shafts(
     path: Path, chains: list[Chain], heights: dict[str, tuple[float, float, float]]
 ) -> tuple[list[Chain], list[SurveyLeg]]:
     """Cut chains at legs without a length in plan, and say how many there are: each end keeps its station."""
-    found, shafts, legs = [], [], []
+    found, legs = [], []
     for chain in chains:
         part: Chain = []
         for station in chain:
             if part and np.hypot(*np.subtract(part[-1][1], station[1])) <= _SHAFT_M:
-                shafts.append((part[-1][0], station[0]))
                 ends = [part[-1], station]
                 names = [name for name, _, _ in ends]
                 walls = np.array([sides for _, _, sides in ends], dtype=float)
@@ -127,14 +126,20 @@ def _without_shafts(
                 part = []
             part.append(station)
         found.append(part)
-    if shafts:
-        deepest = max(shafts, key=lambda ends: abs(heights[ends[0]][0] - heights[ends[1]][0]))
-        depth = abs(heights[deepest[0]][0] - heights[deepest[1]][0])
-        tell(
-            f"{path.name}: {len(shafts)} shafts are not drivable, the deepest {depth:.1f} m, from {deepest[0]} to "
-            f"{deepest[1]}"
-        )
+    tell_shafts(path, legs)
     return found, legs
+
+
+def tell_shafts(path: Path, shafts: list[SurveyLeg]) -> None:
+    """Say how many plumb legs there are, and which is the deepest."""
+    if not shafts:
+        return
+    depths = [float(abs(np.diff(leg.heights_m[:, 0])[0])) for leg in shafts if leg.heights_m is not None]
+    deepest = shafts[int(np.argmax(depths))]
+    tell(
+        f"{path.name}: {len(shafts)} shafts are not drivable, the deepest {max(depths):.1f} m, from "
+        f"{deepest.stations[0]} to {deepest.stations[1]}"
+    )
 
 
 def check_network(path: Path, legs: list[SurveyLeg]) -> None:

@@ -12,7 +12,15 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.legs import SurveyLeg, check_network
+from pipeline.survey.child import one_line
+from pipeline.survey.legs import (
+    SurveyLeg,
+    check_network,
+    require_connected,
+    require_no_crossing,
+    tell_shafts,
+    without_shots,
+)
 from pipeline.survey.plain_file import read_text_bytes, require_at_most
 from pipeline.survey.shapes import REACH_M
 from pipeline.survey.solved.flatness import Section, require_flat
@@ -20,6 +28,10 @@ from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, Statio
 
 _COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]
 _HEIGHTS = ["elevation_m", "up_m", "down_m"]
+_NUMBERS = [*_COLUMNS[2:], *_HEIGHTS]
+_FARTHEST_M, _HIGHEST_M = 1e8, 1e5  # of national and mine grids; workings and floors are counted from an origin
+_SEPARATORS = ",;\t"
+_UNKNOWN = ("", "-")
 STRAY_M = 20.0  # an elevation of exactly 0 is a missing value if all others are further from 0 than this
 
 
@@ -54,10 +66,29 @@ def read_stations(path: Path) -> list[SurveyLeg]:
 
 
 def read_station_legs(path: Path) -> list[SurveyLeg]:
-    """Read a station table for a world with heights: it may be steep and pass over itself, else as `read_stations`."""
-    legs = _read_legs(path)
-    check_network(path, legs)
-    return legs
+    """Read a station table for a world with heights: it may be steep and pass over itself, else as `read_stations`.
+
+    Coordinates may be those of a national grid. Stations of a leg with one position in plan are the ends of a shaft.
+    """
+    legs = _read_legs(path, _FARTHEST_M)
+    shafts = [_shaft(leg, k) for leg in legs for k in _plumb(leg)]
+    driven = [piece for leg in legs for piece in without_shots(leg, set(_plumb(leg)))]
+    require_connected(path, driven + shafts)
+    require_no_crossing(path, driven)
+    tell_shafts(path, shafts)
+    return driven + shafts
+
+
+def _plumb(leg: SurveyLeg) -> list[int]:
+    """Return the stations of a leg below or above which the next one lies."""
+    return np.flatnonzero(np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1) == 0).tolist()
+
+
+def _shaft(leg: SurveyLeg, k: int) -> SurveyLeg:
+    assert leg.heights_m is not None
+    at = [k, k + 1]
+    names = [leg.stations[i] for i in at]
+    return SurveyLeg("plumb", names, leg.positions_m[at], leg.walls_m[at], leg.heights_m[at], True)
 
 
 def section_of(leg: SurveyLeg) -> Section:
@@ -75,7 +106,7 @@ def read_station_survey(path: Path) -> SolvedSurvey:
     InputError
         If the table has no elevations or is not valid; it may be steep and pass over itself.
     """
-    legs = _read_legs(path)
+    legs = _read_legs(path, _FARTHEST_M)
     if legs[0].heights_m is None:
         raise InputError(f"{path}: no column elevation_m; a survey in three dimensions needs it")
     number: dict[str, int] = {}
@@ -93,14 +124,17 @@ def read_station_survey(path: Path) -> SolvedSurvey:
     return SolvedSurvey(tuple(number), np.array(places), flags, pairs, plain, styles, passages, path.stem)
 
 
-def _read_legs(path: Path) -> list[SurveyLeg]:
+def _read_legs(path: Path, reach_m: float = REACH_M) -> list[SurveyLeg]:
     rows = _read_rows(path)
     has_heights = _has_heights(path, rows)
     legs: dict[str, list[tuple[str, tuple[float, ...]]]] = {}
     positions: dict[str, tuple[tuple[float, ...], int]] = {}
     later: set[tuple[str, str]] = set()  # (leg, station) of all stations but a leg's first, which may be its last too
     for line, row in rows:
-        values = tuple(_number(path, line, column, row[column]) for column in _COLUMNS[2:])
+        values = tuple(
+            _number(path, line, column, row[column], reach_m if column in _COLUMNS[2:4] else REACH_M)
+            for column in _COLUMNS[2:]
+        )
         for column, value in zip(_COLUMNS[4:], values[2:], strict=True):
             if value < 0:
                 raise InputError(f"{path}:{line}: {column} = {value:g} of station {row['station']} is negative")
@@ -134,9 +168,9 @@ def _has_heights(path: Path, rows: list[tuple[int, dict[str, str]]]) -> bool:
 
 def _heights(path: Path, line: int, row: dict[str, str]) -> tuple[float, ...]:
     """Return elevation, up and down of a row, m; up and down are nan if they are empty."""
-    elevation = _number(path, line, "elevation_m", row["elevation_m"])
+    elevation = _number(path, line, "elevation_m", row["elevation_m"], _HIGHEST_M)
     up, down = (
-        _number(path, line, column, text) if (text := (row.get(column) or "").strip()) else math.nan
+        _number(path, line, column, text) if (text := (row.get(column) or "").strip()) not in _UNKNOWN else math.nan
         for column in _HEIGHTS[1:]
     )
     for column, value in zip(_HEIGHTS[1:], (up, down), strict=True):
@@ -177,18 +211,28 @@ def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
         text = read_text_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text (byte {error.start})") from error
-    reader = csv.DictReader(io.StringIO(text), strict=True)
+    head = text.partition("\n")[0]
+    separator = max(_SEPARATORS, key=head.count)
+    reader = csv.DictReader(io.StringIO(text), strict=True, delimiter=separator, skipinitialspace=True)
     try:
-        missing = [column for column in _COLUMNS if column not in (reader.fieldnames or [])]
+        reader.fieldnames = [name.strip().lower() for name in reader.fieldnames or []]
+        missing = [column for column in _COLUMNS if column not in reader.fieldnames]
         if missing:
-            raise InputError(f"{path}: no column {', '.join(missing)}; expected {','.join(_COLUMNS)}")
-        twice = [column for column, count in Counter(reader.fieldnames or []).items() if count > 1]
+            raise InputError(
+                f"{path}: no column {', '.join(missing)} in the first line, {one_line(head, 100)!r}; expected "
+                f"{','.join(_COLUMNS)}"
+            )
+        twice = [column for column, count in Counter(reader.fieldnames).items() if count > 1]
         if twice:
             raise InputError(f"{path}: the column {twice[0][:60]!r} stands twice")
         rows = []
         for row in reader:
             if None in row:
                 raise InputError(f"{path}:{reader.line_num}: more fields than columns")
+            if not any(text and text.strip() for text in row.values()):
+                continue
+            if separator != ",":  # where a comma does not part columns it may begin the decimals
+                row |= {column: (row[column] or "").replace(",", ".") for column in _NUMBERS if column in row}
             rows.append((reader.line_num, row))
             require_at_most(path, len(rows), "stations", "stations or more")
     except csv.Error as error:
@@ -198,14 +242,16 @@ def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
     return rows
 
 
-def _number(path: Path, line: int, column: str, text: str | None) -> float:
+def _number(path: Path, line: int, column: str, text: str | None, reach_m: float = REACH_M) -> float:
     try:
         value = float(text or "")
     except ValueError:
         raise InputError(f"{path}:{line}: {column} = {text!r} is not a number") from None
-    if not math.isfinite(value) or abs(value) > REACH_M:
+    if not math.isfinite(value):
+        raise InputError(f"{path}:{line}: {column} = {text} is not a finite number")
+    if abs(value) > reach_m:
         raise InputError(
-            f"{path}:{line}: {column} = {text} is not within +-{REACH_M:g} m; use coordinates from a local origin"
+            f"{path}:{line}: {column} = {text} is not within +-{reach_m:g} m; use coordinates from a local origin"
         )
     return value
 

@@ -119,11 +119,11 @@ def test_a_table_with_elevations_is_a_survey_in_three_dimensions(tmp_path):
     ("rows", "message"),
     [
         ("A,a,0,0,2,2,2400,2,0\nA,b,9,0,2,2,0,2,0\n", r":3: elevation_m = 0, but the others lie from 2400 to 2400 m"),
-        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,nan,2,0\n", r":3: elevation_m = nan is not within"),
-        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,inf,0\n", r":3: up_m = inf is not within"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,nan,2,0\n", r":3: elevation_m = nan is not a finite number"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,inf,0\n", r":3: up_m = inf is not a finite number"),
         ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,,2,0\n", r":3: elevation_m = '' is not a number"),
         ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,-1,0\n", r":3: up_m = -1 of station b is negative"),
-        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,nan,0\n", r":3: up_m = nan is not within"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,nan,0\n", r":3: up_m = nan is not a finite number"),
         ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,400,0\n", r":3: up_m = 400 of station b, at most 300"),
         ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,2,1e300\n", r":3: down_m = 1e300 is not within"),
         ("A,a,0,0,2,2,5,0,0\nA,b,9,0,2,2,5,2,0\n", r":2: station a: the roof at 5 m is not above the floor at 5 m"),
@@ -149,3 +149,38 @@ def test_a_wall_kilometres_from_its_station_is_refused_with_its_line(tmp_path):
     path.write_text("leg,station,easting_m,northing_m,left_m,right_m\n1,a,0,0,2,2\n1,b,50,0,2,5000\n")
     with pytest.raises(InputError, match=r"s\.csv:3: right_m = 5000 of station b, at most 300 \(farthest_wall_m"):
         read_stations(path)
+
+
+@pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", "."), (";", ","), ("\t", ","), (", ", ".")])
+def test_separators_and_decimal_commas_of_spreadsheets_are_read(tmp_path, separator, decimal):
+    rows = [
+        "Leg,Station,Easting_m,Northing_m,Left_m,Right_m,Elevation_m",
+        "A,a,0.5,0,2,2,5.25",
+        ",,,,,,",
+        "A,b,9,0,2,2,5",
+    ]
+    head, *values = (row.replace(",", separator) for row in rows)
+    text = "\r\n".join([head, *(row.replace(".", decimal) for row in values)])
+    path = tmp_path / "a.csv"
+    path.write_bytes(text.encode("utf-8-sig"))
+    (leg,) = read_station_legs(path)
+    np.testing.assert_array_equal(leg.positions_m, [[0.5, 0], [9, 0]])
+    np.testing.assert_array_equal(leg.heights_m[:, 0], [5.25, 5])
+
+
+def test_stations_of_one_leg_above_each_other_are_a_shaft(tmp_path, capsys):
+    path = tmp_path / "a.csv"
+    head = "leg,station,easting_m,northing_m,left_m,right_m,elevation_m\n"
+    path.write_text(f"{head}A,a,0,0,2,2,5\nA,b,9,0,2,2,5\nA,c,9,0,2,2,-7\nA,d,0,0,2,2,-7\n")
+    one, two, shaft = read_station_legs(path)
+    assert (one.stations, two.stations, shaft.stations) == (["a", "b"], ["c", "d"], ["b", "c"])
+    assert (shaft.is_plumb, one.is_plumb) == (True, False)
+    assert "1 shafts are not drivable, the deepest 12.0 m, from b to c" in capsys.readouterr().err
+
+
+def test_a_table_with_heights_may_use_a_national_grid(tmp_path):
+    path = tmp_path / "a.csv"
+    head = "leg,station,easting_m,northing_m,left_m,right_m,elevation_m\n"
+    path.write_text(f"{head}A,a,450000.25,7100000,2,2,10250\nA,b,450009,7100000,2,2,10251\n")
+    (leg,) = read_station_legs(path)
+    np.testing.assert_array_equal(leg.positions_m[0], (450000.25, 7100000))
