@@ -124,7 +124,7 @@ def require_workings(
     if area < min_tunnel_m2:
         raise GeometryError(
             f"no dark region larger than {min_tunnel_m2:g} m2 (largest is {area:.1f} m2 at {px_per_m:.2f} px/m); "
-            "is the plan inverted, or its scale wrong?"
+            "is the plan inverted, or its scale wrong? A mine so small needs a lower contours.min_tunnel_m2"
         )
 
 

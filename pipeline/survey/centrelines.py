@@ -19,7 +19,7 @@ from pipeline.survey.child import tell
 from pipeline.survey.plain_file import require_at_most
 from pipeline.survey.shapes import REACH_M, Shapes, locate
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
-from pipeline.survey.stations import STRAY_M
+from pipeline.survey.stray_heights import stray_zero
 from pipeline.types import Georeference
 
 _NEAR_M = 3.0  # an end so near to another line, and not joined, is told
@@ -93,12 +93,13 @@ def _lines(
 
 
 def _require_elevations(path: Path, lines: list[Line]) -> None:
-    """Refuse elevations of exactly 0 among others that all lie on one side of 0 and far from it."""
-    places = np.concatenate(lines)
-    zero = places[:, 2] == 0
-    others = places[~zero, 2]
-    if zero.any() and len(others) and (others.min() > STRAY_M or others.max() < -STRAY_M):
-        x, y, _ = places[zero][0]
+    """Refuse elevations of exactly 0 that are missing values (`stray_zero`)."""
+    places = np.unique(np.concatenate(lines), axis=0)
+    stray = stray_zero(places)
+    if stray is not None:
+        x, y, _ = places[stray]
+        zero = places[:, 2] == 0
+        others = places[~zero, 2]
         raise InputError(
             f"{path}: {zero.sum()} points of lines have elevation 0, the first at ({x:.1f}, {y:.1f}), but the others "
             f"lie from {others.min():g} to {others.max():g} m; are elevations missing?"

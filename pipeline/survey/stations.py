@@ -25,6 +25,7 @@ from pipeline.survey.plain_file import read_text_bytes, require_at_most
 from pipeline.survey.shapes import REACH_M
 from pipeline.survey.solved.flatness import Section, require_flat
 from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
+from pipeline.survey.stray_heights import stray_zero
 
 _COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]
 _HEIGHTS = ["elevation_m", "up_m", "down_m"]
@@ -32,7 +33,6 @@ _NUMBERS = [*_COLUMNS[2:], *_HEIGHTS]
 _FARTHEST_M, _HIGHEST_M = 1e8, 1e5  # of national and mine grids; workings and floors are counted from an origin
 _SEPARATORS = ",;\t"
 _UNKNOWN = ("", "-")
-STRAY_M = 20.0  # an elevation of exactly 0 is a missing value if all others are further from 0 than this
 
 
 def read_stations(path: Path) -> list[SurveyLeg]:
@@ -152,7 +152,7 @@ def _read_legs(path: Path, reach_m: float = REACH_M) -> list[SurveyLeg]:
             later.add((row["leg"], row["station"]))
         leg.append((row["station"], (*values, *heights)))
     if has_heights:
-        _require_no_stray_zero(path, [(line, place[2]) for place, line in positions.values()])
+        _require_no_stray_zero(path, list(positions.values()))
     return [_leg(path, name, stations) for name, stations in legs.items()]
 
 
@@ -195,14 +195,15 @@ def _require_near(path: Path, line: int, column: str, value: float, station: str
         )
 
 
-def _require_no_stray_zero(path: Path, elevations: list[tuple[int, float]]) -> None:
-    """Refuse an elevation of exactly 0 among elevations that all lie on one side of 0 and far from it."""
-    zeros = [line for line, value in elevations if value == 0]
-    others = [value for _, value in elevations if value != 0]
-    if zeros and others and (min(others) > STRAY_M or max(others) < -STRAY_M):
+def _require_no_stray_zero(path: Path, stations: list[tuple[tuple[float, ...], int]]) -> None:
+    """Refuse a station, given by its place and line, whose elevation of 0 is a missing value (`stray_zero`)."""
+    places = np.array([place for place, _ in stations])
+    stray = stray_zero(places)
+    if stray is not None:
+        others = places[places[:, 2] != 0, 2]
         raise InputError(
-            f"{path}:{zeros[0]}: elevation_m = 0, but the others lie from {min(others):g} to {max(others):g} m; "
-            "is the elevation of this station missing?"
+            f"{path}:{stations[stray][1]}: elevation_m = 0, but the others lie from {others.min():g} to "
+            f"{others.max():g} m; is the elevation of this station missing?"
         )
 
 

@@ -22,7 +22,7 @@ from pipeline.survey.geodata import companions
 from pipeline.survey.plain_file import require_at_most
 from pipeline.survey.shapes import REACH_M, Shapes, coordinate_system, require_size
 from pipeline.survey.spots import read_spots
-from pipeline.survey.stations import STRAY_M
+from pipeline.survey.stray_heights import STRAY_M
 from pipeline.types import Frame, Georeference, Heights, Image
 
 RASTER_DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid"}

@@ -65,8 +65,9 @@ def test_a_faulty_survey_is_refused_with_line_and_value(tmp_path, rows, message)
 
 def test_a_plumb_leg_is_allowed_where_stations_have_elevations(tmp_path):
     header = HEADER.replace("\n", ",elevation_m\n")
-    (leg,) = read_station_legs(write(tmp_path, header + "S,a,0,0,2,2,10\nS,b,0,0,2,2,4\n"))
-    assert leg.stations == ["a", "b"]
+    rows = "S,a,0,0,2,2,10\nS,b,0,0,2,2,4\nD,b,0,0,2,2,4\nD,c,9,0,2,2,4\n"
+    legs = read_station_legs(write(tmp_path, header + rows))
+    assert [(leg.stations, leg.is_plumb) for leg in legs] == [(["b", "c"], False), (["a", "b"], True)]
     with pytest.raises(InputError, match="stations a and b of leg S have one position"):
         read_station_legs(write(tmp_path, header + "S,a,0,0,2,2,10\nS,b,0,0,2,2,10\n"))
 

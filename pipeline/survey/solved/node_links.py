@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.plain_file import read_text_bytes, require_at_most
-from pipeline.survey.shapes import REACH_M
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
 from pipeline.survey.solved.project_files import inside
 
+_FARTHEST_M = 1e8  # coordinates of a national grid
 _NODES, _LINKS = "_nodes.dat", "_links.dat"
 
 
@@ -39,7 +40,7 @@ def read_node_links(path: Path) -> SolvedSurvey:
     """
     beside = links_of(path)
     inside(f"{path}", beside.name, path.parent, path.parent.resolve())  # it may be a link
-    nodes, links = _read(path, 3), _read(beside, 2)
+    nodes, links = _read(path, 3, _FARTHEST_M), _read(beside, 2, reader_limits().survex_shots)
     bad = np.flatnonzero(
         (links != np.round(links)).any(axis=1) | (links < 1).any(axis=1) | (links > len(nodes)).any(axis=1)
     )
@@ -58,7 +59,7 @@ def read_node_links(path: Path) -> SolvedSurvey:
     )
 
 
-def _read(path: Path, columns: int) -> np.ndarray:
+def _read(path: Path, columns: int, most: float) -> np.ndarray:
     if not path.is_file():
         raise InputError(f"{path}: no such file; nodes and links belong together")
     rows: list[list[float]] = []
@@ -66,13 +67,14 @@ def _read(path: Path, columns: int) -> np.ndarray:
         words = line.split()
         if not words:
             continue
-        require_at_most(path, len(rows) + 1, "stations", "stations or more")
+        limit = "stations" if columns == 3 else "survex_shots"
+        require_at_most(path, len(rows) + 1, limit, f"{'nodes' if columns == 3 else 'links'} or more")
         try:
             values = [float(word) for word in words]
         except ValueError:
             raise InputError(f"{path}:{number}: {line[:60]!r}: want {columns} numbers") from None
-        if len(values) != columns or not all(abs(value) <= REACH_M for value in values):
-            raise InputError(f"{path}:{number}: {line[:60]!r}: want {columns} numbers within +-{REACH_M:g}")
+        if len(values) != columns or not all(abs(value) <= most for value in values):
+            raise InputError(f"{path}:{number}: {line[:60]!r}: want {columns} numbers within +-{most:g}")
         rows.append(values)
     if not rows:
         raise InputError(f"{path}: holds no numbers")
