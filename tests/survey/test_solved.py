@@ -292,6 +292,19 @@ def test_a_station_with_two_positions_is_refused(tmp_path):
         read_3d(write(tmp_path, {"mine.3d": data}))
 
 
+@needs_cavern
+def test_a_file_named_in_another_case_is_found_unless_two_could_be_meant(tmp_path):
+    path = write(tmp_path / "a", {"a.svx": "*include Sub\\B\n", "sub/b.svx": ONE_FILE + WALLS})
+    assert project_files(path) == [path, tmp_path / "a/sub/b.svx"]
+    assert len(read_survex(path)[0]) == 1
+    plan = write(tmp_path / "b", {"a.mak": "#A.DAT;\r\n", "a.dat": COMPASS.replace("FLAGS\n", "\n") + "\f\n"})
+    assert project_files(plan) == [plan, tmp_path / "b/a.dat"]
+    assert read_passages(plan)[0]
+    path = write(tmp_path / "c", {"a.svx": "*include B\n", "b.svx": ONE_FILE, "B.SVX": "*include ../x\n"})
+    with pytest.raises(InputError, match=r"a\.svx:1: \*include 'B': no such file"):
+        project_files(path)
+
+
 def test_a_line_of_megabytes_is_refused_before_survex_reads_it(tmp_path):
     path = tmp_path / "a.svx"
     path.write_text(f"*title {'x' * 20_000}\n1 2 5 0 0\n")

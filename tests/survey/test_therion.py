@@ -54,6 +54,18 @@ def test_a_project_in_two_files_is_solved_with_equates_splays_and_flags(tmp_path
 
 
 @needs_cavern
+def test_names_with_points_as_instruments_write_them_are_stations_of_one_survey(tmp_path):
+    text = centreline(f"{NORMAL}1.0 1.1 10 0 0\n1.1 - 2 90 0\n1.1 2.10 10 90 0\n2.10 2.1 5 90 0\n")
+    other = "survey 2\ncentreline\ndata normal from to length compass clino\n1 3 7 0 0\nendcentreline\nendsurvey\n"
+    whole = f"survey a\n{text}{other}equate 2.1@m 1@2\nendsurvey\n"
+    at = read_solved(write(tmp_path, {"m.th": whole})).position_of()
+    np.testing.assert_allclose(at["a.m.2~10"] - at["a.m.1~0"], (10, 10, 0), atol=0.011)
+    np.testing.assert_allclose(at["a.2.3"] - at["a.m.2~1"], (0, 7, 0), atol=0.011)
+    with pytest.raises(InputError, match=r"m\.th:4: station '1\.': a name neither begins nor ends with a point"):
+        solved(tmp_path, NORMAL + "1. 2 10 0 0\n")
+
+
+@needs_cavern
 def test_consecutive_shots_between_two_stations_are_averaged(tmp_path):
     at = solved(tmp_path, NORMAL + "1 2 10 359 0\n1 2 11 1 0\n1 2 12 0 0\n2 3 5 90 0\n")
     np.testing.assert_allclose(at["m.2"] - at["m.1"], (0, 11, 0), atol=0.011)

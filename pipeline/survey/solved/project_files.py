@@ -161,6 +161,26 @@ def _scan(path: Path, folder: Path, files: list[Path], above: list[Path]) -> Non
             _scan(file, folder, files, [*above, path])
 
 
+def _lower_case(where: str, name: str, beside: Path, folder: Path, suffix: str) -> list[Path]:
+    """Return what Survex opens if there is no file of a name: that of the name in lower case.
+
+    Files come from systems that do not tell cases apart. A name that could be another file too, which Survex might open
+    instead, is not taken.
+    """
+    options = [inside(where, f"{name.lower()}{end}", beside, folder) for end in ("", suffix)]
+    found = [option for option in options if option.is_file()]
+    alike = (
+        []
+        if not found
+        else [
+            other
+            for other in found[0].parent.iterdir()
+            if other.name.lower() in {option.name.lower() for option in options}
+        ]
+    )
+    return found if len(alike) == 1 else []
+
+
 def _require_plain_set(where: str, rest: str) -> None:
     word = _WORD.match(rest)
     item = (word[1] or word[2] or "").lower() if word else ""
@@ -178,7 +198,7 @@ def _included(where: str, rest: str, path: Path, folder: Path) -> Path:
     with_suffix = inside(where, f"{name}.svx", path.parent, folder)
     if "\\" in name and any((path.parent / text).exists() for text in (name, f"{name}.svx")):
         raise InputError(f"{where}: *include {name[:80]!r}: a file whose name holds a backslash; rename it")
-    for option in (plain, with_suffix):
+    for option in (plain, with_suffix, *_lower_case(where, name, path.parent, folder, ".svx")):
         if option.is_file():
             if option.suffix.lower() not in _SURVEX:
                 raise InputError(f"{where}: *include {name[:80]!r}: only .svx files are included")
@@ -217,6 +237,7 @@ def _made_of(where: str, name: str, path: Path, folder: Path, comment: bool) -> 
     if comment and any(len(part) > _LONGEST_NAME for part in re.split(r"[/\\]", name)):
         return None
     options = [inside(where, text, path.parent, folder) for text in (name, f"{name}.dat")]
+    options += _lower_case(where, name, path.parent, folder, ".dat")
     file = next((option for option in options if option.is_file()), None)
     if file is None and comment:
         return None

@@ -13,6 +13,7 @@ from pipeline.survey.solved.therion_lines import Line, therion_lines
 from pipeline.survey.solved.therion_place import Place, date_for_survex, place_of
 from pipeline.survey.solved.therion_shots import Shots
 from pipeline.survey.solved.therion_words import (
+    DOT,
     SKIPPED_BLOCKS,
     cs_for_survex,
     declination_for_survex,
@@ -174,7 +175,7 @@ class _Converter:
         self.surveys.append((name, named))
         self.made.add(line, f"*begin {name}" if named else "*begin")
         self.made.add(line, "*case preserve")
-        self.made.add(line, "*set names _-/'+")
+        self.made.add(line, f"*set names _-/'+{DOT}")
         if declination:
             self.made.add(line, declination)
 

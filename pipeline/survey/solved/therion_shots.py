@@ -69,7 +69,9 @@ class Shots:
         if self.style in ("dimensions", "passage"):
             self._section(line, dict(zip(self.readings, line.words, strict=False)))
         elif "newline" in self.readings:
-            self.add(line, " ".join(_plain(line, word) for word in line.words))
+            alone = len(line.words) == 1
+            words = [station_for_survex(line.where, line.words[0])] if alone else [_plain(line, w) for w in line.words]
+            self.add(line, " ".join(words))
         else:
             self._shot(line)
 

@@ -6,6 +6,7 @@ import re
 
 from pipeline.errors import InputError
 
+DOT = "~"
 SKIPPED_BLOCKS = {"map", "scrap", "surface", "grade", "layout", "lookup", "line", "area"}
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_/'+-]{0,200}")
 _QUANTITIES = {
@@ -40,7 +41,16 @@ def station_for_survex(where: str, name: str) -> str:
         return ".." if name == "-" else "."
     station, _, surveys = name.partition("@")
     parts = [*reversed(surveys.split(".")), station] if surveys else [station]
-    return ".".join(survey_name(where, part) for part in parts)
+    *outer, inner = parts
+    return ".".join([*(survey_name(where, part) for part in outer), _station_name(where, inner)])
+
+
+def _station_name(where: str, name: str) -> str:
+    """Return a station's name, with `DOT` for the point of names like 2.15: a point parts surveys in Survex."""
+    parts = name.split(".")
+    if "" in parts:
+        raise InputError(f"{where}: station {name[:60]!r}: a name neither begins nor ends with a point")
+    return DOT.join(survey_name(where, part) for part in parts)
 
 
 def units_for_survex(where: str, words: tuple[str, ...]) -> str:
