@@ -15,6 +15,7 @@ from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, Statio
 from pipeline.survey.solved.plan_view import plan_legs
 
 _FOOT_M = 0.3048
+_FARTHEST_M = 1e8
 _UNKNOWN_FT = 900.0  # Compass writes 999.9 or a negative number for a distance that was not measured
 # Name, place east, north and up, and distances left, right, up and down, m; nan: not measured.
 _Station = tuple[str, tuple[float, float, float], list[float]]
@@ -96,8 +97,8 @@ def _feet(path: Path, number: int, text: str) -> float:
         value = float(text) * _FOOT_M
     except ValueError:
         raise InputError(f"{path}:{number}: {text[:40]!r} is not a number of feet") from None
-    if not math.isfinite(value):
-        raise InputError(f"{path}:{number}: {text[:40]!r} is not finite")
+    if not abs(value) <= _FARTHEST_M:
+        raise InputError(f"{path}:{number}: {text[:40]!r} is not a finite number of feet below {_FARTHEST_M:g} m")
     return value
 
 

@@ -73,6 +73,8 @@ def read_station_legs(path: Path) -> list[SurveyLeg]:
     legs = _read_legs(path, _FARTHEST_M)
     shafts = [_shaft(leg, k) for leg in legs for k in _plumb(leg)]
     driven = [piece for leg in legs for piece in without_shots(leg, set(_plumb(leg)))]
+    if not driven:
+        raise InputError(f"{path}: every leg is plumb; nothing to drive on")
     require_connected(path, driven + shafts)
     require_no_crossing(path, driven)
     tell_shafts(path, shafts)

@@ -47,6 +47,10 @@ _IGNORED_COMMANDS = {
 }
 
 
+class NoPassagesError(InputError):
+    """A survey that has shots, but no cross-sections."""
+
+
 @dataclass
 class _Survey:
     """The content of all files of a survey."""
@@ -88,6 +92,8 @@ def read_svx_rise(path: Path) -> tuple[list[SurveyLeg], str | None, float]:
     survey = _Survey()
     _read(path, path.parent.resolve(), Settings(), survey, [path])
     positions = adjust_network(path, survey.shots, survey.fixed, survey.equal)
+    if not any(survey.passages):
+        raise NoPassagesError(f"{path}: no legs with passages; widths left and right of the stations are needed")
     chains: list[Chain] = []
     for block in survey.passages:
         unknown = [name for name, _ in block if name not in positions]

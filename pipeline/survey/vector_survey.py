@@ -28,7 +28,7 @@ from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
 from pipeline.survey.geodata import companions
 from pipeline.survey.geojson import read_geojson
 from pipeline.survey.legs import SurveyLeg, build_workings, check_network
-from pipeline.survey.shapes import Shapes, locate, require_simple, workings_of
+from pipeline.survey.shapes import REACH_M, Shapes, locate, require_simple, workings_of
 from pipeline.survey.sheets import draw_sheets, has_relief
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.read import SOLVED_SUFFIXES, survey_files
@@ -142,6 +142,7 @@ def _read_centrelines(
 
 def _build(path: Path, legs: list[SurveyLeg], apart_m: float | None) -> tuple[BaseGeometry, Heights | None]:
     """Return the workings of legs, sheet by sheet if they have heights, and these."""
+    _require_short(path, legs)
     if has_relief(legs):
         return draw_sheets(path, legs, apart_m)
     driven = [leg for leg in legs if not leg.is_plumb]
@@ -150,6 +151,17 @@ def _build(path: Path, legs: list[SurveyLeg], apart_m: float | None) -> tuple[Ba
     if built.is_empty:
         raise InputError(f"{path}: the stations' walls enclose no area")
     return built, None
+
+
+def _require_short(path: Path, legs: list[SurveyLeg]) -> None:
+    """Refuse a shot that is longer than a mine may be, before it is cut into pieces of a metre."""
+    for leg in legs:
+        steps = np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1)
+        if steps.max() > REACH_M:
+            k = int(steps.argmax())
+            raise InputError(
+                f"{path}: {leg.stations[k]} to {leg.stations[k + 1]} are {steps[k]:.0f} m apart, at most {REACH_M:g} m"
+            )
 
 
 def _moved(heights: Heights, origin: tuple[float, float]) -> Heights:

@@ -194,7 +194,8 @@ def test_a_plot_file_whose_stations_differ_in_height_keeps_their_heights(tmp_pat
         ("M 1 x 0 Sa\n", ":1: 'x' is not a number"),
         ("", "no legs"),
         ("M 1 2 0 Sa P 1 1\n", "expected P left up down right"),
-        ("M 1 inf 0 Sa\n", "not finite"),
+        ("M 1 inf 0 Sa\n", "not a finite number"),
+        ("M 1 1e300 0 Sa\n", "not a finite number of feet below"),
     ],
 )
 def test_a_plot_file_that_cannot_be_used_is_refused(tmp_path, text, message):

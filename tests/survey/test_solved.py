@@ -1,6 +1,7 @@
 """Surveys in three dimensions: solved files, Survex projects, and what a flat world cannot show."""
 
 import dataclasses
+import re
 import shutil
 import subprocess
 
@@ -198,6 +199,23 @@ def test_a_compass_shot_that_is_no_passage_gets_no_walls(tmp_path, capsys, flags
     assert {frozenset("ab"), frozenset("bc"), frozenset("cd")} <= joined
     assert (frozenset("ac") in joined) == built
     assert "pieces" not in capsys.readouterr().err
+
+
+@needs_cavern
+@pytest.mark.parametrize(("crs", "place"), [("EPSG:2193", "1600000 5400000"), ("EPSG:31467", "3500000 5400000")])
+def test_bearings_that_survex_turns_by_a_right_angle_are_refused(tmp_path, crs, place):
+    head = f"*cs {crs}\n*cs out {crs}\n*fix 1 {place} 9\n*declination auto {place} 9\n*date 2010.05.06\n"
+    path = write(tmp_path, {"a.svx": head + ONE_FILE + WALLS})
+    message, rise = "", 20.0
+    try:
+        ends = read_passages(path)[0][0].positions_m
+        rise = float(ends[1, 1] - ends[0, 1])
+    except InputError as error:
+        message = str(error)
+    assert rise > 17  # a newer version may be right; bearing 0 leads north by all but the declination
+    assert not message or re.search(r"a\.svx:4: Declination.*state \*declination as a number", message)
+    path.write_text(head.replace(f"auto {place} 9", "22 degrees") + ONE_FILE + WALLS)
+    assert len(read_passages(path)[0]) == 1
 
 
 @needs_cavern

@@ -6,7 +6,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.survey.solved.node_links import read_node_links
 from pipeline.survey.solved.read import read_passages, survey_files
-from pipeline.survey.solved.splay_walls import fill_down, fill_sides, usual_half_width_m, walls_across
+from pipeline.survey.solved.splay_walls import fill_down, fill_sides, measured, usual_half_width_m, walls_across
 
 NAN = np.nan
 ROW = np.array([[0.0, 0, 0], [10, 0, 0], [20, 0, 0]])
@@ -77,3 +77,8 @@ def test_nodes_without_links_are_refused(tmp_path):
     (tmp_path / "a_nodes.dat").write_text("0 0 0\n1 1 1\n")
     with pytest.raises(InputError, match=r"a_links\.dat: no such file"):
         read_node_links(tmp_path / "a_nodes.dat")
+
+
+def test_four_zeros_are_a_section_that_nobody_measured():
+    walls = measured(np.array([[0.0, 0, 0, 0], [0, 2, 0, 0], [1, 1, 1, np.nan]]))
+    np.testing.assert_array_equal(walls, [[np.nan] * 4, [0, 2, 0, 0], [1, 1, 1, np.nan]])

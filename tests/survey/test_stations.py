@@ -3,9 +3,11 @@ import pytest
 import shapely
 
 from pipeline.errors import InputError
+from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.legs import build_workings
 from pipeline.survey.solved.read import read_solved
 from pipeline.survey.stations import read_station_legs, read_stations
+from pipeline.survey.vector_survey import draw_vector_survey
 from tests.project import ROOT, TINY_STATIONS
 
 HEADER = "leg,station,easting_m,northing_m,left_m,right_m\n"
@@ -185,3 +187,18 @@ def test_a_table_with_heights_may_use_a_national_grid(tmp_path):
     path.write_text(f"{head}A,a,450000.25,7100000,2,2,10250\nA,b,450009,7100000,2,2,10251\n")
     (leg,) = read_station_legs(path)
     np.testing.assert_array_equal(leg.positions_m[0], (450000.25, 7100000))
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("A,a,0,0,2,2,0\nA,b,0,0,2,2,9\n", r"a\.csv: every leg is plumb; nothing to drive on"),
+        ("A,a,0,0,2,2,0\nA,b,90000,0,2,2,9\n", r"a\.csv: a to b are 90000 m apart, at most 10000 m"),
+    ],
+)
+def test_a_table_without_a_drift_and_a_shot_of_many_kilometres_are_refused(tmp_path, rows, message):
+    path = tmp_path / "a.csv"
+    path.write_text(f"leg,station,easting_m,northing_m,left_m,right_m,elevation_m\n{rows}")
+    params = PassageSurveyParams(kind="passages", name="a", file="data/a.csv", heights=None)
+    with pytest.raises(InputError, match=message):
+        draw_vector_survey(params.model_copy(update={"file": path.as_posix()}))

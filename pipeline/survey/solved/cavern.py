@@ -26,6 +26,9 @@ _UNREAL = re.compile(
     r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: "
     r"(Negative (?:adjusted )?tape.*|Suspicious compass.*|Clino reading over 90.*)$"
 )
+# Survex 1.4 turns bearings by a right angle in systems whose first axis is north, such as EPSG:2193 and EPSG:31467.
+_CONVERGENCE = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: info: (Declination: .*grid convergence: (-?[\d.]+)°.*)$")
+_MOST_CONVERGENCE_DEG = 45.0
 Origin = Callable[[int], tuple[Path, int]]  # a line of a generated file -> the file and line that it comes from
 
 
@@ -87,6 +90,12 @@ def solve(path: Path, text: str | None = None, origin: Origin | None = None) -> 
         unreal = _named(_UNREAL, path, source, output, origin)
         if unreal is not None:
             raise InputError(f"{unreal}; correct it")
+        turned = _named(_CONVERGENCE, path, source, output, origin)
+        if turned is not None:
+            raise InputError(
+                f"{turned}; this version of Survex turns bearings wrongly in this coordinate system; fix the stations "
+                "in another one (UTM), or state *declination as a number"
+            )
         try:
             survey = read_3d(result)
             return survey if text is None else replace(survey, title=path.stem)
@@ -117,7 +126,7 @@ def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, origin:
     """Return the first message of a kind, with the file and line of the user's that it is about."""
     for line in output.splitlines():
         found = kind.match(line)
-        if found is None:
+        if found is None or (kind is _CONVERGENCE and abs(float(found[4])) < _MOST_CONVERGENCE_DEG):
             continue
         file, number = Path(found[1]), int(found[2])
         if origin is not None and file == source:

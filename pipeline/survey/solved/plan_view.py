@@ -18,6 +18,7 @@ from pipeline.survey.solved.splay_walls import (
     Rows,
     fill_down,
     fill_sides,
+    measured,
     splays_by_node,
     usual_half_width_m,
     walls_across,
@@ -56,7 +57,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     require_at_most(path, len(plan.places), "stations", "stations or more")
     plan.tell_pieces(path)
     if survey.passages:
-        rows = [(plan.node[p.stations].tolist(), p.lrud_m) for p in survey.passages]
+        rows = [(plan.node[p.stations].tolist(), measured(p.lrud_m)) for p in survey.passages]
         rows += plan.joints(rows)
     else:
         if half_width_m is None and not (survey.leg_flags & LegFlag.SPLAY).any():

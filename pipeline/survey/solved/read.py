@@ -23,7 +23,7 @@ from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.solved.therion import to_survex
 from pipeline.survey.solved.therion_lines import therion_lines
 from pipeline.survey.stations import read_station_survey
-from pipeline.survey.survex import read_svx, read_svx_rise
+from pipeline.survey.survex import NoPassagesError, read_svx, read_svx_rise
 
 SOLVED_SUFFIXES = (".3d", ".svx", ".th", ".dat", ".mak")
 _INCLUDE = re.compile(r"[\s,\0]*\*[\s,\0]*include(?![a-z])", re.IGNORECASE)
@@ -143,6 +143,10 @@ def read_survex(path: Path, half_width_m: float | None = None) -> tuple[list[Sur
             raise InputError(f"{error}; for all that Survex reads, {INSTALL}") from error
     try:
         legs, crs, rise_m = read_svx_rise(path)
+    except NoPassagesError:
+        if not has_cavern():
+            raise
+        return read_passages(path, half_width_m)
     except InputError as error:
         if FILE in str(error) or not has_cavern():
             raise

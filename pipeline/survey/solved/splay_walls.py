@@ -53,6 +53,11 @@ def walls_across(places_m: np.ndarray, splays: list[np.ndarray | None]) -> np.nd
     return walls
 
 
+def measured(walls: np.ndarray) -> np.ndarray:
+    """Return the distances left, right, up and down (n, 4) m; four zeros stand for a section that nobody measured."""
+    return np.where((walls == 0).all(axis=1, keepdims=True), np.nan, walls)
+
+
 def usual_half_width_m(rows: Rows) -> float | None:
     """Return half the median width where both sides are known; None if they are nowhere."""
     widths = [walls[:, :2].sum(axis=1) for _, walls in rows]
