@@ -23,6 +23,7 @@ from pipeline.survey.legs import (
 )
 from pipeline.survey.plain_file import read_text_bytes, require_at_most
 from pipeline.survey.shapes import REACH_M
+from pipeline.survey.sheets import has_relief
 from pipeline.survey.solved.flatness import Section, require_flat
 from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
 from pipeline.survey.stray_heights import stray_zero
@@ -69,13 +70,15 @@ def read_station_legs(path: Path) -> list[SurveyLeg]:
     """Read a station table for a world with heights: it may be steep and pass over itself, else as `read_stations`.
 
     Coordinates may be those of a national grid. Stations of a leg with one position in plan are the ends of a shaft.
+    Legs whose floors differ in height need not be connected: the longest piece is built.
     """
     legs = _read_legs(path, _FARTHEST_M)
     shafts = [_shaft(leg, k) for leg in legs for k in _plumb(leg)]
     driven = [piece for leg in legs for piece in without_shots(leg, set(_plumb(leg)))]
     if not driven:
         raise InputError(f"{path}: every leg is plumb; nothing to drive on")
-    require_connected(path, driven + shafts)
+    if not has_relief(driven):
+        require_connected(path, driven + shafts)
     require_no_crossing(path, driven)
     tell_shafts(path, shafts)
     return driven + shafts
