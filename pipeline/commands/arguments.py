@@ -35,6 +35,14 @@ def numbers(count: int) -> Callable[[str], list[float]]:
     return parse
 
 
+def elevation(text: str) -> tuple[str, float]:
+    """Return a layer and its elevation, m, from LAYER=M."""
+    layer, _, value = text.rpartition("=")
+    if not layer or not math.isfinite(float(value)):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected LAYER=M")
+    return layer, float(value)
+
+
 def whole_numbers(count: int) -> Callable[[str], list[int]]:
     """Return a parser of `count` integers of 0 or more separated by commas."""
 

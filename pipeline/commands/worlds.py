@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
-from pipeline.commands.arguments import natural, numbers, positive, whole_numbers
+from pipeline.commands.arguments import elevation, natural, numbers, positive, whole_numbers
 
 DETECTED = "detected.png"
 
@@ -219,6 +219,14 @@ def add_to(commands: Any) -> None:
     make.add_argument("--entrance", dest="entrance_m", type=numbers(2), help="X,Y in the mine frame, m")
     make.add_argument("overrides", nargs="*", help="for example compile3d.height_m=2.8")
     make.add_argument("--layer", dest="layers", action="append", help="layer of a drawing; repeat for more layers")
+    make.add_argument(
+        "--elevation",
+        dest="elevations_m",
+        type=elevation,
+        action="append",
+        metavar="LAYER=M",
+        help="elevation of a layer that is a level; repeat for more levels",
+    )
     make.add_argument("--snap", dest="snap_m", type=float, help="largest gap between wall ends that are joined, m")
     make.add_argument("--page", type=positive, help="page of a PDF")
     make.add_argument("--dpi", type=float, help="resolution at which a PDF page is rendered")
@@ -250,7 +258,11 @@ def add_to(commands: Any) -> None:
             a.source,
             a.origin,
             a.licence,
-            {"heights": a.heights, **{k: getattr(a, k) for k in (*stated, *of_sheets)}},
+            {
+                "heights": a.heights,
+                "elevations_m": dict(a.elevations_m) if a.elevations_m else None,
+                **{k: getattr(a, k) for k in (*stated, *of_sheets)},
+            },
             a.overrides,
             a.detected,
         )

@@ -28,6 +28,7 @@ BoxPx = Annotated[tuple[int, int, int, int], AfterValidator(_boxed)]
 Range = Annotated[tuple[float, float], AfterValidator(_rising)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Grey = Annotated[int, Field(ge=0, le=255)]
+Elevation = Annotated[float, Field(ge=-10_000, le=10_000)]
 Unit = Literal["m", "cm", "mm", "ft", "in"]
 
 
@@ -160,6 +161,9 @@ class VectorSurveyParams(_DrawnParams):
         None, description="the mine frame's origin in the file's coordinates; null: chosen if needed"
     )
     snap_m: float = Field(default=0.25, ge=0, le=10, description="open ends of walls nearer than this are joined")
+    elevations_m: dict[str, Elevation] | None = Field(
+        default=None, description="of the floors of layers, m; null: as the file states them"
+    )
     seeds_m: list[PointM] = Field(
         default_factory=list, description="places inside the workings; none: the workings are what the walls enclose"
     )

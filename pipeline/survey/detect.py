@@ -182,6 +182,7 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
         "unit": unit,
         "origin": list(place.origin),
         "snap_m": stated.get("snap_m") or 0.25,
+        "elevations_m": stated.get("elevations_m"),
         "seeds_m": [],
     }
     remarks = {
@@ -190,6 +191,7 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
         "unit": f"null: the file's unit ({place.unit}); or m, cm, mm, ft, in",
         "origin": "of the mine frame, in the file's coordinates",
         "snap_m": "wall ends closer than this are joined",
+        "elevations_m": "{layer: elevation of its floor, m}; null: as the file states them",
         "seeds_m": "[[x, y], ...] points inside the workings, if the walls enclose other areas too",
     }
     files = [Path(file) for file in vector_files(_vector(path, unit, stated))]
@@ -239,7 +241,7 @@ def _projected(place: Georeference) -> str:
 
 def _vector(path: Path, unit: str | None, stated: dict[str, Any]) -> VectorSurveyParams:
     """Return a survey section for a file in any folder, before it is copied below data/."""
-    options = {key: stated[key] for key in ("layers", "snap_m") if stated.get(key) is not None}
+    options = {key: stated[key] for key in ("layers", "snap_m", "elevations_m") if stated.get(key) is not None}
     section = VectorSurveyParams.model_validate(
         {"kind": "vector", "name": "detect", "file": "data/x", "unit": unit, **options}
     )

@@ -11,11 +11,9 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.child import one_line, tell
 from pipeline.survey.plain_file import require_at_most
 from pipeline.survey.shapes import Shapes, require_size
 
-_MOST_LAYERS = 8  # that a message names
 _READ_ERRORS = tuple(
     getattr(pyogrio.errors, name)
     for name in ("DataSourceError", "DataLayerError", "FeatureError", "GeometryError", "FieldError", "CRSError")
@@ -48,7 +46,8 @@ def read_geodata(path: Path, layers: list[str] | None) -> Shapes:
         if unknown:
             raise InputError(f"{path}: no layer {', '.join(unknown)}; there are {', '.join(existing)}")
         shapes: list[BaseGeometry] = []
-        systems, points, read = set(), 0, []
+        systems, points = set(), 0
+        layer_of: list[str] = []
         for layer in layers or existing:
             most = reader_limits().shapes + 1 - len(shapes)
             meta, _, wkb, _ = pyogrio.raw.read(source, layer=layer, columns=[], max_features=most)
@@ -59,7 +58,7 @@ def read_geodata(path: Path, layers: list[str] | None) -> Shapes:
             points += int(shapely.get_num_coordinates(layer_shapes).sum())
             require_size(path, points)
             shapes += layer_shapes
-            read += [layer] if layer_shapes else []
+            layer_of += [layer] * len(layer_shapes)
             systems.add(meta.get("crs"))
     # pyogrio raises UnboundLocalError on a broken .prj
     except (*_READ_ERRORS, shapely.GEOSException, ValueError, UnboundLocalError) as error:
@@ -68,10 +67,7 @@ def read_geodata(path: Path, layers: list[str] | None) -> Shapes:
         raise InputError(
             f"{path}: its layers have different coordinate systems; choose layers with one system by survey.layers"
         )
-    if layers is None and len(read) > 1:
-        names = ", ".join(one_line(name, 40) for name in read[:_MOST_LAYERS])
-        tell(f"{path.name}: {len(read)} layers are read as one plan ({names}); --layer chooses")
-    return Shapes(shapes, None, next(iter(systems), None))
+    return Shapes(shapes, None, next(iter(systems), None), layer_of)
 
 
 def _decoded(path: Path, layer: str, wkb: np.ndarray) -> list[BaseGeometry]:

@@ -39,15 +39,17 @@ def read_geojson(path: Path, layers: list[str] | None) -> Shapes:
         content = json.loads(data)
         features = _features(content)
         require_at_most(path, len(features), "shapes", "features")
-        shapes = [shape for feature in features if _is_chosen(feature, layers) for shape in _shapes(path, feature)]
+        chosen = [feature for feature in features if layers is None or _layer(feature) in layers]
+        found = [(shape, _layer(feature)) for feature in chosen for shape in _shapes(path, feature)]
     except (ValueError, TypeError, KeyError, RecursionError, shapely.GEOSException, AttributeError) as error:
         raise InputError(f"{path}: not GeoJSON ({str(error)[:120]})") from error
+    shapes, layer_of = [shape for shape, _ in found], [layer for _, layer in found]
     if "note" in content and "metres" in str(content["note"]):  # this project's own artifacts
-        return Shapes(shapes, "m")
+        return Shapes(shapes, "m", layer_of=layer_of)
     crs = content.get("crs") or {}
     properties = crs.get("properties") if isinstance(crs, dict) else None
     name = properties.get("name") if isinstance(properties, dict) else None
-    return Shapes(shapes, None, str(name) if name else "OGC:CRS84")
+    return Shapes(shapes, None, str(name) if name else "OGC:CRS84", layer_of)
 
 
 def _features(content: Any) -> list[dict]:
@@ -58,8 +60,8 @@ def _features(content: Any) -> list[dict]:
     return [content if content["type"] == "Feature" else {"type": "Feature", "geometry": content}]
 
 
-def _is_chosen(feature: dict, layers: list[str] | None) -> bool:
-    return layers is None or str((feature.get("properties") or {}).get("layer")) in layers
+def _layer(feature: dict) -> str:
+    return str((feature.get("properties") or {}).get("layer"))
 
 
 def _shapes(path: Path, feature: dict) -> list[BaseGeometry]:

@@ -31,7 +31,7 @@ _PROJ_FILES = re.compile(r"\binit=|\bpipeline\b|grids=(?!@null\b)|\bfile\b|param
 class Shapes:
     """Polygons and lines of a file, in its own coordinates. `unit` and `crs` are None if the file names none.
 
-    `layer_of` has the layer of each shape of a drawing, and is empty for other formats.
+    `layer_of` has the layer of each shape, and is empty if the format has no layers.
     """
 
     shapes: list[BaseGeometry]
@@ -61,23 +61,25 @@ def require_simple(path: Path, content: Shapes) -> Shapes:
     """
     limits = reader_limits()
     require_at_most(path, len(content.shapes), "shapes", "shapes")
-    parts = np.array(content.shapes, dtype=object)
+    parts, of = np.array(content.shapes, dtype=object), np.arange(len(content.shapes))
     for _ in range(limits.nesting):
         if not (shapely.get_type_id(parts) > 3).any():
             break
-        parts = shapely.get_parts(parts)
+        parts, index = shapely.get_parts(parts, return_index=True)
+        of = of[index]
     else:
         raise InputError(
             f"{path}: collections are nested more than {limits.nesting} deep, the limit (nesting in {FILE})"
         )
     require_at_most(path, len(parts), "shapes", "shapes")
     require_size(path, int(shapely.get_num_coordinates(parts).sum()))
-    shapes = [shape for shape in parts if not shape.is_empty]
+    kept = ~shapely.is_empty(parts)
+    shapes, layers = list(parts[kept]), [content.layer_of[k] for k in of[kept]] if content.layer_of else []
     if not np.isfinite(shapely.get_coordinates(shapes)).all():
         raise InputError(f"{path}: a coordinate is not finite")
     if count_crossings([shapely.force_2d(shape) for shape in shapes], limits.crossings) > limits.crossings:
         raise InputError(f"{path}: its lines cross more than {limits.crossings} times, the limit (crossings in {FILE})")
-    return Shapes(shapes, content.unit, content.crs, content.layer_of)
+    return Shapes(shapes, content.unit, content.crs, layers)
 
 
 def locate(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from pathlib import Path
 
 import networkx as nx
@@ -19,13 +18,11 @@ from pipeline.survey.child import tell
 from pipeline.survey.legs import SurveyLeg, without_shots
 from pipeline.survey.shafts import Built, find_shafts, steep_shots
 from pipeline.survey.sheet_cells import UNIT_M, Cell, Way, floor_of, survey_cells
+from pipeline.survey.sheet_layout import APART_M, assign_sheets, lay_apart
 from pipeline.survey.thin_pillars import without_thin_pillars
 from pipeline.types import Heights, Seam
 
-_APART_M = 2.3  # workings of different heights that are nearer than this in plan belong to different sheets
 _OVERLAP_M2, _INTO_M = 0.01, 0.1  # half a disc of this radius is larger than that
-_GRID_M, _GAP_M = 10.0, 12.0  # offsets are whole numbers of cells of any grid; between sheets in plan
-_ROW_M = 2000.0  # sheets lie in one row if it is no longer
 _TOUCH_M = 1e-3  # two shapes that overlap by less touch
 _DIGITS = 4  # of the outlines' coordinates, m
 _SPECK_M2 = 0.05  # smaller holes come from rounding
@@ -52,9 +49,9 @@ def draw_sheets(path: Path, legs: list[SurveyLeg], apart_m: float | None = None)
     _tell_roofs(path, kept, whole)
     units = _units(whole, cells)
     conflicts = _conflicts(path, cells, units, whole)
-    sheet = _assign(whole, units, conflicts)
+    sheet = assign_sheets(whole, units, conflicts)
     polygons = _polygons(cells, sheet)
-    offsets = _offsets(polygons)
+    offsets = lay_apart(polygons)
     datum = float(np.floor(min(line[:, 2].min() for node in whole for line in cells[node].lines)))
     lines, roofs, seams = [], [], []
     for way in ways:
@@ -167,7 +164,7 @@ def _conflicts(path: Path, cells: dict[str, Cell], units: dict[str, str], graph:
     """Return the units that cannot be in the same sheet: their floors overlap in plan at different heights."""
     names = sorted(units)
     shapes = np.array(
-        [shapely.union_all([s for s in cells[name].shapes if not s.is_empty]).buffer(_APART_M / 2) for name in names]
+        [shapely.union_all([s for s in cells[name].shapes if not s.is_empty]).buffer(APART_M / 2) for name in names]
     )
     pairs = shapely.STRtree(shapes).query(shapes, predicate="intersects").T
     pairs = pairs[pairs[:, 0] < pairs[:, 1]]
@@ -207,32 +204,6 @@ def _lie_over(shapes: np.ndarray, cells: dict[str, Cell], names: list[str], pair
     return (apart > reader_limits().flat_step_m) & shapely.intersects(inner[pairs[:, 0]], shapes[pairs[:, 1]])
 
 
-def _assign(graph: nx.Graph, units: dict[str, str], conflicts: dict[str, set[str]]) -> dict[str, int]:
-    """Return the sheet of each cell; a sheet grows along the legs while nothing in it conflicts."""
-    joined: nx.Graph = nx.Graph()
-    joined.add_nodes_from(dict.fromkeys(units.values()))
-    joined.add_edges_from((units[a], units[b]) for a, b in graph.edges if units[a] != units[b])
-    sheet: dict[str, int] = {}
-    starts = deque([next(iter(joined))])
-    while starts:
-        start = starts.popleft()
-        if start in sheet:
-            continue
-        number = len(set(sheet.values()))
-        sheet[start], barred, edge = number, set(conflicts[start]), deque([start])
-        while edge:
-            for unit in joined[edge.popleft()]:
-                if unit in sheet:
-                    continue
-                if unit in barred:
-                    starts.append(unit)
-                    continue
-                sheet[unit] = number
-                barred |= conflicts[unit]
-                edge.append(unit)
-    return {node: sheet[unit] for node, unit in units.items()}
-
-
 def _polygons(cells: dict[str, Cell], sheet: dict[str, int]) -> list[Polygon]:
     found = []
     for number in range(max(sheet.values()) + 1):
@@ -242,26 +213,6 @@ def _polygons(cells: dict[str, Cell], sheet: dict[str, int]) -> list[Polygon]:
         holes = [ring for ring in part.interiors if Polygon(ring).area > _SPECK_M2]
         found.append(Polygon(part.exterior, holes))
     return found
-
-
-def _offsets(polygons: list[Polygon]) -> np.ndarray:
-    """Return how far (sheets, 2) m each sheet is moved aside, so that all lie side by side, in rows if there are many.
-
-    The first row has the sheets at their northings; rows lie from the south, and in a row sheets lie from the west.
-    """
-    boxes = np.array([polygon.bounds for polygon in polygons])
-    wide, high = (boxes[:, 2:] - boxes[:, :2] + _GAP_M).T
-    longest = max(_ROW_M, float(wide.max()), float(np.sqrt((wide * high).sum())))
-    offsets = np.zeros((len(polygons), 2))
-    start, base, east, north = boxes[0, 0], -np.inf, boxes[0, 2], boxes[0, 3]
-    for k, (west, south, own_east, own_north) in enumerate(boxes[1:].tolist(), start=1):
-        if east + wide[k] - start > longest:
-            base, east = north + _GAP_M, start - _GAP_M
-        offsets[k, 0] = np.ceil((east + _GAP_M - west) / _GRID_M) * _GRID_M
-        offsets[k, 1] = np.ceil((base - south) / _GRID_M) * _GRID_M if np.isfinite(base) else 0.0
-        east = own_east + offsets[k, 0]
-        north = max(north, own_north + offsets[k, 1])
-    return offsets
 
 
 def _runs(way: Way, sheet: dict[str, int]) -> list[tuple[list[np.ndarray], int]]:

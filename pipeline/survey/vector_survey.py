@@ -23,11 +23,14 @@ from pipeline.params.survey import (
     VectorSurveyParams,
 )
 from pipeline.survey.centrelines import read_centrelines
+from pipeline.survey.child import one_line, tell
 from pipeline.survey.draw import draw_picture, draw_workings, frame_around
 from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
 from pipeline.survey.geodata import companions
 from pipeline.survey.geojson import read_geojson
 from pipeline.survey.legs import SurveyLeg, build_workings, check_network
+from pipeline.survey.level_areas import areas_of, cross_in_space, split_plumb, walls_in_space
+from pipeline.survey.level_sheets import draw_levels
 from pipeline.survey.shapes import REACH_M, Shapes, locate, require_simple, workings_of
 from pipeline.survey.sheets import draw_sheets, has_relief
 from pipeline.survey.solved.plan_view import plan_legs
@@ -39,6 +42,7 @@ VectorSurvey = (
     VectorSurveyParams | PassageSurveyParams | CentrelineSurveyParams | ProceduralSurveyParams | VariantSurveyParams
 )
 WIDEST_M = 20_000.0  # of a survey
+_MOST_LAYERS = 8  # that a message names
 _FINEST_PX_PER_M, _WIDEST_PX = 8.0, 6000
 _ORIGIN_AT = 0.25  # of a pixel: walls at whole and half metres then miss pixel centres, where rounding would decide
 
@@ -111,8 +115,34 @@ def _read(params: VectorSurvey, content: Shapes | None) -> tuple[MultiPolygon, G
     path = Path(params.file)
     content = content or read_shapes(path, params.layers)
     shapes, georeference = locate(path, content, params.unit, params.origin)
+    drawn = _read_levels(path, content, shapes, georeference, params)
+    if drawn is not None:
+        return drawn[0], georeference, drawn[1]
+    layers = list(dict.fromkeys(content.layer_of))
+    if params.layers is None and len(layers) > 1 and path.suffix.lower() == ".gpkg":
+        names = ", ".join(one_line(name, 40) for name in layers[:_MOST_LAYERS])
+        tell(f"{path.name}: {len(layers)} layers are read as one plan ({names}); --layer chooses")
     heights = wall_heights(path, content, shapes, georeference)
     return workings_of(path, shapes, params.snap_m, list(params.seeds_m)), georeference, heights
+
+
+def _read_levels(
+    path: Path,
+    content: Shapes,
+    moved: list[BaseGeometry],
+    georeference: Georeference,
+    params: VectorSurveyParams,
+) -> tuple[MultiPolygon, Heights] | None:
+    """Return the sheets of levels over each other, and their heights; None if the walls are those of a plan."""
+    walls, plumb = split_plumb(walls_in_space(path, content, moved, georeference, params.elevations_m))
+    if not walls:
+        return None
+    try:
+        return draw_levels(path, areas_of(path, walls, params.snap_m), plumb, params.snap_m)
+    except InputError:
+        if params.elevations_m or cross_in_space(walls):
+            raise
+        return None
 
 
 def _read_passages(

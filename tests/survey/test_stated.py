@@ -25,6 +25,7 @@ from tests.mines import TEE, frame_for, plan_of
         ("wall_gap_px", 1e9, "--gap = 1000000000.0: Input should be less than or equal to 200"),
         ("seeds_px", [[1e308, 0]], "--seed = 1e[+]308"),
         ("seeds_px", [[1, 1]] * 1001, "--seed = .*at most 1000 items"),
+        ("elevations_m", {"a": 1e5}, "--elevation = 100000"),
         ("level", 10**30, "--level = 1000"),
         ("crop_px", [5, 5, 1, 1], "--crop = .*want west < east"),
         ("ignore_colours", [[300, 0, 0]], "--ignore = 300"),
@@ -57,7 +58,7 @@ def test_an_option_that_nothing_reads_with_a_kind_of_file_is_refused(tmp_path, f
 
 
 def test_every_option_applies_to_some_kind_of_file():
-    assert set().union(*APPLIES.values()) | {"entrance_m"} == set(StatedOptions.model_fields)
+    assert set().union(*APPLIES.values()) | {"entrance_m", "grade"} == set(StatedOptions.model_fields)
     assert option_of("bar_length_m") == "--bar-length"
 
 

@@ -1,0 +1,249 @@
+"""Areas of levels and ramps that lie over each other, from walls with elevations."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import shapely
+from networkx.utils import UnionFind
+from scipy.spatial import cKDTree
+from shapely import LineString, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.errors import GeometryError, InputError
+from pipeline.geometry.enclosure import enclose_workings
+from pipeline.params.reader_limits import reader_limits
+from pipeline.survey.child import one_line, tell
+from pipeline.survey.shapes import Shapes
+from pipeline.types import Georeference
+
+_PLUMB_M = 0.05  # a line no longer than this in plan is a shaft
+_STEP_M = 0.5  # of the points at which a wall's height is looked up
+_BESIDE_M = 10.0  # between the open wall strings of one drift
+_ALIKE = 0.5  # of the heights that two strings cover, that both must cover to be of one drift
+_MOUTH_M = 12.0  # two ends of wall strings so near are a drift's end
+_SAME_M = 0.05
+_TOUCH_M = 1e-6
+
+Wall = np.ndarray  # (k, 3) m
+
+
+@dataclass
+class Area:
+    """A piece of floor inside its walls: a polygon in plan, and the walls' points (k, 3) m, which have its heights."""
+
+    polygon: Polygon
+    walls: list[Wall]
+    _tree: cKDTree | None = field(default=None, repr=False)
+    _heights: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
+
+    def heights_at(self, places_m: np.ndarray) -> np.ndarray:
+        """Return the height (n,) m of the nearest wall at places (n, 2) m."""
+        if self._tree is None:
+            lines = shapely.segmentize([LineString(wall) for wall in self.walls], _STEP_M)
+            points = shapely.get_coordinates(lines, include_z=True)
+            self._tree, self._heights = cKDTree(points[:, :2]), points[:, 2]
+        return np.asarray(self._heights[self._tree.query(places_m)[1]])
+
+
+def walls_in_space(
+    path: Path,
+    content: Shapes,
+    moved: list[BaseGeometry],
+    georeference: Georeference,
+    elevations_m: dict[str, float] | None,
+) -> list[tuple[Wall, str]]:
+    """Return the walls of a vector file with their layers; none if they are all at one height.
+
+    Parameters
+    ----------
+    path : Path
+    content : Shapes
+        As `read_shapes` returns them.
+    moved : list of shapely geometry, m, mine frame
+        The same shapes in plan, as `locate` returns them.
+    georeference : Georeference
+    elevations_m : dict of str to float, or None
+        Of the floors of layers. Of other layers, lines with different elevations of their own are read, as of ramps.
+
+    Raises
+    ------
+    InputError
+        If a layer is stated that the file does not have.
+    """
+    stated, step = elevations_m or {}, reader_limits().flat_step_m
+    unknown = sorted(set(stated) - set(content.layer_of))
+    if unknown:
+        there = ", ".join(one_line(name, 40) for name in dict.fromkeys(content.layer_of)) or "no layers"
+        raise InputError(f"{path}: no layer {', '.join(unknown)} to be at an elevation; there are {there}")
+    layers = content.layer_of or [""] * len(content.shapes)
+    found, left_out = [], set()
+    for shape, flat, layer in zip(content.shapes, moved, layers, strict=True):
+        z = shapely.get_coordinates(shape, include_z=True)[:, 2] * georeference.metres_per_unit
+        if layer in stated:
+            z = np.full(len(z), stated[layer])
+        elif not np.isfinite(z).all() or (stated and np.ptp(z) <= step):
+            left_out.add(layer)
+            continue
+        points = np.column_stack([shapely.get_coordinates(flat), z])
+        lines = shapely.get_parts(flat.boundary) if flat.geom_type == "Polygon" else shapely.get_parts(flat)
+        at = np.cumsum([0, *(shapely.get_num_coordinates(line) for line in lines)]).tolist()
+        found += [(points[a:b], layer) for a, b in pairwise(at) if b - a > 1]
+    if not found or np.ptp(np.concatenate([wall[:, 2] for wall, _ in found])) <= step:
+        return []
+    if left_out:
+        names = ", ".join(one_line(layer, 40) or "no name" for layer in sorted(left_out))
+        tell(f"{path.name}: layers without an elevation are left out: {names}")
+    return found
+
+
+def cross_in_space(walls: list[tuple[Wall, str]]) -> bool:
+    """Return whether a wall crosses another in plan far above or below it."""
+    starts = np.concatenate([wall[:-1] for wall, _ in walls])
+    ends = np.concatenate([wall[1:] for wall, _ in walls])
+    lines = shapely.linestrings(np.stack([starts, ends], axis=1))
+    one, two = shapely.STRtree(lines).query(lines, predicate="crosses")
+    one, two = one[one < two], two[one < two]
+    if not len(one):
+        return False
+    places = shapely.get_coordinates(shapely.force_2d(shapely.intersection(lines[one], lines[two])))
+    heights = []
+    for rows in (one, two):
+        along = ends[rows] - starts[rows]
+        share = ((places - starts[rows, :2]) * along[:, :2]).sum(axis=1) / (along[:, :2] ** 2).sum(axis=1)
+        heights.append(starts[rows, 2] + share * along[:, 2])
+    return bool((abs(heights[0] - heights[1]) > reader_limits().flat_step_m).any())
+
+
+def split_plumb(walls: list[tuple[Wall, str]]) -> tuple[list[tuple[Wall, str]], list[Wall]]:
+    """Return the walls of layers, and apart from them the lines that are plumb: shafts, their upper end first."""
+    rest, plumb = [], []
+    for wall, layer in walls:
+        if np.ptp(wall[:, :2], axis=0).max() <= _PLUMB_M:
+            plumb.append(wall[[wall[:, 2].argmax(), wall[:, 2].argmin()]])
+        else:
+            rest.append((wall, layer))
+    return rest, plumb
+
+
+def areas_of(path: Path, walls: list[tuple[Wall, str]], snap_m: float) -> list[Area]:
+    """Return the areas that walls enclose at their heights.
+
+    A closed wall encloses an area, or a pillar if it lies in one at its height. Open walls of one layer that are near
+    each other at like heights enclose areas together; ends up to 12 m apart are then joined as the end of a drift.
+
+    Parameters
+    ----------
+    path : Path
+    walls : list of ((k, 3) m, layer)
+    snap_m : float
+        A wall whose ends are no further apart is closed.
+
+    Raises
+    ------
+    InputError
+        If open walls enclose no area, or cross themselves; the message names the layer and the height.
+    """
+    rings: list[tuple[Wall, str]] = []
+    strings: list[tuple[Wall, str]] = []
+    for wall, layer in walls:
+        is_closed = len(wall) > 2 and np.linalg.norm(wall[0] - wall[-1]) <= max(snap_m, _TOUCH_M)
+        (rings if is_closed else strings).append((wall, layer))
+    areas = [area for cluster in _clusters(strings) for area in _enclosed(path, cluster, snap_m)]
+    return _nested(areas, [_ring(path, wall, layer) for wall, layer in rings])
+
+
+def _ring(path: Path, wall: Wall, layer: str) -> Area:
+    ring = np.vstack([wall[:-1], wall[:1]])
+    polygon = Polygon(ring[:, :2])
+    if not polygon.is_valid:
+        x, y = ring[0, :2]
+        raise InputError(
+            f"{path}: a wall of layer {layer!r} that begins at ({x:.1f}, {y:.1f}), {ring[0, 2]:.1f} m high, crosses "
+            "itself in plan; draw a ramp that turns above itself in pieces that do not, or read its centreline by "
+            "--half-width"
+        )
+    return Area(polygon, [ring])
+
+
+def _nested(areas: list[Area], rings: list[Area]) -> list[Area]:
+    """Return areas and rings as areas: a ring that lies at its height in an odd number of others is a pillar."""
+    distinct = {(shapely.normalize(ring.polygon).wkb, round(float(ring.walls[0][0, 2]), 1)): ring for ring in rings}
+    every = [*areas, *sorted(distinct.values(), key=lambda ring: -ring.polygon.area)]
+    tree, step = shapely.STRtree([area.polygon for area in every]), reader_limits().flat_step_m
+    depth, inside = [0] * len(every), defaultdict(list)
+    for number, ring in enumerate(every[len(areas) :], len(areas)):
+        for other in tree.query(ring.polygon, predicate="covered_by").tolist():
+            points = ring.walls[0]
+            if other != number and np.median(abs(every[other].heights_at(points[:, :2]) - points[:, 2])) <= step:
+                depth[number] += 1
+                inside[number].append(other)
+    found = {k: Area(area.polygon, [*area.walls]) for k, area in enumerate(every) if depth[k] % 2 == 0}
+    for number, ring in enumerate(every):
+        if depth[number] % 2:
+            outer = max((k for k in inside[number] if depth[k] == depth[number] - 1), default=None)
+            if outer is not None:
+                found[outer].polygon = max(
+                    shapely.get_parts(found[outer].polygon.difference(ring.polygon)), key=lambda part: part.area
+                )
+                found[outer].walls += ring.walls
+    return [area for area in found.values() if area.polygon.area > 0]
+
+
+def _clusters(strings: list[tuple[Wall, str]]) -> list[list[tuple[Wall, str]]]:
+    """Return open walls by the drifts that they are of."""
+    groups: UnionFind = UnionFind(range(len(strings)))
+    lines = [LineString(wall[:, :2]) for wall, _ in strings]
+    margin = reader_limits().flat_step_m / 2
+    spans = [(wall[:, 2].min() - margin, wall[:, 2].max() + margin) for wall, _ in strings]
+    pairs = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=_BESIDE_M).T if lines else []
+    for a, b in pairs:
+        if a >= b or strings[a][1] != strings[b][1]:
+            continue
+        (low, high), (bottom, top) = spans[a], spans[b]
+        common = min(high, top) - max(low, bottom)
+        ends = [strings[k][0][[0, -1]] for k in (a, b)]
+        apart = np.linalg.norm(ends[0][:, None] - ends[1][None], axis=2).min()
+        if common >= _ALIKE * max(high - low, top - bottom) or apart <= _SAME_M:
+            groups.union(int(a), int(b))
+    found = defaultdict(list)
+    for number, string in enumerate(strings):
+        found[groups[number]].append(string)
+    return list(found.values())
+
+
+def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> list[Area]:
+    """Return what open walls of one drift enclose, with the ends of the drift closed."""
+    walls = [wall for wall, _ in strings]
+    x, y, z = walls[0][0]
+    where = f"layer {strings[0][1]!r} about ({x:.1f}, {y:.1f}), {z:.1f} m high"
+    ends = np.array([wall[k] for wall in walls for k in (0, -1)])
+    apart = np.linalg.norm(ends[:, None] - ends[None], axis=2)
+    free = [k for k in range(len(ends)) if (np.delete(apart[k], k) > max(snap_m, _TOUCH_M)).all()]
+    closers: list[Wall] = []
+    while len(free) > 1:
+        near = apart[np.ix_(free, free)] + np.diag(np.full(len(free), np.inf))
+        i, j = np.unravel_index(near.argmin(), near.shape)
+        if near[i, j] > _MOUTH_M:
+            break
+        closers.append(ends[[free[i], free[j]]])
+        free = [k for k in free if k not in (free[i], free[j])]
+    lines = [LineString(wall[:, :2]) for wall in (*walls, *closers)]
+    crossed = next((line for line in lines if not line.is_simple), None)
+    if crossed is not None:
+        raise InputError(
+            f"{path}: a wall of {where} crosses itself in plan; draw a ramp that turns above itself in pieces that do "
+            "not, or read its centreline by --half-width"
+        )
+    try:
+        enclosed: BaseGeometry = enclose_workings(lines, snap_m, [])
+    except (GeometryError, shapely.GEOSException) as error:
+        raise InputError(f"{path}: the open walls of {where}: {error}") from error
+    return [
+        Area(part, [wall for wall in (*walls, *closers) if part.boundary.distance(LineString(wall[:, :2])) < _SAME_M])
+        for part in shapely.get_parts(enclosed)
+    ]

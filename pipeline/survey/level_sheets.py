@@ -1,0 +1,285 @@
+"""Sheets of areas that lie over each other: levels, with ramps and shafts between them."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import networkx as nx
+import numpy as np
+import shapely
+from shapely import LineString, MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.errors import InputError
+from pipeline.params.reader_limits import reader_limits
+from pipeline.survey.child import tell
+from pipeline.survey.level_areas import Area, Wall
+from pipeline.survey.sheet_layout import APART_M, assign_sheets, lay_apart
+from pipeline.types import Heights, Seam, Shaft
+
+_GRID_M = 1e-4  # of the outlines' coordinates
+_DIGITS = 4
+_EDGE_M = 2.0  # of the points of a wall at which its height is given
+_NARROWEST_M = 1.0  # of the edge that two sheets share
+_TOUCH_M = 1e-3
+_STRAIGHT_M = 1e-3
+_OVERLAP_M2 = 0.01
+_SAMPLE_M = 1.0  # of the places where two areas are compared
+
+
+def draw_levels(path: Path, areas: list[Area], plumb: list[Wall], snap_m: float) -> tuple[MultiPolygon, Heights] | None:
+    """Return the areas as sheets side by side, and the heights of their floors; None if none lies over another.
+
+    Areas that meet at one height are joined. The largest piece that is joined is kept, the others are said.
+
+    Parameters
+    ----------
+    path : Path
+    areas : list of Area, m, mine frame
+    plumb : list of (2, 3) m
+        Shafts, from their upper to their lower end.
+    snap_m : float
+        Areas no further apart than this meet.
+
+    Raises
+    ------
+    InputError
+        If areas lie over each other where they meet, or meet in no straight line; the message names the place.
+    """
+    names = [str(k) for k in range(len(areas))]
+    joins: nx.Graph = nx.Graph()
+    joins.add_nodes_from(names)
+    over: dict[str, set[str]] = {name: set() for name in names}
+    for a, b, meets, lies_over in _pairs(areas, snap_m):
+        if meets:
+            joins.add_edge(names[a], names[b])
+        if lies_over:
+            over[names[a]].add(names[b])
+            over[names[b]].add(names[a])
+    if not any(over.values()):
+        return None
+    whole = _largest(path, areas, joins)
+    number = assign_sheets(whole, {name: name for name in whole}, {name: over[name] & set(whole) for name in whole})
+    polygons, seams = _join(path, areas, whole, number, snap_m)
+    offsets = lay_apart(polygons)
+    of_sheet = [[areas[int(name)] for name in number if number[name] == k] for k in range(len(polygons))]
+    datum = float(np.floor(min(wall[:, 2].min() for found in of_sheet for area in found for wall in area.walls)))
+    lines = []
+    for k, (polygon, found) in enumerate(zip(polygons, of_sheet, strict=True)):
+        own = [(seam, heights) for seam, heights in seams if k in seam.sheets]
+        for line in _floor_lines(polygon, found, own):
+            moved = line + np.array([*offsets[k], -datum])
+            lines.append([(float(x), float(y), float(z)) for x, y, z in moved])
+    shafts = _shafts(path, plumb, polygons, of_sheet, offsets, datum)
+    heights = Heights(
+        lines=lines,
+        datum_m=datum,
+        offset_m=[(float(x), float(y)) for x, y in offsets],
+        seams=[seam for seam, _ in seams],
+        shafts=shafts,
+    )
+    moved_polygons = [shapely.transform(p, lambda xy, d=offsets[k]: xy + d) for k, p in enumerate(polygons)]
+    return MultiPolygon(moved_polygons), heights
+
+
+def _pairs(areas: list[Area], snap_m: float) -> list[tuple[int, int, bool, bool]]:
+    """Return the pairs of areas that meet at one height, or lie over each other at different heights."""
+    shapes, step = np.array([area.polygon for area in areas]), reader_limits().flat_step_m
+    wide = shapely.buffer(shapes, APART_M / 2)
+    found = []
+    for a, b in shapely.STRtree(wide).query(wide, predicate="intersects").T.tolist():
+        if a >= b:
+            continue
+        common = wide[a].intersection(wide[b])
+        if common.area < _OVERLAP_M2:
+            continue
+        places = _places_in(common)
+        apart = abs(areas[a].heights_at(places) - areas[b].heights_at(places))
+        close = shapely.dwithin(shapes[a], shapely.points(places), APART_M / 2) & shapely.dwithin(
+            shapes[b], shapely.points(places), APART_M / 2
+        )
+        meets = bool((apart[close] <= step).any()) and shapely.dwithin(shapes[a], shapes[b], max(snap_m, _TOUCH_M))
+        found.append((a, b, bool(meets), bool((apart > step).any())))
+    return found
+
+
+def _places_in(shape: BaseGeometry) -> np.ndarray:
+    """Return places (n, 2) m all over a shape: about its boundary, and one inside each part."""
+    inner = [part.representative_point() for part in shapely.get_parts(shape)]
+    return shapely.get_coordinates([shapely.segmentize(shape, _SAMPLE_M), *inner])
+
+
+def _largest(path: Path, areas: list[Area], joins: nx.Graph) -> nx.Graph:
+    """Return the joined areas that are largest together, and say what is left out."""
+
+    def size(names: set[str]) -> float:
+        return float(sum(areas[int(name)].polygon.area for name in names))
+
+    pieces = sorted(nx.connected_components(joins), key=lambda names: (-size(names), min(names)))
+    if len(pieces) > 1:
+        left = [areas[int(name)] for names in pieces[1:] for name in sorted(names)]
+        x, y = left[0].polygon.representative_point().coords[0]
+        z = float(left[0].heights_at(np.array([[x, y]]))[0])
+        tell(
+            f"{path.name}: {len(pieces)} pieces of its levels and ramps do not meet; kept is the one of "
+            f"{size(pieces[0]):.0f} m2, left out are {sum(map(size, pieces[1:])):.0f} m2, the first about "
+            f"({x:.1f}, {y:.1f}), {z:.1f} m high"
+        )
+    return joins.subgraph(sorted(pieces[0], key=int))
+
+
+def _join(
+    path: Path, areas: list[Area], joins: nx.Graph, number: dict[str, int], snap_m: float
+) -> tuple[list[Polygon], list[tuple[Seam, tuple[float, float]]]]:
+    """Return the outline of each sheet, and the edges that two share with the heights of their ends, m."""
+    shapes = {name: areas[int(name)].polygon for name in joins}
+    for a, b in joins.edges:  # walls that nearly meet meet
+        shapes[a] = _valid(shapely.snap(shapes[a], shapes[b], snap_m), shapes[a])
+        shapes[b] = _valid(shapely.snap(shapes[b], shapes[a], snap_m), shapes[b])
+    edges: list[tuple[str, str, LineString]] = []
+    for a, b in joins.edges:
+        if number[a] != number[b]:
+            edges += [(a, b, edge) for edge in _cut(path, areas, shapes, a, b)]
+    polygons = []
+    for k in range(max(number.values()) + 1):
+        parts = [shape for name, shape in shapes.items() if number[name] == k]
+        whole = shapely.set_precision(shapely.union_all(parts, grid_size=_GRID_M), 0.0)
+        polygons.append(max(shapely.get_parts(whole), key=lambda part: part.area))
+    seams = []
+    for a, b, edge in edges:
+        ends = np.round(shapely.get_coordinates(edge)[[0, -1]], _DIGITS)
+        sides = [polygons[number[name]].boundary for name in (a, b)]
+        line = LineString(ends)
+        if not all(side.buffer(_TOUCH_M).covers(line) for side in sides):
+            x, y = ends.mean(axis=0)
+            raise InputError(f"{path}: two levels do not meet from wall to wall at ({x:.1f}, {y:.1f})")
+        heights = np.mean([areas[int(name)].heights_at(ends) for name in (a, b)], axis=0)
+        places = [(float(x), float(y)) for x, y in ends]
+        seams.append((Seam((number[a], number[b]), (places[0], places[1])), (float(heights[0]), float(heights[1]))))
+    return polygons, seams
+
+
+def _valid(shape: BaseGeometry, before: Polygon) -> Polygon:
+    return shape if isinstance(shape, Polygon) and shape.is_valid and not shape.is_empty else before
+
+
+def _cut(path: Path, areas: list[Area], shapes: dict[str, Polygon], a: str, b: str) -> list[LineString]:
+    """Cut two areas that meet apart along straight edges, and return these.
+
+    What both cover at one height goes to the larger one. An edge that is not straight is replaced by its chord.
+    """
+    step = reader_limits().flat_step_m
+    if shapes[a].area < shapes[b].area:
+        a, b = b, a
+
+    def apart(shape: BaseGeometry) -> np.ndarray:
+        places = _places_in(shape)
+        return abs(areas[int(a)].heights_at(places) - areas[int(b)].heights_at(places))
+
+    for part in shapely.get_parts(shapes[a].intersection(shapes[b])):
+        if part.area < _OVERLAP_M2 or (difference := apart(part)).min() > step:
+            continue
+        if difference.max() > step:
+            x, y = part.representative_point().coords[0]
+            raise InputError(
+                f"{path}: two areas meet and lie up to {difference.max():.1f} m over each other at ({x:.1f}, {y:.1f}); "
+                "draw the end of the ramp where its floor has the level's height"
+            )
+        shapes[b] = max(shapely.get_parts(shapes[b].difference(part)), key=lambda piece: piece.area)
+    border = shapely.line_merge(shapes[a].boundary.intersection(shapes[b].boundary))
+    edges = []
+    for line in shapely.get_parts(border):
+        if not isinstance(line, LineString) or line.length < _NARROWEST_M or apart(line).min() > step:
+            continue
+        chord = LineString([line.coords[0], line.coords[-1]])
+        between = shapely.polygonize([shapely.union_all([line, chord])])
+        for piece in shapely.get_parts(between):
+            if piece.area > 0 and shapes[b].buffer(_TOUCH_M).covers(piece):
+                shapes[a], shapes[b] = shapes[a].union(piece), shapes[b].difference(piece)
+            elif piece.area > 0 and shapes[a].buffer(_TOUCH_M).covers(piece):
+                shapes[a], shapes[b] = shapes[a].difference(piece), shapes[b].union(piece)
+            elif piece.area > _STRAIGHT_M * chord.length:
+                x, y = chord.centroid.coords[0]
+                raise InputError(f"{path}: two areas do not meet in a straight line at ({x:.1f}, {y:.1f})")
+        edges.append(chord)
+    for name in (a, b):
+        shapes[name] = max(shapely.get_parts(shapes[name]), key=lambda piece: piece.area)
+    return edges
+
+
+def _floor_lines(
+    polygon: Polygon, areas: list[Area], seams: list[tuple[Seam, tuple[float, float]]]
+) -> list[np.ndarray]:
+    """Return the walls of a sheet, and its seams, as lines (k, 3) m with the floor's heights."""
+    shared = [LineString(seam.ends_m) for seam, _ in seams]
+    walls: BaseGeometry = polygon.boundary
+    if shared:
+        walls = walls.difference(shapely.union_all(shared).buffer(_TOUCH_M, cap_style="flat"))
+    found = []
+    for line in shapely.get_parts(walls):
+        places = shapely.get_coordinates(shapely.segmentize(line, _EDGE_M))
+        found.append(np.column_stack([places, _heights_at(areas, places)]))
+    for seam, (one, two) in seams:
+        ends = np.column_stack([seam.ends_m, (one, two)])
+        found.append(np.array([ends[0], ends.mean(axis=0), ends[1]]))
+    return found
+
+
+def _heights_at(areas: list[Area], places_m: np.ndarray) -> np.ndarray:
+    """Return the height (n,) m of the area nearest to each place (n, 2) m."""
+    points = shapely.points(places_m)
+    apart = np.array([shapely.distance(area.polygon.boundary, points) for area in areas])
+    heights = np.array([area.heights_at(places_m) for area in areas])
+    return np.asarray(heights[apart.argmin(axis=0), np.arange(len(places_m))])
+
+
+def _shafts(
+    path: Path,
+    plumb: list[Wall],
+    polygons: list[Polygon],
+    of_sheet: list[list[Area]],
+    offsets: np.ndarray,
+    datum: float,
+) -> list[Shaft]:
+    """Return a shaft from each floor that a plumb line meets to the next, or to its blind end; say what is left out."""
+    step, found, left_out = reader_limits().flat_step_m, [], []
+    for line in plumb:
+        (x, y), top, bottom = line[0, :2], line[0, 2], line[1, 2]
+        at = np.array([[x, y]])
+        floors = sorted(
+            (
+                (float(_heights_at(areas, at)[0]), k)
+                for k, (polygon, areas) in enumerate(zip(polygons, of_sheet, strict=True))
+                if polygon.contains(shapely.Point(x, y))
+            ),
+            reverse=True,
+        )
+        met = [(z, k) for z, k in floors if bottom - step <= z <= top + step]
+        where = f"({x:.1f}, {y:.1f}) from {top:.1f} to {bottom:.1f} m"
+        if not met or top - met[0][0] > step:
+            left_out.append(f"{where}, whose top is on no floor")
+            continue
+        ends: list[tuple[float, int | None]] = [*met]
+        if met[-1][0] - bottom > step:
+            ends.append((float(bottom), None))
+        for (high, sheet), (low, below) in pairwise(ends):
+            assert sheet is not None
+            nearest = shapely.shortest_line(shapely.Point(x, y), polygons[sheet].boundary)
+            dx, dy = np.diff(shapely.get_coordinates(nearest), axis=0)[0]
+            place = offsets[sheet] + (x, y)
+            found.append(
+                Shaft(
+                    stations=(f"{high:.1f} m", f"{low:.1f} m"),
+                    place_m=(float(place[0]), float(place[1])),
+                    heading_rad=float(np.arctan2(dx, -dy)),
+                    side_m=None,
+                    sheet=sheet,
+                    below=below,
+                    top_m=high - datum,
+                    bottom_m=low - datum,
+                )
+            )
+    if left_out:
+        tell(f"{path.name}: {len(left_out)} shafts are left out, the first at {left_out[0]}")
+    return found
