@@ -16,8 +16,8 @@ _Px = Annotated[float, Field(ge=-_MOST_PX, le=_MOST_PX)]
 _Metres = Annotated[float, Field(ge=-1e9, le=1e9)]
 _PICTURE = {"px_per_m", "bar_length_m", "bar_box_px", "crop_px", "level", "seeds_px", "wall_gap_px", "ignore_colours"}
 _NAMES = {"bar_length_m": "bar-length", "bar_box_px": "bar-box", "entrance_m": "entrance", "layers": "layer",
-          "snap_m": "snap", "elevations_m": "elevation", "half_width_m": "half-width", "crop_px": "crop", "seeds_px": "seed", "wall_gap_px": "gap",
-          "ignore_colours": "ignore"}  # fmt: skip
+          "snap_m": "snap", "elevations_m": "elevation", "half_width_m": "half-width", "crop_px": "crop",
+          "seeds_px": "seed", "wall_gap_px": "gap", "ignore_colours": "ignore"}  # fmt: skip
 APPLIES = {  # what a file is -> the options that are read with it; entrance and grade are with all
     "a picture": _PICTURE,
     "a PDF": {*_PICTURE, "page", "dpi"},

@@ -129,7 +129,11 @@ def _detect(path: Path, stated: dict[str, Any]) -> Detection:
         width = typical_width_px(plan[..., 0] < 128) / frame.px_per_m
         return Detection({"kind": "grid", "map": path.name}, {}, [path, nav2_picture(path)], width)
     if suffix in SHAPE_READERS:
-        return _detect_vector(path, stated) if stated.get("half_width_m") is None else _detect_centrelines(path, stated)
+        if stated.get("half_width_m") is None:
+            return _detect_vector(path, stated)
+        if stated.get("elevations_m"):
+            raise InputError(f"{path}: --elevation is not read with --half-width; centrelines have elevations")
+        return _detect_centrelines(path, stated)
     params = PassageSurveyParams(kind="passages", name="detect", file="data/x", heights=None)
     half = stated.get("half_width_m")
     params = params.model_copy(update={"file": path.as_posix(), "half_width_m": half, "apart_m": _APART_M})
