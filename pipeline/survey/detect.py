@@ -157,7 +157,7 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
     units = [stated["unit"]] if stated.get("unit") else [None, *METRES]
     problem: InputError | None = None
     content = read_shapes(path, stated.get("layers"))
-    if not stated.get("layers"):
+    if path.suffix.lower() == ".dxf" and not stated.get("layers") and not stated.get("elevations_m"):
         require_no_sheet(path, content)
     for unit in units:
         params = _vector(path, unit, stated)

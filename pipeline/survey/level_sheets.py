@@ -8,6 +8,7 @@ from pathlib import Path
 import networkx as nx
 import numpy as np
 import shapely
+import shapely.ops
 from shapely import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -25,7 +26,10 @@ _NARROWEST_M = 1.0  # of the edge that two sheets share
 _TOUCH_M = 1e-3
 _STRAIGHT_M = 1e-3
 _OVERLAP_M2 = 0.01
+_FURTHER_M = (4.0, 3.0, 2.0, 5.0)  # from where two areas meet to the edge that their sheets share
 _SAMPLE_M = 1.0  # of the places where two areas are compared
+
+SeamHeights = tuple[Seam, tuple[float, float]]  # and the heights of its ends, m
 
 
 def draw_levels(path: Path, areas: list[Area], plumb: list[Wall], snap_m: float) -> tuple[MultiPolygon, Heights] | None:
@@ -61,9 +65,8 @@ def draw_levels(path: Path, areas: list[Area], plumb: list[Wall], snap_m: float)
         return None
     whole = _largest(path, areas, joins)
     number = assign_sheets(whole, {name: name for name in whole}, {name: over[name] & set(whole) for name in whole})
-    polygons, seams = _join(path, areas, whole, number, snap_m)
+    polygons, of_sheet, seams = _join(path, areas, whole, over, number, snap_m)
     offsets = lay_apart(polygons)
-    of_sheet = [[areas[int(name)] for name in number if number[name] == k] for k in range(len(polygons))]
     datum = float(np.floor(min(wall[:, 2].min() for found in of_sheet for area in found for wall in area.walls)))
     lines = []
     for k, (polygon, found) in enumerate(zip(polygons, of_sheet, strict=True)):
@@ -130,34 +133,88 @@ def _largest(path: Path, areas: list[Area], joins: nx.Graph) -> nx.Graph:
 
 
 def _join(
-    path: Path, areas: list[Area], joins: nx.Graph, number: dict[str, int], snap_m: float
-) -> tuple[list[Polygon], list[tuple[Seam, tuple[float, float]]]]:
-    """Return the outline of each sheet, and the edges that two share with the heights of their ends, m."""
+    path: Path, areas: list[Area], joins: nx.Graph, over: dict[str, set[str]], number: dict[str, int], snap_m: float
+) -> tuple[list[Polygon], list[list[Area]], list[SeamHeights]]:
+    """Return the outline of each sheet, the areas in it, and the edges that two share with their heights."""
     shapes = {name: areas[int(name)].polygon for name in joins}
     for a, b in joins.edges:  # walls that nearly meet meet
         shapes[a] = _valid(shapely.snap(shapes[a], shapes[b], snap_m), shapes[a])
         shapes[b] = _valid(shapely.snap(shapes[b], shapes[a], snap_m), shapes[b])
-    edges: list[tuple[str, str, LineString]] = []
+    of_sheet: list[list[Area]] = [[] for _ in range(max(number.values()) + 1)]
+    edges: list[tuple[str, str, str, LineString]] = []
+    parts: list[list[Polygon]] = [[] for _ in of_sheet]
     for a, b in joins.edges:
-        if number[a] != number[b]:
-            edges += [(a, b, edge) for edge in _cut(path, areas, shapes, a, b)]
-    polygons = []
-    for k in range(max(number.values()) + 1):
-        parts = [shape for name, shape in shapes.items() if number[name] == k]
-        whole = shapely.set_precision(shapely.union_all(parts, grid_size=_GRID_M), 0.0)
-        polygons.append(max(shapely.get_parts(whole), key=lambda part: part.area))
+        if number[a] == number[b]:
+            continue
+        for edge in _cut(path, areas, shapes, a, b):
+            for taker, giver in ((a, b), (b, a)):  # a seam is square to the walls of one drift, away from the other
+                others = [areas[int(name)] for name in over[giver] if number.get(name) == number[taker]]
+                taken = _piece_of(shapes[giver], edge, areas[int(giver)], others)
+                if taken is not None:
+                    piece, edge = taken
+                    shapes[giver] = _largest_part(shapes[giver].difference(piece))
+                    parts[number[taker]].append(piece)
+                    of_sheet[number[taker]].append(Area(piece, areas[int(giver)].walls))
+                    break
+            else:
+                giver = b
+            edges.append((a, b, giver, edge))
+    for name, shape in shapes.items():
+        parts[number[name]].append(shape)
+        of_sheet[number[name]].append(areas[int(name)])
+    polygons = [
+        _largest_part(shapely.set_precision(shapely.union_all(found, grid_size=_GRID_M), 0.0)) for found in parts
+    ]
     seams = []
-    for a, b, edge in edges:
+    for a, b, giver, edge in edges:
         ends = np.round(shapely.get_coordinates(edge)[[0, -1]], _DIGITS)
-        sides = [polygons[number[name]].boundary for name in (a, b)]
         line = LineString(ends)
-        if not all(side.buffer(_TOUCH_M).covers(line) for side in sides):
+        if not all(polygons[number[name]].boundary.buffer(_TOUCH_M).covers(line) for name in (a, b)):
             x, y = ends.mean(axis=0)
             raise InputError(f"{path}: two levels do not meet from wall to wall at ({x:.1f}, {y:.1f})")
-        heights = np.mean([areas[int(name)].heights_at(ends) for name in (a, b)], axis=0)
+        heights = areas[int(giver)].heights_at(ends)
         places = [(float(x), float(y)) for x, y in ends]
         seams.append((Seam((number[a], number[b]), (places[0], places[1])), (float(heights[0]), float(heights[1]))))
-    return polygons, seams
+    return polygons, of_sheet, seams
+
+
+def _piece_of(shape: Polygon, edge: LineString, area: Area, others: list[Area]) -> tuple[Polygon, LineString] | None:
+    """Return the piece of a shape between an edge of it and a line some metres further in, and that line.
+
+    None if no such line crosses the shape square to its walls, or the piece lies over other areas.
+    """
+    (x0, y0), (x1, y1) = edge.coords[0], edge.coords[-1]
+    along = np.array([x1 - x0, y1 - y0]) / edge.length
+    across = np.array([-along[1], along[0]])
+    middle = np.array(edge.centroid.coords[0])
+    if not shape.contains(shapely.Point(middle + _TOUCH_M * 10 * across)):
+        across = -across
+    for far in _FURTHER_M:
+        at, reach = middle + far * across, edge.length
+        found = shape.intersection(LineString([at - reach * along, at + reach * along]))
+        line = min(shapely.get_parts(found), key=lambda part: part.distance(shapely.Point(at)), default=None)
+        if not isinstance(line, LineString) or not _NARROWEST_M <= line.length < 1.5 * edge.length:
+            continue
+        pieces = shapely.get_parts(shapely.ops.split(shape, line))
+        near = [part for part in pieces if part.dwithin(edge, _TOUCH_M)]
+        if len(pieces) != 2 or len(near) != 1 or near[0].area > 2 * far * edge.length:
+            continue
+        if any(_lies_over(near[0], area, other) for other in others):
+            continue
+        return near[0], line
+    return None
+
+
+def _lies_over(piece: Polygon, area: Area, other: Area) -> bool:
+    common = piece.buffer(APART_M).intersection(other.polygon)
+    if common.area < _OVERLAP_M2:
+        return False
+    places = _places_in(common)
+    return bool((abs(area.heights_at(places) - other.heights_at(places)) > reader_limits().flat_step_m).any())
+
+
+def _largest_part(shape: BaseGeometry) -> Polygon:
+    return max(shapely.get_parts(shape), key=lambda part: part.area)
 
 
 def _valid(shape: BaseGeometry, before: Polygon) -> Polygon:
@@ -186,7 +243,7 @@ def _cut(path: Path, areas: list[Area], shapes: dict[str, Polygon], a: str, b: s
                 f"{path}: two areas meet and lie up to {difference.max():.1f} m over each other at ({x:.1f}, {y:.1f}); "
                 "draw the end of the ramp where its floor has the level's height"
             )
-        shapes[b] = max(shapely.get_parts(shapes[b].difference(part)), key=lambda piece: piece.area)
+        shapes[b] = _largest_part(shapes[b].difference(part))
     border = shapely.line_merge(shapes[a].boundary.intersection(shapes[b].boundary))
     edges = []
     for line in shapely.get_parts(border):
@@ -204,13 +261,11 @@ def _cut(path: Path, areas: list[Area], shapes: dict[str, Polygon], a: str, b: s
                 raise InputError(f"{path}: two areas do not meet in a straight line at ({x:.1f}, {y:.1f})")
         edges.append(chord)
     for name in (a, b):
-        shapes[name] = max(shapely.get_parts(shapes[name]), key=lambda piece: piece.area)
+        shapes[name] = _largest_part(shapes[name])
     return edges
 
 
-def _floor_lines(
-    polygon: Polygon, areas: list[Area], seams: list[tuple[Seam, tuple[float, float]]]
-) -> list[np.ndarray]:
+def _floor_lines(polygon: Polygon, areas: list[Area], seams: list[SeamHeights]) -> list[np.ndarray]:
     """Return the walls of a sheet, and its seams, as lines (k, 3) m with the floor's heights."""
     shared = [LineString(seam.ends_m) for seam, _ in seams]
     walls: BaseGeometry = polygon.boundary
