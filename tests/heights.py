@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 
 from benchmarks.small_world import finish_world
 from pipeline.params.config import Config
-from pipeline.params.survey import PassageSurveyParams
+from pipeline.params.survey import PassageSurveyParams, SurveyParams, VectorSurveyParams
 from pipeline.params.validation import ValidationParams
 from pipeline.survey.load import _read
 from pipeline.types import Workings
@@ -106,7 +107,18 @@ class MineWithHeights:
         path = folder / "stations.csv"
         path.write_text(table(legs, roofs=roofs))
         params = PassageSurveyParams(kind="passages", name="heights", file="data/x", heights=None)
-        plan, self.survey, polygons = _read(params.model_copy(update={"file": path.as_posix()}))
+        self._build(params.model_copy(update={"file": path.as_posix()}), config, folder, report)
+
+    @classmethod
+    def from_file(cls, path: Path, config: Config, **values: Any) -> Self:
+        """Build a vector file instead."""
+        mine = cls.__new__(cls)
+        params = VectorSurveyParams.model_validate({"kind": "vector", "name": "a", "file": "data/x", **values})
+        mine._build(params.model_copy(update={"file": path.as_posix()}), config, path.parent, False)
+        return mine
+
+    def _build(self, params: SurveyParams, config: Config, folder: Path, report: bool) -> None:
+        plan, self.survey, polygons = _read(params)
         traced = trace_free_space(config.contours, plan, self.survey, Workings(polygons))
         self.raw, self.cleaned, self.traced = traced["raw"], traced["cleaned"], traced["traced"]
         self.free_space, self.network = traced["free_space"], traced["topology"]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import open3d
 from scipy.spatial import cKDTree
+from trimesh.triangles import closest_point
 
 from pipeline.types import Mesh
 
@@ -14,6 +15,8 @@ _CORNER_M = 0.01  # far from the origin a vertex has millimetres
 _APART_M = 0.1  # between the same corners: a diagonal across a bend may run either way
 _AREA_SHARE = 2e-3
 _SLIVER_M2 = 1e-4  # smaller faces have no reliable normal
+_LONGEST_M = 8.0  # of the faces that are searched: in 32 bits, distances to long thin ones are metres wrong
+_MOST_PIECES = 1_000_000
 _SAME_SIDE = 0.5  # cosine between normals of the two surfaces
 
 
@@ -51,12 +54,14 @@ def triangles_differ(one: np.ndarray, two: np.ndarray, split: bool = False) -> s
 
 
 class NearestFace:
-    """Finds the nearest of triangles (m, 3, 3) m, in 32 bits about their mean."""
+    """Finds the nearest of triangles (m, 3, 3) m, in 32 bits about their mean, and its distance in 64 bits."""
 
     def __init__(self, triangles: np.ndarray) -> None:
-        """Index the triangles."""
+        """Index the triangles, long ones in pieces."""
         tensor: Any = open3d.core.Tensor
         self._tensor = tensor
+        triangles, self._owner = _halved(triangles)
+        self._pieces = triangles
         self._middle = triangles.reshape(-1, 3).mean(axis=0)
         self._scene = open3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(
@@ -67,8 +72,29 @@ class NearestFace:
     def query(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the distance (n,) m of points (n, 3) m to the triangles, and the nearest triangle (n,)."""
         near = self._scene.compute_closest_points(self._tensor((points - self._middle).astype(np.float32)))
-        apart = np.linalg.norm(near["points"].numpy() - (points - self._middle), axis=1)
-        return apart, near["primitive_ids"].numpy().astype(np.int64)
+        piece = near["primitive_ids"].numpy().astype(np.int64)
+        apart = np.linalg.norm(closest_point(self._pieces[piece], points) - points, axis=1)
+        return apart, self._owner[piece]
+
+
+def _halved(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return triangles (k, 3, 3) m with no edge too long, and which triangle (k,) each is a piece of."""
+    owner = np.arange(len(triangles))
+    while len(triangles) < _MOST_PIECES:
+        lengths = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+        long = lengths.max(axis=1) > _LONGEST_M
+        if not long.any():
+            break
+        cut, rows = triangles[long], np.arange(int(long.sum()))
+        first = lengths[long].argmax(axis=1)
+        second = (first + 1) % 3
+        middle = (cut[rows, first] + cut[rows, second]) / 2
+        one, two = cut.copy(), cut
+        one[rows, second] = middle
+        two[rows, first] = middle
+        triangles = np.concatenate([triangles[~long], one, two])
+        owner = np.concatenate([owner[~long], owner[long], owner[long]])
+    return triangles, owner
 
 
 def _rim(faces: np.ndarray) -> int:
