@@ -163,7 +163,8 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
         params = _vector(path, unit, stated)
         try:
             workings, place, _, _, heights = draw_vector_survey(params, content)
-            _require_walls(path, content, workings.length / place.metres_per_unit)
+            if not stated.get("elevations_m"):
+                _require_walls(path, content, workings.length / place.metres_per_unit)
         except InputError as error:
             problem = problem or error
             continue

@@ -19,6 +19,7 @@ from pipeline.geometry.enclosure import enclose_workings
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.child import one_line, tell
 from pipeline.survey.shapes import Shapes
+from pipeline.survey.stray_heights import stray_zero
 from pipeline.types import Georeference
 
 _PLUMB_M = 0.05  # a line no longer than this in plan is a shaft
@@ -44,8 +45,7 @@ class Area:
     def heights_at(self, places_m: np.ndarray) -> np.ndarray:
         """Return the height (n,) m of the nearest wall at places (n, 2) m."""
         if self._tree is None:
-            lines = shapely.segmentize([LineString(wall) for wall in self.walls], _STEP_M)
-            points = shapely.get_coordinates(lines, include_z=True)
+            points = np.concatenate([_sampled(wall) for wall in self.walls])
             self._tree, self._heights = cKDTree(points[:, :2]), points[:, 2]
         return np.asarray(self._heights[self._tree.query(places_m)[1]])
 
@@ -73,7 +73,7 @@ def walls_in_space(
     Raises
     ------
     InputError
-        If a layer is stated that the file does not have.
+        If a layer is stated that the file does not have, or an elevation of 0 is a missing one.
     """
     stated, step = elevations_m or {}, reader_limits().flat_step_m
     unknown = sorted(set(stated) - set(content.layer_of))
@@ -95,28 +95,39 @@ def walls_in_space(
         found += [(points[a:b], layer) for a, b in pairwise(at) if b - a > 1]
     if not found or np.ptp(np.concatenate([wall[:, 2] for wall, _ in found])) <= step:
         return []
+    _require_elevations(path, np.concatenate([wall for wall, _ in found]))
     if left_out:
         names = ", ".join(one_line(layer, 40) or "no name" for layer in sorted(left_out))
         tell(f"{path.name}: layers without an elevation are left out: {names}")
     return found
 
 
-def cross_in_space(walls: list[tuple[Wall, str]]) -> bool:
-    """Return whether a wall crosses another in plan far above or below it."""
-    starts = np.concatenate([wall[:-1] for wall, _ in walls])
-    ends = np.concatenate([wall[1:] for wall, _ in walls])
-    lines = shapely.linestrings(np.stack([starts, ends], axis=1))
-    one, two = shapely.STRtree(lines).query(lines, predicate="crosses")
-    one, two = one[one < two], two[one < two]
-    if not len(one):
-        return False
-    places = shapely.get_coordinates(shapely.force_2d(shapely.intersection(lines[one], lines[two])))
-    heights = []
-    for rows in (one, two):
-        along = ends[rows] - starts[rows]
-        share = ((places - starts[rows, :2]) * along[:, :2]).sum(axis=1) / (along[:, :2] ** 2).sum(axis=1)
-        heights.append(starts[rows, 2] + share * along[:, 2])
-    return bool((abs(heights[0] - heights[1]) > reader_limits().flat_step_m).any())
+def _require_elevations(path: Path, points: np.ndarray) -> None:
+    """Refuse elevations of exactly 0 that are missing values (`stray_zero`)."""
+    points = np.unique(points, axis=0)
+    stray = stray_zero(points)
+    if stray is not None:
+        x, y, _ = points[stray]
+        others = points[points[:, 2] != 0, 2]
+        raise InputError(
+            f"{path}: {(points[:, 2] == 0).sum()} points of walls have elevation 0, the first at ({x:.1f}, {y:.1f}), "
+            f"but the others lie from {others.min():g} to {others.max():g} m; are elevations missing?"
+        )
+
+
+def lie_over(walls: list[tuple[Wall, str]]) -> bool:
+    """Return whether a wall lies over another: in a square of a metre, heights differ by more than `flat_step_m`."""
+    points = np.concatenate([_sampled(wall) for wall, _ in walls])
+    _, cell = np.unique(np.floor(points[:, :2]), axis=0, return_inverse=True)
+    low, high = np.full(cell.max() + 1, np.inf), np.full(cell.max() + 1, -np.inf)
+    np.minimum.at(low, cell.ravel(), points[:, 2])
+    np.maximum.at(high, cell.ravel(), points[:, 2])
+    return bool((high - low > reader_limits().flat_step_m).any())
+
+
+def _sampled(wall: Wall) -> np.ndarray:
+    """Return points (k, 3) m along a wall, no more than half a metre apart."""
+    return np.asarray(shapely.get_coordinates(shapely.segmentize(LineString(wall), _STEP_M), include_z=True))
 
 
 def split_plumb(walls: list[tuple[Wall, str]]) -> tuple[list[tuple[Wall, str]], list[Wall]]:

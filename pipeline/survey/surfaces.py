@@ -107,7 +107,7 @@ def wall_heights(path: Path, content: Shapes, moved: list[BaseGeometry], georefe
     flat, starts = [*moved], np.cumsum([0, *map(shapely.get_num_coordinates, moved)])
     points = np.column_stack([shapely.get_coordinates(flat), z])
     rings = [points[a:b] for a, b in itertools.pairwise(starts.tolist())]
-    walls = [shapely.LineString(ring) for ring in rings if len(ring) > 1]
+    walls = [shapely.LineString(ring) for ring in rings if np.ptp(ring[:, :2], axis=0).max(initial=0.0) > 0]
     dense = shapely.get_coordinates(shapely.segmentize(walls, _WALL_STEP_M), include_z=True)
     return _heights(path, dense[np.isfinite(dense).all(axis=1)], True)
 

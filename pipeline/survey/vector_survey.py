@@ -29,7 +29,7 @@ from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
 from pipeline.survey.geodata import companions
 from pipeline.survey.geojson import read_geojson
 from pipeline.survey.legs import SurveyLeg, build_workings, check_network
-from pipeline.survey.level_areas import areas_of, cross_in_space, split_plumb, walls_in_space
+from pipeline.survey.level_areas import areas_of, lie_over, split_plumb, walls_in_space
 from pipeline.survey.level_sheets import draw_levels
 from pipeline.survey.shapes import REACH_M, Shapes, locate, require_simple, workings_of
 from pipeline.survey.sheets import draw_sheets, has_relief
@@ -140,7 +140,7 @@ def _read_levels(
     try:
         return draw_levels(path, areas_of(path, walls, params.snap_m), plumb, params.snap_m)
     except InputError:
-        if params.elevations_m or cross_in_space(walls):
+        if params.elevations_m or lie_over(walls):
             raise
         return None
 

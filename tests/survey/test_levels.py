@@ -1,0 +1,214 @@
+"""Levels over each other in vector files: sheets that ramps join, shafts between them, defects with their places."""
+
+from pathlib import Path
+
+import ezdxf
+import numpy as np
+import pyogrio.raw
+import pytest
+import shapely
+from shapely import LineString, Polygon
+
+from pipeline.compose import compose
+from pipeline.errors import InputError
+from pipeline.params.survey import VectorSurveyParams
+from pipeline.proof.validator import Validator
+from pipeline.survey.detect import detect_here
+from pipeline.survey.vector_survey import draw_vector_survey
+from tests.heights import MineWithHeights, certificate_params
+from tests.project import ROOT
+
+DROP_M, DATUM_M = 12.0, 400.0
+UPPER = [(0, 0), (80, 0), (80, 5), (45, 5), (45, 40), (40, 40), (40, 5), (0, 5)]
+LOWER = [(0, 0), (80, 0), (80, 20), (75, 20), (75, 5), (45, 5), (45, 40), (40, 40), (40, 5), (0, 5)]
+RIGHT, LEFT = [(80, 0), (127.5, 0), (127.5, 20), (80, 20)], [(80, 5), (122.5, 5), (122.5, 15), (80, 15)]
+SHAFT = [(20, 2.5, 0), (20, 2.5, -DROP_M)]
+WAY = LineString([(80, 2.5), (125, 2.5), (125, 17.5), (80, 17.5)])
+
+
+def at(points, z):
+    return [(x, y, z) for x, y in points]
+
+
+def down(points, top=0.0):
+    """Return the walls of the ramp, which falls evenly from `top` along its way."""
+    return [(x, y, top - DROP_M * WAY.project(shapely.Point(x, y), normalized=True)) for x, y in points]
+
+
+def closed(points):
+    return [*points, points[0]]
+
+
+MINE = {
+    "upper": [closed(at(UPPER, 0))],
+    "lower": [closed(at(LOWER, -DROP_M))],
+    "ramp": [closed(down(RIGHT + LEFT[::-1]))],
+    "shafts": [SHAFT],
+}
+
+
+def write(path: Path, layers, lift_m=DATUM_M, flat=()):
+    """Write the lines of layers; the layers in `flat` without elevations."""
+    lines = [
+        (name, shapely.transform(LineString(line), lambda p: np.add(p, [0, 0, lift_m]), include_z=True))
+        for name, found in layers.items()
+        for line in found
+    ]
+    if path.suffix == ".dxf":
+        drawing = ezdxf.new()
+        drawing.header["$INSUNITS"] = 6
+        for name, line in lines:
+            if name in flat:
+                drawing.modelspace().add_lwpolyline([p[:2] for p in line.coords], dxfattribs={"layer": name})
+            else:
+                drawing.modelspace().add_polyline3d(list(line.coords), dxfattribs={"layer": name})
+        drawing.saveas(path)
+        return path
+    for name in layers:
+        shapes = [Polygon(line) if len(line.coords) > 3 else line for layer, line in lines if layer == name]
+        wkb = np.array([shapely.to_wkb(shape, output_dimension=3) for shape in shapes], object)
+        kind = "Polygon Z" if isinstance(shapes[0], Polygon) else "LineString Z"
+        pyogrio.raw.write(path, wkb, [], [], geometry_type=kind, crs="EPSG:32719", layer=name, append=path.exists())
+    return path
+
+
+def drawn(path: Path, **values):
+    params = VectorSurveyParams.model_validate({"kind": "vector", "name": "a", "file": "data/x", **values})
+    workings, _, _, _, heights = draw_vector_survey(params.model_copy(update={"file": path.as_posix()}))
+    return workings, heights
+
+
+def apart(workings, heights):
+    """Return the area of the plan that each sheet covers in its own place, largest first."""
+    moved = [
+        shapely.transform(part, lambda p, d=offset: p - d)
+        for part, offset in zip(workings.geoms, heights.offset_m, strict=True)
+    ]
+    return sorted(moved, key=lambda part: -part.area)
+
+
+@pytest.mark.parametrize("suffix", [".dxf", ".gpkg"])
+def test_levels_a_ramp_and_a_shaft_become_two_sheets(tmp_path, suffix):
+    workings, heights = drawn(write(tmp_path / f"mine{suffix}", MINE))
+    wanted = sum(Polygon(closed(ring)).area for ring in (UPPER, LOWER, RIGHT + LEFT[::-1]))
+    assert workings.area == pytest.approx(wanted, abs=0.01)
+    assert (len(workings.geoms), len(heights.seams), heights.datum_m) == (2, 1, DATUM_M - DROP_M)
+    (seam,) = heights.seams
+    assert seam.ends_m in (((84, 15), (84, 20)), ((84, 20), (84, 15)))
+    (shaft,) = heights.shafts
+    assert (shaft.top_m, shaft.bottom_m) == (DROP_M, 0)
+    assert tuple(np.subtract(shaft.place_m, heights.offset_m[shaft.sheet])) == (20, 2.5)
+    z = np.concatenate([np.array(line)[:, 2] for line in heights.lines])
+    assert (z.min(), z.max()) == (0, DROP_M)
+
+
+def test_open_wall_strings_are_closed_where_a_drift_ends(tmp_path):
+    """The ramp's walls are two open strings, and the wall of the upper level has a gap at its mouth."""
+    gap = at([*UPPER[2:], *UPPER[:2]], 0)
+    layers = {**MINE, "upper": [gap], "ramp": [down(RIGHT), down(LEFT)]}
+    found, heights = drawn(write(tmp_path / "open.dxf", layers))
+    whole, _ = drawn(write(tmp_path / "closed.dxf", MINE))
+    assert found.area == pytest.approx(whole.area, abs=0.01)
+    assert len(heights.seams) == 1
+
+
+def test_layers_without_elevations_take_the_stated_ones(tmp_path, capsys):
+    layers = {**MINE, "frame": [closed(at([(-50, -50), (200, -50), (200, 90), (-50, 90)], -DATUM_M))]}
+    path = write(tmp_path / "mine.dxf", layers, flat=("upper", "lower", "frame"))
+    stated = {"upper": DATUM_M, "lower": DATUM_M - DROP_M}
+    found, heights = drawn(path, elevations_m=stated)
+    whole, _ = drawn(write(tmp_path / "whole.dxf", MINE))
+    assert found.area == pytest.approx(whole.area, abs=0.01)
+    assert len(heights.seams) == 1
+    assert "layers without an elevation are left out: frame" in capsys.readouterr().err
+    assert detect_here(str(path), {"elevations_m": stated}).values["values"]["elevations_m"] == stated
+    with pytest.raises(InputError, match=r"no layer cellar to be at an elevation; there are upper, lower, ramp"):
+        drawn(path, elevations_m={"cellar": 0.0})
+
+
+def test_a_pillar_stays_in_its_level_and_a_room_below_it_in_its_own(tmp_path):
+    room = [(0, -30), (40, -30), (40, 0), (0, 0)]
+    pillar = [(15, -20), (25, -20), (25, -10), (15, -10)]
+    upper = [closed(at(UPPER, 0)), closed(at(room, 0)), closed(at(pillar, 0.2))]
+    found, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "upper": upper}))
+    first, _ = apart(found, heights)
+    assert len(first.interiors) == 1
+    assert Polygon(first.interiors[0]).equals(Polygon(pillar))
+
+
+def test_three_levels_with_ramps_over_each_other_are_four_sheets(tmp_path):
+    """The lower ramp lies under the upper one, and its ends over and under two levels."""
+    cellar = closed(at(LOWER, -2 * DROP_M))
+    lower = closed(at(LOWER, -DROP_M))
+    ramps = [closed(down(RIGHT + LEFT[::-1])), closed(down(RIGHT + LEFT[::-1], -DROP_M))]
+    layers = {"upper": MINE["upper"], "lower": [lower], "cellar": [cellar], "ramp": ramps}
+    found, heights = drawn(write(tmp_path / "mine.dxf", layers))
+    assert (len(found.geoms), len(heights.seams)) == (4, 3)
+
+
+def test_a_ramp_that_is_drawn_into_its_level_is_cut_where_it_leaves_it(tmp_path):
+    into = [(78, 0, 0), *down(RIGHT), *down(LEFT[::-1]), (78, 5, 0), (78, 0, 0)]
+    found, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "ramp": [into]}))
+    whole, _ = drawn(write(tmp_path / "whole.dxf", MINE))
+    assert found.area == pytest.approx(whole.area, abs=0.01)
+    assert len(heights.seams) == 1
+
+
+def test_a_level_that_no_ramp_reaches_is_left_out_and_told(tmp_path, capsys):
+    short = closed([(x, y, z + 3 * (x < 100 and y > 10)) for x, y, z in down(RIGHT + LEFT[::-1])])
+    found, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "ramp": [short]}))
+    said = capsys.readouterr().err
+    assert "2 pieces of its levels and ramps do not meet; kept is the one of 1100 m2, left out are 650 m2" in said
+    assert len(found.geoms) == 1
+    (shaft,) = heights.shafts
+    assert shaft.below is None
+
+
+@pytest.mark.parametrize(
+    ("layers", "message"),
+    [
+        (
+            {**MINE, "ramp": [closed(down([(80, 0), (140, 0), (140, 30), (100, -10), (80, 5)]))]},
+            r"a wall of layer 'ramp' that begins at \(80\.0, 0\.0\), 400\.0 m high, crosses itself in plan",
+        ),
+        (
+            {
+                **MINE,
+                "ramp": [
+                    closed([(x, y, z * (x != 127.5) - DATUM_M * (x == 127.5)) for x, y, z in MINE["ramp"][0][:-1]])
+                ],
+            },
+            r"2 points of walls have elevation 0, the first at \(127\.5, 0\.0\)",
+        ),
+    ],
+    ids=["crosses itself", "stray zero"],
+)
+def test_defects_are_refused_with_their_place(tmp_path, layers, message):
+    with pytest.raises(InputError, match=message):
+        drawn(write(tmp_path / "mine.dxf", layers))
+
+
+def test_a_shaft_whose_top_is_on_no_floor_is_left_out_and_told(tmp_path, capsys):
+    _, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "shafts": [[(20, 2.5, 5), (20, 2.5, -DROP_M)]]}))
+    assert not heights.shafts
+    assert "1 shafts are left out, the first at (20.0, 2.5) from 405.0 to 388.0 m, whose top" in capsys.readouterr().err
+
+
+def test_workings_on_a_slope_that_lie_nowhere_over_each_other_stay_one_plan(tmp_path):
+    dipping = {"walls": [closed([(x, y, 0.05 * x) for x, y in UPPER])]}
+    found, heights = drawn(write(tmp_path / "mine.dxf", dipping))
+    assert len(found.geoms) == 1
+    assert heights.sampled
+    assert not heights.seams
+
+
+def test_the_certificate_of_levels_of_a_drawing_holds(tmp_path, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    light = compose(["preset=light"])
+    mine = MineWithHeights.from_file(write(tmp_path / "mine.dxf", MINE), light)
+    assert len(mine.openings) == 1
+    certificate = Validator(
+        certificate_params(light, 100), mine.bundle, mine.cleaned, mine.raw, mine.survey
+    ).certificate
+    assert {name: clause.value for name, clause in certificate.clauses.items() if not clause.holds} == {}
+    assert mine.network.loops == 0
