@@ -50,6 +50,14 @@ class Area:
         return np.asarray(self._heights[self._tree.query(places_m)[1]])
 
 
+def nearest_heights(areas: list[Area], places_m: np.ndarray) -> np.ndarray:
+    """Return the height (n,) m, at places (n, 2) m, of the area whose wall is nearest to each."""
+    points = shapely.points(places_m)
+    apart = np.array([shapely.distance(area.polygon.boundary, points) for area in areas])
+    heights = np.array([area.heights_at(places_m) for area in areas])
+    return np.asarray(heights[apart.argmin(axis=0), np.arange(len(places_m))])
+
+
 def walls_in_space(
     path: Path,
     content: Shapes,

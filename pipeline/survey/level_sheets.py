@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 
 import networkx as nx
@@ -15,9 +14,10 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.child import tell
-from pipeline.survey.level_areas import Area, Wall
+from pipeline.survey.level_areas import Area, Wall, nearest_heights
+from pipeline.survey.level_shafts import shafts_of
 from pipeline.survey.sheet_layout import APART_M, assign_sheets, lay_apart
-from pipeline.types import Heights, Seam, Shaft
+from pipeline.types import Heights, Seam
 
 _GRID_M = 1e-4  # of the outlines' coordinates
 _DIGITS = 4
@@ -74,7 +74,7 @@ def draw_levels(path: Path, areas: list[Area], plumb: list[Wall], snap_m: float)
         for line in _floor_lines(polygon, found, own):
             moved = line + np.array([*offsets[k], -datum])
             lines.append([(float(x), float(y), float(z)) for x, y, z in moved])
-    shafts = _shafts(path, plumb, polygons, of_sheet, offsets, datum)
+    shafts = shafts_of(path, plumb, polygons, of_sheet, offsets, datum)
     heights = Heights(
         lines=lines,
         datum_m=datum,
@@ -274,67 +274,8 @@ def _floor_lines(polygon: Polygon, areas: list[Area], seams: list[SeamHeights]) 
     found = []
     for line in shapely.get_parts(walls):
         places = shapely.get_coordinates(shapely.segmentize(line, _EDGE_M))
-        found.append(np.column_stack([places, _heights_at(areas, places)]))
+        found.append(np.column_stack([places, nearest_heights(areas, places)]))
     for seam, (one, two) in seams:
         ends = np.column_stack([seam.ends_m, (one, two)])
         found.append(np.array([ends[0], ends.mean(axis=0), ends[1]]))
-    return found
-
-
-def _heights_at(areas: list[Area], places_m: np.ndarray) -> np.ndarray:
-    """Return the height (n,) m of the area nearest to each place (n, 2) m."""
-    points = shapely.points(places_m)
-    apart = np.array([shapely.distance(area.polygon.boundary, points) for area in areas])
-    heights = np.array([area.heights_at(places_m) for area in areas])
-    return np.asarray(heights[apart.argmin(axis=0), np.arange(len(places_m))])
-
-
-def _shafts(
-    path: Path,
-    plumb: list[Wall],
-    polygons: list[Polygon],
-    of_sheet: list[list[Area]],
-    offsets: np.ndarray,
-    datum: float,
-) -> list[Shaft]:
-    """Return a shaft from each floor that a plumb line meets to the next, or to its blind end; say what is left out."""
-    step, found, left_out = reader_limits().flat_step_m, [], []
-    for line in plumb:
-        (x, y), top, bottom = line[0, :2], line[0, 2], line[1, 2]
-        at = np.array([[x, y]])
-        floors = sorted(
-            (
-                (float(_heights_at(areas, at)[0]), k)
-                for k, (polygon, areas) in enumerate(zip(polygons, of_sheet, strict=True))
-                if polygon.contains(shapely.Point(x, y))
-            ),
-            reverse=True,
-        )
-        met = [(z, k) for z, k in floors if bottom - step <= z <= top + step]
-        where = f"({x:.1f}, {y:.1f}) from {top:.1f} to {bottom:.1f} m"
-        if not met or top - met[0][0] > step:
-            left_out.append(f"{where}, whose top is on no floor")
-            continue
-        ends: list[tuple[float, int | None]] = [*met]
-        if met[-1][0] - bottom > step:
-            ends.append((float(bottom), None))
-        for (high, sheet), (low, below) in pairwise(ends):
-            assert sheet is not None
-            nearest = shapely.shortest_line(shapely.Point(x, y), polygons[sheet].boundary)
-            dx, dy = np.diff(shapely.get_coordinates(nearest), axis=0)[0]
-            place = offsets[sheet] + (x, y)
-            found.append(
-                Shaft(
-                    stations=(f"{high:.1f} m", f"{low:.1f} m"),
-                    place_m=(float(place[0]), float(place[1])),
-                    heading_rad=float(np.arctan2(dx, -dy)),
-                    side_m=None,
-                    sheet=sheet,
-                    below=below,
-                    top_m=high - datum,
-                    bottom_m=low - datum,
-                )
-            )
-    if left_out:
-        tell(f"{path.name}: {len(left_out)} shafts are left out, the first at {left_out[0]}")
     return found

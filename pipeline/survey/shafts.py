@@ -18,7 +18,7 @@ from pipeline.types import Shaft
 _LEAN = 0.36  # run over fall: a shaft that leans by more than 20 deg off plumb is not built as a plumb one
 _LEAST_FALL_M = 1.0
 _BESIDE_M = 1.5  # workings so near to a shaft's middle in plan are in its way
-_FLOORS_APART_M = 6.0  # a shaft that ends blind so near over other workings would break into them
+FLOORS_APART_M = 6.0  # a shaft that ends blind so near over other workings would break into them
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def _shaft(way: list[str], steep: nx.Graph, built: Built, workings: _Workings) -
         return shaft, f"is {fall:.1f} m deep, want {_LEAST_FALL_M:g} m"
     if run > _LEAN * fall or below == sheet:
         return shaft, f"leans by {run:.1f} m over {fall:.1f} m, at most {_LEAN:g} of it"
-    lowest = bottom[2] - _FLOORS_APART_M if below is None else bottom[2] + reader_limits().flat_step_m
+    lowest = bottom[2] - FLOORS_APART_M if below is None else bottom[2] + reader_limits().flat_step_m
     if workings.between(top[:2], lowest, top[2] - reader_limits().flat_step_m):
         return shaft, "meets workings between its ends"
     return shaft, ""

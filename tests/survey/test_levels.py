@@ -188,10 +188,15 @@ def test_defects_are_refused_with_their_place(tmp_path, layers, message):
         drawn(write(tmp_path / "mine.dxf", layers))
 
 
-def test_a_shaft_whose_top_is_on_no_floor_is_left_out_and_told(tmp_path, capsys):
-    _, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "shafts": [[(20, 2.5, 5), (20, 2.5, -DROP_M)]]}))
+@pytest.mark.parametrize(
+    ("top", "bottom", "reason"),
+    [(5.0, -DROP_M, "405.0 to 388.0 m, whose top is on no floor"), (0.0, -8.0, "400.0 to 392.0 m, which ends blind")],
+)
+def test_a_shaft_that_begins_or_ends_nowhere_is_left_out_and_told(tmp_path, capsys, top, bottom, reason):
+    shaft = [(20, 2.5, top), (20, 2.5, bottom)]
+    _, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "shafts": [shaft]}))
     assert not heights.shafts
-    assert "1 shafts are left out, the first at (20.0, 2.5) from 405.0 to 388.0 m, whose top" in capsys.readouterr().err
+    assert f"1 shafts are left out, the first at (20.0, 2.5) from {reason}" in capsys.readouterr().err
 
 
 def test_workings_on_a_slope_that_lie_nowhere_over_each_other_stay_one_plan(tmp_path):
