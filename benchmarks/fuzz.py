@@ -215,14 +215,22 @@ def main() -> int:
     ):
         found = pool.map(lambda reader: fuzz_reader(reader, arguments.count, bar.update), arguments.readers)
         results = dict(zip(arguments.readers, found, strict=True))
-    write_atomically(RESULTS, (json.dumps(results, indent=1) + "\n").encode())
     print(table(results))
+    whole = _with_earlier(results)
+    write_atomically(RESULTS, (json.dumps(whole, indent=1) + "\n").encode())
     failed = {f"{reader} {case}": v for reader, row in results.items() for case, v in row["failed"].items()}
     for case, verdict in failed.items():
         print(f"{case}: {verdict}")
-    if not failed and arguments.readers == list(SAMPLES):
-        write_atomically(TABLE, (_HEAD + table(results)).encode())
+    if list(whole) == list(SAMPLES) and not any(row["failed"] for row in whole.values()):
+        write_atomically(TABLE, (_HEAD + table(whole)).encode())
     return 2 if failed else 0
+
+
+def _with_earlier(results: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return results in the order of the readers, with the earlier ones of readers that were not run again."""
+    earlier = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
+    known = {**earlier, **results}
+    return {reader: known[reader] for reader in SAMPLES if reader in known}
 
 
 if __name__ == "__main__":

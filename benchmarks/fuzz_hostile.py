@@ -11,6 +11,7 @@ from benchmarks import fuzz_pictures as pictures
 from benchmarks import fuzz_surveys as surveys
 from benchmarks import fuzz_vectors as vectors
 from benchmarks.fuzz_builders import LAUGHS, TAGGED, Named, absurd_numbers
+from benchmarks.fuzz_levels import LEVELS
 
 STATIONS: Named = {
     "one leg of 60,000 stations": lambda: {
@@ -171,6 +172,7 @@ HOSTILE: dict[str, Named] = {
     "geojson": vectors.GEOJSON,
     "geopackage": vectors.GEOPACKAGE,
     "shapefile": vectors.SHAPEFILE,
+    "levels": LEVELS,
     "centrelines": vectors.CENTRELINES,
     "height raster": vectors.HEIGHT_RASTER,
     "height grid": vectors.HEIGHT_GRID,

@@ -107,6 +107,7 @@ def registry_beside(folder: Path) -> None:
 READERS: dict[str, Callable[[Path], None]] = {
     **dict.fromkeys(PICTURES, _read_picture),
     **dict.fromkeys((*PLACED, *VECTORS, *SURVEYS), _read_mine),
+    "levels": _read_mine,
     "centrelines": _read_centrelines,
     **dict.fromkeys(HEIGHTS, _read_heights),
     **dict.fromkeys(CLOUDS, _read_cloud),

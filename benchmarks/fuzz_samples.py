@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 import yaml
 
+from benchmarks.fuzz_levels import levels
 from benchmarks.fuzz_surveys import SAMPLES_3D
 from minexplore.bundle import FORMAT
 
@@ -276,6 +277,7 @@ SAMPLES: dict[str, Callable[[], Files]] = {
     "survex": lambda: {"cave.svx": _SVX, "more.svx": b"*data normal from to tape compass clino\n2 9 4 4 4\n"},
     "compass": lambda: {"cave.plt": _PLT},
     **{name: partial(dict, files) for name, files in SAMPLES_3D.items()},
+    "levels": levels,
     "centrelines": _centrelines,
     "height raster": _height_raster,
     "height grid": _height_grid,

@@ -27,6 +27,7 @@ _STEP_M = 0.5  # of the points at which a wall's height is looked up
 _BESIDE_M = 10.0  # between the open wall strings of one drift
 _ALIKE = 0.5  # of the heights that two strings cover, that both must cover to be of one drift
 _MOUTH_M = 12.0  # two ends of wall strings so near are a drift's end
+_NEIGHBOURS = 9  # of an open end, itself first, that are tried
 _SAME_M = 0.05
 _TOUCH_M = 1e-6
 
@@ -140,13 +141,15 @@ def _sampled(wall: Wall) -> np.ndarray:
 
 def split_plumb(walls: list[tuple[Wall, str]]) -> tuple[list[tuple[Wall, str]], list[Wall]]:
     """Return the walls of layers, and apart from them the lines that are plumb: shafts, their upper end first."""
-    rest, plumb = [], []
+    rest = []
+    plumb: dict[tuple[float, ...], Wall] = {}  # drawings often hold a line twice
     for wall, layer in walls:
         if np.ptp(wall[:, :2], axis=0).max() <= _PLUMB_M:
-            plumb.append(wall[[wall[:, 2].argmax(), wall[:, 2].argmin()]])
+            ends = wall[[wall[:, 2].argmax(), wall[:, 2].argmin()]]
+            plumb.setdefault(tuple(ends.round(1).ravel().tolist()), ends)
         else:
             rest.append((wall, layer))
-    return rest, plumb
+    return rest, list(plumb.values())
 
 
 def areas_of(path: Path, walls: list[tuple[Wall, str]], snap_m: float) -> list[Area]:
@@ -240,17 +243,7 @@ def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> lis
     walls = [wall for wall, _ in strings]
     x, y, z = walls[0][0]
     where = f"layer {strings[0][1]!r} about ({x:.1f}, {y:.1f}), {z:.1f} m high"
-    ends = np.array([wall[k] for wall in walls for k in (0, -1)])
-    apart = np.linalg.norm(ends[:, None] - ends[None], axis=2)
-    free = [k for k in range(len(ends)) if (np.delete(apart[k], k) > max(snap_m, _TOUCH_M)).all()]
-    closers: list[Wall] = []
-    while len(free) > 1:
-        near = apart[np.ix_(free, free)] + np.diag(np.full(len(free), np.inf))
-        i, j = np.unravel_index(near.argmin(), near.shape)
-        if near[i, j] > _MOUTH_M:
-            break
-        closers.append(ends[[free[i], free[j]]])
-        free = [k for k in free if k not in (free[i], free[j])]
+    closers = _mouths(walls, snap_m)
     lines = [LineString(wall[:, :2]) for wall in (*walls, *closers)]
     crossed = next((line for line in lines if not line.is_simple), None)
     if crossed is not None:
@@ -266,3 +259,23 @@ def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> lis
         Area(part, [wall for wall in (*walls, *closers) if part.boundary.distance(LineString(wall[:, :2])) < _SAME_M])
         for part in shapely.get_parts(enclosed)
     ]
+
+
+def _mouths(walls: list[Wall], snap_m: float) -> list[Wall]:
+    """Return lines that join the open ends of walls two by two, the nearest first: the ends of drifts."""
+    ends = np.array([wall[k] for wall in walls for k in (0, -1)])
+    free = ends[cKDTree(ends).query(ends, k=2)[0][:, 1] > max(snap_m, _TOUCH_M)]
+    if len(free) < 2:
+        return []
+    apart, other = cKDTree(free).query(free, k=min(len(free), _NEIGHBOURS))
+    found: list[Wall] = []
+    used: set[int] = set()
+    for flat in np.argsort(apart, axis=None, kind="stable").tolist():
+        one, rank = divmod(flat, apart.shape[1])
+        two = int(other[one, rank])
+        if apart[one, rank] > _MOUTH_M:
+            break
+        if one != two and not used & {one, two}:
+            used |= {one, two}
+            found.append(free[[one, two]])
+    return found
