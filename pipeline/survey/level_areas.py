@@ -243,6 +243,11 @@ def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> lis
     walls = [wall for wall, _ in strings]
     x, y, z = walls[0][0]
     where = f"layer {strings[0][1]!r} about ({x:.1f}, {y:.1f}), {z:.1f} m high"
+    if lie_over(strings):
+        raise InputError(
+            f"{path}: open walls of {where} are joined to walls over or under them; close the walls of each level, or "
+            "put each level and each ramp on a layer of its own"
+        )
     closers = _mouths(walls, snap_m)
     lines = [LineString(wall[:, :2]) for wall in (*walls, *closers)]
     crossed = next((line for line in lines if not line.is_simple), None)

@@ -12,7 +12,7 @@ from shapely import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.params.reader_limits import reader_limits
+from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.child import tell
 from pipeline.survey.level_areas import Area, Wall, nearest_heights
 from pipeline.survey.level_shafts import shafts_of
@@ -27,6 +27,8 @@ _TOUCH_M = 1e-3
 _STRAIGHT_M = 1e-3
 _OVERLAP_M2 = 0.01
 _FURTHER_M = (4.0, 3.0, 2.0, 5.0)  # from where two areas meet to the edge that their sheets share
+_BETWEEN_M = 0.1
+_NEAR_M = 3.0  # in plan and in height: two pieces so near are told
 _SAMPLE_M = 1.0  # of the places where two areas are compared
 
 SeamHeights = tuple[Seam, tuple[float, float]]  # and the heights of its ends, m
@@ -64,6 +66,8 @@ def draw_levels(path: Path, areas: list[Area], plumb: list[Wall], snap_m: float)
     if not any(over.values()):
         return None
     whole = _largest(path, areas, joins)
+    if len(whole) < len(joins):
+        _tell_near(path, areas, joins)
     number = assign_sheets(whole, {name: name for name in whole}, {name: over[name] & set(whole) for name in whole})
     polygons, of_sheet, seams = _join(path, areas, whole, over, number, snap_m)
     offsets = lay_apart(polygons)
@@ -130,6 +134,30 @@ def _largest(path: Path, areas: list[Area], joins: nx.Graph) -> nx.Graph:
             f"({x:.1f}, {y:.1f}), {z:.1f} m high"
         )
     return joins.subgraph(sorted(pieces[0], key=int))
+
+
+def _tell_near(path: Path, areas: list[Area], joins: nx.Graph) -> None:
+    """Say where areas of two pieces nearly meet."""
+    piece = {name: k for k, names in enumerate(nx.connected_components(joins)) for name in names}
+    shapes = np.array([area.polygon for area in areas])
+    near = []
+    for a, b in shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=_NEAR_M).T.tolist():
+        if a >= b or piece[str(a)] == piece[str(b)]:
+            continue
+        apart = float(shapely.distance(shapes[a], shapes[b]))
+        reach = apart / 2 + _BETWEEN_M
+        places = _places_in(shapes[a].buffer(reach).intersection(shapes[b].buffer(reach)))
+        one, two = (areas[k].heights_at(places) for k in (a, b))
+        best = int(abs(one - two).argmin())
+        if abs(one[best] - two[best]) <= _NEAR_M:
+            near.append((apart, float(one[best]), float(two[best]), *places[best].tolist()))
+    if near:
+        gap, low, high, x, y = near[0]
+        tell(
+            f"{path.name}: {len(near)} pairs of levels and ramps nearly meet, the first {gap:.2f} m apart in plan at "
+            f"({x:.1f}, {y:.1f}), {low:.1f} and {high:.1f} m high; survey.snap_m says what meets in plan, "
+            f"flat_step_m in {FILE} in height"
+        )
 
 
 def _join(

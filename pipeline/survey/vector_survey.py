@@ -138,11 +138,17 @@ def _read_levels(
     if not walls:
         return None
     try:
-        return draw_levels(path, areas_of(path, walls, params.snap_m), plumb, params.snap_m)
+        drawn = draw_levels(path, areas_of(path, walls, params.snap_m), plumb, params.snap_m)
     except InputError:
         if params.elevations_m or lie_over(walls):
             raise
         return None
+    if drawn is None and lie_over(walls):
+        raise InputError(
+            f"{path}: walls lie over each other, and enclose no levels of their own; close the walls of each level, or "
+            "put each level and each ramp on a layer of its own"
+        )
+    return drawn
 
 
 def _read_passages(

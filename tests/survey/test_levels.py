@@ -1,5 +1,6 @@
 """Levels over each other in vector files: sheets that ramps join, shafts between them, defects with their places."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import ezdxf
@@ -162,6 +163,8 @@ def test_a_level_that_no_ramp_reaches_is_left_out_and_told(tmp_path, capsys):
     assert len(found.geoms) == 1
     (shaft,) = heights.shafts
     assert shaft.below is None
+    assert "1 pairs of levels and ramps nearly meet, the first 0.00 m apart in plan at (80.0, " in said
+    assert ", 388.0 and 391.0 m high" in said or ", 391.0 and 388.0 m high" in said
 
 
 @pytest.mark.parametrize(
@@ -180,8 +183,12 @@ def test_a_level_that_no_ramp_reaches_is_left_out_and_told(tmp_path, capsys):
             },
             r"2 points of walls have elevation 0, the first at \(127\.5, 0\.0\)",
         ),
+        (
+            {"0": [list(pair) for name in ("upper", "lower", "ramp") for pair in pairwise(MINE[name][0])]},
+            r"open walls of layer '0' about .* are joined to walls over or under them; close the walls of each level",
+        ),
     ],
-    ids=["crosses itself", "stray zero"],
+    ids=["crosses itself", "stray zero", "segments on one layer"],
 )
 def test_defects_are_refused_with_their_place(tmp_path, layers, message):
     with pytest.raises(InputError, match=message):
