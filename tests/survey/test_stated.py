@@ -57,7 +57,7 @@ def test_an_option_that_nothing_reads_with_a_kind_of_file_is_refused(tmp_path, f
 
 
 def test_every_option_applies_to_some_kind_of_file():
-    assert set().union(*APPLIES.values()) | {"entrance_m"} == set(StatedOptions.model_fields)
+    assert set().union(*APPLIES.values()) | {"entrance_m", "grade"} == set(StatedOptions.model_fields)
     assert option_of("bar_length_m") == "--bar-length"
 
 
