@@ -123,6 +123,7 @@ def test_wrong_cells_of_a_sheets_map_are_counted(under, tmp_path, change):
         ({"map_02.yaml": b"", "map_02.png": b""}, r"map_02\.(png|yaml): a map of a sheet; world\.json states 2 sheets"),
         ({"map_01.yaml": b"image: map_00.png\n"}, r"map_01\.yaml: want a remark on the sheet, image: map_01\.png"),
         ({"map_00.png": b"no picture"}, r"map_00\.png: "),
+        ({"map_00.png": encode(Path("a.png"), np.zeros((9, 8), np.uint8))}, r"map_00\.png: 8 x 9 px, want \d+ x \d+"),
     ],
 )
 def test_maps_of_sheets_are_on_the_list_of_a_bundles_files(under, change, message):

@@ -138,21 +138,30 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], floor:
     low, high = low - [_BEYOND_M, _BEYOND_M, _BELOW_M], high + np.array([_BEYOND_M, _BEYOND_M, _ABOVE_M])
     check_meshes(files, low, high, floor, record["height_m"])
     check_opening_meshes(files, record, floor)
-    for name, kind in pictures_of(record).items():
-        width, height = check_png(name, files[name], kind, _MOST_PIXELS.get(name, _MOST_CELLS))
+    for name, kind in _fixed_pictures(record).items():
+        width, height = check_png(name, files[name], kind, _MOST_PIXELS[name])
         if name == ROCK_TEXTURE and (width != height or width < 16):
             raise BundleError(f"{name}: {width} x {height} px, want a square of 16 px or more")
         if name == PREVIEW and not 64 <= width <= 4096:
             raise BundleError(f"{name}: {width} x {height} px, want a width of 64 to 4096 px")
     for name, picture in ((NAV2_MAP, NAV2_PICTURE), *of_sheets):
         _check_map(name, picture, files[name])
-    return _read_checked_grid(files[CLEARANCE_GRID], record["world_m"])
+    grid = _read_checked_grid(files[CLEARANCE_GRID], record["world_m"])
+    for sheet, (_, picture) in enumerate(of_sheets):
+        first, end = floor.box_of(sheet, grid["origin_m"], float(grid["cell_m"]))
+        size = check_png(picture, files[picture], (GREY,), _MOST_CELLS)
+        if size != tuple(end - first):
+            raise BundleError(f"{picture}: {size[0]} x {size[1]} px, want {end[0] - first[0]} x {end[1] - first[1]}")
+    return grid
 
 
 def pictures_of(record: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
     """Return the pictures that a world of this record has, with their colour types."""
-    own = {name: kind for name, kind in PICTURES.items() if has_visible_rock(record) or name not in VISIBLE}
-    return own | {picture: (GREY,) for _, picture in sheet_maps(record)}
+    return _fixed_pictures(record) | {picture: (GREY,) for _, picture in sheet_maps(record)}
+
+
+def _fixed_pictures(record: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
+    return {name: kind for name, kind in PICTURES.items() if has_visible_rock(record) or name not in VISIBLE}
 
 
 def _refuse_visible(files: Mapping[str, bytes]) -> None:

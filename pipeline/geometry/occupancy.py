@@ -119,8 +119,7 @@ def sheet_nav2_maps(grid: Occupancy, floor: Floor) -> dict[str, tuple[np.ndarray
     sheet_of = floor.sheets_at(grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m)
     found = {}
     for sheet, (low_m, high_m) in enumerate(floor.spans_m.tolist()):
-        own = (floor.vertices[floor.faces[floor.sheet == sheet].ravel(), :2] - grid.origin_m) / grid.cell_m
-        first, end = np.floor(own.min(axis=0)).astype(int) - 1, np.ceil(own.max(axis=0)).astype(int) + 1
+        first, end = floor.box_of(sheet, grid.origin_m, grid.cell_m)
         free = np.zeros((end - first)[::-1], bool)
         free[row[sheet_of == sheet] - first[1], col[sheet_of == sheet] - first[0]] = True
         name, picture = sheet_map(sheet)

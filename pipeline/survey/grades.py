@@ -90,13 +90,13 @@ def _check_loop(path: Path, shot: tuple[SurveyLeg, int], misclosure_m: float, ch
     """Say by how much the worst loop misses; refuse it if closing it changes a grade by too much."""
     leg, k = shot
     most = reader_limits().grade_change
-    found = f"the grades of the loop through leg {leg.name}, {_place(leg, k)}, miss by {abs(misclosure_m):.2f} m"
+    found = f"the loop of grades through leg {leg.name}, {_place(leg, k)}, misses by {abs(misclosure_m):.2f} m"
     if changed > most:
         raise InputError(
             f"{path}: {found}; closing it changes a grade by {changed:.5f}, at most {most:g} (grade_change in {FILE})"
         )
     if abs(misclosure_m) > _TOLD_M:
-        tell(f"{path.name}: {found}, more than those of others; closing it changes grades by up to {changed:.5f}")
+        tell(f"{path.name}: {found}, the most of all; distributed, this changes grades by up to {changed:.5f}")
 
 
 def _place(leg: SurveyLeg, k: int) -> str:

@@ -54,15 +54,15 @@ def section(path, **values):
 def test_grades_of_legs_give_stations_elevations_from_the_first_one_on(tmp_path, capsys):
     found = elevations(read_station_legs(write(tmp_path), {"A": 0.02, "B": 0.01, "C": -0.016, "D": -0.1}))
     assert found == pytest.approx({"a": 0.0, "b": 0.6, "c": 1.2, "d": 1.6, "e": 0.64, "f": -2.4})
-    assert "miss" not in capsys.readouterr().err
+    assert "misses" not in capsys.readouterr().err
 
 
 def test_a_misclosure_is_distributed_and_told_with_its_leg(tmp_path, capsys):
     found = elevations(read_station_legs(write(tmp_path), {"A": 0.02, "B": 0.01, "C": -0.011}))
     assert found == pytest.approx({"a": 0.0, "b": 0.525, "c": 1.05, "d": 1.35, "e": 0.54, "f": 0.525})
     told = capsys.readouterr().err
-    assert "s.csv: the grades of the loop through leg " in told
-    assert "miss by 0.50 m" in told
+    assert "s.csv: the loop of grades through leg " in told
+    assert "misses by 0.50 m" in told
     assert "changes grades by up to 0.00250" in told
 
 
@@ -90,7 +90,7 @@ def test_a_column_without_a_grade_leaves_a_survey_flat(tmp_path):
         ({"B": 0.4}, r"leg B, c to d at \(60\.0, 0\.0\): a grade of 0\.4 is steeper than 0\.364 \(steepest_grade in"),
         (
             {"A": 0.02, "B": 0.01, "C": -0.004},
-            r"the grades of the loop through leg ., . to . at .*, miss by 1\.20 m; closing it changes a grade by "
+            r"the loop of grades through leg ., . to . at .*, misses by 1\.20 m; closing it changes a grade by "
             r"0\.00600, at most 0\.005 \(grade_change in conf/reader_limits\.yaml\)",
         ),
         ({"A": 0.3, "C": 0.3}, r"leg B, c to d at \(60\.0, 0\.0\): a grade of -1\.2 is steeper than 0\.364"),
