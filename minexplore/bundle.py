@@ -57,6 +57,7 @@ WALLS, ROOF, FLOOR_CHAMFER = "walls", "roof", "floor_chamfer"
 COLLAR_CORNERS = 4  # of an opening in the floor
 SLAB_M = 0.25  # thickness of floor and roof of a mine with heights, and how far its walls reach beyond both
 
+_MAP = "map_"
 _FLOOR, _ROCK, _SURFACE, _SMOOTH, _WEDGE = "floor_", "rock_", "surface_", "smooth_", "roof_"
 
 
@@ -118,6 +119,18 @@ def floor_geom(zone: str) -> str:
 def has_heights(record: Mapping[str, Any]) -> bool:
     """Return whether a world's floor has heights, by its record; without them it is one level plane."""
     return "heights" in record
+
+
+def sheet_map(sheet: int) -> tuple[str, str]:
+    """Return the files of the Nav2 map of one sheet of a mine with heights: map and picture."""
+    return f"{_MAP}{sheet:02d}.yaml", f"{_MAP}{sheet:02d}.png"
+
+
+def sheet_maps(record: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the files of the Nav2 map of each sheet, by a world's record; a world of one sheet has none."""
+    heights = record.get("heights")
+    sheets = heights["sheets"] if heights else 1
+    return [sheet_map(sheet) for sheet in range(sheets)] if sheets > 1 else []
 
 
 def is_floor(geom: str) -> bool:

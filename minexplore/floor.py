@@ -216,6 +216,14 @@ class Floor:
         levels = [self.vertices[self.faces[self.sheet == k].ravel(), 2] for k in range(len(self.offset_m))]
         return np.array([(level.min(), level.max()) for level in levels])
 
+    def box_of(self, sheet: int, origin_m: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the first cell and that behind the last (2,) east and north of a box about a sheet, in a grid's cells.
+
+        The grid begins at `origin_m`; the box has a cell or two round the sheet.
+        """
+        cells = (self.vertices[self.faces[self.sheet == sheet].ravel(), :2] - origin_m) / cell_m
+        return np.floor(cells.min(axis=0)).astype(int) - 1, np.ceil(cells.max(axis=0)).astype(int) + 1
+
     def offsets_at(self, places_m: np.ndarray) -> np.ndarray:
         """Return how far (k, 2) m the sheets at places (k, 2) m of the plan are moved aside."""
         return self.offset_m[self.sheets_at(places_m)]

@@ -26,7 +26,7 @@ from pipeline.store.files import write_atomically
 CONF = Path("conf")
 ROOT_PARAMS = Path("params.yaml")
 _MOST_CHARACTERS = 4000  # of an override; Hydra's parser takes 3 s for as many of nested lists
-_CHOSEN = ("survey", "collision")  # unions of several kinds: pydantic inserts the kind after their names
+_CHOSEN = ("survey", "collision", "grade")  # unions of several kinds: pydantic inserts the kind after their names
 # The robot's dimensions are defined only in the environment; conf/ refers to them as ${robot:radius_m}.
 OmegaConf.register_new_resolver("robot", lambda field: getattr(RobotParams(), field), replace=True)
 _REFUSALS = (HydraException, OmegaConfBaseException, yaml.YAMLError)

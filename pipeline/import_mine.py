@@ -119,8 +119,10 @@ def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict
     return made
 
 
-def _with_heights(detected: Detection, heights: Path | None, grade: float | None, source: Path) -> Detection:
-    """Return what was detected with stated heights of the floor.
+def _with_heights(
+    detected: Detection, heights: Path | None, grade: float | dict[str, float] | None, source: Path
+) -> Detection:
+    """Return what was detected with stated heights of the floor; grades of legs are among what was detected.
 
     Raises
     ------
@@ -132,6 +134,8 @@ def _with_heights(detected: Detection, heights: Path | None, grade: float | None
     option = "--grade" if heights is None else f"--heights {heights}"
     if heights is not None and grade is not None:
         raise InputError(f"{source}: give --heights or --grade, not both")
+    if isinstance(grade, dict):
+        return detected
     if detected.has_heights:
         raise InputError(f"{source}: {option}: it has elevations of its own")
     if heights is not None:
@@ -224,11 +228,16 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: dict[str, An
     for key, value in values.items():
         if isinstance(value, dict) and value:
             lines.append(f"  {key}:{'  # ' + one_line(remarks[key], 200) if key in remarks else ''}")
-            lines += [f"    {inner}: {json.dumps(inner_value)}" for inner, inner_value in value.items()]
+            lines += [f"    {_key(inner)}: {json.dumps(inner_value)}" for inner, inner_value in value.items()]
         else:
             lines.append(_line(f"  {key}: {json.dumps(value)}", remarks.get(key)))
     lines += ["contours:", _line("  components: largest", "or spawn: the component at entrance_m; or [[x, y], ...]")]
     return "\n".join(lines) + "\n"
+
+
+def _key(name: str) -> str:
+    """Return a key as YAML reads it back: a leg's name may be a number or a word with a meaning."""
+    return name if name.isidentifier() and name.lower() not in _WORDS else json.dumps(name)
 
 
 def _line(text: str, remark: str | None) -> str:

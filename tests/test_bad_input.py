@@ -22,7 +22,7 @@ from tests.project import ROOT, TINY_STATIONS, message_of
     [
         ("contours", "contours.tolerance_m=-1", "contours.tolerance_m = -1"),
         ("contours", "contours.tolerence=1", "contours.tolerence: unknown; contours has"),
-        ("contours", "survey=cave", "valid choices are plan, procedural, stations, variant"),
+        ("contours", "survey=cave", "valid choices are graded, plan, procedural, stations, variant"),
         ("contours", "contours.tolerance_m=12", "contours.tolerance_m = 12"),
         ("contours", "contours.threshold=254 contours.max_workings_share=0.01", "is the plan inverted?"),
         ("contours", "contours.min_tunnel_m2=5000", "no dark region larger than 5000 m2"),
@@ -215,7 +215,7 @@ def test_transparent_pixels_of_a_plan_are_white_paper(project):
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("survey=1", "survey = 1: valid choices are plan, procedural, stations, variant"),
+        ("survey=1", "survey = 1: valid choices are graded, plan, procedural, stations, variant"),
         ("survey.frame_m=[10,0,-10,5]", "want west < east and south < north"),
         ("contours.threshold=999", "contours.threshold"),
         ("surface.texture.rgb=[999,-4,0]", "surface.texture.rgb"),

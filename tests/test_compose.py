@@ -115,7 +115,7 @@ def test_a_limit_per_metre_of_the_embedded_survey_is_at_least_as_strict_as_its_a
         ("contours.tolerance_m=nan", r"contours\.tolerance_m = nan: .*finite"),
         ("contours.tolerence_m=1", r"contours\.tolerence_m: unknown; contours has .*tolerance_m"),
         ("contour.tolerance_m=1", r"unknown; the configuration has .*contours"),
-        ("survey=cave", r"survey = cave: valid choices are plan, procedural, stations, variant"),
+        ("survey=cave", r"survey = cave: valid choices are graded, plan, procedural, stations, variant"),
         ("collision=vhcd", r"collision = vhcd: valid choices are coacd, exact, vhacd"),
         (
             "survey.scale.source=guess",

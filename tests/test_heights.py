@@ -13,6 +13,7 @@ from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.schema.floor_mesh import _check_figures
 from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError
+from pipeline.geometry.delaunay import Triangulation
 from pipeline.geometry.floor_mesh import build_floor
 from pipeline.geometry.network_heights import floor_lines
 from pipeline.geometry.octree import build_octree, to_bt
@@ -82,6 +83,20 @@ def test_a_floor_folds_and_unfolds_without_loss(under):
     np.testing.assert_array_equal(flat.fold(points), points)
     assert flat.is_flat
     assert flat.heights_at(places).max() == 0
+
+
+def test_a_line_that_leaves_the_workings_counts_up_to_their_wall():
+    # The last 30 m lie beyond the end wall; they would put the floor there 1.5 m too high.
+    line = np.array([[0.0, 2.5, 0.0], [100.0, 2.5, 10.0], [130.0, 2.5, 13.0]])
+    floor = build_floor(STRAIGHT, [line], 30.0)
+    x = np.linspace(0.5, 99.5, 100)
+    assert np.abs(floor.heights_at(np.column_stack([x, np.full(100, 2.5)])) - x / 10).max() < 0.01
+
+
+def test_points_beyond_a_corner_of_the_workings_are_that_corner():
+    mesh = Triangulation(shapely.box(0, 0, 10, 5))
+    numbers = {mesh.insert((10.0 + k, 5.0 + 0.3 * k), 0.02) for k in range(1, 9)}
+    assert [mesh.xy[number] for number in numbers] == [(10.0, 5.0)]
 
 
 def test_a_grade_rises_from_the_entrance_along_the_drifts():

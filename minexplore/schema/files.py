@@ -26,6 +26,7 @@ from minexplore.bundle import (
     TOPOLOGY,
     BundleError,
     has_visible_rock,
+    sheet_maps,
 )
 from minexplore.floor import Floor
 from minexplore.schema.agreement import rock_box
@@ -61,15 +62,17 @@ _BEYOND_M = 1.0  # rough rock reaches a little beyond the box of the rock in pla
 _BELOW_M, _ABOVE_M = 1.0, 5.0  # and so far below the floor and above the height
 _GRID = {"free": ("|b1", 2), "clearance_m": ("<f4", 2), "origin_m": ("<f8", 1), "cell_m": ("<f8", 0)}
 _MAP = re.compile(
-    r"image: map\.png\nmode: trinary\nresolution: ([-0-9.e+]+)\norigin: \[([-0-9.]+), ([-0-9.]+), 0\.0\]\n"
+    r"(?:# sheet \d+ of \d+: floor ([-0-9.]+) to ([-0-9.]+) m high\n)?"
+    r"image: (map(?:_\d+)?\.png)\nmode: trinary\nresolution: ([-0-9.e+]+)\norigin: \[([-0-9.]+), ([-0-9.]+), 0\.0\]\n"
     r"negate: 0\noccupied_thresh: 0\.65\nfree_thresh: 0\.25\n",
     re.ASCII,
 )
+_SHEET_MAP = re.compile(r"map_\d{2,4}\.(?:yaml|png)", re.ASCII)
 
 
 def is_known(name: str) -> bool:
     """Return whether a bundle may have a file of this name."""
-    return name in (*FIXED, FLOOR) or bool(_MESH.fullmatch(name))
+    return name in (*FIXED, FLOOR) or bool(_MESH.fullmatch(name) or _SHEET_MAP.fullmatch(name))
 
 
 def read_folder(folder: Path) -> dict[str, bytes]:
@@ -121,7 +124,12 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], floor:
     BundleError
         Naming the file, the value and the limit.
     """
-    for name in FIXED:
+    of_sheets = sheet_maps(record)
+    names = [name for pair in of_sheets for name in pair]
+    for name in files:
+        if _SHEET_MAP.fullmatch(name) and name not in names:
+            raise BundleError(f"{name}: a map of a sheet; {RECORD} states {len(of_sheets) or 1} sheets")
+    for name in (*FIXED, *names):
         if name not in files and not (name in VISIBLE and not has_visible_rock(record)):
             raise BundleError(f"{name}: missing")
     if not has_visible_rock(record):
@@ -130,18 +138,29 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], floor:
     low, high = low - [_BEYOND_M, _BEYOND_M, _BELOW_M], high + np.array([_BEYOND_M, _BEYOND_M, _ABOVE_M])
     check_meshes(files, low, high, floor, record["height_m"])
     check_opening_meshes(files, record, floor)
-    for name, kind in pictures_of(record).items():
+    for name, kind in _fixed_pictures(record).items():
         width, height = check_png(name, files[name], kind, _MOST_PIXELS[name])
         if name == ROCK_TEXTURE and (width != height or width < 16):
             raise BundleError(f"{name}: {width} x {height} px, want a square of 16 px or more")
         if name == PREVIEW and not 64 <= width <= 4096:
             raise BundleError(f"{name}: {width} x {height} px, want a width of 64 to 4096 px")
-    _check_map(files[NAV2_MAP])
-    return _read_checked_grid(files[CLEARANCE_GRID], record["world_m"])
+    for name, picture in ((NAV2_MAP, NAV2_PICTURE), *of_sheets):
+        _check_map(name, picture, files[name])
+    grid = _read_checked_grid(files[CLEARANCE_GRID], record["world_m"])
+    for sheet, (_, picture) in enumerate(of_sheets):
+        first, end = floor.box_of(sheet, grid["origin_m"], float(grid["cell_m"]))
+        size = check_png(picture, files[picture], (GREY,), _MOST_CELLS)
+        if size != tuple(end - first):
+            raise BundleError(f"{picture}: {size[0]} x {size[1]} px, want {end[0] - first[0]} x {end[1] - first[1]}")
+    return grid
 
 
 def pictures_of(record: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
     """Return the pictures that a world of this record has, with their colour types."""
+    return _fixed_pictures(record) | {picture: (GREY,) for _, picture in sheet_maps(record)}
+
+
+def _fixed_pictures(record: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
     return {name: kind for name, kind in PICTURES.items() if has_visible_rock(record) or name not in VISIBLE}
 
 
@@ -185,9 +204,12 @@ def _read_checked_grid(data: bytes, world_m: list[float]) -> dict[str, np.ndarra
     return grid
 
 
-def _check_map(data: bytes) -> None:
+def _check_map(name: str, picture: str, data: bytes) -> None:
     found = _MAP.fullmatch(data.decode("ascii", "replace"))
-    if not found or any(numbers_in(value) is None for value in found.groups()):
+    low, high, image, *values = found.groups() if found else (None, None, None)
+    is_of_sheet, numbers = low is not None, [value for value in (low, high, *values) if value is not None]
+    if image != picture or is_of_sheet != (name != NAV2_MAP) or any(numbers_in(value) is None for value in numbers):
+        first = "" if name == NAV2_MAP else "a remark on the sheet, "
         raise BundleError(
-            f"{NAV2_MAP}: want image: map.png, mode, resolution, origin, negate and the two thresholds only"
+            f"{name}: want {first}image: {picture}, mode, resolution, origin, negate and the two thresholds only"
         )

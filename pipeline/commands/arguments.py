@@ -43,6 +43,21 @@ def elevation(text: str) -> tuple[str, float]:
     return layer, float(value)
 
 
+def grade(text: str) -> float | dict[str, float]:
+    """Return a rise over run, or one for each leg of LEG=G,LEG=G; a name may have other equals signs."""
+    if "=" not in text:
+        return float(text)
+    found: dict[str, float] = {}
+    for part in text.split(","):
+        leg, _, value = (piece.strip() for piece in part.rpartition("="))
+        if not leg or leg in found:
+            raise argparse.ArgumentTypeError(f"{part!r}: expected LEG=G with each leg once, separated by commas")
+        found[leg] = float(value)
+    if not all(map(math.isfinite, found.values())):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected finite numbers")
+    return found
+
+
 def whole_numbers(count: int) -> Callable[[str], list[int]]:
     """Return a parser of `count` integers of 0 or more separated by commas."""
 

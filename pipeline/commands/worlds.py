@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
-from pipeline.commands.arguments import elevation, natural, numbers, positive, whole_numbers
+from pipeline.commands.arguments import elevation, grade, natural, numbers, positive, whole_numbers
 
 DETECTED = "detected.png"
 
@@ -215,7 +215,12 @@ def add_to(commands: Any) -> None:
         "--half-width", dest="half_width_m", type=float, help="distance to a wall that a survey has not measured, m"
     )
     make.add_argument("--heights", type=Path, metavar="FILE", help="the floor's heights: CSV, GeoTIFF, contour lines")
-    make.add_argument("--grade", type=float, help="rise over run along the drifts, away from the entrance")
+    make.add_argument(
+        "--grade",
+        type=grade,
+        metavar="G or LEG=G,...",
+        help="rise over run along the drifts, away from the entrance; or of legs of a station table",
+    )
     make.add_argument("--entrance", dest="entrance_m", type=numbers(2), help="X,Y in the mine frame, m")
     make.add_argument("overrides", nargs="*", help="for example compile3d.height_m=2.8")
     make.add_argument("--layer", dest="layers", action="append", help="layer of a drawing; repeat for more layers")

@@ -16,6 +16,7 @@ Edge = tuple[int, int]
 Face = tuple[int, int, int]
 Tile = tuple[int, int]
 _MOST_STEPS = 200  # of a walk to a point
+_MERGED_M = 1e-3  # a point that falls so near to a corner of the boundary is that corner
 _TILE_M, _MOST_RINGS = 8.0, 8  # faces are looked up by square tiles, so far around a place
 
 
@@ -48,8 +49,11 @@ class Triangulation:
             return nearest
         for u, v in ((a, b), (b, c), (c, a)):
             on_wall = (v, u) not in self.opposite
-            if self._beside(u, v, place) < (near_m if on_wall else 1e-6):
-                return self._split_edge(u, v, self._foot(u, v, place) if on_wall else place)
+            if self._beside(u, v, place) >= (near_m if on_wall else 1e-6):
+                continue
+            foot = self._foot(u, v, place) if on_wall else place
+            corner = min((u, v), key=lambda k: self._apart(k, foot))
+            return corner if self._apart(corner, foot) < _MERGED_M else self._split_edge(u, v, foot)
         number = self._new(place)
         self._remove(a, b, c)
         for u, v in ((a, b), (b, c), (c, a)):

@@ -47,7 +47,7 @@ def build_floor(
     workings : shapely Polygon, m, plan
     lines : list of (k, 3) or (k, 4) float64, m
         Where the floor is known, and how high the roof is over it; points outside the workings count for the nearest
-        wall.
+        wall, where no nearer one does.
     steepest_deg : float
         The steepest floor that is built.
     offset_m, seams : list
@@ -68,7 +68,9 @@ def build_floor(
     fine = [_fill(line) for line in lines]
     for line in fine:
         for x, y, *values in line.tolist():
-            known[mesh.insert((x, y), _ON_LINE_M)].append(values)
+            number = mesh.insert((x, y), _ON_LINE_M)
+            known[number].append([float(np.hypot(*np.subtract(mesh.xy[number], (x, y)))), *values])
+    known = defaultdict(list, {number: _nearest(rows) for number, rows in known.items()})
     closed = shapely.union_all([_seam_line(seam, k, offsets) for seam in seams or [] for k in seam.sheets])
     for foot, values in _feet(workings, fine):
         if seams and closed.dwithin(shapely.Point(foot), _ON_WALL_M):
@@ -92,6 +94,12 @@ def build_floor(
         floor = replace(floor, stretch=_stretch(columns[1], np.concatenate(lines), height_m))
     require_gentle(floor, steepest_deg)
     return floor
+
+
+def _nearest(rows: list[list[float]]) -> list[list[float]]:
+    """Return the values of the points that count at a corner, each given with its distance: the nearest ones."""
+    least = min(row[0] for row in rows)
+    return [values for apart, *values in rows if apart <= least + _ON_LINE_M]
 
 
 def _stretch(roof_m: np.ndarray, known: np.ndarray, height_m: float) -> np.ndarray:

@@ -8,9 +8,11 @@ from scipy.ndimage import binary_erosion
 from shapely import Polygon
 from shapely.strtree import STRtree
 
+from minexplore.bundle import NAV2_PICTURE, sheet_map
+from minexplore.floor import Floor
 from pipeline.errors import GeometryError
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.types import Frame, Occupancy, Spawn
+from pipeline.types import Frame, Mask, Occupancy, Spawn
 
 
 def occupancy_grid(
@@ -95,11 +97,42 @@ def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: 
 
 
 def nav2_map(grid: Occupancy) -> tuple[np.ndarray, str]:
-    """Return the grid as a ROS Nav2 map of the flat mine frame: pixels (rows, cols), and `map.yaml`."""
-    pixels = np.where(grid.free[::-1], 254, 0).astype(np.uint8)
-    west, south = grid.origin_m
+    """Return the grid as a ROS Nav2 map of the plan, where sheets lie side by side: pixels (rows, cols), `map.yaml`."""
+    return _nav2(grid.free, grid.origin_m, grid.cell_m, NAV2_PICTURE)
+
+
+def sheet_nav2_maps(grid: Occupancy, floor: Floor) -> dict[str, tuple[np.ndarray, str]]:
+    """Return a ROS Nav2 map of each sheet in its true place in the mine frame, if there are several.
+
+    A map is as large as its sheet with a cell of rock or two round it. It ends where the sheet does: at a seam the next
+    sheet's map goes on. A remark in its YAML file states the lowest and the highest place of the sheet's floor.
+
+    Returns
+    -------
+    dict
+        Pixels (rows, cols) and text of the YAML file, by the name of that file.
+    """
+    sheets = len(floor.offset_m)
+    if sheets == 1:
+        return {}
+    row, col = np.nonzero(grid.free)
+    sheet_of = floor.sheets_at(grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m)
+    found = {}
+    for sheet, (low_m, high_m) in enumerate(floor.spans_m.tolist()):
+        first, end = floor.box_of(sheet, grid.origin_m, grid.cell_m)
+        free = np.zeros((end - first)[::-1], bool)
+        free[row[sheet_of == sheet] - first[1], col[sheet_of == sheet] - first[0]] = True
+        name, picture = sheet_map(sheet)
+        pixels, text = _nav2(free, grid.origin_m + first * grid.cell_m - floor.offset_m[sheet], grid.cell_m, picture)
+        found[name] = pixels, f"# sheet {sheet} of {sheets}: floor {low_m:.3f} to {high_m:.3f} m high\n{text}"
+    return found
+
+
+def _nav2(free: Mask, origin_m: np.ndarray, cell_m: float, picture: str) -> tuple[np.ndarray, str]:
+    pixels = np.where(free[::-1], 254, 0).astype(np.uint8)
+    west, south = origin_m
     yaml = (
-        f"image: map.png\nmode: trinary\nresolution: {grid.cell_m:.6g}\norigin: [{west:.6f}, {south:.6f}, 0.0]\n"
+        f"image: {picture}\nmode: trinary\nresolution: {cell_m:.6g}\norigin: [{west:.6f}, {south:.6f}, 0.0]\n"
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
     )
     return pixels, yaml

@@ -27,8 +27,10 @@ from minexplore.bundle import (
     GeomGroup,
 )
 from minexplore.floor import Floor
+from minexplore.schema.files import read_grid
 from minexplore.stretch import raise_m
 from pipeline.geometry.extrude import collect_parts
+from pipeline.geometry.occupancy import sheet_nav2_maps
 from pipeline.geometry.openings import filled_floor, without_openings
 from pipeline.geometry.shaft_parts import fence_parts, roof_slabs
 from pipeline.mjcf.bundle import HeightFigures, WorldRecord, compile_bundle, seal_bundle
@@ -46,6 +48,7 @@ from pipeline.types import (
     DriftNetwork,
     FreeSpace,
     Image,
+    Occupancy,
     Openings,
     SolidExtent,
     Spawn,
@@ -113,7 +116,21 @@ def assemble_world(
     if not floor.is_flat:
         files[FLOOR] = encode(Path(FLOOR), floor)
     files |= {CLEARANCE_GRID: occupancy, OCTREE: free_space_bt, NAV2_PICTURE: map_png, NAV2_MAP: map_yaml}
+    files |= _sheet_maps(occupancy, floor)
     return {"world": seal_bundle(files, _record(params, scene, free_space, topology, spawn))}
+
+
+def _sheet_maps(occupancy: bytes, floor: Floor) -> dict[str, bytes]:
+    """Return the files of a Nav2 map of each sheet, if there are several."""
+    if len(floor.offset_m) == 1:
+        return {}
+    files: dict[str, bytes] = {}
+    stated = read_grid(occupancy)
+    grid = Occupancy(stated["free"], stated["clearance_m"], stated["origin_m"], float(stated["cell_m"]))
+    for name, (pixels, text) in sheet_nav2_maps(grid, floor).items():
+        picture = Path(name).with_suffix(".png")
+        files |= {name: text.encode(), picture.name: encode(picture, pixels)}
+    return files
 
 
 def _fenced(parts: ConvexParts, openings: Openings, floor: Floor) -> ConvexParts:

@@ -48,6 +48,7 @@ class ReaderLimits(Params):
     survex_name_bytes: int = Field(gt=0, le=100_000)
     scratch_bytes: int = Field(gt=0)
     steepest_grade: float = Field(gt=0, le=1)
+    grade_change: float = Field(gt=0, le=0.1)
     flat_grade: float = Field(gt=0, le=1)
     flat_step_m: float = Field(gt=0)
     farthest_wall_m: float = Field(gt=0)

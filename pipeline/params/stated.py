@@ -9,7 +9,7 @@ from pydantic import Field, ValidationError
 
 from pipeline.errors import InputError
 from pipeline.params.base import Params
-from pipeline.params.survey import BoxPx, Elevation, Grey, Unit
+from pipeline.params.survey import GRADES_NEED, BoxPx, Elevation, Grade, Grey, Unit
 
 _MOST_PX = 1_000_000.0  # of a coordinate in a picture; a side has at most 16,384
 _Px = Annotated[float, Field(ge=-_MOST_PX, le=_MOST_PX)]
@@ -41,7 +41,7 @@ class StatedOptions(Params):
     page: int | None = Field(None, ge=1, le=100_000)
     dpi: float | None = Field(None, ge=36, le=1200)
     half_width_m: float | None = Field(None, gt=0, le=20)
-    grade: float | None = Field(None, ge=-0.36, le=0.36)
+    grade: Grade | None = None
     crop_px: BoxPx | None = None
     level: int | None = Field(None, ge=1, le=99)
     seeds_px: list[tuple[_Px, _Px]] | None = Field(None, max_length=1000)
@@ -76,6 +76,8 @@ def require_stated(path: Path, is_a: str, stated: dict[str, Any]) -> None:
         first = error.errors()[0]
         message = first["msg"].removeprefix("Value error, ")
         raise InputError(f"{path}: {option_of(str(first['loc'][0]))} = {first['input']!r:.80}: {message}") from error
+    if isinstance(stated.get("grade"), dict) and path.suffix.lower() != ".csv":
+        raise InputError(f"{path}: --grade: {GRADES_NEED}")
     known = {*APPLIES[is_a], "entrance_m", "grade"}
     unread = [name for name, value in stated.items() if value is not None and name not in known]
     if unread:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from pipeline.params.base import DataFile, Params
 
@@ -23,6 +23,14 @@ def _rising(limits: tuple[float, float]) -> tuple[float, float]:
     return limits
 
 
+def _by_name(grades: Any) -> Any:
+    return {str(leg): grade for leg, grade in grades.items()} if isinstance(grades, dict) else grades
+
+
+def _kind_of_grade(value: Any) -> str:
+    return "of_legs" if isinstance(value, dict) else "one"
+
+
 BoxM = Annotated[tuple[float, float, float, float], AfterValidator(_boxed)]
 BoxPx = Annotated[tuple[int, int, int, int], AfterValidator(_boxed)]
 Range = Annotated[tuple[float, float], AfterValidator(_rising)]
@@ -30,6 +38,15 @@ Share = Annotated[float, Field(ge=0, le=1)]
 Grey = Annotated[int, Field(ge=0, le=255)]
 Elevation = Annotated[float, Field(ge=-10_000, le=10_000)]
 Unit = Literal["m", "cm", "mm", "ft", "in"]
+Grade = Annotated[
+    Annotated[Annotated[float, Field(ge=-0.36, le=0.36)], Tag("one")]
+    | Annotated[dict[str, float], BeforeValidator(_by_name), Field(min_length=1, max_length=10_000), Tag("of_legs")],
+    Discriminator(_kind_of_grade),
+]
+"""Rise over run, or one for each of some legs by their names."""
+
+
+GRADES_NEED = "a grade for each leg needs a station table (.csv), whose legs have names; state one number"
 
 
 class ScaleParams(Params):
@@ -58,11 +75,10 @@ class _SurveyParams(Params):
     correct: Literal["sweeps"] | None = Field(default=None, description="stage 2 corrects walls by the sweeps of poses")
     entrance_m: PointM | None = None
     labels_m: dict[str, PointM] = Field(default_factory=dict)
-    grade: float | None = Field(
+    grade: Grade | None = Field(
         default=None,
-        ge=-0.36,
-        le=0.36,
-        description="rise over run of the floor along the drifts, away from the entrance",
+        description="rise over run of the floor along the drifts, away from the entrance; with a station table also "
+        "{leg: grade}, in the order of the leg's stations",
     )
     heights: DataFile | None = Field(
         default=None,
@@ -74,6 +90,13 @@ class _SurveyParams(Params):
     def _heights_have_one_source(self) -> _SurveyParams:
         if self.grade is not None and self.heights is not None:
             raise ValueError("give grade or heights, not both")
+        return self
+
+    @model_validator(mode="after")
+    def _legs_with_grades_have_names(self) -> _SurveyParams:
+        table = str(getattr(self, "stations", getattr(self, "file", "")))
+        if isinstance(self.grade, dict) and not table.lower().endswith(".csv"):
+            raise ValueError(f"grade: {GRADES_NEED}")
         return self
 
     @model_validator(mode="after")

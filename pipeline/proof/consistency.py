@@ -12,7 +12,7 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from minexplore.bundle import CLEARANCE_GRID, MINE_BODY, NAV2_MAP, OCTREE, GeomGroup, is_floor, zone_of_wedge
+from minexplore.bundle import CLEARANCE_GRID, MINE_BODY, NAV2_MAP, OCTREE, GeomGroup, is_floor, sheet_map, zone_of_wedge
 from minexplore.floor import Floor
 from pipeline.geometry.floor_parts import wall_lines
 from pipeline.geometry.octree import FREE, Octree, from_bt
@@ -108,14 +108,23 @@ def _grid_errors(folder: Path, free_space: FreeSpace, floor: Floor, walls: BaseG
     """Count cells of clearance grid, Nav2 map and octree that differ from the free space, except at its border."""
     grid = decode(folder / CLEARANCE_GRID, Occupancy)
     free, origin, cell = grid.free, grid.origin_m, float(grid.cell_m)
-    nav2 = read_nav2_map(folder / NAV2_MAP)
+    maps = {NAV2_MAP: (free_space.polygon, np.zeros(2))}  # the workings that each shows, and how far it is moved
+    if len(floor.offset_m) > 1:
+        parts = zip(shapely.get_parts(free_space.polygon), floor.offset_m, strict=True)
+        maps |= {sheet_map(sheet)[0]: place for sheet, place in enumerate(parts)}
     tree = from_bt(decode(folder / OCTREE, bytes))
     return {
         "occupancy_wrong": _wrong_cells(free, origin, cell, free_space.polygon)
         + _wrong_clearances(free, grid.clearance_m, origin, cell, walls),
-        "map_wrong": _wrong_cells(nav2.free, np.array(nav2.origin_m), nav2.cell_m, free_space.polygon),
+        "map_wrong": sum(_wrong_map(folder / name, *place) for name, place in maps.items()),
         "octree_wrong": _wrong_voxels(tree, free, origin, cell, floor),
     }
+
+
+def _wrong_map(path: Path, polygon: BaseGeometry, offset_m: np.ndarray) -> int:
+    """Count the cells of a Nav2 map that differ from workings that lie `offset_m` (2,) beside it in the plan."""
+    nav2 = read_nav2_map(path)
+    return _wrong_cells(nav2.free, np.array(nav2.origin_m) + offset_m, nav2.cell_m, polygon)
 
 
 def _wrong_cells(free: np.ndarray, origin_m: np.ndarray, cell_m: float, polygon: Polygon) -> int:

@@ -21,14 +21,13 @@ from minexplore.bundle import (
     CLEARANCE_GRID,
     FREE_SPACE,
     NAV2_MAP,
-    NAV2_PICTURE,
     OCTREE,
     RECORD,
     TOPOLOGY,
 )
 from pipeline.errors import ArtifactError, GeometryError
 from pipeline.geometry.floor_parts import cell_columns, cell_offsets, sheet_walls
-from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
+from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid, sheet_nav2_maps
 from pipeline.geometry.octree import build_octree, to_bt
 from pipeline.geometry.openings import without_openings
 from pipeline.geometry.sheets import count_islands, filled, floor_seams, trace_sheets
@@ -214,13 +213,14 @@ def _require_grid(folder: Path, record: WorldRecord, free: Polygon) -> Occupancy
 
 
 def _require_map_and_octree(folder: Path, record: WorldRecord, grid: Occupancy) -> None:
-    pixels, text = nav2_map(grid)
-    if (folder / NAV2_MAP).read_bytes() != text.encode():
-        raise ArtifactError(f"{folder / NAV2_MAP}: not the map of the clearance grid; want {text!r}")
-    picture = decode(folder / NAV2_PICTURE, Image)
-    if picture.shape != pixels.shape or (picture != pixels).any():
-        raise ArtifactError(f"{folder / NAV2_PICTURE}: pixels differ from the clearance grid")
     floor = read_floor(folder, record)
+    for name, (pixels, text) in {NAV2_MAP: nav2_map(grid), **sheet_nav2_maps(grid, floor)}.items():
+        path = folder / name
+        if path.read_bytes() != text.encode():
+            raise ArtifactError(f"{path}: not the map of the clearance grid; want {text!r}")
+        picture = decode(path.with_suffix(".png"), Image)
+        if picture.shape != pixels.shape or (picture != pixels).any():
+            raise ArtifactError(f"{path.with_suffix('.png')}: pixels differ from the clearance grid")
     heights, moved = cell_columns(grid, floor, record.height_m), cell_offsets(grid, floor)
     if (folder / OCTREE).read_bytes() != to_bt(build_octree(grid.free, grid.origin_m, grid.cell_m, *heights, moved)):
         raise ArtifactError(

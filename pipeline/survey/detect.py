@@ -69,7 +69,7 @@ def detect_survey(path: Path, stated: dict[str, Any]) -> Detection:
         Any file that stage 1 reads, in any folder.
     stated : dict
         The user's values of `px_per_m`, `bar_length_m`, `bar_box_px`, `unit`, `layers`, `snap_m`, `page`, `dpi`,
-        `crop_px`, `level`, `seeds_px`, `wall_gap_px`, `ignore_colours`, `half_width_m`.
+        `crop_px`, `level`, `seeds_px`, `wall_gap_px`, `ignore_colours`, `half_width_m`, `grade` of legs.
 
     Returns
     -------
@@ -135,8 +135,10 @@ def _detect(path: Path, stated: dict[str, Any]) -> Detection:
             raise InputError(f"{path}: --elevation is not read with --half-width; centrelines have elevations")
         return _detect_centrelines(path, stated)
     params = PassageSurveyParams(kind="passages", name="detect", file="data/x", heights=None)
-    half = stated.get("half_width_m")
-    params = params.model_copy(update={"file": path.as_posix(), "half_width_m": half, "apart_m": _APART_M})
+    half, grades = stated.get("half_width_m"), stated.get("grade")
+    grades = grades if isinstance(grades, dict) else None
+    read = {"file": path.as_posix(), "half_width_m": half, "apart_m": _APART_M, "grade": grades}
+    params = params.model_copy(update=read)
     workings, place, _, _, heights = draw_vector_survey(params)
     values = {"kind": "passages", "file": path.name, "origin": list(place.origin), "half_width_m": half}
     remarks = {
@@ -146,6 +148,9 @@ def _detect(path: Path, stated: dict[str, Any]) -> Detection:
     if heights is not None:
         values["apart_m"] = _APART_M
         remarks["apart_m"] = "passages nearer over or under others that they do not meet are left out; null: none"
+    if grades is not None:
+        values["grade"] = grades
+        remarks["grade"] = "rise over run of legs, in the order of their stations"
     width = 2 * workings.area / workings.length
     files = [Path(file) for file in vector_files(params)]
     return Detection(values, remarks, files, width, has_heights=heights is not None)

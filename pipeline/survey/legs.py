@@ -26,6 +26,7 @@ class SurveyLeg:
 
     `heights_m` (n, 3) m holds elevation and the distances up to the roof and down to the floor, nan if not measured;
     None if the survey has no elevations. A plumb leg has no length in plan, and may have no walls: these are nan.
+    `grades` (n - 1,) are rise over run of the shots as stated, nan where none is; None if the survey states none.
     """
 
     name: str
@@ -34,6 +35,7 @@ class SurveyLeg:
     walls_m: Points2
     heights_m: np.ndarray | None = None
     is_plumb: bool = False
+    grades: np.ndarray | None = None
 
 
 def without_shots(leg: SurveyLeg, shots: set[int]) -> list[SurveyLeg]:

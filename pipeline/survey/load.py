@@ -20,7 +20,7 @@ from pipeline.survey.draw import draw_plan, frame_around
 from pipeline.survey.georeference import read_placement, world_file
 from pipeline.survey.grid import draw_grid
 from pipeline.survey.image import read_image
-from pipeline.survey.legs import build_workings
+from pipeline.survey.legs import SurveyLeg, build_workings
 from pipeline.survey.nav2 import nav2_picture
 from pipeline.survey.picture import (
     fill_walls,
@@ -32,6 +32,7 @@ from pipeline.survey.picture import (
 )
 from pipeline.survey.poses import PoseScale, scale_from_poses
 from pipeline.survey.scale import measure_bar
+from pipeline.survey.sheets import draw_sheets
 from pipeline.survey.solved.read import SOLVED_SUFFIXES
 from pipeline.survey.stations import read_stations
 from pipeline.survey.surfaces import height_files, read_heights
@@ -53,6 +54,7 @@ class Reading:
     bar_px_per_m: float | None
     map_px_per_m: float | None = None
     georeference: Georeference = METRIC
+    heights: Heights | None = None
 
 
 def read_survey(params: SurveyParams) -> dict[str, Any]:
@@ -113,7 +115,7 @@ def _read(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
     heights = None
     match params.kind:
         case "stations" | "plan":
-            plan, frame, scale, boxes, georeference = _read_scaled(params)
+            plan, frame, scale, boxes, georeference, heights = _read_scaled(params)
             workings = MultiPolygon()
         case "grid":
             plan, frame, georeference = draw_grid(Path(params.map), params.unknown_is_free)
@@ -145,7 +147,7 @@ def _stated_heights(params: SurveyParams, georeference: Georeference, plan: Imag
     """Return the heights that the survey section states, None if it states none."""
     if params.heights is not None:
         return read_heights(Path(params.heights), georeference, plan, frame)
-    return None if params.grade is None else Heights(grade=params.grade)
+    return Heights(grade=params.grade) if isinstance(params.grade, float) else None
 
 
 def require_extent(path: str, plan: Image, px_per_m: float) -> None:
@@ -164,7 +166,7 @@ def require_extent(path: str, plan: Image, px_per_m: float) -> None:
         )
 
 
-def _read_scaled(params: Scaled) -> tuple[Image, Frame, Scale, list[Box], Georeference]:
+def _read_scaled(params: Scaled) -> tuple[Image, Frame, Scale, list[Box], Georeference, Heights | None]:
     """Read a survey whose scale must be measured, and choose its scale."""
     reading = draw_stations(params) if params.kind == "stations" else read_plan(params)
     plan, boxes = reading.plan, reading.boxes
@@ -185,13 +187,14 @@ def _read_scaled(params: Scaled) -> tuple[Image, Frame, Scale, list[Box], Georef
             )
             for col0, row0, col1, row1 in boxes
         ]
-    return plan, frame, scale, boxes, reading.georeference
+    return plan, frame, scale, boxes, reading.georeference, reading.heights
 
 
 def draw_stations(params: StationSurveyParams) -> Reading:
-    """Draw a station survey as a plan and measure the scale from the drawn bar."""
-    legs = read_stations(Path(params.stations))
-    workings = build_workings(legs)
+    """Draw a station survey as a plan and measure the scale from the drawn bar. Grades of its legs give it heights."""
+    path = Path(params.stations)
+    legs = read_stations(path, params.grade if isinstance(params.grade, dict) else None)
+    workings, heights = build_workings(legs), _heights_of_grades(path, legs)
     if workings.is_empty:
         raise InputError(f"{params.stations}: the stations' walls enclose no area")
     west, south, east, north = workings.bounds
@@ -205,7 +208,26 @@ def draw_stations(params: StationSurveyParams) -> Reading:
     frame = frame_around(extent, params.px_per_m)
     plan, box = draw_plan(workings, frame, params.labels_m, params.scale.bar_length_m, params.drawing_grey)
     bar = measure_bar(plan[box[1] : box[3], box[0] : box[2]], params.scale.bar_length_m, "the drawn plan's scale bar")
-    return Reading(plan, frame, [box], bar)
+    return Reading(plan, frame, [box], bar, heights=heights)
+
+
+def _heights_of_grades(path: Path, legs: list[SurveyLeg]) -> Heights | None:
+    """Return the floor of legs with grades; None if they have none.
+
+    Raises
+    ------
+    InputError
+        If workings lie over each other: one drawing shows one sheet.
+    """
+    if legs[0].grades is None:
+        return None
+    _, heights = draw_sheets(path, legs)
+    if heights.seams:
+        raise InputError(
+            f"{path}: its grades put workings over each other in {len(heights.offset_m)} sheets, and a drawn plan "
+            "shows one; survey.kind=passages builds them"
+        )
+    return heights
 
 
 def read_plan(params: PlanSurveyParams) -> Reading:

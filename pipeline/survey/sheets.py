@@ -70,10 +70,12 @@ def draw_sheets(path: Path, legs: list[SurveyLeg], apart_m: float | None = None)
 
 
 def has_relief(legs: list[SurveyLeg]) -> bool:
-    """Return whether a survey has elevations that differ by more than `flat_step_m`; else its world is flat."""
+    """Return whether a survey has grades, or elevations that differ by more than `flat_step_m`; else it is flat."""
     driven = [leg for leg in legs if not leg.is_plumb]
     if not driven or any(leg.heights_m is None for leg in driven):
         return False
+    if any(leg.grades is not None for leg in driven):
+        return True
     floors = np.concatenate([floor_of(leg) for leg in driven])
     return bool(np.isfinite(floors).all() and np.ptp(floors) > reader_limits().flat_step_m)
 

@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.child import one_line
+from pipeline.survey.grades import with_grades
 from pipeline.survey.legs import (
     SurveyLeg,
     check_network,
@@ -30,13 +32,14 @@ from pipeline.survey.stray_heights import stray_zero
 
 _COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]
 _HEIGHTS = ["elevation_m", "up_m", "down_m"]
-_NUMBERS = [*_COLUMNS[2:], *_HEIGHTS]
+_GRADE = "rise_over_run"
+_NUMBERS = [*_COLUMNS[2:], *_HEIGHTS, _GRADE]
 _FARTHEST_M, _HIGHEST_M = 1e8, 1e5  # of national and mine grids; workings and floors are counted from an origin
 _SEPARATORS = ",;\t"
 _UNKNOWN = ("", "-")
 
 
-def read_stations(path: Path) -> list[SurveyLeg]:
+def read_stations(path: Path, grades: dict[str, float] | None = None) -> list[SurveyLeg]:
     """Read a station survey and check it.
 
     Parameters
@@ -44,7 +47,10 @@ def read_stations(path: Path) -> list[SurveyLeg]:
     path : Path
         CSV with the columns leg, station, easting_m, northing_m, left_m, right_m. Left and right are as seen along the
         leg. A station that two legs share has the same name in both. Optional: elevation_m, in all rows; up_m and
-        down_m, the distances to the roof and the floor, which may be empty.
+        down_m, the distances to the roof and the floor, which may be empty. Or rise_over_run, the grade from this
+        station to the next of its leg, which may be empty.
+    grades : dict, optional
+        Rise over run by the name of the leg. Elevations follow from grades (`with_grades`).
 
     Returns
     -------
@@ -56,23 +62,23 @@ def read_stations(path: Path) -> list[SurveyLeg]:
     InputError
         If a column is missing, a value is not a number or a width is negative; if a station has two positions or is
         twice in a leg; if a leg has one station, crosses another leg without a station, or is not connected; if an
-        elevation is missing or a stray 0, or a roof is not above its floor; if the workings are too steep or pass over
-        each other. The message names the file, the line or leg, and the value.
+        elevation is missing or a stray 0, or a roof is not above its floor; if grades cannot be used; if the workings
+        are too steep or pass over each other. The message names the file, the line or leg, and the value.
     """
-    result = _read_legs(path)
-    if result[0].heights_m is not None:
+    result = _read_legs(path, grades=grades)
+    if result[0].heights_m is not None and result[0].grades is None:
         require_flat(path, [section_of(leg) for leg in result])
     check_network(path, result)
     return result
 
 
-def read_station_legs(path: Path) -> list[SurveyLeg]:
+def read_station_legs(path: Path, grades: dict[str, float] | None = None) -> list[SurveyLeg]:
     """Read a station table for a world with heights: it may be steep and pass over itself, else as `read_stations`.
 
     Coordinates may be those of a national grid. Stations of a leg with one position in plan are the ends of a shaft.
     Legs whose floors differ in height need not be connected: the longest piece is built.
     """
-    legs = _read_legs(path, _FARTHEST_M)
+    legs = _read_legs(path, _FARTHEST_M, grades)
     shafts = [_shaft(leg, k) for leg in legs for k in _plumb(leg)]
     driven = [piece for leg in legs for piece in without_shots(leg, set(_plumb(leg)))]
     if not driven:
@@ -129,10 +135,14 @@ def read_station_survey(path: Path) -> SolvedSurvey:
     return SolvedSurvey(tuple(number), np.array(places), flags, pairs, plain, styles, passages, path.stem)
 
 
-def _read_legs(path: Path, reach_m: float = REACH_M) -> list[SurveyLeg]:
+def _read_legs(path: Path, reach_m: float = REACH_M, grades: dict[str, float] | None = None) -> list[SurveyLeg]:
     rows = _read_rows(path)
     has_heights = _has_heights(path, rows)
+    has_grades = bool(grades) or any((row.get(_GRADE) or "").strip() not in _UNKNOWN for _, row in rows)
+    if has_heights and has_grades:
+        raise InputError(f"{path}: has elevations (column elevation_m), and grades are stated; give one of them")
     legs: dict[str, list[tuple[str, tuple[float, ...]]]] = {}
+    stated: dict[str, list[float]] = {}
     positions: dict[str, tuple[tuple[float, ...], int]] = {}
     later: set[tuple[str, str]] = set()  # (leg, station) of all stations but a leg's first, which may be its last too
     for line, row in rows:
@@ -156,9 +166,16 @@ def _read_legs(path: Path, reach_m: float = REACH_M) -> list[SurveyLeg]:
         if leg:
             later.add((row["leg"], row["station"]))
         leg.append((row["station"], (*values, *heights)))
+        text = (row.get(_GRADE) or "").strip()
+        grade = math.nan if text in _UNKNOWN else _number(path, line, _GRADE, text)
+        stated.setdefault(row["leg"], []).append(grade)
     if has_heights:
         _require_no_stray_zero(path, list(positions.values()))
-    return [_leg(path, name, stations) for name, stations in legs.items()]
+    found = [_leg(path, name, stations) for name, stations in legs.items()]
+    if not has_grades:
+        return found
+    of_table = [replace(leg, grades=np.array(stated[leg.name][:-1])) for leg in found]
+    return with_grades(path, of_table, grades or {})
 
 
 def _has_heights(path: Path, rows: list[tuple[int, dict[str, str]]]) -> bool:

@@ -35,6 +35,7 @@ from pipeline.survey.shapes import REACH_M, Shapes, locate, require_simple, work
 from pipeline.survey.sheets import draw_sheets, has_relief
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.read import SOLVED_SUFFIXES, survey_files
+from pipeline.survey.stations import read_station_legs
 from pipeline.survey.surfaces import wall_heights
 from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Seam
 
@@ -109,7 +110,7 @@ def _read(params: VectorSurvey, content: Shapes | None) -> tuple[MultiPolygon, G
             perturbed = perturb_workings(workings, params.station_sd_m, params.width_sd_m, params.reach_m, rng)
             return perturbed, georeference, None
         case "passages":
-            return _read_passages(Path(params.file), params.origin, params.half_width_m, params.apart_m)
+            return _read_passages(params)
         case "centrelines":
             return _read_centrelines(params, content)
     path = Path(params.file)
@@ -151,15 +152,17 @@ def _read_levels(
     return drawn
 
 
-def _read_passages(
-    path: Path, origin: tuple[float, float] | None, half_width_m: float | None, apart_m: float | None
-) -> tuple[MultiPolygon, Georeference, Heights | None]:
+def _read_passages(params: PassageSurveyParams) -> tuple[MultiPolygon, Georeference, Heights | None]:
+    path = Path(params.file)
     reader = PASSAGE_READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(f"{path}: not a supported passage survey ({', '.join(PASSAGE_READERS)})")
-    legs, crs = reader(path, half_width_m)
-    built, heights = _build(path, legs, apart_m)
-    shapes, georeference = locate(path, Shapes([built], "m"), "m", origin)
+    if isinstance(params.grade, dict):  # of the legs of a station table
+        legs, crs = read_station_legs(path, params.grade), None
+    else:
+        legs, crs = reader(path, params.half_width_m)
+    built, heights = _build(path, legs, params.apart_m)
+    shapes, georeference = locate(path, Shapes([built], "m"), "m", params.origin)
     place = Georeference("m", 1.0, georeference.origin, crs)
     if heights is None:
         return as_polygons(shapely.union_all(shapes)), place, None
