@@ -113,8 +113,10 @@ class WallFoot:
             under = (low[i] + share * (low[j] - low[i]) - floors).max()
             over = (roofs - high[i] - share * (high[j] - high[i])).max()
             for k in (i, j):
-                least[k] = min(least[k], low[k] - under) if under > FOOT_M else least[k]
-                most[k] = max(most[k], high[k] + over) if over > FOOT_M else most[k]
+                if under > FOOT_M:
+                    least[k] = min(least[k], max(low[k] - under, floors.min()))
+                if over > FOOT_M:
+                    most[k] = max(most[k], min(high[k] + over, roofs.max()))
         return least, most
 
     def _ranges(self, places_m: np.ndarray, walls: np.ndarray, tree: cKDTree) -> tuple[np.ndarray, np.ndarray]:
