@@ -192,7 +192,8 @@ def draw_plans(project: Project) -> None:
             space.plot(*line.T, color="0.6", linewidth=0.5)
         for line in driven:
             plan.plot(*line[:, :2].T, color="r", linewidth=1.0, zorder=1)
-        faces: dict[str, Any] = {
+        # Edges as well, so that narrow drifts are seen.
+        faces: dict[str, Any] = {"facecolors": colours, "edgecolors": colours, "linewidths": 0.8}
             "facecolors": colours,
             "edgecolors": colours,
             "linewidths": 0.8,
