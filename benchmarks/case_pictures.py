@@ -194,10 +194,6 @@ def draw_plans(project: Project) -> None:
             plan.plot(*line[:, :2].T, color="r", linewidth=1.0, zorder=1)
         # Edges as well, so that narrow drifts are seen.
         faces: dict[str, Any] = {"facecolors": colours, "edgecolors": colours, "linewidths": 0.8}
-            "facecolors": colours,
-            "edgecolors": colours,
-            "linewidths": 0.8,
-        }  # with edges, narrow drifts are seen
         plan.add_collection(PolyCollection(corners[order, :, :2], zorder=2, **faces))
         space.add_collection3d(Poly3DCollection(corners[order], **faces))
         figure.colorbar(shade, ax=plan, label="elevation, m", shrink=0.8)
