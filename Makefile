@@ -130,6 +130,9 @@ level-pictures: setup  ## mines with heights in plan and in space (docs/levels.p
 decline-pictures: setup  ## views inside mines with heights, with their rock (docs/decline.jpg)
 	@$(PY) -m benchmarks.decline_pictures
 
+case-pictures: setup  ## mines that must come out whole: docs/cases.md, .png and .jpg (ARGS="--keep FOLDER")
+	@$(PY) -m benchmarks.case_pictures $(ARGS)
+
 drive-clip: all  ## ten seconds behind a robot, for the README (docs/drive.gif)
 	@$(PY) -m benchmarks.drive_clip
 

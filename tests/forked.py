@@ -28,6 +28,7 @@ def run_forked(module: str, arguments: tuple[str, ...], folder: Path) -> subproc
         process = _context.Process(target=_run, args=(module, arguments, str(folder), str(out), str(err)))
         process.start()
         process.join()
+        assert process.exitcode is not None  # it has ended
         return subprocess.CompletedProcess(
             [sys.executable, "-m", module, *arguments], process.exitcode, out.read_text(), err.read_text()
         )

@@ -76,13 +76,14 @@ class Project:
         """Use a coarse rock mesh, small pictures and few samples, without the limits that need a fine mesh."""
         relief = {"surface.rough.spacing_m": 0.3, "surface.rough.roof_spacing_m": 0.4, "validation.limits": {}}
         samples = {"texture.points_per_m2": 200, "certificate.contacts": 100}
-        for name, values in {
+        files: dict[str, dict[str, Any]] = {
             "rock/andesite.yaml": relief,
             "mine/limits/andesite.yaml": {"validation.limits": {}},
             "look/dry.yaml": {"surface.texture.size_px": 128},
             "realism/default.yaml": {"preview_width_px": 400},
             "validation/default.yaml": {**samples, "limits.texture": None, "limits.walls": None},
-        }.items():
+        }
+        for name, values in files.items():
             set_values(self.folder / "conf" / name, values)
 
     def copy(self, folder: Path) -> Project:
@@ -108,7 +109,7 @@ class Project:
     def stage(self, name: str, *overrides: str, **env: str) -> subprocess.CompletedProcess:
         """Run one stage, in a new interpreter if it needs environment variables."""
         if env:
-            return self.run(sys.executable, "-m", f"stages.{name}", *overrides, **env)
+            return self.run(sys.executable, "-m", f"stages.{name}", *overrides, check=False, **env)
         return self.module(f"stages.{name}", *overrides)
 
     def module(self, name: str, *arguments: str) -> subprocess.CompletedProcess:

@@ -54,5 +54,6 @@ def test_git_tracks_only_data_with_a_clear_licence():
     ours = {"data/chilean_mine/stations.csv", "data/chilean_mine/roughness.json"}  # measured by this project
     ours.add("data/families/splits.csv")  # seeds and hashes of generated mines
     theirs = {"data/wheal_pell/pell.3d", "data/wheal_pell/LICENSE.md"}  # MIT, by their owners
+    theirs |= {f"data/sakany/{name}" for name in ("Sakany_nodes.dat", "Sakany_links.dat", "LICENSE.md")}  # CC0
     allowed = ours | theirs | {"data/registry.txt", "data/README.md", "data/raw/.gitignore"}
     assert set(tracked) <= allowed

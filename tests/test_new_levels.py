@@ -1,4 +1,4 @@
-"""Mines with heights through `python -m pipeline new`: the generated cases of docs/levels.md, and Wheal Pell."""
+"""Mines with heights through `python -m pipeline new`: the cases of docs/cases.md."""
 
 import json
 import sys
@@ -7,24 +7,23 @@ import numpy as np
 import pytest
 import yaml
 
+from benchmarks.case_figures import case_figures
 from minexplore.floor import Floor
 from pipeline.geometry.polyline import arc_length
 from pipeline.report.levels import leg_grades
 from pipeline.store.codecs import decode
-from pipeline.survey.sheet_cells import floor_of
-from pipeline.survey.solved.read import read_passages
 from pipeline.survey.stations import read_stations
 from pipeline.types import DriftNetwork, Survey
 from tests.heights import UNDER, levels, seam, shelves, spiral, table
 from tests.project import ROOT, Project
 
 pytestmark = pytest.mark.slow
-CASES = {
-    "spiral": (spiral(3), 0),
-    "levels": (levels(), 3),
-    "seam": (seam(), 9),
-    "under": (UNDER, 0),
-    "shelves": (shelves(), 0),
+CASES = {  # legs, loops, shafts
+    "spiral": (spiral(3), 0, 0),
+    "levels": (levels(), 3, 1),
+    "seam": (seam(), 9, 0),
+    "under": (UNDER, 0, 0),
+    "shelves": (shelves(), 0, 0),
 }
 STATION_M, GRADE_DEG = 0.02, 0.2
 END_M = 4.0  # between the ends of a surveyed leg and of the traced one
@@ -37,62 +36,52 @@ def project(tmp_path_factory):
     return Project(folder, tiny=False)
 
 
-def built(project, name, *arguments):
-    """Run `new`; return its result, and survey, network and floor of the world, whose certificate must hold."""
-    done = project.run(sys.executable, "-m", "pipeline", "new", name, "--from", *arguments)
+def built(project, name, source, half_width_m=None):
+    """Run `new`; return what it said, and the figures of its world, whose floor must be the survey's."""
+    options = [] if half_width_m is None else ["--half-width", str(half_width_m)]
+    done = project.run(sys.executable, "-m", "pipeline", "new", name, "--from", source, *options)
     assert done.returncode == 0, done.stderr
-    world = project.folder / "artifacts/worlds" / name
-    assert json.loads((world / "validation/certificate.json").read_text())["holds"]
-    survey = decode(world / "survey/survey.json", Survey)
-    return (
-        done,
-        survey,
-        decode(world / "contours/topology.json", DriftNetwork),
-        decode(world / "compile3d/floor.npz", Floor),
-    )
-
-
-def worst_of(survey, floor):
-    """Return the largest differences between survey and built floor: of heights, m, and of the grades of legs, deg."""
-    off, turned = [0.0], [0.0]
-    for line in map(np.array, survey.heights.lines):
-        heights = floor.heights_at(line[:, :2])
-        off.append(np.abs(heights - line[:, 2]).max())
-        run = np.hypot(*np.diff(line[:, :2], axis=0).T)
-        grades = [np.degrees(np.arctan2(np.diff(z), run)) for z in (heights, line[:, 2])]
-        turned.append(np.abs(grades[0] - grades[1])[run > 0.5].max(initial=0.0))
-    return max(off), max(turned)
+    figures = case_figures(project.folder / "artifacts/worlds" / name, project.folder / source, half_width_m)
+    assert figures.certificate
+    assert figures.z_m < STATION_M
+    assert figures.grade_deg < GRADE_DEG
+    assert figures.pieces_built == 1
+    return done.stderr, figures
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_generated_mine_with_heights_comes_out_whole_without_an_option(name, project):
-    legs, loops = CASES[name]
+    legs, loops, shafts = CASES[name]
     (project.folder / f"{name}.csv").write_text(table(legs))
-    _, survey, network, floor = built(project, f"case-{name}", f"{name}.csv")
-    off, turned = worst_of(survey, floor)
-    assert off < STATION_M
-    assert turned < GRADE_DEG
-    assert (network.loops, network.components) == (loops, 1)
+    _, figures = built(project, f"case-{name}", f"{name}.csv")
+    assert (figures.built, figures.left_out_m) == (figures.stations, 0)
+    assert (figures.loops_surveyed, figures.loops_built, figures.shafts) == (loops, loops, shafts)
 
 
 def test_wheal_pell_becomes_a_world_and_what_is_left_out_is_told(project):
-    done, survey, _, floor = built(project, "pell", "data/wheal_pell/pell.3d")
-    for told in (
-        "in 2 pieces that share no station",
+    told, figures = built(project, "pell", "data/wheal_pell/pell.3d")
+    for text in (
+        "in 2 pieces that share no station, the longest 1219 m about pell.2024-04-14.30, 678 m about",
         "3 shafts are not drivable",
-        "are steeper than",
+        "36 legs are steeper than",
+        "kept is the one of 509 m about pell.2025-04-27.10",
         "survey.half_width_m",
+        "217 of 268 stations have no measured roof; they get 1.45 m over the floor",
+        "1 shafts are left out, the first pell.2025-04-27.10 to pell.2025-04-27.9",
     ):
-        assert told in done.stderr
-    off, turned = worst_of(survey, floor)
-    assert off < STATION_M
-    assert turned < GRADE_DEG
-    legs, _ = read_passages(ROOT / "data/wheal_pell/pell.3d")
-    places = np.concatenate([np.column_stack([leg.positions_m, floor_of(leg)]) for leg in legs])
-    places -= [*survey.georeference.origin, survey.heights.datum_m]
-    here = places[floor.covers(places[:, :2])]
-    assert len(here) > 50
-    assert np.median(np.abs(floor.heights_at(here[:, :2]) - here[:, 2])) < STATION_M
+        assert text in told
+    assert (figures.stations, figures.built, figures.left_out_m) == (60, 60, 0)
+    assert (figures.loops_surveyed, figures.loops_built, figures.shafts) == (0, 0, 0)
+    assert figures.roof_m == (1.5, 1.5)
+
+
+def test_sakany_becomes_a_world_with_the_loops_of_its_drivable_part(project):
+    told, figures = built(project, "sakany", "data/sakany/Sakany_nodes.dat", 1.0)
+    assert "2 shots, 10 m, lie less than 4 m over or under others that they do not meet" in told
+    assert (figures.stations, figures.built) == (60, 58)  # the two left out are dead ends
+    assert 10 < figures.left_out_m < 11
+    assert (figures.loops_surveyed, figures.loops_built) == (2, 2)
+    assert figures.sheets == 2
 
 
 def ends_of(places):

@@ -124,7 +124,7 @@ def wall_parts(free: Polygon, floor: Floor, height_m: float, openings: Openings 
     parts = []
     for piece in pieces:
         for part in (part for part in convex_partition(piece) if is_solid(part)):
-            corners = _corners(np.column_stack([part, *foot.ranges_at(part)]))
+            corners = _corners(np.column_stack([part, *foot.ranges_over(part)]))
             feet, tops = (fold_patch(floor, corners[:, [0, 1, z]]) for z in (2, 3))
             lowest, highest = np.array([0.0, 0.0, -SLAB_M]), np.array([0.0, 0.0, height_m + SLAB_M])
             parts.append(np.vstack([feet + lowest, tops + highest]))

@@ -13,6 +13,8 @@ from minexplore.floor import Floor
 BAND_M = 1.0  # thickness of the rock round the workings
 CORNER = 1.15  # of it at corners; the bands of walls of different heights, at least 2.3 m apart, do not meet
 _SLOPE, _ALONG = 0.5, 0.05  # a wall that rises more than this over its distance is not the same wall
+_EVERY_M = 0.25  # points along walls
+_THIN_M, _STEP = 1.5, 0.2  # a pillar so thin between walls of which one is higher by more than this over its distance
 FOOT_M = 0.05  # between the foot of a wall and the floor; walls reach SLAB_M below it
 
 
@@ -69,6 +71,8 @@ class WallFoot:
         self._points = np.concatenate([self._a, middles])
         self._near = cKDTree(self._points[:, :2])
         self._rock = None if rock is None else rock.buffer(FOOT_M)
+        self._dense = _along_edges(self._a, self._b)
+        self._thin = None if rock is None else _near_other_heights(self._dense)
 
     def heights_at(self, places_m: np.ndarray) -> np.ndarray:
         """Return the floor's height (k,) m at the points of the boundary nearest to places (k, 2) m."""
@@ -89,10 +93,38 @@ class WallFoot:
         Walls of different heights may be so near to each other that one piece of rock is the wall of both: from a place
         to either wall there is nothing but rock.
         """
+        return self._ranges(places_m, self._points, self._near)
+
+    def ranges_over(self, part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return `ranges_at` the corners (k, 2) m of a part of rock.
+
+        In a thin pillar between walls of different heights, its edges too reach from one's floor to the other's roof.
+        """
+        low, high = self.ranges_at(part)
+        assert self._thin is not None
+        if not self._thin.n or not self._thin.query_ball_point(part, 2 * BAND_M, return_length=True).any():
+            return low, high
+        dense, least, most = cKDTree(self._dense[:, :2]), low.copy(), high.copy()
+        for i in range(len(part)):
+            j = (i + 1) % len(part)
+            count = int(np.ceil(np.hypot(*(part[j] - part[i])) / _EVERY_M))
+            share = np.linspace(0.0, 1.0, count + 1)
+            floors, roofs = self._ranges(part[i] + share[:, None] * (part[j] - part[i]), self._dense, dense)
+            under = (low[i] + share * (low[j] - low[i]) - floors).max()
+            over = (roofs - high[i] - share * (high[j] - high[i])).max()
+            for k in (i, j):
+                if under > FOOT_M:
+                    least[k] = min(least[k], max(low[k] - under, floors.min()))
+                if over > FOOT_M:
+                    most[k] = max(most[k], min(high[k] + over, roofs.max()))
+        return least, most
+
+    def _ranges(self, places_m: np.ndarray, walls: np.ndarray, tree: cKDTree) -> tuple[np.ndarray, np.ndarray]:
+        """Return `ranges_at` places, of points (n, 4) of walls."""
         low, lift = self.levels_at(places_m)
         high = low + lift
-        for k, near in enumerate(self._near.query_ball_point(places_m, 2 * BAND_M)):
-            points = self._points[near]
+        for k, near in enumerate(tree.query_ball_point(places_m, 2 * BAND_M)):
+            points = walls[near]
             tops = points[:, 2] + points[:, 3]
             rise = np.maximum(np.abs(points[:, 2] - low[k]), np.abs(tops - high[k]))
             other = points[rise > _ALONG + _SLOPE * np.hypot(*(points[:, :2] - places_m[k]).T)]
@@ -101,3 +133,20 @@ class WallFoot:
             if len(seen):
                 low[k], high[k] = min(low[k], seen[:, 2].min()), max(high[k], (seen[:, 2] + seen[:, 3]).max())
         return low, high
+
+
+def _along_edges(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the starts of edges from `a` to `b` (k, m), their middles, and points at most `_EVERY_M` apart."""
+    steps = 2 * np.ceil(np.linalg.norm((b - a)[:, :2], axis=1) / (2 * _EVERY_M)).astype(int)
+    edge = np.repeat(np.arange(len(a)), steps)
+    share = (np.arange(len(edge)) - np.repeat(np.cumsum(steps) - steps, steps)) / steps[edge]
+    return np.asarray(a[edge] + share[:, None] * (b - a)[edge])
+
+
+def _near_other_heights(points: np.ndarray) -> cKDTree:
+    """Return the places of those points (n, 4) of walls that have a wall of another height behind a thin pillar."""
+    one, two = cKDTree(points[:, :2]).query_pairs(_THIN_M, output_type="ndarray").T
+    tops = points[:, 2] + points[:, 3]
+    rise = np.maximum(np.abs(points[one, 2] - points[two, 2]), np.abs(tops[one] - tops[two]))
+    other = rise > _ALONG + _STEP * np.hypot(*(points[one, :2] - points[two, :2]).T)
+    return cKDTree(points[np.unique(np.concatenate([one[other], two[other]])), :2])

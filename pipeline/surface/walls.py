@@ -9,12 +9,15 @@ import shapely
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 from scipy.spatial import cKDTree
 from shapely import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from pipeline.geometry.skeleton import passage_stations
 from pipeline.types import DriftNetwork
 
 _FILLET_M = 0.2  # radius to which corners are rounded, so that displaced walls do not cross there
+_BLUNT_M, _LEAST_FILLET_M = 0.3, 0.02  # a nose of rock that would lose more than this is rounded less
+_SPECK_M2 = 1e-6  # of a nose: smaller pieces come from rounding
 TURN_M = 0.4  # s.d. of the smoothing along a wall that turns its direction gradually at corners
 _REACH_M = 9.0  # walls farther apart than this do not limit each other's displacement
 _OWN_WALL_M = 0.6  # points nearer than this belong to the same piece of wall
@@ -136,14 +139,39 @@ def smoothstep(t: np.ndarray) -> np.ndarray:
 
 
 def fillet(free: Polygon) -> Polygon:
-    """Round the corners, with a smaller radius if a passage or pillar is too thin for it."""
+    """Round the corners; by a smaller radius if a passage or pillar is too thin for it, and at noses of rock."""
     radius = _FILLET_M
-    while radius > 0.02:
-        rounded = free.buffer(-radius).buffer(2 * radius).buffer(-radius)
+    while radius > _LEAST_FILLET_M:
+        rounded = _rounded(free, radius)
         if rounded.geom_type == "Polygon" and len(rounded.interiors) == len(free.interiors):
-            return orient(rounded)
+            return orient(_keep_noses(rounded, free, radius))
         radius /= 2
     return orient(free)
+
+
+def _rounded(free: Polygon, radius_m: float) -> Polygon:
+    return free.buffer(-radius_m).buffer(2 * radius_m).buffer(-radius_m)
+
+
+def _keep_noses(rounded: Polygon, free: Polygon, radius_m: float) -> Polygon:
+    """Round the noses of rock by smaller radii that have lost more than `_BLUNT_M`.
+
+    Between two drifts that part at an angle a, rounding moves the end of the rock by radius * (1 / sin(a / 2) - 1).
+    """
+    sharp = [piece for piece in shapely.get_parts(rounded.difference(free)) if _depth_m(piece, rounded) > _BLUNT_M]
+    while sharp and radius_m > 2 * _LEAST_FILLET_M:
+        radius_m /= 2
+        finer = _rounded(free, radius_m)
+        rock = rounded.difference(finer).intersection(shapely.union_all(sharp).buffer(_SPECK_M2))
+        noses = [part for part in shapely.get_parts(rock) if part.area > _SPECK_M2]
+        rounded = rounded.difference(shapely.union_all(noses))
+        sharp = [piece for piece in sharp if _depth_m(piece, finer) > _BLUNT_M]
+    return rounded
+
+
+def _depth_m(piece: BaseGeometry, outline: Polygon) -> float:
+    """Return how far the corners of a piece lie from an outline, m."""
+    return float(shapely.distance(outline.boundary, shapely.points(shapely.get_coordinates(piece))).max(initial=0.0))
 
 
 def _inward(ring: np.ndarray, step_m: float) -> np.ndarray:

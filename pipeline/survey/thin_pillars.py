@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 
 import networkx as nx
@@ -89,21 +90,50 @@ def _find_clashes(legs: list[SurveyLeg], apart_m: float) -> tuple[nx.MultiGraph,
             lines.append((p, q))
             owner.append(shot[i])
             node_of.append(a or b)
-    found, near, outlines = [], {}, np.array(shapes)
+    found: list[_Clash] = []
+    near: dict[str, dict[str, float]] = {}
+    outlines = np.array(shapes)
     ends: np.ndarray = np.array(lines)
     most_m = (ends[:, :, 3:] @ [1.0, apart_m - 2 * SLAB_M]).max() + 2 * SLAB_M
+    overlaps: dict[tuple[int, int], _Clash] = {}
     for i, j in _overlapping(outlines, ends[:, :, 2], most_m).tolist():
         at = outlines[i].intersection(outlines[j]).representative_point()
         first, second = (_place_on(lines[k], at.x, at.y) for k in (i, j))
         apart, lower = abs(float(first[2] - second[2])), min(first, second, key=lambda place: float(place[2]))
-        if not _ONE_FLOOR_M < apart < lower[3] + lower[4] * (apart_m - 2 * SLAB_M) + 2 * SLAB_M:
-            continue
+        if apart < lower[3] + lower[4] * (apart_m - 2 * SLAB_M) + 2 * SLAB_M:
+            overlaps[i, j] = _Clash((owner[i], owner[j]), (at.x, at.y), apart)
+
+    def is_at_junction(i: int, j: int) -> bool:
         start = node_of[i]
         if start not in near:
             near[start] = nx.single_source_dijkstra_path_length(graph, start, _AT_JUNCTION_M, weight="length")
-        if node_of[j] not in near[start] or apart > _JUNCTION_RISE_M:
-            found.append(_Clash((owner[i], owner[j]), (at.x, at.y), apart))
+        return node_of[j] in near[start]
+
+    one_floor = {pair for pair, clash in overlaps.items() if clash.apart_m <= _JUNCTION_RISE_M}
+    for pair, clash in overlaps.items():
+        if clash.apart_m > _ONE_FLOOR_M and not _opens_from(pair, one_floor, is_at_junction):
+            found.append(clash)
     return graph, found
+
+
+def _opens_from(
+    pair: tuple[int, int], one_floor: set[tuple[int, int]], is_at_junction: Callable[[int, int], bool]
+) -> bool:
+    """Return whether two pieces are one open space with their legs' junction: the pieces between overlap all the way.
+
+    Legs that part at a small angle do so farther from their junction than `_AT_JUNCTION_M`.
+    """
+    todo, seen = [pair], {pair}
+    while todo:
+        i, j = todo.pop()
+        if (i, j) not in one_floor:
+            continue
+        if is_at_junction(i, j):
+            return True
+        beside = {(i + di, j + dj) for di, dj in product((-1, 0, 1), repeat=2)} - seen
+        seen |= beside
+        todo += beside
+    return False
 
 
 def _overlapping(shapes: np.ndarray, ends_m: np.ndarray, apart_m: float) -> np.ndarray:

@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull
 from minexplore.floor import Floor
 from pipeline.compose import compose
 from pipeline.errors import GeometryError
+from pipeline.metrics.containment import cover_floor
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.load import _read
 from pipeline.survey.sheet_cells import Cell
@@ -181,3 +182,26 @@ def test_a_cell_surely_over_another_is_one_that_overlaps_it_at_another_height():
         assert part.area >= 0.01
         assert abs(cells[str(i)].height_at(at.x, at.y) - cells[str(j)].height_at(at.x, at.y)) > 1.0
     assert 100 < sure.sum() < (shapely.area(common) >= 0.01).sum()
+
+
+def test_arms_that_part_slowly_are_one_floor_until_they_have_parted(tmp_path, capsys):
+    """Of two arms at 12 deg, the floors differ by 0.31 m where they still overlap, 13 m along them from each other."""
+    path = tmp_path / "stations.csv"
+    left = [("a", 0, 0, 1, 1, 3.6), ("b", 8.4, 8, 1, 1, 3.01), ("c", 12, 15.5, 1, 1, 1.81)]
+    right = [left[0], ("d", 4.8, 3, 1, 1, 3.56), ("e", 9, 5, 1, 1, 3.52), ("f", 30, 17.5, 1, 1, 3.4)]
+    path.write_text(HEADER + rows("L", left) + rows("R", right))
+    polygons, _ = draw_sheets(path, read_solved_legs(path), 4.0)
+    assert shapely.Point(6.9, 4).within(polygons.geoms[0])
+    assert "left out" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("end", [(8.6, 4.6, 3.4), (9, 5.3, 3.6), (9.4, 4.6, 3.6), (9.4, 5, 3.52)])
+def test_a_thin_pillar_between_floors_of_different_heights_is_rock_up_to_the_higher_roof(end, config, tmp_path):
+    """A third of a metre to a metre of rock parts a drift from a dead end whose floor is half a metre higher."""
+    low = [("a", 0, 0, 1, 1, 3.6), ("b", 8.4, 8, 1, 1, 3.01), ("c", 12, 15.5, 1, 1, 1.81), ("d", 20, 30, 1, 1, 2)]
+    high = [low[-1], ("e", 34, 26, 1, 1, 3), ("f", 30, 17.5, 1, 1, 3.4), ("g", *end[:2], 1, 1, end[2])]
+    _, floor, parts = built(rows("L", low) + rows("H", high), config, tmp_path)
+    cover = cover_floor((parts[k] for k in range(len(parts))), floor, (0.05, 1.75, 3.45))
+    assert cover.missing_m2 < 3e-4
+    assert cover.intrusion_m2 < 3e-4
+    assert cover.widest_gap_m == 0

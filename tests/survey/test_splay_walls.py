@@ -6,7 +6,14 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.survey.solved.node_links import read_node_links
 from pipeline.survey.solved.read import read_passages, survey_files
-from pipeline.survey.solved.splay_walls import fill_down, fill_sides, measured, usual_half_width_m, walls_across
+from pipeline.survey.solved.splay_walls import (
+    fill_down,
+    fill_sides,
+    fill_up,
+    measured,
+    usual_half_width_m,
+    walls_across,
+)
 
 NAN = np.nan
 ROW = np.array([[0.0, 0, 0], [10, 0, 0], [20, 0, 0]])
@@ -82,3 +89,21 @@ def test_nodes_without_links_are_refused(tmp_path):
 def test_four_zeros_are_a_section_that_nobody_measured():
     walls = measured(np.array([[0.0, 0, 0, 0], [0, 2, 0, 0], [1, 1, 1, np.nan]]))
     np.testing.assert_array_equal(walls, [[np.nan] * 4, [0, 2, 0, 0], [1, 1, 1, np.nan]])
+
+
+def roofs(*up):
+    """Return one row of stations with distances up, each 1 m over the floor."""
+    return [(list(range(len(up))), np.column_stack([np.ones((len(up), 2)), up, np.ones(len(up))]))]
+
+
+def test_stations_without_a_measured_roof_get_the_usual_one_of_the_survey():
+    filled, count, usual = fill_up(roofs(*[0.4] * 6, 0.8, 0.8, 0.9, 22.0, np.nan, np.nan))
+    assert (count, usual) == (2, pytest.approx(1.4))
+    np.testing.assert_allclose(filled[0][1][:, 2], [*[0.4] * 6, 0.8, 0.8, 0.9, 22.0, 0.4, 0.4])
+
+
+def test_few_measured_roofs_say_nothing_of_the_others():
+    rows = roofs(*[22.0] * 9, np.nan)
+    filled, count, usual = fill_up(rows)
+    assert filled is rows
+    assert (count, usual) == (0, None)

@@ -1,7 +1,7 @@
 """Reader of a centreline as nodes and links: NAME_nodes.dat with x y z, and NAME_links.dat with pairs of nodes from 1.
 
 It is the form in which networks of caves are published for studies of their shape (Collon et al. 2017,
-doi:10.1016/j.geomorph.2017.01.025). It has no distances to walls.
+doi:10.1016/j.geomorph.2017.01.034). It has no distances to walls.
 """
 
 from __future__ import annotations

@@ -18,6 +18,7 @@ from pipeline.survey.solved.splay_walls import (
     Rows,
     fill_down,
     fill_sides,
+    fill_up,
     measured,
     splays_by_node,
     usual_half_width_m,
@@ -69,7 +70,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
         rows = [
             (chain, walls_across(plan.places[chain], [splays.get(node) for node in chain])) for chain in plan.chains()
         ]
-    rows = fill_down(_with_sides(path, rows, half_width_m), plan.places)
+    rows = _with_roofs(path, fill_down(_with_sides(path, rows, half_width_m), plan.places))
     heights = {
         plan.names[node]: (float(plan.places[node, 2]), float(w[2]), float(w[3]))
         for nodes, walls in rows
@@ -171,6 +172,17 @@ def _with_sides(path: Path, rows: Rows, half_width_m: float | None) -> Rows:
         tell(
             f"{path.name}: {count} of {total} stations of passages have no measured wall beside them; they get "
             f"{usual:.2f} m on each side without one, {source}"
+        )
+    return filled
+
+
+def _with_roofs(path: Path, rows: Rows) -> Rows:
+    """Return the rows with the usual roof where none was measured, and say how many stations get it."""
+    filled, count, usual = fill_up(rows)
+    if count:
+        tell(
+            f"{path.name}: {count} of {len({node for nodes, _ in rows for node in nodes})} stations have no measured "
+            f"roof; they get {usual:.2f} m over the floor, the median of the others"
         )
     return filled
 

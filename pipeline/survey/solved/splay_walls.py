@@ -11,6 +11,7 @@ from scipy.sparse.linalg import spsolve
 
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 
+_LEAST_ROOFS = 10  # measured ones that show a survey's usual one
 Rows = list[tuple[list[int], np.ndarray]]  # rows of nodes, with distances left, right, up, down (n, 4) m, nan: unknown
 
 
@@ -82,6 +83,24 @@ def fill_sides(walls: np.ndarray, half_width_m: float) -> tuple[np.ndarray, int]
         filled[:, side] = half_width_m
         stated[:] = True
     return filled, int(stated.sum())
+
+
+def fill_up(rows: Rows) -> tuple[Rows, int, float | None]:
+    """Return the rows with a distance up at every node, how many got the usual roof, and that, m over the floor.
+
+    It is the median of the measured ones, if there are `_LEAST_ROOFS`: fewer may all be those of stopes. Else, or if no
+    distance down is known, nothing changes.
+    """
+    over = {n: float(r) for nodes, walls in rows for n, r in zip(nodes, walls[:, 2:].sum(axis=1), strict=True)}
+    known = [roof for roof in over.values() if np.isfinite(roof)]
+    if len(known) < _LEAST_ROOFS or len(known) == len(over):
+        return rows, 0, None
+    usual, filled = float(np.median(known)), []
+    for nodes, walls in rows:
+        own = walls.copy()
+        own[:, 2] = np.where(np.isfinite(walls[:, 2]), walls[:, 2], usual - walls[:, 3])
+        filled.append((nodes, own))
+    return filled, len(over) - len(known), usual
 
 
 def fill_down(rows: Rows, places_m: np.ndarray) -> Rows:
