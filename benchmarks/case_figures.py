@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import networkx as nx
 import numpy as np
 
 from minexplore.floor import Floor
+from pipeline.geometry.openings import filled_floor
 from pipeline.params.reader_limits import reader_limits
 from pipeline.store.codecs import decode
 from pipeline.survey.formats import PASSAGE_READERS
@@ -46,10 +46,6 @@ class Figures:
     z_m: float
     grade_deg: float
     certificate: bool
-
-    def as_json(self) -> dict[str, Any]:
-        """Return plain values."""
-        return asdict(self)
 
 
 def read_legs(source: Path, half_width_m: float | None = None) -> list[SurveyLeg]:
@@ -97,7 +93,11 @@ def floor_near(floor: Floor, places_m: np.ndarray) -> np.ndarray:
 
 def case_figures(root: Path, source: Path, half_width_m: float | None = None) -> Figures:
     """Return the figures of a world's folder, which holds the artifacts of all stages, and its survey's file."""
-    survey, floor = decode(root / "survey/survey.json", Survey), decode(root / "compile3d/floor.npz", Floor)
+    survey, openings = (
+        decode(root / "survey/survey.json", Survey),
+        decode(root / "contours/openings.json", Openings),
+    )
+    floor = filled_floor(decode(root / "compile3d/floor.npz", Floor), openings)  # a shaft's station is over its opening
     network: DriftNetwork = decode(root / "contours/topology.json", DriftNetwork)
     assert survey.heights is not None
     part = drivable_part(read_legs(source, half_width_m))
@@ -125,7 +125,7 @@ def case_figures(root: Path, source: Path, half_width_m: float | None = None) ->
         loops_surveyed=loops_of(part),
         loops_built=network.loops,
         pieces_built=network.components,
-        shafts=len(decode(root / "contours/openings.json", Openings).shafts),
+        shafts=len(openings.shafts),
         roof_m=(float(roofs[0]), float(roofs[1])),
         z_m=float(np.nanmax(np.abs(off))),
         grade_deg=float(max(grades)),

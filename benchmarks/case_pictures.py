@@ -7,7 +7,7 @@ import json
 import resource
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -105,20 +105,19 @@ CASES = {
 def build(name: str, project: Project) -> dict[str, Any]:
     """Make a case's world in a copy of the project, if it is not there; return its figures and the seconds it took."""
     case, record = CASES[name], project.folder / f"{name}.json"
-    if record.is_file():
-        return json.loads(record.read_text())
-    if case.text is not None:
-        (project.folder / case.source).write_text(case.text)
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    command = [sys.executable, "-m", "pipeline", "new", name, "--from", case.source, *case.options]
-    done = project.run(*command, OMP_NUM_THREADS="1")
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    if done.returncode != 0:
-        raise SystemExit(f"{name}: {done.stderr}")
-    figures = case_figures(world_of(project, name), project.folder / case.source, case.half_width_m).as_json()
-    figures["seconds"] = round(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-    record.write_text(json.dumps(figures))
-    return figures
+    if not record.is_file():
+        if case.text is not None:
+            (project.folder / case.source).write_text(case.text)
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        command = [sys.executable, "-m", "pipeline", "new", name, "--from", case.source, *case.options]
+        done = project.run(*command, OMP_NUM_THREADS="1")
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        if done.returncode != 0:
+            raise SystemExit(f"{name}: {done.stderr}")
+        seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        record.write_text(json.dumps({"seconds": round(seconds)}))
+    figures = case_figures(world_of(project, name), project.folder / case.source, case.half_width_m)
+    return asdict(figures) | {"seconds": json.loads(record.read_text())["seconds"]}
 
 
 def world_of(project: Project, name: str) -> Path:
