@@ -249,7 +249,8 @@ def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
         if twice:
             raise InputError(f"{path}: the column {twice[0][:60]!r} stands twice")
         rows = []
-        for row in reader:
+        for number, row in enumerate(reader, 1):
+            require_at_most(path, number, "stations", "rows or more")
             if None in row:
                 raise InputError(f"{path}:{reader.line_num}: more fields than columns")
             if not any(text and text.strip() for text in row.values()):
@@ -257,7 +258,6 @@ def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
             if separator != ",":  # where a comma does not part columns it may begin the decimals
                 row |= {column: (row[column] or "").replace(",", ".") for column in _NUMBERS if column in row}
             rows.append((reader.line_num, row))
-            require_at_most(path, len(rows), "stations", "stations or more")
     except csv.Error as error:
         raise InputError(f"{path}:{reader.line_num}: not CSV ({error})") from error
     if not rows:
