@@ -15,7 +15,8 @@ from pipeline.geometry.shaft_parts import FENCE_HEIGHT_M, FENCE_M, ends_of, move
 from pipeline.store.codecs import Bundle
 from pipeline.types import Opening, Openings
 
-_STEP_M, _MOST_STEPS = 0.5, 100  # of a lining: MuJoCo lights vertices
+_STEP_M, _MOST_STEPS = 0.5, 100  # of a lining, downwards: MuJoCo lights vertices
+_ACROSS_M, _INTO_M = 0.1, 0.03  # from place to place at which a lining ends at the rock, and so far below it
 _EYE_M = 1.2  # over the floor below, from where the roof is looked for
 _BESIDE_M = 0.02  # a shaft's section, where the roof is whole
 _DIGITS = 4
@@ -66,7 +67,7 @@ def _lining(opening: Opening, floor: Floor, rock: RayCaster | None, height_m: fl
     rows = max(2, int(np.ceil(deep / step)) + 1)
     pieces = []
     for k, after in enumerate(np.roll(np.arange(len(corners)), -1)):
-        count = max(2, int(np.ceil(np.linalg.norm(corners[after] - corners[k]) / step)) + 1)
+        count = max(2, int(np.ceil(np.linalg.norm(corners[after] - corners[k]) / _ACROSS_M)) + 1)
         share = np.linspace(0, 1, count)[:, None]
         places = corners[k] + share * (corners[after] - corners[k])
         top, end = (values[k] + share[:, 0] * (values[after] - values[k]) for values in (tops, ends))
@@ -99,7 +100,7 @@ def _roofs_at(
     seen = np.isfinite(above)
     roofs = ends_m.copy()
     if seen.any():
-        roofs[seen] = Folding(floor).fold(np.column_stack([plan, above])[seen])[:, 2]
+        roofs[seen] = Folding(floor).fold(np.column_stack([plan, above])[seen])[:, 2] - _INTO_M
     return roofs
 
 
