@@ -209,7 +209,7 @@ def _has_area(wall: Wall) -> bool:
 def _ring(path: Path, wall: Wall, layer: str) -> Area:
     ring = np.vstack([wall[:-1], wall[:1]])
     polygon = Polygon(ring[:, :2])
-    if not polygon.is_valid:
+    if not polygon.is_valid or _touches_over([ring]):
         x, y = ring[0, :2]
         raise InputError(
             f"{path}: a wall of layer {layer!r} that begins at ({x:.1f}, {y:.1f}), {ring[0, 2]:.1f} m high, crosses "
@@ -217,6 +217,13 @@ def _ring(path: Path, wall: Wall, layer: str) -> Area:
             "--half-width"
         )
     return Area(polygon, [ring])
+
+
+def _touches_over(walls: list[Wall]) -> bool:
+    """Return whether walls touch in plan at different heights, as the ends of a ramp of a whole turn do."""
+    points = np.concatenate([_sampled(wall) for wall in walls])
+    one, two = cKDTree(points[:, :2]).query_pairs(_SAME_M, output_type="ndarray").T
+    return bool((abs(points[one, 2] - points[two, 2]) > reader_limits().flat_step_m).any())
 
 
 def _nested(areas: list[Area], rings: list[Area]) -> list[Area]:
@@ -300,7 +307,7 @@ def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> lis
     walls = [wall for wall, _ in strings]
     x, y, z = walls[0][0]
     where = f"layer {strings[0][1]!r} about ({x:.1f}, {y:.1f}), {z:.1f} m high"
-    if lie_over(strings):
+    if lie_over(strings) or _touches_over(walls):
         raise InputError(
             f"{path}: open walls of {where} are joined to walls over or under them; close the walls of each level, or "
             "put each level and each ramp on a layer of its own"

@@ -43,6 +43,13 @@ def closed(points):
     return [*points, points[0]]
 
 
+def turn(radius):
+    """Return a wall of a ramp that falls by a whole turn; its end lies under its beginning."""
+    angle = np.linspace(0, 2 * np.pi, 37)
+    places = radius * np.cos(angle), radius * np.sin(angle) - 40, -DROP_M * angle / angle[-1]
+    return [tuple(place) for place in np.column_stack(places).tolist()]
+
+
 MINE = {
     "upper": [closed(at(UPPER, 0))],
     "lower": [closed(at(LOWER, -DROP_M))],
@@ -275,6 +282,14 @@ def test_what_is_kept_has_the_order_of_the_file():
             r"a wall of layer 'ramp' that begins at \(80\.0, 0\.0\), 400\.0 m high, crosses itself in plan",
         ),
         (
+            {**MINE, "turn": [[*turn(17.5), *turn(12.5)[::-1], turn(17.5)[0]]]},
+            r"a wall of layer 'turn' that begins at \(17\.5, -40\.0\), 400\.0 m high, crosses itself in plan",
+        ),
+        (
+            {**MINE, "turn": [turn(17.5), turn(12.5)]},
+            r"open walls of layer 'turn' about \(17\.5, -40\.0\), 400\.0 m high are joined to walls over or under them",
+        ),
+        (
             {
                 **MINE,
                 "ramp": [
@@ -288,7 +303,7 @@ def test_what_is_kept_has_the_order_of_the_file():
             r"open walls of layer '0' about .* are joined to walls over or under them; close the walls of each level",
         ),
     ],
-    ids=["crosses itself", "stray zero", "segments on one layer"],
+    ids=["crosses itself", "a whole turn", "a whole turn of open walls", "stray zero", "segments on one layer"],
 )
 def test_defects_are_refused_with_their_place(tmp_path, layers, message):
     with pytest.raises(InputError, match=message):
