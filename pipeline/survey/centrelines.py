@@ -182,8 +182,10 @@ class _Segments:
         self.of = np.concatenate([np.full(len(line) - 1, k) for k, line in enumerate(lines)])
         self.index = np.concatenate([np.arange(len(line) - 1) for line in lines])
         self.start = np.concatenate([line[:-1] for line in lines])
-        self.along = np.concatenate([np.diff(line, axis=0) for line in lines])
-        self.shapes = shapely.linestrings(np.stack([self.start, self.start + self.along], axis=1)[:, :, :2])
+        ends = np.concatenate([line[1:] for line in lines])  # start + along would round, and then neighbours cross
+        self.along = ends - self.start
+        self.way = np.concatenate([np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)) for line in lines])
+        self.shapes = shapely.linestrings(np.stack([self.start, ends], axis=1)[:, :, :2])
         self.tree = shapely.STRtree(self.shapes)
 
     def at(self, number: int, place_m: np.ndarray) -> tuple[float, float]:
@@ -197,10 +199,15 @@ class _Segments:
     ) -> tuple[list[tuple[int, int, float]], float]:
         """Return what the end `at` of a line joins, and how far (m) it is from the nearest other line.
 
-        What it joins are other lines, with the number of a segment and the share of it, 0 and 1 at its ends.
+        Its own line counts where it comes back to the end. What it joins are lines, with the number of a segment and
+        the share of it, 0 and 1 at its ends.
         """
-        found = self.tree.query(shapely.Point(point_m[:2]), predicate="dwithin", distance=max(_NEAR_M, snap_m))
-        found = found[(self.of[found] != line) | (self.index[found] != (0 if at == 0 else self.last[line]))]
+        reach = max(_NEAR_M, snap_m)
+        found = self.tree.query(shapely.Point(point_m[:2]), predicate="dwithin", distance=reach)
+        before = self.way[found] - np.linalg.norm(self.along[found], axis=1)
+        whole = self.way[(self.of == line) & (self.index == self.last[line])]
+        way = before if at == 0 else whole - self.way[found]  # along its own line
+        found = found[(self.of[found] != line) | (way > 2 * reach)]
         start, along = self.start[found], self.along[found]
         share = np.clip(((point_m - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12), 0.0, 1.0)
         for end in (0.0, 1.0):

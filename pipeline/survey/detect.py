@@ -211,7 +211,8 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
 def _require_walls(path: Path, content: Shapes, walls: float) -> None:
     """Refuse lines with elevations most of which are no walls of the workings, whose length is given."""
     lines = [shape for shape in content.shapes if shapely.get_dimensions(shape) == 1 and shape.has_z]
-    if walls < _OF_WALLS * sum(line.length for line in lines):
+    distinct = {shapely.normalize(line).wkb: line.length for line in lines}  # drawings often hold a line twice
+    if walls < _OF_WALLS * sum(distinct.values()):
         raise InputError(
             f"{path}: its lines have elevations, and most of them bound no workings; --half-width M reads them as "
             "centrelines of drifts, M metres from the line to either wall"

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 from networkx.utils import UnionFind
+from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.spatial import cKDTree
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
@@ -28,8 +29,10 @@ _BESIDE_M = 10.0  # between the open wall strings of one drift
 _ALIKE = 0.5  # of the heights that two strings cover, that both must cover to be of one drift
 _MOUTH_M = 12.0  # two ends of wall strings so near are a drift's end
 _NEIGHBOURS = 9  # of an open end, itself first, that are tried
+_CLOSED = 0.2  # of a wall's length, that its ends are at most apart if it is closed
 _SAME_M = 0.05
 _TOUCH_M = 1e-6
+_LEAST_M2 = 0.01
 
 Wall = np.ndarray  # (k, 3) m
 
@@ -40,15 +43,18 @@ class Area:
 
     polygon: Polygon
     walls: list[Wall]
-    _tree: cKDTree | None = field(default=None, repr=False)
-    _heights: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
+    _tree: shapely.STRtree | None = field(default=None, repr=False)
+    _edges: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 3)), repr=False)
 
     def heights_at(self, places_m: np.ndarray) -> np.ndarray:
-        """Return the height (n,) m of the nearest wall at places (n, 2) m."""
+        """Return the height (n,) m of the nearest wall at places (n, 2) m, linear between the wall's points."""
         if self._tree is None:
-            points = np.concatenate([_sampled(wall) for wall in self.walls])
-            self._tree, self._heights = cKDTree(points[:, :2]), points[:, 2]
-        return np.asarray(self._heights[self._tree.query(places_m)[1]])
+            self._edges = np.concatenate([np.stack([wall[:-1], wall[1:]], axis=1) for wall in self.walls])
+            self._tree = shapely.STRtree(shapely.linestrings(self._edges[:, :, :2]))
+        start, end = self._edges[self._tree.nearest(shapely.points(places_m))].transpose(1, 0, 2)
+        along = (end - start)[:, :2]
+        share = ((places_m - start[:, :2]) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12)
+        return np.asarray(start[:, 2] + np.clip(share, 0.0, 1.0) * (end - start)[:, 2])
 
 
 def nearest_heights(areas: list[Area], places_m: np.ndarray) -> np.ndarray:
@@ -65,8 +71,8 @@ def walls_in_space(
     moved: list[BaseGeometry],
     georeference: Georeference,
     elevations_m: dict[str, float] | None,
-) -> list[tuple[Wall, str]]:
-    """Return the walls of a vector file with their layers; none if they are all at one height.
+) -> tuple[list[tuple[Wall, str]], list[str]]:
+    """Return the walls of a vector file with their layers, and the layers left out; no walls if all are at one height.
 
     Parameters
     ----------
@@ -77,7 +83,7 @@ def walls_in_space(
         The same shapes in plan, as `locate` returns them.
     georeference : Georeference
     elevations_m : dict of str to float, or None
-        Of the floors of layers. Of other layers, lines with different elevations of their own are read, as of ramps.
+        Of the floors of layers. Other layers are read if their lines have different elevations, as those of ramps.
 
     Raises
     ------
@@ -90,12 +96,19 @@ def walls_in_space(
         there = ", ".join(one_line(name, 40) for name in dict.fromkeys(content.layer_of)) or "no layers"
         raise InputError(f"{path}: no layer {', '.join(unknown)} to be at an elevation; there are {there}")
     layers = content.layer_of or [""] * len(content.shapes)
+    heights = [
+        shapely.get_coordinates(shape, include_z=True)[:, 2] * georeference.metres_per_unit for shape in content.shapes
+    ]
+    of_layer: dict[str, list[np.ndarray]] = defaultdict(list)
+    for z, layer in zip(heights, layers, strict=True):
+        of_layer[layer].append(z[np.isfinite(z)])
+    pooled = {layer: np.concatenate(found) for layer, found in of_layer.items()}
+    sloping = {layer for layer, z in pooled.items() if len(z) and np.ptp(z) > step}
     found, left_out = [], set()
-    for shape, flat, layer in zip(content.shapes, moved, layers, strict=True):
-        z = shapely.get_coordinates(shape, include_z=True)[:, 2] * georeference.metres_per_unit
+    for flat, z, layer in zip(moved, heights, layers, strict=True):
         if layer in stated:
             z = np.full(len(z), stated[layer])
-        elif not np.isfinite(z).all() or (stated and np.ptp(z) <= step):
+        elif not np.isfinite(z).all() or (stated and layer not in sloping):
             left_out.add(layer)
             continue
         points = np.column_stack([shapely.get_coordinates(flat), z])
@@ -103,12 +116,9 @@ def walls_in_space(
         at = np.cumsum([0, *(shapely.get_num_coordinates(line) for line in lines)]).tolist()
         found += [(points[a:b], layer) for a, b in pairwise(at) if b - a > 1]
     if not found or np.ptp(np.concatenate([wall[:, 2] for wall, _ in found])) <= step:
-        return []
+        return [], []
     _require_elevations(path, np.concatenate([wall for wall, _ in found]))
-    if left_out:
-        names = ", ".join(one_line(layer, 40) or "no name" for layer in sorted(left_out))
-        tell(f"{path.name}: layers without an elevation are left out: {names}")
-    return found
+    return found, sorted(left_out)
 
 
 def _require_elevations(path: Path, points: np.ndarray) -> None:
@@ -172,17 +182,34 @@ def areas_of(path: Path, walls: list[tuple[Wall, str]], snap_m: float) -> list[A
     """
     rings: list[tuple[Wall, str]] = []
     strings: list[tuple[Wall, str]] = []
-    for wall, layer in walls:
-        is_closed = len(wall) > 2 and np.linalg.norm(wall[0] - wall[-1]) <= max(snap_m, _TOUCH_M)
+    for wall, layer in _once(walls):
+        around = np.linalg.norm(np.diff(wall, axis=0), axis=1).sum()
+        apart = np.linalg.norm(wall[0] - wall[-1])
+        is_closed = len(wall) > 2 and apart <= max(min(snap_m, _CLOSED * around), _TOUCH_M)
         (rings if is_closed else strings).append((wall, layer))
+    rings = [(wall, layer) for wall, layer in rings if _has_area(wall)]
     areas = [area for cluster in _clusters(strings) for area in _enclosed(path, cluster, snap_m)]
     return _nested(areas, [_ring(path, wall, layer) for wall, layer in rings])
+
+
+def _once(walls: list[tuple[Wall, str]]) -> list[tuple[Wall, str]]:
+    """Return walls without those that are in the drawing twice, in either direction."""
+    distinct: dict[tuple[str, bytes], tuple[Wall, str]] = {}
+    for wall, layer in walls:
+        both = sorted(np.ascontiguousarray(line.round(3) + 0.0).tobytes() for line in (wall, wall[::-1]))
+        distinct.setdefault((layer, both[0]), (wall, layer))
+    return list(distinct.values())
+
+
+def _has_area(wall: Wall) -> bool:
+    """Return whether a closed wall encloses anything: a line that only goes there and back does not."""
+    return bool(shapely.make_valid(Polygon(wall[:, :2])).area > _LEAST_M2) if len(wall) > 3 else False
 
 
 def _ring(path: Path, wall: Wall, layer: str) -> Area:
     ring = np.vstack([wall[:-1], wall[:1]])
     polygon = Polygon(ring[:, :2])
-    if not polygon.is_valid:
+    if not polygon.is_valid or _touches_over([ring]):
         x, y = ring[0, :2]
         raise InputError(
             f"{path}: a wall of layer {layer!r} that begins at ({x:.1f}, {y:.1f}), {ring[0, 2]:.1f} m high, crosses "
@@ -192,28 +219,65 @@ def _ring(path: Path, wall: Wall, layer: str) -> Area:
     return Area(polygon, [ring])
 
 
+def _touches_over(walls: list[Wall]) -> bool:
+    """Return whether walls touch in plan at different heights, as the ends of a ramp of a whole turn do."""
+    points = np.concatenate([_sampled(wall) for wall in walls])
+    one, two = cKDTree(points[:, :2]).query_pairs(_SAME_M, output_type="ndarray").T
+    return bool((abs(points[one, 2] - points[two, 2]) > reader_limits().flat_step_m).any())
+
+
 def _nested(areas: list[Area], rings: list[Area]) -> list[Area]:
     """Return areas and rings as areas: a ring that lies at its height in an odd number of others is a pillar."""
-    distinct = {(shapely.normalize(ring.polygon).wkb, round(float(ring.walls[0][0, 2]), 1)): ring for ring in rings}
+    distinct = {
+        (shapely.normalize(ring.polygon).wkb, round(float(ring.walls[0][:, 2].max()), 1)): ring for ring in rings
+    }
     every = [*areas, *sorted(distinct.values(), key=lambda ring: -ring.polygon.area)]
-    tree, step = shapely.STRtree([area.polygon for area in every]), reader_limits().flat_step_m
+    tree = shapely.STRtree([area.polygon for area in every])
     depth, inside = [0] * len(every), defaultdict(list)
-    for number, ring in enumerate(every[len(areas) :], len(areas)):
-        for other in tree.query(ring.polygon, predicate="covered_by").tolist():
-            points = ring.walls[0]
-            if other != number and np.median(abs(every[other].heights_at(points[:, :2]) - points[:, 2])) <= step:
-                depth[number] += 1
-                inside[number].append(other)
-    found = {k: Area(area.polygon, [*area.walls]) for k, area in enumerate(every) if depth[k] % 2 == 0}
+    for other, area in enumerate(every):
+        covered = sorted(set(tree.query(area.polygon, predicate="covers").tolist()) - {other, *range(len(areas))})
+        for number in _at_its_height(area, {k: every[k].walls[0] for k in covered}):
+            depth[number] += 1
+            inside[number].append(other)
+    polygons: dict[int, BaseGeometry] = {k: area.polygon for k, area in enumerate(every) if depth[k] % 2 == 0}
+    walls = {k: [*every[k].walls] for k in polygons}
     for number, ring in enumerate(every):
         if depth[number] % 2:
             outer = max((k for k in inside[number] if depth[k] == depth[number] - 1), default=None)
             if outer is not None:
-                found[outer].polygon = max(
-                    shapely.get_parts(found[outer].polygon.difference(ring.polygon)), key=lambda part: part.area
-                )
-                found[outer].walls += ring.walls
-    return [area for area in found.values() if area.polygon.area > 0]
+                polygons[outer] = polygons[outer].difference(ring.polygon)
+                walls[outer] += ring.walls
+    return [
+        Area(part, walls[k])
+        for k, polygon in polygons.items()
+        for part in shapely.get_parts(polygon)
+        if part.area > _LEAST_M2
+    ]
+
+
+def _at_its_height(area: Area, rings: dict[int, Wall]) -> list[int]:
+    """Return the rings in an area that lie at its height.
+
+    They are found from its walls inwards, as each tells how high the floor about it is: in a room with many pillars
+    the nearest outer wall may be far off, and the floor may dip.
+    """
+    step, walls, found, rest = reader_limits().flat_step_m, [*area.walls], list[int](), dict(rings)
+    while rest:
+        known = np.concatenate([_sampled(wall) for wall in walls])
+        apart = dict.fromkeys(rest, np.inf)
+        for model in (NearestNDInterpolator, LinearNDInterpolator):
+            height_at = model(known[:, :2], known[:, 2])
+            for number, wall in rest.items():
+                if apart[number] > step:
+                    apart[number] = float(np.median(abs(height_at(wall[:, :2]) - wall[:, 2])))
+            if min(apart.values()) <= step:
+                break
+        met = [number for number, difference in apart.items() if difference <= step]
+        if not met:
+            break
+        walls += [rest.pop(number) for number in met]
+        found += met
+    return found
 
 
 def _clusters(strings: list[tuple[Wall, str]]) -> list[list[tuple[Wall, str]]]:
@@ -243,7 +307,7 @@ def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> lis
     walls = [wall for wall, _ in strings]
     x, y, z = walls[0][0]
     where = f"layer {strings[0][1]!r} about ({x:.1f}, {y:.1f}), {z:.1f} m high"
-    if lie_over(strings):
+    if lie_over(strings) or _touches_over(walls):
         raise InputError(
             f"{path}: open walls of {where} are joined to walls over or under them; close the walls of each level, or "
             "put each level and each ramp on a layer of its own"
@@ -260,6 +324,14 @@ def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> lis
         enclosed: BaseGeometry = enclose_workings(lines, snap_m, [])
     except (GeometryError, shapely.GEOSException) as error:
         raise InputError(f"{path}: the open walls of {where}: {error}") from error
+    around = enclosed.boundary.buffer(_SAME_M)
+    unused = [line for line in lines[: len(walls)] if line.intersection(around).length < line.length / 2]
+    if unused:
+        x, y = unused[0].coords[0]
+        tell(
+            f"{path.name}: {len(unused)} of {len(walls)} open walls of {where} bound no area, the first from "
+            f"({x:.1f}, {y:.1f}); are the right ends joined?"
+        )
     return [
         Area(part, [wall for wall in (*walls, *closers) if part.boundary.distance(LineString(wall[:, :2])) < _SAME_M])
         for part in shapely.get_parts(enclosed)

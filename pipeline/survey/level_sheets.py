@@ -133,7 +133,10 @@ def _largest(path: Path, areas: list[Area], joins: nx.Graph) -> nx.Graph:
             f"{size(pieces[0]):.0f} m2, left out are {sum(map(size, pieces[1:])):.0f} m2, the first about "
             f"({x:.1f}, {y:.1f}), {z:.1f} m high"
         )
-    return joins.subgraph(sorted(pieces[0], key=int))
+    kept: nx.Graph = nx.Graph()  # in the order of the file; a subgraph has that of a set of texts
+    kept.add_nodes_from(name for name in joins if name in pieces[0])
+    kept.add_edges_from((a, b) for a, b in joins.edges if a in pieces[0])
+    return kept
 
 
 def _tell_near(path: Path, areas: list[Area], joins: nx.Graph) -> None:
@@ -190,9 +193,15 @@ def _join(
     for name, shape in shapes.items():
         parts[number[name]].append(shape)
         of_sheet[number[name]].append(areas[int(name)])
-    polygons = [
-        _largest_part(shapely.set_precision(shapely.union_all(found, grid_size=_GRID_M), 0.0)) for found in parts
-    ]
+    united = [shapely.set_precision(shapely.union_all(found, grid_size=_GRID_M), 0.0) for found in parts]
+    polygons = [_largest_part(shape) for shape in united]
+    lost = [part for shape in united for part in _lost(shape)]
+    if lost:
+        x, y = lost[0].representative_point().coords[0]
+        tell(
+            f"{path.name}: {len(lost)} areas touch a level, but no way of {_NARROWEST_M:g} m leads into them; they are "
+            f"left out, the first, of {lost[0].area:.0f} m2, about ({x:.1f}, {y:.1f})"
+        )
     seams = []
     for a, b, giver, edge in edges:
         ends = np.round(shapely.get_coordinates(edge)[[0, -1]], _DIGITS)
@@ -245,6 +254,12 @@ def _largest_part(shape: BaseGeometry) -> Polygon:
     return max(shapely.get_parts(shape), key=lambda part: part.area)
 
 
+def _lost(shape: BaseGeometry) -> list[Polygon]:
+    """Return the parts of a shape that are not its largest one, and wide enough to drive in."""
+    parts = sorted(shapely.get_parts(shape), key=lambda part: -part.area)
+    return [part for part in parts[1:] if not part.buffer(-_NARROWEST_M / 2).is_empty]
+
+
 def _valid(shape: BaseGeometry, before: Polygon) -> Polygon:
     return shape if isinstance(shape, Polygon) and shape.is_valid and not shape.is_empty else before
 
@@ -252,7 +267,8 @@ def _valid(shape: BaseGeometry, before: Polygon) -> Polygon:
 def _cut(path: Path, areas: list[Area], shapes: dict[str, Polygon], a: str, b: str) -> list[LineString]:
     """Cut two areas that meet apart along straight edges, and return these.
 
-    What both cover at one height goes to the larger one. An edge that is not straight is replaced by its chord.
+    What both cover at one height goes to the larger one, or to the one that would fall apart without it. An edge that
+    is not straight is replaced by its chord.
     """
     step = reader_limits().flat_step_m
     if shapes[a].area < shapes[b].area:
@@ -271,7 +287,14 @@ def _cut(path: Path, areas: list[Area], shapes: dict[str, Polygon], a: str, b: s
                 f"{path}: two areas meet and lie up to {difference.max():.1f} m over each other at ({x:.1f}, {y:.1f}); "
                 "draw the end of the ramp where its floor has the level's height"
             )
-        shapes[b] = _largest_part(shapes[b].difference(part))
+        rest = {name: shapes[name].difference(part) for name in (b, a)}
+        whole = [name for name in (b, a) if not _lost(rest[name])]
+        if not whole:
+            x, y = part.representative_point().coords[0]
+            raise InputError(
+                f"{path}: two areas cross at ({x:.1f}, {y:.1f}); draw one of them in two, on either side of the other"
+            )
+        shapes[whole[0]] = _largest_part(rest[whole[0]])
     border = shapely.line_merge(shapes[a].boundary.intersection(shapes[b].boundary))
     edges = []
     for line in shapely.get_parts(border):

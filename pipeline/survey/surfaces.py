@@ -104,12 +104,18 @@ def wall_heights(path: Path, content: Shapes, moved: list[BaseGeometry], georefe
     known = np.isfinite(z)
     if not known.any() or np.ptp(z[known]) <= reader_limits().flat_step_m:
         return None
-    flat, starts = [*moved], np.cumsum([0, *map(shapely.get_num_coordinates, moved)])
-    points = np.column_stack([shapely.get_coordinates(flat), z])
+    lines = [line for shape in moved for line in _lines_of(shape)]
+    points = np.column_stack([shapely.get_coordinates(lines), z])
+    starts = np.cumsum([0, *map(shapely.get_num_coordinates, lines)])
     rings = [points[a:b] for a, b in itertools.pairwise(starts.tolist())]
     walls = [shapely.LineString(ring) for ring in rings if np.ptp(ring[:, :2], axis=0).max(initial=0.0) > 0]
     dense = shapely.get_coordinates(shapely.segmentize(walls, _WALL_STEP_M), include_z=True)
     return _heights(path, dense[np.isfinite(dense).all(axis=1)], True)
+
+
+def _lines_of(shape: BaseGeometry) -> list[BaseGeometry]:
+    """Return the rings of a polygon, or the lines of a shape, in the order of its coordinates."""
+    return list(shapely.get_rings(shape) if shape.geom_type == "Polygon" else shapely.get_parts(shape))
 
 
 def _heights(path: Path, points: Points, sampled: bool) -> Heights:

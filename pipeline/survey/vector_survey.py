@@ -135,7 +135,8 @@ def _read_levels(
     params: VectorSurveyParams,
 ) -> tuple[MultiPolygon, Heights] | None:
     """Return the sheets of levels over each other, and their heights; None if the walls are those of a plan."""
-    walls, plumb = split_plumb(walls_in_space(path, content, moved, georeference, params.elevations_m))
+    found, left_out = walls_in_space(path, content, moved, georeference, params.elevations_m)
+    walls, plumb = split_plumb(found)
     if not walls:
         return None
     try:
@@ -149,6 +150,10 @@ def _read_levels(
             f"{path}: walls lie over each other, and enclose no levels of their own; close the walls of each level, or "
             "put each level and each ramp on a layer of its own"
         )
+    if left_out:
+        names = ", ".join(one_line(layer, 40) or "no name" for layer in left_out[:_MOST_LAYERS])
+        done = "are read in plan with the others; --elevation states one" if drawn is None else "are left out"
+        tell(f"{path.name}: {len(left_out)} layers without an elevation {done}: {names}")
     return drawn
 
 

@@ -143,8 +143,13 @@ def test_polygons_are_no_centrelines():
 
 def test_new_asks_for_the_width_of_lines_with_elevations(tmp_path):
     path = write(tmp_path / "mine.gpkg", lines_of(levels()))
-    with pytest.raises(InputError, match="most of them bound no workings; --half-width M reads them as centrelines"):
+    with pytest.raises(
+        InputError, match=r"open walls of layer 'drifts' .*; --half-width M reads centrelines of drifts"
+    ):
         detect_here(str(path), {})
+    one = write(tmp_path / "one.gpkg", lines_of(RAMP))
+    with pytest.raises(InputError, match="--half-width M reads"):
+        detect_here(str(one), {})
     found = detect_here(str(path), {"half_width_m": HALF_M}).values
     assert found["values"]["kind"] == "centrelines"
     assert found["has_heights"]
@@ -157,3 +162,12 @@ def test_a_flat_drawing_keeps_its_shapes_without_elevations(tmp_path):
     params = VectorSurveyParams(kind="vector", name="a", file="data/x").model_copy(update={"file": path.as_posix()})
     *_, heights = draw_vector_survey(params)
     assert heights is None
+
+
+def test_a_string_of_short_segments_has_no_crossings_and_no_near_ends(capsys):
+    """The far end of a segment is exact: start + (end - start) rounds, and neighbours then cross."""
+    turn = np.linspace(0, 3 * np.pi / 2, 60)
+    string = np.column_stack([15 * np.cos(turn), 15 * np.sin(turn), -turn])
+    _, legs = joined(string)
+    assert len(legs) == 59
+    assert capsys.readouterr().err == ""

@@ -4,6 +4,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import ezdxf
+import networkx as nx
 import numpy as np
 import pyogrio.raw
 import pytest
@@ -15,6 +16,8 @@ from pipeline.errors import InputError
 from pipeline.params.survey import VectorSurveyParams
 from pipeline.proof.validator import Validator
 from pipeline.survey.detect import detect_here
+from pipeline.survey.level_areas import Area
+from pipeline.survey.level_sheets import _largest
 from pipeline.survey.vector_survey import draw_vector_survey
 from tests.heights import MineWithHeights, certificate_params
 from tests.project import ROOT
@@ -38,6 +41,13 @@ def down(points, top=0.0):
 
 def closed(points):
     return [*points, points[0]]
+
+
+def turn(radius):
+    """Return a wall of a ramp that falls by a whole turn; its end lies under its beginning."""
+    angle = np.linspace(0, 2 * np.pi, 37)
+    places = radius * np.cos(angle), radius * np.sin(angle) - 40, -DROP_M * angle / angle[-1]
+    return [tuple(place) for place in np.column_stack(places).tolist()]
 
 
 MINE = {
@@ -163,8 +173,105 @@ def test_a_level_that_no_ramp_reaches_is_left_out_and_told(tmp_path, capsys):
     assert len(found.geoms) == 1
     (shaft,) = heights.shafts
     assert shaft.below is None
-    assert "1 pairs of levels and ramps nearly meet, the first 0.00 m apart in plan at (80.0, " in said
+    assert "1 pairs of levels and ramps nearly meet, the first 0.00 m apart in plan at (80." in said
     assert ", 388.0 and 391.0 m high" in said or ", 391.0 and 388.0 m high" in said
+
+
+def test_pillars_of_a_dipping_room_far_from_its_outer_walls_are_pillars(tmp_path):
+    """The floor falls by 8 % to the east, so that the pillars in the middle are metres below the nearest outer wall."""
+    squares = [shapely.box(x, y, x + 12, y + 12) for x in range(8, 140, 20) for y in range(8, 140, 20)]
+    rings = [shapely.box(0, 0, 148, 148).segmentize(4), *squares]
+    room = [[(x - 148, y, -0.08 * x - 0.04 * y) for x, y in ring.exterior.coords] for ring in rings]
+    under = [closed(at([(-60, 60), (-20, 60), (-20, 65), (-60, 65)], -40))]
+    found, _ = drawn(write(tmp_path / "mine.dxf", {"room": room, "under": under}))
+    assert len(found.geoms[0].interiors) == len(squares)
+    assert found.area == pytest.approx(148**2 - 144 * len(squares))
+    assert len(found.geoms) == 1
+
+
+def test_walls_that_are_drawn_twice_count_once(tmp_path):
+    gap = at([*UPPER[2:], *UPPER[:2]], 0)
+    once = MINE["ramp"][0]
+    turned = closed(once[2:-1] + once[:2])
+    layers = {**MINE, "upper": [gap, gap[::-1]], "ramp": [once, once[::-1], turned]}
+    path = write(tmp_path / "twice.dxf", layers)
+    found, heights = drawn(path)
+    whole, _ = drawn(write(tmp_path / "once.dxf", MINE))
+    assert found.area == pytest.approx(whole.area, abs=0.01)
+    assert len(heights.seams) == 1
+    assert detect_here(str(path), {}).values["has_heights"]
+
+
+def test_scraps_that_enclose_nothing_do_no_harm(tmp_path):
+    scraps = [
+        [(10, 1, 0), (20, 1, 0), (10, 1, 0)],
+        [(30, 1, 0), (30.1, 1, 0), (30.1, 1.1, 0)],
+    ]
+    found, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "upper": [*MINE["upper"], *scraps]}))
+    assert found.area == pytest.approx(1750, abs=0.01)
+    assert len(heights.seams) == 1
+
+
+def test_a_ramp_in_short_pieces_is_kept_beside_stated_elevations(tmp_path, capsys):
+    """No piece of 2 m falls by a metre, but the layer does."""
+    walls = [shapely.segmentize(LineString(side), 2.0).coords for side in (RIGHT, LEFT)]
+    ramp = [list(pair) for side in walls for pair in pairwise(down(side))]
+    path = write(tmp_path / "mine.dxf", {**MINE, "ramp": ramp}, flat=("upper", "lower"))
+    found, heights = drawn(path, elevations_m={"upper": DATUM_M, "lower": DATUM_M - DROP_M})
+    assert found.area == pytest.approx(1750, abs=0.01)
+    assert len(heights.seams) == 1
+    assert "left out" not in capsys.readouterr().err
+
+
+def test_a_ramp_drawn_across_its_level_parts_neither(tmp_path):
+    """The ramp is larger than its level, and takes up the whole width of it for 5 m."""
+    level = [(75, -30), (80, -30), (80, 60), (75, 60)]
+    into = closed([(75, 0, 0), *down(RIGHT), *down(LEFT[::-1]), (75, 5, 0)])
+    found, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "upper": [closed(at(level, 0))], "ramp": [into]}))
+    assert found.area == pytest.approx(450 + 650 + 525, abs=0.01)
+    assert len(heights.seams) == 2
+    past = closed([(60, 0, 0), *down(RIGHT), *down(LEFT[::-1]), (60, 5, 0)])
+    layers = {**MINE, "upper": [closed(at(level, 0))], "ramp": [past]}
+    with pytest.raises(InputError, match=r"two areas cross at \(77\.5, 2\.5\); draw one of them in two"):
+        drawn(write(tmp_path / "past.dxf", layers))
+
+
+def test_a_wall_across_a_drift_leaves_both_sides(tmp_path, capsys):
+    bulkhead = closed(at([(60, 0), (61, 0), (61, 5), (60, 5)], 0))
+    found, _ = drawn(write(tmp_path / "mine.dxf", {**MINE, "upper": [*MINE["upper"], bulkhead]}))
+    assert found.area == pytest.approx(650 + 525 + 95, abs=0.01)
+    assert "left out are 475 m2" in capsys.readouterr().err
+
+
+def test_a_level_that_only_touches_another_with_a_corner_is_left_out_and_told(tmp_path, capsys):
+    corner = closed(at([(45, 40), (60, 40), (60, 80), (45, 80)], -DROP_M))
+    found, _ = drawn(write(tmp_path / "mine.dxf", {**MINE, "other": [corner]}))
+    assert found.area == pytest.approx(1750, abs=0.01)
+    assert "1 areas touch a level, but no way of 1 m leads into them" in capsys.readouterr().err
+
+
+def test_open_walls_whose_wrong_ends_are_joined_are_told(tmp_path, capsys):
+    """The rib between two drifts is thinner than the drifts are wide, so that its ends are the nearest."""
+    outer = at([(0, 60), (0, 30), (13, 30), (13, 60)], -20)
+    rib = at([(5, 60), (5, 35), (8, 35), (8, 60)], -20)
+    drawn(write(tmp_path / "mine.dxf", {**MINE, "fork": [outer, rib]}))
+    said = capsys.readouterr().err
+    assert "1 of 2 open walls of layer 'fork' about (0.0, 60.0), 380.0 m high bound no area" in said
+
+
+def test_the_height_of_a_wall_is_linear_between_its_points():
+    walls = [np.array([(x, y, 0.15 * x) for x, y in [(0, 0), (40, 0), (40, 5), (0, 5), (0, 0)]])]
+    places = np.column_stack([np.arange(0.1, 40, 0.37), np.full(108, 0.05)])
+    np.testing.assert_allclose(Area(shapely.box(0, 0, 40, 5), walls).heights_at(places), 0.15 * places[:, 0])
+
+
+def test_what_is_kept_has_the_order_of_the_file():
+    """Texts in a set have another order in each process, and so would sheets."""
+    boxes = [shapely.box(3 * k, 0, 3 * k + 2, 5) for k in range(60)]
+    areas = [Area(box, [np.column_stack([*box.exterior.xy, np.zeros(5)])]) for box in boxes]
+    joins = nx.empty_graph([str(k) for k in range(60)])
+    joins.add_edges_from(pairwise([str(k) for k in range(0, 60, 3)]))
+    assert list(_largest(Path("a.dxf"), areas, joins)) == [str(k) for k in range(0, 60, 3)]
 
 
 @pytest.mark.parametrize(
@@ -173,6 +280,14 @@ def test_a_level_that_no_ramp_reaches_is_left_out_and_told(tmp_path, capsys):
         (
             {**MINE, "ramp": [closed(down([(80, 0), (140, 0), (140, 30), (100, -10), (80, 5)]))]},
             r"a wall of layer 'ramp' that begins at \(80\.0, 0\.0\), 400\.0 m high, crosses itself in plan",
+        ),
+        (
+            {**MINE, "turn": [[*turn(17.5), *turn(12.5)[::-1], turn(17.5)[0]]]},
+            r"a wall of layer 'turn' that begins at \(17\.5, -40\.0\), 400\.0 m high, crosses itself in plan",
+        ),
+        (
+            {**MINE, "turn": [turn(17.5), turn(12.5)]},
+            r"open walls of layer 'turn' about \(17\.5, -40\.0\), 400\.0 m high are joined to walls over or under them",
         ),
         (
             {
@@ -188,7 +303,7 @@ def test_a_level_that_no_ramp_reaches_is_left_out_and_told(tmp_path, capsys):
             r"open walls of layer '0' about .* are joined to walls over or under them; close the walls of each level",
         ),
     ],
-    ids=["crosses itself", "stray zero", "segments on one layer"],
+    ids=["crosses itself", "a whole turn", "a whole turn of open walls", "stray zero", "segments on one layer"],
 )
 def test_defects_are_refused_with_their_place(tmp_path, layers, message):
     with pytest.raises(InputError, match=message):

@@ -99,6 +99,22 @@ def test_the_floor_follows_walls_with_elevations(tmp_path, monkeypatch):
     np.testing.assert_allclose(floor.heights_at(PLACES) + survey.heights.datum_m, 100 + GRADE * PLACES[:, 0], atol=0.03)
 
 
+def test_between_the_rings_of_a_polygon_there_is_no_wall(tmp_path):
+    """The middle drift is 3 m higher than both pillars' first corners: no line from pillar to pillar may cross it."""
+    rings = [
+        [(0, 0), (85, 0), (85, 45), (0, 45)],
+        [(5, 5), (40, 5), (40, 20), (40, 40), (5, 40)],
+        [(45, 20), (45, 5), (80, 5), (80, 40), (45, 40)],
+    ]
+    high = {(40, 5): 3, (40, 20): 3, (40, 40): 3, (45, 5): 3, (45, 20): 3, (45, 40): 3}
+    solid = [[(EAST + x, NORTH + y, 100 + high.get((x, y), 0)) for x, y in ring] for ring in rings]
+    path = write(tmp_path / "walls.gpkg", [shapely.Polygon(solid[0], solid[1:])], "Polygon Z", 3)
+    _, survey, _ = read(path, None)
+    spots = np.array(survey.heights.spots)
+    inside = (spots[:, 0] > 40.5) & (spots[:, 0] < 44.5) & (spots[:, 1] > 6) & (spots[:, 1] < 39)
+    assert not inside.any()
+
+
 def test_a_surface_that_does_not_belong_to_the_plan_is_refused(tmp_path):
     plan = plan_of(tmp_path)
     with pytest.raises(InputError, match=r"dem\.tif: its coordinate system is WGS 84 / UTM zone 18S, the survey's"):
