@@ -113,10 +113,10 @@ class WallFoot:
             under = (low[i] + share * (low[j] - low[i]) - floors).max()
             over = (roofs - high[i] - share * (high[j] - high[i])).max()
             for k in (i, j):
-                if under > FOOT_M:
-                    least[k] = min(least[k], max(low[k] - under, floors.min()))
+                if under > FOOT_M:  # both ends, as the edge is straight between them
+                    least[k] = min(least[k], floors.min())
                 if over > FOOT_M:
-                    most[k] = max(most[k], min(high[k] + over, roofs.max()))
+                    most[k] = max(most[k], roofs.max())
         return least, most
 
     def _ranges(self, places_m: np.ndarray, walls: np.ndarray, tree: cKDTree) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,8 @@ from pipeline.metrics.containment import cover_floor
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.load import _read
 from pipeline.survey.sheet_cells import Cell
-from pipeline.survey.sheets import _lie_over, _offsets, draw_sheets
+from pipeline.survey.sheet_layout import lay_apart
+from pipeline.survey.sheets import _lie_over, draw_sheets
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.stations import read_station_legs, read_station_survey
 from pipeline.types import Workings
@@ -144,7 +145,7 @@ def test_arms_of_a_junction_and_passages_with_rock_between_are_kept(tmp_path, ca
 def test_many_wide_sheets_lie_in_rows_apart_from_each_other_and_are_found_again():
     east = [3.0, -40.0, 500.0, 3.0, -900.0, 3.0, 3.0]
     polygons = [shapely.box(x, -7.0 * k, x + 1500, -7.0 * k + 90) for k, x in enumerate(east)]
-    offsets = _offsets(polygons)
+    offsets = lay_apart(polygons)
     moved = [shapely.transform(polygon, lambda xy, d=d: xy + d) for polygon, d in zip(polygons, offsets, strict=True)]
     apart = [one.distance(two) for one, two in itertools.combinations(moved, 2)]
     assert min(apart) >= 12.0
@@ -161,7 +162,7 @@ def test_many_wide_sheets_lie_in_rows_apart_from_each_other_and_are_found_again(
 
 
 def test_few_sheets_lie_in_one_row():
-    offsets = _offsets([shapely.box(0, 0, 60, 50), shapely.box(10, 200, 90, 260), shapely.box(-5, -90, 20, 0)])
+    offsets = lay_apart([shapely.box(0, 0, 60, 50), shapely.box(10, 200, 90, 260), shapely.box(-5, -90, 20, 0)])
     assert not offsets[:, 1].any()
     assert (np.diff(offsets[:, 0]) > 0).all()
 
