@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -18,23 +17,19 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.enclosure import enclose_workings
 from pipeline.params.reader_limits import reader_limits
-from pipeline.survey.child import one_line, tell
-from pipeline.survey.shapes import Shapes
-from pipeline.survey.stray_heights import stray_zero
-from pipeline.types import Georeference
+from pipeline.survey.child import tell
+from pipeline.survey.level_walls import Wall, lie_over, sampled
 
-_PLUMB_M = 0.05  # a line no longer than this in plan is a shaft
-_STEP_M = 0.5  # of the points at which a wall's height is looked up
 _BESIDE_M = 10.0  # between the open wall strings of one drift
 _ALIKE = 0.5  # of the heights that two strings cover, that both must cover to be of one drift
 _MOUTH_M = 12.0  # two ends of wall strings so near are a drift's end
 _NEIGHBOURS = 9  # of an open end, itself first, that are tried
 _CLOSED = 0.2  # of a wall's length, that its ends are at most apart if it is closed
+TOUCH_M, OVERLAP_M2 = 1e-3, 0.01  # areas that overlap by less only touch
+_SAMPLE_M = 1.0  # of the places where two areas are compared
 _SAME_M = 0.05
-_TOUCH_M = 1e-6
+_EQUAL_M = 1e-6
 _LEAST_M2 = 0.01
-
-Wall = np.ndarray  # (k, 3) m
 
 
 @dataclass
@@ -57,109 +52,18 @@ class Area:
         return np.asarray(start[:, 2] + np.clip(share, 0.0, 1.0) * (end - start)[:, 2])
 
 
+def places_in(shape: BaseGeometry) -> np.ndarray:
+    """Return places (n, 2) m all over a shape: about its boundary, and one inside each part."""
+    inner = [part.representative_point() for part in shapely.get_parts(shape)]
+    return shapely.get_coordinates([shapely.segmentize(shape, _SAMPLE_M), *inner])
+
+
 def nearest_heights(areas: list[Area], places_m: np.ndarray) -> np.ndarray:
     """Return the height (n,) m, at places (n, 2) m, of the area whose wall is nearest to each."""
     points = shapely.points(places_m)
     apart = np.array([shapely.distance(area.polygon.boundary, points) for area in areas])
     heights = np.array([area.heights_at(places_m) for area in areas])
     return np.asarray(heights[apart.argmin(axis=0), np.arange(len(places_m))])
-
-
-def walls_in_space(
-    path: Path,
-    content: Shapes,
-    moved: list[BaseGeometry],
-    georeference: Georeference,
-    elevations_m: dict[str, float] | None,
-) -> tuple[list[tuple[Wall, str]], list[str]]:
-    """Return the walls of a vector file with their layers, and the layers left out; no walls if all are at one height.
-
-    Parameters
-    ----------
-    path : Path
-    content : Shapes
-        As `read_shapes` returns them.
-    moved : list of shapely geometry, m, mine frame
-        The same shapes in plan, as `locate` returns them.
-    georeference : Georeference
-    elevations_m : dict of str to float, or None
-        Of the floors of layers. Other layers are read if their lines have different elevations, as those of ramps.
-
-    Raises
-    ------
-    InputError
-        If a layer is stated that the file does not have, or an elevation of 0 is a missing one.
-    """
-    stated, step = elevations_m or {}, reader_limits().flat_step_m
-    unknown = sorted(set(stated) - set(content.layer_of))
-    if unknown:
-        there = ", ".join(one_line(name, 40) for name in dict.fromkeys(content.layer_of)) or "no layers"
-        raise InputError(f"{path}: no layer {', '.join(unknown)} to be at an elevation; there are {there}")
-    layers = content.layer_of or [""] * len(content.shapes)
-    heights = [
-        shapely.get_coordinates(shape, include_z=True)[:, 2] * georeference.metres_per_unit for shape in content.shapes
-    ]
-    of_layer: dict[str, list[np.ndarray]] = defaultdict(list)
-    for z, layer in zip(heights, layers, strict=True):
-        of_layer[layer].append(z[np.isfinite(z)])
-    pooled = {layer: np.concatenate(found) for layer, found in of_layer.items()}
-    sloping = {layer for layer, z in pooled.items() if len(z) and np.ptp(z) > step}
-    found, left_out = [], set()
-    for flat, z, layer in zip(moved, heights, layers, strict=True):
-        if layer in stated:
-            z = np.full(len(z), stated[layer])
-        elif not np.isfinite(z).all() or (stated and layer not in sloping):
-            left_out.add(layer)
-            continue
-        points = np.column_stack([shapely.get_coordinates(flat), z])
-        lines = shapely.get_parts(flat.boundary) if flat.geom_type == "Polygon" else shapely.get_parts(flat)
-        at = np.cumsum([0, *(shapely.get_num_coordinates(line) for line in lines)]).tolist()
-        found += [(points[a:b], layer) for a, b in pairwise(at) if b - a > 1]
-    if not found or np.ptp(np.concatenate([wall[:, 2] for wall, _ in found])) <= step:
-        return [], []
-    _require_elevations(path, np.concatenate([wall for wall, _ in found]))
-    return found, sorted(left_out)
-
-
-def _require_elevations(path: Path, points: np.ndarray) -> None:
-    """Refuse elevations of exactly 0 that are missing values (`stray_zero`)."""
-    points = np.unique(points, axis=0)
-    stray = stray_zero(points)
-    if stray is not None:
-        x, y, _ = points[stray]
-        others = points[points[:, 2] != 0, 2]
-        raise InputError(
-            f"{path}: {(points[:, 2] == 0).sum()} points of walls have elevation 0, the first at ({x:.1f}, {y:.1f}), "
-            f"but the others lie from {others.min():g} to {others.max():g} m; are elevations missing?"
-        )
-
-
-def lie_over(walls: list[tuple[Wall, str]]) -> bool:
-    """Return whether a wall lies over another: in a square of a metre, heights differ by more than `flat_step_m`."""
-    points = np.concatenate([_sampled(wall) for wall, _ in walls])
-    _, cell = np.unique(np.floor(points[:, :2]), axis=0, return_inverse=True)
-    low, high = np.full(cell.max() + 1, np.inf), np.full(cell.max() + 1, -np.inf)
-    np.minimum.at(low, cell.ravel(), points[:, 2])
-    np.maximum.at(high, cell.ravel(), points[:, 2])
-    return bool((high - low > reader_limits().flat_step_m).any())
-
-
-def _sampled(wall: Wall) -> np.ndarray:
-    """Return points (k, 3) m along a wall, no more than half a metre apart."""
-    return np.asarray(shapely.get_coordinates(shapely.segmentize(LineString(wall), _STEP_M), include_z=True))
-
-
-def split_plumb(walls: list[tuple[Wall, str]]) -> tuple[list[tuple[Wall, str]], list[Wall]]:
-    """Return the walls of layers, and apart from them the lines that are plumb: shafts, their upper end first."""
-    rest = []
-    plumb: dict[tuple[float, ...], Wall] = {}  # drawings often hold a line twice
-    for wall, layer in walls:
-        if np.ptp(wall[:, :2], axis=0).max() <= _PLUMB_M:
-            ends = wall[[wall[:, 2].argmax(), wall[:, 2].argmin()]]
-            plumb.setdefault(tuple(ends.round(1).ravel().tolist()), ends)
-        else:
-            rest.append((wall, layer))
-    return rest, list(plumb.values())
 
 
 def areas_of(path: Path, walls: list[tuple[Wall, str]], snap_m: float) -> list[Area]:
@@ -185,7 +89,7 @@ def areas_of(path: Path, walls: list[tuple[Wall, str]], snap_m: float) -> list[A
     for wall, layer in _once(walls):
         around = np.linalg.norm(np.diff(wall, axis=0), axis=1).sum()
         apart = np.linalg.norm(wall[0] - wall[-1])
-        is_closed = len(wall) > 2 and apart <= max(min(snap_m, _CLOSED * around), _TOUCH_M)
+        is_closed = len(wall) > 2 and apart <= max(min(snap_m, _CLOSED * around), _EQUAL_M)
         (rings if is_closed else strings).append((wall, layer))
     rings = [(wall, layer) for wall, layer in rings if _has_area(wall)]
     areas = [area for cluster in _clusters(strings) for area in _enclosed(path, cluster, snap_m)]
@@ -221,7 +125,7 @@ def _ring(path: Path, wall: Wall, layer: str) -> Area:
 
 def _touches_over(walls: list[Wall]) -> bool:
     """Return whether walls touch in plan at different heights, as the ends of a ramp of a whole turn do."""
-    points = np.concatenate([_sampled(wall) for wall in walls])
+    points = np.concatenate([sampled(wall) for wall in walls])
     one, two = cKDTree(points[:, :2]).query_pairs(_SAME_M, output_type="ndarray").T
     return bool((abs(points[one, 2] - points[two, 2]) > reader_limits().flat_step_m).any())
 
@@ -263,7 +167,7 @@ def _at_its_height(area: Area, rings: dict[int, Wall]) -> list[int]:
     """
     step, walls, found, rest = reader_limits().flat_step_m, [*area.walls], list[int](), dict(rings)
     while rest:
-        known = np.concatenate([_sampled(wall) for wall in walls])
+        known = np.concatenate([sampled(wall) for wall in walls])
         apart = dict.fromkeys(rest, np.inf)
         for model in (NearestNDInterpolator, LinearNDInterpolator):
             height_at = model(known[:, :2], known[:, 2])
@@ -341,7 +245,7 @@ def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> lis
 def _mouths(walls: list[Wall], snap_m: float) -> list[Wall]:
     """Return lines that join the open ends of walls two by two, the nearest first: the ends of drifts."""
     ends = np.array([wall[k] for wall in walls for k in (0, -1)])
-    free = ends[cKDTree(ends).query(ends, k=2)[0][:, 1] > max(snap_m, _TOUCH_M)]
+    free = ends[cKDTree(ends).query(ends, k=2)[0][:, 1] > max(snap_m, _EQUAL_M)]
     if len(free) < 2:
         return []
     apart, other = cKDTree(free).query(free, k=min(len(free), _NEIGHBOURS))

@@ -11,7 +11,8 @@ from shapely import Polygon
 
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.child import tell
-from pipeline.survey.level_areas import Area, Wall, nearest_heights
+from pipeline.survey.level_areas import Area, nearest_heights
+from pipeline.survey.level_walls import Wall
 from pipeline.survey.shafts import FLOORS_APART_M
 from pipeline.types import Shaft
 

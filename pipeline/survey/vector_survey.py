@@ -29,8 +29,9 @@ from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
 from pipeline.survey.geodata import companions
 from pipeline.survey.geojson import read_geojson
 from pipeline.survey.legs import SurveyLeg, build_workings, check_network
-from pipeline.survey.level_areas import areas_of, lie_over, split_plumb, walls_in_space
+from pipeline.survey.level_areas import areas_of
 from pipeline.survey.level_sheets import draw_levels
+from pipeline.survey.level_walls import lie_over, split_plumb, walls_in_space
 from pipeline.survey.shapes import REACH_M, Shapes, locate, require_simple, workings_of
 from pipeline.survey.sheets import draw_sheets, has_relief
 from pipeline.survey.solved.plan_view import plan_legs
