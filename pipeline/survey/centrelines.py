@@ -19,7 +19,7 @@ from pipeline.survey.child import tell
 from pipeline.survey.plain_file import require_at_most
 from pipeline.survey.shapes import REACH_M, Shapes, locate
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
-from pipeline.survey.stray_heights import stray_zero
+from pipeline.survey.stray_heights import require_elevations
 from pipeline.types import Georeference
 
 _NEAR_M = 3.0  # an end so near to another line, and not joined, is told
@@ -53,7 +53,7 @@ def read_centrelines(
         message names the place.
     """
     lines, georeference = _lines(path, content, unit, origin)
-    _require_elevations(path, lines)
+    require_elevations(path, np.concatenate(lines), "lines")
     lines = _joined(path, _crossed(path, lines), snap_m)
     require_at_most(path, sum(map(len, lines)), "stations", "points of lines")
     places = np.concatenate(lines)
@@ -90,20 +90,6 @@ def _lines(
     if not far <= REACH_M:
         raise InputError(f"{path}: an elevation of {far:g} m, at most {REACH_M:g} m")
     return lines, georeference
-
-
-def _require_elevations(path: Path, lines: list[Line]) -> None:
-    """Refuse elevations of exactly 0 that are missing values (`stray_zero`)."""
-    places = np.unique(np.concatenate(lines), axis=0)
-    stray = stray_zero(places)
-    if stray is not None:
-        x, y, _ = places[stray]
-        zero = places[:, 2] == 0
-        others = places[~zero, 2]
-        raise InputError(
-            f"{path}: {zero.sum()} points of lines have elevation 0, the first at ({x:.1f}, {y:.1f}), but the others "
-            f"lie from {others.min():g} to {others.max():g} m; are elevations missing?"
-        )
 
 
 def _crossed(path: Path, lines: list[Line]) -> list[Line]:

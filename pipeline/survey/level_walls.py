@@ -15,7 +15,7 @@ from pipeline.errors import InputError
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.child import one_line
 from pipeline.survey.shapes import Shapes
-from pipeline.survey.stray_heights import stray_zero
+from pipeline.survey.stray_heights import require_elevations
 from pipeline.types import Georeference
 
 _PLUMB_M = 0.05  # a line no longer than this in plan is a shaft
@@ -75,21 +75,8 @@ def walls_in_space(
         found += [(points[a:b], layer) for a, b in pairwise(at) if b - a > 1]
     if not found or np.ptp(np.concatenate([wall[:, 2] for wall, _ in found])) <= step:
         return [], []
-    _require_elevations(path, np.concatenate([wall for wall, _ in found]))
+    require_elevations(path, np.concatenate([wall for wall, _ in found]), "walls")
     return found, sorted(left_out)
-
-
-def _require_elevations(path: Path, points: np.ndarray) -> None:
-    """Refuse elevations of exactly 0 that are missing values (`stray_zero`)."""
-    points = np.unique(points, axis=0)
-    stray = stray_zero(points)
-    if stray is not None:
-        x, y, _ = points[stray]
-        others = points[points[:, 2] != 0, 2]
-        raise InputError(
-            f"{path}: {(points[:, 2] == 0).sum()} points of walls have elevation 0, the first at ({x:.1f}, {y:.1f}), "
-            f"but the others lie from {others.min():g} to {others.max():g} m; are elevations missing?"
-        )
 
 
 def lie_over(walls: list[tuple[Wall, str]]) -> bool:

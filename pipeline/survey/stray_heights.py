@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+
+from pipeline.errors import InputError
 
 STRAY_M = 20.0  # an elevation of exactly 0 is a missing value if all others are further from 0 than this
 _FEW = 0.1  # of the stations; a level at the height 0 has more
@@ -27,3 +31,24 @@ def stray_zero(places_m: np.ndarray) -> int | None:
     _, number, count = np.unique(places_m[:, :2], axis=0, return_inverse=True, return_counts=True)
     alone = zeros[count[number.reshape(-1)[zeros]] == 1]
     return int(alone[0]) if len(alone) else None
+
+
+def require_elevations(path: Path, points_m: np.ndarray, of: str) -> None:
+    """Refuse points (n, 3) m of walls or lines if an elevation of 0 is a missing value.
+
+    Raises
+    ------
+    InputError
+        With the first such point, and the heights of the others.
+    """
+    places = np.unique(points_m, axis=0)
+    stray = stray_zero(places)
+    if stray is None:
+        return
+    x, y, _ = places[stray]
+    zero = places[:, 2] == 0
+    others = places[~zero, 2]
+    raise InputError(
+        f"{path}: {zero.sum()} points of {of} have elevation 0, the first at ({x:.1f}, {y:.1f}), but the others lie "
+        f"from {others.min():g} to {others.max():g} m; are elevations missing?"
+    )

@@ -151,6 +151,8 @@ def _read_levels(
             f"{path}: walls lie over each other, and enclose no levels of their own; close the walls of each level, or "
             "put each level and each ramp on a layer of its own"
         )
+    if drawn is not None and params.seeds_m:
+        raise InputError(f"{path}: survey.seeds_m is not read with levels over each other; --layer chooses walls")
     if left_out:
         names = ", ".join(one_line(layer, 40) or "no name" for layer in left_out[:_MOST_LAYERS])
         done = "are read in plan with the others; --elevation states one" if drawn is None else "are left out"

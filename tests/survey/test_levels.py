@@ -310,6 +310,11 @@ def test_defects_are_refused_with_their_place(tmp_path, layers, message):
         drawn(write(tmp_path / "mine.dxf", layers))
 
 
+def test_seeds_are_refused_with_levels(tmp_path):
+    with pytest.raises(InputError, match=r"survey\.seeds_m is not read with levels over each other"):
+        drawn(write(tmp_path / "mine.dxf", MINE), seeds_m=[(5.0, 2.5)])
+
+
 @pytest.mark.parametrize(
     ("top", "bottom", "reason"),
     [(5.0, -DROP_M, "405.0 to 388.0 m, whose top is on no floor"), (0.0, -8.0, "400.0 to 392.0 m, which ends blind")],
