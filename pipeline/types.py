@@ -13,6 +13,8 @@ NO_PICTURE = np.zeros((1, 1, 3), np.uint8)  # in place of a picture of what a wo
 Mask = Bool[np.ndarray, "rows cols"]
 Points2 = Float64[np.ndarray, "n 2"]
 Points3 = Float64[np.ndarray, "n 3"]
+Place = tuple[float, float, float]  # m
+Piece = str | Place  # of a survey: the name of a station in it, or a place
 
 
 @dataclass(frozen=True)
