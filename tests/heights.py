@@ -125,7 +125,7 @@ class MineWithHeights:
         self.bundle = folder / "world"
         with nullcontext() if report else unreported():
             rock, _ = finish_world(config, self.survey, traced, self.bundle)
-        self.openings = traced["openings"].shafts
+        self.openings = rock["openings"].shafts
         self.floor, self.parts = rock["floor"], rock["collision"]
 
     def stations(self) -> np.ndarray:

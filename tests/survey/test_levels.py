@@ -318,13 +318,21 @@ def test_seeds_are_refused_with_levels(tmp_path):
 
 @pytest.mark.parametrize(
     ("top", "bottom", "reason"),
-    [(5.0, -DROP_M, "405.0 to 388.0 m, whose top is on no floor"), (0.0, -8.0, "400.0 to 392.0 m, which ends blind")],
+    [(30.0, 10.0, "430.0 to 410.0 m, whose ends are on no floor"), (0.0, -8.0, "400.0 to 392.0 m, which ends blind")],
 )
 def test_a_shaft_that_begins_or_ends_nowhere_is_left_out_and_told(tmp_path, capsys, top, bottom, reason):
     shaft = [(20, 2.5, top), (20, 2.5, bottom)]
     _, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "shafts": [shaft]}))
     assert not heights.shafts
     assert f"1 shafts are left out, the first at (20.0, 2.5) from {reason}" in capsys.readouterr().err
+
+
+def test_a_plumb_line_up_from_the_highest_floor_that_it_meets_is_a_raise(tmp_path):
+    shaft = [(20, 2.5, 30.0), (20, 2.5, -DROP_M)]
+    _, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "shafts": [shaft]}))
+    down, up = heights.shafts
+    assert (down.top_m, down.bottom_m, up.top_m, up.bottom_m) == (DROP_M, 0, DROP_M + 30, DROP_M)
+    assert (up.sheet, up.below, up.place_m) == (None, down.sheet, down.place_m)
 
 
 def test_workings_on_a_slope_that_lie_nowhere_over_each_other_stay_one_plan(tmp_path):
