@@ -117,9 +117,12 @@ class _Plan:
 
     def _meet(self, one: Opening, two: Opening) -> bool:
         """Return whether two shafts have less than half a metre of rock between them at one height."""
-        sections = [Polygon(o.outline_m - self._offset_m[o.plan_sheet]) for o in (one, two)]
-        is_beside = sections[0].distance(sections[1]) < 2 * SLAB_M + _BETWEEN_M
-        return is_beside and min(one.top_m, two.top_m) > max(one.bottom_m, two.bottom_m)
+        if min(one.top_m, two.top_m) <= max(one.bottom_m, two.bottom_m):
+            return False
+        sections = [np.array(o.outline_m) - self._offset_m[o.plan_sheet] for o in (one, two)]
+        if np.abs(sections[0][0] - sections[1][0]).max() > _AROUND_M + _WIDEST_M:
+            return False
+        return bool(Polygon(sections[0]).distance(Polygon(sections[1])) < 2 * SLAB_M + _BETWEEN_M)
 
 
 def raises_over_roofs(openings: Openings, floor: Floor, height_m: float) -> tuple[Openings, list[str]]:
