@@ -95,7 +95,7 @@ def case_figures(root: Path, source: Path, half_width_m: float | None = None) ->
     """Return the figures of a world's folder, which holds the artifacts of all stages, and its survey's file."""
     survey, openings = (
         decode(root / "survey/survey.json", Survey),
-        decode(root / "contours/openings.json", Openings),
+        decode(root / "compile3d/openings.json", Openings),
     )
     floor = filled_floor(decode(root / "compile3d/floor.npz", Floor), openings)  # a shaft's station is over its opening
     network: DriftNetwork = decode(root / "contours/topology.json", DriftNetwork)

@@ -61,6 +61,9 @@ LEVELS: Named = {
     "10,000 shafts in one place": lambda: _walls(
         _square(0, 0, 0), _square(0, 0, 12), *([[2, 2, 12], [2, 2, 0]] for _ in range(9999))
     ),
+    "10,000 raises in one place": lambda: _walls(
+        _square(0, 0, 0), _square(0, 0, 12), *([[2, 2, 60], [2, 2, 12]] for _ in range(9999))
+    ),
     "rings that touch at corners": lambda: _walls(*(_square(5 * k, 5 * k, 12 * (k % 2)) for k in range(99))),
     **absurd_numbers("mine.geojson", _stacked),
 }

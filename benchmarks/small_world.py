@@ -58,8 +58,9 @@ def finish_world(
     dict, dict
         What stages 3 and 4 returned.
     """
-    free_space, network, openings = (traced[name] for name in ("free_space", "topology", "openings"))
-    rock = compile_rock(config.compile3d, free_space, network, survey, openings)
+    free_space, network = traced["free_space"], traced["topology"]
+    rock = compile_rock(config.compile3d, free_space, network, survey, traced["openings"])
+    openings = rock["openings"]
     surface = model_surface(config.surface, free_space, network, rock["extent"], rock["floor"], openings)
     world = assemble_world(
         config.realism,

@@ -67,7 +67,9 @@ def floor_meshes(world: World) -> Meshes:
     floor, openings = world.floor, world.record.get("openings", [])
     meshes: Meshes = {}
     if has_visible_rock(world.record):  # its foot stands behind the wall: there the floor goes on
-        meshes["beside"] = floor_beside(floor.filled(np.array(o["outline_m"]) for o in openings))
+        meshes["beside"] = floor_beside(
+            floor.filled(np.array(o["outline_m"]) for o in openings if o["sheet"] is not None)
+        )
     surfaces = {"floor": floor}
     if not has_visible_rock(world.record):
         surfaces["roof"] = floor.raised(world.record["height_m"])

@@ -23,7 +23,7 @@ class OpenShafts:
 
     def __init__(self, record: Mapping[str, Any], floor: Floor) -> None:
         """Take the openings of a world's record."""
-        openings = [] if record.get("fenced", True) else record["openings"]
+        openings = [] if record.get("fenced", True) else [o for o in record["openings"] if o["sheet"] is not None]
         sheet = np.array([opening["sheet"] for opening in openings], dtype=int)
         self.outlines_m = np.array([opening["outline_m"] for opening in openings]).reshape(
             len(openings), COLLAR_CORNERS, 2

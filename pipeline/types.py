@@ -13,6 +13,8 @@ NO_PICTURE = np.zeros((1, 1, 3), np.uint8)  # in place of a picture of what a wo
 Mask = Bool[np.ndarray, "rows cols"]
 Points2 = Float64[np.ndarray, "n 2"]
 Points3 = Float64[np.ndarray, "n 3"]
+Place = tuple[float, float, float]  # m
+Piece = str | Place  # of a survey: the name of a station in it, or a place
 
 
 @dataclass(frozen=True)
@@ -107,13 +109,16 @@ class Shaft:
     `place_m` is the upper station in the plan of `sheet`, `heading_rad` the drift's heading there, and `side_m` the
     surveyed width, None if there is none. `top_m` and `bottom_m` are the floor's heights at its ends. `below` is the
     sheet of the lower station, None at a blind end.
+
+    A raise leads up from a station of a drift to a blind end or to the surface: its `sheet` is None. `place_m`,
+    heading and width are those of the lower station, in the plan of `below`.
     """
 
     stations: tuple[str, str]
     place_m: tuple[float, float]
     heading_rad: float
     side_m: float | None
-    sheet: int
+    sheet: int | None
     below: int | None
     top_m: float
     bottom_m: float
@@ -125,13 +130,23 @@ class Opening:
 
     The corners are counter-clockwise and the outline is convex. `top_m` and `bottom_m` are the heights of the floor at
     its ends. It ends in the roof of the sheet `below`, or at a floor of its own at `bottom_m` if that is None.
+
+    A raise has no collar in a floor: its `sheet` is None, and its corners are in the plan of `below`. It is an opening
+    in the roof there, and a cap closes it at `top_m`.
     """
 
     outline_m: tuple[tuple[float, float], ...]
-    sheet: int
+    sheet: int | None
     below: int | None
     top_m: float
     bottom_m: float
+
+    @property
+    def plan_sheet(self) -> int:
+        """Return the sheet in whose plan the corners are."""
+        sheet = self.below if self.sheet is None else self.sheet
+        assert sheet is not None
+        return sheet
 
 
 @dataclass(frozen=True)
@@ -139,6 +154,11 @@ class Openings:
     """The openings of a mine with heights."""
 
     shafts: list[Opening] = field(default_factory=list)
+
+    @property
+    def collars(self) -> list[Opening]:
+        """Return the openings in floors: all but raises."""
+        return [opening for opening in self.shafts if opening.sheet is not None]
 
 
 NO_OPENINGS = Openings()

@@ -18,7 +18,7 @@ from pipeline.geometry.floor_parts import cell_columns, cell_offsets, sheet_wall
 from pipeline.geometry.network_heights import floor_lines
 from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.octree import build_octree, to_bt
-from pipeline.geometry.openings import cut_floor, without_openings
+from pipeline.geometry.openings import cut_floor, raises_over_roofs, without_openings
 from pipeline.geometry.partition import Box, rock_around, tiled_rock, world_box
 from pipeline.geometry.shaft_parts import shaft_parts
 from pipeline.geometry.sheet_rock import require_pillars
@@ -45,12 +45,18 @@ def compile_rock(
     survey: Survey,
     openings: Openings = NO_OPENINGS,
 ) -> dict[str, Any]:
-    """Return collision parts, occupancy (grid, octree and Nav2 map), extent, and the spawn region."""
+    """Return collision parts, occupancy (grid, octree and Nav2 map), extent, the spawn region, and the openings.
+
+    Raises that do not reach over the roof are left out, and it is printed where.
+    """
     free = free_space.polygon
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
     cell = params.grid_cell_m
     entrance = survey.entrance_m or topology.main_drift_m[0]
     whole = model_floor(params, without_openings(free, openings), topology, survey, entrance)
+    openings, left_out = raises_over_roofs(openings, whole, params.height_m)
+    for line in left_out:
+        print(f"compile3d: {line}", file=sys.stderr)
     floor = cut_floor(whole, openings)
     grid = occupancy_grid(free, cell, world, sheet_walls(floor))
     pixels, yaml = nav2_map(grid)
@@ -61,6 +67,7 @@ def compile_rock(
             wall_parts(free, floor, params.height_m, openings) + shaft_parts(openings, floor, params.height_m)
         ),
         "floor": floor,
+        "openings": openings,
         "extent": SolidExtent(params.height_m, world),
         "occupancy": grid,
         "octree": to_bt(
@@ -117,6 +124,7 @@ STAGE = Stage(
     writes={
         "collision": Artifact("compile3d/collision.npz", ConvexParts),
         "floor": Artifact("compile3d/floor.npz", Floor),
+        "openings": Artifact("compile3d/openings.json", Openings),
         "extent": Artifact("compile3d/extent.json", SolidExtent),
         "occupancy": Artifact("compile3d/occupancy.npz", Occupancy),
         "octree": Artifact("compile3d/free_space.bt", bytes),

@@ -65,7 +65,7 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
     else:
         outline, network, tolerance = _simplify(params, traced)
     openings = _find_openings(params, survey, outline)
-    if openings.shafts:  # the network above is that of the drifts: openings are no islands in it
+    if openings.collars:  # the network above is that of the drifts: openings are no islands in it
         outline, traced = cut_openings(outline, openings), cut_openings(traced, openings)
         raw = cleaned = fill_polygon(traced, frame)
     outer = filled(outline)
@@ -99,9 +99,11 @@ def _find_openings(params: ContoursParams, survey: Survey, outline: BaseGeometry
     openings, left_out = fit_openings(outline, survey.heights)
     for line in left_out:
         print(f"contours: {line}", file=sys.stderr)
-    if openings.shafts:
-        deepest = max(shaft.top_m - shaft.bottom_m for shaft in openings.shafts)
-        print(f"contours: {len(openings.shafts)} shafts are openings, the deepest {deepest:.1f} m", file=sys.stderr)
+    raises = [shaft for shaft in openings.shafts if shaft.sheet is None]
+    for found, what, most in ((openings.collars, "shafts", "deepest"), (raises, "raises", "highest")):
+        if found:
+            metres = max(shaft.top_m - shaft.bottom_m for shaft in found)
+            print(f"contours: {len(found)} {what} are openings, the {most} {metres:.1f} m", file=sys.stderr)
     return openings
 
 

@@ -17,7 +17,7 @@ STAGE = Stage(
         "survey": Artifact("survey/survey.json", Survey),
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
         "topology": Artifact("contours/topology.json", DriftNetwork),
-        "openings": Artifact("contours/openings.json", Openings),
+        "openings": Artifact("compile3d/openings.json", Openings),
         "extent": Artifact("compile3d/extent.json", SolidExtent),
         "collision": Artifact("compile3d/collision.npz", ConvexParts),
         "floor": Artifact("compile3d/floor.npz", Floor),

@@ -114,7 +114,7 @@ STAGE = Stage(
         "topology": Artifact("contours/topology.json", DriftNetwork),
         "extent": Artifact("compile3d/extent.json", SolidExtent),
         "floor": Artifact("compile3d/floor.npz", Floor),
-        "openings": Artifact("contours/openings.json", Openings),
+        "openings": Artifact("compile3d/openings.json", Openings),
     },
     writes={
         "smooth": Artifact("surface/smooth.npz", Meshes),

@@ -101,11 +101,17 @@ class MineWithHeights:
     """A station table built by stages 1 to 5 in memory; its bundle is written to `folder / "world"`."""
 
     def __init__(
-        self, legs: dict[str, Leg], config: Config, folder: Path, roofs: Roofs | None = None, report: bool = True
+        self,
+        legs: dict[str, Leg],
+        config: Config,
+        folder: Path,
+        roofs: Roofs | None = None,
+        report: bool = True,
+        half_m: float = 2.2,
     ) -> None:
         """Run the functions of the stages; without `report`, those of stage 4's report (see `unreported`)."""
         path = folder / "stations.csv"
-        path.write_text(table(legs, roofs=roofs))
+        path.write_text(table(legs, half_m, roofs))
         params = PassageSurveyParams(kind="passages", name="heights", file="data/x", heights=None)
         self._build(params.model_copy(update={"file": path.as_posix()}), config, folder, report)
 
@@ -125,7 +131,7 @@ class MineWithHeights:
         self.bundle = folder / "world"
         with nullcontext() if report else unreported():
             rock, _ = finish_world(config, self.survey, traced, self.bundle)
-        self.openings = traced["openings"].shafts
+        self.openings = rock["openings"].shafts
         self.floor, self.parts = rock["floor"], rock["collision"]
 
     def stations(self) -> np.ndarray:

@@ -75,6 +75,35 @@ def test_wheal_pell_becomes_a_world_and_what_is_left_out_is_told(project):
     assert figures.roof_m == (1.5, 1.5)
 
 
+@pytest.mark.parametrize(
+    ("station", "length_m", "raises_m"), [("pell.2023-11-25.17", 49, [26.0, 38.5]), ("pell.2025-06-08.15", 211, [24.1])]
+)
+def test_a_chosen_piece_of_wheal_pell_is_built_with_its_raises(station, length_m, raises_m, project):
+    name = f"pell-{length_m}"
+    source = ("--from", "data/wheal_pell/pell.3d", "--piece", station)
+    done = project.run(sys.executable, "-m", "pipeline", "new", name, *source, "preset=light")
+    assert done.returncode == 0, done.stderr
+    assert f"kept is the one of {length_m} m about" in done.stderr
+    root = project.folder / "artifacts/worlds" / name
+    assert json.loads((root / "validation/certificate.json").read_text())["holds"]
+    openings = json.loads((root / "realism/world/world.json").read_text())["openings"]
+    assert [opening["sheet"] for opening in openings] == [None] * len(raises_m)
+    assert [opening["top_m"] - opening["bottom_m"] for opening in openings] == pytest.approx(raises_m, abs=0.1)
+
+
+def test_a_station_that_no_survey_has_is_refused_and_leaves_nothing(project):
+    source = ("--from", "data/wheal_pell/pell.3d", "--piece", "pell.2023-11-25.99")
+    done = project.run(sys.executable, "-m", "pipeline", "new", "pell-none", *source)
+    assert done.returncode == 2
+    last = done.stderr.splitlines()[-1]
+    assert (
+        "pell.3d: survey.piece = 'pell.2023-11-25.99': no station has this name; names like it are pell.2023-11-25.9"
+        in last
+    )
+    assert not (project.folder / "artifacts/worlds/pell-none").exists()
+    assert not (project.folder / "conf/survey/pell-none.yaml").exists()
+
+
 def test_sakany_becomes_a_world_with_the_loops_of_its_drivable_part(project):
     told, figures = built(project, "sakany", "data/sakany/Sakany_nodes.dat", 1.0)
     assert "2 shots, 10 m, lie less than 4 m over or under others that they do not meet" in told

@@ -204,7 +204,8 @@ def rock_box(record: Mapping[str, Any], floor: Floor) -> tuple[np.ndarray, np.nd
         high[:2] -= floor.offset_m.min(axis=0)
         lowest = min((opening["bottom_m"] for opening in record.get("openings", [])), default=np.inf)
         low[2] = min(lowest, record["heights"]["low_m"])
-        high[2] = record["heights"]["high_m"] + max((record["height_m"], *record["heights"].get("roof_m", ())))
+        roof = record["heights"]["high_m"] + max((record["height_m"], *record["heights"].get("roof_m", ())))
+        high[2] = max([roof, *(o["top_m"] for o in record.get("openings", []) if o["sheet"] is None)])
     return low, high
 
 

@@ -217,7 +217,9 @@ def _check_of_openings(found: set[str], record: Mapping[str, Any]) -> None:
     """Check that each opening of a world with visible rock has its lining, and a fence if it is fenced."""
     count = len(record.get("openings", [])) if has_visible_rock(record) else 0
     kinds = OPENING_FITTINGS if record.get("fenced") else [kind for kind in OPENING_FITTINGS if kind != "fence"]
-    wanted = {opening_mesh(kind, number) for kind in kinds for number in range(count)}
+    collared = [number for number in range(count) if record["openings"][number]["sheet"] is not None]
+    numbers = {"shaft": range(count), "fence": collared}
+    wanted = {opening_mesh(kind, number) for kind in kinds for number in numbers[kind]}
     if found != wanted:
         raise BundleError(f"{MODEL}: {FITTINGS_BODY}: {min(found ^ wanted)!r}: missing, or no opening has it")
 

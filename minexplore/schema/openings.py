@@ -1,4 +1,7 @@
-"""The table of a world's openings: shafts from a floor with heights down to a lower one, or to a blind end."""
+"""The table of a world's openings: shafts from a floor with heights down to a lower one, or to a blind end, and raises.
+
+A raise has no upper sheet: it leads from the roof of the lower one up to a cap.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ _SLACK_M = 0.01
 
 OPENING: dict[str, Rule] = {
     "outline_m": list_of(list_of(number(-REACH_M, REACH_M), 2), COLLAR_CORNERS),
-    "sheet": whole(0, _MOST_SHEETS - 1),
+    "sheet": one_of(whole(0, _MOST_SHEETS - 1), same_json(None)),
     "below": one_of(whole(0, _MOST_SHEETS - 1), same_json(None)),
     "top_m": number(-REACH_M, REACH_M),
     "bottom_m": number(-REACH_M, REACH_M),
@@ -39,9 +42,13 @@ def check_opening_meshes(files: Mapping[str, bytes], record: Mapping[str, Any], 
         Naming the file, how far it is outside, or its heights and the limits.
     """
     for at, opening in enumerate(record.get("openings", [])):
-        outline = np.array(opening["outline_m"])
-        corners = [int(np.abs(floor.vertices[:, :2] - corner).max(axis=1).argmin()) for corner in outline]
-        collar_m, section = floor.vertices[corners, 2], outline - floor.offset_m[opening["sheet"]]
+        outline, sheet = np.array(opening["outline_m"]), opening["sheet"]
+        section = outline - floor.offset_m[opening["below"] if sheet is None else sheet]
+        if sheet is None:
+            collar_m = np.full(len(outline), opening["top_m"])
+        else:
+            corners = [int(np.abs(floor.vertices[:, :2] - corner).max(axis=1).argmin()) for corner in outline]
+            collar_m = floor.vertices[corners, 2]
         along = np.roll(section, -1, axis=0) - section
         out = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
         above = 0.0 if opening["below"] is None else _OVER_ROBOTS_M
@@ -65,7 +72,7 @@ def check_opening_meshes(files: Mapping[str, bytes], record: Mapping[str, Any], 
 
 
 def check_openings(record: Mapping[str, Any], floor: Floor) -> None:
-    """Compare the openings of a record with the floor's mesh: each is a convex hole in it, and leads down.
+    """Compare the openings of a record with the floor's mesh: each is a convex hole in it or in the roof over it.
 
     Raises
     ------
@@ -76,14 +83,28 @@ def check_openings(record: Mapping[str, Any], floor: Floor) -> None:
     corners = np.array([floor.vertices[a, :2] for _, (a, _) in edges])
     for at, opening in enumerate(record.get("openings", [])):
         where, outline = f"{RECORD}: openings[{at}]", np.array(opening["outline_m"])
-        if max(opening["sheet"], opening["below"] or 0) >= len(floor.offset_m) or opening["sheet"] == opening["below"]:
-            raise BundleError(f"{where}: from sheet {opening['sheet']} to {opening['below']}, {FLOOR} has others")
+        sheet, below = opening["sheet"], opening["below"]
+        if max(sheet or 0, below or 0) >= len(floor.offset_m) or sheet == below:
+            raise BundleError(f"{where}: from sheet {sheet} to {below}, {FLOOR} has others")
         if not opening["bottom_m"] < opening["top_m"]:
             raise BundleError(f"{where}.bottom_m = {opening['bottom_m']}: want less than top_m = {opening['top_m']}")
         along = np.roll(outline, -1, axis=0) - outline
         ahead = np.roll(along, -1, axis=0)
         if (along[:, 0] * ahead[:, 1] - along[:, 1] * ahead[:, 0]).min() < _LEAST_M2:
             raise BundleError(f"{where}.outline_m = {opening['outline_m']}: want a convex, counter-clockwise outline")
+        if sheet is None:
+            _check_raise(where, opening, floor, record["height_m"])
+            continue
         apart = np.abs(outline[:, None] - corners[None]).max(axis=2).min(axis=1)
-        if apart.max() > _CORNER_M or (floor.sheets_at(outline) != opening["sheet"]).any():
-            raise BundleError(f"{where}.outline_m: a corner that is not on the boundary of sheet {opening['sheet']}")
+        if apart.max() > _CORNER_M or (floor.sheets_at(outline) != sheet).any():
+            raise BundleError(f"{where}.outline_m: a corner that is not on the boundary of sheet {sheet}")
+
+
+def _check_raise(where: str, opening: Mapping[str, Any], floor: Floor, height_m: float) -> None:
+    """Check that a raise lies over its sheet, and ends over the roof."""
+    outline, below = np.array(opening["outline_m"]), opening["below"]
+    if not floor.covers(outline).all() or (floor.sheets_at(outline) != below).any():
+        raise BundleError(f"{where}.outline_m: a corner that is not over sheet {below}")
+    roof_m = float(floor.raised(height_m).heights_at(outline).max())
+    if not opening["top_m"] > roof_m:
+        raise BundleError(f"{where}.top_m = {opening['top_m']}: want more than the roof's {roof_m:.3f} m")

@@ -43,6 +43,14 @@ def elevation(text: str) -> tuple[str, float]:
     return layer, float(value)
 
 
+def piece(text: str) -> str | list[float]:
+    """Return a place of three numbers E,N,Z, or else a station's name."""
+    try:
+        return numbers(3)(text)
+    except (ValueError, argparse.ArgumentTypeError):
+        return text
+
+
 def grade(text: str) -> float | dict[str, float]:
     """Return a rise over run, or one for each leg of LEG=G,LEG=G; a name may have other equals signs."""
     if "=" not in text:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
-from pipeline.commands.arguments import elevation, grade, natural, numbers, positive, whole_numbers
+from pipeline.commands.arguments import elevation, grade, natural, numbers, piece, positive, whole_numbers
 
 DETECTED = "detected.png"
 
@@ -221,6 +221,12 @@ def add_to(commands: Any) -> None:
         metavar="G or LEG=G,...",
         help="rise over run along the drifts, away from the entrance; or of legs of a station table",
     )
+    make.add_argument(
+        "--piece",
+        type=piece,
+        metavar="STATION or E,N,Z",
+        help="which piece of a survey with heights is built, by a station of it; default: the longest",
+    )
     make.add_argument("--entrance", dest="entrance_m", type=numbers(2), help="X,Y in the mine frame, m")
     make.add_argument("overrides", nargs="*", help="for example compile3d.height_m=2.8")
     make.add_argument("--layer", dest="layers", action="append", help="layer of a drawing; repeat for more layers")
@@ -255,6 +261,7 @@ def add_to(commands: Any) -> None:
         "dpi",
         "half_width_m",
         "grade",
+        "piece",
     )
     of_sheets = ("crop_px", "level", "seeds_px", "wall_gap_px", "ignore_colours")
     make.set_defaults(

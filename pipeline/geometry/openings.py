@@ -9,6 +9,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from minexplore.bundle import SLAB_M
 from minexplore.floor import Floor
 from pipeline.geometry.partition import triangulate
 from pipeline.geometry.wall_foot import boundary_rings
@@ -19,6 +20,11 @@ _FROM_WALL_M = 0.1
 _PASSAGE_M = 0.9  # a robot of 0.7 m passes
 _POCKET_M2 = 6.0  # of places for a robot's middle that an opening may cut off, at a dead end
 _FROM_SEAM_M = 2.0
+_BETWEEN_M = 0.5  # of rock between the walls of a raise and another shaft's
+LEAST_RAISE_M = 1.0  # over the roof
+UNEVEN_M = 0.2  # of a roof round a raise, whose walls begin as high as it is at most, within the slab
+_BESIDE_STATION_M = 0.25  # that the wall of a raise may be, where its station stands at the end of a drift
+_SLACK_M = 1e-3  # corners are rounded
 _AROUND_M = 15.0  # of a shaft that are looked at
 _BESIDE_M = 0.05  # faces so near to an opening are cut anew, so that none is a sliver
 _DIGITS = 4
@@ -30,40 +36,141 @@ def fit_openings(outline: BaseGeometry, heights: Heights) -> tuple[Openings, lis
     """Return the openings that fit into the workings, and a line for each shaft that does not.
 
     A collar is a square along its drift, as wide as surveyed if it fits, else 1.5 or 1 m. It fits if rock is all round
-    it, if a robot passes beside it or the drift ends behind it, and if the shaft meets the roof of the drift below.
+    it, if a robot passes beside it or the drift ends behind it, and if the shaft meets the roof of the drift below. A
+    raise is such a square in the roof; it fits if rock is all round it and no other shaft is near. It need not be about
+    the station: where that is at a wall it is moved, as little as possible, to at most 0.25 m beside the station.
 
     Parameters
     ----------
     outline : shapely polygon, one a sheet, m, plan
     heights : Heights
     """
-    parts = shapely.get_parts(outline)
-    seams = [
-        shapely.LineString(np.array(seam.ends_m) + heights.offset_m[k]) for seam in heights.seams for k in seam.sheets
-    ]
+    plan = _Plan(outline, heights)
     built: list[Opening] = []
     left_out = []
     for shaft in heights.shafts:
         sides = dict.fromkeys((*([min(shaft.side_m, _WIDEST_M)] if shaft.side_m else []), *_SIDES_M))
-        part = _cut(parts[shaft.sheet], [o for o in built if o.sheet == shaft.sheet])
-        aside = None
-        if shaft.below is not None:
-            aside = np.array(heights.offset_m[shaft.below]) - heights.offset_m[shaft.sheet]
-        for side in sides:
-            corners = _square(shaft, side)
-            is_over = aside is None or _is_over(parts[shaft.below], Polygon(corners + aside), seams)
-            if is_over and _fits(part, Polygon(corners), seams):
-                ring = tuple((float(x), float(y)) for x, y in corners)
-                built.append(Opening(ring, shaft.sheet, shaft.below, shaft.top_m, shaft.bottom_m))
-                break
+        openings = (plan.opening(shaft, side) for side in sides)
+        opening = next((opening for opening in openings if opening and plan.takes(opening, built)), None)
+        if opening is not None:
+            built.append(opening)
         else:
-            (x, y), (top, bottom) = shaft.place_m, shaft.stations
-            left_out.append(
-                f"the shaft from {top} to {bottom} at ({x:.1f}, {y:.1f}) is left out: {min(sides):g} m wide, it has no "
-                f"{_PASSAGE_M:g} m of drift beside it, is within {_FROM_SEAM_M:g} m of a seam of two sheets, or misses "
-                "the drift below"
-            )
+            left_out.append(_left_out(shaft, min(sides)))
     return Openings(built), left_out
+
+
+def _left_out(shaft: Shaft, side_m: float) -> str:
+    (x, y), (top, bottom) = shaft.place_m, shaft.stations
+    if shaft.sheet is None:
+        return (
+            f"the raise from {bottom} to {top} at ({x:.1f}, {y:.1f}) is left out: {side_m:g} m wide, it does not fit "
+            "into the roof of its drift, or is too near to another shaft"
+        )
+    return (
+        f"the shaft from {top} to {bottom} at ({x:.1f}, {y:.1f}) is left out: {side_m:g} m wide, it has no "
+        f"{_PASSAGE_M:g} m of drift beside it, is within {_FROM_SEAM_M:g} m of a seam of two sheets, or misses "
+        "the drift below"
+    )
+
+
+class _Plan:
+    """The sheets of the workings in plan, and the seams between them."""
+
+    def __init__(self, outline: BaseGeometry, heights: Heights) -> None:
+        self._parts = shapely.get_parts(outline)
+        self._offset_m = np.array(heights.offset_m)
+        self._seams: Seams = [
+            shapely.LineString(np.array(seam.ends_m) + heights.offset_m[k])
+            for seam in heights.seams
+            for k in seam.sheets
+        ]
+
+    def opening(self, shaft: Shaft, side_m: float) -> Opening | None:
+        """Return the opening of a shaft of a width; None for a raise that finds no place near its station."""
+        corners = _square(shaft, side_m)
+        if shaft.sheet is None:
+            assert shaft.below is not None
+            place, inset = np.array(shaft.place_m), _FROM_WALL_M + _SLACK_M
+            near = self._parts[shaft.below].intersection(shapely.Point(place).buffer(_AROUND_M))
+            inner = near.buffer(-inset, join_style="mitre")
+            room: BaseGeometry = Polygon(corners).buffer(_BESIDE_STATION_M, join_style="mitre")
+            for corner in corners:
+                room = room.intersection(shapely.transform(inner, lambda xy, aside=corner - place: xy - aside))
+            if room.is_empty:
+                return None
+            moved = shapely.get_coordinates(shapely.shortest_line(room, shapely.Point(place)))[0]
+            corners = (corners + (moved - place)).round(_DIGITS)
+        ring = tuple((float(x), float(y)) for x, y in corners)
+        return Opening(ring, shaft.sheet, shaft.below, shaft.top_m, shaft.bottom_m)
+
+    def takes(self, opening: Opening, built: list[Opening]) -> bool:
+        """Return whether an opening fits beside those that are built."""
+        collar, sheet, below = polygon_of_opening(opening), opening.sheet, opening.below
+        if below is not None:
+            aside = self._offset_m[below] - self._offset_m[opening.plan_sheet]
+            if not _is_over(self._parts[below], Polygon(np.array(opening.outline_m) + aside), self._seams):
+                return False
+        if sheet is None:
+            return not any(self._meet(opening, other) for other in built)
+        part = _cut(self._parts[sheet], [other for other in built if other.sheet == sheet])
+        return _fits(part, collar, self._seams)
+
+    def _meet(self, one: Opening, two: Opening) -> bool:
+        """Return whether two shafts have less than half a metre of rock between them at one height."""
+        if min(one.top_m, two.top_m) <= max(one.bottom_m, two.bottom_m):
+            return False
+        sections = [np.array(o.outline_m) - self._offset_m[o.plan_sheet] for o in (one, two)]
+        if np.abs(sections[0][0] - sections[1][0]).max() > _AROUND_M + _WIDEST_M:
+            return False
+        return bool(Polygon(sections[0]).distance(Polygon(sections[1])) < 2 * SLAB_M + _BETWEEN_M)
+
+
+def raises_over_roofs(openings: Openings, floor: Floor, height_m: float) -> tuple[Openings, list[str]]:
+    """Return the openings without the raises that end in a roof or just over it, and a line for each of these.
+
+    Parameters
+    ----------
+    openings : Openings
+    floor : Floor
+    height_m : float
+        From the floor to the roof.
+    """
+    kept, left_out = [], []
+    for opening in openings.shafts:
+        if opening.sheet is not None:
+            kept.append(opening)
+            continue
+        roof_m, uneven_m = roof_round(opening, floor, height_m)
+        over_m = opening.top_m - float(roof_m.max()) - uneven_m
+        x, y = np.mean(opening.outline_m, axis=0)
+        where = f"the raise at ({x:.1f}, {y:.1f}) is left out"
+        if uneven_m > UNEVEN_M:
+            left_out.append(f"{where}: the roof there is uneven by {uneven_m:.2f} m, at most {UNEVEN_M:g} m")
+        elif over_m < LEAST_RAISE_M:
+            left_out.append(f"{where}: it ends {over_m:.1f} m over the roof of its drift, want {LEAST_RAISE_M:g} m")
+        else:
+            kept.append(opening)
+    return Openings(kept), left_out
+
+
+def roof_round(opening: Opening, floor: Floor, height_m: float) -> tuple[np.ndarray, float]:
+    """Return the roof's height (k,) m at the corners of a raise, and how much higher it is between them.
+
+    It is linear on each face of the floor's mesh, so that the borders of faces tell.
+    """
+    roof, corners = floor.raised(height_m), np.array(opening.outline_m)
+    heights, uneven_m = roof.heights_at(corners), 0.0
+    triangles = roof.vertices[roof.faces][:, :, :2]
+    near = shapely.intersects(shapely.polygons(triangles), polygon_of_opening(opening))
+    borders = shapely.linearrings(triangles[near & (roof.sheet == opening.plan_sheet)])
+    for k in range(len(corners)):
+        after = (k + 1) % len(corners)
+        along = corners[after] - corners[k]
+        places = shapely.get_coordinates(shapely.intersection(borders, shapely.LineString(corners[[k, after]])))
+        share = (places - corners[k]) @ along / (along @ along)
+        straight = heights[k] + share * (heights[after] - heights[k])
+        uneven_m = max(uneven_m, float((roof.heights_at(places) - straight).max(initial=0.0)))
+    return heights, uneven_m
 
 
 def _square(shaft: Shaft, side_m: float) -> np.ndarray:
@@ -103,9 +210,9 @@ def polygon_of_opening(opening: Opening) -> Polygon:
 
 
 def cut_openings(outline: BaseGeometry, openings: Openings) -> BaseGeometry:
-    """Return the workings with openings as islands; all other corners stay."""
+    """Return the workings with openings in their floor as islands; all other corners stay."""
     parts = [
-        _cut(part, [o for o in openings.shafts if part.contains(polygon_of_opening(o))])
+        _cut(part, [o for o in openings.collars if part.contains(polygon_of_opening(o))])
         for part in shapely.get_parts(outline)
     ]
     return parts[0] if isinstance(outline, Polygon) else MultiPolygon(parts)
@@ -117,9 +224,9 @@ def _cut(part: Polygon, openings: Sequence[Opening]) -> Polygon:
 
 def without_openings(outline: BaseGeometry, openings: Openings) -> BaseGeometry:
     """Return the workings as if openings were floor: the network of drifts is that of these."""
-    if not openings.shafts:
+    if not openings.collars:
         return outline
-    rings = {frozenset(opening.outline_m) for opening in openings.shafts}
+    rings = {frozenset(opening.outline_m) for opening in openings.collars}
     parts = [
         Polygon(part.exterior, [ring for ring in part.interiors if frozenset(ring.coords) not in rings])
         for part in shapely.get_parts(outline)
@@ -129,7 +236,7 @@ def without_openings(outline: BaseGeometry, openings: Openings) -> BaseGeometry:
 
 def filled_floor(floor: Floor, openings: Openings) -> Floor:
     """Return a floor that `cut_floor` made with faces over its openings: visible rock is made over it."""
-    return floor.filled(np.array(opening.outline_m) for opening in openings.shafts)
+    return floor.filled(np.array(opening.outline_m) for opening in openings.collars)
 
 
 def cut_floor(floor: Floor, openings: Openings) -> Floor:
@@ -137,7 +244,7 @@ def cut_floor(floor: Floor, openings: Openings) -> Floor:
 
     The faces about an opening are triangulated anew, with the opening's corners at the height that the floor has there.
     """
-    for opening in openings.shafts:
+    for opening in openings.collars:
         floor = _without_faces(floor, opening)
     return floor
 
@@ -145,7 +252,9 @@ def cut_floor(floor: Floor, openings: Openings) -> Floor:
 def _without_faces(floor: Floor, opening: Opening) -> Floor:
     corners = np.array(opening.outline_m)
     triangles = shapely.polygons(floor.vertices[floor.faces, :2])
-    near = shapely.intersects(triangles, polygon_of_opening(opening).buffer(_BESIDE_M)) & (floor.sheet == opening.sheet)
+    near = shapely.intersects(triangles, polygon_of_opening(opening).buffer(_BESIDE_M)) & (
+        floor.sheet == opening.plan_sheet
+    )
     rings = [floor.vertices[ring, :2] for ring in boundary_rings(Floor(floor.vertices, floor.faces[near]))]
     outer = max(rings, key=lambda ring: Polygon(ring).area)
     region = Polygon(outer, [*(ring for ring in rings if ring is not outer), corners])
@@ -157,6 +266,6 @@ def _without_faces(floor: Floor, opening: Opening) -> Floor:
     made = np.array([number[x, y] for x, y in points.tolist()])[faces]
     every = np.concatenate([floor.faces[~near], made])
     used, renumbered = np.unique(every, return_inverse=True)
-    sheet = np.concatenate([floor.sheet[~near], np.full(len(made), opening.sheet)]).astype(floor.sheet.dtype)
+    sheet = np.concatenate([floor.sheet[~near], np.full(len(made), opening.plan_sheet)]).astype(floor.sheet.dtype)
     stretch = stretch[used] if floor.is_stretched else stretch
     return Floor(vertices[used], renumbered.reshape(-1, 3).astype(np.int32), sheet, floor.offset_m, stretch)

@@ -34,7 +34,7 @@ from minexplore.floor import Floor
 from minexplore.folding import Folding
 from pipeline.errors import ArtifactError
 from pipeline.geometry.openings import filled_floor
-from pipeline.geometry.shaft_parts import sheets_of_parts
+from pipeline.geometry.shaft_parts import OVER_ROOF, sheets_of_parts
 from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.scene import FloorZone, MineScene
 from pipeline.mjcf.world import build_spec
@@ -304,12 +304,14 @@ def read_whole_floor(folder: Path, record: WorldRecord) -> Floor:
 
 
 def model_in_plan(folder: Path, world: World) -> mujoco.MjModel:
-    """Return the compiled model with the sheets side by side, as the plan shows them; of one sheet the model itself."""
-    floor = read_floor(folder, world.record)
-    if len(floor.offset_m) == 1:
+    """Return the compiled model with the sheets side by side, as the plan shows them; of one sheet the model itself.
+
+    Raises, which stand over the roof, are hidden with it.
+    """
+    floor, openings = read_floor(folder, world.record), Openings(world.record.openings)
+    if len(floor.offset_m) == 1 and openings.collars == openings.shafts:
         return world.model
-    spec = mujoco.MjSpec.from_file(str(folder / MODEL))
-    openings, parts = Openings(world.record.openings), world.record.collision_parts
+    spec, parts = mujoco.MjSpec.from_file(str(folder / MODEL)), world.record.collision_parts
     sheets = sheets_of_parts(openings, world.record.fenced)
     own = {rock_geom(parts - len(sheets) + k): sheet for k, sheet in enumerate(sheets)}  # of shafts and fences
     for group, about_m in ((GeomGroup.FLOOR, 0.0), (GeomGroup.COLLISION, world.record.height_m / 2)):
@@ -317,6 +319,9 @@ def model_in_plan(folder: Path, world: World) -> mujoco.MjModel:
         places = np.array([geom.pos for geom in geoms]).reshape(-1, 3)
         for geom, place in zip(geoms, floor.unfold(places, about_m), strict=True):
             sheet = own.get(geom.name)
+            if sheet == OVER_ROOF:
+                geom.group = GeomGroup.ROOF
+                continue
             geom.pos = [*(place[:2] if sheet is None else geom.pos[:2] + floor.offset_m[sheet]), geom.pos[2]]
     return spec.compile()
 

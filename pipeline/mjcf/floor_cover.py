@@ -92,7 +92,7 @@ def cover_floor(
     height = np.clip(_sunk_under_rock(free, walls, places, height), _LOWEST_M, COVER_M)
     vertices, faces = _simplified(params, np.column_stack([places, height]), _faces(cells))
     faces = _upwards(vertices, faces)
-    for opening in openings.shafts:
+    for opening in openings.collars:
         cut = cut_hole(vertices, faces, np.array(opening.outline_m))
         vertices, faces = cut.points, cut.faces
     return _cut(vertices, faces, zones, params.spacing_m, Folding(floor))

@@ -6,12 +6,21 @@ They lie on the faces of the collision parts, so that beams and cameras meet wha
 from __future__ import annotations
 
 import numpy as np
+import shapely
 
 from minexplore.bundle import TriangleMesh, decode_msh, encode_msh, opening_mesh
 from minexplore.floor import Floor
 from minexplore.folding import Folding
 from pipeline.geometry.raycast import RayCaster
-from pipeline.geometry.shaft_parts import FENCE_HEIGHT_M, FENCE_M, ends_of, moved_out, section_below, section_of
+from pipeline.geometry.shaft_parts import (
+    FENCE_HEIGHT_M,
+    FENCE_M,
+    ends_of,
+    moved_out,
+    section_below,
+    section_of,
+    sections_shown,
+)
 from pipeline.store.codecs import Bundle
 from pipeline.types import Opening, Openings
 
@@ -19,6 +28,7 @@ _STEP_M, _MOST_STEPS = 0.5, 100  # of a lining, downwards: MuJoCo lights vertice
 _ACROSS_M, _INTO_M = 0.1, 0.03  # from place to place at which a lining ends at the rock, and so far below it
 _EYE_M = 1.2  # over the floor below, from where the roof is looked for
 _BESIDE_M = 0.02  # a shaft's section, where the roof is whole
+_WITHIN_M = 0.04  # a hole in the roof, which may be smaller than the section by two centimetres
 _DIGITS = 4
 
 
@@ -41,7 +51,7 @@ def show_openings(openings: Openings, floor: Floor, rough: Bundle, height_m: flo
     found: Bundle = {}
     for number, opening in enumerate(openings.shafts):
         found[opening_mesh("shaft", number)] = encode_msh(_lining(opening, floor, rock, height_m))
-        if fenced:
+        if fenced and opening.sheet is not None:
             found[opening_mesh("fence", number)] = encode_msh(_fence(opening, floor))
     return found
 
@@ -60,8 +70,8 @@ def _rock_under(openings: Openings, floor: Floor, rough: Bundle, height_m: float
 
 
 def _lining(opening: Opening, floor: Floor, rock: RayCaster | None, height_m: float) -> TriangleMesh:
-    """Return the walls of a shaft, seen from inside, and the floor of a blind one."""
-    corners, (tops, ends) = section_of(opening, floor), ends_of(opening, floor, height_m)
+    """Return the walls of a shaft, seen from inside, and the floor or the cap of a blind one."""
+    corners, (tops, ends) = _shown(opening, floor, rock), ends_of(opening, floor, height_m)
     deep = float(np.ptp([*tops, *ends]))
     step = max(_STEP_M, deep / _MOST_STEPS)
     rows = max(2, int(np.ceil(deep / step)) + 1)
@@ -78,7 +88,31 @@ def _lining(opening: Opening, floor: Floor, rock: RayCaster | None, height_m: fl
     if opening.below is None:
         bottom = np.column_stack([corners, ends])
         pieces.append((bottom, np.array([(0, b, b + 1) for b in range(1, len(corners) - 1)])))
+    elif opening.sheet is None:
+        cap = np.column_stack([corners, tops])
+        pieces.append((cap, np.array([(0, b + 1, b) for b in range(1, len(corners) - 1)])))
     return _joined(pieces)
+
+
+def _shown(opening: Opening, floor: Floor, rock: RayCaster | None) -> np.ndarray:
+    """Return the corners (k, 2) m in the mine frame of a shaft's lining: those of the hole in the visible roof.
+
+    Where no hole is seen, they are those of the shaft.
+    """
+    section, sections = section_of(opening, floor), sections_shown(opening, floor)
+    if opening.sheet is not None or rock is None:
+        return section
+    for shown in sections:
+        ring = shapely.LinearRing(moved_out(shown, -_WITHIN_M)).segmentize(_ACROSS_M)
+        if not np.isfinite(_rock_over(rock, shapely.get_coordinates(ring))).any():
+            return np.asarray(shown - sections[0] + section)
+    return section
+
+
+def _rock_over(rock: RayCaster, places_m: np.ndarray) -> np.ndarray:
+    """Return how far (k,) m over an eye at places (k, 2) m of the plan rock is; infinite where there is none."""
+    up = np.broadcast_to([0.0, 0.0, 1.0], (len(places_m), 3))
+    return np.asarray(rock.cast(np.column_stack([places_m, np.full(len(places_m), _EYE_M)]), up))
 
 
 def _roofs_at(
@@ -95,8 +129,7 @@ def _roofs_at(
     middle = section.mean(axis=0)
     plan = places + aside[0]
     beside = plan + _BESIDE_M * (plan - middle) / np.linalg.norm(plan - middle, axis=1, keepdims=True)
-    up = np.broadcast_to([0.0, 0.0, 1.0], (len(plan), 3))
-    above = _EYE_M + rock.cast(np.column_stack([beside, np.full(len(plan), _EYE_M)]), up)
+    above = _EYE_M + _rock_over(rock, beside)
     seen = np.isfinite(above)
     roofs = ends_m.copy()
     if seen.any():

@@ -9,7 +9,7 @@ from pydantic import Field, ValidationError
 
 from pipeline.errors import InputError
 from pipeline.params.base import Params
-from pipeline.params.survey import GRADES_NEED, BoxPx, Elevation, Grade, Grey, Unit
+from pipeline.params.survey import GRADES_NEED, BoxPx, Elevation, Grade, Grey, PieceOption, Unit
 
 _MOST_PX = 1_000_000.0  # of a coordinate in a picture; a side has at most 16,384
 _Px = Annotated[float, Field(ge=-_MOST_PX, le=_MOST_PX)]
@@ -22,8 +22,8 @@ APPLIES = {  # what a file is -> the options that are read with it; entrance and
     "a picture": _PICTURE,
     "a PDF": {*_PICTURE, "page", "dpi"},
     "an occupancy grid": set(),
-    "a vector file": {"unit", "layers", "snap_m", "half_width_m", "elevations_m"},
-    "a station survey": {"half_width_m"},
+    "a vector file": {"unit", "layers", "snap_m", "half_width_m", "elevations_m", "piece"},
+    "a station survey": {"half_width_m", "piece"},
 }
 
 
@@ -42,6 +42,7 @@ class StatedOptions(Params):
     dpi: float | None = Field(None, ge=36, le=1200)
     half_width_m: float | None = Field(None, gt=0, le=20)
     grade: Grade | None = None
+    piece: PieceOption | None = None
     crop_px: BoxPx | None = None
     level: int | None = Field(None, ge=1, le=99)
     seeds_px: list[tuple[_Px, _Px]] | None = Field(None, max_length=1000)

@@ -27,6 +27,16 @@ def _by_name(grades: Any) -> Any:
     return {str(leg): grade for leg, grade in grades.items()} if isinstance(grades, dict) else grades
 
 
+def _name_or_place(value: Any) -> Any:
+    """Return a station's name as text, also where YAML reads a number, and a place as a tuple."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return str(value) if is_number else tuple(value) if isinstance(value, list) else value
+
+
+def _kind_of_piece(value: Any) -> str:
+    return "place" if isinstance(value, tuple) else "station"
+
+
 def _kind_of_grade(value: Any) -> str:
     return "of_legs" if isinstance(value, dict) else "one"
 
@@ -44,6 +54,14 @@ Grade = Annotated[
     Discriminator(_kind_of_grade),
 ]
 """Rise over run, or one for each of some legs by their names."""
+_Metres = Annotated[float, Field(ge=-1e9, le=1e9)]
+PlaceM = tuple[_Metres, _Metres, _Metres]
+PieceOption = Annotated[
+    Annotated[Annotated[str, Field(min_length=1, max_length=1000)], Tag("station")] | Annotated[PlaceM, Tag("place")],
+    Discriminator(_kind_of_piece),
+    BeforeValidator(_name_or_place),
+]
+"""A station by its name, or a place (easting, northing, elevation)."""
 
 
 GRADES_NEED = "a grade for each leg needs a station table (.csv), whose legs have names; state one number"
@@ -187,6 +205,10 @@ class VectorSurveyParams(_DrawnParams):
     elevations_m: dict[str, Elevation] | None = Field(
         default=None, description="of the floors of layers, m; null: as the file states them"
     )
+    piece: PlaceM | None = Field(
+        default=None,
+        description="a place (m, mine frame) in the piece of levels and ramps that is built; null: the largest piece",
+    )
     seeds_m: list[PointM] = Field(
         default_factory=list, description="places inside the workings; none: the workings are what the walls enclose"
     )
@@ -210,6 +232,11 @@ class PassageSurveyParams(_DrawnParams):
         le=50,
         description="passages less than this over or under others that they do not meet are left out; null: none are",
     )
+    piece: PieceOption | None = Field(
+        default=None,
+        description="a station of the drivable piece that is built, by its name or by its place in the coordinates of "
+        "the survey, m; null: the longest piece",
+    )
 
 
 class CentrelineSurveyParams(_DrawnParams):
@@ -223,6 +250,7 @@ class CentrelineSurveyParams(_DrawnParams):
     half_width_m: float = Field(gt=0, le=20)
     snap_m: float = Field(default=0.25, ge=0, le=10, description="an end nearer than this to another line joins it")
     apart_m: float | None = Field(default=None, gt=0, le=50, description="as of passages")
+    piece: PieceOption | None = Field(default=None, description="as of passages; a place is in m, mine frame")
 
 
 class GridSurveyParams(_SurveyParams):

@@ -32,7 +32,7 @@ from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
 from pipeline.proof.floor import enclosure_of_floor
 from pipeline.proof.stress_test import Progress, stress_walls
-from pipeline.types import Frame, FreeSpace
+from pipeline.types import Frame, FreeSpace, Openings
 
 _SLICES_M = (0.05, 0.5, 1.0)  # one more slice is just below the roof
 _LEVEL_M = 1e-3
@@ -177,8 +177,8 @@ def _reach(
 
 
 def _not_compared(record: WorldRecord, most_m: float) -> BaseGeometry:
-    """Return where clearances of plan and world differ: within openings, and near to those without a fence."""
-    holes = [Polygon(opening.outline_m) for opening in record.openings]
+    """Return where clearances of plan and world differ: within openings in the floor, and near to unfenced ones."""
+    holes = [Polygon(opening.outline_m) for opening in Openings(record.openings).collars]
     return shapely.union_all(holes if record.fenced else shapely.buffer(holes, most_m))
 
 

@@ -17,6 +17,7 @@ from pipeline.geometry.extrude import section_footprint
 from pipeline.metrics.containment import STRIP_M, cover_floor
 from pipeline.mjcf.bundle import World, obstacles, placed_parts
 from pipeline.proof.openings import cover_openings, holes_in_roof, open_over_collars_m2
+from pipeline.types import Openings
 
 _ON_FLOOR_M = 0.01
 _ROUND_M = 1e-4  # positions have four decimals
@@ -35,7 +36,7 @@ def enclosure_of_floor(
     """
     T = np.array(world.record.T_world_mine)
     everything = obstacles(world.model, T, world.record.height_m)
-    collars = [Polygon(opening.outline_m).exterior for opening in world.record.openings]
+    collars = [Polygon(opening.outline_m).exterior for opening in Openings(world.record.openings).collars]
     walls = cover_floor(everything, floor, slices_m, shapely.union_all(collars))
     shafts = cover_openings(world, floor, everything, slices_m)
     figures: dict[str, Any] = {name: max(value, vars(shafts)[name]) for name, value in vars(walls).items()}

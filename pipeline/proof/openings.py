@@ -10,10 +10,10 @@ from shapely.geometry.base import BaseGeometry
 from minexplore.bundle import SLAB_M, GeomGroup
 from minexplore.floor import Floor
 from pipeline.geometry.extrude import section_footprint
-from pipeline.geometry.shaft_parts import FENCE_HEIGHT_M, FENCE_M, ends_of, section_below, section_of
+from pipeline.geometry.shaft_parts import FENCE_HEIGHT_M, FENCE_M, ends_of, is_blind, section_below, section_of
 from pipeline.metrics.containment import WallCover, slices_above
 from pipeline.mjcf.bundle import World, placed_parts
-from pipeline.types import Opening
+from pipeline.types import Opening, Openings
 
 _SEAM_M = 0.002
 _NEAR_M = 0.01  # of the first and the last slice from a shaft's ends
@@ -25,28 +25,46 @@ _LEVEL = np.zeros(3)
 def cover_openings(world: World, floor: Floor, parts: list[np.ndarray], slices_m: tuple[float, ...]) -> WallCover:
     """Return the worst of all openings: rock within, rock missing from fence, walls and blind ends, and the widest gap.
 
-    Fences are sliced above the collar, shafts at six depths. The parts are convex, so that what is closed in the
-    slices next to both ends of a wall is closed between them.
+    Fences are sliced above the collar, shafts at six depths, where there must be no roof either. The parts are convex,
+    so that what is closed in the slices next to both ends of a wall is closed between them.
     """
     worst = np.zeros(3)
+    walls = _Bodies(parts)
+    roofs = _Bodies(placed_parts(world.model, GeomGroup.ROOF, np.array(world.record.T_world_mine)))
     for opening in world.record.openings:
         hole = Polygon(section_of(opening, floor))
-        near = [part for part in parts if section_footprint(part).intersects(hole.buffer(SLAB_M + _SEAM_M))]
+        near = walls.near(hole.buffer(SLAB_M + _SEAM_M))
+        over = roofs.near(hole) if opening.below is not None else []
         tops, ends = ends_of(opening, floor, world.record.height_m)
-        if world.record.fenced:
+        fenced = world.record.fenced and opening.sheet is not None
+        if fenced:
             plane, ring = _collar_plane(opening, floor), hole.difference(hole.buffer(-FENCE_M, join_style="mitre"))
             for height in (height for height in slices_m if height < FENCE_HEIGHT_M):
                 worst = np.maximum(worst, _errors(near, plane, height, Polygon(), ring, hole))
         top, end = float(tops.min()), float(ends.max())
-        fence_end = top - SLAB_M - _SEAM_M if world.record.fenced else top
+        fence_end = top - SLAB_M - _SEAM_M if fenced else top
         for depth in np.linspace(end + _NEAR_M, top - _NEAR_M, 6).tolist():
             thick = min(_THICK_M, _SLANT * min(top - depth, depth - end))
             inner = hole.buffer(-FENCE_M - _SEAM_M, join_style="mitre") if depth > fence_end else hole
             ring = hole.buffer(thick, join_style="mitre").difference(hole)
             worst = np.maximum(worst, _errors(near, _LEVEL, depth, inner, ring, hole))
-        if opening.below is None:
-            worst = np.maximum(worst, _errors(near, _LEVEL, end - SLAB_M / 2, Polygon(), hole, hole))
+            worst[0] = max(worst[0], _errors(over, _LEVEL, depth, hole, Polygon(), hole)[0])
+        if is_blind(opening):
+            middle = end - SLAB_M / 2 if opening.below is None else top + SLAB_M / 2
+            worst = np.maximum(worst, _errors(near, _LEVEL, middle, Polygon(), hole, hole))
     return WallCover(*worst.round(6).tolist())
+
+
+class _Bodies:
+    """Convex bodies by their place in plan."""
+
+    def __init__(self, parts: list[np.ndarray]) -> None:
+        self._parts = parts
+        self._tree = shapely.STRtree([section_footprint(part) for part in parts])
+
+    def near(self, area: Polygon) -> list[np.ndarray]:
+        """Return the bodies that reach into an area of the plan."""
+        return [self._parts[k] for k in sorted(self._tree.query(area, predicate="intersects").tolist())]
 
 
 def _errors(
@@ -74,11 +92,12 @@ def holes_in_roof(world: World, floor: Floor) -> BaseGeometry:
 
 def open_over_collars_m2(world: World, floor: Floor) -> float:
     """Return the area of collars, m2, over which no wedge of the roof has its lower face at the roof's height."""
-    if not world.record.openings:
+    collars = Openings(world.record.openings).collars
+    if not collars:
         return 0.0
     wedges, missing = placed_parts(world.model, GeomGroup.ROOF, np.array(world.record.T_world_mine)), 0.0
     roof = floor.raised(world.record.height_m)
-    for opening in world.record.openings:
+    for opening in collars:
         plane, hole = _collar_plane(opening, roof), Polygon(section_of(opening, floor))
         covered = []
         for wedge in wedges:

@@ -232,7 +232,7 @@ def _navigability(validator: Validator) -> dict[str, Any]:
 
 def _topology(validator: Validator) -> dict[str, Any]:
     frame, record = validator.survey.frame, validator.world.record
-    floor, openings = read_floor(validator.bundle, record), record.openings
+    floor, openings = read_floor(validator.bundle, record), Openings(record.openings).collars
     masks = validator.cleaned, validator.world_free
     if openings:  # the network of drifts is that without them
         holes = shapely.polygons([opening.outline_m for opening in openings])

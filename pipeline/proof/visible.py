@@ -22,7 +22,7 @@ from minexplore.stretch import KNEE_M, raise_m
 from pipeline.errors import ArtifactError
 from pipeline.geometry.floor_parts import wall_lines
 from pipeline.geometry.seams import seam_lines
-from pipeline.geometry.shaft_parts import section_below
+from pipeline.geometry.shaft_parts import sections_shown
 from pipeline.mjcf.bundle import WorldRecord, read_whole_floor
 from pipeline.proof.same_surface import NearestFace
 from pipeline.proof.smooth import SmoothSizes, smooth_sizes
@@ -77,7 +77,7 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     _require_tiles(folder, rough)
     seen = np.concatenate([chunk.places_m[chunk.mesh.faces] for chunk in rough.values()]) if rough else smooth
     if rough:
-        holes = [section_below(opening, floor) for opening in record.openings]
+        holes = [section for opening in record.openings for section in sections_shown(opening, floor)]
         _require_closed(folder, list(rough.values()), free, floor, walls, record.height_m, holes)
     for height in HEIGHTS_M:
         if height < record.height_m / 2:
@@ -227,11 +227,11 @@ def _require_closed(
     floor: Floor,
     walls: cKDTree,
     height_m: float,
-    holes: list[np.ndarray | None],
+    holes: list[np.ndarray],
 ) -> None:
     """Check that the chunks together have no flipped and no double face, and end on the floor and round shafts alone.
 
-    `holes` are the sections (k, 2) m of shafts in plan, or None.
+    `holes` are the sections (k, 2) m in plan that holes in the roof may have.
     """
     # Vertices on the border of two chunks are equal to the last bit, also where two sheets meet.
     points = np.concatenate([chunk.mesh.vertices for chunk in chunks]).astype(np.float32) + np.float32(
@@ -271,10 +271,10 @@ def _require_closed(
         )
 
 
-def _round_shafts(rim: np.ndarray, holes: list[np.ndarray | None]) -> np.ndarray:
+def _round_shafts(rim: np.ndarray, holes: list[np.ndarray]) -> np.ndarray:
     """Return whether edges (k, 2, 3) m are of the rim, above robots, of one whole hole where a shaft comes down."""
     around = np.zeros(len(rim), bool)
-    for hole in (Polygon(corners) for corners in holes if corners is not None):
+    for hole in map(Polygon, holes):
         off = shapely.distance(hole.exterior, shapely.points(rim[:, :, :2])).max(axis=1, initial=0.0)
         own = (off < _ON_SHAFT_M) & (rim[:, :, 2].min(axis=1, initial=np.inf) > KNEE_M)
         shown = shapely.union_all(shapely.get_parts(shapely.polygonize(shapely.linestrings(rim[own][:, :, :2]))))

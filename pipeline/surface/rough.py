@@ -203,7 +203,8 @@ def cut_chunks(
     shaded = shade_folded(rough, folded, crease_deg) if normals else _unshaded(mesh)
     along = _along_walls(lattice, texture_m)
     centre = lattice.vertices[mesh.source[mesh.faces]].mean(axis=1)[:, :2]
-    tile = np.floor((centre - lattice.vertices[:, :2].min(axis=0)) / tile_m).astype(int)
+    # A face along a straight wall may have its middle, rounded, a hair beyond the wall.
+    tile = np.maximum(np.floor((centre - lattice.vertices[:, :2].min(axis=0)) / tile_m), 0).astype(int)
     tile += lattice.floor.places_at(centre)  # so that no tile has faces of two sheets
 
     def cut(piece: int) -> dict[str, Mesh]:

@@ -41,6 +41,7 @@ PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pdf")
 _LIKELY_M = 5.5  # usual width of a mechanized drift; that of the published mine at scan 02S
 _BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
 _OF_WALLS = 0.7  # of the length of lines with elevations, that bounds workings; else they are centrelines
+_PIECE = "a station of the drivable piece that is built; null: the longest"
 _APART_M = 4.0  # between floors over each other: compile3d.height_m and 0.5 m of rock
 
 
@@ -138,7 +139,7 @@ def _detect(path: Path, stated: dict[str, Any]) -> Detection:
     half, grades = stated.get("half_width_m"), stated.get("grade")
     grades = grades if isinstance(grades, dict) else None
     read = {"file": path.as_posix(), "half_width_m": half, "apart_m": _APART_M, "grade": grades}
-    params = params.model_copy(update=read)
+    params = params.model_copy(update=read | {"piece": stated.get("piece")})
     workings, place, _, _, heights = draw_vector_survey(params)
     values = {"kind": "passages", "file": path.name, "origin": list(place.origin), "half_width_m": half}
     remarks = {
@@ -146,7 +147,8 @@ def _detect(path: Path, stated: dict[str, Any]) -> Detection:
         "half_width_m": "distance to a wall that nobody measured, m; null: half the median width of the others",
     }
     if heights is not None:
-        values["apart_m"] = _APART_M
+        values |= {"apart_m": _APART_M, "piece": stated.get("piece")}
+        remarks["piece"] = _PIECE
         remarks["apart_m"] = "passages nearer over or under others that they do not meet are left out; null: none"
     if grades is not None:
         values["grade"] = grades
@@ -193,6 +195,7 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
         "origin": list(place.origin),
         "snap_m": stated.get("snap_m") or 0.25,
         "elevations_m": stated.get("elevations_m"),
+        "piece": stated.get("piece"),
         "seeds_m": [],
     }
     remarks = {
@@ -202,6 +205,7 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
         "origin": "of the mine frame, in the file's coordinates",
         "snap_m": "wall ends closer than this are joined",
         "elevations_m": "{layer: elevation of its floor, m}; null: as the file states them",
+        "piece": "a place [x, y, z] in the piece of levels and ramps that is built; null: the largest",
         "seeds_m": "[[x, y], ...] points inside the workings, if the walls enclose other areas too",
     }
     files = [Path(file) for file in vector_files(_vector(path, unit, stated))]
@@ -221,7 +225,8 @@ def _require_walls(path: Path, content: Shapes, walls: float) -> None:
 
 def _detect_centrelines(path: Path, stated: dict[str, Any]) -> Detection:
     """Read the lines of a file as centrelines of drifts of the stated half width."""
-    options = {key: stated[key] for key in ("layers", "unit", "snap_m", "half_width_m") if stated.get(key) is not None}
+    names = ("layers", "unit", "snap_m", "half_width_m", "piece")
+    options = {key: stated[key] for key in names if stated.get(key) is not None}
     params = CentrelineSurveyParams.model_validate(
         {"kind": "centrelines", "name": "detect", "file": "data/x", "apart_m": _APART_M, **options}
     ).model_copy(update={"file": path.as_posix()})
@@ -229,7 +234,7 @@ def _detect_centrelines(path: Path, stated: dict[str, Any]) -> Detection:
     values = {
         "kind": "centrelines",
         "file": path.name,
-        **params.model_dump(include={"layers", "unit", "half_width_m", "snap_m", "apart_m"}),
+        **params.model_dump(include={"layers", "unit", "half_width_m", "snap_m", "apart_m", "piece"}),
         "origin": list(place.origin),
     }
     remarks = {
@@ -237,6 +242,7 @@ def _detect_centrelines(path: Path, stated: dict[str, Any]) -> Detection:
         "half_width_m": "from the line to either wall, m",
         "snap_m": "an end nearer than this to another line joins it",
         "apart_m": "passages nearer over or under others that they do not meet are left out; null: none",
+        "piece": _PIECE,
         "layers": "null: all layers; or a list",
         "unit": f"null: the file's unit ({place.unit}); or m, cm, mm, ft, in",
         "origin": "of the mine frame, in the file's coordinates",
@@ -252,7 +258,7 @@ def _projected(place: Georeference) -> str:
 
 def _vector(path: Path, unit: str | None, stated: dict[str, Any]) -> VectorSurveyParams:
     """Return a survey section for a file in any folder, before it is copied below data/."""
-    options = {key: stated[key] for key in ("layers", "snap_m", "elevations_m") if stated.get(key) is not None}
+    options = {key: stated[key] for key in ("layers", "snap_m", "elevations_m", "piece") if stated.get(key) is not None}
     section = VectorSurveyParams.model_validate(
         {"kind": "vector", "name": "detect", "file": "data/x", "unit": unit, **options}
     )

@@ -1,4 +1,4 @@
-"""Shafts between the levels of a drawing: its plumb lines."""
+"""Shafts between the levels of a drawing, and raises over them: its plumb lines."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.child import tell
 from pipeline.survey.level_areas import Area, nearest_heights
 from pipeline.survey.level_walls import Wall
-from pipeline.survey.shafts import FLOORS_APART_M
+from pipeline.survey.shafts import FLOORS_APART_M, OVER_RAISE_M
 from pipeline.types import Shaft
 
 
@@ -26,6 +26,8 @@ def shafts_of(
     datum: float,
 ) -> list[Shaft]:
     """Return a shaft from each floor that a plumb line meets to the next, or to its blind end; say what is left out.
+
+    Then come the raises: a plumb line that ends above the highest floor that it meets is one from there.
 
     Parameters
     ----------
@@ -41,9 +43,11 @@ def shafts_of(
     datum : float
         Of the heights, m.
     """
-    step, found, left_out = reader_limits().flat_step_m, [], []
+    step, left_out = reader_limits().flat_step_m, []
+    found: list[Shaft] = []
+    raises: list[Shaft] = []
     for line in plumb:
-        (x, y), top, bottom = line[0, :2], line[0, 2], line[1, 2]
+        (x, y), top, bottom = line[0, :2], float(line[0, 2]), float(line[1, 2])
         at = np.array([[x, y]])
         floors = sorted(
             (
@@ -53,23 +57,26 @@ def shafts_of(
             ),
             reverse=True,
         )
-        met = [(z, k) for z, k in floors if bottom - step <= z <= top + step]
+        met = [(z, k) for z, k in floors if bottom - step <= z <= top + max(step, OVER_RAISE_M)]
         where = f"({x:.1f}, {y:.1f}) from {top:.1f} to {bottom:.1f} m"
-        if not met or top - met[0][0] > step:
-            left_out.append(f"{where}, whose top is on no floor")
+        if not met:
+            left_out.append(f"{where}, whose ends are on no floor")
             continue
         ends: list[tuple[float, int | None]] = [*met]
         if met[-1][0] - bottom > step:
             if any(bottom - FLOORS_APART_M < z < bottom - step for z, _ in floors):
                 left_out.append(f"{where}, which ends blind less than {FLOORS_APART_M:g} m over another floor")
                 continue
-            ends.append((float(bottom), None))
+            ends.append((bottom, None))
+        if top - met[0][0] > step:
+            ends.insert(0, (top, None))
         for (high, sheet), (low, below) in pairwise(ends):
-            assert sheet is not None
-            nearest = shapely.shortest_line(shapely.Point(x, y), polygons[sheet].boundary)
+            plan = below if sheet is None else sheet
+            assert plan is not None
+            nearest = shapely.shortest_line(shapely.Point(x, y), polygons[plan].boundary)
             dx, dy = np.diff(shapely.get_coordinates(nearest), axis=0)[0]
-            place = offsets[sheet] + (x, y)
-            found.append(
+            place = offsets[plan] + (x, y)
+            (found if sheet is not None else raises).append(
                 Shaft(
                     stations=(f"{high:.1f} m", f"{low:.1f} m"),
                     place_m=(float(place[0]), float(place[1])),
@@ -83,4 +90,4 @@ def shafts_of(
             )
     if left_out:
         tell(f"{path.name}: {len(left_out)} shafts are left out, the first at {left_out[0]}")
-    return found
+    return found + raises

@@ -17,18 +17,22 @@ from pipeline.survey.level_areas import OVERLAP_M2, TOUCH_M, Area, nearest_heigh
 from pipeline.survey.level_seams import SeamHeights, join_areas
 from pipeline.survey.level_shafts import shafts_of
 from pipeline.survey.level_walls import Wall
+from pipeline.survey.pieces import require_near, tell_others
 from pipeline.survey.sheet_layout import APART_M, assign_sheets, lay_apart
-from pipeline.types import Heights
+from pipeline.types import Heights, Place
 
 _EDGE_M = 2.0  # of the points of a wall at which its height is given
 _BETWEEN_M = 0.1
 _NEAR_M = 3.0  # in plan and in height: two pieces so near are told
 
 
-def draw_levels(path: Path, areas: list[Area], plumb: list[Wall], snap_m: float) -> tuple[MultiPolygon, Heights] | None:
+def draw_levels(
+    path: Path, areas: list[Area], plumb: list[Wall], snap_m: float, piece: Place | None = None
+) -> tuple[MultiPolygon, Heights] | None:
     """Return the areas as sheets side by side, and the heights of their floors; None if none lies over another.
 
-    Areas that meet at one height are joined. The largest piece that is joined is kept, the others are said.
+    Areas that meet at one height are joined. The largest piece that is joined is kept, or that at the place `piece`;
+    the others are said.
 
     Parameters
     ----------
@@ -38,11 +42,14 @@ def draw_levels(path: Path, areas: list[Area], plumb: list[Wall], snap_m: float)
         Shafts, from their upper to their lower end.
     snap_m : float
         Areas no further apart than this meet.
+    piece : (float, float, float) or None
+        m, mine frame.
 
     Raises
     ------
     InputError
-        If areas lie over each other where they meet, or meet in no straight line; the message names the place.
+        If areas lie over each other where they meet, or meet in no straight line, or none is near to `piece`; the
+        message names the place.
     """
     names = [str(k) for k in range(len(areas))]
     joins: nx.Graph = nx.Graph()
@@ -56,7 +63,7 @@ def draw_levels(path: Path, areas: list[Area], plumb: list[Wall], snap_m: float)
             over[names[b]].add(names[a])
     if not any(over.values()):
         return None
-    whole = _largest(path, areas, joins)
+    whole = _chosen(path, areas, joins, piece)
     if len(whole) < len(joins):
         _tell_near(path, areas, joins)
     number = assign_sheets(whole, {name: name for name in whole}, {name: over[name] & set(whole) for name in whole})
@@ -102,26 +109,42 @@ def _pairs(areas: list[Area], snap_m: float) -> list[tuple[int, int, bool, bool]
     return found
 
 
-def _largest(path: Path, areas: list[Area], joins: nx.Graph) -> nx.Graph:
-    """Return the joined areas that are largest together, and say what is left out."""
+def _chosen(path: Path, areas: list[Area], joins: nx.Graph, piece: Place | None = None) -> nx.Graph:
+    """Return the joined areas that are largest together, or those at a place, and say what is left out."""
 
     def size(names: set[str]) -> float:
         return float(sum(areas[int(name)].polygon.area for name in names))
 
+    def about(names: set[str]) -> str:
+        area = areas[int(min(names, key=int))]
+        x, y = area.polygon.representative_point().coords[0]
+        return f"{x:.1f},{y:.1f},{float(area.heights_at(np.array([[x, y]]))[0]):.1f}"
+
     pieces = sorted(nx.connected_components(joins), key=lambda names: (-size(names), min(names)))
-    if len(pieces) > 1:
-        left = [areas[int(name)] for names in pieces[1:] for name in sorted(names)]
-        x, y = left[0].polygon.representative_point().coords[0]
-        z = float(left[0].heights_at(np.array([[x, y]]))[0])
+    chosen = pieces[0]
+    if piece is not None:
+        at = str(_area_at(path, areas, piece))
+        chosen = next(names for names in pieces if at in names)
+    others = [names for names in pieces if names is not chosen]
+    if others:
         tell(
             f"{path.name}: {len(pieces)} pieces of its levels and ramps do not meet; kept is the one of "
-            f"{size(pieces[0]):.0f} m2, left out are {sum(map(size, pieces[1:])):.0f} m2, the first about "
-            f"({x:.1f}, {y:.1f}), {z:.1f} m high"
+            f"{size(chosen):.0f} m2 about {about(chosen)}, left out are {sum(map(size, others)):.0f} m2"
         )
+        tell_others(path, [(f"{size(names):.0f} m2", about(names)) for names in others])
     kept: nx.Graph = nx.Graph()  # in the order of the file; a subgraph has that of a set of texts
-    kept.add_nodes_from(name for name in joins if name in pieces[0])
-    kept.add_edges_from((a, b) for a, b in joins.edges if a in pieces[0])
+    kept.add_nodes_from(name for name in joins if name in chosen)
+    kept.add_edges_from((a, b) for a, b in joins.edges if a in chosen)
     return kept
+
+
+def _area_at(path: Path, areas: list[Area], place_m: Place) -> int:
+    """Return the number of the area nearest to a place."""
+    at, z = np.array([place_m[:2]]), place_m[2]
+    aside = shapely.distance([area.polygon for area in areas], shapely.Point(place_m[:2]))
+    off = np.hypot(aside, [float(area.heights_at(at)[0]) - z for area in areas])
+    require_near(path, place_m, float(off.min()), "the nearest level or ramp")
+    return int(off.argmin())
 
 
 def _tell_near(path: Path, areas: list[Area], joins: nx.Graph) -> None:

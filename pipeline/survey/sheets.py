@@ -16,11 +16,12 @@ from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.child import tell
 from pipeline.survey.legs import SurveyLeg, without_shots
+from pipeline.survey.pieces import choose_piece, find_station
 from pipeline.survey.shafts import Built, find_shafts, steep_shots
 from pipeline.survey.sheet_cells import UNIT_M, Cell, Way, floor_of, survey_cells
 from pipeline.survey.sheet_layout import APART_M, assign_sheets, lay_apart
 from pipeline.survey.thin_pillars import without_thin_pillars
-from pipeline.types import Heights, Seam
+from pipeline.types import Heights, Piece, Seam
 
 _OVERLAP_M2, _INTO_M = 0.01, 0.1  # half a disc of this radius is larger than that
 _TOUCH_M = 1e-3  # two shapes that overlap by less touch
@@ -28,13 +29,16 @@ _DIGITS = 4  # of the outlines' coordinates, m
 _SPECK_M2 = 0.05  # smaller holes come from rounding
 
 
-def draw_sheets(path: Path, legs: list[SurveyLeg], apart_m: float | None = None) -> tuple[MultiPolygon, Heights]:
+def draw_sheets(
+    path: Path, legs: list[SurveyLeg], apart_m: float | None = None, piece: Piece | None = None, named: bool = True
+) -> tuple[MultiPolygon, Heights]:
     """Return the workings of each sheet in plan, moved aside but for the first, and the heights of their floors.
 
-    Legs steeper than `steepest_grade` are left out, as a fence would, and the largest connected piece is kept; both are
-    said. So are passages less than `apart_m` over others that they do not meet (`without_thin_pillars`). Steep legs
-    that lead down from what is built are its shafts (`find_shafts`). Where workings lie over each other, legs are cut
-    half-way between two stations.
+    Legs steeper than `steepest_grade` are left out, as a fence would, and the longest connected piece is kept, or that
+    of the station `piece` (`find_station`); both are said. Without `named` stations they are told by their places. So
+    are passages less than `apart_m` over others that they do not meet (`without_thin_pillars`). Steep legs that lead
+    down from what is built are its shafts (`find_shafts`). Where workings lie over each other, legs are cut half-way
+    between two stations.
 
     Raises
     ------
@@ -42,10 +46,11 @@ def draw_sheets(path: Path, legs: list[SurveyLeg], apart_m: float | None = None)
         If nothing remains, or workings pass over each other between two stations; the message names the stations.
     """
     kept = _gentle(path, [leg for leg in legs if not leg.is_plumb])
+    station = None if piece is None else find_station(path, legs, kept, piece)
     if apart_m is not None:
-        kept = without_thin_pillars(path, kept, apart_m)
+        kept = without_thin_pillars(path, kept, apart_m, station)
     cells, graph, ways = survey_cells(kept)
-    whole = _largest(path, cells, graph)
+    whole = choose_piece(path, cells, graph, station, named)
     _tell_roofs(path, kept, whole)
     units = _units(whole, cells)
     conflicts = _conflicts(path, cells, units, whole)
@@ -100,19 +105,6 @@ def _gentle(path: Path, legs: list[SurveyLeg]) -> list[SurveyLeg]:
     return found
 
 
-def _largest(path: Path, cells: dict[str, Cell], graph: nx.Graph) -> nx.Graph:
-    """Return the connected piece with the longest legs, and say what is left out."""
-    pieces = sorted(nx.connected_components(graph), key=lambda nodes: -graph.subgraph(nodes).size(weight="length"))
-    if len(pieces) > 1:
-        lengths = [graph.subgraph(nodes).size(weight="length") for nodes in pieces]
-        tell(
-            f"{path.name}: {len(pieces)} pieces are not joined by drivable legs; kept is the one of {lengths[0]:.0f} m "
-            f"about {_station_of(pieces[0])}, left out are {sum(lengths[1:]):.0f} m, the longest {lengths[1]:.0f} m "
-            f"about {_station_of(pieces[1])}"
-        )
-    return graph.subgraph(pieces[0])
-
-
 def _tell_roofs(path: Path, legs: list[SurveyLeg], whole: nx.Graph) -> None:
     """Say which roofs of the piece that is built are lower or higher than those that are built."""
     low: dict[str, float] = {}
@@ -132,11 +124,6 @@ def _tell_roofs(path: Path, legs: list[SurveyLeg], whole: nx.Graph) -> None:
                 f"{path.name}: {len(found)} stations have roofs {what}er over the floor than {limit_m:g} m, and get "
                 f"{limit_m:g} m, the first {name} with {roof_m:.2f} m"
             )
-
-
-def _station_of(piece: set[str]) -> str:
-    """Return the first station of a piece; the names of places between two stations have colons only."""
-    return min(piece, key=lambda name: (name.count(":") == 2, name))
 
 
 def _units(graph: nx.Graph, cells: dict[str, Cell]) -> dict[str, str]:

@@ -34,7 +34,9 @@ class _Clash:
     apart_m: float
 
 
-def without_thin_pillars(path: Path, legs: list[SurveyLeg], apart_m: float) -> list[SurveyLeg]:
+def without_thin_pillars(
+    path: Path, legs: list[SurveyLeg], apart_m: float, station: str | None = None
+) -> list[SurveyLeg]:
     """Return the legs without the shots that pass over others by less than a height and do not meet them; say which.
 
     Of two such shots the one is left out without which more of the survey stays connected; of equals the shorter.
@@ -47,12 +49,14 @@ def without_thin_pillars(path: Path, legs: list[SurveyLeg], apart_m: float) -> l
     apart_m : float
         Least difference of floors over each other: the height of the drifts and 0.5 m of rock. Where the survey knows
         the lower one's roof, it is the height of that and 0.5 m.
+    station : str or None
+        Of the piece that is built; None builds the longest.
     """
     graph, clashes = _find_clashes(legs, apart_m)
     gone: dict[Shot, _Clash] = {}
-    while active := _in_largest(graph, clashes):
+    while active := _in_piece(graph, clashes, station):
         clash = active[0]
-        left_out = min(clash.shots, key=lambda shot: (-_largest_m(graph, shot), _length_m(legs, shot)))
+        left_out = min(clash.shots, key=lambda shot: (-_left_m(graph, shot, station), _length_m(legs, shot)))
         gone[left_out] = clash
         graph.remove_edges_from([(a, b, key) for a, b, key in graph.edges(keys=True) if key == left_out])
     if gone:
@@ -152,19 +156,24 @@ def _place_on(line: tuple[np.ndarray, np.ndarray], x: float, y: float) -> np.nda
     return np.asarray(p + share * (q - p))
 
 
-def _in_largest(graph: nx.MultiGraph, clashes: list[_Clash]) -> list[_Clash]:
-    """Return the clashes of which both shots are in the longest connected piece."""
-    if not graph.number_of_edges():
-        return []
-    piece = max(nx.connected_components(graph), key=lambda nodes: graph.subgraph(nodes).size(weight="length"))
-    kept = {key for _, _, key in graph.subgraph(piece).edges(keys=True)}
+def _in_piece(graph: nx.MultiGraph, clashes: list[_Clash], station: str | None) -> list[_Clash]:
+    """Return the clashes of which both shots are in the piece that is built."""
+    kept = {key for _, _, key in graph.subgraph(_piece(graph, station)).edges(keys=True)}
     return [clash for clash in clashes if kept.issuperset(clash.shots)]
 
 
-def _largest_m(graph: nx.MultiGraph, shot: Shot) -> float:
-    """Return the length, m, of the longest connected piece without a shot."""
+def _left_m(graph: nx.MultiGraph, shot: Shot, station: str | None) -> float:
+    """Return the length, m, of the piece that is built without a shot."""
     rest = graph.edge_subgraph([(a, b, key) for a, b, key in graph.edges(keys=True) if key != shot])  # type: ignore[misc]
-    return max((rest.subgraph(n).size(weight="length") for n in nx.connected_components(rest)), default=0.0)
+    return float(rest.subgraph(_piece(rest, station)).size(weight="length"))
+
+
+def _piece(graph: nx.MultiGraph, station: str | None) -> set[str]:
+    """Return the nodes of the longest connected piece, or of a station's."""
+    if station is not None:
+        return nx.node_connected_component(graph, station) if station in graph else set()
+    pieces = nx.connected_components(graph)
+    return max(pieces, key=lambda nodes: graph.subgraph(nodes).size(weight="length"), default=set())
 
 
 def _length_m(legs: list[SurveyLeg], shot: Shot) -> float:

@@ -120,6 +120,8 @@ def _read(params: VectorSurvey, content: Shapes | None) -> tuple[MultiPolygon, G
     drawn = _read_levels(path, content, shapes, georeference, params)
     if drawn is not None:
         return drawn[0], georeference, drawn[1]
+    if params.piece is not None:
+        raise InputError(f"{path}: survey.piece is read with levels over each other; this drawing is read as one plan")
     layers = list(dict.fromkeys(content.layer_of))
     if params.layers is None and len(layers) > 1 and path.suffix.lower() == ".gpkg":
         names = ", ".join(one_line(name, 40) for name in layers[:_MOST_LAYERS])
@@ -141,7 +143,7 @@ def _read_levels(
     if not walls:
         return None
     try:
-        drawn = draw_levels(path, areas_of(path, walls, params.snap_m), plumb, params.snap_m)
+        drawn = draw_levels(path, areas_of(path, walls, params.snap_m), plumb, params.snap_m, params.piece)
     except InputError:
         if params.elevations_m or lie_over(walls):
             raise
@@ -169,7 +171,7 @@ def _read_passages(params: PassageSurveyParams) -> tuple[MultiPolygon, Georefere
         legs, crs = read_station_legs(path, params.grade), None
     else:
         legs, crs = reader(path, params.half_width_m)
-    built, heights = _build(path, legs, params.apart_m)
+    built, heights = _build(path, legs, params)
     shapes, georeference = locate(path, Shapes([built], "m"), "m", params.origin)
     place = Georeference("m", 1.0, georeference.origin, crs)
     if heights is None:
@@ -183,15 +185,19 @@ def _read_centrelines(
     path = Path(params.file)
     content = content or read_shapes(path, params.layers)
     survey, georeference = read_centrelines(path, content, params.unit, params.origin, params.snap_m)
-    built, heights = _build(path, plan_legs(path, survey, params.half_width_m), params.apart_m)
+    built, heights = _build(path, plan_legs(path, survey, params.half_width_m), params)
     return as_polygons(built) if heights is None else built, georeference, heights
 
 
-def _build(path: Path, legs: list[SurveyLeg], apart_m: float | None) -> tuple[BaseGeometry, Heights | None]:
+def _build(
+    path: Path, legs: list[SurveyLeg], params: PassageSurveyParams | CentrelineSurveyParams
+) -> tuple[BaseGeometry, Heights | None]:
     """Return the workings of legs, sheet by sheet if they have heights, and these."""
     _require_short(path, legs)
     if has_relief(legs):
-        return draw_sheets(path, legs, apart_m)
+        return draw_sheets(path, legs, params.apart_m, params.piece, named=params.kind == "passages")
+    if params.piece is not None:
+        raise InputError(f"{path}: survey.piece is read with heights; the floors of this survey are level")
     driven = [leg for leg in legs if not leg.is_plumb]
     check_network(path, driven)
     built = build_workings(driven)

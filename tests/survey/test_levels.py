@@ -17,7 +17,7 @@ from pipeline.params.survey import VectorSurveyParams
 from pipeline.proof.validator import Validator
 from pipeline.survey.detect import detect_here
 from pipeline.survey.level_areas import Area
-from pipeline.survey.level_sheets import _largest
+from pipeline.survey.level_sheets import _chosen
 from pipeline.survey.vector_survey import draw_vector_survey
 from tests.heights import MineWithHeights, certificate_params
 from tests.project import ROOT
@@ -169,7 +169,8 @@ def test_a_level_that_no_ramp_reaches_is_left_out_and_told(tmp_path, capsys):
     short = closed([(x, y, z + 3 * (x < 100 and y > 10)) for x, y, z in down(RIGHT + LEFT[::-1])])
     found, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "ramp": [short]}))
     said = capsys.readouterr().err
-    assert "2 pieces of its levels and ramps do not meet; kept is the one of 1100 m2, left out are 650 m2" in said
+    assert "2 pieces of its levels and ramps do not meet; kept is the one of 1100 m2 about " in said
+    assert "left out are 650 m2" in said
     assert len(found.geoms) == 1
     (shaft,) = heights.shafts
     assert shaft.below is None
@@ -271,7 +272,7 @@ def test_what_is_kept_has_the_order_of_the_file():
     areas = [Area(box, [np.column_stack([*box.exterior.xy, np.zeros(5)])]) for box in boxes]
     joins = nx.empty_graph([str(k) for k in range(60)])
     joins.add_edges_from(pairwise([str(k) for k in range(0, 60, 3)]))
-    assert list(_largest(Path("a.dxf"), areas, joins)) == [str(k) for k in range(0, 60, 3)]
+    assert list(_chosen(Path("a.dxf"), areas, joins)) == [str(k) for k in range(0, 60, 3)]
 
 
 @pytest.mark.parametrize(
@@ -317,13 +318,21 @@ def test_seeds_are_refused_with_levels(tmp_path):
 
 @pytest.mark.parametrize(
     ("top", "bottom", "reason"),
-    [(5.0, -DROP_M, "405.0 to 388.0 m, whose top is on no floor"), (0.0, -8.0, "400.0 to 392.0 m, which ends blind")],
+    [(30.0, 10.0, "430.0 to 410.0 m, whose ends are on no floor"), (0.0, -8.0, "400.0 to 392.0 m, which ends blind")],
 )
 def test_a_shaft_that_begins_or_ends_nowhere_is_left_out_and_told(tmp_path, capsys, top, bottom, reason):
     shaft = [(20, 2.5, top), (20, 2.5, bottom)]
     _, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "shafts": [shaft]}))
     assert not heights.shafts
     assert f"1 shafts are left out, the first at (20.0, 2.5) from {reason}" in capsys.readouterr().err
+
+
+def test_a_plumb_line_up_from_the_highest_floor_that_it_meets_is_a_raise(tmp_path):
+    shaft = [(20, 2.5, 30.0), (20, 2.5, -DROP_M)]
+    _, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "shafts": [shaft]}))
+    down, up = heights.shafts
+    assert (down.top_m, down.bottom_m, up.top_m, up.bottom_m) == (DROP_M, 0, DROP_M + 30, DROP_M)
+    assert (up.sheet, up.below, up.place_m) == (None, down.sheet, down.place_m)
 
 
 def test_workings_on_a_slope_that_lie_nowhere_over_each_other_stay_one_plan(tmp_path):
