@@ -2,12 +2,31 @@
 
 from __future__ import annotations
 
+import functools
+from dataclasses import dataclass
+
 import numpy as np
 
 from minexplore.world import World
 
 _BESIDE_M = 0.3  # a cell is 2 m wide: its floor rises within it
+_SHARE = 1e-9  # of a cell: sheets so nearly whole cells apart are
 _SEAM_M = 1.5  # between the middle of a seam and a place to stand
+
+
+@dataclass(frozen=True)
+class _SheetGroup:
+    """Sheets that are whole cells apart in plan: grid lines cut a segment alike on all of them.
+
+    `aside_m` (2,) is how far all are moved aside, less whole cells; `cols` and `rows` (k,) are each one's whole cells.
+    `low_m` and `high_m` (k, 1) are the heights between which something can be on a sheet.
+    """
+
+    aside_m: np.ndarray
+    cols: np.ndarray
+    rows: np.ndarray
+    low_m: np.ndarray
+    high_m: np.ndarray
 
 
 class CoverageGrid:
@@ -27,12 +46,13 @@ class CoverageGrid:
         at = np.floor((places - self.origin_m) / cell_m).astype(int)
         self.reachable[at[:, 1], at[:, 0]] = True
         self.total = int(self.reachable.sum())
-        self._floor, self._height_m = world.floor, float(world.record["height_m"])
-        self._roof = self._floor.raised(self._height_m)
-        self._level_m, self._lift_m = np.zeros(self.reachable.shape), np.zeros(self.reachable.shape)
-        if len(world.floor.offset_m) > 1:
-            self._level_m[at[:, 1], at[:, 0]] = world.floor.heights_at(places)
-            self._lift_m[at[:, 1], at[:, 0]] = world.floor.lifts_at(places, self._height_m)
+        self._floor, height_m = world.floor, float(world.record["height_m"])
+        self._roof = self._floor.raised(height_m)
+        if len(world.floor.offset_m) > 1:  # between which heights something is in a cell; in others never
+            self._low_m, self._high_m = np.full(self.reachable.shape, np.inf), np.zeros(self.reachable.shape)
+            level_m, lift_m = world.floor.heights_at(places), world.floor.lifts_at(places, height_m)
+            self._low_m[at[:, 1], at[:, 0]] = level_m - _BESIDE_M
+            self._high_m[at[:, 1], at[:, 0]] = level_m + height_m + lift_m + _BESIDE_M
 
     def cells_crossed(
         self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float
@@ -43,22 +63,46 @@ class CoverageGrid:
         cell of its middle. Of cells of several sheets, a piece names those between whose floor and roof it is.
         """
         if len(self._floor.offset_m) == 1:
-            return self._crossed(starts_m[:, :2], ends_m[:, :2], longest_m)[:3]
-        low_m, high_m = np.minimum(starts_m[:, 2], ends_m[:, 2]), np.maximum(starts_m[:, 2], ends_m[:, 2])
-        low, high = self._floor.spans_m[:, :1] - _BESIDE_M, self._roof.spans_m[:, 1:] + _BESIDE_M
-        sheet, some = np.nonzero((high_m > low) & (low_m < high))
-        start, end = starts_m[some], ends_m[some]
-        offset = self._floor.offset_m[sheet]
-        ray, row, col, share = self._crossed(start[:, :2] + offset, end[:, :2] + offset, longest_m)
-        above = start[ray, 2] + share * (end[ray, 2] - start[ray, 2]) - self._level_m[row, col]
-        high_m = self._height_m + self._lift_m[row, col] + _BESIDE_M
-        inside = self.reachable[row, col] & (above > -_BESIDE_M) & (above < high_m)
-        return some[ray[inside]], row[inside], col[inside]
+            ray, row, col, _ = self._cut(starts_m[:, :2], ends_m[:, :2], longest_m)
+            inside = self._holds(row, col)
+            return ray[inside], row[inside], col[inside]
+        found = []
+        for group in self._cut_alike:
+            ray, row, col, share = self._cut(starts_m[:, :2] + group.aside_m, ends_m[:, :2] + group.aside_m, longest_m)
+            z = starts_m[ray, 2] + share * (ends_m[ray, 2] - starts_m[ray, 2])
+            sheet, piece = np.nonzero((z > group.low_m) & (z < group.high_m))
+            row, col = row[piece] + group.rows[sheet], col[piece] + group.cols[sheet]
+            held = np.flatnonzero(self._holds(row, col))
+            row, col, piece = row[held], col[held], piece[held]
+            inside = np.flatnonzero((z[piece] > self._low_m[row, col]) & (z[piece] < self._high_m[row, col]))
+            found.append((ray[piece[inside]], row[inside], col[inside]))
+        ray, row, col = (np.concatenate(columns) for columns in zip(*found, strict=True))
+        return ray, row, col
 
-    def _crossed(
+    @functools.cached_property
+    def _cut_alike(self) -> list[_SheetGroup]:
+        """Return the sheets by groups, on which grid lines cut a segment alike."""
+        cells = np.floor(self._floor.offset_m / self.cell_m + _SHARE)
+        aside_m = self._floor.offset_m - cells * self.cell_m
+        _, first, group = np.unique(
+            np.round(aside_m / (_SHARE * self.cell_m)), axis=0, return_index=True, return_inverse=True
+        )
+        low_m, high_m = self._floor.spans_m[:, :1] - _BESIDE_M, self._roof.spans_m[:, 1:] + _BESIDE_M
+        cols, rows = cells.astype(int).T
+        own = [np.flatnonzero(group.reshape(-1) == number) for number in range(len(first))]
+        return [
+            _SheetGroup(aside_m[sheets[0]], cols[sheets], rows[sheets], low_m[sheets], high_m[sheets]) for sheets in own
+        ]
+
+    def _holds(self, row: np.ndarray, col: np.ndarray) -> np.ndarray:
+        """Return whether cells (n,) are the grid's."""
+        rows, cols = self.reachable.shape
+        return (col >= 0) & (col < cols) & (row >= 0) & (row < rows)
+
+    def _cut(
         self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return ray numbers, rows, columns and the pieces' middles, as shares of their segments, of cells in plan."""
+        """Return ray numbers, rows, columns and middles, as shares of segments, of the pieces between grid lines."""
         start, ends = (starts_m - self.origin_m) / self.cell_m, (ends_m - self.origin_m) / self.cell_m
         step = ends - start
         lines = np.arange(1, int(np.ceil(longest_m / self.cell_m)) + 2)
@@ -70,9 +114,7 @@ class CoverageGrid:
         ray, piece = np.nonzero(at[:, 1:] > at[:, :-1])
         middle = (at[ray, piece + 1] + at[ray, piece]) / 2
         col, row = np.floor(start[ray] + middle[:, None] * step[ray]).astype(int).T
-        rows, cols = self.reachable.shape
-        inside = (col >= 0) & (col < cols) & (row >= 0) & (row < rows)
-        return ray[inside], row[inside], col[inside], middle[inside]
+        return ray, row, col, middle
 
     def mark(self, seen: np.ndarray, observer: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
         """Mark cells as seen in `seen` (m, rows, cols) by their observers; return how many are new to each (m,)."""

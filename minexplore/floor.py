@@ -22,6 +22,7 @@ _SEAM_M = 12.0  # edges of two sheets that are nearer than this belong to one se
 _BETWEEN_M = 2.5  # a point whose height above a sheet is so far from the expected one is not the sheet's
 _SURE_M = 1.0  # one that is nearer than this is: floors over each other are farther apart than twice that
 _SLIVER_M = 0.05  # a sliver is thinner and rises less
+_COVER_SHARE = 1e-9  # of a face's size: so far beyond its edge a place is still on it
 _CHUNK = 2_000_000  # pairs of a place and a triangle that are tried at once
 
 
@@ -126,6 +127,10 @@ class Floor:
         corners = self.vertices[self.faces]
         places = np.concatenate([corners[:, :, :2], np.ones((len(corners), 3, 1))], axis=2)
         return np.linalg.inv(np.swapaxes(places, 1, 2))
+
+    @functools.cached_property
+    def _corner_heights_m(self) -> np.ndarray:
+        return self.vertices[self.faces, 2]
 
     @functools.cached_property
     def _near(self) -> dict[Tile, np.ndarray]:
@@ -377,12 +382,23 @@ class Floor:
         others' faces are brought up to date.
         """
         places = points_m[:, :2] + self.offset_m[self.sheet[faces]]
-        above = self._above(faces, places, points_m[:, 2])
-        lost = np.flatnonzero(~self._covers(faces, places) | (np.abs(above - about_m) >= _SURE_M))
+        lost = np.flatnonzero(~self._are_on(faces, places, points_m[:, 2], about_m))
+        if len(lost):  # most often over the next face of the same sheet
+            before, faces[lost] = self.sheet[faces[lost]], self.faces_at(places[lost])
+            found = self._are_on(faces[lost], places[lost], points_m[lost, 2], about_m)
+            lost = lost[~found | (self.sheet[faces[lost]] != before)]
         if len(lost):
             places[lost] = self.unfold(points_m[lost], about_m)[:, :2]
             faces[lost] = self.faces_at(places[lost])
         return places
+
+    def _are_on(self, faces: np.ndarray, places_m: np.ndarray, z_m: np.ndarray, about_m: float) -> np.ndarray:
+        """Return whether faces (k,) cover places (k, 2) m, and heights (k,) m are about so high above them."""
+        shares = self._shares(faces, places_m)
+        above = z_m - (shares * self._corner_heights_m[faces]).sum(axis=1)
+        if self.is_stretched:
+            above = lower_m(above, self._stretch_on(faces, places_m))
+        return np.asarray((shares.min(axis=1) > -_COVER_SHARE) & (np.abs(above - about_m) < _SURE_M))
 
     def unfold_bodies(self, bodies_m: list[np.ndarray], about_m: float = 1.0) -> list[np.ndarray]:
         """Return the points (k, 3) m of each body in the plan of the sheet that its middle belongs to."""
@@ -399,11 +415,14 @@ class Floor:
         """Return whether there is floor (k,) at places (k, 2) m of the plan, to a centimetre or so."""
         return self._covers(self.faces_at(places_m), places_m, 0.01)
 
-    def _covers(self, faces: np.ndarray, places_m: np.ndarray, slack: float = 1e-9) -> np.ndarray:
+    def _covers(self, faces: np.ndarray, places_m: np.ndarray, slack: float = _COVER_SHARE) -> np.ndarray:
         """Return whether faces (k,) cover places (k, 2) m, to a share of their size."""
-        places = np.column_stack([places_m, np.ones(len(places_m))])
-        weights = np.einsum("kij,kj->ik", self._to_barycentric[faces], places)
-        return np.minimum(np.minimum(*weights[:2]), weights[2]) > -slack
+        return np.asarray(self._shares(faces, places_m).min(axis=1) > -slack)
+
+    def _shares(self, faces: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        """Return the barycentric coordinates (k, 3) in faces (k,) of places (k, 2) m of the plan."""
+        to = self._to_barycentric[faces]
+        return np.asarray(to[:, :, 0] * places_m[:, :1] + to[:, :, 1] * places_m[:, 1:] + to[:, :, 2])
 
 
 def _chunks(places: int, faces: int) -> list[slice]:

@@ -20,6 +20,7 @@ from minexplore.bundle import (
     is_roof,
     zone_of_wedge,
 )
+from minexplore.local_floor import simplify_floor
 from minexplore.robot import ROCK_BODY, RobotParams, contact_sensor, separate_contacts
 from minexplore.rotations import quaternion
 from minexplore.task import TaskParams
@@ -53,11 +54,13 @@ class LocalModels:
             self.T_world_mine[:3, :3] = np.eye(3)
         self._spec = world.spec()
         self.parts = [_part(self._spec, g) for g in self._spec.geoms if is_rock(g.name)]
-        bounds = np.array([(part.outline.min(axis=0), part.outline.max(axis=0)) for part in self.parts])
-        self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
+        self._rock = _PartIndex(self.parts)
         self._zones = {zone.geom: zone for zone in world.active_zones(task.terrain)}
         self._slabs = [g for g in self._spec.geoms if is_floor(g.name) or is_roof(g.name)]
+        self._geoms = {g.name: g for g in self._slabs}
         self._wedges = {g.name: _part(self._spec, g) for g in self._slabs if g.meshname}
+        self._floor_wedges = _PartIndex([wedge for name, wedge in self._wedges.items() if is_floor(name)])
+        self._roof_wedges = _PartIndex([wedge for name, wedge in self._wedges.items() if is_roof(name)])
         absent = sorted(set(self._zones) - {_zone_of(geom) for geom in self._slabs}) if world.floor.is_flat else []
         if absent:
             raise BundleError(f"{world.folder / MODEL}: no geom {absent[0]!r} of a floor zone that {RECORD} names")
@@ -92,7 +95,7 @@ class LocalModels:
         box = None if tile is None or self.whole else self._box(tile)
         self._add_floor_and_roof(spec, mine, solid, box)
         rock = self._spec.find_default(ROCK_CLASS).geom
-        for part in self.parts if box is None else self._parts_in(box):
+        for part in self.parts if box is None else self._rock.within(box):
             _add_part(spec, solid, part, friction=rock.friction, group=rock.group)
         separate_contacts(spec)
         if box is not None and not self.world.floor.is_flat:
@@ -107,50 +110,66 @@ class LocalModels:
         self, spec: mujoco.MjSpec, mine: mujoco.MjsBody, solid: mujoco.MjsBody, box: _Box | None
     ) -> None:
         """Add the floor zones and the roof, or their wedges, that reach into a box."""
-        slabs = self._slabs if box is None else self._add_lowest_roof(solid, box)
+        slabs = [
+            geom
+            for geom in self._slabs
+            if box is None or (geom.name not in self._wedges and _overlaps(geom, box.low, box.high))
+        ]
+        if box is not None:
+            slabs += self._floor_within(mine, box) + self._roof_within(solid, box)
         for geom in slabs:
-            zone, wedge = self._zones.get(_zone_of(geom)), self._wedges.get(geom.name)
-            if box is not None and not (_overlaps(geom, box.low, box.high) if wedge is None else box.holds(wedge)):
-                continue
-            body = solid if zone is None else mine
-            friction = geom.friction if zone is None else [zone.friction, *geom.friction[1:]]
+            wedge, body = self._wedges.get(geom.name), mine if is_floor(geom.name) else solid
+            attributes = {"friction": self._friction(geom), "priority": geom.priority, "group": geom.group}
             if wedge is not None:
-                _add_part(spec, body, wedge, friction=friction, priority=geom.priority, group=geom.group)
-                continue
-            body.add_geom(
+                _add_part(spec, body, wedge, **attributes)
+            else:
+                body.add_geom(name=geom.name, type=geom.type, pos=geom.pos, size=geom.size, **attributes)
+
+    def _friction(self, geom: mujoco.MjsGeom) -> list[float]:
+        """Return a geom's friction: sliding as its floor zone has it."""
+        zone = self._zones.get(_zone_of(geom))
+        return list(geom.friction) if zone is None else [zone.friction, *geom.friction[1:]]
+
+    def _floor_within(self, mine: mujoco.MjsBody, box: _Box) -> list[mujoco.MjsGeom]:
+        """Add planes and boxes in place of wedges of the floor; return the wedges left to add."""
+        wedges = self._floor_wedges.within(box)
+        geoms = [self._geoms[wedge.name] for wedge in wedges]
+        if not wedges or box.has_shaft:  # planes and boxes would close the shaft
+            return geoms
+        corners, zones = [wedge.vertices + wedge.place for wedge in wedges], [_zone_of(geom) for geom in geoms]
+        primitives, kept = simplify_floor(corners, zones, box.low, box.high)
+        for primitive in primitives:
+            geom = geoms[primitive.wedge]
+            mine.add_geom(
                 name=geom.name,
-                type=geom.type,
-                pos=geom.pos,
-                size=geom.size,
-                friction=friction,
+                type=primitive.type,
+                pos=primitive.place,
+                quat=primitive.quaternion,
+                size=primitive.size,
+                friction=self._friction(geom),
                 priority=geom.priority,
                 group=geom.group,
             )
+        return [geoms[number] for number in kept]
 
-    def _add_lowest_roof(self, solid: mujoco.MjsBody, box: _Box) -> list[mujoco.MjsGeom]:
-        """Add a level roof in place of the wedges of one that no robot reaches; return the geoms left to add."""
-        roof = [
-            g for g in self._slabs if is_roof(g.name) and g.name in self._wedges and box.holds(self._wedges[g.name])
-        ]
-        lowest = min((self._wedges[geom.name].heights[0] for geom in roof), default=-np.inf)
+    def _roof_within(self, solid: mujoco.MjsBody, box: _Box) -> list[mujoco.MjsGeom]:
+        """Add a level roof in place of the wedges of one that no robot reaches; return the wedges left to add."""
+        wedges = self._roof_wedges.within(box)
+        lowest = min((wedge.heights[0] for wedge in wedges), default=-np.inf)
+        geoms = [self._geoms[wedge.name] for wedge in wedges]
         if lowest - box.floor_m < _OVERHEAD * (self.robot.sensor_height_m + self.robot.scanner_height_m):
-            return self._slabs
+            return geoms
         half, middle = np.append((box.high - box.low) / 2 + _MARGIN_M, _MARGIN_M), (box.high + box.low) / 2
         solid.add_geom(
-            name=roof[0].name,
+            name=geoms[0].name,
             type=mujoco.mjtGeom.mjGEOM_BOX,
             pos=[*middle, lowest + _MARGIN_M],
             size=half,
-            friction=roof[0].friction,
-            priority=roof[0].priority,
-            group=roof[0].group,
+            friction=geoms[0].friction,
+            priority=geoms[0].priority,
+            group=geoms[0].group,
         )
-        return [geom for geom in self._slabs if not is_roof(geom.name)]
-
-    def _parts_in(self, box: _Box) -> list[RockPart]:
-        """Return the parts that may meet a box."""
-        near = np.flatnonzero(((self._low <= box.high) & (self._high >= box.low)).all(axis=1))
-        return [part for part in (self.parts[i] for i in near) if box.holds(part)]
+        return []
 
     def _box(self, tile: Tile) -> _Box:
         """Return the box of the mine frame that holds all that a robot in a tile can touch."""
@@ -162,9 +181,12 @@ class LocalModels:
         offset = floor.offsets_at((low + high)[None] / 2)[0]
         # With a margin: the top of a level wedge, in decimals and 32 bits, may be a nanometre below the mesh.
         bottom, top = float(nearby.min()) - _MARGIN_M, float(self._roof.heights_within(low, high).max())
-        if len(self.world.open_shafts):  # all that a robot can fall on
-            bottom = min(bottom, self.world.open_shafts.lowest_within(low, high) - _MARGIN_M)
-        return _Box(low - offset, high - offset, bottom, top + _MARGIN_M, float(nearby.max()))
+        deepest = self.world.open_shafts.lowest_within(low, high)
+        if np.isfinite(deepest):  # all that a robot can fall on
+            bottom = min(bottom, deepest - _MARGIN_M)
+        return _Box(
+            low - offset, high - offset, bottom, top + _MARGIN_M, float(nearby.max()), bool(np.isfinite(deepest))
+        )
 
     def reach(self, tile: np.ndarray, size_m: float = TILE_M) -> tuple[np.ndarray, np.ndarray]:
         """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step.
@@ -184,15 +206,25 @@ class _Box:
     bottom_m: float = -np.inf
     top_m: float = np.inf
     floor_m: float = np.inf  # the highest floor in it
+    has_shaft: bool = False  # an open one
 
-    def holds(self, part: RockPart) -> bool:
-        """Return whether a part may reach into the box."""
-        bottom, top = part.heights
-        return (
-            bottom <= self.top_m
-            and top >= self.bottom_m
-            and bool(meets(part.outline, self.low[None], self.high[None])[0])
-        )
+
+class _PartIndex:
+    """Parts by the boxes that hold them."""
+
+    def __init__(self, parts: list[RockPart]) -> None:
+        """Take the parts."""
+        self._parts = parts
+        bounds = np.array([(part.outline.min(axis=0), part.outline.max(axis=0)) for part in parts])
+        self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
+        self._bottom, self._top = np.array([part.heights for part in parts]).reshape(-1, 2).T
+
+    def within(self, box: _Box) -> list[RockPart]:
+        """Return the parts that may reach into a box."""
+        near = ((self._low <= box.high) & (self._high >= box.low)).all(axis=1)
+        near &= (self._bottom <= box.top_m) & (self._top >= box.bottom_m)
+        found = [self._parts[number] for number in np.flatnonzero(near)]
+        return [part for part in found if meets(part.outline, box.low[None], box.high[None])[0]]
 
 
 def physics_spec(task: TaskParams) -> mujoco.MjSpec:

@@ -7,10 +7,12 @@ import pytest
 import shapely
 
 from minexplore.bundle import BundleError
+from minexplore.coverage import CoverageGrid
 from minexplore.env import MineEnv
 from minexplore.floor import Floor
 from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.schema.floor_mesh import _check_figures
+from minexplore.world import load_world
 from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.delaunay import Triangulation
@@ -131,6 +133,28 @@ def test_stations_of_the_built_floor_lie_within_two_centimetres_of_the_survey(ra
     for mine in (ramp, under):
         stations = mine.stations()
         assert np.abs(mine.floor.heights_at(stations[:, :2]) - stations[:, 2]).max() < 0.02
+
+
+@pytest.mark.parametrize("cell_m", [2.0, 1.7])  # sheets are whole cells apart, and are not
+def test_beams_cross_the_cells_that_points_along_them_lie_in_on_whatever_sheet(under, cell_m):
+    world = load_world(under.bundle)
+    grid = CoverageGrid(world, cell_m, 0.35, np.array(world.record["spawn"]["anchor_m"]), np.inf)
+    rng, places, floor = np.random.default_rng(0), world.places_m(0.35), world.floor
+    places = places[rng.integers(len(places), size=150)]
+    starts = floor.fold(np.column_stack([places, np.full(len(places), 0.5)]))
+    ways = rng.normal(size=starts.shape) * [1, 1, 0.1]
+    ends = starts + 8 * ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    found = set(zip(*(column.tolist() for column in grid.cells_crossed(starts, ends, 10.0)), strict=True))
+    shares = np.linspace(0, 1, 200)[:, None, None]
+    points = (starts + shares * (ends - starts)).reshape(-1, 3)
+    inside = floor.unfold(points)
+    col, row = np.floor((inside[:, :2] - grid.origin_m) / cell_m).astype(int).T
+    over = floor.covers(inside[:, :2]) & (inside[:, 2] > 0.3) & (inside[:, 2] < 3.2) & grid.reachable[row, col]
+    ray = np.tile(np.arange(len(starts)), len(shares))
+    there = set(zip(ray[over].tolist(), row[over].tolist(), col[over].tolist(), strict=True))
+    assert len(there) > 300
+    assert len(set(floor.sheets_at(inside[over, :2]).tolist())) == 2
+    assert there <= found
 
 
 def test_a_robot_pitches_as_its_drift_does(ramp):

@@ -11,8 +11,9 @@ import shapely
 
 from baselines.errors import BaselineError
 from baselines.oracle.__main__ import require_fences
-from minexplore.bundle import RECORD, BundleError, rock_geom
+from minexplore.bundle import RECORD, BundleError, is_floor, rock_geom
 from minexplore.env import MineEnv
+from minexplore.local_models import LocalModels
 from minexplore.robot import RobotParams
 from minexplore.robot_batch import RobotBatch
 from minexplore.schema import check_files, hash_files, read_folder
@@ -269,6 +270,19 @@ def test_a_fall_in_the_model_of_the_rock_nearby_is_that_in_the_model_of_all_rock
     near, *_ = drive_into_the_shaft(opened.bundle, whole=False, steps=35)
     whole, *_ = drive_into_the_shaft(opened.bundle, whole=True, steps=35)
     np.testing.assert_allclose(near, whole, atol=0.05)
+
+
+def test_no_plane_or_box_closes_an_open_shaft(opened, fenced):
+    for mine, closed in ((opened, False), (fenced, True)):
+        models = LocalModels(load_world(mine.bundle), TaskParams(), RobotParams())
+        kinds = [
+            int(geom.type)
+            for opening in mine.openings
+            for geom in models.spec(tuple(models.tiles_of(np.mean(opening.outline_m, axis=0)[None])[0].tolist())).geoms
+            if is_floor(geom.name)
+        ]
+        assert kinds
+        assert any(kind != mujoco.mjtGeom.mjGEOM_MESH for kind in kinds) == closed
 
 
 def test_the_certificate_of_open_shafts_holds_and_only_their_fences_differ(opened, fenced, light):
