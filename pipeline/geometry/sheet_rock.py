@@ -9,7 +9,7 @@ from shapely.geometry.base import BaseGeometry
 from minexplore.bundle import SLAB_M
 from minexplore.floor import Floor
 from pipeline.errors import GeometryError
-from pipeline.geometry.wall_foot import BAND_M, CORNER, WallFoot
+from pipeline.geometry.wall_foot import BAND_M, CORNER, WallFoot, band_of
 
 _OVERLAP_M2 = 1e-3
 _ONE_FLOOR_M = 0.3  # floors of two sheets that differ less are one, at their seam
@@ -27,7 +27,7 @@ def beside_sheets(floor: Floor, height_m: float) -> list[BaseGeometry]:
     found = []
     for sheet, offset in enumerate(floor.offset_m):
         own = shapely.union_all(shapely.polygons(floor.vertices[floor.faces[floor.sheet == sheet], :2]))
-        band = own.buffer(BAND_M * CORNER).difference(own)
+        band = own.buffer(BAND_M * CORNER).union(band_of(own)).difference(own)  # a cut mitre's ends reach further
         least, most = floor.spans_m[sheet] + [-most_m, most_m]
         others = np.flatnonzero((floor.sheet != sheet) & (low < most) & (high > least))
         moved = offset - floor.offset_m[floor.sheet[others]]

@@ -7,7 +7,6 @@ from pathlib import Path
 import networkx as nx
 import numpy as np
 import shapely
-import shapely.ops
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -15,14 +14,14 @@ from pipeline.errors import InputError
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.child import tell
 from pipeline.survey.level_areas import OVERLAP_M2, TOUCH_M, Area, places_in
-from pipeline.survey.sheet_layout import APART_M
+from pipeline.survey.level_cuts import NARROWEST_M, oblique_m, piece_at
+from pipeline.survey.level_heights import even_floors
 from pipeline.types import Seam
 
 _GRID_M = 1e-4  # of the outlines' coordinates
-_DIGITS = 4
-_NARROWEST_M = 1.0  # of the edge that two sheets share
 _STRAIGHT_M = 1e-3
-_FURTHER_M = (4.0, 3.0, 2.0, 5.0)  # from where two areas meet to the edge that their sheets share
+_TURNS = 6  # of snapping; two suffice for three areas that meet at one place
+_WRONG_M = 0.005  # limit of the certificate on clearances
 SeamHeights = tuple[Seam, tuple[float, float]]  # and the heights of its ends, m
 
 
@@ -31,9 +30,8 @@ def join_areas(
 ) -> tuple[list[Polygon], list[list[Area]], list[SeamHeights]]:
     """Return the outline of each sheet, the areas in it, and the edges that two share with their heights."""
     shapes = {name: areas[int(name)].polygon for name in joins}
-    for a, b in joins.edges:  # walls that nearly meet meet
-        shapes[a] = _valid(shapely.snap(shapes[a], shapes[b], snap_m), shapes[a])
-        shapes[b] = _valid(shapely.snap(shapes[b], shapes[a], snap_m), shapes[b])
+    _snap(areas, shapes, joins, snap_m)
+    areas = even_floors(path, areas, shapes, joins)
     of_sheet: list[list[Area]] = [[] for _ in range(max(number.values()) + 1)]
     edges: list[tuple[str, str, str, LineString]] = []
     parts: list[list[Polygon]] = [[] for _ in of_sheet]
@@ -43,7 +41,7 @@ def join_areas(
         for edge in _cut(path, areas, shapes, a, b):
             for taker, giver in ((a, b), (b, a)):  # a seam is square to the walls of one drift, away from the other
                 others = [areas[int(name)] for name in over[giver] if number.get(name) == number[taker]]
-                taken = _piece_of(shapes[giver], edge, areas[int(giver)], others)
+                taken = piece_at(shapes[giver], edge, areas[int(giver)], others)
                 if taken is not None:
                     piece, edge = taken
                     shapes[giver] = _largest_part(shapes[giver].difference(piece))
@@ -52,23 +50,25 @@ def join_areas(
                     break
             else:
                 giver = b
+                _require_square(path, shapes[a].union(shapes[b]), edge)
             edges.append((a, b, giver, edge))
+    _require_joined(path, areas, shapes, number, joins, edges)
     for name, shape in shapes.items():
         parts[number[name]].append(shape)
         of_sheet[number[name]].append(areas[int(name)])
-    united = [shapely.set_precision(shapely.union_all(found, grid_size=_GRID_M), 0.0) for found in parts]
+    united = [_rounded(shapely.union_all(found, grid_size=_GRID_M)) for found in parts]  # one shape is not rounded
     polygons = [_largest_part(shape) for shape in united]
     lost = [part for shape in united for part in _lost(shape)]
     if lost:
         x, y = lost[0].representative_point().coords[0]
         tell(
-            f"{path.name}: {len(lost)} areas touch a level, but no way of {_NARROWEST_M:g} m leads into them; they are "
+            f"{path.name}: {len(lost)} areas touch a level, but no way of {NARROWEST_M:g} m leads into them; they are "
             f"left out, the first, of {lost[0].area:.0f} m2, about ({x:.1f}, {y:.1f})"
         )
     seams = []
     for a, b, giver, edge in edges:
-        ends = np.round(shapely.get_coordinates(edge)[[0, -1]], _DIGITS)
-        line = LineString(ends)
+        line = _rounded(edge)
+        ends = shapely.get_coordinates(line)
         if not all(polygons[number[name]].boundary.buffer(TOUCH_M).covers(line) for name in (a, b)):
             x, y = ends.mean(axis=0)
             raise InputError(f"{path}: two levels do not meet from wall to wall at ({x:.1f}, {y:.1f})")
@@ -78,39 +78,68 @@ def join_areas(
     return polygons, of_sheet, seams
 
 
-def _piece_of(shape: Polygon, edge: LineString, area: Area, others: list[Area]) -> tuple[Polygon, LineString] | None:
-    """Return the piece of a shape between an edge of it and a line some metres further in, and that line.
+def _require_square(path: Path, shape: BaseGeometry, edge: LineString) -> None:
+    """Refuse an edge as a seam to whose walls it is not square: what a robot may reach there would be wrong."""
+    if oblique_m(shape, edge) > _WRONG_M:
+        x, y = edge.centroid.coords[0]
+        raise InputError(
+            f"{path}: two areas meet at ({x:.1f}, {y:.1f}), and no line across the drift there is square to its walls; "
+            "draw both walls straight and parallel for 2 m"
+        )
 
-    None if no such line crosses the shape square to its walls, or the piece lies over other areas.
+
+def _require_joined(
+    path: Path,
+    areas: list[Area],
+    shapes: dict[str, Polygon],
+    number: dict[str, int],
+    joins: nx.Graph,
+    edges: list[tuple[str, str, str, LineString]],
+) -> None:
+    """Refuse areas that meet if no edge joins their sheets."""
+    sheets: nx.Graph = nx.Graph()
+    sheets.add_nodes_from(number.values())
+    sheets.add_edges_from((number[a], number[b]) for a, b, _, _ in edges)
+    for a, b in joins.edges:
+        if nx.has_path(sheets, number[a], number[b]):
+            continue
+        places = places_in(shapes[a].buffer(TOUCH_M).intersection(shapes[b].buffer(TOUCH_M)))
+        apart = abs(areas[int(a)].heights_at(places) - areas[int(b)].heights_at(places))
+        x, y = places[apart.argmin()]
+        raise InputError(
+            f"{path}: two areas meet at ({x:.1f}, {y:.1f}), but share no straight edge of {NARROWEST_M:g} m there; "
+            "draw the end of the ramp along the level's wall, or into the level"
+        )
+
+
+def _snap(areas: list[Area], shapes: dict[str, Polygon], joins: nx.Graph, snap_m: float) -> None:
+    """Let walls that nearly meet at one height meet; change the shapes in place.
+
+    A shape that moves to one neighbour may leave another, if only by rounding. So all are tried again in the other
+    direction, until none moves.
     """
-    (x0, y0), (x1, y1) = edge.coords[0], edge.coords[-1]
-    along = np.array([x1 - x0, y1 - y0]) / edge.length
-    across = np.array([-along[1], along[0]])
-    middle = np.array(edge.centroid.coords[0])
-    if not shape.contains(shapely.Point(middle + TOUCH_M * 10 * across)):
-        across = -across
-    for far in _FURTHER_M:
-        at, reach = middle + far * across, edge.length
-        found = shape.intersection(LineString([at - reach * along, at + reach * along]))
-        line = min(shapely.get_parts(found), key=lambda part: part.distance(shapely.Point(at)), default=None)
-        if not isinstance(line, LineString) or not _NARROWEST_M <= line.length < 1.5 * edge.length:
-            continue
-        pieces = shapely.get_parts(shapely.ops.split(shape, line))
-        near = [part for part in pieces if part.dwithin(edge, TOUCH_M)]
-        if len(pieces) != 2 or len(near) != 1 or near[0].area > 2 * far * edge.length:
-            continue
-        if any(_lies_over(near[0], area, other) for other in others):
-            continue
-        return near[0], line
-    return None
+    for turn in range(_TURNS):
+        before = dict(shapes)
+        for a, b in [(b, a) for a, b in joins.edges] if turn % 2 else joins.edges:
+            for one, other in ((a, b), (b, a)):
+                corners = _corners_near(areas, shapes, other, one, snap_m)
+                moved = shapely.snap(shapes[one], corners, snap_m)
+                shapes[one] = moved if isinstance(moved, Polygon) and moved.is_valid and moved.area else shapes[one]
+        if all(shapely.equals_identical(shape, before[name]) for name, shape in shapes.items()):
+            break
 
 
-def _lies_over(piece: Polygon, area: Area, other: Area) -> bool:
-    common = piece.buffer(APART_M).intersection(other.polygon)
-    if common.area < OVERLAP_M2:
-        return False
-    places = places_in(common)
-    return bool((abs(area.heights_at(places) - other.heights_at(places)) > reader_limits().flat_step_m).any())
+def _corners_near(areas: list[Area], shapes: dict[str, Polygon], name: str, other: str, snap_m: float) -> BaseGeometry:
+    """Return the corners of a shape that are near another's walls at one height."""
+    places = np.unique(shapely.get_coordinates(shapes[name]), axis=0)
+    places = places[shapely.dwithin(shapes[other].boundary, shapely.points(places), snap_m)]
+    apart = abs(areas[int(name)].heights_at(places) - areas[int(other)].heights_at(places))
+    return shapely.multipoints(places[apart <= reader_limits().flat_step_m])
+
+
+def _rounded(shape: BaseGeometry) -> BaseGeometry:
+    """Return a shape with its coordinates on the grid of the outlines."""
+    return shapely.set_precision(shapely.set_precision(shape, _GRID_M), 0.0)
 
 
 def _largest_part(shape: BaseGeometry) -> Polygon:
@@ -120,11 +149,7 @@ def _largest_part(shape: BaseGeometry) -> Polygon:
 def _lost(shape: BaseGeometry) -> list[Polygon]:
     """Return the parts of a shape that are not its largest one, and wide enough to drive in."""
     parts = sorted(shapely.get_parts(shape), key=lambda part: -part.area)
-    return [part for part in parts[1:] if not part.buffer(-_NARROWEST_M / 2).is_empty]
-
-
-def _valid(shape: BaseGeometry, before: Polygon) -> Polygon:
-    return shape if isinstance(shape, Polygon) and shape.is_valid and not shape.is_empty else before
+    return [part for part in parts[1:] if not part.buffer(-NARROWEST_M / 2).is_empty]
 
 
 def _cut(path: Path, areas: list[Area], shapes: dict[str, Polygon], a: str, b: str) -> list[LineString]:
@@ -161,7 +186,7 @@ def _cut(path: Path, areas: list[Area], shapes: dict[str, Polygon], a: str, b: s
     border = shapely.line_merge(shapes[a].boundary.intersection(shapes[b].boundary))
     edges = []
     for line in shapely.get_parts(border):
-        if not isinstance(line, LineString) or line.length < _NARROWEST_M or apart(line).min() > step:
+        if not isinstance(line, LineString) or line.length < NARROWEST_M or apart(line).min() > step:
             continue
         chord = LineString([line.coords[0], line.coords[-1]])
         between = shapely.polygonize([shapely.union_all([line, chord])])

@@ -50,6 +50,40 @@ def turn(radius):
     return [tuple(place) for place in np.column_stack(places).tolist()]
 
 
+def half_turns(count, radius, half, drop, points, turned=0.0, at_m=(0.0, 0.0)):
+    """Return the layers of a spiral that falls by `drop` each half turn, drawn as two wall strings a half turn."""
+    layers = {}
+    for k in range(count):
+        share = np.linspace(k, k + 1, points + 1)
+        angle = np.pi * share + turned
+        layers[f"turn {k}"] = [
+            [*zip(at_m[0] + r * np.cos(angle), at_m[1] + r * np.sin(angle), -drop * share, strict=True)]
+            for r in (radius + half, radius - half)
+        ]
+    return layers
+
+
+def fork(angle_deg, grade, length=100.0):
+    """Return a level, a ramp that leaves it at an angle from the axis of its drift, and a level at the ramp's end.
+
+    The lower level passes under the upper one.
+    """
+    ahead = np.array([np.cos(np.radians(-angle_deg)), np.sin(np.radians(-angle_deg))])
+    left = 2.5 * np.array([-ahead[1], ahead[0]])
+    along = np.linspace(0, length, 13)[:, None]
+    sides = [np.column_stack([(40, 2.5) + along * ahead + side, -grade * along]).tolist() for side in (left, -left)]
+    end, z = (40, 2.5) + length * ahead, -grade * length
+    on = end + 40 * ahead
+    back = shapely.box(on[0] - 6, on[1] - 2.5, on[0], 60)
+    lower = shapely.union_all([Polygon([end + left, on + left, on - left, end - left]), back])
+    upper = closed(at([(0, 0), (120, 0), (120, 5), (0, 5)], 0))
+    return {
+        "upper": [upper],
+        "ramp": [closed([*sides[0], *sides[1][::-1]])],
+        "lower": [at(lower.exterior.coords, z)],
+    }
+
+
 MINE = {
     "upper": [closed(at(UPPER, 0))],
     "lower": [closed(at(LOWER, -DROP_M))],
@@ -343,11 +377,62 @@ def test_workings_on_a_slope_that_lie_nowhere_over_each_other_stay_one_plan(tmp_
     assert not heights.seams
 
 
-def test_the_certificate_of_levels_of_a_drawing_holds(tmp_path, monkeypatch):
+@pytest.mark.parametrize(("points", "turned"), [(12, 0.0), (5, 5.56), (30, 1.28), (9, 0.29)])
+def test_half_turns_of_a_spiral_are_joined_by_seams_square_to_their_walls(tmp_path, points, turned):
+    """Far from the origin, the ends of the strings are equal up to rounding only."""
+    layers = half_turns(5, 12.0, 2.2, 5.0, points, turned, (450_000.0, 7_100_000.0))
+    _, heights = drawn(write(tmp_path / "spiral.dxf", layers))
+    assert [sorted(seam.sheets) for seam in heights.seams] == [[k, k + 1] for k in range(4)]
+    for seam in heights.seams:
+        one, two = np.array(seam.ends_m) - (450_000.0, 7_100_000.0)
+        wide = np.hypot(*(two - one))
+        assert 4.4 * np.cos(np.pi / 2 / points) - 0.01 <= wide <= 4.401  # as wide as the drift, which has flat sides
+
+
+def test_a_ramp_that_leaves_its_level_at_a_small_angle_has_its_height_up_to_there(tmp_path, capsys):
+    """It falls by 0.85 m while it is in the level's drift; that goes on level."""
+    workings, heights = drawn(write(tmp_path / "fork.dxf", fork(20.0, 0.06)))
+    said = "floors of 1 pairs of areas differ where they meet, by up to 0.83 m about (53.8, 0.1)"
+    assert said in capsys.readouterr().err
+    assert len(heights.seams) == 1
+    points = np.concatenate([np.array(line) for line in heights.lines])
+    sheet = shapely.STRtree(workings.geoms).nearest(shapely.points(points[:, :2]))
+    points -= np.column_stack([np.array(heights.offset_m)[sheet], np.full(len(points), DATUM_M - heights.datum_m)])
+    upper = points[(abs(points[:, 1] - 2.5) < 2.51) & (points[:, 2] > -3)]
+    assert abs(upper[:, 2]).max() < 0.06
+    ahead = np.array([np.cos(np.radians(-20)), np.sin(np.radians(-20))])
+    far = (points[:, :2] - (40, 2.5)) @ ahead
+    on_ramp = (far > 30) & (far < 100) & (points[:, 1] < -5)
+    assert on_ramp.sum() > 50
+    np.testing.assert_allclose(points[on_ramp, 2], -0.06 * far[on_ramp], atol=1e-3)
+
+
+def test_a_ramp_too_short_for_two_misfits_is_refused(tmp_path):
+    upper = [closed(at([(x, 0), (x + 60, 0), (x + 60, 5), (x, 5)], 0)) for x in (0, 64)]
+    stub = closed([(60, 0, 0.9), (64, 0, -0.9), (64, 5, -0.9), (60, 5, 0.9)])
+    under = closed(at([(10, -10), (20, -10), (20, 15), (10, 15)], -DROP_M))
+    with pytest.raises(
+        InputError, match=r"meet at \(6[04]\.0, .*\) differ, and the ramp is too short .* 1\.00 m would"
+    ):
+        drawn(write(tmp_path / "mine.dxf", {"upper": upper, "stub": [stub], "lower": [under]}))
+
+
+def test_a_ramp_that_meets_its_level_on_half_a_metre_is_refused(tmp_path):
+    lower = closed(at([(x, 15.5 if y == 20 else y) for x, y in LOWER], -DROP_M))
+    with pytest.raises(InputError, match=r"two areas meet at \(80\.0, 15\.\d\), but share no straight edge of 1 m"):
+        drawn(write(tmp_path / "mine.dxf", {**MINE, "lower": [lower]}))
+
+
+@pytest.mark.parametrize(
+    ("layers", "sheets", "openings"),
+    [(MINE, 2, 1), (half_turns(4, 12.0, 2.2, 5.0, 12), 4, 0), (fork(20.0, 0.06), 2, 0)],
+    ids=["levels", "half turns", "small angle"],
+)
+def test_the_certificate_of_levels_of_a_drawing_holds(tmp_path, monkeypatch, layers, sheets, openings):
     monkeypatch.chdir(ROOT)
     light = compose(["preset=light"])
-    mine = MineWithHeights.from_file(write(tmp_path / "mine.dxf", MINE), light)
-    assert len(mine.openings) == 1
+    mine = MineWithHeights.from_file(write(tmp_path / "mine.dxf", layers), light)
+    assert (len(mine.floor.offset_m), len(mine.openings)) == (sheets, openings)
     certificate = Validator(
         certificate_params(light, 100), mine.bundle, mine.cleaned, mine.raw, mine.survey
     ).certificate
