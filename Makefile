@@ -190,7 +190,7 @@ train: setup-baselines  ## train PPO: SEED=42 ARGS="env=full observation=map"; r
 train-gpu: setup-gpu  ## train PPO on a GPU: SEED=42 ARGS="device=cuda:0 env=entrance"; run again to resume
 	@$(PY) -m baselines.ppo.train_gpu seed=$(SEED) $(ARGS)
 
-train-graph: setup-baselines  ## train the graph explorer in light mines (make worlds N=60 first); run again to resume
+train-graph: setup-baselines  ## train the graph explorer in light mines (make worlds N=96 first); run again to resume
 	@OMP_NUM_THREADS=1 $(PY) -m baselines.graph.train seed=$(SEED) $(ARGS)
 
 compare-graph: setup  ## the graph explorer's map simulator beside the environment (docs/graph-simulator.md)
@@ -199,8 +199,8 @@ compare-graph: setup  ## the graph explorer's map simulator beside the environme
 train-all: setup-baselines  # train with the paper's five seeds
 	@for seed in 42 142 242 342 442; do $(PY) -m baselines.ppo.train seed=$$seed $(ARGS) || exit $$?; done
 
-curves: setup  # draw the training runs (docs/training.md)
-	@$(PY) -m baselines.ppo.curves
+curves: setup  # draw the training runs (docs/training.md, docs/graph-training.md)
+	@$(PY) -m baselines.ppo.curves && $(PY) -m baselines.graph.curves
 
 renew-benchmark: all  ## measure all that depends on the world again: oracle, policies, leaderboard; resumes
 	@$(PY) -m baselines.oracle && $(PY) -m baselines.evaluate --all && $(PY) -m baselines.leaderboard

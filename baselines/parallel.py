@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, wait
 from typing import Any
@@ -18,6 +15,7 @@ from baselines.environments import make_env
 from baselines.policy import make_policy
 from baselines.protocol import run_episodes
 from baselines.result_file import Episode
+from baselines.worker import begin_worker
 
 _POLL_S = 1.0
 _steps_done: Any = None  # the steps that all workers have made
@@ -67,19 +65,6 @@ def _begin(spec: EnvSpec, counter: Any) -> None:
     gymnasium.registry.setdefault(spec.id, spec)
     _steps_done = counter
     begin_worker()
-
-
-def begin_worker() -> None:
-    """Prepare a worker: it leaves Ctrl-C to its parent, and ends with it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-    os._exit(1)
 
 
 def _drive_counting(policy_name: str, env_id: str, seeds: list[int], confined: Confined | None) -> list[Episode]:

@@ -20,12 +20,12 @@ from baselines.errors import BaselineError, run_command
 from baselines.evaluate import is_same
 from baselines.oracle.bound import best_walk
 from baselines.oracle.network import time_network
-from baselines.parallel import begin_worker
 from baselines.policy import make_policy, policy_label
 from baselines.progress import Progress
 from baselines.protocol import SPLIT_SEEDS, head_of, run_episodes
 from baselines.result_file import RESULTS, Head
 from baselines.split_file import Drive, mine_id, read_drives, split_folder, write_drives
+from baselines.worker import begin_worker
 from minexplore.splits import SIZES
 
 _BANDS, _LIMIT_S = 100, 20.0  # of a bound: bands of the horizon, and seconds of the solver

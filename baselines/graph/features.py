@@ -5,23 +5,31 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse.csgraph import dijkstra
 
 from baselines.explorers.graph_explorer import Situation
 from baselines.explorers.own_map import FINE, ROCK, UNKNOWN, OwnMap
 
-MOST = 12  # clusters: the nearest ones, as the tours of the classical explorers take
+MOST = 16  # clusters: the nearest ones
 _BOX_CELLS = 3  # half a side of the square round a goal that is looked at
+_WIDE_CELLS = (1, 5, 9)  # the same of other squares
 _BEYOND_M = 6.0  # behind the goal, in the direction in which the robot arrives
+_FAR_BEYOND_M = (14.0, 24.0)
+_BESIDE_M = 8.0  # to the left and to the right of the place beyond
+_FARTHEST_M = 40.0  # to which path lengths between clusters are told
 _UNREACHED_M = 200.0
 
 NAMES = (
     "path", "path_log", "path_near", "rank", "behind_the_nearest", "cells", "unknown", "seen", "present", "age",
     "first_turn_cos", "first_turn_sin", "bearing_cos", "bearing_sin", "apart", "detour", "next_cluster",
-    "near_clusters",
-    "clearance", "degree", "rock", "few_cells", "frontier_near", "unknown_beyond",
+    "near_clusters", "from_start",
+    "unknown_within_3_m", "unknown_within_11_m", "unknown_within_19_m",
+    "seen_within_3_m", "seen_within_11_m", "seen_within_19_m",
+    "clearance", "degree", "rock", "few_cells", "frontier_near", "unknown_beyond", "unknown_beyond_14_m",
+    "unknown_beyond_24_m", "unknown_beside", "unknown_beside_least",
     "time_left", "clusters", "still", "held", "cells_in_all", "seen_in_all",
 )  # fmt: skip
-STUBS = slice(NAMES.index("clearance"), NAMES.index("unknown_beyond") + 1)  # what tells dead ends from drifts
+STUBS = slice(NAMES.index("clearance"), NAMES.index("unknown_beside_least") + 1)  # what tells dead ends from drifts
 
 
 @dataclass(frozen=True)
@@ -33,6 +41,8 @@ class Context:
     own : OwnMap
     pose : (3,)
         x, y, m, and yaw, rad.
+    start : (2,) m
+        Where the robot was first.
     time_left_s : float
     still_s : float
         Since the robot was a metre away from where it is, or took its present goal, whichever is later.
@@ -42,6 +52,7 @@ class Context:
 
     own: OwnMap
     pose: np.ndarray
+    start: np.ndarray
     time_left_s: float
     still_s: float
     held_s: float
@@ -72,16 +83,22 @@ def describe(situation: Situation, context: Context) -> Scene:
         clusters[-1] = situation.present
     goals, count = situation.goals[clusters], len(clusters)
     graph, pose = situation.graph, context.pose
-    lengths, before = graph.costs_from(np.append(situation.robot, goals))
-    apart = np.minimum(lengths[1:, goals], _UNREACHED_M)
+    lengths, before = graph.costs_from([situation.robot])
+    near = dijkstra(graph.links, directed=False, indices=goals, limit=_FARTHEST_M)
+    apart = np.minimum(near[:, goals], _FARTHEST_M)
     cost = np.minimum(lengths[0, goals], _UNREACHED_M)
     ends = [_ends(before[0], goal) for goal in goals.tolist()]
     first, last = graph.places[[e[0] for e in ends]], graph.places[[e[1] for e in ends]]
     places = graph.places[goals]
     straight = np.linalg.norm(places - pose[:2], axis=1)
     turn, bearing = _bearings(first - pose[:2]) - pose[2], _bearings(places - pose[:2]) - pose[2]
-    beyond = places + _BEYOND_M * _unit(places - last)
-    box, far = _shares(context.own, places), _shares(context.own, beyond)
+    onward = _unit(places - last)
+    beyond, beside = places + _BEYOND_M * onward, _BESIDE_M * onward[:, ::-1] * [-1.0, 1.0]
+    ground = Ground(context.own)
+    unknown, seen, rock = ground.shares(places, _BOX_CELLS)
+    wide = [ground.shares(places, half) for half in _WIDE_CELLS]
+    far = [ground.shares(places + ahead * onward, _BOX_CELLS)[0] for ahead in _FAR_BEYOND_M]
+    sides = np.sort([ground.shares(beyond + side * beside, _BOX_CELLS)[0] for side in (1.0, -1.0)], axis=0)
     others = np.sort(apart + 1e3 * np.eye(count), axis=1)
     sizes, present = situation.sizes[clusters], clusters == situation.present
     everywhere = np.array([
@@ -92,11 +109,13 @@ def describe(situation: Situation, context: Context) -> Scene:
     common[:, 3] = present * min(context.held_s / 10, 3.0)
     own = np.column_stack([
         cost / 20, np.log1p(cost), np.exp(-cost / 10), np.arange(count) / MOST, (cost - cost.min()) / 10,
-        sizes / 8, box[:, 0], box[:, 1], present, np.log1p(situation.ages[clusters] / 100),
+        sizes / 8, unknown, seen, present, np.log1p(situation.ages[clusters] / 100),
         np.cos(turn), np.abs(np.sin(turn)), np.cos(bearing), np.abs(np.sin(bearing)), straight / 20,
         straight / np.maximum(cost, 1.0), np.minimum(others[:, 0], 40) / 20, np.minimum(others[:, :3], 40).mean(1) / 20,
-        _clearance(context.own, places) / 3, _degrees(situation, goals) / 8, box[:, 2], sizes <= 3,
-        (apart < 8).sum(axis=1) / 4, far[:, 0],
+        np.linalg.norm(places - context.start, axis=1) / 100,
+        *(shares[0] for shares in wide), *(shares[1] for shares in wide),
+        _clearance(context.own, places) / 3, _degrees(situation, goals) / 8, rock, sizes <= 3,
+        (apart < 8).sum(axis=1) / 4, ground.shares(beyond, _BOX_CELLS)[0], *far, sides[1], sides[0],
     ])  # fmt: skip
     tokens = np.clip(np.hstack([own, common]), -5.0, 5.0).astype(np.float32)
     return Scene(clusters, tokens, apart.astype(np.float32))
@@ -118,17 +137,28 @@ def _unit(along: np.ndarray) -> np.ndarray:
     return along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
 
 
-def _shares(own: OwnMap, places: np.ndarray) -> np.ndarray:
-    """Return the shares (k, 3) of unknown, seen and rock cells in squares round places (k, 2) m."""
-    row, col = own.at(places, own.cell_m)
-    around = np.arange(-_BOX_CELLS, _BOX_CELLS + 1)
-    rows, cols = row[:, None, None] + around[:, None], col[:, None, None] + around
-    inside = (rows >= 0) & (cols >= 0) & (rows < own.seen.shape[0]) & (cols < own.seen.shape[1])
-    at = np.where(inside, rows, 0), np.where(inside, cols, 0)
-    middle = own.fine[at[0] * FINE + FINE // 2, at[1] * FINE + FINE // 2]
-    unknown = ~inside | (middle == UNKNOWN)
-    seen, rock = inside & own.seen[at], inside & (middle == ROCK)
-    return np.stack([share.mean(axis=(1, 2)) for share in (unknown, seen, rock)], axis=1)
+class Ground:
+    """How much of the squares of a map is unknown, seen, or rock: sums over the map, from which each square follows."""
+
+    def __init__(self, own: OwnMap) -> None:
+        """Take a map; beyond it all is unknown."""
+        self._own = own
+        middle = own.fine[FINE // 2 :: FINE, FINE // 2 :: FINE]
+        layers = np.stack([middle != UNKNOWN, own.seen, middle == ROCK])
+        self._sums = np.zeros((3, *np.add(own.seen.shape, 1)))
+        self._sums[:, 1:, 1:] = layers.cumsum(axis=1, dtype=float).cumsum(axis=2)
+
+    def shares(self, places: np.ndarray, half: int) -> np.ndarray:
+        """Return the shares (3, k), unknown, seen and rock, of squares of 2 half + 1 cells round places (k, 2) m."""
+        row, col = self._own.at(places, self._own.cell_m)
+        rows, cols = self._own.seen.shape
+        low, high = np.clip(row - half, 0, rows), np.clip(row + half + 1, 0, rows)
+        left, right = np.clip(col - half, 0, cols), np.clip(col + half + 1, 0, cols)
+        sums = self._sums
+        inside = sums[:, high, right] - sums[:, low, right] - sums[:, high, left] + sums[:, low, left]
+        inside /= (2 * half + 1) ** 2
+        inside[0] = 1.0 - inside[0]
+        return inside
 
 
 def _clearance(own: OwnMap, places: np.ndarray) -> np.ndarray:

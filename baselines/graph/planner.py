@@ -42,6 +42,7 @@ class ClusterPlanner:
         self._since = np.full(own.seen.shape, -1)  # the step at which each cell came into the frontier
         self._beside: dict[tuple[int, int], int] = {}
         self._replan_steps = replan_steps
+        self.start = start.copy()
         self._anchor, self._anchored = start.copy(), 0
         self._fine, self._seen = own.fine.copy(), own.seen.copy()  # the map at the last plan
         self._before = np.zeros(0)

@@ -30,6 +30,7 @@ class GraphPolicy(GraphExplorer):
         self._choice = LearnedChoice(*read_network(path))
         self._steps, self._anchored = np.zeros(count, dtype=int), np.zeros(count, dtype=int)
         self._anchors, self._poses = np.full((count, 2), np.inf), np.zeros((count, 3))
+        self._starts = np.zeros((count, 2))
         super().__init__(count, task, robot)
 
     def reset(self, robots: np.ndarray, seeds: np.ndarray) -> None:
@@ -40,6 +41,7 @@ class GraphPolicy(GraphExplorer):
     def act(self, observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
         """Return commands (n, 2)."""
         self._poses = info["pose_m_rad"]
+        self._starts[self._steps == 0] = self._poses[self._steps == 0, :2]
         self._steps += 1
         moved = np.linalg.norm(self._poses[:, :2] - self._anchors, axis=1) > STILL_M
         self._anchors[moved], self._anchored[moved] = self._poses[moved, :2], self._steps[moved]
@@ -50,4 +52,6 @@ class GraphPolicy(GraphExplorer):
         held_s = driver.steps_to_goal * step_s
         still_s = min((self._steps[robot] - self._anchored[robot]) * step_s, held_s)
         left_s = (self._task.max_steps - self._steps[robot]) * step_s
-        return self._choice(situation, Context(driver.map, self._poses[robot], left_s, still_s, held_s))
+        return self._choice(
+            situation, Context(driver.map, self._poses[robot], self._starts[robot], left_s, still_s, held_s)
+        )

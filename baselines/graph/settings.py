@@ -22,39 +22,31 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class LabelSettings(_Strict):
-    """What the expert labels; see `baselines.graph.expert.Trial`."""
+class StartSettings(_Strict):
+    """The imitation of the rule that training begins with."""
 
-    rounds: int = Field(ge=1, le=100)
     mines: int = Field(ge=1)
-    robots: int = Field(ge=1, le=64)
-    clusters: int = Field(ge=2, le=12)
-    horizon_s: float = Field(gt=0)
-    every_s: tuple[float, float]
-    wander: float = Field(ge=0, le=1)
-
-
-class FitSettings(_Strict):
-    """How the network is fitted to the labels."""
-
-    epochs: int = Field(ge=1)
+    robots: int = Field(ge=2, le=64)
+    temperature_m: float = Field(gt=0)
+    steps: int = Field(ge=1)
     batch: int = Field(ge=1)
     lr: float = Field(gt=0)
-    weight_decay: float = Field(ge=0)
-    temperature_cells: float = Field(gt=0)
 
 
 class ImproveSettings(_Strict):
     """The policy gradient."""
 
     updates: int = Field(ge=0)
-    robots: int = Field(ge=2)
+    mines: int = Field(ge=1)
+    robots: int = Field(ge=2, le=256)
+    caves: float = Field(ge=0, le=1)
+    discount_s: float = Field(gt=0)
     lr: float = Field(gt=0)
     clip: float = Field(gt=0, lt=1)
     epochs: int = Field(ge=1)
     entropy: float = Field(ge=0)
     batch: int = Field(ge=1)
-    horizon_s: float = Field(gt=0)
+    watch_every: int = Field(ge=1)
 
 
 class GraphSettings(_Strict):
@@ -64,9 +56,9 @@ class GraphSettings(_Strict):
     seed: int = Field(ge=0)
     mines: int = Field(ge=1, le=SIZES["train"])
     watched: int = Field(ge=0)
+    jobs: int = Field(ge=1)
     network: Shape
-    labels: LabelSettings
-    fit: FitSettings
+    start: StartSettings
     improve: ImproveSettings
 
     @property

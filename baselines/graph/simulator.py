@@ -108,7 +108,9 @@ class MapSimulator:
         planner, step_s = self.planners[robot], self.task.control_s
         held_s = planner.steps_to_goal * step_s
         still_s = min(planner.still_steps * step_s, held_s)
-        return Context(planner.map, self.poses[robot], self.horizon_s - self.time_s[robot], still_s, held_s)
+        return Context(
+            planner.map, self.poses[robot], planner.start, self.horizon_s - self.time_s[robot], still_s, held_s
+        )
 
     def send(self, robot: int, situation: Situation | None, chosen: int | None) -> None:
         """Let a robot drive to a cluster of its situation."""

@@ -1,11 +1,14 @@
-"""Train the graph explorer: `python -m baselines.graph.train seed=42 labels.rounds=3`; run it again to go on."""
+"""Train the graph explorer: `python -m baselines.graph.train seed=42 improve.updates=200`; run it again to go on."""
 
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
 import sys
-import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,26 +17,26 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from baselines.errors import BaselineError, need, run_command
-from baselines.explorers.graph_explorer import Situation
-from baselines.graph.checkpoint import read_network, write_network
-from baselines.graph.choosing import LearnedChoice, Rule, choose_nearest, keeps_goal
-from baselines.graph.expert import Expert, Trial
-from baselines.graph.features import Context
-from baselines.graph.label_files import read_labels, write_labels
+from baselines.graph.checkpoint import write_network
+from baselines.graph.choosing import LearnedChoice, Rule, choose_nearest
+from baselines.graph.episodes import Decisions, Network, join, sample
+from baselines.graph.fresh_ground import fresh_ground
 from baselines.graph.mines import make_simulator, training_ids
 from baselines.graph.settings import GraphSettings, compose_settings
 from baselines.graph.watch import drive
 from baselines.progress import Progress
+from baselines.worker import begin_worker
+from minexplore.splits import STYLES
 
 RUNS = Path("artifacts/train")  # NAME/policy.safetensors is found by the evaluation
 _WATCHED_ROBOTS = 4
 
 
 class Run:
-    """The folder of a run: `settings.json`, `labels/`, a network a round, `progress.jsonl`, `policy.safetensors`."""
+    """The folder of a run: `settings.json`, `state.safetensors`, a network a watch, `progress.jsonl`, the policy."""
 
     def __init__(self, folder: Path, settings: GraphSettings) -> None:
-        """Make the folder, or take the one of a run that differs in its length only.
+        """Make the folder, or take the one of a run that differs in its length or its processes only.
 
         Raises
         ------
@@ -43,19 +46,22 @@ class Run:
         self.path, self.settings = folder, settings
         folder.mkdir(parents=True, exist_ok=True)
         file = folder / "settings.json"
-        if file.is_file() and _without_length(GraphSettings.model_validate_json(file.read_bytes())) != _without_length(
-            settings
-        ):
+        if file.is_file() and _lasting(GraphSettings.model_validate_json(file.read_bytes())) != _lasting(settings):
             raise BaselineError(f"{folder}: holds a run of other settings; remove it, rename it, or give name=OTHER")
         file.write_text(settings.model_dump_json(indent=2) + "\n")
 
-    def network(self, stage: str) -> Path:
-        """Return the file of the network that a stage ends with."""
-        return self.path / f"network-{stage}.safetensors"
+    def network(self, update: int) -> Path:
+        """Return the file of the network after an update."""
+        return self.path / f"network-{update:05d}.safetensors"
 
-    def shard(self, number: int, mine: int) -> Path:
-        """Return the file of the labels of one mine of a round."""
-        return self.path / "labels" / f"{number:02d}-{mine:03d}.npz"
+    def state(self, update: int) -> Path:
+        """Return the file of weights and optimizer after an update."""
+        return self.path / f"state-{update:05d}.safetensors"
+
+    @property
+    def done(self) -> int:
+        """Return the newest update whose state is kept; -1 without one."""
+        return max((int(file.stem.rpartition("-")[2]) for file in self.path.glob("state-*.safetensors")), default=-1)
 
     def log(self, line: dict[str, Any]) -> None:
         """Add a line to the log, and print it."""
@@ -64,90 +70,142 @@ class Run:
         print(json.dumps(line), flush=True)
 
 
-def _without_length(settings: GraphSettings) -> GraphSettings:
-    labels = settings.labels.model_copy(update={"rounds": 1, "mines": 1})
+def _lasting(settings: GraphSettings) -> GraphSettings:
     improve = settings.improve.model_copy(update={"updates": 0})
-    return settings.model_copy(update={"labels": labels, "improve": improve})
+    return settings.model_copy(update={"improve": improve, "jobs": 1})
 
 
 def train(run: Run) -> Path:
-    """Label and fit round by round, then improve; return the policy's file. What is done is not done again.
+    """Imitate the rule, then improve; return the policy's file. What is done is not done again.
+
+    The policy is the network that saw most in the watched mines; without watched mines it is the last one.
 
     Raises
     ------
     BaselineError
         If torch is missing, or a mine is not built or one that policies are judged by.
     """
+    try:
+        from baselines.graph.learner import Learner
+    except ImportError as error:
+        raise need(str(error.name)) from error
     settings, ids = run.settings, training_ids(run.settings.mines)
     learned, watched = ids[: len(ids) - settings.watched], ids[len(ids) - settings.watched :]
     if not learned:
         raise BaselineError(f"mines = {settings.mines}, watched = {settings.watched}: no mine is left to learn from")
-    newest = run.network("00")
-    for number in range(settings.labels.rounds):
-        newest = run.network(f"{number:02d}")
-        if not newest.is_file():
-            _label(run, number, learned)
-            _fit(run, number, watched)
-    if settings.improve.updates:
-        from baselines.graph.improve import improve
-
-        newest = improve(run.path, settings, learned, newest, run.log)
-    arrays, shape = read_network(newest)
+    learner = Learner(settings.network, settings.improve.lr, settings.seed)
+    done = run.done
+    if done >= 0:
+        learner.load(run.state(done))
+    progress = Progress(settings.label, settings.improve.updates, max(done, 0), unit="updates")
+    with Drivers(settings.jobs) as drivers:
+        if done < 0:
+            _start(run, learner, drivers, learned)
+            _keep(run, learner, drivers, 0, watched)
+        for update in range(max(done, 0) + 1, settings.improve.updates + 1):
+            figures = _improve(run, learner, drivers, update, learned)
+            run.log({"update": update, **figures})
+            if update % settings.improve.watch_every == 0 or update == settings.improve.updates:
+                _keep(run, learner, drivers, update, watched)
+            progress.add(1)
+    progress.close()
     policy = run.path / "policy.safetensors"
-    write_network(policy, arrays, shape, settings.seed, {"network": newest.name})
+    policy.write_bytes(_best(run).read_bytes())
     return policy
 
 
-def _label(run: Run, number: int, ids: list[str]) -> None:
-    """Write the labels of a round, mine by mine."""
-    settings, labels = run.settings, run.settings.labels
-    order = np.random.default_rng([settings.seed, number]).permutation(len(ids))
-    drawn = np.resize(order, labels.mines)
-    trial = Trial(labels.robots, labels.clusters, labels.horizon_s, labels.every_s, labels.wander)
-    progress = Progress(f"{settings.label}, labels {number}", len(drawn), unit="mines")
-    for mine, which in enumerate(drawn.tolist()):
-        path = run.shard(number, mine)
-        if not path.is_file():
-            rng = np.random.default_rng([settings.seed, number, mine])
-            sim = make_simulator(ids[which], labels.robots * (1 + labels.clusters))
-            behaviour, after = _rules(run, number)
-            write_labels(path, Expert(sim, trial, behaviour, after, rng).label_episode())
-        progress.add(1)
-    progress.close()
+class Drivers:
+    """Processes that drive episodes in mines; with one job this process drives."""
+
+    def __init__(self, jobs: int) -> None:
+        """Start the processes."""
+        context = multiprocessing.get_context("spawn")
+        self._pool = ProcessPoolExecutor(jobs, context, begin_worker) if jobs > 1 else None
+
+    def map(self, work: Callable[..., Any], *arguments: list[Any]) -> list[Any]:
+        """Return what `work` returns for each of the arguments, in their order."""
+        return list((self._pool.map if self._pool else map)(work, *arguments))
+
+    def __enter__(self) -> Drivers:
+        """Return itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """End the processes, at once after an error."""
+        if self._pool is None:
+            return
+        if kind is not None:
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+        self._pool.shutdown(cancel_futures=True)
 
 
-def _rules(run: Run, number: int) -> tuple[Rule, Rule]:
-    """Return what drives between scenes and what drives after a trial: first the nearest cluster, then the network."""
-    if number == 0:
-        return follow_nearest, choose_nearest
-    choice = LearnedChoice(*read_network(run.network(f"{number - 1:02d}")))
-    return choice, choice
+def _start(run: Run, learner: Any, drivers: Drivers, ids: list[str]) -> None:
+    """Let the network imitate the rule in the first mines."""
+    settings, start = run.settings, run.settings.start
+    rule = Network(None, settings.network, start.temperature_m)
+    driven = _drive(settings, drivers, np.resize(ids, start.mines).tolist(), start.robots, rule, 0)
+    logits = np.stack([fresh_ground(tokens) for tokens in driven.scenes.tokens]) / start.temperature_m
+    divergence = learner.imitate(driven.scenes, logits, driven.credit, start)
+    run.log({"start": len(logits), "divergence": round(divergence, 4), "share": round(driven.share, 4)})
 
 
-def follow_nearest(situation: Situation, context: Context) -> int:
-    """Return the nearest cluster; a goal is kept as the learned explorer keeps it."""
-    return situation.present if keeps_goal(situation, context) else choose_nearest(situation, context)
+def _improve(run: Run, learner: Any, drivers: Drivers, update: int, ids: list[str]) -> dict[str, float]:
+    """Take one update in some mines; its draws depend on the seed and on the update's number only."""
+    settings, improve = run.settings, run.settings.improve
+    rng = np.random.default_rng([settings.seed, update])
+    is_cave = np.arange(len(ids)) % len(STYLES) == STYLES.index("cave")
+    chances = np.where(is_cave, improve.caves, 1.0)
+    mines = rng.choice(len(ids), improve.mines, replace=len(ids) < improve.mines, p=chances / chances.sum())
+    network = Network(learner.arrays(), settings.network)
+    driven = _drive(settings, drivers, [ids[mine] for mine in mines], improve.robots, network, update)
+    return {"share": round(driven.share, 4), **learner.improve(driven, improve, settings.seed + update)}
 
 
-def _fit(run: Run, number: int, watched: list[str]) -> None:
-    """Fit a network to the labels of all rounds so far, and watch it drive."""
-    try:
-        from baselines.graph.fit import arrays_of, fit
-    except ImportError as error:
-        raise need(str(error.name)) from error
-    settings, start = run.settings, time.process_time()
-    shards = [run.shard(n, mine) for n in range(number + 1) for mine in range(settings.labels.mines)]
-    network, figures = fit(read_labels(shards), settings.network, settings.fit, settings.seed)
-    arrays = arrays_of(network)
-    seen = watch(LearnedChoice(arrays, settings.network), watched)
-    line = {"round": number, **figures, "watched": seen, "nearest": watch(choose_nearest, watched)}
-    run.log({**line, "fit_and_watch_s": round(time.process_time() - start, 1)})
-    write_network(run.network(f"{number:02d}"), arrays, settings.network, settings.seed, line)
+def _drive(
+    settings: GraphSettings, drivers: Drivers, ids: list[str], robots: int, network: Network, update: int
+) -> Decisions:
+    """Return the decisions of robots that explore each of some mines by draws."""
+    discount_s = settings.improve.discount_s
+    seeds = [(settings.seed, update, 1 + place) for place in range(len(ids))]
+    work = partial(_episode, robots=robots, network=network, discount_s=discount_s)
+    return join(drivers.map(work, ids, seeds))
 
 
-def watch(rule: Rule, ids: list[str]) -> list[float]:
-    """Return the mean share that robots of a rule see of each mine."""
-    return [round(float(drive(make_simulator(env_id, _WATCHED_ROBOTS), rule, 0).mean()), 4) for env_id in ids]
+def _keep(run: Run, learner: Any, drivers: Drivers, update: int, watched: list[str]) -> None:
+    """Watch the network drive, and keep it with the state that the run goes on from."""
+    settings, arrays = run.settings, learner.arrays()
+    network = Network(arrays, settings.network)
+    seen = drivers.map(_watch, watched, [network] * len(watched))
+    line: dict[str, Any] = {"update": update, "watched": seen}
+    if update == 0:
+        line["nearest"] = drivers.map(_watch, watched, [None] * len(watched))
+    run.log(line)
+    write_network(run.network(update), arrays, settings.network, settings.seed, line)
+    learner.save(run.state(update))
+    for old in run.path.glob("state-*.safetensors"):
+        if old != run.state(update):
+            old.unlink()
+
+
+def _best(run: Run) -> Path:
+    """Return the kept network that saw most in the watched mines, or else the last one."""
+    lines = [json.loads(line) for line in (run.path / "progress.jsonl").read_text().splitlines()]
+    most = run.settings.improve.updates
+    kept = {line["update"]: line["watched"] for line in lines if "watched" in line and line["update"] <= most}
+    return run.network(max(kept, key=lambda update: (np.mean(kept[update] or [0.0]), update)))
+
+
+def _episode(env_id: str, seed: tuple[int, ...], robots: int, network: Network, discount_s: float) -> Decisions:
+    return sample(make_simulator(env_id, robots), network, discount_s, np.random.default_rng(seed))
+
+
+def _watch(env_id: str, network: Network | None) -> float:
+    """Return the mean share that robots see of a mine; without a network they drive to the nearest cluster."""
+    rule: Rule = choose_nearest
+    if network is not None and network.arrays is not None:
+        rule = LearnedChoice(network.arrays, network.shape)
+    return round(float(drive(make_simulator(env_id, _WATCHED_ROBOTS), rule, 0).mean()), 4)
 
 
 def main() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from pydantic import ValidationError
 
 from baselines.errors import BaselineError, run_command
 from baselines.policy import TRAINED
@@ -50,7 +51,10 @@ def keep(runs: Path = TRAINED, kept: Path = KEPT) -> None:
         lines = [json.loads(line) for line in progress.read_text().splitlines()]
         if not lines:
             continue
-        settings = TrainSettings.model_validate_json((progress.parent / "settings.json").read_bytes())
+        try:
+            settings = TrainSettings.model_validate_json((progress.parent / "settings.json").read_bytes())
+        except ValidationError:
+            continue  # a run of the graph explorer
         picked = sorted({round(i) for i in np.linspace(0, len(lines) - 1, _POINTS)})
         reached, last = progress.parent / "reached.json", lines[-1]
         record = {

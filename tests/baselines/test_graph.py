@@ -1,3 +1,6 @@
+import json
+from dataclasses import replace
+
 import gymnasium
 import numpy as np
 import pytest
@@ -7,17 +10,18 @@ from baselines.confined import Confined, ConfinedPolicy
 from baselines.environments import make_env
 from baselines.errors import BaselineError
 from baselines.explorers.map_graph import map_graph
-from baselines.explorers.own_map import OwnMap
+from baselines.explorers.own_map import FINE, ROCK, UNKNOWN, OwnMap
 from baselines.explorers.pursuit import PathFollower
 from baselines.graph.checkpoint import read_network, write_network
 from baselines.graph.choosing import LearnedChoice, choose_nearest, keeps_goal
 from baselines.graph.convoy import Convoy
-from baselines.graph.expert import Expert, Trial
-from baselines.graph.features import MOST, NAMES, describe
-from baselines.graph.label_files import read_labels, write_labels
+from baselines.graph.episodes import Decisions, Network, credits, join, sample
+from baselines.graph.features import MOST, NAMES, Ground, describe
+from baselines.graph.fresh_ground import fresh_ground
 from baselines.graph.map_stack import MapStack
 from baselines.graph.mines import make_simulator
 from baselines.graph.network import Shape, array_shapes, scores
+from baselines.graph.scenes import Scenes
 from baselines.graph.senses import Senses
 from baselines.graph.settings import compose_settings
 from baselines.graph.simulator import MapSimulator
@@ -177,45 +181,74 @@ def test_a_goal_is_kept_for_five_seconds_unless_the_robot_stands_still(world):
     sim = explored(world, robots=1, seconds=8.0)
     situation = sim.planners[0].look_around(sim.poses[0, :2])
     context = sim.context(0)
-    moving = type(context)(context.own, context.pose, 50.0, 0.0, 2.0)
+    moving = replace(context, still_s=0.0, held_s=2.0)
     assert keeps_goal(situation, moving) == (situation.present >= 0)
-    assert not keeps_goal(situation, type(context)(context.own, context.pose, 50.0, 0.0, 6.0))
-    assert not keeps_goal(situation, type(context)(context.own, context.pose, 50.0, 5.5, 5.5))
+    assert not keeps_goal(situation, replace(context, still_s=0.0, held_s=6.0))
+    assert not keeps_goal(situation, replace(context, still_s=5.5, held_s=5.5))
 
 
-def test_the_expert_prefers_the_cluster_behind_which_there_is_more(world):
-    sim = MapSimulator(world, TASK, ROBOT, 2 * (1 + 4))
-    trial = Trial(robots=2, clusters=4, horizon_s=20.0, every_s=(5.0, 15.0), wander=0.2)
-    labels = Expert(sim, trial, choose_nearest, choose_nearest, np.random.default_rng(0)).label_episode()
-    tried = ~np.isnan(labels.cells)
-    assert len(labels.cells) >= 2
-    assert (tried.sum(axis=1) >= 2).all()
-    assert (tried <= labels.real).all()
-    assert (labels.cells[tried] >= 0).all()
-    assert labels.cells[tried].max() > labels.cells[tried].min()
+def test_shares_of_squares_are_those_counted_cell_by_cell(world):
+    sim = explored(world, robots=1, seconds=10.0)
+    own = sim.planners[0].map
+    ground, places = Ground(own), random_poses(world, 40)[:, :2]
+    places[0] = own.low * own.cell_m - 100.0  # beyond the map
+    for half in (0, 1, 3):
+        for place, found in zip(places, ground.shares(places, half).T, strict=True):
+            (row,), (col,) = own.at(place[None], own.cell_m)
+            cells = [(row + i, col + j) for i in range(-half, half + 1) for j in range(-half, half + 1)]
+            inside = [(i, j) for i, j in cells if 0 <= i < own.seen.shape[0] and 0 <= j < own.seen.shape[1]]
+            middle = [own.fine[i * FINE + FINE // 2, j * FINE + FINE // 2] for i, j in inside]
+            known, rock = sum(m != UNKNOWN for m in middle), sum(m == ROCK for m in middle)
+            seen = sum(own.seen[cell] for cell in inside)
+            np.testing.assert_allclose(found, [1 - known / len(cells), seen / len(cells), rock / len(cells)])
 
 
-def test_labels_come_back_from_their_files_and_other_files_are_refused(tmp_path, world):
-    sim = MapSimulator(world, TASK, ROBOT, 4)
-    trial = Trial(robots=1, clusters=3, horizon_s=5.0, every_s=(10.0, 15.0), wander=0.0)
-    labels = Expert(sim, trial, choose_nearest, choose_nearest, np.random.default_rng(0)).label_episode()
-    write_labels(tmp_path / "a.npz", labels)
-    twice = read_labels([tmp_path / "a.npz"] * 2)
-    np.testing.assert_array_equal(twice.cells, np.concatenate([labels.cells] * 2))
-    (tmp_path / "b.npz").write_bytes(b"nothing")
-    with pytest.raises(BaselineError, match=r"b\.npz: not a file of labels"):
-        read_labels([tmp_path / "b.npz"])
+def test_fresh_ground_is_worth_more_and_way_less():
+    tokens = np.zeros((3, len(NAMES)))
+    tokens[:, NAMES.index("first_turn_cos")] = 1.0
+    tokens[1, NAMES.index("unknown")] = 1.0
+    tokens[2, NAMES.index("path")] = 0.5
+    assert fresh_ground(tokens).tolist() == [0.0, 25.0, -10.0]
+
+
+def test_credits_are_what_a_robot_sees_later_than_the_others_of_its_mine():
+    seen = np.array([[0.0, 0.0], [10.0, 0.0], [20.0, 0.0], [20.0, 40.0]])
+    found = credits(seen, discount_s=1e9)  # nothing is discounted: what is still to come
+    typical = seen[-1].mean() / 3 * 1e9 / 5
+    np.testing.assert_allclose(found * typical, [[-10, 10], [-15, 15], [-20, 20]], atol=1e-4)
+    assert (credits(seen, discount_s=1.0)[0] > 0).tolist() == [True, False]  # 40 cells after 10 s count nothing
+
+
+def drawn(world, network=None, robots=3):
+    sim = MapSimulator(world, TASK, ROBOT, robots)
+    return sample(sim, network or Network(None, SHAPE), 20.0, np.random.default_rng(0))
+
+
+def test_an_episode_holds_each_decision_with_its_chance_and_credit(world):
+    decisions = drawn(world)
+    count = len(decisions.chosen)
+    assert count > 10
+    assert decisions.scenes.tokens.shape == (count, MOST, len(NAMES))
+    assert decisions.scenes.real[np.arange(count), decisions.chosen].all()
+    assert (decisions.log_chance <= 0).all()
+    assert np.isfinite(decisions.credit).all()
+    assert decisions.credit.std() > 0
+    assert 0 < decisions.share <= 1
+    again = drawn(world)
+    np.testing.assert_array_equal(decisions.chosen, again.chosen)
+    twice = join([decisions, again])
+    assert len(twice.chosen) == len(twice.scenes.real) == 2 * count
+    assert twice.share == decisions.share
 
 
 @pytest.mark.parametrize("changes", [{}, {"attention": False}, {"stubs": False}, {"blocks": 0}])
 def test_the_network_is_the_same_in_torch_and_in_numpy(changes):
     torch = pytest.importorskip("torch")
-    from baselines.graph.fit import arrays_of
-    from baselines.graph.torch_network import GraphNetwork
+    from baselines.graph.learner import Learner
 
     shape, rng = SHAPE.model_copy(update=changes), np.random.default_rng(0)
-    network = GraphNetwork(shape)
-    arrays = arrays_of(network)
+    learner = Learner(shape, 1e-3, 0)
+    network, arrays = learner.network, learner.arrays()
     assert {name: array.shape for name, array in arrays.items()} == array_shapes(shape)
     tokens, apart = rng.normal(size=(7, len(NAMES))).astype(np.float32), rng.uniform(0, 60, (7, 7)).astype(np.float32)
     filled = [np.zeros((1, MOST, len(NAMES)), np.float32), np.ones((1, MOST, MOST), np.float32)]
@@ -226,21 +259,68 @@ def test_the_network_is_the_same_in_torch_and_in_numpy(changes):
     assert (theirs[7:] < -1e8).all()
 
 
-def test_the_fit_learns_which_clusters_bring_more():
-    pytest.importorskip("torch")
-    from baselines.graph.expert import Labels
-    from baselines.graph.fit import arrays_of, fit
-
+def random_scenes(count):
     rng = np.random.default_rng(0)
-    tokens = rng.normal(size=(400, MOST, len(NAMES))).astype(np.float32)
-    cells = (50 + 20 * tokens[..., NAMES.index("unknown")] + rng.normal(size=(400, MOST))).astype(np.float32)
-    cells[rng.random(cells.shape) < 0.5] = np.nan
-    labels = Labels(tokens, np.full((400, MOST, MOST), 10, np.float32), np.ones((400, MOST), dtype=bool), cells)
-    settings = compose_settings(["fit.epochs=80"]).fit
-    network, figures = fit(labels, SHAPE, settings, 0)
-    assert figures["chosen_above_nearest"] > 0.8 * figures["best_above_nearest"] > 5
-    found = scores(arrays_of(network), SHAPE, tokens[0], labels.apart_m[0])
-    assert found.argmax() == tokens[0, :, NAMES.index("unknown")].argmax()
+    tokens = rng.normal(size=(count, MOST, len(NAMES))).astype(np.float32)
+    return Scenes(tokens, np.full((count, MOST, MOST), 10, np.float32), np.ones((count, MOST), dtype=bool))
+
+
+def test_the_network_imitates_scores_and_values():
+    pytest.importorskip("torch")
+    from baselines.graph.learner import Learner
+
+    scenes = random_scenes(400)
+    logits = 2.0 * scenes.tokens[..., NAMES.index("unknown")]
+    credit = scenes.tokens[..., NAMES.index("time_left")].mean(axis=1)
+    learner = Learner(SHAPE, 1e-3, 0)
+    settings = compose_settings(["start.steps=300", "start.batch=64", "start.lr=0.003"]).start
+    divergence = learner.imitate(scenes, logits, credit, settings)
+    assert divergence < 0.1
+    found = scores(learner.arrays(), SHAPE, scenes.tokens[0], scenes.apart_m[0])
+    assert found.argmax() == logits[0].argmax()
+
+
+def test_the_policy_gradient_learns_which_choices_bring_more():
+    torch = pytest.importorskip("torch")
+    from baselines.graph.learner import Learner
+
+    scenes, rng = random_scenes(512), np.random.default_rng(0)
+    worth = scenes.tokens[..., NAMES.index("unknown")]
+    learner, settings = Learner(SHAPE, 1e-3, 0), compose_settings(["improve.batch=128", "improve.lr=0.001"]).improve
+    reached = []
+    for update in range(12):
+        with torch.no_grad():
+            chances = learner.network(*map(torch.from_numpy, (scenes.tokens, scenes.apart_m, scenes.real)))[0]
+            chances = chances.log_softmax(dim=1).numpy()
+        chosen = (chances + rng.gumbel(size=chances.shape)).argmax(axis=1)
+        each = np.arange(len(chosen))
+        credit = worth[each, chosen]
+        reached.append(float(credit.mean()))
+        decisions = Decisions(scenes, chosen, chances[each, chosen], credit.astype(np.float32), 0.0)
+        figures = learner.improve(decisions, settings, update)
+    assert abs(reached[0]) < 0.2
+    assert reached[-1] > reached[0] + 0.5  # a uniform choice brings 0, the best one 1.8
+    assert figures["decisions"] == 512
+
+
+def test_a_learner_goes_on_from_its_file_as_if_it_had_not_stopped(tmp_path):
+    pytest.importorskip("torch")
+    from baselines.graph.learner import Learner
+
+    scenes, settings = random_scenes(64), compose_settings([]).improve
+    decisions = Decisions(scenes, np.zeros(64, int), np.full(64, -1.0, np.float32), np.arange(64, dtype=np.float32), 0)
+    first = Learner(SHAPE, 1e-3, 0)
+    first.improve(decisions, settings, 1)
+    first.save(tmp_path / "state.safetensors")
+    second = Learner(SHAPE, 1e-3, 7)
+    second.load(tmp_path / "state.safetensors")
+    for learner in (first, second):
+        learner.improve(decisions, settings, 2)
+    for name, array in first.arrays().items():
+        np.testing.assert_array_equal(array, second.arrays()[name], err_msg=name)
+    (tmp_path / "state.safetensors").write_bytes(b"nothing")
+    with pytest.raises(BaselineError, match="not the state of this run"):
+        second.load(tmp_path / "state.safetensors")
 
 
 def test_a_network_on_disk_drives_robots_here_and_confined_and_needs_no_torch(tmp_path, short_id):
@@ -278,7 +358,7 @@ def test_the_learned_choice_is_the_cluster_of_the_highest_score(world):
     sim = explored(world, robots=1, seconds=6.0)
     situation = sim.planners[0].look_around(sim.poses[0, :2])
     context = sim.context(0)
-    free = type(context)(context.own, context.pose, context.time_left_s, 0.0, 10.0)
+    free = replace(context, still_s=0.0, held_s=10.0)
     arrays, scene = random_arrays(SHAPE), describe(situation, free)
     best = scene.clusters[scores(arrays, SHAPE, scene.tokens, scene.apart_m).argmax()]
     assert LearnedChoice(arrays, SHAPE)(situation, free) == best
@@ -301,7 +381,7 @@ def test_training_refuses_mines_that_policies_are_judged_by(world, monkeypatch, 
     [
         ("mines=0", "mines = 0"),
         ("network.heads=5", "want a multiple of network.heads = 5"),
-        ("labels.wander=2", "labels.wander = 2"),
+        ("improve.caves=2", "improve.caves = 2"),
         ("nothing=1", "nothing"),
     ],
 )
@@ -316,30 +396,25 @@ def test_a_run_is_resumed_where_it_ended_and_its_policy_is_found_by_name(tmp_pat
     from baselines.graph import train
 
     monkeypatch.setattr(train, "training_ids", lambda count: [short_id] * count)
-    small = ["mines=2", "watched=1", "labels.rounds=2", "labels.mines=1", "labels.robots=1", "labels.clusters=2"]
-    small += ["labels.horizon_s=4", "labels.every_s=[4,8]", "fit.epochs=2", "network.width=16", "network.heads=2"]
-    settings = compose_settings([*small, "improve.robots=2"])
+    small = ["mines=2", "watched=1", "jobs=1", "start.mines=1", "start.robots=2", "start.steps=5", "start.batch=8"]
+    small += ["improve.updates=1", "improve.mines=1", "improve.robots=2", "improve.batch=8", "improve.watch_every=1"]
+    settings = compose_settings([*small, "network.width=16", "network.heads=2"])
     run = train.Run(tmp_path / settings.label, settings)
     file = train.train(run)
-    first = {path: path.stat().st_mtime_ns for path in (tmp_path / settings.label).rglob("*-*.*")}
-    assert len(list((tmp_path / settings.label / "labels").iterdir())) == 2
-    longer = settings.model_copy(update={"improve": settings.improve.model_copy(update={"updates": 1})})
-    train.train(train.Run(tmp_path / settings.label, longer))
-    assert all(path.stat().st_mtime_ns == then for path, then in first.items())  # nothing was done twice
-    assert (tmp_path / settings.label / "improved-00001.safetensors").is_file()
+    networks = [run.network(update) for update in (0, 1)]
+    first = {path: path.stat().st_mtime_ns for path in networks}
+    longer = settings.model_copy(update={"improve": settings.improve.model_copy(update={"updates": 2})})
+    again = train.Run(tmp_path / settings.label, longer)
+    assert train.train(again) == file
+    assert {path: path.stat().st_mtime_ns for path in networks} == first  # nothing was done twice
+    assert again.done == 2
+    lines = [json.loads(line) for line in (run.path / "progress.jsonl").read_text().splitlines()]
+    seen = {line["update"]: line["watched"] for line in lines if "watched" in line}
+    assert sorted(seen) == [0, 1, 2]
+    best = max(seen, key=lambda update: (seen[update], update))
+    assert file.read_bytes() == again.network(best).read_bytes()
     monkeypatch.setattr(policies, "TRAINED", tmp_path)
     assert make_policy(settings.label, 1, TASK, ROBOT).path == file
     other = settings.model_copy(update={"seed": 7})
     with pytest.raises(BaselineError, match="holds a run of other settings"):
         train.Run(tmp_path / settings.label, other)
-
-
-def test_decisions_are_credited_with_what_their_robot_sees_more_than_the_others_of_the_mine():
-    pytest.importorskip("torch")
-    from baselines.graph.improve import Episode, advantages
-
-    seen = [np.array([0, 0]), np.array([10, 0]), np.array([20, 0]), np.array([20, 40])]
-    episode = Episode(robots=[0, 1, 1], time_s=[0.0, 0.0, 10.0], seen=seen)
-    credit = advantages(episode, horizon_s=10.0)
-    raw = np.array([10.0, -10.0, 20.0])  # 20 and 0 cells in ten seconds; then 0 and 40, until the episode ends
-    np.testing.assert_allclose(credit, raw / raw.std())

@@ -1,0 +1,122 @@
+"""Training of the graph explorer as a page, docs/graph-training.md: `python -m baselines.graph.curves`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from pydantic import ValidationError
+
+from baselines.errors import BaselineError, run_command
+from baselines.graph.settings import GraphSettings
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+RUNS = Path("artifacts/train")
+KEPT = Path("baselines/results/graph_training")
+_PAGE, _PICTURE = Path("docs/graph-training.md"), Path("docs/graph-training.png")
+_COLOURS = ("#1f5a94", "#b04a2f", "#3c7d4e", "#7a5aa0", "#8a6d3b")
+_TEXT = """# Training of the graph explorer
+
+Written by `make curves` from `{kept}/`. *Watched* is the mean share that {mines} mines of the training split, which
+the network does not learn from, show to four robots each in the map simulator, %. The network at update 0 imitates a
+rule (`baselines/graph/fresh_ground.py`). The policy is the network that saw most in the watched mines.
+
+![Share of the watched mines over training](graph-training.png)
+
+| run | seed | updates | watched at 0 | watched, best | at update | nearest cluster there |
+|---|---|---|---|---|---|---|
+{rows}
+"""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One run: shares of the watched mines by update, and what the nearest cluster sees there."""
+
+    settings: GraphSettings
+    updates: list[int]
+    watched: list[float]
+    nearest: float
+
+
+def keep(runs: Path = RUNS, kept: Path = KEPT) -> None:
+    """Write what the page needs of all runs to files that git tracks."""
+    for file in sorted(runs.glob("*/progress.jsonl")):
+        try:
+            settings = GraphSettings.model_validate_json((file.parent / "settings.json").read_bytes())
+        except (OSError, ValidationError):
+            continue  # a run of PPO
+        lines = [json.loads(line) for line in file.read_text().splitlines()]
+        watched = [line for line in lines if line.get("watched")]
+        if watched:
+            kept.mkdir(parents=True, exist_ok=True)
+            record = {"settings": settings.model_dump(mode="json"), "watched": watched}
+            (kept / f"{settings.label}.json").write_text(json.dumps(record) + "\n")
+
+
+def read_curves(kept: Path = KEPT) -> list[Curve]:
+    """Return the kept runs, sorted by name and seed.
+
+    Raises
+    ------
+    BaselineError
+        If there is none.
+    """
+    curves = []
+    for file in kept.glob("*.json"):
+        record = json.loads(file.read_text())
+        lines = {line["update"]: line for line in record["watched"]}
+        nearest = float(np.mean(lines[0]["nearest"]))
+        shares = [float(np.mean(lines[update]["watched"])) for update in sorted(lines)]
+        curves.append(Curve(GraphSettings.model_validate(record["settings"]), sorted(lines), shares, nearest))
+    if not curves:
+        raise BaselineError(f"{kept}: no runs; `make train-graph SEED=42` makes one")
+    return sorted(curves, key=lambda curve: (curve.settings.name, curve.settings.seed))
+
+
+def draw_curves(curves: list[Curve], path: Path) -> None:
+    """Draw the watched shares of each name: mean over seeds, and the range from the least to the greatest."""
+    figure, axis = plt.subplots(figsize=(8, 4.2), layout="constrained")
+    names = dict.fromkeys(curve.settings.name for curve in curves)
+    for colour, name in zip(_COLOURS, names, strict=False):
+        group = [curve for curve in curves if curve.settings.name == name]
+        at = sorted(set.intersection(*(set(curve.updates) for curve in group)))
+        shares = 100 * np.array([[c.watched[c.updates.index(update)] for update in at] for c in group])
+        axis.plot(at, shares.mean(axis=0), color=colour, label=f"{name}, {len(group)} seed{'s' * (len(group) > 1)}")
+        axis.fill_between(at, shares.min(axis=0), shares.max(axis=0), color=colour, alpha=0.2, lw=0)
+    nearest = 100 * float(np.mean([curve.nearest for curve in curves]))
+    axis.axhline(nearest, color="#222222", ls=":", lw=1, label="nearest cluster")
+    axis.set(xlabel="updates", ylabel="share of the watched mines, %")
+    axis.legend(frameon=False, fontsize=8)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def page(curves: list[Curve], kept: Path = KEPT) -> str:
+    """Return the page."""
+    rows = []
+    for curve in curves:
+        best = int(np.argmax(curve.watched))
+        figures = (100 * curve.watched[0], 100 * curve.watched[best], curve.updates[best], 100 * curve.nearest)
+        rows.append("| {} | {} | {} | {:.1f} | {:.1f} | {} | {:.1f} |".format(
+            curve.settings.name, curve.settings.seed, curve.updates[-1], *figures))  # fmt: skip
+    return _TEXT.format(kept=kept.as_posix(), mines=curves[0].settings.watched, rows="\n".join(rows))
+
+
+def main() -> None:
+    """Keep what the page needs, draw it, write it."""
+    keep()
+    curves = read_curves()
+    draw_curves(curves, _PICTURE)
+    _PAGE.write_text(page(curves))
+    print(f"{_PAGE} and {_PICTURE} are written")
+
+
+if __name__ == "__main__":
+    sys.exit(run_command("graph-curves", main))
