@@ -1,9 +1,13 @@
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import gymnasium
 import pytest
 
+import minexplore
+from baselines import result_file, split, split_file
+from baselines.split_file import mine_id
 from tests.mines import BuiltMine
 
 TEE_ID, SHORT_ID = "MineXplore/Tee-v0", "MineXplore/ShortTee-v0"
@@ -32,3 +36,25 @@ def short_id(tee: BuiltMine) -> Iterator[str]:
     register(SHORT_ID, tee, {"max_steps": 240, "stall_steps": 50})
     yield SHORT_ID
     del gymnasium.registry[SHORT_ID]
+
+
+@pytest.fixture
+def mines(tee: BuiltMine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
+    """Register a test split of two mines, whose results are kept in a folder of the test."""
+    ids = [mine_id("test", number) for number in range(2)]
+    kwargs = {"world": str(tee.bundle), "task": {"terrain": False, "max_steps": 200, "stall_steps": 50}}
+    monkeypatch.setattr(minexplore, "FAMILY_MINES", dict.fromkeys(ids, kwargs))
+    built = {env_id: gymnasium.registry.pop(env_id) for env_id in ids if env_id in gymnasium.registry}
+    for env_id in ids:
+        gymnasium.register(
+            env_id, "minexplore.env:MineEnv", vector_entry_point="minexplore.vector:MineVectorEnv", kwargs=kwargs
+        )
+    for module in (split, split_file):
+        monkeypatch.setattr(module, "SIZES", {"test": 2})
+    for module in (split, split_file, result_file):
+        monkeypatch.setattr(module, "RESULTS", tmp_path)
+    monkeypatch.setattr("baselines.bounds.BOUNDS", tmp_path / "bounds.json")
+    yield ids
+    for env_id in ids:
+        del gymnasium.registry[env_id]
+    gymnasium.registry.update(built)

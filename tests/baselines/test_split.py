@@ -2,46 +2,19 @@
 
 from pathlib import Path
 
-import gymnasium
 import numpy as np
 import pytest
 from scipy.stats import mannwhitneyu
 
-import minexplore
-from baselines import driven, result_file, split, split_file
+from baselines import driven, split
 from baselines.bounds import Bound, bounds_file, read_bounds, write_bound
 from baselines.errors import BaselineError, RejectedError
 from baselines.score import score_split
 from baselines.split import bound_split, evaluate_split
-from baselines.split_file import mine_id, read_drives, require_whole, write_drives
+from baselines.split_file import read_drives, require_whole, write_drives
 from baselines.split_page import _Row, in_order, require_own_rows, split_section
 from baselines.split_statistics import improvement, middle, profile, stratified
 from baselines.statistics import Figure
-from tests.mines import BuiltMine
-
-TASK = {"terrain": False, "max_steps": 200, "stall_steps": 50}
-
-
-@pytest.fixture
-def mines(tee: BuiltMine, tmp_path, monkeypatch):
-    """Register a test split of two mines, whose results are kept in a folder of the test."""
-    ids = [mine_id("test", number) for number in range(2)]
-    kwargs = {"world": str(tee.bundle), "task": TASK}
-    monkeypatch.setattr(minexplore, "FAMILY_MINES", dict.fromkeys(ids, kwargs))
-    built = {env_id: gymnasium.registry.pop(env_id) for env_id in ids if env_id in gymnasium.registry}
-    for env_id in ids:
-        gymnasium.register(
-            env_id, "minexplore.env:MineEnv", vector_entry_point="minexplore.vector:MineVectorEnv", kwargs=kwargs
-        )
-    for module in (split, split_file):
-        monkeypatch.setattr(module, "SIZES", {"test": 2})
-    for module in (split, split_file, result_file):
-        monkeypatch.setattr(module, "RESULTS", tmp_path)
-    monkeypatch.setattr("baselines.bounds.BOUNDS", tmp_path / "bounds.json")
-    yield ids
-    for env_id in ids:
-        del gymnasium.registry[env_id]
-    gymnasium.registry.update(built)
 
 
 def test_a_split_is_driven_once_resumed_and_put_into_a_table(mines, tmp_path):
