@@ -9,9 +9,11 @@ from gymnasium.envs.registration import EnvSpec
 
 import minexplore
 from baselines.errors import BaselineError
+from minexplore.splits import mine_name
 from minexplore.vector import MineVectorEnv
 from minexplore.world import find_world, load_world
 
+FAMILY = "MineXplore/Family-v0"  # training in several mines of the split `train`
 BENCHMARK = tuple(env_id for env_id, kwargs in minexplore.WORLDS.items() if "world" in kwargs)
 _JUDGED = re.compile(r"(?:.+-)?(validation|test|variants)-\d{4}", re.ASCII)
 _ENTRY_POINTS = ("minexplore.backends:make_vector_env", "minexplore.vector:MineVectorEnv")
@@ -64,6 +66,21 @@ def require_trainable(name: str) -> None:
     judged = _JUDGED.fullmatch(world)
     if judged:
         raise BaselineError(f"{env_id}: world {world} is of the split {judged[1]}, which nothing is trained in")
+
+
+def training_ids(count: int) -> list[str]:
+    """Return the ids of the first mines of the training split.
+
+    Raises
+    ------
+    BaselineError
+        If one of them is not built.
+    """
+    ids = [f"MineXplore/Family-{mine_name('train', number)}-v0" for number in range(count)]
+    absent = [env_id for env_id in ids if env_id not in minexplore.FAMILY_MINES]
+    if absent:
+        raise BaselineError(f"{absent[0]}: not built; `make worlds N={count} SPLIT=train` builds it")
+    return ids
 
 
 def short_name(env_id: str) -> str:

@@ -2,28 +2,11 @@
 
 from __future__ import annotations
 
-import minexplore
 from baselines.environments import make_env, require_trainable
 from baselines.errors import BaselineError
 from baselines.graph.simulator import MapSimulator
-from minexplore.splits import mine_name
 
 REPLAN_STEPS = 30  # control steps between plans in training; 15, as in the environment, take 1.5 times the time
-
-
-def training_ids(count: int) -> list[str]:
-    """Return the ids of the first mines of the training split.
-
-    Raises
-    ------
-    BaselineError
-        If one of them is not built.
-    """
-    ids = [f"MineXplore/Family-{mine_name('train', number)}-v0" for number in range(count)]
-    absent = [env_id for env_id in ids if env_id not in minexplore.FAMILY_MINES]
-    if absent:
-        raise BaselineError(f"{absent[0]}: not built; `make worlds N={count} SPLIT=train` builds it")
-    return ids
 
 
 def make_simulator(env_id: str, robots: int) -> MapSimulator:

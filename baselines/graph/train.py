@@ -16,12 +16,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
+from baselines.environments import training_ids
 from baselines.errors import BaselineError, need, run_command
 from baselines.graph.checkpoint import write_network
 from baselines.graph.choosing import LearnedChoice, Rule, choose_nearest
 from baselines.graph.episodes import Decisions, Network, join, sample
 from baselines.graph.fresh_ground import fresh_ground
-from baselines.graph.mines import make_simulator, training_ids
+from baselines.graph.mines import make_simulator
 from baselines.graph.settings import GraphSettings, compose_settings
 from baselines.graph.watch import drive
 from baselines.progress import Progress

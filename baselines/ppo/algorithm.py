@@ -21,6 +21,7 @@ def build_algorithm(settings: TrainSettings, steps_done: int) -> Algorithm:
     seed = settings.seed + steps_done
     context = {
         "env": settings.env,
+        "mines": settings.mines,
         "observation": settings.observation,
         "seed": seed,
         "reward_scale": settings.ppo.reward_scale,

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from baselines.environments import known_ids, short_name
 from baselines.errors import BaselineError
 from baselines.learned import Model
+from minexplore.splits import SIZES
 
 CONF = Path("conf/train")
 
@@ -55,6 +56,7 @@ class TrainSettings(_Strict):
     """One run: its environment, observation, network and length."""
 
     env: str
+    mines: int = Field(default=1, ge=1, le=SIZES["train"])
     observation: Literal["beams", "map"]
     model: Model
     seed: int = Field(ge=0)

@@ -12,12 +12,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from baselines.environments import make_env, require_trainable
+from baselines.environments import make_env
 from baselines.errors import interrupt, need, run_command
 from baselines.policy import TRAINED
 from baselines.ppo.history import POLICY, History
 from baselines.ppo.run_folder import RunFolder
 from baselines.ppo.settings import TrainSettings, compose_settings
+from baselines.ppo.training_env import training_mines
 from baselines.progress import Progress
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -158,8 +159,8 @@ def _export(algorithm: Any, settings: TrainSettings, facts: dict[str, Any], run:
 def main() -> None:
     """Compose the settings from the command line and train."""
     settings = compose_settings(sys.argv[1:])
-    require_trainable(settings.env)
-    make_env(settings.env, 1).close()  # a world that is not built is refused before Ray starts
+    first = training_mines(settings.env, settings.mines)[0]
+    make_env(first, 1).close()  # a world that is not built is refused before Ray starts
     facts = train(settings, TRAINED / settings.name)
     print(json.dumps(facts))
 

@@ -9,8 +9,10 @@ import numpy as np
 from gymnasium.vector import VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
 
-from baselines.environments import make_env, require_trainable
+from baselines.environments import FAMILY, make_env, require_trainable, training_ids
+from baselines.errors import BaselineError
 from baselines.map_observation import MapObserver
+from baselines.ppo.mine_group import MineGroup
 from minexplore.vector import MineVectorEnv
 
 FIGURES = ("coverage", "collisions", "return", "steps")
@@ -24,9 +26,9 @@ class TrainingEnv(VectorWrapper):
     """
 
     def __init__(self, env: VectorEnv, observation: str, reward_scale: float, cell_bonus: float, seed: int) -> None:
-        """Wrap a `MineVectorEnv`."""
+        """Wrap a `MineVectorEnv` or a `MineGroup`."""
         super().__init__(env)
-        self._mine: MineVectorEnv = env.unwrapped
+        self._mine: MineVectorEnv | MineGroup = env.unwrapped
         self._scale, self._bonus, self._rng = reward_scale, cell_bonus, np.random.default_rng(seed)
         self._maps = MapObserver(self.num_envs, self._mine.task) if observation == "map" else None
         if self._maps is not None:
@@ -41,7 +43,9 @@ class TrainingEnv(VectorWrapper):
     def reset(self, **kwargs: Any) -> tuple[np.ndarray, dict[str, Any]]:  # type: ignore[override]
         """Reset all robots."""
         observation, info = self.env.reset(**kwargs)
-        self._mine.robots.steps[:] = self._rng.integers(self._mine.task.max_steps, size=self.num_envs)
+        done = self._rng.integers(self._mine.task.max_steps, size=self.num_envs)
+        for mine in self._mine.mines if isinstance(self._mine, MineGroup) else [self._mine]:
+            mine.robots.steps[:], done = done[: mine.num_envs], done[mine.num_envs :]
         self._return[:], self._steps[:], self._over[:] = 0.0, 0, False
         self._cells = info["cells_seen"].copy()
         return self._with_map(observation, np.arange(self.num_envs), info), {}
@@ -71,14 +75,32 @@ class TrainingEnv(VectorWrapper):
         return np.hstack([observation, self._maps.observe(observation, info["pose_m_rad"])])
 
 
+def training_mines(env: str, mines: int) -> list[str]:
+    """Return the ids of the mines to train in: of `MineXplore/Family-v0` the first mines of the training split.
+
+    Raises
+    ------
+    BaselineError
+        If the id is unknown, a mine is not built, or one that policies are judged by.
+    """
+    ids = training_ids(mines) if env == FAMILY else [env]
+    for env_id in ids:
+        require_trainable(env_id)
+    return ids
+
+
 def make_training_env(context: dict[str, Any]) -> TrainingEnv:
     """Make the environment that a Ray runner samples in; `context` is what `env_config` holds, and `num_envs`.
 
     Raises
     ------
     BaselineError
-        If the id is unknown, its world cannot be loaded, or its mine is one that policies are judged by.
+        As `training_mines`, or if a world cannot be loaded, or the robots cannot be spread evenly over the mines.
     """
-    require_trainable(context["env"])
-    env = make_env(context["env"], context.get("num_envs", 1))
+    robots = context.get("num_envs", 1)
+    ids = training_mines(context["env"], context["mines"])[:robots]  # of one robot RLlib asks the spaces only
+    if robots % len(ids):
+        raise BaselineError(f"robots = {robots}, mines = {len(ids)}: want as many robots in each mine")
+    mines = [make_env(env_id, robots // len(ids)) for env_id in ids]
+    env = MineGroup(mines) if context["env"] == FAMILY else mines[0]
     return TrainingEnv(env, context["observation"], context["reward_scale"], context["cell_bonus"], context["seed"])

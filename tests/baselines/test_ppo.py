@@ -9,16 +9,20 @@ import subprocess
 import sys
 import time
 
+import gymnasium
 import numpy as np
 import pytest
 
+import minexplore
+from baselines.environments import FAMILY
 from baselines.errors import BaselineError
 from baselines.learned import LearnedPolicy
 from baselines.ppo import curves
 from baselines.ppo.history import History
 from baselines.ppo.run_folder import RunFolder
 from baselines.ppo.settings import TrainSettings, compose_settings
-from baselines.ppo.training_env import TrainingEnv
+from baselines.ppo.training_env import TrainingEnv, make_training_env
+from minexplore.splits import mine_name
 from minexplore.task import TaskParams
 from minexplore.vector import MineVectorEnv
 from tests.project import ROOT, Project
@@ -64,6 +68,44 @@ def test_the_training_environment_tells_each_episode_once_and_unscaled(tee):
         else:
             assert last == {}
     assert ended >= 6
+
+
+def test_robots_in_several_mines_train_as_in_each_mine_alone(tee, monkeypatch):
+    ids = [f"MineXplore/Family-{mine_name('train', number)}-v0" for number in range(2)]
+    kwargs = {"world": str(tee.bundle), "task": {"max_steps": 40}}
+    monkeypatch.setattr(minexplore, "FAMILY_MINES", dict.fromkeys(ids, kwargs))
+    built = {env_id: gymnasium.registry.pop(env_id) for env_id in ids if env_id in gymnasium.registry}
+    for env_id in ids:
+        gymnasium.register(
+            env_id, "minexplore.env:MineEnv", vector_entry_point="minexplore.vector:MineVectorEnv", kwargs=kwargs
+        )
+    context = {"env": FAMILY, "mines": 2, "observation": "map", "reward_scale": 1.0, "cell_bonus": 0.0, "seed": 0}
+    try:
+        env = make_training_env(context | {"num_envs": 4})
+        observation, _ = env.reset(seed=5)
+        alone = [MineVectorEnv(2, tee.bundle, task={"max_steps": 40}) for _ in ids]
+        plain = [mine.reset(seed=5 + 2 * number)[0] for number, mine in enumerate(alone)]
+        assert observation.shape == env.observation_space.shape
+        np.testing.assert_array_equal(observation[:, :19], np.concatenate(plain))
+        action = np.tile([1.0, 0.3], (4, 1))
+        for mine, part in zip(alone, (slice(0, 2), slice(2, 4)), strict=True):
+            mine.robots.steps[:] = np.concatenate([m.robots.steps for m in env.unwrapped.mines])[part]
+        for _ in range(60):
+            found, reward, _, truncated, last = env.step(action)
+            parts = [mine.step(action[:2]) for mine in alone]
+            np.testing.assert_array_equal(found[:, :19], np.concatenate([part[0] for part in parts]))
+            np.testing.assert_array_equal(reward, np.concatenate([part[1] for part in parts]))
+            np.testing.assert_array_equal(truncated, np.concatenate([part[3] for part in parts]))
+            assert ("coverage" in last) == truncated.any()
+        env.close()
+        with pytest.raises(BaselineError, match="robots = 3, mines = 2: want as many robots in each mine"):
+            make_training_env(context | {"num_envs": 3})
+        with pytest.raises(BaselineError, match=r"train-0002-v0: not built"):
+            make_training_env(context | {"mines": 3})
+    finally:
+        for env_id in ids:
+            del gymnasium.registry[env_id]
+        gymnasium.registry.update(built)
 
 
 @pytest.mark.parametrize(
