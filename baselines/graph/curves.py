@@ -23,9 +23,9 @@ _PAGE, _PICTURE = Path("docs/graph-training.md"), Path("docs/graph-training.png"
 _COLOURS = ("#1f5a94", "#b04a2f", "#3c7d4e", "#7a5aa0", "#8a6d3b")
 _TEXT = """# Training of the graph explorer
 
-Written by `make curves` from `{kept}/`. *Watched* is the mean share that {mines} mines of the training split, which
-the network does not learn from, show to four robots each in the map simulator, %. The network at update 0 imitates a
-rule (`baselines/graph/fresh_ground.py`). The policy is the network that saw most in the watched mines.
+Written by `make curves` from `{kept}/`. *Watched* is the mean share, %, that four robots each see in the map simulator
+of {mines} mines of the training split, which the network does not learn from. The network at update 0 imitates a rule
+(`baselines/graph/fresh_ground.py`). The policy is the network that saw most in the watched mines.
 
 ![Share of the watched mines over training](graph-training.png)
 
