@@ -39,6 +39,7 @@ _LEVEL_M = 1e-3
 _LEVEL_RAD = 1e-6  # half a millimetre at the far end of the longest slab
 _MARGIN_M = 4.0  # grid beyond the workings, within the rock's box in plan, so that a leak is visible
 _PROBE_HEIGHT_M = 0.35
+_ON_SEAM_M = 1e-4
 _COMPARED_M = 0.25  # clearances are compared up to the robot's radius plus this
 
 
@@ -154,6 +155,7 @@ def _reach(
     around = free.buffer(_MARGIN_M if floor.is_flat else BAND_M - cell / 2).intersection(shapely.box(*record.world_m))
     around = around.difference(shapely.union_all(beside_sheets(floor, record.height_m)))
     around = around.difference(_not_compared(record, most))
+    around = around.difference(_seam_lines(free, floor))
     queried = np.flatnonzero(shapely.contains_xy(around, places[:, 0], places[:, 1]))
     plan, measured = np.zeros(len(places)), np.zeros(len(places))
     inside = queried[shapely.contains_xy(free, places[queried, 0], places[queried, 1])]
@@ -174,6 +176,14 @@ def _reach(
         by_plan, by_world, frame, [part.bounds for part in shapely.get_parts(free)], radius, *network
     )
     return {"clearance_error_m": round(error, 5), **vars(match)}
+
+
+def _seam_lines(free: Polygon, floor: Floor) -> BaseGeometry:
+    """Return a strip of 0.1 mm along the seams of sheets: a place on one is in neither sheet, nor in rock."""
+    if len(floor.offset_m) == 1:
+        return Polygon()
+    walls = wall_lines(free, floor)
+    return free.boundary.difference(walls.buffer(_ON_SEAM_M)).buffer(_ON_SEAM_M, cap_style="flat")
 
 
 def _not_compared(record: WorldRecord, most_m: float) -> BaseGeometry:
