@@ -9,6 +9,7 @@ import numpy as np
 
 from minexplore.bundle import COLLAR_CORNERS
 from minexplore.floor import Floor
+from minexplore.shaft_axis import has_fence
 
 FASTEST_FALL_MPS = 3.0  # MuJoCo's contacts are soft: after 20 m of free fall a robot passes through a floor of 0.25 m
 _LANDED_M = 1.0  # over the floor below: there the floor itself tells in which sheet a place is
@@ -19,11 +20,12 @@ _FALLEN_M = 0.5  # below its collar a robot has fallen
 
 
 class OpenShafts:
-    """The shafts of a world that robots can fall into; none where they are fenced."""
+    """The shafts of a world that robots can fall into; none where they are fenced. Those that lean always are."""
 
     def __init__(self, record: Mapping[str, Any], floor: Floor) -> None:
         """Take the openings of a world's record."""
-        openings = [] if record.get("fenced", True) else [o for o in record["openings"] if o["sheet"] is not None]
+        open_floors = [] if record.get("fenced", True) else [o for o in record["openings"] if o["sheet"] is not None]
+        openings = [opening for opening in open_floors if not has_fence(opening, False)]
         sheet = np.array([opening["sheet"] for opening in openings], dtype=int)
         self.outlines_m = np.array([opening["outline_m"] for opening in openings]).reshape(
             len(openings), COLLAR_CORNERS, 2

@@ -246,6 +246,12 @@ def test_the_certificate_of_a_ramp_of_a_spiral_and_of_three_levels_holds(legs, s
     assert broken(clauses(mine, light, 1000)) == {}
 
 
+def test_cells_whose_middles_lie_on_a_seam_are_in_neither_sheet_nor_in_rock(light, tmp_path):
+    """The ramps of these levels, 6 m wide, are cut where x + y is a multiple of the grid's cells."""
+    mine = MineWithHeights(levels(), light, tmp_path, half_m=3.0)
+    assert broken(clauses(mine, light, 0)) == {}
+
+
 def test_a_sliver_of_9e_8_m2_on_end_does_not_make_a_floor_steep():
     """A ramp of 10 % whose lower edge has a corner 18 nm beside it and 4 mm above: that face stands upright."""
     corners = np.array([(0, 0, 0), (10, 0, 0), (10, 10, 1), (0, 10, 1), (5, -1.8e-8, 0.004)])

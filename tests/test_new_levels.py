@@ -67,7 +67,7 @@ def test_wheal_pell_becomes_a_world_and_what_is_left_out_is_told(project):
         "kept is the one of 509 m about pell.2025-04-27.10",
         "survey.half_width_m",
         "217 of 268 stations have no measured roof; they get 1.45 m over the floor",
-        "1 shafts are left out, the first pell.2025-04-27.10 to pell.2025-04-27.9",
+        "the shaft from pell.2025-04-27.10 to pell.2025-04-27.9 at (8.8, 422.1) is left out: 1 m wide, it has no 0.9 m",
     ):
         assert text in told
     assert (figures.stations, figures.built, figures.left_out_m) == (60, 60, 0)
@@ -76,9 +76,14 @@ def test_wheal_pell_becomes_a_world_and_what_is_left_out_is_told(project):
 
 
 @pytest.mark.parametrize(
-    ("station", "length_m", "raises_m"), [("pell.2023-11-25.17", 49, [26.0, 38.5]), ("pell.2025-06-08.15", 211, [24.1])]
+    ("station", "length_m", "raises_m", "leaning"),
+    [
+        ("pell.2023-11-25.17", 49, [26.0, 38.5], 0),
+        ("pell.2025-06-08.15", 211, [24.1, 2.9], 1),
+        ("pell.2025-08-30.28", 166, [9.1, 21.1], 1),
+    ],
 )
-def test_a_chosen_piece_of_wheal_pell_is_built_with_its_raises(station, length_m, raises_m, project):
+def test_a_chosen_piece_of_wheal_pell_is_built_with_its_raises(station, length_m, raises_m, leaning, project):
     name = f"pell-{length_m}"
     source = ("--from", "data/wheal_pell/pell.3d", "--piece", station)
     done = project.run(sys.executable, "-m", "pipeline", "new", name, *source, "preset=light")
@@ -89,6 +94,7 @@ def test_a_chosen_piece_of_wheal_pell_is_built_with_its_raises(station, length_m
     openings = json.loads((root / "realism/world/world.json").read_text())["openings"]
     assert [opening["sheet"] for opening in openings] == [None] * len(raises_m)
     assert [opening["top_m"] - opening["bottom_m"] for opening in openings] == pytest.approx(raises_m, abs=0.1)
+    assert sum("bends_m" in opening for opening in openings) == leaning
 
 
 def test_a_station_that_no_survey_has_is_refused_and_leaves_nothing(project):

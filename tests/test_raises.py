@@ -88,7 +88,10 @@ def test_a_plumb_shot_up_is_a_raise_as_high_as_its_upper_station(tmp_path):
 @pytest.mark.parametrize(
     ("leg", "reason"),
     [
-        ([("m01", 20, 0, 0), ("u", 26, 0, 15)], r"m01 to u at \(20\.0, 0\.0\), which leans by 6\.0 m over 15\.0 m"),
+        (
+            [("m01", 20, 0, 0), ("u", 30, 0, 5)],
+            r"m01 to u at \(20\.0, 0\.0\), which leans by 10\.0 m over 1\.0 m of rock",
+        ),
         ([("m01", 20, 0, 0), ("u", 20, 0, 0.9)], r"m01 to u at \(20\.0, 0\.0\), which is 0\.9 m high, want 1 m"),
         ([("m11", 20, 0, -6), ("u", 20, 0, -0.9)], r"m11 to u .* ends less than 1 m below some"),
         ([("m11", 20, 0, -6), ("u", 20, 0.2, 9)], r"m11 to u .* which meets workings between its ends"),

@@ -206,6 +206,10 @@ def rock_box(record: Mapping[str, Any], floor: Floor) -> tuple[np.ndarray, np.nd
         low[2] = min(lowest, record["heights"]["low_m"])
         roof = record["heights"]["high_m"] + max((record["height_m"], *record["heights"].get("roof_m", ())))
         high[2] = max([roof, *(o["top_m"] for o in record.get("openings", []) if o["sheet"] is None)])
+        for opening in (opening for opening in record.get("openings", []) if "bends_m" in opening):
+            aside = np.array(opening["bends_m"])[:, :2]
+            low[:2] += np.minimum(aside.min(axis=0), 0.0)
+            high[:2] += np.maximum(aside.max(axis=0), 0.0)
     return low, high
 
 

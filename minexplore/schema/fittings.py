@@ -35,6 +35,7 @@ from minexplore.looks import FURNITURE_LOOKS, PLAIN, SHADE, SHADE_LEVELS, WATER,
 from minexplore.schema.attributes import Attribute, Element, any_of, constant, named, required
 from minexplore.schema.rules import exactly, matching, numbers, numbers_in, same
 from minexplore.schema.xml import Node
+from minexplore.shaft_axis import has_fence
 
 _MOST = 100_000
 _KINDS = "|".join([*FURNITURE, *OPENING_FITTINGS])
@@ -216,10 +217,9 @@ def check_fittings(body: Node | None, assets: Mapping[tuple[str, str], Node], re
 def _check_of_openings(found: set[str], record: Mapping[str, Any]) -> None:
     """Check that each opening of a world with visible rock has its lining, and a fence if it is fenced."""
     count = len(record.get("openings", [])) if has_visible_rock(record) else 0
-    kinds = OPENING_FITTINGS if record.get("fenced") else [kind for kind in OPENING_FITTINGS if kind != "fence"]
-    collared = [number for number in range(count) if record["openings"][number]["sheet"] is not None]
-    numbers = {"shaft": range(count), "fence": collared}
-    wanted = {opening_mesh(kind, number) for kind in kinds for number in numbers[kind]}
+    fenced = [number for number in range(count) if has_fence(record["openings"][number], record["fenced"])]
+    numbers = {"shaft": range(count), "fence": fenced}
+    wanted = {opening_mesh(kind, number) for kind in OPENING_FITTINGS for number in numbers[kind]}
     if found != wanted:
         raise BundleError(f"{MODEL}: {FITTINGS_BODY}: {min(found ^ wanted)!r}: missing, or no opening has it")
 

@@ -11,7 +11,7 @@ from minexplore.bundle import FORMAT, FRAMES, GEOM_GROUPS, NO_OVERLAY, ROUGH_OVE
 from minexplore.looks import LOOKS
 from minexplore.schema.heights import HEIGHT_FIELDS, ROOF_FIELDS
 from minexplore.schema.model import MOST_LIGHTS, MOST_PARTS, MOST_ZONES, REACH_M, WORLD_NAME, ZONE_NAME
-from minexplore.schema.openings import FENCED, MOST_OPENINGS, OPENING
+from minexplore.schema.openings import BENDS, FENCED, MOST_OPENINGS, OPENING
 from minexplore.schema.rules import Rule, list_of, matching, number, one_of_texts, same_json, whole
 
 Table = Mapping[str, "Rule | Table | Callable[[str, Any], None]"]
@@ -105,7 +105,8 @@ def _check_openings(where: str, openings: Any) -> None:
     if not isinstance(openings, list) or not 1 <= len(openings) <= MOST_OPENINGS:
         raise BundleError(f"{where} = {_shown(openings)}: want a list of 1 to {MOST_OPENINGS} openings")
     for at, opening in enumerate(openings):
-        _check_fields(f"{where}[{at}]", opening, OPENING)
+        leans = isinstance(opening, dict) and "bends_m" in opening
+        _check_fields(f"{where}[{at}]", opening, OPENING | BENDS if leans else OPENING)
 
 
 def _fields_of(record: Mapping[str, Any]) -> dict[str, Any]:

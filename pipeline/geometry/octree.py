@@ -90,9 +90,10 @@ def build_octree(
         How many cells each free cell is moved east and north in plan.
     """
     if floor_m is not None:
-        layers = np.maximum(1, np.round(np.broadcast_to(height_m, free.shape) / cell_m)).astype(np.int64)
-        shift = np.zeros((*free.shape, 2), np.int64) if moved is None else moved
-        return _follow(free, origin_m, cell_m, layers, np.round(floor_m / cell_m).astype(np.int64), shift)
+        at = np.nonzero(free)  # only these: a plan of many sheets is nearly empty
+        layers = np.maximum(1, np.round(np.broadcast_to(height_m, free.shape)[at] / cell_m)).astype(np.int64)
+        shift = np.zeros((len(at[0]), 2), np.int64) if moved is None else moved[at]
+        return _follow(free, origin_m, cell_m, layers, np.round(floor_m[at] / cell_m).astype(np.int64), shift)
     number = max(1, round(float(np.max(height_m)) / cell_m))
     padded = np.pad(free, 1)
     shell = binary_dilation(padded, np.ones((3, 3), dtype=bool))
@@ -116,14 +117,14 @@ def _require_range(first: np.ndarray, last: np.ndarray, cell_m: float) -> None:
 def _follow(
     free: np.ndarray, origin_m: np.ndarray, cell_m: float, layers: np.ndarray, base: np.ndarray, shift: np.ndarray
 ) -> Octree:
-    """Build the octree of workings whose columns begin at the layers `base` (rows, cols); rock is one voxel thick.
+    """Build the octree of workings whose columns begin at the layers `base` (k,); rock is one voxel thick.
 
-    Each column is as many `layers` (rows, cols) high.
+    Each of the k free cells, row by row, is as many `layers` (k,) high, and moved by `shift` (k, 2).
     """
     row, col = np.nonzero(free)
     west, south = (round(v / cell_m) for v in origin_m)
-    east, north = col + west - shift[row, col, 0] + _CENTRE, row + south - shift[row, col, 1] + _CENTRE
-    up, tall = base[row, col] + _CENTRE, layers[row, col]
+    east, north = col + west - shift[:, 0] + _CENTRE, row + south - shift[:, 1] + _CENTRE
+    up, tall = base + _CENTRE, layers
     most = int(tall.max(initial=1))
     low, high = (np.array([f(v) for v in (east, north, up)]) for f in (np.min, np.max))
     _require_range(low - 1, high + np.array([2, 2, most + 2]), cell_m)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import shapely
 from shapely import Polygon
 
 from minexplore.bundle import SLAB_M
 from minexplore.floor import Floor
+from minexplore.shaft_axis import aside_at
+from pipeline.errors import GeometryError
 from pipeline.geometry.floor_parts import floor_patches, fold_patch, is_solid, slab
-from pipeline.geometry.openings import roof_round
+from pipeline.geometry.openings import UNDER_BEND_M, lower_aside_m, roof_round
 from pipeline.types import Opening, Openings, Points2, Points3
 
 FENCE_M, FENCE_HEIGHT_M = 0.1, 1.1  # thickness and height; a beam at a robot's mast ends on it
@@ -20,13 +24,20 @@ _SHOULDER_M = 1.0  # from a collar down to the outer edge of a shaft's walls
 
 
 def section_of(opening: Opening, floor: Floor) -> Points2:
-    """Return the corners (k, 2) m of a plumb shaft in the mine frame."""
+    """Return the corners (k, 2) m of a shaft in the mine frame, where it meets the drift that it leaves."""
     return np.array(opening.outline_m) - floor.offset_m[opening.plan_sheet]
+
+
+def section_at(opening: Opening, floor: Floor, height_m: float) -> Points2:
+    """Return the corners (k, 2) m of a shaft at a height, in the mine frame."""
+    return np.asarray(section_of(opening, floor) + aside_at(opening.bends_m, height_m))
 
 
 def section_below(opening: Opening, floor: Floor) -> Points2 | None:
     """Return the corners (k, 2) m of a shaft in the plan of the sheet below it, or None if it ends blind."""
-    return None if opening.below is None else section_of(opening, floor) + floor.offset_m[opening.below]
+    if opening.below is None:
+        return None
+    return np.asarray(section_of(opening, floor) + lower_aside_m(opening) + floor.offset_m[opening.below])
 
 
 def sections_shown(opening: Opening, floor: Floor) -> list[Points2]:
@@ -67,6 +78,9 @@ def shaft_parts(openings: Openings, floor: Floor, height_m: float) -> list[Point
     """
     parts = []
     for opening in openings.shafts:
+        if opening.bends_m:
+            parts += _leaning_parts(opening, floor, height_m)
+            continue
         inner = section_of(opening, floor)
         outer = moved_out(inner, SLAB_M)
         tops, ends = ends_of(opening, floor, height_m)
@@ -76,11 +90,65 @@ def shaft_parts(openings: Openings, floor: Floor, height_m: float) -> list[Point
             pair = [k, (k + 1) % len(inner)]
             columns = [(inner, tops), (inner, ends), (outer, tops - shoulders), (outer, feet)]
             parts.append(np.vstack([np.column_stack([xy[pair], z[pair]]) for xy, z in columns]))
-        if opening.below is None:
-            parts.append(np.vstack([np.column_stack([inner, z]) for z in (ends - SLAB_M, ends)]))
-        elif opening.sheet is None:
-            parts.append(np.vstack([np.column_stack([inner, z]) for z in (tops, tops + SLAB_M)]))
+        parts += _ends_parts(opening, inner, inner, tops, ends)
     return parts
+
+
+def _ends_parts(opening: Opening, upper: Points2, lower: Points2, tops: np.ndarray, ends: np.ndarray) -> list[Points3]:
+    """Return the floor of a shaft that ends blind, or the cap of a raise, at its upper or lower section (k, 2) m."""
+    if opening.below is None:
+        return [np.vstack([np.column_stack([lower, z]) for z in (ends - SLAB_M, ends)])]
+    if opening.sheet is None:
+        return [np.vstack([np.column_stack([upper, z]) for z in (tops, tops + SLAB_M)])]
+    return []
+
+
+def rows_of(opening: Opening, floor: Floor, height_m: float) -> list[tuple[Points2, np.ndarray]]:
+    """Return the sections (k, 2) m of a leaning shaft in the mine frame from its top down, and their heights (k,) m.
+
+    Between two sections its walls are straight.
+
+    Raises
+    ------
+    GeometryError
+        If the roof below is so high that no plumb end is left; with the place and the heights.
+    """
+    tops, ends = ends_of(opening, floor, height_m)
+    inner = section_of(opening, floor)
+    last = opening.bends_m[-1][2]
+    if opening.below is not None and float(ends.max()) > last - UNDER_BEND_M:
+        x, y = inner.mean(axis=0)
+        raise GeometryError(
+            f"the shaft at ({x:.1f}, {y:.1f}), which leans, meets a roof {ends.max():.2f} m high, want at most "
+            f"{last - UNDER_BEND_M:.2f} m; a lower compile3d.height_m or contours.openings=false builds it"
+        )
+    rows = [(inner + aside[:2], np.full(len(inner), aside[2])) for aside in np.array(opening.bends_m)]
+    rows[:1] = [(rows[0][0], tops), *(rows[:1] if opening.sheet is not None else [])]
+    rows[-1:] = [*(rows[-1:] if opening.below is not None else []), (rows[-1][0], ends)]
+    return rows
+
+
+def _leaning_parts(opening: Opening, floor: Floor, height_m: float) -> list[Points3]:
+    """Return the walls of a shaft that leans, one an edge between two bends, and its blind end.
+
+    They are thicker aside, by as much as they lean, so that all are as thick as those of plumb shafts.
+    """
+    rows, parts = rows_of(opening, floor, height_m), []
+    for number, ((upper, tops), (lower, ends)) in enumerate(pairwise(rows)):
+        lean = np.linalg.norm((upper - lower)[0]) / float((tops - ends).min())
+        outer = [moved_out(section, SLAB_M * float(np.hypot(1.0, lean))) for section in (upper, lower)]
+        columns = [(upper, tops), (lower, ends), (outer[1], ends)]
+        if opening.sheet is None or number > 0:  # at a collar nothing but its edge is near to a robot
+            columns.append((outer[0], tops))
+        if opening.sheet is None and number == 0:
+            columns.append((outer[0], tops + SLAB_M))
+        if number == len(rows) - 2:
+            beyond = (outer[1], ends + (SLAB_M if opening.below is not None else -SLAB_M))
+            columns[2:] = [beyond, *columns[3:]] if opening.below is not None else [*columns[2:], beyond]
+        for k in range(len(upper)):
+            pair = [k, (k + 1) % len(upper)]
+            parts.append(np.vstack([np.column_stack([xy[pair], z[pair]]) for xy, z in columns]))
+    return parts + _ends_parts(opening, rows[0][0], rows[-1][0], rows[0][1], rows[-1][1])
 
 
 def is_blind(opening: Opening) -> bool:
@@ -88,10 +156,20 @@ def is_blind(opening: Opening) -> bool:
     return opening.below is None or opening.sheet is None
 
 
-def fence_parts(openings: Openings, floor: Floor) -> list[Points3]:
-    """Return the fences, one part an edge of a collar, in the mine frame; they stand within the openings."""
+def count_parts(opening: Opening) -> int:
+    """Return how many parts a shaft has."""
+    edges, bends = len(opening.outline_m), len(opening.bends_m)
+    straight = bends - 1 + (opening.sheet is not None) + (opening.below is not None) if bends else 1
+    return edges * straight + is_blind(opening)
+
+
+def fence_parts(openings: Openings, floor: Floor, fenced: bool) -> list[Points3]:
+    """Return the fences, one part an edge of a collar, in the mine frame; they stand within the openings.
+
+    Without `fenced` only shafts that lean have one.
+    """
     parts = []
-    for opening in openings.collars:
+    for opening in openings.fenced(fenced):
         outer = section_of(opening, floor)
         inner = moved_out(outer, -FENCE_M)
         foot = floor.heights_at(np.array(opening.outline_m))
@@ -105,14 +183,12 @@ def fence_parts(openings: Openings, floor: Floor) -> list[Points3]:
 def sheets_of_parts(openings: Openings, fenced: bool) -> list[int]:
     """Return the sheet of the collar that each part of shafts and fences belongs to, in the order of the parts.
 
-    It is `OVER_ROOF` for those of a raise.
+    It is `OVER_ROOF` for those of a raise, and of a shaft that leans, which lies under other places of the plan.
     """
     shafts = [
-        OVER_ROOF if o.sheet is None else o.sheet
-        for o in openings.shafts
-        for _ in range(len(o.outline_m) + is_blind(o))
+        OVER_ROOF if o.sheet is None or o.bends_m else o.sheet for o in openings.shafts for _ in range(count_parts(o))
     ]
-    return shafts + ([o.plan_sheet for o in openings.collars for _ in o.outline_m] if fenced else [])
+    return shafts + [o.plan_sheet for o in openings.fenced(fenced) for _ in o.outline_m]
 
 
 def roof_slabs(floor: Floor, height_m: float, openings: Openings) -> list[Points3]:

@@ -88,7 +88,7 @@ def assemble_world(
     scene = MineScene(
         name=survey.name,
         extent=extent,
-        parts=_fenced(collision, openings, floor) if params.fence_openings else collision,
+        parts=_fenced(collision, openings, floor, params.fence_openings),
         rock_friction=params.rock_friction,
         floor_thickness_m=params.floor_thickness_m,
         zones=zones,
@@ -133,9 +133,9 @@ def _sheet_maps(occupancy: bytes, floor: Floor) -> dict[str, bytes]:
     return files
 
 
-def _fenced(parts: ConvexParts, openings: Openings, floor: Floor) -> ConvexParts:
-    """Return collision parts with fences round the openings."""
-    fences = fence_parts(openings, floor)
+def _fenced(parts: ConvexParts, openings: Openings, floor: Floor, fenced: bool) -> ConvexParts:
+    """Return collision parts with fences round the openings, or round those that lean."""
+    fences = fence_parts(openings, floor, fenced)
     if not fences:
         return parts
     more = collect_parts(fences)

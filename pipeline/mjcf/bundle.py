@@ -150,6 +150,9 @@ def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes
         del fields["heights"]["roof_m"]
     if not record.openings:
         del fields["openings"], fields["fenced"]
+    for opening in fields.get("openings", []):
+        if not opening["bends_m"]:  # a plumb shaft
+            del opening["bends_m"]
     fields["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
     fields["world_sha256"] = world_sha256(fields)
     return {**files, RECORD: (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()}
@@ -306,10 +309,10 @@ def read_whole_floor(folder: Path, record: WorldRecord) -> Floor:
 def model_in_plan(folder: Path, world: World) -> mujoco.MjModel:
     """Return the compiled model with the sheets side by side, as the plan shows them; of one sheet the model itself.
 
-    Raises, which stand over the roof, are hidden with it.
+    Raises, which stand over the roof, are hidden with it, and so are shafts that lean under other places of the plan.
     """
     floor, openings = read_floor(folder, world.record), Openings(world.record.openings)
-    if len(floor.offset_m) == 1 and openings.collars == openings.shafts:
+    if len(floor.offset_m) == 1 and all(o.sheet is not None and not o.bends_m for o in openings.shafts):
         return world.model
     spec, parts = mujoco.MjSpec.from_file(str(folder / MODEL)), world.record.collision_parts
     sheets = sheets_of_parts(openings, world.record.fenced)

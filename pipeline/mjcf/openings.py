@@ -5,12 +5,16 @@ They lie on the faces of the collision parts, so that beams and cameras meet wha
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import shapely
 
 from minexplore.bundle import TriangleMesh, decode_msh, encode_msh, opening_mesh
 from minexplore.floor import Floor
 from minexplore.folding import Folding
+from minexplore.shaft_axis import aside_at
+from pipeline.geometry.openings import lower_aside_m
 from pipeline.geometry.raycast import RayCaster
 from pipeline.geometry.shaft_parts import (
     FENCE_HEIGHT_M,
@@ -45,13 +49,13 @@ def show_openings(openings: Openings, floor: Floor, rough: Bundle, height_m: flo
     height_m : float
         From the floor to the roof.
     fenced : bool
-        Whether there are fences.
+        Whether there are fences; those of shafts that lean are always there.
     """
     rock = _rock_under(openings, floor, rough, height_m)
     found: Bundle = {}
     for number, opening in enumerate(openings.shafts):
         found[opening_mesh("shaft", number)] = encode_msh(_lining(opening, floor, rock, height_m))
-        if fenced and opening.sheet is not None:
+        if Openings([opening]).fenced(fenced):
             found[opening_mesh("fence", number)] = encode_msh(_fence(opening, floor))
     return found
 
@@ -72,9 +76,6 @@ def _rock_under(openings: Openings, floor: Floor, rough: Bundle, height_m: float
 def _lining(opening: Opening, floor: Floor, rock: RayCaster | None, height_m: float) -> TriangleMesh:
     """Return the walls of a shaft, seen from inside, and the floor or the cap of a blind one."""
     corners, (tops, ends) = _shown(opening, floor, rock), ends_of(opening, floor, height_m)
-    deep = float(np.ptp([*tops, *ends]))
-    step = max(_STEP_M, deep / _MOST_STEPS)
-    rows = max(2, int(np.ceil(deep / step)) + 1)
     pieces = []
     for k, after in enumerate(np.roll(np.arange(len(corners)), -1)):
         count = max(2, int(np.ceil(np.linalg.norm(corners[after] - corners[k]) / _ACROSS_M)) + 1)
@@ -82,16 +83,29 @@ def _lining(opening: Opening, floor: Floor, rock: RayCaster | None, height_m: fl
         places = corners[k] + share * (corners[after] - corners[k])
         top, end = (values[k] + share[:, 0] * (values[after] - values[k]) for values in (tops, ends))
         end = _roofs_at(opening, floor, rock, places, end)
-        down = np.linspace(0, 1, rows)[:, None]
-        heights = top + down * (end - top)
-        pieces.append(_grid(np.dstack([*np.broadcast_arrays(places[:, 0], places[:, 1], heights)])))
+        heights = _heights_down(opening, top, end, float(np.ptp([*tops, *ends])))
+        x, y = np.moveaxis(places + aside_at(opening.bends_m, heights), -1, 0)
+        pieces.append(_grid(np.dstack([x, y, heights])))
     if opening.below is None:
-        bottom = np.column_stack([corners, ends])
+        bottom = np.column_stack([corners + lower_aside_m(opening), ends])
         pieces.append((bottom, np.array([(0, b, b + 1) for b in range(1, len(corners) - 1)])))
     elif opening.sheet is None:
-        cap = np.column_stack([corners, tops])
+        cap = np.column_stack([corners + aside_at(opening.bends_m, opening.top_m), tops])
         pieces.append((cap, np.array([(0, b + 1, b) for b in range(1, len(corners) - 1)])))
     return _joined(pieces)
+
+
+def _heights_down(opening: Opening, top: np.ndarray, end: np.ndarray, deep_m: float) -> np.ndarray:
+    """Return the heights (rows, k) m of a lining from its top (k,) to its end (k,) m: all its bends are among them."""
+    step = max(_STEP_M, deep_m / _MOST_STEPS)
+    levels = [np.full(len(top), z) for _, _, z in opening.bends_m if end.max() < z < top.min()]
+    rows = [top, *levels, end]
+    found: list[np.ndarray] = []
+    for upper, lower in pairwise(rows):
+        far = deep_m if len(rows) == 2 else float((upper - lower).max())
+        share = np.linspace(0, 1, max(2, int(np.ceil(far / step)) + 1))[:, None]
+        found.append((upper + share * (lower - upper))[bool(found) :])
+    return np.concatenate(found)
 
 
 def _shown(opening: Opening, floor: Floor, rock: RayCaster | None) -> np.ndarray:
@@ -127,7 +141,7 @@ def _roofs_at(
         return ends_m
     aside = section - section_of(opening, floor)
     middle = section.mean(axis=0)
-    plan = places + aside[0]
+    plan = places + aside[0]  # also of a shaft that leans: where it meets the roof
     beside = plan + _BESIDE_M * (plan - middle) / np.linalg.norm(plan - middle, axis=1, keepdims=True)
     above = _EYE_M + _rock_over(rock, beside)
     seen = np.isfinite(above)

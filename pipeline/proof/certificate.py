@@ -39,6 +39,8 @@ _LEVEL_M = 1e-3
 _LEVEL_RAD = 1e-6  # half a millimetre at the far end of the longest slab
 _MARGIN_M = 4.0  # grid beyond the workings, within the rock's box in plan, so that a leak is visible
 _PROBE_HEIGHT_M = 0.35
+_ON_SEAM_M = 1e-4
+_ROWS = 64  # of the grid, at once
 _COMPARED_M = 0.25  # clearances are compared up to the robot's radius plus this
 
 
@@ -148,22 +150,23 @@ def _reach(
     margin = np.ceil((_MARGIN_M + 2 * radius) / cell) * cell
     width, height = (int(np.ceil((high - low + 2 * margin) / cell)) for low, high in ((west, east), (south, north)))
     frame = Frame(1 / cell, (margin - west) / cell, (north + margin) / cell, width, height)
-    rows, cols = np.indices((height, width))
-    places = frame.to_mine(np.column_stack([cols.ravel(), rows.ravel()]) + 0.5)
     most = radius + _COMPARED_M
     around = free.buffer(_MARGIN_M if floor.is_flat else BAND_M - cell / 2).intersection(shapely.box(*record.world_m))
     around = around.difference(shapely.union_all(beside_sheets(floor, record.height_m)))
     around = around.difference(_not_compared(record, most))
-    queried = np.flatnonzero(shapely.contains_xy(around, places[:, 0], places[:, 1]))
-    plan, measured = np.zeros(len(places)), np.zeros(len(places))
-    inside = queried[shapely.contains_xy(free, places[queried, 0], places[queried, 1])]
-    plan[inside] = np.minimum(distances_to_walls(wall_lines(free, floor), places[inside]), most)
+    around = around.difference(_seam_lines(free, floor))
+    queried, places = _cells_within(around, frame)
+    plan, measured = np.zeros(width * height), np.zeros(width * height)
+    is_inside = shapely.contains_xy(free, *places.T)
+    plan[queried[is_inside]] = np.minimum(distances_to_walls(wall_lines(free, floor), places[is_inside]), most)
     if record.openings and not record.fenced:  # nothing stands at their edges: the plan alone keeps robots off
-        near = np.flatnonzero(shapely.contains_xy(free, *places.T) & ~shapely.contains_xy(around, *places.T))
-        plan[near] = np.minimum(distances_to_walls(wall_lines(free, floor), places[near]), most)
+        near, beside = _cells_within(free, frame)
+        only = ~np.isin(near, queried)
+        near, beside = near[only], beside[only]
+        plan[near] = np.minimum(distances_to_walls(wall_lines(free, floor), beside), most)
         measured[near] = plan[near]
     T = np.array(record.T_world_mine)
-    probes = _probes(floor, places[queried], np.isin(queried, inside))
+    probes = _probes(floor, places, is_inside)
     measured[queried] = rock_clearance(folder, T, GeomGroup.COLLISION, probes, most)
     start, seams = start_cell(record.spawn.anchor_m, frame), floor_seams(floor)
     by_plan, by_world = (reached_cells(c.reshape(height, width), radius, start, frame, seams) for c in (plan, measured))
@@ -174,6 +177,30 @@ def _reach(
         by_plan, by_world, frame, [part.bounds for part in shapely.get_parts(free)], radius, *network
     )
     return {"clearance_error_m": round(error, 5), **vars(match)}
+
+
+def _cells_within(area: BaseGeometry, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """Return the numbers (k,) of the cells whose middles lie in an area, and these (k, 2) m.
+
+    Row by row: a plan of many sheets is nearly empty, and places of all its cells take gigabytes.
+    """
+    shapely.prepare(area)
+    cols, found = np.arange(frame.width_px), [(np.zeros(0, np.int64), np.zeros((0, 2)))]
+    for row in range(0, frame.height_px, _ROWS):
+        rows = np.arange(row, min(row + _ROWS, frame.height_px))
+        cells = np.column_stack([np.tile(cols, len(rows)), np.repeat(rows, len(cols))])
+        places = frame.to_mine(cells + 0.5)
+        at = np.flatnonzero(shapely.contains_xy(area, *places.T))
+        found.append((at + row * frame.width_px, places[at]))
+    return np.concatenate([numbers for numbers, _ in found]), np.concatenate([places for _, places in found])
+
+
+def _seam_lines(free: Polygon, floor: Floor) -> BaseGeometry:
+    """Return a strip of 0.1 mm along the seams of sheets: a place on one is in neither sheet, nor in rock."""
+    if len(floor.offset_m) == 1:
+        return Polygon()
+    walls = wall_lines(free, floor)
+    return free.boundary.difference(walls.buffer(_ON_SEAM_M)).buffer(_ON_SEAM_M, cap_style="flat")
 
 
 def _not_compared(record: WorldRecord, most_m: float) -> BaseGeometry:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import shapely
 from shapely import Polygon
@@ -10,7 +12,16 @@ from shapely.geometry.base import BaseGeometry
 from minexplore.bundle import SLAB_M, GeomGroup
 from minexplore.floor import Floor
 from pipeline.geometry.extrude import section_footprint
-from pipeline.geometry.shaft_parts import FENCE_HEIGHT_M, FENCE_M, ends_of, is_blind, section_below, section_of
+from pipeline.geometry.shaft_parts import (
+    FENCE_HEIGHT_M,
+    FENCE_M,
+    ends_of,
+    is_blind,
+    rows_of,
+    section_at,
+    section_below,
+    section_of,
+)
 from pipeline.metrics.containment import WallCover, slices_above
 from pipeline.mjcf.bundle import World, placed_parts
 from pipeline.types import Opening, Openings
@@ -25,34 +36,49 @@ _LEVEL = np.zeros(3)
 def cover_openings(world: World, floor: Floor, parts: list[np.ndarray], slices_m: tuple[float, ...]) -> WallCover:
     """Return the worst of all openings: rock within, rock missing from fence, walls and blind ends, and the widest gap.
 
-    Fences are sliced above the collar, shafts at six depths, where there must be no roof either. The parts are convex,
-    so that what is closed in the slices next to both ends of a wall is closed between them.
+    Fences are sliced above the collar, shafts at six depths, where there must be no roof either; those that lean at six
+    depths between two bends. The parts are convex, so that what is closed in the slices next to both ends of a wall is
+    closed between them.
     """
     worst = np.zeros(3)
     walls = _Bodies(parts)
     roofs = _Bodies(placed_parts(world.model, GeomGroup.ROOF, np.array(world.record.T_world_mine)))
     for opening in world.record.openings:
         hole = Polygon(section_of(opening, floor))
-        near = walls.near(hole.buffer(SLAB_M + _SEAM_M))
-        over = roofs.near(hole) if opening.below is not None else []
         tops, ends = ends_of(opening, floor, world.record.height_m)
-        fenced = world.record.fenced and opening.sheet is not None
+        top, end = float(tops.min()), float(ends.max())
+        depths = _depths(opening, floor, world.record.height_m, top, end)
+        sections = [Polygon(section_at(opening, floor, depth)) for depth in depths]
+        whole = shapely.convex_hull(shapely.union_all([hole, *sections])) if opening.bends_m else hole
+        near = walls.near(whole.buffer(SLAB_M + _SEAM_M))
+        over = roofs.near(whole) if opening.below is not None else []
+        fenced = bool(Openings([opening]).fenced(world.record.fenced))
         if fenced:
             plane, ring = _collar_plane(opening, floor), hole.difference(hole.buffer(-FENCE_M, join_style="mitre"))
             for height in (height for height in slices_m if height < FENCE_HEIGHT_M):
                 worst = np.maximum(worst, _errors(near, plane, height, Polygon(), ring, hole))
-        top, end = float(tops.min()), float(ends.max())
         fence_end = top - SLAB_M - _SEAM_M if fenced else top
-        for depth in np.linspace(end + _NEAR_M, top - _NEAR_M, 6).tolist():
+        for depth, section in zip(depths, sections, strict=True):
             thick = min(_THICK_M, _SLANT * min(top - depth, depth - end))
-            inner = hole.buffer(-FENCE_M - _SEAM_M, join_style="mitre") if depth > fence_end else hole
-            ring = hole.buffer(thick, join_style="mitre").difference(hole)
-            worst = np.maximum(worst, _errors(near, _LEVEL, depth, inner, ring, hole))
-            worst[0] = max(worst[0], _errors(over, _LEVEL, depth, hole, Polygon(), hole)[0])
+            inner = section.buffer(-FENCE_M - _SEAM_M, join_style="mitre") if depth > fence_end else section
+            ring = section.buffer(thick, join_style="mitre").difference(section)
+            worst = np.maximum(worst, _errors(near, _LEVEL, depth, inner, ring, section))
+            worst[0] = max(worst[0], _errors(over, _LEVEL, depth, section, Polygon(), section)[0])
         if is_blind(opening):
             middle = end - SLAB_M / 2 if opening.below is None else top + SLAB_M / 2
-            worst = np.maximum(worst, _errors(near, _LEVEL, middle, Polygon(), hole, hole))
+            closed = Polygon(section_at(opening, floor, middle))
+            worst = np.maximum(worst, _errors(near, _LEVEL, middle, Polygon(), closed, closed))
     return WallCover(*worst.round(6).tolist())
+
+
+def _depths(opening: Opening, floor: Floor, height_m: float, top_m: float, end_m: float) -> list[float]:
+    """Return the heights, m, at which a shaft is sliced."""
+    levels = [end_m, top_m]
+    if opening.bends_m:
+        rows = rows_of(opening, floor, height_m)
+        levels = [end_m, *(float(heights.min()) for _, heights in rows[-2:0:-1]), top_m]
+    pairs = pairwise(levels)
+    return [depth for low, high in pairs for depth in np.linspace(low + _NEAR_M, high - _NEAR_M, 6).tolist()]
 
 
 class _Bodies:
@@ -104,6 +130,6 @@ def open_over_collars_m2(world: World, floor: Floor) -> float:
             above = wedge[:, 2] - wedge[:, :2] @ plane[:2] - plane[2]
             if np.minimum(np.abs(above), np.abs(above - SLAB_M)).max() < _ON_ROOF_M and above.min() < _ON_ROOF_M:
                 covered.append(section_footprint(wedge).buffer(_SEAM_M))
-        through = [Polygon(section_of(o, floor)) for o in world.record.openings if o.below == opening.sheet]
+        through = [Polygon(section_at(o, floor, o.bottom_m)) for o in world.record.openings if o.below == opening.sheet]
         missing += hole.difference(shapely.union_all(covered + through)).area
     return float(missing)

@@ -87,7 +87,7 @@ def require_walls(folder: Path, record: WorldRecord, stated: mujoco.MjSpec, free
     """
     openings = Openings(record.openings)
     made = wall_parts(free, floor, record.height_m, openings) + shaft_parts(openings, floor, record.height_m)
-    made += fence_parts(openings, floor) if record.fenced else []
+    made += fence_parts(openings, floor, record.fenced)
     rock = [geom for geom in stated.geoms if is_rock(geom.name)]
     if len(made) != len(rock):
         raise ArtifactError(f"{folder / MODEL}: {len(rock)} collision parts, the builder makes {len(made)}")

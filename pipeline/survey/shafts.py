@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import networkx as nx
 import numpy as np
-import shapely
 
 from pipeline.params.reader_limits import reader_limits
+from pipeline.survey.built_cells import BESIDE_M, Built, BuiltCells
 from pipeline.survey.child import tell
+from pipeline.survey.leaning import WIDEST_M, bend, find_stopes, reach_of, stope_length_m
 from pipeline.survey.legs import SurveyLeg
-from pipeline.survey.sheet_cells import Cell, floor_of
+from pipeline.survey.sheet_cells import floor_of
 from pipeline.types import Shaft
 
-_LEAN = 0.36  # run over fall: a shaft that leans by more than 20 deg off plumb is not built as a plumb one
+_LEAN = 0.36  # run over fall: a shaft that leans by at most 20 deg off plumb is built as a plumb one
 _LEAST_FALL_M = 1.0
-_BESIDE_M = 1.5  # workings so near to a shaft's middle in plan are in its way
 FLOORS_APART_M = 6.0  # a shaft that ends blind so near over other workings would break into them
 OVER_RAISE_M = 1.0  # from a raise's cap to a floor over it: two slabs and half a metre of rock
 _ROUND_RAISE_M = 0.75  # a wall and half a metre of rock
-_WIDEST_M = 6.0
-
-
-@dataclass(frozen=True)
-class Built:
-    """The stations that are built: their cells, sheets, how far these are moved aside (k, 2) m, and the datum, m."""
-
-    cells: dict[str, Cell]
-    sheet: dict[str, int]
-    offsets: np.ndarray
-    datum_m: float
+_MOST_TOLD = 5  # of the shafts that are left out
+_DIGITS = 4
 
 
 def steep_shots(leg: SurveyLeg) -> np.ndarray:
@@ -44,37 +36,37 @@ def find_shafts(path: Path, legs: list[SurveyLeg], built: Built) -> list[Shaft]:
     """Return the shafts that lead down from built stations, from the first station; say which are left out and why.
 
     A shaft follows the lowest of the steep shots from station to station, to a built station or to its end. Then come
-    the raises: they follow the highest shots up from a built station to an end that is not built.
+    the raises: they follow the highest shots up from a built station to an end that is not built. Stopes stand before
+    them, and their shafts again among them.
     """
     steep = _steep_graph(legs)
     if not steep:
         return []
-    found, left_out, workings = [], [], _Workings(built)
-    for top in (name for name in steep if name in built.sheet):
-        for first in _lower(steep, top):
-            way = [top, first]
-            while way[-1] not in built.sheet and (ahead := _lower(steep, way[-1])):
-                way.append(ahead[0])
-            shaft, reason = _shaft(way, steep, built, workings)
-            if reason:
-                left_out.append(_left_out(way, steep, reason))
-            else:
-                found.append(shaft)
-    for bottom in (name for name in steep if name in built.sheet):
-        for first in _higher(steep, bottom):
-            way = [bottom, first]
-            while way[-1] not in built.sheet and (ahead := _higher(steep, way[-1])):
-                way.append(ahead[0])
-            if way[-1] in built.sheet:  # a shaft from above
-                continue
-            shaft, reason = _raise(way, steep, built, workings)
-            if reason:
-                left_out.append(_left_out(way, steep, reason))
-            else:
-                found.append(shaft)
+    found, left_out, workings = [], [], BuiltCells(built)
+    ways = [(way, _shaft) for way in _ways(steep, built, _lower)]
+    ways += [(way, _raise) for way in _ways(steep, built, _higher) if way[-1] not in built.sheet]
+    for way, make in ways:
+        shaft, reason = make(way, steep, built, workings)
+        if reason:
+            left_out.append(_left_out(way, steep, reason))
+        else:
+            found.append(shaft)
     if left_out:
-        tell(f"{path.name}: {len(left_out)} shafts are left out, the first {left_out[0]}")
-    return found
+        others = "".join(f"; {line}" for line in left_out[1:_MOST_TOLD])
+        tell(f"{path.name}: {len(left_out)} shafts are left out, the first {left_out[0]}{others}")
+    return find_stopes(found, built, workings) + [replace(shaft, long_m=None) for shaft in found]
+
+
+def _ways(steep: nx.Graph, built: Built, ahead_of: Callable[[nx.Graph, str], list[str]]) -> list[list[str]]:
+    """Return the ways along steep shots from built stations, each to a built station or to its end."""
+    ways = []
+    for start in (name for name in steep if name in built.sheet):
+        for first in ahead_of(steep, start):
+            way = [start, first]
+            while way[-1] not in built.sheet and (ahead := ahead_of(steep, way[-1])):
+                way.append(ahead[0])
+            ways.append(way)
+    return ways
 
 
 def _left_out(way: list[str], steep: nx.Graph, reason: str) -> str:
@@ -113,7 +105,7 @@ def _higher(steep: nx.Graph, station: str) -> list[str]:
     return sorted(above, key=lambda name: (-steep.nodes[name]["place"][2], name))
 
 
-def _shaft(way: list[str], steep: nx.Graph, built: Built, workings: _Workings) -> tuple[Shaft, str]:
+def _shaft(way: list[str], steep: nx.Graph, built: Built, workings: BuiltCells) -> tuple[Shaft, str]:
     """Return the shaft along a way from a built station down, and why it is not built, "" if it is."""
     top, bottom = (steep.nodes[name]["place"] for name in (way[0], way[-1]))
     sheet, below = built.sheet[way[0]], built.sheet.get(way[-1])
@@ -130,21 +122,22 @@ def _shaft(way: list[str], steep: nx.Graph, built: Built, workings: _Workings) -
     fall, run = float(top[2] - bottom[2]), float(np.hypot(*(top - bottom)[:2]))
     if fall < _LEAST_FALL_M:
         return shaft, f"is {fall:.1f} m deep, want {_LEAST_FALL_M:g} m"
-    if run > _LEAN * fall or below == sheet:
-        return shaft, f"leans by {run:.1f} m over {fall:.1f} m, at most {_LEAN:g} of it"
+    if run > _LEAN * fall:
+        return _leaning(shaft, way, steep, built, workings)
+    if below == sheet:
+        return shaft, f"leans by {run:.1f} m over {fall:.1f} m, and ends under the drift that it leaves"
     lowest = bottom[2] - FLOORS_APART_M if below is None else bottom[2] + reader_limits().flat_step_m
     if workings.between(top[:2], lowest, top[2] - reader_limits().flat_step_m):
         return shaft, "meets workings between its ends"
     return shaft, ""
 
 
-def _raise(way: list[str], steep: nx.Graph, built: Built, workings: _Workings) -> tuple[Shaft, str]:
+def _raise(way: list[str], steep: nx.Graph, built: Built, workings: BuiltCells) -> tuple[Shaft, str]:
     """Return the raise along a way from a built station up, and why it is not built, "" if it is.
 
     It ends at the elevation of its last station.
     """
-    bottom, place = steep.nodes[way[0]]["place"], steep.nodes[way[-1]]["place"]
-    top = np.array([*place[:2], steep.nodes[way[-1]]["elevation_m"]])
+    bottom, top = steep.nodes[way[0]]["place"], _end(way, steep, up=True)
     side = _side_m(way, steep)
     shaft = Shaft(
         stations=(way[-1], way[0]),
@@ -160,11 +153,31 @@ def _raise(way: list[str], steep: nx.Graph, built: Built, workings: _Workings) -
     if rise < _LEAST_FALL_M:
         return shaft, f"is {rise:.1f} m high, want {_LEAST_FALL_M:g} m"
     if run > _LEAN * rise:
-        return shaft, f"leans by {run:.1f} m over {rise:.1f} m, at most {_LEAN:g} of it"
-    beside = max(_BESIDE_M, min(side or 0.0, _WIDEST_M) * 2**-0.5 + _ROUND_RAISE_M)
+        return _leaning(shaft, way, steep, built, workings)
+    beside = max(BESIDE_M, min(side or 0.0, WIDEST_M) * 2**-0.5 + _ROUND_RAISE_M)
     if workings.between(bottom[:2], bottom[2] + reader_limits().flat_step_m, top[2] + OVER_RAISE_M, beside):
         return shaft, f"meets workings between its ends, or ends less than {OVER_RAISE_M:g} m below some"
     return shaft, ""
+
+
+def _leaning(shaft: Shaft, way: list[str], steep: nx.Graph, built: Built, workings: BuiltCells) -> tuple[Shaft, str]:
+    """Return a shaft with the bends of its way, a stope with its length, and why it is not built, "" if it is."""
+    up = shaft.sheet is None
+    places = np.array([*(steep.nodes[name]["place"] for name in way[:-1]), _end(way, steep, up)])
+    widths = steep.edges[way[0], way[1]]["widths"].values()
+    stope_m = stope_length_m((places[1] - places[0])[:2], shaft.heading_rad, widths)
+    if stope_m is not None:
+        shaft = replace(shaft, side_m=None, long_m=stope_m)
+    reach_m = reach_of(shaft.side_m, shaft.long_m)
+    bends, reason = bend(places, up, shaft.below is not None and not up, reach_m, workings)
+    heights = (bends - [0.0, 0.0, built.datum_m]).round(_DIGITS).tolist() if len(bends) else []
+    return replace(shaft, bends_m=tuple((x, y, z) for x, y, z in heights)), reason
+
+
+def _end(way: list[str], steep: nx.Graph, up: bool) -> np.ndarray:
+    """Return the place (3,) m of the last station of a way: on its floor, of a raise at its elevation."""
+    last = steep.nodes[way[-1]]
+    return np.array([*last["place"][:2], last["elevation_m"] if up else last["place"][2]])
 
 
 def _place(station: str, steep: nx.Graph, built: Built) -> tuple[float, float]:
@@ -184,18 +197,3 @@ def _side_m(way: list[str], steep: nx.Graph) -> float | None:
     """Return the surveyed width of a way at its first station, m, or None."""
     width = steep.edges[way[0], way[1]]["widths"][way[0]]
     return width if np.isfinite(width) and width > 0 else None
-
-
-class _Workings:
-    """The built cells by place."""
-
-    def __init__(self, built: Built) -> None:
-        owned = [(built.cells[name], shape) for name in built.sheet for shape in built.cells[name].shapes]
-        self._cells = [cell for cell, _ in owned]
-        self._tree = shapely.STRtree([shape for _, shape in owned])
-
-    def between(self, place_m: np.ndarray, low_m: float, high_m: float, beside_m: float = _BESIDE_M) -> bool:
-        """Return whether there is floor between two heights about a place (2,) m."""
-        x, y = place_m.tolist()
-        near = self._tree.query(shapely.Point(x, y), predicate="dwithin", distance=beside_m)
-        return any(low_m < self._cells[k].height_at(x, y) < high_m for k in near.tolist())

@@ -14,10 +14,11 @@ from shapely.geometry.base import BaseGeometry
 from minexplore.stretch import LEAST_ROOF_M, MOST_ROOF_M
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.built_cells import Built
 from pipeline.survey.child import tell
 from pipeline.survey.legs import SurveyLeg, without_shots
 from pipeline.survey.pieces import choose_piece, find_station
-from pipeline.survey.shafts import Built, find_shafts, steep_shots
+from pipeline.survey.shafts import find_shafts, steep_shots
 from pipeline.survey.sheet_cells import UNIT_M, Cell, Way, floor_of, survey_cells
 from pipeline.survey.sheet_layout import APART_M, assign_sheets, lay_apart
 from pipeline.survey.thin_pillars import without_thin_pillars
