@@ -296,7 +296,8 @@ def test_steep_legs_in_any_direction_are_built_with_a_certificate_or_left_out(se
         mine = MineWithHeights(legs, light, tmp_path, half_m=half_m)
     except (InputError, GeometryError) as error:
         said = str(error)
-        assert "lie over each other" in said  # a spiral so wide is refused without them too
+        # A spiral so wide is refused without them too; a steep leg may meet a drift between its stations.
+        assert "lie over each other" in said or "without a station" in said
         return
     assert broken(validator_of(mine, light).certificate) == {}
 

@@ -9,7 +9,6 @@ from itertools import pairwise
 import numpy as np
 import shapely
 from scipy.sparse import coo_matrix
-from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
@@ -18,6 +17,7 @@ from minexplore.stretch import KNEE_M, LEAST_ROOF_M, LEAST_STRETCH, MOST_ROOF_M,
 from pipeline.errors import GeometryError
 from pipeline.geometry.delaunay import Triangulation
 from pipeline.geometry.polyline import arc_length
+from pipeline.geometry.solved_heights import solve_heights
 from pipeline.types import Seam
 
 SPACING_M = 3.0  # of the points of a line; a drift is 3 to 6 m wide
@@ -233,7 +233,7 @@ def _harmonic(points: np.ndarray, faces: np.ndarray, twin: np.ndarray, known: di
     heights[pinned] = [fixed[k] for k in pinned.tolist()]
     free = np.setdiff1d(twin, pinned)
     if len(free):
-        found = np.asarray(spsolve(stiff[free][:, free].tocsc(), -stiff[free][:, pinned] @ heights[pinned]))
+        found = solve_heights(stiff[free][:, free].tocsc(), -stiff[free][:, pinned] @ heights[pinned])
         if not np.isfinite(found).all():
             x, y = points[free[int(np.argmin(np.isfinite(found)))]]
             raise GeometryError(f"floor: no height is known for the workings at ({x:.1f}, {y:.1f})")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import spsolve
+
+from pipeline.geometry.solved_heights import solve_heights
 
 
 def heights_of_grades(pairs: np.ndarray, run_m: np.ndarray, grade: np.ndarray) -> np.ndarray:
@@ -60,5 +61,5 @@ def _least_squares(
     z = np.zeros(count)
     if len(free):
         weighted = steps[:, free].T.multiply(1.0 / run_m).tocsc()
-        z[free] = np.atleast_1d(spsolve((weighted @ steps[:, free]).tocsc(), weighted @ rise_m))
+        z[free] = solve_heights((weighted @ steps[:, free]).tocsc(), weighted @ rise_m)
     return z

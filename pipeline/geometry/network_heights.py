@@ -7,10 +7,10 @@ import shapely
 from scipy.interpolate import LinearNDInterpolator
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
-from scipy.sparse.linalg import spsolve
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.polyline import arc_length
+from pipeline.geometry.solved_heights import solve_heights
 from pipeline.types import DriftNetwork, Heights
 
 _NEAR_M = 15.0  # of a spot from the middle of its drift
@@ -144,5 +144,5 @@ def _harmonic(stations: int, lengths: csr_matrix, known: dict[int, float]) -> np
     z[pinned] = list(known.values())
     free = np.setdiff1d(np.arange(stations), pinned)
     if len(free):
-        z[free] = spsolve(stiff[free][:, free].tocsc(), -stiff[free][:, pinned] @ z[pinned])
+        z[free] = solve_heights(stiff[free][:, free].tocsc(), -stiff[free][:, pinned] @ z[pinned])
     return z
