@@ -10,5 +10,5 @@ _DIGITS = 6  # micrometres: the kernels of BLAS, which differ by processor, diff
 
 
 def solve_heights(system: csc_matrix, right: np.ndarray) -> np.ndarray:
-    """Return the heights (n,) m that solve a system (n, n), rounded to a micrometre; not finite where it is singular."""
+    """Return the heights (n,) m that solve a system (n, n), to a micrometre; not finite where it is singular."""
     return np.atleast_1d(np.asarray(spsolve(system, right))).round(_DIGITS)
