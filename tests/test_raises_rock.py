@@ -13,6 +13,7 @@ from pipeline.compose import compose
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import read_record
 from pipeline.proof.fittings import require_fittings
+from pipeline.proof.visible import _round_shafts
 from tests.heights import RAMP, MineWithHeights
 from tests.mines import sealed
 from tests.project import ROOT
@@ -98,3 +99,20 @@ def test_a_lining_above_the_cap_or_as_low_as_robots_is_refused_by_the_schema(wid
         forged = sealed({**files, "meshes/shaft_0000.msh": moved})
         with pytest.raises(BundleError, match=r"shaft_0000\.msh: from .* openings\[0\] has 1\.000 to 18\.000"):
             check_files(wide.bundle, forged, hash_files(forged))
+
+
+def rim_of(loop):
+    """Return the edges (k, 2, 3) of a closed loop at 2 m over the floor."""
+    loop = np.column_stack([np.array(loop, dtype=float), np.full(len(loop), 2.0)])
+    return np.stack([loop, np.roll(loop, -1, axis=0)], axis=1)
+
+
+def test_the_rim_of_a_hole_may_cross_itself_down_a_steep_face_but_not_leave_a_part_open():
+    hole = np.array([(0.0, 0.0), (1.3, 0.0), (1.3, 1.3), (0.0, 1.3)])
+    steep = [(0, 0), (0.7, 0.001), (0.699, -0.001), (0.7005, 0.0), (0.6985, 0.0), (1.3, 0), (1.3, 1.3), (0, 1.3)]
+    for loop in (hole, steep):
+        assert _round_shafts(rim_of(loop), [hole]).all()
+        assert not _round_shafts(rim_of(loop)[1:], [hole]).any()
+    assert not _round_shafts(rim_of(hole), [hole + 0.1]).any()
+    low = rim_of(hole) * [1, 1, 0.4]
+    assert not _round_shafts(low, [hole]).any()

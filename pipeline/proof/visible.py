@@ -277,7 +277,8 @@ def _round_shafts(rim: np.ndarray, holes: list[np.ndarray]) -> np.ndarray:
     for hole in map(Polygon, holes):
         off = shapely.distance(hole.exterior, shapely.points(rim[:, :, :2])).max(axis=1, initial=0.0)
         own = (off < _ON_SHAFT_M) & (rim[:, :, 2].min(axis=1, initial=np.inf) > KNEE_M)
-        shown = shapely.union_all(shapely.get_parts(shapely.polygonize(shapely.linestrings(rim[own][:, :, :2]))))
+        lines = shapely.node(shapely.multilinestrings(rim[own][:, :, :2]))  # down a steep face the rim may cross itself
+        shown = shapely.union_all(shapely.get_parts(shapely.polygonize(shapely.get_parts(lines))))
         around |= own & (shown.symmetric_difference(hole).area < _ON_SHAFT_M * hole.length)
     return around
 
