@@ -10,7 +10,7 @@ import shapely
 from pipeline.survey.sheet_cells import Cell
 
 BESIDE_M = 1.5  # workings so near to a shaft's middle in plan are in its way
-_USUAL_ROOF_M = 3.5  # over the floor where none is surveyed: the default of `compile3d.height_m`
+USUAL_ROOF_M = 3.5  # over the floor where none is surveyed: the default of `compile3d.height_m`
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,6 @@ class BuiltCells:
         for cell in (self._cells[k] for k in near.tolist()):
             round_m = [(x, y), *((x + beside_m * c, y + beside_m * s) for c, s in ((1, 0), (-1, 0), (0, 1), (0, -1)))]
             floors = [cell.height_at(*place) for place in round_m]
-            roofs = [(line[:, 3] + line[:, 4] * _USUAL_ROOF_M).max() for line in cell.lines]
-            found.append((min(floors), max(floors) + max(roofs, default=_USUAL_ROOF_M)))
+            roofs = [(line[:, 3] + line[:, 4] * USUAL_ROOF_M).max() for line in cell.lines]
+            found.append((min(floors), max(floors) + max(roofs, default=USUAL_ROOF_M)))
         return np.array(found, dtype=float).reshape(-1, 2)

@@ -26,6 +26,7 @@ from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
 from pipeline.survey.georeference import has_placement, read_placement, world_file
 from pipeline.survey.grid import draw_grid
 from pipeline.survey.image import read_image
+from pipeline.survey.level_walls import axis_of
 from pipeline.survey.nav2 import nav2_picture
 from pipeline.survey.picture import draw_page, make_ready, require_few_regions
 from pipeline.survey.plain_file import require_plain_file
@@ -171,7 +172,7 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
         try:
             workings, place, _, _, heights = draw_vector_survey(params, content)
             if not stated.get("elevations_m"):
-                _require_walls(path, content, workings.length / place.metres_per_unit)
+                _require_walls(path, content, workings.length / place.metres_per_unit, place)
         except InputError as error:
             problem = problem or error
             continue
@@ -212,9 +213,15 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
     return Detection(values, remarks, files, width, has_heights=has_heights)
 
 
-def _require_walls(path: Path, content: Shapes, walls: float) -> None:
-    """Refuse lines with elevations most of which are no walls of the workings, whose length is given."""
+def _require_walls(path: Path, content: Shapes, walls: float, place: Georeference) -> None:
+    """Refuse lines with elevations most of which are no walls of the workings, whose length is given.
+
+    The axes of shafts are neither.
+    """
     lines = [shape for shape in content.shapes if shapely.get_dimensions(shape) == 1 and shape.has_z]
+    if place.projection is None:
+        in_metres = (place.metres_per_unit * shapely.get_coordinates(line, include_z=True) for line in lines)
+        lines = [line for line, points in zip(lines, in_metres, strict=True) if axis_of(points) is None]
     distinct = {shapely.normalize(line).wkb: line.length for line in lines}  # drawings often hold a line twice
     if walls < _OF_WALLS * sum(distinct.values()):
         raise InputError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 
@@ -20,6 +21,7 @@ PLUMB_M = 0.5  # of a leaning shaft's ends, off the floor that it leaves and the
 WIDEST_M, LONGEST_STOPE_M = 6.0, 30.0
 _USUAL_SIDE_M = 1.5
 _FROM_WORKINGS_M = 0.45  # of a leaning shaft's middle, over roofs and under floors
+_DIGITS = 4
 _BEND_M = 0.25  # a station so near to an end is no bend
 _STEP_M = 0.5
 _STOPE = 2.0  # times its usual width, a steep leg is a stope
@@ -28,8 +30,34 @@ _OFF_LINE_M, _PILLAR_M = 1.0, 2 * SLAB_M + 0.5  # of stations beside the line of
 _ALIKE = 0.36  # by which the lean of two shafts of a stope may differ, run over fall: 20 deg
 
 
+class Workings(Protocol):
+    """Floors and roofs by place."""
+
+    def spans(self, place_m: np.ndarray, beside_m: float) -> np.ndarray:
+        """Return the lowest floor and the highest roof (k, 2) m of each working so near to a place (2,) m."""
+
+
+def follow(shaft: Shaft, places_m: np.ndarray, datum_m: float, workings: Workings) -> tuple[Shaft, str]:
+    """Return a shaft or raise with the bends of its way, and why it is not built, "" if it is.
+
+    Parameters
+    ----------
+    shaft : Shaft
+        With its width or its length along the drift.
+    places_m : (k, 3) float64, m
+        The way from the built station on, in the survey's coordinates.
+    datum_m : float
+    workings : Workings
+    """
+    up = shaft.sheet is None
+    opens_below = shaft.below is not None and not up
+    bends, reason = bend(places_m, up, opens_below, reach_of(shaft.side_m, shaft.long_m), workings)
+    heights = (bends - [0.0, 0.0, datum_m]).round(_DIGITS).tolist() if len(bends) else []
+    return replace(shaft, bends_m=tuple((x, y, z) for x, y, z in heights)), reason
+
+
 def bend(
-    places_m: np.ndarray, up: bool, opens_below: bool, reach_m: float, workings: BuiltCells
+    places_m: np.ndarray, up: bool, opens_below: bool, reach_m: float, workings: Workings
 ) -> tuple[np.ndarray, str]:
     """Return the bends (k, 3) of a leaning shaft, from the highest down, and why it is not built, "" if it is.
 
@@ -68,7 +96,7 @@ def bend(
     return bends[::-1] if up else bends, ""
 
 
-def _end_m(place_m: np.ndarray, workings: BuiltCells, reach_m: float, roof: bool) -> float:
+def _end_m(place_m: np.ndarray, workings: Workings, reach_m: float, roof: bool) -> float:
     """Return how high a leaning shaft is half a metre over the roofs about a place (3,) m, or under the floors."""
     spans = workings.spans(place_m[:2], reach_m)
     here = spans[(spans[:, 0] <= place_m[2] + _BEND_M) & (spans[:, 1] >= place_m[2])]
@@ -77,7 +105,7 @@ def _end_m(place_m: np.ndarray, workings: BuiltCells, reach_m: float, roof: bool
     return float(min(here[:, 0], default=place_m[2])) - PLUMB_M
 
 
-def _meets_workings(bends: np.ndarray, reach_m: float, workings: BuiltCells) -> bool:
+def _meets_workings(bends: np.ndarray, reach_m: float, workings: Workings) -> bool:
     for a, b in pairwise(bends):
         for share in np.linspace(0, 1, max(2, int(np.ceil(np.linalg.norm(b - a) / _STEP_M)) + 1)).tolist():
             place = a + share * (b - a)

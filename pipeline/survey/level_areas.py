@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from networkx.utils import UnionFind
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.spatial import cKDTree
 from shapely import LineString, Polygon
@@ -18,16 +17,13 @@ from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.enclosure import enclose_workings
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.child import tell
-from pipeline.survey.level_walls import Wall, lie_over, sampled
+from pipeline.survey.level_walls import SAME_M, Wall, beside_each_other, falls, is_steep_in_part, lie_over, sampled
 
-_BESIDE_M = 10.0  # between the open wall strings of one drift
-_ALIKE = 0.5  # of the heights that two strings cover, that both must cover to be of one drift
 _MOUTH_M = 12.0  # two ends of wall strings so near are a drift's end
 _NEIGHBOURS = 9  # of an open end, itself first, that are tried
 _CLOSED = 0.2  # of a wall's length, that its ends are at most apart if it is closed
 TOUCH_M, OVERLAP_M2 = 1e-3, 0.01  # areas that overlap by less only touch
 _SAMPLE_M = 1.0  # of the places where two areas are compared
-_SAME_M = 0.05
 _EQUAL_M = 1e-6
 _LEAST_M2 = 0.01
 
@@ -92,7 +88,7 @@ def areas_of(path: Path, walls: list[tuple[Wall, str]], snap_m: float) -> list[A
         is_closed = len(wall) > 2 and apart <= max(min(snap_m, _CLOSED * around), _EQUAL_M)
         (rings if is_closed else strings).append((wall, layer))
     rings = [(wall, layer) for wall, layer in rings if _has_area(wall)]
-    areas = [area for cluster in _clusters(strings) for area in _enclosed(path, cluster, snap_m)]
+    areas = [area for cluster in beside_each_other(strings) for area in _enclosed_if_level(path, cluster, snap_m)]
     return _nested(areas, [_ring(path, wall, layer) for wall, layer in rings])
 
 
@@ -126,7 +122,7 @@ def _ring(path: Path, wall: Wall, layer: str) -> Area:
 def _touches_over(walls: list[Wall]) -> bool:
     """Return whether walls touch in plan at different heights, as the ends of a ramp of a whole turn do."""
     points = np.concatenate([sampled(wall) for wall in walls])
-    one, two = cKDTree(points[:, :2]).query_pairs(_SAME_M, output_type="ndarray").T
+    one, two = cKDTree(points[:, :2]).query_pairs(SAME_M, output_type="ndarray").T
     return bool((abs(points[one, 2] - points[two, 2]) > reader_limits().flat_step_m).any())
 
 
@@ -184,26 +180,27 @@ def _at_its_height(area: Area, rings: dict[int, Wall]) -> list[int]:
     return found
 
 
-def _clusters(strings: list[tuple[Wall, str]]) -> list[list[tuple[Wall, str]]]:
-    """Return open walls by the drifts that they are of."""
-    groups: UnionFind = UnionFind(range(len(strings)))
-    lines = [LineString(wall[:, :2]) for wall, _ in strings]
-    margin = reader_limits().flat_step_m / 2
-    spans = [(wall[:, 2].min() - margin, wall[:, 2].max() + margin) for wall, _ in strings]
-    pairs = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=_BESIDE_M).T if lines else []
-    for a, b in pairs:
-        if a >= b or strings[a][1] != strings[b][1]:
-            continue
-        (low, high), (bottom, top) = spans[a], spans[b]
-        common = min(high, top) - max(low, bottom)
-        ends = [strings[k][0][[0, -1]] for k in (a, b)]
-        apart = np.linalg.norm(ends[0][:, None] - ends[1][None], axis=2).min()
-        if common >= _ALIKE * max(high - low, top - bottom) or apart <= _SAME_M:
-            groups.union(int(a), int(b))
-    found = defaultdict(list)
-    for number, string in enumerate(strings):
-        found[groups[number]].append(string)
-    return list(found.values())
+def _enclosed_if_level(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> list[Area]:
+    """Return what open walls of one drift enclose, if need be without inclined lines that are no walls.
+
+    These are lines that are too steep to drive in part, and one that falls alone.
+    """
+    inclined = [is_steep_in_part(wall) or (len(strings) == 1 and falls(wall)) for wall, _ in strings]
+    if not any(inclined):
+        return _enclosed(path, strings, snap_m)
+    try:
+        return _enclosed(path, strings, snap_m)
+    except InputError as error:
+        lines = [wall for (wall, _), is_one in zip(strings, inclined, strict=True) if is_one]
+        rest = [string for string, is_one in zip(strings, inclined, strict=True) if not is_one]
+        found = _enclosed(path, rest, snap_m) if rest else []
+        (x, y, z), low = lines[0][lines[0][:, 2].argmax()], lines[0][:, 2].min()
+        tell(
+            f"{path.name}: {len(lines)} inclined lines of layer {strings[0][1]!r} are neither walls nor the axis of "
+            f"one shaft, and are left out, the first at ({x:.1f}, {y:.1f}) from {z:.1f} to {low:.1f} m: "
+            f"{str(error).removeprefix(f'{path}: ')}"
+        )
+        return found
 
 
 def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> list[Area]:
@@ -228,7 +225,7 @@ def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> lis
         enclosed: BaseGeometry = enclose_workings(lines, snap_m, [])
     except (GeometryError, shapely.GEOSException) as error:
         raise InputError(f"{path}: the open walls of {where}: {error}") from error
-    around = enclosed.boundary.buffer(_SAME_M)
+    around = enclosed.boundary.buffer(SAME_M)
     unused = [line for line in lines[: len(walls)] if line.intersection(around).length < line.length / 2]
     if unused:
         x, y = unused[0].coords[0]
@@ -237,7 +234,7 @@ def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> lis
             f"({x:.1f}, {y:.1f}); are the right ends joined?"
         )
     return [
-        Area(part, [wall for wall in (*walls, *closers) if part.boundary.distance(LineString(wall[:, :2])) < _SAME_M])
+        Area(part, [wall for wall in (*walls, *closers) if part.boundary.distance(LineString(wall[:, :2])) < SAME_M])
         for part in shapely.get_parts(enclosed)
     ]
 

@@ -15,7 +15,7 @@ from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.child import tell
 from pipeline.survey.level_areas import OVERLAP_M2, TOUCH_M, Area, nearest_heights, places_in
 from pipeline.survey.level_seams import SeamHeights, join_areas
-from pipeline.survey.level_shafts import shafts_of
+from pipeline.survey.level_shafts import Sheets, shafts_of
 from pipeline.survey.level_walls import Wall
 from pipeline.survey.pieces import require_near, tell_others
 from pipeline.survey.sheet_layout import APART_M, assign_sheets, lay_apart
@@ -27,9 +27,11 @@ _NEAR_M = 3.0  # in plan and in height: two pieces so near are told
 
 
 def draw_levels(
-    path: Path, areas: list[Area], plumb: list[Wall], snap_m: float, piece: Place | None = None
+    path: Path, areas: list[Area], axes: list[Wall], snap_m: float, piece: Place | None = None
 ) -> tuple[MultiPolygon, Heights] | None:
-    """Return the areas as sheets side by side, and the heights of their floors; None if none lies over another.
+    """Return the areas as sheets side by side, and the heights of their floors.
+
+    None if none lies over another, unless all are joined and a shaft leads from them.
 
     Areas that meet at one height are joined. The largest piece that is joined is kept, or that at the place `piece`;
     the others are said.
@@ -38,8 +40,8 @@ def draw_levels(
     ----------
     path : Path
     areas : list of Area, m, mine frame
-    plumb : list of (2, 3) m
-        Shafts, from their upper to their lower end.
+    axes : list of (k, 3) m
+        Of shafts, from their upper to their lower end.
     snap_m : float
         Areas no further apart than this meet.
     piece : (float, float, float) or None
@@ -61,7 +63,7 @@ def draw_levels(
         if lies_over:
             over[names[a]].add(names[b])
             over[names[b]].add(names[a])
-    if not any(over.values()):
+    if not any(over.values()) and not (axes and areas and nx.is_connected(joins)):
         return None
     whole = _chosen(path, areas, joins, piece)
     if len(whole) < len(joins):
@@ -76,7 +78,9 @@ def draw_levels(
         for line in _floor_lines(polygon, found, own):
             moved = line + np.array([*offsets[k], -datum])
             lines.append([(float(x), float(y), float(z)) for x, y, z in moved])
-    shafts = shafts_of(path, plumb, polygons, of_sheet, offsets, datum)
+    shafts = shafts_of(path, axes, Sheets(polygons, of_sheet, offsets, datum))
+    if not shafts and not any(over.values()):
+        return None
     heights = Heights(
         lines=lines,
         datum_m=datum,

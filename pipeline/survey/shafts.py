@@ -12,18 +12,17 @@ import numpy as np
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.built_cells import BESIDE_M, Built, BuiltCells
 from pipeline.survey.child import tell
-from pipeline.survey.leaning import WIDEST_M, bend, find_stopes, reach_of, stope_length_m
+from pipeline.survey.leaning import WIDEST_M, find_stopes, follow, stope_length_m
 from pipeline.survey.legs import SurveyLeg
 from pipeline.survey.sheet_cells import floor_of
 from pipeline.types import Shaft
 
-_LEAN = 0.36  # run over fall: a shaft that leans by at most 20 deg off plumb is built as a plumb one
-_LEAST_FALL_M = 1.0
+LEAN = 0.36  # run over fall: a shaft that leans by at most 20 deg off plumb is built as a plumb one
+LEAST_FALL_M = 1.0
 FLOORS_APART_M = 6.0  # a shaft that ends blind so near over other workings would break into them
 OVER_RAISE_M = 1.0  # from a raise's cap to a floor over it: two slabs and half a metre of rock
 _ROUND_RAISE_M = 0.75  # a wall and half a metre of rock
-_MOST_TOLD = 5  # of the shafts that are left out
-_DIGITS = 4
+MOST_TOLD = 5  # of the shafts that are left out
 
 
 def steep_shots(leg: SurveyLeg) -> np.ndarray:
@@ -52,7 +51,7 @@ def find_shafts(path: Path, legs: list[SurveyLeg], built: Built) -> list[Shaft]:
         else:
             found.append(shaft)
     if left_out:
-        others = "".join(f"; {line}" for line in left_out[1:_MOST_TOLD])
+        others = "".join(f"; {line}" for line in left_out[1:MOST_TOLD])
         tell(f"{path.name}: {len(left_out)} shafts are left out, the first {left_out[0]}{others}")
     return find_stopes(found, built, workings) + [replace(shaft, long_m=None) for shaft in found]
 
@@ -120,9 +119,9 @@ def _shaft(way: list[str], steep: nx.Graph, built: Built, workings: BuiltCells) 
         bottom_m=float(bottom[2] - built.datum_m),
     )
     fall, run = float(top[2] - bottom[2]), float(np.hypot(*(top - bottom)[:2]))
-    if fall < _LEAST_FALL_M:
-        return shaft, f"is {fall:.1f} m deep, want {_LEAST_FALL_M:g} m"
-    if run > _LEAN * fall:
+    if fall < LEAST_FALL_M:
+        return shaft, f"is {fall:.1f} m deep, want {LEAST_FALL_M:g} m"
+    if run > LEAN * fall:
         return _leaning(shaft, way, steep, built, workings)
     if below == sheet:
         return shaft, f"leans by {run:.1f} m over {fall:.1f} m, and ends under the drift that it leaves"
@@ -150,9 +149,9 @@ def _raise(way: list[str], steep: nx.Graph, built: Built, workings: BuiltCells) 
         bottom_m=float(bottom[2] - built.datum_m),
     )
     rise, run = float(top[2] - bottom[2]), float(np.hypot(*(top - bottom)[:2]))
-    if rise < _LEAST_FALL_M:
-        return shaft, f"is {rise:.1f} m high, want {_LEAST_FALL_M:g} m"
-    if run > _LEAN * rise:
+    if rise < LEAST_FALL_M:
+        return shaft, f"is {rise:.1f} m high, want {LEAST_FALL_M:g} m"
+    if run > LEAN * rise:
         return _leaning(shaft, way, steep, built, workings)
     beside = max(BESIDE_M, min(side or 0.0, WIDEST_M) * 2**-0.5 + _ROUND_RAISE_M)
     if workings.between(bottom[:2], bottom[2] + reader_limits().flat_step_m, top[2] + OVER_RAISE_M, beside):
@@ -162,16 +161,13 @@ def _raise(way: list[str], steep: nx.Graph, built: Built, workings: BuiltCells) 
 
 def _leaning(shaft: Shaft, way: list[str], steep: nx.Graph, built: Built, workings: BuiltCells) -> tuple[Shaft, str]:
     """Return a shaft with the bends of its way, a stope with its length, and why it is not built, "" if it is."""
-    up = shaft.sheet is None
-    places = np.array([*(steep.nodes[name]["place"] for name in way[:-1]), _end(way, steep, up)])
+    last = _end(way, steep, up=shaft.sheet is None)
+    places = np.array([*(steep.nodes[name]["place"] for name in way[:-1]), last])
     widths = steep.edges[way[0], way[1]]["widths"].values()
     stope_m = stope_length_m((places[1] - places[0])[:2], shaft.heading_rad, widths)
     if stope_m is not None:
         shaft = replace(shaft, side_m=None, long_m=stope_m)
-    reach_m = reach_of(shaft.side_m, shaft.long_m)
-    bends, reason = bend(places, up, shaft.below is not None and not up, reach_m, workings)
-    heights = (bends - [0.0, 0.0, built.datum_m]).round(_DIGITS).tolist() if len(bends) else []
-    return replace(shaft, bends_m=tuple((x, y, z) for x, y, z in heights)), reason
+    return follow(shaft, places, built.datum_m, workings)
 
 
 def _end(way: list[str], steep: nx.Graph, up: bool) -> np.ndarray:

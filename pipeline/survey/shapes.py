@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,12 @@ class Shapes:
     unit: str | None = None
     crs: str | None = None
     layer_of: list[str] = field(default_factory=list)
+
+    def only(self, kept: list[bool]) -> Shapes:
+        """Return the shapes that are to be kept, with their layers."""
+        if all(kept):
+            return self
+        return replace(self, shapes=list(compress(self.shapes, kept)), layer_of=list(compress(self.layer_of, kept)))
 
 
 def require_size(path: Path, points: int) -> None:

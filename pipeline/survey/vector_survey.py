@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ from pipeline.survey.geojson import read_geojson
 from pipeline.survey.legs import SurveyLeg, build_workings, check_network
 from pipeline.survey.level_areas import areas_of
 from pipeline.survey.level_sheets import draw_levels
-from pipeline.survey.level_walls import lie_over, split_plumb, walls_in_space
+from pipeline.survey.level_walls import lie_over, split_steep, walls_in_space
 from pipeline.survey.shapes import REACH_M, Shapes, locate, require_simple, workings_of
 from pipeline.survey.sheets import draw_sheets, has_relief
 from pipeline.survey.solved.plan_view import plan_legs
@@ -117,11 +118,12 @@ def _read(params: VectorSurvey, content: Shapes | None) -> tuple[MultiPolygon, G
     path = Path(params.file)
     content = content or read_shapes(path, params.layers)
     shapes, georeference = locate(path, content, params.unit, params.origin)
-    drawn = _read_levels(path, content, shapes, georeference, params)
+    drawn, is_wall = _read_levels(path, content, shapes, georeference, params)
     if drawn is not None:
         return drawn[0], georeference, drawn[1]
     if params.piece is not None:
         raise InputError(f"{path}: survey.piece is read with levels over each other; this drawing is read as one plan")
+    content, shapes = content.only(is_wall), list(compress(shapes, is_wall))
     layers = list(dict.fromkeys(content.layer_of))
     if params.layers is None and len(layers) > 1 and path.suffix.lower() == ".gpkg":
         names = ", ".join(one_line(name, 40) for name in layers[:_MOST_LAYERS])
@@ -136,30 +138,43 @@ def _read_levels(
     moved: list[BaseGeometry],
     georeference: Georeference,
     params: VectorSurveyParams,
-) -> tuple[MultiPolygon, Heights] | None:
-    """Return the sheets of levels over each other, and their heights; None if the walls are those of a plan."""
+) -> tuple[tuple[MultiPolygon, Heights] | None, list[bool]]:
+    """Return the sheets of levels over each other, and their heights; None if the walls are those of a plan.
+
+    Then comes for each shape whether it is read in that plan: the axes of shafts are not.
+    """
     found, left_out = walls_in_space(path, content, moved, georeference, params.elevations_m)
-    walls, plumb = split_plumb(found)
+    walls, axes = split_steep(found)
     if not walls:
-        return None
+        return None, [True] * len(moved)
     try:
-        drawn = draw_levels(path, areas_of(path, walls, params.snap_m), plumb, params.snap_m, params.piece)
+        areas = areas_of(path, walls, params.snap_m)
+        drawn = draw_levels(path, areas, [] if params.seeds_m else axes, params.snap_m, params.piece)
     except InputError:
         if params.elevations_m or lie_over(walls):
             raise
-        return None
-    if drawn is None and lie_over(walls):
-        raise InputError(
-            f"{path}: walls lie over each other, and enclose no levels of their own; close the walls of each level, or "
-            "put each level and each ramp on a layer of its own"
-        )
-    if drawn is not None and params.seeds_m:
-        raise InputError(f"{path}: survey.seeds_m is not read with levels over each other; --layer chooses walls")
-    if left_out:
-        names = ", ".join(one_line(layer, 40) or "no name" for layer in left_out[:_MOST_LAYERS])
-        done = "are read in plan with the others; --elevation states one" if drawn is None else "are left out"
-        tell(f"{path.name}: {len(left_out)} layers without an elevation {done}: {names}")
-    return drawn
+        drawn = None
+    else:
+        if drawn is None and lie_over(walls):
+            raise InputError(
+                f"{path}: walls lie over each other, and enclose no levels of their own; close the walls of each "
+                "level, or put each level and each ramp on a layer of its own"
+            )
+        if drawn is not None and params.seeds_m:
+            raise InputError(f"{path}: survey.seeds_m is not read with levels over each other; --layer chooses walls")
+        if left_out:
+            names = ", ".join(one_line(layer, 40) or "no name" for layer in left_out[:_MOST_LAYERS])
+            done = "are read in plan with the others; --elevation states one" if drawn is None else "are left out"
+            tell(f"{path.name}: {len(left_out)} layers without an elevation {done}: {names}")
+    if drawn is not None or not axes:
+        return drawn, [True] * len(moved)
+    x, y, z = axes[0][0]
+    tell(
+        f"{path.name}: {len(axes)} lines too steep to drive are left out, as the walls are read as one plan; the first "
+        f"at ({x:.1f}, {y:.1f}) from {z:.1f} to {axes[0][-1, 2]:.1f} m"
+    )
+    steep = {wall[:, :2].tobytes() for wall, _ in found} - {wall[:, :2].tobytes() for wall, _ in walls}
+    return None, [shapely.get_coordinates(shape).tobytes() not in steep for shape in moved]
 
 
 def _read_passages(params: PassageSurveyParams) -> tuple[MultiPolygon, Georeference, Heights | None]:

@@ -425,8 +425,13 @@ def test_a_ramp_that_meets_its_level_on_half_a_metre_is_refused(tmp_path):
 
 @pytest.mark.parametrize(
     ("layers", "sheets", "openings"),
-    [(MINE, 2, 1), (half_turns(4, 12.0, 2.2, 5.0, 12), 4, 0), (fork(20.0, 0.06), 2, 0)],
-    ids=["levels", "half turns", "small angle"],
+    [
+        (MINE, 2, 1),
+        (MINE | {"shafts": [[(15, 2.5, 0), (23, 2.5, -DROP_M)]]}, 2, 1),
+        (half_turns(4, 12.0, 2.2, 5.0, 12), 4, 0),
+        (fork(20.0, 0.06), 2, 0),
+    ],
+    ids=["levels", "leaning shaft", "half turns", "small angle"],
 )
 def test_the_certificate_of_levels_of_a_drawing_holds(tmp_path, monkeypatch, layers, sheets, openings):
     monkeypatch.chdir(ROOT)
