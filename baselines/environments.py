@@ -13,7 +13,6 @@ from minexplore.splits import mine_name
 from minexplore.vector import MineVectorEnv
 from minexplore.world import find_world, load_world
 
-FAMILY = "MineXplore/Family-v0"  # training in several mines of the split `train`
 BENCHMARK = tuple(env_id for env_id, kwargs in minexplore.WORLDS.items() if "world" in kwargs)
 _JUDGED = re.compile(r"(?:.+-)?(validation|test|variants)-\d{4}", re.ASCII)
 _ENTRY_POINTS = ("minexplore.backends:make_vector_env", "minexplore.vector:MineVectorEnv")

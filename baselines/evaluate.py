@@ -7,6 +7,7 @@ import os
 import sys
 from pathlib import Path
 
+import minexplore
 from baselines.bounds import bound_of
 from baselines.driven import note_driven
 from baselines.environments import BENCHMARK, find_id, make_env
@@ -76,7 +77,9 @@ def print_table(head: Head, episodes: list[Episode], driven_here: bool = True) -
 
 
 def evaluate_all(env_ids: list[str], seeds: list[int], jobs: int) -> None:
-    """Evaluate all classical policies, and the kept checkpoints that were trained there, whose results are not current.
+    """Evaluate all classical policies and kept checkpoints whose results are not current.
+
+    Of the checkpoints, those that were trained there, or in generated mines.
 
     Results of another world, task, policy or other seeds are replaced. The new ones count as driven here.
     """
@@ -95,7 +98,7 @@ def evaluate_all(env_ids: list[str], seeds: list[int], jobs: int) -> None:
 
 def _policies_of(env_id: str) -> list[str]:
     kept = sorted(CHECKPOINTS.glob("*.safetensors"))
-    return [*EXPLORERS, *(path.stem for path in kept if trained_in(path) == env_id)]
+    return [*EXPLORERS, *(path.stem for path in kept if trained_in(path) in (env_id, minexplore.FAMILY))]
 
 
 def expected_head(policy_name: str, env_id: str, env: MineVectorEnv, seeds: list[int]) -> Head:

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+import minexplore
 from baselines.errors import BaselineError
 from baselines.explorers import EXPLORERS
 from baselines.explorers.over_heights import EXPLORERS_OVER_HEIGHTS
@@ -93,7 +94,7 @@ def trained_in(path: Path) -> str:
         If it is no policy's file.
     """
     if graph_checkpoint.format_of(path) == graph_checkpoint.FORMAT:
-        return graph_checkpoint.TRAINED_IN
+        return minexplore.FAMILY
     return ppo_trained_in(path)
 
 

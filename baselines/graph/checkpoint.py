@@ -14,9 +14,9 @@ from safetensors.numpy import save_file
 from baselines.errors import BaselineError
 from baselines.graph.features import NAMES
 from baselines.graph.network import Shape, array_shapes
+from minexplore import FAMILY
 
 FORMAT = "minexplore-graph/1"
-TRAINED_IN = "MineXplore/Family-v0"
 _MOST_BYTES = 64_000_000
 
 
@@ -35,7 +35,7 @@ def write_network(path: Path, arrays: dict[str, np.ndarray], shape: Shape, seed:
     """Write a network beside the file's place, then move it there."""
     about = {
         "format": FORMAT,
-        "env": TRAINED_IN,
+        "env": FAMILY,
         "features": ",".join(NAMES),
         "network": shape.model_dump_json(),
         "seed": str(seed),

@@ -10,7 +10,7 @@ from baselines.explorers.graph_explorer import Situation
 from baselines.graph.choosing import keeps_goal
 from baselines.graph.features import Scene, describe
 from baselines.graph.fresh_ground import fresh_ground
-from baselines.graph.network import Shape, scores
+from baselines.graph.network import Shape, scores, told
 from baselines.graph.scenes import Scenes, join_scenes, stack_scenes
 from baselines.graph.simulator import MapSimulator
 
@@ -29,7 +29,7 @@ class Network:
     def scores(self, scene: Scene) -> np.ndarray:
         """Return the logits (k,) of a scene's clusters."""
         if self.arrays is None:
-            return fresh_ground(scene.tokens) / self.temperature_m
+            return fresh_ground(told(self.shape, scene.tokens)) / self.temperature_m
         return scores(self.arrays, self.shape, scene.tokens, scene.apart_m)
 
 

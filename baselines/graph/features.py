@@ -16,8 +16,11 @@ _WIDE_CELLS = (1, 5, 9)  # the same of other squares
 _BEYOND_M = 6.0  # behind the goal, in the direction in which the robot arrives
 _FAR_BEYOND_M = (14.0, 24.0)
 _BESIDE_M = 8.0  # to the left and to the right of the place beyond
-_FARTHEST_M = 40.0  # to which path lengths between clusters are told
+_APART_M = 40.0  # the greatest path length between clusters that is told
+_EAST_M = 50.0
+_KNOWN_M = 20.0  # unit of the way from a goal to the nearest measurement of the floor
 _UNREACHED_M = 200.0
+_LEAST_SHARE = 0.2  # of the commanded speed: less was measured at an obstacle
 
 NAMES = (
     "path", "path_log", "path_near", "rank", "behind_the_nearest", "cells", "unknown", "seen", "present", "age",
@@ -27,9 +30,11 @@ NAMES = (
     "seen_within_3_m", "seen_within_11_m", "seen_within_19_m",
     "clearance", "degree", "rock", "few_cells", "frontier_near", "unknown_beyond", "unknown_beyond_14_m",
     "unknown_beyond_24_m", "unknown_beside", "unknown_beside_least",
+    "floor_here", "floor_at_goal", "floor_best", "floor_known", "slow_path", "east",
     "time_left", "clusters", "still", "held", "cells_in_all", "seen_in_all",
 )  # fmt: skip
 STUBS = slice(NAMES.index("clearance"), NAMES.index("unknown_beside_least") + 1)  # what tells dead ends from drifts
+FLOOR = slice(NAMES.index("floor_here"), NAMES.index("east") + 1)  # what tells how fast robots drive where
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,8 @@ class Context:
         Since the robot was a metre away from where it is, or took its present goal, whichever is later.
     held_s : float
         Since the present goal's cluster was chosen.
+    floor : (m, 3)
+        Where the robot has measured its speed, x, y, m, and the share of the commanded speed that it reached.
     """
 
     own: OwnMap
@@ -56,6 +63,7 @@ class Context:
     time_left_s: float
     still_s: float
     held_s: float
+    floor: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -84,8 +92,8 @@ def describe(situation: Situation, context: Context) -> Scene:
     goals, count = situation.goals[clusters], len(clusters)
     graph, pose = situation.graph, context.pose
     lengths, before = graph.costs_from([situation.robot])
-    near = dijkstra(graph.links, directed=False, indices=goals, limit=_FARTHEST_M)
-    apart = np.minimum(near[:, goals], _FARTHEST_M)
+    near = dijkstra(graph.links, directed=False, indices=goals, limit=_APART_M)
+    apart = np.minimum(near[:, goals], _APART_M)
     cost = np.minimum(lengths[0, goals], _UNREACHED_M)
     ends = [_ends(before[0], goal) for goal in goals.tolist()]
     first, last = graph.places[[e[0] for e in ends]], graph.places[[e[1] for e in ends]]
@@ -111,14 +119,33 @@ def describe(situation: Situation, context: Context) -> Scene:
         cost / 20, np.log1p(cost), np.exp(-cost / 10), np.arange(count) / MOST, (cost - cost.min()) / 10,
         sizes / 8, unknown, seen, present, np.log1p(situation.ages[clusters] / 100),
         np.cos(turn), np.abs(np.sin(turn)), np.cos(bearing), np.abs(np.sin(bearing)), straight / 20,
-        straight / np.maximum(cost, 1.0), np.minimum(others[:, 0], 40) / 20, np.minimum(others[:, :3], 40).mean(1) / 20,
+        straight / np.maximum(cost, 1.0), others[:, 0].clip(max=_APART_M) / 20,
+        others[:, :3].clip(max=_APART_M).mean(axis=1) / 20,
         np.linalg.norm(places - context.start, axis=1) / 100,
         *(shares[0] for shares in wide), *(shares[1] for shares in wide),
         _clearance(context.own, places) / 3, _degrees(situation, goals) / 8, rock, sizes <= 3,
         (apart < 8).sum(axis=1) / 4, ground.shares(beyond, _BOX_CELLS)[0], *far, sides[1], sides[0],
+        *_floor(context, places, cost),
     ])  # fmt: skip
     tokens = np.clip(np.hstack([own, common]), -5.0, 5.0).astype(np.float32)
     return Scene(clusters, tokens, apart.astype(np.float32))
+
+
+def _floor(context: Context, places: np.ndarray, cost: np.ndarray) -> np.ndarray:
+    """Return what the robot's measurements of the floor tell of goals (k, 2) m at costs (k,) m: (6, k).
+
+    Shares of the commanded speed here, at the measurement nearest to each goal, and the best one; how far that
+    measurement is from the goal; the cost as if all floor were dry; and how far east the goal is.
+    """
+    east = (places[:, 0] - context.pose[0]) / _EAST_M
+    if not len(context.floor):
+        one = np.ones(len(places))
+        return np.stack([one, one, one, 2.0 * one, cost / 20, east])
+    away = np.linalg.norm(places[:, None] - context.floor[:, :2], axis=2)
+    nearest, shares = away.argmin(axis=1), np.clip(context.floor[:, 2], _LEAST_SHARE, 1.0)
+    here, there = np.full(len(places), shares[-1]), shares[nearest]
+    known = np.minimum(away.min(axis=1) / _KNOWN_M, 2.0)
+    return np.stack([here, there, np.full(len(places), shares.max()), known, cost * (1 / here + 1 / there) / 40, east])
 
 
 def _ends(before: np.ndarray, goal: int) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""The rule that training begins with: drive to fresh ground nearby, straight ahead."""
+"""The rule that training begins with: drive to fresh ground nearby, straight ahead, rather to the west."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import numpy as np
 
 from baselines.graph.features import NAMES
 
-# Metres of way that each is worth. Found by trying seventeen such rules in six training mines, four robots each: the
-# nearest cluster saw 50.0 % of the cells, this rule 55.4 %, `frontier-tour` 48.0 %.
-_WORTH_M = {"unknown": 25.0, "unknown_beyond": 15.0, "unknown_beyond_14_m": 15.0, "present": 5.0}
+# Metres of way that each is worth. The first four were found by trying seventeen such rules in six training mines: the
+# nearest cluster saw 50.0 % of the cells, the rule 55.4 %. Then nine rules of floors and directions were tried in
+# twelve training mines: 50.1 % without, 54.8 % with "east". The west of a mine is dry, and robots drive faster there.
+_WORTH_M = {"unknown": 25.0, "unknown_beyond": 15.0, "unknown_beyond_14_m": 15.0, "present": 5.0, "east": -15.0}
 _TURN_M = 2.0  # a radian of turning
 _STILL_M, _STILL = -30.0, 0.5  # the present goal, once the robot has stood still for 5 s
 
@@ -20,7 +21,7 @@ def fresh_ground(tokens: np.ndarray) -> np.ndarray:
     ----------
     tokens : (k, len(NAMES))
     """
-    told = dict(zip(NAMES, tokens.T, strict=True))
-    turn = np.arctan2(told["first_turn_sin"], told["first_turn_cos"])
-    worth = -20.0 * told["path"] - _TURN_M * turn + sum(worth * told[name] for name, worth in _WORTH_M.items())
-    return worth + _STILL_M * told["present"] * (told["still"] >= _STILL)
+    each = dict(zip(NAMES, tokens.T, strict=True))
+    turn = np.arctan2(each["first_turn_sin"], each["first_turn_cos"])
+    worth = -20.0 * each["path"] - _TURN_M * turn + sum(worth * each[name] for name, worth in _WORTH_M.items())
+    return worth + _STILL_M * each["present"] * (each["still"] >= _STILL)

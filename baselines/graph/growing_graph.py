@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 from scipy.ndimage import distance_transform_edt, label
 from scipy.sparse import coo_matrix, csr_matrix
@@ -29,14 +27,6 @@ class GrowingGraph:
         self._cost_m = np.full((len(NEIGHBOURS), *shape), np.inf)  # of the link to each neighbour
         self._frontier = np.zeros(shape, dtype=bool)
         self._known: Box = (shape[0], 0, shape[1], 0)  # encloses all that has changed
-
-    def fork(self, own: OwnMap) -> GrowingGraph:
-        """Return a copy that goes on with a copy of the map."""
-        twin = copy.copy(self)
-        twin.own = own
-        twin._at, twin._widest_m = self._at.copy(), self._widest_m.copy()
-        twin._cost_m, twin._frontier = self._cost_m.copy(), self._frontier.copy()
-        return twin
 
     def update(self, changed: Box) -> None:
         """Compute places, links and frontier again round a box of cells that may have changed."""

@@ -24,13 +24,13 @@ _MOST_GRADIENT = 0.5
 class Learner:
     """A network and its optimizer."""
 
-    def __init__(self, shape: Shape, lr: float, seed: int) -> None:
+    def __init__(self, shape: Shape, seed: int) -> None:
         """Begin with random weights."""
         torch.manual_seed(seed)
         torch.set_num_threads(1)
         self.network = GraphNetwork(shape)
-        self._lr = lr
-        self.optimizer = torch.optim.Adam(self.network.parameters(), lr)
+        self._seed = seed
+        self.optimizer = torch.optim.Adam(self.network.parameters())
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the network's weights as plain arrays."""
@@ -52,17 +52,20 @@ class Learner:
             loss.backward()
             optimizer.step()
             schedule.step()
-        self.optimizer = torch.optim.Adam(self.network.parameters(), self._lr)
+        self.optimizer = torch.optim.Adam(self.network.parameters())
         with torch.no_grad():
             found = self.network(tokens, apart, real)[0].log_softmax(dim=1)
             return float((aim * (aim.clamp(min=1e-12).log() - found)).sum(dim=1).mean())
 
-    def improve(self, decisions: Decisions, settings: ImproveSettings, seed: int) -> dict[str, float]:
+    def improve(self, decisions: Decisions, settings: ImproveSettings, update: int) -> dict[str, float]:
         """Take PPO's clipped steps (Schulman et al. 2017) on decisions; return figures of the step.
 
-        The advantage of a decision is its credit less the network's value of the scene.
+        The advantage of a decision is its credit less the network's value of the scene. The learning rate falls with
+        the number of the update; draws depend on it and on the seed only.
         """
-        torch.manual_seed(seed)
+        torch.manual_seed(self._seed + update)
+        for group in self.optimizer.param_groups:
+            group["lr"] = settings.lr * 0.5 ** (update / settings.half_life)
         tokens, apart, real = _tensors(decisions.scenes)
         chosen, before = torch.from_numpy(decisions.chosen), torch.from_numpy(decisions.log_chance)
         credit = torch.from_numpy(decisions.credit)

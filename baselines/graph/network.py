@@ -7,14 +7,14 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from baselines.graph.features import NAMES, STUBS
+from baselines.graph.features import FLOOR, NAMES, STUBS
 
 APART_M = 20.0  # path lengths are divided by
 FARTHEST = 5.0  # and cut at
 
 
 class Shape(BaseModel):
-    """The layers of a network; `stubs` is false where it is not told what tells dead ends from drifts."""
+    """The layers of a network; `stubs` and `floor` are false where it is not told of dead ends, and of floor speeds."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     width: Annotated[int, Field(ge=1, le=1024)]
@@ -22,6 +22,7 @@ class Shape(BaseModel):
     blocks: Annotated[int, Field(ge=0, le=16)]
     attention: bool
     stubs: bool
+    floor: bool
 
 
 def array_shapes(shape: Shape) -> dict[str, tuple[int, ...]]:
@@ -42,11 +43,8 @@ def array_shapes(shape: Shape) -> dict[str, tuple[int, ...]]:
 
 def scores(arrays: dict[str, np.ndarray], shape: Shape, tokens: np.ndarray, apart_m: np.ndarray) -> np.ndarray:
     """Return the score (k,) of each cluster of a scene: the greatest one is driven to."""
-    told = tokens.astype(np.float64)
-    if not shape.stubs:
-        told[:, STUBS] = 0.0
     apart = np.minimum(apart_m / APART_M, FARTHEST)
-    x = _linear(arrays, "enter", told)
+    x = _linear(arrays, "enter", told(shape, tokens))
     for block in range(shape.blocks):
         at = f"blocks.{block}."
         if shape.attention:
@@ -54,6 +52,19 @@ def scores(arrays: dict[str, np.ndarray], shape: Shape, tokens: np.ndarray, apar
         hidden = np.maximum(_linear(arrays, f"{at}first", _norm(arrays, f"{at}norm", x)), 0.0)
         x = x + _linear(arrays, f"{at}second", hidden)
     return _linear(arrays, "score", x)[:, 0]
+
+
+def unused(shape: Shape) -> list[slice]:
+    """Return the features that a network is not told."""
+    return [part for part, is_told in ((STUBS, shape.stubs), (FLOOR, shape.floor)) if not is_told]
+
+
+def told(shape: Shape, tokens: np.ndarray) -> np.ndarray:
+    """Return tokens (..., len(NAMES)) float64 with zeros for what a network is not told."""
+    held = tokens.astype(np.float64)
+    for part in unused(shape):
+        held[..., part] = 0.0
+    return held
 
 
 def _attend(arrays: dict[str, np.ndarray], at: str, heads: int, x: np.ndarray, apart: np.ndarray) -> np.ndarray:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 
 from baselines.explorers.graph_explorer import (
@@ -47,15 +45,6 @@ class ClusterPlanner:
         self._fine, self._seen = own.fine.copy(), own.seen.copy()  # the map at the last plan
         self._before = np.zeros(0)
         self._place = start.copy()  # of the robot at the last plan
-
-    def fork(self, own: OwnMap) -> ClusterPlanner:
-        """Return a copy that goes on with a copy of the map."""
-        twin = copy.copy(self)
-        twin.map, twin.graph = own, self.graph.fork(own)
-        twin._worth, twin._since = self._worth.copy(), self._since.copy()
-        twin._fine, twin._seen = self._fine.copy(), self._seen.copy()
-        twin._beside, twin.changed = dict(self._beside), list(self.changed)
-        return twin
 
     @property
     def still_steps(self) -> int:

@@ -11,6 +11,7 @@ from baselines.explorers.graph_explorer import STILL_M, GraphExplorer, Situation
 from baselines.graph.checkpoint import read_network
 from baselines.graph.choosing import LearnedChoice
 from baselines.graph.features import Context
+from baselines.graph.floor_speeds import FloorSpeeds
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 
@@ -30,7 +31,8 @@ class GraphPolicy(GraphExplorer):
         self._choice = LearnedChoice(*read_network(path))
         self._steps, self._anchored = np.zeros(count, dtype=int), np.zeros(count, dtype=int)
         self._anchors, self._poses = np.full((count, 2), np.inf), np.zeros((count, 3))
-        self._starts = np.zeros((count, 2))
+        self._starts, self._forward = np.zeros((count, 2)), np.zeros(count)
+        self._floor = FloorSpeeds(task, count)
         super().__init__(count, task, robot)
 
     def reset(self, robots: np.ndarray, seeds: np.ndarray) -> None:
@@ -41,17 +43,22 @@ class GraphPolicy(GraphExplorer):
     def act(self, observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
         """Return commands (n, 2)."""
         self._poses = info["pose_m_rad"]
-        self._starts[self._steps == 0] = self._poses[self._steps == 0, :2]
+        fresh, places = self._steps == 0, self._poses[:, :2]
+        first, driving = np.flatnonzero(fresh), np.flatnonzero(~fresh)
+        self._starts[first] = places[first]
+        self._floor.begin(first, places[first])
+        self._floor.note(driving, places[driving], self._forward[driving])
         self._steps += 1
         moved = np.linalg.norm(self._poses[:, :2] - self._anchors, axis=1) > STILL_M
         self._anchors[moved], self._anchored[moved] = self._poses[moved, :2], self._steps[moved]
-        return super().act(observation, info)
+        commands = super().act(observation, info)
+        self._forward = commands[:, 0]
+        return commands
 
     def _choose(self, driver: Any, situation: Situation) -> int:
         robot, step_s = self._drivers.index(driver), self._task.control_s
         held_s = driver.steps_to_goal * step_s
         still_s = min((self._steps[robot] - self._anchored[robot]) * step_s, held_s)
         left_s = (self._task.max_steps - self._steps[robot]) * step_s
-        return self._choice(
-            situation, Context(driver.map, self._poses[robot], self._starts[robot], left_s, still_s, held_s)
-        )
+        pose, start, floor = self._poses[robot], self._starts[robot], self._floor.of(robot)
+        return self._choice(situation, Context(driver.map, pose, start, left_s, still_s, held_s, floor))

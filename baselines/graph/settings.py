@@ -42,6 +42,7 @@ class ImproveSettings(_Strict):
     caves: float = Field(ge=0, le=1)
     discount_s: float = Field(gt=0)
     lr: float = Field(gt=0)
+    half_life: float = Field(gt=0)
     clip: float = Field(gt=0, lt=1)
     epochs: int = Field(ge=1)
     entropy: float = Field(ge=0)

@@ -14,6 +14,7 @@ from scipy.ndimage import map_coordinates
 from baselines.explorers.graph_explorer import Situation
 from baselines.graph.convoy import Convoy
 from baselines.graph.features import Context
+from baselines.graph.floor_speeds import FloorSpeeds
 from baselines.graph.map_stack import MapStack
 from baselines.graph.planner import ClusterPlanner
 from baselines.graph.senses import Senses
@@ -45,7 +46,7 @@ class MapSimulator:
         self._replan_steps = replan_steps
         self.senses = Senses(world, task, robot)
         self.horizon_s = task.max_steps * task.control_s
-        self._convoy = Convoy(task, robot, count)
+        self._convoy, self._floor = Convoy(task, robot, count), FloorSpeeds(task, count)
         self._scale = np.array([zone.command_scale for zone in world.active_zones(task.terrain)])
         self._maps = MapStack(self.senses.grid, count)
         self._seen = np.zeros((count, *self.senses.grid.reachable.shape), dtype=bool)
@@ -66,17 +67,9 @@ class MapSimulator:
             self._seen[robot], self.time_s[robot], self.cells_seen[robot], self._speeds[robot] = False, 0.0, 0, 0.0
             self.planners[robot] = self._planner(robot)
             self._convoy.take(robot, None)
+        self._floor.begin(robots, self.poses[robots, :2])
         self._measure(robots, rng)
         self._look(robots)
-
-    def fork(self, source: int, targets: np.ndarray) -> None:
-        """Give robots (k,) the state of another one."""
-        for target in targets.tolist():
-            for array in (self.poses, self.time_s, self.cells_seen, self._seen, self._ranges, self._speeds):
-                array[target] = array[source]
-            self._maps.seen[target], self._maps.fine[target] = self._maps.seen[source], self._maps.fine[source]
-            self.planners[target] = self.planners[source].fork(self._maps.view(target))
-            self._convoy.take(target, self.planners[target].path)
 
     def run(self, choose: Choose, robots: np.ndarray, until_s: np.ndarray, rng: np.random.Generator) -> None:
         """Drive robots (k,) until their times (n,) s; `choose` is asked whenever some of them want a plan."""
@@ -108,9 +101,8 @@ class MapSimulator:
         planner, step_s = self.planners[robot], self.task.control_s
         held_s = planner.steps_to_goal * step_s
         still_s = min(planner.still_steps * step_s, held_s)
-        return Context(
-            planner.map, self.poses[robot], planner.start, self.horizon_s - self.time_s[robot], still_s, held_s
-        )
+        left_s = self.horizon_s - self.time_s[robot]
+        return Context(planner.map, self.poses[robot], planner.start, left_s, still_s, held_s, self._floor.of(robot))
 
     def send(self, robot: int, situation: Situation | None, chosen: int | None) -> None:
         """Let a robot drive to a cluster of its situation."""
@@ -134,6 +126,7 @@ class MapSimulator:
         self.poses[robots, 2] = (pose[:, 2] + turned + np.pi) % (2 * np.pi) - np.pi
         self._speeds[robots] = speeds * np.column_stack([fits, np.ones(len(robots))])
         self.time_s[robots] += step_s
+        self._floor.note(robots, self.poses[robots, :2], commands[:, 0])
 
     def _clearance(self, places: np.ndarray) -> np.ndarray:
         """Return the distances (k,) m to rock, linear between the cells of the grid; 0 beyond the world."""

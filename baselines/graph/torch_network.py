@@ -5,8 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from baselines.graph.features import NAMES, STUBS
-from baselines.graph.network import APART_M, FARTHEST, Shape
+from baselines.graph.features import NAMES
+from baselines.graph.network import APART_M, FARTHEST, Shape, unused
 
 
 class _Block(nn.Module):
@@ -49,9 +49,9 @@ class GraphNetwork(nn.Module):
         real : (n, k) bool
             Scenes with fewer clusters are filled up; what is filled in scores -1e9.
         """
-        if not self.shape.stubs:
-            tokens = tokens.clone()
-            tokens[..., STUBS] = 0.0
+        tokens = tokens.clone()
+        for part in unused(self.shape):
+            tokens[..., part] = 0.0
         x, apart = self.enter(tokens), (apart_m / APART_M).clamp(max=FARTHEST)
         for block in self.blocks:
             x = block(x, apart, real)

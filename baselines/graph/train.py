@@ -23,6 +23,7 @@ from baselines.graph.choosing import LearnedChoice, Rule, choose_nearest
 from baselines.graph.episodes import Decisions, Network, join, sample
 from baselines.graph.fresh_ground import fresh_ground
 from baselines.graph.mines import make_simulator
+from baselines.graph.network import told
 from baselines.graph.settings import GraphSettings, compose_settings
 from baselines.graph.watch import drive
 from baselines.progress import Progress
@@ -94,7 +95,7 @@ def train(run: Run) -> Path:
     learned, watched = ids[: len(ids) - settings.watched], ids[len(ids) - settings.watched :]
     if not learned:
         raise BaselineError(f"mines = {settings.mines}, watched = {settings.watched}: no mine is left to learn from")
-    learner = Learner(settings.network, settings.improve.lr, settings.seed)
+    learner = Learner(settings.network, settings.seed)
     done = run.done
     if done >= 0:
         learner.load(run.state(done))
@@ -146,7 +147,8 @@ def _start(run: Run, learner: Any, drivers: Drivers, ids: list[str]) -> None:
     settings, start = run.settings, run.settings.start
     rule = Network(None, settings.network, start.temperature_m)
     driven = _drive(settings, drivers, np.resize(ids, start.mines).tolist(), start.robots, rule, 0)
-    logits = np.stack([fresh_ground(tokens) for tokens in driven.scenes.tokens]) / start.temperature_m
+    tokens = told(settings.network, driven.scenes.tokens)
+    logits = np.stack([fresh_ground(each) for each in tokens]) / start.temperature_m
     divergence = learner.imitate(driven.scenes, logits, driven.credit, start)
     run.log({"start": len(logits), "divergence": round(divergence, 4), "share": round(driven.share, 4)})
 
@@ -160,7 +162,7 @@ def _improve(run: Run, learner: Any, drivers: Drivers, update: int, ids: list[st
     mines = rng.choice(len(ids), improve.mines, replace=len(ids) < improve.mines, p=chances / chances.sum())
     network = Network(learner.arrays(), settings.network)
     driven = _drive(settings, drivers, [ids[mine] for mine in mines], improve.robots, network, update)
-    return {"share": round(driven.share, 4), **learner.improve(driven, improve, settings.seed + update)}
+    return {"share": round(driven.share, 4), **learner.improve(driven, improve, update)}
 
 
 def _drive(

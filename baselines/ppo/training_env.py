@@ -9,10 +9,11 @@ import numpy as np
 from gymnasium.vector import VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
 
-from baselines.environments import FAMILY, make_env, require_trainable, training_ids
+from baselines.environments import make_env, require_trainable, training_ids
 from baselines.errors import BaselineError
 from baselines.map_observation import MapObserver
 from baselines.ppo.mine_group import MineGroup
+from minexplore import FAMILY
 from minexplore.vector import MineVectorEnv
 
 FIGURES = ("coverage", "collisions", "return", "steps")

@@ -17,6 +17,7 @@ from baselines.graph.choosing import LearnedChoice, choose_nearest, keeps_goal
 from baselines.graph.convoy import Convoy
 from baselines.graph.episodes import Decisions, Network, credits, join, sample
 from baselines.graph.features import MOST, NAMES, Ground, describe
+from baselines.graph.floor_speeds import FloorSpeeds
 from baselines.graph.fresh_ground import fresh_ground
 from baselines.graph.map_stack import MapStack
 from baselines.graph.mines import make_simulator
@@ -33,7 +34,7 @@ from minexplore.task import TaskParams
 from minexplore.world import load_world
 
 TASK, ROBOT = TaskParams(terrain=False, max_steps=600), RobotParams()
-SHAPE = Shape(width=16, heads=2, blocks=2, attention=True, stubs=True)
+SHAPE = Shape(width=16, heads=2, blocks=2, attention=True, stubs=True, floor=True)
 
 
 @pytest.fixture(scope="module")
@@ -146,23 +147,6 @@ def test_robots_explore_on_the_graph_that_the_classical_explorers_make_of_the_sa
     assert (moved <= TASK.max_forward_mps * 25).all()
 
 
-def test_a_forked_robot_goes_on_as_the_first_one_and_neither_disturbs_the_other(world):
-    sim = explored(world, robots=1)
-    twins = MapSimulator(world, TASK, ROBOT, 2)
-
-    def choose(asked, situations):
-        return [choose_nearest(each, twins.context(i)) for i, each in zip(asked.tolist(), situations, strict=True)]
-
-    twins.reset(np.array([0]), np.array([0.5]), np.random.default_rng(2))
-    twins.run(choose, np.array([0]), np.array([10.0, 10.0]), np.random.default_rng(2))
-    twins.fork(0, np.array([1]))
-    for robot in (0, 1):  # one after the other, with the same noise
-        twins.run(choose, np.array([robot]), np.array([30.0, 30.0]), np.random.default_rng(3))
-    np.testing.assert_array_equal(twins.poses[0], twins.poses[1])
-    assert twins.cells_seen[0] == twins.cells_seen[1]
-    assert sim.count == 1
-
-
 def test_scenes_hold_what_the_situation_says(world):
     sim = explored(world, robots=2, seconds=8.0)
     situation = sim.planners[0].look_around(sim.poses[0, :2])
@@ -203,6 +187,34 @@ def test_shares_of_squares_are_those_counted_cell_by_cell(world):
             np.testing.assert_allclose(found, [1 - known / len(cells), seen / len(cells), rock / len(cells)])
 
 
+def test_floor_speeds_are_measured_where_robots_drive_ahead_only():
+    floor, both = FloorSpeeds(TASK, 2), np.array([0, 1])
+    floor.begin(both, np.zeros((2, 2)))
+    step_m = TASK.max_forward_mps * TASK.control_s
+    for k in range(1, 26):  # one drives ahead on mud, one turns on the spot
+        floor.note(both, np.array([[0.7 * step_m * k, 1.0], [0.0, 0.0]]), np.array([1.0, 0.1]))
+    assert len(floor.of(1)) == 0
+    np.testing.assert_allclose(floor.of(0)[1], [0.7 * step_m * 20, 1.0, 0.7])
+    assert len(floor.of(0)) == 2
+    floor.begin(np.array([0]), np.zeros((1, 2)))
+    assert len(floor.of(0)) == 0
+
+
+def test_a_network_is_told_how_slow_the_floor_near_each_goal_is(world):
+    sim = explored(world, robots=1, seconds=10.0)
+    situation, context = sim.planners[0].look_around(sim.poses[0, :2]), sim.context(0)
+    assert np.median(context.floor[:, 2]) == pytest.approx(1.0, abs=0.05)  # the task has no terrain
+    goals = situation.graph.places[situation.goals]
+    slow = replace(context, floor=np.column_stack([goals, np.linspace(0.4, 1.0, len(goals))]))
+    scene = describe(situation, slow)
+    told = dict(zip(NAMES, scene.tokens.T, strict=True))
+    np.testing.assert_allclose(told["floor_at_goal"], np.linspace(0.4, 1.0, len(goals))[scene.clusters], rtol=1e-6)
+    np.testing.assert_allclose(told["floor_known"], 0.0, atol=1e-6)
+    assert (told["floor_here"] == 1.0).all()
+    np.testing.assert_allclose(told["slow_path"], told["path"] * (1 + 1 / told["floor_at_goal"]) / 2, rtol=1e-5)
+    np.testing.assert_allclose(told["east"] * 50, goals[scene.clusters, 0] - context.pose[0], atol=1e-4)
+
+
 def test_fresh_ground_is_worth_more_and_way_less():
     tokens = np.zeros((3, len(NAMES)))
     tokens[:, NAMES.index("first_turn_cos")] = 1.0
@@ -241,13 +253,13 @@ def test_an_episode_holds_each_decision_with_its_chance_and_credit(world):
     assert twice.share == decisions.share
 
 
-@pytest.mark.parametrize("changes", [{}, {"attention": False}, {"stubs": False}, {"blocks": 0}])
+@pytest.mark.parametrize("changes", [{}, {"attention": False}, {"stubs": False}, {"floor": False}, {"blocks": 0}])
 def test_the_network_is_the_same_in_torch_and_in_numpy(changes):
     torch = pytest.importorskip("torch")
     from baselines.graph.learner import Learner
 
     shape, rng = SHAPE.model_copy(update=changes), np.random.default_rng(0)
-    learner = Learner(shape, 1e-3, 0)
+    learner = Learner(shape, 0)
     network, arrays = learner.network, learner.arrays()
     assert {name: array.shape for name, array in arrays.items()} == array_shapes(shape)
     tokens, apart = rng.normal(size=(7, len(NAMES))).astype(np.float32), rng.uniform(0, 60, (7, 7)).astype(np.float32)
@@ -272,7 +284,7 @@ def test_the_network_imitates_scores_and_values():
     scenes = random_scenes(400)
     logits = 2.0 * scenes.tokens[..., NAMES.index("unknown")]
     credit = scenes.tokens[..., NAMES.index("time_left")].mean(axis=1)
-    learner = Learner(SHAPE, 1e-3, 0)
+    learner = Learner(SHAPE, 0)
     settings = compose_settings(["start.steps=300", "start.batch=64", "start.lr=0.003"]).start
     divergence = learner.imitate(scenes, logits, credit, settings)
     assert divergence < 0.1
@@ -286,7 +298,7 @@ def test_the_policy_gradient_learns_which_choices_bring_more():
 
     scenes, rng = random_scenes(512), np.random.default_rng(0)
     worth = scenes.tokens[..., NAMES.index("unknown")]
-    learner, settings = Learner(SHAPE, 1e-3, 0), compose_settings(["improve.batch=128", "improve.lr=0.001"]).improve
+    learner, settings = Learner(SHAPE, 0), compose_settings(["improve.batch=128", "improve.lr=0.001"]).improve
     reached = []
     for update in range(12):
         with torch.no_grad():
@@ -309,10 +321,10 @@ def test_a_learner_goes_on_from_its_file_as_if_it_had_not_stopped(tmp_path):
 
     scenes, settings = random_scenes(64), compose_settings([]).improve
     decisions = Decisions(scenes, np.zeros(64, int), np.full(64, -1.0, np.float32), np.arange(64, dtype=np.float32), 0)
-    first = Learner(SHAPE, 1e-3, 0)
+    first = Learner(SHAPE, 0)
     first.improve(decisions, settings, 1)
     first.save(tmp_path / "state.safetensors")
-    second = Learner(SHAPE, 1e-3, 7)
+    second = Learner(SHAPE, 0)
     second.load(tmp_path / "state.safetensors")
     for learner in (first, second):
         learner.improve(decisions, settings, 2)
@@ -396,7 +408,16 @@ def test_a_run_is_resumed_where_it_ended_and_its_policy_is_found_by_name(tmp_pat
     from baselines.graph import train
 
     monkeypatch.setattr(train, "training_ids", lambda count: [short_id] * count)
-    small = ["mines=2", "watched=1", "jobs=1", "start.mines=1", "start.robots=2", "start.steps=5", "start.batch=8"]
+    small = [
+        "name=small",
+        "mines=2",
+        "watched=1",
+        "jobs=1",
+        "start.mines=1",
+        "start.robots=2",
+        "start.steps=5",
+        "start.batch=8",
+    ]
     small += ["improve.updates=1", "improve.mines=1", "improve.robots=2", "improve.batch=8", "improve.watch_every=1"]
     settings = compose_settings([*small, "network.width=16", "network.heads=2"])
     run = train.Run(tmp_path / settings.label, settings)

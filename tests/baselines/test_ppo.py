@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 import minexplore
-from baselines.environments import FAMILY
 from baselines.errors import BaselineError
 from baselines.learned import LearnedPolicy
 from baselines.ppo import curves
@@ -79,7 +78,14 @@ def test_robots_in_several_mines_train_as_in_each_mine_alone(tee, monkeypatch):
         gymnasium.register(
             env_id, "minexplore.env:MineEnv", vector_entry_point="minexplore.vector:MineVectorEnv", kwargs=kwargs
         )
-    context = {"env": FAMILY, "mines": 2, "observation": "map", "reward_scale": 1.0, "cell_bonus": 0.0, "seed": 0}
+    context = {
+        "env": minexplore.FAMILY,
+        "mines": 2,
+        "observation": "map",
+        "reward_scale": 1.0,
+        "cell_bonus": 0.0,
+        "seed": 0,
+    }
     try:
         env = make_training_env(context | {"num_envs": 4})
         observation, _ = env.reset(seed=5)
