@@ -11,7 +11,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock rock-directions look-pictures drive-clip compare-collision search-texture bench bench-heights bench-light bench-pipeline time-training setup-baselines setup-gpu parity-gpu bench-gpu train-gpu test-gpu oracle explorers teams unseen train train-graph compare-graph train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock bench-growth leave-out-sweeps drawn-sheets
+.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock rock-directions look-pictures drive-clip compare-collision search-texture bench bench-heights bench-light bench-pipeline time-training setup-baselines setup-gpu parity-gpu bench-gpu train-gpu test-gpu oracle explorers teams unseen train train-graph compare-graph train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock bench-growth bench-deep random-levels leave-out-sweeps drawn-sheets
 
 help:  # show the targets that have a remark of two hashes; rarer ones have one
 	@awk -F ':.*## ' '/^##@/ {print substr($$0, 5)} /^all:/ {printf "  %-18s %s\n", "$(firstword $(STAGES)) ...", "up to and including one stage: $(STAGES)"} /^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' Makefile
@@ -156,6 +156,9 @@ bench-light: setup  ## time and size of light worlds by kilometre of drift
 
 bench-growth: setup  ## time, memory and environment of mines of 1 to 100 km: ARGS="--km 1 3 10"
 	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.growth $(ARGS)
+
+bench-deep: setup  ## time and memory of mines of many levels, 1 km deep: ARGS="--km 40 80 --levels 20"
+	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.time_deep $(ARGS)
 
 bench-pipeline: setup  # time the pipeline and each stage
 	@$(PY) -m benchmarks.time_pipeline

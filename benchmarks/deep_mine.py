@@ -19,7 +19,7 @@ from tests.heights import Leg, table
 
 _APART_M, _GRADE = 50.0, 0.14  # from level to level; of the decline
 _ACCESS_M, _CROSSCUT_M, _BETWEEN_M = 60.0, 60.0, 40.0  # from the decline to the drifts; their distance; of crosscuts
-_STRAIGHT_M, _TURN, _HALF_M = 60.0, 8, 2.5  # of the decline: straight part, legs of half a turn; half width
+_STRAIGHT_M, _TURN, HALF_M = 60.0, 8, 2.5  # of the decline: straight part, legs of half a turn; half width
 _SHIFT_M, _RISE = 3.0, 0.005  # of stations from their places, and of drifts away from the decline
 
 
@@ -76,7 +76,7 @@ def main() -> int:
     parser.add_argument("file", type=Path)
     options = parser.parse_args()
     legs = deep_mine(options.levels, 1000 * options.km, options.seed)
-    write_atomically(options.file, table(legs, _HALF_M).encode())
+    write_atomically(options.file, table(legs, HALF_M).encode())
     return 0
 
 

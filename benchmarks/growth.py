@@ -8,23 +8,20 @@ import json
 import os
 import platform
 import shutil
-import subprocess
 import sys
 import tempfile
-import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
+from benchmarks import stage_costs
 from pipeline.store.files import write_atomically
 
 RESULTS, PAGE = Path("artifacts/bench/growth.jsonl"), Path("docs/growth.md")
 SIZES_KM = (1, 3, 10, 30, 100)
 _SIDE_M = 145.0  # of a mine with a kilometre of drifts; drifts grow with the area
-_ROBOTS, _STEPS, _RUNS = 16, 60, 3
 _EXPONENT, _FROM_KM = 1.15, 3
 _MOST_MB = 8192
 _ENV_SHARE = 0.15
@@ -67,62 +64,11 @@ def overrides(km: float, rock: bool) -> list[str]:
     ]
 
 
-def build_stage(km: float, rock: bool, name: str, root: Path) -> dict[str, float]:
-    """Run one stage in this process; return its processor seconds and the process's largest memory, MB."""
-    from pipeline.compose import compose
-    from pipeline.stage import make_artifacts
-    from stages.__main__ import load_stages
-
-    stage = next(stage for stage in load_stages() if stage.name == name)
-    params = getattr(compose(overrides(km, rock)), name)
-    start = time.process_time()
-    make_artifacts(stage, params, root)
-    return {"s": round(time.process_time() - start, 2), "mb": _peak_mb()}
-
-
-def drive(root: Path) -> dict[str, float]:
-    """Load a world's environment in this process and drive; return the time to make it, its rate and its memory."""
-    from minexplore.vector import MineVectorEnv
-
-    start = time.process_time()
-    env = MineVectorEnv(_ROBOTS, root / "realism" / "world", threads=1)
-    env.reset(seed=0)
-    made = time.process_time() - start
-    rng = np.random.default_rng(0)
-    actions = [np.column_stack([rng.uniform(0.3, 1, _ROBOTS), rng.uniform(-1, 1, _ROBOTS)]) for _ in range(9)]
-
-    def steps() -> float:
-        start = time.process_time()
-        for k in range(_STEPS):
-            env.step(actions[k // 10 % 9])
-        return _STEPS * _ROBOTS / (time.process_time() - start)
-
-    def resets() -> float:
-        start = time.process_time()
-        for _ in range(20):
-            env.reset()
-        return 1000 * (time.process_time() - start) / 20 / _ROBOTS
-
-    steps()  # models and scenes are made as robots reach them
-    rates, times = [], []
-    for _ in range(_RUNS):
-        env.reset(seed=0)
-        rates.append(steps())
-        times.append(resets())
-    return {
-        "load_s": round(made, 3),
-        "steps_per_s": round(float(np.median(rates)), 1),
-        "reset_ms": round(float(np.median(times)), 4),
-        "mb": _peak_mb(),
-    }
-
-
 def measure(km: float, rock: bool) -> Grown:
     """Build one mine, each stage in a process of its own, and drive in it."""
     root = Path(tempfile.mkdtemp(prefix="growth-"))
     try:
-        stages = {name: _run("stage", km, rock, name, root) for name in _STAGES}
-        driven = _run("drive", km, rock, "-", root)
+        costs = stage_costs.measure(overrides(km, rock), root)
         network = json.loads((root / "contours/topology.json").read_text())
         metrics = json.loads((root / "validation/metrics.json").read_text())
         return Grown(
@@ -133,33 +79,10 @@ def measure(km: float, rock: bool) -> Grown:
             parts=metrics["collision"]["parts"],
             bytes=sum(f.stat().st_size for f in (root / "realism/world").rglob("*") if f.is_file()),
             certificate=metrics["certificate"]["holds"],
-            stages_s={name: run["s"] for name, run in stages.items()},
-            peak_mb={name: run["mb"] for name, run in stages.items()},
-            load_s=driven["load_s"],
-            env_peak_mb=driven["mb"],
-            steps_per_s=driven["steps_per_s"],
-            reset_ms=driven["reset_ms"],
+            **dataclasses.asdict(costs),
         )
     finally:
         shutil.rmtree(root, ignore_errors=True)
-
-
-_STAGES = ("survey", "contours", "compile3d", "surface", "realism", "validation")
-
-
-def _run(what: str, km: float, rock: bool, stage: str, root: Path) -> dict[str, Any]:
-    """Do one thing in a fresh process, whose largest memory is then that of the thing."""
-    command = [sys.executable, "-m", "benchmarks.growth", "--do", what, str(km), str(int(rock)), stage, str(root)]
-    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
-    if not done.stdout.strip():
-        raise RuntimeError(f"{what} {stage} of {km:g} km ended with code {done.returncode}")
-    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    return found
-
-
-def _peak_mb() -> float:
-    status = Path("/proc/self/status").read_text()
-    return round(int(status.partition("VmHWM:")[2].split()[0]) / 1000, 1)
 
 
 def exponent(rows: list[Grown]) -> float:
@@ -237,13 +160,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.growth", description=__doc__)
     parser.add_argument("--km", type=float, nargs="+", default=SIZES_KM, help="drifts of the light mines, km")
     parser.add_argument("--rock", type=float, nargs="*", default=[1, 3], help="drifts of the mines with rock, km")
-    parser.add_argument("--do", nargs=5, metavar=("WHAT", "KM", "ROCK", "STAGE", "ROOT"), help=argparse.SUPPRESS)
     given = parser.parse_args()
-    if given.do:
-        what, km, rock, stage, root = given.do
-        found = drive(Path(root)) if what == "drive" else build_stage(float(km), rock == "1", stage, Path(root))
-        print(json.dumps(found))
-        return 0
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
     lines = RESULTS.read_text().splitlines() if RESULTS.is_file() else []
     rows = [Grown(**json.loads(line)) for line in lines]
