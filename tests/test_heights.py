@@ -252,6 +252,13 @@ def test_cells_whose_middles_lie_on_a_seam_are_in_neither_sheet_nor_in_rock(ligh
     assert broken(clauses(mine, light, 0)) == {}
 
 
+@pytest.mark.parametrize("half_m", [2.4, 2.6])
+def test_walls_that_turn_inwards_just_behind_a_seam_are_those_of_the_plan_too(half_m, light, tmp_path):
+    mine = MineWithHeights(levels(), light, tmp_path, half_m=half_m)
+    validator = Validator(certificate_params(light, 0), mine.bundle, mine.cleaned, mine.raw, mine.survey)
+    assert validator.containment["clearance_error_m"] < 1e-4
+
+
 def test_a_sliver_of_9e_8_m2_on_end_does_not_make_a_floor_steep():
     """A ramp of 10 % whose lower edge has a corner 18 nm beside it and 4 mm above: that face stands upright."""
     corners = np.array([(0, 0, 0), (10, 0, 0), (10, 10, 1), (0, 10, 1), (5, -1.8e-8, 0.004)])

@@ -21,6 +21,7 @@ from minexplore.bundle import GeomGroup
 from minexplore.floor import Floor
 from pipeline.geometry.extrude import section_footprint
 from pipeline.geometry.floor_parts import wall_lines
+from pipeline.geometry.seams import continue_sheets, seam_lines
 from pipeline.geometry.sheet_rock import beside_sheets
 from pipeline.geometry.sheets import floor_seams
 from pipeline.geometry.wall_distance import distances_to_walls
@@ -158,12 +159,12 @@ def _reach(
     queried, places = _cells_within(around, frame)
     plan, measured = np.zeros(width * height), np.zeros(width * height)
     is_inside = shapely.contains_xy(free, *places.T)
-    plan[queried[is_inside]] = np.minimum(distances_to_walls(wall_lines(free, floor), places[is_inside]), most)
+    plan[queried[is_inside]] = _plan_clearance(free, floor, places[is_inside], most)
     if record.openings and not record.fenced:  # nothing stands at their edges: the plan alone keeps robots off
         near, beside = _cells_within(free, frame)
         only = ~np.isin(near, queried)
         near, beside = near[only], beside[only]
-        plan[near] = np.minimum(distances_to_walls(wall_lines(free, floor), beside), most)
+        plan[near] = _plan_clearance(free, floor, beside, most)
         measured[near] = plan[near]
     T = np.array(record.T_world_mine)
     probes = _probes(floor, places, is_inside)
@@ -177,6 +178,26 @@ def _reach(
         by_plan, by_world, frame, [part.bounds for part in shapely.get_parts(free)], radius, *network
     )
     return {"clearance_error_m": round(error, 5), **vars(match)}
+
+
+def _plan_clearance(free: BaseGeometry, floor: Floor, places_m: np.ndarray, most_m: float) -> np.ndarray:
+    """Return how far (n,) m places (n, 2) m of the workings are from walls in plan, at most `most_m`.
+
+    Near a seam the walls of the next sheet count as well: they may turn inwards just behind it.
+    """
+    clearance = np.minimum(distances_to_walls(wall_lines(free, floor), places_m), most_m)
+    seams = seam_lines(floor)
+    if not seams:
+        return clearance
+    points = shapely.points(places_m)
+    for sheet, whole in enumerate(continue_sheets(free, floor, 2 * most_m)):
+        lines = shapely.multilinestrings([seam.line_in(sheet) for seam in seams if sheet in seam.sheets])
+        near = np.flatnonzero(shapely.dwithin(points, lines, most_m)) if not lines.is_empty else np.zeros(0, np.int64)
+        near = near[floor.sheets_at(places_m[near]) == sheet]
+        if len(near):
+            walls = whole.boundary.intersection(lines.buffer(2 * most_m))
+            clearance[near] = np.minimum(clearance[near], shapely.distance(walls, points[near]))
+    return clearance
 
 
 def _cells_within(area: BaseGeometry, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
