@@ -17,7 +17,7 @@ _BEYOND_M = 6.0  # behind the goal, in the direction in which the robot arrives
 _FAR_BEYOND_M = (14.0, 24.0)
 _BESIDE_M = 8.0  # to the left and to the right of the place beyond
 _APART_M = 40.0  # the greatest path length between clusters that is told
-_EAST_M = 50.0
+_WEST_M = 20.0  # to the west or to the east of the robot: farther does not count more
 _KNOWN_M = 20.0  # unit of the way from a goal to the nearest measurement of the floor
 _UNREACHED_M = 200.0
 _LEAST_SHARE = 0.2  # of the commanded speed: less was measured at an obstacle
@@ -30,11 +30,11 @@ NAMES = (
     "seen_within_3_m", "seen_within_11_m", "seen_within_19_m",
     "clearance", "degree", "rock", "few_cells", "frontier_near", "unknown_beyond", "unknown_beyond_14_m",
     "unknown_beyond_24_m", "unknown_beside", "unknown_beside_least",
-    "floor_here", "floor_at_goal", "floor_best", "floor_known", "slow_path", "east",
+    "floor_here", "floor_at_goal", "floor_best", "floor_known", "slow_path", "firmer_west",
     "time_left", "clusters", "still", "held", "cells_in_all", "seen_in_all",
 )  # fmt: skip
 STUBS = slice(NAMES.index("clearance"), NAMES.index("unknown_beside_least") + 1)  # what tells dead ends from drifts
-FLOOR = slice(NAMES.index("floor_here"), NAMES.index("east") + 1)  # what tells how fast robots drive where
+FLOOR = slice(NAMES.index("floor_here"), NAMES.index("firmer_west") + 1)  # what tells how fast robots drive where
 
 
 @dataclass(frozen=True)
@@ -135,17 +135,18 @@ def _floor(context: Context, places: np.ndarray, cost: np.ndarray) -> np.ndarray
     """Return what the robot's measurements of the floor tell of goals (k, 2) m at costs (k,) m: (6, k).
 
     Shares of the commanded speed here, at the measurement nearest to each goal, and the best one; how far that
-    measurement is from the goal; the cost as if all floor were dry; and how far east the goal is.
+    measurement is from the goal; the cost as if all floor were dry; and how far west the goal is, -1 to 1, times the
+    share that is missing here: floors are dry in the west, and nothing draws a robot there that drives on dry floor.
     """
-    east = (places[:, 0] - context.pose[0]) / _EAST_M
+    one = np.ones(len(places))
     if not len(context.floor):
-        one = np.ones(len(places))
-        return np.stack([one, one, one, 2.0 * one, cost / 20, east])
+        return np.stack([one, one, one, 2.0 * one, cost / 20, 0.0 * one])
     away = np.linalg.norm(places[:, None] - context.floor[:, :2], axis=2)
     nearest, shares = away.argmin(axis=1), np.clip(context.floor[:, 2], _LEAST_SHARE, 1.0)
-    here, there = np.full(len(places), shares[-1]), shares[nearest]
+    here, there = shares[-1] * one, shares[nearest]
     known = np.minimum(away.min(axis=1) / _KNOWN_M, 2.0)
-    return np.stack([here, there, np.full(len(places), shares.max()), known, cost * (1 / here + 1 / there) / 40, east])
+    west = np.clip((context.pose[0] - places[:, 0]) / _WEST_M, -1.0, 1.0) * (1.0 - here)
+    return np.stack([here, there, shares.max() * one, known, cost * (1 / here + 1 / there) / 40, west])
 
 
 def _ends(before: np.ndarray, goal: int) -> tuple[int, int]:

@@ -212,7 +212,11 @@ def test_a_network_is_told_how_slow_the_floor_near_each_goal_is(world):
     np.testing.assert_allclose(told["floor_known"], 0.0, atol=1e-6)
     assert (told["floor_here"] == 1.0).all()
     np.testing.assert_allclose(told["slow_path"], told["path"] * (1 + 1 / told["floor_at_goal"]) / 2, rtol=1e-5)
-    np.testing.assert_allclose(told["east"] * 50, goals[scene.clusters, 0] - context.pose[0], atol=1e-4)
+    assert (told["firmer_west"] == 0.0).all()  # the last measurement was on dry floor
+    slower = replace(slow, floor=np.vstack([slow.floor, [*context.pose[:2], 0.7]]))
+    west = describe(situation, slower).tokens[:, NAMES.index("firmer_west")]
+    ahead = np.clip((context.pose[0] - goals[scene.clusters, 0]) / 20.0, -1.0, 1.0)
+    np.testing.assert_allclose(west, 0.3 * ahead, rtol=1e-5)
 
 
 def test_fresh_ground_is_worth_more_and_way_less():
