@@ -73,7 +73,7 @@ def leaderboard(results: Path) -> str:
     return "\n".join(
         [
             _HEADING,
-            *filter(None, [split_section("test")]),
+            *filter(None, [split_section(results, "test")]),
             *(_section(env, tables[env], read_bounds().get(env)) for env in envs),
         ]
     )

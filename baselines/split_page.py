@@ -65,8 +65,8 @@ def require_own_rows(kept: dict[Path, list[Drive]]) -> None:
     require_own_ways({path: [episode for _, episode in drives] for path, drives in kept.items()})
 
 
-def split_section(split: str) -> str:
-    """Return the section of a split, or nothing if it has no results.
+def split_section(results: Path, split: str) -> str:
+    """Return the section of a split from a folder of results, or nothing if it holds none.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def split_section(split: str) -> str:
     RejectedError
         If an episode is impossible, or a file shows the ways of another one.
     """
-    files = sorted(split_folder(split).glob("*.jsonl"))
+    files = sorted((results / split_folder(split).name).glob("*.jsonl"))
     if not files:
         return ""
     kept = {path: read_drives(path) for path in files}

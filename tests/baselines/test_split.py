@@ -30,7 +30,7 @@ def test_a_split_is_driven_once_resumed_and_put_into_a_table(mines, tmp_path):
     evaluate_split("random", "test", 1)
     bounds = bound_split("test", 1)
     assert all(bound.found[-1] <= bound.most[-1] <= bound.cells for bound in bounds.values())
-    text = split_section("test")
+    text = split_section(tmp_path, "test")
     rows = [line.split("|") for line in text.splitlines() if "driven here" in line]
     assert [row[1].strip() for row in rows] == ["wall-following", "random"]
     assert float(rows[0][-2].split("(")[0]) == 1.0  # it sees more in every mine
@@ -51,7 +51,7 @@ def test_a_file_that_is_not_whole_or_was_changed_is_refused(mines, tmp_path):
         whole = Bound(world_sha256=head.world_sha256, cells=head.cells, time_s=[20.0], most=[head.cells], found=[1])
         write_bound(env_id, whole)
     with pytest.raises(RejectedError, match=r"random\.jsonl: MineXplore/Family-test-0000-v0: return "):
-        split_section("test")
+        split_section(tmp_path, "test")
     path.write_text(text.splitlines()[0] + "\n")
     with pytest.raises(BaselineError, match="0 episodes"):
         read_drives(path)
@@ -60,7 +60,7 @@ def test_a_file_that_is_not_whole_or_was_changed_is_refused(mines, tmp_path):
 def test_results_without_a_bound_are_no_row(mines, tmp_path):
     evaluate_split("random", "test", 1)
     with pytest.raises(BaselineError, match=r"has no bound; `python -m baselines.split --bounds`"):
-        split_section("test")
+        split_section(tmp_path, "test")
 
 
 def test_a_mine_that_is_not_built_is_named_with_the_command_that_builds_it(mines, monkeypatch):
