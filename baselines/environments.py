@@ -67,18 +67,18 @@ def require_trainable(name: str) -> None:
         raise BaselineError(f"{env_id}: world {world} is of the split {judged[1]}, which nothing is trained in")
 
 
-def training_ids(count: int) -> list[str]:
-    """Return the ids of the first mines of the training split.
+def built_ids(split: str, count: int) -> list[str]:
+    """Return the ids of the first mines of a split.
 
     Raises
     ------
     BaselineError
-        If one of them is not built.
+        If one of them is not built; the message says how to build it.
     """
-    ids = [f"MineXplore/Family-{mine_name('train', number)}-v0" for number in range(count)]
+    ids = [f"MineXplore/Family-{mine_name(split, number)}-v0" for number in range(count)]
     absent = [env_id for env_id in ids if env_id not in minexplore.FAMILY_MINES]
     if absent:
-        raise BaselineError(f"{absent[0]}: not built; `make worlds N={count} SPLIT=train` builds it")
+        raise BaselineError(f"{absent[0]}: not built; `make worlds N={count} SPLIT={split}` builds it")
     return ids
 
 

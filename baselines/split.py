@@ -12,10 +12,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import minexplore
 from baselines.bounds import Bound, bounds_file, read_bounds, write_bound
 from baselines.driven import note_driven, was_driven_here
-from baselines.environments import make_env
+from baselines.environments import built_ids, make_env
 from baselines.errors import BaselineError, run_command
 from baselines.evaluate import is_same
 from baselines.oracle.bound import best_walk
@@ -24,12 +23,11 @@ from baselines.policy import make_policy, policy_label
 from baselines.progress import Progress
 from baselines.protocol import SPLIT_SEEDS, head_of, run_episodes
 from baselines.result_file import RESULTS, Head
-from baselines.split_file import Drive, mine_id, read_drives, split_folder, write_drives
+from baselines.split_file import Drive, read_drives, split_folder, write_drives
 from baselines.worker import begin_worker
 from minexplore.splits import SIZES
 
 _BANDS, _LIMIT_S = 100, 20.0  # of a bound: bands of the horizon, and seconds of the solver
-_BUILD = "make worlds N={count} SPLIT={split}"
 
 
 def evaluate_split(policy: str, split: str, jobs: int, most: int | None = None) -> list[Drive]:
@@ -42,7 +40,7 @@ def evaluate_split(policy: str, split: str, jobs: int, most: int | None = None) 
     """
     path = split_folder(split) / f"{policy_label(policy)}.jsonl"
     part = path.with_suffix(".part")
-    ids = _built_ids(split, most)
+    ids = built_ids(split, most or SIZES[split])
     kept = {head.env: (head, episode) for head, episode in _driven_here(path) + _driven_here(part)}
     current = {env: drive for env, drive in kept.items() if env in ids and is_same(drive[0], _expected(policy, env))}
     progress = Progress(f"{policy_label(policy)} in {split}", len(ids), len(current), "mines")
@@ -80,7 +78,7 @@ def _driven_here(path: Path) -> list[Drive]:
 
 def bound_split(split: str, jobs: int, most: int | None = None) -> dict[str, Bound]:
     """Compute the bound of each mine of a split at the end of its episodes; what is current is kept."""
-    ids = _built_ids(split, most)
+    ids = built_ids(split, most or SIZES[split])
     known = read_bounds(bounds_file(ids[0]))
     missing = [env for env in ids if env not in known or known[env].world_sha256 != _world_of(env)]
     progress = Progress(f"bounds in {split}", len(ids), len(ids) - len(missing), "mines")
@@ -89,16 +87,6 @@ def bound_split(split: str, jobs: int, most: int | None = None) -> dict[str, Bou
         progress.add(1)
     progress.close()
     return read_bounds(bounds_file(ids[0]))
-
-
-def _built_ids(split: str, most: int | None) -> list[str]:
-    """Return the ids of a split's mines, or of the first so many."""
-    count = SIZES[split] if most is None else most
-    ids = [mine_id(split, number) for number in range(count)]
-    absent = [env for env in ids if env not in minexplore.FAMILY_MINES]
-    if absent:
-        raise BaselineError(f"{absent[0]}: not built; `{_BUILD.format(count=count, split=split)}` builds it")
-    return ids
 
 
 def _expected(policy: str, env_id: str) -> Head:

@@ -9,6 +9,7 @@ import numpy as np
 
 from baselines.bounds import Bound, bound_of, bounds_file, read_bounds
 from baselines.driven import was_driven_here
+from baselines.environments import built_ids
 from baselines.errors import BaselineError, RejectedError
 from baselines.own_ways import require_own_ways
 from baselines.score import check
@@ -71,7 +72,7 @@ def split_section(results: Path, split: str) -> str:
     Raises
     ------
     BaselineError
-        If a file does not hold all mines of the split, or a mine has no bound.
+        If a file does not hold all mines of the split, or a mine is not built or has no bound.
     RejectedError
         If an episode is impossible, or a file shows the ways of another one.
     """
@@ -81,6 +82,7 @@ def split_section(results: Path, split: str) -> str:
     kept = {path: read_drives(path) for path in files}
     for path, drives in kept.items():
         require_whole(path, drives, split)
+    built_ids(split, len(kept[files[0]]))
     require_own_rows(kept)
     for mine in zip(*kept.values(), strict=True):  # a mine's environment is made once for all files
         for path, (head, episode) in zip(files, mine, strict=True):
@@ -120,7 +122,7 @@ def _row(path: Path, drives: list[Drive]) -> _Row:
         never += not len(late)
     strata = np.arange(len(drives)) % len(STYLES)
     figures = {name: stratified(middle, np.array(values), strata=strata) for name, values in found.items()}
-    here = was_driven_here(path, split_folder("test").parent, drives[0][0], [episode for _, episode in drives])
+    here = was_driven_here(path, path.parents[1], drives[0][0], [episode for _, episode in drives])
     return _Row(drives[0][0].policy, here, np.array(found["share of bound"]), figures, never)
 
 

@@ -29,8 +29,8 @@ _ROUGH = "{rms_m: 0.06, hurst: 0.75, shortest_m: 0.3, longest_m: 6.0}"
 
 
 @dataclass(frozen=True)
-class Grown:
-    """The figures of one mine; `stages_s` are processor seconds, `peak_mb` the largest memory of all processes."""
+class Grown(stage_costs.Costs):
+    """The figures of one mine."""
 
     km: float
     rock: bool
@@ -39,12 +39,6 @@ class Grown:
     parts: int
     bytes: int
     certificate: bool
-    stages_s: dict[str, float]
-    peak_mb: dict[str, float]
-    load_s: float
-    env_peak_mb: float
-    steps_per_s: float
-    reset_ms: float
 
 
 def overrides(km: float, rock: bool) -> list[str]:

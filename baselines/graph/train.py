@@ -16,7 +16,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from baselines.environments import training_ids
+from baselines.environments import built_ids
 from baselines.errors import BaselineError, need, run_command
 from baselines.graph.checkpoint import write_network
 from baselines.graph.choosing import LearnedChoice, Rule, choose_nearest
@@ -91,7 +91,7 @@ def train(run: Run) -> Path:
         from baselines.graph.learner import Learner
     except ImportError as error:
         raise need(str(error.name)) from error
-    settings, ids = run.settings, training_ids(run.settings.mines)
+    settings, ids = run.settings, built_ids("train", run.settings.mines)
     learned, watched = ids[: len(ids) - settings.watched], ids[len(ids) - settings.watched :]
     if not learned:
         raise BaselineError(f"mines = {settings.mines}, watched = {settings.watched}: no mine is left to learn from")

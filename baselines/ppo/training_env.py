@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.vector import VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
 
-from baselines.environments import make_env, require_trainable, training_ids
+from baselines.environments import built_ids, make_env, require_trainable
 from baselines.errors import BaselineError
 from baselines.map_observation import MapObserver
 from baselines.ppo.mine_group import MineGroup
@@ -84,7 +84,7 @@ def training_mines(env: str, mines: int) -> list[str]:
     BaselineError
         If the id is unknown, a mine is not built, or one that policies are judged by.
     """
-    ids = training_ids(mines) if env == FAMILY else [env]
+    ids = built_ids("train", mines) if env == FAMILY else [env]
     for env_id in ids:
         require_trainable(env_id)
     return ids

@@ -411,7 +411,7 @@ def test_a_run_is_resumed_where_it_ended_and_its_policy_is_found_by_name(tmp_pat
     from baselines import policy as policies
     from baselines.graph import train
 
-    monkeypatch.setattr(train, "training_ids", lambda count: [short_id] * count)
+    monkeypatch.setattr(train, "built_ids", lambda split, count: [short_id] * count)
     small = [
         "name=small",
         "mines=2",

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import mannwhitneyu
 
+import minexplore
 from baselines import driven, split
 from baselines.bounds import Bound, bounds_file, read_bounds, write_bound
 from baselines.errors import BaselineError, RejectedError
@@ -67,6 +68,13 @@ def test_a_mine_that_is_not_built_is_named_with_the_command_that_builds_it(mines
     monkeypatch.setattr(split, "SIZES", {"test": 3})
     with pytest.raises(BaselineError, match=r"Family-test-0002-v0: not built; `make worlds N=3 SPLIT=test`"):
         evaluate_split("random", "test", 1)
+
+
+def test_a_table_of_mines_that_are_not_built_says_what_builds_them(mines, monkeypatch, tmp_path):
+    evaluate_split("random", "test", 1)
+    monkeypatch.setattr(minexplore, "FAMILY_MINES", {mines[0]: minexplore.FAMILY_MINES[mines[0]]})
+    with pytest.raises(BaselineError, match=r"Family-test-0001-v0: not built; `make worlds N=2 SPLIT=test`"):
+        split_section(tmp_path, "test")
 
 
 def test_bounds_of_a_split_lie_beside_its_results(mines, tmp_path):
