@@ -18,14 +18,18 @@ def rotate_inverse(vectors: np.ndarray, rotation: np.ndarray) -> np.ndarray:
 def rotation_matrices(quat: np.ndarray) -> np.ndarray:
     """Return the rotation matrices (n, 3, 3) of unit quaternions (n, 4), w first."""
     w, x, y, z = quat.T
-    return np.stack(
-        [
-            np.stack([w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=-1),
-            np.stack([2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)], axis=-1),
-            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z], axis=-1),
-        ],
-        axis=1,
+    ww, xx, yy, zz = w * w, x * x, y * y, z * z
+    wx, wy, wz, xy, xz, yz = w * x, w * y, w * z, x * y, x * z, y * z
+    rows = (
+        (ww + xx - yy - zz, 2 * (xy - wz), 2 * (xz + wy)),
+        (2 * (xy + wz), ww - xx + yy - zz, 2 * (yz - wx)),
+        (2 * (xz - wy), 2 * (yz + wx), ww - xx - yy + zz),
     )
+    matrices = np.empty((len(quat), 3, 3))
+    for i, row in enumerate(rows):
+        for j, column in enumerate(row):
+            matrices[:, i, j] = column
+    return matrices
 
 
 def quaternion(rotation: np.ndarray) -> np.ndarray:

@@ -14,6 +14,8 @@ def tiles_at(places_m: np.ndarray, size_m: float) -> np.ndarray:
 
 def group_by_tile(tiles: np.ndarray) -> list[tuple[Tile, np.ndarray]]:
     """Return each tile among rows (n, 2) with the numbers of its rows, in the order of the tiles."""
+    if len(tiles) == 1:  # one robot needs no sorting
+        return [((int(tiles[0, 0]), int(tiles[0, 1])), np.zeros(1, dtype=int))]
     order = np.lexsort(tiles.T[::-1])
     borders = np.flatnonzero(np.any(np.diff(tiles[order], axis=0) != 0, axis=1)) + 1
     groups = [group for group in np.split(order, borders) if len(group)]

@@ -201,7 +201,8 @@ def find_mode(mode: AutoresetMode | str) -> AutoresetMode:
 
 def _spread(outcome: Outcome, robots: np.ndarray, count: int) -> dict[str, Any]:
     """Return the info of some robots as arrays over all, with Gymnasium's masks `_key`."""
-    mask = np.isin(np.arange(count), robots)
+    mask = np.zeros(count, dtype=bool)
+    mask[robots] = True
     info: dict[str, Any] = {}
     for key, value in outcome.info.items():
         every = np.zeros((count, *value.shape[1:]), dtype=value.dtype)
