@@ -187,7 +187,7 @@ unseen: setup  ## bounds and classical explorers in the 200 mines of the test sp
 worst-mines: setup  ## where a learned explorer loses: ARGS="--policy graph-42 --beside nearest-frontier"
 	@$(PY) -m baselines.worst_mines $(ARGS)
 
-teams: all  ## teams of two and four robots against one (docs/team.md)
+teams: all  ## teams of two and four robots against one: ARGS="--mines 20" (docs/team.md); resumes
 	@$(PY) -m baselines.team $(ARGS)
 
 train: setup-baselines  ## train PPO: SEED=42 ARGS="env=full observation=map"; run again to resume

@@ -1,11 +1,11 @@
-"""Episodes of a policy driven in several processes; an episode does not depend on which others run beside it."""
+"""Work in several processes: episodes of a policy, which do not depend on what runs beside them, and other items."""
 
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, wait
-from typing import Any
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed, wait
+from typing import Any, TypeVar
 
 import gymnasium
 from gymnasium.envs.registration import EnvSpec
@@ -17,6 +17,7 @@ from baselines.protocol import run_episodes
 from baselines.result_file import Episode
 from baselines.worker import begin_worker
 
+Item = TypeVar("Item")
 _POLL_S = 1.0
 _steps_done: Any = None  # the steps that all workers have made
 
@@ -57,6 +58,25 @@ def drive(
     finally:
         pool.shutdown()
     return [episodes[seed] for seed in seeds]
+
+
+def in_processes(work: Callable[[Item], Any], items: list[Item], jobs: int) -> Iterator[tuple[Item, Any]]:
+    """Yield each item with what `work` returns for it, in the order in which the `jobs` processes finish."""
+    if jobs == 1:
+        for item in items:
+            yield item, work(item)
+        return
+    pool = ProcessPoolExecutor(min(jobs, max(len(items), 1)), multiprocessing.get_context("spawn"), begin_worker)
+    try:
+        waiting = {pool.submit(work, item): item for item in items}
+        for future in as_completed(waiting):
+            yield waiting[future], future.result()
+    except BaseException:
+        for worker in multiprocessing.active_children():
+            worker.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def _begin(spec: EnvSpec, counter: Any) -> None:

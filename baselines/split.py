@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
 import sys
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from baselines.bounds import Bound, bounds_file, read_bounds, write_bound
 from baselines.driven import note_driven, was_driven_here
@@ -19,12 +15,12 @@ from baselines.errors import BaselineError, run_command
 from baselines.evaluate import is_same
 from baselines.oracle.bound import best_walk
 from baselines.oracle.network import time_network
+from baselines.parallel import in_processes
 from baselines.policy import make_policy, policy_label
 from baselines.progress import Progress
 from baselines.protocol import SPLIT_SEEDS, head_of, run_episodes
 from baselines.result_file import RESULTS, Head
 from baselines.split_file import Drive, read_drives, split_folder, write_drives
-from baselines.worker import begin_worker
 from minexplore.splits import SIZES
 
 _BANDS, _LIMIT_S = 100, 20.0  # of a bound: bands of the horizon, and seconds of the solver
@@ -44,7 +40,7 @@ def evaluate_split(policy: str, split: str, jobs: int, most: int | None = None) 
     kept = {head.env: (head, episode) for head, episode in _driven_here(path) + _driven_here(part)}
     current = {env: drive for env, drive in kept.items() if env in ids and is_same(drive[0], _expected(policy, env))}
     progress = Progress(f"{policy_label(policy)} in {split}", len(ids), len(current), "mines")
-    for env_id, drive in _in_processes(partial(_drive, policy), [env for env in ids if env not in current], jobs):
+    for env_id, drive in in_processes(partial(_drive, policy), [env for env in ids if env not in current], jobs):
         current[env_id] = drive
         write_drives(part, [current[env] for env in ids if env in current])
         _note(part)
@@ -82,7 +78,7 @@ def bound_split(split: str, jobs: int, most: int | None = None) -> dict[str, Bou
     known = read_bounds(bounds_file(ids[0]))
     missing = [env for env in ids if env not in known or known[env].world_sha256 != _world_of(env)]
     progress = Progress(f"bounds in {split}", len(ids), len(ids) - len(missing), "mines")
-    for env_id, bound in _in_processes(_bound, missing, jobs):
+    for env_id, bound in in_processes(_bound, missing, jobs):
         write_bound(env_id, bound)
         progress.add(1)
     progress.close()
@@ -129,25 +125,6 @@ def _bound(env_id: str) -> Bound:
         )
     finally:
         env.close()
-
-
-def _in_processes(work: Any, env_ids: list[str], jobs: int) -> Iterator[tuple[str, Any]]:
-    """Yield what `work` returns for each id, in the order in which the processes finish."""
-    if jobs == 1:
-        for env_id in env_ids:
-            yield env_id, work(env_id)
-        return
-    pool = ProcessPoolExecutor(min(jobs, max(len(env_ids), 1)), multiprocessing.get_context("spawn"), begin_worker)
-    try:
-        waiting = {pool.submit(work, env_id): env_id for env_id in env_ids}
-        for future in as_completed(waiting):
-            yield waiting[future], future.result()
-    except BaseException:
-        for worker in multiprocessing.active_children():
-            worker.terminate()
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def main() -> None:

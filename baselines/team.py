@@ -1,10 +1,14 @@
-"""Teams against one robot: `python -m baselines.team`; it writes `artifacts/bench/team.json` and docs/team.md."""
+"""Teams against one robot: `python -m baselines.team`, `--split test --mines 20`; it writes docs/team.md."""
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
+import os
 import sys
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,34 +16,65 @@ import gymnasium
 import numpy as np
 
 from baselines.beams import beam_ranges
-from baselines.environments import BENCHMARK, find_id
+from baselines.environments import BENCHMARK, built_ids, find_id, make_env
 from baselines.errors import BaselineError, run_command
 from baselines.explorers.team import AssignedFrontiers
+from baselines.oracle.reach import cells_within_reach, least_time_s
+from baselines.parallel import in_processes
+from baselines.policy import source_files
 from baselines.progress import Progress
+from baselines.split_statistics import middle, stratified
 from baselines.statistics import Figure, estimate
 from minexplore.multi_agent import MineParallelEnv
+from minexplore.splits import SIZES, STYLES
 
-_OUT, _PAGE = Path("artifacts/bench/team.json"), Path("docs/team.md")
-_SIZES = (1, 2, 4)
+KEPT = Path("baselines/results/team.jsonl")
+_PAGE = Path("docs/team.md")
+_ROBOTS = (1, 2, 4)
+_FIGURES = ("coverage", "speed_up", "contact_steps")  # of a record, a value for each size of team
+_BAND_S = 2.0  # of the times that the spawn's limit is told in
+_UNSEEN = "MineXplore/Family-"
 _HEADING = """# Teams
 
-Written by `make teams`. Robots of a team map together, and `scipy.optimize.linear_sum_assignment` gives each a
-cluster of the frontier so that the sum of path lengths is least (`baselines/explorers/team.py`). They see and touch
-each other. Interquartile means over seeds with 95 % bootstrap intervals. The speed-up is one robot's time to its last
-coverage, divided by the team's time to the same coverage. All robots start at the entrance: until the first junction a
-team sees little more than its first robot does.
+Written by `make teams` from `baselines/results/team.jsonl`. Robots of a team map together, and
+`scipy.optimize.linear_sum_assignment` gives each a cluster of the frontier so that the sum of path lengths is least
+(`baselines/explorers/team.py`). They see and touch each other. Interquartile means with 95 % bootstrap intervals. The
+speed-up is one robot's time to its last coverage, divided by the team's time to the same coverage.
+
+All robots start at the entrance. No team sees a cell before a robot can have come to where it is in view, so the spawn
+limits the speed-up of teams of every size: *limit* is one robot's time to its last coverage, divided by the time in
+which robots at top speed, one to each place of the mine, have that many cells in view.
 """
 
+Key = tuple[str, int]  # environment and seed
 
-def drive_team(env_id: str, robots: int, seed: int, step_done: Any = lambda count: None) -> tuple[np.ndarray, int]:
+
+@dataclass(frozen=True)
+class TeamEpisode:
+    """One episode of a team.
+
+    Attributes
+    ----------
+    coverage : (steps + 1,) float
+        The share of reachable cells that the team has seen, at the start and after each control step.
+    contact_steps : int
+        Steps of all robots in contact with rock.
+    starts_m : (n, 2)
+        Where the robots start.
+    """
+
+    coverage: np.ndarray
+    contact_steps: int
+    starts_m: np.ndarray
+
+
+def drive_team(env_id: str, robots: int, seed: int) -> TeamEpisode:
     """Drive one episode of a team.
 
-    Returns
-    -------
-    (steps + 1,) float
-        The share of reachable cells that the team has seen, at the start and after each control step.
-    int
-        Steps of all robots in contact with rock.
+    Raises
+    ------
+    BaselineError
+        If the mine has heights.
     """
     env = MineParallelEnv(robots, **gymnasium.spec(env_id).kwargs)
     try:
@@ -47,17 +82,17 @@ def drive_team(env_id: str, robots: int, seed: int, step_done: Any = lambda coun
             raise BaselineError(f"{env_id}: its mine has heights; the team's map knows level mines only")
         policy = AssignedFrontiers(robots, env.task, env.robot)
         observation, info = env.reset(seed=seed)
-        agents, curve, collisions = env.possible_agents, [], 0
-        curve.append(info[agents[0]]["team_coverage"])
+        agents, contacts = env.possible_agents, 0
+        starts_m = np.stack([info[a]["pose_m_rad"][:2] for a in agents])
+        curve = [info[agents[0]]["team_coverage"]]
         while env.agents:
             rows = np.stack([observation[a] for a in agents])
             poses = np.stack([info[a]["pose_m_rad"] for a in agents])
             commands = policy.act(beam_ranges(rows, env.task), poses)
             observation, _, _, _, info = env.step(dict(zip(agents, commands, strict=True)))
             curve.append(info[agents[0]]["team_coverage"])
-            collisions += sum(bool(info[a]["collision"]) for a in agents)
-            step_done(1)
-        return np.array(curve), collisions
+            contacts += sum(bool(info[a]["collision"]) for a in agents)
+        return TeamEpisode(np.array(curve), contacts, starts_m)
     finally:
         env.close()
 
@@ -68,38 +103,114 @@ def speed_up(one: np.ndarray, team: np.ndarray) -> float:
     return float(int((one >= one[-1]).argmax()) / max(int(reached[0]), 1)) if len(reached) else float("nan")
 
 
-def measure(env_ids: list[str], seeds: list[int]) -> dict[str, Any]:
-    """Return coverage, speed-up and collisions of each size of team in each environment, a value a seed."""
-    found: dict[str, Any] = {"seeds": seeds, "envs": {}}
-    for env_id in env_ids:
-        steps = gymnasium.spec(env_id).kwargs.get("task", {}).get("max_steps", 6000)
-        progress = Progress(f"teams in {env_id}", len(_SIZES) * len(seeds) * steps)
-        driven = {n: [drive_team(env_id, n, seed, progress.add) for seed in seeds] for n in _SIZES}
-        progress.close()
-        found["envs"][env_id] = {
-            str(n): {
-                "coverage": [float(curve[-1]) for curve, _ in driven[n]],
-                "speed_up": [speed_up(one, team) for (one, _), (team, _) in zip(driven[1], driven[n], strict=True)],
-                "contact_steps": [contacts for _, contacts in driven[n]],
-            }
-            for n in _SIZES
-        }
-    return found
+def measure(key: Key) -> dict[str, Any]:
+    """Return the record of one seed in one environment: what each size of team saw, how fast, and the spawn's limit."""
+    env_id, seed = key
+    driven = [drive_team(env_id, robots, seed) for robots in _ROBOTS]
+    one, starts_m = driven[0].coverage, np.concatenate([episode.starts_m for episode in driven])
+    env = make_env(env_id, 1)
+    try:
+        within_reach, world = cells_within_reach(env.robots, starts_m, _BAND_S), env.world.record["world_sha256"]
+        last_s = int((one >= one[-1]).argmax()) * env.task.control_s
+        least_s = least_time_s(within_reach, _BAND_S, round(one[-1] * env.robots.grid.total))
+        limit = last_s / max(least_s, env.task.control_s)
+    finally:
+        env.close()
+    return {
+        "env": env_id,
+        "seed": seed,
+        "world_sha256": world,
+        "team_sha256": team_sha256(),
+        "coverage": [float(episode.coverage[-1]) for episode in driven],
+        "speed_up": [_finite(speed_up(one, episode.coverage)) for episode in driven],
+        "contact_steps": [episode.contact_steps for episode in driven],
+        "limit": limit,
+    }
 
 
-def page(found: dict[str, Any]) -> str:
-    """Return the page of the figures."""
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def team_sha256() -> str:
+    """Return the hash of the team's source."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in source_files(AssignedFrontiers))).hexdigest()
+
+
+def measure_all(keys: list[Key], jobs: int, work: Callable[[Key], dict[str, Any]] = measure) -> None:
+    """Measure what is not kept of the same world and the same team."""
+    kept = read_kept()
+    worlds = {env_id: _world_of(env_id) for env_id in dict.fromkeys(env_id for env_id, _ in keys)}
+    ours = team_sha256()
+    current = {key for key, record in kept.items() if record["team_sha256"] == ours}
+    missing = [key for key in keys if key not in current or kept[key]["world_sha256"] != worlds[key[0]]]
+    progress = Progress("teams", len(keys), len(keys) - len(missing), "episodes of each size")
+    for key, record in in_processes(work, missing, jobs):
+        kept[key] = record
+        write_kept(kept)
+        progress.add(1)
+    progress.close()
+
+
+def read_kept(path: Path = KEPT) -> dict[Key, dict[str, Any]]:
+    """Return the kept records by environment and seed."""
+    if not path.is_file():
+        return {}
+    records = [json.loads(line) for line in path.read_text().splitlines()]
+    return {(record["env"], record["seed"]): record for record in records}
+
+
+def write_kept(kept: dict[Key, dict[str, Any]], path: Path = KEPT) -> None:
+    """Write records beside the file's place, then move them there."""
+    part = path.with_suffix(".part")
+    part.write_text("".join(json.dumps(kept[key]) + "\n" for key in sorted(kept)))
+    part.rename(path)
+
+
+def _world_of(env_id: str) -> str:
+    env = make_env(env_id, 1)
+    try:
+        return str(env.world.record["world_sha256"])
+    finally:
+        env.close()
+
+
+def page(kept: dict[Key, dict[str, Any]]) -> str:
+    """Return the page of all kept records: unseen mines first, then each environment by itself."""
     lines = [_HEADING]
-    for env_id, sizes in found["envs"].items():
-        lines += [f"## {env_id}", "", f"{len(found['seeds'])} seeds.", ""]
-        lines += ["| robots | coverage at the end | speed-up | steps in contact with rock |", "|---|---|---|---|"]
-        for robots, values in sizes.items():
-            reached = [value for value in values["speed_up"] if np.isfinite(value)]
-            contacts = max(values["contact_steps"])
-            cover, faster = _text(estimate(values["coverage"]), 100, " %"), _text(estimate(reached), 1, "")
-            lines.append(f"| {robots} | {cover} | {faster} | at most {contacts} |")
-        lines.append("")
+    unseen = [record for (env_id, _), record in sorted(kept.items()) if env_id.startswith(_UNSEEN)]
+    if unseen:
+        said = f"One episode in each of {len(unseen)} of the {SIZES['test']} mines."
+        lines += ["## Unseen mines: the test split", "", said, "", *_table(unseen)]
+    for env_id in [env_id for env_id in BENCHMARK if any(key[0] == env_id for key in kept)]:
+        records = [record for key, record in sorted(kept.items()) if key[0] == env_id]
+        lines += [f"## {env_id}", "", f"{len(records)} seeds.", "", *_table(records)]
     return "\n".join(lines)
+
+
+def _table(records: list[dict[str, Any]]) -> list[str]:
+    """Return a table: a row a size of team."""
+    lines = [
+        "| robots | coverage at the end | speed-up | limit | steps in contact with rock |",
+        "|---|---|---|---|---|",
+    ]
+    limit = _text(_figure(records, [record["limit"] for record in records]), 1, "")
+    for place, robots in enumerate(_ROBOTS):
+        cover, faster, contacts = ([r[name][place] for r in records] for name in _FIGURES)
+        never = f", never in {faster.count(None)}" if None in faster else ""
+        ratio = _text(_figure(records, faster), 1, "") + never
+        shown = [_text(_figure(records, cover), 100, " %"), ratio, limit if robots > 1 else ""]
+        lines.append(f"| {robots} | {' | '.join(shown)} | at most {max(contacts)} |")
+    return [*lines, ""]
+
+
+def _figure(records: list[dict[str, Any]], values: list[float | None]) -> Figure:
+    """Return the interquartile mean of values that are there; mines of a split are drawn again within their style."""
+    held = [(record["env"], value) for record, value in zip(records, values, strict=True) if value is not None]
+    if not held or not held[0][0].startswith(_UNSEEN):
+        return estimate([value for _, value in held])
+    styles = np.array([int(env_id.split("-")[-2]) % len(STYLES) for env_id, _ in held])
+    return stratified(middle, np.array([value for _, value in held]), strata=styles)
 
 
 def _text(figure: Figure, scale: float, unit: str) -> str:
@@ -115,15 +226,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m baselines.team", description=__doc__)
     parser.add_argument("--env", nargs="*", help="ids, or NAME for MineXplore/NAME-v0; all that ship by default")
     parser.add_argument("--episodes", type=int, default=10)
+    parser.add_argument(
+        "--mines", type=int, default=0, help="also one episode in each of the first mines of the test split"
+    )
+    parser.add_argument("--jobs", type=int, default=min(os.cpu_count() or 1, 16))
     arguments = parser.parse_args()
-    if not 1 <= arguments.episodes <= 512:
-        raise BaselineError(f"episodes = {arguments.episodes}: want 1 to 512")
-    found = measure([find_id(name) for name in arguments.env or BENCHMARK], list(range(arguments.episodes)))
-    _OUT.parent.mkdir(parents=True, exist_ok=True)
-    _OUT.write_text(json.dumps(found, indent=1) + "\n")
-    text = page(found)
-    _PAGE.write_text(text)
-    print(text)
+    if not 1 <= arguments.episodes <= 512 or arguments.jobs < 1 or not 0 <= arguments.mines <= SIZES["test"]:
+        raise BaselineError(
+            f"episodes = {arguments.episodes}, mines = {arguments.mines}, jobs = {arguments.jobs}: "
+            f"want 1 to 512, 0 to {SIZES['test']}, 1 or more"
+        )
+    named = BENCHMARK if arguments.env is None else arguments.env
+    keys = [(find_id(name), seed) for name in named for seed in range(arguments.episodes)]
+    keys += [(env_id, 0) for env_id in (built_ids("test", arguments.mines) if arguments.mines else [])]
+    measure_all(keys, arguments.jobs)
+    _PAGE.write_text(page(read_kept()))
+    print(_PAGE.read_text())
 
 
 if __name__ == "__main__":

@@ -53,10 +53,9 @@ def time_network(batch: RobotBatch, band_s: float) -> TimeNetwork:
     band_s : float
     """
     world = batch.world
-    standing = world.clearance_m >= batch.robot.radius_m - _SINK_M
     spawn = np.array(world.record["spawn"]["anchor_m"])
-    start = tuple(np.floor((spawn - world.origin_m) / world.cell_m).astype(int)[::-1].tolist())
-    arrival = _arrival(batch, standing, start)
+    start = tuple(_cells_at(batch, spawn[None])[0].tolist())
+    standing, arrival = arrival_times(batch, spawn[None])
     reached_s = np.where(np.isfinite(arrival), arrival, 0.0)
     band = np.where(np.isfinite(arrival), reached_s // band_s, -1).astype(int)
     regions = _regions(band)
@@ -102,9 +101,18 @@ def _regions(band: np.ndarray) -> np.ndarray:
     return regions
 
 
-def _arrival(batch: RobotBatch, standing: np.ndarray, start: tuple[int, int]) -> np.ndarray:
-    """Return the least time, s, in which a robot can reach each cell; infinite where it cannot."""
+def _cells_at(batch: RobotBatch, places_m: np.ndarray) -> np.ndarray:
+    """Return row and column (n, 2) of places (n, 2) m in the grid of the world's clearance."""
+    return np.floor((places_m - batch.world.origin_m) / batch.world.cell_m).astype(int)[:, ::-1]
+
+
+def arrival_times(batch: RobotBatch, starts_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return where a robot can be, and the least time, s, in which it comes there from the nearest of places (n, 2) m.
+
+    Both are (rows, cols) in the grid of the world's clearance; the time is infinite where no way leads.
+    """
     world, task = batch.world, batch.task
+    standing = world.clearance_m >= batch.robot.radius_m - _SINK_M
     east = world.origin_m[0] + (np.arange(standing.shape[1]) + 0.5) * world.cell_m
     speed = top_speed_mps(world, task, east)
     slowness = np.broadcast_to(world.cell_m / speed, standing.shape)
@@ -119,8 +127,8 @@ def _arrival(batch: RobotBatch, standing: np.ndarray, start: tuple[int, int]) ->
     row, col, cost = (np.concatenate(part) for part in zip(*links, strict=True))
     graph = coo_matrix((cost, (row, col)), shape=(standing.sum(),) * 2).tocsr()
     times = np.full(standing.shape, np.inf)
-    times[standing] = dijkstra(graph, indices=number[start]) / _METRIC
-    return times
+    times[standing] = dijkstra(graph, indices=number[tuple(_cells_at(batch, starts_m).T)], min_only=True) / _METRIC
+    return standing, times
 
 
 def _shifted(grid: np.ndarray, i: int, j: int) -> np.ndarray:

@@ -6,11 +6,9 @@ import pytest
 from baselines.explorers.graph_explorer import _Driver
 from baselines.explorers.map_graph import map_graph, worth_driving_to
 from baselines.explorers.own_map import FINE, FREE, ROCK, OwnMap
-from baselines.explorers.team import AssignedFrontiers
 from baselines.explorers.tour import open_tour
 from baselines.policy import make_policy
 from baselines.protocol import run_episodes
-from baselines.team import drive_team, speed_up
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.vector import MineVectorEnv
@@ -123,33 +121,6 @@ def test_an_explorer_of_the_graph_sees_a_small_mine_and_touches_nothing(tee, nam
         assert episode.seen[-1] / env.robots.grid.total >= 0.9
         assert episode.collided == 0
     env.close()
-
-
-def test_a_team_sees_at_least_as_much_as_one_robot_and_touches_nothing(tee_id):
-    one, _ = drive_team(tee_id, 1, 0)
-    two, contacts = drive_team(tee_id, 2, 0)
-    assert contacts == 0
-    assert two[-1] >= one[-1] - 0.05
-    assert two[-1] >= 0.9
-    assert (np.diff(two) >= 0).all()
-
-
-def test_a_robot_of_the_team_is_not_mapped_as_rock():
-    task = TaskParams()
-    policy = AssignedFrontiers(2, task, RobotParams())
-    poses = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, np.pi]])
-    ranges = np.full((2, 16), 10.0)
-    ranges[:, 0] = 3.8  # each sees the other one ahead
-    policy.act(ranges, poses)
-    row, col = policy.map.at(np.array([[3.8, 0.0], [0.2, 0.0]]), policy.map.fine_m)
-    assert (policy.map.fine[row, col] != ROCK).all()
-
-
-def test_the_speed_up_compares_times_to_the_same_coverage():
-    one, team = np.linspace(0.0, 0.5, 101), np.linspace(0.0, 1.0, 101)
-    assert speed_up(one, team) == pytest.approx(2.0)
-    assert speed_up(one, one) == 1.0
-    assert np.isnan(speed_up(team, one))
 
 
 def test_a_goal_that_a_robot_cannot_get_to_is_given_up():

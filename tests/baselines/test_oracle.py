@@ -83,7 +83,7 @@ def test_a_begun_bound_is_completed_and_a_current_one_is_kept(tee_id, tmp_path, 
     monkeypatch.setattr(oracle, "best_walk", lambda *args: asked.append(args[1]) or best_walk(*args))
     oracle.renew(tee_id, [0], 5.0, tmp_path / "oracle.png")
     whole = read_bounds()[tee_id]
-    assert asked == [*whole.time_s, *(budget * whole.time_s[-1] for budget in (1.0, 0.92, 0.85, 0.78))]
+    assert asked == [*whole.time_s, *(budget * whole.time_s[-1] for budget in oracle._BUDGETS)]
     asked.clear()
     oracle.renew(tee_id, [0], 5.0, tmp_path / "oracle.png")
     assert asked == []

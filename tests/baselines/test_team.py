@@ -1,0 +1,104 @@
+import json
+
+import numpy as np
+import pytest
+
+from baselines import team
+from baselines.environments import make_env
+from baselines.errors import BaselineError
+from baselines.explorers.own_map import ROCK
+from baselines.explorers.team import AssignedFrontiers
+from baselines.oracle.reach import cells_within_reach, least_time_s
+from baselines.team import drive_team, measure_all, page, read_kept, speed_up
+from minexplore.robot import RobotParams
+from minexplore.task import TaskParams
+
+
+def test_a_team_sees_at_least_as_much_as_one_robot_and_touches_nothing(tee_id):
+    one, two = (drive_team(tee_id, robots, 0) for robots in (1, 2))
+    assert two.contact_steps == 0
+    assert two.coverage[-1] >= one.coverage[-1] - 0.05
+    assert two.coverage[-1] >= 0.9
+    assert (np.diff(two.coverage) >= 0).all()
+
+
+def test_a_robot_of_the_team_is_not_mapped_as_rock():
+    task = TaskParams()
+    policy = AssignedFrontiers(2, task, RobotParams())
+    poses = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, np.pi]])
+    ranges = np.full((2, 16), 10.0)
+    ranges[:, 0] = 3.8  # each sees the other one ahead
+    policy.act(ranges, poses)
+    row, col = policy.map.at(np.array([[3.8, 0.0], [0.2, 0.0]]), policy.map.fine_m)
+    assert (policy.map.fine[row, col] != ROCK).all()
+
+
+def test_the_speed_up_compares_times_to_the_same_coverage():
+    one, team = np.linspace(0.0, 0.5, 101), np.linspace(0.0, 1.0, 101)
+    assert speed_up(one, team) == pytest.approx(2.0)
+    assert speed_up(one, one) == 1.0
+    assert np.isnan(speed_up(team, one))
+
+
+def test_no_team_sees_a_cell_before_a_robot_can_have_come_to_where_it_is_in_view(tee_id):
+    episode, env = drive_team(tee_id, 4, 0), make_env(tee_id, 1)
+    within_reach, total = cells_within_reach(env.robots, episode.starts_m, 1.0), env.robots.grid.total
+    env.close()
+    assert (np.diff(within_reach) >= 0).all()
+    assert within_reach[-1] == total
+    assert within_reach[0] < total // 2  # from the starts not all is in view
+    for cells in range(within_reach[0] + 1, round(episode.coverage[-1] * total) + 1):
+        first_s = 0.1 * int((np.round(episode.coverage * total) >= cells).argmax())
+        assert 0.0 < least_time_s(within_reach, 1.0, cells) <= first_s
+
+
+@pytest.fixture
+def kept(tmp_path, monkeypatch):
+    """Keep records in a folder of the test."""
+    path = tmp_path / "team.jsonl"
+    monkeypatch.setattr(team, "read_kept", lambda: read_kept(path))
+    write = team.write_kept
+    monkeypatch.setattr(team, "write_kept", lambda records: write(records, path))
+    return path
+
+
+def test_what_is_current_is_not_driven_again_and_an_older_team_is(mines, kept):
+    world, asked = make_env(mines[0], 1).world.record["world_sha256"], []
+
+    def work(key):
+        asked.append(key)
+        figures = {"coverage": [0.5, 0.6, 0.7], "speed_up": [1.0, 2.0, None], "contact_steps": [0, 0, 3], "limit": 4.0}
+        return {"env": key[0], "seed": key[1], "world_sha256": world, "team_sha256": team.team_sha256(), **figures}
+
+    keys = [(mines[0], 0), (mines[1], 0)]
+    measure_all(keys[:1], 1, work)
+    measure_all(keys, 1, work)
+    assert asked == keys
+    text = page(read_kept(kept))
+    assert "2 of the 200 mines" in text
+    assert "| 4 | 70.0 % (70.0 to 70.0) | never, never in 2 | 4.00 (4.00 to 4.00) | at most 3 |" in text
+    older = [json.loads(line) | {"team_sha256": "0" * 64} for line in kept.read_text().splitlines()]
+    kept.write_text("".join(json.dumps(line) + "\n" for line in older))
+    measure_all(keys[1:], 1, work)
+    assert asked == [*keys, keys[1]]
+
+
+def test_a_record_of_a_small_mine_has_a_value_for_each_team(mines):
+    record = team.measure((mines[0], 0))
+    assert record["speed_up"][0] == 1.0
+    assert len(record["coverage"]) == len(record["speed_up"]) == len(record["contact_steps"]) == 3
+    assert record["limit"] >= max(value for value in record["speed_up"] if value is not None)
+
+
+@pytest.mark.parametrize("arguments", [["--episodes", "0"], ["--mines", "201"], ["--jobs", "0"], ["--env", "nowhere"]])
+def test_a_wrong_argument_is_refused(arguments, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["team", *arguments])
+    with pytest.raises(BaselineError, match=r"want 1 to|valid choices"):
+        team.main()
+
+
+def test_mines_that_are_not_built_are_named(monkeypatch):
+    monkeypatch.setattr("sys.argv", ["team", "--env", "--mines", "1"])
+    monkeypatch.setattr("minexplore.FAMILY_MINES", {})
+    with pytest.raises(BaselineError, match="make worlds"):
+        team.main()
