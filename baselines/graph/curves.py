@@ -106,6 +106,11 @@ def page(curves: list[Curve], kept: Path = KEPT) -> str:
         figures = (100 * curve.watched[0], 100 * curve.watched[best], curve.updates[best], 100 * curve.nearest)
         rows.append("| {} | {} | {} | {:.1f} | {:.1f} | {} | {:.1f} |".format(
             curve.settings.name, curve.settings.seed, curve.updates[-1], *figures))  # fmt: skip
+    for name in dict.fromkeys(curve.settings.name for curve in curves):
+        most = 100 * np.array([max(curve.watched) for curve in curves if curve.settings.name == name])
+        if len(most) > 1:
+            spread = f"{most.mean():.1f}, SD {most.std(ddof=1):.1f}"
+            rows.append(f"| {name} | mean of {len(most)} seeds |  |  | {spread} |  |  |")
     return _TEXT.format(kept=kept.as_posix(), mines=curves[0].settings.watched, rows="\n".join(rows))
 
 

@@ -465,6 +465,7 @@ def test_curves_are_kept_drawn_and_told_beside_runs_of_ppo(tmp_path):
     curves = read_curves(tmp_path / "kept")
     assert [curve.settings.seed for curve in curves] == [1, 2]
     assert "| graph | 1 | 20 | 50.0 | 60.0 | 20 | 45.0 |" in page(curves)
+    assert "| graph | mean of 2 seeds |" in page(curves)
     draw_curves(curves, tmp_path / "curves.png")
     assert (tmp_path / "curves.png").stat().st_size > 5_000
 
