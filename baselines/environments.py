@@ -100,3 +100,12 @@ def make_env(name: str, robots: int, threads: int = 1) -> MineVectorEnv:
         return MineVectorEnv(robots, threads=threads, **gymnasium.spec(env_id).kwargs)
     except (FileNotFoundError, ValueError) as error:
         raise BaselineError(f"{env_id}: {error}") from error
+
+
+def world_of(name: str) -> str:
+    """Return the hash of the world of an id or its short name; see `make_env` for errors."""
+    env = make_env(name, 1)
+    try:
+        return str(env.world.record["world_sha256"])
+    finally:
+        env.close()

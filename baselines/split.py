@@ -10,7 +10,7 @@ from pathlib import Path
 
 from baselines.bounds import Bound, bounds_file, read_bounds, write_bound
 from baselines.driven import note_driven, was_driven_here
-from baselines.environments import built_ids, make_env
+from baselines.environments import built_ids, make_env, world_of
 from baselines.errors import BaselineError, run_command
 from baselines.evaluate import is_same
 from baselines.oracle.bound import best_walk
@@ -76,7 +76,7 @@ def bound_split(split: str, jobs: int, most: int | None = None) -> dict[str, Bou
     """Compute the bound of each mine of a split at the end of its episodes; what is current is kept."""
     ids = built_ids(split, most or SIZES[split])
     known = read_bounds(bounds_file(ids[0]))
-    missing = [env for env in ids if env not in known or known[env].world_sha256 != _world_of(env)]
+    missing = [env for env in ids if env not in known or known[env].world_sha256 != world_of(env)]
     progress = Progress(f"bounds in {split}", len(ids), len(ids) - len(missing), "mines")
     for env_id, bound in in_processes(_bound, missing, jobs):
         write_bound(env_id, bound)
@@ -90,14 +90,6 @@ def _expected(policy: str, env_id: str) -> Head:
     try:
         made = make_policy(policy, 1, env.task, env.robot)
         return head_of(env_id, env, policy_label(policy), made, list(SPLIT_SEEDS))
-    finally:
-        env.close()
-
-
-def _world_of(env_id: str) -> str:
-    env = make_env(env_id, 1)
-    try:
-        return str(env.world.record["world_sha256"])
     finally:
         env.close()
 

@@ -16,7 +16,7 @@ import gymnasium
 import numpy as np
 
 from baselines.beams import beam_ranges
-from baselines.environments import BENCHMARK, built_ids, find_id, make_env
+from baselines.environments import BENCHMARK, built_ids, find_id, make_env, world_of
 from baselines.errors import BaselineError, run_command
 from baselines.explorers.team import AssignedFrontiers
 from baselines.oracle.reach import cells_within_reach, least_time_s
@@ -140,7 +140,7 @@ def team_sha256() -> str:
 def measure_all(keys: list[Key], jobs: int, work: Callable[[Key], dict[str, Any]] = measure) -> None:
     """Measure what is not kept of the same world and the same team."""
     kept = read_kept()
-    worlds = {env_id: _world_of(env_id) for env_id in dict.fromkeys(env_id for env_id, _ in keys)}
+    worlds = {env_id: world_of(env_id) for env_id in dict.fromkeys(env_id for env_id, _ in keys)}
     ours = team_sha256()
     current = {key for key, record in kept.items() if record["team_sha256"] == ours}
     missing = [key for key in keys if key not in current or kept[key]["world_sha256"] != worlds[key[0]]]
@@ -165,14 +165,6 @@ def write_kept(kept: dict[Key, dict[str, Any]], path: Path = KEPT) -> None:
     part = path.with_suffix(".part")
     part.write_text("".join(json.dumps(kept[key]) + "\n" for key in sorted(kept)))
     part.rename(path)
-
-
-def _world_of(env_id: str) -> str:
-    env = make_env(env_id, 1)
-    try:
-        return str(env.world.record["world_sha256"])
-    finally:
-        env.close()
 
 
 def page(kept: dict[Key, dict[str, Any]]) -> str:
