@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +21,6 @@ import matplotlib.pyplot as plt
 RUNS = Path("artifacts/train")
 KEPT = Path("baselines/results/graph_training")
 _PAGE, _PICTURE = Path("docs/graph-training.md"), Path("docs/graph-training.png")
-_COLOURS = ("#1f5a94", "#b04a2f", "#3c7d4e", "#7a5aa0", "#8a6d3b")
 _TEXT = """# Training of the graph explorer
 
 Written by `make curves` from `{kept}/`. *Watched* is the mean share, %, that four robots each see in the map simulator
@@ -32,17 +32,46 @@ of {mines} mines of the training split, which the network does not learn from. T
 | run | seed | updates | watched at 0 | watched, best | at update | nearest cluster there |
 |---|---|---|---|---|---|---|
 {rows}
+
+## Ablations
+
+What a network sees less or more of a watched mine than `{whole}` of the same seed: the mean over the mines with its
+standard error, in points. Both are the best of their runs. *Rule* compares what both see at update 0.
+
+| run | seed | what it lacks | rule | best network |
+|---|---|---|---|---|
+{ablations}
 """
+_WHOLE = "graph"  # the name of the runs that lack nothing
+_LACKS = {"attention": "clusters are scored alone", "stubs": "not told of dead ends", "floor": "not told of floors"}
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One run: shares of the watched mines by update, and what the nearest cluster sees there."""
+    """One run: what is seen of each watched mine, and what the nearest cluster sees there.
+
+    Attributes
+    ----------
+    updates
+        When the network drove there.
+    by_mine
+        Shares, (update, mine).
+    """
 
     settings: GraphSettings
     updates: list[int]
-    watched: list[float]
+    by_mine: np.ndarray
     nearest: float
+
+    @property
+    def watched(self) -> np.ndarray:
+        """Return the mean over the mines, (update,)."""
+        return self.by_mine.mean(axis=1)
+
+    @property
+    def best(self) -> int:
+        """Return the index of the update whose network saw most."""
+        return int(np.argmax(self.watched))
 
 
 def keep(runs: Path = RUNS, kept: Path = KEPT) -> None:
@@ -73,8 +102,8 @@ def read_curves(kept: Path = KEPT) -> list[Curve]:
         record = json.loads(file.read_text())
         lines = {line["update"]: line for line in record["watched"]}
         nearest = float(np.mean(lines[0]["nearest"]))
-        shares = [float(np.mean(lines[update]["watched"])) for update in sorted(lines)]
-        curves.append(Curve(GraphSettings.model_validate(record["settings"]), sorted(lines), shares, nearest))
+        by_mine = np.array([lines[update]["watched"] for update in sorted(lines)])
+        curves.append(Curve(GraphSettings.model_validate(record["settings"]), sorted(lines), by_mine, nearest))
     if not curves:
         raise BaselineError(f"{kept}: no runs; `make train-graph SEED=42` makes one")
     return sorted(curves, key=lambda curve: (curve.settings.name, curve.settings.seed))
@@ -84,7 +113,8 @@ def draw_curves(curves: list[Curve], path: Path) -> None:
     """Draw the watched shares of each name: mean over seeds, and the range from the least to the greatest."""
     figure, axis = plt.subplots(figsize=(8, 4.2), layout="constrained")
     names = dict.fromkeys(curve.settings.name for curve in curves)
-    for colour, name in zip(_COLOURS, names, strict=False):
+    for number, name in enumerate(names):
+        colour = f"C{number}"  # of matplotlib's cycle
         group = [curve for curve in curves if curve.settings.name == name]
         at = sorted(set.intersection(*(set(curve.updates) for curve in group)))
         shares = 100 * np.array([[c.watched[c.updates.index(update)] for update in at] for c in group])
@@ -102,16 +132,44 @@ def page(curves: list[Curve], kept: Path = KEPT) -> str:
     """Return the page."""
     rows = []
     for curve in curves:
-        best = int(np.argmax(curve.watched))
-        figures = (100 * curve.watched[0], 100 * curve.watched[best], curve.updates[best], 100 * curve.nearest)
+        most = 100 * curve.watched[curve.best]
+        figures = (100 * curve.watched[0], most, curve.updates[curve.best], 100 * curve.nearest)
         rows.append("| {} | {} | {} | {:.1f} | {:.1f} | {} | {:.1f} |".format(
             curve.settings.name, curve.settings.seed, curve.updates[-1], *figures))  # fmt: skip
     for name in dict.fromkeys(curve.settings.name for curve in curves):
-        most = 100 * np.array([max(curve.watched) for curve in curves if curve.settings.name == name])
-        if len(most) > 1:
-            spread = f"{most.mean():.1f}, SD {most.std(ddof=1):.1f}"
-            rows.append(f"| {name} | mean of {len(most)} seeds |  |  | {spread} |  |  |")
-    return _TEXT.format(kept=kept.as_posix(), mines=curves[0].settings.watched, rows="\n".join(rows))
+        group = 100 * np.array([max(curve.watched) for curve in curves if curve.settings.name == name])
+        if len(group) > 1:
+            spread = f"{group.mean():.1f}, SD {group.std(ddof=1):.1f}"
+            rows.append(f"| {name} | mean of {len(group)} seeds |  |  | {spread} |  |  |")
+    return _TEXT.format(
+        kept=kept.as_posix(),
+        mines=curves[0].settings.watched,
+        rows="\n".join(rows),
+        whole=_WHOLE,
+        ablations="\n".join(_ablations(curves)),
+    )
+
+
+def _ablations(curves: list[Curve]) -> Iterator[str]:
+    """Yield a row for each run that lacks a part, beside the whole network of its seed."""
+    whole = {curve.settings.seed: curve for curve in curves if curve.settings.name == _WHOLE}
+    for curve in curves:
+        settings, other = curve.settings, whole.get(curve.settings.seed)
+        lacks = [told for part, told in _LACKS.items() if not getattr(settings.network, part)]
+        if not lacks or other is None or curve.by_mine.shape[1] != other.by_mine.shape[1]:
+            continue
+        rule, network = (
+            _paired(100 * (one - two))
+            for one, two in (
+                (curve.by_mine[0], other.by_mine[0]),
+                (curve.by_mine[curve.best], other.by_mine[other.best]),
+            )
+        )
+        yield f"| {settings.name} | {settings.seed} | {', '.join(lacks)} | {rule} | {network} |"
+
+
+def _paired(differences: np.ndarray) -> str:
+    return f"{differences.mean():+.1f} ± {differences.std(ddof=1) / np.sqrt(len(differences)):.1f}"
 
 
 def main() -> None:

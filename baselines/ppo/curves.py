@@ -95,7 +95,8 @@ def draw_curves(runs: dict[str, list[dict[str, Any]]], path: Path) -> None:
     """Draw coverage, collisions and return over training: mean and standard deviation over seeds."""
     figure, axes = plt.subplots(1, 3, figsize=(13, 3.8), layout="constrained")
     for axis, (key, label) in zip(axes, _AXES, strict=True):
-        for colour, (name, group) in zip(("#1f5a94", "#b04a2f", "#3c7d4e", "#7a5aa0"), runs.items(), strict=False):
+        for number, (name, group) in enumerate(runs.items()):
+            colour = f"C{number}"  # of matplotlib's cycle
             end = min(r["points"]["steps"][-1] for r in group)
             steps = np.linspace(0, end, _POINTS)
             curves = np.array([_along(steps, r["points"]["steps"], r["points"][key]) for r in group])
@@ -106,7 +107,7 @@ def draw_curves(runs: dict[str, list[dict[str, Any]]], path: Path) -> None:
     axes[0].axhline(0.9, color="#222222", ls=":", lw=1)
     axes[1].set_yscale("symlog", linthresh=1)
     axes[2].set_yscale("symlog", linthresh=20)
-    axes[0].legend(frameon=False, fontsize=7)
+    axes[0].legend(frameon=False, fontsize=6)
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
