@@ -35,11 +35,11 @@ of {mines} mines of the training split, which the network does not learn from. T
 
 ## Ablations
 
-What a network sees less or more of a watched mine than `{whole}` of the same seed: the mean over the mines with its
-standard error, in points. Both are the best of their runs. *Rule* compares what both see at update 0.
+What a network sees more or less of a watched mine than `{whole}` of the same seed: the mean over the mines with its
+standard error, in points. *Rule* is at update 0, *network* at the last update of both.
 
-| run | seed | what it lacks | rule | best network |
-|---|---|---|---|---|
+| run | seed | what it lacks | rule | network | at update |
+|---|---|---|---|---|---|
 {ablations}
 """
 _WHOLE = "graph"  # the name of the runs that lack nothing
@@ -67,6 +67,10 @@ class Curve:
     def watched(self) -> np.ndarray:
         """Return the mean over the mines, (update,)."""
         return self.by_mine.mean(axis=1)
+
+    def at(self, update: int) -> np.ndarray:
+        """Return the share of each mine at an update, (mine,)."""
+        return self.by_mine[self.updates.index(update)]
 
     @property
     def best(self) -> int:
@@ -158,14 +162,9 @@ def _ablations(curves: list[Curve]) -> Iterator[str]:
         lacks = [told for part, told in _LACKS.items() if not getattr(settings.network, part)]
         if not lacks or other is None or curve.by_mine.shape[1] != other.by_mine.shape[1]:
             continue
-        rule, network = (
-            _paired(100 * (one - two))
-            for one, two in (
-                (curve.by_mine[0], other.by_mine[0]),
-                (curve.by_mine[curve.best], other.by_mine[other.best]),
-            )
-        )
-        yield f"| {settings.name} | {settings.seed} | {', '.join(lacks)} | {rule} | {network} |"
+        last = max(set(curve.updates) & set(other.updates))
+        rule, network = (_paired(100 * (curve.at(update) - other.at(update))) for update in (0, last))
+        yield f"| {settings.name} | {settings.seed} | {', '.join(lacks)} | {rule} | {network} | {last} |"
 
 
 def _paired(differences: np.ndarray) -> str:

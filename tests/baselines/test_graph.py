@@ -468,7 +468,7 @@ def test_curves_are_kept_drawn_and_told_beside_runs_of_ppo(tmp_path):
     assert [curve.settings.label for curve in curves] == ["alone-1", "graph-1", "graph-2"]
     assert "| graph | 1 | 20 | 50.0 | 60.0 | 20 | 45.0 |" in page(curves)
     assert "| graph | mean of 2 seeds |" in page(curves)
-    assert "| alone | 1 | clusters are scored alone | +0.0 ± 0.0 | -5.0 ± 0.0 |" in page(curves)
+    assert "| alone | 1 | clusters are scored alone | +0.0 ± 0.0 | -5.0 ± 0.0 | 20 |" in page(curves)
     draw_curves(curves, tmp_path / "curves.png")
     assert (tmp_path / "curves.png").stat().st_size > 5_000
 
