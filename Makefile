@@ -11,7 +11,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock rock-directions look-pictures drive-clip compare-collision search-texture bench bench-heights bench-light bench-pipeline time-training setup-baselines setup-gpu parity-gpu bench-gpu train-gpu test-gpu oracle explorers teams unseen worst-mines train train-graph compare-graph train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock bench-growth bench-deep random-levels leave-out-sweeps drawn-sheets
+.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock rock-directions look-pictures drive-clip compare-collision search-texture bench bench-heights bench-light bench-pipeline time-training setup-baselines setup-gpu parity-gpu bench-gpu train-gpu test-gpu oracle explorers teams unseen published-plan worst-mines train train-graph compare-graph train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock bench-growth bench-deep random-levels leave-out-sweeps drawn-sheets
 
 help:  # show the targets that have a remark of two hashes; rarer ones have one
 	@awk -F ':.*## ' '/^##@/ {print substr($$0, 5)} /^all:/ {printf "  %-18s %s\n", "$(firstword $(STAGES)) ...", "up to and including one stage: $(STAGES)"} /^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' Makefile
@@ -184,7 +184,10 @@ explorers: all  ## evaluate the classical explorers in every environment
 unseen: setup  ## bounds and classical explorers in the 200 mines of the test split; resumes
 	@$(PY) -m baselines.split --bounds --policy wall-following nearest-frontier information-gain frontier-tour depth-first two-level $(ARGS)
 
-worst-mines: setup  ## where a learned explorer loses: ARGS="--policy graph-42 --beside nearest-frontier"
+published-plan: setup  ## policies in the world of the published plan, after `make data` (docs/published-plan.md); resumes
+	@$(PY) -m benchmarks.published_plan $(ARGS)
+
+worst-mines: setup  ## where a learned explorer loses: ARGS="--policy graph-142 --beside nearest-frontier"
 	@$(PY) -m baselines.worst_mines $(ARGS)
 
 teams: all  ## teams of two and four robots against one: ARGS="--mines 20" (docs/team.md); resumes

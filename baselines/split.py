@@ -78,7 +78,7 @@ def bound_split(split: str, jobs: int, most: int | None = None) -> dict[str, Bou
     known = read_bounds(bounds_file(ids[0]))
     missing = [env for env in ids if env not in known or known[env].world_sha256 != world_of(env)]
     progress = Progress(f"bounds in {split}", len(ids), len(ids) - len(missing), "mines")
-    for env_id, bound in in_processes(_bound, missing, jobs):
+    for env_id, bound in in_processes(bound_at_the_end, missing, jobs):
         write_bound(env_id, bound)
         progress.add(1)
     progress.close()
@@ -105,7 +105,7 @@ def _drive(policy: str, env_id: str) -> Drive:
         env.close()
 
 
-def _bound(env_id: str) -> Bound:
+def bound_at_the_end(env_id: str) -> Bound:
     """Return the bound of one mine at the end of an episode."""
     env = make_env(env_id, 1)
     try:
