@@ -40,8 +40,8 @@ same drifts and other walls. None of these policies learned in either. The plan 
 does not hold it. `make data` fetches it.
 
 World `{world}`, {cells:,} cells. No robot can have seen more than {most:,} of them ({share:.1%}) at 600 s; the best
-walk that was found sees {found:,}. Full task, {seeds} seeds, interquartile means with 95 % bootstrap intervals, as in the
-leaderboard.
+walk that was found sees {found:,}. Full task, {seeds} seeds, interquartile means with 95 % bootstrap intervals, as in
+the leaderboard.
 
 | policy | {names} |
 |---|{rule}
