@@ -38,7 +38,8 @@ _POINTS = 200
 _PAGE = """# Training runs
 
 Written by `make curves` from `baselines/results/training/`. Coverage is the mean over the last 100 episodes,
-with commands drawn at random as in training. The paper does not state what its coverage is a share of.
+with commands drawn at random as in training. The paper does not state what its coverage is a share of. Runs of *Family*
+learn in 32 mines of the training split (`make train ARGS="env=family"`), and their coverage is the mean over these.
 
 ![Coverage, collisions and return over training](training.png)
 
