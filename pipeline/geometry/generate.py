@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import networkx as nx
@@ -113,8 +114,8 @@ def _ramp(
         if turn + 1 < turns:
             side = 1.0 if x_end > 0 else -1.0
             middle = np.array([x_end, y + spacing_m / 2])
-            angles = np.linspace(-np.pi / 2, np.pi / 2, 9)[1:-1]
-            path += [tuple(middle + spacing_m / 2 * np.array([side * np.cos(a), np.sin(a)])) for a in angles]
+            angles = np.linspace(-np.pi / 2, np.pi / 2, 9)[1:-1].tolist()
+            path += [tuple(middle + spacing_m / 2 * np.array([side * math.cos(a), math.sin(a)])) for a in angles]
             ends.append((middle + np.array([side * spacing_m / 2, 0.0]), side))
     drifts: list[BaseGeometry] = [LineString(path).buffer(width / 2, quad_segs=4)]
     last: dict[float, np.ndarray] = {}
@@ -139,7 +140,7 @@ def _cave(
     for _ in range(max(2, round(long / 25))):
         trunk = passages[rng.integers(len(passages))]
         at = int(rng.integers(1, len(trunk) - 1))
-        heading = np.arctan2(*(trunk[at] - trunk[at - 1])[::-1]) + rng.choice([-1, 1]) * rng.uniform(0.8, 1.8)
+        heading = math.atan2(*(trunk[at] - trunk[at - 1])[::-1]) + rng.choice([-1, 1]) * rng.uniform(0.8, 1.8)
         branch = _wind(rng, trunk[at], heading, rng.uniform(0.2, 0.5) * long, wander)
         if rng.random() >= dead_ends and rng.random() < loops:
             others = np.vstack(passages)
@@ -162,7 +163,7 @@ def _wind(rng: np.random.Generator, start: np.ndarray, heading: float, length: f
     stations, stray = [start], 0.0
     for _ in range(max(4, round(length / _STEP_M))):
         stray = 0.9 * stray + rng.normal(0.0, 0.35 * wander)
-        stations.append(stations[-1] + _STEP_M * np.array([np.cos(heading + stray), np.sin(heading + stray)]))
+        stations.append(stations[-1] + _STEP_M * np.array([math.cos(heading + stray), math.sin(heading + stray)]))
     return np.array(stations)
 
 

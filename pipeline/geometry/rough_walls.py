@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
@@ -9,10 +11,10 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.enclosure import as_polygons
+from pipeline.geometry.perturb import move_by_waves
 
 _WAVES_PER_OCTAVE = 24
 _STEPS = 4  # points on the shortest wavelength
-_CHUNK = 20_000
 _SPECK_M2 = 1.0
 
 
@@ -43,22 +45,17 @@ def roughen_walls(
     GeometryError
         If the displacement closes a drift or an island.
     """
-    octaves = max(1, round(np.log2(longest_m / shortest_m)))
-    centre_m = longest_m / 2.0 ** (np.arange(octaves) + 0.5)
-    share = centre_m**hurst
+    octaves = max(1, round(math.log2(longest_m / shortest_m)))
+    centre_m = [longest_m / 2.0 ** (k + 0.5) for k in range(octaves)]
+    share = np.array([math.pow(centre, hurst) for centre in centre_m])
     share *= rms_m / np.sqrt((share**2).sum())
-    length = np.repeat(centre_m, _WAVES_PER_OCTAVE) * 2.0 ** rng.uniform(-0.5, 0.5, octaves * _WAVES_PER_OCTAVE)
+    within = rng.uniform(-0.5, 0.5, (octaves, _WAVES_PER_OCTAVE)).tolist()
+    length = np.array([centre * 2.0**u for centre, octave in zip(centre_m, within, strict=True) for u in octave])
     heading, phase = rng.uniform(0, 2 * np.pi, (2, len(length)))
-    along = 2 * np.pi * np.column_stack([np.cos(heading), np.sin(heading)]) / length[:, None]
     size = rng.standard_normal((len(length), 2)) * np.repeat(share, _WAVES_PER_OCTAVE)[:, None]
     size *= np.sqrt(2.0 / _WAVES_PER_OCTAVE)
-
-    def moved(points: np.ndarray) -> np.ndarray:
-        places, index = np.unique(points, axis=0, return_inverse=True)  # a ring's first and last point stay equal
-        chunks = np.array_split(places, max(1, len(places) // _CHUNK))
-        return np.concatenate([p + np.cos(p @ along.T + phase) @ size for p in chunks])[index.ravel()]
-
-    rough = shapely.transform(shapely.segmentize(workings, shortest_m / _STEPS), moved)
+    fine = shapely.segmentize(workings, shortest_m / _STEPS)
+    rough = shapely.transform(fine, lambda points: move_by_waves(points, length, heading, phase, size))
     return as_polygons(_whole(rough, workings))
 
 
