@@ -1,9 +1,12 @@
 """Families of worlds: seeds of the splits, errors of variants, and builds over cores and a cluster."""
 
+import hashlib
 import json
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from contextlib import suppress
@@ -102,6 +105,34 @@ def test_a_ring_stays_closed_whatever_its_length():
     for length in range(10, 400, 10):
         ring = shapely.Polygon([(0, 0), (length, 0), (length, 5), (0, 5)])
         assert displace(ring, 0.3, 8.0, np.random.default_rng(length)).exterior.is_closed
+
+
+DIGITS = """
+import hashlib
+import numpy as np
+from pipeline.compose import compose
+from pipeline.geometry.generate import generate_workings
+from pipeline.geometry.rough_walls import roughen_walls
+rng = np.random.default_rng(2000064)
+digest = hashlib.sha256()
+for style in ("room_and_pillar", "drift_and_crosscut", "ramp", "cave"):
+    mine = compose(["survey=procedural", f"survey.mine.style={style}"]).survey.mine
+    workings = generate_workings(rib_noise_m=0.15, rng=rng, **mine.model_dump())
+    digest.update(workings.wkb + roughen_walls(workings, 0.06, 0.75, 1.0, 6.0, rng).wkb)
+print(digest.hexdigest())
+"""
+
+
+def test_a_procedural_mine_has_the_same_digits_with_the_kernels_of_another_processor():
+    others = ({}, {"OPENBLAS_CORETYPE": "Haswell"}, {"OPENBLAS_CORETYPE": "Sandybridge"})
+    digests = [
+        subprocess.run(
+            [sys.executable, "-c", DIGITS], env=os.environ | other, cwd=ROOT, capture_output=True, text=True, check=True
+        ).stdout.strip()
+        for other in others
+    ]
+    assert len(digests[0]) == hashlib.sha256().digest_size * 2
+    assert set(digests) == {digests[0]}
 
 
 def test_splits_share_no_seed_and_styles_alternate(monkeypatch):
