@@ -48,6 +48,19 @@ def test_a_good_world_has_a_certificate(tee, opened, config):
     assert found["reached_m2"] == pytest.approx(reachable.area, abs=reachable.length * params.cell_m / 2)
 
 
+@pytest.mark.parametrize(("shift_m", "alike"), [(2e-7, True), (2e-4, False)])
+def test_rounding_does_not_decide_about_a_row_of_cells_at_the_robots_radius(
+    tee, opened, config, monkeypatch, shift_m, alike
+):
+    monkeypatch.setattr(
+        "pipeline.proof.certificate.rock_clearance", lambda *args: np.maximum(rock_clearance(*args) - shift_m, 0.0)
+    )
+    params = without_stress(config).model_copy(update={"robot_radius_m": 0.375})  # walls lie 0.375 m beside a row
+    found = measure_containment(tee.bundle, opened, tee.free_space, params, TRACING)
+    assert (found["only_plan_m2"] == 0.0) == alike
+    assert alike or found["only_plan_m2"] > params.limits["only_plan_m2"].max
+
+
 def test_a_wall_across_a_drift_fails_the_expected_clauses(tee, config, tmp_path):
     bundle = tmp_path / "world"
     shutil.copytree(tee.bundle, bundle)

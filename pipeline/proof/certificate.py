@@ -42,6 +42,7 @@ _MARGIN_M = 4.0  # grid beyond the workings, within the rock's box in plan, so t
 _PROBE_HEIGHT_M = 0.35
 _ON_SEAM_M = 1e-4
 _ROWS = 64  # of the grid, at once
+_ROUNDING_M = 1e-5  # clearances this close are equal: walls may run exactly at the radius beside a row of cells
 _COMPARED_M = 0.25  # clearances are compared up to the robot's radius plus this
 
 
@@ -170,14 +171,16 @@ def _reach(
     probes = _probes(floor, places, is_inside)
     measured[queried] = rock_clearance(folder, T, GeomGroup.COLLISION, probes, most)
     start, seams = start_cell(record.spawn.anchor_m, frame), floor_seams(floor)
-    by_plan, by_world = (reached_cells(c.reshape(height, width), radius, start, frame, seams) for c in (plan, measured))
-    error = float(np.abs(plan - measured).max())
+    error = np.abs(plan - measured)
+    rounded = np.where(error <= _ROUNDING_M, plan, measured)
+    by_plan, by_world = (reached_cells(c.reshape(height, width), radius, start, frame, seams) for c in (plan, rounded))
+    clearance_error_m = round(float(error.max()), 5)
     if not (by_plan.any() and by_world.any()):  # the anchor itself is in rock
-        return {"clearance_error_m": round(error, 5), "reached_m2": 0.0, "same_graph": False}
+        return {"clearance_error_m": clearance_error_m, "reached_m2": 0.0, "same_graph": False}
     match = compare_sheets(
         by_plan, by_world, frame, [part.bounds for part in shapely.get_parts(free)], radius, *network
     )
-    return {"clearance_error_m": round(error, 5), **vars(match)}
+    return {"clearance_error_m": clearance_error_m, **vars(match)}
 
 
 def _plan_clearance(free: BaseGeometry, floor: Floor, places_m: np.ndarray, most_m: float) -> np.ndarray:
