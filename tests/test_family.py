@@ -215,7 +215,7 @@ def test_the_stress_test_of_a_sample_is_spread_over_the_split():
 
 def test_the_committed_list_has_mines_of_the_splits_by_seed_and_style():
     listed = read_list(ROOT / LIST)
-    assert listed
+    assert len(listed) == sum(SIZES.values())
     for (split, seed), world in listed.items():
         number = seed - SEEDS[split]
         assert 0 <= number < SIZES[split]

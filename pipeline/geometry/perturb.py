@@ -81,10 +81,11 @@ def displace(shape: BaseGeometry, sd_m: float, wave_m: float, rng: np.random.Gen
 def move_by_waves(
     points: np.ndarray, length: np.ndarray, heading: np.ndarray, phase: np.ndarray, size: np.ndarray
 ) -> np.ndarray:
-    """Displace points by a sum of plane waves: p + sum over k of size_k cos(2 pi / length_k u(heading_k) . p + phase_k).
+    """Displace points by a sum of plane waves.
 
-    The products and sums are written out: BLAS chooses a kernel by the processor, and kernels round a matrix product
-    in different ways (ADR 22). Equal points stay equal, so a closed ring stays closed.
+    A point p moves by the sum over k of size_k cos(2 pi / length_k u(heading_k) . p + phase_k). The products and
+    sums are written out: BLAS chooses a kernel by the processor, and kernels round a matrix product in different ways
+    (ADR 22). Equal points stay equal, so a closed ring stays closed.
 
     Parameters
     ----------
