@@ -15,7 +15,7 @@ from baselines.explorers import EXPLORERS
 from baselines.own_ways import require_own_ways
 from baselines.score import check
 from baselines.split_file import Drive, read_drives, require_whole, split_folder
-from baselines.split_statistics import improvement, middle, stratified
+from baselines.split_statistics import difference, improvement, middle, stratified
 from baselines.statistics import Figure, sample_times
 from minexplore.splits import STYLES
 
@@ -28,8 +28,10 @@ _HEADING = """## Unseen mines: the test split
 {mines} mines of four styles ([docs/families.md](docs/families.md)), one episode of {seconds:g} s in each. Interquartile
 means over mines, in brackets 95 % intervals by a bootstrap within the styles. The bound of a mine is what no robot can
 exceed; on average it is {loose} above the best walk that was found. `P` is the probability that a policy sees more of a
-mine than the best classical explorer in the table does{best}; equal counts half.
+mine than the best classical explorer in the table does{best}; equal counts half. `more` is the difference of the shares
+of the bound to that explorer in points; mines are drawn together, so its interval is that of the difference.
 """
+_STYLES_HEADING = "Share of the bound by style, interquartile means over the mines of a style:"
 
 
 @dataclass(frozen=True)
@@ -95,14 +97,25 @@ def split_section(results: Path, split: str) -> str:
     classical = [row for row in rows if row.policy in EXPLORERS]
     best = f", `{classical[0].policy}`" if classical else ""
     lines = [_HEADING.format(mines=len(kept[files[0]]), seconds=seconds, loose=loose, best=best)]
-    lines += [f"| policy | checked | {' | '.join(_COLUMNS)} | P |", "|---" * (len(_COLUMNS) + 3) + "|"]
+    lines += [f"| policy | checked | {' | '.join(_COLUMNS)} | P | more |", "|---" * (len(_COLUMNS) + 4) + "|"]
     for row in rows:
-        better = _text(_improvement(row, classical[0]), 2) if classical and row is not classical[0] else ""
+        better = _beside(row, classical[0]) if classical and row is not classical[0] else ("", "")
         checked = "driven here" if row.driven_here else "as stated"
         texts = [row.text(name) for name in _COLUMNS]
         texts[2] += f", never in {row.never}" if row.never else ""
-        lines.append(f"| {row.policy} | {checked} | {' | '.join(texts)} | {better} |")
-    return "\n".join([*lines, ""])
+        lines.append(f"| {row.policy} | {checked} | {' | '.join(texts)} | {' | '.join(better)} |")
+    return "\n".join([*lines, "", *_by_style(rows), ""])
+
+
+def _by_style(rows: list[_Row]) -> list[str]:
+    """Return the table of the share of the bound in each style; the styles alternate over a split's mines."""
+    lines = [_STYLES_HEADING, "", f"| policy | {' | '.join(style.replace('_', ' ') for style in STYLES)} |"]
+    lines.append("|---" * (len(STYLES) + 1) + "|")
+    for row in rows:
+        own = [row.shares[k :: len(STYLES)] for k in range(len(STYLES))]
+        figures = [stratified(middle, v, strata=np.zeros(len(v), int)) if len(v) else None for v in own]
+        lines.append(f"| {row.policy} | {' | '.join(_text(f, 1, 100) if f else '' for f in figures)} |")
+    return lines
 
 
 def _row(path: Path, drives: list[Drive]) -> _Row:
@@ -137,8 +150,12 @@ def _looseness(bounds: dict[str, Bound]) -> str:
     return f"{100 * (np.mean(ratios) - 1):.1f} % (at most {100 * (max(ratios) - 1):.0f} %, {len(ratios)} mines)"
 
 
-def _improvement(row: _Row, other: _Row) -> Figure:
-    return stratified(improvement, row.shares, other.shares, strata=np.arange(len(row.shares)) % len(STYLES))
+def _beside(row: _Row, other: _Row) -> tuple[str, str]:
+    """Return the probability of improvement over another policy, and the difference of the shares in points."""
+    strata = np.arange(len(row.shares)) % len(STYLES)
+    better, more = (stratified(f, row.shares, other.shares, strata=strata) for f in (improvement, difference))
+    points = [f"{100 * (v or 0.0):+.1f}" for v in (more.value, more.low, more.high)]
+    return _text(better, 2), f"{points[0]} ({points[1]} to {points[2]})"
 
 
 def _value(row: _Row) -> float | None:

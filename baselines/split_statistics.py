@@ -49,6 +49,11 @@ def improvement(ours: np.ndarray, theirs: np.ndarray) -> float:
     return float(np.mean((ours > theirs) + 0.5 * (ours == theirs)))
 
 
+def difference(ours: np.ndarray, theirs: np.ndarray) -> float:
+    """Return the difference of the interquartile means of values (n,) of the same mines."""
+    return middle(ours) - middle(theirs)
+
+
 def profile(values: np.ndarray, levels: np.ndarray) -> np.ndarray:
     """Return the share (k,) of values (n,) that are above each level (k,): a performance profile."""
     return (values[:, None] > levels).mean(axis=0)

@@ -13,7 +13,7 @@ from baselines.errors import BaselineError, RejectedError
 from baselines.score import score_split
 from baselines.split import bound_split, evaluate_split
 from baselines.split_file import read_drives, require_whole, write_drives
-from baselines.split_page import _Row, in_order, require_own_rows, split_section
+from baselines.split_page import _beside, _by_style, _Row, in_order, require_own_rows, split_section
 from baselines.split_statistics import improvement, middle, profile, stratified
 from baselines.statistics import Figure
 
@@ -35,8 +35,9 @@ def test_a_split_is_driven_once_resumed_and_put_into_a_table(mines, tmp_path):
     rows = [line.split("|") for line in text.splitlines() if "driven here" in line]
     assert [row[1].strip() for row in rows] == ["wall-following", "random"]
     assert "best classical explorer in the table does, `wall-following`" in " ".join(text.split())
-    assert rows[0][-2].strip() == ""
-    assert float(rows[1][-2].split("(")[0]) == 0.0  # it sees less in every mine
+    assert [cell.strip() for cell in rows[0][-3:-1]] == ["", ""]
+    assert float(rows[1][-3].split("(")[0]) == 0.0  # it sees less in every mine
+    assert float(rows[1][-2].split("(")[0]) < 0
 
 
 def test_a_file_that_is_not_whole_or_was_changed_is_refused(mines, tmp_path):
@@ -127,6 +128,17 @@ def test_rows_as_stated_stand_below_those_that_were_driven_and_mark_what_is_not_
     assert [row.policy for row in in_order(rows)] == ["c", "b", "d", "a"]
     assert [row.text("distance, m")[0] for row in rows] == ["~", "1", "1", "~"]
     assert rows[0].text("share of bound").startswith("90.0 %")
+
+
+def test_the_difference_to_another_policy_is_that_of_the_same_mines_and_styles_have_their_own_shares():
+    of_mine = np.tile([0.2, 0.4, 0.6, 0.8], 50) + np.random.default_rng(2).normal(0, 0.05, 200)
+    other, better = _Row("other", True, of_mine, {}, 0), _Row("better", True, of_mine + 0.03, {}, 0)
+    assert _beside(better, other) == ("1.00 (1.00-1.00)", "+3.0 (+3.0 to +3.0)")
+    assert _beside(other, better) == ("0.00 (0.00-0.00)", "-3.0 (-3.0 to -3.0)")
+    table = _by_style([other])
+    assert table[2] == "| policy | room and pillar | drift and crosscut | ramp | cave |"
+    shares = [float(cell.split(" %")[0]) for cell in table[-1].split("|")[2:-1]]
+    np.testing.assert_allclose(shares, [20, 40, 60, 80], atol=2.0)
 
 
 def test_the_ways_of_another_file_and_a_name_of_another_policy_are_refused(mines, tmp_path):
