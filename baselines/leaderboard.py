@@ -17,6 +17,7 @@ from baselines.split_page import split_section
 from baselines.statistics import STATED, Figure, as_text, figures
 
 PAGE = Path("LEADERBOARD.md")
+_PROFILES = Path("docs/unseen-profiles.png")
 _ALWAYS = ("area under coverage", "time to 50 %, s", "collisions per 100 m", "return")
 _HEADING = """# Leaderboard
 
@@ -43,8 +44,14 @@ class _Row(NamedTuple):
         return stated + as_text(name, self.figures.get(name, Figure(None, None, None, 0)))
 
 
-def leaderboard(results: Path) -> str:
+def leaderboard(results: Path, profiles: Path | None = None) -> str:
     """Return the page: a table for each environment, own mines last, the policy with the highest coverage first.
+
+    Parameters
+    ----------
+    results : Path
+    profiles : Path, optional
+        Where the performance profiles over the unseen mines are drawn.
 
     Raises
     ------
@@ -73,7 +80,7 @@ def leaderboard(results: Path) -> str:
     return "\n".join(
         [
             _HEADING,
-            *filter(None, [split_section(results, "test")]),
+            *filter(None, [split_section(results, "test", profiles)]),
             *(_section(env, tables[env], read_bounds().get(env)) for env in envs),
         ]
     )
@@ -101,7 +108,7 @@ def _section(env_id: str, rows: list[_Row], bound: Bound | None) -> str:
 
 def main() -> None:
     """Write the page."""
-    PAGE.write_text(leaderboard(RESULTS))
+    PAGE.write_text(leaderboard(RESULTS, _PROFILES))
     print(f"{PAGE} is written")
 
 

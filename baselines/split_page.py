@@ -15,6 +15,7 @@ from baselines.explorers import EXPLORERS
 from baselines.own_ways import require_own_ways
 from baselines.score import check
 from baselines.split_file import Drive, read_drives, require_whole, split_folder
+from baselines.split_profiles import draw_profiles
 from baselines.split_statistics import difference, improvement, middle, stratified
 from baselines.statistics import Figure, sample_times
 from minexplore.splits import STYLES
@@ -32,6 +33,10 @@ mine than the best classical explorer in the table does{best}; equal counts half
 of the bound to that explorer in points; mines are drawn together, so its interval is that of the difference.
 """
 _STYLES_HEADING = "Share of the bound by style, interquartile means over the mines of a style:"
+_PROFILES = """Performance profiles: in how many mines a policy sees more than a share of the bound.
+
+![Performance profiles]({picture})
+"""
 
 
 @dataclass(frozen=True)
@@ -69,8 +74,15 @@ def require_own_rows(kept: dict[Path, list[Drive]]) -> None:
     require_own_ways({path: [episode for _, episode in drives] for path, drives in kept.items()})
 
 
-def split_section(results: Path, split: str) -> str:
+def split_section(results: Path, split: str, picture: Path | None = None) -> str:
     """Return the section of a split from a folder of results, or nothing if it holds none.
+
+    Parameters
+    ----------
+    results : Path
+    split : str
+    picture : Path, optional
+        Where the performance profiles are drawn.
 
     Raises
     ------
@@ -104,7 +116,11 @@ def split_section(results: Path, split: str) -> str:
         texts = [row.text(name) for name in _COLUMNS]
         texts[2] += f", never in {row.never}" if row.never else ""
         lines.append(f"| {row.policy} | {checked} | {' | '.join(texts)} | {' | '.join(better)} |")
-    return "\n".join([*lines, "", *_by_style(rows), ""])
+    lines += ["", *_by_style(rows), ""]
+    if picture is not None:
+        draw_profiles({row.policy: row.shares for row in rows}, picture)
+        lines += [_PROFILES.format(picture=picture.as_posix())]
+    return "\n".join(lines)
 
 
 def _by_style(rows: list[_Row]) -> list[str]:

@@ -5,13 +5,14 @@ All follow Agarwal et al. 2021 (NeurIPS 34), with one run a mine and the styles 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from baselines.statistics import Figure, interquartile_mean
 
-_RESAMPLES, _CONFIDENCE = 2000, 95.0
+INTERVAL = (2.5, 97.5)  # percentiles
+_RESAMPLES = 2000
 
 
 def stratified(statistic: Callable[..., float], *values: np.ndarray, strata: np.ndarray, seed: int = 0) -> Figure:
@@ -26,14 +27,17 @@ def stratified(statistic: Callable[..., float], *values: np.ndarray, strata: np.
     strata : (n,) int
     seed : int
     """
+    drawn = [statistic(*(v[rows] for v in values)) for rows in draws(strata, seed)]
+    low, high = np.percentile(drawn, INTERVAL)
+    return Figure(float(statistic(*values)), float(low), float(high), len(strata))
+
+
+def draws(strata: np.ndarray, seed: int = 0) -> Iterator[np.ndarray]:
+    """Yield indices (n,) of mines of strata (n,), drawn again within each stratum: the samples of a bootstrap."""
     rng = np.random.default_rng(seed)
     members = [np.flatnonzero(strata == stratum) for stratum in np.unique(strata)]
-    drawn = np.empty(_RESAMPLES)
-    for i in range(_RESAMPLES):
-        rows = np.concatenate([rng.choice(m, len(m)) for m in members])
-        drawn[i] = statistic(*(v[rows] for v in values))
-    low, high = np.percentile(drawn, [(100 - _CONFIDENCE) / 2, (100 + _CONFIDENCE) / 2])
-    return Figure(float(statistic(*values)), float(low), float(high), len(strata))
+    for _ in range(_RESAMPLES):
+        yield np.concatenate([rng.choice(m, len(m)) for m in members])
 
 
 def middle(values: np.ndarray) -> float:

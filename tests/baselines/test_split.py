@@ -31,7 +31,10 @@ def test_a_split_is_driven_once_resumed_and_put_into_a_table(mines, tmp_path):
     evaluate_split("random", "test", 1)
     bounds = bound_split("test", 1)
     assert all(bound.found[-1] <= bound.most[-1] <= bound.cells for bound in bounds.values())
-    text = split_section(tmp_path, "test")
+    picture = tmp_path / "profiles.png"
+    text = split_section(tmp_path, "test", picture)
+    assert f"]({picture.as_posix()})" in text
+    assert picture.read_bytes().startswith(b"\x89PNG")
     rows = [line.split("|") for line in text.splitlines() if "driven here" in line]
     assert [row[1].strip() for row in rows] == ["wall-following", "random"]
     assert "best classical explorer in the table does, `wall-following`" in " ".join(text.split())
