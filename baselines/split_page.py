@@ -32,7 +32,7 @@ exceed; on average it is {loose} above the best walk that was found. `P` is the 
 mine than the best classical explorer in the table does{best}; equal counts half. `more` is the difference of the shares
 of the bound to that explorer in points; mines are drawn together, so its interval is that of the difference.
 """
-_STYLES_HEADING = "Share of the bound by style, interquartile means over the mines of a style:"
+_STYLES_HEADING = "Share of the bound by style, interquartile means over the mines of a style, and `P` there:"
 _PROFILES = """Performance profiles: in how many mines a policy sees more than a share of the bound.
 
 ![Performance profiles]({picture})
@@ -116,22 +116,30 @@ def split_section(results: Path, split: str, picture: Path | None = None) -> str
         texts = [row.text(name) for name in _COLUMNS]
         texts[2] += f", never in {row.never}" if row.never else ""
         lines.append(f"| {row.policy} | {checked} | {' | '.join(texts)} | {' | '.join(better)} |")
-    lines += ["", *_by_style(rows), ""]
+    lines += ["", *_by_style(rows, classical[0] if classical else None), ""]
     if picture is not None:
         draw_profiles({row.policy: row.shares for row in rows}, picture)
         lines += [_PROFILES.format(picture=picture.as_posix())]
     return "\n".join(lines)
 
 
-def _by_style(rows: list[_Row]) -> list[str]:
-    """Return the table of the share of the bound in each style; the styles alternate over a split's mines."""
+def _by_style(rows: list[_Row], best: _Row | None) -> list[str]:
+    """Return the table of shares in each style, with the improvement over a row; styles alternate over the mines."""
     lines = [_STYLES_HEADING, "", f"| policy | {' | '.join(style.replace('_', ' ') for style in STYLES)} |"]
     lines.append("|---" * (len(STYLES) + 1) + "|")
     for row in rows:
-        own = [row.shares[k :: len(STYLES)] for k in range(len(STYLES))]
-        figures = [stratified(middle, v, strata=np.zeros(len(v), int)) if len(v) else None for v in own]
-        lines.append(f"| {row.policy} | {' | '.join(_text(f, 1, 100) if f else '' for f in figures)} |")
+        lines.append(f"| {row.policy} | {' | '.join(_in_style(row, best, k) for k in range(len(STYLES)))} |")
     return lines
+
+
+def _in_style(row: _Row, best: _Row | None, style: int) -> str:
+    own = row.shares[style :: len(STYLES)]
+    if not len(own):
+        return ""
+    share = _text(stratified(middle, own, strata=np.zeros(len(own), int)), 1, 100)
+    if best is None or row is best:
+        return share
+    return f"{share}, P {improvement(own, best.shares[style :: len(STYLES)]):.2f}"
 
 
 def _row(path: Path, drives: list[Drive]) -> _Row:
