@@ -186,7 +186,7 @@ unseen: setup  ## bounds and classical explorers in the 200 mines of the test sp
 published-plan: setup  ## policies in the world of the published plan, after `make data` (docs/published-plan.md); resumes
 	@$(PY) -m benchmarks.published_plan $(ARGS)
 
-worst-mines: setup  ## where a learned explorer loses: ARGS="--policy graph-142 --beside nearest-frontier"
+worst-mines: setup  ## where a learned explorer loses: ARGS="--policy graph-cool-42 --beside information-gain"
 	@$(PY) -m baselines.worst_mines $(ARGS)
 
 teams: all  ## teams of two and four robots against one: ARGS="--mines 20" (docs/team.md); resumes

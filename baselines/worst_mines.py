@@ -1,6 +1,6 @@
 """The mines of a split in which a policy sees least beside another one, drawn and in a table.
 
-`make worst-mines ARGS="--policy graph-142 --beside nearest-frontier"` writes docs/worst-mines.md and .jpg.
+`make worst-mines ARGS="--policy graph-cool-42 --beside information-gain"` writes docs/worst-mines.md and .jpg.
 """
 
 from __future__ import annotations
