@@ -16,7 +16,7 @@ from baselines.own_ways import require_own_ways
 from baselines.score import check
 from baselines.split_file import Drive, read_drives, require_whole, split_folder
 from baselines.split_profiles import draw_profiles
-from baselines.split_statistics import difference, improvement, middle, stratified
+from baselines.split_statistics import difference, improvement, middle, strata_of, stratified
 from baselines.statistics import Figure, sample_times
 from minexplore.splits import STYLES
 
@@ -119,7 +119,7 @@ def split_section(results: Path, split: str, picture: Path | None = None) -> str
     lines += ["", *_by_style(rows, classical[0] if classical else None), ""]
     if picture is not None:
         draw_profiles({row.policy: row.shares for row in rows}, picture)
-        lines += [_PROFILES.format(picture=picture.as_posix())]
+        lines.append(_PROFILES.format(picture=picture.as_posix()))
     return "\n".join(lines)
 
 
@@ -160,7 +160,7 @@ def _row(path: Path, drives: list[Drive]) -> _Row:
         found["distance, m"].append(episode.path_m)
         found["collisions per 100 m"].append(100 * episode.collided / max(episode.path_m, 1.0))
         never += not len(late)
-    strata = np.arange(len(drives)) % len(STYLES)
+    strata = strata_of(len(drives))
     figures = {name: stratified(middle, np.array(values), strata=strata) for name, values in found.items()}
     here = was_driven_here(path, path.parents[1], drives[0][0], [episode for _, episode in drives])
     return _Row(drives[0][0].policy, here, np.array(found["share of bound"]), figures, never)
@@ -176,7 +176,7 @@ def _looseness(bounds: dict[str, Bound]) -> str:
 
 def _beside(row: _Row, other: _Row) -> tuple[str, str]:
     """Return the probability of improvement over another policy, and the difference of the shares in points."""
-    strata = np.arange(len(row.shares)) % len(STYLES)
+    strata = strata_of(len(row.shares))
     better, more = (stratified(f, row.shares, other.shares, strata=strata) for f in (improvement, difference))
     points = [f"{100 * (v or 0.0):+.1f}" for v in (more.value, more.low, more.high)]
     return _text(better, 2), f"{points[0]} ({points[1]} to {points[2]})"

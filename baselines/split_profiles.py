@@ -8,8 +8,7 @@ import matplotlib
 import numpy as np
 
 from baselines.explorers import EXPLORERS
-from baselines.split_statistics import INTERVAL, draws, profile
-from minexplore.splits import STYLES
+from baselines.split_statistics import INTERVAL, draws, profile, strata_of
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -31,7 +30,7 @@ def draw_profiles(shares: dict[str, np.ndarray], path: Path) -> None:
     figure, axis = plt.subplots(figsize=(9.5, 4.6), layout="constrained")
     for number, (policy, of_mines) in enumerate(shares.items()):
         colour = _COLOURS[number % len(_COLOURS)]
-        rows = draws(np.arange(len(of_mines)) % len(STYLES))
+        rows = draws(strata_of(len(of_mines)))
         low, high = np.percentile([profile(of_mines[drawn], _LEVELS) for drawn in rows], INTERVAL, axis=0)
         style = "--" if policy in EXPLORERS else "-"
         axis.plot(100 * _LEVELS, 100 * profile(of_mines, _LEVELS), style, color=colour, lw=1.5, label=policy)

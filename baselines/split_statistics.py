@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from baselines.statistics import Figure, interquartile_mean
+from minexplore.splits import STYLES
 
 INTERVAL = (2.5, 97.5)  # percentiles
 _RESAMPLES = 2000
@@ -30,6 +31,11 @@ def stratified(statistic: Callable[..., float], *values: np.ndarray, strata: np.
     drawn = [statistic(*(v[rows] for v in values)) for rows in draws(strata, seed)]
     low, high = np.percentile(drawn, INTERVAL)
     return Figure(float(statistic(*values)), float(low), float(high), len(strata))
+
+
+def strata_of(mines: int) -> np.ndarray:
+    """Return the stratum (mines,) of each mine of a split: its style, which alternate over the mines."""
+    return np.arange(mines) % len(STYLES)
 
 
 def draws(strata: np.ndarray, seed: int = 0) -> Iterator[np.ndarray]:
