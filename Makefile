@@ -25,8 +25,9 @@ all: setup  ## run the whole pipeline (dvc repro)
 	@$(PY) -m pipeline set-overrides
 	@dvc repro
 
+# Two workers fill two cores: more threads of BLAS than one each wait for each other, and take half as long again.
 test: setup  ## run the tests, without the slow ones
-	@$(PY) -m pytest -n 2 --dist worksteal -m "not slow" tests
+	@OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist worksteal -m "not slow" tests
 
 check: setup  ## lint, types, import contracts, dvc.yaml up to date
 	@ruff check . && ruff format --check . && mypy && lint-imports && $(PY) -m stages | cmp - dvc.yaml

@@ -153,8 +153,9 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
         project = Project(folder, tiny=False)
         fresh = project.run(sys.executable, "-m", "dvc", "--cd", str(ROOT), "status", "--json")
         if fresh.returncode == 0 and fresh.stdout.strip() == "{}":  # `make all` has already built it
-            shutil.rmtree(folder / "artifacts")
-            shutil.copytree(ROOT / "artifacts", folder / "artifacts", ignore=shutil.ignore_patterns("bench*"))
+            for name in (*STAGES, "report"):
+                shutil.copytree(ROOT / "artifacts" / name, folder / "artifacts" / name, dirs_exist_ok=True)
+            shutil.copy2(ROOT / "artifacts" / "params.yaml", folder / "artifacts" / "params.yaml")
         else:
             project.stages(*STAGES)
 
