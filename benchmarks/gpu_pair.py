@@ -1,27 +1,21 @@
-"""The environment on Warp beside that on the CPU, its reference: `make parity-gpu`, and at small counts the tests."""
+"""The same robots on the CPU, which is the reference, and on Warp: how far the two differ. `gpu_parity` counts them."""
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
-import json
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.stats
 
 from minexplore.robot import RobotParams, free_joint_qpos
 from minexplore.robot_batch import RobotBatch
 from minexplore.task import TaskParams
-from minexplore.warp import require_device, require_packages
-from minexplore.world import World, find_world, load_world
+from minexplore.warp import require_device
+from minexplore.world import World
 
-OUT = Path("artifacts/proof/gpu_parity.json")
 RANGE_LIMIT_M = 1e-3
-FLAGS_LIMIT = 0.999
-KS_LIMIT = 0.01  # p-value below which two samples are taken to differ
+_NEAR_M = 1e-4  # within which two places are taken to be one
+_SCATTER_EVERY, _HELD = 60, 8  # control steps
 
 
 class Pair:
@@ -30,6 +24,7 @@ class Pair:
     def __init__(self, world: World, count: int, device: str, task: TaskParams | None = None) -> None:
         """Make both."""
         from minexplore.warp.batch import WarpBatch
+        from minexplore.warp.graph import Replayed
 
         calm = [dataclasses.replace(zone, speed_noise_mps=0.0) for zone in world.floor_zones]
         self.world = dataclasses.replace(world, floor_zones=calm)
@@ -38,6 +33,12 @@ class Pair:
         self.cpu = RobotBatch(self.world, self.task, RobotParams(), count)
         self.warp = WarpBatch(self.world, self.task, RobotParams(), count, require_device(device))
         self.rngs = [np.random.default_rng(i) for i in range(count)]
+        self.look = Replayed(self.warp.device, lambda: self.warp.look("drives"))
+        self.push = Replayed(self.warp.device, self._push)
+
+    def _push(self) -> None:
+        self.warp.drive()
+        self.warp.describe()
 
     def scatter(self, rng: np.random.Generator, clearance_m: float = 0.4) -> None:
         """Place the robots at rest at random places of the mine, with nothing seen."""
@@ -73,11 +74,28 @@ class Pair:
         bits = np.unpackbits(words.view(np.uint8), axis=1, bitorder="little")
         return bits[:, : self.cpu.grid.total].astype(bool)
 
+    def forget_faults(self) -> None:
+        """Forget what went wrong on the device, and let all robots drive."""
+        self.warp.arrays["drives"].fill_(True)
+        self.warp.arrays["fault"].zero_()
+        self.warp.physics.data.overflow.zero_()
 
-def hard_driving(rng: np.random.Generator, count: int, step: int, held: int = 8, base: int = 0) -> np.ndarray:
-    """Return full throttle with turns that change every `held` steps, (count, 2) float32."""
-    block = np.random.default_rng([base, step // held])
-    return np.column_stack([block.choice([1.0, 1.0, 1.0, -1.0], count), block.uniform(-1, 1, count)]).astype(np.float32)
+    def faults(self) -> dict[str, int]:
+        """Return of how many robots the state was not finite, the place outside of the mine, or contacts left out."""
+        from minexplore.warp.faults import NOT_FINITE, OUTSIDE
+
+        fault = self.warp.arrays["fault"].numpy()
+        return {
+            "not_finite": int(((fault & int(NOT_FINITE)) != 0).sum()),
+            "outside": int(((fault & int(OUTSIDE)) != 0).sum()),
+            "overflows": int(np.count_nonzero(self.warp.physics.overflows())),
+        }
+
+
+def hard_driving(count: int, step: int, seed: int) -> np.ndarray:
+    """Return full throttle with turns that change every `_HELD` steps, (count, 2) float32."""
+    rng = np.random.default_rng([seed, step // _HELD])
+    return np.column_stack([rng.choice([1.0, 1.0, 1.0, -1.0], count), rng.uniform(-1, 1, count)]).astype(np.float32)
 
 
 def compare_looks(pair: Pair, rays: int, seed: int = 0) -> dict[str, Any]:
@@ -90,7 +108,7 @@ def compare_looks(pair: Pair, rays: int, seed: int = 0) -> dict[str, Any]:
         pair.scatter(rng)
         pair.share_state()
         ranges, new = pair.cpu._look(every)
-        pair.warp.look("drives")
+        pair.look()
         apart.append(np.abs(pair.warp.arrays["ranges"].numpy() - ranges).ravel())
         cells += int((pair.seen() != pair.cpu.seen[:, pair.cpu.grid.reachable]).sum())
         cells += int((pair.warp.arrays["gained"].numpy() != new).sum())
@@ -106,194 +124,82 @@ def compare_looks(pair: Pair, rays: int, seed: int = 0) -> dict[str, Any]:
 
 def compare_steps(pair: Pair, steps: int, seed: int = 0) -> dict[str, Any]:
     """Drive at least so many control steps, each from equal states; return how far the two differ after each."""
-    rng, every = np.random.default_rng(seed), np.arange(pair.count)
-    a = pair.warp.arrays
-    a["drives"].fill_(True)
-    flags, moved, contacts, rewards, compared = 0, [], 0, 0.0, 0
+    rng, a = np.random.default_rng(seed), pair.warp.arrays
+    pair.forget_faults()
+    found = dict.fromkeys(("control_steps", "with_contact", "flags_that_differ", "rewards_compared"), 0)
+    moved, rewards = [], 0.0
     for step in range(-(-steps // pair.count)):
-        if step % 60 == 0:
+        if step % _SCATTER_EVERY == 0:
             pair.scatter(rng)
         pair.share_state()
         pair.share_counts()
-        action = hard_driving(rng, pair.count, step, base=seed)
+        action = hard_driving(pair.count, step, seed)
         a["action"].assign(action)
         outcome = pair.cpu.step(action, pair.rngs)
         pair.warp.step()
-        touched = a["touched"].numpy().astype(bool)
-        same = touched == outcome.info["collision"]
-        flags += int(same.sum())
-        contacts += int(outcome.info["collision"].sum())
+        same = a["touched"].numpy().astype(bool) == outcome.info["collision"]
         moved.append(np.linalg.norm(pair.warp.physics.data.qpos.numpy()[:, :3] - pair.cpu.qpos[:, :3], axis=1))
         equal = same & (a["cells_seen"].numpy() == pair.cpu.cells_seen)
-        compared += int(equal.sum())
         rewards = max(rewards, float(np.abs(a["reward"].numpy() - outcome.reward)[equal].max(initial=0.0)))
-    place = np.concatenate(moved)
+        found["control_steps"] += pair.count
+        found["with_contact"] += int(outcome.info["collision"].sum())
+        found["flags_that_differ"] += int((~same).sum())
+        found["rewards_compared"] += int(equal.sum())
+    apart = np.concatenate(moved)
     return {
-        "control_steps": len(place),
-        "with_contact": contacts,
-        "flags_that_agree": flags / len(place),
-        "rewards_compared": compared,
+        **found,
         "largest_reward_difference": rewards,
-        "place_apart_m": {
-            "median": float(np.median(place)),
-            "p99": float(np.quantile(place, 0.99)),
-            "max": float(place.max()),
-        },
-        "overflows": int(np.count_nonzero(pair.warp.physics.overflows())),
-        "faults": int(np.count_nonzero(a["fault"].numpy())),
-        "robots": len(every),
+        "places_beyond_0.1_mm": int((apart > _NEAR_M).sum()),
+        "largest_distance_m": float(apart.max()),
+        **pair.faults(),
     }
 
 
 def stress(pair: Pair, contacts: int, seed: int = 0) -> dict[str, Any]:
     """Ram robots into rock for at least so many control steps with contact; return what escaped or was not finite."""
-    rng = np.random.default_rng(seed)
-    a = pair.warp.arrays
-    a["drives"].fill_(True)
-    done, step = 0, 0
-    a["fault"].zero_()
+    rng, a = np.random.default_rng(seed), pair.warp.arrays
+    pair.forget_faults()
+    done, step, clearance_m, iterations = 0, 0, np.inf, 0
     while done < contacts:
-        if step % 60 == 0:
+        if step % _SCATTER_EVERY == 0:
             pair.scatter(rng)
             pair.share_state()
-        a["action"].assign(
-            np.column_stack([np.ones(pair.count), rng.uniform(-0.2, 0.2, pair.count)]).astype(np.float32)
-        )
-        pair.warp.drive()
+        turns = rng.uniform(-0.2, 0.2, pair.count)
+        a["action"].assign(np.column_stack([np.ones(pair.count), turns]).astype(np.float32))
+        pair.push()
         done += int(a["touched"].numpy().sum())
+        clearance_m = min(clearance_m, float(_clearance_at(pair.world, a["pose"].numpy()[:, :2]).min()))
+        iterations = max(iterations, int(pair.warp.physics.data.solver_niter.numpy().max()))
         step += 1
-    pair.warp.describe()
-    places = a["pose"].numpy()[:, :2]
-    clearance = _clearance_at(pair.world, places)
-    fault = a["fault"].numpy()
     return {
         "contacts": done,
         "control_steps": step * pair.count,
-        "not_finite": int((~np.isfinite(places)).any(axis=1).sum() + ((fault & 2) != 0).sum()),
-        "outside": int(((fault & 4) != 0).sum()),
-        "least_clearance_m": float(clearance.min()),
-        "overflows": int(np.count_nonzero(pair.warp.physics.overflows())),
+        "least_clearance_m": clearance_m,
+        "largest_iterations": iterations,
+        **pair.faults(),
     }
 
 
 def _clearance_at(world: World, places_m: np.ndarray) -> np.ndarray:
-    at = np.floor((places_m - world.origin_m) / world.cell_m).astype(int)
+    """Return the map's clearance (m) at places (n, 2), m in the mine frame; -1 where they are not finite or outside."""
+    at = np.floor((np.nan_to_num(places_m, nan=-1e9) - world.origin_m) / world.cell_m).astype(int)
     rows, cols = world.clearance_m.shape
-    return world.clearance_m[np.clip(at[:, 1], 0, rows - 1), np.clip(at[:, 0], 0, cols - 1)]
+    inside = (at >= 0).all(axis=1) & (at[:, 1] < rows) & (at[:, 0] < cols)
+    return np.where(inside, world.clearance_m[np.where(inside, at[:, 1], 0), np.where(inside, at[:, 0], 0)], -1.0)
 
 
-def compare_episodes(cpu: Any, warp: Any, policies: tuple[Any, Any], episodes: int, seed: int = 0) -> dict[str, Any]:
-    """Drive whole episodes by the same policy on both; return the p-values of a two-sample KS test.
+def drive_episodes(env: Any, policy: Any, seed: int) -> list[list[float]]:
+    """Return return and coverage of the first episode of each robot of a vector environment with arrays.
 
-    Parameters
-    ----------
-    cpu, warp : VectorEnv
-        Environments of as many robots, with arrays; each gives at least `episodes` episodes.
-    policies : two policies
-        One for each, as `baselines` has them: `reset(robots, seeds)`, `act(observation, info)`.
+    Robot i has the seed `seed + i`; `policy` is one of `baselines.policy`.
     """
-    samples = [_drive_episodes(env, policy, episodes, seed) for env, policy in zip((cpu, warp), policies, strict=True)]
-    figures = {}
-    for k, name in enumerate(("return", "coverage")):
-        one, two = samples[0][:, k], samples[1][:, k]
-        figures[name] = {
-            "cpu_mean": float(one.mean()),
-            "warp_mean": float(two.mean()),
-            "ks_p": float(scipy.stats.ks_2samp(one, two).pvalue),
-        }
-    return {"episodes": len(samples[0]), **figures}
-
-
-def _drive_episodes(env: Any, policy: Any, episodes: int, seed: int) -> np.ndarray:
-    """Return return and coverage (episodes, 2) of each robot's first episode, seeds after seeds."""
-    found: list[np.ndarray] = []
     count = env.num_envs
-    while len(found) * count < episodes:
-        first = seed + len(found) * count
-        observation, info = env.reset(seed=first)
-        policy.reset(np.arange(count), np.arange(first, first + count))
-        total, coverage, over = np.zeros(count), np.zeros(count), np.zeros(count, dtype=bool)
-        while not over.all():
-            observation, reward, _, truncated, info = env.step(policy.act(observation, info))
-            total += np.where(over, 0.0, reward)
-            coverage = np.where(over, coverage, info["coverage"])
-            over |= truncated
-        found.append(np.column_stack([total, coverage]))
-    return np.concatenate(found)[:episodes]
-
-
-def failures(found: dict[str, Any]) -> list[str]:
-    """Return what of a whole comparison breaks its limit, a sentence each."""
-    looks, steps, pushes = found["looks"], found["steps"], found["stress"]
-    checks = [
-        (
-            looks["rays_beyond_1_mm"] == 0,
-            f"{looks['rays_beyond_1_mm']} of {looks['rays']} rays differ by more than 1 mm",
-        ),
-        (looks["cells_that_differ"] == 0, f"{looks['cells_that_differ']} cells differ at equal poses"),
-        (steps["flags_that_agree"] >= FLAGS_LIMIT, f"collision flags agree on {steps['flags_that_agree']:.5f}"),
-        (steps["largest_reward_difference"] < 1e-4, f"rewards differ by {steps['largest_reward_difference']:g}"),
-        (steps["overflows"] + pushes["overflows"] == 0, "contacts overflowed"),
-        (
-            pushes["not_finite"] + pushes["outside"] == 0,
-            f"{pushes['outside']} robots escaped, {pushes['not_finite']} are not finite",
-        ),
-    ]
-    for policy, figures in found.get("episodes", {}).items():
-        for name in ("return", "coverage"):
-            p = figures[name]["ks_p"]
-            checks.append((p >= KS_LIMIT, f"{policy}: {name} differs (KS, p = {p:.4f})"))
-    return [text for holds, text in checks if not holds]
-
-
-def main() -> int:
-    """Compare at the counts of the command line, write `OUT` and tell what fails."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--device", default="cuda:0")
-    parser.add_argument("--robots", type=int, default=1024)
-    parser.add_argument("--rays", type=int, default=100_000)
-    parser.add_argument("--steps", type=int, default=100_000)
-    parser.add_argument("--contacts", type=int, default=1_000_000)
-    parser.add_argument("--episodes", type=int, default=256)
-    parser.add_argument("--env", default="MineXplore/ChileanMineEntrance-v0")
-    parser.add_argument("--policy", nargs="*", default=["wall-following"])
-    asked = parser.parse_args()
-    try:
-        require_packages()
-        require_device(asked.device)
-    except (ImportError, ValueError) as error:
-        print(f"parity-gpu: {error}", file=sys.stderr)
-        return 3
-    pair = Pair(load_world(find_world("chilean_mine")), asked.robots, asked.device)
-    found = {
-        "device": asked.device,
-        "looks": compare_looks(pair, asked.rays),
-        "steps": compare_steps(pair, asked.steps),
-        "stress": stress(pair, asked.contacts),
-    }
-    found["episodes"] = {name: _compare_policy(asked, name) for name in asked.policy if asked.episodes}
-    OUT.parent.mkdir(parents=True, exist_ok=True)
-    OUT.write_text(json.dumps(found, indent=2) + "\n")
-    print(json.dumps(found, indent=2))
-    broken = failures(found)
-    for text in broken:
-        print(f"parity-gpu: {text}", file=sys.stderr)
-    return 1 if broken else 0
-
-
-def _compare_policy(asked: argparse.Namespace, name: str) -> dict[str, Any]:
-    import gymnasium
-
-    import minexplore  # noqa: F401  registers the environments
-    from baselines.policy import make_policy
-
-    count = min(asked.episodes, asked.robots)
-    kwargs: dict[str, Any] = {"num_envs": count, "vectorization_mode": "vector_entry_point"}
-    cpu = gymnasium.make_vec(asked.env, **kwargs)
-    warp = gymnasium.make_vec(asked.env, **kwargs, backend="warp", device=asked.device, numpy=True)
-    policies = tuple(make_policy(name, count, cpu.unwrapped.task) for _ in range(2))
-    return compare_episodes(cpu, warp, policies, asked.episodes)  # type: ignore[arg-type]
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    observation, info = env.reset(seed=seed)
+    policy.reset(np.arange(count), np.arange(seed, seed + count))
+    total, coverage, over = np.zeros(count), np.zeros(count), np.zeros(count, dtype=bool)
+    while not over.all():
+        observation, reward, _, truncated, info = env.step(policy.act(observation, info))
+        total += np.where(over, 0.0, reward)
+        coverage = np.where(over, coverage, info["coverage"])
+        over |= truncated
+    return np.column_stack([total, coverage]).tolist()

@@ -114,7 +114,8 @@ class DeviceAlgorithm:
 
     def restore_from_path(self, folder: str) -> None:
         """Take up what `save_to_path` wrote."""
-        state = torch.load(Path(folder) / _FILE, weights_only=True, map_location=str(self.env.device))
+        # Adam counts its steps on the CPU: on the device, every update would wait for them.
+        state = torch.load(Path(folder) / _FILE, weights_only=True, map_location="cpu")
         self.training_iteration = state.pop("iteration")
         self.ppo.load(state, None, True)
 

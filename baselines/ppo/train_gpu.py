@@ -17,8 +17,9 @@ from baselines.ppo.settings import TrainSettings, compose_settings
 from baselines.ppo.train import train
 from minexplore.warp import require_device, require_packages
 
-# Thousands of robots fill a device; fewer epochs, as each batch is as large. Any of them can be given again.
-DEFAULTS = ["robots=4096", "ppo.fragment=32", "ppo.minibatch=32768", "ppo.epochs=4", "steps=200_000_000"]
+# A control step launches about 2,300 kernels, whatever the number of robots: many robots are needed to fill a device.
+# Fewer epochs, as each batch is as large. Any of them can be given again.
+DEFAULTS = ["robots=16384", "ppo.fragment=16", "ppo.minibatch=32768", "ppo.epochs=4", "steps=200_000_000"]
 
 
 def start_on_device(device: str, settings: TrainSettings, run: RunFolder, history: History) -> Any:

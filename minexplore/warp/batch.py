@@ -93,6 +93,10 @@ class WarpBatch:
             "coverage": wp.zeros(n, dtype=float),
         }
 
+    def forget(self) -> None:
+        """Drop the recorded graphs: they hold this batch, and with it the device's memory."""
+        del self.step, self.restart
+
     def _step(self) -> None:
         self.drive()
         self.look("drives")

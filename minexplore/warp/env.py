@@ -176,6 +176,7 @@ class MineWarpEnv(VectorEnv):
     def close_extras(self, **kwargs: Any) -> None:
         """Free the device's memory."""
         self.tensors, self._final = {}, {}
+        self.robots.forget()
         del self.robots
 
     def _seed(self, seeds: list[int | None], mask: np.ndarray) -> None:

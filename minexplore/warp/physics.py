@@ -13,6 +13,9 @@ _BATCHED = ("geom_dataid", "geom_aabb", "geom_rbound")
 _FLOORS = 2  # zones that a wheel can stand on at once
 _PARTS = 8  # of rock that a chassis can touch at once; more is told by `overflows`, as is what follows
 _PAIRS, _CONVEX = 12, 4  # pairs of geoms near each other, and those of chassis and rock, of a robot on average
+# MuJoCo Warp iterates until all robots have converged, so one that never does (NaN) would hold up the others a hundred
+# times. docs/gpu-parity.md has the most that contacts took.
+_ITERATIONS = 20
 _ITERATED = mjw.OverflowType.ITERATIONS | mjw.OverflowType.LS_ITERATIONS  # a limit of iterations; nothing was left out
 
 
@@ -26,7 +29,9 @@ class WarpPhysics:
         self.slots = self.table.parts.shape[1]
         self.host_model, geoms = slot_model(models, self.slots)
         floor_pairs, rock_pairs = 4 * _FLOORS, self.slots + 1  # of one robot at most; the roof is rock
-        self.model = mjw.put_model(self.host_model, batch_sizes=dict.fromkeys(_BATCHED, count))
+        self.host_model.opt.iterations = _ITERATIONS
+        rows = max(2, count)  # MuJoCo Warp looks for empty mesh slots only where a field has several rows
+        self.model = mjw.put_model(self.host_model, batch_sizes=dict.fromkeys(_BATCHED, rows))
         self.model.opt.warn_overflow = 0  # bits are kept and reported, nothing is printed
         self.data = mjw.make_data(
             self.host_model,

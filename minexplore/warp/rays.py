@@ -47,7 +47,8 @@ def _mesh(parts: list[tuple[np.ndarray, np.ndarray]], middle: np.ndarray) -> wp.
     vertices = np.concatenate([vertices for vertices, _ in parts]) - middle
     faces = np.concatenate([faces + start for (_, faces), start in zip(parts, first, strict=False)])
     points = wp.array(vertices.astype(np.float32), dtype=wp.vec3)
-    return wp.Mesh(points=points, indices=wp.array(faces.astype(np.int32).ravel(), dtype=int))
+    indices = wp.array(faces.astype(np.int32).ravel(), dtype=int)
+    return wp.Mesh(points, indices, bvh_constructor="sah", bvh_leaf_size=1)  # slow to build, fastest to cast in
 
 
 @wp.kernel(enable_backward=False)
