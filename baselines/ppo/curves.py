@@ -59,7 +59,7 @@ def keep(runs: Path = TRAINED, kept: Path = KEPT) -> None:
         picked = sorted({round(i) for i in np.linspace(0, len(lines) - 1, _POINTS)})
         reached, last = progress.parent / "reached.json", lines[-1]
         record = {
-            "run": settings.name,
+            "run": progress.parent.name,
             "seed": settings.seed,
             "env": settings.env,
             "settings": settings.model_dump(mode="json"),
@@ -72,7 +72,7 @@ def keep(runs: Path = TRAINED, kept: Path = KEPT) -> None:
             "points": {k: [lines[i][k] for i in picked] for k in ("steps", *(name for name, _ in _AXES))},
         }
         kept.mkdir(parents=True, exist_ok=True)
-        (kept / f"{settings.name}.json").write_text(json.dumps(record) + "\n")
+        (kept / f"{progress.parent.name}.json").write_text(json.dumps(record) + "\n")
 
 
 def read_runs(kept: Path = KEPT) -> dict[str, list[dict[str, Any]]]:

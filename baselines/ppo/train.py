@@ -57,7 +57,7 @@ def train(
     finally:
         progress.close()
     facts = {
-        "run": settings.name,
+        "run": folder.name,
         "stop": stop,
         "steps": history.steps,
         "episodes": len(history.episodes),

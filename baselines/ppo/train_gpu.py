@@ -51,7 +51,8 @@ def main() -> None:
     asked = {text.partition("=")[0] for text in given}
     settings = compose_settings([text for text in DEFAULTS if text.partition("=")[0] not in asked] + given)
     require_trainable(settings.env)
-    facts = train(settings, TRAINED / f"{settings.name}-warp", partial(start_on_device, device))
+    kind, _, seed = settings.name.rpartition("-")
+    facts = train(settings, TRAINED / f"{kind}-warp-{seed}", partial(start_on_device, device))
     print(json.dumps(facts))
 
 

@@ -263,8 +263,10 @@ def test_curves_show_every_run_beside_the_paper(tmp_path):
         *(line | rise | {"steps": 100 * i, "best_rolling_coverage": 0.1 * i} for i, rise in enumerate(later, 1)),
     ]
     (run / "progress.jsonl").write_text("".join(json.dumps(each) + "\n" for each in some))
+    shutil.copytree(run, tmp_path / "runs" / "ChileanMineEntrance-beams-mlp-warp-42")
     curves.keep(tmp_path / "runs", tmp_path / "kept")
     runs = curves.read_runs(tmp_path / "kept")
+    assert list(runs) == ["ChileanMineEntrance-beams-mlp", "ChileanMineEntrance-beams-mlp-warp"]
     text = curves.table(runs)
     assert "| 42 | unfinished | 400 | 5 | 40.00 | 40.00 | 1 | TC, 257, 100.0, 89.79 |" in text
     curves.draw_curves(runs, tmp_path / "c.png")
