@@ -101,10 +101,8 @@ rewards, flags and the info are torch tensors on the device. They are views of t
 call overwrites them. `zone` is a number there, west to east. `step` waits for nothing, so `check` tells of faults:
 actions or states that are not finite, robots outside of the mine, and limits of MuJoCo Warp that were too small.
 
-The CPU's environment is the reference; [ADR
-21](https://github.com/minexplore/minexplore/blob/main/docs/adr/0021-the-environment-on-a-gpu.md) says how closely one
-step agrees with it. Physics has 32 bits and random numbers are those of Philox, with the seed as key, so whole episodes
-can agree in distribution only.
+The CPU's environment is the reference; [gpu-parity](gpu-parity.md) says how closely the two agree. Physics has 32 bits
+and random numbers are those of Philox, with the seed as key, so whole episodes can agree in distribution only.
 """
 
 
