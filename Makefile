@@ -25,7 +25,7 @@ all: setup  ## run the whole pipeline (dvc repro)
 	@$(PY) -m pipeline set-overrides
 	@dvc repro
 
-# Two workers fill two cores: more threads of BLAS than one each wait for each other, and take half as long again.
+# Two workers fill two cores: more threads of BLAS than one each would wait for each other.
 test: setup  ## run the tests, without the slow ones
 	@OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist worksteal -m "not slow" tests
 

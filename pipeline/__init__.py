@@ -8,6 +8,8 @@ __version__ = "0.1.0"
 
 # MuJoCo chooses its OpenGL backend at the first import; the pipeline always renders off screen.
 os.environ.setdefault("MUJOCO_GL", "osmesa")
+# Matrices are small here: several threads of BLAS gain nothing, and where other programs run they wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 _missing = [name for name in ("cv2", "hydra", "mujoco", "open3d", "pydantic", "shapely") if find_spec(name) is None]
 if _missing:
