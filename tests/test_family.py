@@ -336,6 +336,35 @@ def test_a_killed_process_and_a_second_command_are_told_in_one_line(monkeypatch,
         make_family(members, 2, lambda outcomes, count: outcomes)
 
 
+ENDED_AT_ONCE = """
+import os, signal
+from pipeline.build import family
+
+fork = os.fork
+
+def interrupt(kind, frame):
+    raise KeyboardInterrupt
+
+def fork_and_end():
+    pid = fork()
+    if pid == 0:
+        os.kill(os.getpid(), signal.SIGTERM)
+    return pid
+
+os.fork = fork_and_end
+signal.signal(signal.SIGTERM, interrupt)
+try:
+    list(family._over_cores([1, 2], 2))
+except BaseException as error:
+    print(type(error).__name__, flush=True)
+"""
+
+
+def test_a_process_that_is_ended_before_it_begins_does_not_go_on_as_a_second_parent():
+    done = subprocess.run([sys.executable, "-c", ENDED_AT_ONCE], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.stdout == "LimitError\n"
+
+
 def test_two_commands_of_two_splits_that_end_at_once_both_enter_the_manifest(monkeypatch, tmp_path):
     monkeypatch.setattr(family, "FAMILIES", tmp_path / "families")
     read, both = json.loads, threading.Barrier(2)

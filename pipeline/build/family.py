@@ -30,6 +30,7 @@ from pipeline.store.verify import verify_world
 from pipeline.survey.child_limits import die_with_parent
 
 FAMILIES = ARTIFACTS / "families"
+_ENDS = (signal.SIGINT, signal.SIGTERM)  # signals that end a command
 _LIGHT = "preset=light"
 # What preset=light leaves out; conf/validation/default.yaml has the same values.
 _STRESS_TEST = (
@@ -233,7 +234,13 @@ def make_member(member: Member, families: Path) -> Outcome:
 def _over_cores(members: list[Member], jobs: int) -> Generator[Outcome]:
     pool = ProcessPoolExecutor(min(jobs, len(members)), initializer=_begin_worker, initargs=(os.getpid(),))
     try:
-        for future in as_completed([pool.submit(make_member, m, FAMILIES) for m in members]):
+        # A process that is told to end before `_begin_worker` would go on as a second parent, by its handler.
+        signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)
+        try:
+            futures = [pool.submit(make_member, m, FAMILIES) for m in members]
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDS)
+        for future in as_completed(futures):
             yield future.result()
     except BrokenProcessPool as error:
         raise LimitError(
@@ -251,6 +258,7 @@ def _begin_worker(parent: int) -> None:
     """Prepare a process that builds worlds: it leaves Ctrl-C to its parent, and ends with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDS)
     die_with_parent(parent)
 
 
