@@ -90,7 +90,7 @@ class WarpBatch:
             "observation": wp.zeros((n, beams + COMMANDS), dtype=float),
             "reward": wp.zeros(n, dtype=float),
             "pose": wp.zeros((n, 3), dtype=float),
-            "coverage": wp.zeros(n, dtype=float),
+            **{name: wp.zeros(n, dtype=float) for name in ("height", "pitch", "roll", "coverage")},
         }
 
     def forget(self) -> None:
@@ -189,13 +189,13 @@ class WarpBatch:
         )
 
     def describe(self) -> None:
-        """Queue the robots' poses, floor zones and coverage."""
+        """Queue the robots' poses, heights, floor zones and coverage."""
         a = self.arrays
         wp.launch(
             describe_robots,
             self.count,
-            [self.frame, self._edges, self.grid.total, self.physics.data.qpos, a["cells_seen"]]
-            + [a["pose"], a["zone"], a["coverage"]],
+            [self.frame, self._edges, self.robot.wheel_radius_m, self.grid.total, self.physics.data.qpos]
+            + [a["cells_seen"], a["pose"], a["height"], a["pitch"], a["roll"], a["zone"], a["coverage"]],
         )
 
 

@@ -30,6 +30,9 @@ _INFO = {  # of `info`: the array of the batch
     "collisions": "collisions",
     "zone": "zone",
     "pose_m_rad": "pose",
+    "height_m": "height",
+    "pitch_rad": "pitch",
+    "roll_rad": "roll",
 }
 _WORD = 1 << 32
 

@@ -39,17 +39,30 @@ def observe_beams(
 def describe_robots(
     frame: MineFrame,
     edges_m: wp.array[wp.float64],
+    wheel_m: wp.float64,
     total: int,
     qpos: wp.array2d[float],
     cells_seen: wp.array[int],
     pose: wp.array2d[float],
+    height: wp.array[float],
+    pitch: wp.array[float],
+    roll: wp.array[float],
     zone: wp.array[int],
     coverage: wp.array[float],
 ):
-    """Write every robot's pose (x, y in m and yaw in rad, mine frame), floor zone and coverage, a thread a robot."""
+    """Write every robot's pose (x, y in m and yaw in rad, mine frame), floor zone and coverage, a thread a robot.
+
+    Height (m) is that of the floor under wheels of radius `wheel_m`; pitch, nose up, and roll, left side up, are
+    against the level (rad), as in `RobotBatch`.
+    """
     robot = wp.tid()
     place = body_place(frame, qpos, robot)
-    axes = wp.transpose(frame.rotation) * body_rotation(qpos, robot)
+    rotation = body_rotation(qpos, robot)
+    axes = wp.transpose(frame.rotation) * rotation
+    one = wp.float64(1.0)
+    height[robot] = wp.float32(place[2] - wheel_m)
+    pitch[robot] = wp.float32(wp.asin(wp.clamp(rotation[2, 0], -one, one)))
+    roll[robot] = wp.float32(wp.asin(wp.clamp(rotation[2, 1], -one, one)))
     pose[robot, 0] = wp.float32(place[0])
     pose[robot, 1] = wp.float32(place[1])
     pose[robot, 2] = wp.float32(wp.atan2(axes[1, 0], axes[0, 0]))
