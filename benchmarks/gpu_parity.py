@@ -17,9 +17,13 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from baselines.environments import find_id
+from baselines.errors import BaselineError
+from baselines.policy import make_policy
 from baselines.progress import Progress
 from benchmarks.gpu_pair import Pair, compare_looks, compare_steps, drive_episodes, stress
 from benchmarks.gpu_parity_page import EPISODES, page, rows
+from minexplore.task import TaskParams
 from minexplore.warp import require_device, require_packages
 from minexplore.world import find_world, load_world
 from pipeline.store.files import write_atomically
@@ -104,8 +108,6 @@ class Comparison:
             yield Part(f"{EPISODES}{name}", "episodes", asked.episodes, partial(self._drive, name))
 
     def _drive(self, name: str, block: int) -> dict[str, Any]:
-        from baselines.policy import make_policy
-
         cpu, warp = self._envs
         seed, task = block * self._robots, cpu.unwrapped.task
         found = [drive_episodes(env, make_policy(name, self._robots, task), seed) for env in (cpu, warp)]
@@ -125,6 +127,14 @@ def main() -> int:
     parser.add_argument("--policy", nargs="*", default=list(POLICIES), help="of the whole episodes")
     parser.add_argument("--only", nargs="*", metavar="PART", help="measure these now, write no page")
     asked = parser.parse_args()
+    if asked.robots < 1:
+        parser.error(f"--robots {asked.robots}: want 1 or more")
+    try:
+        asked.env = find_id(asked.env)
+        for name in asked.policy:
+            make_policy(name, 1, TaskParams())
+    except BaselineError as error:
+        parser.error(str(error))
     try:
         require_packages()
         device = require_device(asked.device)

@@ -1,13 +1,15 @@
 """How `make parity-gpu` counts, resumes and judges; these tests need neither Warp nor a GPU."""
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.gpu_parity import Part, merge
+from benchmarks.gpu_parity import Part, main, merge
 from benchmarks.gpu_parity_page import compare_samples, page, rows
+from tests.project import ROOT
 
 LOOKS = {"rays": 100, "largest_difference_m": 2e-5, "rays_beyond_1_mm": 0, "cells_that_differ": 0}
 SOUND = {"outside": 0, "not_finite": 0, "overflows": 0}
@@ -84,6 +86,23 @@ def test_every_limit_that_is_broken_is_told():
         lines = rows(good | {name: part})
         assert [row.holds for row in lines].count(False) == 1, part
         assert page(lines, "CPU", 4, "Mine").count("**missed**") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--policy", "nobody"], "policy = 'nobody': valid choices are"),
+        (["--env", "Nowhere"], "Nowhere"),
+        (["--robots", "0"], "--robots 0: want 1 or more"),
+    ],
+)
+def test_a_wrong_argument_is_told_before_anything_is_measured(monkeypatch, capsys, words, message):
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(sys, "argv", ["gpu_parity", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert message in capsys.readouterr().err
 
 
 def test_equal_samples_of_32_and_64_bits_are_no_difference():

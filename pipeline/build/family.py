@@ -235,11 +235,11 @@ def _over_cores(members: list[Member], jobs: int) -> Generator[Outcome]:
     pool = ProcessPoolExecutor(min(jobs, len(members)), initializer=_begin_worker, initargs=(os.getpid(),))
     try:
         # A process that is told to end before `_begin_worker` would go on as a second parent, by its handler.
-        signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)
         try:
             futures = [pool.submit(make_member, m, FAMILIES) for m in members]
         finally:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDS)
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         for future in as_completed(futures):
             yield future.result()
     except BrokenProcessPool as error:

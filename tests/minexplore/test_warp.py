@@ -12,6 +12,7 @@ torch = pytest.importorskip("torch", reason="torch comes with `make setup-gpu`")
 pytest.importorskip("mujoco_warp", reason="MuJoCo Warp comes with `make setup-gpu`")
 
 from benchmarks.gpu_pair import Pair, compare_looks, compare_steps, stress  # noqa: E402
+from benchmarks.gpu_parity_page import ITERATIONS  # noqa: E402
 from minexplore.backends import make_vector_env  # noqa: E402
 from minexplore.local_models import LocalModels  # noqa: E402
 from minexplore.robot import RobotParams  # noqa: E402
@@ -130,6 +131,7 @@ def test_robots_that_push_into_rock_stay_in_the_mine(pair: Pair):
     assert found["contacts"] >= 200
     assert found["not_finite"] == found["outside"] == found["overflows"] == 0
     assert found["least_clearance_m"] > RobotParams().radius_m - 0.1
+    assert found["largest_iterations"] < ITERATIONS == pair.warp.physics.host_model.opt.iterations
 
 
 def test_an_empty_slot_is_no_rock_even_for_a_lone_robot(tee: BuiltMine):
