@@ -72,7 +72,7 @@ def judge(seed: int) -> dict[str, Any]:
             "connected": topology["components_world"] == 1 and topology["loops_difference"] == 0,
             "certificate": bool(validator.certificate.holds),
             "wall_error_m": validator.wall_error.mean_m,
-            "parts_per_m": validator.measure("per_metre")["parts"],
+            "parts_per_wall_m": validator.measure("collision")["parts_per_wall_m"],
             "iou": round(float(validator.measure("iou")["free_space_vs_cleaned"]), 5),
             "area_m2": round(free.polygon.area),
             "loops": topology["loops_world"],
@@ -91,7 +91,7 @@ def holds(row: dict[str, Any]) -> bool:
 def table(rows: list[dict[str, Any]]) -> str:
     """Return the results by style as Markdown."""
     lines = [
-        "| style | mines | pass | largest wall error, m | most parts per metre | lowest IoU | area, m2 | loops |",
+        "| style | mines | pass | wall error, m | parts per metre of wall | lowest IoU | area, m2 | loops |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for style in (*STYLES, None):
@@ -103,7 +103,7 @@ def table(rows: list[dict[str, Any]]) -> str:
         most = max(row["loops"] for row in measured)
         name = style.replace("_", " ") if style else "all"
         worst = min(row["iou"] for row in measured)
-        error, parts = (max(row[key] for row in measured) for key in ("wall_error_m", "parts_per_m"))
+        error, parts = (max(row[key] for row in measured) for key in ("wall_error_m", "parts_per_wall_m"))
         passed = sum(map(holds, some))
         checks = f"{len(some)} | {passed} | {error:.3f} | {parts:.2f} | {worst:.4f}"
         lines.append(f"| {name} | {checks} | {low:,} to {high:,} | up to {most} |")

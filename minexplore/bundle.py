@@ -51,6 +51,8 @@ SURFACE_CLASS = "surface"
 
 ROOF_GEOM = "roof"
 
+INERTIAL_QUAT = (0.8, 0.6, 0.0, 0.0)  # of the mine's body where it states an inertia: no upright part has these axes
+
 # Pieces of a surface: the rough one is cut into chunks of walls and roof, the smooth one has a mesh a piece.
 WALLS, ROOF, FLOOR_CHAMFER = "walls", "roof", "floor_chamfer"
 

@@ -263,7 +263,7 @@ def _findings(conf: Path, detected: Detection) -> list[str]:
         lines.append(f"{detected.remarks['projection']}; if it is a local grid, state --unit m")
     if detected.values.get("unit"):
         lines.append(
-            f"unit: {detected.values['unit']}, because drifts are then {detected.width_m:.1f} m wide; "
+            f"unit: {detected.values['unit']}; drifts are then {detected.width_m:.1f} m wide; "
             "if wrong, correct survey.unit"
         )
     low, high = WIDTHS_M

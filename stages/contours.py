@@ -44,12 +44,12 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
             raw = cleaned = fill_polygon(traced, frame)
         elif workings.polygons.is_empty:
             raw, cleaned = _read_mask(params, plan, survey, places)
+            require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_workings_share)
             traced = _trace(params, plan, raw, cleaned, frame)
         else:
             mended = mend(workings.polygons, params.bridge_m, params.min_island_m2)
             traced = choose_component(mended, places)
             raw, cleaned = fill_polygon(workings.polygons, frame), fill_polygon(traced, frame)
-        require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_workings_share)
         correction = _correct(params, traced)
     except GeometryError as error:
         raise GeometryError(f"{(survey.sources or [survey.name])[0]}: {error}") from error

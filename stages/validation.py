@@ -12,6 +12,7 @@ from typing import Any
 from minexplore.bundle import MODEL
 from pipeline.geometry.sheets import whole_of
 from pipeline.metrics.limits import breaches, flatten, require_limits
+from pipeline.metrics.size import load_per_m2
 from pipeline.mjcf.bundle import read_floor
 from pipeline.mjcf.load_time import LoadCost, measure_load
 from pipeline.params.validation import ReplayParams, ValidationParams
@@ -55,11 +56,10 @@ def validate_world(
 
 
 def _timings(validator: Validator, cost: LoadCost) -> dict[str, Any]:
-    """Return the world's hash, the cost of loading it, and that cost per metre of drift."""
-    drift_m = validator.network.total_length_m
-    per_metre = {"load_s": round(cost.load_s / drift_m, 7), "load_memory_mb": round(cost.load_memory_mb / drift_m, 4)}
+    """Return the world's hash, the cost of loading it, and that cost per square metre of rock."""
+    per_m2 = load_per_m2(cost.load_s, cost.load_memory_mb, validator.measure("per_m2")["rock_m2"])
     digest = validator.world.record.world_sha256
-    return {"world_sha256": digest, "world": dataclasses.asdict(cost), "per_metre": per_metre}
+    return {"world_sha256": digest, "world": dataclasses.asdict(cost), "per_m2": per_m2}
 
 
 def _evidence(params: ValidationParams, validator: Validator) -> dict[str, Any]:

@@ -3,6 +3,7 @@ import yaml
 
 from pipeline.compose import compose
 from pipeline.errors import ParamsError
+from pipeline.metrics.size import FIXED_BYTES, FIXED_LOAD_S, FIXED_PARTS
 from tests.project import ROOT
 
 
@@ -54,7 +55,7 @@ def test_another_mine_has_every_limit_except_those_that_depend_on_the_size_of_th
         "texture.published.overall",
         "texture.published.dominant_wavelength_m",
         *("texture.rq_ratio.at_100_cm", "texture.rq_ratio.at_200_cm"),  # passages bound the relief of rock
-        # an error of the walls in metres, and size per metre of drift, have limits instead
+        # an error of the walls in metres, and size by metres of wall and area of rock, have limits instead
         "iou.free_space_vs_cleaned",
         "iou.free_space_vs_raw",
         "navigability.blocked_at_wall_share",
@@ -64,7 +65,7 @@ def test_another_mine_has_every_limit_except_those_that_depend_on_the_size_of_th
         "world.load_memory_mb",
     }
     looser = {
-        *(f"per_metre.{name}" for name in ("bytes", "load_s", "load_memory_mb")),  # a part does not grow with the mine
+        *(f"per_m2.{name}" for name in ("bytes", "load_s", "load_memory_mb")),  # coarser rock may need more
         "texture.bump_ratio",
         "texture.strict.overall",
         *(f"texture.rq_ratio.at_{cm}_cm" for cm in (10, 15, 20, 30, 50)),  # narrow passages bound the relief
@@ -93,16 +94,13 @@ def test_another_rock_keeps_its_limits_in_another_mine(rock):
     assert bool(kept) == (rock == "published_score")  # the others copy no scan
 
 
-def test_a_limit_per_metre_of_the_embedded_survey_is_at_least_as_strict_as_its_absolute_one():
-    validation, drift_m, wall_m = compose([]).validation, 1357.59, 2614.66
+def test_a_limit_by_the_size_of_the_embedded_survey_is_at_least_as_strict_as_its_absolute_one():
+    validation, rock_m2, wall_m = compose([]).validation, 18_530.0, 2614.66
     limits, clauses = validation.limits, validation.certificate.limits
-    for name, absolute in (
-        ("parts", "collision.parts"),
-        ("bytes", "world.bytes"),
-        ("load_s", "world.load_s"),
-        ("load_memory_mb", "world.load_memory_mb"),
-    ):
-        assert drift_m * limits[f"per_metre.{name}"].max <= limits[absolute].max
+    for name, fixed in (("bytes", FIXED_BYTES), ("load_s", FIXED_LOAD_S), ("load_memory_mb", 0)):
+        assert fixed + rock_m2 * limits[f"per_m2.{name}"].max <= limits[f"world.{name}"].max
+    parts = FIXED_PARTS + wall_m * limits["collision.parts_per_wall_m"].max
+    assert parts <= limits["collision.parts"].max
     for name in ("intrusion", "missing"):
         assert 1e-6 * wall_m * clauses[f"{name}_um"].max <= clauses[f"{name}_m2"].max
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from minexplore.bundle import (
     FLOOR_CHAMFER,
+    INERTIAL_QUAT,
     MINE_BODY,
     ROCK_CLASS,
     ROCK_TEXTURE,
@@ -156,6 +157,16 @@ _MINE = Element(
     {"name": required(exactly(MINE_BODY)), "pos": _PLACE, "quat": _TURNED},
     name=MINE_BODY,
     children=(
+        Element(
+            "inertial",  # of a body that never moves; `INERTIAL_QUAT` says why a world may have it
+            {
+                "pos": constant(0, 0, 0),
+                "quat": constant(*INERTIAL_QUAT),
+                "mass": constant(1),
+                "diaginertia": constant(1, 1, 1),
+            },
+            least=0,
+        ),
         Element(
             "geom",
             {

@@ -226,6 +226,9 @@ def require_same_network(
             raise GeometryError(f"{problem}: the drift at ({x:.1f}, {y:.1f}) would be closed; use a smaller value")
 
 
+LEAST_HALF_WIDTH_M = 0.35  # narrower passages do not admit the robot
+
+
 def passage_stations(network: DriftNetwork) -> tuple[np.ndarray, np.ndarray]:
     """Return stations (n, 2) and half widths (n,), m, except stations nearer to a dead end than their half width."""
     ends = np.array([network.nodes_m[name] for name in network.dead_ends]).reshape(-1, 2)

@@ -10,12 +10,11 @@ from scipy.spatial import cKDTree
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.geometry.skeleton import passage_stations
+from pipeline.geometry.skeleton import LEAST_HALF_WIDTH_M, passage_stations
 from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.types import DriftNetwork
 
 _NUDGES_M = np.array([-0.2, -0.1, 0.0, 0.1, 0.2])  # rough walls move the widest place of a section a little
-_LEAST_HALF_WIDTH_M = 0.35  # narrower passages do not admit the robot
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ def measure_walls(
     lines = lines or free
     gap = distances_to_walls(lines, seen)
     stations, half = passage_stations(network)
-    stations = stations[half >= _LEAST_HALF_WIDTH_M]
+    stations = stations[half >= LEAST_HALF_WIDTH_M]
     nudge = np.stack(np.meshgrid(_NUDGES_M, _NUDGES_M), axis=-1).reshape(-1, 2)
     places = (stations[:, None, :] + nudge).reshape(-1, 2)
     inside = shapely.contains_xy(free, places[:, 0], places[:, 1])

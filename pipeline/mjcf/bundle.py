@@ -35,6 +35,7 @@ from minexplore.folding import Folding
 from pipeline.errors import ArtifactError
 from pipeline.geometry.openings import filled_floor
 from pipeline.geometry.shaft_parts import OVER_ROOF, sheets_of_parts
+from pipeline.mjcf.compiled import compile_world
 from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.scene import FloorZone, MineScene
 from pipeline.mjcf.world import build_spec
@@ -135,7 +136,7 @@ def compile_bundle(scene: MineScene) -> dict[str, bytes]:
     """
     spec = build_spec(scene)
     try:
-        spec.compile()
+        compile_world(spec)
     except ValueError as error:
         raise ArtifactError(f"mine.xml: MuJoCo does not compile it: {error}") from error
     return {MODEL: spec.to_xml().encode(), **{name: bytes(data) for name, data in spec.assets.items()}}

@@ -46,11 +46,28 @@ def triangles_differ(one: np.ndarray, two: np.ndarray, split: bool = False) -> s
     worst = max(float(apart.max()), float(NearestFace(one).query(_samples(two))[0].max()))
     if not worst <= _APART_M:
         return f"{worst:.4f} m from where it should be"
-    normal, size = _unit(_crossed(one)), np.linalg.norm(_crossed(one), axis=1) / 2
-    facing = np.einsum("ij,ij->i", normal, _unit(_crossed(two))[side[: len(one)]])
-    if (facing[size > _SLIVER_M2] < _SAME_SIDE).any():
+    facing = np.einsum("ij,ij->i", _unit(_crossed(one)), _unit(_crossed(two))[side[: len(one)]])
+    size = np.linalg.norm(_crossed(one), axis=1) / 2
+    if any(not _faces_alike(one[face], two) for face in np.flatnonzero((facing < _SAME_SIDE) & (size > _SLIVER_M2))):
         return "a face that faces the wrong way"
     return None
+
+
+def _faces_alike(face: np.ndarray, wanted: np.ndarray) -> bool:
+    """Return whether one of the wanted triangles (m, 3, 3) m that face as a face (3, 3) m does is at its centre.
+
+    Where a fold bends a wall, thin faces may turn over in the wall's plane: the nearest face is then not the only one.
+    """
+    centre = face.mean(axis=0)
+    near = (wanted.min(axis=1) <= centre + _CORNER_M).all(axis=1) & (wanted.max(axis=1) >= centre - _CORNER_M).all(
+        axis=1
+    )
+    alike = wanted[near]
+    alike = alike[_unit(_crossed(alike)) @ _unit(_crossed(face[None]))[0] > _SAME_SIDE]
+    if not len(alike):
+        return False
+    centre = np.broadcast_to(centre, (len(alike), 3))
+    return bool(np.linalg.norm(closest_point(alike, centre) - centre, axis=1).min() <= _CORNER_M)
 
 
 class NearestFace:

@@ -25,6 +25,7 @@ from pipeline.metrics.clearance import WallGaps
 from pipeline.metrics.iou import intersection_over_union
 from pipeline.metrics.navigability import Navigability, cast_columns
 from pipeline.metrics.relief import Relief
+from pipeline.metrics.size import measure_size, parts_per_wall_m
 from pipeline.metrics.topology import compare_topology
 from pipeline.metrics.wall_error import WallError, measure_wall_error
 from pipeline.mjcf.bundle import (
@@ -217,13 +218,8 @@ def _wall_error(validator: Validator) -> dict[str, float]:
     return vars(validator.wall_error)
 
 
-def _per_metre(validator: Validator) -> dict[str, float]:
-    drift_m = validator.network.total_length_m
-    return {
-        "drift_m": drift_m,
-        "parts": round(_collision(validator)["parts"] / drift_m, 4),
-        "bytes": round(validator.world.bytes / drift_m),
-    }
+def _per_m2(validator: Validator) -> dict[str, float]:
+    return vars(measure_size(validator.free_space.polygon, validator.world.record.height_m, validator.world.bytes))
 
 
 def _navigability(validator: Validator) -> dict[str, Any]:
@@ -238,7 +234,10 @@ def _topology(validator: Validator) -> dict[str, Any]:
         holes = shapely.polygons([opening.outline_m for opening in openings])
         drawn = fill_polygon(MultiPolygon(shapely.buffer(holes, _PIXELS / frame.px_per_m).tolist()), frame)
         masks = masks[0] | drawn, masks[1] | drawn
-    return vars(compare_topology(*masks, frame, *validator._tracing, floor))
+    return {
+        "drift_m": validator.network.total_length_m,
+        **vars(compare_topology(*masks, frame, *validator._tracing, floor)),
+    }
 
 
 def _areas(validator: Validator) -> dict[str, float]:
@@ -246,8 +245,9 @@ def _areas(validator: Validator) -> dict[str, float]:
     return {**vars(validator.world.record.areas), "tunnel_pixels_m2": round(pixels, 3)}
 
 
-def _collision(validator: Validator) -> dict[str, int]:
-    return {"parts": len(part_vertices(validator.world.model, GeomGroup.COLLISION))}
+def _collision(validator: Validator) -> dict[str, float]:
+    parts = len(part_vertices(validator.world.model, GeomGroup.COLLISION))
+    return {"parts": parts, "parts_per_wall_m": parts_per_wall_m(parts, validator.free_space.polygon)}
 
 
 def _certificate(validator: Validator) -> dict[str, Any]:
@@ -291,7 +291,7 @@ MEASURES: dict[str, Callable[[Validator], dict[str, Any]]] = {  # group of metri
     "topology": _topology,
     "areas": _areas,
     "collision": _collision,
-    "per_metre": _per_metre,
+    "per_m2": _per_m2,
     "certificate": _certificate,
     "texture": _texture,
     "relief": _relief,

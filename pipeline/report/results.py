@@ -109,15 +109,16 @@ ROWS = [
         headline=True,
     ),
     _row("narrowest passage, clear width kept", "walls.narrowest_kept", ".3f"),
-    _row("drifts, m", "per_metre.drift_m", ",.0f"),
-    _row("convex collision parts per metre of drift", "per_metre.parts", ".3f"),
-    _row("bundle, bytes per metre of drift", "per_metre.bytes", ",.0f"),
+    _row("drifts, m", "topology.drift_m", ",.0f"),
+    _row("rock on walls and roof, m2", "per_m2.rock_m2", ",.0f"),
+    _row("convex collision parts beyond 8, per metre of wall", "collision.parts_per_wall_m", ".3f"),
+    _row("bundle beyond 1.1 MB, bytes per m2 of rock", "per_m2.bytes", ",.0f"),
     _row("bundle, MB", "world.bytes", "MB", headline=True),
     _row("MjModel load, the first in a process, s", "world.first_load_s", ".2f", headline=True),
     _row("MjModel load, again, s", "world.load_s", ".2f"),
     _row("MjModel load, peak of memory, MB", "world.load_memory_mb", ",.0f", headline=True),
-    _row("MjModel load, again, per metre of drift, s", "per_metre.load_s", ".5f"),
-    _row("MjModel load, peak of memory per metre of drift, MB", "per_metre.load_memory_mb", ".2f"),
+    _row("MjModel load, again, beyond 0.05 s, per m2 of rock, s", "per_m2.load_s", ".2e"),
+    _row("MjModel load, peak of memory per m2 of rock, MB", "per_m2.load_memory_mb", ".4f"),
 ]
 
 

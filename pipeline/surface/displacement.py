@@ -9,6 +9,8 @@ import numpy as np
 from pipeline.surface.lattice import Lattice
 from pipeline.surface.walls import smoothstep
 
+_AS_NARROW = 1.1  # of the narrowest half width: stations measure a width to a few per cent
+
 
 @dataclass(frozen=True)
 class Bounds:
@@ -17,9 +19,10 @@ class Bounds:
     In a passage with a half width up to `narrow_half_width_m`, a wall moves inwards by at most `narrow_share` of the
     half width, and is first moved back by `narrow_recess_m` to make space for its bumps. The relief is first multiplied
     by `narrow_gain`, because the bound flattens it. From there to `wide_half_width_m` the bound rises smoothly to
-    `wall_m`, the recess falls to zero and the gain to one. No wall moves by more than
-    `room_share` of the radius of the largest disc that touches it, in the workings or in the rock. The roof moves by at
-    most `roof_m`.
+    `wall_m`, the recess falls to zero and the gain to one. Passages about as narrow as the narrowest of the mine keep
+    `narrow_share` too, whatever their width: the narrowest passage decides which robots get through. No wall moves by
+    more than `room_share` of the radius of the largest disc that touches it, in the workings or in the rock. The roof
+    moves by at most `roof_m`.
     """
 
     wall_m: float
@@ -36,7 +39,7 @@ def bound_displacement(wanted_m: np.ndarray, lattice: Lattice, bounds: Bounds) -
     """Return displacements (n,) m, positive into the workings, as `bound * tanh(wanted / bound)`."""
     walls, column = lattice.walls, lattice.column
     half = walls.passage_m[column]
-    wide = smoothstep((half - bounds.narrow_half_width_m) / (bounds.wide_half_width_m - bounds.narrow_half_width_m))
+    wide = _wide(half, walls.narrowest_m, bounds)
     narrow = bounds.narrow_share * np.minimum(half, bounds.narrow_half_width_m)
     max_inwards = np.minimum(narrow + (bounds.wall_m - narrow) * wide, bounds.room_share * walls.free_m[column])
     max_outwards = np.minimum(bounds.wall_m, bounds.room_share * walls.rock_m[column])
@@ -45,6 +48,20 @@ def bound_displacement(wanted_m: np.ndarray, lattice: Lattice, bounds: Bounds) -
     wall = np.where(wanted_m > 0, max_inwards, max_outwards)
     bound = np.maximum(wall + (bounds.roof_m - wall) * lattice.roof_share, 1e-4)
     return bound * np.tanh(wanted_m / bound)
+
+
+def _wide(half_m: np.ndarray, narrowest_m: float, bounds: Bounds) -> np.ndarray:
+    """Return how far (n,), from 0 to 1, half widths (n,) m are on the way from the narrow bound to `wall_m`.
+
+    The mine's narrowest passage, and those up to `_AS_NARROW` wider, stay where the bound is `narrow_share` of their
+    half width; from there on it rises as elsewhere.
+    """
+    reach = bounds.wide_half_width_m - bounds.narrow_half_width_m
+    wide = smoothstep((half_m - bounds.narrow_half_width_m) / reach)
+    least = bounds.narrow_share * bounds.narrow_half_width_m
+    kept = np.clip((bounds.narrow_share * half_m - least) / (bounds.wall_m - least), 0.0, 1.0)
+    wider = smoothstep((half_m - _AS_NARROW * narrowest_m) / reach)
+    return np.minimum(wide, kept + (1.0 - kept) * wider)
 
 
 def displaced(lattice: Lattice, displacement_m: np.ndarray) -> np.ndarray:

@@ -18,7 +18,18 @@ from minexplore.floor import Floor
 from pipeline.errors import GeometryError
 from pipeline.geometry.polyline import arc_length
 from pipeline.geometry.seams import SeamLine, behind_seam, continue_sheets, seam_lines, seams_of_edges
-from pipeline.surface.walls import EVEN_M, TURN_M, Ring, Sheets, Walls, fillet, largest_discs, passages, smoothstep
+from pipeline.surface.walls import (
+    EVEN_M,
+    TURN_M,
+    Ring,
+    Sheets,
+    Walls,
+    fillet,
+    largest_discs,
+    narrowest_half_width,
+    passages,
+    smoothstep,
+)
 from pipeline.types import DriftNetwork
 
 _BEHIND_M = 1.5  # of the next sheet, that corners near a seam are rounded with
@@ -71,9 +82,8 @@ def lay_sheet_walls(free: BaseGeometry, floor: Floor, spacing_m: float, network:
     passage_m[walls] = free_m[walls] if network is None else passages(xy[walls], free_m[walls], network)
     free_m, rock_m, passage_m = (_evened(radius, runs) for radius in (free_m, rock_m, passage_m))
     along_m, length_m = _along(len(xy), runs, joined, group)
-    return Walls(
-        xy, inward, free_m, rock_m, passage_m, rings, Sheets(is_open, joined, group, along_m, length_m, offset)
-    )
+    sheets = Sheets(is_open, joined, group, along_m, length_m, offset)
+    return Walls(xy, inward, free_m, rock_m, passage_m, rings, sheets, narrowest_half_width(network))
 
 
 def _rounded_sheets(free: BaseGeometry, floor: Floor, seams: list[SeamLine]) -> list[Polygon]:

@@ -11,12 +11,12 @@ from shapely.geometry.base import BaseGeometry
 from minexplore.floor import Floor
 from minexplore.folding import Folding
 from pipeline.geometry.seams import SeamLine, continue_sheets, seam_lines, seams_of_edges
-from pipeline.geometry.subdivide import split_long_edges
+from pipeline.geometry.subdivide import split_edges
 from pipeline.surface.smooth import smooth_surface
 from pipeline.types import Mesh
 
 _BEHIND_M = 3.0  # of the next sheet; chamfers are narrower
-_LONGEST_M = 1.0  # of an edge that is folded
+_LONGEST_M, _BENT_M = 1.0, 0.002  # of an edge that the fold may bend, and by how much it may bend a longer one
 
 
 def smooth_sheets(
@@ -50,11 +50,32 @@ def _joined(meshes: list[Mesh]) -> Mesh:
 
 
 def fold_smooth(pieces: dict[str, Mesh], floor: Floor) -> dict[str, Mesh]:
-    """Return the smooth surface in space, with edges so short that it follows the floor; a flat one is unchanged."""
+    """Return the smooth surface in space; edges are halved until it follows the floor, and a flat one is unchanged."""
     if floor.is_flat:
         return pieces
     folding, folded = Folding(floor), {}
     for piece, mesh in pieces.items():
-        points, faces = split_long_edges(np.column_stack([mesh.vertices, mesh.texcoords]), mesh.faces, _LONGEST_M)
+        laid = np.column_stack([mesh.vertices, mesh.texcoords])
+        points, faces = split_edges(laid, mesh.faces, partial(_leaves_floor, folding))
         folded[piece] = Mesh(folding.fold(points[:, :3]), faces.astype(np.int32), points[:, 3:])
     return folded
+
+
+def _leaves_floor(folding: Folding, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """Return whether the fold bends edges (k,) longer than `_LONGEST_M`, between places (k, 3) m of the plan."""
+    length = np.linalg.norm(one[:, :3] - two[:, :3], axis=1)
+    long = np.flatnonzero(length > _LONGEST_M)
+    count = np.maximum(np.ceil(length[long] / _LONGEST_M).astype(int), 2)  # of pieces, with a place between each two
+    edge = np.repeat(long, count - 1)
+    share = (np.arange(len(edge)) - np.repeat(np.cumsum(count - 1) - (count - 1), count - 1) + 1) / np.repeat(
+        count, count - 1
+    )
+    ends = [folding.fold(end[:, :3]) for end in (one, two)]
+
+    def between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+        return start[edge, :3] + share[:, None] * (end[edge, :3] - start[edge, :3])
+
+    bent = np.linalg.norm(folding.fold(between(one, two)) - between(*ends), axis=1) > _BENT_M
+    found = np.zeros(len(length), bool)
+    found[edge[bent]] = True
+    return found

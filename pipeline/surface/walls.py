@@ -12,7 +12,7 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from pipeline.geometry.skeleton import passage_stations
+from pipeline.geometry.skeleton import LEAST_HALF_WIDTH_M, passage_stations
 from pipeline.types import DriftNetwork
 
 _FILLET_M = 0.2  # radius to which corners are rounded, so that displaced walls do not cross there
@@ -63,7 +63,8 @@ class Walls:
     `xy` (n, 2) m are their places, `inward` (n, 2) unit vectors into the workings. `free_m` and `rock_m` (n,) are radii
     of the largest discs in the workings and in the rock that touch the wall at the column. `passage_m` (n,) is half the
     width of the narrowest passage that the wall borders. In a bay of the wall, the disc is small even if the passage is
-    wide. A mine of several sheets has `sheets`, and columns in the open air along their seams.
+    wide. `narrowest_m` is half the width of the mine's narrowest passage, 0 if it is not known. A mine of several
+    sheets has `sheets`, and columns in the open air along their seams.
     """
 
     xy: np.ndarray
@@ -73,6 +74,7 @@ class Walls:
     passage_m: np.ndarray
     rings: list[Ring]
     sheets: Sheets | None = None
+    narrowest_m: float = 0.0
 
     @property
     def closed(self) -> np.ndarray:
@@ -108,7 +110,8 @@ def lay_walls(free: Polygon, spacing_m: float, network: DriftNetwork | None = No
     inward = np.concatenate([_inward(xy[r.first : r.first + r.count], r.step_m) for r in rings])
     free_m, rock_m = largest_discs(xy, inward)
     passage_m = free_m if network is None else passages(xy, free_m, network)
-    return Walls(xy, inward, _smoothed(free_m, rings), _smoothed(rock_m, rings), _smoothed(passage_m, rings), rings)
+    free_m, rock_m, passage_m = (_smoothed(radius, rings) for radius in (free_m, rock_m, passage_m))
+    return Walls(xy, inward, free_m, rock_m, passage_m, rings, narrowest_m=narrowest_half_width(network))
 
 
 def outline_of(xy: np.ndarray, rings: list[Ring]) -> Polygon | MultiPolygon:
@@ -210,6 +213,13 @@ def passages(xy: np.ndarray, disc_m: np.ndarray, network: DriftNetwork) -> np.nd
     for columns, half_width in zip(bordering, half, strict=True):
         least[columns] = np.minimum(least[columns], half_width)
     return np.where(np.isfinite(least), least, disc_m)
+
+
+def narrowest_half_width(network: DriftNetwork | None) -> float:
+    """Return half the width of the narrowest passage that admits a robot, m, or 0 without a network or a passage."""
+    half = passage_stations(network)[1] if network else np.zeros(0)
+    half = half[half >= LEAST_HALF_WIDTH_M]
+    return float(half.min()) if len(half) else 0.0
 
 
 def _smoothed(radius: np.ndarray, rings: list[Ring]) -> np.ndarray:

@@ -39,6 +39,8 @@ from pipeline.survey.workings import WIDTHS_M, draw_detected, find_workings, typ
 from pipeline.types import Georeference, Image, Mask
 
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pdf")
+_STATED_WIDTHS_M = (0.5, 100.0)  # in the unit that a file states: crawls to stopes; drawings often state a wrong unit
+_STATED_WIDTHS_M = (0.5, 100.0)  # in the unit that a file states: from crawls to stopes; some files state a wrong one
 _LIKELY_M = 5.5  # usual width of a mechanized drift; that of the published mine at scan 02S
 _BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
 _OF_WALLS = 0.7  # of the length of lines with elevations, that bounds workings; else they are centrelines
@@ -185,7 +187,8 @@ def _detect_vector(path: Path, stated: dict[str, Any]) -> Detection:
         lines = all(shapely.get_dimensions(shape) == 1 for shape in content.shapes)
         advice = "; --half-width M reads centrelines of drifts" if lines and "--half-width" not in str(problem) else ""
         raise InputError(f"{problem or f'{path}: has no workings'}{advice}")
-    keeps_unit = None in tried and (WIDTHS_M[0] <= tried[None][0] <= WIDTHS_M[1] or tried[None][1].crs is not None)
+    low, high = WIDTHS_M if content.unit is None else _STATED_WIDTHS_M
+    keeps_unit = None in tried and (low <= tried[None][0] <= high or tried[None][1].crs is not None)
     unit = None if keeps_unit else min(tried, key=lambda u: abs(np.log(tried[u][0] / _LIKELY_M)))
     width, place, has_heights = tried[unit]
     values = {
