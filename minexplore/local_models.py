@@ -89,10 +89,7 @@ class LocalModels:
         geoms = len(spec.geoms)
         if geoms <= _MOST_GEOMS:
             spec.memory = _CONTACT_BYTES + geoms * _CONTACT_BYTES_PER_GEOM
-        try:
-            return spec.compile()
-        except ValueError as error:
-            raise BundleError(f"{self.world.folder / MODEL}: MuJoCo does not compile it: {error}") from error
+        return self.world.compile(spec)
 
     def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
         """Return a physics model's spec; without a tile it holds all parts."""
