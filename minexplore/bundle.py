@@ -87,6 +87,11 @@ class BundleError(ValueError):
         super().__init__(clean if len(message) <= _MOST_SAID else f"{clean} ...")
 
 
+def line_of(error: BaseException) -> str:
+    """Return a library's message on one line."""
+    return " ".join(str(error).split())
+
+
 class GeomGroup(IntEnum):
     """What a geom is. MuJoCo's viewers show groups 0 to 2 and hide the rest."""
 

@@ -49,7 +49,7 @@ def surface_meshes(world: World) -> Meshes:
 
 def collision_meshes(world: World) -> Meshes:
     """Return the hulls of the collision parts, vertices (n, 3) and faces (m, 3), by geom name (m, mine frame)."""
-    model = world.spec().compile()
+    model = world.compile(world.spec())
     meshes: Meshes = {}
     for geom in (model.geom(number) for number in range(model.ngeom)):
         if not is_rock(geom.name):

@@ -30,6 +30,10 @@ from minexplore.world import World
 TILE_M = 2.0
 _OVERHEAD = 2.0  # times a robot's height: a roof so high over the highest floor nearby is out of its reach
 _MARGIN_M = 0.1  # beyond the robot's radius and one control step's travel; contacts need none of it
+# MuJoCo reserves 13 MB for the contacts of any model, twice a batch: 13 GB of addresses for the 512 batches that are
+# kept. Robots thrown at walls use less than 24 kB; 10 kB hold the contacts of a geom at five places.
+_CONTACT_BYTES, _CONTACT_BYTES_PER_GEOM = 32 << 10, 10 << 10
+_MOST_GEOMS = 1000  # larger models keep MuJoCo's value
 
 
 @dataclass(frozen=True)
@@ -81,10 +85,11 @@ class LocalModels:
         BundleError
             If MuJoCo refuses a part; the message is MuJoCo's.
         """
-        try:
-            return self.spec(tile).compile()
-        except ValueError as error:
-            raise BundleError(f"{self.world.folder / MODEL}: MuJoCo does not compile it: {error}") from error
+        spec = self.spec(tile)
+        geoms = len(spec.geoms)
+        if geoms <= _MOST_GEOMS:
+            spec.memory = _CONTACT_BYTES + geoms * _CONTACT_BYTES_PER_GEOM
+        return self.world.compile(spec)
 
     def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
         """Return a physics model's spec; without a tile it holds all parts."""

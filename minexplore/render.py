@@ -99,7 +99,7 @@ class Renderer:
         mine = spec.body(MINE_BODY)
         mine.quat, mine.pos = quaternion(self.T_world_mine[:3, :3]), self.T_world_mine[:3, 3]
         spec.visual.global_.offwidth, spec.visual.global_.offheight = self.size_px
-        return spec.compile()
+        return self.world.compile(spec)
 
     def _view(self, name: str, qpos: np.ndarray) -> np.ndarray:
         model, data = self.place(qpos)

@@ -21,7 +21,7 @@ class Team(RobotBatch):
         """Compile the mine with all robots."""
         super().__init__(world, task, robot, count, lidar=lidar)
         names = tuple(f"robot_{i}" for i in range(count))
-        self.model = self.local_models.spec(None, names).compile()
+        self.model = world.compile(self.local_models.spec(None, names))
         self.data = mujoco.MjData(self.model)
         self._qpos_at = np.array([qpos_address(self.model, name) for name in names])
         self._qvel_at = np.array([qvel_address(self.model, name) for name in names])

@@ -14,7 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from minexplore.bundle import MODEL, RECORD, BundleError
+from minexplore.bundle import MODEL, RECORD, BundleError, line_of
 from minexplore.floor import Floor
 from minexplore.floor_zones import FloorZone, read_zones
 from minexplore.open_shafts import OpenShafts
@@ -56,7 +56,20 @@ class World:
         try:
             return mujoco.MjSpec.from_file(str(self.folder / MODEL))
         except ValueError as error:
-            raise BundleError(f"{self.folder / MODEL}: MuJoCo does not read it: {error}") from error
+            raise BundleError(f"{self.folder / MODEL}: MuJoCo does not read it: {line_of(error)}") from error
+
+    def compile(self, spec: mujoco.MjSpec) -> mujoco.MjModel:
+        """Return the model of a spec that was made of this world's.
+
+        Raises
+        ------
+        BundleError
+            If MuJoCo refuses a part; the message is MuJoCo's.
+        """
+        try:
+            return spec.compile()
+        except ValueError as error:
+            raise BundleError(f"{self.folder / MODEL}: MuJoCo does not compile it: {line_of(error)}") from error
 
     def read(self, name: str) -> bytes:
         """Return a file of the bundle.

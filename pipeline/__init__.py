@@ -1,5 +1,6 @@
 """From a mine survey to a validated MuJoCo world: the library behind the six stages."""
 
+import ctypes
 import os
 import sys
 from importlib.util import find_spec
@@ -10,6 +11,14 @@ __version__ = "0.1.0"
 os.environ.setdefault("MUJOCO_GL", "osmesa")
 # Matrices are small here: several threads of BLAS gain nothing, and where other programs run they wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# glibc reserves 64 MB of addresses for each thread, and keeps blocks of up to 32 MB that are free. Two arenas serve the
+# pipeline's threads as fast, and `certify` then runs within 4 GB (`ulimit -v`).
+_M_MMAP_THRESHOLD, _M_ARENA_MAX = -3, -8
+_mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+if _mallopt is not None:
+    _mallopt(_M_ARENA_MAX, 2)
+    _mallopt(_M_MMAP_THRESHOLD, 16 << 20)
 
 _missing = [name for name in ("cv2", "hydra", "mujoco", "open3d", "pydantic", "shapely") if find_spec(name) is None]
 if _missing:

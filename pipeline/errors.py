@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import signal
 import sys
 from collections.abc import Callable
@@ -11,6 +12,12 @@ import numpy as np
 
 _OURS = ("minexplore", "pipeline", "stages")  # packages; a module that these lack is a fault of ours
 _MOST_NAME = 300  # characters of a file's name in a message
+_MOST_REASON = 200  # characters of a library's message
+# How Python, C++, NumPy, MuJoCo, OpenCV and the loader of libraries state that memory or addresses ran out.
+_NO_MEMORY = (
+    *("bad_alloc", "ould not allocate", "annot allocate memory", "nable to allocate", "nsufficient memory"),
+    *("ailed to allocate", "failed to map segment", "can't start new thread", "ut of memory"),
+)
 
 
 class MineError(Exception):
@@ -45,6 +52,10 @@ class ArtifactError(MineError):
     """An artifact is missing, broken, or different from its manifest."""
 
 
+class MemoryShortageError(MineError):
+    """There is not enough memory; nothing is wrong with the input."""
+
+
 class LimitError(MineError):
     """A measured value breaches its limit in `conf/validation`."""
 
@@ -53,7 +64,7 @@ def run_command(name: str, command: Callable[[], object], interrupted: str = "in
     """Run a command; return its exit code: 2 after an expected error, 130 after Ctrl-C or SIGTERM.
 
     An error of the operating system is expected as well: a file that may not be read, a folder that may not be written,
-    a full disk, a name that is too long. The message names the file. So is a missing package.
+    a full disk, a name that is too long. The message names the file. So are a missing package and a lack of memory.
     """
     received: list[int] = []
 
@@ -79,11 +90,40 @@ def run_command(name: str, command: Callable[[], object], interrupted: str = "in
         return 2
     except BaseException as error:
         # Interrupted while it is imported, a library raises an error of its own.
-        if not (received or isinstance(error, KeyboardInterrupt)):
+        if received or isinstance(error, KeyboardInterrupt):
+            print(f"{name}: {interrupted}", file=sys.stderr)
+            return 130
+        if not lacks_memory(error):
             raise
-        print(f"{name}: {interrupted}", file=sys.stderr)
-        return 130
+        print(f"{name}: {describe_shortage(error)}", file=sys.stderr)
+        return 2
     return 0
+
+
+def lacks_memory(error: BaseException | None) -> bool:
+    """Return whether an error is a lack of memory, or was raised from one."""
+    while error is not None:
+        ours = isinstance(error, MineError)  # whose text may quote a file
+        if isinstance(error, MemoryError | MemoryShortageError):
+            return True
+        if isinstance(error, Exception) and not ours and any(text in str(error) for text in _NO_MEMORY):
+            return True
+        error = error.__cause__
+    return False
+
+
+def describe_shortage(error: BaseException) -> str:
+    """Return a lack of memory as one printable line, with the limit on the process if it has one."""
+    most = resource.getrlimit(resource.RLIMIT_AS)[0]
+    limit = "" if most == resource.RLIM_INFINITY else f" within {most:,} bytes of addresses (`ulimit -v`)"
+    reason = printable(str(error) or type(error).__name__, _MOST_REASON)
+    return f"not enough memory{limit} ({reason})"
+
+
+def printable(text: str, most: int) -> str:
+    """Return a text of a library on one line without control characters, at most so many characters."""
+    line = "".join(c if c.isprintable() else " " for c in " ".join(text.split()))
+    return line if len(line) <= most else f"{line[:most]} ..."
 
 
 def describe_os_error(error: OSError) -> str:
@@ -96,4 +136,4 @@ def describe_os_error(error: OSError) -> str:
         if len(str(error.filename)) <= _MOST_NAME
         else f"{error.filename[:80]}...: {reason}"
     )
-    return "".join(c if c.isprintable() else " " for c in text)
+    return printable(text, 2 * _MOST_NAME)

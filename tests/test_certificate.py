@@ -3,7 +3,9 @@
 import dataclasses
 import json
 import math
+import resource
 import shutil
+import subprocess
 import sys
 
 import mujoco
@@ -24,6 +26,7 @@ from pipeline.proof.replay_report import grade_along
 from pipeline.proof.stress_test import stress_walls
 from pipeline.survey.sweeps import read_poses
 from tests.mines import TEE, BuiltMine
+from tests.project import ROOT
 
 TRACING = (0.25, 2.0)
 
@@ -272,3 +275,19 @@ def test_the_published_sweeps_fit_the_walls_of_the_published_plan(shared_mine, b
     assert set(report["sweeps"]) == {"00S", "11S", "25S", "40S"}
     assert sorted(s["collision"]["median_m"] for s in report["sweeps"].values())[2] < 0.6
     assert report["largest_correction_m"] <= report["correction_bound_m"]
+
+
+@pytest.mark.slow
+def test_the_default_world_is_certified_within_four_gigabytes_of_addresses():
+    bundle = ROOT / "artifacts/realism/world"
+    if not (bundle / "world.json").is_file():
+        pytest.skip("the default world is not built")
+    command = [sys.executable, "-m", "pipeline", "certify", "--bundle", str(bundle), "--contacts", "2000"]
+    most = 4_000_000 * 1024  # `ulimit -v 4000000`
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, preexec_fn=limit)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert json.loads(done.stdout)["holds"]

@@ -4,9 +4,12 @@ import json
 import os
 import signal
 
+import cv2
+import mujoco
+import numpy as np
 import pytest
 
-from pipeline.errors import ArtifactError, InputError, ParamsError, run_command
+from pipeline.errors import ArtifactError, InputError, ParamsError, lacks_memory, run_command
 from pipeline.import_mine import require_name
 from pipeline.params.validation import ValidationParams
 from pipeline.report.results import read_metrics
@@ -62,6 +65,33 @@ def test_an_import_that_a_signal_breaks_is_an_interrupt_and_no_traceback(capsys)
 def test_an_unexpected_error_stays_one():
     with pytest.raises(ZeroDivisionError):
         run_command("new", lambda: 1 / 0)
+
+
+def _simulate_in_a_terabyte():
+    spec = mujoco.MjSpec()
+    spec.memory = 1 << 46
+    mujoco.MjData(spec.compile())
+
+
+@pytest.mark.parametrize(
+    "work",
+    [
+        lambda: np.zeros(1 << 50),
+        lambda: bytearray(1 << 50),
+        lambda: cv2.resize(np.zeros((4, 4), np.float64), (1 << 30, 1 << 20)),
+        _simulate_in_a_terabyte,
+    ],
+)
+def test_a_lack_of_memory_is_one_line_whichever_library_meets_it(work, capsys):
+    assert run_command("surface", work) == 2
+    text = capsys.readouterr().err
+    assert text.startswith("surface: not enough memory")
+    assert text.count("\n") == 1
+
+
+def test_an_error_that_quotes_a_file_is_no_lack_of_memory():
+    assert not lacks_memory(InputError("out of memory.csv: empty file"))
+    assert not lacks_memory(KeyboardInterrupt("Unable to allocate"))
 
 
 def test_an_expected_error_is_its_message(capsys):

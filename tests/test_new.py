@@ -17,7 +17,7 @@ from benchmarks.look_at_report import find_browser, look_at
 from pipeline.__main__ import parse
 from pipeline.survey.draw import draw_plan, frame_around
 from tests.mines import TEE
-from tests.project import message_of
+from tests.project import TINY_STATIONS, message_of
 
 
 def pipeline(project, *arguments):
@@ -246,3 +246,38 @@ def test_overrides_may_stand_anywhere_on_the_command_line(capsys):
         with pytest.raises(SystemExit, match="2"):
             parse(wrong)
         assert "unrecognized arguments: " in capsys.readouterr().err
+
+
+# From the moment at which stage 3 is written, the command may take 10 MB more.
+_LITTLE_MEMORY = """
+import resource, sys
+from pathlib import Path
+def limit(event, arguments):
+    if event == "open" and str(arguments[0]).endswith("/.compile3d.partial/manifest.json"):
+        most = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize() + 10_000_000
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+sys.addaudithook(limit)
+sys.argv = ["pipeline", "new", "small", "--from", "own.csv", "preset=light"]
+from pipeline.__main__ import main
+sys.exit(main())
+"""
+
+
+@pytest.mark.slow
+def test_a_lack_of_memory_in_a_later_stage_is_one_line_and_keeps_the_finished_stages(tmp_path, repro):
+    project = repro.copy(tmp_path / "mine")
+    (project.folder / "own.csv").write_text(TINY_STATIONS)
+    done = project.run(sys.executable, "-c", _LITTLE_MEMORY)
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr
+    assert re.search(
+        r"^new: (surface|realism): not enough memory within [\d,]+ bytes of addresses .*$", done.stderr, flags=re.M
+    )
+    assert "artifacts/worlds/small: the finished stages are kept; the same command continues" in done.stderr
+    world = project.folder / "artifacts/worlds/small"
+    kept = {path: path.stat().st_mtime_ns for path in world.rglob("manifest.json")}
+    assert {path.parent.name for path in kept} >= {"survey", "contours", "compile3d"}
+    assert not (world / "validation").exists()
+    again = project.run(sys.executable, "-m", "pipeline", "new", "small", "--from", "own.csv", "preset=light")
+    assert again.returncode == 0, again.stderr
+    assert kept == {path: path.stat().st_mtime_ns for path in kept}

@@ -32,11 +32,13 @@ from minexplore.floor import Floor
 from minexplore.schema.agreement import rock_box
 from minexplore.schema.arrays import read_arrays
 from minexplore.schema.fittings import FITTING_MESH
+from minexplore.schema.json_text import read_json
 from minexplore.schema.meshes import MESHES, check_meshes
 from minexplore.schema.model import VISIBLE_MESH
 from minexplore.schema.openings import check_opening_meshes
-from minexplore.schema.png import GREY, PALETTE, RGB, check_png
+from minexplore.schema.png import GREY, PALETTE, RGB, check_png, inflate_png
 from minexplore.schema.rules import numbers_in
+from minexplore.schema.sizes import MOST_CELLS, MOST_PIXELS, require_size
 
 FIXED = (
     CLEARANCE_GRID,
@@ -55,9 +57,7 @@ _MESH = re.compile(rf"{MESHES}(?:{VISIBLE_MESH}|{FITTING_MESH})\.msh", re.ASCII)
 _FOLDERS = {"meshes", "textures"}
 _MOST_BYTES = 1 << 30  # of a bundle
 _MOST_FILES = 100_000
-_MOST_CELLS = 100_000_000  # of the clearance grid: 2,500 m square at 0.25 m
 PICTURES = {PREVIEW: (RGB,), NAV2_PICTURE: (GREY,), ROCK_TEXTURE: (RGB, PALETTE)}
-_MOST_PIXELS = {PREVIEW: 4096 * 16_384, NAV2_PICTURE: _MOST_CELLS, ROCK_TEXTURE: 4096 * 4096}
 _BEYOND_M = 1.0  # rough rock reaches a little beyond the box of the rock in plan
 _BELOW_M, _ABOVE_M = 1.0, 5.0  # and so far below the floor and above the height
 _GRID = {"free": ("|b1", 2), "clearance_m": ("<f4", 2), "origin_m": ("<f8", 1), "cell_m": ("<f8", 0)}
@@ -83,23 +83,39 @@ def read_folder(folder: Path) -> dict[str, bytes]:
     BundleError
         Naming the file.
     """
-    if not (folder / RECORD).is_file():
-        raise BundleError(f"{folder / RECORD}: missing; not a world bundle")
+    record = folder / RECORD
+    if not record.is_file():
+        reason = "not a plain file" if record.exists() or record.is_symlink() else "missing; not a world bundle"
+        raise BundleError(f"{record}: {reason}")
     files: dict[str, bytes] = {}
     total = 0
     for path, name in _walk(folder):
         if not is_known(name):
             raise BundleError(f"{path}: not listed in {RECORD}, and no file of a world has this name")
         try:
-            handle = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0))
-            with os.fdopen(handle, "rb") as stream:
-                total += os.fstat(stream.fileno()).st_size
-                if total > _MOST_BYTES or len(files) >= _MOST_FILES:
-                    raise BundleError(f"{folder}: more than {_MOST_BYTES} bytes or {_MOST_FILES} files")
-                files[name] = stream.read()
+            data = _read_bounded(path, name)
         except OSError as error:
             raise BundleError(f"{path}: cannot be read ({error.strerror})") from error
+        total += len(data)
+        if total > _MOST_BYTES or len(files) >= _MOST_FILES:
+            raise BundleError(f"{folder}: more than {_MOST_BYTES} bytes or {_MOST_FILES} files")
+        files[name] = data
     return files
+
+
+def _read_bounded(path: Path, name: str) -> bytes:
+    """Return a file's bytes; its size is judged before it is read."""
+    handle = os.open(path, os.O_RDONLY | sum(getattr(os, flag, 0) for flag in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY")))
+    with os.fdopen(handle, "rb") as stream:
+        try:
+            size = os.fstat(stream.fileno()).st_size
+            require_size(name, size)
+            data = stream.read(size + 1)
+        except BundleError as error:
+            raise BundleError(f"{path}: {str(error).partition(': ')[2]}") from error
+    if len(data) > size:
+        raise BundleError(f"{path}: grew while it was read")
+    return data
 
 
 def _walk(folder: Path) -> list[tuple[Path, str]]:
@@ -139,7 +155,8 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], floor:
     check_meshes(files, low, high, floor, record["height_m"])
     check_opening_meshes(files, record, floor)
     for name, kind in _fixed_pictures(record).items():
-        width, height = check_png(name, files[name], kind, _MOST_PIXELS[name])
+        width, height = check_png(name, files[name], kind, MOST_PIXELS[name])
+        inflate_png(name, files[name])
         if name == ROCK_TEXTURE and (width != height or width < 16):
             raise BundleError(f"{name}: {width} x {height} px, want a square of 16 px or more")
         if name == PREVIEW and not 64 <= width <= 4096:
@@ -149,9 +166,12 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], floor:
     grid = _read_checked_grid(files[CLEARANCE_GRID], record["world_m"])
     for sheet, (_, picture) in enumerate(of_sheets):
         first, end = floor.box_of(sheet, grid["origin_m"], float(grid["cell_m"]))
-        size = check_png(picture, files[picture], (GREY,), _MOST_CELLS)
+        size = check_png(picture, files[picture], (GREY,), MOST_CELLS)
         if size != tuple(end - first):
             raise BundleError(f"{picture}: {size[0]} x {size[1]} px, want {end[0] - first[0]} x {end[1] - first[1]}")
+        inflate_png(picture, files[picture])
+    for name in (FREE_SPACE, TOPOLOGY):
+        read_json(name, files[name])
     return grid
 
 
@@ -180,7 +200,7 @@ def read_grid(data: bytes) -> dict[str, np.ndarray]:
     BundleError
         If it is no archive of these arrays, or too large.
     """
-    return read_arrays(CLEARANCE_GRID, data, _GRID, _MOST_CELLS)
+    return read_arrays(CLEARANCE_GRID, data, _GRID, MOST_CELLS)
 
 
 def _read_checked_grid(data: bytes, world_m: list[float]) -> dict[str, np.ndarray]:

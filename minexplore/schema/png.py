@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Iterator
+
+import numpy as np
 
 from minexplore.bundle import BundleError
 
 GREY, RGB, PALETTE = 0, 2, 3  # PNG's numbers
+_BLOCK = 1 << 20  # bytes that are unpacked at once
 
 
 def inflate_png(name: str, data: bytes) -> None:
@@ -16,29 +20,52 @@ def inflate_png(name: str, data: bytes) -> None:
     Raises
     ------
     BundleError
-        If its bytes are damaged, or too few or too many for its size.
+        If its bytes are damaged, or too few or too many for its size. No more than 1 MB is unpacked at once.
     """
     width, height = struct.unpack(">II", data[16:24])
     colours = data[25]
-    size = height * (1 + width * (3 if colours == RGB else 1))
-    at, packed, palette = 8, [], 256
+    row = 1 + width * (3 if colours == RGB else 1)
+    wanted, found, highest, filtered, palette = height * row, 0, 0, False, 256
+    engine = zlib.decompressobj()
+    for kind, body in _chunks(data):
+        if kind == b"PLTE":
+            palette = len(body) // 3
+        for block in _inflate(name, engine, body) if kind == b"IDAT" else ():
+            if colours == PALETTE:
+                values = np.frombuffer(block, np.uint8)
+                highest = max(highest, int(values.max()))
+                filtered |= bool(values[-found % row :: row].any())  # a row begins with the number of its filter
+            found += len(block)
+            if found > wanted:
+                break
+    if found != wanted or not engine.eof or engine.unused_data:
+        raise BundleError(f"{name}: the image has {found} bytes or more, want {wanted}")
+    if highest >= palette or filtered:
+        raise BundleError(f"{name}: colour {highest} of a palette of {palette}, or rows that are filtered")
+
+
+def _chunks(data: bytes) -> Iterator[tuple[bytes, memoryview]]:
+    """Yield the kind and the content of each chunk of a picture whose sizes hold."""
+    at, view = 8, memoryview(data)
     while at < len(data):
         count = struct.unpack(">I", data[at : at + 4])[0]
-        if data[at + 4 : at + 8] == b"IDAT":
-            packed.append(data[at + 8 : at + 8 + count])
-        elif data[at + 4 : at + 8] == b"PLTE":
-            palette = count // 3
+        yield data[at + 4 : at + 8], view[at + 8 : at + 8 + count]
         at += 12 + count
-    try:
-        engine = zlib.decompressobj()
-        image = engine.decompress(b"".join(packed), size + 1)
-        found = len(image)
-    except zlib.error as error:
-        raise BundleError(f"{name}: the image is damaged ({error})") from error
-    if found != size or not engine.eof or engine.unused_data:
-        raise BundleError(f"{name}: the image has {found} bytes or more, want {size}")
-    if colours == PALETTE and (any(image[:: width + 1]) or max(image) >= palette):
-        raise BundleError(f"{name}: colour {max(image)} of a palette of {palette}, or rows that are filtered")
+
+
+def _inflate(name: str, engine: zlib._Decompress, packed: memoryview) -> Iterator[bytes]:
+    """Yield what packed bytes hold, block by block, so that nothing large is unpacked."""
+    rest: bytes | memoryview = packed
+    while True:
+        try:
+            block = engine.decompress(rest, _BLOCK)
+        except zlib.error as error:
+            raise BundleError(f"{name}: the image is damaged ({error})") from error
+        if block:
+            yield block
+        rest = engine.unconsumed_tail
+        if not rest and len(block) < _BLOCK:
+            return
 
 
 def check_png(name: str, data: bytes, colours: tuple[int, ...], most_px: int) -> tuple[int, int]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -16,7 +15,6 @@ from minexplore.schema.rules import Rule, list_of, matching, number, one_of_text
 
 Table = Mapping[str, "Rule | Table | Callable[[str, Any], None]"]
 
-_MOST_BYTES = 64 << 20
 _HASH = matching("[0-9a-f]{64}", "a sha256 in hexadecimal digits")
 _PLACE = list_of(number(-REACH_M, REACH_M), 2)
 _LENGTH = number(0, REACH_M)
@@ -117,34 +115,6 @@ def _fields_of(record: Mapping[str, Any]) -> dict[str, Any]:
     heights = {"heights": HEIGHT_FIELDS | (ROOF_FIELDS if has_roof else {})}
     openings = {"openings": _check_openings, "fenced": FENCED} if "openings" in record else {}
     return RECORD_FIELDS | heights | openings
-
-
-def read_json(file: str, data: bytes) -> Any:
-    """Return the content of a JSON file; a key that stands twice, NaN and infinity are refused.
-
-    Raises
-    ------
-    BundleError
-        Naming the file and what is wrong.
-    """
-    if len(data) > _MOST_BYTES:
-        raise BundleError(f"{file}: {len(data)} bytes, at most {_MOST_BYTES} are read")
-
-    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        fields = dict(pairs)
-        if len(fields) != len(pairs):
-            names = [name for name, _ in pairs]
-            twice = next(name for name in names if names.count(name) > 1)
-            raise ValueError(f"the key {twice[:60]!r} stands twice")
-        return fields
-
-    def refuse(text: str) -> None:
-        raise ValueError(f"{text} is no JSON number")
-
-    try:
-        return json.loads(data.decode("utf-8"), object_pairs_hook=once, parse_constant=refuse)
-    except (ValueError, RecursionError) as error:
-        raise BundleError(f"{file}: not JSON ({str(error)[:200]})") from error
 
 
 def check_record(file: str, record: Any) -> None:

@@ -18,10 +18,12 @@ from minexplore.schema.elements import check_elements
 from minexplore.schema.files import check_contents, is_known, read_folder
 from minexplore.schema.floor_mesh import read_floor
 from minexplore.schema.heights import with_heights
+from minexplore.schema.json_text import read_json
 from minexplore.schema.light import LIGHT_WORLD
 from minexplore.schema.meshes import MESHES
 from minexplore.schema.model import WORLD
-from minexplore.schema.record import check_record, read_json
+from minexplore.schema.record import check_record
+from minexplore.schema.sizes import require_size
 from minexplore.schema.xml import read_xml
 
 _TABLES = {  # by whether a world has visible rock, and heights
@@ -69,6 +71,8 @@ def check_files(folder: Path, files: Mapping[str, bytes], hashes: Mapping[str, s
 
 
 def _check(files: Mapping[str, bytes], hashes: Mapping[str, str]) -> CheckedWorld:
+    for name in filter(is_known, files):
+        require_size(name, len(files[name]))
     record = read_json(RECORD, files.get(RECORD, b""))
     check_hashes(record, hashes)
     check_record(RECORD, record)

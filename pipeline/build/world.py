@@ -8,6 +8,7 @@ from typing import Any
 
 import yaml
 
+from pipeline.errors import MemoryShortageError, describe_shortage, lacks_memory
 from pipeline.params.config import Config
 from pipeline.stage import Stage, check_again, is_fresh, make_artifacts
 from pipeline.store.files import recover_folder, write_atomically
@@ -36,16 +37,23 @@ def make_world(config: Config, root: Path, progress: Progress = iter) -> list[st
     ------
     MineError
         If a stage fails. The artifacts of earlier stages are kept, and the next run continues from there.
+    MemoryShortageError
+        If a stage needs more memory than there is.
     """
     text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)
     write_atomically(root / "params.yaml", f"# Composed from conf/; do not edit.\n{text}".encode())
-    ran = []
+    ran: list[str] = []
     for stage in progress(load_stages()):
         params: Any = getattr(config, stage.name)
         recover_folder(root / stage.name)
-        if is_fresh(stage, params, root):
-            check_again(stage, params, root)
-        else:
-            make_artifacts(stage, params, root)
-            ran.append(stage.name)
+        try:
+            if is_fresh(stage, params, root):
+                check_again(stage, params, root)
+            else:
+                make_artifacts(stage, params, root)
+                ran.append(stage.name)
+        except Exception as error:
+            if not lacks_memory(error):
+                raise
+            raise MemoryShortageError(f"{stage.name}: {describe_shortage(error)}") from error
     return ran

@@ -70,7 +70,7 @@ def _make(
     detected: Path | None,
 ) -> None:
     from pipeline.compose import compose
-    from pipeline.errors import LimitError
+    from pipeline.errors import LimitError, lacks_memory
     from pipeline.import_mine import forget_import, import_mine
     from pipeline.worlds import WORLDS, env_id
 
@@ -87,12 +87,17 @@ def _make(
         failure = error
     except BaseException as error:
         is_read = (WORLDS / name / "survey").is_dir()
-        # A refused mine leaves nothing behind, nor does Ctrl-C before the file is read; later it keeps finished stages.
-        if imported.written and (isinstance(error, Exception) or not is_read):
+        refused = isinstance(error, Exception) and not lacks_memory(error)
+        # A refused mine leaves nothing behind. Ctrl-C and a lack of memory leave nothing before the file is read, and
+        # keep the finished stages later.
+        if imported.written and (refused or not is_read):
             forget_import(imported)
             if not existed:
                 shutil.rmtree(WORLDS / name, ignore_errors=True)
-            print("nothing is kept; state corrected values as overrides, for example survey.snap_m=1", file=sys.stderr)
+            remedy = "; state corrected values as overrides, for example survey.snap_m=1" if refused else ""
+            print(f"nothing is kept{remedy}", file=sys.stderr)
+        elif lacks_memory(error):
+            print(f"{WORLDS / name}: the finished stages are kept; the same command continues", file=sys.stderr)
         raise
     if imported.picture is not None:
         print(f"taken for workings: {WORLDS / name / DETECTED}", file=sys.stderr)

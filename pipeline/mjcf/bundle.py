@@ -24,7 +24,9 @@ from minexplore.bundle import (
     RECORD,
     SLAB_M,
     SURFACE_BODY,
+    BundleError,
     GeomGroup,
+    line_of,
     rock_geom,
     smooth_mesh,
     surface_geom,
@@ -32,15 +34,16 @@ from minexplore.bundle import (
 )
 from minexplore.floor import Floor
 from minexplore.folding import Folding
+from minexplore.schema.json_text import read_json
 from pipeline.errors import ArtifactError
 from pipeline.geometry.openings import filled_floor
 from pipeline.geometry.shaft_parts import OVER_ROOF, sheets_of_parts
 from pipeline.mjcf.compiled import compile_world
-from pipeline.mjcf.loading import load_model
+from pipeline.mjcf.loading import compile_spec, load_model, read_spec
 from pipeline.mjcf.scene import FloorZone, MineScene
 from pipeline.mjcf.world import build_spec
 from pipeline.store.codecs import decode
-from pipeline.store.hashing import sha256_bytes
+from pipeline.store.hashing import require_plain, sha256_bytes
 from pipeline.store.verify import verify_world
 from pipeline.types import Areas, Frame, Opening, Openings, Spawn
 
@@ -135,10 +138,7 @@ def compile_bundle(scene: MineScene) -> dict[str, bytes]:
         If MuJoCo refuses the world; the message is MuJoCo's.
     """
     spec = build_spec(scene)
-    try:
-        compile_world(spec)
-    except ValueError as error:
-        raise ArtifactError(f"mine.xml: MuJoCo does not compile it: {error}") from error
+    compile_world(spec, Path(MODEL))
     return {MODEL: spec.to_xml().encode(), **{name: bytes(data) for name, data in spec.assets.items()}}
 
 
@@ -171,8 +171,15 @@ def read_record(folder: Path, checked: bool = True) -> WorldRecord:
     """
     if checked:
         verify_world(folder)
+    require_plain(folder / RECORD)
     try:
-        return TypeAdapter(WorldRecord).validate_json((folder / RECORD).read_bytes())
+        data = (folder / RECORD).read_bytes()
+        read_json(RECORD, data)
+        return TypeAdapter(WorldRecord).validate_json(data)
+    except FileNotFoundError:
+        raise ArtifactError(f"{folder / RECORD}: missing; not a world bundle") from None
+    except BundleError as error:
+        raise ArtifactError(f"{folder}/{error}") from error
     except ValidationError as error:
         first = error.errors()[0]
         raise ArtifactError(f"{folder / RECORD}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
@@ -198,7 +205,7 @@ def open_bundle(folder: Path, checked: bool = True) -> World:
         model = load_model(folder / MODEL)
         mujoco.mj_forward(model, mujoco.MjData(model))
     except ValueError as error:
-        raise ArtifactError(f"{folder / MODEL}: MuJoCo does not load it: {error}") from error
+        raise ArtifactError(f"{folder / MODEL}: MuJoCo does not load it: {line_of(error)}") from error
     finally:
         mujoco.set_mju_user_warning(None)
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, MINE_BODY) < 0:
@@ -315,7 +322,7 @@ def model_in_plan(folder: Path, world: World) -> mujoco.MjModel:
     floor, openings = read_floor(folder, world.record), Openings(world.record.openings)
     if len(floor.offset_m) == 1 and all(o.sheet is not None and not o.bends_m for o in openings.shafts):
         return world.model
-    spec, parts = mujoco.MjSpec.from_file(str(folder / MODEL)), world.record.collision_parts
+    spec, parts = read_spec(folder / MODEL), world.record.collision_parts
     sheets = sheets_of_parts(openings, world.record.fenced)
     own = {rock_geom(parts - len(sheets) + k): sheet for k, sheet in enumerate(sheets)}  # of shafts and fences
     for group, about_m in ((GeomGroup.FLOOR, 0.0), (GeomGroup.COLLISION, world.record.height_m / 2)):
@@ -327,7 +334,7 @@ def model_in_plan(folder: Path, world: World) -> mujoco.MjModel:
                 geom.group = GeomGroup.ROOF
                 continue
             geom.pos = [*(place[:2] if sheet is None else geom.pos[:2] + floor.offset_m[sheet]), geom.pos[2]]
-    return spec.compile()
+    return compile_spec(spec, folder / MODEL)
 
 
 def obstacles(model: mujoco.MjModel, T_world_mine: np.ndarray, height_m: float) -> list[np.ndarray]:

@@ -11,6 +11,7 @@ import shapely
 from minexplore.bundle import MODEL
 from pipeline.geometry.extrude import section_footprint
 from pipeline.mjcf.bundle import placed_parts
+from pipeline.mjcf.loading import compile_spec, read_spec
 
 _PROBE_M = 0.01
 
@@ -21,12 +22,12 @@ def rock_clearance(world: Path, T_world_mine: np.ndarray, group: int, places: np
     Distances above `most_m` are returned as `most_m`. Places are in the mine frame that `T_world_mine` (4, 4) gives.
     A small sphere is added to the world and moved to every place that has a part within `most_m`.
     """
-    spec = mujoco.MjSpec.from_file(str(world / MODEL))
+    spec = read_spec(world / MODEL)
     _keep_group(spec, group)
     spec.worldbody.add_body(name="probe", mocap=True).add_geom(
         name="probe", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[_PROBE_M, 0, 0], contype=0, conaffinity=0
     )
-    model = spec.compile()
+    model = compile_spec(spec, world / MODEL)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     probe = model.geom("probe").id

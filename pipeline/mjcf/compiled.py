@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 
 from minexplore.bundle import INERTIAL_QUAT, MINE_BODY
+from pipeline.mjcf.loading import compile_spec
 
 _MOST_MOVED_M = 1e-5
 
 
-def compile_world(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile a world's specification; change it first where MuJoCo would move parts of the mine.
+def compile_world(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
+    """Compile the specification of a model file; change it first where MuJoCo would move parts of the mine.
 
     MuJoCo treats two rotations as one if their quaternions differ by less than 1e-6 in each number. In a long straight
     drift a wall's own axes can be as near as that to the axes of inertia of the whole mine. MuJoCo then turns the wall
@@ -20,16 +23,16 @@ def compile_world(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
     Raises
     ------
-    ValueError
-        If MuJoCo refuses the specification; the error is MuJoCo's.
+    ArtifactError
+        If MuJoCo refuses the specification; the message is MuJoCo's, on one line.
     """
-    model = spec.compile()
+    model = compile_spec(spec, path)
     if most_moved_m(model) <= _MOST_MOVED_M:
         return model
     mine = spec.body(MINE_BODY)
     mine.explicitinertial = True
     mine.mass, mine.inertia, mine.ipos, mine.iquat = 1.0, [1.0] * 3, [0.0] * 3, list(INERTIAL_QUAT)
-    return spec.compile()
+    return compile_spec(spec, path)
 
 
 def most_moved_m(model: mujoco.MjModel) -> float:

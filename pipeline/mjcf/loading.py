@@ -6,6 +6,9 @@ from pathlib import Path
 
 import mujoco
 
+from minexplore.bundle import line_of
+from pipeline.errors import ArtifactError
+
 
 def load_model(path: Path) -> mujoco.MjModel:
     """Compile a model file; afterwards only the model stays in memory.
@@ -15,13 +18,35 @@ def load_model(path: Path) -> mujoco.MjModel:
 
     Raises
     ------
-    ValueError
-        If MuJoCo refuses the model; the error is MuJoCo's.
+    ArtifactError
+        If MuJoCo refuses the model; the message is MuJoCo's, on one line.
     """
     cache = mujoco.mj_getCache()
     capacity = mujoco.mj_getCacheCapacity(cache)
     mujoco.mj_setCacheCapacity(cache, 0)
     try:
-        return mujoco.MjSpec.from_file(str(path)).compile()
+        return compile_spec(read_spec(path), path)
     finally:
         mujoco.mj_setCacheCapacity(cache, capacity)
+
+
+def read_spec(path: Path) -> mujoco.MjSpec:
+    """Return the specification that a model file holds.
+
+    Raises
+    ------
+    ArtifactError
+        If MuJoCo refuses it; the message is MuJoCo's, on one line.
+    """
+    try:
+        return mujoco.MjSpec.from_file(str(path))
+    except ValueError as error:
+        raise ArtifactError(f"{path}: MuJoCo does not read it: {line_of(error)}") from error
+
+
+def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
+    """Return the model of a specification that was made of a model file; errors as `read_spec`."""
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise ArtifactError(f"{path}: MuJoCo does not compile it: {line_of(error)}") from error

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import mujoco
 import numpy as np
 from scipy.spatial import cKDTree
 from shapely import Polygon
@@ -28,6 +27,7 @@ from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import WorldRecord, read_whole_floor
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
+from pipeline.mjcf.loading import read_spec
 from pipeline.mjcf.openings import show_openings
 from pipeline.params.realism import FloorParams
 from pipeline.params.validation import FittingsParams
@@ -88,7 +88,7 @@ def _require_floor(
     if record.heights:  # it has no level planes
         return
     flooded = [zone.name for zone in record.zones if zone.name in params.puddles]
-    spec = mujoco.MjSpec.from_file(str(folder / MODEL))  # require_same_model has compared the planes
+    spec = read_spec(folder / MODEL)  # require_same_model has compared the planes
     level = float(spec.geom(shade_geom(0)).pos[2]) / SHADE_LEVELS[0]
     if abs(level - params.water_m) > _LEVEL_M:
         raise ArtifactError(f"{folder / MODEL}: level {level:g} m, want {params.water_m:g} m, realism.floor.water_m")

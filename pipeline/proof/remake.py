@@ -105,7 +105,7 @@ def read_free_space(folder: Path) -> FreeSpace:
     if not np.isfinite(shapely.get_coordinates(free)).all() or not free.is_valid:
         raise ArtifactError(f"{path}: geometry: not a valid polygon: {shapely.is_valid_reason(free)}")
     numbers = [*vars(free_space.frame).values(), *vars(free_space.areas).values(), free_space.tolerance_m]
-    if not np.isfinite(numbers).all() or free_space.frame.px_per_m <= 0:
+    if not all(map(math.isfinite, numbers)) or free_space.frame.px_per_m <= 0:
         raise ArtifactError(f"{path}: properties: {numbers}, want finite numbers and px_per_m above 0")
     if encode(path, free_space) != path.read_bytes():
         raise ArtifactError(f"{path}: holds more than an outline and its properties, or is written in another way")

@@ -19,6 +19,7 @@ from minexplore.bundle import (
     TOPOLOGY,
     is_fitting,
     is_rock,
+    line_of,
     puddle_geom,
     shade_geom,
     smooth_mesh,
@@ -30,6 +31,7 @@ from pipeline.errors import ArtifactError
 from pipeline.mjcf.assemble import heading_at
 from pipeline.mjcf.bundle import WorldRecord, read_floor
 from pipeline.mjcf.compiled import compile_world
+from pipeline.mjcf.loading import read_spec
 from pipeline.mjcf.scene import MineScene, tilt_about_centre
 from pipeline.mjcf.world import build_spec
 from pipeline.proof.lights import remake_lights
@@ -65,10 +67,7 @@ def require_same_model(
         With the field of the compiled model, the element, the value and what it should be.
     """
     files = check_world(folder).files
-    try:
-        stated = mujoco.MjSpec.from_file(str(folder / MODEL))
-    except ValueError as error:
-        raise ArtifactError(f"{folder / MODEL}: MuJoCo does not read it: {error}") from error
+    stated = read_spec(folder / MODEL)
     floor = read_floor(folder, record)
     if not floor.is_flat:
         require_walls(folder, record, stated, free, floor)
@@ -80,13 +79,13 @@ def require_same_model(
     stand_in = encode(Path("tetrahedron.msh"), _TETRAHEDRON)
     spec.assets = {name: data if name == ROCK_TEXTURE else stand_in for name, data in assets.items()}
     try:
-        compile_world(spec)
+        compile_world(spec, folder / MODEL)
         text = spec.to_xml()
         if text.encode() == files[MODEL]:  # then the compiled models are equal too
             return
         made, own = (mujoco.MjModel.from_xml_string(t, assets) for t in (text, files[MODEL].decode()))
     except ValueError as error:
-        raise ArtifactError(f"{folder / MODEL}: MuJoCo does not compile it: {error}") from error
+        raise ArtifactError(f"{folder / MODEL}: MuJoCo does not compile it: {line_of(error)}") from error
     differs = model_difference(own, made)
     if differs:
         raise ArtifactError(f"{folder / MODEL}: {differs}, as the builder makes it")

@@ -19,6 +19,7 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import TriangleMesh, decode_msh, encode_msh
+from minexplore.schema.json_text import read_json
 from pipeline.errors import ArtifactError
 from pipeline.store.hashing import require_plain
 from pipeline.types import Areas, Frame, FreeSpace, Mask, Mesh, Workings
@@ -35,6 +36,7 @@ _UNREADABLE = (
     zlib.error,
     shapely.GEOSException,
     RecursionError,
+    OverflowError,
 )
 
 _MOST_UNPACKED = 4_000_000_000  # bytes of an archive of arrays; those of a mine of 100 km have 300 MB
@@ -93,11 +95,11 @@ def decode(path: Path, kind: Any) -> Any:
                     raise ValueError("not a PNG picture")
                 return picture > 127 if kind is Mask else picture
             case ".json":
-                return (
-                    json.loads(path.read_text()) if kind is dict else TypeAdapter(kind).validate_json(path.read_bytes())
-                )
+                data = path.read_bytes()
+                content = read_json(path.name, data)
+                return content if kind is dict else TypeAdapter(kind).validate_json(data)
             case ".geojson":
-                collection = json.loads(path.read_text())
+                collection = read_json(path.name, path.read_bytes())
                 return _decode_workings(collection) if kind is Workings else _decode_geojson(collection)
             case ".npz":
                 return _decode_npz(read_npz(path), kind)
@@ -151,7 +153,8 @@ def _decode_geojson(collection: dict) -> FreeSpace:
         TypeAdapter(Areas).validate_python(facts["areas"]),
         TypeAdapter(Frame).validate_python(facts["frame"]),
     )
-    return FreeSpace(polygon, areas, float(facts["tolerance_m"]), frame)
+    tolerance_m = TypeAdapter(float).validate_python(facts["tolerance_m"], strict=True)
+    return FreeSpace(polygon, areas, tolerance_m, frame)
 
 
 def _encode_npz(value: Any) -> bytes:

@@ -5,6 +5,7 @@ import json
 import math
 import os
 import shutil
+import struct
 import time
 import tracemalloc
 import zipfile
@@ -17,7 +18,10 @@ import pytest
 from benchmarks.fault_injection import edit_model, seal
 from minexplore.bundle import BundleError
 from minexplore.schema import check_files, check_world, hash_files, read_folder
-from minexplore.schema.files import read_grid
+from minexplore.schema.files import PICTURES, read_grid
+from minexplore.schema.json_text import read_json
+from minexplore.schema.png import inflate_png
+from minexplore.schema.sizes import most_bytes
 from minexplore.world import load_world
 from tests.mines import BuiltMine, sealed
 from tests.project import ROOT
@@ -207,6 +211,64 @@ def test_a_picture_of_a_billion_pixels_is_refused_by_its_header(files):
     assert "40000 x 40000 px" in refusal({**files, "preview.png": picture})
 
 
+def picture_of(image: bytes, size_px: int) -> bytes:
+    """Return a square picture of three colours whose image holds these bytes."""
+    head = struct.pack(">IIBBBBB", size_px, size_px, 8, 2, 0, 0, 0)
+    chunks = ((b"IHDR", head), (b"IDAT", zlib.compress(image, 9)), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body)) for kind, body in chunks
+    )
+
+
+@pytest.mark.parametrize("name", ["textures/rock.png", "preview.png"])
+def test_a_picture_that_unpacks_to_more_than_its_header_says_is_refused_at_load(files, name):
+    """MuJoCo would unpack all of it: 6 MB of the texture became 6.5 GB."""
+    bomb = picture_of(bytes(200_000_000), 256)
+    tracemalloc.start()
+    assert "the image has" in refusal({**files, name: bomb})
+    assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    tracemalloc.stop()
+    assert "want 196864" in refusal({**files, name: picture_of(bytes(1000), 256)})
+
+
+@pytest.mark.parametrize(
+    "name", ["world.json", "mine.xml", "map.yaml", "free_space.geojson", "topology.json", "free_space.bt", "map.png"]
+)
+def test_a_file_larger_than_a_builder_writes_it_is_refused_before_it_is_read(tee: BuiltMine, tmp_path, name):
+    world = tmp_path / "w"
+    shutil.copytree(tee.bundle, world)
+    os.truncate(world / name, most_bytes(name) + 1)  # without blocks on the disk
+    tracemalloc.start()
+    with pytest.raises(BundleError, match=rf"/{name}: {most_bytes(name) + 1} bytes, at most {most_bytes(name)}"):
+        read_folder(world)
+    assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"a": [1, {"b": NaN}]}', r"a\[1\]\.b = NaN: want a finite number"),
+        ('{"a": 1e400}', "a = 1e400: want a finite number of at most 25 characters"),
+        ('{"a": -Infinity}', "a = -Infinity: want a finite number"),
+        ('{"a": ' + "9" * 400 + "}", "a = 9{40}: want a finite number of at most 25 characters"),
+        ('{"a": {"b": 1, "b": 2}}', r"a\.b stands twice"),
+        ('{"a": ' + "[" * 20 + "]" * 20 + "}", "nested deeper than 16 levels"),
+        ('{"]]]]": ' + "[" * 16 + "]" * 16 + "}", "nested deeper than 16 levels"),
+        ('{"\\"]]]]": ' + "[" * 16 + "]" * 16 + "}", "nested deeper than 16 levels"),
+        ('{"a": 1', "not JSON"),
+    ],
+)
+def test_json_that_no_builder_writes_is_refused_with_its_field(text, message):
+    with pytest.raises(BundleError, match=rf"^topology\.json: .*{message}|^topology\.json: {message}"):
+        read_json("topology.json", text.encode())
+
+
+def test_json_of_a_builder_is_read_whatever_its_texts_hold():
+    content = {"[[[[{{{{" * 9: [1, -2.5, 1.7976931348623157e308, -2.2250738585072014e-308], '"\\': None}
+    assert read_json("topology.json", json.dumps(content).encode()) == content
+
+
 def test_links_pipes_and_unknown_files_are_refused(tee: BuiltMine, tmp_path):
     secret = tmp_path / "secret.msh"
     shutil.copy(tee.bundle / "meshes/smooth_walls.msh", secret)
@@ -246,7 +308,7 @@ def test_a_world_that_was_edited_after_it_was_loaded_is_noticed_at_the_next_load
 
 @pytest.mark.slow  # not long, but only true on a machine that does nothing else
 def test_the_default_world_is_checked_in_fifty_milliseconds():
-    """Without reading, hashing, and unpacking the grid, which a load does anyway."""
+    """Without reading, hashing, and unpacking the grid and the pictures."""
     bundle = ROOT / "artifacts/realism/world"
     if not (bundle / "world.json").is_file():
         pytest.skip("the default world is not built")
@@ -258,6 +320,8 @@ def test_the_default_world_is_checked_in_fifty_milliseconds():
             break
         start = time.process_time()
         read_grid(files["occupancy.npz"])
+        for name in PICTURES:
+            inflate_png(name, files[name])
         middle = time.process_time()
         check_files(bundle, files, hashes)
         reading.append(middle - start)

@@ -1,6 +1,10 @@
 import numpy as np
 
+from minexplore.local_models import LocalModels
+from minexplore.robot import RobotParams
+from minexplore.task import TaskParams
 from minexplore.vector import MineVectorEnv
+from minexplore.world import load_world
 
 
 def test_physics_keeps_few_models_and_its_trajectories_do_not_depend_on_how_many(tee, monkeypatch):
@@ -19,3 +23,9 @@ def test_physics_keeps_few_models_and_its_trajectories_do_not_depend_on_how_many
     np.testing.assert_array_equal(*places)
     assert kept[0] <= 6  # four, and those that the last step made
     assert kept[1] >= 18
+
+
+def test_a_model_of_a_tile_reserves_memory_for_the_contacts_of_its_geoms_only(tee):
+    """A process keeps 512 batches with two such reserves each: 13 MB, MuJoCo's own value, makes 13 GB of addresses."""
+    model = LocalModels(load_world(tee.bundle), TaskParams(), RobotParams()).model((20, 1))
+    assert 32 * 1024 < model.narena < 1_000_000

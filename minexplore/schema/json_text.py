@@ -1,0 +1,109 @@
+"""Read the JSON of a bundle: size, nesting, keys and numbers are judged before anything uses a value."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from minexplore.bundle import BundleError
+
+MOST_BYTES = 64 << 20
+_MOST_CHARACTERS = 25  # of a number; the longest that Python writes of 64 bits has 24
+_DEEPEST = 16  # a plan of several polygons has 8 levels
+_MOST_SHOWN = 40  # characters of a key or a number in a message
+_BLOCK = 1 << 20  # bytes that are searched at once
+_ESCAPED = re.compile(rb"\\.", re.DOTALL)  # backslashes stand in texts only
+_OPENING, _CLOSING = np.frombuffer(b"[{", np.uint8), np.frombuffer(b"]}", np.uint8)
+
+
+@dataclass(frozen=True)
+class _Refused:
+    """Stands in the content for a value that is refused; `fault` ends the sentence `FIELD ...`."""
+
+    fault: str
+
+
+def read_json(file: str, data: bytes, most_bytes: int = MOST_BYTES) -> Any:
+    """Return the content of a JSON file.
+
+    Parameters
+    ----------
+    file : str
+        For the message.
+    data : bytes
+    most_bytes : int
+
+    Raises
+    ------
+    BundleError
+        If it is too large or too deep or no JSON, or a key stands twice, or a number is not finite or longer than 25
+        characters. The message names the file, the field and its value.
+    """
+    if len(data) > most_bytes:
+        raise BundleError(f"{file}: {len(data)} bytes, at most {most_bytes} are read")
+    _require_shallow(file, data)
+    refused: list[_Refused] = []
+
+    def refuse(fault: str) -> _Refused:
+        refused.append(_Refused(fault))
+        return refused[-1]
+
+    def read(kind: Callable[[str], float]) -> Callable[[str], Any]:
+        def number(text: str) -> Any:
+            if len(text) <= _MOST_CHARACTERS and math.isfinite(value := kind(text)):
+                return value
+            return refuse(f"= {text[:_MOST_SHOWN]}: want a finite number of at most {_MOST_CHARACTERS} characters")
+
+        return number
+
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        fields = dict(pairs)
+        if len(fields) != len(pairs):
+            names = [name for name, _ in pairs]
+            fields |= {name: refuse("stands twice") for name in fields if names.count(name) > 1}
+        return fields
+
+    try:
+        content = json.loads(
+            data.decode("utf-8"),
+            object_pairs_hook=once,
+            parse_int=read(int),
+            parse_float=read(float),
+            parse_constant=lambda text: refuse(f"= {text}: want a finite number"),
+        )
+    except (ValueError, RecursionError) as error:
+        raise BundleError(f"{file}: not JSON ({str(error)[:200]})") from error
+    for where, fault in _faults(content) if refused else ():
+        raise BundleError(f"{file}: {where or 'its content'} {fault}")
+    return content
+
+
+def _require_shallow(file: str, data: bytes) -> None:
+    """Refuse brackets, outside of texts, that are open within too many others."""
+    depth, is_text = 0, False
+    for at in range(0, len(plain := _ESCAPED.sub(b"", data) if b"\\" in data else data), _BLOCK):
+        marks = np.frombuffer(plain, np.uint8, min(_BLOCK, len(plain) - at), at)
+        texts = np.cumsum(marks == ord('"'), dtype=np.int32) + is_text
+        steps = np.isin(marks, _OPENING).astype(np.int8) - np.isin(marks, _CLOSING)
+        depths = depth + np.cumsum(np.where(texts % 2, 0, steps), dtype=np.int32)
+        if depths.max() > _DEEPEST:
+            raise BundleError(f"{file}: not JSON of a world (values are nested deeper than {_DEEPEST} levels)")
+        depth, is_text = int(depths[-1]), bool(texts[-1] % 2)
+
+
+def _faults(value: Any, where: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the path and the fault of each value that is refused."""
+    if isinstance(value, _Refused):
+        yield where, value.fault
+    elif isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _faults(inner, f"{where}.{name[:_MOST_SHOWN]}".lstrip("."))
+    elif isinstance(value, list):
+        for number, inner in enumerate(value):
+            yield from _faults(inner, f"{where}[{number}]")

@@ -1,0 +1,63 @@
+"""How large each file of a bundle may be. The limits follow from the counts that the tables allow a builder."""
+
+from __future__ import annotations
+
+from minexplore.bundle import (
+    CLEARANCE_GRID,
+    FLOOR,
+    FREE_SPACE,
+    MODEL,
+    NAV2_PICTURE,
+    OCTREE,
+    PREVIEW,
+    RECORD,
+    ROCK_TEXTURE,
+    TOPOLOGY,
+    BundleError,
+)
+from minexplore.schema.floor_mesh import MOST_FACES
+
+MOST_CELLS = 100_000_000  # of the clearance grid: 2,500 m square at 0.25 m
+MOST_PIXELS = {PREVIEW: 4096 * 16_384, NAV2_PICTURE: MOST_CELLS, ROCK_TEXTURE: 4096 * 4096}
+_UNPACKED = 1.001, 65_536  # deflate stores what it cannot pack: so much more, and headers
+_TEXT = 64 << 20  # 100,000 parts or files of 600 bytes; 2.5 million corners or stations
+
+
+def _packed(unpacked: int) -> int:
+    share, headers = _UNPACKED
+    return int(unpacked * share) + headers
+
+
+_MOST_BYTES = {
+    RECORD: _TEXT,
+    MODEL: _TEXT,
+    FREE_SPACE: _TEXT,
+    TOPOLOGY: _TEXT,
+    OCTREE: 256 << 20,  # 2 bytes an inner node: 130 million nodes
+    CLEARANCE_GRID: _packed(5 * MOST_CELLS),
+    FLOOR: _packed(8 * 4 * 3 * MOST_FACES),  # four arrays of at most three numbers a face
+    PREVIEW: _packed(3 * MOST_PIXELS[PREVIEW]),
+    ROCK_TEXTURE: _packed(3 * MOST_PIXELS[ROCK_TEXTURE]),
+}
+_OF_SUFFIX = {
+    ".yaml": 1000,  # seven lines
+    ".png": _packed(MOST_CELLS),  # maps
+    ".msh": 256 << 20,  # 3.5 million faces; a smooth surface has one mesh a piece, a rough one many
+}
+
+
+def most_bytes(name: str) -> int:
+    """Return how many bytes a bundle's file of this name may have."""
+    return _MOST_BYTES.get(name) or _OF_SUFFIX[name[name.rindex(".") :]]
+
+
+def require_size(name: str, size: int) -> None:
+    """Refuse a file that is larger than a builder writes it.
+
+    Raises
+    ------
+    BundleError
+        Naming the file, its size and the limit.
+    """
+    if size > most_bytes(name):
+        raise BundleError(f"{name}: {size} bytes, at most {most_bytes(name)} in a world")
