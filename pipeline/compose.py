@@ -32,22 +32,23 @@ OmegaConf.register_new_resolver("robot", lambda field: getattr(RobotParams(), fi
 _REFUSALS = (HydraException, OmegaConfBaseException, yaml.YAMLError)
 
 
-def compose(overrides: list[str]) -> Config:
-    """Compose the configuration and check it.
+def compose(overrides: list[str], conf: Path = CONF) -> Config:
+    """Compose the configuration in a folder, by default that of the project, and check it.
 
     Parameters
     ----------
     overrides : list of str
         Hydra overrides: `group=choice` or `section.key=value`.
+    conf : Path
 
     Raises
     ------
     ParamsError
         The message names the override, its value and the valid choices.
     """
-    if not (CONF / "config.yaml").is_file():
-        raise ParamsError(f"{CONF / 'config.yaml'}: missing; run from the project's root")
-    for path in sorted(CONF.rglob("*.yaml")):
+    if not (conf / "config.yaml").is_file():
+        raise ParamsError(f"{conf / 'config.yaml'}: missing; run from the project's root")
+    for path in sorted(conf.rglob("*.yaml")):
         require_plain_yaml(path)
     for override in overrides:
         if len(override) > _MOST_CHARACTERS:
@@ -56,13 +57,13 @@ def compose(overrides: list[str]) -> Config:
                 "a long list belongs into a file of conf/"
             )
     try:
-        with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
+        with initialize_config_dir(str(conf.resolve()), version_base="1.3"):
             composed = hydra_compose("config", overrides)
             values = OmegaConf.to_container(composed, resolve=True)
     except RecursionError as error:
         raise ParamsError(f"overrides {overrides}"[:300] + ": brackets are nested too deep") from error
     except (*_REFUSALS, ValueError, TypeError) as error:
-        raise ParamsError(_printable(_explain(overrides, error))) from error
+        raise ParamsError(_printable(_explain(overrides, error, conf))) from error
     try:
         return Config.model_validate(values)
     except ValidationError as error:
@@ -96,36 +97,36 @@ def _describe(error: Any) -> str:
     return f"{where}{shown}: {error['msg'].removeprefix('Value error, ')}"
 
 
-def _explain(overrides: list[str], error: Exception) -> str:
+def _explain(overrides: list[str], error: Exception, conf: Path) -> str:
     """Return a message that names the override that Hydra refused, and the valid choices."""
     pairs = [(key.lstrip("+~"), value) for key, _, value in (override.partition("=") for override in overrides)]
-    groups = [(key, value) for key, value in pairs if key and (CONF / key).is_dir()]
+    groups = [(key, value) for key, value in pairs if key and (conf / key).is_dir()]
     for key, value in groups:  # groups before keys: an invalid group leaves no configuration to look keys up in
-        choices = sorted(path.stem for path in (CONF / key).glob("*.yaml"))
+        choices = sorted(path.stem for path in (conf / key).glob("*.yaml"))
         if value not in choices:
             return f"{key} = {value}: valid choices are {', '.join(choices)}"
     base = OmegaConf.create({})
     try:
-        with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
+        with initialize_config_dir(str(conf.resolve()), version_base="1.3"):
             base = hydra_compose("config", [f"{key}={value}" for key, value in groups])
     except (*_REFUSALS, ValueError, TypeError):
         return f"overrides {overrides}: {str(error).splitlines()[0]}"
     for key, _ in pairs:
-        if key and not (CONF / key).is_dir() and re.fullmatch(r"[\w.]+", key):
-            problem = _unknown_key(base, key)
+        if key and not (conf / key).is_dir() and re.fullmatch(r"[\w.]+", key):
+            problem = _unknown_key(base, key, conf)
             if problem:
                 return problem
     return f"overrides {overrides}: {str(error).splitlines()[0]}"
 
 
-def _unknown_key(config: DictConfig, key: str) -> str | None:
+def _unknown_key(config: DictConfig, key: str, conf: Path) -> str | None:
     node: Any = config
     path: list[str] = []
     for part in key.split("."):
         if not isinstance(node, DictConfig):
             return f"{key}: {'.'.join(path)} is a value, not a section"
         if part not in node:
-            groups = [] if path else sorted(p.name for p in CONF.iterdir() if p.is_dir())
+            groups = [] if path else sorted(p.name for p in conf.iterdir() if p.is_dir())
             choices = sorted({*map(str, node), *groups})
             return f"{key}: unknown; {'.'.join(path) or 'the configuration'} has {', '.join(choices)}"
         node = node[part]

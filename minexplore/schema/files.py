@@ -15,6 +15,7 @@ from minexplore.bundle import (
     CLEARANCE_GRID,
     FLOOR,
     FREE_SPACE,
+    MADE_BY,
     MODEL,
     NAV2_MAP,
     NAV2_PICTURE,
@@ -72,7 +73,7 @@ _SHEET_MAP = re.compile(r"map_\d{2,4}\.(?:yaml|png)", re.ASCII)
 
 def is_known(name: str) -> bool:
     """Return whether a bundle may have a file of this name."""
-    return name in (*FIXED, FLOOR) or bool(_MESH.fullmatch(name) or _SHEET_MAP.fullmatch(name))
+    return name in (*FIXED, FLOOR, MADE_BY) or bool(_MESH.fullmatch(name) or _SHEET_MAP.fullmatch(name))
 
 
 def read_folder(folder: Path) -> dict[str, bytes]:
@@ -93,7 +94,7 @@ def read_folder(folder: Path) -> dict[str, bytes]:
         if not is_known(name):
             raise BundleError(f"{path}: not listed in {RECORD}, and no file of a world has this name")
         try:
-            data = _read_bounded(path, name)
+            data = read_bounded(path, name)
         except OSError as error:
             raise BundleError(f"{path}: cannot be read ({error.strerror})") from error
         total += len(data)
@@ -103,7 +104,7 @@ def read_folder(folder: Path) -> dict[str, bytes]:
     return files
 
 
-def _read_bounded(path: Path, name: str) -> bytes:
+def read_bounded(path: Path, name: str) -> bytes:
     """Return a file's bytes; its size is judged before it is read."""
     handle = os.open(path, os.O_RDONLY | sum(getattr(os, flag, 0) for flag in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY")))
     with os.fdopen(handle, "rb") as stream:

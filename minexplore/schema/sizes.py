@@ -6,6 +6,7 @@ from minexplore.bundle import (
     CLEARANCE_GRID,
     FLOOR,
     FREE_SPACE,
+    MADE_BY,
     MODEL,
     NAV2_PICTURE,
     OCTREE,
@@ -33,6 +34,7 @@ _MOST_BYTES = {
     MODEL: _TEXT,
     FREE_SPACE: _TEXT,
     TOPOLOGY: _TEXT,
+    MADE_BY: 16_384,  # thirty fields, ten of each kind of furniture
     OCTREE: 256 << 20,  # 2 bytes an inner node: 130 million nodes
     CLEARANCE_GRID: _packed(5 * MOST_CELLS),
     FLOOR: _packed(8 * 4 * 3 * MOST_FACES),  # four arrays of at most three numbers a face

@@ -9,6 +9,8 @@ from typing import Any
 from minexplore.bundle import FREE_SPACE
 from pipeline.commands.arguments import positive
 
+_CONF = Path(__file__).resolve().parents[2] / "conf"  # the validator's own: no project that made a world decides
+
 
 def replay(bundle: Path, sweeps: Path, poses: Path, out: Path | None, overrides: list[str]) -> None:
     """Replay real sweeps in a world and compare ranges. Print JSON; --out also writes it and a picture."""
@@ -37,16 +39,18 @@ def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str])
 
     from pipeline.compose import compose
     from pipeline.errors import LimitError
-    from pipeline.mjcf.bundle import open_bundle
+    from pipeline.mjcf.bundle import open_bundle, read_made_by
     from pipeline.proof.built import require_built
     from pipeline.proof.certificate import certify as apply_limits
     from pipeline.proof.certificate import measure_containment
+    from pipeline.proof.claims import allowed_claims
     from pipeline.store.codecs import encode
     from pipeline.store.files import write_atomically
 
-    params = compose(overrides).validation
+    world, claims = open_bundle(bundle), read_made_by(bundle)
+    kind = [] if claims.kind == "embedded" else [f"+mine={claims.kind}"]
+    params = allowed_claims(bundle, claims, compose([*kind, *overrides], _CONF).validation)
     settings = params.certificate.model_copy(update={"contacts": contacts})
-    world = open_bundle(bundle)
     free_space = require_built(bundle, world.record, params)
     tracing = params.network_cell_m, params.network_min_leg_m
     progress = partial(tqdm, desc="stress test", disable=None)

@@ -117,7 +117,7 @@ def assemble_world(
         files[FLOOR] = encode(Path(FLOOR), floor)
     files |= {CLEARANCE_GRID: occupancy, OCTREE: free_space_bt, NAV2_PICTURE: map_png, NAV2_MAP: map_yaml}
     files |= _sheet_maps(occupancy, floor)
-    return {"world": seal_bundle(files, _record(params, scene, free_space, topology, spawn))}
+    return {"world": seal_bundle(files, _record(params, scene, free_space, topology, spawn), params.made_by)}
 
 
 def _sheet_maps(occupancy: bytes, floor: Floor) -> dict[str, bytes]:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -18,6 +19,7 @@ from minexplore.bundle import (
     FITTINGS_BODY,
     FLOOR,
     GEOM_GROUPS,
+    MADE_BY,
     MINE_BODY,
     MODEL,
     NO_OVERLAY,
@@ -34,6 +36,7 @@ from minexplore.bundle import (
 )
 from minexplore.floor import Floor
 from minexplore.folding import Folding
+from minexplore.schema.files import read_bounded
 from minexplore.schema.json_text import read_json
 from pipeline.errors import ArtifactError
 from pipeline.geometry.openings import filled_floor
@@ -42,6 +45,7 @@ from pipeline.mjcf.compiled import compile_world
 from pipeline.mjcf.loading import compile_spec, load_model, read_spec
 from pipeline.mjcf.scene import FloorZone, MineScene
 from pipeline.mjcf.world import build_spec
+from pipeline.params.made_by import MadeBy
 from pipeline.store.codecs import decode
 from pipeline.store.hashing import require_plain, sha256_bytes
 from pipeline.store.verify import verify_world
@@ -142,8 +146,8 @@ def compile_bundle(scene: MineScene) -> dict[str, bytes]:
     return {MODEL: spec.to_xml().encode(), **{name: bytes(data) for name, data in spec.assets.items()}}
 
 
-def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes]:
-    """Add `world.json`: the record, the sha256 of each file, and the world's hash over both."""
+def seal_bundle(files: dict[str, bytes], record: WorldRecord, made_by: MadeBy) -> dict[str, bytes]:
+    """Add `world.json`: the record, the sha256 of each file, and the world's hash over both; and `made_by.json`."""
     fields = TypeAdapter(WorldRecord).dump_python(record, mode="json")
     if record.heights is None:
         del fields["heights"]
@@ -156,7 +160,35 @@ def seal_bundle(files: dict[str, bytes], record: WorldRecord) -> dict[str, bytes
             del opening["bends_m"]
     fields["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
     fields["world_sha256"] = world_sha256(fields)
-    return {**files, RECORD: (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()}
+    return {**files, RECORD: _text(fields), MADE_BY: _text(made_by.model_dump(mode="json"))}
+
+
+def _text(fields: dict[str, Any]) -> bytes:
+    return (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()
+
+
+def read_made_by(folder: Path) -> MadeBy:
+    """Return what a bundle states to be made by.
+
+    Raises
+    ------
+    ArtifactError
+        If the file is missing, or a field is unknown, missing or out of its range.
+    """
+    path = folder / MADE_BY
+    try:
+        fields = read_json(MADE_BY, read_bounded(path, MADE_BY))
+        return MadeBy.model_validate(fields)
+    except FileNotFoundError:
+        raise ArtifactError(f"{path}: missing; an older version made this world, make it again") from None
+    except BundleError as error:
+        raise ArtifactError(str(error)) from error
+    except OSError as error:
+        raise ArtifactError(f"{path}: cannot be read ({error.strerror})") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise ArtifactError(f"{path}: {where} = {first['input']!r:.80}: {first['msg']}") from error
 
 
 def read_record(folder: Path, checked: bool = True) -> WorldRecord:

@@ -22,7 +22,7 @@ from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.seams import behind_seam, seam_lines
 from pipeline.geometry.subdivide import split_edges
 from pipeline.mjcf.scene import FloorZone
-from pipeline.params.realism import FloorParams
+from pipeline.params.fittings import FloorParams
 from pipeline.types import NO_OPENINGS, DriftNetwork, Frame, Mesh, Openings
 
 _BEYOND_M = 0.6  # under the rock, whose foot stands that far behind the wall

@@ -14,7 +14,7 @@ from minexplore.folding import Folding
 from pipeline.geometry.polyline import arc_length, resample
 from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
-from pipeline.params.realism import FurnitureParams
+from pipeline.params.fittings import FurnitureParams
 from pipeline.store.codecs import Bundle
 from pipeline.types import DriftNetwork
 

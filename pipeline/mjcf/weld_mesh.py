@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter, minimum_filter
 
 from pipeline.geometry.polyline import resample
 from pipeline.geometry.raycast import RayCaster
-from pipeline.params.realism import WeldMeshParams
+from pipeline.params.fittings import WeldMeshParams
 from pipeline.types import DriftNetwork
 
 _EYE_M = 1.7  # height that the roof is looked at from, on the middle of the drift

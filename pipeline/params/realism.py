@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from pipeline.params.base import Params
+from pipeline.params.fittings import FloorParams, FurnitureParams
+from pipeline.params.made_by import MadeBy
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -34,43 +36,6 @@ class LightParams(Params):
     count: int | None = Field(None, ge=1, le=100)
 
 
-class FloorParams(Params):
-    """The visible floor; see `pipeline.mjcf.floor_cover`."""
-
-    spacing_m: float = Field(ge=0.1, le=1, description="of the points, before flat parts lose some")
-    kept_share: float = Field(gt=0.02, le=1, description="share of the faces that the mesh keeps")
-    relief_m: float = Field(ge=0.01, le=0.04, description="mean height above the flat floor")
-    bank_m: float = Field(ge=0, le=0.05, description="height of the banks along the ribs")
-    bank_width_m: float = Field(gt=0.1, le=5)
-    gauge_m: float = Field(gt=0.3, le=4, description="distance between two wheel ruts")
-    rut_m: float = Field(ge=0, le=0.05, description="depth of a rut")
-    rut_width_m: float = Field(gt=0.05, le=1)
-    puddles: list[str] = Field(description="names of the floor zones with water on them")
-    water_m: float = Field(gt=0.005, lt=0.05, description="level of the water above the flat floor")
-    seed: int = Field(ge=0)
-
-
-class WeldMeshParams(Params):
-    """Weld mesh under the roof; see `pipeline.mjcf.weld_mesh`."""
-
-    aperture_m: float = Field(ge=0.05, le=0.5, description="between neighbouring wires")
-    wire_m: float = Field(ge=0.002, le=0.03, description="width of a wire")
-    spread_deg: float = Field(ge=20, le=60, description="angle between the upright and the edge, seen from 1.7 m")
-    from_junction_m: float = Field(ge=2, le=50, description="length of each drift at a junction that has mesh")
-
-
-class FurnitureParams(Params):
-    """Bolts, pipe, cable, duct and weld mesh; see `pipeline.mjcf.furniture`."""
-
-    bolt_spacing_m: float = Field(ge=0.5, le=10, description="between rings of bolts")
-    bolts: int = Field(ge=1, le=30, description="of a ring")
-    bolt_spread_deg: float = Field(gt=0, le=100, description="angle between the upright and the outermost bolt")
-    plate_m: float = Field(ge=0.05, le=0.5)
-    duct: bool
-    duct_side_m: float = Field(ge=-3, le=3, description="left of the middle of the main drift")
-    weld_mesh: WeldMeshParams | None = Field(None, description="null: none")
-
-
 class RealismParams(Params):
     """Tilt, floor, friction, lights and looks of the world bundle."""
 
@@ -86,6 +51,7 @@ class RealismParams(Params):
     furnish: Literal["off", "light", "full", "meshed"] = "off"
     furniture: dict[Literal["light", "full", "meshed"], FurnitureParams] = Field(default_factory=dict)
     preview_width_px: int = Field(ge=64, le=4096)
+    made_by: MadeBy = Field(description="what the bundle states to be made by")
 
     @model_validator(mode="after")
     def _fittings_are_known(self) -> RealismParams:

@@ -7,7 +7,7 @@ from typing import Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from pipeline.params.base import DataFile, Params
-from pipeline.params.realism import FloorParams, FurnitureParams
+from pipeline.params.made_by import MadeBy
 
 
 class Limit(Params):
@@ -80,34 +80,16 @@ class CertificateParams(Params):
         return _flatten(value) if isinstance(value, dict) else value
 
 
-class FittingsParams(Params):
-    """The visible floor and the furniture that a world may have; it may have none of either."""
-
-    floor: FloorParams | None
-    furniture: dict[str, FurnitureParams]
-
-
-class ValidationParams(Params):
-    """Limits by metric, and how networks are traced and surfaces sampled.
+class ValidationParams(MadeBy):
+    """What a world is made by, limits by metric, and how surfaces are sampled.
 
     In `conf/` the limits are nested like the metrics, and null means no limit. Here, dots join the nested names.
     """
 
-    network_cell_m: float = Field(gt=0.02, le=2)
-    network_min_leg_m: float = Field(ge=0, le=50)
-    network_station_spacing_m: float = Field(gt=0)
-    collision_method: Literal["exact", "coacd", "vhacd"]
-    collision_tile_m: float | None = Field(ge=50, description="side of the tiles that exact parts lie in")
-    steepest_deg: float = Field(30.0, gt=0, le=45, description="of a floor with heights")
     overlay: Literal["rough", "none"] = Field("rough", description="whether the world must have visible rock")
-    fittings: FittingsParams
-    tolerance_m: float | None = Field(
-        ge=0, description="largest distance by which simplification may have moved a wall; null: 8 x wall_error_m"
-    )
     extent: Literal["full", "certificate"] = Field(
         "full", description="certificate: the certificate alone, for large families of worlds that were just built"
     )
-    wall_error_m: float = Field(gt=0)
     robot_height_m: float = Field(gt=0, description="height at which LiDAR and walls are compared")
     texture: TextureReportParams
     replay: ReplayParams

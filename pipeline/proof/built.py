@@ -12,7 +12,7 @@ from pipeline.errors import ArtifactError
 from pipeline.geometry.fewest_vertices import MOST_RATIO
 from pipeline.geometry.openings import without_openings
 from pipeline.mjcf.bundle import WorldRecord
-from pipeline.params.validation import ValidationParams
+from pipeline.params.made_by import MadeBy
 from pipeline.proof.fittings import require_fittings
 from pipeline.proof.remake import Tracing, read_free_space, require_remade
 from pipeline.proof.same_floor import require_floor
@@ -21,12 +21,12 @@ from pipeline.proof.visible import require_visible
 from pipeline.types import FreeSpace, Openings
 
 
-def tolerance_of(params: ValidationParams) -> float:
+def tolerance_of(params: MadeBy) -> float:
     """Return the largest distance, m, by which simplification may have moved a wall, whatever a bundle states."""
     return MOST_RATIO * params.wall_error_m if params.tolerance_m is None else params.tolerance_m
 
 
-def require_built(folder: Path, record: WorldRecord, params: ValidationParams) -> FreeSpace:
+def require_built(folder: Path, record: WorldRecord, params: MadeBy) -> FreeSpace:
     """Refuse a bundle that the builder does not write for any parameters, and return its free space.
 
     Parameters
@@ -34,7 +34,7 @@ def require_built(folder: Path, record: WorldRecord, params: ValidationParams) -
     folder : Path
         A bundle that `open_bundle` has opened.
     record : WorldRecord
-    params : ValidationParams
+    params : MadeBy
         How its network is traced, the tolerance of its outline, its steepest floor, and how its rock was decomposed.
 
     Raises

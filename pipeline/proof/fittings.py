@@ -29,8 +29,7 @@ from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
 from pipeline.mjcf.loading import read_spec
 from pipeline.mjcf.openings import show_openings
-from pipeline.params.realism import FloorParams
-from pipeline.params.validation import FittingsParams
+from pipeline.params.fittings import FittingsParams, FloorParams
 from pipeline.proof.visible import rough_meshes
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.types import DriftNetwork, Openings

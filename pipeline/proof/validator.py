@@ -35,6 +35,7 @@ from pipeline.mjcf.bundle import (
     open_bundle,
     part_vertices,
     read_floor,
+    read_made_by,
     read_whole_floor,
     unfold_surfaces,
 )
@@ -42,6 +43,7 @@ from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.built import require_built, tolerance_of
 from pipeline.proof.certificate import Certificate, certify, measure_containment
+from pipeline.proof.claims import require_own_claims
 from pipeline.proof.consistency import measure_consistency
 from pipeline.proof.surface import TextureReport, report_relief, report_texture, report_walls, texture_metrics
 from pipeline.store.codecs import decode
@@ -80,6 +82,7 @@ class Validator:
         self.world: World = open_bundle(bundle, checked)
         _require_overlay(bundle, self.world, params)
         if checked and params.extent == "full":
+            require_own_claims(bundle, read_made_by(bundle), params)
             self.free_space: FreeSpace = require_built(bundle, self.world.record, params)
             _require_survey(bundle, self.world, survey)
             _require_plan(bundle, self.free_space, cleaned, raw)

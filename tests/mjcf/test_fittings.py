@@ -38,7 +38,7 @@ from pipeline.mjcf.furniture import _merged, hang_furniture
 from pipeline.mjcf.scene import FloorZone
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
 from pipeline.params.config import Config
-from pipeline.params.realism import FloorParams
+from pipeline.params.fittings import FloorParams
 from pipeline.proof.built import require_built
 from pipeline.proof.fittings import _mesh_difference
 from pipeline.proof.visible import face_samples
