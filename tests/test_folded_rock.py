@@ -16,7 +16,7 @@ from pipeline.compose import compose
 from pipeline.errors import ArtifactError
 from pipeline.geometry.floor_mesh import build_floor
 from pipeline.geometry.openings import filled_floor, without_openings
-from pipeline.geometry.subdivide import split_long_edges
+from pipeline.geometry.subdivide import split_edges
 from pipeline.mjcf.bundle import read_record
 from pipeline.mjcf.openings import show_openings
 from pipeline.proof.fittings import require_fittings
@@ -30,6 +30,8 @@ from pipeline.surface.folded import check_folded, fold_surface
 from pipeline.surface.open_roof import open_roof
 from pipeline.surface.reference import measure_sources
 from pipeline.surface.rough import closed_mesh
+from pipeline.surface.smooth import smooth_surface
+from pipeline.surface.smooth_sheets import fold_smooth
 from pipeline.types import Occupancy, Openings
 from tests.heights import RAMP, UNDER, MineWithHeights, certificate_params
 from tests.mines import STRAIGHT, sealed
@@ -277,10 +279,25 @@ def test_rock_that_hangs_low_under_a_shaft_shows_no_hole(config, under, capsys):
 
 def test_split_edges_leave_no_crack_between_neighbours():
     corners = np.array([[0, 0, 0], [7, 0, 0], [7, 3, 0], [0, 3, 0], [3, 9, 0.0]])
-    points, faces = split_long_edges(corners, np.array([[0, 1, 2], [0, 2, 3], [3, 2, 4]]), 1.0)
+    whole = np.array([[0, 1, 2], [0, 2, 3], [3, 2, 4]])
+    points, faces = split_edges(corners, whole, lambda one, two: np.linalg.norm(one - two, axis=1) > 1.0)
     sides = np.linalg.norm(points[faces] - np.roll(points[faces], 1, axis=1), axis=2)
     assert sides.max() <= 1.0
     edges, count = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0, return_counts=True)
     assert count.max() == 2
     rim = np.linalg.norm(points[edges[count == 1, 0]] - points[edges[count == 1, 1]], axis=1).sum()
     assert rim == pytest.approx(7 + 3 + 3 + np.hypot(4, 6) + np.hypot(3, 6))
+
+
+def test_the_smooth_surface_of_a_straight_decline_has_few_faces_and_follows_its_floor():
+    pieces = smooth_surface(STRAIGHT, 3.5, 0.3, 0.9, 2.0)
+    floor = build_floor(STRAIGHT, [np.array([[0, 2.5, 0], [100, 2.5, -12.0]])], 30.0)
+    for name, mesh in fold_smooth(pieces, floor).items():
+        assert len(mesh.faces) < 2000, name  # halved down to 1 m, the roof alone had 30,000
+        middle, plan = (mesh.vertices[mesh.faces].mean(axis=1), mesh.texcoords[mesh.faces].mean(axis=1) * 2.0)
+        if name != "walls":  # textured along the wall
+            inside = (plan[:, 0] > 6) & (plan[:, 0] < 94)
+            above = middle[inside, 2] + 0.12 * plan[inside, 0]
+            level = pieces[name].vertices[:, 2]
+            assert (above > level.min() - 0.02).all()
+            assert (above < level.max() + 0.02).all()

@@ -9,15 +9,6 @@ import numpy as np
 _ROUNDS = 20  # each halves the longest edges
 
 
-def split_long_edges(points: np.ndarray, faces: np.ndarray, most_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return points (n, d) and faces (m, 3) without edges longer than a bound; a point's place, m, comes first."""
-
-    def is_long(one: np.ndarray, two: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(one[:, :3] - two[:, :3], axis=1) > most_m
-
-    return split_edges(points, faces, is_long)
-
-
 def split_edges(
     points: np.ndarray, faces: np.ndarray, wants: Callable[[np.ndarray, np.ndarray], np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:

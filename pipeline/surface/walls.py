@@ -146,17 +146,23 @@ def fillet(free: Polygon) -> Polygon:
     radius = _FILLET_M
     while radius > _LEAST_FILLET_M:
         rounded = _rounded(free, radius)
-        if rounded.geom_type == "Polygon" and len(rounded.interiors) == len(free.interiors):
-            return orient(_keep_noses(rounded, free, radius))
+        kept = _keep_noses(rounded, free, radius) if _is_like(rounded, free) else rounded
+        if _is_like(kept, free):
+            return orient(kept)
         radius /= 2
     return orient(free)
 
 
-def _rounded(free: Polygon, radius_m: float) -> Polygon:
+def _is_like(rounded: BaseGeometry, free: Polygon) -> bool:
+    """Return whether rounded workings are in one piece with the same pillars: thin ones may part or vanish."""
+    return isinstance(rounded, Polygon) and len(rounded.interiors) == len(free.interiors)
+
+
+def _rounded(free: Polygon, radius_m: float) -> BaseGeometry:
     return free.buffer(-radius_m).buffer(2 * radius_m).buffer(-radius_m)
 
 
-def _keep_noses(rounded: Polygon, free: Polygon, radius_m: float) -> Polygon:
+def _keep_noses(rounded: BaseGeometry, free: Polygon, radius_m: float) -> BaseGeometry:
     """Round the noses of rock by smaller radii that have lost more than `_BLUNT_M`.
 
     Between two drifts that part at an angle a, rounding moves the end of the rock by radius * (1 / sin(a / 2) - 1).
@@ -172,7 +178,7 @@ def _keep_noses(rounded: Polygon, free: Polygon, radius_m: float) -> Polygon:
     return rounded
 
 
-def _depth_m(piece: BaseGeometry, outline: Polygon) -> float:
+def _depth_m(piece: BaseGeometry, outline: BaseGeometry) -> float:
     """Return how far the corners of a piece lie from an outline, m."""
     return float(shapely.distance(outline.boundary, shapely.points(shapely.get_coordinates(piece))).max(initial=0.0))
 

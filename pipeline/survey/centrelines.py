@@ -84,8 +84,15 @@ def _lines(
     moved, georeference = locate(path, Shapes(kept, content.unit, content.crs), unit, origin)
     lines = []
     for line, part in zip(moved, kept, strict=True):
-        z = shapely.get_coordinates(part, include_z=True)[:, 2] * georeference.metres_per_unit
-        lines.append(np.column_stack([shapely.get_coordinates(line), np.where(np.isnan(z), 0.0, z)]))
+        points = shapely.get_coordinates(part, include_z=True)
+        z = points[:, 2] * georeference.metres_per_unit if part.has_z else np.zeros(len(points))
+        if np.isnan(z).any():
+            x, y, _ = points[np.isnan(z)][0]
+            raise InputError(
+                f"{path}: {np.isnan(z).sum()} points of lines have no elevation (z is not a number), the first at "
+                f"({x:.1f}, {y:.1f}); state it, or draw the whole line without elevations"
+            )
+        lines.append(np.column_stack([shapely.get_coordinates(line), z]))
     far = max(float(np.abs(line[:, 2]).max()) for line in lines)
     if not far <= REACH_M:
         raise InputError(f"{path}: an elevation of {far:g} m, at most {REACH_M:g} m")

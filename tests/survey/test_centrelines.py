@@ -171,3 +171,13 @@ def test_a_string_of_short_segments_has_no_crossings_and_no_near_ends(capsys):
     _, legs = joined(string)
     assert len(legs) == 59
     assert capsys.readouterr().err == ""
+
+
+def test_a_point_without_an_elevation_between_others_is_refused_with_its_place():
+    with pytest.raises(InputError, match=r"1 points of lines have no elevation .* the first at \(30\.0, 5\.0\)"):
+        joined([(0, 0, 100), (30, 5, float("nan")), (60, 0, 98)])
+
+
+def test_lines_without_elevations_lie_at_0():
+    places, _ = joined([(0, 0), (30, 5), (60, 0)])
+    assert (places[:, 2] == 0).all()

@@ -90,3 +90,13 @@ def test_an_unsupported_file_is_refused(tmp_path, name, message):
         (tmp_path / name).write_bytes(b"x")
     with pytest.raises(InputError, match=message):
         detect_survey(tmp_path / name, {})
+
+
+@pytest.mark.parametrize(("unit", "found"), [(2, None), (4, "m")])
+def test_a_unit_that_a_drawing_states_is_kept_for_a_wide_room_and_not_where_it_makes_no_drift(tmp_path, unit, found):
+    drawing = ezdxf.new()
+    drawing.header["$INSUNITS"] = unit  # feet: a room of 60 x 30 m; millimetres: nothing that one can walk in
+    sides = np.array([[0, 0], [1, 0], [1, 0.5], [0, 0.5]]) * (60 / 0.3048 if unit == 2 else 20)
+    drawing.modelspace().add_lwpolyline(sides.tolist(), close=True)
+    drawing.saveas(tmp_path / "room.dxf")
+    assert detect_survey(tmp_path / "room.dxf", {}).values["unit"] == found

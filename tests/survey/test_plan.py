@@ -3,13 +3,16 @@ import numpy as np
 import pytest
 import shapely
 
+from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.binarize import binarize, clean_mask, fill_islands, require_workings
 from pipeline.geometry.components import choose_mask_component
 from pipeline.survey.draw import draw_plan, frame_around
 from pipeline.survey.image import read_image
 from pipeline.survey.scale import measure_bar
-from tests.mines import RING, STRAIGHT, frame_for, plan_of
+from pipeline.types import Workings
+from stages.contours import trace_free_space
+from tests.mines import RING, STRAIGHT, frame_for, plan_of, survey_of
 
 
 def test_a_drawn_plan_has_the_workings_the_labels_and_a_bar_with_the_right_scale():
@@ -99,3 +102,11 @@ def test_an_image_that_cannot_be_a_plan_is_refused_with_its_name(tmp_path, data,
     path.write_bytes(data)
     with pytest.raises(InputError, match=message):
         read_image(path, 1.0)
+
+
+@pytest.mark.parametrize("room", [shapely.box(0, 0, 120, 100), shapely.box(0, 0, 15, 1.6)])
+def test_workings_of_a_vector_file_are_no_inverted_plan_however_large_or_small(room):
+    frame = frame_for(room)
+    outline, contours = Workings(shapely.MultiPolygon([room])), compose([]).contours
+    traced = trace_free_space(contours, plan_of(room, frame), survey_of(frame, (5.0, 0.8)), outline)
+    assert traced["free_space"].polygon.area == pytest.approx(room.area)
