@@ -17,11 +17,12 @@ from minexplore.bundle import GeomGroup
 from pipeline.compose import compose, root_overrides
 from pipeline.errors import MineError
 from pipeline.metrics.published import REAL, REAL_SWEEP
-from pipeline.metrics.relief import line_factor
+from pipeline.metrics.relief import STEEP_DEG, line_factor
 from pipeline.metrics.texture import AXES, AXIS_TITLES, published_score, strict_score
 from pipeline.mjcf.render import render_from
 from pipeline.params.config import Config
-from pipeline.proof.surface import measure_texture, relief_of
+from pipeline.proof.surface import relief_of
+from pipeline.proof.texture import measure_texture
 from pipeline.store.codecs import decode
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import sha256_bytes
@@ -84,7 +85,12 @@ def measure(walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNe
     published, strict = published_score(REAL, found.as_paper), strict_score(REAL, found.as_is)
     cut = relief.cut["at_100_cm"]
     return {
-        "face angle to the plan's wall, median, deg": relief.face_angle_deg,
+        **{
+            f"area steeper than {least} deg to the plan's wall": relief.steep_share[f"above_{least}_deg"]
+            for least in STEEP_DEG
+        },
+        "- steeper than 40 deg, below 0.5 m": relief.steep_share_by_height["from_0_cm_to_50_cm"]["above_40_deg"],
+        "- steeper than 40 deg, 0.5 to 1.5 m": relief.steep_share_by_height["from_50_cm_to_150_cm"]["above_40_deg"],
         "area in flat faces": relief.flat_face_share,
         "wall cut at 1 m / plan's wall": cut.length_ratio,
         **{f"spectrum's slope, {octave.replace('_', ' ')}": v for octave, v in cut.slope.items()},

@@ -16,7 +16,8 @@ from pipeline.metrics.relief import cut_walls, line_factor
 from pipeline.metrics.roughness import SurfaceRoughness
 from pipeline.mjcf.bundle import open_bundle, visible_triangles
 from pipeline.proof.built import require_built
-from pipeline.proof.surface import report_texture, report_walls, texture_metrics
+from pipeline.proof.surface import report_walls
+from pipeline.proof.texture import report_texture, texture_metrics
 from pipeline.store.codecs import decode
 from pipeline.surface.build import build_rough_surface, lay_rough_lattice, widen_spacing
 from pipeline.surface.built import wall_section
@@ -174,7 +175,9 @@ def test_texture_and_walls_are_measured_on_the_meshes_that_the_model_names(opene
     assert shrunk.strict_axes.bump_rq_m != pytest.approx(report.strict_axes.bump_rq_m, rel=0.05)
     metrics = texture_metrics(report)
     assert metrics["strict"]["overall"] == pytest.approx(report.strict.overall, abs=1e-4)
-    gaps = report_walls(opened.model, polygon, network, 0.5, 0)
+    walls = report_walls(opened.model, polygon, network, 0.5, 0)
+    assert walls.at_foot.gap_median_m > 2 * walls.at_height.gap_median_m  # blocks lean out of the wall's foot
+    gaps = walls.at_height
     assert 0.03 < gaps.gap_median_m < 0.15
     assert gaps.gap_max_m < 0.6
     assert gaps.narrowest_kept >= 0.93
