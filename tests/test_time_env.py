@@ -1,4 +1,4 @@
-"""The environment's timing: both sides of a ratio drive the same steps from the same start, and the page marks misses."""
+"""The environment's timing: both sides of a ratio drive the same steps, and the page marks what misses its limit."""
 
 import numpy as np
 import pytest
