@@ -20,6 +20,7 @@ from pipeline.errors import MineError
 from pipeline.metrics.published import REAL, REAL_SWEEP
 from pipeline.metrics.relief import STEEP_DEG, Relief, line_factor
 from pipeline.metrics.texture import AXES, AXIS_TITLES, published_score, strict_score
+from pipeline.mjcf.bundle import smooth_triangles
 from pipeline.mjcf.render import render_from
 from pipeline.params.config import Config
 from pipeline.proof.surface import relief_of, split_long

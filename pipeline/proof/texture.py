@@ -170,20 +170,23 @@ def measure_texture(
     differ least.
     """
     rng = np.random.default_rng(params.seed)
-    everywhere, _ = sample_triangles(walls, _count(walls, params.wall_points, params.points_per_m2), rng)
-    split_walls, split_roof = split_long(walls), split_long(roof)
+    pieces = [split_long(piece) for piece in (walls, roof)]
+    near = [
+        [faces_near(piece, places, params.stretch_radius_m) for piece in pieces]
+        for places in draws_of_places(network, params)
+    ]
+    if not all(len(faces) for draw in near for faces in draw):
+        raise ArtifactError("mine.xml: no visible walls or no roof near the stations; texture needs both")
+    everywhere, _ = _sample(walls, params.wall_points, params, rng)
     published_m = published_wavelength_m(between(everywhere, params.wall_z_m))
     along_m: float | None = None
     draws: list[Draw] = []
-    for places in draws_of_places(network, params):
-        near_walls, near_roof = (faces_near(c, places, params.stretch_radius_m) for c in (split_walls, split_roof))
-        if not (len(near_walls) and len(near_roof)):
-            raise ArtifactError("mine.xml: no visible walls or no roof near the stations; texture needs both")
-        wall, wall_normal = _sample(near_walls, params.wall_points, params, rng)
-        if not draws:
-            along_m = _wavelength_along_walls(between(wall, params.wall_z_m), free)
+    for near_walls, near_roof in near:
+        wall_points = _sample(near_walls, params.wall_points, params, rng)
         roof_points = _sample(near_roof, params.roof_points, params, rng)
-        draws.append(_measure_draw((wall, wall_normal), roof_points, (published_m, along_m), params, rng))
+        if not draws:
+            along_m = _wavelength_along_walls(between(wall_points[0], params.wall_z_m), free)
+        draws.append(_measure_draw(wall_points, roof_points, (published_m, along_m), params, rng))
     return MeasuredTexture(draws, everywhere)
 
 
