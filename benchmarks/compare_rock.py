@@ -13,15 +13,18 @@ import mujoco
 import numpy as np
 from shapely import Polygon
 
-from minexplore.bundle import GeomGroup
+from minexplore.bundle import MODEL, WALLS, GeomGroup
+from minexplore.bundle import ROOF as ROOFS
 from pipeline.compose import compose, root_overrides
 from pipeline.errors import MineError
 from pipeline.metrics.published import REAL, REAL_SWEEP
-from pipeline.metrics.relief import line_factor
+from pipeline.metrics.relief import STEEP_DEG, Relief, line_factor
 from pipeline.metrics.texture import AXES, AXIS_TITLES, published_score, strict_score
+from pipeline.mjcf.bundle import smooth_triangles
 from pipeline.mjcf.render import render_from
 from pipeline.params.config import Config
-from pipeline.proof.surface import measure_texture, relief_of
+from pipeline.proof.surface import relief_of, split_long
+from pipeline.proof.texture import MeasuredTexture, measure_flat_texture, measure_texture
 from pipeline.store.codecs import decode
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import sha256_bytes
@@ -52,13 +55,15 @@ ROCKS = {
     **{name: [f"rock={name}"] for name in ("coal", "limestone", "sandstone")},
 }
 RESULTS = Path("artifacts/benchmarks/rock.json")
+WORLD = Path("artifacts/realism/world")
 TABLE, PICTURE = Path("docs/rock.md"), Path("docs/rock.jpg")
 WORLD_VIEW = Path("artifacts/validation/views.png")  # its left half is from the same place
 _NOISE_M = 0.05
 _SIZE = (900, 600)
 _HEAD = """# Kinds of rock
 
-Written by `make compare-rock` on the present plan. `rock=NAME` selects one. *Flat* is the drift without relief.
+Written by `make compare-rock` on the present plan. `rock=NAME` selects one. *Flat* is the smooth surface of the
+default world, measured as stage 6 does, so that its scores are those of [the results](results.md).
 *White noise* moves every point of the mesh by itself (s.d. 50 mm). Both show what a figure gives for walls that are no
 rock.
 
@@ -78,13 +83,21 @@ mean absolute logarithm of built over measured residuals.
 
 def measure(walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNetwork, params: Config) -> dict:
     """Measure the triangles (n, 3, 3) m of walls and roof."""
-    texture = params.validation.texture
-    found = measure_texture(walls, roof, free, network, texture)
-    relief = relief_of(walls, roof, free, network, texture.stretches)
+    found = measure_texture(walls, roof, free, network, params.validation.texture)
+    return figures_of(found, relief_of(walls, roof, free, network, params.validation.texture.stretches), params)
+
+
+def figures_of(found: MeasuredTexture, relief: Relief, params: Config) -> dict[str, Any]:
+    """Return the rows of the table."""
     published, strict = published_score(REAL, found.as_paper), strict_score(REAL, found.as_is)
     cut = relief.cut["at_100_cm"]
     return {
-        "face angle to the plan's wall, median, deg": relief.face_angle_deg,
+        **{
+            f"area steeper than {least} deg to the plan's wall": relief.steep_share[f"above_{least}_deg"]
+            for least in STEEP_DEG
+        },
+        "- steeper than 40 deg, below 0.5 m": relief.steep_share_by_height["from_0_cm_to_50_cm"]["above_40_deg"],
+        "- steeper than 40 deg, 0.5 to 1.5 m": relief.steep_share_by_height["from_50_cm_to_150_cm"]["above_40_deg"],
         "area in flat faces": relief.flat_face_share,
         "wall cut at 1 m / plan's wall": cut.length_ratio,
         **{f"spectrum's slope, {octave.replace('_', ' ')}": v for octave, v in cut.slope.items()},
@@ -120,11 +133,16 @@ def build(name: str, free: Polygon, network: DriftNetwork, height_m: float) -> t
 
 
 def build_witness(name: str, free: Polygon, network: DriftNetwork, height_m: float) -> dict[str, Any]:
-    """Measure walls that are no rock: flat ones, or points that each move by themselves."""
+    """Measure walls that are no rock: the smooth surface of the world, or points that each move by themselves."""
     params = compose([*root_overrides(), "rock=andesite"])
-    surface = params.surface
-    lattice = lay_rough_lattice(surface, free, network, height_m)
-    noise = np.random.default_rng(1).normal(0, _NOISE_M if name == "white noise" else 0.0, len(lattice.vertices))
+    texture = params.validation.texture
+    if name == "flat":  # as stage 6 measures it
+        model = mujoco.MjModel.from_xml_path(str(WORLD / MODEL))
+        walls, roof = (split_long(smooth_triangles(model, piece)) for piece in (WALLS, ROOFS))
+        relief = relief_of(walls, roof, free, network, texture.stretches)
+        return figures_of(measure_flat_texture(model, free, network, texture), relief, params)
+    lattice = lay_rough_lattice(params.surface, free, network, height_m)
+    noise = np.random.default_rng(1).normal(0, _NOISE_M, len(lattice.vertices))
     vertices = displaced(lattice, noise)
     wall_faces, roof_faces = (vertices[lattice.faces[lattice.piece == piece]] for piece in (WALL, ROOF))
     return measure(wall_faces, roof_faces, free, network, params)
@@ -180,7 +198,10 @@ def main() -> int:
         network = decode(Path("artifacts/contours/topology.json"), DriftNetwork)
         height_m = decode(Path("artifacts/compile3d/extent.json"), SolidExtent).height_m
         params = [compose([*root_overrides(), *overrides]).model_dump_json() for overrides in ROCKS.values()]
-        key = sha256_bytes(source.read_bytes() + "".join([*params, code_sha256("surface", Path.cwd())]).encode())
+        key = sha256_bytes(
+            source.read_bytes()
+            + "".join([*params, code_sha256("surface", Path.cwd()), code_sha256("validation", Path.cwd())]).encode()
+        )
         earlier = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
         results = earlier["results"] if earlier.get("key") == key else {}
         for name in ("flat", "white noise", *ROCKS):

@@ -16,7 +16,8 @@ from pipeline.geometry.skeleton import trace_network
 from pipeline.metrics.published import REAL
 from pipeline.metrics.texture import published_score
 from pipeline.params.config import Config
-from pipeline.proof.surface import measure_texture, relief_of
+from pipeline.proof.surface import relief_of
+from pipeline.proof.texture import measure_texture
 from pipeline.store.files import write_atomically
 from pipeline.surface.build import build_rough_surface, lay_rough_lattice
 from pipeline.surface.choose import choose_relief
@@ -26,14 +27,19 @@ from pipeline.surface.reference import measure_sources
 TABLE = Path("docs/rock-directions.md")
 _LENGTH_M, _HEIGHT_M, _PLACED_M = 80.0, 3.5, 200.0
 _WIDTHS_M, _DIRECTIONS_DEG = (1.5, 3.0, 4.4), range(0, 180, 15)
-_FIGURES = ("face angle, deg", "slope at 1.0 m", "slope at 1.5 m", "cut / wall", "roof axis", "jaggedness axis")
+_BANDS = ("from_0_cm_to_50_cm", "from_50_cm_to_150_cm")
+_FIGURES = (
+    *("steep, 20", "steep, 40", "foot, 20", "foot, 40", "middle, 20", "middle, 40"),
+    *("slope at 1.0 m", "slope at 1.5 m", "cut / wall", "roof axis", "jaggedness axis"),
+)
 _HEAD = f"""# Rock in other directions
 
 Written by `make rock-directions`: the default rock in straight, level drifts of {_LENGTH_M:g} m, with the bounds of
 mines other than the published one (`conf/mine/own.yaml`), in {len(_DIRECTIONS_DEG)} directions, each at another place.
-*Slope* is that of the spectrum over 1 to 2 m. Each cell has the least, the median and the greatest of the directions.
-The joint sets have directions of their own: a drift along one of them has steeper faces. 80 m of wall have few waves of
-1 to 2 m. The limits of `conf/mine/limits/andesite.yaml` on these figures are as wide as this table.
+*Steep* is the share of wall area more than 20 or 40 deg off the plan's wall, *foot* the same below 0.5 m, *middle* at
+0.5 to 1.5 m. *Slope* is that of the spectrum over 1 to 2 m. Each cell has the least, the median and the greatest of the
+directions. The joint sets have directions of their own: a drift along one of them has steeper faces. 80 m of wall have
+few waves of 1 to 2 m. The limits of `conf/mine/limits/andesite.yaml` on these figures are as wide as this table.
 
 """
 
@@ -49,7 +55,8 @@ def measure(free: Polygon, config: Config) -> list[float | None]:
     axes = published_score(REAL, measure_texture(walls, roof, free, network, texture).as_paper).axes
     cuts = relief.cut.values()
     return [
-        relief.face_angle_deg,
+        *relief.steep_share.values(),
+        *(share for band in _BANDS for share in relief.steep_share_by_height[band].values()),
         *(cut.slope["from_100_cm_to_200_cm"] for cut in cuts),
         max(cut.length_ratio for cut in cuts),
         axes["roof_irregularity_m"],

@@ -20,7 +20,7 @@ from pipeline.proof.certificate import Certificate
 from pipeline.proof.groups import applying_limits, groups_of
 from pipeline.proof.replay import replay_sweeps
 from pipeline.proof.replay_report import Replay, ReplayReport
-from pipeline.proof.surface import TextureReport
+from pipeline.proof.texture import TextureReport
 from pipeline.proof.validator import MEASURES, Validator
 from pipeline.report.graph import blocked_table
 from pipeline.report.plans import draw_agreement

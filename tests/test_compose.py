@@ -55,6 +55,7 @@ def test_another_mine_has_every_limit_except_those_that_depend_on_the_size_of_th
         "texture.published.overall",
         "texture.published.dominant_wavelength_m",
         *("texture.rq_ratio.at_100_cm", "texture.rq_ratio.at_200_cm"),  # passages bound the relief of rock
+        *(f"relief.steep_share_by_height.from_150_cm_up.above_{least}_deg" for least in (20, 40)),  # low walls
         # an error of the walls in metres, and size by metres of wall and area of rock, have limits instead
         "iou.free_space_vs_cleaned",
         "iou.free_space_vs_raw",
@@ -64,6 +65,7 @@ def test_another_mine_has_every_limit_except_those_that_depend_on_the_size_of_th
         "world.load_s",
         "world.load_memory_mb",
     }
+    middle = [f"from_50_cm_to_150_cm.above_{least}_deg" for least in (20, 40)]
     looser = {
         *(f"per_m2.{name}" for name in ("bytes", "load_s", "load_memory_mb")),  # coarser rock may need more
         "texture.bump_ratio",
@@ -73,7 +75,8 @@ def test_another_mine_has_every_limit_except_those_that_depend_on_the_size_of_th
         "texture.axes_measured.strict",
         "wall_error.max_m",
         "texture.published.roof_irregularity_m",  # narrow drifts; the rock's faces depend on a drift's direction
-        "relief.face_angle_deg",
+        *(f"relief.steep_share.above_{least}_deg" for least in (20, 40)),
+        *(f"relief.steep_share_by_height.{band}" for band in ("from_0_cm_to_50_cm.above_20_deg", *middle)),
         *(f"relief.cut.at_{cm}_cm.slope.from_100_cm_to_200_cm" for cm in (100, 150)),
     }
     for name, limit in own.limits.items():

@@ -4,7 +4,8 @@ import dataclasses
 
 import pytest
 
-from benchmarks.growth import Grown, exponent, faults, page
+from benchmarks.growth import PAGE, Grown, exponent, faults, page, points_of
+from tests.project import ROOT
 
 
 def grown(km, seconds, **figures):
@@ -28,7 +29,7 @@ def grown(km, seconds, **figures):
 
 def test_the_exponent_is_that_of_a_power_law_from_three_kilometres_on():
     rows = [grown(1, 400.0), *(grown(km, 5 * km**1.1) for km in (3, 10, 30))]
-    assert exponent(rows) == pytest.approx(1.1)
+    assert exponent(points_of(rows)) == pytest.approx(1.1)
 
 
 def test_each_missed_limit_is_named_with_its_mine():
@@ -47,3 +48,16 @@ def test_the_page_names_the_sizes_that_are_not_measured():
     assert "power of 1.00 (limit 1.15)" in text
     assert "Not measured yet: 30 km, 100 km." in text
     assert "| 10.00 | 3 | 50.0 | 5.00 | 900 | validation | 1,800 | 0.180 | 5.00 | holds |" in text
+
+
+def test_mines_that_are_not_measured_now_keep_their_rows_on_the_page():
+    before = (ROOT / PAGE).read_text()
+    lines = before.splitlines()
+    assert page([], before) == before
+    again = page([grown(10, 60.0, drift_m=8720.0), grown(1, 80.0, drift_m=1130.0, rock=True)], before)
+    changed = [(old, new) for old, new in zip(lines, again.splitlines(), strict=True) if old != new]
+    assert [new.split(" | ")[:3] for _, new in changed if new.startswith("|")] == [
+        ["| 8.72", "3", "60.0"],
+        ["| 1.13", "3", "80.0"],
+    ]
+    assert [old[:6] for old, _ in changed if old.startswith("|")] == ["| 8.72", "| 1.13"]

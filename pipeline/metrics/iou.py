@@ -1,6 +1,8 @@
-"""Intersection over union of pixel masks."""
+"""How far two pixel masks agree: intersection over union, and the areas in which they differ."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,3 +18,24 @@ def intersection_over_union(one: Mask, two: Mask) -> float:
     """
     union = np.count_nonzero(one | two)
     return 1.0 if union == 0 else np.count_nonzero(one & two) / union
+
+
+@dataclass(frozen=True)
+class DifferingAreas:
+    """Where a world and a plan differ: rock in the plan's free space, m2 and share of it, and missing rock, m2."""
+
+    rock_in_free_m2: float
+    rock_in_free_share: float
+    missing_rock_m2: float
+
+
+def differing_areas(world_free: Mask, plan_free: Mask, px_per_m: float) -> DifferingAreas:
+    """Return the areas in which the free pixels of a world and of a plan differ."""
+    rock, missing = (
+        int(np.count_nonzero(one & ~two)) for one, two in ((plan_free, world_free), (world_free, plan_free))
+    )
+    return DifferingAreas(
+        round(rock / px_per_m**2, 3),
+        round(rock / max(1, int(np.count_nonzero(plan_free))), 6),
+        round(missing / px_per_m**2, 3),
+    )

@@ -21,15 +21,22 @@ OCTAVES_M = ((0.2, 0.5), (0.5, 1.0), (1.0, 2.0))
 LINE_WINDOWS_M = (0.5, 1.0, 2.0, 3.0)
 _STEP_M, _WINDOW_M = 0.025, 8.0
 _LEAST_RUN_M = 3.0
+STEEP_DEG = (20, 40)  # between the two humps of the default rock: faces along the wall, and the sides of blocks
+BANDS_M = ((0.0, 0.5), (0.5, 1.5), (1.5, None))  # of height: the foot leans, the robot's scanner sees the middle
 _FLAT_DEG, _FLAT_M2 = 12.0, 0.05
 _JOIN = 1e4  # corners are one vertex if they agree to 0.1 mm
 
 
 @dataclass(frozen=True)
 class Relief:
-    """The median angle of wall faces to the plan's wall, the share of area in flat faces, and cuts by height."""
+    """Shares of steep wall area, all together and by band of height, the share in flat faces, and cuts by height.
 
-    face_angle_deg: float
+    `steep_share` maps `above_20_deg` and `above_40_deg` to the share of the area whose angle to the plan's wall is
+    larger. A median of angles would say less: they gather below 15 and above 55 deg, and the median lies between.
+    """
+
+    steep_share: dict[str, float]
+    steep_share_by_height: dict[str, dict[str, float]]
     flat_face_share: float
     cut: dict[str, Cut]
 
@@ -54,11 +61,13 @@ def measure_relief(walls: np.ndarray, sample: np.ndarray, free: Polygon, lines: 
     """
     lines = lines or free.boundary
     cuts = {_cm("at", z): cut_walls(walls, free, z, lines) for z in CUT_HEIGHTS_M}
-    return repeatable(Relief(face_angle_deg(walls, lines), flat_face_share(sample), cuts))
+    angle, area = face_angles_deg(walls, lines)
+    bands = {name: _steep_share(angle[band], area[band]) for name, band in _bands(walls).items() if band.any()}
+    return repeatable(Relief(_steep_share(angle, area), bands, flat_face_share(sample), cuts))
 
 
-def face_angle_deg(walls: np.ndarray, lines: BaseGeometry) -> float:
-    """Return the median angle, by area, between faces (n, 3, 3) m and the nearest of the plan's walls, `lines`."""
+def face_angles_deg(walls: np.ndarray, lines: BaseGeometry) -> tuple[np.ndarray, np.ndarray]:
+    """Return the angles (n,) deg between faces (n, 3, 3) m and the nearest of the plan's walls, and areas (n,) m2."""
     normal = np.cross(walls[:, 1] - walls[:, 0], walls[:, 2] - walls[:, 0])
     area = np.linalg.norm(normal, axis=1)
     # Rounded: the sides of a corner tie, and the last digit, which differs between processors, would choose.
@@ -68,10 +77,20 @@ def face_angle_deg(walls: np.ndarray, lines: BaseGeometry) -> float:
     along = sides[nearest, 1] - sides[nearest, 0]
     across = np.abs(normal[:, 0] * along[:, 1] - normal[:, 1] * along[:, 0])
     cosine = across / np.maximum(area * np.linalg.norm(along, axis=1), 1e-30)
-    angle = np.degrees(np.arccos(np.clip(cosine, 0, 1)))
-    order = np.argsort(angle)
-    covered = np.cumsum(area[order])
-    return float(angle[order][np.searchsorted(covered, covered[-1] / 2)])
+    return np.degrees(np.arccos(np.clip(cosine, 0, 1))), area / 2
+
+
+def _steep_share(angle: np.ndarray, area: np.ndarray) -> dict[str, float]:
+    return {f"above_{least}_deg": float(area[angle > least].sum() / area.sum()) for least in STEEP_DEG}
+
+
+def _bands(walls: np.ndarray) -> dict[str, np.ndarray]:
+    """Return which faces (n,) have their middle in each band of height."""
+    height = walls.mean(axis=1)[:, 2]
+    return {
+        _cm("from", low) + ("_up" if high is None else _cm("_to", high)): (height >= low) & (height < (high or np.inf))
+        for low, high in BANDS_M
+    }
 
 
 def _sides(line: shapely.LineString) -> np.ndarray:

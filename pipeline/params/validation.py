@@ -33,7 +33,8 @@ class TextureReportParams(Params):
     wall_points: int = Field(ge=1000, le=20_000_000)
     roof_points: int = Field(ge=1000, le=20_000_000)
     points_per_m2: float = Field(gt=0, description="upper bound on the density; small mines need fewer points")
-    stretches: int = Field(ge=1, le=200)
+    stretches: int = Field(ge=1, le=200, description="of one draw")
+    draws: int = Field(ge=1, le=50, description="most; a mine that is too short for them has fewer")
     stretch_radius_m: float = Field(gt=0)
     wall_z_m: tuple[float, float]
     roof_z_m: tuple[float, float]

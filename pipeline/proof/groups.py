@@ -7,7 +7,17 @@ from pipeline.params.validation import Limit, ValidationParams
 _OF_VISIBLE_ROCK = ("texture", "relief", "walls")
 _OF_CERTIFICATE = ("areas", "collision", "certificate")
 GROUPS = (
-    *("iou", "wall_error", "navigability", "topology", "areas", "collision", "per_m2", "certificate"),
+    *(
+        "iou",
+        "against_plan",
+        "wall_error",
+        "navigability",
+        "topology",
+        "areas",
+        "collision",
+        "per_m2",
+        "certificate",
+    ),
     *(*_OF_VISIBLE_ROCK, "scale", "world"),
 )
 

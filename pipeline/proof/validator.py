@@ -21,8 +21,7 @@ from pipeline.geometry.floor_parts import wall_lines
 from pipeline.geometry.half_level import trace_half_level
 from pipeline.geometry.openings import without_openings
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.metrics.clearance import WallGaps
-from pipeline.metrics.iou import intersection_over_union
+from pipeline.metrics.iou import differing_areas, intersection_over_union
 from pipeline.metrics.navigability import Navigability, cast_columns
 from pipeline.metrics.relief import Relief
 from pipeline.metrics.size import measure_size, parts_per_wall_m
@@ -45,7 +44,8 @@ from pipeline.proof.built import require_built, tolerance_of
 from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.claims import require_own_claims
 from pipeline.proof.consistency import measure_consistency
-from pipeline.proof.surface import TextureReport, report_relief, report_texture, report_walls, texture_metrics
+from pipeline.proof.surface import Walls, report_relief, report_walls, walls_metrics
+from pipeline.proof.texture import TextureReport, report_texture, texture_metrics
 from pipeline.store.codecs import decode
 from pipeline.types import DriftNetwork, FreeSpace, Mask, Openings, Survey
 
@@ -158,7 +158,7 @@ class Validator:
         return measure_containment(self.bundle, self.world, self.free_space, self.params.certificate, self._tracing)
 
     @functools.cached_property
-    def walls(self) -> WallGaps:
+    def walls(self) -> Walls:
         """Return the distances between visible walls and collision walls."""
         height, seed = self.params.robot_height_m, self.params.texture.seed
         return report_walls(self.world.model, self._drifts, self.network, height, seed, self._unfold, self._wall_lines)
@@ -217,6 +217,10 @@ def _iou(validator: Validator) -> dict[str, float]:
     }
 
 
+def _against_plan(validator: Validator) -> dict[str, float]:
+    return vars(differing_areas(validator.world_free, validator.cleaned, validator.survey.frame.px_per_m))
+
+
 def _wall_error(validator: Validator) -> dict[str, float]:
     return vars(validator.wall_error)
 
@@ -266,7 +270,7 @@ def _relief(validator: Validator) -> dict[str, Any]:
 
 
 def _walls(validator: Validator) -> dict[str, Any]:
-    return vars(validator.walls)
+    return walls_metrics(validator.walls)
 
 
 def _scale(validator: Validator) -> dict[str, float]:
@@ -289,6 +293,7 @@ def _world(validator: Validator) -> dict[str, Any]:
 
 MEASURES: dict[str, Callable[[Validator], dict[str, Any]]] = {  # group of metrics.json, one of `GROUPS` -> its metrics
     "iou": _iou,
+    "against_plan": _against_plan,
     "wall_error": _wall_error,
     "navigability": _navigability,
     "topology": _topology,

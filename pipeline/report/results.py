@@ -13,7 +13,7 @@ import cv2
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
 from pipeline.metrics.published import PAPER
-from pipeline.metrics.relief import OCTAVES_M
+from pipeline.metrics.relief import OCTAVES_M, STEEP_DEG
 from pipeline.metrics.texture import AXIS_TITLES, WINDOWS_M, is_uninformative
 from pipeline.params.validation import Limit, ValidationParams
 from pipeline.store.files import write_atomically
@@ -35,6 +35,11 @@ PICTURES = {
 _OPEN, _CLOSE = "<!-- results -->", "<!-- /results -->"
 _PICTURE_WIDTH = 1200
 _HUGE = 1e300
+HEIGHT_TITLES = {
+    "from_0_cm_to_50_cm": "below 0.5 m",
+    "from_50_cm_to_150_cm": "0.5 to 1.5 m",
+    "from_150_cm_up": "above 1.5 m",
+}
 NO_FIGURE = "no figure"  # some need more wall than a small mine has
 
 
@@ -57,14 +62,24 @@ ROWS = [
     _row("IoU, free space, vs raw binarized plan", "iou.free_space_vs_raw", ".4f"),
     _row("IoU, rock", "iou.rock", ".4f"),
     Row(
+        "against the cleaned plan: rock in its free space, m2 / share of it / rock that is missing, m2",
+        ("against_plan.rock_in_free_m2", "against_plan.rock_in_free_share", "against_plan.missing_rock_m2"),
+        ".4g",
+        headline=True,
+    ),
+    Row(
         "wall error, built against traced, mean / 99th percentile / max, m",
         ("wall_error.mean_m", "wall_error.p99_m", "wall_error.max_m"),
         ".3f",
     ),
     _row("wall error, traced against drawn, mean, m", "wall_error.drawn_mean_m", ".3f"),
-    _row("free columns tested", "navigability.columns", ",d"),
-    _row("blocked columns", "navigability.blocked", "d", headline=True),
-    _row("columns that simplification moved into the wall", "navigability.blocked_at_wall", ",d"),
+    _row("free columns of the cleaned plan, one a pixel", "navigability.columns", ",d"),
+    Row(
+        "of those, blocked deeper in the plan than the tolerance at its walls / within it",
+        ("navigability.blocked", "navigability.blocked_at_wall"),
+        ",d",
+        headline=True,
+    ),
     _row("the deepest of those, m from the plan's wall", "navigability.deepest_blocked_m", ".3f"),
     Row("loops, plan / world", ("topology.loops_plan", "topology.loops_world"), "d"),
     Row("drifts lost / added", ("topology.drifts_lost", "topology.drifts_added"), "d", headline=True),
@@ -72,8 +87,8 @@ ROWS = [
     _row("islands, m2", "areas.islands_m2", ",.0f"),
     _row("outside, m2", "areas.outside_m2", ",.0f"),
     _row("convex collision parts", "collision.parts", "d", headline=True),
-    _row("intrusion: collision in the free space, m2", "certificate.intrusion_m2", ".4f", headline=True),
-    _row("rock without collision, m2", "certificate.missing_m2", ".4f"),
+    _row("intrusion: collision in the outline of the bundle, m2", "certificate.intrusion_m2", ".4f", headline=True),
+    _row("rock of that outline without collision, m2", "certificate.missing_m2", ".4f"),
     Row(
         "intrusion / missing rock over the length of the walls, micrometres",
         ("certificate.intrusion_um", "certificate.missing_um"),
@@ -81,8 +96,11 @@ ROWS = [
     ),
     _row("containment certificate holds", "certificate.holds", "d", headline=True),
     _row("texture, published score, overall", "texture.published.overall", ".3f", headline=True),
+    _row("- standard deviation between sets of eight stretches", "texture.spread.published", ".3f"),
     *(_row(f"- {title}", f"texture.published.{axis}", ".3f") for axis, title in AXIS_TITLES.items()),
     _row("texture, strict score, overall", "texture.strict.overall", ".3f", headline=True),
+    _row("- standard deviation between sets of eight stretches, strict", "texture.spread.strict", ".3f"),
+    _row("sets of eight stretches whose mean is given", "texture.draws", "d"),
     *(_row(f"- {title}, strict", f"texture.strict.{axis}", ".3f") for axis, title in AXIS_TITLES.items()),
     _row("bump Rq, mean of 0.5 m voxels, model / real", "texture.bump_ratio", ".3f"),
     Row(
@@ -90,7 +108,19 @@ ROWS = [
         tuple(f"texture.rq_ratio.at_{100 * w:.0f}_cm" for w in WINDOWS_M),
         ".2f",
     ),
-    _row("angle of wall faces to the plan's wall, median, deg", "relief.face_angle_deg", ".1f"),
+    Row(
+        "area of walls more than 20 / 40 deg off the plan's wall",
+        tuple(f"relief.steep_share.above_{least}_deg" for least in STEEP_DEG),
+        ".2f",
+    ),
+    *(
+        Row(
+            f"- {title}",
+            tuple(f"relief.steep_share_by_height.{band}.above_{least}_deg" for least in STEEP_DEG),
+            ".2f",
+        )
+        for band, title in HEIGHT_TITLES.items()
+    ),
     _row("area in flat faces of 0.05 m2 and more", "relief.flat_face_share", ".2f"),
     Row(
         "length of the walls' level cut at 1.0 / 1.5 m over the plan's walls",
@@ -103,8 +133,8 @@ ROWS = [
         ".2f",
     ),
     Row(
-        "visible to collision wall at 0.5 m height, median / p95 / max, m",
-        ("walls.gap_median_m", "walls.gap_p95_m", "walls.gap_max_m"),
+        "visible to collision wall, m, median / p95 / max at 0.5 m height, then at 5 cm",
+        tuple(f"walls.{at}gap_{name}_m" for at in ("", "at_5_cm.") for name in ("median", "p95", "max")),
         ".2f",
         headline=True,
     ),
@@ -116,7 +146,7 @@ ROWS = [
     _row("bundle, MB", "world.bytes", "MB", headline=True),
     _row("MjModel load, the first in a process, s", "world.first_load_s", ".2f", headline=True),
     _row("MjModel load, again, s", "world.load_s", ".2f"),
-    _row("MjModel load, peak of memory, MB", "world.load_memory_mb", ",.0f", headline=True),
+    _row("MjModel load, peak of memory, MB", "world.load_memory_mb", ",.0f"),
     _row("MjModel load, again, beyond 0.05 s, per m2 of rock, s", "per_m2.load_s", ".2e"),
     _row("MjModel load, peak of memory per m2 of rock, MB", "per_m2.load_memory_mb", ".4f"),
 ]
@@ -201,6 +231,8 @@ def flat_walls_note(metrics: Mapping[str, Any], name: str) -> str:
 def results_table(rows: list[Row], metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> str:
     """Return rows as a Markdown table with the measured value, the limit and the paper's value.
 
+    A row with a value beyond its limit is marked. Stage 6 lets only load times be so.
+
     Raises
     ------
     ArtifactError
@@ -213,9 +245,14 @@ def results_table(rows: list[Row], metrics: Mapping[str, Any], limits: Mapping[s
         measured = " / ".join(_format(metrics.get(name, "-"), row.form) for name in row.metrics)
         note = flat_walls_note(metrics, row.metrics[0]) if len(row.metrics) == 1 else ""
         limit = " / ".join(_format_limit(limits[name], row.form) for name in row.metrics if name in limits)
+        limit += " (missed)" * any(_is_beyond(metrics.get(name), limits.get(name)) for name in row.metrics)
         paper = " / ".join(str(PAPER[name]) for name in row.metrics if name in PAPER)
         lines.append(f"| {row.title} | {measured}{note} | {limit} | {paper or '-'} |")
     return "\n".join(lines) + "\n"
+
+
+def _is_beyond(value: Any, limit: Limit | None) -> bool:
+    return limit is not None and isinstance(value, int | float) and not limit.holds(value)
 
 
 def _format(value: float | str | None, form: str) -> str:

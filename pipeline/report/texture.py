@@ -8,7 +8,7 @@ from shapely import Polygon
 from pipeline.geometry.polyline import rings_of
 from pipeline.metrics.published import PAPER, PAPER_SCORES, REAL, REAL_SWEEP
 from pipeline.metrics.texture import AXES, AXIS_TITLES, axis_ratios, is_uninformative
-from pipeline.proof.surface import TextureReport
+from pipeline.proof.texture import TextureReport
 from pipeline.report.style import GREY, OCHRE, ROCK, STEEL, new_figure, to_image
 from pipeline.types import Image
 

@@ -11,12 +11,14 @@ import shapely
 from minexplore.bundle import ROOF, WALLS, GeomGroup, smooth_mesh, surface_geom
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError, GeometryError, InputError, ParamsError
+from pipeline.geometry.skeleton import trace_network
 from pipeline.metrics.profile import line_roughness
 from pipeline.metrics.relief import cut_walls, line_factor
 from pipeline.metrics.roughness import SurfaceRoughness
 from pipeline.mjcf.bundle import open_bundle, visible_triangles
 from pipeline.proof.built import require_built
-from pipeline.proof.surface import report_texture, report_walls, texture_metrics
+from pipeline.proof.surface import report_walls
+from pipeline.proof.texture import draws_of_places, report_texture, texture_metrics
 from pipeline.store.codecs import decode
 from pipeline.surface.build import build_rough_surface, lay_rough_lattice, widen_spacing
 from pipeline.surface.built import wall_section
@@ -172,9 +174,14 @@ def test_texture_and_walls_are_measured_on_the_meshes_that_the_model_names(opene
     finally:
         model.mesh_vert[:] = before
     assert shrunk.strict_axes.bump_rq_m != pytest.approx(report.strict_axes.bump_rq_m, rel=0.05)
+    assert report.draws == 1  # the workings are shorter than two sets of eight stretches
+    assert report.strict_spread is None
     metrics = texture_metrics(report)
+    assert metrics["spread"] == {"published": None, "strict": None}
     assert metrics["strict"]["overall"] == pytest.approx(report.strict.overall, abs=1e-4)
-    gaps = report_walls(opened.model, polygon, network, 0.5, 0)
+    walls = report_walls(opened.model, polygon, network, 0.5, 0)
+    assert walls.at_foot.gap_median_m > 2 * walls.at_height.gap_median_m  # blocks lean out of the wall's foot
+    gaps = walls.at_height
     assert 0.03 < gaps.gap_median_m < 0.15
     assert gaps.gap_max_m < 0.6
     assert gaps.narrowest_kept >= 0.93
@@ -223,3 +230,15 @@ def test_a_bad_sweep_measurement_is_refused_and_named(traced_project: Project, t
 def test_the_bundle_holds_the_free_space_and_the_drift_network(tee):
     assert decode(tee.bundle / "free_space.geojson", FreeSpace).polygon.equals(tee.free_space.polygon)
     assert decode(tee.bundle / "topology.json", DriftNetwork).loops == tee.network.loops
+
+
+def test_the_sets_of_stretches_take_turns_along_the_drifts_and_do_not_share_a_place(config):
+    long = trace_network(shapely.box(0, 0, 700, 5), 0.5, 2.0, 1.0)
+    params = config.validation.texture
+    draws = draws_of_places(long, params)
+    assert [len(draw) for draw in draws] == [params.stretches] * params.draws
+    easting = np.array(draws)[:, :, 0]
+    assert (np.ptp(easting, axis=1) > 500).all()  # each set reaches over the mine
+    gaps = np.diff(np.sort(easting.ravel()))
+    assert gaps.min() > 2 * params.stretch_radius_m
+    assert len(draws_of_places(trace_network(shapely.box(0, 0, 180, 4.6), 0.5, 2.0, 1.0), params)) == 1

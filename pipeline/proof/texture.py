@@ -1,0 +1,291 @@
+"""The work of stage 6 on the rock's texture: the six axes of the meshes of the MJCF, in draws of stretches."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from shapely import Polygon
+
+from minexplore.bundle import ROOF, WALLS
+from pipeline.errors import ArtifactError
+from pipeline.metrics.axes import TextureAxes
+from pipeline.metrics.digits import repeatable
+from pipeline.metrics.draws import mean_of, mean_sweep, spread_of
+from pipeline.metrics.planefit import Residuals, fit_voxel_planes
+from pipeline.metrics.published import REAL, REAL_SWEEP
+from pipeline.metrics.sampling import faces_near, sample_triangles, with_noise
+from pipeline.metrics.texture import (
+    Scores,
+    axis_ratios,
+    measure_axes,
+    published_score,
+    published_wavelength_m,
+    roof_unevenness_m,
+    rotate_about_z,
+    strict_score,
+    sweep_walls,
+    wall_wavelength_m,
+)
+from pipeline.mjcf.bundle import Unfold, smooth_triangles, visible_triangles
+from pipeline.params.validation import TextureReportParams
+from pipeline.proof.surface import between, split_long, stretch_centres
+from pipeline.types import DriftNetwork
+
+_HEAT_M, _HEAT_POINTS, _SIGMA_POINTS = 0.5, 12, 30
+_WALL_POINTS = 400_000
+
+
+@dataclass(frozen=True)
+class TextureReport:
+    """Both readings of the six axes and their scores, the residuals over voxel sizes, and sigma along the mine.
+
+    `published_axes` are measured on points with the paper's noise, `strict_axes` on points without noise. Axes,
+    residuals, `roof_unevenness_m` (the alternative reading of the roof axis) and `bump_rms_m` are means over `draws`
+    sets of stretches, and scores are those of the mean axes. `published_spread` and `strict_spread` are the standard
+    deviations of the overall score between draws, None for one draw. Rows of `heat` are easting, northing and mean
+    sigma of 0.5 m voxels, m. `flat` and `flat_strict` are the scores of the smooth surface, measured in the same way
+    in fewer stretches: they show what an axis gives without texture.
+    """
+
+    published_axes: TextureAxes
+    strict_axes: TextureAxes
+    published: Scores
+    strict: Scores
+    draws: int
+    published_spread: float | None
+    strict_spread: float | None
+    residuals: list[Residuals]
+    roof_unevenness_m: float
+    bump_rms_m: float
+    heat: list[tuple[float, float, float]]
+    flat: Scores
+    flat_strict: Scores
+
+
+@dataclass(frozen=True)
+class Draw:
+    """The two readings of the axes in one set of stretches, and its residuals over voxel sizes."""
+
+    as_paper: TextureAxes
+    as_is: TextureAxes
+    sweep: list[Residuals]
+    roof_unevenness_m: float
+    bump_rms_m: float
+
+
+@dataclass(frozen=True)
+class MeasuredTexture:
+    """The texture of one surface in each draw of stretches, and points of all its walls (n, 3) m."""
+
+    draws: list[Draw]
+    everywhere: np.ndarray
+
+    @property
+    def as_paper(self) -> TextureAxes:
+        """Return the mean axes of points with the paper's noise."""
+        return mean_of([draw.as_paper for draw in self.draws])
+
+    @property
+    def as_is(self) -> TextureAxes:
+        """Return the mean axes of points without noise."""
+        return mean_of([draw.as_is for draw in self.draws])
+
+    @property
+    def sweep(self) -> list[Residuals]:
+        """Return the mean residuals over voxel sizes."""
+        return mean_sweep([draw.sweep for draw in self.draws])
+
+
+def report_texture(
+    model: mujoco.MjModel,
+    free: Polygon,
+    network: DriftNetwork,
+    params: TextureReportParams,
+    unfold: Unfold | None = None,
+) -> TextureReport:
+    """Measure the visible rock of a compiled world on the paper's six axes, and the smooth surface for comparison.
+
+    Rock that follows a floor's heights is measured in the plan.
+    """
+    walls, roof = (visible_triangles(model, piece, unfold) for piece in (WALLS, ROOF))
+    rock = measure_texture(walls, roof, free, network, params)
+    flat = measure_flat_texture(model, free, network, params, unfold)
+    return repeatable(
+        TextureReport(
+            rock.as_paper,
+            rock.as_is,
+            published_score(REAL, rock.as_paper),
+            strict_score(REAL, rock.as_is),
+            len(rock.draws),
+            spread_of([published_score(REAL, draw.as_paper).overall for draw in rock.draws]),
+            spread_of([strict_score(REAL, draw.as_is).overall for draw in rock.draws]),
+            rock.sweep,
+            float(np.mean([draw.roof_unevenness_m for draw in rock.draws])),
+            float(np.mean([draw.bump_rms_m for draw in rock.draws])),
+            _heat(rock.everywhere),
+            _short(published_score(REAL, flat.as_paper)),
+            _short(strict_score(REAL, flat.as_is)),
+        )
+    )
+
+
+def measure_flat_texture(
+    model: mujoco.MjModel,
+    free: Polygon,
+    network: DriftNetwork,
+    params: TextureReportParams,
+    unfold: Unfold | None = None,
+) -> MeasuredTexture:
+    """Measure the smooth surface of a compiled world at the same density, in one draw of a quarter of the stretches."""
+    walls, roof = (smooth_triangles(model, piece, unfold) for piece in (WALLS, ROOF))
+    return measure_texture(walls, roof, free, network, _quarter(params))
+
+
+def _short(scores: Scores) -> Scores:
+    """Return scores of four decimals: angles between normals of a plane are rounding errors that no machine repeats."""
+    return Scores({k: _round(v, 4) for k, v in scores.axes.items()}, _round(scores.overall, 4), scores.measured)
+
+
+def _round(value: float | None, digits: int) -> float | None:
+    return None if value is None else round(value, digits)
+
+
+def _quarter(params: TextureReportParams) -> TextureReportParams:
+    """Return the parameters for one draw of a quarter of the stretches: smooth surfaces vary little."""
+    part = max(1, params.stretches // 4)
+    wall, roof = (max(1000, n * part // params.stretches) for n in (params.wall_points, params.roof_points))
+    return params.model_copy(update={"stretches": part, "draws": 1, "wall_points": wall, "roof_points": roof})
+
+
+def measure_texture(
+    walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNetwork, params: TextureReportParams
+) -> MeasuredTexture:
+    """Measure a surface, given as the triangles (n, 3, 3) of its walls and roof, m, in each draw of stretches.
+
+    Both wavelengths are read once: as the paper from the whole mine, along the walls from the first draw, where they
+    differ least.
+    """
+    rng = np.random.default_rng(params.seed)
+    pieces = [split_long(piece) for piece in (walls, roof)]
+    near = [
+        [faces_near(piece, places, params.stretch_radius_m) for piece in pieces]
+        for places in draws_of_places(network, params)
+    ]
+    if not all(len(faces) for draw in near for faces in draw):
+        raise ArtifactError("mine.xml: no visible walls or no roof near the stations; texture needs both")
+    everywhere, _ = _sample(walls, params.wall_points, params, rng)
+    published_m = published_wavelength_m(between(everywhere, params.wall_z_m))
+    along_m: float | None = None
+    draws: list[Draw] = []
+    for near_walls, near_roof in near:
+        wall_points = _sample(near_walls, params.wall_points, params, rng)
+        roof_points = _sample(near_roof, params.roof_points, params, rng)
+        if not draws:
+            along_m = _wavelength_along_walls(between(wall_points[0], params.wall_z_m), free)
+        draws.append(_measure_draw(wall_points, roof_points, (published_m, along_m), params, rng))
+    return MeasuredTexture(draws, everywhere)
+
+
+def _sample(
+    triangles: np.ndarray, most: int, params: TextureReportParams, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    return sample_triangles(triangles, _count(triangles, most, params.points_per_m2), rng)
+
+
+def _wavelength_along_walls(wall: np.ndarray, free: Polygon) -> float | None:
+    return wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free)
+
+
+def _measure_draw(
+    walls: tuple[np.ndarray, np.ndarray],
+    roofs: tuple[np.ndarray, np.ndarray],
+    wavelengths_m: tuple[float | None, float | None],
+    params: TextureReportParams,
+    rng: np.random.Generator,
+) -> Draw:
+    """Measure one draw, given as points and normals (n, 3) of its walls and its roof."""
+    noise_m = params.noise_normal_m, params.noise_in_plane_m
+    noisy_wall, noisy_roof, wall, roof = (
+        rotate_about_z(between(points, z_m))
+        for points, z_m in (
+            (with_noise(walls[0], walls[1], noise_m[0], noise_m[1], rng), params.wall_z_m),
+            (with_noise(roofs[0], roofs[1], noise_m[0], noise_m[1], rng), params.roof_z_m),
+            (walls[0], params.wall_z_m),
+            (roofs[0], params.roof_z_m),
+        )
+    )
+    sweep = sweep_walls(wall)
+    sigma = fit_voxel_planes(wall, _HEAT_M, _SIGMA_POINTS).sigma
+    return Draw(
+        measure_axes(noisy_wall, sweep_walls(noisy_wall), noisy_roof, wavelengths_m[0]),
+        measure_axes(wall, sweep, roof, wavelengths_m[1]),
+        sweep,
+        roof_unevenness_m(roof),
+        float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0,
+    )
+
+
+def texture_metrics(report: TextureReport) -> dict[str, Any]:
+    """Return the figures of the report for `metrics.json`."""
+    rounded = {
+        kind: {"overall": _round(scores.overall, 4), **{k: _round(v, 4) for k, v in scores.axes.items()}}
+        for kind, scores in (("published", report.published), ("strict", report.strict))
+    }
+    measured = {
+        f"measured_{kind}": {k: _round(v, 6) for k, v in dataclasses.asdict(axes).items()}
+        for kind, axes in (("published", report.published_axes), ("strict", report.strict_axes))
+    }
+    return {
+        **rounded,
+        # An axis without a figure is null and is left out of the overall score: so many axes of six are in it.
+        "axes_measured": {"published": report.published.measured, "strict": report.strict.measured},
+        "draws": report.draws,
+        "spread": {"published": _round(report.published_spread, 4), "strict": _round(report.strict_spread, 4)},
+        **measured,
+        "flat_walls": {
+            kind: scores.axes for kind, scores in (("published", report.flat), ("strict", report.flat_strict))
+        },
+        # A mean over voxels and a mean over points differ. `bump_ratio` uses the mean of the voxels' RMS residuals, as
+        # the published bump Rq does: every voxel counts once, even one that holds only a smooth edge of the wall.
+        # `rq_ratio` uses the RMS over all points, as the published residuals over voxel sizes do.
+        "rq_ratio": {
+            f"at_{100 * residuals.window_m:.0f}_cm": round(residuals.rq_m / real.rq_m, 4)
+            for residuals in report.residuals
+            for real in REAL_SWEEP
+            if real.window_m == residuals.window_m
+        },
+        "bump_ratio": _round(axis_ratios(REAL, report.strict_axes)["bump_rq_m"], 4),
+        "bump_rms_ratio": round(report.bump_rms_m / vars(REAL)["bump_rq_m"], 4),
+        "roof_unevenness_m": round(report.roof_unevenness_m, 4),
+    }
+
+
+def draws_of_places(network: DriftNetwork, params: TextureReportParams) -> list[np.ndarray]:
+    """Return the centres (n, 2), m, of the stretches of each draw, which take turns along the drifts.
+
+    A mine too short for stretches that do not overlap has fewer draws, and at least one.
+    """
+    drift_m = 2 * params.stretch_radius_m * params.stretches
+    count = int(min(params.draws, max(1.0, network.total_length_m // drift_m)))
+    places = stretch_centres(network, count * params.stretches)
+    return [places[k::count] for k in range(count)]
+
+
+def _count(triangles: np.ndarray, most: int, per_m2: float) -> int:
+    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    return max(1000, min(most, int(per_m2 * np.linalg.norm(sides, axis=1).sum() / 2)))
+
+
+def _heat(points: np.ndarray) -> list[tuple[float, float, float]]:
+    planes = fit_voxel_planes(points, _HEAT_M, _HEAT_POINTS)
+    column, index = np.unique(planes.cell[:, :2], axis=0, return_inverse=True)
+    index = index.ravel()
+    sigma = np.bincount(index, planes.sigma) / np.bincount(index)
+    return [
+        (round(float(x), 2), round(float(y), 2), round(float(s), 4))
+        for (x, y), s in zip((column + 0.5) * _HEAT_M, sigma, strict=True)
+    ]
