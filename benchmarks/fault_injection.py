@@ -19,6 +19,7 @@ from minexplore.bundle import (
     MODEL,
     RECORD,
     ROCK_CLASS,
+    UNSEALED,
     decode_msh,
     is_floor,
     is_rock,
@@ -304,6 +305,6 @@ def seal(bundle: Path) -> None:
     """Write correct hashes into a changed bundle, so that a check must find the fault itself."""
     record = json.loads((bundle / RECORD).read_text())
     names = [p.relative_to(bundle).as_posix() for p in sorted(bundle.rglob("*")) if p.is_file()]
-    record["files"] = {name: sha256_bytes((bundle / name).read_bytes()) for name in names if name != RECORD}
+    record["files"] = {name: sha256_bytes((bundle / name).read_bytes()) for name in names if name not in UNSEALED}
     record["world_sha256"] = world_sha256(record)
     (bundle / RECORD).write_text(json.dumps(record))

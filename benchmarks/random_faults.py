@@ -33,6 +33,7 @@ from minexplore.bundle import (
     OCTREE,
     RECORD,
     TOPOLOGY,
+    UNSEALED,
     TriangleMesh,
     decode_msh,
     encode_msh,
@@ -60,7 +61,7 @@ def reseal(files: Files) -> Files:
     """Return the files with the hashes that belong to them, where the record is still one."""
     try:
         record = json.loads(files[RECORD])
-        record["files"] = {n: hashlib.sha256(d).hexdigest() for n, d in sorted(files.items()) if n != RECORD}
+        record["files"] = {n: hashlib.sha256(d).hexdigest() for n, d in sorted(files.items()) if n not in UNSEALED}
         record["world_sha256"] = world_sha256(record)
         return {**files, RECORD: (json.dumps(record, indent=2) + "\n").encode()}
     except (KeyError, ValueError, TypeError):

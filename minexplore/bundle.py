@@ -30,6 +30,7 @@ PREVIEW = "preview.png"
 FLOOR = "floor.npz"  # only of a mine with heights
 ROCK_TEXTURE = "textures/rock.png"
 MADE_BY = "made_by.json"  # what the bundle states to be made by; no part of the world, and not in its hash
+UNSEALED = (RECORD, MADE_BY)  # every other file has its hash in the record
 
 ROUGH_OVERLAY, NO_OVERLAY = "rough", "none"  # `overlay` of `world.json`: a world with visible rock, and one without
 BARE_ROCK_RGBA = (0.54, 0.44, 0.36, 1.0)  # its collision parts' colour

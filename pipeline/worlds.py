@@ -65,7 +65,8 @@ def read_figures(name: str) -> dict[str, Any]:
 
 def limits_of(name: str) -> dict[str, Limit]:
     """Return the limits that a world's metrics were checked against."""
-    return applying_limits(read_params(world_folder(name) / "validation" / "manifest.json", ValidationParams))
+    params = read_params(world_folder(name) / "validation" / "manifest.json", ValidationParams)
+    return applying_limits(params, read_figures(name))
 
 
 def list_worlds() -> str:

@@ -17,7 +17,7 @@ from pipeline.mjcf.bundle import read_floor
 from pipeline.mjcf.load_time import LoadCost, measure_load
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
-from pipeline.proof.groups import applying_limits, groups_of
+from pipeline.proof.groups import applying_limits, groups_of, is_rock_judged
 from pipeline.proof.replay import replay_sweeps
 from pipeline.proof.replay_report import Replay, ReplayReport
 from pipeline.proof.texture import TextureReport
@@ -111,7 +111,13 @@ def replayed_files(params: ValidationParams) -> list[str]:
 
 def check_limits(params: ValidationParams, outputs: Mapping[str, Any]) -> None:
     """Fail the stage when a metric breaches its limit in conf; a load time depends on the machine and only warns."""
-    timings, limits = flatten(outputs["timings"]), applying_limits(params)
+    timings, figures = flatten(outputs["timings"]), flatten(outputs["metrics"])
+    limits = applying_limits(params, figures)
+    if params.overlay != "none" and not is_rock_judged(params, figures):
+        drift_m, draw_m = figures["topology.drift_m"], params.texture.draw_m
+        print(
+            f"validation: {drift_m:g} m of drift are too few to judge texture and relief of the rock by ({draw_m:g} m)"
+        )
     timed = {name: limit for name, limit in limits.items() if name in timings and name.endswith("_s")}
     for line in breaches(timings, timed):
         print(
@@ -119,7 +125,7 @@ def check_limits(params: ValidationParams, outputs: Mapping[str, Any]) -> None:
             file=sys.stderr,
         )
     untimed = {name: limit for name, limit in limits.items() if name not in timed}
-    require_limits(flatten(outputs["metrics"]) | timings, untimed)
+    require_limits(figures | timings, untimed)
 
 
 STAGE = Stage(

@@ -17,7 +17,7 @@ from shapely import LineString, MultiPolygon, Polygon
 
 import stages.surface
 from benchmarks.small_world import finish_world
-from minexplore.bundle import world_sha256
+from minexplore.bundle import UNSEALED, world_sha256
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.config import Config
 from pipeline.types import DriftNetwork, Frame, FreeSpace, Scale, Survey, Workings
@@ -98,6 +98,7 @@ def random_mine(rng: np.random.Generator, drifts: int) -> Polygon:
 def sealed(files: dict[str, bytes], **fields: Any) -> dict[str, bytes]:
     """Return the files with changed fields of the record and the hashes that belong to them."""
     record = {**json.loads(files["world.json"]), **fields}
-    record["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in files.items() if name != "world.json"}
+    sealed_files = {name: data for name, data in files.items() if name not in UNSEALED}
+    record["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in sealed_files.items()}
     record["world_sha256"] = world_sha256(record)
     return {**files, "world.json": json.dumps(record).encode()}

@@ -3,7 +3,7 @@ import yaml
 
 from pipeline.compose import compose
 from pipeline.errors import ParamsError
-from pipeline.metrics.size import FIXED_BYTES, FIXED_LOAD_S, FIXED_PARTS
+from pipeline.metrics.size import FIXED_BYTES, FIXED_LOAD_MB, FIXED_LOAD_S, FIXED_PARTS
 from tests.project import ROOT
 
 
@@ -23,6 +23,8 @@ def test_an_override_changes_one_value_and_nothing_else():
     before["contours"].pop("tolerance_m")
     assert after["validation"].pop("tolerance_m") == 0.3  # stage 6 allows walls to differ by the same
     before["validation"].pop("tolerance_m")
+    assert after["realism"]["made_by"].pop("tolerance_m") == 0.3  # and the bundle states it
+    before["realism"]["made_by"].pop("tolerance_m")
     assert before == after
 
 
@@ -100,7 +102,7 @@ def test_another_rock_keeps_its_limits_in_another_mine(rock):
 def test_a_limit_by_the_size_of_the_embedded_survey_is_at_least_as_strict_as_its_absolute_one():
     validation, rock_m2, wall_m = compose([]).validation, 18_530.0, 2614.66
     limits, clauses = validation.limits, validation.certificate.limits
-    for name, fixed in (("bytes", FIXED_BYTES), ("load_s", FIXED_LOAD_S), ("load_memory_mb", 0)):
+    for name, fixed in (("bytes", FIXED_BYTES), ("load_s", FIXED_LOAD_S), ("load_memory_mb", FIXED_LOAD_MB)):
         assert fixed + rock_m2 * limits[f"per_m2.{name}"].max <= limits[f"world.{name}"].max
     parts = FIXED_PARTS + wall_m * limits["collision.parts_per_wall_m"].max
     assert parts <= limits["collision.parts"].max

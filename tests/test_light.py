@@ -43,6 +43,7 @@ def test_a_light_world_has_no_meshes_no_texture_and_no_preview(light):
     assert set(files) == {
         "free_space.bt",
         "free_space.geojson",
+        "made_by.json",
         "map.png",
         "map.yaml",
         "mine.xml",
@@ -95,7 +96,7 @@ def test_a_light_world_may_have_all_metrics_but_those_of_visible_rock(light, lig
     groups = groups_of(params)
     assert set(MEASURES) - set(groups) == {"texture", "relief", "walls"}
     assert groups_of(config.validation) == list(MEASURES) == list(GROUPS)
-    limits, rock = applying_limits(params), {"texture", "relief", "walls"}
+    limits, rock = applying_limits(params, {}), {"texture", "relief", "walls"}
     assert set(params.limits) - set(limits) == {name for name in params.limits if name.partition(".")[0] in rock}
     assert set(params.limits) - set(limits)
     validator = Validator(params, light.bundle, light.cleaned, light.raw, light.survey)

@@ -2,8 +2,10 @@
 
 import pytest
 
+from pipeline.compose import compose
 from pipeline.errors import LimitError
 from pipeline.params.validation import Limit
+from pipeline.proof.groups import applying_limits
 from stages.validation import check_limits
 
 
@@ -34,3 +36,12 @@ def test_a_limited_metric_without_a_figure_fails_and_says_so(params):
 def test_memory_and_metrics_fail(params, memory_mb, iou, name):
     with pytest.raises(LimitError, match=name):
         check_limits(params, outputs(1.5, memory_mb, iou))
+
+
+@pytest.mark.parametrize(("drift_m", "judged"), [(95.0, False), (96.0, True), (1355.0, True)])
+def test_rock_is_judged_where_the_drifts_hold_one_whole_draw_of_stretches(drift_m, judged):
+    params = compose(["survey=procedural"]).validation
+    limits = applying_limits(params, {"topology.drift_m": drift_m})
+    groups = {name.partition(".")[0] for name in limits}
+    assert ({"texture", "relief"} <= groups) == judged
+    assert {"walls", "certificate", "per_m2", "wall_error"} <= groups  # these hold in a mine of any size

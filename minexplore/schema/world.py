@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.bundle import MADE_BY, MODEL, RECORD, BundleError, has_heights, has_visible_rock, world_sha256
+from minexplore.bundle import MODEL, RECORD, UNSEALED, BundleError, has_heights, has_visible_rock, world_sha256
 from minexplore.floor import Floor
 from minexplore.schema.agreement import check_agreement
 from minexplore.schema.elements import check_elements
@@ -98,14 +98,14 @@ def check_hashes(record: Any, hashes: Mapping[str, str]) -> None:
     for name, digest in sorted(listed.items()):
         if name.startswith(("/", "\\")) or ".." in re.split(r"[/\\]", name):
             raise BundleError(f"{RECORD}: the file name {name[:80]!r} leads out of the bundle")
-        if not is_known(name) or name in (RECORD, MADE_BY):
+        if not is_known(name) or name in UNSEALED:
             raise BundleError(f"{RECORD}: files: {name[:80]!r} is no file of a world")
         if name not in hashes:
             raise BundleError(f"{name}: missing")
         if hashes[name] != digest:
             raise BundleError(f"{name}: sha256 {hashes[name]} differs from {digest!r:.80} in {RECORD}")
     for name in hashes:
-        if name not in listed and name not in (RECORD, MADE_BY):
+        if name not in listed and name not in UNSEALED:
             raise BundleError(f"{name}: not listed in {RECORD}")
     if world_sha256(record) != record["world_sha256"]:
         digest = record["world_sha256"][:80]

@@ -230,9 +230,14 @@ LEAST_HALF_WIDTH_M = 0.35  # narrower passages do not admit the robot
 
 
 def passage_stations(network: DriftNetwork) -> tuple[np.ndarray, np.ndarray]:
-    """Return stations (n, 2) and half widths (n,), m, except stations nearer to a dead end than their half width."""
+    """Return stations (n, 2) and half widths (n,), m, except stations nearer to a dead end than their half width.
+
+    Of a room, whose stations are all so near, the widest place is returned.
+    """
     ends = np.array([network.nodes_m[name] for name in network.dead_ends]).reshape(-1, 2)
     stations = np.array([p for leg in network.legs for p in leg.stations_m]).reshape(-1, 2)
     half = np.array([w for leg in network.legs for w in leg.half_width_m])
     kept = np.ones(len(half), bool) if not len(ends) else cKDTree(ends).query(stations)[0] >= half
+    if len(half) and not kept.any():
+        kept[half.argmax()] = True
     return stations[kept], half[kept]

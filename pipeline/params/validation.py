@@ -42,6 +42,11 @@ class TextureReportParams(Params):
     noise_in_plane_m: float = Field(ge=0)
     seed: int = Field(ge=0)
 
+    @property
+    def draw_m(self) -> float:
+        """Return the length of drift, m, that the stretches of one draw cover if they do not overlap."""
+        return 2 * self.stretch_radius_m * self.stretches
+
 
 class ReplayParams(Params):
     """Real sweeps to replay in the world, the search for their poses, and the returns that are compared."""

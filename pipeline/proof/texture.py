@@ -8,6 +8,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.spatial import cKDTree
 from shapely import Polygon
 
 from minexplore.bundle import ROOF, WALLS
@@ -37,6 +38,7 @@ from pipeline.types import DriftNetwork
 
 _HEAT_M, _HEAT_POINTS, _SIGMA_POINTS = 0.5, 12, 30
 _WALL_POINTS = 400_000
+_ON_WALLS_M = 2.0  # of wall that a stretch in the middle of a room holds at least
 
 
 @dataclass(frozen=True)
@@ -172,7 +174,7 @@ def measure_texture(
     rng = np.random.default_rng(params.seed)
     pieces = [split_long(piece) for piece in (walls, roof)]
     near = [
-        [faces_near(piece, places, params.stretch_radius_m) for piece in pieces]
+        [faces_near(piece, places, _reach_m(places, network, params)) for piece in pieces]
         for places in draws_of_places(network, params)
     ]
     if not all(len(faces) for draw in near for faces in draw):
@@ -264,13 +266,20 @@ def texture_metrics(report: TextureReport) -> dict[str, Any]:
     }
 
 
+def _reach_m(places: np.ndarray, network: DriftNetwork, params: TextureReportParams) -> float:
+    """Return the radius of stretches, m: in a mine of wide rooms alone, the walls of the narrowest are within it."""
+    stations = np.array([p for leg in network.legs for p in leg.stations_m])
+    half = np.array([w for leg in network.legs for w in leg.half_width_m])
+    narrowest = float(half[cKDTree(stations).query(places)[1]].min())
+    return max(params.stretch_radius_m, narrowest + _ON_WALLS_M)
+
+
 def draws_of_places(network: DriftNetwork, params: TextureReportParams) -> list[np.ndarray]:
     """Return the centres (n, 2), m, of the stretches of each draw, which take turns along the drifts.
 
     A mine too short for stretches that do not overlap has fewer draws, and at least one.
     """
-    drift_m = 2 * params.stretch_radius_m * params.stretches
-    count = int(min(params.draws, max(1.0, network.total_length_m // drift_m)))
+    count = int(min(params.draws, max(1.0, network.total_length_m // params.draw_m)))
     places = stretch_centres(network, count * params.stretches)
     return [places[k::count] for k in range(count)]
 
