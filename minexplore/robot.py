@@ -18,9 +18,9 @@ ROCK_BODY = "rock"  # of a physics model; it holds what a chassis collides with
 _HIDDEN_GROUP = GeomGroup.SMOOTH_SURFACE  # no viewer shows it unless asked
 _CASTOR_M = 0.05  # radius
 _CASTOR_GAP_M = 0.001  # under a castor on a level floor: the wheels carry the robot, and it leans by at most 0.22 deg
-# On a floor of facets the wheels stand lower than a castor by up to 22 mm. A castor that takes a tenth of the load at
-# its first touch and is firm 20 mm deeper leaves the wheels three quarters of the weight; the robot leans 1.3 deg.
-_SPRUNG = (0.05, 0.9, 0.02, 0.5, 2.0)  # solimp: impedance at the touch, and deeper than 0.02 m
+# Where two facets meet at 8 deg a castor is 20 mm deep in the floor when the wheels touch it. This contact takes a
+# tenth of the weight at 10 mm and is firm at 30 mm: the wheels keep the rest, and a robot on a ramp leans 2 deg.
+_SPRUNG = (0.02, 0.9, 0.03, 0.5, 2.0)  # solimp: impedance at the touch, and 0.03 m deep
 # MuJoCo's friction creeps by 5 mm/s on a ramp of 12 %; with these by 0.8 mm/s, of which 0.7 are the wheels' servos.
 _IMPRATIO, _FIRM = 10.0, (0.99, 0.99, 0.001, 0.5, 2.0)
 _SPANS = {

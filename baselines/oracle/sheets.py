@@ -62,7 +62,7 @@ def network_over_sheets(batch: RobotBatch, band_s: float) -> TimeNetwork:
     across = seam_links(world, standing)
     speed = steep_speed_mps(world, batch.task)
     arrival = np.full(standing.shape, np.inf)
-    lengths = links_in_space(world, standing, across, 1 / np.broadcast_to(speed, standing.shape))
+    lengths = links_in_space(world, standing, across, 1 / speed)
     number = np.cumsum(standing).reshape(standing.shape) - 1
     arrival[standing] = dijkstra(lengths, directed=False, indices=number[start]) / metric_of(world.floor)
     band = np.where(np.isfinite(arrival), np.where(np.isfinite(arrival), arrival, 0.0) // band_s, -1).astype(int)
@@ -82,8 +82,7 @@ def network_over_sheets(batch: RobotBatch, band_s: float) -> TimeNetwork:
 
 
 def steep_speed_mps(world: World, task: TaskParams) -> np.ndarray:
-    """Return the mean speed (columns,), m/s along the floor, that no robot exceeds at the map's eastings."""
-    east = world.origin_m[0] + (np.arange(world.clearance_m.shape[1]) + 0.5) * world.cell_m
+    """Return the mean speed (rows, columns), m/s along the floor, that no robot exceeds in the map's cells."""
     zones = world.active_zones(task.terrain)
     steep = np.tan(np.radians(world.floor.steepness_deg().max()))
     commanded = task.max_forward_mps * np.array([zone.command_scale for zone in zones])
@@ -91,7 +90,11 @@ def steep_speed_mps(world: World, task: TaskParams) -> np.ndarray:
     fall_m = float(np.ptp(world.floor.vertices[:, 2]))
     sliding = np.sqrt((_SLIP[1][-1] * commanded) ** 2 + 2 * _GRAVITY * fall_m)
     most = np.where(grip < _SLIP[0][-1], commanded * np.interp(grip, *_SLIP), sliding)
-    return most[world.zones_at(east)]
+    speed = np.full(world.clearance_m.shape, most.max())
+    row, col = np.nonzero(world.clearance_m > 0)
+    places = world.origin_m + (np.column_stack([col, row]) + 0.5) * world.cell_m
+    speed[row, col] = most[world.zones_at(places[:, 0] - world.floor.offsets_at(places)[:, 0])]
+    return speed
 
 
 def metric_of(floor: Floor) -> float:
