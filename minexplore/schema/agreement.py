@@ -234,7 +234,8 @@ def _check_zones(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
         ground = at.of_assets["material", f"ground_{zone['name']}"]
         _expect(ground, "rgba", _numbers(ground, "rgba", "1 1 1 1"), zone["rgba"])
     if zones[-1]["east_m"] != east:
-        raise BundleError(f"{RECORD}: zones[{len(zones) - 1}].east_m = {zones[-1]['east_m']}: want {east}, as the rock's box")
+        last = f"zones[{len(zones) - 1}].east_m = {zones[-1]['east_m']}"
+        raise BundleError(f"{RECORD}: {last}: want {east}, as the rock's box")
 
 
 def _check_boxes(at: _Places, record: Mapping[str, Any]) -> None:

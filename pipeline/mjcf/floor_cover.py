@@ -284,7 +284,8 @@ def _cut(
 ) -> dict[str, Mesh]:
     """Cut the floor into one mesh for each zone and tile, and fold it; pieces of less than four vertices are dropped.
 
-    Zones meet on a line that wanders to both sides of their border, the same in sheets over each other. Edges are halved until they follow the fold.
+    Zones meet on a line that wanders to both sides of their border, the same in sheets over each other. Edges are
+    halved until they follow the fold.
     """
     zone = np.zeros(len(faces), int)
     for border in (zone.east_m for zone in zones[:-1]):

@@ -20,7 +20,7 @@ _SLOW_MPS = 0.15  # a tenth of full speed: too slow to roll over a ridge
 _SETTLE_S, _REST_S, _CLIMB_S = 1.0, 5.0, 3.0
 _AHEAD_M = 0.7  # a climbing robot needs 0.6 m
 _SPARE_M = 0.1  # beside a robot's disc
-_ROBOTS, _CLIMBERS = 96, 48
+_ROBOTS = 64
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class _Places:
         return _Places(self.plan_m[rows], self.slope[rows])
 
 
-def measure_standing(bundle: Path, seed: int) -> Standing:
+def measure_standing(bundle: Path, seed: int, robots: int = _ROBOTS) -> Standing:
     """Measure how robots rest and climb at random places of a world.
 
     The ground is dry everywhere, as zones of little friction hold no robot on a steep ramp, and no speed has noise.
@@ -62,16 +62,18 @@ def measure_standing(bundle: Path, seed: int) -> Standing:
     bundle : Path
     seed : int
         Of the places and headings.
+    robots : int
+        That rest, and so many more that climb.
     """
     world, robot, rng = load_world(bundle), RobotParams(), np.random.default_rng(seed)
     places = _places_of(world, robot)
-    rest = places.some(rng.integers(len(places.plan_m), size=_ROBOTS))
-    heading = rng.uniform(-np.pi, np.pi, _ROBOTS)
+    rest = places.some(rng.integers(len(places.plan_m), size=robots))
+    heading = rng.uniform(-np.pi, np.pi, robots)
     uphill = places.some(np.flatnonzero(places.steepness >= _RAMP))
     ahead = uphill.plan_m + _AHEAD_M * uphill.slope / uphill.steepness[:, None]
     uphill = uphill.some(np.flatnonzero(_fits(world, ahead, robot.radius_m + _SPARE_M)))
     if len(uphill.plan_m):
-        uphill = uphill.some(rng.integers(len(uphill.plan_m), size=_CLIMBERS))
+        uphill = uphill.some(rng.integers(len(uphill.plan_m), size=robots))
     return Standing(_rest_drift_m(world, robot, rest, heading), _climb_share(world, robot, uphill))
 
 
@@ -97,7 +99,7 @@ def _fits(world: World, plan_m: np.ndarray, clearance_m: float) -> np.ndarray:
 
 def _rest_drift_m(world: World, robot: RobotParams, places: _Places, heading: np.ndarray) -> float:
     """Return the largest distance, m, that robots move at the command zero, beyond what their wheels turn."""
-    moved = _drive(world, robot, places, heading, 0.0, _SETTLE_S, _REST_S)
+    moved = _drive(world, robot, places, heading, 0.0, _REST_S)
     drift = np.linalg.norm(moved, axis=1)
     down = places.steepness / np.sqrt(1 + places.steepness**2)
     torque = robot.mass_kg * _GRAVITY_MPS2 * down * robot.wheel_radius_m / 2 - robot.wheel_friction_nm
@@ -110,24 +112,25 @@ def _climb_share(world: World, robot: RobotParams, places: _Places) -> float:
     if not len(places.plan_m):
         return 1.0
     heading = np.array([math.atan2(y, x) for x, y in places.slope.tolist()])
-    moved = _drive(world, robot, places, heading, _SLOW_MPS, _SETTLE_S, _CLIMB_S)
+    moved = _drive(world, robot, places, heading, _SLOW_MPS, _CLIMB_S)
     return float(((moved[:, :2] * places.slope).sum(axis=1) > 0).mean())
 
 
 def _drive(
-    world: World, robot: RobotParams, places: _Places, heading: np.ndarray, speed_mps: float, lead_s: float, time_s: float
+    world: World, robot: RobotParams, places: _Places, heading: np.ndarray, speed_mps: float, time_s: float
 ) -> np.ndarray:
-    """Return how far (n, 3) m, mine frame, robots at places move in a time at a speed, after a lead at it."""
+    """Return how far (n, 3) m, mine frame, robots at places move in a time at a speed, after they have settled."""
     task, count = TaskParams(terrain=False), len(places.plan_m)
     batch = RobotBatch(world, task, robot, count)
     for k in range(count):
-        batch.place(k, *places.plan_m[k], heading[k])
+        x, y = places.plan_m[k]
+        batch.place(k, x, y, heading[k])
     command = np.tile([speed_mps / task.max_forward_mps, 0.0], (count, 1))
     rngs = [np.random.default_rng(0)] * count  # nothing is drawn on dry ground
     track = [batch.qpos[:, :3].copy()]
-    for _ in range(round((lead_s + time_s) / task.control_s)):
+    for _ in range(round((_SETTLE_S + time_s) / task.control_s)):
         batch.drive(command, rngs, np.arange(count))
         track.append(batch.qpos[:, :3].copy())
     batch.close()
-    moved: np.ndarray = (track[-1] - track[round(lead_s / task.control_s)]) @ world.T_world_mine[:3, :3]
+    moved: np.ndarray = (track[-1] - track[round(_SETTLE_S / task.control_s)]) @ world.T_world_mine[:3, :3]
     return moved
