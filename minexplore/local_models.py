@@ -21,7 +21,7 @@ from minexplore.bundle import (
     zone_of_wedge,
 )
 from minexplore.local_floor import simplify_floor
-from minexplore.robot import ROCK_BODY, RobotParams, contact_sensor, separate_contacts
+from minexplore.robot import ROCK_BODY, RobotParams, contact_sensor, separate_contacts, stand_on_facets
 from minexplore.rotations import quaternion
 from minexplore.task import TaskParams
 from minexplore.tiles import Tile, tiles_at
@@ -108,6 +108,8 @@ class LocalModels:
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         for name in robots:
             self.robot.attach(spec, name)
+            if not self.world.floor.is_flat:
+                stand_on_facets(spec, name)
             contact_sensor(spec, name)
         return spec
 

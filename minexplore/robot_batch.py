@@ -174,7 +174,7 @@ class RobotBatch:
         """
         task = self.task
         places = self.plan_places(robots)
-        zone = self.world.zones_at(places[:, 0])
+        zone = self.zones_under(robots)
         forward = command[:, 0] * task.max_forward_mps * self._scale[zone]
         for k in np.flatnonzero(self._noise[zone]).tolist():
             forward[k] += rngs[robots[k]].normal(0.0, self._noise[zone[k]])
@@ -198,6 +198,10 @@ class RobotBatch:
         if len(self.world.open_shafts):
             self.world.open_shafts.move(places, place)
         return places
+
+    def zones_under(self, robots: np.ndarray) -> np.ndarray:
+        """Return the numbers (k,) of the floor zones that robots are in, by their eastings in the mine frame."""
+        return self.world.zones_at(rotate_inverse(self.qpos[robots, :3] - self._t, self._R)[:, 0])
 
     def poses(self) -> np.ndarray:
         """Return every robot's x, y (m) and yaw (rad) in the mine frame, (n, 3)."""
@@ -274,7 +278,7 @@ class RobotBatch:
             "coverage": self.cells_seen[robots] / self.grid.total,
             "collision": np.asarray(collision),
             "collisions": self.collisions[robots].copy(),
-            "zone": self.world.zone_names[self.world.zones_at(self.plan_places(robots)[:, 0])],
+            "zone": self.world.zone_names[self.zones_under(robots)],
             "pose_m_rad": poses,
             "height_m": self.heights(robots),
             "pitch_rad": attitude[:, 0],

@@ -98,7 +98,7 @@ class World:
         return self.floor_zones if terrain else [zone.without_effects() for zone in self.floor_zones]
 
     def zones_at(self, east_m: np.ndarray) -> np.ndarray:
-        """Return the numbers of the zones at eastings (n,) m; beyond the ends, the nearest."""
+        """Return the numbers of the zones at eastings (n,) m of the mine frame; beyond the ends, the nearest."""
         edges = [zone.east_m for zone in self.floor_zones[:-1]]
         return np.searchsorted(edges, east_m, side="right")
 

@@ -29,6 +29,7 @@ from minexplore.bundle import (
     surface_geom,
 )
 from minexplore.floor import Floor
+from minexplore.floor_zones import zoned_box
 from minexplore.looks import CUT_MATERIAL, EXTENT_M, PLAIN, look_of
 from minexplore.schema.fittings import check_fittings
 from minexplore.schema.heights import check_wedges
@@ -70,7 +71,7 @@ def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str]
     _check_look(at, record)
     _check_pose(at, record, floor)
     _check_rock(at, record, floor)
-    _check_zones(at, record)
+    _check_zones(at, record, floor)
     if floor.is_flat:
         _check_boxes(at, record)
     else:
@@ -213,10 +214,10 @@ def rock_box(record: Mapping[str, Any], floor: Floor) -> tuple[np.ndarray, np.nd
     return low, high
 
 
-def _check_zones(at: _Places, record: Mapping[str, Any]) -> None:
-    """Compare the materials of the floor zones with the record, and the zones with the box of the rock."""
+def _check_zones(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
+    """Compare the materials of the floor zones with the record, and the zones with the box that they divide."""
     zones = record["zones"]
-    west, south, east, north = record["world_m"]
+    west, south, east, north = zoned_box(record["world_m"], floor)
     grounds = [name for tag, name in at.of_assets if tag == "material" and name.startswith("ground_")]
     _consecutive("material", grounds, [f"ground_{zone['name']}" for zone in zones], "zones")
     length = (east - west) / len(zones)
@@ -229,11 +230,12 @@ def _check_zones(at: _Places, record: Mapping[str, Any]) -> None:
     edges = [west, *(zone["east_m"] for zone in zones)]
     for zone, left in zip(zones, edges, strict=False):
         if (zone["south_m"], zone["north_m"], zone["west_m"]) != (south, north, left) or left >= zone["east_m"]:
-            raise BundleError(f"{RECORD}: zones: {zone['name']!r} leaves a gap, or differs from world_m")
+            raise BundleError(f"{RECORD}: zones: {zone['name']!r} leaves a gap, or differs from the rock's box")
         ground = at.of_assets["material", f"ground_{zone['name']}"]
         _expect(ground, "rgba", _numbers(ground, "rgba", "1 1 1 1"), zone["rgba"])
     if zones[-1]["east_m"] != east:
-        raise BundleError(f"{RECORD}: zones[{len(zones) - 1}].east_m = {zones[-1]['east_m']}: want {east}, as world_m")
+        last = f"zones[{len(zones) - 1}].east_m = {zones[-1]['east_m']}"
+        raise BundleError(f"{RECORD}: {last}: want {east}, as the rock's box")
 
 
 def _check_boxes(at: _Places, record: Mapping[str, Any]) -> None:

@@ -69,7 +69,7 @@ def _corners(loop: np.ndarray) -> np.ndarray:
 
 
 def cut_by_zones(patches: list[Points3], edges_m: list[float]) -> list[tuple[int, Points3]]:
-    """Return the patches cut along eastings, each with the number of its zone from the west."""
+    """Return patches (k, 3) m, mine frame, cut along eastings, each with the number of its zone from the west."""
     found = []
     for patch in patches:
         west, east = patch[:, 0].min(), patch[:, 0].max()

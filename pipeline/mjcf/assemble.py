@@ -27,6 +27,7 @@ from minexplore.bundle import (
     GeomGroup,
 )
 from minexplore.floor import Floor
+from minexplore.floor_zones import zoned_box
 from minexplore.schema.files import read_grid
 from minexplore.stretch import raise_m
 from pipeline.geometry.extrude import collect_parts
@@ -81,7 +82,7 @@ def assemble_world(
     are.
     """
     chunks = _chunks(rough)
-    zones = tile_zones(params.zones, extent.world_m)
+    zones = tile_zones(params.zones, zoned_box(extent.world_m, floor))
     wet = params.floor if floor.is_flat else None  # water is level
     if params.floor and params.floor.puddles and not floor.is_flat:
         print("realism.floor.puddles: a mine with heights shows none")

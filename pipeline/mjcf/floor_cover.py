@@ -284,12 +284,14 @@ def _cut(
 ) -> dict[str, Mesh]:
     """Cut the floor into one mesh for each zone and tile, and fold it; pieces of less than four vertices are dropped.
 
-    Zones meet on a line that wanders to both sides of their border. Edges are halved until they follow the fold.
+    Zones meet on a line that wanders to both sides of their border, the same in sheets over each other. Edges are
+    halved until they follow the fold.
     """
     zone = np.zeros(len(faces), int)
     for border in (zone.east_m for zone in zones[:-1]):
-        wander = np.sin(2 * np.pi * np.outer(vertices[:, 1], 1 / _BORDER_WAVES_M)).sum(axis=1)
-        vertices, faces, east, origin = _split(vertices, faces, vertices[:, 0] - border - _BORDER_M * wander)
+        place = vertices[:, :2] - folding.floor.offsets_at(vertices[:, :2])
+        wander = np.sin(2 * np.pi * np.outer(place[:, 1], 1 / _BORDER_WAVES_M)).sum(axis=1)
+        vertices, faces, east, origin = _split(vertices, faces, place[:, 0] - border - _BORDER_M * wander)
         zone = zone[origin] + east
     if not folding.floor.is_flat:
         vertices, faces, zone = _bent(vertices, faces, zone, folding, least_m)

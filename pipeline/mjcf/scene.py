@@ -87,9 +87,9 @@ class MineScene:
         return bool(self.smooth)
 
 
-def tile_zones(zones: list[ZoneParams], world_m: tuple[float, float, float, float]) -> list[FloorZone]:
-    """Divide a box (west, south, east, north; m) into zones from west to east, of equal length to 0.1 m."""
-    west, south, east, north = world_m
+def tile_zones(zones: list[ZoneParams], box_m: tuple[float, float, float, float]) -> list[FloorZone]:
+    """Divide a box (west, south, east, north; m, mine frame) into zones from west to east, of equal length to 0.1 m."""
+    west, south, east, north = box_m
     edges = np.linspace(west, east, len(zones) + 1).round(1)
     return [
         FloorZone(

@@ -190,9 +190,9 @@ def _add_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> N
 
 
 def zoned_patches(floor: Floor, zones: list[FloorZone]) -> list[tuple[int, Points3]]:
-    """Return the convex patches (k, 3) m of a floor with heights, each with the number of its zone."""
-    cut = cut_by_zones(floor_patches(floor), [zone.east_m for zone in zones[:-1]])
-    return [(zone, fold_patch(floor, patch)) for zone, patch in cut]
+    """Return the convex patches (k, 3) m, mine frame, of a floor with heights, each with the number of its zone."""
+    patches = [fold_patch(floor, patch) for patch in floor_patches(floor)]
+    return cut_by_zones(patches, [zone.east_m for zone in zones[:-1]])
 
 
 def _add_roof(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> None:

@@ -32,6 +32,7 @@ from pipeline.mjcf.bundle import World, WorldRecord, mine_from_body, obstacles, 
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
 from pipeline.proof.floor import enclosure_of_floor
+from pipeline.proof.standing import measure_standing
 from pipeline.proof.stress_test import Progress, stress_walls
 from pipeline.types import Frame, FreeSpace, Openings
 
@@ -74,7 +75,7 @@ def measure_containment(
     threads: int = 1,
     progress: Progress = iter,
 ) -> dict[str, Any]:
-    """Measure walls, floor, roof, reachable area and the collision stress test of a bundle.
+    """Measure walls, floor, roof, reachable area, robots that stand and climb, and the stress test of a bundle.
 
     Parameters
     ----------
@@ -101,6 +102,8 @@ def measure_containment(
     wall_m = free.length
     figures |= {f"{name}_um": round(1e6 * figures[f"{name}_m2"] / wall_m, 4) for name in ("intrusion", "missing")}
     figures |= _reach(folder, world, free_space, floor, params, network)
+    if params.limits.keys() & {"rest_drift_m", "climb_share"}:
+        figures |= dataclasses.asdict(measure_standing(folder, params.seed))
     if params.contacts:
         borders = [zone.east_m for zone in record.zones[:-1]]
         stress = stress_walls(folder, free, parts, borders, params.contacts, params.seed, threads, progress)

@@ -66,7 +66,7 @@ def stress_walls(
     parts : list of (n, 3) float64, m, mine frame
         The convex parts, whose seams are targets.
     zone_edges_m : list of float
-        Eastings of the floor zones' borders.
+        Eastings of the floor zones' borders, mine frame.
     contacts : int
         The test ends after this number of robot steps in contact with rock.
     seed : int
@@ -86,7 +86,8 @@ def stress_walls(
     walls = wall_lines(free, floor)
     collars = shapely.linearrings(batch.world.open_shafts.outlines_m)
     solid = walls.difference(shapely.union_all(collars)) if len(collars) else walls
-    kinds = _targets(walls, floor.unfold_bodies(parts, height / 2), zone_edges_m, rng)
+    edges = (floor.offset_m[:, :1] + zone_edges_m).ravel().tolist()  # in plan, where sheets are moved aside
+    kinds = _targets(walls, floor.unfold_bodies(parts, height / 2), edges, rng)
     inside = free.buffer(-robot.radius_m)
     shapely.prepare(inside)
     touched = escapes = throws = 0

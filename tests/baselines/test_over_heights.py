@@ -156,7 +156,7 @@ def test_the_least_time_down_a_spiral_is_that_along_its_inner_helix(helix):
         z = 100 - fall * angle[k] / (2 * np.pi) - datum - fall * np.arange(2)
         plan = world.floor.unfold(np.column_stack([np.full(2, x), np.full(2, y), z + 1.0]))
         col, row = np.floor((plan[:, :2] - world.origin_m) / world.cell_m).astype(int).T
-        lengths.append(np.ptp(network.arrival_s[row, col]) * speed[0])
+        lengths.append(np.ptp(network.arrival_s[row, col]) * speed.min())
     env.close()
     assert len(world.floor.offset_m) > 1
     assert max(lengths) <= turn_m * 1.005  # a bound may only be too high, so a way only too short
