@@ -2,6 +2,8 @@ import json
 
 import numpy as np
 import pytest
+from benchmarks.forged_results import ACCEPTED, CHECKED, CRASHED, LATE, READ, Tally, judge
+from benchmarks.forgery import forge as forge_any
 
 from baselines.bounds import Bound
 from baselines.checks import _repeated_faults
@@ -18,8 +20,6 @@ from baselines.result_file import RESULTS, Episode, chain, read_results
 from baselines.score import score
 from baselines.split_file import read_drives
 from baselines.statistics import estimate, figures, interquartile_mean, sample_times
-from benchmarks.forged_results import ACCEPTED, CHECKED, CRASHED, LATE, READ, Tally, judge
-from benchmarks.forgery import forge as forge_any
 from minexplore.reward import COVERAGE_GAIN, MILESTONES
 from tests.baselines.test_learned import write_policy
 from tests.forked import run_forked
