@@ -62,7 +62,7 @@ def wrote_memory(): return bool(os.open("/proc/1/mem", os.O_RDWR))
 def read_other_memory(): return bool(os.open(f"/proc/{OUTSIDE_PID}/mem", os.O_RDONLY))
 def copied_memory(): return call(310, 1, 0, 0, 0, 0, 0)
 def signalled(): return os.kill(OUTSIDE_PID, 0) is None
-def found_processes(): return os.listdir("/proc").count("1") and [p for p in os.listdir("/proc") if p.isdigit()] != ["1"]
+def found_processes(): return [name for name in os.listdir("/proc") if name.isdigit()] != ["1"]
 def outlives_parent(): return call(157, 1, 0, 0, 0, 0)
 def gains_privileges(): return call(157, 38, 0, 0, 0, 0)
 def left_filter(): return call(157, 22, 0, 0, 0, 0)
