@@ -28,6 +28,7 @@ from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 
 _MOST_ANSWER = 1 << 20
+_MOST_SAID = 500  # bytes of a policy's error in a message
 _START_S = 120.0  # to start Python and import the policy; it counts against the limit too
 # The policy's folder comes last: none of its files can take the place of a module that is imported before the limits.
 _PROGRAM = "import json, sys; sys.path += json.loads(sys.argv[1]); from baselines.policy_process import main; main()"
@@ -116,7 +117,7 @@ class ConfinedPolicy:
         finally:
             self._used_s += time.monotonic() - begun
         if answer.kind != DONE:
-            said = answer.payload.decode(errors="replace").encode("unicode_escape").decode()
+            said = answer.payload[:_MOST_SAID].decode(errors="replace").encode("unicode_escape").decode()
             raise BaselineError(f"policy {self._name}: {said}")
         return answer.payload
 

@@ -38,7 +38,8 @@ class Rerun:
     jobs : int
         Processes with an environment, each beside a process with the policy.
     trusted : bool
-        Whether a stranger's policy runs unconfined.
+        Whether a stranger's policy runs unconfined, in the environment's process. It could change the figures there, so
+        that nothing is verified.
     """
 
     count: int = 0

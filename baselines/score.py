@@ -47,7 +47,7 @@ def score(path: Path, rerun: Rerun | None = None) -> tuple[Head, list[Episode]]:
         return head, episodes
     again = drive_again(path, head, episodes[: rerun.count], rerun)
     print(f"{path}: {len(again)} of {len(episodes)} episodes driven again, all figures are equal")
-    if len(again) < len(episodes):
+    if len(again) < len(episodes) or rerun.trusted:
         return head, episodes
     note_driven(path, result_file.RESULTS, head, again)
     return head, again
@@ -78,7 +78,7 @@ def score_split(path: Path, rerun: Rerun | None = None) -> list[Drive]:
         return drives
     again = [(head, drive_again(path, head, [episode], rerun)[0]) for head, episode in drives[: rerun.count]]
     print(f"{path}: {len(again)} of {len(drives)} mines driven again, all figures are equal")
-    if len(again) < len(drives):
+    if len(again) < len(drives) or rerun.trusted:
         return drives
     note_driven(path, result_file.RESULTS, again[0][0], [episode for _, episode in again])
     return again
@@ -133,14 +133,15 @@ def main() -> None:
     limits = Limits(round(arguments.memory_gb * 2**30), arguments.time_s)
     rerun = Rerun(count, arguments.policy, limits, arguments.jobs, arguments.trust_policy)
     if count and arguments.trust_policy:
-        print("--trust-policy: policies run unconfined, with your rights", file=sys.stderr)
+        print("--trust-policy: policies run unconfined, with your rights, and verify nothing", file=sys.stderr)
+    verifies = count if not arguments.trust_policy else 0
     for path in arguments.results:
         if any(is_of_split(head) for head, _ in read_parts(path)):
             drives = score_split(path, rerun)
-            print_split(drives, count >= len(drives))
+            print_split(drives, verifies >= len(drives))
             continue
         head, episodes = score(path, rerun)
-        print_table(head, episodes, count >= len(episodes))
+        print_table(head, episodes, verifies >= len(episodes))
 
 
 def _whole(text: str) -> int:

@@ -15,6 +15,9 @@ from baselines.sandbox import Limits, require_sandbox
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 from tests.baselines.test_learned import write_policy
+from tests.sandbox import needs_sandbox
+
+pytestmark = needs_sandbox
 
 STRANGERS = """
 import os, time
@@ -62,6 +65,14 @@ class Divides(Base):
 class Shapes(Base):
     def act(self, observation, info):
         return np.ones(3)
+
+class Floods(Base):
+    # an error of a million bytes, past what the server would send
+    def command(self, info):
+        import gc
+        from baselines.channel import FAILED, Channel
+        channel = next(found for found in gc.get_objects() if isinstance(found, Channel))
+        channel.send(FAILED, b"x" * 1_000_000)
 
 class Raises(Base):
     def command(self, info):
@@ -140,6 +151,8 @@ def test_a_policys_hash_covers_every_file_of_its_package_and_nothing_beside_it(t
 
 def test_a_system_without_bubblewrap_or_namespaces_is_refused_with_what_is_missing(monkeypatch):
     require_sandbox()
+    if "--disable-userns" not in subprocess.run(["bwrap", "--help"], capture_output=True, text=True).stdout:
+        pytest.skip("bubblewrap is older than 0.8")
     # In a namespace that forbids further ones, the real bubblewrap starts no sandbox.
     command = ["bwrap", "--dev-bind", "/", "/", "--unshare-user", "--disable-userns", sys.executable, "-c"]
     done = subprocess.run(
@@ -162,6 +175,7 @@ def test_a_system_without_bubblewrap_or_namespaces_is_refused_with_what_is_missi
         ("Babbles", "it sends|answers"),
         ("Divides", "a command is not finite"),
         ("Shapes", r"commands of shape \(3,\): want \(2, 2\)"),
+        ("Floods", "xxx$"),
         ("Raises", r"RuntimeError: \\x1b\[2J\\nall is well"),
         ("Absent", "cannot be imported"),
     ],
@@ -170,6 +184,7 @@ def test_a_policy_that_fails_ends_with_one_message(strangers, name, message):
     with pytest.raises(BaselineError, match=message) as found:
         act(f"strangers:{name}", Limits(memory_bytes=2 << 30))
     assert "\n" not in str(found.value)
+    assert len(str(found.value)) < 1000
 
 
 def test_a_policy_that_does_not_answer_is_ended(strangers):

@@ -11,6 +11,7 @@ import pytest
 
 from baselines.split_page import UNVERIFIED_HEADING
 from tests.project import Project
+from tests.sandbox import needs_sandbox
 
 STILL = """
 import numpy as np
@@ -59,6 +60,7 @@ def python(project, *words):
     return done.stdout
 
 
+@needs_sandbox
 def test_an_own_mine_is_evaluated_scored_and_listed(own_short):
     own = own_short
     results = evaluate_still(own)

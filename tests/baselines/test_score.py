@@ -24,6 +24,7 @@ from baselines.statistics import estimate, figures, interquartile_mean, sample_t
 from tests.baselines.test_learned import write_policy
 from tests.forked import run_forked
 from tests.project import ROOT
+from tests.sandbox import needs_sandbox
 
 FEW = [0, 1]
 TURNER = """
@@ -85,6 +86,7 @@ def test_episodes_driven_in_two_processes_are_those_driven_in_one(honest, short_
     assert sum(counted) == sum(episode.steps for episode in episodes)
 
 
+@needs_sandbox
 def test_a_learned_row_is_driven_here_by_its_name(short_id, tmp_path, monkeypatch):
     name = "Tee-beams-mlp-1"
     monkeypatch.setattr("baselines.policy.CHECKPOINTS", tmp_path)
@@ -95,7 +97,8 @@ def test_a_learned_row_is_driven_here_by_its_name(short_id, tmp_path, monkeypatc
     score(out, Rerun(3))
 
 
-def test_a_strangers_class_is_driven_here_by_one_call_and_known_by_its_source(short_id, tmp_path, monkeypatch):
+@needs_sandbox
+def test_a_strangers_class_is_driven_here_by_one_call_and_known_by_its_source(short_id, tmp_path, monkeypatch, capsys):
     source = tmp_path / "strange_turner.py"
     source.write_text(TURNER)
     monkeypatch.chdir(tmp_path)
@@ -117,7 +120,10 @@ def test_a_strangers_class_is_driven_here_by_one_call_and_known_by_its_source(sh
     )
     with monkeypatch.context() as without:
         without.setenv("PATH", "")
-        score(out, replace(named, trusted=True))
+        _score(out, monkeypatch, "--rerun", "all", "--policy", "strange_turner:Turner", "--trust-policy")
+    said = capsys.readouterr()
+    assert "with your rights, and verify nothing" in said.err
+    assert UNVERIFIED in said.out
     source.write_text(TURNER + "\n")
     for rerun in (named, replace(named, trusted=True)):
         with pytest.raises(RejectedError, match=r"policy strange_turner:Turner is [0-9a-f]{12} here, not [0-9a-f]{12}"):

@@ -17,8 +17,10 @@ from baselines.result_file import RESULTS
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 from tests.project import ROOT
+from tests.sandbox import needs_sandbox
 
 pytestmark = [
+    needs_sandbox,
     pytest.mark.skipif(platform.machine() != "x86_64", reason="the attempts use the numbers of x86-64's system calls"),
 ]
 HERE = (TaskParams(), RobotParams())
