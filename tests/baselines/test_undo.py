@@ -267,7 +267,9 @@ def test_a_policy_that_calls_by_the_interface_of_32_bit_programs_is_ended(undoin
 @pytest.mark.slow  # it imports all that a policy may use, twice
 def test_a_policy_ends_with_the_process_that_started_it(undoing):
     code = (
-        "import numpy as np, sys; from tests.baselines.test_undo import *\n"
+        "import numpy as np\n"
+        "from baselines.sandbox import Limits\n"
+        "from tests.baselines.test_undo import HERE, Confined, ConfinedPolicy\n"
         "policy = ConfinedPolicy('undo:Stays', 1, *HERE, Confined(Limits(time_s=60)))\n"
         "print(policy._process.pid, flush=True)\n"
         "policy.act(np.zeros((1, 19), np.float32), {'pose_m_rad': np.zeros((1, 3))})\n"
