@@ -11,7 +11,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout forged-results fuzz random-mines evidence compare-paper compare-rock rock-directions look-pictures drive-clip compare-collision search-texture bench bench-heights bench-light bench-pipeline time-training setup-baselines setup-gpu parity-gpu bench-gpu train-gpu test-gpu oracle explorers teams unseen published-plan worst-mines train train-graph compare-graph train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock bench-growth bench-deep random-levels leave-out-sweeps drawn-sheets
+.PHONY: help $(STAGES) setup all test check clean report verify update-baseline data worlds splits roughness stress-test mutants parity replay holdout fuzz random-mines evidence compare-paper compare-rock rock-directions look-pictures drive-clip compare-collision search-texture bench bench-heights bench-light bench-pipeline time-training setup-baselines setup-gpu parity-gpu bench-gpu train-gpu test-gpu oracle explorers teams unseen published-plan worst-mines train train-graph compare-graph train-all curves renew-benchmark rerun leaderboard claims test-slow test-train docs look env-page wheel sbom provenance dag lock bench-growth bench-deep random-levels leave-out-sweeps drawn-sheets
 
 help:  # show the targets that have a remark of two hashes; rarer ones have one
 	@awk -F ':.*## ' '/^##@/ {print substr($$0, 5)} /^all:/ {printf "  %-18s %s\n", "$(firstword $(STAGES)) ...", "up to and including one stage: $(STAGES)"} /^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' Makefile
@@ -93,9 +93,6 @@ drawn-sheets: setup  ## find the workings on 1,400 drawing sheets: right, asked,
 
 holdout: setup  ## build rock from half of the sweeps, score it on the other half
 	@$(PY) -m pipeline validate --holdout --out artifacts/proof/holdout.json
-
-forged-results: all  ## give the scorer 1,000 forged results files
-	@$(PY) -m benchmarks.forged_results
 
 fuzz: setup  ## give every reader 500 broken and hostile files
 	@$(PY) -m benchmarks.fuzz

@@ -1,4 +1,4 @@
-"""A policy in a process of its own, without network, writing or other processes where the system allows it.
+"""A stranger's policy in a sandbox of its own.
 
 The environment stays in this process: all that the policy can do to an episode is to send commands.
 """
@@ -11,27 +11,27 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
 from baselines.channel import ACT, DONE, MAKE, RESET, Channel, ChannelError
-from baselines.confinement import Confinement, Limits
-from baselines.errors import BaselineError, RejectedError
+from baselines.errors import BaselineError
+from baselines.policy_copy import copy_policy
 from baselines.policy_server import HEIGHTS
+from baselines.sandbox import POLICY, PROJECT, Limits, library_folders, sandbox_command
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 
 _MOST_ANSWER = 1 << 20
+_MOST_SAID = 500  # bytes of a policy's error in a message
 _START_S = 120.0  # to start Python and import the policy; it counts against the limit too
-_PROJECT = Path(__file__).parents[1]
-# No file beside the policy can take the place of a module that is imported before the process is confined.
-_PROGRAM = "import sys; sys.path.append(sys.argv[1]); from baselines.policy_process import main; main()"
-_KEPT = ("PATH", "LD_LIBRARY_PATH", "LANG", "VIRTUAL_ENV")  # of this process's variables; others may hold secrets
+# The policy's folder comes last: none of its files can take the place of a module that is imported before the limits.
+_PROGRAM = "import json, sys; sys.path += json.loads(sys.argv[1]); from baselines.policy_process import main; main()"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Confined:
 
 
 class ConfinedPolicy:
-    """A policy as `baselines.policy.Policy` describes, made and called in a confined process.
+    """A policy as `baselines.policy.Policy` describes, made and called in a sandbox.
 
     Use it in a `with` statement: leaving it ends the process.
     """
@@ -57,7 +57,15 @@ class ConfinedPolicy:
         confined: Confined,
         heights: bool = False,
     ) -> None:
-        """Start the process and make the policy in it; see `baselines.policy.make_policy`.
+        """Copy the policy, compare its hash, then start the sandbox and make the policy in it.
+
+        Parameters
+        ----------
+        name : str
+            `module:Class` or a file NAME.safetensors.
+        count, task, robot, heights
+            As `baselines.policy.make_policy` takes them.
+        confined : Confined
 
         Raises
         ------
@@ -66,17 +74,15 @@ class ConfinedPolicy:
         """
         self._name, self._count, self._limits, self._used_s = name, count, confined.limits, 0.0
         self._sent = ("pose_m_rad", *(HEIGHTS if heights else ()))
-        self._process, self._channel, self._pipes = _start(confined.limits)
-        try:
+        params = {"task": _fields(TaskParams, task), "robot": _fields(RobotParams, robot)}
+        with contextlib.ExitStack() as stack:
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix="policy-")))
+            copy = copy_policy(name, folder, confined.sha256)
+            self._process, self._channel = _start(folder, confined.limits, stack)
             self._await(None, b"")
-            params = {"task": _fields(TaskParams, task), "robot": _fields(RobotParams, robot)}
-            asked = json.dumps({"name": name, "count": count, "heights": heights, **params})
-            found = self._await(MAKE, asked.encode())[:64].decode("ascii", "replace")
-            if confined.sha256 is not None and found != confined.sha256:
-                raise RejectedError(f"policy {name} is {found[:12]} here, not {confined.sha256[:12]}")
-        except BaseException:
-            self.close()
-            raise
+            asked = json.dumps({"name": copy.name_inside(POLICY), "count": count, "heights": heights, **params})
+            self._await(MAKE, asked.encode())
+            self._open = stack.pop_all()
 
     def reset(self, robots: np.ndarray, seeds: np.ndarray) -> None:
         """Begin an episode of each robot."""
@@ -111,7 +117,7 @@ class ConfinedPolicy:
         finally:
             self._used_s += time.monotonic() - begun
         if answer.kind != DONE:
-            said = answer.payload.decode(errors="replace").encode("unicode_escape").decode()
+            said = answer.payload[:_MOST_SAID].decode(errors="replace").encode("unicode_escape").decode()
             raise BaselineError(f"policy {self._name}: {said}")
         return answer.payload
 
@@ -120,9 +126,8 @@ class ConfinedPolicy:
         return f"limits: {limits.memory_bytes / 2**30:g} GB of memory, {limits.time_s:g} s of its own time"
 
     def close(self) -> None:
-        """End the process and all that it started."""
-        if self._process.returncode is None:
-            _end(self._process, self._pipes)
+        """End the process."""
+        self._open.close()
 
     def __enter__(self) -> ConfinedPolicy:
         """Return the policy."""
@@ -140,41 +145,35 @@ def _fields(kind: type, value: TaskParams | RobotParams) -> dict[str, Any]:
     return {field.name: getattr(value, field.name) for field in dataclasses.fields(kind)}
 
 
-def what_is_held(limits: Limits) -> Confinement:
-    """Return what this system lets a confined process be without."""
-    process, channel, pipes = _start(limits)
-    try:
-        return Confinement(**json.loads(channel.receive(time.monotonic() + _START_S).payload))
-    except ChannelError as error:
-        raise BaselineError(f"a confined process does not start here: {error}") from error
-    finally:
-        _end(process, pipes)
-
-
-def _start(limits: Limits) -> tuple[subprocess.Popen[bytes], Channel, tuple[int, ...]]:
-    """Start a confined process; return it, a channel to it, and the channel's pipes."""
+def _start(folder: Path, limits: Limits, stack: contextlib.ExitStack) -> tuple[subprocess.Popen[bytes], Channel]:
+    """Start a sandbox with a policy's folder; return its process and a channel to it. The stack ends both."""
     ours, theirs = os.pipe(), os.pipe()  # (reading, writing): from the policy, to the policy
-    words = [str(_PROJECT), theirs[0], ours[1], limits.memory_bytes, limits.time_s]
-    kept = {key: os.environ[key] for key in _KEPT if key in os.environ}
-    single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    process = subprocess.Popen(
-        [sys.executable, "-s", "-P", "-c", _PROGRAM, *map(str, words)],
-        pass_fds=(theirs[0], ours[1]),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-        env={**kept, **single, "PYTHONDONTWRITEBYTECODE": "1"},
-    )
-    os.close(theirs[0])
-    os.close(ours[1])
-    return process, Channel(ours[0], theirs[1], _MOST_ANSWER), (ours[0], theirs[1])
+    stack.callback(_close, ours[0], theirs[1])
+    try:
+        modules = json.dumps([*library_folders(), PROJECT, POLICY])
+        words = [modules, str(theirs[0]), str(ours[1]), str(limits.memory_bytes), str(limits.time_s)]
+        with sandbox_command(folder, _PROGRAM, *words) as (command, inherited):
+            process = subprocess.Popen(
+                command,
+                pass_fds=(theirs[0], ours[1], inherited),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+    finally:
+        _close(theirs[0], ours[1])
+    stack.callback(_end, process)
+    return process, Channel(ours[0], theirs[1], _MOST_ANSWER)
 
 
-def _end(process: subprocess.Popen[bytes], pipes: tuple[int, ...]) -> None:
-    """End a process and all that it started."""
+def _close(*pipes: int) -> None:
+    for pipe in pipes:
+        os.close(pipe)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End a sandbox; the kernel ends what runs inside with it."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
     process.wait()
-    for pipe in pipes:
-        os.close(pipe)

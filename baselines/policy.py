@@ -20,11 +20,13 @@ from baselines.graph import checkpoint as graph_checkpoint
 from baselines.graph.policy import GraphPolicy
 from baselines.learned import LearnedPolicy
 from baselines.learned import trained_in as ppo_trained_in
-from baselines.result_file import CHECKPOINTS, NAME
+from baselines.policy_source import find_source, read_source, source_sha256
+from baselines.result_file import CHECKPOINTS, MOST_POLICY, POLICY
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams
 
 RESERVED = ("oracle-tour",)  # names of rows that are no policy of this module
+_PACKAGE = "baselines"
 TRAINED = Path("artifacts/train")  # NAME/policy.safetensors, written by training
 
 
@@ -132,30 +134,58 @@ def policy_label(name: str) -> str:
         label = path.resolve().parent.name if path.stem == "policy" else path.stem
         if label in (*EXPLORERS, *RESERVED):
             raise BaselineError(f"policy = {label!r}: a checkpoint must not be called as an explorer is")
-    if not re.fullmatch(NAME, label):
-        raise BaselineError(f"policy = {label!r}: results are called by 1 to 64 of A-Z, a-z, 0-9, '.', '_' and '-'")
+    if len(label) > MOST_POLICY or not re.fullmatch(POLICY, label):
+        raise BaselineError(
+            f"policy = {label!r}: results are called by 1 to {MOST_POLICY} of A-Z, a-z, 0-9, '_' and '-', "
+            "with single dots between them"
+        )
     return label
 
 
 def policy_sha256(policy: Policy) -> str:
-    """Return the hash of what a policy does: its class, its source with all that it imports here, its weights."""
+    """Return the hash of what a policy does: its class, its source with all that it imports here, its weights.
+
+    A class from outside `baselines` is known by all files of its module or package.
+    """
+    kind = type(policy)
+    top = kind.__module__.partition(".")[0]
+    if top != _PACKAGE:
+        return source_sha256(read_source(find_source(top)))
     checkpoint = getattr(policy, "path", None)
-    parts = [type(policy).__qualname__.encode(), *(path.read_bytes() for path in source_files(type(policy)))]
-    if isinstance(checkpoint, Path):
+    return _own_sha256(kind, checkpoint if isinstance(checkpoint, Path) else None)
+
+
+def checkpoint_sha256(path: Path) -> str:
+    """Return the hash of the policy that a checkpoint makes; only its header is read."""
+    graph = graph_checkpoint.format_of(path) == graph_checkpoint.FORMAT
+    return _own_sha256(GraphPolicy if graph else LearnedPolicy, path)
+
+
+def known_sha256(label: str, heights: bool) -> str | None:
+    """Return the hash of the explorer or kept checkpoint of a name; None if there is none."""
+    if label in EXPLORERS:
+        return policy_sha256(make_policy(label, 1, TaskParams(), heights=heights))
+    kept = CHECKPOINTS / f"{label}.safetensors"
+    return checkpoint_sha256(kept) if kept.is_file() else None
+
+
+def _own_sha256(kind: type, checkpoint: Path | None) -> str:
+    parts = [kind.__qualname__.encode(), *(path.read_bytes() for path in source_files(kind))]
+    if checkpoint is not None:
         parts.append(checkpoint.read_bytes())
     return hashlib.sha256(b"".join(parts)).hexdigest()
 
 
 def source_files(kind: type) -> list[Path]:
-    """Return the files of a class's module and of the modules that it uses, of `baselines` and its own package."""
-    packages = {"baselines", kind.__module__.partition(".")[0]}
-    found, waiting = set(), {base.__module__ for base in kind.__mro__ if base.__module__.partition(".")[0] in packages}
+    """Return the files of a class's module and of the modules of `baselines` that it uses."""
+    found: set[str] = set()
+    waiting = {base.__module__ for base in kind.__mro__ if base.__module__.partition(".")[0] == _PACKAGE}
     while waiting:
         module = waiting.pop()
         found.add(module)
         for value in vars(sys.modules[module]).values():
             used = value.__name__ if inspect.ismodule(value) else getattr(value, "__module__", None)
-            if isinstance(used, str) and used.partition(".")[0] in packages and used not in found:
+            if isinstance(used, str) and used.partition(".")[0] == _PACKAGE and used not in found:
                 waiting.add(used)
     return [Path(inspect.getfile(sys.modules[module])) for module in sorted(found)]
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from baselines.policy import make_policy, policy_sha256
+from baselines.policy import make_policy
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams, coerce_params
 
@@ -27,7 +27,6 @@ class PolicyServer:
         self._count, self._keys = count, HEIGHTS if heights else ()
         params = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
         self._policy = make_policy(name, count, *params, heights)
-        self.sha256 = policy_sha256(self._policy)
 
     def reset(self, seeds: list[int]) -> bytes:
         """Begin an episode of each robot."""

@@ -2,27 +2,58 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from baselines.confined import Confined, what_is_held
-from baselines.confinement import Confinement, Limits
+from baselines.confined import Confined
 from baselines.driven import was_driven_here
 from baselines.errors import BaselineError, RejectedError
 from baselines.explorers import EXPLORERS
 from baselines.parallel import drive
 from baselines.policy import RESERVED, find_checkpoint, policy_label
+from baselines.policy_copy import copy_policy
 from baselines.progress import Progress
 from baselines.protocol import name_episode
 from baselines.result_file import RESULTS, Episode, Head
+from baselines.sandbox import Limits, require_sandbox
 from baselines.split_file import read_parts
 
 _FIGURES = [key for key in Episode.model_fields if key != "previous"]
+UNCONFINED = "--trust-policy runs it unconfined"
 
 
-def drive_again(
-    path: Path, head: Head, episodes: list[Episode], policy: str | None, limits: Limits, jobs: int = 1
-) -> Confinement:
-    """Drive episodes again; return what the policy's process could not do.
+@dataclass(frozen=True)
+class Rerun:
+    """How to drive again.
+
+    Attributes
+    ----------
+    count : int
+        The first so many episodes, or mines of a split.
+    policy : str, optional
+        A file NAME.safetensors or `module:Class`; without it, the explorer or the checkpoint that the head names.
+    limits : Limits
+        Of a sandboxed policy.
+    jobs : int
+        Processes with an environment, each beside a process with the policy.
+    trusted : bool
+        Whether a stranger's policy runs unconfined, in the environment's process. It could change the figures there, so
+        that nothing is verified.
+    """
+
+    count: int = 0
+    policy: str | None = None
+    limits: Limits = field(default_factory=Limits)
+    jobs: int = 1
+    trusted: bool = False
+
+
+def drive_again(path: Path, head: Head, episodes: list[Episode], how: Rerun) -> list[Episode]:
+    """Drive episodes again; return those that were driven, which are equal.
+
+    The project's own explorers run as they are. All else is a stranger's: its hash is compared before anything of it
+    runs, and it runs in a sandbox, unless it is trusted.
 
     Parameters
     ----------
@@ -30,30 +61,40 @@ def drive_again(
         The results file, which errors name and beside which a checkpoint may lie.
     head : Head
     episodes : list of Episode
-    policy : str, optional
-        A file NAME.safetensors or `module:Class`; without it, the explorer or the checkpoint that the head names.
-    limits : Limits
-    jobs : int
-        Processes with an environment, each beside a process with the policy.
+    how : Rerun
 
     Raises
     ------
     RejectedError
         If the policy is another than the head says, or an episode comes out differently.
     BaselineError
-        If there is no such policy, it fails, or it exceeds its limits.
+        If there is no such policy, it fails, it exceeds its limits, or this system has no sandbox.
     """
-    name, seeds = _find_policy(path, head, policy), [episode.seed for episode in episodes]
-    held = what_is_held(limits)
+    name, seeds = _find_policy(path, head, how.policy), [episode.seed for episode in episodes]
     progress = Progress(f"{head.policy} in {head.env}", sum(episode.steps for episode in episodes))
     try:
-        again = drive(name, head.env, seeds, progress.add, jobs, Confined(limits, head.policy_sha256))
+        again = drive(name, head.env, seeds, progress.add, how.jobs, _admit(name, head, how))
     except BaselineError as error:
         raise type(error)(f"{path}: {error}") from error
     finally:
         progress.close()
     compare(path, head, episodes, again)
-    return held
+    return again
+
+
+def _admit(name: str, head: Head, how: Rerun) -> Confined | None:
+    """Return how a policy is confined, None if it is not; refuse one of another hash."""
+    if name in EXPLORERS:
+        return None  # `score` compared its hash, as it has an explorer's name
+    if not how.trusted:
+        try:
+            require_sandbox()
+        except BaselineError as error:
+            raise BaselineError(f"policy {name} of somebody else needs a sandbox: {error}; {UNCONFINED}") from error
+        return Confined(how.limits, head.policy_sha256)
+    with TemporaryDirectory(prefix="policy-") as folder:
+        copy_policy(name, Path(folder), head.policy_sha256)
+    return None
 
 
 def compare(path: Path, head: Head, episodes: list[Episode], again: list[Episode]) -> None:

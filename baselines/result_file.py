@@ -30,10 +30,13 @@ MOST_M = 10_000_000.0  # of a path
 MOST_RETURN = 1e9
 MOST_FACTS = 64  # numbers of a task or a robot, and versions
 _MOST_SAID = 200  # characters of a message that come from the file
-NAME = r"^[A-Za-z0-9._-]{1,64}$"
+# A policy's name is a file's name and a module's: no `..`, no dot at an end, and no hyphen as an option begins.
+POLICY = r"^[A-Za-z0-9_][A-Za-z0-9_-]*(\.[A-Za-z0-9_-]+)*$"
+MOST_POLICY = 64
 
 _Text = Annotated[str, Field(pattern=r"^[ -~]{0,100}$")]  # no control characters: it is printed
-_Name = Annotated[str, Field(pattern=NAME)]
+_Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,64}$")]
+_Policy = Annotated[str, Field(pattern=POLICY, max_length=MOST_POLICY)]
 _Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 _Count = Annotated[int, Field(ge=0, le=MOST_STEPS)]
 _Cells = Annotated[int, Field(ge=0, le=MOST_CELLS)]
@@ -58,7 +61,7 @@ class Head(_Strict):
     task: _Facts
     robot: _Facts
     cells: int = Field(gt=0, le=MOST_CELLS)
-    policy: _Name
+    policy: _Policy
     policy_sha256: _Sha256
     versions: Annotated[dict[_Name, _Text], Field(max_length=MOST_FACTS)]
     seeds: list[_Seed] = Field(min_length=1, max_length=MOST_EPISODES)

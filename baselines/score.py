@@ -1,4 +1,4 @@
-"""Score results files: recompute every figure, reject what is impossible: `python -m baselines.score FILE ...`."""
+"""Score results files: check what they hold, drive it again on request: `python -m baselines.score FILE ...`."""
 
 from __future__ import annotations
 
@@ -8,35 +8,30 @@ from pathlib import Path
 
 from baselines import result_file
 from baselines.bounds import bound_of
-from baselines.checks import episode_faults, file_faults
-from baselines.confinement import Limits
+from baselines.checks import episode_faults, facts_of, head_faults, name_faults
 from baselines.driven import note_driven
 from baselines.errors import BaselineError, RejectedError, run_command
-from baselines.evaluate import print_table
+from baselines.evaluate import UNVERIFIED, print_table
 from baselines.protocol import name_episode
-from baselines.reference import reference_of
-from baselines.rerun import drive_again
+from baselines.rerun import Rerun, drive_again
 from baselines.result_file import Episode, Head, read_results
-from baselines.split_file import Drive, is_of_split, read_drives, read_parts, require_one_policy
+from baselines.sandbox import Limits
+from baselines.split_file import Drive, is_of_split, read_drives, read_parts, require_one_policy, split_of
 from baselines.statistics import as_text, estimate
 from minexplore.splits import SIZES
 
 _ALL = max(SIZES.values())  # episodes of a file at most: one in each mine of a split
 
 
-def score(
-    path: Path, rerun: int = 0, policy: str | None = None, limits: Limits | None = None, jobs: int = 1
-) -> tuple[Head, list[Episode]]:
-    """Check a results file; return what it holds.
+def score(path: Path, rerun: Rerun | None = None) -> tuple[Head, list[Episode]]:
+    """Check a results file; return its head, and its episodes or those that were driven again.
 
     Parameters
     ----------
     path : Path
-    rerun : int
-        Number of episodes to drive again in a confined process. They must come out the same, which holds only on the
-        same kind of machine with the same versions. A file of the benchmark whose episodes all do is noted as such.
-    policy, limits, jobs
-        As `baselines.rerun.drive_again` takes them.
+    rerun : Rerun, optional
+        Which episodes to drive again. They must come out the same, which holds only on the same kind of machine with
+        the same versions. A file of the benchmark whose episodes all do is noted as such.
 
     Raises
     ------
@@ -47,24 +42,25 @@ def score(
     """
     head, episodes = read_results(path)
     check(path, head, episodes)
-    if rerun:
-        held = drive_again(path, head, episodes[:rerun], policy, limits or Limits(), jobs)
-        print(f"{path}: {min(rerun, len(episodes))} episodes driven again, the policy {held}")
-        if rerun >= len(episodes):
-            note_driven(path, result_file.RESULTS, head, episodes)
-    return head, episodes
+    require_name(path, head)
+    if rerun is None or not rerun.count:
+        return head, episodes
+    again = drive_again(path, head, episodes[: rerun.count], rerun)
+    print(f"{path}: {len(again)} of {len(episodes)} episodes driven again, all figures are equal")
+    if len(again) < len(episodes) or rerun.trusted:
+        return head, episodes
+    note_driven(path, result_file.RESULTS, head, again)
+    return head, again
 
 
-def score_split(path: Path, rerun: int = 0, policy: str | None = None, limits: Limits | None = None) -> list[Drive]:
-    """Check a file of a split, whole or in part, mine by mine; return what it holds.
+def score_split(path: Path, rerun: Rerun | None = None) -> list[Drive]:
+    """Check a file of a split, whole or in part, mine by mine; return what it holds, or what was driven again.
 
     Parameters
     ----------
     path : Path
-    rerun : int
-        Number of mines to drive again in a confined process.
-    policy, limits
-        As `baselines.rerun.drive_again` takes them.
+    rerun : Rerun, optional
+        Which mines to drive again.
 
     Raises
     ------
@@ -77,33 +73,44 @@ def score_split(path: Path, rerun: int = 0, policy: str | None = None, limits: L
     require_one_policy(path, drives)
     for head, episode in drives:
         check(path, head, [episode])
-    for head, episode in drives[:rerun]:
-        held = drive_again(path, head, [episode], policy, limits or Limits())
-    if rerun:
-        print(f"{path}: {min(rerun, len(drives))} mines driven again, the policy {held}")
-        if rerun >= len(drives):
-            note_driven(path, result_file.RESULTS, drives[0][0], [episode for _, episode in drives])
-    return drives
+    require_name(path, drives[0][0])
+    if rerun is None or not rerun.count:
+        return drives
+    again = [(head, drive_again(path, head, [episode], rerun)[0]) for head, episode in drives[: rerun.count]]
+    print(f"{path}: {len(again)} of {len(drives)} mines driven again, all figures are equal")
+    if len(again) < len(drives) or rerun.trusted:
+        return drives
+    note_driven(path, result_file.RESULTS, again[0][0], [episode for _, episode in again])
+    return again
 
 
-def print_split(drives: list[Drive]) -> None:
-    """Print the share of the cells that a policy has seen of the mines of a split."""
+def print_split(drives: list[Drive], verified: bool) -> None:
+    """Print the share of the cells that a policy has seen of the mines of a split, and how many mines these are."""
     share = estimate([episode.seen[-1] / head.cells for head, episode in drives])
-    mines = f"{len(drives)} mines from {drives[0][0].env} to {drives[-1][0].env}"
+    split = split_of(drives[0][0])
+    mines = f"{len(drives)} of the {SIZES[split]} mines of the split {split}"
     print(f"{drives[0][0].policy} in {mines}: interquartile mean (95 % interval)")
+    if not verified:
+        print(UNVERIFIED)
     print(f"  {'coverage at the end':26} {as_text('coverage at the end', share)}")
 
 
 def check(path: Path, head: Head, episodes: list[Episode]) -> None:
-    """Reject what the environment does not allow; see `score`."""
-    reference = reference_of(head.env)
+    """Reject what is not of its environment, or outside its bounds; see `score`."""
+    facts = facts_of(head.env)
     mine = f"{head.env}: " if is_of_split(head) else ""  # one of many in its file
-    for reason in file_faults(head, episodes, reference.env):
+    for reason in head_faults(head, facts):
         raise RejectedError(f"{path}: {mine}{reason}")
     bound = bound_of(head.env, head.world_sha256)
-    for number, episode in enumerate(episodes):
-        for reason in episode_faults(episode, number, reference, bound):
+    for episode in episodes:
+        for reason in episode_faults(episode, facts, bound):
             raise RejectedError(f"{path}: {name_episode(head.env, episode.seed)}: {reason}")
+
+
+def require_name(path: Path, head: Head) -> None:
+    """Reject a file whose policy has a name that is reserved or another policy's."""
+    for reason in name_faults(head, facts_of(head.env)):
+        raise RejectedError(f"{path}: {reason}")
 
 
 def main() -> None:
@@ -113,22 +120,28 @@ def main() -> None:
     parser.add_argument("--rerun", default="0", metavar="N", help="drive the first N episodes again, or `all`")
     parser.add_argument("--policy", help="what drives them: a file NAME.safetensors or module:Class")
     parser.add_argument("--jobs", type=int, default=1, help="processes; each holds the world")
+    parser.add_argument("--trust-policy", action="store_true", help="run the policy unconfined, with your rights")
     parser.add_argument("--memory-gb", type=float, default=4.0, help="limit on the policy's memory")
     parser.add_argument("--time-s", type=float, default=7200.0, help="limit on the policy's own time")
     arguments = parser.parse_args()
-    rerun = _ALL if arguments.rerun == "all" else _whole(arguments.rerun)
+    count = _ALL if arguments.rerun == "all" else _whole(arguments.rerun)
     if arguments.jobs < 1 or not 0.5 <= arguments.memory_gb <= 1024 or not 1 <= arguments.time_s <= 1e6:
         raise BaselineError(
             f"jobs = {arguments.jobs}, memory-gb = {arguments.memory_gb:g}, time-s = {arguments.time_s:g}: "
             "want 1 or more, 0.5 to 1024, and 1 to 1000000"
         )
     limits = Limits(round(arguments.memory_gb * 2**30), arguments.time_s)
+    rerun = Rerun(count, arguments.policy, limits, arguments.jobs, arguments.trust_policy)
+    if count and arguments.trust_policy:
+        print("--trust-policy: policies run unconfined, with your rights, and verify nothing", file=sys.stderr)
+    verifies = count if not arguments.trust_policy else 0
     for path in arguments.results:
         if any(is_of_split(head) for head, _ in read_parts(path)):
-            print_split(score_split(path, rerun, arguments.policy, limits))
+            drives = score_split(path, rerun)
+            print_split(drives, verifies >= len(drives))
             continue
-        head, episodes = score(path, rerun, arguments.policy, limits, arguments.jobs)
-        print_table(head, episodes, rerun >= len(episodes))
+        head, episodes = score(path, rerun)
+        print_table(head, episodes, verifies >= len(episodes))
 
 
 def _whole(text: str) -> int:

@@ -52,6 +52,11 @@ def is_of_split(head: Head) -> bool:
     return head.env.startswith(_MINE)
 
 
+def split_of(head: Head) -> str:
+    """Return the split of the mine of a head."""
+    return head.env.removeprefix(_MINE).partition("-")[0]
+
+
 def read_drives(path: Path) -> list[Drive]:
     """Return the mines' heads and episodes.
 
@@ -69,16 +74,19 @@ def read_drives(path: Path) -> list[Drive]:
 
 
 def require_one_policy(path: Path, drives: list[Drive]) -> None:
-    """Refuse a file of several policies, or in which a mine comes twice.
+    """Refuse a file of several policies or splits, or in which a mine comes twice.
 
     Raises
     ------
     BaselineError
-        Naming the number of policies, or the mine.
+        Naming the number of policies, the splits, or the mine.
     """
     policies = {(head.policy, head.policy_sha256) for head, _ in drives}
     if len(policies) > 1:
         raise BaselineError(f"{path}: results of {len(policies)} policies: want one")
+    splits = sorted({split_of(head) for head, _ in drives})
+    if len(splits) > 1:
+        raise BaselineError(f"{path}: mines of {' and '.join(splits)}: want those of one split")
     found: set[str] = set()
     for head, _ in drives:
         if head.env in found:

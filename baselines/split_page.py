@@ -1,4 +1,4 @@
-"""The leaderboard's part on mines that nobody trained in: every results file checked, mine by mine, and the table."""
+"""The leaderboard's part on mines that nobody trained in: every results file checked mine by mine, and the tables."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from baselines.driven import was_driven_here
 from baselines.environments import built_ids
 from baselines.errors import BaselineError, RejectedError
 from baselines.explorers import EXPLORERS
-from baselines.own_ways import require_own_ways
-from baselines.score import check
+from baselines.score import check, require_name
 from baselines.split_file import Drive, read_drives, require_whole, split_folder
 from baselines.split_profiles import draw_profiles
 from baselines.split_statistics import difference, improvement, middle, strata_of, stratified
@@ -22,7 +21,6 @@ from minexplore.splits import STYLES
 
 _CURVE_POINTS = 601
 _SEEN = 0.9  # of the cells that a robot can reach
-_STATED = ("distance, m", "collisions per 100 m")
 _COLUMNS = ("share of bound", "area under coverage", "time to 90 %, s", "distance, m", "collisions per 100 m")
 _HEADING = """## Unseen mines: the test split
 
@@ -33,6 +31,7 @@ mine than the best classical explorer in the table does{best}; equal counts half
 of the bound to that explorer in points; mines are drawn together, so its interval is that of the difference.
 """
 _STYLES_HEADING = "Share of the bound by style, interquartile means over the mines of a style, and `P` there:"
+UNVERIFIED_HEADING = "Unverified: what files claim, not driven again."
 _PROFILES = """Performance profiles: in how many mines a policy sees more than a share of the bound.
 
 ![Performance profiles]({picture})
@@ -42,36 +41,34 @@ _PROFILES = """Performance profiles: in how many mines a policy sees more than a
 @dataclass(frozen=True)
 class _Row:
     policy: str
-    driven_here: bool
+    verified: bool
     shares: np.ndarray  # (mines,) of the bound
     figures: dict[str, Figure]
     never: int  # mines in which less than 90 % was seen
 
     def text(self, name: str) -> str:
-        """Return a figure as the table shows it; `~` marks one that a recorded way bounds but does not give."""
-        stated = "~" if name in _STATED and not self.driven_here else ""
-        return stated + _text(self.figures[name], 1, 100 if name in _COLUMNS[:2] else 1)
+        """Return a figure as the table shows it."""
+        return _text(self.figures[name], 1, 100 if name in _COLUMNS[:2] else 1)
 
 
 def in_order(rows: list[_Row]) -> list[_Row]:
-    """Return rows that were driven here before rows as stated, each by their share of the bound."""
-    return sorted(rows, key=lambda row: (not row.driven_here, -(_value(row) or 0.0)))
+    """Return rows by their share of the bound, the greatest first."""
+    return sorted(rows, key=lambda row: -(_value(row) or 0.0))
 
 
 def require_own_rows(kept: dict[Path, list[Drive]]) -> None:
-    """Refuse a file that is not named as its policy, or whose robots mostly drive the ways of another file.
+    """Refuse a file that is not named as its policy.
 
     Raises
     ------
     RejectedError
-        Naming the file, and the name or the other file.
+        Naming the file and the policy.
     """
     for path, drives in kept.items():
         if path.stem != drives[0][0].policy:
             raise RejectedError(
                 f"{path}: results of {drives[0][0].policy}, which are kept as {drives[0][0].policy}.jsonl"
             )
-    require_own_ways({path: [episode for _, episode in drives] for path, drives in kept.items()})
 
 
 def split_section(results: Path, split: str, picture: Path | None = None) -> str:
@@ -89,7 +86,7 @@ def split_section(results: Path, split: str, picture: Path | None = None) -> str
     BaselineError
         If a file does not hold all mines of the split, or a mine is not built or has no bound.
     RejectedError
-        If an episode is impossible, or a file shows the ways of another one.
+        If a figure is out of its bounds, or a file has the name of another policy.
     """
     files = sorted((results / split_folder(split).name).glob("*.jsonl"))
     if not files:
@@ -103,24 +100,37 @@ def split_section(results: Path, split: str, picture: Path | None = None) -> str
         for path, (head, episode) in zip(files, mine, strict=True):
             check(path, head, [episode])
     rows = in_order([_row(path, drives) for path, drives in kept.items()])
+    claimed, rows = [row for row in rows if not row.verified], [row for row in rows if row.verified]
     head, _ = kept[files[0]][0]
     seconds = float(head.task["max_steps"]) * float(head.task["control_s"])  # type: ignore[arg-type]
     loose = _looseness(read_bounds(bounds_file(head.env)))
     classical = [row for row in rows if row.policy in EXPLORERS]
     best = f", `{classical[0].policy}`" if classical else ""
     lines = [_HEADING.format(mines=len(kept[files[0]]), seconds=seconds, loose=loose, best=best)]
-    lines += [f"| policy | checked | {' | '.join(_COLUMNS)} | P | more |", "|---" * (len(_COLUMNS) + 4) + "|"]
+    lines += [f"| policy | {' | '.join(_COLUMNS)} | P | more |", "|---" * (len(_COLUMNS) + 3) + "|"]
     for row in rows:
         better = _beside(row, classical[0]) if classical and row is not classical[0] else ("", "")
-        checked = "driven here" if row.driven_here else "as stated"
-        texts = [row.text(name) for name in _COLUMNS]
-        texts[2] += f", never in {row.never}" if row.never else ""
-        lines.append(f"| {row.policy} | {checked} | {' | '.join(texts)} | {' | '.join(better)} |")
+        lines.append(f"{_cells(row)} | {' | '.join(better)} |")
     lines += ["", *_by_style(rows, classical[0] if classical else None), ""]
+    lines += _claims(claimed)
     if picture is not None:
         draw_profiles({row.policy: row.shares for row in rows}, picture)
         lines.append(_PROFILES.format(picture=picture.as_posix()))
     return "\n".join(lines)
+
+
+def _claims(rows: list[_Row]) -> list[str]:
+    """Return the table of what unverified files claim; it is compared with nothing. No lines without rows."""
+    if not rows:
+        return []
+    lines = [UNVERIFIED_HEADING, "", f"| policy | {' | '.join(_COLUMNS)} |", "|---" * (len(_COLUMNS) + 1) + "|"]
+    return [*lines, *(f"{_cells(row)} |" for row in rows), ""]
+
+
+def _cells(row: _Row) -> str:
+    texts = [row.text(name) for name in _COLUMNS]
+    texts[2] += f", never in {row.never}" if row.never else ""
+    return f"| {row.policy} | {' | '.join(texts)}"
 
 
 def _by_style(rows: list[_Row], best: _Row | None) -> list[str]:
@@ -162,8 +172,10 @@ def _row(path: Path, drives: list[Drive]) -> _Row:
         never += not len(late)
     strata = strata_of(len(drives))
     figures = {name: stratified(middle, np.array(values), strata=strata) for name, values in found.items()}
-    here = was_driven_here(path, path.parents[1], drives[0][0], [episode for _, episode in drives])
-    return _Row(drives[0][0].policy, here, np.array(found["share of bound"]), figures, never)
+    verified = was_driven_here(path, path.parents[1], drives[0][0], [episode for _, episode in drives])
+    if not verified:
+        require_name(path, drives[0][0])
+    return _Row(drives[0][0].policy, verified, np.array(found["share of bound"]), figures, never)
 
 
 def _looseness(bounds: dict[str, Bound]) -> str:

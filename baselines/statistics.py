@@ -12,9 +12,6 @@ from baselines.errors import BaselineError
 from baselines.result_file import SAMPLE_STEPS, Episode, Head
 
 _TIMES_S, _SHARES = (60, 300, 600), (0.5, 0.75, 0.9)
-# Figures made from what a results file states and its samples only bound: steps that saw a new cell, steps in contact
-# with rock, and the length of the path.
-STATED = ("new cells per 100 m", "collisions per 100 m", "return", "path, m")
 _RESAMPLES, _CONFIDENCE = 2000, 0.95
 _CURVE_POINTS = 601
 

@@ -43,6 +43,7 @@ libX11.so.6 libx11-6
 EOF
 command -v git >/dev/null 2>&1 || missing="$missing git ca-certificates"
 command -v cavern >/dev/null 2>&1 || missing="$missing survex" # solves surveys; it needs no display
+command -v bwrap >/dev/null 2>&1 || missing="$missing bubblewrap" # runs policies of others
 pythons="${PYTHON:-} python3 python3.13 python3.12 python3.11"
 any_python() { for python in $pythons; do command -v "$python" >/dev/null 2>&1 && return 0; done; return 1; }
 any_python || missing="$missing python3 python3-venv"

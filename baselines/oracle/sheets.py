@@ -26,8 +26,7 @@ from baselines.oracle.network import (
     _touching,
 )
 from baselines.oracle.tour import _NEAR_ROCK_M, _NEAR_ROCK_PENALTY
-from baselines.oracle.visibility import _MARCH_M, _RAYS, _SAMPLE_M, _samples
-from baselines.sight import SURFACE_M
+from baselines.oracle.visibility import _MARCH_M, _RAYS, _SAMPLE_M, SURFACE_M, _samples
 from minexplore.floor import Floor
 from minexplore.robot_batch import RobotBatch
 from minexplore.task import TaskParams

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from baselines.sight import SURFACE_M
 from minexplore.robot_batch import RobotBatch
 
+SURFACE_M = 0.5  # how far behind the collision wall the visible rock may stand back
 _SAMPLE_M, _RAYS, _MARCH_M = 0.75, 360, 0.2
 
 

@@ -10,10 +10,11 @@ import minexplore
 from baselines import driven, split
 from baselines.bounds import Bound, bounds_file, read_bounds, write_bound
 from baselines.errors import BaselineError, RejectedError
-from baselines.score import score_split
+from baselines.rerun import Rerun
+from baselines.score import print_split, score_split
 from baselines.split import bound_split, evaluate_split
 from baselines.split_file import read_drives, require_whole, write_drives
-from baselines.split_page import _beside, _by_style, _Row, in_order, require_own_rows, split_section
+from baselines.split_page import UNVERIFIED_HEADING, _beside, _by_style, _Row, in_order, require_own_rows, split_section
 from baselines.split_statistics import improvement, middle, profile, stratified
 from baselines.statistics import Figure
 
@@ -35,7 +36,7 @@ def test_a_split_is_driven_once_resumed_and_put_into_a_table(mines, tmp_path):
     text = split_section(tmp_path, "test", picture)
     assert f"]({picture.as_posix()})" in text
     assert picture.read_bytes().startswith(b"\x89PNG")
-    rows = [line.split("|") for line in text.splitlines() if "driven here" in line]
+    rows = [line.split("|") for line in text.splitlines() if line.startswith("| ") and "never in" in line]
     assert [row[1].strip() for row in rows] == ["wall-following", "random"]
     assert "best classical explorer in the table does, `wall-following`" in " ".join(text.split())
     assert [cell.strip() for cell in rows[0][-3:-1]] == ["", ""]
@@ -51,13 +52,13 @@ def test_a_file_that_is_not_whole_or_was_changed_is_refused(mines, tmp_path):
     with pytest.raises(BaselineError, match=r"Family-test-0001-v0 where MineXplore/Family-test-0000-v0 is due"):
         require_whole(path, drives[::-1], "test")
     text = path.read_text()
-    forged = text.replace('"collided":', '"collided":1', 1)
+    forged = text.replace('"collided":', '"collided":1000', 1)
     assert forged != text
-    path.write_text(forged)  # a digit before the number of contacts
+    path.write_text(forged)  # digits before the number of contacts
     for env_id, (head, _) in zip(mines, drives, strict=True):
         whole = Bound(world_sha256=head.world_sha256, cells=head.cells, time_s=[20.0], most=[head.cells], found=[1])
         write_bound(env_id, whole)
-    with pytest.raises(RejectedError, match=r"random\.jsonl: MineXplore/Family-test-0000-v0: return "):
+    with pytest.raises(RejectedError, match=r"random\.jsonl: MineXplore/Family-test-0000-v0: .* colliding steps of"):
         split_section(tmp_path, "test")
     path.write_text(text.splitlines()[0] + "\n")
     with pytest.raises(BaselineError, match="0 episodes"):
@@ -122,14 +123,13 @@ def test_a_file_of_a_split_was_driven_here_only_with_its_present_contents(mines,
     assert not driven.was_driven_here(path, tmp_path, head, episodes[:1])
 
 
-def test_rows_as_stated_stand_below_those_that_were_driven_and_mark_what_is_not_given():
+def test_rows_stand_by_their_share_of_the_bound():
     figures = {name: Figure(1.0, 1.0, 1.0, 4) for name in ("distance, m", "collisions per 100 m")}
     rows = [
         _Row(name, here, np.ones(4), {**figures, "share of bound": Figure(share, share, share, 4)}, 0)
         for name, here, share in (("a", False, 0.9), ("b", True, 0.2), ("c", True, 0.5), ("d", False, 0.95))
     ]
-    assert [row.policy for row in in_order(rows)] == ["c", "b", "d", "a"]
-    assert [row.text("distance, m")[0] for row in rows] == ["~", "1", "1", "~"]
+    assert [row.policy for row in in_order(rows)] == ["d", "a", "c", "b"]
     assert rows[0].text("share of bound").startswith("90.0 %")
 
 
@@ -146,19 +146,29 @@ def test_the_difference_to_another_policy_is_that_of_the_same_mines_and_styles_h
     np.testing.assert_allclose(shares, [20, 40, 60, 80], atol=2.0)
 
 
-def test_the_ways_of_another_file_and_a_name_of_another_policy_are_refused(mines, tmp_path):
+def test_a_file_with_the_name_of_another_policy_is_refused(mines, tmp_path):
     drives = evaluate_split("random", "test", 1)
-    copied = [(head.model_copy(update={"policy": "mine"}), episode) for head, episode in drives]
-    with pytest.raises(RejectedError, match=r"mine\.jsonl: its robots drive the ways of random\.jsonl"):
-        require_own_rows({Path("random.jsonl"): drives, Path("mine.jsonl"): copied})
     with pytest.raises(RejectedError, match=r"other\.jsonl: results of random, which are kept as random\.jsonl"):
         require_own_rows({Path("other.jsonl"): drives})
     require_own_rows({Path("random.jsonl"): drives})
-    half = [copied[0], (copied[1][0], copied[1][1].model_copy(update={"path_cm": copied[1][1].path_cm[::-1]}))]
-    require_own_rows({Path("random.jsonl"): drives, Path("mine.jsonl"): half})
-    three = [drives[0], *drives], [copied[0], *half]
-    with pytest.raises(RejectedError, match=r"mine\.jsonl: its robots drive the ways of random\.jsonl: 2 of 3"):
-        require_own_rows({Path("random.jsonl"): three[0], Path("mine.jsonl"): three[1]})
+
+
+def test_what_was_not_driven_here_stands_apart_and_is_compared_with_nothing(mines, tmp_path):
+    drives = evaluate_split("random", "test", 1)
+    for head, _ in drives:
+        bound = Bound(world_sha256=head.world_sha256, cells=head.cells, time_s=[20.0], most=[head.cells], found=[1])
+        write_bound(head.env, bound)
+    claimed = [(head.model_copy(update={"policy": "a-stranger"}), episode) for head, episode in drives]
+    write_drives(tmp_path / "Family-test/a-stranger.jsonl", claimed)
+    verified, apart = split_section(tmp_path, "test").split(UNVERIFIED_HEADING)
+    assert "a-stranger" not in verified
+    assert "| a-stranger |" in apart
+    assert "random" not in apart
+    assert " P " not in apart
+    named = [(head.model_copy(update={"policy_sha256": "0" * 64}), episode) for head, episode in drives]
+    write_drives(tmp_path / "Family-test/random.jsonl", named)
+    with pytest.raises(RejectedError, match=r"random\.jsonl: policy 'random': the name of another policy"):
+        split_section(tmp_path, "test")
 
 
 def test_a_file_that_somebody_sent_is_driven_again_and_not_called_driven_here(mines, tmp_path, capsys):
@@ -185,14 +195,18 @@ def test_a_file_of_a_split_is_scored_and_driven_again_mine_by_mine(mines, tmp_pa
     drives = evaluate_split("wall-following", "test", 1)
     path = tmp_path / "sent" / "wall-following.jsonl"
     write_drives(path, drives)
-    assert score_split(path, rerun=1000) == drives
-    assert "2 mines driven again" in capsys.readouterr().out
+    assert [episode.seen for _, episode in score_split(path, Rerun(1000))] == [episode.seen for _, episode in drives]
+    print_split(drives[:1], verified=False)
+    said = capsys.readouterr().out
+    assert "2 of 2 mines driven again" in said
+    assert "wall-following in 1 of the 200 mines of the split test" in said
+    assert "unverified: " in said
     (first, one), (second, other) = drives
     useful = other.model_copy(update={"path_m": round(other.path_m + 0.001, 3)})
     write_drives(path, [(first, one), (second, useful)])
-    score_split(path)  # within what the way allows
+    score_split(path)  # unverified
     with pytest.raises(RejectedError, match=rf"{mines[1]}: driven again, the episode comes out differently \(path_m"):
-        score_split(path, rerun=1000)
+        score_split(path, Rerun(1000))
     write_drives(path, [(first, one), (first, one)])
     with pytest.raises(BaselineError, match=rf"{mines[0]} comes twice"):
         score_split(path)
