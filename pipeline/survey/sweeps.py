@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.geometry.registration import Pose
 from pipeline.params.reader_limits import reader_limits
-from pipeline.survey.plain_file import read_text_bytes, require_at_most
+from pipeline.survey.plain_file import read_csv_text, read_text_bytes, require_at_most
 from pipeline.survey.plain_number import plain_number
 
 _LEAST_RETURNS = 30
