@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numbers
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,14 +15,30 @@ def numbers_of(action: Any) -> np.ndarray:
     Raises
     ------
     ValueError
-        If it holds anything but numbers.
+        If it holds anything but numbers of 64 bits: texts, complex numbers, dates, or masked values.
     """
     try:
-        if np.iscomplexobj(action):
-            raise TypeError("complex numbers")
-        return np.asarray(action, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"action = {action!r:.200}: want numbers ({error})") from error
+        if _is_masked(action):
+            raise TypeError("masked values")
+        found = np.asarray(action)
+        if found.dtype.kind == "O" and all(isinstance(value, numbers.Real) for value in found.ravel()):
+            return found.astype(np.float64)
+        if found.dtype.kind not in "biuf":
+            raise TypeError(f"values of {found.dtype}")
+        with np.errstate(over="raise"):
+            return found.astype(np.float64)
+    except (TypeError, ValueError, ArithmeticError) as error:
+        raise ValueError(f"action = {_shown(action)}: want numbers ({error})") from error
+
+
+def _is_masked(value: Any) -> bool:
+    if isinstance(value, list | tuple):
+        return any(map(_is_masked, value))
+    return isinstance(value, np.ma.MaskedArray) and bool(np.ma.getmaskarray(value).any())
+
+
+def _shown(value: Any) -> str:
+    return " ".join(repr(value).split())[:200]
 
 
 def check_options(options: Any, known: Sequence[str]) -> None:
@@ -47,8 +64,10 @@ def spread_seeds(seed: Any, count: int) -> list[int | None]:
     Raises
     ------
     ValueError
-        If they are not ints of 0 or more or None, or not as many as robots.
+        If they are not ints of 0 or more or None, or not as many as robots, or some are masked.
     """
+    if _is_masked(seed):
+        raise ValueError(f"seed = {_shown(seed)}: want no masked values")
     if isinstance(seed, np.ndarray):
         seed = seed.tolist()
     if isinstance(seed, list | tuple):
@@ -57,11 +76,24 @@ def spread_seeds(seed: Any, count: int) -> list[int | None]:
         seeds = list(seed)
     else:
         whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
-        seeds = [seed + i for i in range(count)] if whole else [seed] * count
+        seeds = [int(seed) + i for i in range(count)] if whole else [seed] * count
     for one in seeds:
         if one is not None and (not isinstance(one, int | np.integer) or isinstance(one, bool) or one < 0):
             raise ValueError(f"seed = {one!r}: want None or a whole number of 0 or more")
     return [None if one is None else int(one) for one in seeds]
+
+
+def one_seed(seed: Any) -> int | None:
+    """Return the seed of an environment of one robot.
+
+    Raises
+    ------
+    ValueError
+        If it is no int of 0 or more and not None; a list of one seed is none.
+    """
+    if isinstance(seed, list | tuple | np.ndarray):
+        raise ValueError(f"seed = {_shown(seed)}: want None or a whole number of 0 or more")
+    return spread_seeds(seed, 1)[0]
 
 
 def mask_of(options: Mapping[str, Any] | None, count: int) -> np.ndarray:
@@ -75,6 +107,8 @@ def mask_of(options: Mapping[str, Any] | None, count: int) -> np.ndarray:
     mask = None if options is None else options.get("reset_mask")
     if mask is None:
         return np.ones(count, dtype=bool)
+    if _is_masked(mask):
+        raise ValueError("reset_mask: want no masked values")
     found = np.asarray(mask)
     if found.dtype != bool or found.shape != (count,):
         raise ValueError(f"reset_mask of {found.dtype} with shape {found.shape}: want bool with shape ({count},)")

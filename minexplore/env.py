@@ -9,7 +9,7 @@ from typing import Any, get_args
 import gymnasium
 import numpy as np
 
-from minexplore.calls import check_options, numbers_of, spread_seeds
+from minexplore.calls import check_options, numbers_of, one_seed
 from minexplore.lidar import Backend
 from minexplore.observation import observation_space
 from minexplore.opengl import prepare_opengl
@@ -138,7 +138,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         """Place the robot near the entrance with a random yaw, and cast the beams once."""
         self._require_open()
         check_options(options, ())
-        super().reset(seed=spread_seeds(seed, 1)[0])
+        super().reset(seed=one_seed(seed))
         self._begun = True
         outcome = self.robots.reset(np.arange(1), [self.np_random])
         self._show()

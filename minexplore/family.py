@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
-from minexplore.calls import check_options, mask_of, numbers_of, spread_seeds
+from minexplore.calls import check_options, mask_of, numbers_of, one_seed, spread_seeds
 from minexplore.env import MineEnv, check_arguments
 from minexplore.observation import observation_space
 from minexplore.splits import SIZES, mine_name, parse_name, world_folder
@@ -85,7 +85,7 @@ class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         if self._closed:
             raise gymnasium.error.ClosedEnvironmentError("the environment is closed: make another one")
         check_options(options, ("mine",))
-        super().reset(seed=spread_seeds(seed, 1)[0])
+        super().reset(seed=one_seed(seed))
         drawn = self.names[self.np_random.integers(len(self.names))]
         inner = self._enter((options or {}).get("mine", drawn))
         observation, info = inner.reset(seed=int(self.np_random.integers(2**31)))

@@ -107,7 +107,7 @@ class MineParallelEnv(ParallelEnv):
         Raises
         ------
         ValueError
-            If an agent has no action, or one that is not two finite numbers.
+            If an agent has no action, or one that is not two finite numbers, or an agent is unknown.
         gymnasium.error.ResetNeeded
             Before the first reset, and after the episode's end.
         gymnasium.error.ClosedEnvironmentError
@@ -121,6 +121,11 @@ class MineParallelEnv(ParallelEnv):
         absent = [agent for agent in self.possible_agents if agent not in actions]
         if absent:
             raise ValueError(f"actions: none for {absent[0]!r}")
+        unknown = [agent for agent in actions if agent not in self.possible_agents]
+        if unknown:
+            raise ValueError(
+                f"actions: unknown agent {unknown[0]!r:.80}; there are {self.agents[0]} to {self.agents[-1]}"
+            )
         command = numbers_of([actions[agent] for agent in self.possible_agents])
         before = self.team.cells_seen.copy()
         outcome = self.team.step(command, self._rngs)

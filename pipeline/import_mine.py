@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass, replace
+import sys
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from minexplore import is_built_in
 from pipeline.compose import CONF
-from pipeline.errors import ArtifactError, InputError, ParamsError
+from pipeline.errors import ArtifactError, InputError, MineError, ParamsError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.survey import SurveyParams
-from pipeline.store.files import remove_empty_folders, write_atomically
-from pipeline.store.registry import read_registry, register, unregister
+from pipeline.store.files import missing_folders, take_back, write_atomically
+from pipeline.store.hashing import absence_of
+from pipeline.store.registry import REGISTRY, read_registry, register, unregister
 from pipeline.survey.child import one_line
 from pipeline.survey.detect import Detection, detect_survey
 from pipeline.survey.plain_file import require_plain_file
@@ -40,7 +42,7 @@ _WORDS = {"default", "true", "false", "null", "none", "nan", "inf", "yes", "no",
 
 @dataclass(frozen=True)
 class Import:
-    """What an import found, one line for each detected value, and the files that it wrote and registered.
+    """What an import found, one line for each detected value, and the files and folders that it wrote and registered.
 
     `picture` shows what of a plan's picture was taken for workings.
     """
@@ -49,6 +51,7 @@ class Import:
     written: list[Path]
     registered: list[Path]
     picture: Image | None = None
+    folders: list[Path] = field(default_factory=list)
 
 
 def survey_file(name: str) -> Path:
@@ -101,11 +104,13 @@ def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict
     text = survey_yaml(name, targets[detected.files[0]], detected, stated)
     require_section(text)
     known = read_registry()
+    written = [path for path in (*targets.values(), conf) if not path.is_file()]
     made = Import(
         _findings(conf, detected),
-        [path for path in (*targets.values(), conf) if not path.is_file()],
+        written,
         [path for path in targets.values() if path.relative_to("data").as_posix() not in known],
         detected.picture,
+        missing_folders(written),
     )
     try:
         for file, target in targets.items():
@@ -148,11 +153,16 @@ def _with_heights(
 
 
 def forget_import(made: Import) -> None:
-    """Remove the files that an import wrote, their lines in the registry, and the folders that are then empty."""
-    unregister(made.registered)
-    for path in made.written:
-        path.unlink(missing_ok=True)
-    remove_empty_folders(DATA)
+    """Remove the files and folders that an import wrote, and their lines in the registry; print what stays.
+
+    What cannot be removed hinders nothing else from being removed.
+    """
+    try:
+        unregister(made.registered)
+    except (MineError, OSError) as error:
+        print(f"{REGISTRY}: lines of {made.registered[0].parent} stay ({error})", file=sys.stderr)
+    for path in take_back(made.written, made.folders):
+        print(f"{path}: cannot be removed", file=sys.stderr)
 
 
 def _targets(source: Path, files: list[Path], folder: Path) -> dict[Path, Path]:
@@ -199,7 +209,7 @@ def import_workings(name: str, source: Path) -> Path:
         If a different free space of this name was copied before.
     """
     if not source.is_file():
-        raise ArtifactError(f"{source}: missing; make the world first")
+        raise ArtifactError(f"{source}: {absence_of(source)}; make the world first")
     target = DATA / name / "variants" / source.name
     if target.is_file() and target.read_bytes() != source.read_bytes():
         raise InputError(f"{target}: comes from an earlier {name}; remove it and its line in data/registry.txt")

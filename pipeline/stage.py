@@ -164,4 +164,5 @@ def _encoded(stage: Stage, key: str, value: Any) -> dict[str, bytes]:
 
 def main(stage: Stage) -> int:
     """Run a stage from the command line; arguments are Hydra overrides. Bad input gives one message and exit code 2."""
-    return run_command(stage.name, lambda: run_stage(stage, sys.argv[1:]), "interrupted; earlier artifacts are kept")
+    kept = "; earlier artifacts are kept" if (ARTIFACTS / stage.name).is_dir() else ""
+    return run_command(stage.name, lambda: run_stage(stage, sys.argv[1:]), f"interrupted{kept}")

@@ -13,7 +13,7 @@ import warp as wp
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from minexplore.calls import check_options, mask_of, spread_seeds
+from minexplore.calls import check_options, mask_of, numbers_of, spread_seeds
 from minexplore.observation import observation_space
 from minexplore.robot import RobotParams
 from minexplore.task import TaskParams, coerce_params
@@ -127,14 +127,16 @@ class MineWarpEnv(VectorEnv):
         Raises
         ------
         ValueError
-            If the shape is another.
+            If the shape is another, or it holds anything but numbers.
         """
         self._require_open()
         if not self._begun:
             raise gymnasium.error.ResetNeeded("call reset before step")
-        found = torch.as_tensor(actions)
+        found = actions if isinstance(actions, torch.Tensor) else torch.as_tensor(numbers_of(actions))
         if tuple(found.shape) != (self.num_envs, 2):
             raise ValueError(f"actions of shape {tuple(found.shape)}: want ({self.num_envs}, 2)")
+        if found.dtype == torch.float64:  # in 32 bits, large numbers would not be finite
+            found = torch.where(found.isfinite(), found.clamp(-1.0, 1.0), found)
         tensors = self.tensors
         tensors["action"].copy_(found, non_blocking=True)
         extra: dict[str, Any] = {}

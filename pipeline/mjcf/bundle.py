@@ -207,7 +207,7 @@ def read_record(folder: Path, checked: bool = True) -> WorldRecord:
     try:
         data = (folder / RECORD).read_bytes()
         read_json(RECORD, data)
-        return TypeAdapter(WorldRecord).validate_json(data)
+        return TypeAdapter(WorldRecord).validate_json(data, strict=True)
     except FileNotFoundError:
         raise ArtifactError(f"{folder / RECORD}: missing; not a world bundle") from None
     except BundleError as error:

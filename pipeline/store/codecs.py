@@ -9,7 +9,7 @@ import math
 import zipfile
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -42,6 +42,7 @@ _UNREADABLE = (
 _MOST_UNPACKED = 4_000_000_000  # bytes of an archive of arrays; those of a mine of 100 km have 300 MB
 _ENCRYPTED = 0x1
 
+_Kind = TypeVar("_Kind")
 Meshes = dict[str, Mesh]
 Bundle = dict[str, bytes]
 
@@ -97,7 +98,7 @@ def decode(path: Path, kind: Any) -> Any:
             case ".json":
                 data = path.read_bytes()
                 content = read_json(path.name, data)
-                return content if kind is dict else TypeAdapter(kind).validate_json(data)
+                return content if kind is dict else TypeAdapter(kind).validate_json(data, strict=True)
             case ".geojson":
                 collection = read_json(path.name, path.read_bytes())
                 return _decode_workings(collection) if kind is Workings else _decode_geojson(collection)
@@ -149,12 +150,17 @@ def _decode_geojson(collection: dict) -> FreeSpace:
     polygon, facts = shapely.from_geojson(json.dumps(feature["geometry"])), feature["properties"]
     if not isinstance(polygon, Polygon | MultiPolygon):  # several are sheets
         raise ValueError(f"a {polygon.geom_type}, want a Polygon or a MultiPolygon")
-    areas, frame = (
-        TypeAdapter(Areas).validate_python(facts["areas"]),
-        TypeAdapter(Frame).validate_python(facts["frame"]),
+    return FreeSpace(
+        polygon,
+        _strictly(Areas, facts["areas"]),
+        _strictly(float, facts["tolerance_m"]),
+        _strictly(Frame, facts["frame"]),
     )
-    tolerance_m = TypeAdapter(float).validate_python(facts["tolerance_m"], strict=True)
-    return FreeSpace(polygon, areas, tolerance_m, frame)
+
+
+def _strictly(kind: type[_Kind], value: Any) -> _Kind:
+    """Return a JSON value as a type; a text is no number."""
+    return TypeAdapter(kind).validate_json(json.dumps(value), strict=True)
 
 
 def _encode_npz(value: Any) -> bytes:

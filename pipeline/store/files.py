@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -19,9 +19,8 @@ def _disk_errors(path: Path) -> Iterator[None]:
     except OSError as error:
         free = shutil.disk_usage(path.parent if path.parent.exists() else Path()).free
         reason = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else error.strerror
-        raise ArtifactError(
-            f"{path}: cannot be written, {reason} ({free} bytes free); earlier artifacts are kept"
-        ) from error
+        kept = "; the earlier one is kept" if path.exists() else ""
+        raise ArtifactError(f"{path}: cannot be written, {reason} ({free} bytes free){kept}") from error
 
 
 def write_atomically(path: Path, data: bytes) -> None:
@@ -69,13 +68,21 @@ def replace_folder(folder: Path, files: dict[str, bytes]) -> None:
         shutil.rmtree(old, ignore_errors=True)
 
 
-def remove_empty_folders(folder: Path) -> None:
-    """Remove a folder and the folders below it as far as they hold no file."""
-    if not folder.is_dir():
-        return
-    for inner in [*sorted((path for path in folder.rglob("*") if path.is_dir()), reverse=True), folder]:
+def missing_folders(files: Iterable[Path]) -> list[Path]:
+    """Return the folders of files that do not exist yet, each after the one that it lies in."""
+    return sorted({folder for file in files for folder in file.parents if not folder.exists()})
+
+
+def take_back(files: Iterable[Path], folders: Iterable[Path]) -> list[Path]:
+    """Remove files, and then folders, the last one first, that hold nothing else; return what stays."""
+    for file in files:
+        with suppress(OSError):  # a file that was never written, and one that cannot be removed
+            file.unlink()
+    made = list(folders)
+    for folder in reversed(made):
         with suppress(OSError):  # not empty
-            inner.rmdir()
+            folder.rmdir()
+    return [path for path in (*files, *made) if path.exists()]
 
 
 def recover_folder(folder: Path) -> None:

@@ -45,6 +45,11 @@ def require_plain(path: Path) -> None:
         raise ArtifactError(f"{path}: not a plain file")
 
 
+def absence_of(path: Path) -> str:
+    """Return how to state that a path is no file: it is `missing`, or something else is there, `not a plain file`."""
+    return "not a plain file" if path.exists() else "missing"
+
+
 def read_text_file(path: Path) -> bytes:
     """Return the content of a manifest, of figures or of parameters, which are small.
 

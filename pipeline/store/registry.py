@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.store.files import write_atomically
-from pipeline.store.hashing import sha256_file
+from pipeline.store.hashing import absence_of, sha256_file
 from pipeline.store.locks import wait_for_lock
 
 REGISTRY = Path("data/registry.txt")
@@ -33,7 +33,7 @@ def read_registry(path: Path = REGISTRY) -> dict[str, Entry]:
         If the file is missing or a line is malformed.
     """
     if not path.is_file():
-        raise InputError(f"{path}: missing; run from the project's root")
+        raise InputError(f"{path}: {absence_of(path)}; run from the project's root")
     entries = {}
     for number, line in enumerate(path.read_text().splitlines(), start=1):
         if not line.strip() or line.startswith("#"):
@@ -59,7 +59,7 @@ def verify_input(path: Path, entries: dict[str, Entry]) -> str:
         raise InputError(f"{path}: not in {REGISTRY}; register it with `python -m pipeline register {path}`")
     if not path.is_file():
         hint = "fetch it with `make data`" if entry.origin.startswith("https://") else "restore it from git"
-        raise InputError(f"{path}: missing; {hint}")
+        raise InputError(f"{path}: {absence_of(path)}; {hint}")
     size = path.stat().st_size
     digest = sha256_file(path)
     if digest != entry.sha256:
@@ -83,7 +83,7 @@ def register(path: Path, origin: str, licence: str) -> Entry:
     except ValueError:
         raise InputError(f"{path}: inputs must be below data/; copy it there first") from None
     if not path.is_file():
-        raise InputError(f"{path}: missing")
+        raise InputError(f"{path}: {absence_of(path)}")
     if not all(text.isprintable() for text in (name, origin, licence)):
         raise InputError(f"{str(path)!r}: a name, origin or licence with a tab or line break cannot be registered")
     read_registry()  # it must exist before it is locked

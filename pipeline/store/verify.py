@@ -10,7 +10,7 @@ import yaml
 from minexplore.bundle import BundleError
 from minexplore.schema import check_world
 from pipeline.errors import ArtifactError
-from pipeline.store.hashing import read_text_file, sha256_file
+from pipeline.store.hashing import absence_of, read_text_file, sha256_file
 from pipeline.store.manifest import Manifest, code_sha256, read_manifest
 from pipeline.store.registry import read_registry, verify_input
 
@@ -99,7 +99,7 @@ def _verify_outputs(manifest: Manifest, folder: Path) -> dict[str, str]:
     for name, digest in manifest.outputs.items():
         path = folder.parent.parent / name
         if not path.is_file():
-            raise ArtifactError(f"{name}: missing, but {manifest.stage} wrote it")
+            raise ArtifactError(f"{name}: {absence_of(path)}, but {manifest.stage} wrote it")
         _expect(name, sha256_file(path), digest, f"the manifest of {manifest.stage}")
     expected = {*manifest.outputs, *_UNLISTED, (folder / "manifest.json").relative_to(folder.parent.parent).as_posix()}
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):

@@ -61,7 +61,7 @@ def read_cloud(path: Path, units: str, limits: CloudLimits) -> np.ndarray:
         a height outside `limits.height_m` in these units. The message names the file, the value and the limit.
     """
     if not path.is_file():
-        raise InputError(f"{path}: missing")
+        raise InputError(f"{path}: {'not a plain file' if path.exists() else 'missing'}")
     arguments = {"path": str(path), "units": units, "limits": asdict(limits)}
     extra_s = reader_limits().cloud_s_per_gb * path.stat().st_size / 1e9
     fresh = path.suffix.lower() == ".pcd"  # Open3D reads it, whose threads do not survive a fork

@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.plain_number import plain_number
 
 LEAST_POINTS = 100
 _TEXT = {".dat", ".xyz", ".txt"}
@@ -82,7 +83,7 @@ def _text_blocks(path: Path) -> Iterator[np.ndarray]:
 
 def _is_row(line: str) -> bool:
     try:
-        return len([float(word) for word in line.split()]) >= 3
+        return len([plain_number(word) for word in line.split()]) >= 3
     except ValueError:
         return False
 
@@ -104,7 +105,7 @@ def _parse_rows(path: Path, lines: list[str], before: int, columns: tuple[int, .
             )
         for word in (words[k] for k in columns):
             try:
-                finite = np.isfinite(float(word))
+                finite = np.isfinite(plain_number(word))
             except ValueError:
                 raise InputError(f"{path}:{number}: {word[:40]!r} is not a number") from None
             if not finite:

@@ -11,6 +11,7 @@ from pipeline.errors import InputError
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.legs import SurveyLeg, legs_of_chains
 from pipeline.survey.plain_file import read_text_bytes, require_at_most
+from pipeline.survey.plain_number import plain_number
 from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs
 
@@ -94,7 +95,7 @@ def _survey_of(path: Path, chains: list[list[_Station]]) -> SolvedSurvey:
 
 def _feet(path: Path, number: int, text: str) -> float:
     try:
-        value = float(text) * _FOOT_M
+        value = plain_number(text) * _FOOT_M
     except ValueError:
         raise InputError(f"{path}:{number}: {text[:40]!r} is not a number of feet") from None
     if not abs(value) <= _FARTHEST_M:

@@ -22,13 +22,14 @@ from shapely import LineString
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.plain_file import read_text_bytes, require_at_most
+from pipeline.survey.plain_number import plain_number
 from pipeline.survey.shapes import Shapes, require_size
 
 _UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
 _CHORD_SHARE = 1e-4  # largest distance between a curve and its chords, as a share of the drawing's size
 _ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?$", re.MULTILINE)  # each entity begins with group code 0
 _POINT = re.compile(rb"^[ \t]*10[ \t]*\r?$", re.MULTILINE)  # a point begins with group code 10
-_HEIGHT = re.compile(r"\s*([-+]?\d{1,6}[.,]\d{1,6})\s*m?\s*")  # a label; whole numbers name stations
+_HEIGHT = re.compile(r"\s*([-+]?\d{1,6}[.,]\d{1,6})\s*m?\s*", re.ASCII)  # a label; whole numbers name stations
 _LARGEST = 1e12  # a mine in mm at map coordinates needs 1e10
 _DRAWN = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
 
@@ -105,7 +106,7 @@ def read_dxf_labels(path: Path) -> np.ndarray:
                 number = _HEIGHT.fullmatch(str(entity.plain_text()))
                 if number:
                     x, y = entity.dxf.insert.vec2
-                    found.append((x, y, float(number[1].replace(",", "."))))
+                    found.append((x, y, plain_number(number[1].replace(",", "."))))
     except InputError:
         raise
     except _ERRORS as error:

@@ -18,6 +18,7 @@ from pipeline.errors import InputError
 from pipeline.survey.ground import ground_scale, is_true_to_scale
 from pipeline.survey.orientation import orientation_of
 from pipeline.survey.plain_file import read_text_bytes
+from pipeline.survey.plain_number import plain_number
 from pipeline.survey.shapes import coordinate_system
 
 _UNEVEN = 0.01  # Web Mercator's axes differ by up to 0.007
@@ -146,7 +147,7 @@ def _ground_scale(image: Path, system: str, east: float, north: float) -> float:
 def _six_numbers(path: Path) -> tuple[float, ...]:
     words = read_text_bytes(path, "yaml_bytes").decode("latin-1").split()
     try:
-        numbers = tuple(float(word) for word in words)
+        numbers = tuple(map(plain_number, words))
     except ValueError as error:
         raise InputError(f"{path}: not six numbers ({error})") from error
     if len(numbers) != 6 or not all(map(math.isfinite, numbers)):

@@ -60,7 +60,9 @@ def read_nav2_map(path: Path) -> Nav2Map:
     header = _read_map_file(path)
     picture = path.parent / header.image
     if not picture.is_file():
-        raise InputError(f"{picture}: missing, though {path.name} names it")
+        raise InputError(
+            f"{picture}: {'not a plain file' if picture.exists() else 'missing'}, though {path.name} names it"
+        )
     grey = cv2.cvtColor(read_image(picture, reader_limits().map_megapixels), cv2.COLOR_BGR2GRAY)
     share = grey[::-1] / 255.0 if header.negate else 1.0 - grey[::-1] / 255.0
     x, y, yaw = header.origin

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.survey.plain_file import read_text_bytes, require_at_most
+from pipeline.survey.plain_file import read_csv_text, require_at_most
+from pipeline.survey.plain_number import plain_number
 from pipeline.survey.shapes import REACH_M
 from pipeline.types import Georeference, Heights
 
@@ -30,7 +31,7 @@ def read_spots(path: Path, georeference: Georeference) -> Heights:
         message names the line or the place.
     """
     try:
-        reader = csv.DictReader(io.StringIO(read_text_bytes(path).decode("utf-8-sig")), strict=True)
+        reader = csv.DictReader(io.StringIO(read_csv_text(path)), strict=True)
         missing = [column for column in _COLUMNS if column not in (reader.fieldnames or [])]
         if missing:
             raise InputError(f"{path}: no column {', '.join(missing)}; expected {','.join(_COLUMNS)}")
@@ -43,8 +44,6 @@ def read_spots(path: Path, georeference: Georeference) -> Heights:
                 raise InputError(f"{path}:{reader.line_num}: more fields than columns")
             rows.append([_number(path, reader.line_num, column, row[column]) for column in _COLUMNS])
             require_at_most(path, len(rows), "stations", "spots or more")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not UTF-8 text (byte {error.start})") from error
     except csv.Error as error:
         raise InputError(f"{path}: not CSV ({error})") from error
     if not rows:
@@ -62,7 +61,7 @@ def read_spots(path: Path, georeference: Georeference) -> Heights:
 
 def _number(path: Path, line: int, column: str, text: str | None) -> float:
     try:
-        value = float(text or "")
+        value = plain_number(text or "")
     except ValueError:
         raise InputError(f"{path}:{line}: {column} = {(text or '')[:60]!r} is not a number") from None
     if not abs(value) <= _REACH[column]:

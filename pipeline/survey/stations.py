@@ -23,7 +23,8 @@ from pipeline.survey.legs import (
     tell_shafts,
     without_shots,
 )
-from pipeline.survey.plain_file import read_text_bytes, require_at_most
+from pipeline.survey.plain_file import read_csv_text, require_at_most
+from pipeline.survey.plain_number import plain_number
 from pipeline.survey.shapes import REACH_M
 from pipeline.survey.sheets import has_relief
 from pipeline.survey.solved.flatness import Section, require_flat
@@ -230,10 +231,7 @@ def _require_no_stray_zero(path: Path, stations: list[tuple[tuple[float, ...], i
 
 
 def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
-    try:
-        text = read_text_bytes(path).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not UTF-8 text (byte {error.start})") from error
+    text = read_csv_text(path)
     head = text.partition("\n")[0]
     separator = max(_SEPARATORS, key=head.count)
     reader = csv.DictReader(io.StringIO(text), strict=True, delimiter=separator, skipinitialspace=True)
@@ -255,6 +253,8 @@ def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
                 raise InputError(f"{path}:{reader.line_num}: more fields than columns")
             if not any(text and text.strip() for text in row.values()):
                 continue
+            for column in ("leg", "station"):
+                _require_name(path, reader.line_num, column, row[column])
             if separator != ",":  # where a comma does not part columns it may begin the decimals
                 row |= {column: (row[column] or "").replace(",", ".") for column in _NUMBERS if column in row}
             rows.append((reader.line_num, row))
@@ -265,9 +265,15 @@ def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
     return rows
 
 
+def _require_name(path: Path, line: int, column: str, name: str | None) -> None:
+    """Refuse a name that is empty or holds control characters or invisible ones."""
+    if not (name and name.strip() and name.isprintable()):
+        raise InputError(f"{path}:{line}: {column} = {name!r:.60}: want a name of printable characters")
+
+
 def _number(path: Path, line: int, column: str, text: str | None, reach_m: float = REACH_M) -> float:
     try:
-        value = float(text or "")
+        value = plain_number(text or "")
     except ValueError:
         raise InputError(f"{path}:{line}: {column} = {text!r} is not a number") from None
     if not math.isfinite(value):

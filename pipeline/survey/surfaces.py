@@ -184,6 +184,8 @@ def _read_raster(path: Path) -> tuple[Points, str | None]:
                         f"{path}: {raster.width} x {raster.height} cells, the limit is {most.megapixels:g} million "
                         f"(megapixels in {FILE})"
                     )
+                if raster.dtypes[0].startswith("complex"):
+                    raise InputError(f"{path}: band 1 has values of {raster.dtypes[0]}; heights are real numbers")
                 if raster.transform.is_identity:
                     raise InputError(f"{path}: has no georeference")
                 values, place = raster.read(1, masked=True), raster.transform

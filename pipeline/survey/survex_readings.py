@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.survey.plain_number import plain_number
 
 _NORMAL = ("from", "to", "tape", "compass", "clino")
 _SYNONYMS = {
@@ -203,7 +204,7 @@ def number_of(where: str, text: str) -> float:
         If the text is not such a number. The message names the place and the text.
     """
     try:
-        value = float(text if text.isascii() and "_" not in text else "")
+        value = plain_number(text)
     except ValueError:
         raise InputError(f"{where}: {text[:40]!r} is not a number") from None
     if not math.isfinite(value) or abs(value) > 1e8:

@@ -15,7 +15,8 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.geometry.registration import Pose
 from pipeline.params.reader_limits import reader_limits
-from pipeline.survey.plain_file import read_text_bytes, require_at_most
+from pipeline.survey.plain_file import read_csv_text, read_text_bytes, require_at_most
+from pipeline.survey.plain_number import plain_number
 
 _LEAST_RETURNS = 30
 _NEIGHBOUR_RAD = math.radians(1.0)
@@ -148,14 +149,14 @@ def require_poses(poses: dict[str, SurveyedPose], sweeps: dict[str, Returns]) ->
 
 def _read_columns(path: Path, columns: tuple[str, ...], optional: tuple[str, ...] = ()) -> list[list[str]]:
     try:
-        reader = csv.DictReader(io.StringIO(_text(path), newline=""))
+        reader = csv.DictReader(io.StringIO(read_csv_text(path), newline=""))
         missing = [c for c in columns if c not in (reader.fieldnames or [])]
         if missing:
             raise InputError(f"{path}: no column {', '.join(missing)}")
         rows = [
             [row.get(c) or "" for c in (*columns, *optional)] for row in islice(reader, reader_limits().sweep_rows + 1)
         ]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except csv.Error as error:
         raise InputError(f"{path}: cannot be read as CSV ({error})") from error
     require_at_most(path, len(rows), "sweep_rows", "rows or more")
     return rows
@@ -167,7 +168,7 @@ def _text(path: Path) -> str:
 
 def _finite(path: Path, text: str) -> float:
     try:
-        value = float(text)
+        value = plain_number(text)
     except ValueError:
         raise InputError(f"{path}: {text!r} is not a number") from None
     if not math.isfinite(value):

@@ -215,7 +215,49 @@ def test_an_environment_steps_in_a_fork_of_its_process(tee: BuiltMine, threads):
         env.close()
 
 
-@pytest.mark.parametrize("action", [np.zeros(2, complex), [0j, 0.0], np.array([0j, 0j], object)])
-def test_complex_actions_are_refused(action):
+@pytest.mark.parametrize(
+    "action",
+    [
+        *(np.zeros(2, complex), [0j, 0.0], np.array([0j, 0j], object)),
+        *(["0", "1"], np.array(["0", "1"]), np.array([b"0", b"1"]), np.array(["0", 1.0], object), [None, 0.0]),
+        *(np.ma.masked_array([0.0, 1.0], [False, True]), [np.ma.masked, 0.0], np.array([0, 1], "datetime64[s]")),
+        *([np.ma.masked_array([0.0, 1.0], [True, False]), [0.0, 0.0]], [10**400, 0], [np.longdouble("1e4000"), 0]),
+    ],
+)
+def test_actions_that_are_no_numbers_are_refused(action):
     with pytest.raises(ValueError, match="want numbers"):
         numbers_of(action)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("large", [1e300, 10**30, np.longdouble("1e300"), np.float32(3e38)])
+def test_a_finite_action_beyond_the_space_is_clipped_however_large_it_is(tee: BuiltMine, large):
+    one, two = MineEnv(tee.bundle), MineEnv(tee.bundle)
+    one.reset(seed=0)
+    two.reset(seed=0)
+    np.testing.assert_array_equal(one.step([large, -large])[0], two.step(np.array([1.0, -1.0], np.float32))[0])
+    with pytest.raises(ValueError, match="want two finite numbers"):
+        one.step(np.array([np.inf, 0.0], np.longdouble))
+
+
+@pytest.mark.parametrize("seed", [[1], (1,), np.array([1]), [None], "1", np.ma.masked_array([1], [True])])
+def test_the_seed_of_one_robot_is_no_list(tee: BuiltMine, seed):
+    with pytest.raises(ValueError, match=r"seed = .*: want None or a whole number of 0 or more"):
+        MineEnv(tee.bundle).reset(seed=seed)
+
+
+def test_masked_seeds_and_masks_of_many_robots_are_refused(tee: BuiltMine):
+    made = MineVectorEnv(2, tee.bundle)
+    with pytest.raises(ValueError, match=r"seed = .*: want no masked values"):
+        made.reset(seed=np.ma.masked_array([1, 2], [False, True]))
+    made.reset(seed=np.iinfo(np.int64).max)
+    with pytest.raises(ValueError, match="reset_mask: want no masked values"):
+        made.reset(options={"reset_mask": np.ma.masked_array([True, True], [False, True])})
+
+
+def test_a_team_refuses_actions_of_robots_that_it_does_not_have(tee: BuiltMine):
+    team = MineParallelEnv(2, world=tee.bundle)
+    team.reset(seed=0)
+    actions = {name: np.zeros(2) for name in ("robot_0", "robot_1", "robot_2")}
+    with pytest.raises(ValueError, match="actions: unknown agent 'robot_2'; there are robot_0 to robot_1"):
+        team.step(actions)

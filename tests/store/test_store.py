@@ -109,6 +109,37 @@ def test_a_file_is_written_completely_or_not_at_all(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_a_message_states_that_something_earlier_is_kept_only_where_there_is_some(tmp_path):
+    for write, path in ((write_atomically, tmp_path / "a.txt"), (replace_folder, tmp_path / "stage")):
+        new, broken = (b"new", b"new" * 10) if write is write_atomically else ({"b": b"new"}, {"b/c": b"", "b": b""})
+        blocker = path.with_name(f".{path.name}.partial")
+        for earlier in (False, True):
+            if earlier:
+                write(path, new)
+            if write is write_atomically:
+                blocker.mkdir()
+                (blocker / "held").touch()
+            with pytest.raises(ArtifactError, match="cannot be written") as caught:
+                write(path, broken)
+            assert ("the earlier one is kept" in str(caught.value)) == earlier
+            if blocker.is_dir():
+                (blocker / "held").unlink()
+                blocker.rmdir()
+
+
+def test_a_pipe_in_place_of_a_file_is_not_called_missing(registry_folder):
+    (registry_folder / "data/raw/plan.png").write_bytes(b"1")
+    register(Path("data/raw/plan.png"), "drawn", "CC0")
+    (registry_folder / "data/raw/plan.png").unlink()
+    os.mkfifo(registry_folder / "data/raw/plan.png")
+    for use in (
+        lambda: verify_input(Path("data/raw/plan.png"), read_registry()),
+        lambda: register(Path("data/raw/plan.png"), "drawn", "CC0"),
+    ):
+        with pytest.raises(InputError, match=r"plan\.png: not a plain file"):
+            use()
+
+
 def test_a_hash_of_named_hashes_is_the_sha256_of_their_listing():
     assert sha256_named({"b": "2", "a": "1"}) == sha256_bytes(b"1  a\n2  b\n")
 

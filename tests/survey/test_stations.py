@@ -215,3 +215,22 @@ def test_pieces_of_a_table_with_heights_need_not_be_connected_and_the_longest_is
     path.write_text(path.read_text().replace(",7\n", ",5\n"))
     with pytest.raises(InputError, match="legs B share no station with leg A"):
         read_station_legs(path)
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("A,b,4_0,0,2,2", ":3: easting_m = '4_0' is not a number"),
+        ("A,b,\u0664\u0660,0,2,2", ":3: easting_m = '\u0664\u0660' is not a number"),
+        ("A,b,40\u00a0,0,2,2", r":3: easting_m = '40\\xa0' is not a number"),
+        ("A,b\x1b[31m,40,0,2,2", r":3: station = 'b\\x1b\[31m': want a name of printable characters"),
+        ("A\u202e,b,40,0,2,2", r":3: leg = 'A\\u202e': want a name of printable characters"),
+        ("A,,40,0,2,2", ":3: station = '': want a name of printable characters"),
+        ("A,b,40,0,2,2\rB,c,1,1,1,1\r", ":3: a line end of CR alone; save the file with line ends of LF or CR LF"),
+    ],
+)
+def test_what_only_python_reads_as_a_number_or_nobody_as_a_name_is_refused(tmp_path, row, message):
+    path = tmp_path / "s.csv"
+    path.write_bytes(f"{HEADER}A,a,0,0,2,2\n{row}\n".encode())
+    with pytest.raises(InputError, match=message):
+        read_stations(path)

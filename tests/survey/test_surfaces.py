@@ -133,6 +133,16 @@ def test_a_surface_that_does_not_belong_to_the_plan_is_refused(tmp_path):
         read(plan, tmp_path / "dem.png")
 
 
+def test_a_raster_of_complex_numbers_is_no_surface(tmp_path):
+    path = raster(tmp_path)
+    with rasterio.open(path) as file:
+        profile, values = file.profile, file.read(1)
+    with rasterio.open(path, "w", **{**profile, "dtype": "complex64", "nodata": None}) as file:
+        file.write(values.astype("complex64") + 1j, 1)
+    with pytest.raises(InputError, match=r"dem\.tif: band 1 has values of complex64; heights are real numbers"):
+        read(plan_of(tmp_path), path)
+
+
 def test_a_stray_elevation_of_0_is_refused_with_its_place(tmp_path):
     points = [shapely.Point(EAST + x, NORTH + 2.5, 0.0 if x == 30 else 100 + x / 10) for x in range(5, 80, 5)]
     with pytest.raises(

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.survey.plain_number import plain_number
 from pipeline.survey.solved.model import LegFlag, Passage, SolvedSurvey
 from pipeline.survey.solved.project_files import text_lines
 
@@ -112,7 +113,7 @@ def _rows(path: Path) -> Iterator[_Row]:
 
 def _wall_m(path: Path, line_number: int, text: str) -> float:
     try:
-        value = float(text)
+        value = plain_number(text)
     except ValueError:
         raise InputError(f"{path}:{line_number}: {text[:40]!r} is not a distance in feet") from None
     return value * _FOOT_M if 0 <= value < _UNKNOWN_FT else math.nan

@@ -13,6 +13,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.plain_file import read_text_bytes, require_at_most
+from pipeline.survey.plain_number import plain_number
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
 from pipeline.survey.solved.project_files import inside
 
@@ -70,7 +71,7 @@ def _read(path: Path, columns: int, most: float) -> np.ndarray:
         limit = "stations" if columns == 3 else "survex_shots"
         require_at_most(path, len(rows) + 1, limit, f"{'nodes' if columns == 3 else 'links'} or more")
         try:
-            values = [float(word) for word in words]
+            values = [plain_number(word) for word in words]
         except ValueError:
             raise InputError(f"{path}:{number}: {line[:60]!r}: want {columns} numbers") from None
         if len(values) != columns or not all(abs(value) <= most for value in values):

@@ -61,7 +61,21 @@ def read_here(path: str) -> Payload:
 
 
 def solve_file(path: Path) -> SolvedSurvey:
-    """Read or solve a survey in this process."""
+    """Read or solve a survey in this process.
+
+    Raises
+    ------
+    InputError
+        If the survey cannot be read, or a station's name holds control characters.
+    """
+    survey = _solved(path)
+    odd = next((name for name in survey.names if not name.isprintable()), None)
+    if odd is not None:
+        raise InputError(f"{path}: station {odd!r:.60}: want a name of printable characters")
+    return survey
+
+
+def _solved(path: Path) -> SolvedSurvey:
     suffix = path.suffix.lower()
     if suffix == ".3d":
         return read_3d(path)
