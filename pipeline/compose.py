@@ -6,7 +6,7 @@ import re
 import shlex
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import yaml
 from hydra import compose as hydra_compose
@@ -21,12 +21,12 @@ from pipeline.errors import ParamsError, run_command
 from pipeline.params.composed import COMPOSED
 from pipeline.params.config import Config
 from pipeline.params.plain_yaml import require_plain_yaml
+from pipeline.params.refusals import describe_refusals
 from pipeline.store.files import write_atomically
 
 CONF = Path("conf")
 ROOT_PARAMS = Path("params.yaml")
 _MOST_CHARACTERS = 4000  # of an override; Hydra's parser takes 3 s for as many of nested lists
-_CHOSEN = ("survey", "collision", "grade")  # unions of several kinds: pydantic inserts the kind after their names
 # The robot's dimensions are defined only in the environment; conf/ refers to them as ${robot:radius_m}.
 OmegaConf.register_new_resolver("robot", lambda field: getattr(RobotParams(), field), replace=True)
 _REFUSALS = (HydraException, OmegaConfBaseException, yaml.YAMLError)
@@ -59,6 +59,7 @@ def compose(overrides: list[str]) -> Config:
         with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
             composed = hydra_compose("config", overrides)
             values = OmegaConf.to_container(composed, resolve=True)
+            written = OmegaConf.to_container(composed)
     except RecursionError as error:
         raise ParamsError(f"overrides {overrides}"[:300] + ": brackets are nested too deep") from error
     except (*_REFUSALS, ValueError, TypeError) as error:
@@ -66,7 +67,7 @@ def compose(overrides: list[str]) -> Config:
     try:
         return Config.model_validate(values)
     except ValidationError as error:
-        raise ParamsError("\n".join(_describe(e) for e in error.errors())) from error
+        raise ParamsError(describe_refusals(error, cast(dict[str, Any], written))) from error
 
 
 def _printable(text: str) -> str:
@@ -85,15 +86,6 @@ def root_overrides() -> list[str]:
         raise ParamsError(f"{ROOT_PARAMS}: missing; run from the project's root") from None
     except (yaml.YAMLError, ValueError, KeyError, TypeError) as error:
         raise ParamsError(f'{ROOT_PARAMS}: want one line `overrides: "..."` ({error})') from error
-
-
-def _describe(error: Any) -> str:
-    """Turn one pydantic error into `section.key = value: what is wrong`."""
-    place = list(error["loc"])
-    where = ".".join(str(part) for i, part in enumerate(place) if not i or place[i - 1] not in _CHOSEN)
-    value = error["input"]
-    shown = f" = {value!r}" if not isinstance(value, dict) else ""
-    return f"{where}{shown}: {error['msg'].removeprefix('Value error, ')}"
 
 
 def _explain(overrides: list[str], error: Exception) -> str:
