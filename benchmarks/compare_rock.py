@@ -14,12 +14,13 @@ import numpy as np
 from shapely import Polygon
 
 from minexplore.bundle import GeomGroup
-from pipeline.compose import compose, root_overrides
+from pipeline.compose import compose
 from pipeline.errors import MineError
 from pipeline.metrics.published import REAL, REAL_SWEEP
 from pipeline.metrics.relief import line_factor
 from pipeline.metrics.texture import AXES, AXIS_TITLES, published_score, strict_score
 from pipeline.mjcf.render import render_from
+from pipeline.params.composed import root_overrides
 from pipeline.params.config import Config
 from pipeline.proof.surface import measure_texture, relief_of
 from pipeline.store.codecs import decode

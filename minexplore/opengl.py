@@ -56,7 +56,7 @@ def prepare_opengl(render_mode: str) -> None:
 def new_renderer(model: mujoco.MjModel, size_px: tuple[int, int], max_geom: int) -> mujoco.Renderer:
     """Return a renderer of pictures of `size_px` (width, height) that is closed before the process ends.
 
-    MuJoCo ends its EGL display at exit and frees the contexts of open renderers afterwards, which fails with tracebacks.
+    MuJoCo ends its EGL display at exit, and frees the contexts of open renderers afterwards, which fails.
     """
     renderer = mujoco.Renderer(model, size_px[1], size_px[0], max_geom=max_geom)
     _RENDERERS.add(renderer)

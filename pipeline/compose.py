@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 import sys
 from pathlib import Path
 from typing import Any, cast
@@ -18,14 +17,13 @@ from pydantic import ValidationError
 
 from minexplore.robot import RobotParams
 from pipeline.errors import ParamsError, run_command
-from pipeline.params.composed import COMPOSED
+from pipeline.params.composed import COMPOSED, ROOT_PARAMS, root_overrides
 from pipeline.params.config import Config
 from pipeline.params.plain_yaml import require_plain_yaml
 from pipeline.params.refusals import describe_refusals
 from pipeline.store.files import write_atomically
 
 CONF = Path("conf")
-ROOT_PARAMS = Path("params.yaml")
 _MOST_CHARACTERS = 4000  # of an override; Hydra's parser takes 3 s for as many of nested lists
 # The robot's dimensions are defined only in the environment; conf/ refers to them as ${robot:radius_m}.
 OmegaConf.register_new_resolver("robot", lambda field: getattr(RobotParams(), field), replace=True)
@@ -75,17 +73,29 @@ def _printable(text: str) -> str:
     return "".join(c if c.isprintable() else " " for c in text)
 
 
-def root_overrides() -> list[str]:
-    """Return the overrides in `params.yaml`, split as by a shell."""
+def compose_after_root(more: list[str]) -> Config:
+    """Compose the configuration with the overrides in `params.yaml`, then with more.
+
+    Raises
+    ------
+    ParamsError
+        As `compose`; if an override in `params.yaml` is at fault, the message names that file.
+    """
+    root = root_overrides()
     try:
-        text = yaml.safe_load(ROOT_PARAMS.read_text())["overrides"] or ""
-        if not isinstance(text, str):
-            raise TypeError(f"overrides is a {type(text).__name__}")
-        return shlex.split(text)
-    except FileNotFoundError:
-        raise ParamsError(f"{ROOT_PARAMS}: missing; run from the project's root") from None
-    except (yaml.YAMLError, ValueError, KeyError, TypeError) as error:
-        raise ParamsError(f'{ROOT_PARAMS}: want one line `overrides: "..."` ({error})') from error
+        return compose(root + more)
+    except ParamsError as error:
+        if root and (not more or _is_refused(root)):
+            raise ParamsError(f"{ROOT_PARAMS}: {error}; correct its overrides, or clear them by `make all`") from error
+        raise
+
+
+def _is_refused(overrides: list[str]) -> bool:
+    try:
+        compose(overrides)
+    except ParamsError:
+        return True
+    return False
 
 
 def _explain(overrides: list[str], error: Exception) -> str:
@@ -131,7 +141,7 @@ def main() -> int:
 
 
 def _write_composed() -> None:
-    config = compose(root_overrides())
+    config = compose_after_root([])
     text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)
     write_atomically(COMPOSED, f"# Composed from conf/ and the overrides in params.yaml; do not edit.\n{text}".encode())
 

@@ -10,11 +10,31 @@ from typing import Any
 
 
 def set_overrides() -> None:
-    """Write `$OVERRIDES` to `params.yaml` for `dvc repro`. The file is written only if it changes."""
-    text = f"overrides: {json.dumps(os.environ.get('OVERRIDES', ''))}\n"
-    path = Path("params.yaml")
-    if not path.is_file() or path.read_text() != text:
-        path.write_text(text)
+    """Write `$OVERRIDES` to `params.yaml` for `dvc repro`, if they compose. The file is written only if it changes."""
+    from pipeline.params.composed import ROOT_PARAMS
+    from pipeline.store.files import write_atomically
+
+    overrides = os.environ.get("OVERRIDES", "")
+    text = f"overrides: {json.dumps(overrides)}\n"
+    if ROOT_PARAMS.is_file() and ROOT_PARAMS.read_text() == text:
+        return
+    if overrides:
+        _require_composed(overrides)
+    write_atomically(ROOT_PARAMS, text.encode())
+
+
+def _require_composed(overrides: str) -> None:
+    """Refuse overrides that the configuration refuses; `params.yaml` then keeps those that it has."""
+    import shlex
+
+    from pipeline.compose import compose
+    from pipeline.errors import ParamsError
+
+    try:
+        words = shlex.split(overrides)
+    except ValueError as error:
+        raise ParamsError(f"OVERRIDES = {overrides!r}: {error}") from error
+    compose(words)
 
 
 def verify() -> None:
