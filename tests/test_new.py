@@ -187,11 +187,13 @@ def test_a_corrected_survey_section_rebuilds_the_world(owned, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_light_world_of_a_plan_needs_no_report(owned, tmp_path):
+def test_a_light_world_of_a_plan_has_a_report_of_what_was_measured(owned, tmp_path):
     project = owned[0].copy(tmp_path / "copy")
     done = pipeline(project, "new", "light-tee", "--from", "plan.png", "preset=light")
     assert done.returncode == 0, done.stderr
-    assert "report  none, it needs validation.extent=full" in done.stdout
+    page = (project.folder / "artifacts/worlds/light-tee/report/report.html").read_text()
+    assert "Stage 6 measured the certificate alone" in page
+    assert "IoU, world against plan" not in page
     shown = pipeline(project, "show", "light-tee")
     assert shown.returncode == 0
     assert "iou.free_space_vs_cleaned" not in shown.stdout  # stage 6 does not ask a light world for it

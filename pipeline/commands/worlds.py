@@ -69,7 +69,6 @@ def _make(
     overrides: list[str],
     detected: Path | None,
 ) -> None:
-    from pipeline.compose import compose
     from pipeline.errors import LimitError
     from pipeline.import_mine import forget_import, import_mine
     from pipeline.worlds import WORLDS, env_id
@@ -97,11 +96,8 @@ def _make(
     if imported.picture is not None:
         print(f"taken for workings: {WORLDS / name / DETECTED}", file=sys.stderr)
     print(f"world   {WORLDS / name / 'realism' / 'world'}")
-    if compose([f"survey={name}", *overrides]).validation.extent == "full":
-        print("report ", end=" ")
-        report(name)
-    else:
-        print("report  none, it needs validation.extent=full")
+    print("report ", end=" ")
+    report(name)
     print(f"env id  {env_id(name)}")
     if failure is not None:
         raise failure
