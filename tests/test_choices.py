@@ -31,9 +31,10 @@ def test_every_choice_goes_through_make_all(whole, choice):
     done = whole.run("make", "all", OVERRIDES=choice)
     assert done.returncode == 0, done.stderr
     artifacts = whole.folder / "artifacts"
-    assert json.loads((artifacts / "validation/certificate.json").read_text())["world_sha256"] in (
-        artifacts / "report/report.html"
-    ).read_text()
+    assert (
+        json.loads((artifacts / "validation/certificate.json").read_text())["world_sha256"]
+        in (artifacts / "report/report.html").read_text()
+    )
 
 
 def test_the_choices_are_those_of_the_groups_that_may_be_chosen():

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from pipeline.params.base import DataFile, Params
+from pipeline.params.floor_rules import FloorRules
 
 PointM = tuple[float, float]
 
@@ -87,7 +88,7 @@ class PosesParams(Params):
     max_range_var_m2: float = Field(gt=0)
 
 
-class _SurveyParams(Params):
+class _SurveyParams(FloorRules):
     name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
     poses: PosesParams | None = None
     correct: Literal["sweeps"] | None = Field(default=None, description="stage 2 corrects walls by the sweeps of poses")

@@ -61,7 +61,7 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
     Parameters
     ----------
     root : Path
-        The world's folder. All six stages must have run; limits may be breached. What stage 6 did not measure is left out.
+        The world's folder. All six stages must have run; limits may be breached. What was not measured is left out.
     env_id : str
         The Gymnasium id of the world.
     changed : dict

@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 from shapely import MultiPolygon
 
 from pipeline.errors import InputError
+from pipeline.params.floor_rules import reading_by
 from pipeline.params.survey import PlanSurveyParams, PosesParams, StationSurveyParams, SurveyParams
 from pipeline.store.registry import read_registry
 from pipeline.survey.child import Payload, run_limited
@@ -112,6 +113,11 @@ def _subject(params: SurveyParams) -> str:
 
 
 def _read(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
+    with reading_by(params):
+        return _read_by_kind(params)
+
+
+def _read_by_kind(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
     heights = None
     match params.kind:
         case "stations" | "plan":
