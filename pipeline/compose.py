@@ -24,6 +24,7 @@ from pipeline.params.refusals import describe_refusals
 from pipeline.store.files import write_atomically
 
 CONF = Path("conf")
+WRITTEN_BY_NEW = "Written by `python -m pipeline new"  # in the survey sections of your mines
 _MOST_CHARACTERS = 4000  # of an override; Hydra's parser takes 3 s for as many of nested lists
 # The robot's dimensions are defined only in the environment; conf/ refers to them as ${robot:radius_m}.
 OmegaConf.register_new_resolver("robot", lambda field: getattr(RobotParams(), field), replace=True)

@@ -12,12 +12,12 @@ import yaml
 from pydantic import TypeAdapter, ValidationError
 
 from minexplore import is_built_in
-from pipeline.compose import CONF
+from pipeline.compose import CONF, WRITTEN_BY_NEW
 from pipeline.errors import ArtifactError, InputError, ParamsError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.survey import SurveyParams
 from pipeline.store.files import remove_empty_folders, write_atomically
-from pipeline.store.registry import read_registry, register, unregister
+from pipeline.store.registry import OWN_REGISTRY, read_registry, register, unregister
 from pipeline.survey.child import one_line
 from pipeline.survey.detect import Detection, detect_survey
 from pipeline.survey.plain_file import require_plain_file
@@ -69,7 +69,7 @@ def require_name(name: str) -> None:
     if is_built_in(f"MineXplore/{name}-v0"):
         raise ParamsError(f"name = {name}: MineXplore/{name}-v0 is an environment of this project; choose another name")
     conf = survey_file(name)
-    if conf.is_file() and (f"`python -m pipeline new {name}`" not in conf.read_text() or not (DATA / name).is_dir()):
+    if conf.is_file() and (f"{WRITTEN_BY_NEW} {name}`" not in conf.read_text() or not (DATA / name).is_dir()):
         raise ParamsError(f"name = {name}: {conf} is a survey of this project; choose another name")
 
 
@@ -111,7 +111,7 @@ def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict
         for file, target in targets.items():
             if target in made.written:
                 write_atomically(target, file.read_bytes())
-            register(target, origin, licence)
+            register(target, origin, licence, OWN_REGISTRY)
         write_atomically(conf, text.encode())
     except BaseException:
         forget_import(made)
@@ -202,9 +202,9 @@ def import_workings(name: str, source: Path) -> Path:
         raise ArtifactError(f"{source}: missing; make the world first")
     target = DATA / name / "variants" / source.name
     if target.is_file() and target.read_bytes() != source.read_bytes():
-        raise InputError(f"{target}: comes from an earlier {name}; remove it and its line in data/registry.txt")
+        raise InputError(f"{target}: comes from an earlier {name}; remove it and its line in {OWN_REGISTRY}")
     write_atomically(target, source.read_bytes())
-    register(target, f"made from the world {name}", "as its sources")
+    register(target, f"made from the world {name}", "as its sources", OWN_REGISTRY)
     return target
 
 
@@ -221,7 +221,7 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: dict[str, An
         **detected.remarks,
     }
     lines = [
-        f"# @package _global_\n# Written by `python -m pipeline new {name}`; correct wrong values and run it again.",
+        f"# @package _global_\n# {WRITTEN_BY_NEW} {name}`; correct wrong values and run it again.",
         f"defaults:\n  - /mine/{'heights' if detected.has_heights else 'own'}  # values and limits of a user's mine",
         "  - _self_\nsurvey:",
     ]

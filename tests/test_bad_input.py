@@ -249,6 +249,19 @@ def test_make_without_overrides_clears_wrong_ones(copied):
     assert (copied.folder / "params.yaml").read_text() == 'overrides: ""\n'
 
 
+def test_make_composes_again_after_the_section_of_an_own_mine_was_edited(copied):
+    own = copied.folder / "conf/survey/own.yaml"
+    own.write_text((copied.folder / "conf/survey/procedural.yaml").read_text())
+    (copied.folder / "params.yaml").write_text('overrides: "survey=own"\n')
+    composed = copied.folder / "artifacts/params.yaml"
+    copied.module("pipeline.compose").check_returncode()
+    set_overrides(copied, "survey=own").check_returncode()
+    assert composed.is_file()
+    own.write_text(own.read_text().replace("seed: 0", "seed: 1"))
+    set_overrides(copied, "survey=own").check_returncode()
+    assert not composed.is_file()  # DVC composes again, as an output is missing
+
+
 def test_an_error_by_an_override_in_params_yaml_names_that_file_and_the_key(copied):
     (copied.folder / "params.yaml").write_text('overrides: "contours.tolerance_m=-1"\n')
     for done in (copied.module("pipeline.compose"), copied.stage("survey", "survey.drawing_grey=60")):

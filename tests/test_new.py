@@ -49,8 +49,24 @@ def test_one_command_makes_a_world_a_report_and_an_environment(owned):
     )
     played = project.run(sys.executable, "-c", program)
     assert played.stdout.strip() == "(19,)", played.stderr
-    line = next(x for x in (project.folder / "data/registry.txt").read_text().splitlines() if "my-tee" in x)
+    line = next(x for x in (project.folder / "data/registry_own.txt").read_text().splitlines() if "my-tee" in x)
     assert line.endswith("CC0")
+
+
+def test_a_new_mine_leaves_the_default_up_to_date_for_dvc_which_a_changed_input_does_not(owned, tmp_path):
+    project = owned[0].copy(tmp_path / "copy")
+
+    def stale():
+        return set(json.loads(project.run("dvc", "status", "--json", check=True).stdout))
+
+    assert stale() == set()
+    for name, stage in (("conf/rock/andesite.yaml", "compose"), ("data/registry.txt", "survey")):
+        file = project.folder / name
+        text = file.read_text()
+        file.write_text(f"{text}# changed\n")
+        assert stage in stale()
+        file.write_text(text)
+    assert stale() == set()
 
 
 def test_the_default_world_is_unchanged_and_a_second_run_makes_nothing(owned, repro):

@@ -15,16 +15,28 @@ def set_overrides() -> None:
     from pipeline.store.files import write_atomically
 
     overrides = os.environ.get("OVERRIDES", "")
-    text = f"overrides: {json.dumps(overrides)}\n"
-    if ROOT_PARAMS.is_file() and ROOT_PARAMS.read_text() == text:
-        return
     if overrides:
-        _require_composed(overrides)
-    write_atomically(ROOT_PARAMS, text.encode())
+        _forget_other_params(_composed(overrides))
+    text = f"overrides: {json.dumps(overrides)}\n"
+    if not ROOT_PARAMS.is_file() or ROOT_PARAMS.read_text() != text:
+        write_atomically(ROOT_PARAMS, text.encode())
 
 
-def _require_composed(overrides: str) -> None:
-    """Refuse overrides that the configuration refuses; `params.yaml` then keeps those that it has."""
+def _forget_other_params(params: dict[str, Any]) -> None:
+    """Remove composed parameters that differ, so that DVC composes again.
+
+    It does not see that the section of one of your mines was edited: `dvc.yaml` names the project's files only.
+    """
+    import yaml
+
+    from pipeline.params.composed import COMPOSED
+
+    if COMPOSED.is_file() and yaml.safe_load(COMPOSED.read_text()) != params:
+        COMPOSED.unlink()
+
+
+def _composed(overrides: str) -> dict[str, Any]:
+    """Return the parameters with overrides; refused ones leave `params.yaml` as it is."""
     import shlex
 
     from pipeline.compose import compose
@@ -34,7 +46,7 @@ def _require_composed(overrides: str) -> None:
         words = shlex.split(overrides)
     except ValueError as error:
         raise ParamsError(f"OVERRIDES = {overrides!r}: {error}") from error
-    compose(words)
+    return compose(words).model_dump(mode="json")
 
 
 def verify() -> None:
