@@ -216,7 +216,8 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: dict[str, An
             values[key] = file.as_posix()
     values |= {"poses": None, "correct": None, "entrance_m": stated.get("entrance_m"), "labels_m": {}}
     remarks = {
-        "entrance_m": "[x, y]; null: the start of the longest drift",
+        "entrance_m": "[x, y] or [x, y, elevation]; null: the highest end of drifts with elevations, else the start of "
+        "the longest drift",
         "labels_m": "{A: [x, y], ...}",
         **detected.remarks,
     }

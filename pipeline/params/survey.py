@@ -57,6 +57,8 @@ Grade = Annotated[
 """Rise over run, or one for each of some legs by their names."""
 _Metres = Annotated[float, Field(ge=-1e9, le=1e9)]
 PlaceM = tuple[_Metres, _Metres, _Metres]
+StartM = Annotated[tuple[_Metres, ...], Field(min_length=2, max_length=3)]
+"""Easting and northing, or also the elevation."""
 PieceOption = Annotated[
     Annotated[Annotated[str, Field(min_length=1, max_length=1000)], Tag("station")] | Annotated[PlaceM, Tag("place")],
     Discriminator(_kind_of_piece),
@@ -92,7 +94,9 @@ class _SurveyParams(FloorRules):
     name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
     poses: PosesParams | None = None
     correct: Literal["sweeps"] | None = Field(default=None, description="stage 2 corrects walls by the sweeps of poses")
-    entrance_m: PointM | None = None
+    entrance_m: StartM | None = Field(
+        default=None, description="where robots start, m, mine frame, with the elevation where drifts pass over others"
+    )
     labels_m: dict[str, PointM] = Field(default_factory=dict)
     grade: Grade | None = Field(
         default=None,
