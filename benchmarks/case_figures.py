@@ -12,7 +12,7 @@ import numpy as np
 
 from minexplore.floor import Floor
 from pipeline.geometry.openings import filled_floor
-from pipeline.params.reader_limits import reader_limits
+from pipeline.params.floor_rules import floor_rules
 from pipeline.store.codecs import decode
 from pipeline.survey.formats import PASSAGE_READERS
 from pipeline.survey.legs import SurveyLeg
@@ -65,7 +65,7 @@ def drivable_part(legs: list[SurveyLeg]) -> nx.Graph:
         graph.add_nodes_from((name, {"place": place}) for name, place in zip(leg.stations, places, strict=True))
         for (a, p), (b, q) in pairwise(zip(leg.stations, places, strict=True)):
             run = float(np.hypot(*(q - p)[:2]))
-            if abs(q[2] - p[2]) <= reader_limits().steepest_grade * max(run, 1e-9):
+            if abs(q[2] - p[2]) <= floor_rules().steepest_grade * max(run, 1e-9):
                 graph.add_edge(a, b, run=run)
     pieces = nx.connected_components(graph)
     return graph.subgraph(max(pieces, key=lambda names: graph.subgraph(names).size(weight="run")))

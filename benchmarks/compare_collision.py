@@ -12,10 +12,11 @@ import mujoco
 import numpy as np
 import shapely
 
-from pipeline.compose import compose, root_overrides
+from pipeline.compose import compose
 from pipeline.errors import MineError
 from pipeline.geometry.collision import footprint_errors
 from pipeline.geometry.partition import rock_around, world_box
+from pipeline.params.composed import root_overrides
 from pipeline.store.codecs import decode
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import sha256_bytes

@@ -10,9 +10,10 @@ from pathlib import Path
 import yaml
 from tqdm import tqdm
 
-from pipeline.compose import compose, root_overrides
+from pipeline.compose import compose
 from pipeline.errors import MineError
 from pipeline.metrics.published import PAPER
+from pipeline.params.composed import root_overrides
 from pipeline.report.results import read_metrics
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import sha256_bytes

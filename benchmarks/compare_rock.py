@@ -15,13 +15,14 @@ from shapely import Polygon
 
 from minexplore.bundle import MODEL, WALLS, GeomGroup
 from minexplore.bundle import ROOF as ROOFS
-from pipeline.compose import compose, root_overrides
+from pipeline.compose import compose
 from pipeline.errors import MineError
 from pipeline.metrics.published import REAL, REAL_SWEEP
 from pipeline.metrics.relief import STEEP_DEG, Relief, line_factor
 from pipeline.metrics.texture import AXES, AXIS_TITLES, published_score, strict_score
 from pipeline.mjcf.bundle import smooth_triangles
 from pipeline.mjcf.render import render_from
+from pipeline.params.composed import root_overrides
 from pipeline.params.config import Config
 from pipeline.proof.surface import relief_of, split_long
 from pipeline.proof.texture import MeasuredTexture, measure_flat_texture, measure_texture

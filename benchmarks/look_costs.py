@@ -7,8 +7,9 @@ from pathlib import Path
 import mujoco
 
 from minexplore.bundle import ROCK_TEXTURE, ROOF, WALLS, is_cover, is_fitting
-from pipeline.compose import compose, root_overrides
+from pipeline.compose import compose
 from pipeline.errors import ArtifactError
+from pipeline.params.composed import root_overrides
 from pipeline.store.codecs import Bundle, decode
 from pipeline.store.files import write_atomically
 from stages.realism import STAGE

@@ -1,17 +1,22 @@
-"""The choice of an OpenGL library where there is no display."""
+"""The choice of an OpenGL library where there is no display, and the end of its contexts."""
 
 from __future__ import annotations
 
+import atexit
 import ctypes
+import functools
 import importlib
 import os
 import sys
+import weakref
 from contextlib import suppress
 
+import mujoco
 from mujoco.rendering.classic import gl_context
 
 _EGL, _OSMESA = "libEGL.so.1", ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so")
 _EGL_PLATFORM_DEVICE, _MOST_DEVICES = 0x313F, 32
+_RENDERERS: weakref.WeakSet[mujoco.Renderer] = weakref.WeakSet()
 
 
 class DisplayError(RuntimeError):
@@ -46,6 +51,23 @@ def prepare_opengl(render_mode: str) -> None:
         )
     os.environ["MUJOCO_GL"] = works
     importlib.reload(gl_context)  # MuJoCo is imported already, and has chosen GLFW
+
+
+def new_renderer(model: mujoco.MjModel, size_px: tuple[int, int], max_geom: int) -> mujoco.Renderer:
+    """Return a renderer of pictures of `size_px` (width, height) that is closed before the process ends.
+
+    MuJoCo ends its EGL display at exit, and frees the contexts of open renderers afterwards, which fails.
+    """
+    renderer = mujoco.Renderer(model, size_px[1], size_px[0], max_geom=max_geom)
+    _RENDERERS.add(renderer)
+    _close_all_at_exit()
+    return renderer
+
+
+@functools.cache
+def _close_all_at_exit() -> None:
+    """Register once, after the first context: functions at exit run in reverse order, and MuJoCo's comes first."""
+    atexit.register(lambda: [renderer.close() for renderer in list(_RENDERERS)])
 
 
 def has_display() -> bool:

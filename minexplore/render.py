@@ -11,6 +11,7 @@ import numpy as np
 from minexplore.bundle import MINE_BODY, GeomGroup, has_visible_rock, is_shade
 from minexplore.coverage import CoverageGrid
 from minexplore.looks import EXTENT_M, add_haze, add_headlamp, add_sky, has_haze, let_light_pass, look_of
+from minexplore.opengl import new_renderer
 from minexplore.robot import RobotParams, qpos_address, separate_contacts
 from minexplore.rotations import quaternion
 from minexplore.world import World
@@ -104,7 +105,7 @@ class Renderer:
     def _view(self, name: str, qpos: np.ndarray) -> np.ndarray:
         model, data = self.place(qpos)
         if self._renderer is None:
-            self._renderer = mujoco.Renderer(model, self.size_px[1], self.size_px[0], max_geom=2 * model.ngeom + 1000)
+            self._renderer = new_renderer(model, self.size_px, max_geom=2 * model.ngeom + 1000)
         option = mujoco.MjvOption()
         option.geomgroup[:] = 0
         option.geomgroup[shown_groups(self.world)] = 1

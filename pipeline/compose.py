@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-import shlex
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import yaml
 from hydra import compose as hydra_compose
@@ -18,15 +17,15 @@ from pydantic import ValidationError
 
 from minexplore.robot import RobotParams
 from pipeline.errors import ParamsError, run_command
-from pipeline.params.composed import COMPOSED
+from pipeline.params.composed import COMPOSED, ROOT_PARAMS, root_overrides
 from pipeline.params.config import Config
 from pipeline.params.plain_yaml import require_plain_yaml
+from pipeline.params.refusals import describe_refusals
 from pipeline.store.files import write_atomically
 
 CONF = Path("conf")
-ROOT_PARAMS = Path("params.yaml")
+WRITTEN_BY_NEW = "Written by `python -m pipeline new"  # in the survey sections of your mines
 _MOST_CHARACTERS = 4000  # of an override; Hydra's parser takes 3 s for as many of nested lists
-_CHOSEN = ("survey", "collision", "grade")  # unions of several kinds: pydantic inserts the kind after their names
 # The robot's dimensions are defined only in the environment; conf/ refers to them as ${robot:radius_m}.
 OmegaConf.register_new_resolver("robot", lambda field: getattr(RobotParams(), field), replace=True)
 _REFUSALS = (HydraException, OmegaConfBaseException, yaml.YAMLError)
@@ -60,6 +59,7 @@ def compose(overrides: list[str], conf: Path = CONF) -> Config:
         with initialize_config_dir(str(conf.resolve()), version_base="1.3"):
             composed = hydra_compose("config", overrides)
             values = OmegaConf.to_container(composed, resolve=True)
+            written = OmegaConf.to_container(composed)
     except RecursionError as error:
         raise ParamsError(f"overrides {overrides}"[:300] + ": brackets are nested too deep") from error
     except (*_REFUSALS, ValueError, TypeError) as error:
@@ -67,7 +67,7 @@ def compose(overrides: list[str], conf: Path = CONF) -> Config:
     try:
         return Config.model_validate(values)
     except ValidationError as error:
-        raise ParamsError("\n".join(_describe(e) for e in error.errors())) from error
+        raise ParamsError(describe_refusals(error, cast(dict[str, Any], written))) from error
 
 
 def _printable(text: str) -> str:
@@ -75,26 +75,29 @@ def _printable(text: str) -> str:
     return "".join(c if c.isprintable() else " " for c in text)
 
 
-def root_overrides() -> list[str]:
-    """Return the overrides in `params.yaml`, split as by a shell."""
+def compose_after_root(more: list[str]) -> Config:
+    """Compose the configuration with the overrides in `params.yaml`, then with more.
+
+    Raises
+    ------
+    ParamsError
+        As `compose`; if an override in `params.yaml` is at fault, the message names that file.
+    """
+    root = root_overrides()
     try:
-        text = yaml.safe_load(ROOT_PARAMS.read_text())["overrides"] or ""
-        if not isinstance(text, str):
-            raise TypeError(f"overrides is a {type(text).__name__}")
-        return shlex.split(text)
-    except FileNotFoundError:
-        raise ParamsError(f"{ROOT_PARAMS}: missing; run from the project's root") from None
-    except (yaml.YAMLError, ValueError, KeyError, TypeError) as error:
-        raise ParamsError(f'{ROOT_PARAMS}: want one line `overrides: "..."` ({error})') from error
+        return compose(root + more)
+    except ParamsError as error:
+        if root and (not more or _is_refused(root)):
+            raise ParamsError(f"{ROOT_PARAMS}: {error}; correct its overrides, or clear them by `make all`") from error
+        raise
 
 
-def _describe(error: Any) -> str:
-    """Turn one pydantic error into `section.key = value: what is wrong`."""
-    place = list(error["loc"])
-    where = ".".join(str(part) for i, part in enumerate(place) if not i or place[i - 1] not in _CHOSEN)
-    value = error["input"]
-    shown = f" = {value!r}" if not isinstance(value, dict) else ""
-    return f"{where}{shown}: {error['msg'].removeprefix('Value error, ')}"
+def _is_refused(overrides: list[str]) -> bool:
+    try:
+        compose(overrides)
+    except ParamsError:
+        return True
+    return False
 
 
 def _explain(overrides: list[str], error: Exception, conf: Path) -> str:
@@ -140,7 +143,7 @@ def main() -> int:
 
 
 def _write_composed() -> None:
-    config = compose(root_overrides())
+    config = compose_after_root([])
     text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)
     write_atomically(COMPOSED, f"# Composed from conf/ and the overrides in params.yaml; do not edit.\n{text}".encode())
 

@@ -13,13 +13,13 @@ import yaml
 from pydantic import TypeAdapter, ValidationError
 
 from minexplore import is_built_in
-from pipeline.compose import CONF
+from pipeline.compose import CONF, WRITTEN_BY_NEW
 from pipeline.errors import ArtifactError, InputError, MineError, ParamsError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.survey import SurveyParams
 from pipeline.store.files import missing_folders, take_back, write_atomically
 from pipeline.store.hashing import absence_of
-from pipeline.store.registry import REGISTRY, read_registry, register, unregister
+from pipeline.store.registry import OWN_REGISTRY, read_registry, register, unregister
 from pipeline.survey.child import one_line
 from pipeline.survey.detect import Detection, detect_survey
 from pipeline.survey.plain_file import require_plain_file
@@ -72,7 +72,7 @@ def require_name(name: str) -> None:
     if is_built_in(f"MineXplore/{name}-v0"):
         raise ParamsError(f"name = {name}: MineXplore/{name}-v0 is an environment of this project; choose another name")
     conf = survey_file(name)
-    if conf.is_file() and (f"`python -m pipeline new {name}`" not in conf.read_text() or not (DATA / name).is_dir()):
+    if conf.is_file() and (f"{WRITTEN_BY_NEW} {name}`" not in conf.read_text() or not (DATA / name).is_dir()):
         raise ParamsError(f"name = {name}: {conf} is a survey of this project; choose another name")
 
 
@@ -116,7 +116,7 @@ def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict
         for file, target in targets.items():
             if target in made.written:
                 write_atomically(target, file.read_bytes())
-            register(target, origin, licence)
+            register(target, origin, licence, OWN_REGISTRY)
         write_atomically(conf, text.encode())
     except BaseException:
         forget_import(made)
@@ -160,7 +160,7 @@ def forget_import(made: Import) -> None:
     try:
         unregister(made.registered)
     except (MineError, OSError) as error:
-        print(f"{REGISTRY}: lines of {made.registered[0].parent} stay ({error})", file=sys.stderr)
+        print(f"{OWN_REGISTRY}: lines of {made.registered[0].parent} stay ({error})", file=sys.stderr)
     for path in take_back(made.written, made.folders):
         print(f"{path}: cannot be removed", file=sys.stderr)
 
@@ -212,9 +212,9 @@ def import_workings(name: str, source: Path) -> Path:
         raise ArtifactError(f"{source}: {absence_of(source)}; make the world first")
     target = DATA / name / "variants" / source.name
     if target.is_file() and target.read_bytes() != source.read_bytes():
-        raise InputError(f"{target}: comes from an earlier {name}; remove it and its line in data/registry.txt")
+        raise InputError(f"{target}: comes from an earlier {name}; remove it and its line in {OWN_REGISTRY}")
     write_atomically(target, source.read_bytes())
-    register(target, f"made from the world {name}", "as its sources")
+    register(target, f"made from the world {name}", "as its sources", OWN_REGISTRY)
     return target
 
 
@@ -226,12 +226,13 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: dict[str, An
             values[key] = file.as_posix()
     values |= {"poses": None, "correct": None, "entrance_m": stated.get("entrance_m"), "labels_m": {}}
     remarks = {
-        "entrance_m": "[x, y]; null: the start of the longest drift",
+        "entrance_m": "[x, y] or [x, y, elevation]; null: the highest end of drifts with elevations, else the start of "
+        "the longest drift",
         "labels_m": "{A: [x, y], ...}",
         **detected.remarks,
     }
     lines = [
-        f"# @package _global_\n# Written by `python -m pipeline new {name}`; correct wrong values and run it again.",
+        f"# @package _global_\n# {WRITTEN_BY_NEW} {name}`; correct wrong values and run it again.",
         f"defaults:\n  - /mine/{'heights' if detected.has_heights else 'own'}  # values and limits of a user's mine",
         "  - _self_\nsurvey:",
     ]

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import ArtifactError, MineError, run_command
-from pipeline.params.composed import composed_section
+from pipeline.errors import ArtifactError, MineError, ParamsError, run_command
+from pipeline.params.composed import ROOT_PARAMS, composed_section, root_overrides
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import recover_folder, replace_folder
 from pipeline.store.hashing import sha256_bytes, sha256_file
@@ -68,15 +68,28 @@ def run_stage(stage: Stage, overrides: list[str]) -> None:
     params = _params(stage, overrides)
     with hold_lock(ARTIFACTS / f".{stage.name}.lock", f"another command is running the stage {stage.name}"):
         recover_folder(ARTIFACTS / stage.name)
-        make_artifacts(stage, params, ARTIFACTS)
+        try:
+            make_artifacts(stage, params, ARTIFACTS)
+        except MineError as error:
+            error.args = (f"{error}{_overridden()}", *error.args[1:])
+            raise
+
+
+def _overridden() -> str:
+    """Return a note on the overrides in `params.yaml`: an earlier command may have left them."""
+    try:
+        words = root_overrides()
+    except ParamsError:  # the stage's own error is the one to report
+        return ""
+    return f"; {ROOT_PARAMS} has the overrides {' '.join(words)}" if words else ""
 
 
 def _params(stage: Stage, overrides: list[str]) -> Any:
     if not overrides:
         return composed_section(stage.name)
-    from pipeline.compose import compose, root_overrides  # with Hydra and MuJoCo, which take long to import
+    from pipeline.compose import compose_after_root  # with Hydra and MuJoCo, which take long to import
 
-    return getattr(compose(root_overrides() + overrides), stage.name)
+    return getattr(compose_after_root(overrides), stage.name)
 
 
 def make_artifacts(stage: Stage, params: Any, root: Path) -> None:

@@ -6,8 +6,11 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
+from pipeline.mjcf.bundle import read_floor, read_record
 from pipeline.params.config import Config
 from pipeline.params.validation import Limit, ValidationParams
 from pipeline.proof.groups import applying_limits
@@ -67,6 +70,15 @@ def limits_of(name: str) -> dict[str, Limit]:
     """Return the limits that a world's metrics were checked against."""
     params = read_params(world_folder(name) / "validation" / "manifest.json", ValidationParams)
     return applying_limits(params, read_figures(name))
+
+
+def describe_start(folder: Path) -> str:
+    """Return where robots start in the world of a folder, mine frame, and how to change it."""
+    bundle = folder / "realism" / "world"
+    record = read_record(bundle)
+    place = read_floor(bundle, record).fold(np.array([[*record.spawn.anchor_m, 0.0]]))[0]
+    shown = ", ".join(f"{value:.1f}" for value in place[: 3 if record.heights else 2])
+    return f"({shown}) m, mine frame; `--start` of `new`, or survey.entrance_m, changes it"
 
 
 def list_worlds() -> str:

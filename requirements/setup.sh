@@ -51,8 +51,16 @@ any_python || missing="$missing python3 python3-venv"
 [ -z "$missing" ] || install $missing
 
 # --- Python packages -----------------------------------------------------------------------------------------------
+# Python finds the project's packages from any folder. A .venv that is a link belongs to another checkout.
+put_on_path() {
+    [ ! -L .venv ] || return 0
+    for site in .venv/lib/python3*/site-packages; do
+        [ ! -d "$site" ] || echo "$PWD" | cmp -s - "$site/minexplore.pth" || echo "$PWD" >"$site/minexplore.pth"
+    done
+}
+
 # shellcheck disable=SC2086
-cat $locks | cmp -s - "$stamp" && exit 0
+cat $locks | cmp -s - "$stamp" && put_on_path && exit 0
 
 works() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' >/dev/null 2>&1; }
 python=""
@@ -78,5 +86,6 @@ if [ -n "$extras" ]; then # torch's wheels differ by platform, so it is pinned w
         "$(sed -n 's/^ *"\(torch==[^"]*\)".*/\1/p' pyproject.toml | head -n 1)"
     for extra in $extras; do touch ".venv/.$extra"; done
 fi
+put_on_path
 # shellcheck disable=SC2086
 cat $locks >"$stamp"

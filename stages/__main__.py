@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import sys
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from pipeline.compose import CONF, WRITTEN_BY_NEW, compose
+from pipeline.params.config import Config
 from pipeline.stage import ARTIFACTS, Stage
 from pipeline.store.hashing import import_closure
+from pipeline.store.registry import REGISTRY
 
 STAGES = ("survey", "contours", "compile3d", "surface", "realism", "validation")
 _HEADER = """\
@@ -41,7 +45,7 @@ def render_dag(root: Path) -> str:
     compose = {
         "desc": "Compose the parameters from conf/ and the overrides in params.yaml",
         "cmd": "python -m pipeline.compose",
-        "deps": ["conf", *_closure(root, "pipeline/compose.py")],
+        "deps": [*_conf_files(root), *_closure(root, "pipeline/compose.py")],
         "params": ["overrides"],
         "outs": [_persistent("artifacts/params.yaml")],
     }
@@ -52,7 +56,7 @@ def render_dag(root: Path) -> str:
         "desc": "The report: one page with all the evidence",
         "cmd": "python -m pipeline report",
         "deps": [
-            "conf",
+            *_conf_files(root),
             "pipeline/report/page.html.j2",
             "pipeline/report/headlamp.js",
             *((ARTIFACTS / name / "manifest.json").as_posix() for name in STAGES),
@@ -74,12 +78,33 @@ def _stage_entry(stage: Stage, root: Path) -> dict[str, Any]:
     entry = {
         "desc": doc.splitlines()[0],
         "cmd": f"python -m stages.{stage.name}",
-        "deps": ["data"] * (stage.name == "survey") + inputs + _closure(root, f"stages/{stage.name}.py"),
+        "deps": _registered_files(stage) + inputs + _closure(root, f"stages/{stage.name}.py"),
         "params": [{(ARTIFACTS / "params.yaml").as_posix(): [stage.name]}],
         "outs": [_persistent(p) for p in [*outs, (ARTIFACTS / stage.name / "manifest.json").as_posix()]],
     }
     # DVC's cache is local to a machine. Metrics in git can be compared with any commit (`dvc metrics diff`).
     return {**entry, "metrics": [{p: {"cache": False, "persist": True}} for p in metrics]} if metrics else entry
+
+
+def _conf_files(root: Path) -> list[str]:
+    """List the files that composing reads, without those that `python -m pipeline new` writes for your mines.
+
+    With these, the default world would be out of date after each `new`.
+    """
+    files = [path for path in sorted((root / CONF).rglob("*.yaml")) if WRITTEN_BY_NEW not in path.read_text()]
+    names = [path.relative_to(root) for path in files]
+    return [name.as_posix() for name in names if not {"train", "reader_limits.yaml"} & set(name.parts)]
+
+
+@cache
+def _default() -> Config:
+    return compose([])
+
+
+def _registered_files(stage: Stage) -> list[str]:
+    """List the files below `data/` that a stage reads for the default world, and their registry."""
+    files = stage.sources(getattr(_default(), stage.name))
+    return [*files, REGISTRY.as_posix()] if files else []
 
 
 def _closure(root: Path, module: str) -> list[str]:

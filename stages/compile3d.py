@@ -16,12 +16,13 @@ from pipeline.geometry.extrude import collect_parts
 from pipeline.geometry.floor_mesh import build_floor
 from pipeline.geometry.floor_parts import cell_columns, cell_offsets, sheet_walls, wall_parts
 from pipeline.geometry.network_heights import floor_lines
-from pipeline.geometry.occupancy import entrance_anchor, nav2_map, occupancy_grid
+from pipeline.geometry.occupancy import first_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.octree import build_octree, to_bt
 from pipeline.geometry.openings import cut_floor, raises_over_roofs, without_openings
 from pipeline.geometry.partition import Box, rock_around, tiled_rock, world_box
 from pipeline.geometry.shaft_parts import shaft_parts
 from pipeline.geometry.sheet_rock import require_pillars
+from pipeline.geometry.sheets import ends_from_above
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.stage import Artifact, Stage, main
 from pipeline.types import (
@@ -52,8 +53,10 @@ def compile_rock(
     free = free_space.polygon
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
     cell = params.grid_cell_m
-    entrance = survey.entrance_m or topology.main_drift_m[0]
-    whole = model_floor(params, without_openings(free, openings), topology, survey, entrance)
+    starts = [survey.entrance_m or topology.main_drift_m[0]]
+    whole = model_floor(params, without_openings(free, openings), topology, survey, starts[0])
+    if survey.entrance_m is None and survey.heights is not None and survey.heights.grade is None:
+        starts = ends_from_above(topology, whole)
     openings, left_out = raises_over_roofs(openings, whole, params.height_m)
     for line in left_out:
         print(f"compile3d: {line}", file=sys.stderr)
@@ -77,7 +80,7 @@ def compile_rock(
         ),
         "map": pixels,
         "map_yaml": yaml,
-        "spawn": entrance_anchor(grid, entrance, params.spawn.radius_m, params.spawn.clearance_m),
+        "spawn": first_anchor(grid, starts, params.spawn.radius_m, params.spawn.clearance_m),
     }
 
 

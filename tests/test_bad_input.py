@@ -232,6 +232,55 @@ def test_a_params_file_without_a_valid_overrides_line_is_refused(copied, text):
     assert "params.yaml" in message_of(copied.module("pipeline.compose"))
 
 
+def set_overrides(project, overrides):
+    return project.run(sys.executable, "-m", "pipeline", "set-overrides", OVERRIDES=overrides)
+
+
+@pytest.mark.parametrize("overrides", ["contours.tolerance_m=-1", "'"])
+def test_make_refuses_wrong_overrides_and_keeps_those_in_params_yaml(copied, overrides):
+    before = (copied.folder / "params.yaml").read_bytes()
+    assert overrides.partition("=")[0] in message_of(set_overrides(copied, overrides))
+    assert (copied.folder / "params.yaml").read_bytes() == before
+
+
+def test_make_without_overrides_clears_wrong_ones(copied):
+    (copied.folder / "params.yaml").write_text('overrides: "contours.tolerance_m=-1"\n')
+    set_overrides(copied, "").check_returncode()
+    assert (copied.folder / "params.yaml").read_text() == 'overrides: ""\n'
+
+
+def test_make_composes_again_after_the_section_of_an_own_mine_was_edited(copied):
+    own = copied.folder / "conf/survey/own.yaml"
+    own.write_text((copied.folder / "conf/survey/procedural.yaml").read_text())
+    (copied.folder / "params.yaml").write_text('overrides: "survey=own"\n')
+    composed = copied.folder / "artifacts/params.yaml"
+    copied.module("pipeline.compose").check_returncode()
+    set_overrides(copied, "survey=own").check_returncode()
+    assert composed.is_file()
+    own.write_text(own.read_text().replace("seed: 0", "seed: 1"))
+    set_overrides(copied, "survey=own").check_returncode()
+    assert not composed.is_file()  # DVC composes again, as an output is missing
+
+
+def test_an_error_by_an_override_in_params_yaml_names_that_file_and_the_key(copied):
+    (copied.folder / "params.yaml").write_text('overrides: "contours.tolerance_m=-1"\n')
+    for done in (copied.module("pipeline.compose"), copied.stage("survey", "survey.drawing_grey=60")):
+        assert "params.yaml: contours.tolerance_m = -1: " in message_of(done)
+
+
+def test_an_error_by_an_override_on_the_command_line_does_not_blame_params_yaml(copied):
+    (copied.folder / "params.yaml").write_text('overrides: "contours.tolerance_m=0.3"\n')
+    assert "params.yaml" not in message_of(copied.stage("survey", "survey.drawing_grey=-60"))
+
+
+def test_a_stage_that_fails_lists_the_overrides_that_params_yaml_has(copied):
+    (copied.folder / "params.yaml").write_text('overrides: "contours.min_tunnel_m2=5000"\n')
+    copied.module("pipeline.compose").check_returncode()
+    message = message_of(copied.stage("contours"))
+    assert "no dark region larger than 5000 m2" in message
+    assert message.endswith("; params.yaml has the overrides contours.min_tunnel_m2=5000")
+
+
 @pytest.mark.parametrize(
     ("name", "data"),
     [

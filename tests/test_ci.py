@@ -156,3 +156,44 @@ def test_setup_on_a_bare_system_asks_for_python_git_and_certificates(tmp_path):
     assert "no Python 3.11, 3.12 or 3.13 found" in done.stderr
     asked = (tmp_path / "asked").read_text().splitlines()[-1].split()
     assert {"python3", "python3-venv", "git", "ca-certificates", "libosmesa6"} <= set(asked)
+
+
+def set_up(folder):
+    """Run setup in a checkout whose packages are installed; it has nothing to download."""
+    (folder / "bin").mkdir(exist_ok=True)
+    (folder / "bin" / "apt-get").write_text("#!/bin/sh\nexit 0\n")  # a package of the system may be missing
+    (folder / "bin" / "apt-get").chmod(0o755)
+    path = f"{folder / 'bin'}:{os.environ['PATH']}"
+    done = subprocess.run(
+        ["sh", "requirements/setup.sh", "dev"], cwd=folder, env={**os.environ, "PATH": path}, capture_output=True
+    )
+    assert (done.returncode, done.stdout) == (0, b""), done.stderr
+
+
+def where_is_minexplore(python, folder):
+    program = "import minexplore; print(minexplore.__file__)"
+    done = subprocess.run([python, "-c", program], cwd=folder, env={}, capture_output=True, text=True)
+    return done.stdout.strip()
+
+
+def test_after_setup_the_environment_is_imported_from_any_folder_also_when_the_checkout_moved(tmp_path):
+    checkout, moved, elsewhere = (tmp_path / name for name in ("checkout", "moved", "elsewhere"))
+    elsewhere.mkdir()
+    shutil.copytree(ROOT / "requirements", checkout / "requirements")
+    (checkout / "minexplore").mkdir()
+    (checkout / "minexplore" / "__init__.py").touch()
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", checkout / ".venv"], check=True)
+    shutil.copy2(checkout / "requirements" / "dev.txt", checkout / ".venv" / ".installed")
+    set_up(checkout)
+    python = checkout / ".venv" / "bin" / "python"
+    assert where_is_minexplore(python, elsewhere) == str(checkout / "minexplore" / "__init__.py")
+    shutil.copytree(checkout, moved, ignore=shutil.ignore_patterns(".venv"))
+    (moved / ".venv").symlink_to(checkout / ".venv")
+    set_up(moved)  # the link's environment belongs to the first checkout
+    assert where_is_minexplore(python, elsewhere) == str(checkout / "minexplore" / "__init__.py")
+    (moved / ".venv").unlink()
+    (checkout / ".venv").rename(moved / ".venv")
+    set_up(moved)
+    assert where_is_minexplore(moved / ".venv" / "bin" / "python", elsewhere) == str(
+        moved / "minexplore" / "__init__.py"
+    )

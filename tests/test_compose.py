@@ -1,9 +1,14 @@
+import re
+
 import pytest
 import yaml
+from pydantic import ValidationError
 
 from pipeline.compose import compose
 from pipeline.errors import ParamsError
 from pipeline.metrics.size import FIXED_BYTES, FIXED_LOAD_MB, FIXED_LOAD_S, FIXED_PARTS
+from pipeline.params.refusals import describe_refusals
+from pipeline.params.validation import ValidationParams
 from tests.project import ROOT
 
 
@@ -136,6 +141,37 @@ def test_a_limit_by_the_size_of_the_embedded_survey_is_at_least_as_strict_as_its
 def test_a_wrong_override_is_named_with_its_value_and_the_valid_choices(override, message):
     with pytest.raises(ParamsError, match=message):
         compose([override])
+
+
+@pytest.mark.parametrize(
+    ("override", "key"),
+    [
+        ("contours.tolerance_m=-1", "contours.tolerance_m"),  # stage 6 takes all these values too
+        ("compile3d.steepest_deg=-1", "compile3d.steepest_deg"),
+        ("realism.floor.spacing_m=-1", "realism.floor.spacing_m"),
+        ("surface.overlay=some", "surface.overlay"),
+        ("compile3d.collision.method=vhcd", "compile3d.collision.method"),
+        ("survey.poses=3", "survey.poses"),  # stage 2 too
+        ("survey=variant", "survey.workings"),
+    ],
+)
+def test_a_refused_value_is_one_line_with_the_key_that_was_written(override, key):
+    with pytest.raises(ParamsError) as caught:
+        compose([override])
+    assert re.match(rf"{re.escape(key)}( =|:)", str(caught.value))
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_limit_that_only_stage_6_has_on_a_shared_value_names_the_key_that_was_written():
+    with pytest.raises(ValidationError) as caught:
+        ValidationParams.model_validate({**compose([]).validation.model_dump(), "steepest_deg": 0.0})
+    alone = describe_refusals(caught.value, {"steepest_deg": "${compile3d.steepest_deg}"})
+    assert alone.startswith("compile3d.steepest_deg = 0.0: ")
+
+
+def test_the_plain_look_has_no_fittings():
+    realism = compose(["look=plain"]).realism
+    assert (realism.look, realism.floor, realism.furnish) == ("plain", None, "off")
 
 
 @pytest.mark.parametrize(

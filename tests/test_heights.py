@@ -229,7 +229,7 @@ def test_sheets_are_as_few_as_the_workings_need_and_a_shaft_is_fenced_off(tmp_pa
         assert (len(polygons.geoms), len(heights.seams)) == (sheets, seams)
         for one, two in pairwise(polygons.geoms):
             assert one.distance(two) > 10
-    assert "2 legs are steeper than 0.364 (steepest_grade" in capsys.readouterr().err
+    assert "2 legs are steeper than 0.364 (survey.steepest_grade)" in capsys.readouterr().err
 
 
 def test_a_survey_of_a_shaft_alone_is_refused(tmp_path):

@@ -49,8 +49,24 @@ def test_one_command_makes_a_world_a_report_and_an_environment(owned):
     )
     played = project.run(sys.executable, "-c", program)
     assert played.stdout.strip() == "(19,)", played.stderr
-    line = next(x for x in (project.folder / "data/registry.txt").read_text().splitlines() if "my-tee" in x)
+    line = next(x for x in (project.folder / "data/registry_own.txt").read_text().splitlines() if "my-tee" in x)
     assert line.endswith("CC0")
+
+
+def test_a_new_mine_leaves_the_default_up_to_date_for_dvc_which_a_changed_input_does_not(owned, tmp_path):
+    project = owned[0].copy(tmp_path / "copy")
+
+    def stale():
+        return set(json.loads(project.run("dvc", "status", "--json", check=True).stdout))
+
+    assert stale() == set()
+    for name, stage in (("conf/rock/andesite.yaml", "compose"), ("data/registry.txt", "survey")):
+        file = project.folder / name
+        text = file.read_text()
+        file.write_text(f"{text}# changed\n")
+        assert stage in stale()
+        file.write_text(text)
+    assert stale() == set()
 
 
 def test_the_default_world_is_unchanged_and_a_second_run_makes_nothing(owned, repro):
@@ -187,11 +203,13 @@ def test_a_corrected_survey_section_rebuilds_the_world(owned, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_light_world_of_a_plan_needs_no_report(owned, tmp_path):
+def test_a_light_world_of_a_plan_has_a_report_of_what_was_measured(owned, tmp_path):
     project = owned[0].copy(tmp_path / "copy")
     done = pipeline(project, "new", "light-tee", "--from", "plan.png", "preset=light")
     assert done.returncode == 0, done.stderr
-    assert "report  none, it needs validation.extent=full" in done.stdout
+    page = (project.folder / "artifacts/worlds/light-tee/report/report.html").read_text()
+    assert "Stage 6 measured the certificate alone" in page
+    assert "IoU, world against plan" not in page
     shown = pipeline(project, "show", "light-tee")
     assert shown.returncode == 0
     assert "iou.free_space_vs_cleaned" not in shown.stdout  # stage 6 does not ask a light world for it

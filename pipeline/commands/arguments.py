@@ -23,13 +23,14 @@ def natural(text: str) -> int:
     return value
 
 
-def numbers(count: int) -> Callable[[str], list[float]]:
-    """Return a parser of `count` finite numbers separated by commas."""
+def numbers(*counts: int) -> Callable[[str], list[float]]:
+    """Return a parser of finite numbers separated by commas, as many as one of `counts`."""
 
     def parse(text: str) -> list[float]:
         values = [float(part) for part in text.split(",")]
-        if len(values) != count or not all(map(math.isfinite, values)):
-            raise argparse.ArgumentTypeError(f"{text!r}: expected {count} finite numbers separated by commas")
+        if len(values) not in counts or not all(map(math.isfinite, values)):
+            wanted = " or ".join(map(str, counts))
+            raise argparse.ArgumentTypeError(f"{text!r}: expected {wanted} finite numbers separated by commas")
         return values
 
     return parse

@@ -10,11 +10,43 @@ from typing import Any
 
 
 def set_overrides() -> None:
-    """Write `$OVERRIDES` to `params.yaml` for `dvc repro`. The file is written only if it changes."""
-    text = f"overrides: {json.dumps(os.environ.get('OVERRIDES', ''))}\n"
-    path = Path("params.yaml")
-    if not path.is_file() or path.read_text() != text:
-        path.write_text(text)
+    """Write `$OVERRIDES` to `params.yaml` for `dvc repro`, if they compose. The file is written only if it changes."""
+    from pipeline.params.composed import ROOT_PARAMS
+    from pipeline.store.files import write_atomically
+
+    overrides = os.environ.get("OVERRIDES", "")
+    if overrides:
+        _forget_other_params(_composed(overrides))
+    text = f"overrides: {json.dumps(overrides)}\n"
+    if not ROOT_PARAMS.is_file() or ROOT_PARAMS.read_text() != text:
+        write_atomically(ROOT_PARAMS, text.encode())
+
+
+def _forget_other_params(params: dict[str, Any]) -> None:
+    """Remove composed parameters that differ, so that DVC composes again.
+
+    It does not see that the section of one of your mines was edited: `dvc.yaml` names the project's files only.
+    """
+    import yaml
+
+    from pipeline.params.composed import COMPOSED
+
+    if COMPOSED.is_file() and yaml.safe_load(COMPOSED.read_text()) != params:
+        COMPOSED.unlink()
+
+
+def _composed(overrides: str) -> dict[str, Any]:
+    """Return the parameters with overrides; refused ones leave `params.yaml` as it is."""
+    import shlex
+
+    from pipeline.compose import compose
+    from pipeline.errors import ParamsError
+
+    try:
+        words = shlex.split(overrides)
+    except ValueError as error:
+        raise ParamsError(f"OVERRIDES = {overrides!r}: {error}") from error
+    return compose(words).model_dump(mode="json")
 
 
 def verify() -> None:

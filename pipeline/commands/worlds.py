@@ -69,10 +69,9 @@ def _make(
     overrides: list[str],
     detected: Path | None,
 ) -> None:
-    from pipeline.compose import compose
     from pipeline.errors import LimitError, lacks_memory
     from pipeline.import_mine import forget_import, import_mine
-    from pipeline.worlds import WORLDS, env_id
+    from pipeline.worlds import WORLDS, describe_start, env_id
 
     imported = import_mine(name, source, origin, licence, stated)
     for line in imported.findings:
@@ -102,11 +101,9 @@ def _make(
     if imported.picture is not None:
         print(f"taken for workings: {WORLDS / name / DETECTED}", file=sys.stderr)
     print(f"world   {WORLDS / name / 'realism' / 'world'}")
-    if compose([f"survey={name}", *overrides]).validation.extent == "full":
-        print("report ", end=" ")
-        report(name)
-    else:
-        print("report  none, it needs validation.extent=full")
+    print("report ", end=" ")
+    report(name)
+    print(f"start   {describe_start(WORLDS / name)}")
     print(f"env id  {env_id(name)}")
     if failure is not None:
         raise failure
@@ -232,7 +229,15 @@ def add_to(commands: Any) -> None:
         metavar="STATION or E,N,Z",
         help="which piece of a survey with heights is built, by a station of it; default: the longest",
     )
-    make.add_argument("--entrance", dest="entrance_m", type=numbers(2), help="X,Y in the mine frame, m")
+    make.add_argument(
+        "--start",
+        "--entrance",
+        dest="entrance_m",
+        type=numbers(2, 3),
+        metavar="E,N[,Z]",
+        help="where robots start, m, mine frame; default: the highest end of drifts with elevations, else the start of "
+        "the longest drift",
+    )
     make.add_argument("overrides", nargs="*", help="for example compile3d.height_m=2.8")
     make.add_argument("--layer", dest="layers", action="append", help="layer of a drawing; repeat for more layers")
     make.add_argument(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import shapely
 from scipy.ndimage import binary_erosion
@@ -55,6 +57,25 @@ def _wall_distance(free: Polygon, points: np.ndarray, walls_m: np.ndarray | None
     ordered = np.empty(len(points))
     ordered[index] = distance
     return ordered
+
+
+def first_anchor(
+    grid: Occupancy, starts_m: Sequence[tuple[float, float]], radius_m: float, clearance_m: float
+) -> Spawn:
+    """Choose the spawn anchor at the first place (x, y) m where robots have room; see `entrance_anchor`.
+
+    Raises
+    ------
+    GeometryError
+        If they have room at no place; the message is that of the first.
+    """
+    refused: list[GeometryError] = []
+    for start_m in starts_m:
+        try:
+            return entrance_anchor(grid, start_m, radius_m, clearance_m)
+        except GeometryError as error:
+            refused.append(error)
+    raise refused[0]
 
 
 def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: float, clearance_m: float) -> Spawn:

@@ -176,3 +176,10 @@ def _trace_alike(
         sheet if sheet.cell_m == finest else trace_network(part, finest, min_leg_m, spacing_m, edges)
         for sheet, (part, edges) in zip(sheets, pairs, strict=True)
     ]
+
+
+def ends_from_above(network: DriftNetwork, floor: Floor) -> list[Place]:
+    """Return the dead ends (x, y) m, plan, the highest first: a portal is above the mine. Without ends, all nodes."""
+    names = network.dead_ends or list(network.nodes_m)
+    heights = floor.heights_at(np.array([network.nodes_m[name] for name in names]))
+    return [network.nodes_m[names[k]] for k in np.argsort(-heights, kind="stable")]

@@ -1,7 +1,8 @@
-"""Read the composed configuration, without Hydra: only an override has to be composed."""
+"""Read the composed configuration and its overrides, without Hydra: only an override has to be composed."""
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from pipeline.errors import ParamsError
 from pipeline.params.config import Config
 
 COMPOSED = Path("artifacts/params.yaml")
+ROOT_PARAMS = Path("params.yaml")  # one line of overrides, DVC's only parameter
 
 
 def composed_section(section: str) -> Any:
@@ -30,3 +32,22 @@ def composed_section(section: str) -> Any:
         raise ParamsError(
             f"{COMPOSED}: not a composed configuration ({error}); run `python -m pipeline.compose`"
         ) from error
+
+
+def root_overrides() -> list[str]:
+    """Return the overrides in `params.yaml`, split as by a shell.
+
+    Raises
+    ------
+    ParamsError
+        If the file is missing or has no line of overrides.
+    """
+    try:
+        text = yaml.safe_load(ROOT_PARAMS.read_text())["overrides"] or ""
+        if not isinstance(text, str):
+            raise TypeError(f"overrides is a {type(text).__name__}")
+        return shlex.split(text)
+    except FileNotFoundError:
+        raise ParamsError(f"{ROOT_PARAMS}: missing; run from the project's root") from None
+    except (yaml.YAMLError, ValueError, KeyError, TypeError) as error:
+        raise ParamsError(f'{ROOT_PARAMS}: want one line `overrides: "..."` ({error})') from error

@@ -47,10 +47,6 @@ class ReaderLimits(Params):
     solved_items: int = Field(gt=0)
     survex_name_bytes: int = Field(gt=0, le=100_000)
     scratch_bytes: int = Field(gt=0)
-    steepest_grade: float = Field(gt=0, le=1)
-    grade_change: float = Field(gt=0, le=0.1)
-    flat_grade: float = Field(gt=0, le=1)
-    flat_step_m: float = Field(gt=0)
     farthest_wall_m: float = Field(gt=0)
 
 

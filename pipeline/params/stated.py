@@ -9,13 +9,13 @@ from pydantic import Field, ValidationError
 
 from pipeline.errors import InputError
 from pipeline.params.base import Params
-from pipeline.params.survey import GRADES_NEED, BoxPx, Elevation, Grade, Grey, PieceOption, Unit
+from pipeline.params.survey import GRADES_NEED, BoxPx, Elevation, Grade, Grey, PieceOption, StartM, Unit
 
 _MOST_PX = 1_000_000.0  # of a coordinate in a picture; a side has at most 16,384
 _Px = Annotated[float, Field(ge=-_MOST_PX, le=_MOST_PX)]
 _Metres = Annotated[float, Field(ge=-1e9, le=1e9)]
 _PICTURE = {"px_per_m", "bar_length_m", "bar_box_px", "crop_px", "level", "seeds_px", "wall_gap_px", "ignore_colours"}
-_NAMES = {"bar_length_m": "bar-length", "bar_box_px": "bar-box", "entrance_m": "entrance", "layers": "layer",
+_NAMES = {"bar_length_m": "bar-length", "bar_box_px": "bar-box", "entrance_m": "start", "layers": "layer",
           "snap_m": "snap", "elevations_m": "elevation", "half_width_m": "half-width", "crop_px": "crop",
           "seeds_px": "seed", "wall_gap_px": "gap", "ignore_colours": "ignore"}  # fmt: skip
 APPLIES = {  # what a file is -> the options that are read with it; entrance and grade are with all
@@ -34,7 +34,7 @@ class StatedOptions(Params):
     bar_length_m: float | None = Field(None, gt=0, le=100_000)
     bar_box_px: tuple[_Px, _Px, _Px, _Px] | None = None
     unit: Unit | None = None
-    entrance_m: tuple[_Metres, _Metres] | None = None
+    entrance_m: StartM | None = None
     layers: list[str] | None = Field(None, max_length=1000)
     snap_m: float | None = Field(None, ge=0, le=10)
     elevations_m: dict[str, Elevation] | None = Field(None, max_length=1000)

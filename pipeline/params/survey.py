@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from pipeline.params.base import DataFile, Params
+from pipeline.params.floor_rules import FloorRules
 
 PointM = tuple[float, float]
 
@@ -56,6 +57,8 @@ Grade = Annotated[
 """Rise over run, or one for each of some legs by their names."""
 _Metres = Annotated[float, Field(ge=-1e9, le=1e9)]
 PlaceM = tuple[_Metres, _Metres, _Metres]
+StartM = Annotated[tuple[_Metres, ...], Field(min_length=2, max_length=3)]
+"""Easting and northing, or also the elevation."""
 PieceOption = Annotated[
     Annotated[Annotated[str, Field(min_length=1, max_length=1000)], Tag("station")] | Annotated[PlaceM, Tag("place")],
     Discriminator(_kind_of_piece),
@@ -87,11 +90,13 @@ class PosesParams(Params):
     max_range_var_m2: float = Field(gt=0)
 
 
-class _SurveyParams(Params):
+class _SurveyParams(FloorRules):
     name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
     poses: PosesParams | None = None
     correct: Literal["sweeps"] | None = Field(default=None, description="stage 2 corrects walls by the sweeps of poses")
-    entrance_m: PointM | None = None
+    entrance_m: StartM | None = Field(
+        default=None, description="where robots start, m, mine frame, with the elevation where drifts pass over others"
+    )
     labels_m: dict[str, PointM] = Field(default_factory=dict)
     grade: Grade | None = Field(
         default=None,

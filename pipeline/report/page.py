@@ -14,7 +14,6 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from pipeline import __version__
-from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import format_limit
 from pipeline.mjcf.bundle import WorldRecord, read_floor, read_record
 from pipeline.params.validation import ValidationParams
@@ -62,7 +61,7 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
     Parameters
     ----------
     root : Path
-        The world's folder. All six stages must have run; limits may be breached.
+        The world's folder. All six stages must have run; limits may be breached. What was not measured is left out.
     env_id : str
         The Gymnasium id of the world.
     changed : dict
@@ -76,7 +75,7 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
     Raises
     ------
     ArtifactError
-        If an artifact is missing, or stage 6 built the certificate alone; the message names it.
+        If an artifact is missing; the message names it.
     """
     record = read_record(root / "realism" / "world")
     free_space, network = (
@@ -87,8 +86,6 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
     svg = to_svg(plan)
     survey = _read(root, "survey/survey.json", Survey)
     metrics, manifests = _metrics(root), [read_manifest(root / stage / "manifest.json") for stage in _STAGES]
-    if "iou.free_space_vs_cleaned" not in metrics:
-        raise ArtifactError(f"{root / 'validation'}: has the certificate only; a report needs validation.extent=full")
     groups = _figures(metrics, manifests[-1])
     limited = [figure.holds for group in groups.values() for figure in group if figure.holds is not None]
     template = jinja2.Environment(
@@ -111,7 +108,7 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
         groups=groups,
         held=sum(limited),
         limited=len(limited),
-        iou=metrics["iou.free_space_vs_cleaned"],
+        iou=metrics.get("iou.free_space_vs_cleaned"),  # without it stage 6 measured the certificate alone
         certificate=_read(root, "validation/certificate.json", dict),
         replay=_replay(root),
         network=network,

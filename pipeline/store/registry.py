@@ -1,4 +1,8 @@
-"""The registry of inputs: sha256, size, origin and licence of each file, checked before use."""
+"""The registry of inputs: sha256, size, origin and licence of each file, checked before use.
+
+The project's own inputs are in `data/registry.txt`. Those of your mines are in `data/registry_own.txt`; no stage of the
+default world depends on it.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ from pipeline.store.files import write_atomically
 from pipeline.store.hashing import absence_of, sha256_file
 from pipeline.store.locks import wait_for_lock
 
-REGISTRY = Path("data/registry.txt")
+REGISTRY, OWN_REGISTRY = Path("data/registry.txt"), Path("data/registry_own.txt")
 
 
 @dataclass(frozen=True)
@@ -24,16 +28,21 @@ class Entry:
     licence: str
 
 
-def read_registry(path: Path = REGISTRY) -> dict[str, Entry]:
-    """Read the registry: tab-separated `name sha256 bytes origin licence`, `#` starts a comment line.
+def read_registry() -> dict[str, Entry]:
+    """Read both registries: tab-separated `name sha256 bytes origin licence`, `#` starts a comment line.
 
     Raises
     ------
     InputError
-        If the file is missing or a line is malformed.
+        If `data/registry.txt` is missing or a line is malformed.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: {absence_of(path)}; run from the project's root")
+    if not REGISTRY.is_file():
+        raise InputError(f"{REGISTRY}: {absence_of(REGISTRY)}; run from the project's root")
+    own = _read_lines(OWN_REGISTRY) if OWN_REGISTRY.is_file() else {}
+    return own | _read_lines(REGISTRY)
+
+
+def _read_lines(path: Path) -> dict[str, Entry]:
     entries = {}
     for number, line in enumerate(path.read_text().splitlines(), start=1):
         if not line.strip() or line.startswith("#"):
@@ -69,8 +78,8 @@ def verify_input(path: Path, entries: dict[str, Entry]) -> str:
     return digest
 
 
-def register(path: Path, origin: str, licence: str) -> Entry:
-    """Append a file below `data/` to the registry.
+def register(path: Path, origin: str, licence: str, registry: Path = REGISTRY) -> Entry:
+    """Append a file below `data/` to a registry; a file that is in one is not added again.
 
     Raises
     ------
@@ -88,28 +97,32 @@ def register(path: Path, origin: str, licence: str) -> Entry:
         raise InputError(f"{str(path)!r}: a name, origin or licence with a tab or line break cannot be registered")
     read_registry()  # it must exist before it is locked
     entry = Entry(name, sha256_file(path), path.stat().st_size, origin, licence)
-    with wait_for_lock(REGISTRY):
-        _add_line(path, entry)
+    with wait_for_lock(registry):
+        _add_line(path, entry, registry)
     return entry
 
 
-def _add_line(path: Path, entry: Entry) -> None:
+def _add_line(path: Path, entry: Entry, registry: Path) -> None:
     registered = read_registry().get(entry.name)
     if registered is not None and registered.sha256 != entry.sha256:
         raise InputError(
             f"{path}: registered with sha256 {registered.sha256}, the file has {entry.sha256}; remove that line first"
         )
     if registered is None:
-        with REGISTRY.open("a") as stream:
+        with registry.open("a") as stream:
             line = [entry.name, entry.sha256, str(entry.bytes), entry.origin, entry.licence]
             stream.write("\t".join(line) + "\n")
 
 
 def unregister(paths: list[Path]) -> None:
-    """Remove files from the registry; those that are not in it are ignored."""
+    """Remove files of your mines from their registry; those that are not in it are ignored."""
     names = {path.relative_to("data").as_posix() for path in paths}
-    with wait_for_lock(REGISTRY):
-        lines = REGISTRY.read_text().splitlines(keepends=True)
+    if not names or not OWN_REGISTRY.is_file():
+        return
+    with wait_for_lock(OWN_REGISTRY):
+        lines = OWN_REGISTRY.read_text().splitlines(keepends=True)
         kept = [line for line in lines if line.split("\t")[0] not in names]
-        if kept != lines:
-            write_atomically(REGISTRY, "".join(kept).encode())
+        if not kept:
+            OWN_REGISTRY.unlink()
+        elif kept != lines:
+            write_atomically(OWN_REGISTRY, "".join(kept).encode())

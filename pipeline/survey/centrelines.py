@@ -14,7 +14,7 @@ import shapely
 from networkx.utils import UnionFind
 
 from pipeline.errors import InputError
-from pipeline.params.reader_limits import reader_limits
+from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.child import tell
 from pipeline.survey.plain_file import require_at_most
 from pipeline.survey.shapes import REACH_M, Shapes, locate
@@ -101,7 +101,7 @@ def _lines(
 
 def _crossed(path: Path, lines: list[Line]) -> list[Line]:
     """Return the lines with a common point wherever two cross in plan at one height, and say where."""
-    segments, most = _Segments(lines), reader_limits().flat_step_m
+    segments, most = _Segments(lines), floor_rules().flat_step_m
     points: dict[int, list[tuple[float, np.ndarray]]] = defaultdict(list)
     one, two = segments.tree.query(segments.shapes, predicate="crosses")
     for a, b in np.column_stack([one, two])[one < two].tolist():

@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.geometry.grade_heights import heights_of_grades, misclosure_at
-from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.child import tell
 from pipeline.survey.legs import SurveyLeg, require_connected
 
@@ -78,22 +78,22 @@ def _stated(path: Path, leg: SurveyLeg, stated: dict[str, float]) -> SurveyLeg:
 
 
 def _require_gentle(path: Path, leg: SurveyLeg, k: int, grade: float) -> None:
-    most = reader_limits().steepest_grade
+    most = floor_rules().steepest_grade
     if abs(grade) > most:
         raise InputError(
             f"{path}: leg {leg.name}, {_place(leg, k)}: a grade of {grade:.4g} is steeper than {most:g} "
-            f"(steepest_grade in {FILE})"
+            f"(survey.steepest_grade)"
         )
 
 
 def _check_loop(path: Path, shot: tuple[SurveyLeg, int], misclosure_m: float, changed: float) -> None:
     """Say by how much the worst loop misses; refuse it if closing it changes a grade by too much."""
     leg, k = shot
-    most = reader_limits().grade_change
+    most = floor_rules().grade_change
     found = f"the loop of grades through leg {leg.name}, {_place(leg, k)}, misses by {abs(misclosure_m):.2f} m"
     if changed > most:
         raise InputError(
-            f"{path}: {found}; closing it changes a grade by {changed:.5f}, at most {most:g} (grade_change in {FILE})"
+            f"{path}: {found}; closing it changes a grade by {changed:.5f}, at most {most:g} (survey.grade_change)"
         )
     if abs(misclosure_m) > _TOLD_M:
         tell(f"{path.name}: {found}, the most of all; distributed, this changes grades by up to {changed:.5f}")

@@ -7,7 +7,7 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from pipeline.params.reader_limits import reader_limits
+from pipeline.params.floor_rules import floor_rules
 
 _ACUTE = 0.34  # cosine of the angle between two arms; less acute ones hardly overlap
 _CLEAR_M = 1.0  # of rock between two arms, from which on each has a floor of its own
@@ -98,7 +98,7 @@ def _hold_level(shot: _Shot) -> None:
         return
     first, last = shot.points[0][1][2], shot.points[-1][1][2]
     rest = length - start - end
-    if rest <= 0 or abs(last - first) > reader_limits().steepest_grade * rest:
+    if rest <= 0 or abs(last - first) > floor_rules().steepest_grade * rest:
         return
     heights = np.interp(along, [0.0, start, length - end, length], [first, first, last, last])
     for (_, place, _, _), height in zip(shot.points, heights, strict=True):

@@ -11,7 +11,7 @@ import numpy as np
 
 from minexplore.bundle import SLAB_M
 from pipeline.geometry.wall_foot import BAND_M
-from pipeline.params.reader_limits import reader_limits
+from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.built_cells import Built, BuiltCells
 from pipeline.types import Shaft
 
@@ -85,10 +85,10 @@ def bend(
     bends = np.array([[*start[:2], first], *between, [*end[:2], last]])
     run, drop = np.linalg.norm(np.diff(bends[:, :2], axis=0), axis=1), np.abs(np.diff(bends[:, 2]))
     flattest = int((run / drop).argmax())
-    if run[flattest] * reader_limits().steepest_grade > drop[flattest]:
+    if run[flattest] * floor_rules().steepest_grade > drop[flattest]:
         return np.zeros((0, 3)), (
             f"leans by {run[flattest]:.1f} m over {drop[flattest]:.1f} m of rock, at most "
-            f"{1 / reader_limits().steepest_grade:.2f} of it"
+            f"{1 / floor_rules().steepest_grade:.2f} of it"
         )
     if _meets_workings(bends, reach_m, workings):
         return np.zeros((0, 3)), "meets workings between its ends"
@@ -164,7 +164,7 @@ def _is_clear(stope: Shaft, built: Built, workings: BuiltCells) -> bool:
     place = np.array([*(stope.place_m - built.offsets[plan_sheet]), built.datum_m])
     if stope.bends_m:
         return not _meets_workings(place + np.array(stope.bends_m), reach_m, workings)
-    step = reader_limits().flat_step_m
+    step = floor_rules().flat_step_m
     low = stope.bottom_m + (step if stope.below is not None else -reach_m)
     high = stope.top_m + (reach_m if is_raise else -step)
     return not workings.between(place[:2], low + built.datum_m, high + built.datum_m, reach_m)

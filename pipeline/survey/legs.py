@@ -12,6 +12,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
+from pipeline.params.floor_rules import floor_rules
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.child import tell
 from pipeline.types import Points2
@@ -197,7 +198,7 @@ def _pass_over(one: SurveyLeg, a: int, b: int, two: SurveyLeg, c: int, d: int, x
         step = leg.positions_m[end] - leg.positions_m[start]
         share = np.dot((x, y) - leg.positions_m[start], step) / np.dot(step, step)
         heights.append(leg.heights_m[start, 0] + share * (leg.heights_m[end, 0] - leg.heights_m[start, 0]))
-    return abs(heights[0] - heights[1]) > reader_limits().flat_step_m
+    return abs(heights[0] - heights[1]) > floor_rules().flat_step_m
 
 
 def _leg_of(legs: list[SurveyLeg], stations: set[str]) -> str:

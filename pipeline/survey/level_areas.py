@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.enclosure import enclose_workings
-from pipeline.params.reader_limits import reader_limits
+from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.child import tell
 from pipeline.survey.level_walls import SAME_M, Wall, beside_each_other, falls, is_steep_in_part, lie_over, sampled
 
@@ -123,7 +123,7 @@ def _touches_over(walls: list[Wall]) -> bool:
     """Return whether walls touch in plan at different heights, as the ends of a ramp of a whole turn do."""
     points = np.concatenate([sampled(wall) for wall in walls])
     one, two = cKDTree(points[:, :2]).query_pairs(SAME_M, output_type="ndarray").T
-    return bool((abs(points[one, 2] - points[two, 2]) > reader_limits().flat_step_m).any())
+    return bool((abs(points[one, 2] - points[two, 2]) > floor_rules().flat_step_m).any())
 
 
 def _nested(areas: list[Area], rings: list[Area]) -> list[Area]:
@@ -161,7 +161,7 @@ def _at_its_height(area: Area, rings: dict[int, Wall]) -> list[int]:
     They are found from its walls inwards, as each tells how high the floor about it is: in a room with many pillars
     the nearest outer wall may be far off, and the floor may dip.
     """
-    step, walls, found, rest = reader_limits().flat_step_m, [*area.walls], list[int](), dict(rings)
+    step, walls, found, rest = floor_rules().flat_step_m, [*area.walls], list[int](), dict(rings)
     while rest:
         known = np.concatenate([sampled(wall) for wall in walls])
         apart = dict.fromkeys(rest, np.inf)

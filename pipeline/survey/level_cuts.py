@@ -8,7 +8,7 @@ import shapely.ops
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.params.reader_limits import reader_limits
+from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.level_areas import OVERLAP_M2, TOUCH_M, Area, places_in
 from pipeline.survey.sheet_layout import APART_M
 
@@ -103,4 +103,4 @@ def _lies_over(piece: Polygon, area: Area, other: Area) -> bool:
     if common.area < OVERLAP_M2:
         return False
     places = places_in(common)
-    return bool((abs(area.heights_at(places) - other.heights_at(places)) > reader_limits().flat_step_m).any())
+    return bool((abs(area.heights_at(places) - other.heights_at(places)) > floor_rules().flat_step_m).any())

@@ -11,7 +11,7 @@ from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.params.reader_limits import reader_limits
+from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.child import tell
 from pipeline.survey.level_areas import TOUCH_M, Area, places_in
 from pipeline.survey.level_walls import Wall
@@ -72,7 +72,7 @@ def even_floors(path: Path, areas: list[Area], shapes: dict[str, Polygon], joins
 def _meeting(areas: list[Area], shapes: dict[str, Polygon], a: str, b: str) -> BaseGeometry | None:
     """Return where two areas meet at one height; None if nowhere."""
     common = shapes[a].buffer(TOUCH_M).intersection(shapes[b].buffer(TOUCH_M))
-    step = reader_limits().flat_step_m
+    step = floor_rules().flat_step_m
     parts = [part for part in shapely.get_parts(common) if _gap(areas, part, a, b)[0] <= step]
     return shapely.union_all(parts) if parts else None
 

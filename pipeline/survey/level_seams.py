@@ -11,7 +11,7 @@ from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.params.reader_limits import reader_limits
+from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.child import tell
 from pipeline.survey.level_areas import OVERLAP_M2, TOUCH_M, Area, places_in
 from pipeline.survey.level_cuts import NARROWEST_M, oblique_m, piece_at
@@ -134,7 +134,7 @@ def _corners_near(areas: list[Area], shapes: dict[str, Polygon], name: str, othe
     places = np.unique(shapely.get_coordinates(shapes[name]), axis=0)
     places = places[shapely.dwithin(shapes[other].boundary, shapely.points(places), snap_m)]
     apart = abs(areas[int(name)].heights_at(places) - areas[int(other)].heights_at(places))
-    return shapely.multipoints(places[apart <= reader_limits().flat_step_m])
+    return shapely.multipoints(places[apart <= floor_rules().flat_step_m])
 
 
 def _rounded(shape: BaseGeometry) -> BaseGeometry:
@@ -158,7 +158,7 @@ def _cut(path: Path, areas: list[Area], shapes: dict[str, Polygon], a: str, b: s
     What both cover at one height goes to the larger one, or to the one that would fall apart without it. An edge that
     is not straight is replaced by its chord.
     """
-    step = reader_limits().flat_step_m
+    step = floor_rules().flat_step_m
     if shapes[a].area < shapes[b].area:
         a, b = b, a
 

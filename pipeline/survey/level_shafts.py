@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from pipeline.params.reader_limits import reader_limits
+from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.built_cells import BESIDE_M, USUAL_ROOF_M
 from pipeline.survey.child import tell
 from pipeline.survey.leaning import follow
@@ -95,7 +95,7 @@ def shafts_of(path: Path, axes: list[Wall], sheets: Sheets) -> list[Shaft]:
 
 def _sections(axis: Wall, sheets: Sheets) -> tuple[list[Shaft], list[str]]:
     """Return the shafts and raises along an axis, and a line for each that is left out."""
-    top, bottom, step = axis[0], axis[-1], reader_limits().flat_step_m
+    top, bottom, step = axis[0], axis[-1], floor_rules().flat_step_m
     up, down = (np.array([0.0, 0.0, z]) for z in (max(step, OVER_RAISE_M), -FLOORS_APART_M))
     places = np.vstack([top + up, axis, bottom + down])
     every = _floors_met(places, sheets)
@@ -171,7 +171,7 @@ def _shaft(way: np.ndarray, sheet: int | None, below: int | None, sheets: Sheets
         return follow(shaft, way[::-1] if is_raise else way, sheets.datum_m, sheets)
     if run > 0 and below == sheet:
         return shaft, f"leans by {run:.1f} m over {fall:.1f} m, and ends under the drift that it leaves"
-    step = reader_limits().flat_step_m
+    step = floor_rules().flat_step_m
     low, high = bottom[2] + step, top[2] + (OVER_RAISE_M if is_raise else -step)
     if sheets.between(np.array([x, y]), low, high, BESIDE_M):
         return shaft, "meets workings between its ends"

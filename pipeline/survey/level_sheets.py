@@ -11,7 +11,7 @@ import shapely.ops
 from shapely import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.child import tell
 from pipeline.survey.level_areas import OVERLAP_M2, TOUCH_M, Area, nearest_heights, places_in
 from pipeline.survey.level_seams import SeamHeights, join_areas
@@ -94,7 +94,7 @@ def draw_levels(
 
 def _pairs(areas: list[Area], snap_m: float) -> list[tuple[int, int, bool, bool]]:
     """Return the pairs of areas that meet at one height, or lie over each other at different heights."""
-    shapes, step = np.array([area.polygon for area in areas]), reader_limits().flat_step_m
+    shapes, step = np.array([area.polygon for area in areas]), floor_rules().flat_step_m
     wide = shapely.buffer(shapes, APART_M / 2)
     found = []
     for a, b in shapely.STRtree(wide).query(wide, predicate="intersects").T.tolist():
@@ -171,7 +171,7 @@ def _tell_near(path: Path, areas: list[Area], joins: nx.Graph) -> None:
         tell(
             f"{path.name}: {len(near)} pairs of levels and ramps nearly meet, the first {gap:.2f} m apart in plan at "
             f"({x:.1f}, {y:.1f}), {low:.1f} and {high:.1f} m high; survey.snap_m says what meets in plan, "
-            f"flat_step_m in {FILE} in height"
+            f"survey.flat_step_m in height"
         )
 
 

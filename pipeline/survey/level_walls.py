@@ -13,7 +13,7 @@ from shapely import LineString
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.params.reader_limits import reader_limits
+from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.child import one_line
 from pipeline.survey.shapes import Shapes
 from pipeline.survey.stray_heights import require_elevations
@@ -53,7 +53,7 @@ def walls_in_space(
     InputError
         If a layer is stated that the file does not have, or an elevation of 0 is a missing one.
     """
-    stated, step = elevations_m or {}, reader_limits().flat_step_m
+    stated, step = elevations_m or {}, floor_rules().flat_step_m
     unknown = sorted(set(stated) - set(content.layer_of))
     if unknown:
         there = ", ".join(one_line(name, 40) for name in dict.fromkeys(content.layer_of)) or "no layers"
@@ -91,7 +91,7 @@ def lie_over(walls: list[tuple[Wall, str]]) -> bool:
     low, high = np.full(cell.max() + 1, np.inf), np.full(cell.max() + 1, -np.inf)
     np.minimum.at(low, cell.ravel(), points[:, 2])
     np.maximum.at(high, cell.ravel(), points[:, 2])
-    return bool((high - low > reader_limits().flat_step_m).any())
+    return bool((high - low > floor_rules().flat_step_m).any())
 
 
 def sampled(wall: Wall) -> np.ndarray:
@@ -143,7 +143,7 @@ def axis_of(line: Wall) -> Wall | None:
     steps = steps[steep[0] : steep[-1] + 1]
     falls = -steps[:, 2] if steps[:, 2].sum() < 0 else steps[:, 2]
     axis = line[steep[0] : steep[-1] + 2]
-    is_one = _is_steep(steps).all() and (falls > 0).all() and falls.sum() > reader_limits().flat_step_m
+    is_one = _is_steep(steps).all() and (falls > 0).all() and falls.sum() > floor_rules().flat_step_m
     if not is_one or _length(axis) < _length(line) / 2:
         return None
     return axis if axis[0, 2] > axis[-1, 2] else axis[::-1]
@@ -152,17 +152,17 @@ def axis_of(line: Wall) -> Wall | None:
 def is_steep_in_part(wall: Wall) -> bool:
     """Return whether a line falls by more than `flat_step_m` along shots too steep to drive."""
     steps = np.diff(wall, axis=0)
-    return bool(np.abs(steps[_is_steep(steps), 2]).sum() > reader_limits().flat_step_m)
+    return bool(np.abs(steps[_is_steep(steps), 2]).sum() > floor_rules().flat_step_m)
 
 
 def falls(wall: Wall) -> bool:
     """Return whether a line is no wall of a level: its points differ by more than `flat_step_m` in height."""
-    return bool(np.ptp(wall[:, 2]) > reader_limits().flat_step_m)
+    return bool(np.ptp(wall[:, 2]) > floor_rules().flat_step_m)
 
 
 def _is_steep(steps: np.ndarray) -> np.ndarray:
     """Return whether each step (k, 3) m is too steep to drive."""
-    return np.asarray(np.abs(steps[:, 2]) > reader_limits().steepest_grade * np.hypot(*steps[:, :2].T))
+    return np.asarray(np.abs(steps[:, 2]) > floor_rules().steepest_grade * np.hypot(*steps[:, :2].T))
 
 
 def _grade(axis: Wall) -> float:
@@ -178,7 +178,7 @@ def beside_each_other(strings: list[tuple[Wall, str]]) -> list[list[tuple[Wall, 
     """Return open walls by the drifts that they are of: near each other in one layer, at like heights."""
     groups: UnionFind = UnionFind(range(len(strings)))
     lines = [LineString(wall[:, :2]) for wall, _ in strings]
-    margin = reader_limits().flat_step_m / 2
+    margin = floor_rules().flat_step_m / 2
     spans = [(wall[:, 2].min() - margin, wall[:, 2].max() + margin) for wall, _ in strings]
     pairs = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=_BESIDE_M).T if lines else []
     for a, b in pairs:

@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 from shapely import MultiPolygon
 
 from pipeline.errors import InputError
+from pipeline.params.floor_rules import reading_by
 from pipeline.params.survey import PlanSurveyParams, PosesParams, StationSurveyParams, SurveyParams
 from pipeline.store.registry import read_registry
 from pipeline.survey.child import Payload, run_limited
@@ -34,6 +35,7 @@ from pipeline.survey.poses import PoseScale, scale_from_poses
 from pipeline.survey.scale import measure_bar
 from pipeline.survey.sheets import draw_sheets
 from pipeline.survey.solved.read import SOLVED_SUFFIXES
+from pipeline.survey.start import start_in_plan
 from pipeline.survey.stations import read_stations
 from pipeline.survey.surfaces import height_files, read_heights
 from pipeline.survey.sweeps import gate_returns, read_poses, read_returns
@@ -112,6 +114,11 @@ def _subject(params: SurveyParams) -> str:
 
 
 def _read(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
+    with reading_by(params):
+        return _read_by_kind(params)
+
+
+def _read_by_kind(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
     heights = None
     match params.kind:
         case "stations" | "plan":
@@ -123,6 +130,7 @@ def _read(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
         case _:
             workings, georeference, plan, frame, heights = draw_vector_survey(params)
             boxes, scale = [], Scale(frame.px_per_m, "drawn")
+    heights = _stated_heights(params, georeference, plan, frame) or heights
     registry, files = read_registry(), sources(params)
     licences = {
         name: registry[name.removeprefix("data/")].licence for name in files if name.removeprefix("data/") in registry
@@ -133,12 +141,12 @@ def _read(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
         frame,
         scale,
         boxes,
-        params.entrance_m,
+        None if params.entrance_m is None else start_in_plan(params.entrance_m, heights),
         dict(params.labels_m),
         files,
         georeference,
         licences,
-        _stated_heights(params, georeference, plan, frame) or heights,
+        heights,
     )
     return plan, survey, workings
 

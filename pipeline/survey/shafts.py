@@ -9,7 +9,7 @@ from pathlib import Path
 import networkx as nx
 import numpy as np
 
-from pipeline.params.reader_limits import reader_limits
+from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.built_cells import BESIDE_M, Built, BuiltCells
 from pipeline.survey.child import tell
 from pipeline.survey.leaning import WIDEST_M, find_stopes, follow, stope_length_m
@@ -28,7 +28,7 @@ MOST_TOLD = 5  # of the shafts that are left out
 def steep_shots(leg: SurveyLeg) -> np.ndarray:
     """Return the numbers (k,) of the stations of a leg at which a shot steeper than `steepest_grade` begins."""
     run = np.maximum(np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1), 1e-9)
-    return np.flatnonzero(np.abs(np.diff(floor_of(leg))) > reader_limits().steepest_grade * run)
+    return np.flatnonzero(np.abs(np.diff(floor_of(leg))) > floor_rules().steepest_grade * run)
 
 
 def find_shafts(path: Path, legs: list[SurveyLeg], built: Built) -> list[Shaft]:
@@ -125,8 +125,8 @@ def _shaft(way: list[str], steep: nx.Graph, built: Built, workings: BuiltCells) 
         return _leaning(shaft, way, steep, built, workings)
     if below == sheet:
         return shaft, f"leans by {run:.1f} m over {fall:.1f} m, and ends under the drift that it leaves"
-    lowest = bottom[2] - FLOORS_APART_M if below is None else bottom[2] + reader_limits().flat_step_m
-    if workings.between(top[:2], lowest, top[2] - reader_limits().flat_step_m):
+    lowest = bottom[2] - FLOORS_APART_M if below is None else bottom[2] + floor_rules().flat_step_m
+    if workings.between(top[:2], lowest, top[2] - floor_rules().flat_step_m):
         return shaft, "meets workings between its ends"
     return shaft, ""
 
@@ -154,7 +154,7 @@ def _raise(way: list[str], steep: nx.Graph, built: Built, workings: BuiltCells) 
     if run > LEAN * rise:
         return _leaning(shaft, way, steep, built, workings)
     beside = max(BESIDE_M, min(side or 0.0, WIDEST_M) * 2**-0.5 + _ROUND_RAISE_M)
-    if workings.between(bottom[:2], bottom[2] + reader_limits().flat_step_m, top[2] + OVER_RAISE_M, beside):
+    if workings.between(bottom[:2], bottom[2] + floor_rules().flat_step_m, top[2] + OVER_RAISE_M, beside):
         return shaft, f"meets workings between its ends, or ends less than {OVER_RAISE_M:g} m below some"
     return shaft, ""
 

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from minexplore.stretch import LEAST_ROOF_M, MOST_ROOF_M
 from pipeline.errors import InputError
-from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.built_cells import Built
 from pipeline.survey.child import tell
 from pipeline.survey.legs import SurveyLeg, without_shots
@@ -83,12 +83,12 @@ def has_relief(legs: list[SurveyLeg]) -> bool:
     if any(leg.grades is not None for leg in driven):
         return True
     floors = np.concatenate([floor_of(leg) for leg in driven])
-    return bool(np.isfinite(floors).all() and np.ptp(floors) > reader_limits().flat_step_m)
+    return bool(np.isfinite(floors).all() and np.ptp(floors) > floor_rules().flat_step_m)
 
 
 def _gentle(path: Path, legs: list[SurveyLeg]) -> list[SurveyLeg]:
     """Return the legs without their steep parts."""
-    most, found, steep, first = reader_limits().steepest_grade, [], 0, ""
+    most, found, steep, first = floor_rules().steepest_grade, [], 0, ""
     for leg in legs:
         bad = steep_shots(leg).tolist()
         for k in bad:
@@ -97,10 +97,10 @@ def _gentle(path: Path, legs: list[SurveyLeg]) -> list[SurveyLeg]:
         steep += len(bad)
         found += without_shots(leg, set(bad))
     if not found:
-        raise InputError(f"{path}: every leg is steeper than {most:g} (steepest_grade in {FILE}); nothing to drive on")
+        raise InputError(f"{path}: every leg is steeper than {most:g} (survey.steepest_grade); nothing to drive on")
     if steep:
         tell(
-            f"{path.name}: {steep} legs are steeper than {most:g} (steepest_grade in {FILE}) and are fenced off, "
+            f"{path.name}: {steep} legs are steeper than {most:g} (survey.steepest_grade) and are fenced off, "
             f"the first {first}"
         )
     return found
@@ -145,7 +145,7 @@ def _is_clean(cut: np.ndarray, near: dict[str, list[BaseGeometry]], cells: dict[
     """
     line, (x, y, z) = shapely.LineString(cut[:, :2]), cut.mean(axis=0)
     return not any(
-        shapely.intersects(shapes, line).any() and abs(cells[name].height_at(x, y) - z) < reader_limits().flat_step_m
+        shapely.intersects(shapes, line).any() and abs(cells[name].height_at(x, y) - z) < floor_rules().flat_step_m
         for name, shapes in near.items()
     )
 
@@ -158,7 +158,7 @@ def _conflicts(path: Path, cells: dict[str, Cell], units: dict[str, str], graph:
     )
     pairs = shapely.STRtree(shapes).query(shapes, predicate="intersects").T
     pairs = pairs[pairs[:, 0] < pairs[:, 1]]
-    step, is_sure = reader_limits().flat_step_m, _lie_over(shapes, cells, names, pairs)
+    step, is_sure = floor_rules().flat_step_m, _lie_over(shapes, cells, names, pairs)
     found: dict[str, set[str]] = {unit: set() for unit in units.values()}
     for (i, j), sure in zip(pairs.tolist(), is_sure.tolist(), strict=True):
         a, b = units[names[i]], units[names[j]]
@@ -191,7 +191,7 @@ def _lie_over(shapes: np.ndarray, cells: dict[str, Cell], names: list[str], pair
     apart = low[pairs].max(axis=1) - high[pairs].min(axis=1)
     inner = shapely.buffer(shapes, -_INTO_M)
     shapely.prepare(inner)
-    return (apart > reader_limits().flat_step_m) & shapely.intersects(inner[pairs[:, 0]], shapes[pairs[:, 1]])
+    return (apart > floor_rules().flat_step_m) & shapely.intersects(inner[pairs[:, 0]], shapes[pairs[:, 1]])
 
 
 def _polygons(cells: dict[str, Cell], sheet: dict[str, int]) -> list[Polygon]:

@@ -14,6 +14,7 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
+from pipeline.params.floor_rules import floor_rules
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.child import tell
 from pipeline.survey.dxf import read_dxf_labels
@@ -102,7 +103,7 @@ def wall_heights(path: Path, content: Shapes, moved: list[BaseGeometry], georefe
     shapes = [shape for shape in content.shapes if not shape.is_empty]
     z = shapely.get_coordinates(shapes, include_z=True)[:, 2] * georeference.metres_per_unit
     known = np.isfinite(z)
-    if not known.any() or np.ptp(z[known]) <= reader_limits().flat_step_m:
+    if not known.any() or np.ptp(z[known]) <= floor_rules().flat_step_m:
         return None
     lines = [line for shape in moved for line in _lines_of(shape)]
     points = np.column_stack([shapely.get_coordinates(lines), z])

@@ -18,6 +18,13 @@ print(env.render().shape, env.render().std() > 1)
 env.close()
 """
 
+LEAVE_OPEN = """
+import gymnasium, minexplore, sys
+env = gymnasium.make("MineXplore/World-v0", world=sys.argv[1], render_mode="rgb_array")
+env.reset(seed=0)
+print(env.render().shape)
+"""
+
 WATCH = """
 import gymnasium, minexplore, sys
 env = gymnasium.make("MineXplore/World-v0", world=sys.argv[1], render_mode="human")
@@ -50,6 +57,19 @@ def test_pictures_need_no_display_and_no_variable(tee: BuiltMine, first):
     done = run("-c", first + DRAW, str(tee.bundle))
     assert done.returncode == 0, done.stderr
     assert done.stdout.split("\n")[0] == "(480, 640, 3) True"
+
+
+@pytest.mark.parametrize(
+    "library",
+    [
+        pytest.param("egl", marks=pytest.mark.skipif(not egl_works(), reason="EGL is not installed")),
+        pytest.param("osmesa", marks=pytest.mark.skipif(not osmesa_works(), reason="OSMesa is not installed")),
+    ],
+)
+def test_a_script_that_does_not_close_its_environment_ends_without_a_complaint(tee: BuiltMine, library):
+    done = run("-c", LEAVE_OPEN, str(tee.bundle), MUJOCO_GL=library)
+    assert done.returncode == 0, done.stderr
+    assert (done.stdout.strip(), done.stderr) == ("(480, 640, 3)", "")
 
 
 @needs_opengl

@@ -87,11 +87,14 @@ def test_a_column_without_a_grade_leaves_a_survey_flat(tmp_path):
     ("grades", "message"),
     [
         ({"X": 0.1}, r"s\.csv: a grade of leg X, which it does not have; there are A, B, C, D"),
-        ({"B": 0.4}, r"leg B, c to d at \(60\.0, 0\.0\): a grade of 0\.4 is steeper than 0\.364 \(steepest_grade in"),
+        (
+            {"B": 0.4},
+            r"leg B, c to d at \(60\.0, 0\.0\): a grade of 0\.4 is steeper than 0\.364 \(survey\.steepest_grade\)",
+        ),
         (
             {"A": 0.02, "B": 0.01, "C": -0.004},
             r"the loop of grades through leg ., . to . at .*, misses by 1\.20 m; closing it changes a grade by "
-            r"0\.00600, at most 0\.005 \(grade_change in conf/reader_limits\.yaml\)",
+            r"0\.00600, at most 0\.005 \(survey\.grade_change\)",
         ),
         ({"A": 0.3, "C": 0.3}, r"leg B, c to d at \(60\.0, 0\.0\): a grade of -1\.2 is steeper than 0\.364"),
     ],

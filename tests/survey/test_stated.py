@@ -29,7 +29,7 @@ from tests.mines import TEE, frame_for, plan_of
         ("level", 10**30, "--level = 1000"),
         ("crop_px", [5, 5, 1, 1], "--crop = .*want west < east"),
         ("ignore_colours", [[300, 0, 0]], "--ignore = 300"),
-        ("entrance_m", [1e308, 0], "--entrance = 1e[+]308"),
+        ("entrance_m", [1e308, 0], "--start = 1e[+]308"),
         ("bar_box_px", [-9, -9, -1, -1], r"--bar-box = \[-9, -9, -1, -1\]: not inside the picture of \d+ x \d+ px"),
     ],
 )

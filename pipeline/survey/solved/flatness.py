@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from pipeline.errors import InputError
-from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.params.floor_rules import floor_rules
 
 _BLOCK = 256
 # A station may be on the floor, a wall or the roof: a smaller rise between neighbours need not be the floor's.
@@ -73,7 +73,7 @@ def _legs(sections: list[Section]) -> _Legs:
 def _require_level(path: Path, legs: _Legs) -> None:
     step = np.diff(legs.positions_m, axis=1)[:, 0]
     run, rise = np.hypot(step[:, 0], step[:, 1]), np.abs(step[:, 2])
-    most = reader_limits().flat_grade
+    most = floor_rules().flat_grade
     steep = np.flatnonzero((rise > _STATION_M) & (rise > most * run))
     if not len(steep):
         return
@@ -82,7 +82,7 @@ def _require_level(path: Path, legs: _Legs) -> None:
     how = f"a shaft of {rise[i]:.1f} m" if run[i] < 0.01 else f"{rise[i]:.1f} m up or down in {run[i]:.1f} m"
     raise InputError(
         f"{path}: {a} to {b} at ({x:.1f}, {y:.1f}): {how}; {len(steep)} of {len(legs.names)} legs are steeper than "
-        f"{most:g} (flat_grade in {FILE}), and worlds with steep workings are not supported yet"
+        f"{most:g} (survey.flat_grade), and worlds with steep workings are not supported yet"
     )
 
 
@@ -90,7 +90,7 @@ def _require_single(path: Path, legs: _Legs) -> None:
     lines = shapely.linestrings(legs.positions_m[:, :, :2])
     shapes = shapely.buffer(lines, legs.half_m, quad_segs=2, cap_style="flat")
     low, high = legs.positions_m[:, :, 2].min(axis=1), legs.positions_m[:, :, 2].max(axis=1)
-    most, tree = reader_limits().flat_step_m, shapely.STRtree(shapes)
+    most, tree = floor_rules().flat_step_m, shapely.STRtree(shapes)
     for start in range(0, len(shapes), _BLOCK):
         k, j = tree.query(shapes[start : start + _BLOCK], predicate="intersects")
         i = k + start
@@ -112,7 +112,7 @@ def _require_same_height(path: Path, legs: _Legs, shapes: np.ndarray, a: int, b:
     (c, d), (e, f) = legs.names[upper], legs.names[lower]
     raise InputError(
         f"{path}: {c} to {d} passes over {e} to {f} at ({at.x:.1f}, {at.y:.1f}), {abs(heights[0] - heights[1]):.1f} m "
-        f"higher, the limit is {most:g} m (flat_step_m in {FILE}); worlds with passages over each other are not "
+        f"higher, the limit is {most:g} m (survey.flat_step_m); worlds with passages over each other are not "
         "supported yet"
     )
 

@@ -9,7 +9,8 @@ import re
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.params.floor_rules import floor_rules
+from pipeline.params.reader_limits import FILE
 from pipeline.survey.child import Payload, one_line, run_limited
 from pipeline.survey.legs import SurveyLeg
 from pipeline.survey.sheets import has_relief
@@ -169,7 +170,7 @@ def read_survex(path: Path, half_width_m: float | None = None) -> tuple[list[Sur
         except InputError:
             raise error from None
         return plan_legs(path, survey, half_width_m), survey.crs
-    if rise_m <= reader_limits().flat_step_m:
+    if rise_m <= floor_rules().flat_step_m:
         return legs, crs
     if not has_cavern():
         raise InputError(f"{path}: its stations differ in height by {rise_m:.1f} m, which needs Survex; {INSTALL}")

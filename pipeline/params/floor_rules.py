@@ -1,0 +1,42 @@
+"""What of a survey in three dimensions is one floor, and what of it is drivable: parameters of stage 1."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+from pydantic import Field
+
+from pipeline.params.base import Params
+
+
+class FloorRules(Params):
+    """Values that shape the floor of a world; `conf/floors/default.yaml` explains each."""
+
+    steepest_grade: float = Field(default=0.364, gt=0, le=1, description="rise over run of a leg that is built")
+    grade_change: float = Field(
+        default=0.005, gt=0, le=0.1, description="of a leg's stated grade, by which loops are closed"
+    )
+    flat_grade: float = Field(default=0.10, gt=0, le=1, description="of a leg in a plan that is drawn flat")
+    flat_step_m: float = Field(
+        default=1.0, gt=0, le=100, description="between workings that overlap in plan and are one floor"
+    )
+
+
+_RULES: ContextVar[FloorRules] = ContextVar("floor_rules", default=FloorRules())  # noqa: B039 - it is frozen
+
+
+def floor_rules() -> FloorRules:
+    """Return the rules of the survey that is being read, else the default ones, as while a format is detected."""
+    return _RULES.get()
+
+
+@contextmanager
+def reading_by(rules: FloorRules) -> Iterator[None]:
+    """Read a survey by its own rules."""
+    token = _RULES.set(rules)
+    try:
+        yield
+    finally:
+        _RULES.reset(token)

@@ -1,0 +1,67 @@
+"""Where robots start: a place that the user states, or the highest end of the drifts."""
+
+import numpy as np
+import pytest
+
+from pipeline.compose import compose
+from pipeline.errors import InputError
+from pipeline.geometry.occupancy import first_anchor
+from pipeline.geometry.sheets import ends_from_above
+from pipeline.survey.start import start_in_plan
+from pipeline.types import DriftNetwork, Heights, Occupancy
+
+# Two drifts over each other along the same line, the lower one drawn 100 m north of the other.
+UPPER = [(0.0, 0.0, 20.0), (60.0, 0.0, 20.0)]
+LOWER = [(0.0, 100.0, 0.0), (60.0, 100.0, 0.0)]
+STACKED = Heights(lines=[UPPER, LOWER], datum_m=500.0, offset_m=[(0.0, 0.0), (0.0, 100.0)])
+
+
+class Slope:
+    """A floor that rises to the east."""
+
+    def heights_at(self, places_m):
+        return places_m[:, 0]
+
+
+def network_of(nodes, dead_ends):
+    return DriftNetwork(nodes, [], [], dead_ends, 0, 1, 0.0, [], [(0.0, 0.0)], 0.0, 0.25)
+
+
+@pytest.mark.parametrize(("elevation", "y"), [(521.0, 0.0), (500.0, 100.0)])
+def test_of_drifts_over_each_other_a_start_is_on_that_of_its_elevation(elevation, y):
+    assert start_in_plan((30.0, 1.0, elevation), STACKED) == (30.0, 1.0 + y)
+
+
+def test_a_start_without_an_elevation_is_a_place_of_the_plan():
+    assert start_in_plan((30.0, 1.0), STACKED) == start_in_plan((30.0, 1.0), None) == (30.0, 1.0)
+
+
+@pytest.mark.parametrize("start", [(30.0, 1.0, 600.0), (900.0, 1.0, 500.0)])
+def test_a_start_far_from_every_drift_is_refused_with_its_key(start):
+    with pytest.raises(InputError, match=r"^survey\.entrance_m = .*: no drift within 20 m"):
+        start_in_plan(start, STACKED)
+
+
+def test_an_elevation_in_a_level_mine_is_refused():
+    with pytest.raises(InputError, match="an elevation needs a survey whose drifts have them"):
+        start_in_plan((0.0, 0.0, 5.0), None)
+
+
+def test_the_ends_of_drifts_come_from_above_and_junctions_are_none():
+    nodes = {"low": (0.0, 0.0), "top": (80.0, 5.0), "junction": (90.0, 0.0)}
+    assert ends_from_above(network_of(nodes, ["low", "top"]), Slope()) == [(80.0, 5.0), (0.0, 0.0)]
+    assert ends_from_above(network_of(nodes, []), Slope())[0] == (90.0, 0.0)  # a ring has no end
+
+
+def test_robots_start_at_the_first_place_with_room():
+    free = np.zeros((40, 200), bool)
+    free[10:30, 100:] = True
+    clearance = np.where(free, 2.0, 0.0)
+    grid = Occupancy(free, clearance, (0.0, 0.0), 0.5)
+    spawn = first_anchor(grid, [(5.0, 10.0), (75.0, 10.0)], 10.0, 1.0)
+    assert spawn.centre_m == (75.0, 10.0)
+
+
+@pytest.mark.parametrize("value", ["[1.0,2.0]", "[1.0,2.0,3.0]"])
+def test_a_start_is_two_or_three_numbers(value):
+    assert list(compose([f"survey.entrance_m={value}"]).survey.entrance_m) == [float(v) for v in value[1:-1].split(",")]
