@@ -16,9 +16,11 @@ from pipeline.params.validation import Limit, ValidationParams
 from pipeline.proof.groups import applying_limits
 from pipeline.report.results import NO_FIGURE, read_metrics
 from pipeline.stage import ARTIFACTS
+from pipeline.store.codecs import decode
 from pipeline.store.manifest import read_manifest, read_params
 from pipeline.store.verify import verify_world
 from pipeline.survey.child import one_line
+from pipeline.types import Survey
 
 WORLDS = ARTIFACTS / "worlds"
 DEFAULT = "default"
@@ -73,12 +75,13 @@ def limits_of(name: str) -> dict[str, Limit]:
 
 
 def describe_start(folder: Path) -> str:
-    """Return where robots start in the world of a folder, mine frame, and how to change it."""
+    """Return where robots start in the world of a folder, as `--start` takes it, and how to change it."""
     bundle = folder / "realism" / "world"
     record = read_record(bundle)
     place = read_floor(bundle, record).fold(np.array([[*record.spawn.anchor_m, 0.0]]))[0]
-    shown = ", ".join(f"{value:.1f}" for value in place[: 3 if record.heights else 2])
-    return f"({shown}) m, mine frame; `--start` of `new`, or survey.entrance_m, changes it"
+    survey: Survey = decode(folder / "survey" / "survey.json", Survey)
+    elevation = f",{place[2] + survey.heights.datum_m:.1f}" if survey.heights else ""
+    return f"{place[0]:.1f},{place[1]:.1f}{elevation} m; `--start` of `new`, or survey.entrance_m, changes it"
 
 
 def list_worlds() -> str:

@@ -43,6 +43,7 @@ def test_one_command_makes_a_world_a_report_and_an_environment(owned):
     assert printed["world"] == "artifacts/worlds/my-tee/realism/world"
     assert (project.folder / printed["report"]).stat().st_size > 500_000
     assert printed["env"] == "MineXplore/my-tee-v0"
+    assert "survey.entrance_m, changes it" in printed["start"]
     assert "the bar is 160 px long and represents 20 m (detected" in done.stderr
     program = (
         "import gymnasium, minexplore\nenv = gymnasium.make('MineXplore/my-tee-v0')\nprint(env.reset(seed=1)[0].shape)"
