@@ -203,7 +203,8 @@ def stand_on_facets(spec: mujoco.MjSpec, name: str) -> None:
     """Let a robot stand on a floor with heights: its wheels bear on every facet, and its friction holds.
 
     Facets meet at ridges and valleys. Rigid castors lift both wheels there, and as castors have no friction the robot
-    slides, so that here they are sprung. A level floor has no facets, and robots on it keep the physics that results were measured with.
+    slides, so that here they are sprung. A level floor has no facets, and robots on it keep the physics that results
+    were measured with.
     """
     spec.option.impratio = _IMPRATIO
     for end in ("front", "rear"):

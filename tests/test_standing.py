@@ -82,14 +82,16 @@ def test_turns_of_a_spiral_over_each_other_have_one_floor_zone(ramp):
 def test_a_wedge_of_the_floor_lies_in_its_zone_of_the_mine_frame(ramp):
     world = open_bundle(ramp.bundle)
     edges = {zone.name: (zone.west_m, zone.east_m) for zone in world.record.zones}
-    assert edges["dry"][0] > -31 and edges["water"][1] < 31  # the mine is 20 m wide either side of its axis
+    assert edges["dry"][0] > -31
+    assert edges["water"][1] < 31
     spec = load_world(ramp.bundle).spec()
     names = set()
     for geom in spec.geoms:
         if geom.name.startswith("floor_"):
             name = geom.name.split("_")[1]
             x = np.array(spec.mesh(geom.meshname).uservert)[::3] + geom.pos[0]
-            assert edges[name][0] - 0.03 < x.min() and x.max() < edges[name][1] + 0.03
+            assert edges[name][0] - 0.03 < x.min()
+            assert x.max() < edges[name][1] + 0.03
             names.add(name)
     assert names == set(edges)
 
@@ -97,7 +99,7 @@ def test_a_wedge_of_the_floor_lies_in_its_zone_of_the_mine_frame(ramp):
 def test_zones_divide_the_box_about_the_sheets_in_their_places():
     triangle = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 8.0, 0.0]])
     floor = Floor(
-        np.concatenate([triangle, triangle + [40.0, 0.0, -5.0]]),
+        np.concatenate([triangle, triangle + np.array([40.0, 0.0, -5.0])]),
         np.array([[0, 1, 2], [3, 4, 5]], np.int32),
         np.array([0, 1], np.int32),
         np.array([[0.0, 0.0], [35.0, 0.0]]),
