@@ -40,6 +40,8 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
 
     A floor zone multiplies both by its `command_scale` and adds normal noise of `speed_noise_mps` to the speed, drawn once
     a control step: in the default world 1 and 0 m/s on dry ground, 0.7 and 0.04 m/s in mud, 0.4 and 0.10 m/s in water.
+    The noise is the paper's and does not depend on the command: a robot that is commanded to stand moves in mud and water,
+    in the default's water by 0.5 m in 10 s.
 
     ## Observation Space
     `Box((19,), float32)`
@@ -67,7 +69,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
 
     ## Episode End
     `terminated` is always False. `truncated` after 6,000 steps (10 minutes), or after 100 steps in a row slower than
-    0.01 m/s.
+    0.01 m/s. The speed is the measured one, so that a robot that stands in mud or water does not end its episode early.
 
     ## Info
     `cells_seen`, `cells_reachable`, `coverage`, `collision` (in this step), `collisions` (so far), `zone`,
