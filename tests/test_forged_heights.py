@@ -14,7 +14,7 @@ import pytest
 from minexplore.bundle import FLOOR, RECORD, BundleError
 from minexplore.floor import Floor
 from minexplore.schema import check_files, hash_files, read_folder
-from minexplore.schema.record import read_json
+from minexplore.schema.json_text import read_json
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import read_record

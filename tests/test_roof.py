@@ -14,7 +14,7 @@ from minexplore.floor import Floor
 from minexplore.folding import Folding
 from minexplore.lidar import floor_meshes
 from minexplore.schema import check_files, hash_files, read_folder
-from minexplore.schema.record import read_json
+from minexplore.schema.json_text import read_json
 from minexplore.world import load_world
 from pipeline.compose import compose
 from pipeline.errors import GeometryError
