@@ -53,13 +53,14 @@ class SimpleMine:
         path = folder / f"mine{self.suffix}"
         scaled = affinity.scale(self.outline, 1 / _UNITS[self.unit], 1 / _UNITS[self.unit], origin=(0, 0))
         if self.suffix == ".dxf":
-            _write_dxf(path, scaled, self.unit)
+            write_dxf(path, scaled, self.unit)
             return ["--from", str(path)]
         path.write_text(shapely.to_geojson(scaled))
         return ["--from", str(path), "--unit", self.unit]
 
 
-def _write_dxf(path: Path, outline: Polygon, unit: str) -> None:
+def write_dxf(path: Path, outline: Polygon, unit: str) -> None:
+    """Write an outline, in units of the file, as closed polylines of a DXF that states its unit: m, ft or mm."""
     drawing = ezdxf.filemanagement.new(units={"m": ezdxf.units.M, "ft": ezdxf.units.FT, "mm": ezdxf.units.MM}[unit])
     for ring in (outline.exterior, *outline.interiors):
         drawing.modelspace().add_lwpolyline(list(ring.coords)[:-1], close=True)
