@@ -163,9 +163,12 @@ def _check_frame(file: str, record: dict[str, Any]) -> None:
 def _check_gain(file: str, record: dict[str, Any]) -> None:
     gain, slope = record["gain_m"], math.sin(math.radians(record["tilt_deg"]))
     west, _, east, _ = record["world_m"]
-    for name, length in (("entrance_region", gain["entrance_length"]), ("whole_frame", east - west)):
-        if abs(gain[name] - slope * length) > _ROUND:
-            raise BundleError(f"{file}: gain_m.{name} = {gain[name]}: want {slope * length:.3f}")
+    whole = slope * (east - west)
+    if has_heights(record):  # the rise of its own floor
+        whole = record["heights"]["high_m"] - record["heights"]["low_m"]
+    for name, rise in (("entrance_region", slope * gain["entrance_length"]), ("whole_frame", whole)):
+        if abs(gain[name] - rise) > _ROUND:
+            raise BundleError(f"{file}: gain_m.{name} = {gain[name]}: want {rise:.3f}")
 
 
 def _check_fields(where: str, values: Any, table: Table) -> None:

@@ -194,6 +194,7 @@ def _record(
     west, _, east, _ = scene.extent.world_m
     tilt_deg = _tilt_deg(params, scene.floor)
     slope = math.sin(math.radians(tilt_deg))
+    heights = None if scene.floor.is_flat else _heights(scene)
     return WorldRecord(
         format=FORMAT,
         name=scene.name,
@@ -203,7 +204,7 @@ def _record(
         gain_m={
             "entrance_region": round(slope * params.entrance_length_m, 3),
             "entrance_length": params.entrance_length_m,
-            "whole_frame": round(slope * (east - west), 3),
+            "whole_frame": round(slope * (east - west) if heights is None else heights.high_m - heights.low_m, 3),
         },
         height_m=scene.extent.height_m,
         world_m=scene.extent.world_m,
@@ -221,7 +222,7 @@ def _record(
         files={},
         world_sha256="",
         look=scene.look,
-        heights=None if scene.floor.is_flat else _heights(scene),
+        heights=heights,
         openings=scene.openings.shafts,
         fenced=params.fence_openings,
     )
