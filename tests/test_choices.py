@@ -39,4 +39,4 @@ def test_every_choice_goes_through_make_all(whole, choice):
 
 def test_the_choices_are_those_of_the_groups_that_may_be_chosen():
     groups = {choice.partition("=")[0] for choice in CHOICES}
-    assert groups == {"collision", "fittings", "look", "preset", "rock", "survey"}
+    assert groups == {"collision", "fittings", "floors", "look", "preset", "rock", "survey"}

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 _CHOSEN = ("survey", "collision", "grade")  # unions of several kinds: pydantic inserts the kind after their names
 _REFERENCE = re.compile(r"\$\{(?:oc\.select:)?(\w+(?:\.\w+)+)(?:,.*)?\}")  # ${contours.tolerance_m}
+_MOST_HOPS = 8  # realism.made_by refers to validation, which refers to contours
 _MISSING = "???"  # Hydra's value that must be given
 
 
@@ -46,8 +47,8 @@ def _describe(error: Any, written: dict[str, Any]) -> tuple[str, str]:
     return key, f"{key}{shown}: {problem}" if key else problem
 
 
-def _origin(place: Sequence[str | int], written: Any) -> list[str | int]:
-    """Return the place of the key that a value at `place` refers to, else `place`."""
+def _origin(place: Sequence[str | int], written: Any, hops: int = _MOST_HOPS) -> list[str | int]:
+    """Return the place of the key that a value at `place` refers to, also over other keys, else `place`."""
     node = written
     for depth, part in enumerate(place):
         try:
@@ -55,6 +56,6 @@ def _origin(place: Sequence[str | int], written: Any) -> list[str | int]:
         except (KeyError, IndexError, TypeError):
             break
         reference = _REFERENCE.fullmatch(node) if isinstance(node, str) else None
-        if reference:
-            return [*reference[1].split("."), *place[depth + 1 :]]
+        if reference and hops:
+            return _origin([*reference[1].split("."), *place[depth + 1 :]], written, hops - 1)
     return list(place)

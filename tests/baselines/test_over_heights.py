@@ -123,11 +123,16 @@ def test_a_learned_policy_refuses_a_mine_with_heights():
         make_policy("x.safetensors", 1, None, None, heights=True)
 
 
-def test_a_confined_policy_is_told_heights_and_attitudes(under):
+def test_a_confined_policy_is_told_heights_and_attitudes(under, tmp_path, monkeypatch):
+    (tmp_path / "strange.py").write_text(
+        "from baselines.explorers.over_heights import DepthFirstOverHeights\n\n\n"
+        "class Strange(DepthFirstOverHeights):\n    pass\n"
+    )
+    monkeypatch.chdir(tmp_path)
     env = MineVectorEnv(1, world=under.bundle, task=DRY)
     observation, info = env.reset(seed=[3])
     here = make_policy("depth-first", 1, env.task, env.robot, heights=True)
-    with ConfinedPolicy("depth-first", 1, env.task, env.robot, Confined(), heights=True) as there:
+    with ConfinedPolicy("strange:Strange", 1, env.task, env.robot, Confined(), heights=True) as there:
         for policy in (here, there):
             policy.reset(np.arange(1), np.array([3]))
         for _ in range(5):

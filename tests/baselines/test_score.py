@@ -170,7 +170,7 @@ def _set(**changes):
 
 def _falling(episode):
     seen = list(episode["seen"])
-    return episode | {"seen": [*seen[:4], seen[4] - 5, *seen[5:]]}
+    return episode | {"seen": [*seen[:4], seen[3] - 1, *seen[5:]]}
 
 
 def _all_cells(episode):

@@ -460,7 +460,7 @@ def test_a_piece_of_a_tile_that_is_no_mesh_is_dropped():
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["look=plain"], "need a look other than"),
+        (["look=plain", "fittings=drift"], "need a look other than"),
         (["fittings=none", "realism.furnish=light"], "needs realism.furniture.light"),
         (["realism.floor.puddles=[lava]"], "no zone 'lava'"),
     ],

@@ -53,6 +53,6 @@ def test_a_refused_model_leaves_the_cache_as_it_was(tmp_path):
     path = tmp_path / "mine.xml"
     path.write_text("<mujoco><nothing/></mujoco>")
     capacity = mujoco.mj_getCacheCapacity(mujoco.mj_getCache())
-    with pytest.raises(ValueError, match="nothing"):
+    with pytest.raises(ArtifactError, match="nothing"):
         load_model(path)
     assert mujoco.mj_getCacheCapacity(mujoco.mj_getCache()) == capacity
