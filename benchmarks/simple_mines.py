@@ -146,6 +146,15 @@ def table(rows: list[dict[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def page(rows: list[dict[str, Any]]) -> str:
+    """Return the page: the table, and a line for each mine that does not pass."""
+    failed = [row for row in rows if row["exit_code"]]
+    lines = [
+        f"- seed {row['seed']}, a {row['kind']} {row['width_m']} m wide: {row['said'][-1].strip()}\n" for row in failed
+    ]
+    return HEAD + table(rows) + ("\nNot passed:\n\n" + "".join(lines) if lines else "")
+
+
 def _rows(wanted: list[int], jobs: int, overrides: list[str]) -> Iterator[dict[str, Any]]:
     """Judge mines side by side, each job in a copy of the project of its own."""
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(jobs) as pool:
@@ -181,7 +190,7 @@ def main() -> int:
     found = [rows[seed] for seed in sorted(rows)]
     failed = [row for row in found if row["exit_code"]]
     if not a.overrides:
-        write_atomically(TABLE, (HEAD + table(found)).encode())
+        write_atomically(TABLE, page(found).encode())
     print(table(found), end="")
     for row in failed:
         print(row)
