@@ -25,6 +25,7 @@ _NUMBERS: dict[str, tuple[int, int]] = {  # name: number on x86-64, on arm64; -1
     **{"add_key": (248, 217), "request_key": (249, 218), "keyctl": (250, 219)},
     # memory that no limit counts
     **{"shmget": (29, 194), "semget": (64, 190), "msgget": (68, 186), "mq_open": (240, 180)},
+    **{"vmsplice": (278, 75), "tee": (276, 77)},  # a pipe keeps 2 MB of a huge page for each byte
     # parts of the kernel that a policy does not need, and that were attacked
     **{"bpf": (321, 280), "userfaultfd": (323, 282), "perf_event_open": (298, 241), "io_uring_setup": (425, 425)},
     **{"io_uring_enter": (426, 426), "io_uring_register": (427, 427), "kexec_load": (246, 104)},

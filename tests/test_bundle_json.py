@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import time
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from benchmarks.random_mutants import prove
 from benchmarks.small_world import build_small_world
 from minexplore.bundle import MADE_BY, BundleError
 from minexplore.schema import check_world, read_folder
+from minexplore.schema.json_text import read_json
 from pipeline.compose import compose
 from pipeline.errors import MineError
 from tests.mines import sealed, unreported
@@ -146,3 +148,11 @@ def prove_changed(
         message = str(error)
     assert message.isprintable()
     assert message.startswith(f"{folder}/")
+
+
+def test_a_key_that_stands_twice_among_many_is_found_in_time_that_grows_with_their_number():
+    text = b"{" + b"".join(b'"k%d":1,' % k for k in range(100_000)) + b'"k1":1}'
+    before = time.process_time()
+    with pytest.raises(BundleError, match="k1 stands twice"):
+        read_json("world.json", text)
+    assert time.process_time() - before < 3  # comparing each with all takes minutes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -65,8 +66,8 @@ def read_json(file: str, data: bytes, most_bytes: int = MOST_BYTES) -> Any:
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         fields = dict(pairs)
         if len(fields) != len(pairs):
-            names = [name for name, _ in pairs]
-            fields |= {name: refuse("stands twice") for name in fields if names.count(name) > 1}
+            times = Counter(name for name, _ in pairs)
+            fields |= {name: refuse("stands twice") for name in fields if times[name] > 1}
         return fields
 
     try:

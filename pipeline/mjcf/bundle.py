@@ -187,8 +187,8 @@ def read_made_by(folder: Path) -> MadeBy:
         raise ArtifactError(f"{path}: cannot be read ({error.strerror})") from error
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(map(str, first["loc"]))
-        raise ArtifactError(f"{path}: {where} = {first['input']!r:.80}: {first['msg']}") from error
+        where = ascii(".".join(map(str, first["loc"])))[1:-1]  # a key is the file's text
+        raise ArtifactError(f"{path}: {where:.80} = {first['input']!r:.80}: {first['msg']}") from error
 
 
 def read_record(folder: Path, checked: bool = True) -> WorldRecord:

@@ -10,6 +10,8 @@ from pipeline.params.made_by import MadeBy
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.built import tolerance_of
 
+_FINER = 4.0  # times that a network may be finer than that of its kind
+
 
 def allowed_claims(folder: Path, claims: MadeBy, own: ValidationParams) -> ValidationParams:
     """Return the validator's own parameters with what a bundle claims, if its kind allows that.
@@ -38,6 +40,10 @@ def allowed_claims(folder: Path, claims: MadeBy, own: ValidationParams) -> Valid
     for name, (claimed, limit) in most.items():
         if claimed > limit:
             _refuse(folder, own, f"{name} = {claimed:g}", f"at most {limit:g}", name)
+    for name in ("network_cell_m", "network_station_spacing_m"):  # a finer network takes memory without bound
+        claimed, least = getattr(claims, name), getattr(own, name) / _FINER
+        if claimed < least:
+            _refuse(folder, own, f"{name} = {claimed:g}", f"at least {least:g}", name)
     if claims.collision_method != own.collision_method:
         _refuse(folder, own, f"collision_method = {claims.collision_method}", own.collision_method, "collision_method")
     if claims.collision_tile_m not in (None, own.collision_tile_m):
