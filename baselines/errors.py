@@ -34,11 +34,11 @@ def run_command(name: str, command: Callable[[], None]) -> int:
     try:
         command()
     except BaselineError as error:
-        print(f"{name}: {error}", file=sys.stderr)
+        print(f"{name}: {_printable(str(error))}", file=sys.stderr)
         return 2
     except OSError as error:
         reason = f"{error.filename or name}: {error.strerror or type(error).__name__}"
-        print(f"{name}: {''.join(c if c.isprintable() else ' ' for c in reason)}", file=sys.stderr)
+        print(f"{name}: {_printable(reason)}", file=sys.stderr)
         return 2
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] in ("baselines", "minexplore"):
@@ -49,3 +49,8 @@ def run_command(name: str, command: Callable[[], None]) -> int:
         print(f"{name}: interrupted; run it again to go on", file=sys.stderr)
         return 130
     return 0
+
+
+def _printable(text: str) -> str:
+    """Return text with a blank for each character that a terminal would act on or cannot show."""
+    return "".join(c if c.isprintable() else " " for c in text)

@@ -74,7 +74,8 @@ def source_sha256(files: dict[str, bytes]) -> str:
     """Return the hash of files with their paths."""
     found = hashlib.sha256()
     for name, content in sorted(files.items()):
-        found.update(f"{len(name.encode())} {name} {len(content)} ".encode() + content)
+        path = os.fsencode(name)
+        found.update(b"%d %s %d %s" % (len(path), path, len(content), content))
     return found.hexdigest()
 
 
@@ -89,12 +90,14 @@ def write_source(files: dict[str, bytes], folder: Path) -> None:
 def _files_below(folder: Path) -> list[Path]:
     """Return all files of a package but compiled copies of its modules."""
     found: list[Path] = []
+    entries = 0
     for parent, folders, names in os.walk(folder):
         folders[:] = [name for name in folders if name != "__pycache__"]
         linked = [name for name in folders if Path(parent, name).is_symlink()]
         if linked:
             raise BaselineError(f"{Path(parent, linked[0])}: a link, a policy's package holds plain files and folders")
         found += [Path(parent, name) for name in names]
-        if len(found) > _MOST_FILES:
-            raise BaselineError(f"{folder}: more than {_MOST_FILES} files, a policy's package has at most that many")
+        entries += len(names) + len(folders)
+        if entries > _MOST_FILES:
+            raise BaselineError(f"{folder}: more than {_MOST_FILES} files and folders, the most of a policy's package")
     return found

@@ -92,6 +92,7 @@ def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict
     require_name(name)
     conf = survey_file(name)
     if conf.is_file():
+        _require_kept(conf, stated)
         return Import([f"{conf} exists and is kept; remove it to detect the file again"], [], [])
     stated = dict(stated)
     heights: Path | None = stated.pop("heights", None)
@@ -122,6 +123,22 @@ def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict
         forget_import(made)
         raise
     return made
+
+
+def _require_kept(conf: Path, stated: dict[str, Any]) -> None:
+    """Refuse options that differ from a section that exists, as it is kept and they would do nothing.
+
+    Raises
+    ------
+    ParamsError
+        If the section states another value of the same key.
+    """
+    kept = (yaml.safe_load(conf.read_text()) or {}).get("survey") or {}
+    for key in stated.keys() & kept.keys() - {"heights"}:
+        if json.dumps(kept[key]) != json.dumps(stated[key]):
+            raise ParamsError(
+                f"survey.{key} = {stated[key]}: {conf} exists and states {kept[key]}; change it there, or remove it"
+            )
 
 
 def _with_heights(

@@ -78,6 +78,8 @@ def test_the_default_world_is_unchanged_and_a_second_run_makes_nothing(owned, re
     assert again.returncode == 0
     assert "exists and is kept" in again.stderr
     assert before == {p: p.stat().st_mtime_ns for p in before}
+    moved = message_of(pipeline(project, "new", "my-tee", "--from", "plan.png", "--start", "5,1"))
+    assert "survey.entrance_m = [5.0, 1.0]: conf/survey/my-tee.yaml exists and states None" in moved
 
 
 def test_worlds_are_listed_shown_and_compared(owned):
@@ -98,6 +100,8 @@ def test_worlds_are_listed_shown_and_compared(owned):
         (("new", "a/b", "--from", "plan.png"), "expected a letter, then letters, digits"),
         (("new", "true", "--from", "plan.png"), "expected a letter"),
         (("new", "x", "--from", "plan.png", "--bar-length", "-5"), "plan.png: --bar-length = -5.0"),
+        (("new", "x", "--from", "plan.png", "--start", "1_0,2"), "'1_0' is not a number"),
+        (("new", "x", "--from", "plan.png", "--page", "٣"), "'٣' is not a number"),
         (("report", ".."), "the worlds are default, my-tee"),
         (("new", "plan", "--from", "plan.png"), "is a survey of this project"),
         (("new", "ChileanMine", "--from", "plan.png"), "is an environment of this project"),

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
-from pipeline.commands.arguments import elevation, grade, natural, numbers, piece, positive, whole_numbers
+from pipeline.commands.arguments import elevation, grade, natural, number, numbers, piece, positive, whole_numbers
 
 DETECTED = "detected.png"
 
@@ -209,12 +209,12 @@ def add_to(commands: Any) -> None:
     make.add_argument("--from", dest="source", type=Path, required=True, help="plan, map.yaml, drawing or survey")
     make.add_argument("--origin", default="not stated", help="source of the file")
     make.add_argument("--licence", default="not stated")
-    make.add_argument("--px-per-m", type=float, help="scale of a plan without a scale bar")
-    make.add_argument("--bar-length", dest="bar_length_m", type=float, help="length that the scale bar represents, m")
+    make.add_argument("--px-per-m", type=number, help="scale of a plan without a scale bar")
+    make.add_argument("--bar-length", dest="bar_length_m", type=number, help="length that the scale bar represents, m")
     make.add_argument("--bar-box", dest="bar_box_px", type=numbers(4), help="COL0,ROW0,COL1,ROW1 around the bar, px")
     make.add_argument("--unit", choices=["m", "cm", "mm", "ft", "in"], help="unit of a drawing")
     make.add_argument(
-        "--half-width", dest="half_width_m", type=float, help="distance to a wall that a survey has not measured, m"
+        "--half-width", dest="half_width_m", type=number, help="distance to a wall that a survey has not measured, m"
     )
     make.add_argument("--heights", type=Path, metavar="FILE", help="the floor's heights: CSV, GeoTIFF, contour lines")
     make.add_argument(
@@ -248,13 +248,13 @@ def add_to(commands: Any) -> None:
         metavar="LAYER=M",
         help="elevation of a layer that is a level; repeat for more levels",
     )
-    make.add_argument("--snap", dest="snap_m", type=float, help="largest gap between wall ends that are joined, m")
+    make.add_argument("--snap", dest="snap_m", type=number, help="largest gap between wall ends that are joined, m")
     make.add_argument("--page", type=positive, help="page of a PDF")
-    make.add_argument("--dpi", type=float, help="resolution at which a PDF page is rendered")
+    make.add_argument("--dpi", type=number, help="resolution at which a PDF page is rendered")
     make.add_argument("--crop", dest="crop_px", type=whole_numbers(4), help="COL0,ROW0,COL1,ROW1 of a picture to read")
     make.add_argument("--level", type=positive, help="which of several drawings on a sheet, from 1")
     make.add_argument("--seed", dest="seeds_px", type=numbers(2), action="append", help="COL,ROW inside drawn walls")
-    make.add_argument("--gap", dest="wall_gap_px", type=float, help="widest gap in drawn walls that is closed, px")
+    make.add_argument("--gap", dest="wall_gap_px", type=number, help="widest gap in drawn walls that is closed, px")
     make.add_argument("--ignore", dest="ignore_colours", type=whole_numbers(3), action="append", help="R,G,B: no walls")
     make.add_argument(
         "--detected", type=Path, metavar="FILE.png", help="draw what of a plan was found, also if it is refused"
@@ -297,7 +297,7 @@ def add_to(commands: Any) -> None:
     many.add_argument("--list", dest="write", action="store_true", help="write the hashes to data/families/splits.csv")
     many.add_argument("--on", choices=["local", "ray"], default="local", help="ray: the cluster at RAY_ADDRESS")
     many.add_argument("--of", help="make variants of this world")
-    many.add_argument("--height-sd", type=float, default=0.1, help="standard deviation of the variants' height, m")
+    many.add_argument("--height-sd", type=number, default=0.1, help="standard deviation of the variants' height, m")
     many.add_argument("--jobs", type=positive, default=os.cpu_count() or 1)
     many.add_argument("overrides", nargs="*", help="for example survey.mine.loops=0.8")
     many.set_defaults(

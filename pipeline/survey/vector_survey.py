@@ -45,6 +45,7 @@ VectorSurvey = (
     VectorSurveyParams | PassageSurveyParams | CentrelineSurveyParams | ProceduralSurveyParams | VariantSurveyParams
 )
 WIDEST_M = 20_000.0  # of a survey
+_SMALLEST_M = 1.0  # a robot is half as long
 _MOST_LAYERS = 8  # that a message names
 _FINEST_PX_PER_M, _WIDEST_PX = 8.0, 6000
 _ORIGIN_AT = 0.25  # of a pixel: walls at whole and half metres then miss pixel centres, where rounding would decide
@@ -74,6 +75,11 @@ def draw_vector_survey(
         raise InputError(
             f"{_name(params)}: the workings extend over {widest:.0f} m, the limit is {WIDEST_M:,.0f} m; "
             "is survey.unit right?"
+        )
+    if max(east - west, north - south) < _SMALLEST_M:
+        raise InputError(
+            f"{_name(params)}: the workings are {max(east - west, north - south):.2g} m long, at least "
+            f"{_SMALLEST_M:g} m is needed; is survey.unit right?"
         )
     per_m = params.px_per_m or min(_FINEST_PX_PER_M, _WIDEST_PX / widest)
     frame = frame_around((west - m, south - m, east + m, north + m), per_m, _ORIGIN_AT)

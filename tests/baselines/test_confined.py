@@ -131,6 +131,7 @@ def test_a_policys_hash_covers_every_file_of_its_package_and_nothing_beside_it(t
     def found():
         return source_sha256(read_source(find_source("solver")))
 
+    (tmp_path / "solver" / os.fsdecode(b"\xff\x1b.bin")).write_text("")  # a name that is no UTF-8
     first = found()
     (tmp_path / "beside.py").write_text("changed")
     assert found() == first
@@ -146,6 +147,12 @@ def test_a_policys_hash_covers_every_file_of_its_package_and_nothing_beside_it(t
     (tmp_path / "solver/pipe").unlink()
     (tmp_path / "solver/folder").symlink_to(tmp_path)
     with pytest.raises(BaselineError, match=r"solver/folder: a link"):
+        found()
+    (tmp_path / "solver/folder").unlink()
+    monkeypatch.setattr("baselines.policy_source._MOST_FILES", 9)
+    for number in range(10):
+        (tmp_path / f"solver/{number}").mkdir()
+    with pytest.raises(BaselineError, match="more than 9 files and folders"):
         found()
 
 

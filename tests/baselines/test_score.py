@@ -1,4 +1,5 @@
 import json
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from baselines.bounds import Bound
 from baselines.driven import note_driven, was_driven_here
 from baselines.environments import make_env
-from baselines.errors import BaselineError, RejectedError
+from baselines.errors import BaselineError, RejectedError, run_command
 from baselines.evaluate import UNVERIFIED, evaluate, evaluate_all
 from baselines.explorers import EXPLORERS
 from baselines.leaderboard import leaderboard
@@ -413,3 +414,11 @@ def test_bad_input_ends_with_one_message_and_code_two(arguments, message):
     assert done.returncode == 2, done.stderr
     assert message in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_file_name_is_one_printable_line_of_a_message(capsys):
+    def fail():
+        raise BaselineError(os.fsdecode(b"a\x1b[2J\xff\n.jsonl: no results"))
+
+    assert run_command("score", fail) == 2
+    assert capsys.readouterr().err == "score: a [2J  .jsonl: no results\n"

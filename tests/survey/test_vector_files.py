@@ -239,3 +239,13 @@ def test_a_coordinate_system_that_names_a_file_is_refused_before_proj_opens_it(t
     with pytest.raises(InputError, match="names files; they are not read"):
         locate(path, read_geojson(path, None), None, None)
     assert coordinate_system(path, "+proj=merc +a=6378137 +b=6378137 +nadgrids=@null +units=m").is_projected
+
+
+@pytest.mark.parametrize("side_deg", [1e-9, 4e-6])
+def test_workings_shorter_than_a_robot_are_refused_with_the_key_of_their_unit(tmp_path, monkeypatch, side_deg):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data/speck.geojson").write_text(shapely.to_geojson(shapely.box(0, 0, side_deg, side_deg)))
+    fields = {"kind": "vector", "name": "speck", "file": "data/speck.geojson"}
+    with pytest.raises(InputError, match=r" m long, at least 1 m is needed; is survey\.unit right"):
+        draw_vector_survey(VectorSurveyParams.model_validate(fields))
