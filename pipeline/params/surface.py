@@ -150,6 +150,7 @@ class BoundsParams(Params):
     narrow_recess_m: float = Field(ge=0, le=0.3)
     narrow_gain: float = Field(ge=1, le=3)
     room_share: float = Field(gt=0, le=0.9)
+    median_m: float = Field(gt=0, le=1)
 
     @model_validator(mode="after")
     def _narrow_below_wide(self) -> BoundsParams:

@@ -10,6 +10,7 @@ from pipeline.surface.lattice import Lattice
 from pipeline.surface.walls import smoothstep
 
 _AS_NARROW = 1.1  # of the narrowest half width: stations measure a width to a few per cent
+_FOOT_M = 0.5  # blocks lean out of a wall's foot
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,9 @@ class Bounds:
     `narrow_share` too, whatever their width: the narrowest passage decides which robots get through. No wall moves by
     more than `room_share` of the radius of the largest disc that touches it, in the workings or in the rock. The roof
     moves by at most `roof_m`.
+
+    All displacements shrink by one factor if half of a wall's points at one height move by more than `median_m`. The
+    relief of a mine of a few walls may be all to one side.
     """
 
     wall_m: float
@@ -33,10 +37,11 @@ class Bounds:
     narrow_recess_m: float
     narrow_gain: float
     room_share: float
+    median_m: float
 
 
 def bound_displacement(wanted_m: np.ndarray, lattice: Lattice, bounds: Bounds) -> np.ndarray:
-    """Return displacements (n,) m, positive into the workings, as `bound * tanh(wanted / bound)`."""
+    """Return displacements (n,) m, positive into the workings: `bound * tanh(wanted / bound)` within `median_m`."""
     walls, column = lattice.walls, lattice.column
     half = walls.passage_m[column]
     wide = _wide(half, walls.narrowest_m, bounds)
@@ -47,7 +52,16 @@ def bound_displacement(wanted_m: np.ndarray, lattice: Lattice, bounds: Bounds) -
     wanted_m = wanted_m - bounds.narrow_recess_m * (1 - wide) * (1 - lattice.roof_share)
     wall = np.where(wanted_m > 0, max_inwards, max_outwards)
     bound = np.maximum(wall + (bounds.roof_m - wall) * lattice.roof_share, 1e-4)
-    return bound * np.tanh(wanted_m / bound)
+    moved = bound * np.tanh(wanted_m / bound)
+    median_m = _median_m(moved, lattice)
+    return moved if median_m <= bounds.median_m else moved * (bounds.median_m / median_m)
+
+
+def _median_m(moved_m: np.ndarray, lattice: Lattice) -> float:
+    """Return the largest median of displacements over the wall's rows that lie above its foot, m."""
+    upright = lattice.vertices[: lattice.wall_vertices : len(lattice.walls.xy), 2] >= _FOOT_M
+    rows = np.abs(moved_m[: lattice.wall_vertices]).reshape(lattice.rows, -1)
+    return float(np.median(rows[upright], axis=1).max(initial=0.0))
 
 
 def _wide(half_m: np.ndarray, narrowest_m: float, bounds: Bounds) -> np.ndarray:

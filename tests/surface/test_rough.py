@@ -23,7 +23,7 @@ from tests.mines import RING, STRAIGHT, TEE, random_mine
 from tests.surface.spectra import flat_bands, predicted_rq
 
 PROFILE = CrossSection(3.5, 0.3, 0.9, 2.75)
-BOUNDS = Bounds(0.45, 0.45, 1.2, 2.2, 0.02, 0.0, 1.0, 0.5)
+BOUNDS = Bounds(0.45, 0.45, 1.2, 2.2, 0.02, 0.0, 1.0, 0.5, 0.45)
 STEADY = Modulation(8.0, 0.0)
 
 
@@ -132,9 +132,22 @@ def test_the_gain_enlarges_the_relief_of_narrow_passages_only(width, grows):
         assert (with_gain.given_m[middle] == without.given_m[middle]).all()
 
 
+def test_half_of_the_walls_of_a_short_wide_mine_stay_within_the_median():
+    tee = shapely.union_all([shapely.box(0, 0, 22, 7), shapely.box(8, 7, 15, 18)])
+    own = Bounds(**compose(["survey=procedural"]).surface.rough.bounds.model_dump())
+
+    def medians(bounds):
+        rough = rough_of(tee, rms_m=0.3, spacing=0.15, bounds=bounds)
+        moved = np.abs(rough.given_m[: rough.lattice.wall_vertices]).reshape(rough.lattice.rows, -1)
+        return np.median(moved, axis=1)[4:]
+
+    assert medians(dataclasses.replace(own, median_m=0.9)).max() > 0.15
+    assert medians(own).max() <= own.median_m + 1e-9
+
+
 def test_a_self_intersection_is_repaired_and_its_place_is_recorded():
     needle = shapely.union_all([shapely.box(0, 0, 20, 5), shapely.Polygon([(20, 1.5), (20, 3.5), (26, 2.5)])])
-    loose = Bounds(0.9, 0.9, 0.05, 0.06, 0.9, 0.0, 1.0, 0.9)
+    loose = Bounds(0.9, 0.9, 0.05, 0.06, 0.9, 0.0, 1.0, 0.9, 0.9)
     rough = rough_of(needle, rms_m=0.5, spacing=0.15, bounds=loose)
     assert len(rough.mended)
     check_mesh(*closed_mesh(rough))
