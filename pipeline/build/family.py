@@ -21,13 +21,13 @@ from pipeline.build.splits import LIST, Listed
 from pipeline.build.world import make_world
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError, InputError, LimitError
+from pipeline.guard.process_limits import die_with_parent
 from pipeline.metrics.limits import flatten
 from pipeline.stage import ARTIFACTS
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import read_text_file
 from pipeline.store.locks import hold_lock
 from pipeline.store.verify import verify_world
-from pipeline.survey.child_limits import die_with_parent
 
 FAMILIES = ARTIFACTS / "families"
 _ENDS = (signal.SIGINT, signal.SIGTERM)  # signals that end a command
