@@ -16,8 +16,8 @@ from baselines.base.statistics import figures
 from baselines.ppo.curves import read_runs
 from minexplore.envs.reward import CAP
 from pipeline.errors import ArtifactError, MineError
-from pipeline.metrics.rock.published import PAPER
-from pipeline.metrics.rock.texture import AXIS_TITLES
+from pipeline.metrics.paper import PAPER
+from pipeline.metrics.rock.texture import AXES
 from pipeline.report.results import read_metrics
 from pipeline.store.files import write_atomically
 
@@ -152,7 +152,7 @@ def surface(e: Evidence) -> list[Claim]:
         Claim(f"{title} {100 * stated(f'texture.published.{axis}'):.1f} %", f"{100 * e.metric(f'texture.published.{axis}'):.1f} %", "make all",
               at_least(e.metric(f"texture.published.{axis}"), stated(f"texture.published.{axis}"), 0.02),
               f"strict score {100 * e.metric(f'texture.strict.{axis}'):.1f} %; flat walls {100 * e.metric(f'texture.flat_walls.published.{axis}'):.1f} %")
-        for axis, title in AXIS_TITLES.items()
+        for axis, title in [(name, each.title) for name, each in AXES.items()]
     ]  # fmt: skip
     overall, ratio = e.metric("texture.published.overall"), e.metric("texture.bump_ratio")
     return [

@@ -58,10 +58,15 @@ INERTIAL_QUAT = (0.8, 0.6, 0.0, 0.0)  # of the mine's body where it states an in
 # Pieces of a surface: the rough one is cut into chunks of walls and roof, the smooth one has a mesh a piece.
 WALLS, ROOF, FLOOR_CHAMFER = "walls", "roof", "floor_chamfer"
 
+ENTRANCE_CAMERA, OVERVIEW_CAMERA = "entrance", "overview"
+
+MESHES = "meshes/"  # folder of visible meshes
+_MESH_SUFFIX = ".msh"
+
 COLLAR_CORNERS = 4  # of an opening in the floor
 SLAB_M = 0.25  # thickness of floor and roof of a mine with heights, and how far its walls reach beyond both
 
-_MAP = "map_"
+_MAP, _GROUND, _SPOT = "map_", "ground_", "spot_"
 _FLOOR, _ROCK, _SURFACE, _SMOOTH, _WEDGE = "floor_", "rock_", "surface_", "smooth_", "roof_"
 
 
@@ -74,7 +79,12 @@ WATER_MATERIAL, SHADE_MATERIAL = "water", "shade"
 COVER_M, FURNITURE_ABOVE_M, LINES_ABOVE_M = 0.1, 1.0, 2.0
 _COVER, _FITTING, _PUDDLE, _SHADE = "cover_", "fitting_", "puddle_", "shade_"
 
-_MOST_SAID = 2000  # characters of an error
+# Patterns of names that end in a number. Other patterns are those of a zone or of a mesh in the functions below.
+ROCK_NAMES, ROOF_WEDGES, SPOT_NAMES = rf"{_ROCK}\d{{4,6}}", rf"{_WEDGE}\d{{5}}", rf"{_SPOT}\d{{2,5}}"
+SHADE_NAMES, COVER_MESHES = rf"{_SHADE}\d", rf"{_COVER}\d{{3,4}}_\d{{2,4}}_\d{{2,4}}"
+SHEET_MAPS = rf"{_MAP}\d{{2,4}}\.(?:yaml|png)"
+
+_MOST_MESSAGE = 2000  # characters of an error
 
 
 class BundleError(ValueError):
@@ -85,8 +95,8 @@ class BundleError(ValueError):
 
     def __init__(self, message: str) -> None:
         """Take the message, which may quote a file."""
-        clean = "".join(c if c.isprintable() else repr(c)[1:-1] for c in message[:_MOST_SAID])
-        super().__init__(clean if len(message) <= _MOST_SAID else f"{clean} ...")
+        clean = "".join(c if c.isprintable() else repr(c)[1:-1] for c in message[:_MOST_MESSAGE])
+        super().__init__(clean if len(message) <= _MOST_MESSAGE else f"{clean} ...")
 
 
 def line_of(error: BaseException) -> str:
@@ -123,6 +133,21 @@ def has_visible_rock(record: Mapping[str, Any]) -> bool:
 def floor_geom(zone: str) -> str:
     """Return the name of a floor zone's geom."""
     return f"{_FLOOR}{zone}"
+
+
+def ground_material(zone: str) -> str:
+    """Return the name of the material of a floor zone's geoms, which no surface covers."""
+    return f"{_GROUND}{zone}"
+
+
+def is_ground(material: str) -> bool:
+    """Return whether a material of this name is that of a floor zone."""
+    return material.startswith(_GROUND)
+
+
+def spot_light(number: int) -> str:
+    """Return the name of one of the lights along the drifts."""
+    return f"{_SPOT}{number:02d}"
 
 
 def has_heights(record: Mapping[str, Any]) -> bool:
@@ -189,7 +214,12 @@ def smooth_mesh(piece: str) -> str:
 
 def mesh_file(mesh: str) -> str:
     """Return the file of a visible mesh."""
-    return f"meshes/{mesh}.msh"
+    return f"{MESHES}{mesh}{_MESH_SUFFIX}"
+
+
+def mesh_of(file: str) -> str:
+    """Return the mesh of a file of `MESHES`."""
+    return file.removeprefix(MESHES).removesuffix(_MESH_SUFFIX)
 
 
 def surface_geom(mesh: str) -> str:
@@ -250,6 +280,16 @@ def fitting_material(mesh: str, zones: Sequence[str]) -> str:
     """Return the material of a fitting's mesh: that of its zone's floor, or of its kind of furniture."""
     parts = mesh.split("_")
     return cover_material(zones[int(parts[1])]) if is_cover(mesh) else f"{_FITTING}{parts[0]}"
+
+
+def fitting_kind(material: str) -> str | None:
+    """Return the kind of furniture or of opening that a material is of; None for other materials."""
+    return material.removeprefix(_FITTING) if material.startswith(_FITTING) else None
+
+
+def is_fitting_material(material: str) -> bool:
+    """Return whether a material of this name is one of the visible floor, of a fitting, of water or of shade."""
+    return material.startswith((WATER_MATERIAL, SHADE_MATERIAL, _COVER, _FITTING))
 
 
 def puddle_geom(zone: str) -> str:

@@ -7,7 +7,6 @@ import re
 import sys
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import yaml
 from pydantic import TypeAdapter, ValidationError
@@ -18,11 +17,13 @@ from pipeline.errors import ArtifactError, InputError, MineError, ParamsError
 from pipeline.guard.plain_file import require_plain_file
 from pipeline.guard.reading_process import one_line
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SurveyParams
 from pipeline.store.files import missing_folders, take_back, write_atomically
 from pipeline.store.hashing import absence_of
 from pipeline.store.registry import OWN_REGISTRY, read_registry, register, unregister
-from pipeline.survey.detect import Detection, detect_survey
+from pipeline.survey.detect import detect_survey
+from pipeline.survey.detection import Detection
 from pipeline.survey.drawing.workings import WIDTHS_M
 from pipeline.survey.surfaces import HEIGHT_SUFFIXES, height_files
 from pipeline.types import Image
@@ -76,7 +77,7 @@ def require_name(name: str) -> None:
         raise ParamsError(f"name = {name}: {conf} is a survey of this project; choose another name")
 
 
-def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict[str, Any]) -> Import:
+def import_mine(name: str, source: Path, origin: str, licence: str, stated: StatedOptions) -> Import:
     """Copy and register a mine's files and write `conf/survey/NAME.yaml`. An existing section is kept.
 
     Returns
@@ -94,14 +95,12 @@ def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict
     if conf.is_file():
         _require_kept(conf, stated)
         return Import([f"{conf} exists and is kept; remove it to detect the file again"], [], [])
-    stated = dict(stated)
-    heights: Path | None = stated.pop("heights", None)
     detected = detect_survey(source, stated)
     targets = _targets(source, detected.files, DATA / name)
-    detected = _with_heights(detected, heights, stated.get("grade"), source)
-    if heights is not None:
-        targets |= _targets(heights, [Path(file) for file in height_files(heights)], DATA / name)
-        detected.values["heights"] = targets[heights].as_posix()
+    detected = _with_heights(detected, stated, source)
+    if stated.heights is not None:
+        targets |= _targets(stated.heights, [Path(file) for file in height_files(stated.heights)], DATA / name)
+        detected.values["heights"] = targets[stated.heights].as_posix()
     text = survey_yaml(name, targets[detected.files[0]], detected, stated)
     require_section(text)
     known = read_registry()
@@ -125,7 +124,7 @@ def import_mine(name: str, source: Path, origin: str, licence: str, stated: dict
     return made
 
 
-def _require_kept(conf: Path, stated: dict[str, Any]) -> None:
+def _require_kept(conf: Path, stated: StatedOptions) -> None:
     """Refuse options that differ from a section that exists, as it is kept and they would do nothing.
 
     Raises
@@ -133,17 +132,18 @@ def _require_kept(conf: Path, stated: dict[str, Any]) -> None:
     ParamsError
         If the section states another value of the same key.
     """
-    kept = (yaml.safe_load(conf.read_text()) or {}).get("survey") or {}
-    for key in stated.keys() & kept.keys() - {"heights"}:
-        if json.dumps(kept[key]) != json.dumps(stated[key]):
+    section = (yaml.safe_load(conf.read_text()) or {}).get("survey") or {}
+    scale = section.get("scale")
+    kept = {**section, **(scale if isinstance(scale, dict) else {})}
+    for key, value in stated.values().items():
+        written = [{"rgb": rgb} for rgb in value] if key == "ignore_colours" else value
+        if key != "heights" and key in kept and kept[key] != written:
             raise ParamsError(
-                f"survey.{key} = {stated[key]}: {conf} exists and states {kept[key]}; change it there, or remove it"
+                f"survey.{key} = {value}: {conf} exists and states {kept[key]}; change it there, or remove it"
             )
 
 
-def _with_heights(
-    detected: Detection, heights: Path | None, grade: float | dict[str, float] | None, source: Path
-) -> Detection:
+def _with_heights(detected: Detection, stated: StatedOptions, source: Path) -> Detection:
     """Return what was detected with stated heights of the floor; grades of legs are among what was detected.
 
     Raises
@@ -151,6 +151,7 @@ def _with_heights(
     InputError
         If both are stated, the file has elevations of its own, or heights are not read from such a file.
     """
+    heights, grade = stated.heights, stated.grade
     if heights is None and grade is None:
         return detected
     option = "--grade" if heights is None else f"--heights {heights}"
@@ -235,13 +236,13 @@ def import_workings(name: str, source: Path) -> Path:
     return target
 
 
-def survey_yaml(name: str, file: Path, detected: Detection, stated: dict[str, Any]) -> str:
+def survey_yaml(name: str, file: Path, detected: Detection, stated: StatedOptions) -> str:
     """Return the text of a survey section: the detected values, each with a comment."""
     values = {"kind": detected.values["kind"], "name": name, **detected.values}
     for key in ("image", "file", "map"):
         if key in values:
             values[key] = file.as_posix()
-    values |= {"poses": None, "correct": None, "entrance_m": stated.get("entrance_m"), "labels_m": {}}
+    values |= {"poses": None, "correct": None, "entrance_m": stated.entrance_m, "labels_m": {}}
     remarks = {
         "entrance_m": "[x, y] or [x, y, elevation]; null: the highest end of drifts with elevations, else the start of "
         "the longest drift",

@@ -237,9 +237,12 @@ class Areas:
 
 @dataclass(frozen=True)
 class FreeSpace:
-    """The traced workings: one polygon with islands as holes (m, mine frame), simplified by `tolerance_m`."""
+    """The traced workings with islands as holes (m, mine frame), simplified by `tolerance_m`.
 
-    polygon: Polygon
+    A mine of several sheets has a polygon a sheet.
+    """
+
+    polygon: Polygon | MultiPolygon
     areas: Areas
     tolerance_m: float
     frame: Frame

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +13,20 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError, ParamsError
-from pipeline.geometry.floor.sheets import count_islands, filled, plan_seams, simplify_sheets, trace_sheets
-from pipeline.geometry.network.skeleton import require_same_network, trace_alike
+from pipeline.geometry.floor.sheets import count_islands, filled, plan_seams
 from pipeline.geometry.openings.fit import cut_openings, fit_openings
 from pipeline.geometry.outline.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
 from pipeline.geometry.outline.components import choose_component, choose_mask_component, mend
-from pipeline.geometry.outline.fewest_vertices import MOST_RATIO
 from pipeline.geometry.outline.half_level import cover_of, trace_half_level
-from pipeline.geometry.outline.trace import simplify_outline, simplify_to_wall_error, trace_outline
+from pipeline.geometry.outline.simplified import (
+    NetworkGrid,
+    SimplifiedOutline,
+    simplify_by_tolerance,
+    simplify_by_wall_error,
+    simplify_folded,
+)
+from pipeline.geometry.outline.trace import trace_outline
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.metrics.wall_error import largest_error_m
 from pipeline.params.contours import ContoursParams
 from pipeline.report.figures.corrected import draw_corrected
 from pipeline.report.figures.graph import network_dot, width_table
@@ -30,66 +35,89 @@ from pipeline.scans.correct import Correction, CorrectionReport, correct_by_swee
 from pipeline.stage import Artifact, Stage, main
 from pipeline.types import NO_PICTURE, Areas, DriftNetwork, Frame, FreeSpace, Image, Mask, Openings, Survey, Workings
 
-_HALVINGS = 3  # of a wall error that would change the drift network
+
+@dataclass(frozen=True)
+class _Traced:
+    """The workings as traced (m, mine frame), as they are drawn, and the cleaned drawing."""
+
+    workings: Polygon | MultiPolygon
+    raw: Mask
+    cleaned: Mask
 
 
 def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workings: Workings) -> dict[str, Any]:
     """Return the binarised plan, the cleaned plan, the free space, its drift network, a picture and tables."""
     frame = survey.frame
-    places = chosen_places(params, survey)
-    seams = plan_seams(survey.heights)
     try:
-        if seams:
-            traced = workings.polygons
-            raw = cleaned = fill_polygon(traced, frame)
-        elif workings.polygons.is_empty:
-            raw, cleaned = _read_mask(params, plan, survey, places)
-            require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_workings_share)
-            traced = _trace(params, plan, raw, cleaned, frame)
-        else:
-            mended = mend(workings.polygons, params.bridge_m, params.min_island_m2)
-            traced = choose_component(mended, places)
-            raw, cleaned = fill_polygon(workings.polygons, frame), fill_polygon(traced, frame)
-        correction = _correct(params, traced)
+        drawn = _trace(params, plan, survey, workings)
+        correction = _correct(params, drawn.workings)
     except GeometryError as error:
         raise GeometryError(f"{(survey.sources or [survey.name])[0]}: {error}") from error
-    drawn = traced
-    if correction is not None:
-        traced = correction.polygon
-        raw = cleaned = fill_polygon(traced, frame)
-    if seams:
-        assert survey.heights is not None
-        tolerance = params.wall_error_m if params.tolerance_m is None else params.tolerance_m
-        outline = simplify_sheets(traced, survey.heights, tolerance)
-        network = trace_sheets(outline, seams, *_tracing(params))
-    else:
-        outline, network, tolerance = _simplify(params, traced)
-    openings = _find_openings(params, survey, outline)
-    if openings.collars:  # the network above is that of the drifts: openings are no islands in it
-        outline, traced = cut_openings(outline, openings), cut_openings(traced, openings)
-        raw = cleaned = fill_polygon(traced, frame)
-    outer = filled(outline)
-    areas = Areas(
-        tunnel_m2=round(outline.area, 3),
-        islands_m2=round(outer.area - outline.area, 3),
-        outside_m2=round(shapely.box(*frame.extent_m).difference(outer).area, 3),
-        islands=count_islands(outline),
-        traced_tunnel_m2=round(traced.area, 3),
-        unconnected_m2=round(_unconnected_m2(raw, cleaned, frame), 3),
-    )
+    corrected = drawn if correction is None else _drawn_again(correction.polygon, frame)
+    simplified = _simplify(params, survey, corrected.workings)
+    network = simplified.network  # of the drifts: openings are no islands in it
+    openings = _find_openings(params, survey, simplified.outline)
+    outline = cut_openings(simplified.outline, openings) if openings.collars else simplified.outline
+    traced = _drawn_again(cut_openings(corrected.workings, openings), frame) if openings.collars else corrected
     return {
-        "raw": raw,
-        "cleaned": cleaned,
-        "traced": Workings(MultiPolygon(shapely.get_parts(traced).tolist())),
-        "free_space": FreeSpace(outline, areas, tolerance, frame),
+        "raw": traced.raw,
+        "cleaned": traced.cleaned,
+        "traced": Workings(MultiPolygon(shapely.get_parts(traced.workings).tolist())),
+        "free_space": FreeSpace(outline, _measure_areas(outline, traced, frame), simplified.moved_m, frame),
         "openings": openings,
         "topology": network,
         "topology_dot": network_dot(network),
         "widths": width_table(network),
-        "picture": draw_contours(raw, outline, network, frame),
+        "picture": draw_contours(traced.raw, outline, network, frame),
         "correction": None if correction is None else correction.report,
-        "corrected": NO_PICTURE if correction is None else draw_corrected(drawn, correction, frame),
+        "corrected": NO_PICTURE if correction is None else draw_corrected(drawn.workings, correction, frame),
     }
+
+
+def _trace(params: ContoursParams, plan: Image, survey: Survey, workings: Workings) -> _Traced:
+    """Return the workings: a vector survey's own, or those that the plan's picture shows."""
+    frame, places = survey.frame, chosen_places(params, survey)
+    if plan_seams(survey.heights):
+        return _drawn_again(workings.polygons, frame)
+    if workings.polygons.is_empty:
+        raw, cleaned = _read_mask(params, plan, survey, places)
+        require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_workings_share)
+        return _Traced(_outline_of(params, plan, raw, cleaned, frame), raw, cleaned)
+    chosen = choose_component(mend(workings.polygons, params.bridge_m, params.min_island_m2), places)
+    return _Traced(chosen, fill_polygon(workings.polygons, frame), fill_polygon(chosen, frame))
+
+
+def _drawn_again(workings: Polygon | MultiPolygon, frame: Frame) -> _Traced:
+    """Return workings whose drawing is made of them."""
+    mask = fill_polygon(workings, frame)
+    return _Traced(workings, mask, mask)
+
+
+def _simplify(params: ContoursParams, survey: Survey, traced: Polygon | MultiPolygon) -> SimplifiedOutline:
+    """Return the simplified outline and its drift network."""
+    seams = plan_seams(survey.heights)
+    grid = NetworkGrid(params.network.cell_m, params.network.min_leg_m, params.network.station_spacing_m)
+    if seams:
+        assert survey.heights is not None
+        assert isinstance(traced, MultiPolygon)
+        tolerance_m = params.wall_error_m if params.tolerance_m is None else params.tolerance_m
+        return simplify_folded(traced, survey.heights, seams, tolerance_m, grid)
+    assert isinstance(traced, Polygon)
+    if params.tolerance_m is not None:
+        return simplify_by_tolerance(traced, params.tolerance_m, grid)
+    return simplify_by_wall_error(traced, params.wall_error_m, grid)
+
+
+def _measure_areas(outline: Polygon | MultiPolygon, traced: _Traced, frame: Frame) -> Areas:
+    outer = filled(outline)
+    return Areas(
+        tunnel_m2=round(outline.area, 3),
+        islands_m2=round(outer.area - outline.area, 3),
+        outside_m2=round(shapely.box(*frame.extent_m).difference(outer).area, 3),
+        islands=count_islands(outline),
+        traced_tunnel_m2=round(traced.workings.area, 3),
+        unconnected_m2=round(_unconnected_m2(traced.raw, traced.cleaned, frame), 3),
+    )
 
 
 def _find_openings(params: ContoursParams, survey: Survey, outline: BaseGeometry) -> Openings:
@@ -107,7 +135,7 @@ def _find_openings(params: ContoursParams, survey: Survey, outline: BaseGeometry
     return openings
 
 
-def _correct(params: ContoursParams, traced: Polygon) -> Correction | None:
+def _correct(params: ContoursParams, traced: Polygon | MultiPolygon) -> Correction | None:
     """Correct the traced walls by the survey's sweeps, if the parameters say so, and print by how much."""
     if params.correct is None or params.poses is None:
         return None
@@ -147,46 +175,10 @@ def _read_mask(
     return raw, fill_islands(choose_mask_component(drawn, frame, places), params.min_island_m2 * scale**2)
 
 
-def _trace(params: ContoursParams, plan: Image, raw: Mask, cleaned: Mask, frame: Frame) -> Polygon:
+def _outline_of(params: ContoursParams, plan: Image, raw: Mask, cleaned: Mask, frame: Frame) -> Polygon:
     if params.trace == "pixels":
         return trace_outline(cleaned, frame)
     return trace_half_level(cover_of(plan, raw, cleaned), frame)
-
-
-def _simplify(params: ContoursParams, traced: Polygon) -> tuple[Polygon, DriftNetwork, float]:
-    """Return the simplified outline, its drift network, and the largest distance, m, by which a wall moved.
-
-    A wall error that would change the network, or move a wall by more than eight times itself, is halved, up to three
-    times.
-    """
-    if params.tolerance_m is not None:
-        setting = f"contours.tolerance_m = {params.tolerance_m:g}"
-        outline = simplify_outline(traced, params.tolerance_m)
-        return outline, _same_network(params, traced, outline, setting), params.tolerance_m
-    for error_m in params.wall_error_m / 2.0 ** np.arange(_HALVINGS + 1):
-        try:
-            outline = simplify_to_wall_error(traced, float(error_m))
-            network = _same_network(params, traced, outline, f"contours.wall_error_m = {error_m:g}")
-            largest_m = float(np.ceil(1000 * largest_error_m(traced, outline)) / 1000)
-            if largest_m <= MOST_RATIO * params.wall_error_m:
-                break
-            refused = GeometryError(f"contours.wall_error_m = {error_m:g}: a wall would move by {largest_m:g} m")
-        except GeometryError as error:
-            refused = error
-    else:
-        raise refused
-    return outline, network, largest_m
-
-
-def _same_network(params: ContoursParams, traced: Polygon, outline: Polygon, setting: str) -> DriftNetwork:
-    """Return the network of the simplified outline; raise if it is not that of the traced outline."""
-    before, network = trace_alike([traced, outline], *_tracing(params))
-    require_same_network(before, network, outline, setting, params.network.min_leg_m)
-    return network
-
-
-def _tracing(params: ContoursParams) -> tuple[float, float, float]:
-    return params.network.cell_m, params.network.min_leg_m, params.network.station_spacing_m
 
 
 def _unconnected_m2(raw: Mask, cleaned: Mask, frame: Frame) -> float:

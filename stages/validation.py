@@ -17,7 +17,7 @@ from pipeline.mjcf.bundle import read_floor
 from pipeline.mjcf.load_time import LoadCost, measure_load
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
-from pipeline.proof.groups import applying_limits, groups_of, is_rock_judged
+from pipeline.proof.groups import applying_limits, is_measured, is_rock_judged
 from pipeline.proof.lidar.replay import replay_sweeps
 from pipeline.proof.lidar.replay_report import Replay, ReplayReport
 from pipeline.proof.texture import TextureReport
@@ -39,7 +39,7 @@ def validate_world(
 ) -> dict[str, Any]:
     """Return the metrics, the load times, the certificate, and reports and pictures as evidence."""
     validator = Validator(params, world, cleaned, raw, survey, traced=whole_of(traced.polygons))
-    groups = groups_of(params)
+    groups = [group for group in MEASURES if is_measured(group, params)]
     if params.extent == "certificate":
         metrics = {group: validator.measure(group) for group in groups}
         timings: dict[str, Any] = {"world_sha256": validator.world.record.world_sha256}

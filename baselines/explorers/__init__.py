@@ -2,21 +2,45 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 from baselines.explorers.frontier import InformationGain, NearestFrontier
+from baselines.explorers.over_heights import (
+    DepthFirstOverHeights,
+    FrontierTourOverHeights,
+    InformationGainOverHeights,
+    NearestFrontierOverHeights,
+    TwoLevelOverHeights,
+)
 from baselines.explorers.random_walk import RandomWalk
 from baselines.explorers.reactive import Reactive
 from baselines.explorers.tour import DepthFirst, FrontierTour, TwoLevel
 from baselines.explorers.wall_following import WallFollowing
 
-EXPLORERS: dict[str, Any] = {  # name: class, made as Class(count, task, robot)
-    "random": RandomWalk,
-    "reactive": Reactive,
-    "wall-following": WallFollowing,
-    "nearest-frontier": NearestFrontier,
-    "information-gain": InformationGain,
-    "frontier-tour": FrontierTour,
-    "depth-first": DepthFirst,
-    "two-level": TwoLevel,
+
+@dataclass(frozen=True)
+class Explorer:
+    """The class of an explorer, made as `Class(count, task, robot)`, and its class for mines with heights.
+
+    An explorer that keeps no map needs no second class.
+    """
+
+    level: Any
+    over_heights: Any = None
+
+    def kind(self, heights: bool) -> Any:
+        """Return the class for a level mine, or for one with heights."""
+        return self.over_heights or self.level if heights else self.level
+
+
+EXPLORERS: dict[str, Explorer] = {
+    "random": Explorer(RandomWalk),
+    "reactive": Explorer(Reactive),
+    "wall-following": Explorer(WallFollowing),
+    "nearest-frontier": Explorer(NearestFrontier, NearestFrontierOverHeights),
+    "information-gain": Explorer(InformationGain, InformationGainOverHeights),
+    "frontier-tour": Explorer(FrontierTour, FrontierTourOverHeights),
+    "depth-first": Explorer(DepthFirst, DepthFirstOverHeights),
+    "two-level": Explorer(TwoLevel, TwoLevelOverHeights),
 }

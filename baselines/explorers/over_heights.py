@@ -20,10 +20,7 @@ from baselines.explorers.graph_explorer import (
 )
 from baselines.explorers.maps.layered_graph import LayerCell, LayeredGraph, LayerGraphs
 from baselines.explorers.maps.layers import LayeredMap, Stance, stances_of
-from baselines.explorers.random_walk import RandomWalk
-from baselines.explorers.reactive import Reactive
 from baselines.explorers.tour import DepthFirst, FrontierTour, TwoLevel
-from baselines.explorers.wall_following import WallFollowing
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 
@@ -180,15 +177,3 @@ class DepthFirstOverHeights(OverHeights, DepthFirst):
 
 class TwoLevelOverHeights(OverHeights, TwoLevel):
     """`TwoLevel` on a map of layers."""
-
-
-EXPLORERS_OVER_HEIGHTS: dict[str, Any] = {  # as `baselines.explorers.EXPLORERS`; the first three keep no map
-    "random": RandomWalk,
-    "reactive": Reactive,
-    "wall-following": WallFollowing,
-    "nearest-frontier": NearestFrontierOverHeights,
-    "information-gain": InformationGainOverHeights,
-    "frontier-tour": FrontierTourOverHeights,
-    "depth-first": DepthFirstOverHeights,
-    "two-level": TwoLevelOverHeights,
-}

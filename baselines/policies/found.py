@@ -16,7 +16,6 @@ import minexplore
 from baselines.base.errors import BaselineError
 from baselines.base.result_file import CHECKPOINTS, MOST_POLICY, POLICY
 from baselines.explorers import EXPLORERS
-from baselines.explorers.over_heights import EXPLORERS_OVER_HEIGHTS
 from baselines.graph import checkpoint as graph_checkpoint
 from baselines.graph.policy import GraphPolicy
 from baselines.policies.learned import LearnedPolicy
@@ -73,14 +72,14 @@ def make_policy(
     """
     robot = robot or RobotParams()
     if name in EXPLORERS:
-        return (EXPLORERS_OVER_HEIGHTS if heights else EXPLORERS)[name](count, task, robot)
+        return EXPLORERS[name].kind(heights)(count, task, robot)
     if ":" in name:
         return _import_class(name)(count, task, robot)
     path = find_checkpoint(name)
     if heights:
         raise BaselineError(
             f"policy = {name!r}: learned policies map level mines only; in a mine with heights valid choices are "
-            f"{', '.join(EXPLORERS_OVER_HEIGHTS)}, module:Class"
+            f"{', '.join(EXPLORERS)}, module:Class"
         )
     if graph_checkpoint.format_of(path) == graph_checkpoint.FORMAT:
         return GraphPolicy(path, count, task, robot)

@@ -17,9 +17,9 @@ from minexplore.bundle import MODEL, WALLS, GeomGroup
 from minexplore.bundle import ROOF as ROOFS
 from pipeline.compose import compose
 from pipeline.errors import MineError
-from pipeline.metrics.rock.published import REAL, REAL_SWEEP
+from pipeline.metrics.rock.published import REAL_SWEEP
 from pipeline.metrics.rock.relief import STEEP_DEG, Relief, line_factor
-from pipeline.metrics.rock.texture import AXES, AXIS_TITLES, published_score, strict_score
+from pipeline.metrics.rock.texture import AXES, published_score, strict_score
 from pipeline.mjcf.bundle import smooth_triangles
 from pipeline.mjcf.render import render_from
 from pipeline.params.config import Config
@@ -90,7 +90,7 @@ def measure(walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNe
 
 def figures_of(found: MeasuredTexture, relief: Relief, params: Config) -> dict[str, Any]:
     """Return the rows of the table."""
-    published, strict = published_score(REAL, found.as_paper), strict_score(REAL, found.as_is)
+    published, strict = published_score(found.as_paper), strict_score(found.as_is)
     cut = relief.cut["at_100_cm"]
     return {
         **{
@@ -111,7 +111,7 @@ def figures_of(found: MeasuredTexture, relief: Relief, params: Config) -> dict[s
         **{f"Rq of a line {window.replace('_', ' ')}, mm": 1000 * v for window, v in cut.line_rq_m.items()},
         "Rq of a line / sweeps, typical factor": line_factor(cut.line_rq_m, measure_sweeps(params.surface.sweeps)),
         "published score": published.overall,
-        **{f"- {AXIS_TITLES[axis]}": published.axes[axis] for axis in AXES},
+        **{f"- {axis.title}": published.axes[name] for name, axis in AXES.items()},
         "strict score": strict.overall,
     }
 
@@ -188,7 +188,7 @@ def table(results: dict[str, dict[str, float]]) -> str:
 
 def _view(name: str) -> Path:
     """Return the file of a kind's view."""
-    return RESULTS.with_name(f"rock_{name.replace(' ', '_')}.png")
+    return RESULTS.with_name("_".join(["rock", *name.split(" ")]) + ".png")
 
 
 def main() -> int:

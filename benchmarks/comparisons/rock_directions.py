@@ -13,7 +13,6 @@ from tqdm import tqdm
 
 from pipeline.compose import compose
 from pipeline.geometry.network.skeleton import trace_network
-from pipeline.metrics.rock.published import REAL
 from pipeline.metrics.rock.texture import published_score
 from pipeline.params.config import Config
 from pipeline.proof.surface import relief_of
@@ -52,7 +51,7 @@ def measure(free: Polygon, config: Config) -> list[float | None]:
     rough = build_rough_surface(surface, lattice, choose_relief(surface, measure_sources(surface), lattice))
     walls, roof = (rough.mesh.vertices[rough.mesh.faces[rough.mesh.piece == piece]] for piece in (WALL, ROOF))
     relief = relief_of(walls, roof, free, network, texture.stretches)
-    axes = published_score(REAL, measure_texture(walls, roof, free, network, texture).as_paper).axes
+    axes = published_score(measure_texture(walls, roof, free, network, texture).as_paper).axes
     cuts = relief.cut.values()
     return [
         *relief.steep_share.values(),

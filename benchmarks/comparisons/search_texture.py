@@ -17,21 +17,18 @@ from tqdm import tqdm
 
 from pipeline.compose import compose
 from pipeline.errors import MineError
-from pipeline.metrics.rock.axes import TextureAxes
-from pipeline.metrics.rock.published import REAL, REAL_SWEEP
+from pipeline.metrics.rock.published import REAL_SWEEP
 from pipeline.metrics.rock.sampling import faces_near, sample_triangles
 from pipeline.metrics.rock.texture import (
     AXES,
+    RockPoints,
+    TextureAxes,
     axis_ratios,
-    bump_rq_m,
+    measure_axes,
     published_score,
-    roof_irregularity_m,
     rotate_about_z,
-    roughness_integral_m2,
     strict_score,
     sweep_walls,
-    wall_heterogeneity_m,
-    wall_jaggedness_deg,
     wall_wavelength_m,
 )
 from pipeline.report.figures.style import OCHRE, ROCK, STEEL, new_figure, to_image
@@ -99,14 +96,7 @@ class TestDrift:
         along_m = wall_wavelength_m(walls[::2], self.free)
         walls, roof = rotate_about_z(walls), rotate_about_z(roof)
         sweep = sweep_walls(walls)
-        axes = TextureAxes(
-            wall_jaggedness_deg(walls),
-            bump_rq_m(walls),
-            roughness_integral_m2(sweep),
-            along_m,
-            roof_irregularity_m(roof),
-            wall_heterogeneity_m(walls),
-        )
+        axes = measure_axes(RockPoints(walls, sweep, roof, along_m))
         on_wall = share == 0
         return {
             "axes": axes,
@@ -120,10 +110,10 @@ class TestDrift:
         """Return the mean squared log ratio of the axes, plus penalties on amplitude, bump Rq and curvature."""
         measured = self.measure(log_sd)
         axes = measured["axes"]
-        ratios = sum(np.log(max(ratio or 0.0, 1e-6)) ** 2 for ratio in axis_ratios(REAL, axes).values()) / len(AXES)
+        ratios = sum(np.log(max(ratio or 0.0, 1e-6)) ** 2 for ratio in axis_ratios(axes).values()) / len(AXES)
         real = {r.window_m: r.rq_m for r in REAL_SWEEP}
         scale = np.mean([np.log(r.rq_m / real[r.window_m]) ** 2 for r in measured["sweep"]])
-        excess = max(0.0, abs(np.log((axis_ratios(REAL, axes)["bump_rq_m"] or 1e-6) / _BUMP_AIM)) - _BUMP_SLACK)
+        excess = max(0.0, abs(np.log((axis_ratios(axes)["bump_rq_m"] or 1e-6) / _BUMP_AIM)) - _BUMP_SLACK)
         amplitude = (measured["wall_rms_m"] ** 2 + measured["roof_rms_m"] ** 2) / 0.15**2
         curvature = sum(float((np.diff(q, 2) ** 2).sum()) for q in np.split(log_sd, 2))
         return float(ratios + 0.05 * scale + 30 * excess**2 + penalty * amplitude + _SMOOTH * curvature)
@@ -157,9 +147,9 @@ def search(penalty: float) -> dict[str, Any]:
             f"{k}_sd_m": sd.round(4).tolist()
             for k, sd in zip(KNOTS_M, at_wavelengths(best.x, np.array(WRITTEN_M)), strict=True)
         },
-        "ratios": {a: round(ratio or 0.0, 3) for a, ratio in axis_ratios(REAL, axes).items()},
-        "strict": asdict(strict_score(REAL, axes)),
-        "published_without_noise": asdict(published_score(REAL, axes)),
+        "ratios": {a: round(ratio or 0.0, 3) for a, ratio in axis_ratios(axes).items()},
+        "strict": asdict(strict_score(axes)),
+        "published_without_noise": asdict(published_score(axes)),
         "rq_m": {str(r.window_m): round(r.rq_m, 4) for r in measured.pop("sweep")},
         **{k: round(v, 4) for k, v in measured.items()},
     }

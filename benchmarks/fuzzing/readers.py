@@ -9,10 +9,9 @@ from pathlib import Path
 
 import yaml
 
+from benchmarks.fuzzing.samples import SAMPLES
+
 PICTURES = ("png", "jpeg", "tiff", "pdf")
-PLACED = ("geotiff", "world file")
-VECTORS = ("map.yaml", "dxf", "geojson", "geopackage", "shapefile", "stations", "survex", "compass")
-SURVEYS = ("solved .3d", "survex project", "therion", "compass data")
 HEIGHTS = ("height raster", "height grid", "contour lines", "height labels")
 CLOUDS = ("xyz", "ply", "pcd", "las", "stl", "obj")
 
@@ -22,13 +21,15 @@ def _read_mine(path: Path, **stated: float) -> None:
     from pydantic import TypeAdapter
 
     from pipeline.import_mine import require_section, survey_yaml
+    from pipeline.params.stated import StatedOptions, state
     from pipeline.params.survey import SurveyParams
     from pipeline.survey.detect import detect_survey
     from pipeline.survey.load import read_survey, sources
 
     with chdir(path.parent.parent):
         file = Path(path.parent.name) / path.name
-        text = survey_yaml("fuzz", file, detect_survey(file, dict(stated)), {})
+        options = state(file, stated)
+        text = survey_yaml("fuzz", file, detect_survey(file, options), StatedOptions())
         require_section(text)
         params = TypeAdapter(SurveyParams).validate_python(yaml.safe_load(text)["survey"])
         sources(params)
@@ -105,9 +106,8 @@ def registry_beside(folder: Path) -> None:
 
 
 READERS: dict[str, Callable[[Path], None]] = {
+    **dict.fromkeys(SAMPLES, _read_mine),
     **dict.fromkeys(PICTURES, _read_picture),
-    **dict.fromkeys((*PLACED, *VECTORS, *SURVEYS), _read_mine),
-    "levels": _read_mine,
     "centrelines": _read_centrelines,
     **dict.fromkeys(HEIGHTS, _read_heights),
     **dict.fromkeys(CLOUDS, _read_cloud),

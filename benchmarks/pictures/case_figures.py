@@ -14,7 +14,7 @@ from minexplore.floors.floor import Floor
 from pipeline.geometry.openings.fit import filled_floor
 from pipeline.params.floor_rules import floor_rules
 from pipeline.store.codecs import decode
-from pipeline.survey.formats import PASSAGE_READERS
+from pipeline.survey.formats import leg_reader
 from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.passages.sheet_cells import floor_of
 from pipeline.types import DriftNetwork, Openings, Survey
@@ -50,7 +50,7 @@ class Figures:
 
 def read_legs(source: Path, half_width_m: float | None = None) -> list[SurveyLeg]:
     """Return the legs of a survey's file."""
-    legs, _ = PASSAGE_READERS[source.suffix.lower()](source, half_width_m)
+    legs, _ = leg_reader(source)(source, half_width_m)
     return legs
 
 

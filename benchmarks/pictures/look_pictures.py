@@ -18,7 +18,7 @@ from shapely import LineString, Polygon
 
 from benchmarks.speed.look_costs import tables, write_costs
 from benchmarks.worlds.small_world import build_world
-from minexplore.bundle import MODEL, GeomGroup
+from minexplore.bundle import MODEL, OVERVIEW_CAMERA, GeomGroup
 from minexplore.looks import LOOKS, PLAIN
 from minexplore.physics.robot import RobotParams, free_joint_qpos
 from minexplore.pictures.render import Renderer
@@ -60,7 +60,7 @@ def draw_cut_away(folder: Path) -> np.ndarray:
     """Return the world from above, (rows, cols, 3) BGR, with its roof away."""
     model = mujoco.MjModel.from_xml_path(str(folder / MODEL))
     groups = (GeomGroup.FLOOR, GeomGroup.COLLISION)
-    return render_camera(model, "overview", 2 * _SIZE_PX[0], _SIZE_PX[1], groups, spots=False)
+    return render_camera(model, OVERVIEW_CAMERA, 2 * _SIZE_PX[0], _SIZE_PX[1], groups, spots=False)
 
 
 def main() -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import mujoco
 
-from minexplore.bundle import ROCK_TEXTURE, ROOF, WALLS, is_cover, is_fitting
+from minexplore.bundle import MESHES, ROCK_TEXTURE, ROOF, WALLS, is_cover, is_fitting
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError
 from pipeline.params.reading.composed import root_overrides
@@ -29,7 +29,7 @@ def bundle_of(furnish: str) -> Bundle:
 
 def measure_bundle(files: Bundle) -> list[float]:
     """Return MB of the bundle, its rock, texture, visible floor and furniture, and the geoms of floor and furniture."""
-    stems = {name: Path(name).stem for name in files if name.startswith("meshes/")}
+    stems = {name: Path(name).stem for name in files if name.startswith(MESHES)}
     cover = [name for name, stem in stems.items() if is_cover(stem)]
     furniture = [name for name, stem in stems.items() if is_fitting(stem) and name not in cover]
     rock = [name for name, stem in stems.items() if stem.startswith((WALLS, ROOF))]

@@ -17,7 +17,7 @@ import numpy as np
 from tqdm import tqdm
 
 from benchmarks.speed.plain_env import PlainEnv
-from minexplore.bundle import MINE_BODY, floor_geom
+from minexplore.bundle import FREE_SPACE, MINE_BODY, floor_geom
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import (
@@ -169,7 +169,7 @@ def paper_hulls(world: World) -> ConvexParts:
     """Return V-HACD hulls of the present plan with the paper's parameters, made once."""
     if HULLS.is_file():
         return decode(HULLS, ConvexParts)
-    free: FreeSpace = decode(world.folder / "free_space.geojson", FreeSpace)
+    free: FreeSpace = decode(world.folder / FREE_SPACE, FreeSpace)
     params = compose(["collision=vhacd"]).compile3d
     box = world_box(free.polygon, params.rock_margin_m, free.frame.extent_m)
     parts = collision_parts(params, rock_around(free.polygon, box), box)

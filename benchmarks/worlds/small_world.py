@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
+from minexplore.bundle import CLEARANCE_GRID, NAV2_PICTURE
 from pipeline.compose import compose
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.mjcf.assemble import assemble_world
@@ -74,9 +75,9 @@ def finish_world(
         surface["smooth"],
         surface["texture"],
         surface["rough"],
-        occupancy=encode(Path("occupancy.npz"), rock["occupancy"]),
+        occupancy=encode(Path(CLEARANCE_GRID), rock["occupancy"]),
         free_space_bt=rock["octree"],
-        map_png=encode(Path("map.png"), rock["map"]),
+        map_png=encode(Path(NAV2_PICTURE), rock["map"]),
         map_yaml=rock["map_yaml"].encode(),
         openings=openings,
     )["world"]

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 
 from minexplore.bundle import (
+    ENTRANCE_CAMERA,
     FITTINGS_BODY,
     MINE_BODY,
     MODEL,
+    OVERVIEW_CAMERA,
     RECORD,
     ROCK_CLASS,
     ROOF_GEOM,
@@ -21,11 +23,14 @@ from minexplore.bundle import (
     BundleError,
     GeomGroup,
     floor_geom,
+    ground_material,
     has_visible_rock,
     is_fitting,
+    is_ground,
     is_rock,
     mesh_file,
     rock_geom,
+    spot_light,
     surface_geom,
 )
 from minexplore.floors.floor import Floor
@@ -218,8 +223,8 @@ def _check_zones(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
     """Compare the materials of the floor zones with the record, and the zones with the box that they divide."""
     zones = record["zones"]
     west, south, east, north = zoned_box(record["world_m"], floor)
-    grounds = [name for tag, name in at.of_assets if tag == "material" and name.startswith("ground_")]
-    _consecutive("material", grounds, [f"ground_{zone['name']}" for zone in zones], "zones")
+    grounds = [name for tag, name in at.of_assets if tag == "material" and is_ground(name)]
+    _consecutive("material", grounds, [ground_material(zone["name"]) for zone in zones], "zones")
     length = (east - west) / len(zones)
     for number, zone in enumerate(zones, start=1):  # zones are of equal length, to a decimetre
         if abs(zone["east_m"] - (west + number * length)) > _EQUAL_M:
@@ -231,7 +236,7 @@ def _check_zones(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
     for zone, left in zip(zones, edges, strict=False):
         if (zone["south_m"], zone["north_m"], zone["west_m"]) != (south, north, left) or left >= zone["east_m"]:
             raise BundleError(f"{RECORD}: zones: {zone['name']!r} leaves a gap, or differs from the rock's box")
-        ground = at.of_assets["material", f"ground_{zone['name']}"]
+        ground = at.of_assets["material", ground_material(zone["name"])]
         _expect(ground, "rgba", _numbers(ground, "rgba", "1 1 1 1"), zone["rgba"])
     if zones[-1]["east_m"] != east:
         last = f"zones[{len(zones) - 1}].east_m = {zones[-1]['east_m']}"
@@ -249,7 +254,7 @@ def _check_boxes(at: _Places, record: Mapping[str, Any]) -> None:
         raise BundleError(f"{MODEL}: {roof.path}@size: floor and roof are {2 * half:g} m thick, want {_THINNEST_M} m")
     for zone in zones:
         geom = at.of_mine["geom", floor_geom(zone["name"])]
-        if geom.attributes["material"] != f"ground_{zone['name']}":
+        if geom.attributes["material"] != ground_material(zone["name"]):
             raise BundleError(f"{MODEL}: {geom.path}@material: want 'ground_{zone['name']}'")
         _expect_box(geom, (zone["west_m"], south, zone["east_m"], north), -half, half)
         _expect(geom, "friction", _numbers(geom, "friction", "1"), [zone["friction"]])
@@ -264,7 +269,7 @@ def _expect_box(geom: Node, box: tuple[float, float, float, float], middle_z: fl
 
 def _check_cameras(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
     """Compare the cameras with the spawn's anchor, a level view, and the box of the rock."""
-    entrance, overview = at.of_mine["camera", "entrance"], at.of_mine["camera", "overview"]
+    entrance, overview = at.of_mine["camera", ENTRANCE_CAMERA], at.of_mine["camera", OVERVIEW_CAMERA]
     _expect(entrance, "pos", _numbers(entrance, "pos"), _folded(floor, [*record["spawn"]["anchor_m"], 1.2]), _ROUND_M)
     w, x, y, z = _numbers(entrance, "quat", "1 0 0 0")
     # A level view along any heading: its up axis is the mine's z, its right axis is level.
@@ -281,7 +286,7 @@ def _check_cameras(at: _Places, record: Mapping[str, Any], floor: Floor) -> None
 
 def _check_lights(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
     names = at.names("light", "")
-    _consecutive("light", names, [f"spot_{i:02d}" for i in range(record["lights"])], "lights")
+    _consecutive("light", names, [spot_light(i) for i in range(record["lights"])], "lights")
     west, south, east, north = record["world_m"]
     kinds = set()
     for name in names:

@@ -16,6 +16,7 @@ from minexplore.bundle import (
     FLOOR,
     FREE_SPACE,
     MADE_BY,
+    MESHES,
     MODEL,
     NAV2_MAP,
     NAV2_PICTURE,
@@ -24,6 +25,7 @@ from minexplore.bundle import (
     PREVIEW,
     RECORD,
     ROCK_TEXTURE,
+    SHEET_MAPS,
     TOPOLOGY,
     BundleError,
     has_visible_rock,
@@ -32,7 +34,7 @@ from minexplore.bundle import (
 from minexplore.floors.floor import Floor
 from minexplore.schema.agreement import rock_box
 from minexplore.schema.fittings import FITTING_MESH
-from minexplore.schema.meshes import MESHES, check_meshes
+from minexplore.schema.meshes import check_meshes
 from minexplore.schema.model import VISIBLE_MESH
 from minexplore.schema.openings import check_opening_meshes
 from minexplore.schema.readers.arrays import read_arrays
@@ -55,7 +57,7 @@ FIXED = (
 )
 VISIBLE = (PREVIEW, ROCK_TEXTURE)  # of these, only worlds with visible rock have any
 _MESH = re.compile(rf"{MESHES}(?:{VISIBLE_MESH}|{FITTING_MESH})\.msh", re.ASCII)
-_FOLDERS = {"meshes", "textures"}
+_FOLDERS = {MESHES.rstrip("/"), ROCK_TEXTURE.partition("/")[0]}
 _MOST_BYTES = 1 << 30  # of a bundle
 _MOST_FILES = 100_000
 PICTURES = {PREVIEW: (RGB,), NAV2_PICTURE: (GREY,), ROCK_TEXTURE: (RGB, PALETTE)}
@@ -68,7 +70,7 @@ _MAP = re.compile(
     r"negate: 0\noccupied_thresh: 0\.65\nfree_thresh: 0\.25\n",
     re.ASCII,
 )
-_SHEET_MAP = re.compile(r"map_\d{2,4}\.(?:yaml|png)", re.ASCII)
+_SHEET_MAP = re.compile(SHEET_MAPS, re.ASCII)
 
 
 def is_known(name: str) -> bool:

@@ -7,24 +7,29 @@ from typing import Any
 
 from minexplore.bundle import (
     COVER_M,
+    COVER_MESHES,
     FITTINGS_BODY,
     FURNITURE,
     FURNITURE_ABOVE_M,
     LINES_ABOVE_M,
+    MESHES,
     MODEL,
     OPENING_FITTINGS,
     RECORD,
     SHADE_MATERIAL,
+    SHADE_NAMES,
     SURFACE_CLASS,
     WATER_MATERIAL,
     BundleError,
     cover_material,
     fitting_geom,
+    fitting_kind,
     fitting_material,
     has_heights,
     has_visible_rock,
     is_cover,
     is_fitting,
+    is_fitting_material,
     is_of_opening,
     mesh_file,
     opening_mesh,
@@ -40,9 +45,10 @@ from minexplore.schema.readers.xml import Node
 _MOST = 100_000
 _KINDS = "|".join([*FURNITURE, *OPENING_FITTINGS])
 FITTING_MESH = (
-    rf"(?:cover_\d{{3,4}}_\d{{2,4}}_\d{{2,4}}|(?:{'|'.join(FURNITURE)})_\d{{2,4}}_\d{{2,4}}"
+    rf"(?:{COVER_MESHES}|(?:{'|'.join(FURNITURE)})_\d{{2,4}}_\d{{2,4}}"
     rf"|(?:{'|'.join(OPENING_FITTINGS)})_\d{{4}})"
 )
+_KIND_MATERIAL = fitting_material(f"(?:{_KINDS})", [])
 _ZONE = r"[a-z][a-z0-9_]{0,63}"
 _RGBA = Attribute(numbers(4, 0, 1), "1 1 1 1")
 _NOT_TURNED = constant(1, 0, 0, 0, default="1 0 0 0")
@@ -51,13 +57,13 @@ MATERIALS = (
     Element(
         "material",
         {
-            **named(f"cover_{_ZONE}"),
+            **named(cover_material(_ZONE)),
             "texture": required(exactly("rock")),
             "specular": constant(0),
             "shininess": constant(0),
             "rgba": _RGBA,
         },
-        name=f"cover_{_ZONE}",
+        name=cover_material(_ZONE),
         least=0,
         most=_MOST,
     ),
@@ -75,12 +81,12 @@ MATERIALS = (
     Element(
         "material",
         {
-            **named(f"fitting_(?:{_KINDS})"),
+            **named(_KIND_MATERIAL),
             "specular": any_of(*((specular,) for _, specular in FURNITURE_LOOKS.values())),
             "shininess": constant(0.4),
             "rgba": any_of(*(rgba for rgba, _ in FURNITURE_LOOKS.values())),
         },
-        name=f"fitting_(?:{_KINDS})",
+        name=_KIND_MATERIAL,
         least=0,
         most=len(FURNITURE) + len(OPENING_FITTINGS),
     ),
@@ -101,7 +107,7 @@ MESH = Element(
     "mesh",
     {
         **named(FITTING_MESH),
-        "file": required(matching(rf"meshes/{FITTING_MESH}\.msh", "meshes/NAME.msh")),
+        "file": required(matching(rf"{MESHES}{FITTING_MESH}\.msh", mesh_file("NAME"))),
         "content_type": Attribute(exactly("model/vnd.mujoco.msh"), "model/vnd.mujoco.msh"),
         "inertia": required(exactly("shell")),
     },
@@ -138,18 +144,18 @@ BODY = Element(
         Element(
             "geom",
             {
-                **named(f"fitting_{FITTING_MESH}"),
+                **named(fitting_geom(FITTING_MESH)),
                 "class": required(exactly(SURFACE_CLASS)),
                 "pos": Attribute(numbers(3, -1e-6, 1e-6), "0 0 0"),
                 "quat": _NOT_TURNED,
                 "mesh": required(matching(FITTING_MESH, "a fitting's mesh")),
-                "material": required(matching(f"cover_{_ZONE}|fitting_(?:{_KINDS})", "a fitting's material")),
+                "material": required(matching(f"{cover_material(_ZONE)}|{_KIND_MATERIAL}", "a fitting's material")),
             },
-            name=f"fitting_{FITTING_MESH}",
+            name=fitting_geom(FITTING_MESH),
             most=_MOST,
         ),
-        _plane(f"puddle_{_ZONE}", WATER_MATERIAL),
-        _plane(r"shade_\d", SHADE_MATERIAL),
+        _plane(puddle_geom(_ZONE), WATER_MATERIAL),
+        _plane(SHADE_NAMES, SHADE_MATERIAL),
     ),
 )
 
@@ -250,8 +256,7 @@ def _check_materials(
     colours: dict[str, Any] = {WATER_MATERIAL: WATER[0], SHADE_MATERIAL: SHADE}
     colours |= {cover_material(name): cover_rgba(zone["rgba"]) for name, zone in zones.items()}
     colours |= {fitting_material(kind, []): rgba for kind, (rgba, _) in FURNITURE_LOOKS.items()}
-    prefixes = (WATER_MATERIAL, SHADE_MATERIAL, "cover_", "fitting_")
-    there = {name for tag, name in assets if tag == "material" and name.startswith(prefixes)}
+    there = {name for tag, name in assets if tag == "material" and is_fitting_material(name)}
     if there != used:
         raise BundleError(f"{MODEL}: asset: material {min(there ^ used)!r}: missing, or nothing has it")
     for name in sorted(there):
@@ -259,8 +264,8 @@ def _check_materials(
         found = numbers_in(node.attributes.get("rgba", "1 1 1 1")) or []
         if name not in colours or not all(map(same, found, colours[name])):
             raise BundleError(f"{MODEL}: {node.path}@rgba: want {colours.get(name)}")
-        kind = name.removeprefix("fitting_")
-        if kind in FURNITURE_LOOKS and name != kind:
+        kind = fitting_kind(name)
+        if kind in FURNITURE_LOOKS:
             specular = numbers_in(node.attributes["specular"]) or [0.0]
             if not same(specular[0], FURNITURE_LOOKS[kind][1]):
                 raise BundleError(f"{MODEL}: {node.path}@specular: want {FURNITURE_LOOKS[kind][1]:g}")

@@ -14,10 +14,12 @@ from minexplore.bundle import (
     RECORD,
     ROCK_CLASS,
     ROOF_GEOM,
+    ROOF_WEDGES,
     SLAB_M,
     BundleError,
     GeomGroup,
     floor_geom,
+    ground_material,
     is_floor,
     is_roof,
     zone_of_wedge,
@@ -32,7 +34,7 @@ from minexplore.schema.readers.xml import Node
 MOST_SHEETS = 1000
 _STEEPEST_DEG = 45.0
 _ON_FLOOR_M = 0.005
-_FLOOR_WEDGE, _ROOF_WEDGE = rf"floor_{ZONE_NAME}_\d{{5}}", r"roof_\d{5}"
+_FLOOR_WEDGE, _ROOF_WEDGE = rf"{floor_geom(ZONE_NAME)}_\d{{5}}", ROOF_WEDGES
 _PLACE = Attribute(numbers(3, -REACH_M, REACH_M), "0 0 0")
 _NOT_TURNED = Attribute(exactly("1 0 0 0"), "1 0 0 0")
 
@@ -68,7 +70,7 @@ _FLOOR_GEOM = _solid(
     {
         "priority": required(exactly("1")),
         "friction": Attribute(numbers(1, 1e-6, 2), "1"),
-        "material": required(matching(f"ground_{ZONE_NAME}", "the material of a floor zone")),
+        "material": required(matching(ground_material(ZONE_NAME), "the material of a floor zone")),
     },
 )
 _ROOF_GEOM = _solid(
@@ -79,7 +81,7 @@ _ROOF_GEOM = _solid(
 
 def with_heights(table: Element) -> Element:
     """Return the table of `mine.xml` with wedges in place of the level boxes of floor and roof."""
-    swapped = {f"floor_{ZONE_NAME}": _FLOOR_GEOM, ROOF_GEOM: _ROOF_GEOM}
+    swapped = {floor_geom(ZONE_NAME): _FLOOR_GEOM, ROOF_GEOM: _ROOF_GEOM}
     children = [
         swapped.get(child.name, with_heights(child)) if child.tag == "geom" else with_heights(child)
         for child in table.children
@@ -116,7 +118,7 @@ def check_wedges(
         raise BundleError(f"{MODEL}: mesh {name!r}: want one geom of each wedge")
     for name in floors:
         geom, zone = of_mine["geom", name], zones.get(zone_of_wedge(name))
-        if zone is None or geom.attributes["material"] != f"ground_{zone['name']}":
+        if zone is None or geom.attributes["material"] != ground_material(zone["name"]):
             raise BundleError(f"{MODEL}: {geom.path}@material: {geom.attributes['material']!r}, want that of its zone")
         if not same(float(geom.attributes.get("friction", "1")), zone["friction"]):
             raise BundleError(

@@ -6,12 +6,20 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from minexplore.bundle import BundleError, TriangleMesh, decode_msh, is_cover, is_fitting, is_of_opening
+from minexplore.bundle import (
+    MESHES,
+    BundleError,
+    TriangleMesh,
+    decode_msh,
+    is_cover,
+    is_fitting,
+    is_of_opening,
+    mesh_of,
+)
 from minexplore.floors.floor import Floor
 from minexplore.floors.folding import Folding
 from minexplore.schema.fittings import check_heights
 
-MESHES = "meshes/"
 _MOST_REPEATS = 1e7  # of the texture
 _ROUNDED_M = 1e-3  # heights are differences of rounded numbers, in 32 bits
 _AT_ONCE_BYTES = 16 << 20  # of meshes that are copied into one array
@@ -60,16 +68,12 @@ def _batches(files: Mapping[str, bytes]) -> Iterator[list[str]]:
         yield names
 
 
-def _stem(name: str) -> str:
-    return name.removeprefix(MESHES).removesuffix(".msh")
-
-
 def _decode(name: str, data: bytes) -> TriangleMesh:
     try:
         mesh = decode_msh(data)
     except ValueError as error:
         raise BundleError(f"{name}: {error}") from error
-    count, stem = len(mesh.vertices), _stem(name)
+    count, stem = len(mesh.vertices), mesh_of(name)
     textured = 0 if is_fitting(stem) and not is_cover(stem) else count
     if count < 4 or not len(mesh.faces) or len(mesh.texcoords) != textured or len(mesh.normals) not in (0, count):
         raise BundleError(
@@ -101,16 +105,16 @@ def _check_places(names: list[str], vertices: list[np.ndarray], low: np.ndarray,
 def _check_fittings(names: list[str], meshes: list[TriangleMesh], folding: Folding, height_m: float) -> None:
     """Check that fittings are at heights where fittings are, above the floor under them; NaN fails as well."""
     for name, mesh in zip(names, meshes, strict=True):
-        if not is_fitting(_stem(name)) or is_of_opening(_stem(name)):
+        if not is_fitting(mesh_of(name)) or is_of_opening(mesh_of(name)):
             continue
         if folding.floor.is_flat:
-            check_heights(_stem(name), float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max()))
+            check_heights(mesh_of(name), float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max()))
             continue
         places = folding.unfold(mesh.vertices.astype(np.float64), height_m)
         # Behind a wall a height may be that of one wall or another's; over the floor there is no doubt.
         over = places[folding.heights_at(places[:, :2])[1] == 0, 2]
         if len(over):
-            check_heights(_stem(name), float(over.min()), float(over.max()), _ROUNDED_M)
+            check_heights(mesh_of(name), float(over.min()), float(over.max()), _ROUNDED_M)
 
 
 def _check_faces(names: list[str], meshes: list[TriangleMesh]) -> None:

@@ -7,18 +7,27 @@ attribute with a default may be left out, as MuJoCo's writer does; one without i
 from __future__ import annotations
 
 from minexplore.bundle import (
+    ENTRANCE_CAMERA,
     FLOOR_CHAMFER,
     INERTIAL_QUAT,
+    MESHES,
     MINE_BODY,
+    OVERVIEW_CAMERA,
     ROCK_CLASS,
+    ROCK_NAMES,
     ROCK_TEXTURE,
     ROOF,
     ROOF_GEOM,
+    SPOT_NAMES,
     SURFACE_BODY,
     SURFACE_CLASS,
     WALLS,
     GeomGroup,
+    floor_geom,
+    ground_material,
+    mesh_file,
     smooth_mesh,
+    surface_geom,
 )
 from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS
 from minexplore.schema.attributes import Attribute, Element, any_of, constant, named, required
@@ -32,7 +41,6 @@ ZONE_NAME = r"[a-z][a-z0-9_]{0,63}"
 SMOOTH_MESHES = tuple(smooth_mesh(piece) for piece in (FLOOR_CHAMFER, WALLS, ROOF))
 ROUGH_MESH = rf"(?:{WALLS}|{ROOF})_\d{{2,4}}_\d{{2,4}}"
 VISIBLE_MESH = rf"(?:{ROUGH_MESH}|{'|'.join(SMOOTH_MESHES)})"
-_ROCK_NAME = r"rock_\d{4,6}"
 
 
 _HAZY = [look for look in LOOKS.values() if look.hazy]
@@ -45,15 +53,15 @@ _FRICTION = Attribute(numbers(1, 1e-6, 2), "1")  # MuJoCo writes the sliding fri
 
 _ROCK_MESH = Element(
     "mesh",
-    {**named(_ROCK_NAME), "vertex": required(points(4, 4096, REACH_M))},
-    name=_ROCK_NAME,
+    {**named(ROCK_NAMES), "vertex": required(points(4, 4096, REACH_M))},
+    name=ROCK_NAMES,
     most=MOST_PARTS,
 )
 _VISIBLE_MESH = Element(
     "mesh",
     {
         **named(VISIBLE_MESH),
-        "file": required(matching(rf"meshes/{VISIBLE_MESH}\.msh", "meshes/NAME.msh")),
+        "file": required(matching(rf"{MESHES}{VISIBLE_MESH}\.msh", mesh_file("NAME"))),
         "content_type": Attribute(exactly("model/vnd.mujoco.msh"), "model/vnd.mujoco.msh"),
         "inertia": required(exactly("shell")),
     },
@@ -100,13 +108,13 @@ _ASSETS = Element(
         Element(
             "material",
             {
-                **named(f"ground_{ZONE_NAME}"),
+                **named(ground_material(ZONE_NAME)),
                 "emission": constant(0.25),
                 "specular": constant(0),
                 "shininess": constant(0),
                 "rgba": Attribute(numbers(4, 0, 1), "1 1 1 1"),
             },
-            name=f"ground_{ZONE_NAME}",
+            name=ground_material(ZONE_NAME),
             most=MOST_ZONES,
         ),
         _ROCK_MESH,
@@ -117,7 +125,7 @@ _ASSETS = Element(
 _LIGHT = Element(
     "light",
     {
-        **named(r"spot_\d{2,5}"),
+        **named(SPOT_NAMES),
         "castshadow": required(exactly("false")),
         "pos": _PLACE,
         "dir": Attribute(unit_vector(3), "0 0 -1"),
@@ -127,7 +135,7 @@ _LIGHT = Element(
         "diffuse": constant(1, 0.93, 0.8),
         "specular": constant(0.1, 0.1, 0.1),
     },
-    name=r"spot_\d{2,5}",
+    name=SPOT_NAMES,
     most=MOST_LIGHTS,
 )
 _SURFACE = Element(
@@ -138,7 +146,7 @@ _SURFACE = Element(
         Element(
             "geom",
             {
-                **named(f"surface_{VISIBLE_MESH}"),
+                **named(surface_geom(VISIBLE_MESH)),
                 "class": required(exactly(SURFACE_CLASS)),
                 "group": Attribute(
                     exactly(str(GeomGroup.SMOOTH_SURFACE.value), str(GeomGroup.ROUGH_SURFACE.value)),
@@ -146,7 +154,7 @@ _SURFACE = Element(
                 ),
                 "mesh": required(matching(VISIBLE_MESH, "a visible mesh")),
             },
-            name=f"surface_{VISIBLE_MESH}",
+            name=surface_geom(VISIBLE_MESH),
             least=len(SMOOTH_MESHES),
             most=MOST_MESHES,
         ),
@@ -170,29 +178,29 @@ _MINE = Element(
         Element(
             "geom",
             {
-                **named(_ROCK_NAME),
+                **named(ROCK_NAMES),
                 "class": required(exactly(ROCK_CLASS)),
                 "pos": _PLACE,
                 "quat": _NOT_TURNED,
                 "type": required(exactly("mesh")),
-                "mesh": required(matching(_ROCK_NAME, "a collision part's mesh")),
+                "mesh": required(matching(ROCK_NAMES, "a collision part's mesh")),
             },
-            name=_ROCK_NAME,
+            name=ROCK_NAMES,
             most=MOST_PARTS,
         ),
         Element(
             "geom",
             {
-                **named(f"floor_{ZONE_NAME}"),
+                **named(floor_geom(ZONE_NAME)),
                 "size": _SIZE,
                 "pos": _PLACE,
                 "quat": _NOT_TURNED,
                 "type": required(exactly("box")),
                 "priority": required(exactly("1")),
                 "friction": _FRICTION,
-                "material": required(matching(f"ground_{ZONE_NAME}", "the material of a floor zone")),
+                "material": required(matching(ground_material(ZONE_NAME), "the material of a floor zone")),
             },
-            name=f"floor_{ZONE_NAME}",
+            name=floor_geom(ZONE_NAME),
             most=MOST_ZONES,
         ),
         Element(
@@ -210,13 +218,13 @@ _MINE = Element(
         ),
         Element(
             "camera",
-            {"name": required(exactly("entrance")), "quat": _TURNED, "pos": _PLACE, "fovy": constant(70)},
-            name="entrance",
+            {"name": required(exactly(ENTRANCE_CAMERA)), "quat": _TURNED, "pos": _PLACE, "fovy": constant(70)},
+            name=ENTRANCE_CAMERA,
         ),
         Element(
             "camera",
-            {"name": required(exactly("overview")), "quat": _TURNED, "pos": _PLACE, "fovy": constant(30)},
-            name="overview",
+            {"name": required(exactly(OVERVIEW_CAMERA)), "quat": _TURNED, "pos": _PLACE, "fovy": constant(30)},
+            name=OVERVIEW_CAMERA,
         ),
         _LIGHT,
         _SURFACE,

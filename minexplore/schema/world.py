@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.bundle import MODEL, RECORD, UNSEALED, BundleError, has_heights, has_visible_rock, world_sha256
+from minexplore.bundle import MESHES, MODEL, RECORD, UNSEALED, BundleError, has_heights, has_visible_rock, world_sha256
 from minexplore.floors.floor import Floor
 from minexplore.schema.agreement import check_agreement
 from minexplore.schema.elements import check_elements
@@ -19,7 +19,6 @@ from minexplore.schema.files import check_contents, is_known, read_folder
 from minexplore.schema.floor_mesh import read_floor
 from minexplore.schema.heights import with_heights
 from minexplore.schema.light import LIGHT_WORLD
-from minexplore.schema.meshes import MESHES
 from minexplore.schema.model import WORLD
 from minexplore.schema.readers.json_text import read_json
 from minexplore.schema.readers.xml import read_xml

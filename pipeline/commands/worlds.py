@@ -9,7 +9,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
-from pipeline.commands.arguments import elevation, grade, natural, number, numbers, piece, positive, whole_numbers
+from pipeline.commands.arguments import natural, number, positive
+from pipeline.commands.options import add_options, stated_options
+from pipeline.params.stated import StatedOptions
 
 DETECTED = "detected.png"
 
@@ -19,7 +21,7 @@ def new(
     source: Path,
     origin: str,
     licence: str,
-    stated: dict[str, Any],
+    stated: StatedOptions,
     overrides: list[str],
     detected: Path | None = None,
 ) -> None:
@@ -65,7 +67,7 @@ def _make(
     source: Path,
     origin: str,
     licence: str,
-    stated: dict[str, Any],
+    stated: StatedOptions,
     overrides: list[str],
     detected: Path | None,
 ) -> None:
@@ -158,7 +160,7 @@ def worlds(
     if of is None:
         members = generated(split, count, overrides)
     else:
-        workings = import_workings(of, world_folder(of) / "contours" / "free_space.geojson")
+        workings = import_workings(of, world_folder(of) / "contours/free_space.geojson")
         members = variants(of, workings, split, count, height_sd_m, world_params(of), overrides)
     if light:
         members = without_rock(members, stress_tests)
@@ -209,85 +211,13 @@ def add_to(commands: Any) -> None:
     make.add_argument("--from", dest="source", type=Path, required=True, help="plan, map.yaml, drawing or survey")
     make.add_argument("--origin", default="not stated", help="source of the file")
     make.add_argument("--licence", default="not stated")
-    make.add_argument("--px-per-m", type=number, help="scale of a plan without a scale bar")
-    make.add_argument("--bar-length", dest="bar_length_m", type=number, help="length that the scale bar represents, m")
-    make.add_argument("--bar-box", dest="bar_box_px", type=numbers(4), help="COL0,ROW0,COL1,ROW1 around the bar, px")
-    make.add_argument("--unit", choices=["m", "cm", "mm", "ft", "in"], help="unit of a drawing")
-    make.add_argument(
-        "--half-width", dest="half_width_m", type=number, help="distance to a wall that a survey has not measured, m"
-    )
-    make.add_argument("--heights", type=Path, metavar="FILE", help="the floor's heights: CSV, GeoTIFF, contour lines")
-    make.add_argument(
-        "--grade",
-        type=grade,
-        metavar="G or LEG=G,...",
-        help="rise over run along the drifts, away from the entrance; or of legs of a station table",
-    )
-    make.add_argument(
-        "--piece",
-        type=piece,
-        metavar="STATION or E,N,Z",
-        help="which piece of a survey with heights is built, by a station of it; default: the longest",
-    )
-    make.add_argument(
-        "--start",
-        "--entrance",
-        dest="entrance_m",
-        type=numbers(2, 3),
-        metavar="E,N[,Z]",
-        help="where robots start, m, mine frame; default: the highest end of drifts with elevations, else the start of "
-        "the longest drift",
-    )
     make.add_argument("overrides", nargs="*", help="for example compile3d.height_m=2.8")
-    make.add_argument("--layer", dest="layers", action="append", help="layer of a drawing; repeat for more layers")
-    make.add_argument(
-        "--elevation",
-        dest="elevations_m",
-        type=elevation,
-        action="append",
-        metavar="LAYER=M",
-        help="elevation of a layer that is a level; repeat for more levels",
-    )
-    make.add_argument("--snap", dest="snap_m", type=number, help="largest gap between wall ends that are joined, m")
-    make.add_argument("--page", type=positive, help="page of a PDF")
-    make.add_argument("--dpi", type=number, help="resolution at which a PDF page is rendered")
-    make.add_argument("--crop", dest="crop_px", type=whole_numbers(4), help="COL0,ROW0,COL1,ROW1 of a picture to read")
-    make.add_argument("--level", type=positive, help="which of several drawings on a sheet, from 1")
-    make.add_argument("--seed", dest="seeds_px", type=numbers(2), action="append", help="COL,ROW inside drawn walls")
-    make.add_argument("--gap", dest="wall_gap_px", type=number, help="widest gap in drawn walls that is closed, px")
-    make.add_argument("--ignore", dest="ignore_colours", type=whole_numbers(3), action="append", help="R,G,B: no walls")
+    add_options(make)
     make.add_argument(
         "--detected", type=Path, metavar="FILE.png", help="draw what of a plan was found, also if it is refused"
     )
-    stated = (
-        "px_per_m",
-        "bar_length_m",
-        "bar_box_px",
-        "unit",
-        "entrance_m",
-        "layers",
-        "snap_m",
-        "page",
-        "dpi",
-        "half_width_m",
-        "grade",
-        "piece",
-    )
-    of_sheets = ("crop_px", "level", "seeds_px", "wall_gap_px", "ignore_colours")
     make.set_defaults(
-        run=lambda a: new(
-            a.name,
-            a.source,
-            a.origin,
-            a.licence,
-            {
-                "heights": a.heights,
-                "elevations_m": dict(a.elevations_m) if a.elevations_m else None,
-                **{k: getattr(a, k) for k in (*stated, *of_sheets)},
-            },
-            a.overrides,
-            a.detected,
-        )
+        run=lambda a: new(a.name, a.source, a.origin, a.licence, stated_options(a.source, a), a.overrides, a.detected)
     )
     many = commands.add_parser("worlds", help=worlds.__doc__)
     many.add_argument("--count", type=positive, help="default: 10, or with --light the whole split")

@@ -7,6 +7,11 @@ import shapely
 from jaxtyping import Float64
 from shapely.geometry.base import BaseGeometry
 
+from pipeline.geometry.polyline import points_along
+from pipeline.types import Points2
+
+_SPACING_M = 0.05
+
 
 def distances_to_walls(walls: BaseGeometry, places: np.ndarray) -> Float64[np.ndarray, " n"]:
     """Return how far each place is from the nearest wall, whichever side of it the place is on.
@@ -30,3 +35,18 @@ def distances_to_walls(walls: BaseGeometry, places: np.ndarray) -> Float64[np.nd
     tree = shapely.STRtree(shapely.linestrings(edges))
     _, distance = tree.query_nearest(shapely.points(places), return_distance=True, all_matches=False)
     return np.asarray(distance)
+
+
+def points_on_walls(workings: BaseGeometry) -> Points2:
+    """Return points (n, 2) m every 5 cm along the walls of polygons."""
+    rings = [ring for part in shapely.get_parts(workings) for ring in (part.exterior, *part.interiors)]
+    return np.vstack([points_along(np.asarray(ring.coords)[:, :2], _SPACING_M) for ring in rings])
+
+
+def largest_error_m(traced: BaseGeometry, built: BaseGeometry) -> float:
+    """Return the largest distance, m, of either wall from the other, at points every 5 cm and at all vertices."""
+    there, back = (
+        distances_to_walls(b, np.vstack([points_on_walls(a), shapely.get_coordinates(a)]))
+        for a, b in ((traced, built), (built, traced))
+    )
+    return float(max(there.max(), back.max()))

@@ -36,13 +36,13 @@ from pipeline.params.reader_limits import FILE, ReaderLimits, reader_limits
 _ERRORS: dict[str, type[MineError]] = {
     kind.__name__: kind for kind in (InputError, ParamsError, GeometryError, UnexpectedError)
 }
-_SHOWN = "shown"  # the array with the picture of a `DoubtError`
+_PICTURE = "shown"  # the array with the picture of a `DoubtError`
 _DTYPES = ("uint8", "bool", "int32", "int64", "float32", "float64")
 _HEADER_BYTES = 64_000_000
 _CHUNK = 1 << 20
-_MOST_TOLD = 100
-_TOLD: list[str] = []  # in the process of a reader, whose standard error goes nowhere
-_SAID: set[str] = set()  # what readers' processes told: a file is read twice, to detect it and in stage 1
+_MOST_WARNINGS = 100
+_warnings: list[str] = []  # in the process of a reader, whose standard error goes nowhere
+_shown: set[str] = set()  # warnings of readers' processes: a file is read twice, to detect it and in stage 1
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,10 @@ class Payload:
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
 
 
-def tell(line: str) -> None:
-    """Tell the user, on standard error, what a reader left out or assumed; also from a process of `run_limited`."""
-    if len(_TOLD) < _MOST_TOLD:
-        _TOLD.append(line)
+def warn_user(line: str) -> None:
+    """Warn the user, on standard error, of what a reader left out or assumed; also from a process of `run_limited`."""
+    if len(_warnings) < _MOST_WARNINGS:
+        _warnings.append(line)
     print(one_line(line), file=sys.stderr)
 
 
@@ -67,7 +67,7 @@ class _Header(BaseModel):
 
     error: str = ""
     message: str = ""
-    told: list[str] = []
+    warnings: list[str] = []
     values: Any = None
     arrays: list[tuple[str, str, list[int]]] = []
 
@@ -185,13 +185,13 @@ def serve(task: str, arguments: dict[str, Any], out: int, parent: int, seconds: 
         tempfile.tempdir = scratch
     restrict(reader_limits().memory_bytes, seconds, reader_limits().scratch_bytes if scratch else 0)
     header, arrays = _Header(), {}
-    _TOLD.clear()
+    _warnings.clear()
     try:
         payload = resolve(task)(**arguments)
         arrays = {name: np.ascontiguousarray(array) for name, array in payload.arrays.items()}
-        header = _Header(told=_TOLD, values=payload.values, arrays=_shapes(arrays))
+        header = _Header(warnings=_warnings, values=payload.values, arrays=_shapes(arrays))
     except DoubtError as error:
-        arrays = {_SHOWN: np.ascontiguousarray(error.picture)}
+        arrays = {_PICTURE: np.ascontiguousarray(error.picture)}
         header = _Header(error="DoubtError", message=str(error), arrays=_shapes(arrays))
     except MineError as error:
         name = type(error).__name__
@@ -249,9 +249,9 @@ def _decode(subject: str, data: bytearray) -> Payload:
         if size > min(_HEADER_BYTES, len(data) - 8):
             raise ValueError("the header is longer than the answer")
         header = _Header.model_validate(json.loads(data[8 : 8 + size]))
-        for line in header.told:
-            if line not in _SAID:
-                _SAID.add(line)
+        for line in header.warnings:
+            if line not in _shown:
+                _shown.add(line)
                 print(one_line(line), file=sys.stderr)
         arrays, at = {}, 8 + size
         for name, dtype, shape in header.arrays:
@@ -263,7 +263,7 @@ def _decode(subject: str, data: bytearray) -> Payload:
             arrays[name] = np.frombuffer(data, dtype, count, at).reshape(shape)
             at += arrays[name].nbytes
         if header.error:
-            _raise_stated(subject, header, arrays.get(_SHOWN))
+            _raise_stated(subject, header, arrays.get(_PICTURE))
     except (ValueError, RecursionError, ValidationError) as error:
         raise InputError(f"{subject}: its reader gave a broken answer ({one_line(str(error))})") from error
     return Payload(header.values, arrays)

@@ -9,12 +9,9 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from pipeline.geometry.polyline import points_along
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.geometry.wall_distance import distances_to_walls
-from pipeline.types import Frame, Mask, Points2
-
-_SPACING_M = 0.05
+from pipeline.geometry.wall_distance import distances_to_walls, largest_error_m, points_on_walls
+from pipeline.types import Frame, Mask
 
 
 @dataclass(frozen=True)
@@ -38,19 +35,10 @@ class WallError:
 
 def signed_distances(traced: Polygon, built: Polygon) -> np.ndarray:
     """Return the distances (n,) m of points on the traced wall from the built one; positive where it lost workings."""
-    points = _points_on_walls(traced)
+    points = points_on_walls(traced)
     distance = distances_to_walls(built, points)
     shapely.prepare(built)
     return np.where(shapely.intersects_xy(built, points[:, 0], points[:, 1]), -distance, distance)
-
-
-def largest_error_m(traced: Polygon, built: Polygon) -> float:
-    """Return the largest distance, m, of either wall from the other, at points every 5 cm and at all vertices."""
-    there, back = (
-        distances_to_walls(b, np.vstack([_points_on_walls(a), shapely.get_coordinates(a)]))
-        for a, b in ((traced, built), (built, traced))
-    )
-    return float(max(there.max(), back.max()))
 
 
 def measure_wall_error(traced: Polygon, built: Polygon, raw: Mask, frame: Frame) -> WallError:
@@ -79,11 +67,6 @@ def measure_wall_error(traced: Polygon, built: Polygon, raw: Mask, frame: Frame)
         built.length,
     )
     return WallError(*(round(float(value), 5) for value in figures))
-
-
-def _points_on_walls(polygon: Polygon) -> Points2:
-    rings = [ring for part in shapely.get_parts(polygon) for ring in (part.exterior, *part.interiors)]
-    return np.vstack([points_along(np.asarray(ring.coords)[:, :2], _SPACING_M) for ring in rings])
 
 
 def _connected(raw: Mask, filled: Mask) -> Mask:

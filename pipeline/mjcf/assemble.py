@@ -11,6 +11,7 @@ import numpy as np
 
 from minexplore.bundle import (
     CLEARANCE_GRID,
+    ENTRANCE_CAMERA,
     FLOOR,
     FORMAT,
     FRAMES,
@@ -21,6 +22,7 @@ from minexplore.bundle import (
     NAV2_PICTURE,
     NO_OVERLAY,
     OCTREE,
+    OVERVIEW_CAMERA,
     PREVIEW,
     ROUGH_OVERLAY,
     TOPOLOGY,
@@ -251,9 +253,9 @@ def _preview(files: Bundle, width_px: int) -> Image:
     """Return two views, one below the other: the mine from above, and the view from the entrance."""
     model = mujoco.MjModel.from_xml_string(files[MODEL].decode(), _assets(files))
     solid, visible = (GeomGroup.FLOOR, GeomGroup.COLLISION), (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE)
-    overview = render_camera(model, "overview", width_px, width_px * 9 // 16, solid, spots=False)
+    overview = render_camera(model, OVERVIEW_CAMERA, width_px, width_px * 9 // 16, solid, spots=False)
     rows = np.flatnonzero((overview != overview[0, 0]).any(axis=(1, 2)))
-    entrance = render_camera(model, "entrance", width_px, width_px * 7 // 16, visible)
+    entrance = render_camera(model, ENTRANCE_CAMERA, width_px, width_px * 7 // 16, visible)
     return cv2.vconcat([overview[rows[0] : rows[-1] + 1], entrance])
 
 

@@ -10,8 +10,10 @@ import numpy as np
 
 from minexplore.bundle import (
     BARE_ROCK_RGBA,
+    ENTRANCE_CAMERA,
     FLOOR_CHAMFER,
     MINE_BODY,
+    OVERVIEW_CAMERA,
     ROCK_CLASS,
     ROCK_TEXTURE,
     ROOF,
@@ -22,10 +24,12 @@ from minexplore.bundle import (
     WALLS,
     GeomGroup,
     floor_wedge,
+    ground_material,
     mesh_file,
     rock_geom,
     roof_wedge,
     smooth_mesh,
+    spot_light,
     surface_geom,
 )
 from minexplore.floors.floor import Floor
@@ -67,7 +71,7 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
         spec.assets = {**meshes, ROCK_TEXTURE: texture}
     for i, light in enumerate(scene.lights):
         mine.add_light(
-            name=f"spot_{i:02d}",
+            name=spot_light(i),
             pos=fold_place(scene.floor, light.place_m),
             dir=light.direction,
             type=mujoco.mjtLightType.mjLIGHT_SPOT,
@@ -157,7 +161,7 @@ def _add_part(spec: mujoco.MjSpec, name: str, vertices: np.ndarray) -> np.ndarra
 def _add_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> None:
     for zone in scene.zones:
         # OpenGL lights vertices, and those of a large floor are far from every lamp, so the floor emits a little light.
-        spec.add_material(name=f"ground_{zone.name}", rgba=zone.rgba, emission=0.25, specular=0.0, shininess=0.0)
+        spec.add_material(name=ground_material(zone.name), rgba=zone.rgba, emission=0.25, specular=0.0, shininess=0.0)
         if not scene.floor.is_flat:
             continue
         centre = [(zone.west_m + zone.east_m) / 2, (zone.south_m + zone.north_m) / 2, -scene.floor_thickness_m / 2]
@@ -168,7 +172,7 @@ def _add_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> N
             type=mujoco.mjtGeom.mjGEOM_BOX,
             pos=centre,
             size=size,
-            material=f"ground_{zone.name}",
+            material=ground_material(zone.name),
             priority=1,
             friction=[zone.friction, 0.005, 0.0001],
             group=GeomGroup.FLOOR,
@@ -182,7 +186,7 @@ def _add_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> N
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=name,
             pos=_add_part(spec, name, slab(patch, -SLAB_M, 0.0)),
-            material=f"ground_{zone.name}",
+            material=ground_material(zone.name),
             priority=1,
             friction=[zone.friction, 0.005, 0.0001],
             group=GeomGroup.FLOOR,
@@ -240,7 +244,7 @@ def _add_cameras(mine: mujoco.MjsBody, scene: MineScene) -> None:
     west, south, east, north = scene.extent.world_m
     c, s = math.cos(scene.heading_rad), math.sin(scene.heading_rad)
     mine.add_camera(
-        name="entrance",
+        name=ENTRANCE_CAMERA,
         pos=fold_place(scene.floor, (*scene.anchor_m, 1.2)),
         quat=_camera_quat((s, -c, 0.0), (0.0, 0.0, 1.0)),
         fovy=70.0,
@@ -251,7 +255,7 @@ def _add_cameras(mine: mujoco.MjsBody, scene: MineScene) -> None:
     centre = np.array([(west + east) / 2, (south + north) / 2, 0.0])
     up = (0.0, math.sin(pitch), math.cos(pitch))
     place = centre + reach * np.array([0.0, -math.cos(pitch), math.sin(pitch)])
-    mine.add_camera(name="overview", pos=place.round(2), quat=_camera_quat((1.0, 0.0, 0.0), up), fovy=fovy)
+    mine.add_camera(name=OVERVIEW_CAMERA, pos=place.round(2), quat=_camera_quat((1.0, 0.0, 0.0), up), fovy=fovy)
 
 
 def _camera_quat(right: tuple[float, float, float], up: tuple[float, float, float]) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
@@ -35,6 +35,9 @@ class VhacdParams(Params):
 
 
 CollisionParams = Annotated[ExactParams | CoacdParams | VhacdParams, Field(discriminator="method")]
+COLLISION_METHODS = tuple(
+    get_args(kind.model_fields["method"].annotation)[0] for kind in get_args(get_args(CollisionParams)[0])
+)
 
 
 class SpawnParams(Params):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from pipeline.params.base import Params
+from pipeline.params.base import Params, one_of
+from pipeline.params.compile3d import COLLISION_METHODS
 from pipeline.params.fittings import FittingsParams
 
 
@@ -17,7 +18,7 @@ class MadeBy(Params):
     network_cell_m: float = Field(gt=0.02, le=2)
     network_min_leg_m: float = Field(ge=0, le=50)
     network_station_spacing_m: float = Field(gt=0)
-    collision_method: Literal["exact", "coacd", "vhacd"]
+    collision_method: Annotated[str, one_of(COLLISION_METHODS)]
     collision_tile_m: float | None = Field(ge=50, description="side of the tiles that exact parts lie in")
     steepest_deg: float = Field(30.0, gt=0, le=45, description="of a floor with heights")
     fittings: FittingsParams

@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from pipeline.params.base import Params
+from minexplore.looks import LOOKS, PLAIN
+from pipeline.params.base import Params, one_of
 from pipeline.params.fittings import FloorParams, FurnitureParams
 from pipeline.params.made_by import MadeBy
 
@@ -46,7 +47,7 @@ class RealismParams(Params):
     zones: list[ZoneParams] = Field(min_length=1)
     lights: LightParams
     fence_openings: bool = Field(True, description="a fence round each opening; false: a robot can fall in")
-    look: Literal["plain", "dry", "wet", "dusty"] = Field("plain", description="light, haze and sheen of the rock")
+    look: Annotated[str, one_of(LOOKS)] = Field(PLAIN, description="light, haze and sheen of the rock")
     floor: FloorParams | None = Field(None, description="the visible floor; null: the flat zones alone")
     furnish: Literal["off", "light", "full", "meshed"] = "off"
     furniture: dict[Literal["light", "full", "meshed"], FurnitureParams] = Field(default_factory=dict)
@@ -55,7 +56,7 @@ class RealismParams(Params):
 
     @model_validator(mode="after")
     def _fittings_are_known(self) -> RealismParams:
-        if (self.floor is not None or self.furnish != "off") and self.look == "plain":
+        if (self.floor is not None or self.furnish != "off") and self.look == PLAIN:
             raise ValueError("a visible floor and furniture need a look other than realism.look=plain; choose look=dry")
         if self.furnish != "off" and self.furnish not in self.furniture:
             raise ValueError(f"realism.furnish={self.furnish} needs realism.furniture.{self.furnish}")

@@ -1,7 +1,10 @@
-"""What a user may state about a survey's file on the command line: the limits of each value, and what it applies to."""
+"""What a user may state about a survey's file on the command line. Each option is declared here and nowhere else."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,74 +16,155 @@ from pipeline.params.survey import GRADES_NEED, BoxPx, Elevation, Grade, Grey, P
 
 _MOST_PX = 1_000_000.0  # of a coordinate in a picture; a side has at most 16,384
 _Px = Annotated[float, Field(ge=-_MOST_PX, le=_MOST_PX)]
-_Metres = Annotated[float, Field(ge=-1e9, le=1e9)]
-_PICTURE = {"px_per_m", "bar_length_m", "bar_box_px", "crop_px", "level", "seeds_px", "wall_gap_px", "ignore_colours"}
-_NAMES = {"bar_length_m": "bar-length", "bar_box_px": "bar-box", "entrance_m": "start", "layers": "layer",
-          "snap_m": "snap", "elevations_m": "elevation", "half_width_m": "half-width", "crop_px": "crop",
-          "seeds_px": "seed", "wall_gap_px": "gap", "ignore_colours": "ignore"}  # fmt: skip
-APPLIES = {  # what a file is -> the options that are read with it; entrance and grade are with all
-    "a picture": _PICTURE,
-    "a PDF": {*_PICTURE, "page", "dpi"},
-    "an occupancy grid": set(),
-    "a vector file": {"unit", "layers", "snap_m", "half_width_m", "elevations_m", "piece"},
-    "a station survey": {"half_width_m", "piece"},
-}
+BarBoxPx = tuple[_Px, _Px, _Px, _Px]
+SeedPx = tuple[_Px, _Px]
+Colour = tuple[Grey, Grey, Grey]
+Elevations = dict[str, Elevation]
+"""The elevation of each layer that is a level, m."""
+
+
+class FileKind(StrEnum):
+    """What a survey's file is, in the words of messages."""
+
+    PICTURE = "a picture"
+    PDF = "a PDF"
+    GRID = "an occupancy grid"
+    VECTOR = "a vector file"
+    STATIONS = "a station survey"
+
+
+_PICTURES = (FileKind.PICTURE, FileKind.PDF)
+
+
+@dataclass(frozen=True)
+class Option:
+    """How a value is typed on the command line (`flags`, the name of its value), and the files it is read with."""
+
+    flags: tuple[str, ...]
+    read_with: tuple[FileKind, ...] = tuple(FileKind)
+    metavar: str | None = None
+
+
+def _option(flag: str, *read_with: FileKind, metavar: str | None = None) -> Option:
+    return Option(tuple(flag.split()), read_with or tuple(FileKind), metavar)
 
 
 class StatedOptions(Params):
-    """The options of `python -m pipeline new`; None is not stated."""
+    """The options of `python -m pipeline new`; None is not stated.
 
-    px_per_m: float | None = Field(None, gt=0, le=1000)
-    bar_length_m: float | None = Field(None, gt=0, le=100_000)
-    bar_box_px: tuple[_Px, _Px, _Px, _Px] | None = None
-    unit: Unit | None = None
-    entrance_m: StartM | None = None
-    layers: list[str] | None = Field(None, max_length=1000)
-    snap_m: float | None = Field(None, ge=0, le=10)
-    elevations_m: dict[str, Elevation] | None = Field(None, max_length=1000)
-    page: int | None = Field(None, ge=1, le=100_000)
-    dpi: float | None = Field(None, ge=36, le=1200)
-    half_width_m: float | None = Field(None, gt=0, le=20)
-    grade: Grade | None = None
-    piece: PieceOption | None = None
-    crop_px: BoxPx | None = None
-    level: int | None = Field(None, ge=1, le=99)
-    seeds_px: list[tuple[_Px, _Px]] | None = Field(None, max_length=1000)
-    wall_gap_px: float | None = Field(None, ge=0, le=200)
-    ignore_colours: list[tuple[Grey, Grey, Grey]] | None = Field(None, max_length=100)
+    The description of a field is the option's help. Its type chooses the parser of its text.
+    """
+
+    px_per_m: Annotated[float | None, _option("--px-per-m", *_PICTURES)] = Field(
+        default=None, gt=0, le=1000, description="scale of a plan without a scale bar"
+    )
+    bar_length_m: Annotated[float | None, _option("--bar-length", *_PICTURES)] = Field(
+        default=None, gt=0, le=100_000, description="length that the scale bar represents, m"
+    )
+    bar_box_px: Annotated[BarBoxPx | None, _option("--bar-box", *_PICTURES)] = Field(
+        default=None, description="COL0,ROW0,COL1,ROW1 around the bar, px"
+    )
+    unit: Annotated[Unit | None, _option("--unit", FileKind.VECTOR)] = Field(
+        default=None, description="unit of a drawing"
+    )
+    half_width_m: Annotated[float | None, _option("--half-width", FileKind.VECTOR, FileKind.STATIONS)] = Field(
+        default=None, gt=0, le=20, description="distance to a wall that a survey has not measured, m"
+    )
+    heights: Annotated[Path | None, _option("--heights", metavar="FILE")] = Field(
+        default=None, description="the floor's heights: CSV, GeoTIFF, contour lines"
+    )
+    grade: Annotated[Grade | None, _option("--grade", metavar="G or LEG=G,...")] = Field(
+        default=None,
+        description="rise over run along the drifts, away from the entrance; or of legs of a station table",
+    )
+    piece: Annotated[
+        PieceOption | None, _option("--piece", FileKind.VECTOR, FileKind.STATIONS, metavar="STATION or E,N,Z")
+    ] = Field(
+        default=None,
+        description="which piece of a survey with heights is built, by a station of it; default: the longest",
+    )
+    entrance_m: Annotated[StartM | None, _option("--start --entrance", metavar="E,N[,Z]")] = Field(
+        default=None,
+        description="where robots start, m, mine frame; default: the highest end of drifts with elevations, else the "
+        "start of the longest drift",
+    )
+    layers: Annotated[list[str] | None, _option("--layer", FileKind.VECTOR)] = Field(
+        default=None, max_length=1000, description="layer of a drawing; repeat for more layers"
+    )
+    elevations_m: Annotated[Elevations | None, _option("--elevation", FileKind.VECTOR, metavar="LAYER=M")] = Field(
+        default=None, max_length=1000, description="elevation of a layer that is a level; repeat for more levels"
+    )
+    snap_m: Annotated[float | None, _option("--snap", FileKind.VECTOR)] = Field(
+        default=None, ge=0, le=10, description="largest gap between wall ends that are joined, m"
+    )
+    page: Annotated[int | None, _option("--page", FileKind.PDF)] = Field(
+        default=None, ge=1, le=100_000, description="page of a PDF"
+    )
+    dpi: Annotated[float | None, _option("--dpi", FileKind.PDF)] = Field(
+        default=None, ge=36, le=1200, description="resolution at which a PDF page is rendered"
+    )
+    crop_px: Annotated[BoxPx | None, _option("--crop", *_PICTURES)] = Field(
+        default=None, description="COL0,ROW0,COL1,ROW1 of a picture to read"
+    )
+    level: Annotated[int | None, _option("--level", *_PICTURES)] = Field(
+        default=None, ge=1, le=99, description="which of several drawings on a sheet, from 1"
+    )
+    seeds_px: Annotated[list[SeedPx] | None, _option("--seed", *_PICTURES)] = Field(
+        default=None, max_length=1000, description="COL,ROW inside drawn walls"
+    )
+    wall_gap_px: Annotated[float | None, _option("--gap", *_PICTURES)] = Field(
+        default=None, ge=0, le=200, description="widest gap in drawn walls that is closed, px"
+    )
+    ignore_colours: Annotated[list[Colour] | None, _option("--ignore", *_PICTURES)] = Field(
+        default=None, max_length=100, description="R,G,B: no walls"
+    )
+
+    def values(self) -> dict[str, Any]:
+        """Return the values that are stated, as JSON has them."""
+        return self.model_dump(mode="json", exclude_none=True)
 
 
-def option_of(name: str) -> str:
-    """Return an option as it is typed: `--bar-length` for `bar_length_m`."""
-    return f"--{_NAMES.get(name, name).replace('_', '-')}"
+def option(name: str) -> Option:
+    """Return how a field of `StatedOptions` is typed."""
+    return next(item for item in StatedOptions.model_fields[name].metadata if isinstance(item, Option))
 
 
-def require_stated(path: Path, is_a: str, stated: dict[str, Any]) -> None:
-    """Refuse a stated value that is out of range, or that nothing reads with a file of this kind.
+def state(path: Path, values: Mapping[str, Any]) -> StatedOptions:
+    """Return what is stated about a file, within its limits.
 
     Parameters
     ----------
     path : Path
-    is_a : str
-        What the file is, a key of `APPLIES`.
-    stated : dict
-        Values by the names of `StatedOptions`.
+        Messages name it.
+    values : mapping
+        Values by the names of `StatedOptions`; None is not stated.
 
     Raises
     ------
     InputError
-        The message names the file, the option, its value and the limit, or the options that apply.
+        The message names the file, the option, its value and the limit.
     """
     try:
-        StatedOptions.model_validate(stated)
+        return StatedOptions.model_validate(values)
     except ValidationError as error:
         first = error.errors()[0]
         message = first["msg"].removeprefix("Value error, ")
-        raise InputError(f"{path}: {option_of(str(first['loc'][0]))} = {first['input']!r:.80}: {message}") from error
-    if isinstance(stated.get("grade"), dict) and path.suffix.lower() != ".csv":
+        flag = option(str(first["loc"][0])).flags[0]
+        raise InputError(f"{path}: {flag} = {first['input']!r:.80}: {message}") from error
+
+
+def require_read(path: Path, kind: FileKind, stated: StatedOptions) -> None:
+    """Refuse a stated value that nothing reads with a file of this kind.
+
+    Raises
+    ------
+    InputError
+        The message names the file, the option, and the options that apply.
+    """
+    if isinstance(stated.grade, dict) and path.suffix.lower() != ".csv":
         raise InputError(f"{path}: --grade: {GRADES_NEED}")
-    known = {*APPLIES[is_a], "entrance_m", "grade"}
-    unread = [name for name, value in stated.items() if value is not None and name not in known]
-    if unread:
-        options = ", ".join(sorted(map(option_of, known)))
-        raise InputError(f"{path}: {option_of(unread[0])} is not read with {is_a}; there are {options}")
+    options = {name: option(name) for name in StatedOptions.model_fields}
+    for name in stated.values():
+        if kind not in options[name].read_with:
+            known = ", ".join(sorted(option.flags[0] for option in options.values() if kind in option.read_with))
+            raise InputError(f"{path}: {options[name].flags[0]} is not read with {kind}; there are {known}")

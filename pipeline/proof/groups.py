@@ -10,26 +10,12 @@ from pipeline.params.validation import Limit, ValidationParams
 _OF_ROCK = ("texture", "relief")
 _OF_VISIBLE_ROCK = (*_OF_ROCK, "walls")
 _OF_CERTIFICATE = ("areas", "collision", "certificate")
-GROUPS = (
-    *(
-        "iou",
-        "against_plan",
-        "wall_error",
-        "navigability",
-        "topology",
-        "areas",
-        "collision",
-        "per_m2",
-        "certificate",
-    ),
-    *(*_OF_VISIBLE_ROCK, "scale", "world"),
-)
 
 
-def groups_of(params: ValidationParams) -> list[str]:
-    """Return the groups of metrics that are measured: without visible rock, or by the certificate alone, not all."""
-    groups = [name for name in GROUPS if params.overlay != "none" or name not in _OF_VISIBLE_ROCK]
-    return groups if params.extent == "full" else [name for name in groups if name in _OF_CERTIFICATE]
+def is_measured(group: str, params: ValidationParams) -> bool:
+    """Return whether a group of metrics is measured: without visible rock, or by the certificate alone, not all are."""
+    of_rock, of_certificate = group in _OF_VISIBLE_ROCK, group in _OF_CERTIFICATE
+    return (params.overlay != "none" or not of_rock) and (params.extent == "full" or of_certificate)
 
 
 def is_rock_judged(params: ValidationParams, figures: Mapping[str, Any]) -> bool:
@@ -44,7 +30,7 @@ def is_rock_judged(params: ValidationParams, figures: Mapping[str, Any]) -> bool
 
 def applying_limits(params: ValidationParams, figures: Mapping[str, Any]) -> dict[str, Limit]:
     """Return the limits on the groups of metrics that are measured and judged, by the mine's flat figures."""
-    left_out = set(GROUPS) - set(groups_of(params))
-    if not is_rock_judged(params, figures):
-        left_out |= set(_OF_ROCK)
-    return {name: limit for name, limit in params.limits.items() if name.partition(".")[0] not in left_out}
+    not_judged = () if is_rock_judged(params, figures) else _OF_ROCK
+    of_group = {name: name.partition(".")[0] for name in params.limits}
+    judged = {group for group in of_group.values() if is_measured(group, params) and group not in not_judged}
+    return {name: limit for name, limit in params.limits.items() if of_group[name] in judged}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,13 +13,15 @@ from shapely import Polygon
 from minexplore.bundle import ROOF, WALLS
 from pipeline.errors import ArtifactError
 from pipeline.metrics.digits import repeatable
-from pipeline.metrics.rock.axes import TextureAxes
-from pipeline.metrics.rock.draws import mean_of, mean_sweep, spread_of
+from pipeline.metrics.rock.draws import mean_axes, mean_sweep, spread_of
 from pipeline.metrics.rock.planefit import Residuals, fit_voxel_planes
-from pipeline.metrics.rock.published import REAL, REAL_SWEEP
+from pipeline.metrics.rock.published import REAL_SWEEP
 from pipeline.metrics.rock.sampling import faces_near, sample_triangles, with_noise
 from pipeline.metrics.rock.texture import (
+    REAL,
+    RockPoints,
     Scores,
+    TextureAxes,
     axis_ratios,
     measure_axes,
     published_score,
@@ -89,12 +90,12 @@ class MeasuredTexture:
     @property
     def as_paper(self) -> TextureAxes:
         """Return the mean axes of points with the paper's noise."""
-        return mean_of([draw.as_paper for draw in self.draws])
+        return mean_axes([draw.as_paper for draw in self.draws])
 
     @property
     def as_is(self) -> TextureAxes:
         """Return the mean axes of points without noise."""
-        return mean_of([draw.as_is for draw in self.draws])
+        return mean_axes([draw.as_is for draw in self.draws])
 
     @property
     def sweep(self) -> list[Residuals]:
@@ -120,17 +121,17 @@ def report_texture(
         TextureReport(
             rock.as_paper,
             rock.as_is,
-            published_score(REAL, rock.as_paper),
-            strict_score(REAL, rock.as_is),
+            published_score(rock.as_paper),
+            strict_score(rock.as_is),
             len(rock.draws),
-            spread_of([published_score(REAL, draw.as_paper).overall for draw in rock.draws]),
-            spread_of([strict_score(REAL, draw.as_is).overall for draw in rock.draws]),
+            spread_of([published_score(draw.as_paper).overall for draw in rock.draws]),
+            spread_of([strict_score(draw.as_is).overall for draw in rock.draws]),
             rock.sweep,
             float(np.mean([draw.roof_unevenness_m for draw in rock.draws])),
             float(np.mean([draw.bump_rms_m for draw in rock.draws])),
             _heat(rock.everywhere),
-            _short(published_score(REAL, flat.as_paper)),
-            _short(strict_score(REAL, flat.as_is)),
+            _short(published_score(flat.as_paper)),
+            _short(strict_score(flat.as_is)),
         )
     )
 
@@ -223,8 +224,8 @@ def _measure_draw(
     sweep = sweep_walls(wall)
     sigma = fit_voxel_planes(wall, _HEAT_M, _SIGMA_POINTS).sigma
     return Draw(
-        measure_axes(noisy_wall, sweep_walls(noisy_wall), noisy_roof, wavelengths_m[0]),
-        measure_axes(wall, sweep, roof, wavelengths_m[1]),
+        measure_axes(RockPoints(noisy_wall, sweep_walls(noisy_wall), noisy_roof, wavelengths_m[0])),
+        measure_axes(RockPoints(wall, sweep, roof, wavelengths_m[1])),
         sweep,
         roof_unevenness_m(roof),
         float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0,
@@ -238,7 +239,7 @@ def texture_metrics(report: TextureReport) -> dict[str, Any]:
         for kind, scores in (("published", report.published), ("strict", report.strict))
     }
     measured = {
-        f"measured_{kind}": {k: _round(v, 6) for k, v in dataclasses.asdict(axes).items()}
+        f"measured_{kind}": {k: _round(v, 6) for k, v in axes.items()}
         for kind, axes in (("published", report.published_axes), ("strict", report.strict_axes))
     }
     return {
@@ -260,8 +261,8 @@ def texture_metrics(report: TextureReport) -> dict[str, Any]:
             for real in REAL_SWEEP
             if real.window_m == residuals.window_m
         },
-        "bump_ratio": _round(axis_ratios(REAL, report.strict_axes)["bump_rq_m"], 4),
-        "bump_rms_ratio": round(report.bump_rms_m / vars(REAL)["bump_rq_m"], 4),
+        "bump_ratio": _round(axis_ratios(report.strict_axes)["bump_rq_m"], 4),
+        "bump_rms_ratio": round(report.bump_rms_m / REAL["bump_rq_m"], 4),
         "roof_unevenness_m": round(report.roof_unevenness_m, 4),
     }
 

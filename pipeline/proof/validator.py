@@ -291,7 +291,7 @@ def _world(validator: Validator) -> dict[str, Any]:
     }
 
 
-MEASURES: dict[str, Callable[[Validator], dict[str, Any]]] = {  # group of metrics.json, one of `GROUPS` -> its metrics
+MEASURES: dict[str, Callable[[Validator], dict[str, Any]]] = {  # group of metrics.json -> its metrics
     "iou": _iou,
     "against_plan": _against_plan,
     "wall_error": _wall_error,

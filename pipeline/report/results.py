@@ -12,9 +12,9 @@ import cv2
 
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
-from pipeline.metrics.rock.published import PAPER
+from pipeline.metrics.paper import PAPER
 from pipeline.metrics.rock.relief import OCTAVES_M, STEEP_DEG
-from pipeline.metrics.rock.texture import AXIS_TITLES, WINDOWS_M, is_uninformative
+from pipeline.metrics.rock.texture import AXES, WINDOWS_M, is_uninformative
 from pipeline.params.validation import Limit, ValidationParams
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import read_text_file
@@ -97,11 +97,11 @@ ROWS = [
     _row("containment certificate holds", "certificate.holds", "d", headline=True),
     _row("texture, published score, overall", "texture.published.overall", ".3f", headline=True),
     _row("- standard deviation between sets of eight stretches", "texture.spread.published", ".3f"),
-    *(_row(f"- {title}", f"texture.published.{axis}", ".3f") for axis, title in AXIS_TITLES.items()),
+    *(_row(f"- {axis.title}", f"texture.published.{name}", ".3f") for name, axis in AXES.items()),
     _row("texture, strict score, overall", "texture.strict.overall", ".3f", headline=True),
     _row("- standard deviation between sets of eight stretches, strict", "texture.spread.strict", ".3f"),
     _row("sets of eight stretches whose mean is given", "texture.draws", "d"),
-    *(_row(f"- {title}, strict", f"texture.strict.{axis}", ".3f") for axis, title in AXIS_TITLES.items()),
+    *(_row(f"- {axis.title}, strict", f"texture.strict.{name}", ".3f") for name, axis in AXES.items()),
     _row("bump Rq, mean of 0.5 m voxels, model / real", "texture.bump_ratio", ".3f"),
     Row(
         "Rq over all points in voxels of " + " / ".join(f"{w:g}" for w in WINDOWS_M) + " m, model / real",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -31,15 +31,15 @@ from pipeline.survey.drawing.picture import (
     turn_picture,
 )
 from pipeline.survey.drawing.scale import measure_bar
+from pipeline.survey.formats import is_solved
 from pipeline.survey.grid.nav2 import nav2_picture
-from pipeline.survey.grid.plan import draw_grid
+from pipeline.survey.grid.plan import read_grid
 from pipeline.survey.passages.legs import SurveyLeg, build_workings
 from pipeline.survey.passages.sheets import draw_sheets
-from pipeline.survey.solved_surveys import SOLVED_SUFFIXES
 from pipeline.survey.start import start_in_plan
 from pipeline.survey.stations.table import read_stations
 from pipeline.survey.surfaces import height_files, read_heights
-from pipeline.survey.vector_survey import WIDEST_M, draw_vector_survey, vector_files
+from pipeline.survey.vector_survey import WIDEST_M, read_vector_survey, vector_files
 from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Scale, Survey, Workings
 
 Box = tuple[int, int, int, int]
@@ -57,6 +57,22 @@ class Reading:
     map_px_per_m: float | None = None
     georeference: Georeference = METRIC
     heights: Heights | None = None
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """A survey as a plan with its frame and scale, boxes of the plan (px) that show no workings, and its workings.
+
+    Workings are those of a survey in metres; else stage 2 reads them from the plan.
+    """
+
+    plan: Image
+    frame: Frame
+    scale: Scale
+    georeference: Georeference
+    heights: Heights | None = None
+    boxes: list[Box] = field(default_factory=list)
+    workings: MultiPolygon = field(default_factory=MultiPolygon)
 
 
 def read_survey(params: SurveyParams) -> dict[str, Any]:
@@ -79,7 +95,7 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     # A fit to poses casts rays by a library whose threads do not survive a fork.
     arguments = {"params": params.model_dump(mode="json")}
     subject = _subject(params)
-    scratch = Path(subject).suffix.lower() in SOLVED_SUFFIXES
+    scratch = is_solved(Path(subject))
     payload = run_limited("survey", arguments, subject, fresh=params.poses is not None, scratch=scratch)
     polygons = shapely.from_wkb(payload.arrays["workings"].tobytes())
     survey = TypeAdapter(Survey).validate_python(payload.values)
@@ -119,18 +135,17 @@ def _read(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
 
 
 def _read_by_kind(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
-    heights = None
     match params.kind:
         case "stations" | "plan":
-            plan, frame, scale, boxes, georeference, heights = _read_scaled(params)
-            workings = MultiPolygon()
+            read = _read_scaled(params)
         case "grid":
-            plan, frame, georeference = draw_grid(Path(params.map), params.unknown_is_free)
-            workings, boxes, scale = MultiPolygon(), [], Scale(frame.px_per_m, "map")
+            grid = read_grid(Path(params.map), params.unknown_is_free)
+            read = _Drawn(grid.plan, grid.frame, Scale(grid.frame.px_per_m, "map"), grid.georeference)
         case _:
-            workings, georeference, plan, frame, heights = draw_vector_survey(params)
-            boxes, scale = [], Scale(frame.px_per_m, "drawn")
-    heights = _stated_heights(params, georeference, plan, frame) or heights
+            found = read_vector_survey(params)
+            scale = Scale(found.frame.px_per_m, "drawn")
+            read = _Drawn(found.plan, found.frame, scale, found.georeference, found.heights, workings=found.workings)
+    heights = _stated_heights(params, read) or read.heights
     registry, files = read_registry(), sources(params)
     licences = {
         name: registry[name.removeprefix("data/")].licence for name in files if name.removeprefix("data/") in registry
@@ -138,23 +153,23 @@ def _read_by_kind(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
     survey = Survey(
         params.name,
         params.kind,
-        frame,
-        scale,
-        boxes,
+        read.frame,
+        read.scale,
+        read.boxes,
         None if params.entrance_m is None else start_in_plan(params.entrance_m, heights),
         dict(params.labels_m),
         files,
-        georeference,
+        read.georeference,
         licences,
         heights,
     )
-    return plan, survey, workings
+    return read.plan, survey, read.workings
 
 
-def _stated_heights(params: SurveyParams, georeference: Georeference, plan: Image, frame: Frame) -> Heights | None:
+def _stated_heights(params: SurveyParams, read: _Drawn) -> Heights | None:
     """Return the heights that the survey section states, None if it states none."""
     if params.heights is not None:
-        return read_heights(Path(params.heights), georeference, plan, frame)
+        return read_heights(Path(params.heights), read.georeference, read.plan, read.frame)
     return Heights(grade=params.grade) if isinstance(params.grade, float) else None
 
 
@@ -174,9 +189,9 @@ def require_extent(path: str, plan: Image, px_per_m: float) -> None:
         )
 
 
-def _read_scaled(params: Scaled) -> tuple[Image, Frame, Scale, list[Box], Georeference, Heights | None]:
+def _read_scaled(params: Scaled) -> _Drawn:
     """Read a survey whose scale must be measured, and choose its scale."""
-    reading = draw_stations(params) if params.kind == "stations" else read_plan(params)
+    reading = plan_of_stations(params) if params.kind == "stations" else read_plan(params)
     plan, boxes = reading.plan, reading.boxes
     poses = None if params.poses is None else _scale_of_poses(params.poses, plan, reading.frame)
     read_width, width = plan.shape[1], params.resample_width_px or plan.shape[1]
@@ -195,10 +210,10 @@ def _read_scaled(params: Scaled) -> tuple[Image, Frame, Scale, list[Box], Georef
             )
             for col0, row0, col1, row1 in boxes
         ]
-    return plan, frame, scale, boxes, reading.georeference, reading.heights
+    return _Drawn(plan, frame, scale, reading.georeference, reading.heights, boxes)
 
 
-def draw_stations(params: StationSurveyParams) -> Reading:
+def plan_of_stations(params: StationSurveyParams) -> Reading:
     """Draw a station survey as a plan and measure the scale from the drawn bar. Grades of its legs give it heights."""
     path = Path(params.stations)
     legs = read_stations(path, params.grade if isinstance(params.grade, dict) else None)
@@ -312,9 +327,7 @@ def _choose_scale(params: Scaled, reading: Reading, poses: PoseScale | None, rat
 
 def sources(params: SurveyParams) -> list[str]:
     """List the input files of a survey section, with their companion files."""
-    names_others = params.kind == "grid" or (
-        params.kind == "passages" and Path(params.file).suffix.lower() in SOLVED_SUFFIXES
-    )
+    names_others = params.kind == "grid" or (params.kind == "passages" and is_solved(Path(params.file)))
     if not names_others:
         return _sources(params)
     return run_limited("sources", {"params": params.model_dump(mode="json")}, _subject(params)).values

@@ -26,7 +26,7 @@ from pipeline.survey.stations.table import read_station_survey
 from pipeline.survey.therion.convert import to_survex
 from pipeline.survey.therion.lines import therion_lines
 
-SOLVED_SUFFIXES = (".3d", ".svx", ".th", ".dat", ".mak")
+_SUFFIXES = (".3d", ".svx", ".th", ".dat", ".mak")
 _INCLUDE = re.compile(r"[\s,\0]*\*[\s,\0]*include(?![a-z])", re.IGNORECASE)
 
 
@@ -84,8 +84,8 @@ def _solved(path: Path) -> SolvedSurvey:
         return read_station_survey(path)
     if is_node_list(path):
         return read_node_links(path)
-    if suffix not in SOLVED_SUFFIXES:
-        raise InputError(f"{path}: not a survey that Survex solves ({', '.join(SOLVED_SUFFIXES)})")
+    if suffix not in _SUFFIXES:
+        raise InputError(f"{path}: not a survey that Survex solves ({', '.join(_SUFFIXES)})")
     require_cavern(path)
     if suffix == ".th":
         made = to_survex(path)

@@ -15,10 +15,11 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_at_most
-from pipeline.guard.reading_process import tell
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.formats import SHAPE_READERS
+from pipeline.params.stated import FileKind
+from pipeline.survey.formats import shape_reader, suffixes_of
 from pipeline.survey.passages.stray_heights import STRAY_M
 from pipeline.survey.spots import read_spots
 from pipeline.survey.vector.dxf import read_dxf_labels
@@ -27,7 +28,7 @@ from pipeline.survey.vector.shapes import REACH_M, Shapes, coordinate_system, re
 from pipeline.types import Frame, Georeference, Heights, Image
 
 RASTER_DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid"}
-HEIGHT_SUFFIXES = (".csv", *RASTER_DRIVERS, *SHAPE_READERS)
+HEIGHT_SUFFIXES = (".csv", *RASTER_DRIVERS, *suffixes_of(FileKind.VECTOR))
 _APART_M = 1.0  # of the points that a surface is sampled at
 _SAME_M, _WALL_STEP_M = 0.01, 2.0
 _MOST = 50_000
@@ -79,7 +80,7 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
             f"{path}: none of its {len(points)} heights lies {where}; is it in the coordinates of the survey's file?"
         )
     low, high = inside[:, 2].min(), inside[:, 2].max()
-    tell(f"{path.name}: {len(inside)} of {len(points)} heights lie {where}, from {low:.1f} to {high:.1f} m")
+    warn_user(f"{path.name}: {len(inside)} of {len(points)} heights lie {where}, from {low:.1f} to {high:.1f} m")
     return _heights(path, inside, has_lines or suffix in RASTER_DRIVERS)
 
 
@@ -204,7 +205,7 @@ def _read_drawing(path: Path, step: float) -> tuple[Points, str | None, bool]:
     The last value is whether there are lines.
     """
     suffix = path.suffix.lower()
-    content = SHAPE_READERS[suffix](path, None)
+    content = shape_reader(path)(path, None)
     require_at_most(path, len(content.shapes), "shapes", "shapes")
     parts = [part for shape in content.shapes for part in shapely.get_parts(shape) if part.has_z]
     lines = [part for part in parts if shapely.get_dimensions(part) == 1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 from itertools import compress
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from pipeline.geometry.generated.generate import generate_workings
 from pipeline.geometry.generated.perturb import perturb_workings
 from pipeline.geometry.generated.rough_walls import roughen_walls
 from pipeline.geometry.outline.enclosure import as_polygons
-from pipeline.guard.reading_process import one_line, tell
+from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.survey import (
     CentrelineSurveyParams,
     PassageSurveyParams,
@@ -25,14 +26,14 @@ from pipeline.params.survey import (
     VectorSurveyParams,
 )
 from pipeline.survey.draw import draw_picture, draw_workings, frame_around
-from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
+from pipeline.survey.formats import is_solved, leg_reader, shape_reader
 from pipeline.survey.levels.areas import areas_of
 from pipeline.survey.levels.sheets import draw_levels
 from pipeline.survey.levels.walls import lie_over, split_steep, walls_in_space
 from pipeline.survey.passages.legs import SurveyLeg, build_workings, check_network
 from pipeline.survey.passages.sheets import draw_sheets, has_relief
 from pipeline.survey.solved.plan_view import plan_legs
-from pipeline.survey.solved_surveys import SOLVED_SUFFIXES, survey_files
+from pipeline.survey.solved_surveys import survey_files
 from pipeline.survey.stations.table import read_station_legs
 from pipeline.survey.surfaces import wall_heights
 from pipeline.survey.vector.centrelines import read_centrelines
@@ -51,12 +52,36 @@ _FINEST_PX_PER_M, _WIDEST_PX = 8.0, 6000
 _ORIGIN_AT = 0.25  # of a pixel: walls at whole and half metres then miss pixel centres, where rounding would decide
 
 
-def draw_vector_survey(
-    params: VectorSurvey, content: Shapes | None = None
-) -> tuple[MultiPolygon, Georeference, Image, Frame, Heights | None]:
-    """Return a survey's workings (m, plan), their georeference, their plan and its frame, and heights if it has any.
+@dataclass(frozen=True)
+class VectorReading:
+    """A survey's workings (m, mine frame), their georeference and heights, and the plan drawn of them with its frame.
 
     A procedural mine with `as_picture` has no workings: stage 2 traces them from the plan.
+    """
+
+    workings: MultiPolygon
+    georeference: Georeference
+    heights: Heights | None
+    plan: Image
+    frame: Frame
+
+    @property
+    def width_m(self) -> float:
+        """Return the typical width of the drifts: that of one long drift of the same area and length of walls."""
+        return 2 * self.workings.area / self.workings.length
+
+
+@dataclass(frozen=True)
+class _Workings:
+    """Workings (m, mine frame) with their georeference, and heights if they have any."""
+
+    polygons: MultiPolygon
+    georeference: Georeference
+    heights: Heights | None = None
+
+
+def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> VectorReading:
+    """Read a survey that is in metres, and draw its plan.
 
     `content` is what `read_shapes` returned for a vector file; None reads the file.
 
@@ -65,7 +90,8 @@ def draw_vector_survey(
     InputError
         If the file cannot be read or holds no workings.
     """
-    workings, georeference, heights = _read(params, content)
+    read = _read(params, content)
+    workings = read.polygons
     if workings.is_empty:
         raise InputError(f"{_name(params)}: the workings have no area")
     west, south, east, north = workings.bounds
@@ -85,9 +111,9 @@ def draw_vector_survey(
     frame = frame_around((west - m, south - m, east + m, north + m), per_m, _ORIGIN_AT)
     if params.kind != "procedural" or not params.as_picture:
         plan = draw_workings(workings, frame, params.labels_m, params.drawing_grey)
-        return workings, georeference, plan, frame, heights
+        return VectorReading(workings, read.georeference, read.heights, plan, frame)
     plan = draw_picture(workings, frame, params.drawing_grey, params.anti_aliased, params.jpeg_quality)
-    return MultiPolygon(), georeference, plan, frame, None
+    return VectorReading(MultiPolygon(), read.georeference, None, plan, frame)
 
 
 def read_shapes(path: Path, layers: list[str] | None) -> Shapes:
@@ -98,25 +124,22 @@ def read_shapes(path: Path, layers: list[str] | None) -> Shapes:
     InputError
         If the format is not supported, or the reader or a limit refuses the file.
     """
-    reader = SHAPE_READERS.get(path.suffix.lower())
-    if reader is None:
-        raise InputError(f"{path}: not a supported vector format ({', '.join(SHAPE_READERS)})")
-    return require_simple(path, reader(path, layers))
+    return require_simple(path, shape_reader(path)(path, layers))
 
 
-def _read(params: VectorSurvey, content: Shapes | None) -> tuple[MultiPolygon, Georeference, Heights | None]:
+def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
     match params.kind:
         case "procedural":
             rng = np.random.default_rng(params.seed)
             workings = generate_workings(rib_noise_m=params.rib_noise_m, rng=rng, **params.mine.model_dump())
             rough = params.rough_walls
-            return (roughen_walls(workings, rng=rng, **rough.model_dump()) if rough else workings), METRIC, None
+            return _Workings(roughen_walls(workings, rng=rng, **rough.model_dump()) if rough else workings, METRIC)
         case "variant":
             path = Path(params.workings)
             shapes, georeference = locate(path, require_simple(path, read_geojson(path, None)), None, None)
             workings, rng = workings_of(path, shapes, 0.0, []), np.random.default_rng(params.seed)
             perturbed = perturb_workings(workings, params.station_sd_m, params.width_sd_m, params.reach_m, rng)
-            return perturbed, georeference, None
+            return _Workings(perturbed, georeference)
         case "passages":
             return _read_passages(params)
         case "centrelines":
@@ -124,18 +147,29 @@ def _read(params: VectorSurvey, content: Shapes | None) -> tuple[MultiPolygon, G
     path = Path(params.file)
     content = content or read_shapes(path, params.layers)
     shapes, georeference = locate(path, content, params.unit, params.origin)
-    drawn, is_wall = _read_levels(path, content, shapes, georeference, params)
-    if drawn is not None:
-        return drawn[0], georeference, drawn[1]
+    found = _read_levels(path, content, shapes, georeference, params)
+    if found.levels is not None:
+        return found.levels
     if params.piece is not None:
         raise InputError(f"{path}: survey.piece is read with levels over each other; this drawing is read as one plan")
-    content, shapes = content.only(is_wall), list(compress(shapes, is_wall))
+    content, shapes = content.only(found.is_wall), list(compress(shapes, found.is_wall))
     layers = list(dict.fromkeys(content.layer_of))
     if params.layers is None and len(layers) > 1 and path.suffix.lower() == ".gpkg":
         names = ", ".join(one_line(name, 40) for name in layers[:_MOST_LAYERS])
-        tell(f"{path.name}: {len(layers)} layers are read as one plan ({names}); --layer chooses")
+        warn_user(f"{path.name}: {len(layers)} layers are read as one plan ({names}); --layer chooses")
     heights = wall_heights(path, content, shapes, georeference)
-    return workings_of(path, shapes, params.snap_m, list(params.seeds_m)), georeference, heights
+    return _Workings(workings_of(path, shapes, params.snap_m, list(params.seeds_m)), georeference, heights)
+
+
+@dataclass(frozen=True)
+class _LevelReading:
+    """Levels over each other, a sheet a level; None if the walls are those of one plan.
+
+    Then `is_wall` is for each shape whether it is read in that plan: the axes of shafts are not.
+    """
+
+    levels: _Workings | None
+    is_wall: list[bool]
 
 
 def _read_levels(
@@ -144,15 +178,12 @@ def _read_levels(
     moved: list[BaseGeometry],
     georeference: Georeference,
     params: VectorSurveyParams,
-) -> tuple[tuple[MultiPolygon, Heights] | None, list[bool]]:
-    """Return the sheets of levels over each other, and their heights; None if the walls are those of a plan.
-
-    Then comes for each shape whether it is read in that plan: the axes of shafts are not.
-    """
+) -> _LevelReading:
+    """Return the levels that walls with elevations enclose, if they lie over each other."""
     found, left_out = walls_in_space(path, content, moved, georeference, params.elevations_m)
     walls, axes = split_steep(found)
     if not walls:
-        return None, [True] * len(moved)
+        return _LevelReading(None, [True] * len(moved))
     try:
         areas = areas_of(path, walls, params.snap_m)
         drawn = draw_levels(path, areas, [] if params.seeds_m else axes, params.snap_m, params.piece)
@@ -171,23 +202,22 @@ def _read_levels(
         if left_out:
             names = ", ".join(one_line(layer, 40) or "no name" for layer in left_out[:_MOST_LAYERS])
             done = "are read in plan with the others; --elevation states one" if drawn is None else "are left out"
-            tell(f"{path.name}: {len(left_out)} layers without an elevation {done}: {names}")
+            warn_user(f"{path.name}: {len(left_out)} layers without an elevation {done}: {names}")
     if drawn is not None or not axes:
-        return drawn, [True] * len(moved)
+        levels = None if drawn is None else _Workings(drawn[0], georeference, drawn[1])
+        return _LevelReading(levels, [True] * len(moved))
     x, y, z = axes[0][0]
-    tell(
+    warn_user(
         f"{path.name}: {len(axes)} lines too steep to drive are left out, as the walls are read as one plan; the first "
         f"at ({x:.1f}, {y:.1f}) from {z:.1f} to {axes[0][-1, 2]:.1f} m"
     )
     steep = {wall[:, :2].tobytes() for wall, _ in found} - {wall[:, :2].tobytes() for wall, _ in walls}
-    return None, [shapely.get_coordinates(shape).tobytes() not in steep for shape in moved]
+    return _LevelReading(None, [shapely.get_coordinates(shape).tobytes() not in steep for shape in moved])
 
 
-def _read_passages(params: PassageSurveyParams) -> tuple[MultiPolygon, Georeference, Heights | None]:
+def _read_passages(params: PassageSurveyParams) -> _Workings:
     path = Path(params.file)
-    reader = PASSAGE_READERS.get(path.suffix.lower())
-    if reader is None:
-        raise InputError(f"{path}: not a supported passage survey ({', '.join(PASSAGE_READERS)})")
+    reader = leg_reader(path)
     if isinstance(params.grade, dict):  # of the legs of a station table
         legs, crs = read_station_legs(path, params.grade), None
     else:
@@ -196,18 +226,16 @@ def _read_passages(params: PassageSurveyParams) -> tuple[MultiPolygon, Georefere
     shapes, georeference = locate(path, Shapes([built], "m"), "m", params.origin)
     place = Georeference("m", 1.0, georeference.origin, crs)
     if heights is None:
-        return as_polygons(shapely.union_all(shapes)), place, None
-    return shapes[0], place, _moved(heights, georeference.origin)
+        return _Workings(as_polygons(shapely.union_all(shapes)), place)
+    return _Workings(shapes[0], place, _moved(heights, georeference.origin))
 
 
-def _read_centrelines(
-    params: CentrelineSurveyParams, content: Shapes | None
-) -> tuple[MultiPolygon, Georeference, Heights | None]:
+def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) -> _Workings:
     path = Path(params.file)
     content = content or read_shapes(path, params.layers)
     survey, georeference = read_centrelines(path, content, params.unit, params.origin, params.snap_m)
     built, heights = _build(path, plan_legs(path, survey, params.half_width_m), params)
-    return as_polygons(built) if heights is None else built, georeference, heights
+    return _Workings(as_polygons(built) if heights is None else built, georeference, heights)
 
 
 def _build(
@@ -265,5 +293,5 @@ def vector_files(params: VectorSurvey) -> list[str]:
         case "variant":
             return [params.workings]
     path = Path(params.file)
-    files = survey_files(path) if path.suffix.lower() in SOLVED_SUFFIXES else [path, *companions(path)]
+    files = survey_files(path) if is_solved(path) else [path, *companions(path)]
     return [file.as_posix() for file in files]

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from benchmarks.fuzzing.samples import SAMPLES
 from pipeline.errors import MineError, UnexpectedError
 from pipeline.guard import reading_process as child
 from pipeline.params import reader_limits
+from pipeline.survey.formats import FORMATS
 
 SOLVED_BY_SURVEX = ("survex project", "therion", "compass data")
 # Instructive hostile files that a reader refuses at once: the limit that each must name.
@@ -98,13 +100,20 @@ def test_work_without_end_is_ended_by_the_limit_on_time(tmp_path, monkeypatch):
     assert [p.name for p in path.parent.iterdir()] == ["mine.gpkg"]
 
 
-def test_every_reader_has_a_sample_and_hostile_files():
-    assert set(READERS) == set(SAMPLES) == set(HOSTILE)
+def test_every_reader_has_a_sample_and_hostile_files_are_of_readers():
+    assert set(READERS) == set(SAMPLES)
+    assert set(HOSTILE) <= set(SAMPLES)
+
+
+def test_every_format_of_a_survey_has_a_sample():
+    sampled = {Path(file).suffix for make in SAMPLES.values() for file in make()}
+    kinds = {id(found): [suffix for suffix in FORMATS if FORMATS[suffix] is found] for found in FORMATS.values()}
+    assert [suffixes for suffixes in kinds.values() if not sampled & set(suffixes)] == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("reader", list(SAMPLES))
 def test_a_reader_survives_broken_and_hostile_files(reader):
-    result = fuzz_reader(reader, len(HOSTILE[reader]) + 12, lambda n: None)
+    result = fuzz_reader(reader, len(HOSTILE.get(reader, {})) + 12, lambda n: None)
     assert json.dumps(result["failed"]) == "{}"
     assert result["refused"] > 0

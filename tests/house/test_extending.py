@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
+import subprocess
+import sys
 from typing import Any
 
 import gymnasium
@@ -19,33 +23,87 @@ from pipeline.metrics.limits import require_limits
 from pipeline.params.validation import Limit
 from pipeline.proof.validator import MEASURES, Validator
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.formats import SHAPE_READERS
+from pipeline.survey.formats import FORMATS, shape_reader
+from tests.extensions import PAGE, apply, blocks, changes
 from tests.mines import TEE
 from tests.project import ROOT
+
+ROWS = changes()
+MOST_FILES = 4
 
 
 def run_blocks(title: str) -> dict[str, Any]:
     """Run the Python blocks of a section of the page, all but those that make an environment, and return its names."""
-    page = (ROOT / "docs" / "extending.md").read_text()
-    section = page.split(f"\n## {title}\n")[1].split("\n## ")[0]
     names: dict[str, Any] = {"__name__": "extending"}
-    for block in re.findall(r"^```python\n(.*?)^```", section, flags=re.M | re.S):
+    for block in blocks(title):
         if "gymnasium.make(" not in block:
             exec(compile(block, title, "exec", dont_inherit=True), names)
     return names
 
 
+def rows_of_the_page() -> dict[str, str]:
+    """Return the rows of the page's table by their first cell."""
+    rows = re.findall(r"^\| (.+?) \|(.*)\|$", PAGE.read_text(), flags=re.M)
+    return {title: rest for title, rest in rows if title != "to add"}
+
+
+def test_the_page_has_a_row_for_each_change():
+    assert list(rows_of_the_page()) == list(ROWS)
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_a_row_costs_at_most_four_files_and_names_their_places(row):
+    assert len(ROWS[row]) <= MOST_FILES
+    places = re.findall(r"`([\w/.]+)`", rows_of_the_page()[row])
+    for file in ROWS[row]:
+        assert [place for place in places if file == place or file.startswith(place.rstrip("FORMATNE.py"))], file
+
+
+@pytest.fixture(scope="module")
+def extended(tmp_path_factory):
+    """Return a copy of the code in which the changes of all rows are made."""
+    folder = tmp_path_factory.mktemp("extended")
+    left_out = shutil.ignore_patterns("__pycache__", "results", "worlds")
+    for name in ("minexplore", "pipeline", "stages", "baselines", "benchmarks", "conf", "docs", "data"):
+        shutil.copytree(ROOT / name, folder / name, ignore=left_out)
+    shutil.copy(ROOT / "params.yaml", folder)
+    for change in ROWS.values():
+        apply(change, folder)
+    return folder
+
+
+@pytest.mark.slow
+def test_the_change_of_each_row_passes_its_own_test_in_a_copy_of_the_project(extended):
+    tests = [file for change in ROWS.values() for file in change if file.startswith("tests/")]
+    assert len(tests) == len(ROWS)
+    command = [sys.executable, "-m", "pytest", "-q", "-c", os.devnull, "--rootdir", ".", *tests]
+    env = {**os.environ, "PYTHONPATH": str(extended)}
+    done = subprocess.run(command, cwd=extended, env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_observation_of_the_page_shows_how_the_mine_dips(tee):
+    wrapper = run_blocks("An observation")["WithTilt"]
+    env = wrapper(gymnasium.make("MineXplore/World-v0", world=str(tee.bundle)))
+    observation, info = env.reset(seed=0)
+    assert observation[-2:] == pytest.approx([info["pitch_rad"], info["roll_rad"]])
+    observation, *_ = env.step(np.array([0.5, 0.0]))
+    assert env.observation_space.contains(observation)
+    assert np.linalg.norm(observation[-2:]) == pytest.approx(np.radians(5.0), abs=0.02)  # the world dips by 5 deg
+    env.close()
+
+
 def test_the_survey_format_of_the_page_is_detected_and_refuses_other_text(tmp_path, monkeypatch):
-    monkeypatch.setitem(SHAPE_READERS, ".wkt", None)
+    monkeypatch.setitem(FORMATS, ".wkt", None)
     run_blocks("A survey format")
     (tmp_path / "mine.wkt").write_text(f"{TEE.wkt}\n")
-    detected = detect_survey(tmp_path / "mine.wkt", {})
+    detected = detect_survey(tmp_path / "mine.wkt")
     assert detected.values["kind"] == "vector"
     assert detected.width_m == pytest.approx(2 * TEE.area / TEE.length)
-    assert shapely.equals(SHAPE_READERS[".wkt"](tmp_path / "mine.wkt", None).shapes[0], TEE)
+    assert shapely.equals(shape_reader(tmp_path / "mine.wkt")(tmp_path / "mine.wkt", None).shapes[0], TEE)
     (tmp_path / "bad.wkt").write_text("POLYGON ((0 0, 1\n")
     with pytest.raises(InputError, match=r"bad\.wkt: not Well-Known Text"):
-        detect_survey(tmp_path / "bad.wkt", {})
+        detect_survey(tmp_path / "bad.wkt")
 
 
 def test_the_metric_of_the_page_is_measured_and_held_to_its_limit(tee, config, monkeypatch):

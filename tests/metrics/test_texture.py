@@ -1,16 +1,18 @@
-import dataclasses
 import math
 
 import numpy as np
 import pytest
 import shapely
 
-from pipeline.metrics.rock.axes import TextureAxes
 from pipeline.metrics.rock.planefit import fit_voxel_planes, normal_scatter_deg, sweep_residuals
-from pipeline.metrics.rock.published import PAPER_MODEL, PAPER_SCORES, REAL
 from pipeline.metrics.rock.texture import (
     AXES,
+    REAL,
+    Axis,
+    RockPoints,
+    axis_ratios,
     bump_rq_m,
+    measure_axes,
     published_score,
     published_wavelength_m,
     roof_irregularity_m,
@@ -39,41 +41,45 @@ def sine(amplitude, wavelength):
 
 
 def test_the_papers_published_values_give_its_six_scores():
-    scores = published_score(REAL, PAPER_MODEL)
-    for axis in AXES:
-        assert scores.axes[axis] == pytest.approx(getattr(PAPER_SCORES, axis), abs=2e-4)
+    scores = published_score({name: axis.paper_model for name, axis in AXES.items()})
+    for name, axis in AXES.items():
+        assert scores.axes[name] == pytest.approx(axis.paper_score, abs=2e-4)
     assert scores.overall == pytest.approx(0.7941, abs=2e-4)
 
 
 def test_equal_axes_score_one_and_a_factor_of_two_scores_one_sd():
-    assert strict_score(REAL, REAL).overall == 1.0
-    double = TextureAxes(*(2 * v for v in vars(REAL).values()))
-    assert strict_score(REAL, double).overall == pytest.approx(math.exp(-0.5))
-    assert published_score(REAL, double).overall == pytest.approx(math.exp(-0.5 * (math.log(1.5) / math.log(5)) ** 2))
+    assert strict_score(dict(REAL)).overall == 1.0
+    double = {name: 2 * figure for name, figure in REAL.items()}
+    assert strict_score(double).overall == pytest.approx(math.exp(-0.5))
+    assert published_score(double).overall == pytest.approx(math.exp(-0.5 * (math.log(1.5) / math.log(5)) ** 2))
 
 
 def test_a_plane_scores_almost_zero():
     plane = wall(lambda x, z: np.zeros_like(x))
     flat = np.column_stack([plane[:, 0], plane[:, 2] * 2, np.full(len(plane), 3.4)])
-    axes = TextureAxes(
-        wall_jaggedness_deg(plane),
-        bump_rq_m(plane),
-        roughness_integral_m2(sweep_walls(plane)),
-        wall_wavelength_m(plane, FREE),
-        roof_irregularity_m(flat),
-        wall_heterogeneity_m(plane),
-    )
-    assert strict_score(REAL, axes).overall < 0.01
-    assert published_score(REAL, axes).overall < 0.01
+    axes = measure_axes(RockPoints(plane, sweep_walls(plane), flat, wall_wavelength_m(plane, FREE)))
+    assert strict_score(axes).overall < 0.01
+    assert published_score(axes).overall < 0.01
 
 
 def test_an_axis_without_a_figure_is_no_zero_and_is_left_out_of_the_mean():
     short = wall(sine(0.05, 0.4), n=2000, length=3.0)
     assert wall_wavelength_m(short, FREE) is None  # it needs 8 m of wall
-    scores = strict_score(REAL, dataclasses.replace(REAL, dominant_wavelength_m=None))
+    scores = strict_score({**REAL, "dominant_wavelength_m": None})
     assert scores.axes["dominant_wavelength_m"] is None
     assert (scores.overall, scores.measured) == (1.0, 5)
-    assert strict_score(REAL, TextureAxes(*[None] * 6)).overall is None
+    assert strict_score(dict.fromkeys(AXES)).overall is None
+
+
+def test_a_new_axis_is_measured_and_scored_without_further_declarations(monkeypatch):
+    monkeypatch.setitem(AXES, "mean_height_m", Axis("mean height", lambda rock: float(rock.walls[:, 2].mean()), 1.75))
+    plane = wall(lambda x, z: np.zeros_like(x))
+    figures = measure_axes(RockPoints(plane, sweep_walls(plane), plane, None))
+    assert figures["mean_height_m"] == pytest.approx(1.75, abs=0.01)
+    scores = strict_score(figures)
+    assert scores.axes["mean_height_m"] == pytest.approx(1.0, abs=0.01)
+    assert scores.measured == sum(figure is not None for figure in figures.values())
+    assert "mean_height_m" in axis_ratios(figures)
 
 
 @pytest.mark.parametrize("wavelength", [0.05, 0.1])

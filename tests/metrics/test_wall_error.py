@@ -2,7 +2,8 @@ import pytest
 import shapely
 
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.metrics.wall_error import largest_error_m, measure_wall_error, signed_distances
+from pipeline.geometry.wall_distance import largest_error_m
+from pipeline.metrics.wall_error import measure_wall_error, signed_distances
 from tests.mines import STRAIGHT, frame_for
 
 FRAME = frame_for(STRAIGHT)

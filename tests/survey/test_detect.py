@@ -9,6 +9,7 @@ from pydantic import TypeAdapter
 
 from pipeline.errors import InputError
 from pipeline.import_mine import survey_yaml
+from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SurveyParams
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.draw import draw_plan, frame_around
@@ -24,17 +25,17 @@ def plan_with_bar(tmp_path, name="plan.png", invert=False, bar_m=20.0):
 
 def test_a_scale_bar_is_found_and_its_length_chosen_by_the_width_of_the_drifts(tmp_path):
     path, _ = plan_with_bar(tmp_path)
-    detected = detect_survey(path, {})
+    detected = detect_survey(path)
     assert detected.values["kind"] == "plan"
     assert detected.values["scale"]["source"] == "bar"
     assert detected.values["scale"]["bar_length_m"] == 20.0
     assert detected.width_m == pytest.approx(5.0, abs=0.4)
-    assert detect_survey(path, {"bar_length_m": 50.0}).values["scale"]["bar_length_m"] == 50.0
+    assert detect_survey(path, StatedOptions(bar_length_m=50.0)).values["scale"]["bar_length_m"] == 50.0
 
 
 def test_light_on_dark_is_detected_from_the_paper_at_the_edge(tmp_path):
     path, _ = plan_with_bar(tmp_path, invert=True)
-    detected = detect_survey(path, {})
+    detected = detect_survey(path)
     assert detected.values["light_on_dark"]
     assert detected.values["scale"]["bar_length_m"] == 20.0
 
@@ -47,15 +48,15 @@ def test_line_drawings_are_distinguished_from_filled_drifts(tmp_path):
         cv2.polylines(line_drawing, [points], True, (0, 0, 0), 2)
     for name, picture in (("filled.png", filled), ("line_drawing.png", line_drawing)):
         cv2.imwrite(str(tmp_path / name), picture)
-        detected = detect_survey(tmp_path / name, {"px_per_m": 8.0})
+        detected = detect_survey(tmp_path / name, StatedOptions(px_per_m=8.0))
         assert detected.values["line_drawing"] == (name == "line_drawing.png")
-    assert not detect_survey(tmp_path / "filled.png", {"px_per_m": 8.0}).values["line_drawing"]
+    assert not detect_survey(tmp_path / "filled.png", StatedOptions(px_per_m=8.0)).values["line_drawing"]
 
 
 def test_a_plan_without_a_scale_is_refused_and_the_option_is_named(tmp_path):
     cv2.imwrite(str(tmp_path / "plan.png"), plan_of(TEE, frame_for(TEE)))
     with pytest.raises(InputError, match="no scale bar found; state --px-per-m"):
-        detect_survey(tmp_path / "plan.png", {})
+        detect_survey(tmp_path / "plan.png")
 
 
 def test_a_drawing_without_units_gets_the_unit_that_makes_drift_widths_plausible(tmp_path):
@@ -63,7 +64,7 @@ def test_a_drawing_without_units_gets_the_unit_that_makes_drift_widths_plausible
     made.header["$INSUNITS"] = 0
     made.modelspace().add_lwpolyline(np.array(TEE.exterior.coords)[:-1] * 1000, close=True)
     made.saveas(tmp_path / "mine.dxf")
-    detected = detect_survey(tmp_path / "mine.dxf", {})
+    detected = detect_survey(tmp_path / "mine.dxf")
     assert detected.values["unit"] == "mm"
     assert 3 < detected.width_m < 6
 
@@ -72,8 +73,8 @@ def test_every_detection_is_a_section_that_stage_one_accepts(tmp_path):
     path, _ = plan_with_bar(tmp_path)
     (tmp_path / "s.csv").write_text(TINY_STATIONS)
     for file in (path, tmp_path / "s.csv"):
-        detected = detect_survey(file, {})
-        text = survey_yaml("mine", tmp_path / file.name, detected, {"entrance_m": [1.0, 2.0]})
+        detected = detect_survey(file)
+        text = survey_yaml("mine", tmp_path / file.name, detected, StatedOptions(entrance_m=(1.0, 2.0)))
         section = yaml.safe_load(text)["survey"]
         key = "image" if "image" in section else "file"
         assert section[key].endswith(file.name)
@@ -89,7 +90,7 @@ def test_an_unsupported_file_is_refused(tmp_path, name, message):
     if name != "none.png":
         (tmp_path / name).write_bytes(b"x")
     with pytest.raises(InputError, match=message):
-        detect_survey(tmp_path / name, {})
+        detect_survey(tmp_path / name)
 
 
 @pytest.mark.parametrize(("unit", "found"), [(2, None), (4, "m")])
@@ -99,4 +100,4 @@ def test_a_unit_that_a_drawing_states_is_kept_for_a_wide_room_and_not_where_it_m
     sides = np.array([[0, 0], [1, 0], [1, 0.5], [0, 0.5]]) * (60 / 0.3048 if unit == 2 else 20)
     drawing.modelspace().add_lwpolyline(sides.tolist(), close=True)
     drawing.saveas(tmp_path / "room.dxf")
-    assert detect_survey(tmp_path / "room.dxf", {}).values["unit"] == found
+    assert detect_survey(tmp_path / "room.dxf").values["unit"] == found

@@ -17,9 +17,18 @@ def mean_of(draws: Sequence[T]) -> T:
     """Return the mean of flat dataclasses, field by field; a figure that some draws lack is the mean of the others."""
     means: dict[str, Any] = {}
     for field in dataclasses.fields(draws[0]):  # type: ignore[arg-type]
-        values = [value for draw in draws if (value := getattr(draw, field.name)) is not None]
-        means[field.name] = float(np.mean(values)) if values else None
+        means[field.name] = _mean([getattr(draw, field.name) for draw in draws])
     return type(draws[0])(**means)
+
+
+def mean_axes(draws: Sequence[dict[str, float | None]]) -> dict[str, float | None]:
+    """Return the mean figure of each axis; one that some draws lack is the mean of the others."""
+    return {name: _mean([draw[name] for draw in draws]) for name in draws[0]}
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    present = [value for value in values if value is not None]
+    return float(np.mean(present)) if present else None
 
 
 def mean_sweep(sweeps: Sequence[list[Residuals]]) -> list[Residuals]:

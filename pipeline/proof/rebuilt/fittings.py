@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from shapely import Polygon
 
 from minexplore.bundle import (
+    MESHES,
     MODEL,
     TOPOLOGY,
     TriangleMesh,
@@ -18,6 +19,7 @@ from minexplore.bundle import (
     is_fitting,
     is_of_opening,
     mesh_file,
+    mesh_of,
     puddle_geom,
     shade_geom,
 )
@@ -50,7 +52,7 @@ def require_fittings(folder: Path, record: WorldRecord, free: Polygon, params: F
     ArtifactError
         With the file, how it differs, and the parameters that would make it.
     """
-    names = [name.removeprefix("meshes/").removesuffix(".msh") for name in record.files if name.startswith("meshes/")]
+    names = [mesh_of(name) for name in record.files if name.startswith(MESHES)]
     cover = {name for name in names if is_fitting(name) and is_cover(name)}
     furniture = {name for name in names if is_fitting(name) and not (is_cover(name) or is_of_opening(name))}
     network: DriftNetwork = decode(folder / TOPOLOGY, DriftNetwork)

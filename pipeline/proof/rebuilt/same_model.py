@@ -13,6 +13,7 @@ import numpy as np
 from shapely import Polygon
 
 from minexplore.bundle import (
+    MESHES,
     MODEL,
     ROCK_TEXTURE,
     ROOF_GEOM,
@@ -74,7 +75,7 @@ def require_same_model(
     elif prisms:
         require_prisms(folder, record, stated, free, tile_m)
     spec = _rebuilt(folder, record, files, stated)
-    assets = {name: data for name, data in files.items() if name.startswith("meshes/") or name == ROCK_TEXTURE}
+    assets = {name: data for name, data in files.items() if name.startswith(MESHES) or name == ROCK_TEXTURE}
     # MuJoCo writes a text only after it compiles, and the text does not depend on what the mesh files hold.
     stand_in = encode(Path("tetrahedron.msh"), _TETRAHEDRON)
     spec.assets = {name: data if name == ROCK_TEXTURE else stand_in for name, data in assets.items()}
@@ -99,7 +100,7 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
     vertices = [np.array(stated.mesh(geom.meshname).uservert).reshape(-1, 3) for geom in rock]
     offsets = np.concatenate([[0], np.cumsum([len(v) for v in vertices])]).astype(np.int32)
     placed = np.concatenate([v + geom.pos for v, geom in zip(vertices, rock, strict=True)])
-    meshes = {Path(name).stem: data for name, data in files.items() if name.startswith("meshes/")}
+    meshes = {Path(name).stem: data for name, data in files.items() if name.startswith(MESHES)}
     chunks = {name: data for name, data in meshes.items() if name not in SMOOTH_MESHES}
     named = {geom.name: geom for geom in stated.geoms}
     lowest = named.get(shade_geom(0))

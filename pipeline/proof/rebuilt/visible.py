@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from shapely import Polygon
 
-from minexplore.bundle import RECORD, WALLS, is_fitting, mesh_file
+from minexplore.bundle import MESHES, RECORD, WALLS, is_fitting, mesh_file, mesh_of
 from minexplore.floors.floor import Floor
 from minexplore.floors.folding import Folding
 from minexplore.floors.stretch import KNEE_M, raise_m
@@ -63,7 +63,7 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
         With the file or place, the value and the limit.
     """
     floor, sizes = read_whole_floor(folder, record), smooth_sizes(folder, record)
-    names = [name.removeprefix("meshes/").removesuffix(".msh") for name in record.files if name.startswith("meshes/")]
+    names = [mesh_of(name) for name in record.files if name.startswith(MESHES)]
     folding = Folding(floor)
     rough = {name: _read_chunk(folder, record, folding, name) for name in rough_meshes(names)}
     smooth = _smooth_triangles(record, free, floor, sizes)

@@ -11,7 +11,7 @@ import shapely
 import trimesh
 from trimesh.viewer.notebook import scene_to_html
 
-from minexplore.bundle import ROOF, WALLS
+from minexplore.bundle import MESHES, ROOF, WALLS
 from minexplore.floors.floor import Floor
 from pipeline.errors import ArtifactError
 from pipeline.geometry.polyline import resample
@@ -114,7 +114,7 @@ def _rock(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> dict[str,
             ROOF: _level(free_space.polygon, record.height_m),
         }
     return {
-        piece: _simplified([decode(path, Mesh) for path in sorted((bundle / "meshes").glob(f"{piece}_*.msh"))], most)
+        piece: _simplified([decode(path, Mesh) for path in sorted((bundle / MESHES).glob(f"{piece}_*.msh"))], most)
         for piece, most in MOST_FACES.items()
     }
 

@@ -6,8 +6,9 @@ import numpy as np
 from shapely import Polygon
 
 from pipeline.geometry.polyline import rings_of
-from pipeline.metrics.rock.published import PAPER, PAPER_SCORES, REAL, REAL_SWEEP
-from pipeline.metrics.rock.texture import AXES, AXIS_TITLES, axis_ratios, is_uninformative
+from pipeline.metrics.paper import PAPER
+from pipeline.metrics.rock.published import REAL_SWEEP
+from pipeline.metrics.rock.texture import AXES, axis_ratios, is_uninformative
 from pipeline.proof.texture import TextureReport
 from pipeline.report.figures.style import GREY, OCHRE, ROCK, STEEL, new_figure, to_image
 from pipeline.types import Image
@@ -22,7 +23,7 @@ def draw_texture(report: TextureReport) -> Image:
     figure = new_figure(12, 4.4)
     scores, scale = figure.subplots(1, 2, width_ratios=[3, 2])
     at = np.arange(len(AXES) + 1)
-    paper = [*(getattr(PAPER_SCORES, a) for a in AXES), PAPER["texture.published.overall"]]
+    paper = [*(axis.paper_score for axis in AXES.values()), PAPER["texture.published.overall"]]
     for shift, values, colour, label in (
         (-0.27, paper, GREY, "the paper's model, published score"),
         (0.0, [*report.published.axes.values(), report.published.overall], OCHRE, "this world, published score"),
@@ -33,9 +34,9 @@ def draw_texture(report: TextureReport) -> Image:
     flat = [report.flat.axes[a] for a in AXES]
     shown = [np.nan if f is None else f for f in flat]
     scores.plot(at[:-1], shown, "_", color="black", ms=34, mew=1.2, label="flat walls, published score")
-    ratios = axis_ratios(REAL, report.strict_axes)
+    ratios = axis_ratios(report.strict_axes)
     names = [
-        f"{_on_two_lines(AXIS_TITLES[a])}\n{'no figure' if r is None else f'x {r:.2f}'}"
+        f"{_on_two_lines(AXES[a].title)}\n{'no figure' if r is None else f'x {r:.2f}'}"
         + "\nuninformative" * is_uninformative(f)
         for (a, r), f in zip(ratios.items(), flat, strict=True)
     ]

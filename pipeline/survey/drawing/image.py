@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.guard.reading_process import tell
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.drawing.orientation import orientation_of, turn_upright
 from pipeline.survey.drawing.picture_header import require_picture_size, require_size
@@ -56,7 +56,7 @@ def read_image(path: Path, max_megapixels: float) -> Image:
     if is_tiff(data):  # OpenCV turns it upright
         pages = count_pages(data.data)
         if pages > 1:
-            tell(f"{path.name}: the first of {pages} pages is read; save another one as a file of its own")
+            warn_user(f"{path.name}: the first of {pages} pages is read; save another one as a file of its own")
     else:
         picture = turn_upright(picture, orientation_of(data.data))
     if picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[2] not in (3, 4)):

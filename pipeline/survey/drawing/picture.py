@@ -13,7 +13,7 @@ from pipeline.geometry.drawing.find import read_sheet
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
 from pipeline.geometry.outline.binarize import dark_pixels
 from pipeline.guard.plain_file import read_text_bytes
-from pipeline.guard.reading_process import tell
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.drawing.image import read_image, require_workings_drawn
@@ -30,11 +30,11 @@ def read_picture(path: Path, params: PlanSurveyParams) -> Image:
         If it cannot be read or is too large.
     """
     if path.suffix.lower() == ".pdf":
-        return require_workings_drawn(path, draw_page(path, params.page, params.dpi, params.max_megapixels))
+        return require_workings_drawn(path, read_page(path, params.page, params.dpi, params.max_megapixels))
     return read_image(path, params.max_megapixels)
 
 
-def draw_page(path: Path, page: int, dpi: float, max_megapixels: float) -> Image:
+def read_page(path: Path, page: int, dpi: float, max_megapixels: float) -> Image:
     """Render a PDF page on white paper as (rows, cols, 3) uint8 BGR.
 
     Raises
@@ -48,7 +48,7 @@ def draw_page(path: Path, page: int, dpi: float, max_megapixels: float) -> Image
             if page > len(document):
                 raise InputError(f"{path}: survey.page = {page}: the document has {len(document)} pages")
             if len(document) > 1:
-                tell(f"{path.name}: page {page} of {len(document)} is read; --page states another")
+                warn_user(f"{path.name}: page {page} of {len(document)} is read; --page states another")
             sheet = document[page - 1]
             width, height = (side * dpi / 72 for side in sheet.get_size())
             if max(width, height) > MAX_SIDE_PX or width * height > max_megapixels * 1e6 or min(width, height) < 8:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -14,9 +13,11 @@ from pipeline.geometry.drawing.doubts import SheetError
 from pipeline.geometry.drawing.fills import find_ink
 from pipeline.geometry.drawing.find import SheetReading, read_sheet
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
+from pipeline.params.stated import StatedOptions
 from pipeline.types import Image, Mask
 
 WIDTHS_M = (1.5, 12.0)  # range of drift widths in practice
+LIKELY_M = 5.5  # usual width of a mechanized drift; that of the published mine at scan 02S
 _LINE_PX = 6.0  # widest stroke of a line drawing if the scale is unknown
 _SAME = 0.97  # IoU of two readings that agree
 _FEW = 15  # pieces of ink beside the workings of a clean plan
@@ -34,7 +35,7 @@ class FoundWorkings:
     sheet: bool = False
 
 
-def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, stated: dict[str, Any]) -> FoundWorkings:
+def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, stated: StatedOptions) -> FoundWorkings:
     """Find the workings of a plan, dark on light.
 
     A plan that shows nothing but workings is read as a whole. If there is more, it is read as a sheet; a reading of the
@@ -48,7 +49,7 @@ def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, state
         Dark, colourless pixels outside the scale bar.
     px_per_m : float
         0 if unknown.
-    stated : dict
+    stated : StatedOptions
         `level`, `seeds_px` and `wall_gap_px`; with seeds the picture is a line drawing.
 
     Raises
@@ -58,10 +59,10 @@ def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, state
     InputError
         If a seed is outside the walls, or they enclose nothing.
     """
-    seeds, gap_px = stated.get("seeds_px") or [], stated.get("wall_gap_px") or 3.0
+    seeds, gap_px = stated.seeds_px or [], stated.wall_gap_px or 3.0
     if seeds:
         try:
-            mask = fill_line_drawing(dark, [tuple(seed) for seed in seeds], gap_px)
+            mask = fill_line_drawing(dark, seeds, gap_px)
         except GeometryError as error:
             raise InputError(f"{path}: {error}") from error
         return FoundWorkings(mask, typical_width_px(mask), line_drawing=True)
@@ -69,7 +70,7 @@ def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, state
     if _is_clean(picture, whole.mask):
         return whole
     try:
-        sheet = read_sheet(picture, stated.get("level"))
+        sheet = read_sheet(picture, stated.level)
     except GeometryError as error:
         found = error.found if isinstance(error, SheetError) else None
         raise DoubtError(f"{path}: {error}", draw_detected(picture, found, None)) from error

@@ -1,8 +1,9 @@
-"""Draw a ROS occupancy grid as a plan: free cells are workings."""
+"""Read a ROS occupancy grid as a plan: free cells are workings."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,17 @@ from pipeline.types import Frame, Georeference, Image
 _WORKINGS_GREY, _PAPER_GREY = 40, 255
 
 
-def draw_grid(path: Path, unknown_is_free: bool) -> tuple[Image, Frame, Georeference]:
-    """Draw a map north up. Return the plan, its frame in metres, and its georeference.
+@dataclass(frozen=True)
+class GridReading:
+    """The plan of a map, north up, its frame in metres, and its georeference."""
+
+    plan: Image
+    frame: Frame
+    georeference: Georeference
+
+
+def read_grid(path: Path, unknown_is_free: bool) -> GridReading:
+    """Read a map as a plan, north up.
 
     The mine frame is the map's own frame, unless the map lies more than 10 km from its origin. A rotated map is drawn
     with its rotation removed.
@@ -44,4 +54,4 @@ def draw_grid(path: Path, unknown_is_free: bool) -> tuple[Image, Frame, Georefer
     frame = Frame(
         per_m, float(corner[0] - east * per_m), float(corner[1] + north * per_m), plan.shape[1], plan.shape[0]
     )
-    return plan, frame, Georeference("m", 1.0, (offset[0], offset[1]), turned_deg=yaw_deg)
+    return GridReading(plan, frame, Georeference("m", 1.0, (offset[0], offset[1]), turned_deg=yaw_deg))

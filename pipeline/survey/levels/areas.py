@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.outline.enclosure import enclose_workings
-from pipeline.guard.reading_process import tell
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.levels.walls import SAME_M, Wall, beside_each_other, falls, is_steep_in_part, lie_over, sampled
 
@@ -195,7 +195,7 @@ def _enclosed_if_level(path: Path, strings: list[tuple[Wall, str]], snap_m: floa
         rest = [string for string, is_one in zip(strings, inclined, strict=True) if not is_one]
         found = _enclosed(path, rest, snap_m) if rest else []
         (x, y, z), low = lines[0][lines[0][:, 2].argmax()], lines[0][:, 2].min()
-        tell(
+        warn_user(
             f"{path.name}: {len(lines)} inclined lines of layer {strings[0][1]!r} are neither walls nor the axis of "
             f"one shaft, and are left out, the first at ({x:.1f}, {y:.1f}) from {z:.1f} to {low:.1f} m: "
             f"{str(error).removeprefix(f'{path}: ')}"
@@ -229,7 +229,7 @@ def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> lis
     unused = [line for line in lines[: len(walls)] if line.intersection(around).length < line.length / 2]
     if unused:
         x, y = unused[0].coords[0]
-        tell(
+        warn_user(
             f"{path.name}: {len(unused)} of {len(walls)} open walls of {where} bound no area, the first from "
             f"({x:.1f}, {y:.1f}); are the right ends joined?"
         )

@@ -11,7 +11,7 @@ from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.guard.reading_process import tell
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.levels.areas import TOUCH_M, Area, places_in
 from pipeline.survey.levels.walls import Wall
@@ -62,7 +62,7 @@ def even_floors(path: Path, areas: list[Area], shapes: dict[str, Polygon], joins
                 f"make that even: {most:.2f} m would remain; draw its ends at the levels' heights"
             )
     most, (x, y) = max(found)
-    tell(
+    warn_user(
         f"{path.name}: floors of {len(found)} pairs of areas differ where they meet, by up to {most:.2f} m about "
         f"({x:.1f}, {y:.1f}); there each ramp gets the height of its level, and its own within {most / _EASE:.0f} m"
     )

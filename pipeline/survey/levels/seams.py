@@ -11,7 +11,7 @@ from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.guard.reading_process import tell
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.levels.areas import OVERLAP_M2, TOUCH_M, Area, places_in
 from pipeline.survey.levels.cuts import NARROWEST_M, oblique_m, piece_at
@@ -61,7 +61,7 @@ def join_areas(
     lost = [part for shape in united for part in _lost(shape)]
     if lost:
         x, y = lost[0].representative_point().coords[0]
-        tell(
+        warn_user(
             f"{path.name}: {len(lost)} areas touch a level, but no way of {NARROWEST_M:g} m leads into them; they are "
             f"left out, the first, of {lost[0].area:.0f} m2, about ({x:.1f}, {y:.1f})"
         )

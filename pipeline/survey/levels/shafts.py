@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from pipeline.guard.reading_process import tell
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.levels.areas import Area, nearest_heights
 from pipeline.survey.levels.walls import Wall
@@ -89,7 +89,7 @@ def shafts_of(path: Path, axes: list[Wall], sheets: Sheets) -> list[Shaft]:
         left_out += reasons
     if left_out:
         others = "".join(f"; {line}" for line in left_out[1:MOST_TOLD])
-        tell(f"{path.name}: {len(left_out)} shafts are left out, the first at {left_out[0]}{others}")
+        warn_user(f"{path.name}: {len(left_out)} shafts are left out, the first at {left_out[0]}{others}")
     return found + raises
 
 

@@ -11,7 +11,7 @@ import shapely.ops
 from shapely import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.guard.reading_process import tell
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.levels.areas import OVERLAP_M2, TOUCH_M, Area, nearest_heights, places_in
 from pipeline.survey.levels.seams import SeamHeights, join_areas
@@ -131,7 +131,7 @@ def _chosen(path: Path, areas: list[Area], joins: nx.Graph, piece: Place | None 
         chosen = next(names for names in pieces if at in names)
     others = [names for names in pieces if names is not chosen]
     if others:
-        tell(
+        warn_user(
             f"{path.name}: {len(pieces)} pieces of its levels and ramps do not meet; kept is the one of "
             f"{size(chosen):.0f} m2 about {about(chosen)}, left out are {sum(map(size, others)):.0f} m2"
         )
@@ -168,7 +168,7 @@ def _tell_near(path: Path, areas: list[Area], joins: nx.Graph) -> None:
             near.append((apart, float(one[best]), float(two[best]), *places[best].tolist()))
     if near:
         gap, low, high, x, y = near[0]
-        tell(
+        warn_user(
             f"{path.name}: {len(near)} pairs of levels and ramps nearly meet, the first {gap:.2f} m apart in plan at "
             f"({x:.1f}, {y:.1f}), {low:.1f} and {high:.1f} m high; survey.snap_m says what meets in plan, "
             f"survey.flat_step_m in height"

@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.geometry.floor.grade_heights import heights_of_grades, misclosure_at
-from pipeline.guard.reading_process import tell
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.passages.legs import SurveyLeg, require_connected
 
@@ -96,7 +96,7 @@ def _check_loop(path: Path, shot: tuple[SurveyLeg, int], misclosure_m: float, ch
             f"{path}: {found}; closing it changes a grade by {changed:.5f}, at most {most:g} (survey.grade_change)"
         )
     if abs(misclosure_m) > _TOLD_M:
-        tell(f"{path.name}: {found}, the most of all; distributed, this changes grades by up to {changed:.5f}")
+        warn_user(f"{path.name}: {found}, the most of all; distributed, this changes grades by up to {changed:.5f}")
 
 
 def _place(leg: SurveyLeg, k: int) -> str:

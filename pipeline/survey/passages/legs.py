@@ -12,7 +12,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.guard.reading_process import tell
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.types import Points2
@@ -139,7 +139,7 @@ def tell_shafts(path: Path, shafts: list[SurveyLeg]) -> None:
         return
     depths = [float(abs(np.diff(leg.heights_m[:, 0])[0])) for leg in shafts if leg.heights_m is not None]
     deepest = shafts[int(np.argmax(depths))]
-    tell(
+    warn_user(
         f"{path.name}: {len(shafts)} shafts are not drivable, the deepest {max(depths):.1f} m, from "
         f"{deepest.stations[0]} to {deepest.stations[1]}"
     )

@@ -9,7 +9,7 @@ import networkx as nx
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.guard.reading_process import one_line, tell
+from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.passages.sheet_cells import Cell, floor_of
 from pipeline.types import Piece
@@ -81,7 +81,7 @@ def choose_piece(path: Path, cells: dict[str, Cell], graph: nx.Graph, station: s
     kept = pieces[0] if station is None else next(nodes for nodes in pieces if station in nodes)
     others = [nodes for nodes in pieces if nodes is not kept]
     if others:
-        tell(
+        warn_user(
             f"{path.name}: {len(pieces)} pieces are not joined by drivable legs; kept is the one of {length[kept]:.0f} "
             f"m about {_about(kept, cells, named)}, left out are {sum(map(length.__getitem__, others)):.0f} m"
         )
@@ -94,7 +94,7 @@ def tell_others(path: Path, others: list[tuple[str, str]]) -> None:
     """Tell the pieces that are left out, each by its size and what names it, and the option that builds one."""
     listed = ", ".join(f"{size} about {about}" for size, about in others[:_NAMED])
     more = f", and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-    tell(f"{path.name}: --piece (survey.piece) builds another piece: {listed}{more}")
+    warn_user(f"{path.name}: --piece (survey.piece) builds another piece: {listed}{more}")
 
 
 def _about(piece: frozenset[str], cells: dict[str, Cell], named: bool) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 import networkx as nx
 import numpy as np
 
-from pipeline.guard.reading_process import tell
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.passages.built_cells import BESIDE_M, Built, BuiltCells
 from pipeline.survey.passages.leaning import WIDEST_M, find_stopes, follow, stope_length_m
@@ -52,7 +52,7 @@ def find_shafts(path: Path, legs: list[SurveyLeg], built: Built) -> list[Shaft]:
             found.append(shaft)
     if left_out:
         others = "".join(f"; {line}" for line in left_out[1:MOST_TOLD])
-        tell(f"{path.name}: {len(left_out)} shafts are left out, the first {left_out[0]}{others}")
+        warn_user(f"{path.name}: {len(left_out)} shafts are left out, the first {left_out[0]}{others}")
     return find_stopes(found, built, workings) + [replace(shaft, long_m=None) for shaft in found]
 
 

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from minexplore.floors.stretch import LEAST_ROOF_M, MOST_ROOF_M
 from pipeline.errors import InputError
-from pipeline.guard.reading_process import tell
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.passages.built_cells import Built
 from pipeline.survey.passages.legs import SurveyLeg, without_shots
@@ -99,7 +99,7 @@ def _gentle(path: Path, legs: list[SurveyLeg]) -> list[SurveyLeg]:
     if not found:
         raise InputError(f"{path}: every leg is steeper than {most:g} (survey.steepest_grade); nothing to drive on")
     if steep:
-        tell(
+        warn_user(
             f"{path.name}: {steep} legs are steeper than {most:g} (survey.steepest_grade) and are fenced off, "
             f"the first {first}"
         )
@@ -121,7 +121,7 @@ def _tell_roofs(path: Path, legs: list[SurveyLeg], whole: nx.Graph) -> None:
     for found, limit_m, what in ((low, LEAST_ROOF_M, "low"), (high, MOST_ROOF_M, "high")):
         if found:
             name, roof_m = next(iter(found.items()))
-            tell(
+            warn_user(
                 f"{path.name}: {len(found)} stations have roofs {what}er over the floor than {limit_m:g} m, and get "
                 f"{limit_m:g} m, the first {name} with {roof_m:.2f} m"
             )

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_at_most
-from pipeline.guard.reading_process import tell
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.passages.legs import Chain, SurveyLeg, legs_of_chains
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
@@ -115,7 +115,7 @@ class _Plan:
         if len(pieces) > 1:
             longest = sorted(pieces, reverse=True)[:_MOST_PIECES]
             text = ", ".join(f"{length:.0f} m about {self.names[node]}" for length, node in longest)
-            tell(f"{path.name}: the survey is in {len(pieces)} pieces that share no station, the longest {text}")
+            warn_user(f"{path.name}: the survey is in {len(pieces)} pieces that share no station, the longest {text}")
 
     def joints(self, rows: list[tuple[Nodes, np.ndarray]]) -> list[tuple[Nodes, np.ndarray]]:
         """Return the legs between cross-sections that are no neighbours in a passage."""
@@ -169,7 +169,7 @@ def _with_sides(path: Path, rows: Rows, half_width_m: float | None) -> Rows:
         source = (
             "as stated" if half_width_m else "half the median width of the others; survey.half_width_m states another"
         )
-        tell(
+        warn_user(
             f"{path.name}: {count} of {total} stations of passages have no measured wall beside them; they get "
             f"{usual:.2f} m on each side without one, {source}"
         )
@@ -180,7 +180,7 @@ def _with_roofs(path: Path, rows: Rows) -> Rows:
     """Return the rows with the usual roof where none was measured, and say how many stations get it."""
     filled, count, usual = fill_up(rows)
     if count:
-        tell(
+        warn_user(
             f"{path.name}: {count} of {len({node for nodes, _ in rows for node in nodes})} stations have no measured "
             f"roof; they get {usual:.2f} m over the floor, the median of the others"
         )

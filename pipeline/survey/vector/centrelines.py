@@ -15,7 +15,7 @@ from networkx.utils import UnionFind
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_at_most
-from pipeline.guard.reading_process import tell
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.passages.stray_heights import require_elevations
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
@@ -114,7 +114,7 @@ def _crossed(path: Path, lines: list[Line]) -> list[Line]:
     if not points:
         return lines
     x, y, z = next(iter(points.values()))[0][1]
-    tell(
+    warn_user(
         f"{path.name}: lines cross without a common point and less than {most:g} m over each other; they meet there, "
         f"the first at ({x:.1f}, {y:.1f}, {z:.1f})"
     )
@@ -146,7 +146,7 @@ def _joined(path: Path, lines: list[Line], snap_m: float) -> list[Line]:
                 near.append((line[at], apart))
     if near:
         (x, y, z), apart = near[0]
-        tell(
+        warn_user(
             f"{path.name}: {len(near)} ends are less than {_NEAR_M:g} m from another line and do not join it, the "
             f"first at ({x:.1f}, {y:.1f}, {z:.1f}), {apart:.2f} m away; survey.snap_m, {snap_m:g} m, says what joins"
         )

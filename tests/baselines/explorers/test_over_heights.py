@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from baselines.base.errors import BaselineError
+from baselines.explorers import EXPLORERS, Explorer
 from baselines.explorers.maps.layers import LayeredMap, Stance
 from baselines.explorers.maps.own_map import FREE, ROCK, UNKNOWN
-from baselines.explorers.over_heights import EXPLORERS_OVER_HEIGHTS
+from baselines.explorers.reactive import Reactive
 from baselines.oracle.bound import best_walk
 from baselines.oracle.sheets import metric_of, network_over_sheets, steep_speed_mps, tour_over_sheets
 from baselines.oracle.tour import OracleTour
@@ -15,6 +16,7 @@ from baselines.running.protocol import run_episodes
 from baselines.sandbox.confined import Confined, ConfinedPolicy
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.sensing.coverage import CoverageGrid
+from minexplore.task import TaskParams
 from pipeline.compose import compose
 from tests.heights import UNDER, MineWithHeights, levels, spiral
 from tests.project import ROOT
@@ -109,7 +111,14 @@ def test_an_explorer_drives_over_a_seam_and_sees_all_sheets(name, steps, under):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*EXPLORERS_OVER_HEIGHTS][2:])
+def test_one_table_has_each_explorer_for_level_mines_and_for_mines_with_heights(monkeypatch):
+    monkeypatch.setitem(EXPLORERS, "mapless", Explorer(Reactive))
+    for heights, mapped in ((False, "FrontierTour"), (True, "FrontierTourOverHeights")):
+        kinds = [type(make_policy(name, 1, TaskParams(), heights=heights)) for name in ("mapless", "frontier-tour")]
+        assert [kind.__name__ for kind in kinds] == ["Reactive", mapped]
+
+
+@pytest.mark.parametrize("name", [*EXPLORERS][2:])
 @pytest.mark.parametrize(("legs", "sheets"), [(spiral(3), 4), (levels(), 3)])
 def test_explorers_reach_all_sheets_of_a_spiral_and_of_three_levels(name, legs, sheets, light, tmp_path):
     mine = MineWithHeights(legs, light, tmp_path)

@@ -8,6 +8,7 @@ from benchmarks.pictures.draw_sheet import draw_sheet
 from pipeline.errors import GeometryError
 from pipeline.geometry.drawing.find import read_sheet
 from pipeline.geometry.drawing.wall_lines import enclose
+from pipeline.params.stated import StatedOptions
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.drawing.scale import find_bar, measure_bar
 
@@ -68,7 +69,7 @@ def test_new_reads_a_sheet_as_one_and_shows_what_it_took(tmp_path):
     sheet = draw_sheet(10)
     path = tmp_path / "sheet.png"
     cv2.imwrite(str(path), sheet.picture)
-    found = detect_survey(path, {"px_per_m": sheet.px_per_m})
+    found = detect_survey(path, StatedOptions(px_per_m=sheet.px_per_m))
     assert found.values["sheet"]
     assert found.picture is not None
     assert found.picture.shape == sheet.picture.shape

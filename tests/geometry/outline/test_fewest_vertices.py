@@ -10,7 +10,8 @@ from pipeline.geometry.outline.fewest_vertices import simplify_to_error
 from pipeline.geometry.outline.trace import simplify_outline, simplify_to_wall_error, trace_outline
 from pipeline.geometry.polyline import line_moments, points_along
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.metrics.wall_error import largest_error_m, signed_distances
+from pipeline.geometry.wall_distance import largest_error_m
+from pipeline.metrics.wall_error import signed_distances
 from tests.mines import RING, TEE, frame_for, random_mine
 
 

@@ -20,7 +20,7 @@ from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.envs.vector import MineVectorEnv
 env = MineVectorEnv(4, world=sys.argv[1])
-policy = EXPLORERS["nearest-frontier"](4, TaskParams(), RobotParams())
+policy = EXPLORERS["nearest-frontier"].level(4, TaskParams(), RobotParams())
 policy.reset(np.arange(4), np.arange(4))
 observation, info = env.reset(seed=[0, 1, 2, 3])
 digest = hashlib.sha256()

@@ -91,7 +91,7 @@ def test_a_world_file_that_is_a_link_out_of_the_folder_is_not_read(tmp_path):
     (tmp_path / "secret").write_text("a secret")
     (tmp_path / "in/plan.pgw").symlink_to(tmp_path / "secret")
     with pytest.raises(InputError, match=r"plan\.pgw: a link that leads out of") as error:
-        detect_survey(tmp_path / "in/plan.png", {})
+        detect_survey(tmp_path / "in/plan.png")
     assert "a secret" not in str(error.value)
 
 
@@ -110,4 +110,4 @@ def test_a_georeference_that_cannot_be_used_is_named_and_no_bar_is_looked_for(tm
     ) as out:
         out.write(plan, 1)
     with pytest.raises(InputError, match=message):
-        detect_survey(tmp_path / "a.tif", {})
+        detect_survey(tmp_path / "a.tif")

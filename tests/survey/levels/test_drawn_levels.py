@@ -18,7 +18,7 @@ from pipeline.proof.validator import Validator
 from pipeline.survey.detect import detect_here
 from pipeline.survey.levels.areas import Area
 from pipeline.survey.levels.sheets import _chosen
-from pipeline.survey.vector_survey import draw_vector_survey
+from pipeline.survey.vector_survey import read_vector_survey
 from tests.heights import MineWithHeights, certificate_params
 from tests.project import ROOT
 
@@ -119,8 +119,8 @@ def write(path: Path, layers, lift_m=DATUM_M, flat=()):
 
 def drawn(path: Path, **values):
     params = VectorSurveyParams.model_validate({"kind": "vector", "name": "a", "file": "data/x", **values})
-    workings, _, _, _, heights = draw_vector_survey(params.model_copy(update={"file": path.as_posix()}))
-    return workings, heights
+    read = read_vector_survey(params.model_copy(update={"file": path.as_posix()}))
+    return read.workings, read.heights
 
 
 def apart(workings, heights):

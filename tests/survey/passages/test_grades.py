@@ -12,11 +12,12 @@ from pipeline.commands.arguments import grade
 from pipeline.compose import compose
 from pipeline.errors import InputError, ParamsError
 from pipeline.import_mine import survey_yaml
+from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PassageSurveyParams, SurveyParams
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.load import draw_stations
+from pipeline.survey.load import plan_of_stations
 from pipeline.survey.stations.table import read_station_legs, read_stations
-from pipeline.survey.vector_survey import draw_vector_survey
+from pipeline.survey.vector_survey import read_vector_survey
 from tests.project import ROOT
 
 HEADER = "leg,station,easting_m,northing_m,left_m,right_m"
@@ -119,15 +120,15 @@ def test_legs_with_grades_must_be_connected(tmp_path):
 
 def test_small_grades_make_a_world_with_heights(tmp_path):
     path = write(tmp_path)
-    assert draw_vector_survey(section(path))[4] is None
-    heights = draw_vector_survey(section(path, grade={"A": 0.005}))[4]
+    assert read_vector_survey(section(path)).heights is None
+    heights = read_vector_survey(section(path, grade={"A": 0.005})).heights
     assert heights is not None
     assert max(z for line in heights.lines for _, _, z in line) == pytest.approx(0.3)
 
 
 def test_the_embedded_survey_with_grades_keeps_its_drawing():
     flat, graded = compose([]).survey, compose(["survey=graded"]).survey
-    one, other = (draw_stations(params) for params in (flat, graded))
+    one, other = (plan_of_stations(params) for params in (flat, graded))
     assert (one.plan == other.plan).all()
     assert one.heights is None
     assert (len(other.heights.lines), other.heights.seams, other.heights.roofs) == (32, [], [])
@@ -142,7 +143,7 @@ def test_workings_that_grades_put_over_each_other_are_no_drawn_plan(tmp_path):
     path = write(tmp_path, ramp)
     params = compose([]).survey.model_copy(update={"stations": path.as_posix(), "grade": {"A": -0.1, "C": -0.1}})
     with pytest.raises(InputError, match=r"put workings over each other in . sheets, .*; survey\.kind=passages builds"):
-        draw_stations(params)
+        plan_of_stations(params)
 
 
 @pytest.mark.parametrize(
@@ -172,9 +173,9 @@ def test_the_option_takes_one_grade_or_one_a_leg():
 def test_a_section_with_grades_is_written_so_that_it_reads_back(tmp_path):
     legs = {{"A": "1", "B": "no", "C": "L: #3", "D": "D"}[name]: stations for name, stations in LOOP.items()}
     path, grades = write(tmp_path, legs), {"1": 0.02, "no": 0.01, "L: #3": -0.016, "D": -0.1}
-    detected = detect_survey(path, {"grade": grades})
+    detected = detect_survey(path, StatedOptions(grade=grades))
     assert detected.has_heights
-    text = survey_yaml("graded", Path("data/mines/graded/s.csv"), detected, {})
+    text = survey_yaml("graded", Path("data/mines/graded/s.csv"), detected, StatedOptions())
     assert TypeAdapter(SurveyParams).validate_python(yaml.safe_load(text)["survey"]).grade == grades
 
 
@@ -182,4 +183,4 @@ def test_a_section_with_grades_is_written_so_that_it_reads_back(tmp_path):
 def test_grades_of_legs_need_a_table_whose_legs_have_names(tmp_path, name):
     (tmp_path / name).write_bytes(b"x")
     with pytest.raises(InputError, match=rf"{name}: --grade: a grade for each leg needs a station table"):
-        detect_survey(tmp_path / name, {"grade": {"A": 0.1}})
+        detect_survey(tmp_path / name, StatedOptions(grade={"A": 0.1}))

@@ -10,11 +10,12 @@ from pydantic import TypeAdapter, ValidationError
 from pipeline.commands.arguments import piece
 from pipeline.errors import InputError
 from pipeline.import_mine import survey_yaml
+from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams, SurveyParams, VectorSurveyParams
 from pipeline.survey.detect import _detect, detect_here
 from pipeline.survey.passages.sheets import draw_sheets
 from pipeline.survey.stations.table import read_station_legs
-from pipeline.survey.vector_survey import draw_vector_survey
+from pipeline.survey.vector_survey import read_vector_survey
 from tests.heights import HEADER, table
 from tests.project import ROOT
 
@@ -108,9 +109,9 @@ def test_unnamed_lines_are_told_by_their_places_and_chosen_by_them(tmp_path, cap
     drawing.saveas(tmp_path / "a.dxf")
     params = CentrelineSurveyParams(kind="centrelines", name="a", file="data/x", half_width_m=2.0)
     values = {"file": (tmp_path / "a.dxf").as_posix()}
-    draw_vector_survey(params.model_copy(update=values))
+    read_vector_survey(params.model_copy(update=values))
     assert "builds another piece: 40 m about 0.0,50.0,100.0\n" in capsys.readouterr().err
-    workings = draw_vector_survey(params.model_copy(update={**values, "piece": (0.0, 50.0, 100.0)}))[0]
+    workings = read_vector_survey(params.model_copy(update={**values, "piece": (0.0, 50.0, 100.0)})).workings
     assert workings.bounds[1] > 40
 
 
@@ -123,21 +124,21 @@ def test_a_piece_of_drawn_levels_is_chosen_by_a_place(tmp_path, capsys):
     drawing.saveas(tmp_path / "a.dxf")
     params = VectorSurveyParams(kind="vector", name="a", file="data/x")
     values = {"file": (tmp_path / "a.dxf").as_posix()}
-    assert draw_vector_survey(params.model_copy(update=values))[0].area == pytest.approx(900)
+    assert read_vector_survey(params.model_copy(update=values)).workings.area == pytest.approx(900)
     said = capsys.readouterr().err
     assert "builds another piece: 400 m2 about 10.0,10.0,390.0" in said
-    assert draw_vector_survey(params.model_copy(update={**values, "piece": (10, 10, 390)}))[0].area == pytest.approx(
-        400
-    )
+    assert read_vector_survey(
+        params.model_copy(update={**values, "piece": (10, 10, 390)})
+    ).workings.area == pytest.approx(400)
     with pytest.raises(InputError, match=r"survey\.piece = 10,10,300: the nearest level or ramp is 90\.0 m away"):
-        draw_vector_survey(params.model_copy(update={**values, "piece": (10, 10, 300)}))
+        read_vector_survey(params.model_copy(update={**values, "piece": (10, 10, 300)}))
 
 
 def test_a_level_survey_has_no_piece_to_choose(tmp_path):
     (tmp_path / "a.csv").write_text(f"{HEADER}A,a,0,0,2,2,5,3,0\nA,b,30,0,2,2,5,3,0\n")
     params = PassageSurveyParams(kind="passages", name="a", file="data/x", piece="a")
     with pytest.raises(InputError, match=r"survey\.piece is read with heights"):
-        draw_vector_survey(params.model_copy(update={"file": (tmp_path / "a.csv").as_posix()}))
+        read_vector_survey(params.model_copy(update={"file": (tmp_path / "a.csv").as_posix()}))
 
 
 @pytest.mark.parametrize(
@@ -152,11 +153,11 @@ def test_three_numbers_are_a_place_and_all_else_is_a_name(text, value):
 def test_the_written_section_keeps_the_piece(tmp_path, chosen):
     path = tmp_path / "a.csv"
     path.write_text(table(PIECES).replace(",b2,", ",11,"))
-    stated = {"piece": "11" if chosen == "b2" else chosen}
+    stated = StatedOptions(piece="11" if chosen == "b2" else chosen)
     text = survey_yaml("mine", path, _detect(path, stated), stated)
     section = yaml.safe_load(text)["survey"] | {"file": "data/a.csv"}
     kept = TypeAdapter(SurveyParams).validate_python(section).piece
-    assert kept == (tuple(stated["piece"]) if isinstance(chosen, list) else stated["piece"])
+    assert kept == stated.piece
 
 
 @pytest.mark.parametrize("value", ["", [1, 2], [1, 2, "x"], True, {"a": 1}])

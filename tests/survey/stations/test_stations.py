@@ -7,7 +7,7 @@ from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.passages.legs import build_workings
 from pipeline.survey.solved_surveys import read_solved
 from pipeline.survey.stations.table import read_station_legs, read_stations
-from pipeline.survey.vector_survey import draw_vector_survey
+from pipeline.survey.vector_survey import read_vector_survey
 from tests.project import ROOT, TINY_STATIONS
 
 HEADER = "leg,station,easting_m,northing_m,left_m,right_m\n"
@@ -201,7 +201,7 @@ def test_a_table_without_a_drift_and_a_shot_of_many_kilometres_are_refused(tmp_p
     path.write_text(f"leg,station,easting_m,northing_m,left_m,right_m,elevation_m\n{rows}")
     params = PassageSurveyParams(kind="passages", name="a", file="data/a.csv", heights=None)
     with pytest.raises(InputError, match=message):
-        draw_vector_survey(params.model_copy(update={"file": path.as_posix()}))
+        read_vector_survey(params.model_copy(update={"file": path.as_posix()}))
 
 
 def test_pieces_of_a_table_with_heights_need_not_be_connected_and_the_longest_is_built(tmp_path, capsys):
@@ -209,7 +209,7 @@ def test_pieces_of_a_table_with_heights_need_not_be_connected_and_the_longest_is
     rows = "A,a,0,0,2,2,5\nA,b,30,0,2,2,7\nB,c,0,50,2,2,5\nB,d,20,50,2,2,5\n"
     path.write_text(f"leg,station,easting_m,northing_m,left_m,right_m,elevation_m\n{rows}")
     params = PassageSurveyParams(kind="passages", name="a", file="data/a.csv", heights=None)
-    workings = draw_vector_survey(params.model_copy(update={"file": path.as_posix()}))[0]
+    workings = read_vector_survey(params.model_copy(update={"file": path.as_posix()})).workings
     assert workings.bounds[3] < 3
     assert "kept is the one of 30 m about a, left out are 20 m" in capsys.readouterr().err
     path.write_text(path.read_text().replace(",7\n", ",5\n"))

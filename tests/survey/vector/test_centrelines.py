@@ -14,7 +14,7 @@ from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams, 
 from pipeline.survey.detect import detect_here
 from pipeline.survey.vector.centrelines import read_centrelines
 from pipeline.survey.vector.shapes import Shapes
-from pipeline.survey.vector_survey import draw_vector_survey, read_shapes
+from pipeline.survey.vector_survey import read_shapes, read_vector_survey
 from tests.heights import RAMP, levels, seam, spiral, table
 
 HALF_M = 2.2
@@ -40,7 +40,7 @@ def write(path: Path, lines):
 
 def drawn(path: Path, **values):
     params = CentrelineSurveyParams(kind="centrelines", name="a", file="data/x", half_width_m=HALF_M, **values)
-    return draw_vector_survey(params.model_copy(update={"file": path.as_posix()}))
+    return read_vector_survey(params.model_copy(update={"file": path.as_posix()}))
 
 
 def joined(*lines, snap_m=0.25):
@@ -56,8 +56,10 @@ def test_centrelines_make_the_workings_of_the_same_survey_as_a_table(tmp_path, l
     path = tmp_path / "stations.csv"
     path.write_text(table(legs))
     params = PassageSurveyParams(kind="passages", name="a", file="data/x", heights=None)
-    wanted, _, _, _, of_table = draw_vector_survey(params.model_copy(update={"file": path.as_posix()}))
-    found, place, _, _, heights = drawn(write(tmp_path / f"mine{suffix}", lines_of(legs)))
+    table_read = read_vector_survey(params.model_copy(update={"file": path.as_posix()}))
+    wanted, of_table = table_read.workings, table_read.heights
+    read = drawn(write(tmp_path / f"mine{suffix}", lines_of(legs)))
+    found, place, heights = read.workings, read.georeference, read.heights
     assert place.crs is None or "32719" in place.crs
     assert found.symmetric_difference(wanted).area < 0.01 * wanted.area  # walls turn otherwise where legs join
     low, high = (np.array([z for line in h.lines for *_, z in line]) + h.datum_m for h in (heights, of_table))
@@ -65,9 +67,9 @@ def test_centrelines_make_the_workings_of_the_same_survey_as_a_table(tmp_path, l
 
 
 def test_levels_and_a_shaft_come_out_of_centrelines(tmp_path):
-    found, *_, heights = drawn(write(tmp_path / "mine.gpkg", lines_of(levels())))
-    assert len(found.geoms) == 3
-    ((top, bottom),) = [(shaft.top_m, shaft.bottom_m) for shaft in heights.shafts]
+    read = drawn(write(tmp_path / "mine.gpkg", lines_of(levels())))
+    assert len(read.workings.geoms) == 3
+    ((top, bottom),) = [(shaft.top_m, shaft.bottom_m) for shaft in read.heights.shafts]
     assert top - bottom == pytest.approx(6.0)
 
 
@@ -75,13 +77,13 @@ def test_centrelines_in_feet_and_far_away_are_the_same_mine(tmp_path):
     lines = lines_of(RAMP)
     feet = [shapely.transform(line, lambda p: p / 0.3048, include_z=True) for line in lines]
     far = [shapely.transform(line, lambda p: np.add(p, [500_000, 7_000_000, 0]), include_z=True) for line in lines]
-    one, *_, of_metres = drawn(write(tmp_path / "m.dxf", lines))
-    two, *_, of_feet = drawn(write(tmp_path / "ft.dxf", feet), unit="ft")
-    three, place, *_ = drawn(write(tmp_path / "far.gpkg", far))
-    assert two.symmetric_difference(one).area < 1e-6
-    np.testing.assert_allclose(of_feet.lines, of_metres.lines, atol=1e-6)
-    assert place.origin == (500_000, 7_000_000)
-    assert three.symmetric_difference(one).area < 1e-3
+    one = drawn(write(tmp_path / "m.dxf", lines))
+    two = drawn(write(tmp_path / "ft.dxf", feet), unit="ft")
+    three = drawn(write(tmp_path / "far.gpkg", far))
+    assert two.workings.symmetric_difference(one.workings).area < 1e-6
+    np.testing.assert_allclose(two.heights.lines, one.heights.lines, atol=1e-6)
+    assert three.georeference.origin == (500_000, 7_000_000)
+    assert three.workings.symmetric_difference(one.workings).area < 1e-3
 
 
 def test_ends_join_what_they_nearly_reach_and_others_are_told_with_their_place(capsys):
@@ -160,8 +162,7 @@ def test_a_flat_drawing_keeps_its_shapes_without_elevations(tmp_path):
     (line,) = read_shapes(path, None).shapes
     assert not line.has_z
     params = VectorSurveyParams(kind="vector", name="a", file="data/x").model_copy(update={"file": path.as_posix()})
-    *_, heights = draw_vector_survey(params)
-    assert heights is None
+    assert read_vector_survey(params).heights is None
 
 
 def test_a_string_of_short_segments_has_no_crossings_and_no_near_ends(capsys):

@@ -49,7 +49,7 @@ def test_a_vector_mine_in_a_stretched_system_has_its_true_area_and_width_and_say
     shapes, georeference = locate(path, read_geodata(path, None), None, None)
     assert workings_of(path, shapes, 0.25, []).area == pytest.approx(TEE.area, rel=1e-3)
     assert "tmerc" in georeference.projection
-    assert "no metres on the ground" in detect_survey(path, {}).remarks["projection"]
+    assert "no metres on the ground" in detect_survey(path).remarks["projection"]
 
 
 def test_a_local_grid_with_a_wrong_system_keeps_its_lengths(tmp_path):
@@ -76,9 +76,7 @@ def test_a_picture_in_web_mercator_has_metres_of_the_ground_and_says_so(tmp_path
     path = geotiff(tmp_path / "plan.tif", "EPSG:3857", 0.4)
     placement = read_placement(path)
     assert placement.size * placement.metres_per_unit == pytest.approx(0.4 / 1.7425, rel=2e-3)
-    assert re.search(
-        r"whose metre is 0\.57\d\d m on the ground \(EPSG:3857\)", detect_survey(path, {}).remarks["scale"]
-    )
+    assert re.search(r"whose metre is 0\.57\d\d m on the ground \(EPSG:3857\)", detect_survey(path).remarks["scale"])
 
 
 def test_a_picture_that_is_stretched_along_one_axis_is_refused(tmp_path):

@@ -20,7 +20,7 @@ from pipeline.survey.vector.dxf import read_dxf
 from pipeline.survey.vector.geodata import companions, read_geodata
 from pipeline.survey.vector.geojson import read_geojson
 from pipeline.survey.vector.shapes import Shapes, coordinate_system, locate, workings_of
-from pipeline.survey.vector_survey import draw_vector_survey
+from pipeline.survey.vector_survey import read_vector_survey
 from tests.mines import RING, TEE
 
 
@@ -221,7 +221,8 @@ def test_walls_at_whole_and_half_metres_miss_all_pixel_centres(tmp_path, monkeyp
         )
     )
     fields = {"kind": "vector", "name": "mine", "file": "data/mine.geojson", "unit": "m", "origin": (0.0, 0.0)}
-    workings, _, _, frame, _ = draw_vector_survey(VectorSurveyParams.model_validate(fields))
+    read = read_vector_survey(VectorSurveyParams.model_validate(fields))
+    workings, frame = read.workings, read.frame
     drawn = fill_polygon(workings, frame)
     for shift_m in (0.01, -0.01):
         assert (fill_polygon(translate(workings, shift_m, shift_m), frame) == drawn).all()
@@ -248,4 +249,4 @@ def test_workings_shorter_than_a_robot_are_refused_with_the_key_of_their_unit(tm
     (tmp_path / "data/speck.geojson").write_text(shapely.to_geojson(shapely.box(0, 0, side_deg, side_deg)))
     fields = {"kind": "vector", "name": "speck", "file": "data/speck.geojson"}
     with pytest.raises(InputError, match=r" m long, at least 1 m is needed; is survey\.unit right"):
-        draw_vector_survey(VectorSurveyParams.model_validate(fields))
+        read_vector_survey(VectorSurveyParams.model_validate(fields))

@@ -5,6 +5,7 @@ import pytest
 from shapely import box
 
 from pipeline.errors import InputError
+from pipeline.params.stated import StatedOptions
 from pipeline.survey.detect import detect_survey
 from tests.mines import RING, TEE
 
@@ -41,13 +42,13 @@ def test_a_drawing_sheet_is_refused_with_what_settles_it(tmp_path, shown, messag
     path = tmp_path / "sheet.dxf"
     save(path, TEE, **shown)
     with pytest.raises(InputError, match=f"sheet.dxf: looks like a drawing sheet .*{message}"):
-        detect_survey(path, {})
+        detect_survey(path)
 
 
 def test_the_stated_layer_of_a_sheet_holds_the_walls(tmp_path):
     path = tmp_path / "sheet.dxf"
     save(path, TEE)
-    found = detect_survey(path, {"layers": ["WALLS"]})
+    found = detect_survey(path, StatedOptions(layers=["WALLS"]))
     assert found.values["layers"] == ["WALLS"]
     assert found.width_m == pytest.approx(2 * TEE.area / TEE.length)
 
@@ -55,4 +56,4 @@ def test_the_stated_layer_of_a_sheet_holds_the_walls(tmp_path):
 def test_a_rectangular_mine_with_a_pillar_is_no_sheet(tmp_path):
     path = tmp_path / "mine.dxf"
     save(path, RING, frames=0, grid=False)
-    assert detect_survey(path, {}).width_m == pytest.approx(2 * RING.area / RING.length)
+    assert detect_survey(path).width_m == pytest.approx(2 * RING.area / RING.length)

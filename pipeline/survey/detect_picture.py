@@ -1,0 +1,159 @@
+"""Detect the scale of a plan's picture and how its workings are drawn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from pydantic import ValidationError
+
+from pipeline.errors import InputError
+from pipeline.geometry.outline.binarize import dark_pixels
+from pipeline.params.reader_limits import reader_limits
+from pipeline.params.stated import FileKind, StatedOptions
+from pipeline.params.survey import PlanSurveyParams
+from pipeline.survey.detection import Detection
+from pipeline.survey.drawing.georeference import has_placement, read_placement, world_file
+from pipeline.survey.drawing.image import read_image
+from pipeline.survey.drawing.picture import make_ready, read_page, require_few_regions
+from pipeline.survey.drawing.scale import find_bar, measure_bar
+from pipeline.survey.drawing.workings import LIKELY_M, draw_detected, find_workings
+from pipeline.survey.formats import kind_of
+from pipeline.types import Image, Mask
+
+_BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
+
+
+def detect_picture(path: Path, stated: StatedOptions) -> Detection:
+    """Detect the scale of a plan's picture, or of a page of a PDF, and how its workings are drawn.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, has no scale, or a stated value is refused; of workings that are not found beyond
+        doubt a `DoubtError`.
+    """
+    is_pdf = kind_of(path) is FileKind.PDF
+    dpi = float(stated.dpi or 200.0)
+    page, most = int(stated.page or 1), reader_limits().megapixels
+    picture = read_page(path, page, dpi, most) if is_pdf else read_image(path, most)
+    crop, ignored = stated.crop_px, stated.ignore_colours or []
+    edge = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]]).mean(axis=1)
+    inverted = bool(np.median(edge) < 128)
+    section = {"crop_px": crop, "ignore_colours": [{"rgb": rgb} for rgb in ignored], "light_on_dark": inverted}
+    picture = make_ready(path, picture, _picture_section(section))
+    require_few_regions(path, picture)
+    scale, remarks, files = _detect_scale(path, picture, stated)
+    dark = _workings_mask(picture, scale.get("bar_box_px"))
+    per_m = scale["px_per_m"] or 0.0
+    found = find_workings(path, picture, dark, per_m, stated)
+    if scale["source"] == "bar":
+        per_m = _read_bar(path, picture, found.width_px, scale, remarks, stated)
+        if not found.sheet:  # strokes count as drifts from a width in metres on
+            found = find_workings(path, picture, dark, per_m, stated)
+    width_px = found.width_px
+    values: dict[str, Any] = {
+        "kind": "plan",
+        "image": path.name,
+        "max_megapixels": most,
+        "light_on_dark": inverted,
+        "sheet": found.sheet,
+        "level": stated.level,
+        "line_drawing": found.line_drawing,
+        "seeds_px": stated.seeds_px or [],
+        "wall_gap_px": stated.wall_gap_px or 3.0,
+        "crop_px": crop,
+        "turn_deg": 0.0,
+        "ignore_colours": section["ignore_colours"],
+        **({"page": page, "dpi": dpi} if is_pdf else {}),
+        "origin_px": None,
+        "scale": scale,
+    }
+    remarks |= {
+        "sheet": "true: a drawing sheet, of which only the workings are kept",
+        "level": "which drawing of the sheet, from 1",
+        "light_on_dark": "true: light workings on dark paper",
+        "line_drawing": "true: walls are drawn as lines; the areas that they enclose are filled",
+        "seeds_px": "[[col, row], ...] points inside drawn workings; []: areas inside an odd number of walls",
+        "wall_gap_px": "gaps in drawn walls up to this width are closed",
+        "crop_px": "[col0, row0, col1, row1]; null: the whole picture",
+        "turn_deg": "counter-clockwise, after cropping",
+        "ignore_colours": "[{rgb: [r, g, b], within: 30}, ...]",
+        "origin_px": "pixel (col, row) at the mine's origin; null: the south-west corner",
+    }
+    shown = draw_detected(picture, found.mask, scale.get("bar_box_px"))
+    return Detection(values, remarks, [path, *files], width_px / per_m, shown)
+
+
+def _picture_section(values: dict[str, Any]) -> PlanSurveyParams:
+    base = {"kind": "plan", "name": "detect", "image": "data/x", "max_megapixels": reader_limits().megapixels}
+    try:
+        return PlanSurveyParams.model_validate({**base, "scale": {"source": "stated", "px_per_m": 1.0}, **values})
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"survey.{where} = {first['input']!r}: {first['msg']}") from error
+
+
+def _read_bar(
+    path: Path, picture: Image, width_px: float, scale: dict[str, Any], remarks: dict[str, str], stated: StatedOptions
+) -> float:
+    """Measure the bar, state its length in `scale` and `remarks`, and return px/m."""
+    bar = measure_bar(_cut(picture, scale["bar_box_px"]), 1.0, f"{path}")
+    length = stated.bar_length_m or min(_BARS_M, key=lambda m: abs(np.log(width_px * m / bar / LIKELY_M)))
+    scale["bar_length_m"] = float(length)
+    reason = "as stated" if stated.bar_length_m else f"detected: drifts are then {width_px * length / bar:.1f} m wide"
+    remarks["scale"] = f"the bar is {bar:.0f} px long and represents {length:g} m ({reason})"
+    return float(bar / length)
+
+
+def _detect_scale(
+    path: Path, picture: Image, stated: StatedOptions
+) -> tuple[dict[str, Any], dict[str, str], list[Path]]:
+    scale: dict[str, Any] = {
+        "source": "bar",
+        "bar_box_px": None,
+        "bar_length_m": 100.0,
+        "bar_image": None,
+        "px_per_m": None,
+    }
+    if stated.px_per_m:
+        return {**scale, "source": "stated", "px_per_m": stated.px_per_m}, {"scale": "stated"}, []
+    if has_placement(path):
+        file, place = world_file(path), read_placement(path)
+        per_m = 1.0 / (place.size * place.metres_per_unit)
+        remark = f"{per_m:.3f} px/m from {file.name if file else 'the file itself'}"
+        if place.unit in ("m", "metre") and abs(place.metres_per_unit - 1) > 1e-6:
+            remark += f", whose metre is {place.metres_per_unit:.4f} m on the ground ({place.crs})"
+        return {**scale, "source": "georeference", "px_per_m": per_m}, {"scale": remark}, [file] if file else []
+    box = _stated_box(path, picture, stated) or find_bar(picture)
+    if box is None:
+        raise InputError(
+            f"{path}: no scale bar found; state --px-per-m, or --bar-box COL0,ROW0,COL1,ROW1 and --bar-length"
+        )
+    return {**scale, "bar_box_px": [int(v) for v in box]}, {}, []
+
+
+def _stated_box(path: Path, picture: Image, stated: StatedOptions) -> tuple[float, ...] | None:
+    """Return the stated box of the scale bar; refuse one that is not inside the picture."""
+    box = stated.bar_box_px
+    rows, cols = picture.shape[:2]
+    if box is not None and not (0 <= box[0] < box[2] <= cols and 0 <= box[1] < box[3] <= rows):
+        stated_box = ", ".join(f"{value:g}" for value in box)
+        raise InputError(f"{path}: --bar-box = [{stated_box}]: not inside the picture of {cols} x {rows} px")
+    return box
+
+
+def _workings_mask(picture: Image, bar_box: list[int] | None) -> Mask:
+    """Return the dark, colourless pixels outside the scale bar's box."""
+    dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
+    dark[picture.max(axis=2) - picture.min(axis=2) > 40] = False
+    if bar_box is not None:
+        dark[bar_box[1] : bar_box[3], bar_box[0] : bar_box[2]] = False
+    return dark
+
+
+def _cut(picture: Image, box: list[int]) -> Image:
+    return picture[box[1] : box[3], box[0] : box[2]]
