@@ -135,7 +135,7 @@ def _require_kept(conf: Path, stated: dict[str, Any]) -> None:
     """
     kept = (yaml.safe_load(conf.read_text()) or {}).get("survey") or {}
     for key in stated.keys() & kept.keys() - {"heights"}:
-        if json.dumps(kept[key]) != json.dumps(stated[key]):
+        if stated[key] is not None and json.dumps(kept[key]) != json.dumps(stated[key]):
             raise ParamsError(
                 f"survey.{key} = {stated[key]}: {conf} exists and states {kept[key]}; change it there, or remove it"
             )
