@@ -1,4 +1,6 @@
-"""The simulator beside the environment: `python -m baselines.graph.training.compare --mines 4`; writes docs/graph-simulator.md.
+"""The simulator beside the environment: `python -m baselines.graph.training.compare --mines 4`.
+
+It writes docs/graph-simulator.md.
 
 The same rules explore the first mines of the validation split in the simulator, and their kept results give what they
 saw in the environment with physics (`python -m baselines.split --split validation --policy ...`). The decisions of a
