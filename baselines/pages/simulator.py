@@ -1,4 +1,4 @@
-"""The simulator beside the environment: `python -m baselines.graph.training.compare --mines 4`.
+"""The simulator beside the environment: `python -m baselines.pages.simulator --mines 4`.
 
 It writes docs/graph-simulator.md.
 
@@ -157,7 +157,7 @@ processor time.
 
 def main() -> None:
     """Read the command line."""
-    parser = argparse.ArgumentParser(prog="python -m baselines.graph.training.compare", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m baselines.pages.simulator", description=__doc__)
     parser.add_argument("--mines", type=int, default=8)
     parser.add_argument("--network", type=Path, help="NAME.safetensors, whose decisions are timed")
     arguments = parser.parse_args()
