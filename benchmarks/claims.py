@@ -16,7 +16,7 @@ from baselines.base.statistics import figures
 from baselines.ppo.curves import read_runs
 from minexplore.envs.reward import CAP
 from pipeline.errors import ArtifactError, MineError
-from pipeline.metrics.paper import PAPER
+from pipeline.metrics.rock.paper import PAPER
 from pipeline.metrics.rock.texture import AXES
 from pipeline.report.results import read_metrics
 from pipeline.store.files import write_atomically

@@ -14,17 +14,17 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError, ParamsError
 from pipeline.geometry.floor.sheets import count_islands, filled, plan_seams
-from pipeline.geometry.openings.fit import cut_openings, fit_openings
-from pipeline.geometry.outline.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
-from pipeline.geometry.outline.components import choose_component, choose_mask_component, mend
-from pipeline.geometry.outline.half_level import cover_of, trace_half_level
-from pipeline.geometry.outline.simplified import (
+from pipeline.geometry.floor.simplified_outline import (
     NetworkGrid,
     SimplifiedOutline,
     simplify_by_tolerance,
     simplify_by_wall_error,
     simplify_folded,
 )
+from pipeline.geometry.openings.fit import cut_openings, fit_openings
+from pipeline.geometry.outline.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
+from pipeline.geometry.outline.components import choose_component, choose_mask_component, mend
+from pipeline.geometry.outline.half_level import cover_of, trace_half_level
 from pipeline.geometry.outline.trace import trace_outline
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.contours import ContoursParams

@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from pipeline.compose import compose
 from pipeline.errors import MineError
-from pipeline.metrics.paper import PAPER
+from pipeline.metrics.rock.paper import PAPER
 from pipeline.params.reading.composed import root_overrides
 from pipeline.report.results import read_metrics
 from pipeline.store.files import write_atomically

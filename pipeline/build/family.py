@@ -232,7 +232,8 @@ def make_member(member: Member, families: Path) -> Outcome:
 
 
 def _over_cores(members: list[Member], jobs: int) -> Generator[Outcome]:
-    pool = ProcessPoolExecutor(min(jobs, len(members)), initializer=_begin_worker, initargs=(os.getpid(),))
+    context = multiprocessing.get_context("fork")  # a worker is a child of this process, with which it ends
+    pool = ProcessPoolExecutor(min(jobs, len(members)), context, _begin_worker, (os.getpid(),))
     try:
         # A process that is told to end before `_begin_worker` would go on as a second parent, by its handler.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)

@@ -12,7 +12,7 @@ import cv2
 
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
-from pipeline.metrics.paper import PAPER
+from pipeline.metrics.rock.paper import PAPER
 from pipeline.metrics.rock.relief import OCTAVES_M, STEEP_DEG
 from pipeline.metrics.rock.texture import AXES, WINDOWS_M, is_uninformative
 from pipeline.params.validation import Limit, ValidationParams

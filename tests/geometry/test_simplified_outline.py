@@ -6,7 +6,7 @@ import shapely
 from shapely import Polygon
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.outline.simplified import NetworkGrid, simplify_by_tolerance, simplify_by_wall_error
+from pipeline.geometry.floor.simplified_outline import NetworkGrid, simplify_by_tolerance, simplify_by_wall_error
 from pipeline.geometry.outline.trace import simplify_to_wall_error
 
 GRID = NetworkGrid(cell_m=0.1, min_leg_m=1.0, spacing_m=3.0)

@@ -6,7 +6,7 @@ import numpy as np
 from shapely import Polygon
 
 from pipeline.geometry.polyline import rings_of
-from pipeline.metrics.paper import PAPER
+from pipeline.metrics.rock.paper import PAPER
 from pipeline.metrics.rock.published import REAL_SWEEP
 from pipeline.metrics.rock.texture import AXES, axis_ratios, is_uninformative
 from pipeline.proof.texture import TextureReport

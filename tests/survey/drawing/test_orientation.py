@@ -43,7 +43,8 @@ def test_a_picture_is_read_as_it_is_to_be_shown(tmp_path, kind, orientation):
 @pytest.mark.parametrize("kind", ["JPEG", "PNG"])
 def test_a_broken_exif_block_leaves_the_picture_as_it_is_stored(tmp_path, kind):
     data = saved(kind, 6)
-    for at in range(data.index(b"II*\0") if b"II*\0" in data else data.index(b"MM\0*"), 90):
+    block = data.index(b"II*\0") if b"II*\0" in data else data.index(b"MM\0*")
+    for at in range(block, block + 26):  # a header, and a list of one tag
         (tmp_path / "a.jpg").write_bytes(data[:at] + b"\xff" + data[at + 1 :])
         try:
             assert sorted(read_image(tmp_path / "a.jpg", 1.0).shape) == [3, 40, 64]
