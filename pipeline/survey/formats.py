@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pipeline.survey.passages.legs import SurveyLeg
-from pipeline.survey.solved_surveys import read_passages, read_survex
+from pipeline.survey.solved_surveys import read_passages
 from pipeline.survey.stations.compass import read_plt
 from pipeline.survey.stations.table import read_station_legs
 from pipeline.survey.vector.dxf import read_dxf
@@ -30,7 +30,7 @@ SHAPE_READERS: dict[str, ShapeReader] = {
 }
 PASSAGE_READERS: dict[str, PassageReader] = {
     ".csv": lambda path, _: (read_station_legs(path), None),
-    ".svx": read_survex,
+    ".svx": read_passages,
     ".plt": lambda path, half_width_m: (read_plt(path, half_width_m), None),
     ".3d": read_passages,
     ".th": read_passages,
