@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from baselines.base.errors import BaselineError
 from baselines.base.result_file import RESULTS, read_results
 from baselines.base.statistics import figures
 from baselines.ppo.curves import read_runs
+from benchmarks.evidence import read
 from minexplore.envs.reward import CAP
 from pipeline.errors import ArtifactError, MineError
 from pipeline.metrics.rock.paper import PAPER
@@ -51,22 +51,22 @@ class Evidence:
     def __init__(self) -> None:
         """Read the metrics of the world, which every ledger needs."""
         self.metrics = read_metrics()
-        self.world = _read(WORLD, "all")
+        self.world = read(WORLD, "all")
 
     @functools.cached_property
     def bounds(self) -> Any:
         """Return the upper bounds of the environments."""
-        return _read(RESULTS / "bounds.json", "oracle")
+        return read(RESULTS / "bounds.json", "oracle")
 
     @functools.cached_property
     def speed(self) -> Any:
         """Return the environment's speed."""
-        return _read(Path("artifacts/bench/env.json"), "bench")
+        return read(Path("artifacts/bench/env.json"), "bench")
 
     @functools.cached_property
     def training(self) -> Any:
         """Return the environment's speed while PPO learns."""
-        return _read(Path("artifacts/bench/training.json"), "time-training")
+        return read(Path("artifacts/bench/training.json"), "time-training")
 
     @functools.cached_property
     def runs(self) -> Any:
@@ -93,13 +93,6 @@ class Evidence:
         found = figures(*read_results(path), None)
         last = found[[name for name in found if name.startswith("coverage at")][-1]]
         return f"{policy} {100 * (last.value or 0):.1f} % ({100 * (last.low or 0):.1f}-{100 * (last.high or 0):.1f})"
-
-
-def _read(path: Path, target: str) -> Any:
-    try:
-        return json.loads(path.read_text())
-    except FileNotFoundError:
-        raise ArtifactError(f"{path}: missing; run `make {target}` first") from None
 
 
 def at_least(ours: float, paper: float, close: float = 0.0) -> str:

@@ -19,9 +19,3 @@ def top_speed_mps(world: World, task: TaskParams, east_m: np.ndarray) -> np.ndar
     slip = np.array([_DOWNHILL.get(zone.name, _ANY_ZONE) if task.tilt else _LEVEL for zone in world.floor_zones])
     zones = world.zones_at(east_m)
     return task.max_forward_mps * scale[zones] * slip[zones]
-
-
-def noise_mps(world: World, task: TaskParams, east_m: np.ndarray) -> np.ndarray:
-    """Return the standard deviation (n,), m/s, of the noise on the forward speed at eastings (n,), m."""
-    noise = np.array([zone.speed_noise_mps for zone in world.active_zones(task.terrain)])
-    return noise[world.zones_at(east_m)]

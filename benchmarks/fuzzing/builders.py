@@ -1,14 +1,14 @@
-"""Build hostile files for the fuzzer: headers that lie, bombs, deep nesting and absurd numbers."""
+"""Build hostile files for the fuzzer: headers that lie, bombs, deep nesting and paths out of the folder."""
 
 from __future__ import annotations
 
-import io
 import json
+import sqlite3
 import struct
-import zipfile
+import tempfile
 import zlib
 from collections.abc import Callable
-from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,13 +16,10 @@ import numpy as np
 from minexplore.bundle import FORMAT
 
 Files = dict[str, bytes]
-Make = Callable[[], Files]
-Named = dict[str, Make]
+Named = dict[str, Callable[[], Files]]
 LAUGHS = b"a: &a [x, x, x, x, x, x, x, x, x]\n" + b"".join(
     b"%c: &%c [%s]\n" % (98 + i, 98 + i, b", ".join([b"*%c" % (97 + i)] * 9)) for i in range(9)
 )
-TAGGED = b"!!python/object/apply:os.system ['touch ../minexplore-was-here']\n"
-ABSURD = ("1e308", "-1e308", "nan", "inf", "1e-320", "9" * 400, "0x7fffffff")
 
 
 def png(
@@ -40,48 +37,6 @@ def png(
 def chunk(kind: bytes, data: bytes) -> bytes:
     """Return a chunk of a PNG."""
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-
-def noise_png(side: int) -> bytes:
-    """Return a PNG of black and white noise."""
-    rows = np.random.default_rng(0).integers(0, 256, (side, side // 8 + 1), dtype=np.uint8)
-    rows[:, 0] = 0
-    return png(side, side, 1, 0, b"", zlib.compress(rows.tobytes(), 1))
-
-
-def rings_png(side: int) -> bytes:
-    """Return a PNG of nested rings."""
-    row, col = np.mgrid[:side, :side]
-    ring = np.minimum(np.minimum(row, col), np.minimum(side - 1 - row, side - 1 - col)) % 4 < 2
-    rows = np.hstack([np.zeros((side, 1), np.uint8), np.packbits(~ring, axis=1)])
-    return png(side, side, 1, 0, b"", zlib.compress(rows.tobytes(), 9))
-
-
-def bars_png(side: int) -> bytes:
-    """Return a PNG full of scale bars."""
-    picture = np.ones((side, side), bool)
-    for row in range(4, side - 8, 8):
-        for col in range(4, side - 40, 40):
-            picture[row : row + 3, col : col + 30] = False
-    rows = np.hstack([np.zeros((side, 1), np.uint8), np.packbits(picture, axis=1)])
-    return png(side, side, 1, 0, b"", zlib.compress(rows.tobytes(), 9))
-
-
-def progressive_jpeg(width: int, height: int, scans: int) -> bytes:
-    """Return a progressive JPEG with a stated size and many empty scans."""
-    quant = b"\xff\xdb\x00\x43\x00" + bytes([1] * 64)
-    frame = b"\xff\xc2\x00\x0b\x08" + struct.pack(">HH", height, width) + b"\x01\x01\x11\x00"
-    huffman = (
-        b"\xff\xc4\x00\x14\x00"
-        + bytes([1] + [0] * 15)
-        + b"\x00"
-        + b"\xff\xc4\x00\x14\x10"
-        + bytes([1] + [0] * 15)
-        + b"\x00"
-    )
-    first = b"\xff\xda\x00\x08\x01\x01\x00\x00\x00\x00" + bytes(4000)
-    later = (b"\xff\xda\x00\x08\x01\x01\x00\x01\x3f\x00" + bytes(40)) * scans
-    return b"\xff\xd8" + quant + frame + huffman + first + later + b"\xff\xd9"
 
 
 def tiff(tags: list[tuple[int, int, int, int]], data: bytes = b"", big: bool = False) -> bytes:
@@ -115,70 +70,6 @@ def pdf(content: bytes, box: str = "0 0 300 200", resources: bytes = b"<<>>", ob
     return text + b"trailer\n<</Size %d/Root 1 0 R>>\n%%%%EOF\n" % (len(parts) + 1)
 
 
-def flate(data: bytes, times: int = 1, extra: bytes = b"") -> bytes:
-    """Return a PDF stream, compressed several times."""
-    for _ in range(times):
-        data = zlib.compress(data, 9)
-    return (
-        b"<<%s/Length %d/Filter[%s]>>\nstream\n" % (extra, len(data), b"/FlateDecode " * times) + data + b"\nendstream"
-    )
-
-
-def form_bomb(levels: int) -> bytes:
-    """Return a PDF whose forms draw each other twenty times a level."""
-    forms = []
-    for level in range(levels):
-        content = b"0 0 1 1 re f " if level == levels - 1 else b"/F Do " * 20
-        inner = b"<</XObject<</F %d 0 R>>>>" % (6 + level)
-        head = b"/Type/XObject/Subtype/Form/BBox[0 0 300 200]/Resources %s" % (inner if level < levels - 1 else b"<<>>")
-        forms.append(b"<<%s/Length %d>>\nstream\n%s\nendstream" % (head, len(content), content))
-    return pdf(b"/F Do", resources=b"<</XObject<</F 5 0 R>>>>", objects=tuple(forms))
-
-
-def zip_of(data: bytes) -> bytes:
-    """Return an archive with a GeoPackage."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("mine.gpkg", data)
-    return stream.getvalue()
-
-
-def map_yaml(**fields: Any) -> bytes:
-    """Return a map's YAML; fields replace the usual ones."""
-    base = {"image": "map.pgm", "resolution": 0.1, "origin": [0, 0, 0], **fields}
-    return "".join(f"{key}: {value}\n" for key, value in base.items()).encode()
-
-
-def station_csv(rows: list[str]) -> bytes:
-    """Return a station table."""
-    return ("leg,station,easting_m,northing_m,left_m,right_m\n" + "\n".join(rows) + "\n").encode()
-
-
-def las(points: int, offset: int = 227, size: int = 20) -> bytes:
-    """Return a LAS file with stated counts."""
-    head = struct.pack(
-        "<4sHH16sBB32s32sHHHIIBHI5I",
-        b"LASF",
-        0,
-        0,
-        b"",
-        1,
-        2,
-        b"",
-        b"",
-        1,
-        2026,
-        227,
-        offset,
-        0,
-        0,
-        size,
-        points,
-        *[0] * 5,
-    )
-    return head + struct.pack("<12d", *[0.01] * 3, *[0] * 3, *[1, 0] * 3) + bytes(20 * 50)
-
-
 def ply(count: str, more: str = "", body: bytes = b"") -> bytes:
     """Return a PLY file with a stated count."""
     text = f"ply\nformat binary_little_endian 1.0\nelement vertex {count}\n"
@@ -186,24 +77,79 @@ def ply(count: str, more: str = "", body: bytes = b"") -> bytes:
     return (text + more + "end_header\n").encode() + body
 
 
-def pcd(points: str, data: str = "ascii", body: bytes = b"0 0 0\n" * 200) -> bytes:
-    """Return a PCD file with a stated count."""
-    return (
-        f"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {points}\nHEIGHT 1\n"
-        f"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {points}\nDATA {data}\n"
-    ).encode() + body
-
-
-def absurd_numbers(name: str, form: Callable[[str], bytes]) -> Named:
-    """Return a file for each absurd number."""
-    return {f"number {value[:12]}": partial(_one_file, name, form, value) for value in ABSURD}
-
-
-def _one_file(name: str, form: Callable[[str], bytes], value: str) -> Files:
-    return {name: form(value)}
-
-
 def listing(*names: str) -> Files:
     """Return a bundle's record that lists files."""
     record = {"format": FORMAT, "files": dict.fromkeys(names, "0" * 64), "world_sha256": "0" * 64}
     return {"world.json": json.dumps(record).encode()}
+
+
+def dxf(entities: str, blocks: str = "") -> bytes:
+    """Return a plain DXF with entities and blocks."""
+    section = f"0\nSECTION\n2\nBLOCKS\n{blocks}0\nENDSEC\n" if blocks else ""
+    head = "0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1009\n0\nENDSEC\n"
+    return f"{head}{section}0\nSECTION\n2\nENTITIES\n{entities}0\nENDSEC\n0\nEOF\n".encode()
+
+
+def dxf_block(name: str, content: str) -> str:
+    """Return a block of a DXF."""
+    return f"0\nBLOCK\n8\n0\n2\n{name}\n70\n0\n10\n0\n20\n0\n30\n0\n{content}0\nENDBLK\n8\n0\n"
+
+
+def dxf_insert(name: str, more: str = "") -> str:
+    """Return a reference to a block."""
+    return f"0\nINSERT\n8\n0\n2\n{name}\n10\n0\n20\n0\n30\n0\n{more}"
+
+
+def chained_blocks(depth: int, fan: int, content: str = "") -> bytes:
+    """Return a DXF whose blocks hold the one before `fan` times."""
+    blocks = dxf_block("b0", content) + "".join(
+        dxf_block(f"b{i}", dxf_insert(f"b{i - 1}") * fan) for i in range(1, depth)
+    )
+    return dxf(dxf_insert(f"b{depth - 1}"), blocks)
+
+
+def star_ring(points: int) -> list[list[float]]:
+    """Return a ring whose edges all cross."""
+    turn = np.arange(points) * np.pi * (points // 2 * 2 - 1) / points
+    ring = (100 * np.column_stack([np.cos(turn), np.sin(turn)])).round(6).tolist()
+    return [*ring, ring[0]]
+
+
+def geojson(geometry: Any, **more: Any) -> bytes:
+    """Return a GeoJSON file in metres."""
+    feature = {"type": "Feature", "properties": {}, "geometry": geometry}
+    return json.dumps({"type": "FeatureCollection", "note": "metres", "features": [feature], **more}).encode()
+
+
+def nested_collections(depth: int) -> bytes:
+    """Return a GeoJSON feature of nested collections."""
+    inner = '{"type":"GeometryCollection","geometries":[' * depth + "]}" * depth
+    return b'{"type":"Feature","properties":{},"geometry":' + inner.encode() + b"}"
+
+
+def gpkg(sql: str, srs: str = 'LOCAL_CS["x",UNIT["metre",1]]') -> bytes:
+    """Return a GeoPackage with one layer `t`, whose table or view `sql` makes."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "m.gpkg"
+        base = sqlite3.connect(path)
+        base.executescript(
+            "PRAGMA application_id=1196444487; PRAGMA user_version=10300;"
+            "CREATE TABLE gpkg_spatial_ref_sys(srs_name TEXT, srs_id INTEGER PRIMARY KEY, organization TEXT,"
+            " organization_coordsys_id INTEGER, definition TEXT, description TEXT);"
+            "CREATE TABLE gpkg_contents(table_name TEXT PRIMARY KEY, data_type TEXT, identifier TEXT, description TEXT,"
+            " last_change TEXT, min_x REAL, min_y REAL, max_x REAL, max_y REAL, srs_id INTEGER);"
+            "CREATE TABLE gpkg_geometry_columns(table_name TEXT, column_name TEXT, geometry_type_name TEXT,"
+            " srs_id INTEGER, z INTEGER, m INTEGER);"
+            "INSERT INTO gpkg_contents VALUES('t','features','t','','2026-01-01T00:00:00Z',0,0,1,1,1);"
+            "INSERT INTO gpkg_geometry_columns VALUES('t','geom','GEOMETRY',1,0,0);"
+        )
+        base.execute("INSERT INTO gpkg_spatial_ref_sys VALUES('x',1,'NONE',1,?,'')", [srs])
+        base.executescript(sql)
+        base.commit()
+        base.close()
+        return path.read_bytes()
+
+
+def gpkg_blob(wkb: bytes) -> str:
+    """Return a geometry as an SQL literal."""
+    return "x'" + (b"GP\x00\x01" + struct.pack("<i", 1) + wkb).hex() + "'"

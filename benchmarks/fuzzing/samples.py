@@ -15,13 +15,14 @@ import cv2
 import numpy as np
 import yaml
 
-from benchmarks.fuzzing.levels import levels
 from benchmarks.fuzzing.surveys import SAMPLES_3D
 from minexplore.bundle import FORMAT
 
 Files = dict[str, bytes]
 _RING = [(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0), (0.0, 0.0)]
 _HOLE = [(6.0, 6.0), (54.0, 6.0), (54.0, 34.0), (6.0, 34.0), (6.0, 6.0)]
+_RAMP = [(60, 0, 9), (95, 0, 5), (95, 20, 4), (60, 20, 0), (60, 15, 0), (90, 15, 4), (90, 5, 5), (60, 5, 9), (60, 0, 9)]
+_LOWER = [(0, 0, 0), (60, 0, 0), (60, 20, 0), (55, 20, 0), (55, 5, 0), (0, 5, 0), (0, 0, 0)]
 
 
 def _plan(suffix: str) -> bytes:
@@ -98,6 +99,18 @@ def _geojson() -> Files:
     geometry = {"type": "Polygon", "coordinates": [_RING, _HOLE]}
     content = {"type": "FeatureCollection", "features": [{"type": "Feature", "properties": {}, "geometry": geometry}]}
     return {"mine.geojson": json.dumps({**content, "note": "metres"}).encode()}
+
+
+def _levels() -> Files:
+    """Return two levels, a ramp between them, and a shaft."""
+    upper = [(0, 0, 9), (60, 0, 9), (60, 5, 9), (0, 5, 9), (0, 0, 9)]
+    layers = {"upper": upper, "lower": _LOWER, "ramp": _RAMP, "shafts": [(20, 2.5, 9), (20, 2.5, 0)]}
+    features = [
+        {"type": "Feature", "properties": {"layer": name}, "geometry": {"type": "LineString", "coordinates": line}}
+        for name, line in layers.items()
+    ]
+    content = {"type": "FeatureCollection", "features": features, "note": "metres"}
+    return {"mine.geojson": json.dumps(content).encode()}
 
 
 def _centrelines() -> Files:
@@ -277,7 +290,7 @@ SAMPLES: dict[str, Callable[[], Files]] = {
     "survex": lambda: {"cave.svx": _SVX, "more.svx": b"*data normal from to tape compass clino\n2 9 4 4 4\n"},
     "compass": lambda: {"cave.plt": _PLT},
     **{name: partial(dict, files) for name, files in SAMPLES_3D.items()},
-    "levels": levels,
+    "levels": _levels,
     "centrelines": _centrelines,
     "height raster": _height_raster,
     "height grid": _height_grid,

@@ -17,7 +17,6 @@ from pipeline.worlds import DEFAULT, world_folder
 _BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 _SOFTWARE_GL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 _PHONE = 390
-_LOCAL = ("file:", "data:", "blob:", "about:")
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from minexplore.envs.call_checks import check_options, mask_of, numbers_of, spread_seeds
-from minexplore.envs.robot_batch import Outcome, RobotBatch, info_of_robot
+from minexplore.envs.robot_batch import Outcome, RobotBatch
 from minexplore.physics.robot import RobotParams
 from minexplore.pictures.opengl import prepare_opengl
 from minexplore.pictures.render import CAMERAS, Renderer
@@ -156,10 +156,6 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
             self._renderer.draw(self.camera, robots.qpos[i : i + 1], robots.seen[i], poses[i : i + 1])
             for i in range(self.num_envs)
         )
-
-    def info_of(self, robot: int, info: dict[str, Any]) -> dict[str, Any]:
-        """Return one robot's info as `MineEnv` gives it."""
-        return info_of_robot({k: v for k, v in info.items() if not k.startswith(("_", "final"))}, robot)
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free renderer and threads."""

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from minexplore.rotations import quaternion
+
 _OFF_M = 0.0005  # what is nearer to a plane than this lies on it
 _ASIDE_M = 0.001  # outlines that overlap by no more are apart
 _STEEPEST = 1.0  # a box of steeper ground could come out beside a lower floor
@@ -136,9 +138,7 @@ def _options(number: int, tops: dict[int, _Top]) -> list[tuple[Primitive, set[in
     frame = _Frame.on(own)
     if not lower:
         on_it = {k for k in tops if over[k].min() >= -_OFF_M}
-        return [
-            (Primitive(number, _PLANE, frame.origin, frame.quaternion(frame.axes), np.array([0.0, 0.0, 1.0])), on_it)
-        ]
+        return [(Primitive(number, _PLANE, frame.origin, quaternion(frame.axes), np.array([0.0, 0.0, 1.0])), on_it)]
     on_it = {k for k in tops.keys() - others if np.abs(over[k]).max() <= _OFF_M}
     for covered in (on_it, {number}):
         box = frame.box_round([tops[k].corners for k in sorted(covered)], lower, own.thick_m)
@@ -165,13 +165,6 @@ class _Frame:
         axes = np.column_stack([ahead, np.cross(normal, ahead), normal])
         return cls(top.plane, np.array([x, y, a * x + b * y + c]), axes)
 
-    @staticmethod
-    def quaternion(axes: np.ndarray) -> np.ndarray:
-        """Return the quaternion (4,) of axes (3, 3)."""
-        found = np.zeros(4)
-        mujoco.mju_mat2Quat(found, axes.ravel())
-        return found
-
     def places(self, corners: np.ndarray) -> np.ndarray:
         """Return where on the plane (k, 2) m points (k, 3) m of the mine frame are, seen from above."""
         on_it = corners + np.outer(_over(self.plane, corners), [0.0, 0.0, 1.0])
@@ -189,7 +182,7 @@ class _Frame:
         axes = self.axes @ turn
         half = np.append((high - low) / 2, thick_m / 2)
         middle = np.append((low + high) / 2, -half[2])
-        return self.origin + axes @ middle, self.quaternion(axes), half
+        return self.origin + axes @ middle, quaternion(axes), half
 
 
 @dataclass(frozen=True)

@@ -178,11 +178,6 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], floor:
     return grid
 
 
-def pictures_of(record: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
-    """Return the pictures that a world of this record has, with their colour types."""
-    return _fixed_pictures(record) | {picture: (GREY,) for _, picture in sheet_maps(record)}
-
-
 def _fixed_pictures(record: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
     return {name: kind for name, kind in PICTURES.items() if has_visible_rock(record) or name not in VISIBLE}
 

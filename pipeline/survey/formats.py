@@ -12,7 +12,7 @@ from pathlib import Path
 from pipeline.errors import InputError
 from pipeline.params.stated import FileKind
 from pipeline.survey.passages.legs import SurveyLeg
-from pipeline.survey.solved_surveys import read_passages, read_survex
+from pipeline.survey.solved_surveys import read_passages
 from pipeline.survey.stations.compass import read_plt
 from pipeline.survey.stations.table import read_station_legs
 from pipeline.survey.vector.dxf import read_dxf
@@ -46,9 +46,8 @@ FORMATS: dict[str, Format] = {
     **dict.fromkeys((".geojson", ".json"), Format(FileKind.VECTOR, shapes=read_geojson)),
     **dict.fromkeys((".gpkg", ".shp"), Format(FileKind.VECTOR, shapes=read_geodata)),
     ".csv": Format(FileKind.STATIONS, legs=lambda path, _: (read_station_legs(path), None)),
-    ".svx": Format(FileKind.STATIONS, legs=read_survex, solved=True),
     ".plt": Format(FileKind.STATIONS, legs=lambda path, half_width_m: (read_plt(path, half_width_m), None)),
-    **dict.fromkeys((".3d", ".th", ".dat", ".mak"), Format(FileKind.STATIONS, legs=read_passages, solved=True)),
+    **dict.fromkeys((".svx", ".3d", ".th", ".dat", ".mak"), Format(FileKind.STATIONS, legs=read_passages, solved=True)),
 }
 
 

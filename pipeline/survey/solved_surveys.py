@@ -5,29 +5,23 @@ Docs: docs/adr/0013-survex.md says which way is taken when.
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload, one_line, run_limited
-from pipeline.params.floor_rules import floor_rules
-from pipeline.params.reader_limits import FILE
 from pipeline.survey.passages.legs import SurveyLeg
-from pipeline.survey.passages.sheets import has_relief
-from pipeline.survey.solved.cavern import INSTALL, has_cavern, require_cavern, solve
+from pipeline.survey.solved.cavern import require_cavern, solve
 from pipeline.survey.solved.compass_sections import with_sections
 from pipeline.survey.solved.model import SolvedSurvey, from_payload, to_payload
 from pipeline.survey.solved.node_links import is_node_list, links_of, read_node_links
 from pipeline.survey.solved.plan_view import plan_legs
-from pipeline.survey.solved.project_files import project_files, text_lines
+from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.stations.survex import NoPassagesError, read_svx, read_svx_rise
 from pipeline.survey.stations.table import read_station_survey
 from pipeline.survey.therion.convert import to_survex
 from pipeline.survey.therion.lines import therion_lines
 
 _SUFFIXES = (".3d", ".svx", ".th", ".dat", ".mak")
-_INCLUDE = re.compile(r"[\s,\0]*\*[\s,\0]*include(?![a-z])", re.IGNORECASE)
 
 
 def read_solved(path: Path) -> SolvedSurvey:
@@ -115,7 +109,7 @@ def survey_files(path: Path) -> list[Path]:
         return list(dict.fromkeys(files))
     if is_node_list(path):
         return [path, links_of(path)]
-    if suffix == ".mak" or (suffix == ".svx" and _has_includes(path)):
+    if suffix in (".mak", ".svx"):
         return project_files(path)
     return [path]
 
@@ -132,51 +126,3 @@ def read_passages(path: Path, half_width_m: float | None = None) -> tuple[list[S
     """
     survey = solve_file(path)
     return plan_legs(path, survey, half_width_m), None if survey.crs is None else one_line(survey.crs, 200)
-
-
-def read_survex(path: Path, half_width_m: float | None = None) -> tuple[list[SurveyLeg], str | None]:
-    """Read a Survex survey.
-
-    A level survey in one file, with passage data, is read by our own reader, so that its world is the same with and
-    without Survex; Survex solves what our reader refuses, and a survey whose stations differ in height by more than
-    `flat_step_m`. Survex solves a survey in several files; our reader does where Survex is not installed.
-
-    Raises
-    ------
-    InputError
-        If neither can read it, or the stations differ in height and Survex is not installed. Of a survey in one file
-        with passage data the message is our reader's.
-    """
-    if _has_includes(path):
-        if has_cavern():
-            return read_passages(path, half_width_m)
-        try:
-            return read_svx(path)
-        except InputError as error:
-            if FILE in str(error):
-                raise
-            raise InputError(f"{error}; for all that Survex reads, {INSTALL}") from error
-    try:
-        legs, crs, rise_m = read_svx_rise(path)
-    except NoPassagesError:
-        if not has_cavern():
-            raise
-        return read_passages(path, half_width_m)
-    except InputError as error:
-        if FILE in str(error) or not has_cavern():
-            raise
-        try:
-            survey = solve_file(path)
-        except InputError:
-            raise error from None
-        return plan_legs(path, survey, half_width_m), survey.crs
-    if rise_m <= floor_rules().flat_step_m:
-        return legs, crs
-    if not has_cavern():
-        raise InputError(f"{path}: its stations differ in height by {rise_m:.1f} m, which needs Survex; {INSTALL}")
-    solved, solved_crs = read_passages(path, half_width_m)
-    return (solved, solved_crs) if has_relief(solved) else (legs, crs)
-
-
-def _has_includes(path: Path) -> bool:
-    return any(_INCLUDE.match(line) for _, line in text_lines(path))

@@ -11,7 +11,7 @@ import sys
 import cv2
 import pytest
 
-from benchmarks.fuzzing.vectors import GEOPACKAGE
+from benchmarks.fuzzing.hostile import HOSTILE
 from benchmarks.pictures.draw_sheet import draw_sheet
 from benchmarks.pictures.look_at_report import find_browser, look_at
 from pipeline.__main__ import parse
@@ -175,7 +175,7 @@ def test_the_second_of_two_commands_for_one_world_is_told_and_an_interrupt_ends_
     project, _ = owned
     before = state_of(project)
     # The view counts for ever, so the command runs until it is interrupted.
-    (project.folder / "slow.gpkg").write_bytes(GEOPACKAGE["view that counts without end"]()["mine.gpkg"])
+    (project.folder / "slow.gpkg").write_bytes(HOSTILE["geopackage"]["view that counts without end"]()["mine.gpkg"])
     command = [sys.executable, "-m", "pipeline", "new", "x", "--from", "slow.gpkg"]
     first = subprocess.Popen(command, cwd=project.folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:

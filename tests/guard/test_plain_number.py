@@ -8,7 +8,6 @@ from pipeline.scans.sweeps import _finite
 from pipeline.survey.drawing.georeference import _six_numbers
 from pipeline.survey.solved.node_links import _read
 from pipeline.survey.stations.compass import _feet
-from pipeline.survey.stations.survex_readings import number_of
 
 ODD = ["4_0", "\u0664\u0660", "40\u00a0", "0x1f", "1e", "", "1,5", "--1", "1 2", "+-3", "\x0c1"]
 
@@ -34,7 +33,6 @@ def test_all_readers_of_text_take_the_same_numbers(tmp_path, text):
     path = tmp_path / "numbers.txt"
     path.write_text("\n".join([text] * 6), encoding="utf-8")
     for read in (
-        lambda: number_of("a.svx:1", text),
         lambda: _feet(path, 1, text),
         lambda: _finite(path, text),
         lambda: _six_numbers(path),

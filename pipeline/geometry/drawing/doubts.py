@@ -7,8 +7,8 @@ import numpy as np
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.drawing.centre_lines import in_the_middle
-from pipeline.geometry.drawing.fills import disc
 from pipeline.geometry.drawing.wall_lines import drop_straight, grown, margin_px, stroke_px, unexplained_px
+from pipeline.geometry.outline.binarize import disc
 from pipeline.types import Mask
 
 _AGREE, _SAME = 0.97, 0.95  # IoU of the workings with both gaps, and without grey lines

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from pipeline.geometry.outline.binarize import fill_islands
+from pipeline.geometry.outline.binarize import disc, fill_islands
 from pipeline.types import Image, Mask
 
 _INK = 24  # difference of a channel from the paper; compression changes paper by less
@@ -129,10 +129,3 @@ def ridge_half_width(mask: Mask) -> float:
     distance = cv2.distanceTransform(np.pad(mask.astype(np.uint8), 1), cv2.DIST_L2, 5)
     ridge = (distance >= cv2.dilate(distance, np.ones((3, 3)))) & (distance > 2)
     return float(np.median(distance[ridge])) if ridge.any() else 0.0
-
-
-def disc(radius_px: float) -> np.ndarray:
-    """Return a disc as a structuring element."""
-    reach = int(np.floor(radius_px))
-    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
-    return (x * x + y * y <= radius_px * radius_px).astype(np.uint8)

@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 
 from pipeline.geometry.drawing.doubts import SheetError, require_whole
-from pipeline.geometry.drawing.fills import disc, ridge_half_width
+from pipeline.geometry.drawing.fills import ridge_half_width
 from pipeline.geometry.drawing.wall_lines import find_straight, grown
+from pipeline.geometry.outline.binarize import disc
 from pipeline.types import Image, Mask
 
 _CELL_PX = 4.0  # paper between hatch lines is nowhere farther from a line

@@ -47,7 +47,7 @@ def binarize(
     """
     grey = cv2.cvtColor(plan, cv2.COLOR_BGR2GRAY)
     coloured = (plan.max(axis=2) - plan.min(axis=2) > annotation_chroma).astype(np.uint8)
-    coloured = cv2.dilate(coloured, _disc(annotation_margin_px))
+    coloured = cv2.dilate(coloured, disc(annotation_margin_px))
     for col0, row0, col1, row1 in boxes:
         coloured[max(0, row0) : row1, max(0, col0) : col1] = 1
     kept = coloured == 0
@@ -70,7 +70,7 @@ def clean_mask(raw: Mask, bridge_px: float, despeck_px: float) -> Mask:
     (rows, cols) bool
     """
     pad = int(np.ceil(max(bridge_px, despeck_px))) + 1  # so that the picture's edge affects neither operation
-    bridged = cv2.morphologyEx(np.pad(raw.astype(np.uint8), pad), cv2.MORPH_CLOSE, _disc(bridge_px))
+    bridged = cv2.morphologyEx(np.pad(raw.astype(np.uint8), pad), cv2.MORPH_CLOSE, disc(bridge_px))
     return _open(bridged, despeck_px)[pad:-pad, pad:-pad].astype(bool)
 
 
@@ -90,7 +90,7 @@ def left_out(raw: Mask, cleaned: Mask, min_px: float) -> list[tuple[float, float
 
     Pieces smaller than `min_px` are specks and are not listed.
     """
-    near = cv2.dilate(cleaned.astype(np.uint8), _disc(2.0))
+    near = cv2.dilate(cleaned.astype(np.uint8), disc(2.0))
     _, _, stats, middle = cv2.connectedComponentsWithStats((raw & (near == 0)).astype(np.uint8), connectivity=8)
     pieces = [(float(s[cv2.CC_STAT_AREA]), float(x), float(y)) for s, (x, y) in zip(stats[1:], middle[1:], strict=True)]
     return sorted((p for p in pieces if p[0] >= min_px), reverse=True)
@@ -100,8 +100,8 @@ def _open(mask: np.ndarray, radius_px: float) -> np.ndarray:
     """Open a mask by a disc, then restore the right-angled corners that the opening rounded."""
     if radius_px < 1.0:  # a disc of one pixel changes nothing
         return mask
-    opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, _disc(radius_px))
-    return mask & cv2.dilate(opened, _disc((np.sqrt(2.0) - 1.0) * radius_px + 0.5))
+    opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, disc(radius_px))
+    return mask & cv2.dilate(opened, disc((np.sqrt(2.0) - 1.0) * radius_px + 0.5))
 
 
 def require_workings(
@@ -128,7 +128,8 @@ def require_workings(
         )
 
 
-def _disc(radius_px: float) -> np.ndarray:
+def disc(radius_px: float) -> np.ndarray:
+    """Return a disc as a structuring element."""
     reach = int(np.floor(radius_px))
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     return (x * x + y * y <= radius_px * radius_px).astype(np.uint8)

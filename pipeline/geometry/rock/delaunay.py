@@ -62,10 +62,6 @@ class Triangulation:
         self._last = (a, b) if (a, b) in self.opposite else next(iter(self.opposite))
         return number
 
-    def split_wall(self, edge: Edge, place: tuple[float, float]) -> int:
-        """Insert a point that lies on an edge of the boundary, and return its number."""
-        return self._split_edge(*edge, place)
-
     def boundary(self) -> list[Edge]:
         """Return the edges on the boundary; the polygon lies on their left."""
         return [(a, b) for a, b in self.opposite if (b, a) not in self.opposite]

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
-from minexplore.bundle import BundleError
-from minexplore.schema.files import pictures_of
-from minexplore.schema.readers.png import inflate_png
-from pipeline.errors import ArtifactError
 from pipeline.geometry.openings.fit import without_openings
 from pipeline.geometry.outline.fewest_vertices import MOST_RATIO
 from pipeline.mjcf.bundle import WorldRecord
@@ -42,7 +37,6 @@ def require_built(folder: Path, record: WorldRecord, params: MadeBy) -> FreeSpac
     ArtifactError
         With the file, the value and the limit.
     """
-    _require_pictures(folder, record)
     free_space = read_free_space(folder)
     require_floor(folder, record, free_space.polygon, params.steepest_deg)
     tracing = Tracing(params.network_cell_m, params.network_min_leg_m, params.network_station_spacing_m)
@@ -53,12 +47,3 @@ def require_built(folder: Path, record: WorldRecord, params: MadeBy) -> FreeSpac
         require_visible(folder, record, drifts, grid)
         require_fittings(folder, record, drifts, params.fittings)
     return free_space
-
-
-def _require_pictures(folder: Path, record: WorldRecord) -> None:
-    """Check that the pictures are whole; only the map's pixels are compared with anything."""
-    for name in pictures_of(dataclasses.asdict(record)):
-        try:
-            inflate_png(name, (folder / name).read_bytes())
-        except BundleError as error:
-            raise ArtifactError(f"{folder}/{error}") from error

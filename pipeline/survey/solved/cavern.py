@@ -18,7 +18,6 @@ from pipeline.params.reader_limits import FILE
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.survex_3d import read_3d
 
-INSTALL = "install Survex (Debian: survex; `make setup` does)"
 _MESSAGE_BYTES = 1_000_000
 _ERROR = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: (?:fatal )?error: (.*)$")
 # Survex only warns of readings that no instrument shows; a mine of them would be turned or mirrored in part.
@@ -32,11 +31,6 @@ _MOST_CONVERGENCE_DEG = 45.0
 Origin = Callable[[int], tuple[Path, int]]  # a line of a generated file -> the file and line that it comes from
 
 
-def has_cavern() -> bool:
-    """Return whether Survex is installed."""
-    return shutil.which("cavern") is not None
-
-
 def require_cavern(path: Path) -> str:
     """Return the path of `cavern`.
 
@@ -47,7 +41,10 @@ def require_cavern(path: Path) -> str:
     """
     program = shutil.which("cavern")
     if program is None:
-        raise InputError(f"{path}: needs Survex to be solved, and `cavern` is not installed; {INSTALL}")
+        raise InputError(
+            f"{path}: needs Survex to be solved, and `cavern` is not installed; "
+            "`make setup` installs it (Debian: survex)"
+        )
     return program
 
 

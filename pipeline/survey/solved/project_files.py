@@ -94,14 +94,6 @@ def _text(path: Path) -> str:
     return read_text_bytes(path).removeprefix(_MARK).rstrip(_END_OF_TEXT).decode("latin-1")
 
 
-def readable(text: str) -> str:
-    """Return text of `text_lines` as UTF-8 where it is; else each byte is a character, so that no two names meet."""
-    try:
-        return text.encode("latin-1").decode()
-    except UnicodeDecodeError:
-        return text
-
-
 def inside(where: str, name: str, beside: Path, folder: Path) -> Path:
     """Return the path of a named file beside another file, and refuse one outside the folder.
 

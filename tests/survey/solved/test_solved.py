@@ -17,8 +17,7 @@ from pipeline.survey.solved.model import LegFlag, LegStyle, StationFlag, from_pa
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved_surveys import read_passages, read_solved, read_survex, survey_files
-from pipeline.survey.stations.survex import read_svx
+from pipeline.survey.solved_surveys import read_passages, read_solved, survey_files
 from tests.project import ROOT
 
 needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
@@ -110,7 +109,7 @@ def test_wheal_pell_reads_with_its_stations_and_splays(capsys):
 @needs_cavern
 def test_a_project_in_several_files_with_a_loop_becomes_connected_legs(tmp_path):
     path = write(tmp_path, PROJECT)
-    legs, _ = read_survex(path)
+    legs, _ = read_passages(path)
     assert [len(leg.stations) for leg in legs] == [4, 3]
     assert len(set(legs[0].stations) & set(legs[1].stations)) == 2
     assert build_workings(legs).geom_type == "Polygon"
@@ -125,7 +124,7 @@ def test_the_plan_of_a_project_is_that_of_the_same_survey_in_one_file(tmp_path):
     text = PROJECT["main.svx"].replace(b'*include "north/a"\n', PROJECT["north/a.svx"])
     single = tmp_path / "single.svx"
     single.write_bytes(text.replace(b"*include south.svx\n", PROJECT["south.svx"]))
-    several, alone = (build_workings(read_survex(file)[0]) for file in (path, single))
+    several, alone = (build_workings(read_passages(file)[0]) for file in (path, single))
     assert several.boundary.hausdorff_distance(alone.boundary) < 0.1  # the adjustments weight shots differently
 
 
@@ -135,33 +134,27 @@ WALLS = "*data passage station left right up down\n1 2 2 3 1\n2 2 2 3 1\n3 2 2 3
 
 @needs_cavern
 def test_a_survey_in_one_file_keeps_its_heights(tmp_path):
-    legs, _ = read_survex(write(tmp_path, {"a.svx": ONE_FILE + WALLS}))
+    legs, _ = read_passages(write(tmp_path, {"a.svx": ONE_FILE + WALLS}))
     drop = 20 * np.sin(np.radians(7))
     np.testing.assert_allclose(legs[0].heights_m, [[-drop * k, 3, 1] for k in range(3)], atol=0.011)
 
 
-def test_a_level_survey_in_one_file_is_read_as_without_survex(tmp_path):
+@needs_cavern
+def test_a_level_survey_in_one_file_has_no_relief(tmp_path):
     path = write(tmp_path, {"a.svx": ONE_FILE.replace("-7", "0") + WALLS})
-    (leg,), _ = read_survex(path)
-    assert leg.heights_m is None
-    np.testing.assert_array_equal(leg.positions_m, read_svx(path)[0][0].positions_m)
-
-
-def test_heights_in_one_file_without_survex_are_refused(tmp_path, monkeypatch):
-    path = write(tmp_path, {"a.svx": ONE_FILE + WALLS})
-    monkeypatch.setenv("PATH", "")
-    with pytest.raises(InputError, match=r"a\.svx: its stations differ in height by 4\.9 m, which needs Survex"):
-        read_survex(path)
+    legs, _ = read_passages(path)
+    assert not has_relief(legs)
+    np.testing.assert_allclose(legs[0].positions_m, [(0, 0), (0, 20), (20, 20)], atol=0.011)
 
 
 @needs_cavern
 def test_a_survey_in_one_file_without_cross_sections_has_walls_of_splays_or_as_stated(tmp_path):
     path = write(tmp_path, {"a.svx": ONE_FILE})
     with pytest.raises(InputError, match=r"no cross-sections and no splays; state .*--half-width"):
-        read_survex(path)
-    np.testing.assert_array_equal(read_survex(path, 1.5)[0][0].walls_m, np.full((3, 2), 1.5))
+        read_passages(path)
+    np.testing.assert_array_equal(read_passages(path, 1.5)[0][0].walls_m, np.full((3, 2), 1.5))
     path.write_text(ONE_FILE + "".join(f"{i} .. 2 {turn} 0\n" for i in (1, 2, 3) for turn in (135, 315)))
-    assert len(read_survex(path)[0]) == 1
+    assert len(read_passages(path)[0]) == 1
 
 
 @needs_cavern
@@ -275,13 +268,12 @@ def test_an_included_link_that_leads_out_of_the_folder_is_refused(tmp_path):
         project_files(path)
 
 
-def test_without_survex_the_message_says_how_to_install_it(tmp_path, monkeypatch):
+@pytest.mark.parametrize("files", [SAMPLES_3D["compass data"], PROJECT, {"a.svx": (ONE_FILE + WALLS).encode()}])
+def test_without_survex_the_message_says_how_to_install_it(tmp_path, monkeypatch, files):
     monkeypatch.setattr(cavern.shutil, "which", lambda _: None)
-    path = write(tmp_path, SAMPLES_3D["compass data"])
-    with pytest.raises(InputError, match=r"`cavern` is not installed; install Survex \(Debian: survex"):
+    path = write(tmp_path, files)
+    with pytest.raises(InputError, match=r"`cavern` is not installed; `make setup` installs it \(Debian: survex\)"):
         read_passages(path)
-    legs, _ = read_survex(write(tmp_path, PROJECT))  # our own adjustment
-    assert len(legs) == 2
 
 
 @needs_cavern
@@ -314,7 +306,7 @@ def test_a_station_with_two_positions_is_refused(tmp_path):
 def test_a_file_named_in_another_case_is_found_unless_two_could_be_meant(tmp_path):
     path = write(tmp_path / "a", {"a.svx": "*include Sub\\B\n", "sub/b.svx": ONE_FILE + WALLS})
     assert project_files(path) == [path, tmp_path / "a/sub/b.svx"]
-    assert len(read_survex(path)[0]) == 1
+    assert len(read_passages(path)[0]) == 1
     plan = write(tmp_path / "b", {"a.mak": "#A.DAT;\r\n", "a.dat": COMPASS.replace("FLAGS\n", "\n") + "\f\n"})
     assert project_files(plan) == [plan, tmp_path / "b/a.dat"]
     assert read_passages(plan)[0]
