@@ -24,7 +24,7 @@ from pipeline.types import Workings
 from stages.contours import trace_free_space
 from tests.heights import Leg, MineWithHeights, levels, seam, spiral, table
 
-TABLE = Path("docs/levels-speed.md")
+TABLE = Path("docs/evidence/parts/levels-speed.md")
 _CASES = {"spiral of three turns": spiral(3), "three levels": levels(), "rooms on a dipping seam": seam()}
 _ROBOTS, _STEPS, _STEPS_OF_ONE = 64, 40, 200
 _LEAST = 0.8

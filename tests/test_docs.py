@@ -80,7 +80,7 @@ def test_the_walk_through_for_your_own_mine_runs_unchanged(repro, tmp_path):
     project = repro.copy(tmp_path / "mine")
     plan, _ = draw_plan(TEE, frame_around((-10, -20, 90, 60), 8.0), {}, 20.0, 40)
     cv2.imwrite(str(project.folder / "plan.png"), plan)
-    lines = commands_of(ROOT / "docs/own-mine.md")
+    lines = commands_of(ROOT / "docs/how-to/own-mine.md")
     assert len(lines) == 6
     for line in lines:
         words = shlex.split(line)

@@ -1,4 +1,4 @@
-"""The code of docs/extending.md works as it stands."""
+"""The code of docs/reference/extending.md works as it stands."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.project import ROOT
 
 def run_blocks(title: str) -> dict[str, Any]:
     """Run the Python blocks of a section of the page, all but those that make an environment, and return its names."""
-    page = (ROOT / "docs" / "extending.md").read_text()
+    page = (ROOT / "docs" / "reference" / "extending.md").read_text()
     section = page.split(f"\n## {title}\n")[1].split("\n## ")[0]
     names: dict[str, Any] = {"__name__": "extending"}
     for block in re.findall(r"^```python\n(.*?)^```", section, flags=re.M | re.S):

@@ -1,4 +1,4 @@
-"""The simulator beside the environment: `python -m baselines.graph.compare --mines 4`; writes docs/graph-simulator.md.
+"""The simulator beside the environment: `python -m baselines.graph.compare --mines 4`; writes parts/graph-simulator.md.
 
 The same rules explore the first mines of the validation split in the simulator, and their kept results give what they
 saw in the environment with physics (`python -m baselines.split --split validation --policy ...`). The decisions of a
@@ -29,7 +29,7 @@ from minexplore.robot import RobotParams
 from minexplore.splits import SIZES
 from minexplore.task import TaskParams
 
-_PAGE = Path("docs/graph-simulator.md")
+_PAGE = Path("docs/evidence/parts/graph-simulator.md")
 _SPLIT, _ROBOTS = "validation", 4
 _TIMED_STEPS = 3000
 _RULES: dict[str, type[GraphExplorer]] = {
