@@ -1,7 +1,7 @@
 """A hook of MkDocs: on the site, a line that is only a link to a generated table is replaced by that table.
 
-On a page of `docs/evidence/`, `[The table](parts/NAME.md)` on a line of its own is such a link. In the repository it stays
-a link.
+On a page of `docs/evidence/`, `[The table](parts/NAME.md)` on a line of its own is such a link. In the repository it
+stays a link.
 """
 
 from __future__ import annotations

@@ -1,0 +1,94 @@
+"""Tables of the reference, from the code: options of `new`, the configuration, and the limits of stage 6.
+
+`python -m benchmarks.reference_tables` writes them between two marks of each page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from benchmarks.configuration_table import configuration_table
+from pipeline.__main__ import command_line
+from pipeline.compose import compose
+from pipeline.metrics.limits import format_limit
+from pipeline.params.validation import Limit, ValidationParams
+from pipeline.store.files import write_atomically
+
+FOLDER = Path("docs/reference")
+BEGIN, END = "<!-- table -->", "<!-- end of the table -->"
+_KINDS = {"embedded": [], "own": ["+mine=own"], "heights": ["+mine=heights"]}  # of mine: what composes its limits
+_CLAUSE = "certificate."
+
+
+def options_table() -> str:
+    """Return the options of `python -m pipeline new` as its command line declares them."""
+    parser = _command("new")
+    rows = ["| option | meaning |", "|---|---|"]
+    for action in parser._actions:  # argparse has no public list of them
+        if action.option_strings and action.dest != "help":
+            value = (
+                "" if action.nargs == 0 else f" {action.metavar or '|'.join(action.choices or ()) or _value(action)}"
+            )
+            rows.append(f"| `{action.option_strings[0]}{value}`".replace("|", r"\|")[1:] + f" | {action.help or ''} |")
+    return "\n".join(rows)
+
+
+def _value(action: argparse.Action) -> str:
+    return action.option_strings[0].removeprefix("--").replace("-", "_").upper()
+
+
+def _command(name: str) -> argparse.ArgumentParser:
+    """Return the parser of a command of `python -m pipeline`."""
+    for action in command_line()._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return action.choices[name]
+    raise LookupError(f"python -m pipeline has no command {name}")
+
+
+def limits_table() -> str:
+    """Return each figure that has a limit, with its limit by kind of mine."""
+    limits = {kind: limits_of(compose(overrides).validation) for kind, overrides in _KINDS.items()}
+    names = sorted({name for kind in limits.values() for name in kind})
+    rows = [f"| figure | {' | '.join(limits)} |", "|---" * (1 + len(limits)) + "|"]
+    for name in names:
+        cells = (format_limit(kind[name]) if name in kind else "" for kind in limits.values())
+        rows.append(f"| `{name}` | {' | '.join(cells)} |")
+    return "\n".join(rows)
+
+
+def limits_of(params: ValidationParams) -> dict[str, Limit]:
+    """Return the limits of stage 6 by figure, those of the certificate's clauses among them."""
+    return {**params.limits, **{f"{_CLAUSE}{name}": limit for name, limit in params.certificate.limits.items()}}
+
+
+TABLES = {"formats.md": options_table, "configuration.md": configuration_table, "metrics.md": limits_table}
+
+
+def with_table(page: str, table: str) -> str:
+    """Return a page with another table between its marks.
+
+    Raises
+    ------
+    ValueError
+        If the page has no marks.
+    """
+    before, begin, rest = page.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise ValueError(f"a page needs the marks {BEGIN} and {END}")
+    return f"{before}{begin}\n\n{table}\n\n{end}{after}"
+
+
+def main() -> int:
+    """Write all tables."""
+    for name, table in TABLES.items():
+        path = FOLDER / name
+        write_atomically(path, with_table(path.read_text(), table()).encode())
+        print(f"{path} is written")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
