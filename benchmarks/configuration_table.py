@@ -7,7 +7,8 @@ else the comment beside the key in `conf/`.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+import textwrap
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,26 @@ from pipeline.metrics.limits import flatten
 from pipeline.params.config import Config
 
 _HELD_ELSEWHERE = ("validation.limits", "validation.certificate.limits")  # the page of metrics has them
+_WIDEST = 160  # characters of a line in Markdown
 _BOUNDS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
 _KEY = re.compile(r"^( *)([a-z_0-9]+):(.*)$")
 _PACKAGE = re.compile(r"# @package (\S+)")
+
+
+def markdown_table(titles: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    """Return a table whose lines are at most 160 characters: a last cell that is too long stands below the table."""
+    lines, notes = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"], []
+    for row in rows:
+        line = _line(row)
+        if len(line) > _WIDEST:
+            line = _line((*row[:-1], "see below"))
+            notes.append(textwrap.fill(f"- {row[0]}: {row[-1]}", 120, subsequent_indent="  "))
+        lines.append(line)
+    return "\n".join([*lines, "", *notes]).rstrip()
+
+
+def _line(cells: tuple[str, ...]) -> str:
+    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
 
 
 def configuration_table() -> str:
@@ -27,17 +45,14 @@ def configuration_table() -> str:
     defaults, comments = flatten(compose([]).model_dump(mode="json")), comments_of(CONF)
     texts = []
     for section, node in schema["properties"].items():
-        rows = [f"### `{section}`", "", "| key | values | default | meaning |", "|---|---|---|---|"]
-        seen: set[str] = set()
+        rows: dict[str, tuple[str, ...]] = {}
         for key, leaf in leaves(node, schema["$defs"], section):
-            if key in seen or key.startswith(_HELD_ELSEWHERE):
+            if key in rows or key.startswith(_HELD_ELSEWHERE):
                 continue
-            seen.add(key)
             meaning = leaf.get("description") or comments.get(key, "")
             default = _shown(defaults.get(key, leaf.get("default", "")))
-            cells = (f"`{key.removeprefix(section + '.')}`", values_of(leaf, schema["$defs"]), default, meaning)
-            rows.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
-        texts.append("\n".join(rows))
+            rows[key] = (f"`{key.removeprefix(section + '.')}`", values_of(leaf, schema["$defs"]), default, meaning)
+        texts.append(f"### `{section}`\n\n{markdown_table(('key', 'values', 'default', 'meaning'), rows.values())}")
     return "\n\n".join(texts)
 
 

@@ -9,7 +9,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from benchmarks.configuration_table import configuration_table
+from benchmarks.configuration_table import configuration_table, markdown_table
 from pipeline.__main__ import command_line
 from pipeline.compose import compose
 from pipeline.metrics.limits import format_limit
@@ -24,19 +24,17 @@ _CLAUSE = "certificate."
 
 def options_table() -> str:
     """Return the options of `python -m pipeline new` as its command line declares them."""
-    parser = _command("new")
-    rows = ["| option | meaning |", "|---|---|"]
-    for action in parser._actions:  # argparse has no public list of them
-        if action.option_strings and action.dest != "help":
-            value = (
-                "" if action.nargs == 0 else f" {action.metavar or '|'.join(action.choices or ()) or _value(action)}"
-            )
-            rows.append(f"| `{action.option_strings[0]}{value}`".replace("|", r"\|")[1:] + f" | {action.help or ''} |")
-    return "\n".join(rows)
+    actions = _command("new")._actions  # argparse has no public list of them
+    named = [action for action in actions if action.option_strings and action.dest != "help"]
+    rows = ((f"`{action.option_strings[0]} {_value(action)}`", action.help or "") for action in named)
+    return markdown_table(("option", "meaning"), rows)
 
 
 def _value(action: argparse.Action) -> str:
-    return action.option_strings[0].removeprefix("--").replace("-", "_").upper()
+    """Return how an option's value is written in the help."""
+    if action.choices:
+        return "|".join(action.choices)
+    return str(action.metavar or action.option_strings[0].removeprefix("--").replace("-", "_").upper())
 
 
 def _command(name: str) -> argparse.ArgumentParser:
@@ -51,11 +49,10 @@ def limits_table() -> str:
     """Return each figure that has a limit, with its limit by kind of mine."""
     limits = {kind: limits_of(compose(overrides).validation) for kind, overrides in _KINDS.items()}
     names = sorted({name for kind in limits.values() for name in kind})
-    rows = [f"| figure | {' | '.join(limits)} |", "|---" * (1 + len(limits)) + "|"]
-    for name in names:
-        cells = (format_limit(kind[name]) if name in kind else "" for kind in limits.values())
-        rows.append(f"| `{name}` | {' | '.join(cells)} |")
-    return "\n".join(rows)
+    rows = (
+        (f"`{name}`", *(format_limit(kind[name]) if name in kind else "" for kind in limits.values())) for name in names
+    )
+    return markdown_table(("figure", *limits), rows)
 
 
 def limits_of(params: ValidationParams) -> dict[str, Limit]:
