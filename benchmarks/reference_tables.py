@@ -1,4 +1,4 @@
-"""Tables of the reference, from the code: options of `new`, the configuration, and the limits of stage 6.
+"""Tables of the reference, from the code: options of `new`, configuration, limits of stage 6, defences.
 
 `python -m benchmarks.reference_tables` writes them between two marks of each page.
 """
@@ -10,13 +10,14 @@ import sys
 from pathlib import Path
 
 from benchmarks.configuration_table import configuration_table, markdown_table
+from benchmarks.defence_table import defence_table
 from pipeline.__main__ import command_line
 from pipeline.compose import compose
 from pipeline.metrics.limits import format_limit
 from pipeline.params.validation import Limit, ValidationParams
 from pipeline.store.files import write_atomically
 
-FOLDER = Path("docs/reference")
+FOLDER = Path("docs")
 BEGIN, END = "<!-- table -->", "<!-- end of the table -->"
 _KINDS = {"embedded": [], "own": ["+mine=own"], "heights": ["+mine=heights"]}  # of mine: what composes its limits
 _CLAUSE = "certificate."
@@ -60,7 +61,12 @@ def limits_of(params: ValidationParams) -> dict[str, Limit]:
     return {**params.limits, **{f"{_CLAUSE}{name}": limit for name, limit in params.certificate.limits.items()}}
 
 
-TABLES = {"formats.md": options_table, "configuration.md": configuration_table, "metrics.md": limits_table}
+TABLES = {
+    "reference/formats.md": options_table,
+    "reference/configuration.md": configuration_table,
+    "reference/metrics.md": limits_table,
+    "security.md": defence_table,
+}
 
 
 def with_table(page: str, table: str) -> str:

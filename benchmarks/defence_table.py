@@ -1,0 +1,77 @@
+"""The table of security: each threat, the one defence that decides, its code, and how many lines that has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.configuration_table import markdown_table
+
+
+@dataclass(frozen=True)
+class Defence:
+    """What decides against a threat.
+
+    Parameters
+    ----------
+    threat, decides : str
+    code : tuple of str
+        Files, and folders whose modules all belong to it, relative to the project.
+    """
+
+    threat: str
+    decides: str
+    code: tuple[str, ...]
+
+
+DEFENCES = (
+    Defence(
+        "a survey hangs the command or fills memory or disk",
+        "the reading process with its limits",
+        ("pipeline/survey/child.py", "pipeline/survey/child_limits.py"),
+    ),
+    Defence(
+        "a survey adds text to the configuration or the terminal",
+        "plain texts and numbers, read without evaluation",
+        ("pipeline/survey/plain_file.py", "pipeline/survey/plain_number.py", "pipeline/params/plain_yaml.py"),
+    ),
+    Defence("a bundle holds what no builder writes", "the table of bundles", ("minexplore/schema",)),
+    Defence(
+        "a bundle's model differs from its record",
+        "the model that the builder makes again",
+        ("pipeline/proof/built.py", "pipeline/proof/same_model.py", "pipeline/proof/remake.py"),
+    ),
+    Defence(
+        "rock stands in a drift, or a wall leaks",
+        "the certificate",
+        ("pipeline/proof/certificate.py", "pipeline/proof/visible.py", "pipeline/proof/stress_test.py"),
+    ),
+    Defence(
+        "a results file states what was not driven",
+        "driving again",
+        ("baselines/rerun.py", "baselines/driven.py"),
+    ),
+    Defence(
+        "a policy's code reaches the machine",
+        "the sandbox of bubblewrap with its filter",
+        (
+            "baselines/confined.py",
+            "baselines/sandbox.py",
+            "baselines/policy_process.py",
+            "baselines/syscall_filter.py",
+            "baselines/channel.py",
+        ),
+    ),
+)
+
+
+def lines_of(paths: tuple[str, ...]) -> int:
+    """Return how many lines these files and folders of modules have."""
+    files = [file for path in map(Path, paths) for file in (sorted(path.glob("**/*.py")) if path.is_dir() else [path])]
+    return sum(len(file.read_text().splitlines()) for file in files)
+
+
+def defence_table() -> str:
+    """Return the table of `docs/security.md`."""
+    rows = ((d.threat, d.decides, str(lines_of(d.code)), ", ".join(f"`{path}`" for path in d.code)) for d in DEFENCES)
+    return markdown_table(("threat", "the defence that decides", "lines", "code"), rows)
