@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,8 +33,8 @@ DEFENCES = (
     ),
     Defence(
         "a survey adds text to the configuration or the terminal",
-        "plain texts and numbers, read without evaluation",
-        ("pipeline/survey/plain_file.py", "pipeline/survey/plain_number.py", "pipeline/params/plain_yaml.py"),
+        "plain texts: no evaluation, no control characters",
+        ("pipeline/survey/plain_file.py", "pipeline/survey/plain_number.py"),
     ),
     Defence("a bundle holds what no builder writes", "the table of bundles", ("minexplore/schema",)),
     Defence(
@@ -53,7 +54,7 @@ DEFENCES = (
     ),
     Defence(
         "a policy's code reaches the machine",
-        "the sandbox of bubblewrap with its filter",
+        "the sandbox with its filter",
         (
             "baselines/confined.py",
             "baselines/sandbox.py",
@@ -73,5 +74,12 @@ def lines_of(paths: tuple[str, ...]) -> int:
 
 def defence_table() -> str:
     """Return the table of `docs/security.md`."""
-    rows = ((d.threat, d.decides, str(lines_of(d.code)), ", ".join(f"`{path}`" for path in d.code)) for d in DEFENCES)
+    rows = ((d.threat, d.decides, str(lines_of(d.code)), _named(d.code)) for d in DEFENCES)
     return markdown_table(("threat", "the defence that decides", "lines", "code"), rows)
+
+
+def _named(paths: tuple[str, ...]) -> str:
+    """Return files by their names below the folder that holds them all."""
+    folder = Path(os.path.commonpath([Path(path).parent if path.endswith(".py") else path for path in paths]))
+    names = [Path(path).relative_to(folder).with_suffix("").as_posix() for path in paths if path != folder.as_posix()]
+    return f"`{folder}/`" + (f": {', '.join(names)}" if names else "")

@@ -21,6 +21,6 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 
 
 def part(path: Path) -> str:
-    """Return a part as it stands on the page one folder above: links go from there, headings are one level lower."""
-    text = _HEADING.sub("##", path.read_text())
-    return text.replace("](../", "](")
+    """Return a part as it stands on the page one folder above: without its title, with links from there."""
+    _, _, text = path.read_text().partition("\n")
+    return _HEADING.sub("##", text).replace("](../", "](").strip()
