@@ -100,9 +100,9 @@ def page(rows: list[dict], correction: Correction) -> str:
         "",
         f"At the same place the median error falls to at most half in {halved[0]} of {len(rows)} sweeps;",
         f"where the plan as drawn may place the sweep anew, in {halved[1]} of {len(rows)}. A surveyed sweep has a",
-        "known place, so the error at the same place is that of the walls, and the one to judge by. A sweep that may move in",
-        "a plan whose drifts are 2 m too wide goes to one wall: its median error is then small, and says nothing about",
-        "the other.",
+        "known place, so the error at the same place is that of the walls, and the one to judge by. A sweep that may",
+        "move in a plan whose drifts are 2 m too wide goes to one wall: its median error is then small, and says",
+        "nothing about the other.",
         "",
         "![Walls as drawn and corrected, with the returns of each sweep](../../corrected.jpg)",
     ]

@@ -101,8 +101,9 @@ def main() -> int:
             lowest = min(lowest, ratio)
     head = (
         f"# Environment speed with heights\n\nWritten by `make bench-heights` on {os.cpu_count()} cores, one thread: "
-        f"control steps a second\nin mines with heights, and in level mines without tilt of the same plan, of which "
-        f"the largest sheet is kept.\nBoth take turns; medians of {arguments.runs} runs, and of the ratios run by run.\n\n"
+        "control steps a second\nin mines with heights, and in level mines without tilt of the same plan, "
+        "of which the largest sheet is kept.\n"
+        f"Both take turns; medians of {arguments.runs} runs, and of the ratios run by run.\n\n"
     )
     text = "\n".join(lines) + "\n"
     write_atomically(TABLE, (head + text).encode())
