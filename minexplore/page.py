@@ -60,8 +60,8 @@ Each robot draws from a generator of its own, `gymnasium.utils.seeding.np_random
 _FAMILY = """## Unseen mines
 
 `MineXplore/Family-v0` draws a mine at every reset, by the episode's seed, from a split of the
-[generated family](../how-to/families.md). The mines must be built: `make worlds N=1000` makes those of `train`.
-They are light worlds without visible rock, so beams end on the collision walls.
+[generated family](../how-to/families.md). The mines must be built: `python -m pipeline worlds --light --split train`
+makes those of `train`. They are light worlds without visible rock, so beams end on the collision walls.
 
 ```python
 env = gymnasium.make("MineXplore/Family-v0", split="test")
@@ -82,7 +82,7 @@ Training refuses the mines of `validation` and `test`, and variants of the embed
 
 _WARP = """## Many robots on a GPU
 
-`make setup-gpu` installs MuJoCo Warp and torch. The same task then runs on a CUDA device, all robots at once:
+`sh requirements/setup.sh gpu` installs MuJoCo Warp and torch. The same task then runs on a CUDA device, all robots at once:
 
 ```text
 env = gymnasium.make_vec("MineXplore/ChileanMine-v0", num_envs=65536, vectorization_mode="vector_entry_point",
