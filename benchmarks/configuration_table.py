@@ -47,11 +47,14 @@ def configuration_table() -> str:
     for section, node in schema["properties"].items():
         rows: dict[str, tuple[str, ...]] = {}
         for key, leaf in leaves(node, schema["$defs"], section):
-            if key in rows or key.startswith(_HELD_ELSEWHERE):
+            if key.startswith(_HELD_ELSEWHERE):
                 continue
+            values, default = values_of(leaf, schema["$defs"]), _shown(defaults.get(key, leaf.get("default", "")))
             meaning = leaf.get("description") or comments.get(key, "")
-            default = _shown(defaults.get(key, leaf.get("default", "")))
-            rows[key] = (f"`{key.removeprefix(section + '.')}`", values_of(leaf, schema["$defs"]), default, meaning)
+            if key in rows:  # of another kind of survey
+                _, others, default, known = rows[key]
+                values, meaning = (others if values in others else f"{others}, {values}"), known or meaning
+            rows[key] = (f"`{key.removeprefix(section + '.')}`", values, default, meaning)
         texts.append(f"### `{section}`\n\n{markdown_table(('key', 'values', 'default', 'meaning'), rows.values())}")
     return "\n\n".join(texts)
 

@@ -82,7 +82,8 @@ Training refuses the mines of `validation` and `test`, and variants of the embed
 
 _WARP = """## Many robots on a GPU
 
-`sh requirements/setup.sh gpu` installs MuJoCo Warp and torch. The same task then runs on a CUDA device, all robots at once:
+`sh requirements/setup.sh gpu` installs MuJoCo Warp and torch. The same task then runs on a CUDA device, all robots at
+once:
 
 ```text
 env = gymnasium.make_vec("MineXplore/ChileanMine-v0", num_envs=65536, vectorization_mode="vector_entry_point",

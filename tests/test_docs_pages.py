@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from benchmarks.include_parts import on_page_markdown
-from benchmarks.reference_tables import BEGIN, END, TABLES, with_table
+from benchmarks.reference_tables import BEGIN, END, TABLES, options_table, with_table
 from tests.project import ROOT
 
 DOCS = ROOT / "docs"
@@ -98,6 +98,15 @@ def test_code_and_configuration_name_only_pages_that_exist():
 def test_a_table_of_the_reference_is_that_of_the_code(name):
     page = (DOCS / name).read_text()
     assert page == with_table(page, TABLES[name]()), "run `python -m benchmarks.reference_tables`"
+
+
+@pytest.mark.parametrize(
+    "name", ["how-to/drawings.md", "how-to/heights.md", "reference/formats.md", "reference/heights.md"]
+)
+def test_every_option_that_a_page_on_surveys_names_is_one_of_new(name):
+    named = set(re.findall(r"`(--[a-z-]+)", (DOCS / name).read_text()))
+    assert named
+    assert sorted(named - set(re.findall(r"--[a-z-]+", options_table()))) == []
 
 
 def test_a_page_without_marks_has_no_place_for_a_table():
