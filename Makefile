@@ -80,16 +80,16 @@ parity: all  ## cast the same rays by every backend
 	@$(PY) -m pipeline parity --bundle artifacts/realism/world --out artifacts/proof/parity.json
 
 parity-gpu: setup-gpu  ## the environment on a GPU beside that on the CPU (ARGS="--device cpu --robots 64" without one)
-	@$(PY) -m benchmarks.gpu_parity $(ARGS)
+	@$(PY) -m benchmarks.speed.gpu_parity $(ARGS)
 
 replay: all  ## replay the sweeps below data/raw in the world
 	@$(PY) -m pipeline replay --bundle artifacts/realism/world --sweeps data/raw --poses data/raw/scan_poses.csv --out artifacts/proof
 
 leave-out-sweeps: setup  ## correct the published plan by all sweeps but one, measure that one
-	@$(PY) -m benchmarks.leave_out_sweeps
+	@$(PY) -m benchmarks.comparisons.leave_out_sweeps
 
 drawn-sheets: setup  ## find the workings on 1,400 drawing sheets: right, asked, wrong
-	@$(PY) -m benchmarks.drawn_sheets
+	@$(PY) -m benchmarks.pictures.drawn_sheets
 
 holdout: setup  ## build rock from half of the sweeps, score it on the other half
 	@$(PY) -m pipeline validate --holdout --out artifacts/proof/holdout.json
@@ -98,7 +98,7 @@ fuzz: setup  ## give every reader 500 broken and hostile files
 	@$(PY) -m benchmarks.fuzz
 
 random-mines: setup  ## build two hundred generated mines: do all hold?
-	@$(PY) -m benchmarks.random_mines
+	@$(PY) -m benchmarks.worlds.random_mines
 
 evidence: all  ## write docs/evidence-figures.md from the targets above
 	@$(PY) -m benchmarks.evidence
@@ -107,61 +107,61 @@ evidence: all  ## write docs/evidence-figures.md from the targets above
 ##@ Comparisons and timings
 
 compare-paper: setup  ## the paper's choices beside the default
-	@$(PY) -m benchmarks.compare_paper
+	@$(PY) -m benchmarks.comparisons.compare_paper
 
 compare-rock: all  ## kinds of rock beside flat walls and white noise
-	@$(PY) -m benchmarks.compare_rock
+	@$(PY) -m benchmarks.comparisons.compare_rock
 
 rock-directions: setup  ## the default rock in drifts of other directions and widths (docs/rock-directions.md)
-	@$(PY) -m benchmarks.rock_directions
+	@$(PY) -m benchmarks.comparisons.rock_directions
 
 look-pictures: all  ## looks and fittings from inside a drift, and what they cost (docs/look.md)
-	@$(PY) -m benchmarks.look_pictures
+	@$(PY) -m benchmarks.pictures.look_pictures
 
 random-levels: setup  ## build two hundred random mines with heights: do all hold? (ARGS="--count 20")
-	@$(PY) -m benchmarks.random_levels $(ARGS)
+	@$(PY) -m benchmarks.worlds.random_levels $(ARGS)
 
 level-pictures: setup  ## mines with heights in plan and in space (docs/levels.png)
-	@$(PY) -m benchmarks.level_pictures
+	@$(PY) -m benchmarks.pictures.level_pictures
 
 decline-pictures: setup  ## views inside mines with heights, with their rock (docs/decline.jpg)
-	@$(PY) -m benchmarks.decline_pictures
+	@$(PY) -m benchmarks.pictures.decline_pictures
 
 case-pictures: setup  ## mines that must come out whole: docs/cases.md, .png and .jpg (ARGS="--keep FOLDER")
-	@$(PY) -m benchmarks.case_pictures $(ARGS)
+	@$(PY) -m benchmarks.pictures.case_pictures $(ARGS)
 
 drive-clip: all  ## ten seconds behind a robot, for the README (docs/drive.gif)
-	@$(PY) -m benchmarks.drive_clip
+	@$(PY) -m benchmarks.pictures.drive_clip
 
 compare-collision: setup  ## exact prisms, CoACD and V-HACD on the same plan
-	@$(PY) -m benchmarks.compare_collision
+	@$(PY) -m benchmarks.comparisons.compare_collision
 
 search-texture: setup  # search the noise for the texture scores
-	@$(PY) -m benchmarks.search_texture
+	@$(PY) -m benchmarks.comparisons.search_texture
 
 bench: setup  ## time the environment against its references
-	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.time_env
+	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.speed.time_env
 
 bench-heights: setup  ## time mines with heights against level ones (docs/levels-speed.md)
-	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.time_heights $(ARGS)
+	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.speed.time_heights $(ARGS)
 
 bench-gpu: setup-gpu  ## time the environment on a GPU (docs/env-speed-gpu.md); exit code 3 without one
-	@$(PY) -m benchmarks.time_gpu $(ARGS)
+	@$(PY) -m benchmarks.speed.time_gpu $(ARGS)
 
 bench-light: setup  ## time and size of light worlds by kilometre of drift
-	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.light_worlds
+	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.speed.light_worlds
 
 bench-growth: setup  ## time, memory and environment of mines of 1 to 100 km: ARGS="--km 1 3 10"
-	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.growth $(ARGS)
+	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.speed.growth $(ARGS)
 
 bench-deep: setup  ## time and memory of mines of many levels, 1 km deep: ARGS="--km 40 80 --levels 20"
-	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.time_deep $(ARGS)
+	@OMP_NUM_THREADS=1 $(PY) -m benchmarks.speed.time_deep $(ARGS)
 
 bench-pipeline: setup  # time the pipeline and each stage
-	@$(PY) -m benchmarks.time_pipeline
+	@$(PY) -m benchmarks.speed.time_pipeline
 
 time-training: setup-baselines  # environment steps/s while PPO learns
-	@$(PY) -m benchmarks.time_training $(ARGS)
+	@$(PY) -m benchmarks.speed.time_training $(ARGS)
 
 
 ##@ Baselines
@@ -182,7 +182,7 @@ unseen: setup  ## bounds and classical explorers in the 200 mines of the test sp
 	@$(PY) -m baselines.split --bounds --policy wall-following nearest-frontier information-gain frontier-tour depth-first two-level $(ARGS)
 
 published-plan: setup  ## policies in the world of the published plan, after `make data` (docs/published-plan.md); resumes
-	@$(PY) -m benchmarks.published_plan $(ARGS)
+	@$(PY) -m benchmarks.comparisons.published_plan $(ARGS)
 
 worst-mines: setup  ## where a learned explorer loses: ARGS="--policy graph-cool-42 --beside information-gain"
 	@$(PY) -m baselines.worst_mines $(ARGS)
@@ -197,22 +197,22 @@ train-gpu: setup-gpu  ## train PPO on a GPU: SEED=42 ARGS="device=cuda:0 env=ent
 	@$(PY) -m baselines.ppo.train_gpu seed=$(SEED) $(ARGS)
 
 train-graph: setup-baselines  ## train the graph explorer in light mines (make worlds N=96 first); run again to resume
-	@OMP_NUM_THREADS=1 $(PY) -m baselines.graph.train seed=$(SEED) $(ARGS)
+	@OMP_NUM_THREADS=1 $(PY) -m baselines.graph.training.train seed=$(SEED) $(ARGS)
 
 compare-graph: setup  ## the graph explorer's map simulator beside the environment (docs/graph-simulator.md)
-	@OMP_NUM_THREADS=1 $(PY) -m baselines.graph.compare $(ARGS)
+	@OMP_NUM_THREADS=1 $(PY) -m baselines.graph.training.compare $(ARGS)
 
 train-all: setup-baselines  # train with the paper's five seeds
 	@for seed in 42 142 242 342 442; do $(PY) -m baselines.ppo.train seed=$$seed $(ARGS) || exit $$?; done
 
 curves: setup  # draw the training runs (docs/training.md, docs/graph-training.md)
-	@$(PY) -m baselines.ppo.curves && $(PY) -m baselines.graph.curves
+	@$(PY) -m baselines.ppo.curves && $(PY) -m baselines.graph.training.curves
 
 renew-benchmark: all  ## measure all that depends on the world again: oracle, policies, leaderboard; resumes
 	@$(PY) -m baselines.oracle && $(PY) -m baselines.evaluate --all && $(PY) -m baselines.leaderboard
 
 rerun: all  ## drive the kept results again from their policies; LEADERBOARD.md then shows it
-	@for file in $$($(PY) -m baselines.rerun); do $(PY) -m baselines.score $$file --rerun all || exit $$?; done
+	@for file in $$($(PY) -m baselines.scoring.rerun); do $(PY) -m baselines.score $$file --rerun all || exit $$?; done
 	@$(PY) -m baselines.leaderboard
 
 leaderboard: all  ## score all results files, write LEADERBOARD.md
@@ -228,17 +228,17 @@ test-slow: setup  ## run the slow tests
 	@$(PY) -m pytest -m slow tests
 
 test-train: setup-baselines  # run the tests of training
-	@$(PY) -m pytest tests/baselines/test_ppo.py tests/baselines/test_graph.py
+	@$(PY) -m pytest tests/baselines/ppo/test_ppo.py tests/baselines/graph/test_graph.py
 
 test-gpu: setup-gpu  # run the tests of the environment on Warp, by Warp's CPU device where there is no GPU
-	@$(PY) -m pytest tests/minexplore/test_warp.py tests/baselines/test_ppo_on_warp.py
+	@$(PY) -m pytest tests/minexplore/warp/test_warp.py tests/baselines/ppo/test_ppo_on_warp.py
 
 docs: setup  ## build the documentation into artifacts/site
-	@$(PY) -m benchmarks.draw_styles
+	@$(PY) -m benchmarks.pictures.draw_styles
 	@mkdocs build -q
 
 look: all  # open the report in headless Chromium and measure it
-	@$(PY) -m benchmarks.look_at_report
+	@$(PY) -m benchmarks.pictures.look_at_report
 
 env-page: setup  # write docs/reference/environment.md from the environment
 	@$(PY) -m minexplore page > docs/.environment.new && mv docs/.environment.new docs/reference/environment.md

@@ -8,16 +8,10 @@ import sys
 from pathlib import Path
 
 import minexplore
-from baselines.bounds import bound_of
-from baselines.driven import note_driven
-from baselines.environments import BENCHMARK, find_id, make_env
-from baselines.errors import BaselineError, run_command
-from baselines.explorers import EXPLORERS
-from baselines.parallel import drive
-from baselines.policy import RESERVED, make_policy, policy_label, trained_in
-from baselines.progress import Progress
-from baselines.protocol import SEEDS, head_of
-from baselines.result_file import (
+from baselines.base.environments import BENCHMARK, find_id, make_env
+from baselines.base.errors import BaselineError, run_command
+from baselines.base.progress import Progress
+from baselines.base.result_file import (
     CHECKPOINTS,
     MOST_EPISODES,
     RESULTS,
@@ -27,8 +21,14 @@ from baselines.result_file import (
     result_path,
     write_results,
 )
-from baselines.statistics import as_text, figures
-from minexplore.vector import MineVectorEnv
+from baselines.base.statistics import as_text, figures
+from baselines.explorers import EXPLORERS
+from baselines.policies.found import RESERVED, make_policy, policy_label, trained_in
+from baselines.running.parallel import drive
+from baselines.running.protocol import SEEDS, head_of
+from baselines.scoring.bounds import bound_of
+from baselines.scoring.verified_runs import note_driven
+from minexplore.envs.vector import MineVectorEnv
 
 UNVERIFIED = "unverified: these are the file's own figures; `--rerun all` drives its episodes and verifies them"
 

@@ -6,15 +6,15 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from baselines.bounds import Bound, bound_of, read_bounds
-from baselines.driven import was_driven_here
-from baselines.environments import BENCHMARK
-from baselines.errors import BaselineError, RejectedError, run_command
-from baselines.policy import RESERVED
-from baselines.result_file import RESULTS, read_results, result_path
+from baselines.base.environments import BENCHMARK
+from baselines.base.errors import BaselineError, RejectedError, run_command
+from baselines.base.result_file import RESULTS, read_results, result_path
+from baselines.base.statistics import Figure, as_text, figures
+from baselines.pages.split_page import UNVERIFIED_HEADING, split_section
+from baselines.policies.found import RESERVED
 from baselines.score import check, require_name
-from baselines.split_page import UNVERIFIED_HEADING, split_section
-from baselines.statistics import Figure, as_text, figures
+from baselines.scoring.bounds import Bound, bound_of, read_bounds
+from baselines.scoring.verified_runs import was_driven_here
 
 PAGE = Path("LEADERBOARD.md")
 _PROFILES = Path("docs/unseen-profiles.png")

@@ -6,18 +6,18 @@ import argparse
 import sys
 from pathlib import Path
 
-from baselines import result_file
-from baselines.bounds import bound_of
-from baselines.checks import episode_faults, facts_of, head_faults, name_faults
-from baselines.driven import note_driven
-from baselines.errors import BaselineError, RejectedError, run_command
+from baselines.base import result_file
+from baselines.base.errors import BaselineError, RejectedError, run_command
+from baselines.base.result_file import Episode, Head, read_results
+from baselines.base.statistics import as_text, estimate
 from baselines.evaluate import UNVERIFIED, print_table
-from baselines.protocol import name_episode
-from baselines.rerun import Rerun, drive_again
-from baselines.result_file import Episode, Head, read_results
-from baselines.sandbox import Limits
-from baselines.split_file import Drive, is_of_split, read_drives, read_parts, require_one_policy, split_of
-from baselines.statistics import as_text, estimate
+from baselines.running.protocol import name_episode
+from baselines.sandbox.bubblewrap import Limits
+from baselines.scoring.bounds import bound_of
+from baselines.scoring.checks import episode_faults, facts_of, head_faults, name_faults
+from baselines.scoring.rerun import Rerun, drive_again
+from baselines.scoring.split_file import Drive, is_of_split, read_drives, read_parts, require_one_policy, split_of
+from baselines.scoring.verified_runs import note_driven
 from minexplore.splits import SIZES
 
 _ALL = max(SIZES.values())  # episodes of a file at most: one in each mine of a split

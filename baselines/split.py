@@ -8,19 +8,19 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from baselines.bounds import Bound, bounds_file, read_bounds, write_bound
-from baselines.driven import note_driven, was_driven_here
-from baselines.environments import built_ids, make_env, world_of
-from baselines.errors import BaselineError, run_command
+from baselines.base.environments import built_ids, make_env, world_of
+from baselines.base.errors import BaselineError, run_command
+from baselines.base.progress import Progress
+from baselines.base.result_file import RESULTS, Head
 from baselines.evaluate import is_same
 from baselines.oracle.bound import best_walk
 from baselines.oracle.network import time_network
-from baselines.parallel import in_processes
-from baselines.policy import make_policy, policy_label
-from baselines.progress import Progress
-from baselines.protocol import SPLIT_SEEDS, head_of, run_episodes
-from baselines.result_file import RESULTS, Head
-from baselines.split_file import Drive, read_drives, split_folder, write_drives
+from baselines.policies.found import make_policy, policy_label
+from baselines.running.parallel import in_processes
+from baselines.running.protocol import SPLIT_SEEDS, head_of, run_episodes
+from baselines.scoring.bounds import Bound, bounds_file, read_bounds, write_bound
+from baselines.scoring.split_file import Drive, read_drives, split_folder, write_drives
+from baselines.scoring.verified_runs import note_driven, was_driven_here
 from minexplore.splits import SIZES
 
 _BANDS, _LIMIT_S = 100, 20.0  # of a bound: bands of the horizon, and seconds of the solver

@@ -15,17 +15,17 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from baselines.beams import beam_ranges
-from baselines.environments import BENCHMARK, built_ids, find_id, make_env, world_of
-from baselines.errors import BaselineError, run_command
+from baselines.base.beams import beam_ranges
+from baselines.base.environments import BENCHMARK, built_ids, find_id, make_env, world_of
+from baselines.base.errors import BaselineError, run_command
+from baselines.base.progress import Progress
+from baselines.base.statistics import Figure, estimate
 from baselines.explorers.team import AssignedFrontiers
 from baselines.oracle.reach import cells_within_reach, least_time_s
-from baselines.parallel import in_processes
-from baselines.policy import source_files
-from baselines.progress import Progress
-from baselines.split_statistics import middle, stratified
-from baselines.statistics import Figure, estimate
-from minexplore.multi_agent import MineParallelEnv
+from baselines.policies.found import source_files
+from baselines.running.parallel import in_processes
+from baselines.scoring.split_statistics import middle, stratified
+from minexplore.envs.multi_agent import MineParallelEnv
 from minexplore.splits import SIZES, STYLES
 
 KEPT = Path("baselines/results/team.jsonl")

@@ -14,10 +14,10 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from baselines.environments import make_env
-from baselines.errors import BaselineError, run_command
-from baselines.split_file import Drive, read_drives, split_folder
-from baselines.statistics import sample_times
+from baselines.base.environments import make_env
+from baselines.base.errors import BaselineError, run_command
+from baselines.base.statistics import sample_times
+from baselines.scoring.split_file import Drive, read_drives, split_folder
 from minexplore.splits import STYLES
 
 matplotlib.use("Agg")

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from baselines.errors import BaselineError
+from baselines.base.errors import BaselineError
+from baselines.base.result_file import RESULTS, read_results
+from baselines.base.statistics import figures
 from baselines.ppo.curves import read_runs
-from baselines.result_file import RESULTS, read_results
-from baselines.statistics import figures
-from minexplore.reward import CAP
+from minexplore.envs.reward import CAP
 from pipeline.errors import ArtifactError, MineError
-from pipeline.metrics.published import PAPER
-from pipeline.metrics.texture import AXIS_TITLES
+from pipeline.metrics.rock.published import PAPER
+from pipeline.metrics.rock.texture import AXIS_TITLES
 from pipeline.report.results import read_metrics
 from pipeline.store.files import write_atomically
 

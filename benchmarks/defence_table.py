@@ -29,39 +29,33 @@ DEFENCES = (
     Defence(
         "a survey hangs the command or fills memory or disk",
         "the reading process with its limits",
-        ("pipeline/survey/child.py", "pipeline/survey/child_limits.py"),
+        ("pipeline/guard/reading_process.py", "pipeline/guard/process_limits.py"),
     ),
     Defence(
         "a survey adds text to the configuration or the terminal",
         "plain texts, never evaluated",
-        ("pipeline/survey/plain_file.py", "pipeline/survey/plain_number.py"),
+        ("pipeline/guard/plain_file.py", "pipeline/guard/plain_number.py"),
     ),
     Defence("a bundle holds what no builder writes", "the table of bundles", ("minexplore/schema",)),
     Defence(
         "a bundle's model differs from its record",
         "the model that the builder makes again",
-        ("pipeline/proof/built.py", "pipeline/proof/same_model.py", "pipeline/proof/remake.py"),
+        ("pipeline/proof/rebuilt/built.py", "pipeline/proof/rebuilt/same_model.py", "pipeline/proof/rebuilt/remake.py"),
     ),
     Defence(
         "rock stands in a drift, or a wall leaks",
         "the certificate",
-        ("pipeline/proof/certificate.py", "pipeline/proof/visible.py", "pipeline/proof/stress_test.py"),
+        ("pipeline/proof/certificate.py", "pipeline/proof/rebuilt/visible.py", "pipeline/proof/stress_test.py"),
     ),
     Defence(
         "a results file states what was not driven",
         "driving again",
-        ("baselines/rerun.py", "baselines/driven.py"),
+        ("baselines/scoring/rerun.py", "baselines/scoring/verified_runs.py"),
     ),
     Defence(
         "a policy's code reaches the machine",
         "the sandbox with its filter",
-        (
-            "baselines/confined.py",
-            "baselines/sandbox.py",
-            "baselines/policy_process.py",
-            "baselines/syscall_filter.py",
-            "baselines/channel.py",
-        ),
+        ("baselines/sandbox",),
     ),
 )
 

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks.compare_paper import run_pipeline
+from benchmarks.comparisons.compare_paper import run_pipeline
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError, MineError
 from pipeline.report.results import shrink_picture

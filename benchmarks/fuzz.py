@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from benchmarks.fuzz_hostile import HOSTILE
-from benchmarks.fuzz_samples import SAMPLES, Files
+from benchmarks.fuzzing.hostile import HOSTILE
+from benchmarks.fuzzing.samples import SAMPLES, Files
 from pipeline.errors import MineError, UnexpectedError
 from pipeline.store.files import write_atomically
 
@@ -40,7 +40,7 @@ _HEAD = """# Fuzzing
 
 Every reader is given broken and hostile files. Written by `make fuzz`. A case passes if it ends with a result or a
 message of one line, leaves no file behind, and stays within 4 GB and a time: 60 s for the hostile files of
-`benchmarks/fuzz_hostile.py`, 10 s for broken copies of a valid file. Other cases fail. The last column names the
+`benchmarks/fuzzing/hostile.py`, 10 s for broken copies of a valid file. Other cases fail. The last column names the
 slowest case.
 
 """
@@ -132,7 +132,7 @@ def _stop(*_: object) -> None:
 
 def _child(reader: str, first: int, count: int) -> None:
     """Run a reader's cases from `first` on and print the verdict, time and peak memory of each."""
-    from benchmarks.fuzz_readers import READERS, registry_beside
+    from benchmarks.fuzzing.readers import READERS, registry_beside
 
     out = os.fdopen(os.dup(1), "w")
     with Path(os.devnull).open("w") as quiet:

@@ -16,12 +16,12 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from benchmarks.fault_injection import edit_model, seal
-from benchmarks.faults import Mutant, faults
-from benchmarks.random_mutants import CRASHED, MISSED, judge_many, prove, summarise
+from benchmarks.faults.injection import edit_model, seal
+from benchmarks.faults.listed import Mutant, faults
+from benchmarks.faults.random_mutants import CRASHED, MISSED, judge_many, prove, summarise
 from pipeline.errors import MineError
 from pipeline.metrics.limits import breaches
-from pipeline.params.composed import composed_section
+from pipeline.params.reading.composed import composed_section
 from pipeline.params.validation import CertificateParams, Limit, ValidationParams
 from pipeline.proof.validator import Validator
 from pipeline.store.codecs import decode

@@ -11,7 +11,7 @@ from minexplore.bundle import RECORD
 __version__ = "0.2.0"
 
 FAMILY = "MineXplore/Family-v0"
-_ENV, _VECTOR = "minexplore.env:MineEnv", "minexplore.backends:make_vector_env"
+_ENV, _VECTOR = "minexplore.envs.env:MineEnv", "minexplore.backends:make_vector_env"
 
 # Built-in ids, with what each changes in the task. Two cores train on the entrance's short horizon within an hour.
 WORLDS: dict[str, dict[str, Any]] = {
@@ -50,7 +50,7 @@ for _id, _kwargs in {**environments(), **FAMILY_MINES}.items():
     register(_id, _ENV, vector_entry_point=_VECTOR, kwargs=_kwargs, order_enforce=True)
 register(
     FAMILY,
-    "minexplore.family:FamilyEnv",
-    vector_entry_point="minexplore.family:FamilyVectorEnv",
+    "minexplore.envs.family:FamilyEnv",
+    vector_entry_point="minexplore.envs.family:FamilyVectorEnv",
     order_enforce=True,
 )

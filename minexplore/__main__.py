@@ -13,10 +13,10 @@ import numpy as np
 
 from minexplore import environments
 from minexplore.bundle import BundleError
-from minexplore.env import MineEnv
-from minexplore.observation import COMMANDS
-from minexplore.opengl import DisplayError
+from minexplore.envs.env import MineEnv
 from minexplore.page import page
+from minexplore.pictures.opengl import DisplayError
+from minexplore.sensing.observation import COMMANDS
 from minexplore.world import find_world, load_world
 
 _KEYS = {265: (0.2, 0.0), 264: (-0.2, 0.0), 263: (0.0, 0.25), 262: (0.0, -0.25)}  # GLFW's arrow keys

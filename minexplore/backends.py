@@ -6,7 +6,7 @@ from typing import Any
 
 from gymnasium.vector import VectorEnv
 
-from minexplore.vector import MineVectorEnv
+from minexplore.envs.vector import MineVectorEnv
 
 
 def make_vector_env(num_envs: int = 1, backend: str = "mujoco", **kwargs: Any) -> VectorEnv:

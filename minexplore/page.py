@@ -8,9 +8,9 @@ from typing import Any
 import mujoco
 
 from minexplore import WORLDS
-from minexplore.env import MineEnv
-from minexplore.local_models import physics_spec
-from minexplore.robot import FLOOR_BIT, ROCK_BIT, RobotParams, attach_robot
+from minexplore.envs.env import MineEnv
+from minexplore.physics.local_models import physics_spec
+from minexplore.physics.robot import FLOOR_BIT, ROCK_BIT, RobotParams, attach_robot
 from minexplore.task import TaskParams
 
 _ROBOT = "robot"

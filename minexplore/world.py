@@ -15,9 +15,9 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import MODEL, RECORD, BundleError, line_of
-from minexplore.floor import Floor
-from minexplore.floor_zones import FloorZone, read_zones
-from minexplore.open_shafts import OpenShafts
+from minexplore.floors.floor import Floor
+from minexplore.floors.floor_zones import FloorZone, read_zones
+from minexplore.floors.open_shafts import OpenShafts
 from minexplore.schema import CheckedWorld, check_files, hash_files, read_folder
 
 DEFAULT_WORLD = "chilean_mine"

@@ -15,12 +15,12 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from pydantic import ValidationError
 
-from minexplore.robot import RobotParams
+from minexplore.physics.robot import RobotParams
 from pipeline.errors import ParamsError, run_command
-from pipeline.params.composed import COMPOSED, ROOT_PARAMS, root_overrides
 from pipeline.params.config import Config
-from pipeline.params.plain_yaml import require_plain_yaml
-from pipeline.params.refusals import describe_refusals
+from pipeline.params.reading.composed import COMPOSED, ROOT_PARAMS, root_overrides
+from pipeline.params.reading.plain_yaml import require_plain_yaml
+from pipeline.params.reading.refusals import describe_refusals
 from pipeline.store.files import write_atomically
 
 CONF = Path("conf")

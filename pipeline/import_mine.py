@@ -15,16 +15,16 @@ from pydantic import TypeAdapter, ValidationError
 from minexplore import is_built_in
 from pipeline.compose import CONF, WRITTEN_BY_NEW
 from pipeline.errors import ArtifactError, InputError, MineError, ParamsError
+from pipeline.guard.plain_file import require_plain_file
+from pipeline.guard.reading_process import one_line
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.survey import SurveyParams
 from pipeline.store.files import missing_folders, take_back, write_atomically
 from pipeline.store.hashing import absence_of
 from pipeline.store.registry import OWN_REGISTRY, read_registry, register, unregister
-from pipeline.survey.child import one_line
 from pipeline.survey.detect import Detection, detect_survey
-from pipeline.survey.plain_file import require_plain_file
+from pipeline.survey.drawing.workings import WIDTHS_M
 from pipeline.survey.surfaces import HEIGHT_SUFFIXES, height_files
-from pipeline.survey.workings import WIDTHS_M
 from pipeline.types import Image
 
 DATA = Path("data/mines")
@@ -135,7 +135,7 @@ def _require_kept(conf: Path, stated: dict[str, Any]) -> None:
     """
     kept = (yaml.safe_load(conf.read_text()) or {}).get("survey") or {}
     for key in stated.keys() & kept.keys() - {"heights"}:
-        if json.dumps(kept[key]) != json.dumps(stated[key]):
+        if stated[key] is not None and json.dumps(kept[key]) != json.dumps(stated[key]):
             raise ParamsError(
                 f"survey.{key} = {stated[key]}: {conf} exists and states {kept[key]}; change it there, or remove it"
             )

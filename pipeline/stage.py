@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import ArtifactError, MineError, ParamsError, run_command
-from pipeline.params.composed import ROOT_PARAMS, composed_section, root_overrides
+from pipeline.params.reading.composed import ROOT_PARAMS, composed_section, root_overrides
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import recover_folder, replace_folder
 from pipeline.store.hashing import sha256_bytes, sha256_file

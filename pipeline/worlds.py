@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import ArtifactError
+from pipeline.guard.reading_process import one_line
 from pipeline.metrics.limits import flatten, format_limit
 from pipeline.mjcf.bundle import read_floor, read_record
 from pipeline.params.config import Config
@@ -19,7 +20,6 @@ from pipeline.stage import ARTIFACTS
 from pipeline.store.codecs import decode
 from pipeline.store.manifest import read_manifest, read_params
 from pipeline.store.verify import verify_world
-from pipeline.survey.child import one_line
 from pipeline.types import Survey
 
 WORLDS = ARTIFACTS / "worlds"

@@ -9,20 +9,20 @@ from typing import Any
 from shapely import Polygon
 from tqdm import tqdm
 
-from minexplore.floor import Floor
+from minexplore.floors.floor import Floor
 from pipeline.errors import ParamsError
-from pipeline.geometry.collision import decomposed_hulls, exact_prisms
-from pipeline.geometry.extrude import collect_parts
-from pipeline.geometry.floor_mesh import build_floor
-from pipeline.geometry.floor_parts import cell_columns, cell_offsets, sheet_walls, wall_parts
-from pipeline.geometry.network_heights import floor_lines
-from pipeline.geometry.occupancy import first_anchor, nav2_map, occupancy_grid
-from pipeline.geometry.octree import build_octree, to_bt
-from pipeline.geometry.openings import cut_floor, raises_over_roofs, without_openings
-from pipeline.geometry.partition import Box, rock_around, tiled_rock, world_box
-from pipeline.geometry.shaft_parts import shaft_parts
-from pipeline.geometry.sheet_rock import require_pillars
-from pipeline.geometry.sheets import ends_from_above
+from pipeline.geometry.floor.mesh import build_floor
+from pipeline.geometry.floor.network_heights import floor_lines
+from pipeline.geometry.floor.parts import cell_columns, cell_offsets, sheet_walls, wall_parts
+from pipeline.geometry.floor.sheet_rock import require_pillars
+from pipeline.geometry.floor.sheets import ends_from_above
+from pipeline.geometry.maps.occupancy import first_anchor, nav2_map, occupancy_grid
+from pipeline.geometry.maps.octree import build_octree, to_bt
+from pipeline.geometry.openings.fit import cut_floor, raises_over_roofs, without_openings
+from pipeline.geometry.openings.shaft_parts import shaft_parts
+from pipeline.geometry.rock.collision import decomposed_hulls, exact_prisms
+from pipeline.geometry.rock.extrude import collect_parts
+from pipeline.geometry.rock.partition import Box, rock_around, tiled_rock, world_box
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.stage import Artifact, Stage, main
 from pipeline.types import (
@@ -109,7 +109,7 @@ def collision_parts(params: Compile3dParams, rock: list[Polygon], world_m: Box) 
     if choice.method == "exact":
         return exact_prisms(tiled_rock(rock, world_m, params.tile_m), params.height_m)
     # Imported here because the decomposers are slow to load and only used for comparison.
-    from pipeline.geometry.decompose import DECOMPOSERS
+    from pipeline.geometry.rock.decompose import DECOMPOSERS
 
     decompose = DECOMPOSERS[choice.method](params.height_m, **choice.model_dump(exclude={"method", "tiles"}))
     return decomposed_hulls(rock, choice.tiles, decompose, partial(tqdm, desc=choice.method, unit="tile"))

@@ -12,22 +12,22 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError, ParamsError
-from pipeline.geometry.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
-from pipeline.geometry.components import choose_component, choose_mask_component, mend
-from pipeline.geometry.fewest_vertices import MOST_RATIO
-from pipeline.geometry.half_level import cover_of, trace_half_level
-from pipeline.geometry.openings import cut_openings, fit_openings
-from pipeline.geometry.outline import simplify_outline, simplify_to_wall_error, trace_outline
+from pipeline.geometry.floor.sheets import count_islands, filled, plan_seams, simplify_sheets, trace_sheets
+from pipeline.geometry.network.skeleton import require_same_network, trace_alike
+from pipeline.geometry.openings.fit import cut_openings, fit_openings
+from pipeline.geometry.outline.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
+from pipeline.geometry.outline.components import choose_component, choose_mask_component, mend
+from pipeline.geometry.outline.fewest_vertices import MOST_RATIO
+from pipeline.geometry.outline.half_level import cover_of, trace_half_level
+from pipeline.geometry.outline.trace import simplify_outline, simplify_to_wall_error, trace_outline
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.geometry.sheets import count_islands, filled, plan_seams, simplify_sheets, trace_sheets
-from pipeline.geometry.skeleton import require_same_network, trace_alike
 from pipeline.metrics.wall_error import largest_error_m
 from pipeline.params.contours import ContoursParams
-from pipeline.report.corrected import draw_corrected
-from pipeline.report.graph import network_dot, width_table
-from pipeline.report.plans import draw_contours
+from pipeline.report.figures.corrected import draw_corrected
+from pipeline.report.figures.graph import network_dot, width_table
+from pipeline.report.figures.plans import draw_contours
+from pipeline.scans.correct import Correction, CorrectionReport, correct_by_sweeps, read_sweeps
 from pipeline.stage import Artifact, Stage, main
-from pipeline.survey.correct import Correction, CorrectionReport, correct_by_sweeps, read_sweeps
 from pipeline.types import NO_PICTURE, Areas, DriftNetwork, Frame, FreeSpace, Image, Mask, Openings, Survey, Workings
 
 _HALVINGS = 3  # of a wall error that would change the drift network

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from minexplore.floor import Floor
+from minexplore.floors.floor import Floor
 from pipeline.mjcf.assemble import assemble_world
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes

@@ -9,23 +9,23 @@ from typing import Any
 import numpy as np
 from shapely.geometry.base import BaseGeometry
 
-from minexplore.floor import Floor
-from pipeline.geometry.openings import filled_floor, without_openings
+from minexplore.floors.floor import Floor
+from pipeline.geometry.openings.fit import filled_floor, without_openings
 from pipeline.params.surface import SurfaceParams, TextureParams
-from pipeline.report.roughness import draw_sections, draw_spectra
+from pipeline.report.figures.roughness import draw_sections, draw_spectra
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
 from pipeline.surface.build import build_rough_surface, chunk_files, lay_rough_lattice, widen_spacing
 from pipeline.surface.built import RoughnessReport, amplitude_table, report_roughness
-from pipeline.surface.choose import choose_relief
-from pipeline.surface.folded import check_folded, fold_surface
-from pipeline.surface.mesh_checks import MeshReport, check_mesh, join_meshes
-from pipeline.surface.open_roof import open_roof
+from pipeline.surface.folded.fold import check_folded, fold_surface
+from pipeline.surface.folded.open_roof import open_roof
+from pipeline.surface.folded.smooth_sheets import fold_smooth, smooth_sheets
+from pipeline.surface.mesh.mesh_checks import MeshReport, check_mesh, join_meshes
+from pipeline.surface.mesh.rough import RoughSurface, closed_mesh
 from pipeline.surface.reference import measure_sources, reference_files
-from pipeline.surface.rock_texture import Layers, make_rock_texture
-from pipeline.surface.rough import RoughSurface, closed_mesh
-from pipeline.surface.smooth_sheets import fold_smooth, smooth_sheets
-from pipeline.surface.texture import make_texture
+from pipeline.surface.relief_source import choose_relief
+from pipeline.surface.texture.layers import Layers, make_rock_texture
+from pipeline.surface.texture.picture import make_texture
 from pipeline.types import NO_OPENINGS, NO_PICTURE, DriftNetwork, FreeSpace, Image, Openings, SolidExtent
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from minexplore.bundle import MODEL
-from pipeline.geometry.sheets import whole_of
+from pipeline.geometry.floor.sheets import whole_of
 from pipeline.metrics.limits import breaches, flatten, require_limits
 from pipeline.metrics.size import load_per_m2
 from pipeline.mjcf.bundle import read_floor
@@ -18,15 +18,15 @@ from pipeline.mjcf.load_time import LoadCost, measure_load
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
 from pipeline.proof.groups import applying_limits, groups_of, is_rock_judged
-from pipeline.proof.replay import replay_sweeps
-from pipeline.proof.replay_report import Replay, ReplayReport
+from pipeline.proof.lidar.replay import replay_sweeps
+from pipeline.proof.lidar.replay_report import Replay, ReplayReport
 from pipeline.proof.texture import TextureReport
 from pipeline.proof.validator import MEASURES, Validator
-from pipeline.report.graph import blocked_table
-from pipeline.report.plans import draw_agreement
-from pipeline.report.replay import draw_replay
-from pipeline.report.texture import draw_heat, draw_texture
-from pipeline.report.views import draw_views
+from pipeline.report.figures.graph import blocked_table
+from pipeline.report.figures.plans import draw_agreement
+from pipeline.report.figures.replay import draw_replay
+from pipeline.report.figures.texture import draw_heat, draw_texture
+from pipeline.report.figures.views import draw_views
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle
 from pipeline.types import NO_PICTURE, Image, Mask, Survey, Workings

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from benchmarks.small_world import finish_world
+from benchmarks.worlds.small_world import finish_world
 from pipeline.params.config import Config
 from pipeline.params.survey import PassageSurveyParams, SurveyParams, VectorSurveyParams
 from pipeline.params.validation import ValidationParams

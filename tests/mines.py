@@ -16,7 +16,7 @@ import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
 import stages.surface
-from benchmarks.small_world import finish_world
+from benchmarks.worlds.small_world import finish_world
 from minexplore.bundle import UNSEALED, world_sha256
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.config import Config

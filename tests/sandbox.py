@@ -2,8 +2,8 @@
 
 import pytest
 
-from baselines.errors import BaselineError
-from baselines.sandbox import require_sandbox
+from baselines.base.errors import BaselineError
+from baselines.sandbox.bubblewrap import require_sandbox
 
 
 def _missing() -> str:

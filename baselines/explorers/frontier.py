@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from baselines.beams import beam_ranges
-from baselines.explorers.own_map import FINE, ROCK, OwnMap
+from baselines.base.beams import beam_ranges
+from baselines.explorers.maps.own_map import FINE, ROCK, OwnMap
 from baselines.explorers.planner import FrontierPlanner
 from baselines.explorers.pursuit import PathFollower
-from minexplore.robot import RobotParams
+from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 
 _REPLAN_STEPS = 15  # control steps between plans

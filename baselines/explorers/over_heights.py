@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from baselines.beams import beam_ranges
+from baselines.base.beams import beam_ranges
 from baselines.explorers.frontier import _GAIN_DECAY_PER_M, _unseen_in_view
 from baselines.explorers.graph_explorer import (
     _BESIDE_M,
@@ -18,13 +18,13 @@ from baselines.explorers.graph_explorer import (
     GraphExplorer,
     Situation,
 )
-from baselines.explorers.layered_graph import LayerCell, LayeredGraph, LayerGraphs
-from baselines.explorers.layers import LayeredMap, Stance, stances_of
+from baselines.explorers.maps.layered_graph import LayerCell, LayeredGraph, LayerGraphs
+from baselines.explorers.maps.layers import LayeredMap, Stance, stances_of
 from baselines.explorers.random_walk import RandomWalk
 from baselines.explorers.reactive import Reactive
 from baselines.explorers.tour import DepthFirst, FrontierTour, TwoLevel
 from baselines.explorers.wall_following import WallFollowing
-from minexplore.robot import RobotParams
+from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 
 _FAR_M = 30.0  # a frontier so far away is farther than most that a doubt opens

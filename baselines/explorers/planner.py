@@ -9,8 +9,8 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from skimage.graph import MCP_Geometric
 
-from baselines.explorers.own_map import FINE, ROCK, UNKNOWN, OwnMap
-from minexplore.robot import RobotParams
+from baselines.explorers.maps.own_map import FINE, ROCK, UNKNOWN, OwnMap
+from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 
 GOAL_HYSTERESIS_M = 3.0  # a new goal must be this much nearer than the present one

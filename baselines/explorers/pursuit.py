@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from baselines.beams import beam_bearings
-from minexplore.robot import RobotParams
+from baselines.base.beams import beam_bearings
+from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 
 _LOOKAHEAD_M = 1.4

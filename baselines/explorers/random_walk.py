@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.robot import RobotParams
+from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 
 _HOLD_STEPS = 10  # control steps: one second

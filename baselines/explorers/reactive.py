@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.robot import RobotParams
+from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 
 _CLEAR_RANGE, _SLOW_COMMAND, _TURN_GAIN = 0.5, 0.3, 0.5  # the range is the scaled one of the observation

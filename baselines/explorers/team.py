@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from baselines.beams import beam_bearings
-from baselines.explorers.map_graph import Cell, MapGraph, map_graph, worth_driving_to
-from baselines.explorers.own_map import OwnMap
+from baselines.base.beams import beam_bearings
+from baselines.explorers.maps.map_graph import Cell, MapGraph, map_graph, worth_driving_to
+from baselines.explorers.maps.own_map import OwnMap
 from baselines.explorers.pursuit import PathFollower
-from minexplore.robot import RobotParams
+from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 
 _REPLAN_STEPS = 15  # control steps between plans

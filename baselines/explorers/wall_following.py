@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from baselines.beams import beam_bearings, beam_ranges
-from minexplore.robot import RobotParams
+from baselines.base.beams import beam_bearings, beam_ranges
+from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 
 _RIB_DISTANCE_M = 1.2

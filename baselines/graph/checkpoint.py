@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
-from baselines.errors import BaselineError
+from baselines.base.errors import BaselineError
 from baselines.graph.features import NAMES
 from baselines.graph.network import Shape, array_shapes
 from minexplore import FAMILY

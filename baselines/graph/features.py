@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
 from baselines.explorers.graph_explorer import Situation
-from baselines.explorers.own_map import FINE, ROCK, UNKNOWN, OwnMap
+from baselines.explorers.maps.own_map import FINE, ROCK, UNKNOWN, OwnMap
 
 MOST = 16  # clusters: the nearest ones
 _BOX_CELLS = 3  # half a side of the square round a goal that is looked at

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, label
 from scipy.sparse import coo_matrix, csr_matrix
 
-from baselines.explorers.map_graph import BLOCK_CELLS, MARGIN_M, NEIGHBOURS, MapGraph, link_places, widest_places
-from baselines.explorers.own_map import FINE, ROCK, UNKNOWN, OwnMap
+from baselines.explorers.maps.map_graph import BLOCK_CELLS, MARGIN_M, NEIGHBOURS, MapGraph, link_places, widest_places
+from baselines.explorers.maps.own_map import FINE, ROCK, UNKNOWN, OwnMap
 
 _MARGIN_CELLS = 4  # round what has changed: a new wall moves the widest places that are so near
 _VIEW_CELLS = 5  # beyond those: walls that are farther away than 10 m do not matter

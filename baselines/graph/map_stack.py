@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from baselines.explorers.own_map import FINE, FREE, ROCK, OwnMap
-from minexplore.coverage import CoverageGrid
+from baselines.explorers.maps.own_map import FINE, FREE, ROCK, OwnMap
+from minexplore.sensing.coverage import CoverageGrid
 
 _RIM_M = 14.0  # of ground round the workings, which beams and frontiers do not leave
 

@@ -12,9 +12,9 @@ from baselines.explorers.graph_explorer import (
     STILL_M,
     Situation,
 )
-from baselines.explorers.own_map import FINE, OwnMap
+from baselines.explorers.maps.own_map import FINE, OwnMap
 from baselines.graph.growing_graph import GrowingGraph
-from minexplore.robot import RobotParams
+from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 
 

@@ -12,7 +12,7 @@ from baselines.graph.checkpoint import read_network
 from baselines.graph.choosing import LearnedChoice
 from baselines.graph.features import Context
 from baselines.graph.floor_speeds import FloorSpeeds
-from minexplore.robot import RobotParams
+from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 
 

@@ -9,19 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from baselines.bounds import Bound, read_bounds, write_bound
-from baselines.environments import BENCHMARK, find_id, make_env
-from baselines.errors import BaselineError, run_command
+from baselines.base.environments import BENCHMARK, find_id, make_env
+from baselines.base.errors import BaselineError, run_command
+from baselines.base.progress import Progress
+from baselines.base.result_file import Episode, Head, line_sha256, read_results, result_path, write_results
 from baselines.evaluate import is_current
 from baselines.oracle.bound import best_walk
 from baselines.oracle.figure import draw_oracle
 from baselines.oracle.network import TimeNetwork, time_network
 from baselines.oracle.sheets import network_over_sheets, tour_over_sheets
 from baselines.oracle.tour import OracleTour, plan_tour
-from baselines.progress import Progress
-from baselines.protocol import SEEDS, head_of, run_episodes
-from baselines.result_file import Episode, Head, line_sha256, read_results, result_path, write_results
-from minexplore.vector import MineVectorEnv
+from baselines.running.protocol import SEEDS, head_of, run_episodes
+from baselines.scoring.bounds import Bound, read_bounds, write_bound
+from minexplore.envs.vector import MineVectorEnv
 from minexplore.world import World
 
 LABEL = "oracle-tour"

@@ -8,10 +8,10 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from baselines.bounds import Bound
-from baselines.result_file import Episode
-from baselines.statistics import sample_times
-from minexplore.vector import MineVectorEnv
+from baselines.base.result_file import Episode
+from baselines.base.statistics import sample_times
+from baselines.scoring.bounds import Bound
+from minexplore.envs.vector import MineVectorEnv
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

@@ -10,9 +10,9 @@ from scipy.ndimage import label
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from baselines.base.speed import top_speed_mps
 from baselines.oracle.visibility import cells_in_view
-from baselines.speed import top_speed_mps
-from minexplore.robot_batch import RobotBatch
+from minexplore.envs.robot_batch import RobotBatch
 from minexplore.world import World
 
 _STEPS = [(i, j) for i in range(-3, 4) for j in range(-3, 4) if np.gcd(i, j) == 1]

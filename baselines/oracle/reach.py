@@ -6,7 +6,7 @@ import numpy as np
 
 from baselines.oracle.network import arrival_times
 from baselines.oracle.visibility import cells_in_view
-from minexplore.robot_batch import RobotBatch
+from minexplore.envs.robot_batch import RobotBatch
 
 
 def cells_within_reach(batch: RobotBatch, starts_m: np.ndarray, band_s: float) -> np.ndarray:

@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from baselines.errors import BaselineError
+from baselines.base.errors import BaselineError
 from baselines.oracle.bound import Walk
 from baselines.oracle.network import (
     _EXIT_PART,
@@ -27,8 +27,8 @@ from baselines.oracle.network import (
 )
 from baselines.oracle.tour import _NEAR_ROCK_M, _NEAR_ROCK_PENALTY
 from baselines.oracle.visibility import _MARCH_M, _RAYS, _SAMPLE_M, SURFACE_M, _samples
-from minexplore.floor import Floor
-from minexplore.robot_batch import RobotBatch
+from minexplore.envs.robot_batch import RobotBatch
+from minexplore.floors.floor import Floor
 from minexplore.task import TaskParams
 from minexplore.world import World
 

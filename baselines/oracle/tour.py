@@ -9,12 +9,12 @@ import networkx as nx
 import numpy as np
 from skimage.graph import MCP_Geometric
 
-from baselines.beams import beam_ranges
-from baselines.errors import BaselineError
+from baselines.base.beams import beam_ranges
+from baselines.base.errors import BaselineError
 from baselines.explorers.pursuit import PathFollower
 from baselines.oracle.bound import Walk
 from baselines.oracle.network import TimeNetwork
-from minexplore.robot import RobotParams
+from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.world import World
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from minexplore.robot_batch import RobotBatch
+from minexplore.envs.robot_batch import RobotBatch
 
 SURFACE_M = 0.5  # how far behind the collision wall the visible rock may stand back
 _SAMPLE_M, _RAYS, _MARCH_M = 0.75, 360, 0.2

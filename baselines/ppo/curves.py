@@ -11,8 +11,8 @@ import matplotlib
 import numpy as np
 from pydantic import ValidationError
 
-from baselines.errors import BaselineError, run_command
-from baselines.policy import TRAINED
+from baselines.base.errors import BaselineError, run_command
+from baselines.policies.found import TRAINED
 from baselines.ppo.settings import TrainSettings
 
 matplotlib.use("Agg")

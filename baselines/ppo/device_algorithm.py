@@ -12,8 +12,8 @@ from rsl_rl.models import MLPModel
 from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 
-from baselines.environments import find_id
-from baselines.errors import BaselineError
+from baselines.base.environments import find_id
+from baselines.base.errors import BaselineError
 from baselines.ppo.device_env import DeviceTrainingEnv
 from baselines.ppo.history import POLICY
 from baselines.ppo.settings import TrainSettings
@@ -125,7 +125,7 @@ class DeviceAlgorithm:
 
 
 class _Renamed:
-    """The actor's arrays by the names that a checkpoint of `baselines.learned` has."""
+    """The actor's arrays by the names that a checkpoint of `baselines.policies.learned` has."""
 
     def __init__(self, arrays: dict[str, torch.Tensor], hidden: int) -> None:
         names = {

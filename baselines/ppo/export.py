@@ -8,7 +8,7 @@ from typing import Any
 
 from safetensors.numpy import save_file
 
-from baselines.learned import FORMAT
+from baselines.policies.learned import FORMAT
 from baselines.ppo.settings import TrainSettings
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.vector import VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from minexplore.vector import MineVectorEnv
+from minexplore.envs.vector import MineVectorEnv
 
 
 class MineGroup(VectorEnv):

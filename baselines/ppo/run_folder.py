@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from baselines.errors import BaselineError
+from baselines.base.errors import BaselineError
 from baselines.ppo.history import History
 from baselines.ppo.settings import TrainSettings
 

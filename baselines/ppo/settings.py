@@ -13,9 +13,9 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from baselines.environments import known_ids, short_name
-from baselines.errors import BaselineError
-from baselines.learned import Model
+from baselines.base.environments import known_ids, short_name
+from baselines.base.errors import BaselineError
+from baselines.policies.learned import Model
 from minexplore.splits import SIZES
 
 CONF = Path("conf/train")

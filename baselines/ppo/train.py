@@ -12,14 +12,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from baselines.environments import make_env
-from baselines.errors import interrupt, need, run_command
-from baselines.policy import TRAINED
+from baselines.base.environments import make_env
+from baselines.base.errors import interrupt, need, run_command
+from baselines.base.progress import Progress
+from baselines.policies.found import TRAINED
 from baselines.ppo.history import POLICY, History
 from baselines.ppo.run_folder import RunFolder
 from baselines.ppo.settings import TrainSettings, compose_settings
 from baselines.ppo.training_env import training_mines
-from baselines.progress import Progress
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"

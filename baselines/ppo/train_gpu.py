@@ -8,9 +8,9 @@ import sys
 from functools import partial
 from typing import Any
 
-from baselines.environments import require_trainable
-from baselines.errors import BaselineError, need, run_command
-from baselines.policy import TRAINED
+from baselines.base.environments import require_trainable
+from baselines.base.errors import BaselineError, need, run_command
+from baselines.policies.found import TRAINED
 from baselines.ppo.history import History
 from baselines.ppo.run_folder import RunFolder
 from baselines.ppo.settings import TrainSettings, compose_settings

@@ -9,12 +9,12 @@ import numpy as np
 from gymnasium.vector import VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
 
-from baselines.environments import built_ids, make_env, require_trainable
-from baselines.errors import BaselineError
-from baselines.map_observation import MapObserver
+from baselines.base.environments import built_ids, make_env, require_trainable
+from baselines.base.errors import BaselineError
+from baselines.policies.map_observation import MapObserver
 from baselines.ppo.mine_group import MineGroup
 from minexplore import FAMILY
-from minexplore.vector import MineVectorEnv
+from minexplore.envs.vector import MineVectorEnv
 
 FIGURES = ("coverage", "collisions", "return", "steps")
 

@@ -28,14 +28,14 @@ from minexplore.bundle import (
     rock_geom,
     surface_geom,
 )
-from minexplore.floor import Floor
-from minexplore.floor_zones import zoned_box
+from minexplore.floors.floor import Floor
+from minexplore.floors.floor_zones import zoned_box
 from minexplore.looks import CUT_MATERIAL, EXTENT_M, PLAIN, look_of
 from minexplore.schema.fittings import check_fittings
 from minexplore.schema.heights import check_wedges
 from minexplore.schema.model import SMOOTH_MESHES
-from minexplore.schema.rules import numbers_in, same
-from minexplore.schema.xml import Node
+from minexplore.schema.readers.rules import numbers_in, same
+from minexplore.schema.readers.xml import Node
 
 _BEYOND_M = 1.0  # approximate decompositions reach a little beyond the rock
 _LEAST_M = 1e-4  # size of a collision part in every direction

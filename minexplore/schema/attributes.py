@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from minexplore.schema.rules import Rule, equal_numbers, matching, one_of
+from minexplore.schema.readers.rules import Rule, equal_numbers, matching, one_of
 
 
 @dataclass(frozen=True)

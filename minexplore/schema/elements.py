@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from minexplore.bundle import BundleError
 from minexplore.schema.attributes import Element
-from minexplore.schema.xml import Node
+from minexplore.schema.readers.xml import Node
 
 _SHOWN = 60  # characters of a refused value
 

@@ -29,16 +29,16 @@ from minexplore.bundle import (
     has_visible_rock,
     sheet_maps,
 )
-from minexplore.floor import Floor
+from minexplore.floors.floor import Floor
 from minexplore.schema.agreement import rock_box
-from minexplore.schema.arrays import read_arrays
 from minexplore.schema.fittings import FITTING_MESH
-from minexplore.schema.json_text import read_json
 from minexplore.schema.meshes import MESHES, check_meshes
 from minexplore.schema.model import VISIBLE_MESH
 from minexplore.schema.openings import check_opening_meshes
-from minexplore.schema.png import GREY, PALETTE, RGB, check_png, inflate_png
-from minexplore.schema.rules import numbers_in
+from minexplore.schema.readers.arrays import read_arrays
+from minexplore.schema.readers.json_text import read_json
+from minexplore.schema.readers.png import GREY, PALETTE, RGB, check_png, inflate_png
+from minexplore.schema.readers.rules import numbers_in
 from minexplore.schema.sizes import MOST_CELLS, MOST_PIXELS, require_size
 
 FIXED = (

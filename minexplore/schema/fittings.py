@@ -31,11 +31,11 @@ from minexplore.bundle import (
     puddle_geom,
     shade_geom,
 )
+from minexplore.floors.shaft_axis import has_fence
 from minexplore.looks import FURNITURE_LOOKS, PLAIN, SHADE, SHADE_LEVELS, WATER, cover_rgba
 from minexplore.schema.attributes import Attribute, Element, any_of, constant, named, required
-from minexplore.schema.rules import exactly, matching, numbers, numbers_in, same
-from minexplore.schema.xml import Node
-from minexplore.shaft_axis import has_fence
+from minexplore.schema.readers.rules import exactly, matching, numbers, numbers_in, same
+from minexplore.schema.readers.xml import Node
 
 _MOST = 100_000
 _KINDS = "|".join([*FURNITURE, *OPENING_FITTINGS])

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from minexplore.bundle import FLOOR, RECORD, BundleError, has_heights
-from minexplore.floor import Floor
-from minexplore.schema.arrays import read_arrays
+from minexplore.floors.floor import Floor
+from minexplore.floors.stretch import KNEE_M, MOST_ROOF_M, least_roof_m, raise_m, stretch_of
 from minexplore.schema.model import REACH_M
 from minexplore.schema.openings import check_openings
-from minexplore.stretch import KNEE_M, MOST_ROOF_M, least_roof_m, raise_m, stretch_of
+from minexplore.schema.readers.arrays import read_arrays
 
 MOST_FACES = 1_000_000
 _ARRAYS = {"vertices": ("<f8", 2), "faces": ("<i4", 2), "sheet": ("<i4", 1), "offset_m": ("<f8", 2)}

@@ -22,12 +22,12 @@ from minexplore.bundle import (
     is_roof,
     zone_of_wedge,
 )
-from minexplore.floor import Floor
+from minexplore.floors.floor import Floor
+from minexplore.floors.stretch import MOST_ROOF_M
 from minexplore.schema.attributes import Attribute, Element, named, required
 from minexplore.schema.model import MOST_PARTS, REACH_M, ZONE_NAME
-from minexplore.schema.rules import exactly, list_of, matching, number, numbers, numbers_in, points, same, whole
-from minexplore.schema.xml import Node
-from minexplore.stretch import MOST_ROOF_M
+from minexplore.schema.readers.rules import exactly, list_of, matching, number, numbers, numbers_in, points, same, whole
+from minexplore.schema.readers.xml import Node
 
 MOST_SHEETS = 1000
 _STEEPEST_DEG = 45.0

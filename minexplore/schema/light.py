@@ -8,7 +8,7 @@ from minexplore.bundle import BARE_ROCK_RGBA, SURFACE_BODY, SURFACE_CLASS
 from minexplore.schema.attributes import Attribute, Element
 from minexplore.schema.fittings import BODY, MATERIALS, MESH
 from minexplore.schema.model import VISIBLE_MESH, WORLD
-from minexplore.schema.rules import equal_numbers
+from minexplore.schema.readers.rules import equal_numbers
 
 _SHOWS = {("texture", "rock"), ("mesh", VISIBLE_MESH), ("body", SURFACE_BODY), ("default", SURFACE_CLASS)}
 _SHOWS |= {(element.tag, element.name) for element in (BODY, MESH, *MATERIALS)}

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from minexplore.bundle import BundleError, TriangleMesh, decode_msh, is_cover, is_fitting, is_of_opening
-from minexplore.floor import Floor
-from minexplore.folding import Folding
+from minexplore.floors.floor import Floor
+from minexplore.floors.folding import Folding
 from minexplore.schema.fittings import check_heights
 
 MESHES = "meshes/"

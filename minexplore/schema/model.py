@@ -23,7 +23,7 @@ from minexplore.bundle import (
 from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS
 from minexplore.schema.attributes import Attribute, Element, any_of, constant, named, required
 from minexplore.schema.fittings import BODY, MATERIALS, MESH
-from minexplore.schema.rules import exactly, matching, numbers, points, unit_vector
+from minexplore.schema.readers.rules import exactly, matching, numbers, points, unit_vector
 
 REACH_M = 1e6  # of any coordinate
 MOST_ZONES, MOST_LIGHTS, MOST_PARTS, MOST_MESHES = 1000, 10_000, 100_000, 100_000

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from minexplore.bundle import COLLAR_CORNERS, FLOOR, RECORD, BundleError, decode_msh, mesh_file, opening_mesh
-from minexplore.floor import Floor
+from minexplore.floors.floor import Floor
+from minexplore.floors.shaft_axis import aside_at
 from minexplore.schema.model import REACH_M
-from minexplore.schema.rules import Rule, is_number, list_of, number, one_of, same_json, whole
-from minexplore.shaft_axis import aside_at
+from minexplore.schema.readers.rules import Rule, is_number, list_of, number, one_of, same_json, whole
 
 MOST_OPENINGS = 10_000
 _MOST_SHEETS = 1000

@@ -11,7 +11,7 @@ from minexplore.looks import LOOKS
 from minexplore.schema.heights import HEIGHT_FIELDS, ROOF_FIELDS
 from minexplore.schema.model import MOST_LIGHTS, MOST_PARTS, MOST_ZONES, REACH_M, WORLD_NAME, ZONE_NAME
 from minexplore.schema.openings import BENDS, FENCED, MOST_OPENINGS, OPENING
-from minexplore.schema.rules import Rule, list_of, matching, number, one_of_texts, same_json, whole
+from minexplore.schema.readers.rules import Rule, list_of, matching, number, one_of_texts, same_json, whole
 
 Table = Mapping[str, "Rule | Table | Callable[[str, Any], None]"]
 

@@ -12,19 +12,19 @@ from typing import Any
 import numpy as np
 
 from minexplore.bundle import MODEL, RECORD, UNSEALED, BundleError, has_heights, has_visible_rock, world_sha256
-from minexplore.floor import Floor
+from minexplore.floors.floor import Floor
 from minexplore.schema.agreement import check_agreement
 from minexplore.schema.elements import check_elements
 from minexplore.schema.files import check_contents, is_known, read_folder
 from minexplore.schema.floor_mesh import read_floor
 from minexplore.schema.heights import with_heights
-from minexplore.schema.json_text import read_json
 from minexplore.schema.light import LIGHT_WORLD
 from minexplore.schema.meshes import MESHES
 from minexplore.schema.model import WORLD
+from minexplore.schema.readers.json_text import read_json
+from minexplore.schema.readers.xml import read_xml
 from minexplore.schema.record import check_record
 from minexplore.schema.sizes import require_size
-from minexplore.schema.xml import read_xml
 
 _TABLES = {  # by whether a world has visible rock, and heights
     (True, False): WORLD,

@@ -5,21 +5,21 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from minexplore.coverage import CoverageGrid
-from minexplore.local_models import LocalModels
-from minexplore.observation import COMMANDS
-from minexplore.robot import RobotParams
+from minexplore.physics.local_models import LocalModels
+from minexplore.physics.robot import RobotParams
 from minexplore.rotations import quaternion
+from minexplore.sensing.coverage import CoverageGrid
+from minexplore.sensing.observation import COMMANDS
 from minexplore.task import TaskParams
-from minexplore.warp.coverage import mark_cells
-from minexplore.warp.drive import command_wheels
-from minexplore.warp.frames import MineFrame
 from minexplore.warp.graph import Replayed
-from minexplore.warp.observe import describe_robots, find_failures, observe_beams
+from minexplore.warp.kernels.coverage import mark_cells
+from minexplore.warp.kernels.drive import command_wheels
+from minexplore.warp.kernels.frames import MineFrame
+from minexplore.warp.kernels.observe import describe_robots, find_failures, observe_beams
+from minexplore.warp.kernels.rays import RockScenes, cast_beams
+from minexplore.warp.kernels.reset import count_first_look, forget_cells, restart_robots, start_places
+from minexplore.warp.kernels.reward import milestone_arrays, score_steps
 from minexplore.warp.physics import WarpPhysics
-from minexplore.warp.rays import RockScenes, cast_beams
-from minexplore.warp.reset import count_first_look, forget_cells, restart_robots, start_places
-from minexplore.warp.reward import milestone_arrays, score_steps
 from minexplore.world import World
 
 _WORD = 32  # bits

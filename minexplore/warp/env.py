@@ -13,14 +13,14 @@ import warp as wp
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from minexplore.calls import check_options, mask_of, numbers_of, spread_seeds
-from minexplore.observation import observation_space
-from minexplore.robot import RobotParams
+from minexplore.envs.call_checks import check_options, mask_of, numbers_of, spread_seeds
+from minexplore.envs.vector import check_count, find_mode
+from minexplore.physics.robot import RobotParams
+from minexplore.sensing.observation import observation_space
 from minexplore.task import TaskParams, coerce_params
-from minexplore.vector import check_count, find_mode
 from minexplore.warp import require_device
 from minexplore.warp.batch import WarpBatch
-from minexplore.warp.faults import MEANINGS
+from minexplore.warp.kernels.faults import MEANINGS
 from minexplore.world import find_world, load_world
 
 _INFO = {  # of `info`: the array of the batch

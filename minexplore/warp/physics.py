@@ -5,8 +5,8 @@ import numpy as np
 import warp as wp
 
 from minexplore.bundle import ROOF_GEOM, is_rock
-from minexplore.local_models import LocalModels
-from minexplore.warp.frames import MineFrame
+from minexplore.physics.local_models import LocalModels
+from minexplore.warp.kernels.frames import MineFrame
 from minexplore.warp.slots import TILE_M, find_rows, list_parts, part_arrays, slot_model, write_slots
 
 _BATCHED = ("geom_dataid", "geom_aabb", "geom_rbound")

@@ -7,11 +7,11 @@ import numpy as np
 import warp as wp
 
 from minexplore.bundle import is_rock
-from minexplore.local_models import LocalModels, meets
-from minexplore.robot import ROCK_BODY
+from minexplore.physics.local_models import LocalModels, meets
+from minexplore.physics.robot import ROCK_BODY
 from minexplore.tiles import tiles_at
-from minexplore.warp.faults import OUTSIDE
-from minexplore.warp.frames import MineFrame, body_place
+from minexplore.warp.kernels.faults import OUTSIDE
+from minexplore.warp.kernels.frames import MineFrame, body_place
 
 # On the default mine a tile of 2 m has up to 16 parts within reach, one of 1 m 7, one of 0.5 m 6; all of it is exact.
 TILE_M = 1.0

@@ -21,13 +21,13 @@ from pipeline.build.splits import LIST, Listed
 from pipeline.build.world import make_world
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError, InputError, LimitError
+from pipeline.guard.process_limits import die_with_parent
 from pipeline.metrics.limits import flatten
 from pipeline.stage import ARTIFACTS
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import read_text_file
 from pipeline.store.locks import hold_lock
 from pipeline.store.verify import verify_world
-from pipeline.survey.child_limits import die_with_parent
 
 FAMILIES = ARTIFACTS / "families"
 _ENDS = (signal.SIGINT, signal.SIGTERM)  # signals that end a command
@@ -232,7 +232,8 @@ def make_member(member: Member, families: Path) -> Outcome:
 
 
 def _over_cores(members: list[Member], jobs: int) -> Generator[Outcome]:
-    pool = ProcessPoolExecutor(min(jobs, len(members)), initializer=_begin_worker, initargs=(os.getpid(),))
+    context = multiprocessing.get_context("fork")  # a worker is a child of this process, with which it ends
+    pool = ProcessPoolExecutor(min(jobs, len(members)), context, _begin_worker, (os.getpid(),))
     try:
         # A process that is told to end before `_begin_worker` would go on as a second parent, by its handler.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)

@@ -11,7 +11,7 @@ from typing import Any
 
 def set_overrides() -> None:
     """Write `$OVERRIDES` to `params.yaml` for `dvc repro`, if they compose. The file is written only if it changes."""
-    from pipeline.params.composed import ROOT_PARAMS
+    from pipeline.params.reading.composed import ROOT_PARAMS
     from pipeline.store.files import write_atomically
 
     overrides = os.environ.get("OVERRIDES", "")
@@ -29,7 +29,7 @@ def _forget_other_params(params: dict[str, Any]) -> None:
     """
     import yaml
 
-    from pipeline.params.composed import COMPOSED
+    from pipeline.params.reading.composed import COMPOSED
 
     if COMPOSED.is_file() and yaml.safe_load(COMPOSED.read_text()) != params:
         COMPOSED.unlink()
@@ -75,11 +75,11 @@ def register(path: Path, origin: str, licence: str) -> None:
 def roughness(sweeps: list[Path], out: Path) -> None:
     """Measure the roughness of walls in planar sweeps and write it as JSON."""
     from pipeline.compose import compose
-    from pipeline.metrics.roughness import roughness_of_sweeps
+    from pipeline.metrics.rock.roughness import roughness_of_sweeps
+    from pipeline.scans.sweeps import read_sweep
     from pipeline.store.codecs import encode
     from pipeline.store.files import write_atomically
     from pipeline.surface.reference import roughness_json
-    from pipeline.survey.sweeps import read_sweep
 
     gate = compose([]).surface.sweeps
     points = {path.stem: read_sweep(path, gate.max_range_m, gate.max_range_var_m2) for path in sweeps}

@@ -16,8 +16,8 @@ def replay(bundle: Path, sweeps: Path, poses: Path, out: Path | None, overrides:
     """Replay real sweeps in a world and compare ranges. Print JSON; --out also writes it and a picture."""
     from pipeline.compose import compose
     from pipeline.mjcf.bundle import open_bundle
-    from pipeline.proof.replay import find_sweeps, replay_sweeps
-    from pipeline.report.replay import draw_replay
+    from pipeline.proof.lidar.replay import find_sweeps, replay_sweeps
+    from pipeline.report.figures.replay import draw_replay
     from pipeline.store.codecs import decode, encode
     from pipeline.store.files import write_atomically
     from pipeline.types import FreeSpace
@@ -40,10 +40,10 @@ def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str])
     from pipeline.compose import compose
     from pipeline.errors import LimitError
     from pipeline.mjcf.bundle import open_bundle, read_made_by
-    from pipeline.proof.built import require_built
     from pipeline.proof.certificate import certify as apply_limits
     from pipeline.proof.certificate import measure_containment
     from pipeline.proof.claims import allowed_claims
+    from pipeline.proof.rebuilt.built import require_built
     from pipeline.store.codecs import encode
     from pipeline.store.files import write_atomically
 
@@ -73,8 +73,8 @@ def validate(holdout: bool, sweeps: Path, out: Path | None) -> None:
 
     from pipeline.compose import compose
     from pipeline.errors import InputError
-    from pipeline.proof.holdout import score_holdout
-    from pipeline.proof.replay import find_sweeps
+    from pipeline.proof.lidar.holdout import score_holdout
+    from pipeline.proof.lidar.replay import find_sweeps
     from pipeline.store.codecs import encode
     from pipeline.store.files import write_atomically
 
@@ -93,7 +93,7 @@ def parity(bundle: Path, rays: int, out: Path | None) -> None:
     """Cast the same rays by every backend and compare ranges. Exit code 2 if over one ray in 1,000 differs."""
     from pipeline.errors import LimitError
     from pipeline.mjcf.bundle import open_bundle
-    from pipeline.proof.parity import compare_backends
+    from pipeline.proof.lidar.parity import compare_backends
     from pipeline.store.codecs import decode, encode
     from pipeline.store.files import write_atomically
     from pipeline.types import FreeSpace

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from shapely import Polygon
 
-from minexplore.planes import face_planes, plane_distances
+from minexplore.sensing.planes import face_planes, plane_distances
 from pipeline.errors import GeometryError
 
 

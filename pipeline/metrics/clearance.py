@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.geometry.skeleton import LEAST_HALF_WIDTH_M, passage_stations
+from pipeline.geometry.network.skeleton import LEAST_HALF_WIDTH_M, passage_stations
 from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.types import DriftNetwork
 

@@ -10,7 +10,7 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from minexplore.floor import Floor
+from minexplore.floors.floor import Floor
 
 STRIP_M = 0.5  # of rock beside every wall of a mine with heights
 _NOTHING_M2 = 1e-7

@@ -10,9 +10,9 @@ from scipy.ndimage import binary_dilation, label
 from scipy.optimize import linear_sum_assignment
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.outline import trace_outline
-from pipeline.geometry.sheets import SeamPlaces
-from pipeline.geometry.skeleton import trace_alike
+from pipeline.geometry.floor.sheets import SeamPlaces
+from pipeline.geometry.network.skeleton import trace_alike
+from pipeline.geometry.outline.trace import trace_outline
 from pipeline.types import DriftNetwork, Frame, Mask
 
 _STATIONS_M = 3.0

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from shapely import Polygon
 
-from minexplore.floor import Floor
-from pipeline.geometry.outline import trace_outline
-from pipeline.geometry.skeleton import trace_all_alike
+from minexplore.floors.floor import Floor
+from pipeline.geometry.network.skeleton import trace_all_alike
+from pipeline.geometry.outline.trace import trace_outline
 from pipeline.types import DriftNetwork, Frame, Mask
 
 _SPECK_M2 = 0.25

@@ -26,14 +26,14 @@ from minexplore.bundle import (
     TOPOLOGY,
     GeomGroup,
 )
-from minexplore.floor import Floor
-from minexplore.floor_zones import zoned_box
+from minexplore.floors.floor import Floor
+from minexplore.floors.floor_zones import zoned_box
+from minexplore.floors.stretch import raise_m
 from minexplore.schema.files import read_grid
-from minexplore.stretch import raise_m
-from pipeline.geometry.extrude import collect_parts
-from pipeline.geometry.occupancy import sheet_nav2_maps
-from pipeline.geometry.openings import filled_floor, without_openings
-from pipeline.geometry.shaft_parts import fence_parts, roof_slabs
+from pipeline.geometry.maps.occupancy import sheet_nav2_maps
+from pipeline.geometry.openings.fit import filled_floor, without_openings
+from pipeline.geometry.openings.shaft_parts import fence_parts, roof_slabs
+from pipeline.geometry.rock.extrude import collect_parts
 from pipeline.mjcf.bundle import HeightFigures, WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture

@@ -34,13 +34,13 @@ from minexplore.bundle import (
     surface_geom,
     world_sha256,
 )
-from minexplore.floor import Floor
-from minexplore.folding import Folding
+from minexplore.floors.floor import Floor
+from minexplore.floors.folding import Folding
 from minexplore.schema.files import read_bounded
-from minexplore.schema.json_text import read_json
+from minexplore.schema.readers.json_text import read_json
 from pipeline.errors import ArtifactError
-from pipeline.geometry.openings import filled_floor
-from pipeline.geometry.shaft_parts import OVER_ROOF, sheets_of_parts
+from pipeline.geometry.openings.fit import filled_floor
+from pipeline.geometry.openings.shaft_parts import OVER_ROOF, sheets_of_parts
 from pipeline.mjcf.compiled import compile_world
 from pipeline.mjcf.loading import compile_spec, load_model, read_spec
 from pipeline.mjcf.scene import FloorZone, MineScene

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from minexplore.bundle import MODEL
-from pipeline.geometry.extrude import section_footprint
+from pipeline.geometry.rock.extrude import section_footprint
 from pipeline.mjcf.bundle import placed_parts
 from pipeline.mjcf.loading import compile_spec, read_spec
 

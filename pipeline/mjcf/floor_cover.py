@@ -13,14 +13,14 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import COVER_M, cover_mesh
-from minexplore.floor import Floor
-from minexplore.folding import Folding
+from minexplore.floors.floor import Floor
+from minexplore.floors.folding import Folding
 from minexplore.looks import SHADE_LEVELS, TEXTURE_PER_M
-from pipeline.geometry.floor_parts import wall_lines
-from pipeline.geometry.holes import cut_hole
+from pipeline.geometry.floor.holes import cut_hole
+from pipeline.geometry.floor.parts import wall_lines
+from pipeline.geometry.floor.seams import behind_seam, seam_lines
+from pipeline.geometry.floor.subdivide import split_edges
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.geometry.seams import behind_seam, seam_lines
-from pipeline.geometry.subdivide import split_edges
 from pipeline.mjcf.scene import FloorZone
 from pipeline.params.fittings import FloorParams
 from pipeline.types import NO_OPENINGS, DriftNetwork, Frame, Mesh, Openings

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from minexplore.bundle import FURNITURE_ABOVE_M, LINES_ABOVE_M, TriangleMesh, decode_msh, encode_msh, furniture_mesh
-from minexplore.floor import Floor
-from minexplore.folding import Folding
+from minexplore.floors.floor import Floor
+from minexplore.floors.folding import Folding
 from pipeline.geometry.polyline import arc_length, resample
 from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.weld_mesh import hang_weld_mesh

@@ -11,12 +11,11 @@ import numpy as np
 import shapely
 
 from minexplore.bundle import TriangleMesh, decode_msh, encode_msh, opening_mesh
-from minexplore.floor import Floor
-from minexplore.folding import Folding
-from minexplore.shaft_axis import aside_at
-from pipeline.geometry.openings import lower_aside_m
-from pipeline.geometry.raycast import RayCaster
-from pipeline.geometry.shaft_parts import (
+from minexplore.floors.floor import Floor
+from minexplore.floors.folding import Folding
+from minexplore.floors.shaft_axis import aside_at
+from pipeline.geometry.openings.fit import lower_aside_m
+from pipeline.geometry.openings.shaft_parts import (
     FENCE_HEIGHT_M,
     FENCE_M,
     ends_of,
@@ -25,6 +24,7 @@ from pipeline.geometry.shaft_parts import (
     section_of,
     sections_shown,
 )
+from pipeline.geometry.raycast import RayCaster
 from pipeline.store.codecs import Bundle
 from pipeline.types import Opening, Openings
 

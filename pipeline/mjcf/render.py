@@ -10,7 +10,7 @@ import numpy as np
 
 from minexplore.bundle import GeomGroup
 from minexplore.looks import add_haze
-from minexplore.render import light_nearest
+from minexplore.pictures.render import light_nearest
 from pipeline.errors import ArtifactError
 from pipeline.types import Frame, Image, Mask
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from minexplore.bundle import floor_geom
-from minexplore.floor import Floor
+from minexplore.floors.floor import Floor
 from minexplore.looks import PLAIN
 from pipeline.geometry.polyline import arc_length
 from pipeline.params.realism import ZoneParams

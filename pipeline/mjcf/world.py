@@ -28,10 +28,10 @@ from minexplore.bundle import (
     smooth_mesh,
     surface_geom,
 )
-from minexplore.floor import Floor
+from minexplore.floors.floor import Floor
 from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS, PLAIN
-from pipeline.geometry.floor_parts import cut_by_zones, floor_patches, fold_patch, slab
-from pipeline.geometry.shaft_parts import roof_slabs
+from pipeline.geometry.floor.parts import cut_by_zones, floor_patches, fold_patch, slab
+from pipeline.geometry.openings.shaft_parts import roof_slabs
 from pipeline.mjcf.fittings import add_fittings
 from pipeline.mjcf.scene import FloorZone, MineScene
 from pipeline.store.codecs import Bundle, encode

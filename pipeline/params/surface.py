@@ -23,7 +23,7 @@ Deviations = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_leng
 
 
 class LayersParams(Params):
-    """The layers of a texture of rock; see `pipeline.surface.rock_texture.Layers`."""
+    """The layers of a texture of rock; see `pipeline.surface.texture.layers.Layers`."""
 
     tint: float = Field(ge=0, le=1)
     grain: float = Field(ge=0, le=1)
@@ -102,7 +102,7 @@ class JointSetParams(Params):
 
 
 class FacesParams(Params):
-    """The faces that blocks leave in a wall; see `pipeline.surface.joints.Faces`."""
+    """The faces that blocks leave in a wall; see `pipeline.surface.relief.joints.Faces`."""
 
     step_m: float = Field(ge=0, le=0.5)
     stepped: float = Field(gt=0, le=1)
@@ -111,7 +111,7 @@ class FacesParams(Params):
 
 
 class UndulationParams(Params):
-    """Self-affine relief; see `pipeline.surface.joints.Undulation`."""
+    """Self-affine relief; see `pipeline.surface.relief.joints.Undulation`."""
 
     rms_m: float = Field(ge=0, le=0.5)
     hurst: float = Field(ge=0, le=1)
@@ -126,7 +126,7 @@ class UndulationParams(Params):
 
 
 class RockParams(Params):
-    """Jointed rock; see `pipeline.surface.joints.JointedRock`."""
+    """Jointed rock; see `pipeline.surface.relief.joints.JointedRock`."""
 
     sets: list[JointSetParams] = Field(min_length=2, max_length=4, description="in the order of persistence")
     jitter: float = Field(ge=0, le=0.99)
@@ -140,7 +140,7 @@ class RockParams(Params):
 
 
 class BoundsParams(Params):
-    """Bounds on the displacement of the rock; see `pipeline.surface.displacement.Bounds`."""
+    """Bounds on the displacement of the rock; see `pipeline.surface.mesh.displacement.Bounds`."""
 
     wall_m: float = Field(gt=0, le=1)
     roof_m: float = Field(gt=0, le=1)

@@ -18,14 +18,14 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import GeomGroup
-from minexplore.floor import Floor
-from pipeline.geometry.extrude import section_footprint
-from pipeline.geometry.floor_parts import wall_lines
-from pipeline.geometry.seams import continue_sheets, seam_lines
-from pipeline.geometry.sheet_rock import beside_sheets
-from pipeline.geometry.sheets import floor_seams
+from minexplore.floors.floor import Floor
+from pipeline.geometry.floor.parts import wall_lines
+from pipeline.geometry.floor.seams import continue_sheets, seam_lines
+from pipeline.geometry.floor.sheet_rock import beside_sheets
+from pipeline.geometry.floor.sheets import floor_seams
+from pipeline.geometry.floor.wall_foot import BAND_M, WallFoot
+from pipeline.geometry.rock.extrude import section_footprint
 from pipeline.geometry.wall_distance import distances_to_walls
-from pipeline.geometry.wall_foot import BAND_M, WallFoot
 from pipeline.metrics.containment import cover_walls, open_area_m2
 from pipeline.metrics.reach import compare_sheets, reached_cells, start_cell
 from pipeline.mjcf.bundle import World, WorldRecord, mine_from_body, obstacles, placed_parts, read_floor

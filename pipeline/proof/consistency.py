@@ -13,13 +13,13 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import CLEARANCE_GRID, MINE_BODY, NAV2_MAP, OCTREE, GeomGroup, is_floor, sheet_map, zone_of_wedge
-from minexplore.floor import Floor
-from pipeline.geometry.floor_parts import wall_lines
-from pipeline.geometry.octree import FREE, Octree, from_bt
+from minexplore.floors.floor import Floor
+from pipeline.geometry.floor.parts import wall_lines
+from pipeline.geometry.maps.octree import FREE, Octree, from_bt
 from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.mjcf.bundle import World, mine_from_body, read_floor
 from pipeline.store.codecs import decode
-from pipeline.survey.nav2 import read_nav2_map
+from pipeline.survey.grid.nav2 import read_nav2_map
 from pipeline.types import FreeSpace, Occupancy
 
 _GRAVITY = (0.0, 0.0, -9.81)

@@ -12,8 +12,8 @@ import shapely
 from shapely import Polygon
 
 from minexplore.bundle import SLAB_M, GeomGroup
-from minexplore.floor import Floor
-from pipeline.geometry.extrude import section_footprint
+from minexplore.floors.floor import Floor
+from pipeline.geometry.rock.extrude import section_footprint
 from pipeline.metrics.containment import STRIP_M, cover_floor
 from pipeline.mjcf.bundle import World, obstacles, placed_parts
 from pipeline.proof.openings import cover_openings, holes_in_roof, open_over_collars_m2

@@ -10,9 +10,8 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import SLAB_M, GeomGroup
-from minexplore.floor import Floor
-from pipeline.geometry.extrude import section_footprint
-from pipeline.geometry.shaft_parts import (
+from minexplore.floors.floor import Floor
+from pipeline.geometry.openings.shaft_parts import (
     FENCE_HEIGHT_M,
     FENCE_M,
     ends_of,
@@ -22,6 +21,7 @@ from pipeline.geometry.shaft_parts import (
     section_below,
     section_of,
 )
+from pipeline.geometry.rock.extrude import section_footprint
 from pipeline.metrics.containment import WallCover, slices_above
 from pipeline.mjcf.bundle import World, placed_parts
 from pipeline.types import Opening, Openings

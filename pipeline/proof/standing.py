@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from minexplore.robot import RobotParams
-from minexplore.robot_batch import RobotBatch
+from minexplore.envs.robot_batch import RobotBatch
+from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.world import World, load_world
 

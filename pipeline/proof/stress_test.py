@@ -13,15 +13,15 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from minexplore.local_models import TILE_M
-from minexplore.robot import RobotParams
-from minexplore.robot_batch import RobotBatch
+from minexplore.envs.robot_batch import RobotBatch
+from minexplore.physics.local_models import TILE_M
+from minexplore.physics.robot import RobotParams
 from minexplore.rotations import rotate_inverse
 from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.errors import GeometryError
-from pipeline.geometry.extrude import section_footprint
-from pipeline.geometry.floor_parts import wall_lines
+from pipeline.geometry.floor.parts import wall_lines
+from pipeline.geometry.rock.extrude import section_footprint
 
 _FASTEST_MPS, _SPIN_RADPS = 3.0, 3.0
 _RUN_UP_M = (0.05, 0.6)  # distance from the target minus the robot's radius

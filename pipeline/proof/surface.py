@@ -12,8 +12,8 @@ from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import ROOF, WALLS
 from pipeline.metrics.clearance import WallGaps, measure_walls
-from pipeline.metrics.relief import Relief, measure_relief
-from pipeline.metrics.sampling import faces_near, sample_triangles
+from pipeline.metrics.rock.relief import Relief, measure_relief
+from pipeline.metrics.rock.sampling import faces_near, sample_triangles
 from pipeline.mjcf.bundle import Unfold, visible_triangles
 from pipeline.types import DriftNetwork
 

@@ -13,13 +13,13 @@ from shapely import Polygon
 
 from minexplore.bundle import ROOF, WALLS
 from pipeline.errors import ArtifactError
-from pipeline.metrics.axes import TextureAxes
 from pipeline.metrics.digits import repeatable
-from pipeline.metrics.draws import mean_of, mean_sweep, spread_of
-from pipeline.metrics.planefit import Residuals, fit_voxel_planes
-from pipeline.metrics.published import REAL, REAL_SWEEP
-from pipeline.metrics.sampling import faces_near, sample_triangles, with_noise
-from pipeline.metrics.texture import (
+from pipeline.metrics.rock.axes import TextureAxes
+from pipeline.metrics.rock.draws import mean_of, mean_sweep, spread_of
+from pipeline.metrics.rock.planefit import Residuals, fit_voxel_planes
+from pipeline.metrics.rock.published import REAL, REAL_SWEEP
+from pipeline.metrics.rock.sampling import faces_near, sample_triangles, with_noise
+from pipeline.metrics.rock.texture import (
     Scores,
     axis_ratios,
     measure_axes,

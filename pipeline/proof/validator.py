@@ -16,14 +16,14 @@ from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import FREE_SPACE, RECORD, TOPOLOGY, GeomGroup
 from pipeline.errors import ArtifactError
-from pipeline.geometry.binarize import left_out
-from pipeline.geometry.floor_parts import wall_lines
-from pipeline.geometry.half_level import trace_half_level
-from pipeline.geometry.openings import without_openings
+from pipeline.geometry.floor.parts import wall_lines
+from pipeline.geometry.openings.fit import without_openings
+from pipeline.geometry.outline.binarize import left_out
+from pipeline.geometry.outline.half_level import trace_half_level
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.metrics.iou import differing_areas, intersection_over_union
 from pipeline.metrics.navigability import Navigability, cast_columns
-from pipeline.metrics.relief import Relief
+from pipeline.metrics.rock.relief import Relief
 from pipeline.metrics.size import measure_size, parts_per_wall_m
 from pipeline.metrics.topology import compare_topology
 from pipeline.metrics.wall_error import WallError, measure_wall_error
@@ -40,10 +40,10 @@ from pipeline.mjcf.bundle import (
 )
 from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
-from pipeline.proof.built import require_built, tolerance_of
 from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.claims import require_own_claims
 from pipeline.proof.consistency import measure_consistency
+from pipeline.proof.rebuilt.built import require_built, tolerance_of
 from pipeline.proof.surface import Walls, report_relief, report_walls, walls_metrics
 from pipeline.proof.texture import TextureReport, report_texture, texture_metrics
 from pipeline.store.codecs import decode

@@ -17,11 +17,11 @@ from pipeline import __version__
 from pipeline.metrics.limits import format_limit
 from pipeline.mjcf.bundle import WorldRecord, read_floor, read_record
 from pipeline.params.validation import ValidationParams
-from pipeline.report.levels import draw_levels, draw_long_section, leg_grades
-from pipeline.report.mine import draw_mine, to_svg
+from pipeline.report.figures.levels import draw_levels, draw_long_section, leg_grades
+from pipeline.report.figures.mine import draw_mine, to_svg
+from pipeline.report.figures.scene import scene_page
+from pipeline.report.figures.style import to_image
 from pipeline.report.results import NO_FIGURE, flat_walls_note, read_metrics
-from pipeline.report.scene import scene_page
-from pipeline.report.style import to_image
 from pipeline.store.codecs import decode, encode
 from pipeline.store.files import replace_folder
 from pipeline.store.manifest import Manifest, read_manifest

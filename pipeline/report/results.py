@@ -12,9 +12,9 @@ import cv2
 
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
-from pipeline.metrics.published import PAPER
-from pipeline.metrics.relief import OCTAVES_M, STEEP_DEG
-from pipeline.metrics.texture import AXIS_TITLES, WINDOWS_M, is_uninformative
+from pipeline.metrics.rock.published import PAPER
+from pipeline.metrics.rock.relief import OCTAVES_M, STEEP_DEG
+from pipeline.metrics.rock.texture import AXIS_TITLES, WINDOWS_M, is_uninformative
 from pipeline.params.validation import Limit, ValidationParams
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import read_text_file

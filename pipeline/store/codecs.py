@@ -19,7 +19,7 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import TriangleMesh, decode_msh, encode_msh
-from minexplore.schema.json_text import read_json
+from minexplore.schema.readers.json_text import read_json
 from pipeline.errors import ArtifactError
 from pipeline.store.hashing import require_plain
 from pipeline.types import Areas, Frame, FreeSpace, Mask, Mesh, Workings

@@ -10,20 +10,20 @@ from pathlib import Path
 import numpy as np
 from shapely.geometry.base import BaseGeometry
 
-from minexplore.floor import Floor
+from minexplore.floors.floor import Floor
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
 from pipeline.store.codecs import Bundle, encode
-from pipeline.surface.choose import Relief, bounds_of
-from pipeline.surface.folded import FoldedSurface
-from pipeline.surface.joints import JointedRock, relief_of_joints
-from pipeline.surface.lattice import CrossSection, Lattice, lay_lattice
-from pipeline.surface.meeting import open_seams
-from pipeline.surface.noise import Modulation, relief_of_noise
-from pipeline.surface.rough import RoughSurface, cut_chunks, displace_lattice
-from pipeline.surface.sheet_walls import lay_sheet_walls
-from pipeline.surface.simplify import Mesher, Simplification
-from pipeline.surface.walls import lay_walls
+from pipeline.surface.folded.fold import FoldedSurface
+from pipeline.surface.folded.seam_join import open_seams
+from pipeline.surface.folded.sheet_walls import lay_sheet_walls
+from pipeline.surface.mesh.lattice import CrossSection, Lattice, lay_lattice
+from pipeline.surface.mesh.rough import RoughSurface, cut_chunks, displace_lattice
+from pipeline.surface.mesh.simplify import Mesher, Simplification
+from pipeline.surface.mesh.walls import lay_walls
+from pipeline.surface.relief.joints import JointedRock, relief_of_joints
+from pipeline.surface.relief.noise import Modulation, relief_of_noise
+from pipeline.surface.relief_source import Relief, bounds_of
 from pipeline.types import DriftNetwork
 
 _WIDEST_M = 0.5

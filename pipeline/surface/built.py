@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.metrics.roughness import SurfaceRoughness, roughness_of_cloud, roughness_of_sweeps
-from pipeline.metrics.sampling import faces_near, sample_triangles
+from pipeline.metrics.rock.roughness import SurfaceRoughness, roughness_of_cloud, roughness_of_sweeps
+from pipeline.metrics.rock.sampling import faces_near, sample_triangles
 from pipeline.params.surface import RoughParams, SurfaceParams
-from pipeline.surface.choose import Relief
-from pipeline.surface.joints import Gains, JointedRock
-from pipeline.surface.lattice import ROOF, WALL
+from pipeline.surface.mesh.lattice import ROOF, WALL
+from pipeline.surface.mesh.rough import RoughSurface
 from pipeline.surface.reference import Sources
-from pipeline.surface.rough import RoughSurface
-from pipeline.surface.spectrum import Bands, band_edges
+from pipeline.surface.relief.joints import Gains, JointedRock
+from pipeline.surface.relief.spectrum import Bands, band_edges
+from pipeline.surface.relief_source import Relief
 
 _STRETCHES, _STRETCH_M, _POINTS = 6, 8.0, 250_000
 _BUILT_WINDOW_M = 2.0

@@ -9,13 +9,13 @@ from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
 from pipeline.geometry.polyline import resample
-from pipeline.metrics.planefit import sweep_residuals
-from pipeline.metrics.profile import line_roughness
-from pipeline.metrics.roughness import CUT_HEIGHTS_M, SurfaceRoughness
-from pipeline.metrics.sampling import sample_triangles
-from pipeline.surface.displacement import Bounds, bound_displacement, displaced
-from pipeline.surface.joints import Gains, JointedRock, parts_of_joints
-from pipeline.surface.lattice import WALL, Lattice
+from pipeline.metrics.rock.planefit import sweep_residuals
+from pipeline.metrics.rock.profile import line_roughness
+from pipeline.metrics.rock.roughness import CUT_HEIGHTS_M, SurfaceRoughness
+from pipeline.metrics.rock.sampling import sample_triangles
+from pipeline.surface.mesh.displacement import Bounds, bound_displacement, displaced
+from pipeline.surface.mesh.lattice import WALL, Lattice
+from pipeline.surface.relief.joints import Gains, JointedRock, parts_of_joints
 
 _FOOTPRINT_M = 0.3  # of height, over which a bin of the sweeps averages
 _STEP_M = 0.05  # of the points along a level line

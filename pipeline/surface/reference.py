@@ -9,10 +9,15 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from pipeline.errors import InputError
-from pipeline.metrics.roughness import SurfaceRoughness, published_roughness, roughness_of_cloud, roughness_of_sweeps
+from pipeline.metrics.rock.roughness import (
+    SurfaceRoughness,
+    published_roughness,
+    roughness_of_cloud,
+    roughness_of_sweeps,
+)
 from pipeline.params.surface import CloudParams, SurfaceParams, SweepsParams
-from pipeline.survey.cloud import CloudLimits, read_cloud, split_surfaces, without_outliers
-from pipeline.survey.sweeps import read_sweep
+from pipeline.scans.cloud import CloudLimits, read_cloud, split_surfaces, without_outliers
+from pipeline.scans.sweeps import read_sweep
 
 Sources = dict[str, dict[str, SurfaceRoughness]]  # source -> surface (wall, roof) -> its roughness
 

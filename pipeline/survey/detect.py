@@ -12,7 +12,9 @@ import shapely
 from pydantic import ValidationError
 
 from pipeline.errors import InputError
-from pipeline.geometry.binarize import dark_pixels
+from pipeline.geometry.outline.binarize import dark_pixels
+from pipeline.guard.plain_file import require_plain_file
+from pipeline.guard.reading_process import Payload, one_line, run_limited
 from pipeline.params.reader_limits import reader_limits
 from pipeline.params.stated import require_stated
 from pipeline.params.survey import (
@@ -21,21 +23,19 @@ from pipeline.params.survey import (
     PlanSurveyParams,
     VectorSurveyParams,
 )
-from pipeline.survey.child import Payload, one_line, run_limited
+from pipeline.survey.drawing.georeference import has_placement, read_placement, world_file
+from pipeline.survey.drawing.image import read_image
+from pipeline.survey.drawing.picture import draw_page, make_ready, require_few_regions
+from pipeline.survey.drawing.scale import find_bar, measure_bar
+from pipeline.survey.drawing.workings import WIDTHS_M, draw_detected, find_workings, typical_width_px
 from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
-from pipeline.survey.georeference import has_placement, read_placement, world_file
-from pipeline.survey.grid import draw_grid
-from pipeline.survey.image import read_image
-from pipeline.survey.level_walls import axis_of
-from pipeline.survey.nav2 import nav2_picture
-from pipeline.survey.picture import draw_page, make_ready, require_few_regions
-from pipeline.survey.plain_file import require_plain_file
-from pipeline.survey.scale import find_bar, measure_bar
-from pipeline.survey.shapes import METRES, Shapes
-from pipeline.survey.solved.read import SOLVED_SUFFIXES
-from pipeline.survey.vector_sheet import require_no_sheet
+from pipeline.survey.grid.nav2 import nav2_picture
+from pipeline.survey.grid.plan import draw_grid
+from pipeline.survey.levels.walls import axis_of
+from pipeline.survey.solved_surveys import SOLVED_SUFFIXES
+from pipeline.survey.vector.shapes import METRES, Shapes
+from pipeline.survey.vector.sheet_doubts import require_no_sheet
 from pipeline.survey.vector_survey import draw_vector_survey, read_shapes, vector_files
-from pipeline.survey.workings import WIDTHS_M, draw_detected, find_workings, typical_width_px
 from pipeline.types import Georeference, Image, Mask
 
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pdf")

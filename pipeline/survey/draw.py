@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.survey.picture_header import MAX_SIDE_PX
+from pipeline.survey.drawing.picture_header import MAX_SIDE_PX
 from pipeline.types import Frame, Image
 
 _OVERSAMPLE = 4

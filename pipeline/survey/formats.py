@@ -8,14 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from pipeline.survey.compass import read_plt
-from pipeline.survey.dxf import read_dxf
-from pipeline.survey.geodata import read_geodata
-from pipeline.survey.geojson import read_geojson
-from pipeline.survey.legs import SurveyLeg
-from pipeline.survey.shapes import Shapes
-from pipeline.survey.solved.read import read_passages, read_survex
-from pipeline.survey.stations import read_station_legs
+from pipeline.survey.passages.legs import SurveyLeg
+from pipeline.survey.solved_surveys import read_passages, read_survex
+from pipeline.survey.stations.compass import read_plt
+from pipeline.survey.stations.table import read_station_legs
+from pipeline.survey.vector.dxf import read_dxf
+from pipeline.survey.vector.geodata import read_geodata
+from pipeline.survey.vector.geojson import read_geojson
+from pipeline.survey.vector.shapes import Shapes
 
 ShapeReader = Callable[[Path, list[str] | None], Shapes]  # (file, layers or None for all) -> polygons and lines
 # (file, distance to a wall that nobody measured or None) -> (legs, coordinate system or None)

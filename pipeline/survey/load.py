@@ -13,17 +13,16 @@ from pydantic import TypeAdapter
 from shapely import MultiPolygon
 
 from pipeline.errors import InputError
+from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.floor_rules import reading_by
 from pipeline.params.survey import PlanSurveyParams, PosesParams, StationSurveyParams, SurveyParams
+from pipeline.scans.poses import PoseScale, scale_from_poses
+from pipeline.scans.sweeps import gate_returns, read_poses, read_returns
 from pipeline.store.registry import read_registry
-from pipeline.survey.child import Payload, run_limited
 from pipeline.survey.draw import draw_plan, frame_around
-from pipeline.survey.georeference import read_placement, world_file
-from pipeline.survey.grid import draw_grid
-from pipeline.survey.image import read_image
-from pipeline.survey.legs import SurveyLeg, build_workings
-from pipeline.survey.nav2 import nav2_picture
-from pipeline.survey.picture import (
+from pipeline.survey.drawing.georeference import read_placement, world_file
+from pipeline.survey.drawing.image import read_image
+from pipeline.survey.drawing.picture import (
     fill_walls,
     keep_workings,
     make_ready,
@@ -31,14 +30,15 @@ from pipeline.survey.picture import (
     require_few_regions,
     turn_picture,
 )
-from pipeline.survey.poses import PoseScale, scale_from_poses
-from pipeline.survey.scale import measure_bar
-from pipeline.survey.sheets import draw_sheets
-from pipeline.survey.solved.read import SOLVED_SUFFIXES
+from pipeline.survey.drawing.scale import measure_bar
+from pipeline.survey.grid.nav2 import nav2_picture
+from pipeline.survey.grid.plan import draw_grid
+from pipeline.survey.passages.legs import SurveyLeg, build_workings
+from pipeline.survey.passages.sheets import draw_sheets
+from pipeline.survey.solved_surveys import SOLVED_SUFFIXES
 from pipeline.survey.start import start_in_plan
-from pipeline.survey.stations import read_stations
+from pipeline.survey.stations.table import read_stations
 from pipeline.survey.surfaces import height_files, read_heights
-from pipeline.survey.sweeps import gate_returns, read_poses, read_returns
 from pipeline.survey.vector_survey import WIDEST_M, draw_vector_survey, vector_files
 from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Scale, Survey, Workings
 

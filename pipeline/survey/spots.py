@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.survey.plain_file import read_csv_text, require_at_most
-from pipeline.survey.plain_number import plain_number
-from pipeline.survey.shapes import REACH_M
+from pipeline.guard.plain_file import read_csv_text, require_at_most
+from pipeline.guard.plain_number import plain_number
+from pipeline.survey.vector.shapes import REACH_M
 from pipeline.types import Georeference, Heights
 
 _COLUMNS = ["easting_m", "northing_m", "elevation_m"]

@@ -14,16 +14,16 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
+from pipeline.guard.plain_file import require_at_most
+from pipeline.guard.reading_process import tell
 from pipeline.params.floor_rules import floor_rules
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.child import tell
-from pipeline.survey.dxf import read_dxf_labels
 from pipeline.survey.formats import SHAPE_READERS
-from pipeline.survey.geodata import companions
-from pipeline.survey.plain_file import require_at_most
-from pipeline.survey.shapes import REACH_M, Shapes, coordinate_system, require_size
+from pipeline.survey.passages.stray_heights import STRAY_M
 from pipeline.survey.spots import read_spots
-from pipeline.survey.stray_heights import STRAY_M
+from pipeline.survey.vector.dxf import read_dxf_labels
+from pipeline.survey.vector.geodata import companions
+from pipeline.survey.vector.shapes import REACH_M, Shapes, coordinate_system, require_size
 from pipeline.types import Frame, Georeference, Heights, Image
 
 RASTER_DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid"}

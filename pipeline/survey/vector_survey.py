@@ -12,10 +12,11 @@ from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.geometry.enclosure import as_polygons
-from pipeline.geometry.generate import generate_workings
-from pipeline.geometry.perturb import perturb_workings
-from pipeline.geometry.rough_walls import roughen_walls
+from pipeline.geometry.generated.generate import generate_workings
+from pipeline.geometry.generated.perturb import perturb_workings
+from pipeline.geometry.generated.rough_walls import roughen_walls
+from pipeline.geometry.outline.enclosure import as_polygons
+from pipeline.guard.reading_process import one_line, tell
 from pipeline.params.survey import (
     CentrelineSurveyParams,
     PassageSurveyParams,
@@ -23,22 +24,21 @@ from pipeline.params.survey import (
     VariantSurveyParams,
     VectorSurveyParams,
 )
-from pipeline.survey.centrelines import read_centrelines
-from pipeline.survey.child import one_line, tell
 from pipeline.survey.draw import draw_picture, draw_workings, frame_around
 from pipeline.survey.formats import PASSAGE_READERS, SHAPE_READERS
-from pipeline.survey.geodata import companions
-from pipeline.survey.geojson import read_geojson
-from pipeline.survey.legs import SurveyLeg, build_workings, check_network
-from pipeline.survey.level_areas import areas_of
-from pipeline.survey.level_sheets import draw_levels
-from pipeline.survey.level_walls import lie_over, split_steep, walls_in_space
-from pipeline.survey.shapes import REACH_M, Shapes, locate, require_simple, workings_of
-from pipeline.survey.sheets import draw_sheets, has_relief
+from pipeline.survey.levels.areas import areas_of
+from pipeline.survey.levels.sheets import draw_levels
+from pipeline.survey.levels.walls import lie_over, split_steep, walls_in_space
+from pipeline.survey.passages.legs import SurveyLeg, build_workings, check_network
+from pipeline.survey.passages.sheets import draw_sheets, has_relief
 from pipeline.survey.solved.plan_view import plan_legs
-from pipeline.survey.solved.read import SOLVED_SUFFIXES, survey_files
-from pipeline.survey.stations import read_station_legs
+from pipeline.survey.solved_surveys import SOLVED_SUFFIXES, survey_files
+from pipeline.survey.stations.table import read_station_legs
 from pipeline.survey.surfaces import wall_heights
+from pipeline.survey.vector.centrelines import read_centrelines
+from pipeline.survey.vector.geodata import companions
+from pipeline.survey.vector.geojson import read_geojson
+from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, workings_of
 from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Seam
 
 VectorSurvey = (

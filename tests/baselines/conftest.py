@@ -6,8 +6,10 @@ import gymnasium
 import pytest
 
 import minexplore
-from baselines import result_file, split, split_file
-from baselines.split_file import mine_id
+from baselines import split
+from baselines.base import result_file
+from baselines.scoring import split_file
+from baselines.scoring.split_file import mine_id
 from tests.mines import BuiltMine
 
 TEE_ID, SHORT_ID = "MineXplore/Tee-v0", "MineXplore/ShortTee-v0"
@@ -16,8 +18,8 @@ TEE_ID, SHORT_ID = "MineXplore/Tee-v0", "MineXplore/ShortTee-v0"
 def register(env_id: str, tee: BuiltMine, task: dict[str, Any]) -> None:
     gymnasium.register(
         env_id,
-        "minexplore.env:MineEnv",
-        vector_entry_point="minexplore.vector:MineVectorEnv",
+        "minexplore.envs.env:MineEnv",
+        vector_entry_point="minexplore.envs.vector:MineVectorEnv",
         kwargs={"world": str(tee.bundle), "task": {"terrain": False, **task}},
     )
 
@@ -47,13 +49,16 @@ def mines(tee: BuiltMine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
     built = {env_id: gymnasium.registry.pop(env_id) for env_id in ids if env_id in gymnasium.registry}
     for env_id in ids:
         gymnasium.register(
-            env_id, "minexplore.env:MineEnv", vector_entry_point="minexplore.vector:MineVectorEnv", kwargs=kwargs
+            env_id,
+            "minexplore.envs.env:MineEnv",
+            vector_entry_point="minexplore.envs.vector:MineVectorEnv",
+            kwargs=kwargs,
         )
     for module in (split, split_file):
         monkeypatch.setattr(module, "SIZES", {"test": 2})
     for module in (split, split_file, result_file):
         monkeypatch.setattr(module, "RESULTS", tmp_path)
-    monkeypatch.setattr("baselines.bounds.BOUNDS", tmp_path / "bounds.json")
+    monkeypatch.setattr("baselines.scoring.bounds.BOUNDS", tmp_path / "bounds.json")
     yield ids
     for env_id in ids:
         del gymnasium.registry[env_id]

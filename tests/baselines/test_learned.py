@@ -7,8 +7,8 @@ import pytest
 from safetensors import safe_open
 from safetensors.numpy import save_file
 
-from baselines.errors import BaselineError
-from baselines.learned import LearnedPolicy
+from baselines.base.errors import BaselineError
+from baselines.policies.learned import LearnedPolicy
 from minexplore.task import TaskParams
 
 ENCODER = "encoder.actor_encoder."

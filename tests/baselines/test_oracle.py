@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baselines.bounds import read_bounds, write_bound
-from baselines.environments import make_env
+from baselines.base.environments import make_env
+from baselines.base.speed import top_speed_mps
 from baselines.oracle import __main__ as oracle
 from baselines.oracle.bound import best_walk
 from baselines.oracle.network import TimeNetwork, time_network
 from baselines.oracle.tour import OracleTour, plan_tour
-from baselines.policy import make_policy
-from baselines.protocol import run_episodes
-from baselines.speed import top_speed_mps
+from baselines.policies.found import make_policy
+from baselines.running.protocol import run_episodes
+from baselines.scoring.bounds import read_bounds, write_bound
 
 TEE_LONGEST_M = 85.0  # from any place of the tee to any other, round its corner
 
@@ -77,8 +77,8 @@ def test_no_explorer_beats_the_bound_and_the_tour_comes_near(tee_id):
 
 @pytest.mark.slow
 def test_a_begun_bound_is_completed_and_a_current_one_is_kept(tee_id, tmp_path, monkeypatch):
-    monkeypatch.setattr("baselines.bounds.BOUNDS", tmp_path / "bounds.json")
-    monkeypatch.setattr("baselines.result_file.RESULTS", tmp_path)
+    monkeypatch.setattr("baselines.scoring.bounds.BOUNDS", tmp_path / "bounds.json")
+    monkeypatch.setattr("baselines.base.result_file.RESULTS", tmp_path)
     asked = []
     monkeypatch.setattr(oracle, "best_walk", lambda *args: asked.append(args[1]) or best_walk(*args))
     oracle.renew(tee_id, [0], 5.0, tmp_path / "oracle.png")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from baselines.split_page import UNVERIFIED_HEADING
+from baselines.pages.split_page import UNVERIFIED_HEADING
 from tests.project import Project
 from tests.sandbox import needs_sandbox
 

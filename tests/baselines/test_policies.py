@@ -3,16 +3,16 @@ import re
 import numpy as np
 import pytest
 
-from baselines.environments import make_env
-from baselines.errors import BaselineError
+from baselines.base.environments import make_env
+from baselines.base.errors import BaselineError
 from baselines.explorers import EXPLORERS
 from baselines.explorers.frontier import NearestFrontier
-from baselines.explorers.own_map import FINE, FREE, ROCK, OwnMap
+from baselines.explorers.maps.own_map import FINE, FREE, ROCK, OwnMap
 from baselines.explorers.pursuit import PathFollower, heading_errors
-from baselines.map_observation import RINGS_M, MapObserver
-from baselines.policy import make_policy, policy_sha256, source_files
-from baselines.protocol import run_episodes
-from minexplore.robot import RobotParams
+from baselines.policies.found import make_policy, policy_sha256, source_files
+from baselines.policies.map_observation import RINGS_M, MapObserver
+from baselines.running.protocol import run_episodes
+from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 from tests.project import ROOT
 

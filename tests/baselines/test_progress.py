@@ -1,11 +1,11 @@
 import re
 import time
 
-from baselines.progress import Progress
+from baselines.base.progress import Progress
 
 
 def test_progress_is_a_line_every_while_where_there_is_no_terminal(capsys, monkeypatch):
-    monkeypatch.setattr("baselines.progress.EVERY_S", 0.2)
+    monkeypatch.setattr("baselines.base.progress.EVERY_S", 0.2)
     progress = Progress("run", 2000, 500)
     progress.figures = {"coverage": "12.5 %"}
     progress.add(100)

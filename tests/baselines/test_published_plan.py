@@ -6,13 +6,13 @@ import sys
 import numpy as np
 import pytest
 
-from baselines.bounds import read_bounds
-from baselines.result_file import RESULTS, read_results
-from benchmarks import published_plan
+from baselines.base.result_file import RESULTS, read_results
+from baselines.scoring.bounds import read_bounds
+from benchmarks.comparisons import published_plan
 
 
 def test_a_missing_plan_is_named_with_the_command_that_fetches_it(project):
-    done = project.run(sys.executable, "-m", "benchmarks.published_plan")
+    done = project.run(sys.executable, "-m", "benchmarks.comparisons.published_plan")
     assert done.returncode == 2
     assert done.stderr == "published-plan: data/raw/plan.jpg: missing; `make data` fetches it\n"
 

@@ -5,23 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baselines.bounds import Bound
-from baselines.driven import note_driven, was_driven_here
-from baselines.environments import make_env
-from baselines.errors import BaselineError, RejectedError, run_command
+from baselines.base.environments import make_env
+from baselines.base.errors import BaselineError, RejectedError, run_command
+from baselines.base.result_file import RESULTS, Episode, chain, read_results
+from baselines.base.statistics import estimate, figures, interquartile_mean, sample_times
 from baselines.evaluate import UNVERIFIED, evaluate, evaluate_all
 from baselines.explorers import EXPLORERS
 from baselines.leaderboard import leaderboard
-from baselines.parallel import drive
-from baselines.policy import find_checkpoint, make_policy, policy_label
-from baselines.protocol import SEEDS, head_of, run_episodes
-from baselines.rerun import Rerun
-from baselines.result_file import RESULTS, Episode, chain, read_results
-from baselines.sandbox import require_sandbox
+from baselines.pages.split_page import UNVERIFIED_HEADING
+from baselines.policies.found import find_checkpoint, make_policy, policy_label
+from baselines.running.parallel import drive
+from baselines.running.protocol import SEEDS, head_of, run_episodes
+from baselines.sandbox.bubblewrap import require_sandbox
 from baselines.score import main, score
-from baselines.split_file import read_drives
-from baselines.split_page import UNVERIFIED_HEADING
-from baselines.statistics import estimate, figures, interquartile_mean, sample_times
+from baselines.scoring.bounds import Bound
+from baselines.scoring.rerun import Rerun
+from baselines.scoring.split_file import read_drives
+from baselines.scoring.verified_runs import note_driven, was_driven_here
 from tests.baselines.test_learned import write_policy
 from tests.forked import run_forked
 from tests.project import ROOT
@@ -90,7 +90,7 @@ def test_episodes_driven_in_two_processes_are_those_driven_in_one(honest, short_
 @needs_sandbox
 def test_a_learned_row_is_driven_here_by_its_name(short_id, tmp_path, monkeypatch):
     name = "Tee-beams-mlp-1"
-    monkeypatch.setattr("baselines.policy.CHECKPOINTS", tmp_path)
+    monkeypatch.setattr("baselines.policies.found.CHECKPOINTS", tmp_path)
     write_policy(tmp_path / f"{name}.safetensors", "mlp", hidden=64)
     out = tmp_path / "elsewhere" / f"{name}.jsonl"
     evaluate(str(tmp_path / f"{name}.safetensors"), short_id, list(SEEDS), out)
@@ -141,7 +141,7 @@ def test_every_kept_result_is_of_a_policy_that_is_found_by_its_name():
 
 
 def test_results_of_another_world_or_policy_are_recognised_as_stale_and_renewed(short_id, tmp_path, monkeypatch):
-    monkeypatch.setattr("baselines.result_file.RESULTS", tmp_path)
+    monkeypatch.setattr("baselines.base.result_file.RESULTS", tmp_path)
     monkeypatch.setattr("baselines.evaluate.RESULTS", tmp_path)
     monkeypatch.setattr("baselines.evaluate.EXPLORERS", ["reactive"])
     out = tmp_path / "ShortTee-v0" / "reactive.jsonl"
@@ -272,7 +272,7 @@ def test_overstated_figures_are_unverified_and_differ_when_driven_again(honest, 
     folder = tmp_path / "results" / "ShortTee-v0"
     folder.mkdir(parents=True)
     kept = folder / "wall-following.jsonl"
-    monkeypatch.setattr("baselines.result_file.RESULTS", tmp_path / "results")
+    monkeypatch.setattr("baselines.base.result_file.RESULTS", tmp_path / "results")
     kept.write_bytes(honest.read_bytes())
     _score(kept, monkeypatch, "--rerun", "all")
     assert "20 of 20 episodes driven again, all figures are equal" in capsys.readouterr().out

@@ -7,16 +7,25 @@ import pytest
 from scipy.stats import mannwhitneyu
 
 import minexplore
-from baselines import driven, split
-from baselines.bounds import Bound, bounds_file, read_bounds, write_bound
-from baselines.errors import BaselineError, RejectedError
-from baselines.rerun import Rerun
+from baselines import split
+from baselines.base.errors import BaselineError, RejectedError
+from baselines.base.statistics import Figure
+from baselines.pages.split_page import (
+    UNVERIFIED_HEADING,
+    _beside,
+    _by_style,
+    _Row,
+    in_order,
+    require_own_rows,
+    split_section,
+)
 from baselines.score import print_split, score_split
+from baselines.scoring import verified_runs as driven
+from baselines.scoring.bounds import Bound, bounds_file, read_bounds, write_bound
+from baselines.scoring.rerun import Rerun
+from baselines.scoring.split_file import read_drives, require_whole, write_drives
+from baselines.scoring.split_statistics import improvement, middle, profile, stratified
 from baselines.split import bound_split, evaluate_split
-from baselines.split_file import read_drives, require_whole, write_drives
-from baselines.split_page import UNVERIFIED_HEADING, _beside, _by_style, _Row, in_order, require_own_rows, split_section
-from baselines.split_statistics import improvement, middle, profile, stratified
-from baselines.statistics import Figure
 
 
 def test_a_split_is_driven_once_resumed_and_put_into_a_table(mines, tmp_path):

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from baselines import team
-from baselines.environments import make_env
-from baselines.errors import BaselineError
-from baselines.explorers.own_map import ROCK
+from baselines.base.environments import make_env
+from baselines.base.errors import BaselineError
+from baselines.explorers.maps.own_map import ROCK
 from baselines.explorers.team import AssignedFrontiers
 from baselines.oracle.reach import cells_within_reach, least_time_s
 from baselines.team import drive_team, measure_all, page, read_kept, speed_up
-from minexplore.robot import RobotParams
+from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 
 

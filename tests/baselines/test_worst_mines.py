@@ -1,8 +1,8 @@
 import pytest
 
-from baselines.errors import BaselineError
+from baselines.base.errors import BaselineError
+from baselines.scoring.split_file import write_drives
 from baselines.split import evaluate_split
-from baselines.split_file import write_drives
 from baselines.worst_mines import draw, page, pairs_of, share, stands
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.geometry.skeleton import trace_network
+from pipeline.geometry.network.skeleton import trace_network
 from pipeline.metrics.clearance import measure_walls
 from tests.mines import STRAIGHT
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.geometry.collision import exact_prisms
+from pipeline.geometry.rock.collision import exact_prisms
 from pipeline.metrics.containment import cover_walls, open_area_m2
 from pipeline.metrics.reach import compare_reach, compare_sheets, reached_cells
 from pipeline.types import Frame

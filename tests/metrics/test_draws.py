@@ -2,9 +2,9 @@
 
 import pytest
 
-from pipeline.metrics.axes import TextureAxes
-from pipeline.metrics.draws import mean_of, mean_sweep, spread_of
-from pipeline.metrics.planefit import Residuals
+from pipeline.metrics.rock.axes import TextureAxes
+from pipeline.metrics.rock.draws import mean_of, mean_sweep, spread_of
+from pipeline.metrics.rock.planefit import Residuals
 
 
 def test_a_figure_that_some_draws_lack_is_the_mean_of_the_others():

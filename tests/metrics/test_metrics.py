@@ -4,7 +4,7 @@ import pytest
 import shapely
 
 from minexplore.bundle import GeomGroup
-from minexplore.floor import Floor
+from minexplore.floors.floor import Floor
 from pipeline.errors import LimitError
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.metrics.iou import intersection_over_union

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lombscargle
 
 from pipeline.errors import InputError
-from pipeline.metrics.profile import (
+from pipeline.metrics.rock.profile import (
     _periodogram,
     amplitude_of,
     line_roughness,
@@ -13,8 +13,8 @@ from pipeline.metrics.profile import (
     profiles_of_runs,
     spectrum_of,
 )
-from pipeline.metrics.roughness import roughness_of_cloud, roughness_of_sweeps
-from pipeline.survey.sweeps import read_sweep
+from pipeline.metrics.rock.roughness import roughness_of_cloud, roughness_of_sweeps
+from pipeline.scans.sweeps import read_sweep
 
 WAVES = np.geomspace(0.05, 1.0, 200)
 

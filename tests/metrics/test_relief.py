@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.metrics.relief import cut_walls, face_angles_deg, flat_face_share, line_factor, measure_relief
-from pipeline.metrics.roughness import SurfaceRoughness
+from pipeline.metrics.rock.relief import cut_walls, face_angles_deg, flat_face_share, line_factor, measure_relief
+from pipeline.metrics.rock.roughness import SurfaceRoughness
 
 DRIFT = shapely.box(0, 0, 120, 6)
 

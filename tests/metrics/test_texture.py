@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.metrics.axes import TextureAxes
-from pipeline.metrics.planefit import fit_voxel_planes, normal_scatter_deg, sweep_residuals
-from pipeline.metrics.published import PAPER_MODEL, PAPER_SCORES, REAL
-from pipeline.metrics.texture import (
+from pipeline.metrics.rock.axes import TextureAxes
+from pipeline.metrics.rock.planefit import fit_voxel_planes, normal_scatter_deg, sweep_residuals
+from pipeline.metrics.rock.published import PAPER_MODEL, PAPER_SCORES, REAL
+from pipeline.metrics.rock.texture import (
     AXES,
     bump_rq_m,
     published_score,

@@ -7,9 +7,9 @@ import sys
 import pytest
 
 import minexplore.warp
-from benchmarks import gpu_parity, time_gpu
+from benchmarks.speed import gpu_parity, time_gpu
 from minexplore.backends import make_vector_env
-from minexplore.vector import MineVectorEnv
+from minexplore.envs.vector import MineVectorEnv
 from tests.mines import BuiltMine
 from tests.project import ROOT
 

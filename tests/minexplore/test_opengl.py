@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from minexplore.opengl import egl_works, osmesa_works
+from minexplore.pictures.opengl import egl_works, osmesa_works
 from tests.mines import BuiltMine
 from tests.project import ROOT
 
@@ -36,7 +36,7 @@ if sys.argv[2] == "close":
 print("done")
 """
 
-NOTHING = "import sys, minexplore.opengl as o; o.egl_works = o.osmesa_works = lambda: False; "
+NOTHING = "import sys, minexplore.pictures.opengl as o; o.egl_works = o.osmesa_works = lambda: False; "
 
 
 def run(*command, **variables):

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from gymnasium.utils import seeding
 
-from minexplore.env import MineEnv
-from minexplore.local_models import LocalModels
+from minexplore.envs.env import MineEnv
+from minexplore.envs.team import Team
 from minexplore.page import option_values, page
-from minexplore.robot import RobotParams
+from minexplore.physics.local_models import LocalModels
+from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
-from minexplore.team import Team
 from minexplore.world import load_world
 from tests.mines import BuiltMine
 

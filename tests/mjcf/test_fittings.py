@@ -21,12 +21,12 @@ from minexplore.bundle import (
     is_cover,
     is_fitting,
 )
-from minexplore.lidar import Lidar, surface_meshes
-from minexplore.local_models import LocalModels
 from minexplore.looks import SHADE_LEVELS
-from minexplore.render import far_hidden
-from minexplore.robot import RobotParams
+from minexplore.physics.local_models import LocalModels
+from minexplore.physics.robot import RobotParams
+from minexplore.pictures.render import far_hidden
 from minexplore.schema import check_files, hash_files, read_folder
+from minexplore.sensing.lidar import Lidar, surface_meshes
 from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.compose import compose
@@ -39,9 +39,9 @@ from pipeline.mjcf.scene import FloorZone
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
 from pipeline.params.config import Config
 from pipeline.params.fittings import FloorParams
-from pipeline.proof.built import require_built
-from pipeline.proof.fittings import _mesh_difference
-from pipeline.proof.visible import face_samples
+from pipeline.proof.rebuilt.built import require_built
+from pipeline.proof.rebuilt.fittings import _mesh_difference
+from pipeline.proof.rebuilt.visible import face_samples
 from pipeline.types import DriftNetwork, Leg, Mesh
 from tests.mines import BuiltMine, sealed
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.compose import compose
-from pipeline.report.levels import draw_levels, draw_long_section, leg_grades
+from pipeline.report.figures.levels import draw_levels, draw_long_section, leg_grades
 from tests.heights import UNDER, MineWithHeights
 
 

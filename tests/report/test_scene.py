@@ -10,7 +10,7 @@ import shapely
 from minexplore.bundle import ROOF, WALLS
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import open_bundle
-from pipeline.report import scene
+from pipeline.report.figures import scene
 
 
 @pytest.fixture(scope="module")

@@ -146,7 +146,7 @@ def test_a_hash_of_named_hashes_is_the_sha256_of_their_listing():
 
 def test_the_import_closure_follows_imports_inside_functions_and_packages():
     closure = {p.as_posix() for p in import_closure(ROOT / "stages/compile3d.py", ROOT)}
-    assert {"stages/__init__.py", "pipeline/geometry/decompose.py", "pipeline/types.py"} <= closure
+    assert {"stages/__init__.py", "pipeline/geometry/rock/decompose.py", "pipeline/types.py"} <= closure
     assert "pipeline/mjcf/world.py" not in closure
 
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from pipeline.surface.spectrum import Bands, Roughness, band_wavelengths, residual_share
+from pipeline.surface.relief.spectrum import Bands, Roughness, band_wavelengths, residual_share
 
 WAVES = band_wavelengths(0.4, 4.0)
 

@@ -11,22 +11,22 @@ import shapely
 from minexplore.bundle import ROOF, WALLS, GeomGroup, smooth_mesh, surface_geom
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError, GeometryError, InputError, ParamsError
-from pipeline.geometry.skeleton import trace_network
-from pipeline.metrics.profile import line_roughness
-from pipeline.metrics.relief import cut_walls, line_factor
-from pipeline.metrics.roughness import SurfaceRoughness
+from pipeline.geometry.network.skeleton import trace_network
+from pipeline.metrics.rock.profile import line_roughness
+from pipeline.metrics.rock.relief import cut_walls, line_factor
+from pipeline.metrics.rock.roughness import SurfaceRoughness
 from pipeline.mjcf.bundle import open_bundle, visible_triangles
-from pipeline.proof.built import require_built
+from pipeline.proof.rebuilt.built import require_built
 from pipeline.proof.surface import report_walls
 from pipeline.proof.texture import draws_of_places, report_texture, texture_metrics
 from pipeline.store.codecs import decode
 from pipeline.surface.build import build_rough_surface, lay_rough_lattice, widen_spacing
 from pipeline.surface.built import wall_section
-from pipeline.surface.choose import bounds_of, choose_bands, choose_relief
 from pipeline.surface.fit_rock import RockWalls, fit_rock
-from pipeline.surface.lattice import WALL
+from pipeline.surface.mesh.lattice import WALL
 from pipeline.surface.reference import measure_cloud, measure_sources
-from pipeline.surface.spectrum import Roughness, band_edges
+from pipeline.surface.relief.spectrum import Roughness, band_edges
+from pipeline.surface.relief_source import bounds_of, choose_bands, choose_relief
 from pipeline.types import DriftNetwork, FreeSpace
 from tests.mines import BuiltMine
 from tests.project import ROOT, Project, message_of

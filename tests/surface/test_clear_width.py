@@ -5,12 +5,12 @@ import pytest
 import shapely
 
 from pipeline.compose import compose
-from pipeline.geometry.skeleton import trace_network
+from pipeline.geometry.network.skeleton import trace_network
 from pipeline.metrics.clearance import measure_walls
 from pipeline.surface.build import build_rough_surface, lay_rough_lattice
 from pipeline.surface.built import wall_section
-from pipeline.surface.choose import choose_relief
 from pipeline.surface.reference import measure_sources
+from pipeline.surface.relief_source import choose_relief
 
 
 def gaps_of(outline, own):

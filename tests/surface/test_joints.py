@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.surface.gradient_noise import bell, gradient_noise, hashed, self_affine, uniform
-from pipeline.surface.joints import Faces, JointedRock, JointSet, Undulation, number_blocks, relief_of_joints
+from pipeline.surface.relief.gradient_noise import bell, gradient_noise, hashed, self_affine, uniform
+from pipeline.surface.relief.joints import Faces, JointedRock, JointSet, Undulation, number_blocks, relief_of_joints
 
 SETS = (JointSet(60, 80, 0.6), JointSet(150, 75, 0.8), JointSet(20, 15, 0.5))
 STILL = Undulation(0.0, 0.9, 1.0, 4.0)

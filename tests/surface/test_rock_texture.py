@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from minexplore.bundle import BundleError
-from minexplore.schema.png import PALETTE, RGB, check_png, inflate_png
+from minexplore.schema.readers.png import PALETTE, RGB, check_png, inflate_png
 from pipeline.compose import compose
 from pipeline.errors import ParamsError
 from pipeline.store.codecs import decode
 from pipeline.store.palette_png import encode_palette_png
-from pipeline.surface.relaxed_texture import relax_texture
-from pipeline.surface.rock_texture import Layers, make_rock_texture
+from pipeline.surface.texture.coordinates import relax_texture
+from pipeline.surface.texture.layers import Layers, make_rock_texture
 from pipeline.types import Image
 
 BARE = Layers(0.0, 0.0, 0.0, 0.0, 0.0)

@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 
 from minexplore.bundle import ROOF
 from pipeline.errors import GeometryError
-from pipeline.surface.mesh_checks import check_mesh, join_meshes
-from pipeline.surface.smooth import smooth_surface
-from pipeline.surface.texture import make_texture
+from pipeline.surface.mesh.mesh_checks import check_mesh, join_meshes
+from pipeline.surface.mesh.smooth import smooth_surface
+from pipeline.surface.texture.picture import make_texture
 from pipeline.types import Mesh
 from tests.mines import RING, STRAIGHT, TEE, random_mine
 

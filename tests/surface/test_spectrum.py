@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pipeline.errors import GeometryError
-from pipeline.surface.noise import slow_modulation, solid_noise, unit_bands
-from pipeline.surface.spectrum import Bands, Roughness, band_edges, band_wavelengths, fit_bands, residual_share
+from pipeline.surface.relief.noise import slow_modulation, solid_noise, unit_bands
+from pipeline.surface.relief.spectrum import Bands, Roughness, band_edges, band_wavelengths, fit_bands, residual_share
 from tests.surface.spectra import WAVES, flat_bands, predicted_rq
 
 

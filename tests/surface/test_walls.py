@@ -5,7 +5,7 @@ import pytest
 import shapely
 from shapely import Polygon
 
-from pipeline.surface.walls import fillet
+from pipeline.surface.mesh.walls import fillet
 
 
 def forked(angle_deg, half_m=2.0, long_m=30.0):

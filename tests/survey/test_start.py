@@ -5,8 +5,8 @@ import pytest
 
 from pipeline.compose import compose
 from pipeline.errors import InputError
-from pipeline.geometry.occupancy import first_anchor
-from pipeline.geometry.sheets import ends_from_above
+from pipeline.geometry.floor.sheets import ends_from_above
+from pipeline.geometry.maps.occupancy import first_anchor
 from pipeline.survey.start import start_in_plan
 from pipeline.types import DriftNetwork, Heights, Occupancy
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import GeometryError, InputError
-from pipeline.geometry.line_drawing import fill_line_drawing
+from pipeline.geometry.drawing.line_drawing import fill_line_drawing
 from pipeline.params.stated import APPLIES, StatedOptions, option_of
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.load import require_extent

@@ -13,7 +13,7 @@ from shapely import LineString
 
 from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError
-from pipeline.geometry.network_heights import floor_lines
+from pipeline.geometry.floor.network_heights import floor_lines
 from pipeline.params.survey import VectorSurveyParams
 from pipeline.survey.load import _read
 from pipeline.types import DriftNetwork, Heights, Leg, Workings

@@ -12,9 +12,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from pipeline.errors import InputError
+from pipeline.guard.process_limits import die_with_parent
+from pipeline.guard.reading_process import one_line
 from pipeline.params.reader_limits import FILE
-from pipeline.survey.child import one_line
-from pipeline.survey.child_limits import die_with_parent
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.survex_3d import read_3d
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.survey.plain_number import plain_number
+from pipeline.guard.plain_number import plain_number
 from pipeline.survey.solved.model import LegFlag, Passage, SolvedSurvey
 from pipeline.survey.solved.project_files import text_lines
 

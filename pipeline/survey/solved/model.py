@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.survey.child import Payload
+from pipeline.guard.reading_process import Payload
 
 
 class StationFlag(IntFlag):

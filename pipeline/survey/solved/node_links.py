@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.guard.plain_file import read_text_bytes, require_at_most
+from pipeline.guard.plain_number import plain_number
 from pipeline.params.reader_limits import reader_limits
-from pipeline.survey.plain_file import read_text_bytes, require_at_most
-from pipeline.survey.plain_number import plain_number
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
 from pipeline.survey.solved.project_files import inside
 

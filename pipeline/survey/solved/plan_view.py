@@ -9,10 +9,10 @@ import networkx as nx
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.guard.plain_file import require_at_most
+from pipeline.guard.reading_process import tell
 from pipeline.params.reader_limits import reader_limits
-from pipeline.survey.child import tell
-from pipeline.survey.legs import Chain, SurveyLeg, legs_of_chains
-from pipeline.survey.plain_file import require_at_most
+from pipeline.survey.passages.legs import Chain, SurveyLeg, legs_of_chains
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 from pipeline.survey.solved.splay_walls import (
     Rows,

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pipeline.errors import InputError
+from pipeline.guard.plain_file import read_text_bytes
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.plain_file import read_text_bytes
 
 _BLANK = "[ \t,]*"  # Survex reads commas as blanks
 _COMMAND = re.compile(rf"{_BLANK}\*{_BLANK}([a-z]+)(.*)", re.IGNORECASE | re.DOTALL)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.guard.plain_file import read_text_bytes
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.plain_file import read_text_bytes
 from pipeline.survey.solved.labels import Cursor, read_label, read_old_label, trim_old_label
 from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
 

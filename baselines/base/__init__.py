@@ -1,0 +1,1 @@
+"""What all baselines use: errors, environments, results files, statistics."""

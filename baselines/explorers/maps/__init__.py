@@ -1,0 +1,1 @@
+"""A robot's own map, and the map as a graph."""

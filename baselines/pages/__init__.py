@@ -1,0 +1,1 @@
+"""Tables and profiles of results."""

@@ -1,0 +1,1 @@
+"""What a policy is, how one is found by name, and its files."""

@@ -1,0 +1,197 @@
+"""What a policy is, and how one is found by name."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import pkgutil
+import re
+import sys
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+import minexplore
+from baselines.base.errors import BaselineError
+from baselines.base.result_file import CHECKPOINTS, MOST_POLICY, POLICY
+from baselines.explorers import EXPLORERS
+from baselines.explorers.over_heights import EXPLORERS_OVER_HEIGHTS
+from baselines.graph import checkpoint as graph_checkpoint
+from baselines.graph.policy import GraphPolicy
+from baselines.policies.learned import LearnedPolicy
+from baselines.policies.learned import trained_in as ppo_trained_in
+from baselines.policies.policy_source import find_source, read_source, source_sha256
+from minexplore.physics.robot import RobotParams
+from minexplore.task import TaskParams
+
+RESERVED = ("oracle-tour",)  # names of rows that are no policy of this module
+_PACKAGE = "baselines"
+TRAINED = Path("artifacts/train")  # NAME/policy.safetensors, written by training
+
+
+class Policy(Protocol):
+    """Drives n robots, each alone in its own copy of a mine, by their local observations and true poses."""
+
+    def reset(self, robots: np.ndarray, seeds: np.ndarray) -> None:
+        """Begin new episodes of robots (k,); all random numbers are drawn from their seeds (k,)."""
+
+    def act(self, observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
+        """Return commands (n, 2) in [-1, 1].
+
+        Parameters
+        ----------
+        observation : (n, features) float32
+            What `minexplore.sensing.observation.observation_space` describes.
+        info : dict
+            The environment's. A policy may use the poses `pose_m_rad` (n, 3) and, in a mine with heights, `height_m`,
+            `pitch_rad` and `roll_rad` (n,), and nothing else.
+        """
+
+
+def make_policy(
+    name: str, count: int, task: TaskParams, robot: RobotParams | None = None, heights: bool = False
+) -> Policy:
+    """Return a policy for `count` robots.
+
+    Parameters
+    ----------
+    name : str
+        A classical explorer; `package.module:Class`, made as `Class(count, task, robot)`; the name of a learned policy
+        below `baselines/results/checkpoints` or `artifacts/train`; or a file NAME.safetensors.
+    count : int
+    task : TaskParams
+    robot : RobotParams, optional
+        The default robot without it.
+    heights : bool
+        Whether the mine has heights, see `minexplore.floors.floor.Floor.is_flat`: explorers then map it in layers.
+
+    Raises
+    ------
+    BaselineError
+        If there is no policy of that name, or it knows level mines only; the message lists the choices.
+    """
+    robot = robot or RobotParams()
+    if name in EXPLORERS:
+        return (EXPLORERS_OVER_HEIGHTS if heights else EXPLORERS)[name](count, task, robot)
+    if ":" in name:
+        return _import_class(name)(count, task, robot)
+    path = find_checkpoint(name)
+    if heights:
+        raise BaselineError(
+            f"policy = {name!r}: learned policies map level mines only; in a mine with heights valid choices are "
+            f"{', '.join(EXPLORERS_OVER_HEIGHTS)}, module:Class"
+        )
+    if graph_checkpoint.format_of(path) == graph_checkpoint.FORMAT:
+        return GraphPolicy(path, count, task, robot)
+    return LearnedPolicy(path, count, task)
+
+
+def trained_in(path: Path) -> str:
+    """Return the id of the environment that a checkpoint was trained in.
+
+    Raises
+    ------
+    BaselineError
+        If it is no policy's file.
+    """
+    if graph_checkpoint.format_of(path) == graph_checkpoint.FORMAT:
+        return minexplore.FAMILY
+    return ppo_trained_in(path)
+
+
+def find_checkpoint(name: str) -> Path:
+    """Return the file of a learned policy by its path or its name.
+
+    Raises
+    ------
+    BaselineError
+        If there is none; the message lists what can be evaluated.
+    """
+    if name.endswith(".safetensors"):
+        return Path(name)
+    for path in (CHECKPOINTS / f"{name}.safetensors", TRAINED / name / "policy.safetensors"):
+        if path.is_file():
+            return path
+    kept = ", ".join(sorted(path.stem for path in CHECKPOINTS.glob("*.safetensors"))) or "none"
+    raise BaselineError(
+        f"policy = {name!r}: valid choices are {', '.join(EXPLORERS)}, module:Class, a file NAME.safetensors, "
+        f"or a learned policy by name (kept: {kept})"
+    )
+
+
+def policy_label(name: str) -> str:
+    """Return what results call a policy: its name, `module.Class`, or its checkpoint without folder and ending.
+
+    Raises
+    ------
+    BaselineError
+        If that is no name that a results file may hold.
+    """
+    label = name.replace(":", ".")
+    if name.endswith(".safetensors"):
+        path = Path(name)
+        label = path.resolve().parent.name if path.stem == "policy" else path.stem
+        if label in (*EXPLORERS, *RESERVED):
+            raise BaselineError(f"policy = {label!r}: a checkpoint must not be called as an explorer is")
+    if len(label) > MOST_POLICY or not re.fullmatch(POLICY, label):
+        raise BaselineError(
+            f"policy = {label!r}: results are called by 1 to {MOST_POLICY} of A-Z, a-z, 0-9, '_' and '-', "
+            "with single dots between them"
+        )
+    return label
+
+
+def policy_sha256(policy: Policy) -> str:
+    """Return the hash of what a policy does: its class, its source with all that it imports here, its weights.
+
+    A class from outside `baselines` is known by all files of its module or package.
+    """
+    kind = type(policy)
+    top = kind.__module__.partition(".")[0]
+    if top != _PACKAGE:
+        return source_sha256(read_source(find_source(top)))
+    checkpoint = getattr(policy, "path", None)
+    return _own_sha256(kind, checkpoint if isinstance(checkpoint, Path) else None)
+
+
+def checkpoint_sha256(path: Path) -> str:
+    """Return the hash of the policy that a checkpoint makes; only its header is read."""
+    graph = graph_checkpoint.format_of(path) == graph_checkpoint.FORMAT
+    return _own_sha256(GraphPolicy if graph else LearnedPolicy, path)
+
+
+def known_sha256(label: str, heights: bool) -> str | None:
+    """Return the hash of the explorer or kept checkpoint of a name; None if there is none."""
+    if label in EXPLORERS:
+        return policy_sha256(make_policy(label, 1, TaskParams(), heights=heights))
+    kept = CHECKPOINTS / f"{label}.safetensors"
+    return checkpoint_sha256(kept) if kept.is_file() else None
+
+
+def _own_sha256(kind: type, checkpoint: Path | None) -> str:
+    parts = [kind.__qualname__.encode(), *(path.read_bytes() for path in source_files(kind))]
+    if checkpoint is not None:
+        parts.append(checkpoint.read_bytes())
+    return hashlib.sha256(b"".join(parts)).hexdigest()
+
+
+def source_files(kind: type) -> list[Path]:
+    """Return the files of a class's module and of the modules of `baselines` that it uses."""
+    found: set[str] = set()
+    waiting = {base.__module__ for base in kind.__mro__ if base.__module__.partition(".")[0] == _PACKAGE}
+    while waiting:
+        module = waiting.pop()
+        found.add(module)
+        for value in vars(sys.modules[module]).values():
+            used = value.__name__ if inspect.ismodule(value) else getattr(value, "__module__", None)
+            if isinstance(used, str) and used.partition(".")[0] == _PACKAGE and used not in found:
+                waiting.add(used)
+    return [Path(inspect.getfile(sys.modules[module])) for module in sorted(found)]
+
+
+def _import_class(name: str) -> Any:
+    try:
+        return pkgutil.resolve_name(name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise BaselineError(f"policy = {name!r}: cannot be imported ({error})") from error

@@ -1,0 +1,1 @@
+"""Episodes by the protocol, in one process or several."""

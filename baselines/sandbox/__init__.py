@@ -1,0 +1,1 @@
+"""A stranger's policy in a sandbox."""

@@ -1,0 +1,1 @@
+"""Checks of results files, and driving them again."""

@@ -1,0 +1,138 @@
+"""Policies in the published plan of the embedded mine: `make published-plan` (docs/evidence/parts/published-plan.md).
+
+The embedded mine is a station survey of this plan, so the two worlds have the same drifts and other walls.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+import gymnasium
+from tqdm import tqdm
+
+from baselines.base.environments import make_env
+from baselines.base.errors import BaselineError, run_command
+from baselines.base.result_file import read_results, replace_text
+from baselines.base.statistics import as_text, figures
+from baselines.evaluate import evaluate, expected_head, is_current
+from baselines.policies.found import policy_label
+from baselines.running.protocol import SEEDS
+from baselines.scoring.bounds import Bound
+from baselines.split import bound_at_the_end
+from pipeline.build.world import make_world
+from pipeline.compose import compose
+from pipeline.errors import MineError
+
+ENV = "MineXplore/PublishedPlan-v0"
+POLICIES = ("nearest-frontier", "graph-142")
+_SOURCE, _FOLDER = Path("data/raw/plan.jpg"), Path("artifacts/benchmarks/published_plan")
+_BOUND, _PAGE = _FOLDER / "bound.json", Path("docs/evidence/parts/published-plan.md")
+_SHOWN = ("coverage at 300 s", "coverage at 600 s", "share of bound at 600 s", "area under coverage",
+          "collisions per 100 m", "path, m")  # fmt: skip
+_TEXT = """# The published plan
+
+Written by `make published-plan`. This world is built from the plan that Leung et al. (2017) published (`survey=plan`).
+The embedded mine is a station survey of the same workings. Its stations stand 3 m apart, so the two worlds have the
+same drifts and other walls. None of these policies learned in either. The plan states no licence, so this repository
+does not hold it. `make data` fetches it.
+
+World `{world}`, {cells:,} cells. No robot can have seen more than {most:,} of them ({share:.1%}) at 600 s; the best
+walk that was found sees {found:,}. Full task, {seeds} seeds, interquartile means with 95 % bootstrap intervals, as in
+the leaderboard.
+
+| policy | {names} |
+|---|{rule}
+{rows}
+"""
+
+
+def build() -> None:
+    """Bring the world up to date and register its environment.
+
+    Raises
+    ------
+    BaselineError
+        If the plan is missing.
+    MineError
+        If a stage fails.
+    """
+    if not _SOURCE.is_file():
+        raise BaselineError(f"{_SOURCE}: missing; `make data` fetches it")
+    make_world(compose(["survey=plan"]), _FOLDER, lambda stages: tqdm(stages, "stages", disable=None))
+    spec = gymnasium.spec("MineXplore/ChileanMine-v0")
+    gymnasium.register(
+        ENV,
+        spec.entry_point,
+        vector_entry_point=spec.vector_entry_point,
+        kwargs={"world": (_FOLDER / "realism" / "world").resolve()},
+        order_enforce=True,
+    )
+
+
+def known_bound() -> Bound:
+    """Return the bound at the end of an episode; one that was computed in this world is kept."""
+    env = make_env(ENV, 1)
+    world = env.world.record["world_sha256"]
+    env.close()
+    if _BOUND.is_file():
+        kept = Bound.model_validate_json(_BOUND.read_bytes())
+        if kept.world_sha256 == world:
+            return kept
+    bound = bound_at_the_end(ENV)
+    replace_text(_BOUND, bound.model_dump_json() + "\n")
+    return bound
+
+
+def drive(policy: str, jobs: int) -> None:
+    """Drive a policy's episodes; results that are current are kept."""
+    env = make_env(ENV, 1)
+    head = expected_head(policy, ENV, env, list(SEEDS))
+    env.close()
+    if not is_current(_results(policy), head):
+        evaluate(policy, ENV, list(SEEDS), _results(policy), jobs)
+
+
+def page(policies: list[str], bound: Bound) -> str:
+    """Return the page: the policy that sees most first."""
+    found = [(policy, figures(*read_results(_results(policy)), bound.at)) for policy in policies]
+    found.sort(key=lambda row: -(row[1]["coverage at 600 s"].value or 0.0))
+    rows = [f"| {policy_label(policy)} | {' | '.join(as_text(n, own[n]) for n in _SHOWN)} |" for policy, own in found]
+    return _TEXT.format(
+        world=bound.world_sha256[:12],
+        cells=bound.cells,
+        most=bound.most[-1],
+        share=bound.most[-1] / bound.cells,
+        found=bound.found[-1],
+        seeds=len(SEEDS),
+        names=" | ".join(_SHOWN),
+        rule="---|" * len(_SHOWN),
+        rows="\n".join(rows),
+    )
+
+
+def _results(policy: str) -> Path:
+    return _FOLDER / "results" / f"{policy_label(policy)}.jsonl"
+
+
+def main() -> None:
+    """Build the world, drive in it, and write the page."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.comparisons.published_plan", description=__doc__)
+    parser.add_argument("--policy", nargs="+", default=list(POLICIES), help="names or checkpoints NAME.safetensors")
+    parser.add_argument("--jobs", type=int, default=min(os.cpu_count() or 1, 4))
+    arguments = parser.parse_args()
+    try:
+        build()
+    except MineError as error:
+        raise BaselineError(str(error)) from error
+    bound = known_bound()
+    for policy in arguments.policy:
+        drive(policy, arguments.jobs)
+    replace_text(_PAGE, page(arguments.policy, bound))
+    print(f"{_PAGE} is written")
+
+
+if __name__ == "__main__":
+    sys.exit(run_command("published-plan", main))

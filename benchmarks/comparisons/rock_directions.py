@@ -1,0 +1,91 @@
+"""Measure the default rock in straight, level drifts of several directions and widths: how far its figures scatter."""
+
+from __future__ import annotations
+
+import sys
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import shapely
+from shapely import Polygon, affinity
+from tqdm import tqdm
+
+from pipeline.compose import compose
+from pipeline.geometry.network.skeleton import trace_network
+from pipeline.metrics.rock.published import REAL
+from pipeline.metrics.rock.texture import published_score
+from pipeline.params.config import Config
+from pipeline.proof.surface import relief_of
+from pipeline.proof.texture import measure_texture
+from pipeline.store.files import write_atomically
+from pipeline.surface.build import build_rough_surface, lay_rough_lattice
+from pipeline.surface.mesh.lattice import ROOF, WALL
+from pipeline.surface.reference import measure_sources
+from pipeline.surface.relief_source import choose_relief
+
+TABLE = Path("docs/evidence/parts/rock-directions.md")
+_LENGTH_M, _HEIGHT_M, _PLACED_M = 80.0, 3.5, 200.0
+_WIDTHS_M, _DIRECTIONS_DEG = (1.5, 3.0, 4.4), range(0, 180, 15)
+_BANDS = ("from_0_cm_to_50_cm", "from_50_cm_to_150_cm")
+_FIGURES = (
+    *("steep, 20", "steep, 40", "foot, 20", "foot, 40", "middle, 20", "middle, 40"),
+    *("slope at 1.0 m", "slope at 1.5 m", "cut / wall", "roof axis", "jaggedness axis"),
+)
+_HEAD = f"""# Rock in other directions
+
+Written by `make rock-directions`: the default rock in straight, level drifts of {_LENGTH_M:g} m, with the bounds of
+mines other than the published one (`conf/mine/own.yaml`), in {len(_DIRECTIONS_DEG)} directions, each at another place.
+*Steep* is the share of wall area more than 20 or 40 deg off the plan's wall, *foot* the same below 0.5 m, *middle* at
+0.5 to 1.5 m. *Slope* is that of the spectrum over 1 to 2 m. Each cell has the least, the median and the greatest of the
+directions. The joint sets have directions of their own: a drift along one of them has steeper faces. 80 m of wall have
+few waves of 1 to 2 m. The limits of `conf/mine/limits/andesite.yaml` on these figures are as wide as this table.
+
+"""
+
+
+def measure(free: Polygon, config: Config) -> list[float | None]:
+    """Build the rock of workings, and return its figures in the order of the table."""
+    surface, texture, traced = config.surface, config.validation.texture, config.contours.network
+    network = trace_network(free, traced.cell_m, traced.min_leg_m, traced.station_spacing_m)
+    lattice = lay_rough_lattice(surface, free, network, _HEIGHT_M)
+    rough = build_rough_surface(surface, lattice, choose_relief(surface, measure_sources(surface), lattice))
+    walls, roof = (rough.mesh.vertices[rough.mesh.faces[rough.mesh.piece == piece]] for piece in (WALL, ROOF))
+    relief = relief_of(walls, roof, free, network, texture.stretches)
+    axes = published_score(REAL, measure_texture(walls, roof, free, network, texture).as_paper).axes
+    cuts = relief.cut.values()
+    return [
+        *relief.steep_share.values(),
+        *(share for band in _BANDS for share in relief.steep_share_by_height[band].values()),
+        *(cut.slope["from_100_cm_to_200_cm"] for cut in cuts),
+        max(cut.length_ratio for cut in cuts),
+        axes["roof_irregularity_m"],
+        axes["wall_jaggedness_deg"],
+    ]
+
+
+def drift(width_m: float, direction_deg: int) -> Polygon:
+    """Return a straight drift somewhere in the plan, m."""
+    place = np.random.default_rng(direction_deg).uniform(-_PLACED_M, _PLACED_M, 2)
+    box = shapely.box(0, -width_m / 2, _LENGTH_M, width_m / 2)
+    turned = affinity.rotate(box, direction_deg, origin=(0, 0))
+    return shapely.set_precision(affinity.translate(turned, *place), 1e-3)
+
+
+def main() -> int:
+    """Measure all drifts and write the table."""
+    config = compose(["+mine=own"])
+    todo = list(product(_WIDTHS_M, _DIRECTIONS_DEG))
+    found = [measure(drift(*one), config) for one in tqdm(todo, unit="drift", disable=None)]
+    figures = np.array(found, dtype=float).reshape(len(_WIDTHS_M), len(_DIRECTIONS_DEG), -1)
+    lines = ["| width of the drift, m | " + " | ".join(_FIGURES) + " |", "|---" * (len(_FIGURES) + 1) + "|"]
+    for width, of_width in zip(_WIDTHS_M, figures, strict=True):
+        cells = (" / ".join(f"{np.nanquantile(column, q):.2f}" for q in (0, 0.5, 1)) for column in of_width.T)
+        lines.append(f"| {width:g} | {' | '.join(cells)} |")
+    write_atomically(TABLE, (_HEAD + "\n".join(lines) + "\n").encode())
+    print("\n".join(lines))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Faults that the validator must find."""

@@ -1,0 +1,96 @@
+"""Draw the looks and fittings of how-to/look.md from inside a small drift of andesite, and measure what they cost."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+os.environ.setdefault("MUJOCO_GL", "osmesa")
+
+import cv2
+import mujoco
+import numpy as np
+import shapely
+from shapely import LineString, Polygon
+
+from benchmarks.speed.look_costs import tables, write_costs
+from benchmarks.worlds.small_world import build_world
+from minexplore.bundle import MODEL, GeomGroup
+from minexplore.looks import LOOKS, PLAIN
+from minexplore.physics.robot import RobotParams, free_joint_qpos
+from minexplore.pictures.render import Renderer
+from minexplore.sensing.coverage import CoverageGrid
+from minexplore.task import TaskParams
+from minexplore.world import World, load_world
+from pipeline.errors import MineError
+from pipeline.mjcf.render import render_camera
+from pipeline.store.files import write_atomically
+
+PICTURE, CUT_AWAY = Path("docs/look.jpg"), Path("docs/cut-away.jpg")
+_MAIN = LineString([(0, 0), (25, 2), (45, 8), (70, 6)]).buffer(2.6, join_style="mitre")
+WORKINGS: Polygon = shapely.union_all([_MAIN, LineString([(45, 8), (50, 32)]).buffer(2.4, cap_style="flat")])
+_ENTRANCE_M = (3.0, 0.2)
+_POSES = ((8.0, 0.9, 0.08), (52.0, 7.2, 2.9))  # x, y (m), yaw (rad): the dry zone, and out of the water
+_SIZE_PX = (900, 600)
+_COLOUR = (235, 235, 235)
+
+
+def draw_look(world: World) -> tuple[np.ndarray, float]:
+    """Return the views (rows, cols, 3) BGR from a robot at the poses, and a later frame's seconds of a core."""
+    robot, task = RobotParams(), TaskParams()
+    grid = CoverageGrid(world, task.cell_m, robot.radius_m, np.array(_ENTRANCE_M), 1e3)
+    renderer = Renderer(world, world.T_world_mine, grid, robot, 1, _SIZE_PX)
+    views, seconds = [], []
+    nothing = np.zeros_like(grid.reachable)
+    for x, y, yaw in _POSES:
+        qpos = np.concatenate([free_joint_qpos(world.T_world_mine, robot, x, y, yaw), np.zeros(2)])[None]
+        poses = np.array([[x, y, yaw]])
+        views.append(renderer.draw("front", qpos, nothing, poses)[..., ::-1])
+        start = time.process_time()
+        renderer.draw("front", qpos, nothing, poses)
+        seconds.append(time.process_time() - start)
+    renderer.close()
+    return cv2.hconcat(views), min(seconds)
+
+
+def draw_cut_away(folder: Path) -> np.ndarray:
+    """Return the world from above, (rows, cols, 3) BGR, with its roof away."""
+    model = mujoco.MjModel.from_xml_path(str(folder / MODEL))
+    groups = (GeomGroup.FLOOR, GeomGroup.COLLISION)
+    return render_camera(model, "overview", 2 * _SIZE_PX[0], _SIZE_PX[1], groups, spots=False)
+
+
+def main() -> int:
+    """Build a world for every look, and write both pictures and the page's tables."""
+    views, above, times = [], [], {}
+    for name in LOOKS:
+        overrides = [f"look={name}", "fittings=none" if name == PLAIN else "realism.furnish=full"]
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                build_world(Path(folder), WORKINGS, _ENTRANCE_M, overrides)
+            except MineError as error:
+                print(f"look-pictures: {error}", file=sys.stderr)
+                return 2
+            view, seconds = draw_look(load_world(Path(folder)))
+            if name in (PLAIN, "dry"):
+                above.append(draw_cut_away(Path(folder)))
+        print(f"look-pictures: {name}: {seconds:.3f} s a frame of {_SIZE_PX[0]} x {_SIZE_PX[1]} px", flush=True)
+        cv2.putText(view, name, (20, 45), cv2.FONT_HERSHEY_SIMPLEX, 1.2, _COLOUR, 2, cv2.LINE_AA)
+        views.append(view)
+        times[name] = seconds
+    for path, rows in ((PICTURE, views), (CUT_AWAY, above)):
+        small = cv2.resize(cv2.vconcat(rows), None, fx=0.8, fy=0.8, interpolation=cv2.INTER_AREA)
+        write_atomically(path, cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 82])[1].tobytes())
+    try:
+        write_costs(tables(times, _SIZE_PX))
+    except MineError as error:
+        print(f"look-pictures: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""How fast and how large: stages, environments, devices."""

@@ -1,0 +1,68 @@
+"""What looks and fittings cost: seconds a frame, and bytes of the present world, as tables in docs/how-to/look.md."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+
+from minexplore.bundle import ROCK_TEXTURE, ROOF, WALLS, is_cover, is_fitting
+from pipeline.compose import compose
+from pipeline.errors import ArtifactError
+from pipeline.params.reading.composed import root_overrides
+from pipeline.store.codecs import Bundle, decode
+from pipeline.store.files import write_atomically
+from stages.realism import STAGE
+
+PAGE, ARTIFACTS = Path("docs/how-to/look.md"), Path("artifacts")
+LEVELS = ("light", "full", "meshed")
+_BEGIN, _END = "<!-- written by make look-pictures -->\n", "<!-- end -->\n"
+
+
+def bundle_of(furnish: str) -> Bundle:
+    """Return the files of the present world with other furniture; stage 5 builds them in memory."""
+    params = compose([*root_overrides(), f"realism.furnish={furnish}"]).realism
+    inputs = {key: decode(artifact.at(ARTIFACTS), artifact.kind) for key, artifact in STAGE.reads.items()}
+    world: Bundle = STAGE.run(params, **inputs)["world"]
+    return world
+
+
+def measure_bundle(files: Bundle) -> list[float]:
+    """Return MB of the bundle, its rock, texture, visible floor and furniture, and the geoms of floor and furniture."""
+    stems = {name: Path(name).stem for name in files if name.startswith("meshes/")}
+    cover = [name for name, stem in stems.items() if is_cover(stem)]
+    furniture = [name for name, stem in stems.items() if is_fitting(stem) and name not in cover]
+    rock = [name for name, stem in stems.items() if stem.startswith((WALLS, ROOF))]
+    parts = [list(files), rock, [ROCK_TEXTURE], cover, furniture]
+    sizes = [sum(len(files[name]) for name in part) / 1e6 for part in parts]
+    return [*sizes, len(cover), len(furniture)]
+
+
+def tables(seconds: dict[str, float], size_px: tuple[int, int]) -> str:
+    """Return both tables as Markdown; `seconds` are a frame's by look."""
+    looks = " | ".join(seconds)
+    frames = f"| {looks} |\n{'|---' * len(seconds)}|\n| " + " | ".join(f"{s:.2f} s" for s in seconds.values()) + " |\n"
+    rows = "".join(
+        f"| {level} | " + " | ".join(f"{v:.1f}" for v in sizes[:5]) + f" | {sizes[5]:.0f} | {sizes[6]:.0f} |\n"
+        for level, sizes in ((level, measure_bundle(bundle_of(level))) for level in LEVELS)
+    )
+    head = "`realism.furnish` | bundle, MB | rock | texture | floor | furniture | geoms of the floor | of furniture"
+    return (
+        f"A frame of {size_px[0]} x {size_px[1]} px from the robot in the small drift, in seconds of a processor core, "
+        f"by OSMesa (MuJoCo {mujoco.__version__}):\n\n{frames}\nThe present world:\n\n| {head} |\n{'|---' * 8}|\n{rows}"
+    )
+
+
+def write_costs(text: str) -> None:
+    """Replace the tables of the page.
+
+    Raises
+    ------
+    ArtifactError
+        If the page has no place for them.
+    """
+    before, begin, rest = PAGE.read_text().partition(_BEGIN)
+    _, end, after = rest.partition(_END)
+    if not (begin and end):
+        raise ArtifactError(f"{PAGE}: no lines {_BEGIN.strip()!r} and {_END.strip()!r}")
+    write_atomically(PAGE, f"{before}{begin}\n{text}\n{end}{after}".encode())

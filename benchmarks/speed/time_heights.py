@@ -1,0 +1,118 @@
+"""Time the environment in mines with heights against level mines of the same plan, in turns: `make bench-heights`."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import os
+import sys
+import tempfile
+from pathlib import Path
+from statistics import median
+
+from tqdm import tqdm
+
+from benchmarks.speed.time_env import seconds, steps_per_s
+from benchmarks.worlds.small_world import finish_world
+from minexplore.envs.env import MineEnv
+from minexplore.envs.vector import MineVectorEnv
+from pipeline.compose import compose
+from pipeline.params.survey import PassageSurveyParams
+from pipeline.store.files import write_atomically
+from pipeline.survey.load import _read
+from pipeline.types import Workings
+from stages.contours import trace_free_space
+from tests.heights import Leg, MineWithHeights, levels, seam, spiral, table
+
+TABLE = Path("docs/evidence/parts/levels-speed.md")
+_CASES = {"spiral of three turns": spiral(3), "three levels": levels(), "rooms on a dipping seam": seam()}
+_ROBOTS, _STEPS, _STEPS_OF_ONE = 64, 40, 200
+_LEAST = 0.8
+
+
+def build_level(legs: dict[str, Leg], folder: Path) -> Path:
+    """Build the largest sheet of a station table's plan as a level mine without tilt; return its bundle."""
+    config = compose(["preset=light", "realism.tilt_deg=0"])
+    path = folder / "stations.csv"
+    path.write_text(table(legs))
+    params = PassageSurveyParams(kind="passages", name="level", file="data/x", heights=None)
+    plan, survey, polygons = _read(params.model_copy(update={"file": path.as_posix()}))
+    survey = dataclasses.replace(survey, heights=None)
+    traced = trace_free_space(config.contours, plan, survey, Workings(polygons))
+    finish_world(config, survey, traced, folder / "world")
+    return folder / "world"
+
+
+def one_steps_per_s(env: MineEnv, actions: list[list[float]]) -> float:
+    """Return the control steps a second of one robot."""
+
+    def drive() -> None:
+        for k in range(_STEPS_OF_ONE):
+            env.step(actions[k // 10 % len(actions)])  # type: ignore[arg-type]
+
+    return _STEPS_OF_ONE / seconds(drive)
+
+
+def measure(heights: Path, level: Path, runs: int) -> dict[str, tuple[float, float, float]]:
+    """Return steps a second with heights and on the level, and the median of their ratios, by environment."""
+    actions = [[1.0, 0.6], [0.7, -1.0], [0.9, 0.2], [1.0, -0.4]]
+    many = [MineVectorEnv(_ROBOTS, world) for world in (heights, level)]
+    alone = [MineEnv(world) for world in (heights, level)]
+    rows: dict[str, list[tuple[float, float]]] = {"vector": [], "one robot": []}
+    for run in range(runs + 1):  # in the first, models and scenes are made as robots reach them
+        rates: dict[str, list[float]] = {"vector": [], "one robot": []}
+        for env in many:
+            env.reset(seed=0)
+            rates["vector"].append(steps_per_s(env, _STEPS))
+        for one in alone:
+            one.reset(seed=0)
+            rates["one robot"].append(one_steps_per_s(one, actions))
+        for name, (ours, theirs) in rates.items():
+            if run:
+                rows[name].append((ours, theirs))
+    for env in many:
+        env.close()
+    for one in alone:
+        one.close()
+    return {
+        name: (median(o for o, _ in pairs), median(t for _, t in pairs), median(o / t for o, t in pairs))
+        for name, pairs in rows.items()
+    }
+
+
+def main() -> int:
+    """Measure, print, write; exit code 2 if a ratio is below its limit."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=9)
+    arguments = parser.parse_args()
+    config = compose(["preset=light"])
+    lines = ["| mine | environment | with heights | level | ratio | limit |", "|---|---|---|---|---|---|"]
+    lowest = 1.0
+    for name, legs in tqdm(_CASES.items(), unit="mine", disable=None):
+        with tempfile.TemporaryDirectory() as folder:
+            places = [Path(folder) / kind for kind in ("heights", "level")]
+            for place in places:
+                place.mkdir()
+            mine, level = MineWithHeights(legs, config, places[0]), build_level(legs, places[1])
+            found = measure(mine.bundle, level, arguments.runs)
+        for kind, (ours, theirs, ratio) in found.items():
+            robots = f"{_ROBOTS} robots" if kind == "vector" else kind
+            lines.append(f"| {name} | {robots} | {ours:,.0f} | {theirs:,.0f} | {ratio:.2f} | >= {_LEAST:g} |")
+            lowest = min(lowest, ratio)
+    head = (
+        f"# Environment speed with heights\n\nWritten by `make bench-heights` on {os.cpu_count()} cores, one thread: "
+        "control steps a second\nin mines with heights, and in level mines without tilt of the same plan, "
+        "of which the largest sheet is kept.\n"
+        f"Both take turns; medians of {arguments.runs} runs, and of the ratios run by run.\n\n"
+    )
+    text = "\n".join(lines) + "\n"
+    write_atomically(TABLE, (head + text).encode())
+    print(text, end="")
+    if lowest < _LEAST:
+        print(f"bench-heights: a ratio is below {_LEAST:g}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

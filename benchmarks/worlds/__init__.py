@@ -1,0 +1,1 @@
+"""Mines to build: random, rough, deep and small."""

@@ -1,0 +1,1 @@
+"""The environments: one robot, many, teams and families of mines."""

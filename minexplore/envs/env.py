@@ -1,0 +1,250 @@
+"""The exploration environment: one robot, sixteen beams, a mine it does not know."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, get_args
+
+import gymnasium
+import numpy as np
+
+from minexplore.envs.call_checks import check_options, numbers_of, one_seed
+from minexplore.envs.robot_batch import Outcome, RobotBatch, info_of_robot
+from minexplore.physics.robot import RobotParams
+from minexplore.pictures.opengl import prepare_opengl
+from minexplore.pictures.render import CAMERAS, Renderer, shown_groups
+from minexplore.sensing.lidar import Backend
+from minexplore.sensing.observation import observation_space
+from minexplore.task import TaskParams, coerce_params
+from minexplore.world import find_world, load_world
+
+_DEFAULTS = {"render_mode": None, "camera": "chase", "lidar": "auto"}
+
+
+class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
+    """Explore a mine: see as many of the reachable 2 m cells as possible, without touching rock.
+
+    ## Description
+    A differential-drive robot stands near the entrance of a mine that was compiled from a survey. It senses sixteen
+    ranges and its own last command, and drives by forward speed and turn rate. The mine dips 5 deg eastwards; its floor
+    is dry, then mud, then water, which slow the robot and disturb its speed, beside giving its wheels less grip.
+
+    ## Action Space
+    `Box(-1, 1, (2,), float32)`; values beyond are clipped, values that are not finite are refused.
+
+    | Num | Action | Control range | Unit at 1 |
+    |-----|--------|---------------|-----------|
+    | 0 | forward speed | -1 to 1 | 1.5 m/s |
+    | 1 | turn rate, counter-clockwise | -1 to 1 | 1.5 rad/s |
+
+    A floor zone multiplies both by its `command_scale` and adds normal noise of `speed_noise_mps` to the speed, drawn once
+    a control step: in the default world 1 and 0 m/s on dry ground, 0.7 and 0.04 m/s in mud, 0.4 and 0.10 m/s in water.
+    The noise is the paper's and does not depend on the command: a robot that is commanded to stand moves in mud and water,
+    in the default's water by 0.5 m in 10 s.
+
+    ## Observation Space
+    `Box((19,), float32)`
+
+    | Num | Observation | Min | Max |
+    |-----|-------------|-----|-----|
+    | 0-15 | range of beam i at i * 22.5 deg counter-clockwise from ahead, clipped to 0.12-10.0 m, with noise of 0.01 m s.d., scaled | 0 | 1 |
+    | 16 | previous forward command | -1 | 1 |
+    | 17 | always 0 | 0 | 0 |
+    | 18 | previous turn command | -1 | 1 |
+
+    Beams start 0.5 m above the floor and lie in the robot's own plane; they hit the visible rock and the floor.
+
+    ## Rewards
+    `new * 10 / total - [new = 0] * 0.002 + milestones - [collision] * 15`: `new` cells seen for the first time of
+    `total` reachable ones, 15, 30 and 45 once at 25, 50 and 75 % of them, and a collision when the chassis touches
+    rock in the step. An episode returns at most 100.
+
+    A cell is seen when a beam passes through it on the way to its return. Reachable are the cells in which the robot can
+    stand, connected to the entrance.
+
+    ## Starting State
+    The anchor near the entrance, or a random free place of the entrance region where the anchor is too narrow; yaw
+    uniform in [-pi, pi). What the first look sees is seen, but earns nothing.
+
+    ## Episode End
+    `terminated` is always False. `truncated` after 6,000 steps (10 minutes), or after 100 steps in a row slower than
+    0.01 m/s. The speed is the measured one, so that a robot that stands in mud or water does not end its episode early.
+
+    ## Info
+    `cells_seen`, `cells_reachable`, `coverage`, `collision` (in this step), `collisions` (so far), `zone`,
+    `pose_m_rad` (x, y, yaw in the mine frame), `height_m` (of the floor under the robot, mine frame), `pitch_rad`,
+    `roll_rad` (against the level); in a world with shafts that are not fenced also `fell`: whether the robot has
+    fallen into one in this episode, which goes on from where it lands. Robots fall at 3 m/s at most.
+
+    ## Copies
+    `copy.deepcopy` and pickle give an environment in the same state, random numbers included, without windows. An
+    environment also steps in a fork of its process. After `close` it refuses every call.
+
+    ## Arguments
+
+    | Parameter | Default | Description |
+    |-----------|---------|-------------|
+    | `world` | the id's | path of a world bundle, or the name of one that ships with the package; refused if its hashes do not hold |
+    | `task` | `TaskParams()` | or a dict of its fields: beams, ranges, speeds, steps, control and physics step, `region_m` round the entrance, `terrain`, `tilt` |
+    | `robot` | `RobotParams()` | or a dict of its fields: radius, mass, wheels, torques, sensor height |
+    | `render_mode` | None | `"rgb_array"` (without a display by EGL or OSMesa, or as `MUJOCO_GL` says), `"human"` (MuJoCo's viewer) |
+    | `camera` | `"chase"` | `"chase"` from behind, `"front"` from the robot, or `"top"`: the plan with the coverage painted on it |
+    | `lidar` | `"auto"` | `"embree"` or `"open3d"`; they agree within 1 mm, and `"auto"` takes the first that is installed |
+    | `whole` | False | step the robot in the model of all rock instead of that of the rock round it |
+
+    ## Version History
+    * v0: the paper's task.
+    """
+
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 10}  # noqa: RUF012
+
+    def __init__(
+        self,
+        world: str | Path | None = None,
+        task: TaskParams | dict[str, Any] | None = None,
+        robot: RobotParams | dict[str, Any] | None = None,
+        render_mode: str | None = None,
+        camera: str = "chase",
+        lidar: Backend = "auto",
+        whole: bool = False,
+    ) -> None:
+        """Load the world and put the robot into it."""
+        gymnasium.utils.EzPickle.__init__(self, world, task, robot, render_mode, camera, lidar, whole)
+        given = {
+            "task": task,
+            "robot": robot,
+            "render_mode": render_mode,
+            "camera": camera,
+            "lidar": lidar,
+            "whole": whole,
+        }
+        check_arguments(given)
+        if render_mode is not None:
+            prepare_opengl(render_mode)
+        self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
+        self.render_mode, self.camera = render_mode, camera
+        self.world = load_world(find_world(world))
+        self.robots = RobotBatch(self.world, self.task, self.robot, 1, lidar=lidar, whole=whole)
+        self.grid = self.robots.grid
+        self.observation_space = observation_space(self.task)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self._renderer: Renderer | None = None
+        self._viewer: Any = None
+        self._begun = self._closed = False
+        self.on_key: Callable[[int], None] = lambda code: None  # gets the viewer's key presses
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Place the robot near the entrance with a random yaw, and cast the beams once."""
+        self._require_open()
+        check_options(options, ())
+        super().reset(seed=one_seed(seed))
+        self._begun = True
+        outcome = self.robots.reset(np.arange(1), [self.np_random])
+        self._show()
+        return outcome.observation[0], info_of_robot(outcome.info, 0)
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Drive for one control step and cast the beams.
+
+        Raises
+        ------
+        ValueError
+            If the action is not two finite numbers.
+        gymnasium.error.ResetNeeded, gymnasium.error.ClosedEnvironmentError
+            Before the first reset, and after `close`.
+        """
+        self._require_open()
+        self._require_begun("step")
+        command = numbers_of(action)
+        if command.shape != (2,):
+            raise ValueError(f"action of shape {command.shape}: want (2,)")
+        outcome: Outcome = self.robots.step(command[None], [self.np_random])
+        self._show()
+        info = info_of_robot(outcome.info, 0)
+        return outcome.observation[0], float(outcome.reward[0]), False, bool(outcome.truncated[0]), info
+
+    def render(self) -> np.ndarray | None:  # type: ignore[override]
+        """Return a picture (480, 640, 3) uint8 in mode `rgb_array`, else None."""
+        self._require_open()
+        self._require_begun("render")
+        if self.render_mode != "rgb_array":
+            return None
+        robots = self.robots
+        return self._drawing().draw(self.camera, robots.qpos, robots.seen[0], robots.poses())
+
+    def _drawing(self) -> Renderer:
+        if self._renderer is None:
+            self._renderer = Renderer(self.world, self.robots.T_world_mine, self.grid, self.robot, 1)
+        return self._renderer
+
+    def _show(self) -> None:
+        """Bring MuJoCo's viewer up to date in mode `human`."""
+        if self.render_mode != "human":
+            return
+        model, data = self._drawing().place(self.robots.qpos)
+        if self._viewer is None:
+            from minexplore.pictures.viewer import Viewer
+
+            self._viewer = Viewer(model, data, lambda code: self.on_key(code), shown_groups(self.world))
+        self._viewer.sync()
+
+    def close(self) -> None:
+        """Free renderer, viewer and threads; the environment cannot be used afterwards."""
+        self._closed = True
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
+        self.robots.close()
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise gymnasium.error.ClosedEnvironmentError("the environment is closed: make another one")
+
+    def _require_begun(self, call: str) -> None:
+        if not self._begun:
+            raise gymnasium.error.ResetNeeded(f"call reset before {call}")
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the arguments and all that has changed since; a copy goes on as this environment does."""
+        names = ("_begun", "_closed", "_np_random", "_np_random_seed", "spec")
+        changed = {name: getattr(self, name) for name in names}
+        return {**super().__getstate__(), "changed": changed, "robots": self.robots.copy_state()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the environment from its arguments and bring it into its state; windows are not copied."""
+        super().__setstate__(state)
+        self.robots.restore_state(state["robots"])
+        if state["changed"]["_closed"]:
+            self.close()
+        self.__dict__.update(state["changed"])
+
+
+def check_arguments(arguments: Mapping[str, Any]) -> None:
+    """Refuse arguments of `MineEnv` beside `world` that are unknown or have an impossible value.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and what is accepted.
+    """
+    known = ("task", "robot", "render_mode", "camera", "lidar", "whole")
+    unknown = [name for name in arguments if name not in known]
+    if unknown:
+        raise ValueError(f"{unknown[0]}: unknown argument; there are {', '.join(known)}")
+    mode, camera, lidar = (arguments.get(name, default) for name, default in _DEFAULTS.items())
+    if mode is not None and (not isinstance(mode, str) or mode not in MineEnv.metadata["render_modes"]):
+        raise ValueError(f"render_mode = {mode!r}: valid choices are None, 'rgb_array', 'human'")
+    if not isinstance(camera, str) or camera not in CAMERAS:
+        raise ValueError(f"camera = {camera!r}: valid choices are {', '.join(CAMERAS)}")
+    if not isinstance(lidar, str) or lidar not in get_args(Backend):
+        raise ValueError(f"lidar = {lidar!r}: want {', '.join(get_args(Backend))}")
+    if not isinstance(arguments.get("whole", False), bool | np.bool_):
+        raise ValueError(f"whole = {arguments['whole']!r}: want True or False")
+    coerce_params(TaskParams, arguments.get("task"))
+    coerce_params(RobotParams, arguments.get("robot"))

@@ -1,0 +1,97 @@
+"""A team of robots in one physics model with one map of what was seen."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from minexplore.envs.robot_batch import Outcome, RobotBatch
+from minexplore.physics.robot import RobotParams, qpos_address, qvel_address
+from minexplore.sensing.lidar import Backend
+from minexplore.task import TaskParams
+from minexplore.world import World
+
+_APART_M = 1.2  # least distance between two robots at the start, centre to centre
+
+
+class Team(RobotBatch):
+    """Robots that see and touch each other."""
+
+    def __init__(self, world: World, task: TaskParams, robot: RobotParams, count: int, lidar: Backend = "auto") -> None:
+        """Compile the mine with all robots."""
+        super().__init__(world, task, robot, count, lidar=lidar)
+        names = tuple(f"robot_{i}" for i in range(count))
+        self.model = world.compile(self.local_models.spec(None, names))
+        self.data = mujoco.MjData(self.model)
+        self._qpos_at = np.array([qpos_address(self.model, name) for name in names])
+        self._qvel_at = np.array([qvel_address(self.model, name) for name in names])
+        self._taken: list[tuple[float, float]] = []
+        self.team_seen = np.zeros((1, *self.grid.reachable.shape), dtype=bool)
+
+    def reset_all(self, rngs: list[np.random.Generator]) -> Outcome:
+        """Place the whole team near the entrance."""
+        self._taken = []
+        self.team_seen[:] = False
+        mujoco.mj_resetData(self.model, self.data)
+        outcome = self.reset(np.arange(self.count), rngs)
+        mujoco.mj_forward(self.model, self.data)
+        return outcome
+
+    def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float) -> None:
+        """Place a robot, at rest, at a pose of the mine frame."""
+        super().place(robot, x_m, y_m, yaw_rad)
+        self.data.qpos[self._qpos_at[robot]] = self.qpos[robot]
+        self.data.qvel[self._qvel_at[robot]] = 0.0
+
+    def _draw_place(self, rng: np.random.Generator) -> tuple[float, float]:
+        """Return a random place (m, mine frame) of the entrance region apart from the robots placed before."""
+        if not self._taken:
+            self._taken.append(super()._draw_place(rng))
+            return self._taken[0]
+        spawn, places = self.world.record["spawn"], self.world.places_m(self.robot.radius_m + 0.1)
+        apart = np.min([np.linalg.norm(places - taken, axis=1) for taken in self._taken], axis=0) >= _APART_M
+        inside = np.linalg.norm(places - spawn["centre_m"], axis=1) <= spawn["radius_m"]
+        free = places[apart & inside]
+        if not len(free):
+            raise ValueError(
+                f"{self.world.folder}: no room near the entrance for robot {len(self._taken)} of {self.count}"
+            )
+        x, y = free[rng.integers(len(free))]
+        self._taken.append((float(x), float(y)))
+        return self._taken[-1]
+
+    def _advance(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        touched = np.zeros(self.count, dtype=bool)
+        self.data.ctrl[:] = self.stepper.ctrl.ravel()
+        for _ in range(self.task.substeps):
+            mujoco.mj_step(self.model, self.data)
+            touched |= self.data.sensordata > 0
+        self.qpos[:], self.qvel[:] = self.data.qpos[self._qpos_at], self.data.qvel[self._qvel_at]
+        return touched[robots]
+
+    def _look(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Cast the beams and mark the team's map; a cell that two see at once counts for the first."""
+        origin, directions, ranges = self._cast(robots)
+        ray, row, col = self._crossed(origin, directions, ranges)
+        new = np.zeros(len(robots), dtype=int)
+        for i in range(len(robots)):
+            own = ray // self.task.beams == i
+            new[i] = self.grid.mark(self.team_seen, np.zeros(int(own.sum()), dtype=int), row[own], col[own])[0]
+        return ranges, new
+
+    def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Cast beams that rock and the other robots' scanners stop."""
+        origin, directions, ranges = super()._cast(robots)
+        return origin, directions, np.minimum(ranges, self._to_others(origin, directions))
+
+    def _to_others(self, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Return distances (n, beams) m to the upright cylinders of the other robots' scanners."""
+        apart = origin[None, :, :2] - origin[:, None, :2]  # (from, to, 2)
+        along = np.einsum("ibk,ijk->ijb", directions[..., :2], apart)
+        across = (apart**2).sum(axis=-1)[..., None] - along**2
+        half = self.robot.scanner_radius_m**2 - across
+        distance = np.where((half > 0) & (along > 0), along - np.sqrt(np.maximum(half, 0.0)), np.inf)
+        distance[np.arange(len(origin)), np.arange(len(origin))] = np.inf
+        level = origin[:, None, None, 2] + np.where(np.isfinite(distance), distance, 0.0) * directions[:, None, :, 2]
+        high = np.abs(level - origin[None, :, None, 2]) <= self.robot.scanner_height_m / 2
+        return np.where(high, distance, np.inf).min(axis=1)

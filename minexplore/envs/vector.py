@@ -1,0 +1,220 @@
+"""The exploration task for many robots at once, natively: one call steps them all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from minexplore.envs.call_checks import check_options, mask_of, numbers_of, spread_seeds
+from minexplore.envs.robot_batch import Outcome, RobotBatch, info_of_robot
+from minexplore.physics.robot import RobotParams
+from minexplore.pictures.opengl import prepare_opengl
+from minexplore.pictures.render import CAMERAS, Renderer
+from minexplore.sensing.lidar import Backend
+from minexplore.sensing.observation import observation_space
+from minexplore.task import TaskParams, coerce_params
+from minexplore.world import find_world, load_world
+
+_MOST = 65_536  # robots, or threads
+
+
+class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
+    """`num_envs` robots, each alone in its own copy of the mine; see `MineEnv` for the task.
+
+    The trajectories are those of `MineEnv` with the same seeds and actions, bit for bit.
+
+    Parameters
+    ----------
+    num_envs : int
+    world, task, robot, camera, lidar, whole
+        As in `MineEnv`.
+    render_mode : {None, "rgb_array"}
+        `render` gives one picture a robot.
+    autoreset_mode : AutoresetMode or str
+        `NEXT_STEP` (default): the step after an episode's last one resets and ignores the action. `SAME_STEP`: the last
+        step resets at once; the last observation and info are in `info["final_obs"]`, `info["final_info"]`.
+    threads : int
+        That step the physics.
+    """
+
+    closed = True  # until there is something to close: Gymnasium closes what goes out of use, half-made ones too
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        world: str | Path | None = None,
+        task: TaskParams | dict[str, Any] | None = None,
+        robot: RobotParams | dict[str, Any] | None = None,
+        render_mode: str | None = None,
+        camera: str = "chase",
+        lidar: Backend = "auto",
+        whole: bool = False,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        threads: int = 1,
+    ) -> None:
+        """Load the world and put the robots into it."""
+        given = (num_envs, world, task, robot, render_mode, camera, lidar, whole, autoreset_mode, threads)
+        gymnasium.utils.EzPickle.__init__(self, *given)
+        check_count("num_envs", num_envs, _MOST)
+        check_count("threads", threads, _MOST)
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode = {render_mode!r}: valid choices are None, 'rgb_array'")
+        if camera not in CAMERAS:
+            raise ValueError(f"camera = {camera!r}: valid choices are {', '.join(CAMERAS)}")
+        mode = find_mode(autoreset_mode)
+        self.num_envs, self.render_mode, self.camera, self._mode = num_envs, render_mode, camera, mode
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
+        if render_mode is not None:
+            prepare_opengl(render_mode)
+        self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
+        self.world = load_world(find_world(world))
+        self.robots = RobotBatch(self.world, self.task, self.robot, num_envs, threads, lidar, whole)
+        self.single_observation_space = observation_space(self.task)
+        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._rngs: list[np.random.Generator] = []
+        self._ended = np.zeros(num_envs, dtype=bool)
+        self._observation: np.ndarray = np.zeros((num_envs, *observation_space(self.task).shape), np.float32)
+        self._renderer: Renderer | None = None
+        self.closed = False
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Reset all robots, or those of `options["reset_mask"]`; an int seed gives robot i the seed `seed + i`."""
+        self._require_open()
+        check_options(options, ("reset_mask",))
+        seeds, mask = spread_seeds(seed, self.num_envs), mask_of(options, self.num_envs)
+        if not self._rngs and not mask.all():
+            raise gymnasium.error.ResetNeeded("reset_mask: reset all robots before some of them")
+        rngs = self._rngs or [seeding.np_random(s)[0] for s in seeds]
+        for i in np.flatnonzero(mask).tolist():
+            if seeds[i] is not None and self._rngs:
+                rngs[i] = seeding.np_random(seeds[i])[0]
+        self._rngs = rngs
+        self._ended[mask] = False
+        outcome = self.robots.reset(np.flatnonzero(mask), self._rngs)
+        self._observation[mask] = outcome.observation
+        return self._observation.copy(), _spread(outcome, np.flatnonzero(mask), self.num_envs)
+
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Step all robots; robots whose episode ended are reset as `autoreset_mode` says."""
+        self._require_open()
+        actions = numbers_of(actions)
+        if not self._rngs:
+            raise gymnasium.error.ResetNeeded("call reset before step")
+        over = np.flatnonzero(self._ended)
+        driving = np.flatnonzero(~self._ended)
+        reward, truncated = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=bool)
+        info: dict[str, Any] = {}
+        if len(driving):
+            outcome = self.robots.step(actions, self._rngs, driving)
+            self._observation[driving] = outcome.observation
+            reward[driving], truncated[driving] = outcome.reward, outcome.truncated
+            info = _spread(outcome, driving, self.num_envs)
+        if len(over):
+            started = self.robots.reset(over, self._rngs)
+            self._observation[over] = started.observation
+            info = _merge(info, _spread(started, over, self.num_envs), over)
+        self._ended = truncated.copy()
+        if self._mode is AutoresetMode.SAME_STEP and truncated.any():
+            info |= self._restart(np.flatnonzero(truncated), info)
+        return self._observation.copy(), reward, np.zeros(self.num_envs, dtype=bool), truncated, info
+
+    def _restart(self, over: np.ndarray, info: dict[str, Any]) -> dict[str, Any]:
+        """Reset robots at once, and hand on what they last saw."""
+        last = np.full(self.num_envs, None, dtype=object)
+        for i in over.tolist():
+            last[i] = self._observation[i].copy()
+        ended = np.isin(np.arange(self.num_envs), over)
+        final = {k: v.copy() for k, v in info.items() if not k.startswith("_")}
+        final |= {f"_{k}": ended.copy() for k in final}
+        started = self.robots.reset(over, self._rngs)
+        self._observation[over] = started.observation
+        self._ended[:] = False
+        merged = _merge(info, _spread(started, over, self.num_envs), over)
+        return {**merged, "final_obs": last, "_final_obs": ended, "final_info": final, "_final_info": ended.copy()}
+
+    def render(self) -> tuple[np.ndarray, ...] | None:  # type: ignore[override]
+        """Return one picture (480, 640, 3) uint8 a robot in mode `rgb_array`, else None."""
+        self._require_open()
+        if self.render_mode is None:
+            return None
+        robots = self.robots
+        if self._renderer is None:
+            self._renderer = Renderer(self.world, robots.T_world_mine, robots.grid, self.robot, 1)
+        poses = robots.poses()
+        return tuple(
+            self._renderer.draw(self.camera, robots.qpos[i : i + 1], robots.seen[i], poses[i : i + 1])
+            for i in range(self.num_envs)
+        )
+
+    def info_of(self, robot: int, info: dict[str, Any]) -> dict[str, Any]:
+        """Return one robot's info as `MineEnv` gives it."""
+        return info_of_robot({k: v for k, v in info.items() if not k.startswith(("_", "final"))}, robot)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free renderer and threads."""
+        if self._renderer is not None:
+            self._renderer.close()
+        self.robots.close()
+
+    def _require_open(self) -> None:
+        if self.closed:
+            raise gymnasium.error.ClosedEnvironmentError("the environment is closed: make another one")
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the arguments and all that has changed since; a copy goes on as this environment does."""
+        changed = {name: getattr(self, name) for name in ("_rngs", "_ended", "_observation", "closed", "spec")}
+        return {**super().__getstate__(), "changed": changed, "robots": self.robots.copy_state()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the environment from its arguments and bring it into its state."""
+        super().__setstate__(state)
+        self.robots.restore_state(state["robots"])
+        if state["changed"]["closed"]:
+            self.close()
+        self.__dict__.update(state["changed"])
+
+
+def check_count(name: str, value: Any, most: int) -> None:
+    """Refuse a number of robots or threads that is no whole number from 1 to `most`."""
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or not 1 <= value <= most:
+        raise ValueError(f"{name} = {value!r}: want a whole number from 1 to {most}")
+
+
+def find_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    """Return an autoreset mode given by itself, its name or its value."""
+    for known in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
+        if mode in (known, known.name, known.value):
+            return known
+    raise ValueError(f"autoreset_mode = {mode!r}: valid choices are NEXT_STEP, SAME_STEP")
+
+
+def _spread(outcome: Outcome, robots: np.ndarray, count: int) -> dict[str, Any]:
+    """Return the info of some robots as arrays over all, with Gymnasium's masks `_key`."""
+    mask = np.zeros(count, dtype=bool)
+    mask[robots] = True
+    info: dict[str, Any] = {}
+    for key, value in outcome.info.items():
+        every = np.zeros((count, *value.shape[1:]), dtype=value.dtype)
+        every[robots] = value
+        info[key], info[f"_{key}"] = every, mask.copy()
+    return info
+
+
+def _merge(info: dict[str, Any], other: dict[str, Any], robots: np.ndarray) -> dict[str, Any]:
+    for key, value in other.items():
+        if key in info:
+            info[key][robots] = value[robots]
+        else:
+            info[key] = value
+    return info

@@ -1,0 +1,1 @@
+"""Floors: zones, heights, shafts, and the fold of surfaces."""

@@ -1,0 +1,1 @@
+"""The robot and its physics in local models of the mine."""

@@ -1,0 +1,282 @@
+"""Physics models of parts of a mine: fewer geoms make a faster step, so a model holds the rock near a robot only."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from minexplore.bundle import (
+    MINE_BODY,
+    MODEL,
+    RECORD,
+    ROCK_CLASS,
+    BundleError,
+    is_floor,
+    is_rock,
+    is_roof,
+    zone_of_wedge,
+)
+from minexplore.floors.local_floor import simplify_floor
+from minexplore.physics.robot import ROCK_BODY, RobotParams, contact_sensor, separate_contacts, stand_on_facets
+from minexplore.rotations import quaternion
+from minexplore.task import TaskParams
+from minexplore.tiles import Tile, tiles_at
+from minexplore.world import World
+
+TILE_M = 2.0
+_OVERHEAD = 2.0  # times a robot's height: a roof so high over the highest floor nearby is out of its reach
+_MARGIN_M = 0.1  # beyond the robot's radius and one control step's travel; contacts need none of it
+# MuJoCo reserves 13 MB for the contacts of any model, twice a batch: 13 GB of addresses for the 512 batches that are
+# kept. Robots thrown at walls use less than 24 kB; 10 kB hold the contacts of a geom at five places.
+_CONTACT_BYTES, _CONTACT_BYTES_PER_GEOM = 32 << 10, 10 << 10
+_MOST_GEOMS = 1000  # larger models keep MuJoCo's value
+
+
+@dataclass(frozen=True)
+class RockPart:
+    """One convex part: its mesh vertices, place, outline seen from above, lowest and highest z (m, mine frame)."""
+
+    name: str
+    vertices: np.ndarray
+    place: np.ndarray
+    outline: np.ndarray
+    heights: tuple[float, float]
+
+
+class LocalModels:
+    """Physics models of a world, one a square tile of the plan, each with one robot and the same state layout."""
+
+    def __init__(self, world: World, task: TaskParams, robot: RobotParams, whole: bool = False) -> None:
+        """Read the world's collision parts; with `whole` every tile's model is that of all parts."""
+        self.world, self.task, self.robot, self.whole = world, task, robot, whole
+        self.T_world_mine = world.T_world_mine.copy()
+        if not task.tilt:
+            self.T_world_mine[:3, :3] = np.eye(3)
+        self._spec = world.spec()
+        self.parts = [_part(self._spec, g) for g in self._spec.geoms if is_rock(g.name)]
+        self._rock = _PartIndex(self.parts)
+        self._zones = {zone.geom: zone for zone in world.active_zones(task.terrain)}
+        self._slabs = [g for g in self._spec.geoms if is_floor(g.name) or is_roof(g.name)]
+        self._geoms = {g.name: g for g in self._slabs}
+        self._wedges = {g.name: _part(self._spec, g) for g in self._slabs if g.meshname}
+        self._floor_wedges = _PartIndex([wedge for name, wedge in self._wedges.items() if is_floor(name)])
+        self._roof_wedges = _PartIndex([wedge for name, wedge in self._wedges.items() if is_roof(name)])
+        absent = sorted(set(self._zones) - {_zone_of(geom) for geom in self._slabs}) if world.floor.is_flat else []
+        if absent:
+            raise BundleError(f"{world.folder / MODEL}: no geom {absent[0]!r} of a floor zone that {RECORD} names")
+        self._roof = world.floor.raised(float(world.record["height_m"]))
+        self._margin_m = robot.radius_m + task.max_forward_mps * task.control_s + _MARGIN_M
+
+    def tiles_of(self, xy: np.ndarray) -> np.ndarray:
+        """Return each place's tile (n, 2); a whole world has one."""
+        if self.whole:
+            return np.zeros((len(xy), 2), dtype=int)
+        return tiles_at(xy, TILE_M)
+
+    def model(self, tile: Tile) -> mujoco.MjModel:
+        """Compile the model of a tile: floor, roof, the parts that a robot in it can touch, and the robot.
+
+        Raises
+        ------
+        BundleError
+            If MuJoCo refuses a part; the message is MuJoCo's.
+        """
+        spec = self.spec(tile)
+        geoms = len(spec.geoms)
+        if geoms <= _MOST_GEOMS:
+            spec.memory = _CONTACT_BYTES + geoms * _CONTACT_BYTES_PER_GEOM
+        return self.world.compile(spec)
+
+    def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
+        """Return a physics model's spec; without a tile it holds all parts."""
+        spec = physics_spec(self.task)
+        mine = spec.worldbody.add_body(name=MINE_BODY, pos=self.T_world_mine[:3, 3])
+        mine.quat = quaternion(self.T_world_mine[:3, :3])
+        solid = mine.add_body(name=ROCK_BODY)  # one pair test of bodies then rules the rock out for the wheels
+        box = None if tile is None or self.whole else self._box(tile)
+        self._add_floor_and_roof(spec, mine, solid, box)
+        rock = self._spec.find_default(ROCK_CLASS).geom
+        for part in self.parts if box is None else self._rock.within(box):
+            _add_part(spec, solid, part, friction=rock.friction, group=rock.group)
+        separate_contacts(spec)
+        if box is not None and not self.world.floor.is_flat:
+            # Testing every pair of a robot's parts and a dozen wedges takes less time than MuJoCo's trees of boxes do.
+            spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
+        for name in robots:
+            self.robot.attach(spec, name)
+            if not self.world.floor.is_flat:
+                stand_on_facets(spec, name)
+            contact_sensor(spec, name)
+        return spec
+
+    def _add_floor_and_roof(
+        self, spec: mujoco.MjSpec, mine: mujoco.MjsBody, solid: mujoco.MjsBody, box: _Box | None
+    ) -> None:
+        """Add the floor zones and the roof, or their wedges, that reach into a box."""
+        slabs = [
+            geom
+            for geom in self._slabs
+            if box is None or (geom.name not in self._wedges and _overlaps(geom, box.low, box.high))
+        ]
+        if box is not None:
+            slabs += self._floor_within(mine, box) + self._roof_within(solid, box)
+        for geom in slabs:
+            wedge, body = self._wedges.get(geom.name), mine if is_floor(geom.name) else solid
+            attributes = {"friction": self._friction(geom), "priority": geom.priority, "group": geom.group}
+            if wedge is not None:
+                _add_part(spec, body, wedge, **attributes)
+            else:
+                body.add_geom(name=geom.name, type=geom.type, pos=geom.pos, size=geom.size, **attributes)
+
+    def _friction(self, geom: mujoco.MjsGeom) -> list[float]:
+        """Return a geom's friction: sliding as its floor zone has it."""
+        zone = self._zones.get(_zone_of(geom))
+        return list(geom.friction) if zone is None else [zone.friction, *geom.friction[1:]]
+
+    def _floor_within(self, mine: mujoco.MjsBody, box: _Box) -> list[mujoco.MjsGeom]:
+        """Add planes and boxes in place of wedges of the floor; return the wedges left to add."""
+        wedges = self._floor_wedges.within(box)
+        geoms = [self._geoms[wedge.name] for wedge in wedges]
+        if not wedges or box.has_shaft:  # planes and boxes would close the shaft
+            return geoms
+        corners, zones = [wedge.vertices + wedge.place for wedge in wedges], [_zone_of(geom) for geom in geoms]
+        primitives, kept = simplify_floor(corners, zones, box.low, box.high)
+        for primitive in primitives:
+            geom = geoms[primitive.wedge]
+            mine.add_geom(
+                name=geom.name,
+                type=primitive.type,
+                pos=primitive.place,
+                quat=primitive.quaternion,
+                size=primitive.size,
+                friction=self._friction(geom),
+                priority=geom.priority,
+                group=geom.group,
+            )
+        return [geoms[number] for number in kept]
+
+    def _roof_within(self, solid: mujoco.MjsBody, box: _Box) -> list[mujoco.MjsGeom]:
+        """Add a level roof in place of the wedges of one that no robot reaches; return the wedges left to add."""
+        wedges = self._roof_wedges.within(box)
+        lowest = min((wedge.heights[0] for wedge in wedges), default=-np.inf)
+        geoms = [self._geoms[wedge.name] for wedge in wedges]
+        if lowest - box.floor_m < _OVERHEAD * (self.robot.sensor_height_m + self.robot.scanner_height_m):
+            return geoms
+        half, middle = np.append((box.high - box.low) / 2 + _MARGIN_M, _MARGIN_M), (box.high + box.low) / 2
+        solid.add_geom(
+            name=geoms[0].name,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=[*middle, lowest + _MARGIN_M],
+            size=half,
+            friction=geoms[0].friction,
+            priority=geoms[0].priority,
+            group=geoms[0].group,
+        )
+        return []
+
+    def _box(self, tile: Tile) -> _Box:
+        """Return the box of the mine frame that holds all that a robot in a tile can touch."""
+        low, high = self.reach(np.array(tile))
+        floor = self.world.floor
+        if floor.is_flat:
+            return _Box(low, high)
+        nearby = floor.heights_within(low, high)
+        offset = floor.offsets_at((low + high)[None] / 2)[0]
+        # With a margin: the top of a level wedge, in decimals and 32 bits, may be a nanometre below the mesh.
+        bottom, top = float(nearby.min()) - _MARGIN_M, float(self._roof.heights_within(low, high).max())
+        deepest = self.world.open_shafts.lowest_within(low, high)
+        if np.isfinite(deepest):  # all that a robot can fall on
+            bottom = min(bottom, deepest - _MARGIN_M)
+        return _Box(
+            low - offset, high - offset, bottom, top + _MARGIN_M, float(nearby.max()), bool(np.isfinite(deepest))
+        )
+
+    def reach(self, tile: np.ndarray, size_m: float = TILE_M) -> tuple[np.ndarray, np.ndarray]:
+        """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step.
+
+        A tile (2,) or many (n, 2), of tiles of this size.
+        """
+        low = tile * size_m - self._margin_m
+        return low, low + size_m + 2 * self._margin_m
+
+
+@dataclass(frozen=True)
+class _Box:
+    """A box of the mine frame: its south-west and north-east corners seen from above, and its heights, m."""
+
+    low: np.ndarray
+    high: np.ndarray
+    bottom_m: float = -np.inf
+    top_m: float = np.inf
+    floor_m: float = np.inf  # the highest floor in it
+    has_shaft: bool = False  # an open one
+
+
+class _PartIndex:
+    """Parts by the boxes that hold them."""
+
+    def __init__(self, parts: list[RockPart]) -> None:
+        """Take the parts."""
+        self._parts = parts
+        bounds = np.array([(part.outline.min(axis=0), part.outline.max(axis=0)) for part in parts])
+        self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
+        self._bottom, self._top = np.array([part.heights for part in parts]).reshape(-1, 2).T
+
+    def within(self, box: _Box) -> list[RockPart]:
+        """Return the parts that may reach into a box."""
+        near = ((self._low <= box.high) & (self._high >= box.low)).all(axis=1)
+        near &= (self._bottom <= box.top_m) & (self._top >= box.bottom_m)
+        found = [self._parts[number] for number in np.flatnonzero(near)]
+        return [part for part in found if meets(part.outline, box.low[None], box.high[None])[0]]
+
+
+def physics_spec(task: TaskParams) -> mujoco.MjSpec:
+    """Return an empty spec with the solver's options that all physics of the task has."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep = task.physics_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # MuJoCo 3.17's several contacts of a cylinder at a prism's edge lie along the prism's face: the edge sinks in.
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
+    return spec
+
+
+def _overlaps(geom: mujoco.MjsGeom, low: np.ndarray, high: np.ndarray) -> bool:
+    """Return whether a box geom reaches into a box of the plan."""
+    place, half = np.array(geom.pos)[:2], np.array(geom.size)[:2]
+    return bool((place - half <= high).all() and (place + half >= low).all())
+
+
+def _part(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> RockPart:
+    vertices = np.array(spec.mesh(geom.meshname).uservert).reshape(-1, 3)
+    place = np.array(geom.pos)
+    heights = vertices[:, 2] + place[2]
+    return RockPart(geom.name, vertices, place, vertices[:, :2] + place[:2], (heights.min(), heights.max()))
+
+
+def _zone_of(geom: mujoco.MjsGeom) -> str:
+    """Return the name of the zone's geom that a piece of floor is, or is a wedge of."""
+    return zone_of_wedge(geom.name) if geom.meshname else str(geom.name)
+
+
+def _add_part(spec: mujoco.MjSpec, body: mujoco.MjsBody, part: RockPart, **attributes: Any) -> None:
+    spec.add_mesh(name=part.name, uservert=part.vertices.ravel())
+    body.add_geom(name=part.name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part.name, pos=part.place, **attributes)
+
+
+def meets(outline: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return which boxes (n, 2) to (n, 2) a convex outline (m, 2), in any order, may meet: no edge separates them."""
+    apart = (outline.max(axis=0) < low).any(axis=1) | (outline.min(axis=0) > high).any(axis=1)
+    if apart.all():
+        return ~apart
+    centre = outline.mean(axis=0)
+    ring = outline[np.argsort(np.arctan2(*(outline - centre).T[::-1]), kind="stable")]
+    edges = np.roll(ring, -1, axis=0) - ring
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]])
+    ours = ring @ normals.T
+    corners = [np.where(pick, high, low) @ normals.T for pick in itertools.product((False, True), repeat=2)]
+    nearest, farthest = np.minimum.reduce(corners), np.maximum.reduce(corners)
+    return ~(apart | ((ours.max(axis=0) < nearest) | (ours.min(axis=0) > farthest)).any(axis=1))

@@ -1,0 +1,1 @@
+"""Pictures of robots in a mine, and OpenGL."""

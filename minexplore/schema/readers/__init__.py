@@ -1,0 +1,1 @@
+"""Bounded readers of a bundle's files."""

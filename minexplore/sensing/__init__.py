@@ -1,0 +1,1 @@
+"""What robots sense: beams, ranges and cells seen."""

@@ -1,0 +1,231 @@
+"""Beams against the visible rock, or the collision walls where a world shows none: exact rays.
+
+Embree casts them, or Open3D where Embree has no package.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections import OrderedDict
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+
+from minexplore.bundle import GeomGroup, decode_msh, has_visible_rock, is_rock, stops_beams
+from minexplore.floors.floor import Floor
+from minexplore.rotations import rotate_inverse
+from minexplore.sensing.planes import face_planes, plane_distances
+from minexplore.tiles import Tile, group_by_tile, tiles_at
+from minexplore.world import World, load_world
+
+Backend = Literal["auto", "embree", "open3d"]
+Meshes = dict[str, tuple[np.ndarray, np.ndarray]]
+# Origins and directions (n, 3) -> distances (n,) m, inf for no hit, and the mesh and face of each hit, else -1.
+Cast = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+
+_MODULES = {"embree": "embreex", "open3d": "open3d"}  # fastest first
+_TILE_M = 40.0
+_BESIDE_M = 1.0  # bumps of the rock reach 0.45 m behind its wall
+_BYTES_PER_FACE = {"embree": 90, "open3d": 135}  # of a scene; measured 85 and 132
+_SCENES_BYTES = 2 << 30  # kept by a process; all scenes of the embedded mine take 0.7 GB by Embree
+
+
+def surface_meshes(world: World) -> Meshes:
+    """Return the vertices (n, 3) and faces (m, 3) of visible rock and furniture, by geom name (m, mine frame).
+
+    What beams pass is left out, see `stops_beams`. The visible floor lies up to a decimetre above the flat floor that
+    wheels stand on, and a range to it would tell of a floor that no robot feels.
+    """
+    spec = world.spec()
+    seen = [g for g in spec.geoms if g.group == GeomGroup.ROUGH_SURFACE and g.type == mujoco.mjtGeom.mjGEOM_MESH]
+    shown = [g for g in seen if stops_beams(g.meshname)]
+    meshes = {g.name: decode_msh(world.read(spec.mesh(g.meshname).file)) for g in shown}
+    return {name: (mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
+
+
+def collision_meshes(world: World) -> Meshes:
+    """Return the hulls of the collision parts, vertices (n, 3) and faces (m, 3), by geom name (m, mine frame)."""
+    model = world.compile(world.spec())
+    meshes: Meshes = {}
+    for geom in (model.geom(number) for number in range(model.ngeom)):
+        if not is_rock(geom.name):
+            continue
+        mesh, turn = model.mesh(int(geom.dataid[0])), np.zeros(9)
+        mujoco.mju_quat2Mat(turn, geom.quat)
+        own = model.mesh_vert[mesh.vertadr[0] : mesh.vertadr[0] + mesh.vertnum[0]].astype(np.float64)
+        faces = model.mesh_face[mesh.faceadr[0] : mesh.faceadr[0] + mesh.facenum[0]]
+        meshes[geom.name] = rotate_inverse(own, turn.reshape(3, 3).T) + geom.pos, faces.copy()
+    return meshes
+
+
+def floor_meshes(world: World) -> Meshes:
+    """Return floor and, where no mesh shows it, roof of a mine with heights, sheet by sheet; see `surface_meshes`."""
+    floor, openings = world.floor, world.record.get("openings", [])
+    meshes: Meshes = {}
+    if has_visible_rock(world.record):  # its foot stands behind the wall: there the floor goes on
+        meshes["beside"] = floor_beside(
+            floor.filled(np.array(o["outline_m"]) for o in openings if o["sheet"] is not None)
+        )
+    surfaces = {"floor": floor}
+    if not has_visible_rock(world.record):
+        surfaces["roof"] = floor.raised(world.record["height_m"])
+    for number, offset in enumerate(floor.offset_m):
+        used, faces = np.unique(floor.faces[floor.sheet == number], return_inverse=True)
+        for name, surface in surfaces.items():
+            places = surface.vertices[used] - [*offset, 0.0]
+            meshes[f"{name} {number}"] = places, faces.reshape(-1, 3).astype(np.int32)
+    return meshes
+
+
+def floor_beside(floor: Floor) -> tuple[np.ndarray, np.ndarray]:
+    """Return a strip behind every wall, as high as the wall's foot, as vertices (n, 3) m and faces (m, 3)."""
+    edges = floor.wall_edges()
+    feet = floor.vertices[[edge for _, edge in edges]]
+    feet[:, :, :2] -= floor.offset_m[floor.sheet[[face for face, _ in edges]]][:, None]
+    along = feet[:, 1, :2] - feet[:, 0, :2]
+    away = np.column_stack([along[:, 1], -along[:, 0]]) / np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
+    behind = feet.copy()
+    behind[:, :, :2] += _BESIDE_M * away[:, None]
+    strips = np.stack([feet[:, 0], feet[:, 1], behind[:, 1], behind[:, 0]], axis=1)
+    faces = 4 * np.arange(len(strips))[:, None, None] + np.array([[0, 2, 1], [0, 3, 2]])
+    return strips.reshape(-1, 3), faces.reshape(-1, 3).astype(np.int32)
+
+
+@functools.lru_cache(maxsize=8)
+def shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
+    """Return what casts the beams of a world, made once a process."""
+    world = load_world(folder)
+    if not world.floor.is_flat:
+        rock = surface_meshes(world) if has_visible_rock(world.record) else collision_meshes(world)
+        return Lidar(rock | floor_meshes(world), range_m, backend, floor_m=-np.inf)
+    if has_visible_rock(world.record):
+        return Lidar(surface_meshes(world), range_m, backend)
+    return Lidar(collision_meshes(world), range_m, backend, roof_m=world.record["height_m"])
+
+
+class Lidar:
+    """Casts rays of the mine frame against rock and, at `floor_m` and `roof_m`, a level floor and roof.
+
+    A scene holds the rock within range of one tile.
+    Scenes are made when a ray starts in their tile, and kept while all of them take less than `scenes_bytes`.
+    """
+
+    def __init__(
+        self,
+        meshes: Meshes,
+        range_m: float,
+        backend: Backend = "auto",
+        scenes_bytes: int = _SCENES_BYTES,
+        roof_m: float = np.inf,
+        floor_m: float = 0.0,
+    ) -> None:
+        """Take the rock's meshes; `auto` takes the fastest backend that is installed.
+
+        Raises
+        ------
+        ImportError
+            If the backend is not installed, or none is.
+        """
+        installed = [name for name, module in _MODULES.items() if find_spec(module)]
+        if backend not in ("auto", *_MODULES):
+            raise ValueError(f"lidar = {backend!r}: want auto, {', '.join(_MODULES)}")
+        if backend != "auto" and backend not in installed:
+            raise ImportError(f"lidar = {backend!r} needs {_MODULES[backend]}: pip install {_MODULES[backend]}")
+        if not installed:
+            raise ImportError("the robots' beams need Embree: pip install embreex, or open3d where it has no wheel")
+        self.backend = installed[0] if backend == "auto" else backend
+        self.range_m, self._floor_m, self._roof_m = range_m, floor_m, roof_m
+        self._meshes, self._scenes_bytes = list(meshes.values()), scenes_bytes
+        bounds = np.array([(v[:, :2].min(axis=0), v[:, :2].max(axis=0)) for v, _ in meshes.values()])
+        self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
+        self._planes = np.concatenate([face_planes(*mesh) for mesh in self._meshes] or [np.zeros((0, 4))])
+        self._first = np.cumsum([0, *(len(faces) for _, faces in self._meshes)])[:-1]  # plane of each mesh
+        self._scenes: OrderedDict[Tile, tuple[Cast, np.ndarray, int]] = OrderedDict()  # with meshes and bytes
+
+    def cast(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Return ranges (n, beams) m, at most `range_m`, of unit rays (n, beams, 3) from (n, 3)."""
+        slope, height = directions[..., 2], origins[:, None, 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            level = np.where(
+                slope < 0,
+                (self._floor_m - height) / slope,
+                np.where(slope > 0, (self._roof_m - height) / slope, np.inf),
+            )
+        rock = np.empty(directions.shape[:2])
+        for tile, rows in group_by_tile(tiles_at(origins[:, :2], _TILE_M)):
+            starts, ways = np.repeat(origins[rows], directions.shape[1], axis=0), directions[rows].reshape(-1, 3)
+            rock[rows] = self._cast(tile, starts, ways).reshape(len(rows), -1)
+        return np.minimum(np.minimum(rock, level), self.range_m)
+
+    def _cast(self, tile: Tile, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Return distances (n,) m to the rock along rays (n, 3) that start in a tile; inf where there is none."""
+        cast, near = self._scene(tile)
+        if not len(near):
+            return np.full(len(origins), np.inf)
+        found, mesh, face = cast(origins, directions)
+        return plane_distances(self._planes, self._first[near[mesh]] + face, origins, directions, found)
+
+    @property
+    def kept_bytes(self) -> int:
+        """Return what the kept scenes take, by the number of their faces."""
+        return sum(size for *_, size in self._scenes.values())
+
+    def _scene(self, tile: Tile) -> tuple[Cast, np.ndarray]:
+        """Return what casts rays that start in a tile, and the meshes (k,) that it holds."""
+        if tile not in self._scenes:
+            low = np.array(tile) * _TILE_M - self.range_m
+            high = low + _TILE_M + 2 * self.range_m
+            near = np.flatnonzero(((self._low <= high) & (self._high >= low)).all(axis=1))
+            meshes = [self._meshes[i] for i in near]
+            size = _BYTES_PER_FACE[self.backend] * sum(len(faces) for _, faces in meshes)
+            while self._scenes and self.kept_bytes + size > self._scenes_bytes:
+                self._scenes.popitem(last=False)
+            self._scenes[tile] = (_BUILDERS[self.backend](meshes, (low + high) / 2), near, size)
+        self._scenes.move_to_end(tile)
+        return self._scenes[tile][:2]
+
+
+def _embree(meshes: list[tuple[np.ndarray, np.ndarray]], centre: np.ndarray) -> Cast:
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    middle = np.array([*centre, 0.0])  # rays are cast in 32 bits: the nearer to zero the better
+    scene = EmbreeScene()
+    for vertices, faces in meshes:
+        TriangleMesh(scene, (vertices - middle).astype(np.float32), np.ascontiguousarray(faces, dtype=np.int32))
+
+    def cast(origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        starts = np.ascontiguousarray(origins - middle, dtype=np.float32)
+        hit = scene.run(starts, np.ascontiguousarray(directions, dtype=np.float32), output=1)
+        return np.where(hit["geomID"] < 0, np.inf, hit["tfar"]), hit["geomID"], hit["primID"]
+
+    return cast
+
+
+def _open3d(meshes: list[tuple[np.ndarray, np.ndarray]], centre: np.ndarray) -> Cast:
+    import open3d
+
+    tensor: Any = open3d.core.Tensor
+    middle = np.array([*centre, 0.0])
+    scene = open3d.t.geometry.RaycastingScene()
+    for vertices, faces in meshes:
+        scene.add_triangles(tensor((vertices - middle).astype(np.float32)), tensor(faces.astype(np.uint32)))
+
+    def cast(origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        rays = np.concatenate([origins - middle, directions], axis=1).astype(np.float32)
+        hit = scene.cast_rays(tensor(rays))
+        # Open3D numbers what was missed with the largest unsigned number, which becomes -1.
+        mesh, face = (hit[name].numpy().astype(np.int32) for name in ("geometry_ids", "primitive_ids"))
+        return hit["t_hit"].numpy(), mesh, face
+
+    return cast
+
+
+_BUILDERS: dict[str, Callable[[list[tuple[np.ndarray, np.ndarray]], np.ndarray], Cast]] = {
+    "embree": _embree,
+    "open3d": _open3d,
+}

@@ -1,0 +1,1 @@
+"""The folded floor: its mesh, heights, sheets, seams and convex parts."""

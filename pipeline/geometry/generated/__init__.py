@@ -1,0 +1,1 @@
+"""Procedural mines, rough walls, and random variants of workings."""

@@ -1,0 +1,1 @@
+"""Occupancy grids, Nav2 maps and octrees."""

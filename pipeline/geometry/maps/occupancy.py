@@ -1,0 +1,159 @@
+"""Where robots can be: the occupancy and clearance grid, the spawn region, and the Nav2 map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from scipy.ndimage import binary_erosion
+from shapely import Polygon
+from shapely.strtree import STRtree
+
+from minexplore.bundle import NAV2_PICTURE, sheet_map
+from minexplore.floors.floor import Floor
+from pipeline.errors import GeometryError
+from pipeline.geometry.rasterize import fill_polygon
+from pipeline.types import Frame, Mask, Occupancy, Spawn
+
+
+def occupancy_grid(
+    free: Polygon, cell_m: float, world_m: tuple[float, float, float, float], walls_m: np.ndarray | None = None
+) -> Occupancy:
+    """Rasterise the free space and measure the exact distance to rock at each free cell's centre.
+
+    Parameters
+    ----------
+    free : shapely.Polygon, m, mine frame
+    cell_m : float
+    world_m : (west, south, east, north), m
+        The grid covers this box; its south-west corner is a whole number of cells from the origin.
+    walls_m : (n, 2, 2), m, optional
+        The walls, if not all of the boundary is wall.
+
+    Returns
+    -------
+    Occupancy
+    """
+    _, _, east, north = world_m
+    west, south = (float(np.floor(v / cell_m) * cell_m) for v in world_m[:2])
+    cols, rows = int(np.ceil((east - west) / cell_m)), int(np.ceil((north - south) / cell_m))
+    # Row 0 is in the north for fill_polygon, in the south for the grid.
+    frame = Frame(1.0 / cell_m, -west / cell_m, rows + south / cell_m, cols, rows)
+    cells = fill_polygon(free, frame)[::-1]
+    row, col = np.nonzero(cells)
+    centres = shapely.points(west + (col + 0.5) * cell_m, south + (row + 0.5) * cell_m)
+    clearance = np.zeros(cells.shape, dtype=np.float32)
+    clearance[row, col] = _wall_distance(free, centres, walls_m)
+    return Occupancy(cells.copy(), clearance, np.array([west, south]), cell_m)
+
+
+def _wall_distance(free: Polygon, points: np.ndarray, walls_m: np.ndarray | None) -> np.ndarray:
+    if walls_m is None:
+        rings = [np.asarray(ring.coords)[:, :2] for ring in (free.exterior, *free.interiors)]
+        walls_m = np.concatenate([np.stack([xy[:-1], xy[1:]], axis=1) for xy in rings])
+    walls = shapely.linestrings(walls_m)
+    (index, _), distance = STRtree(walls).query_nearest(points, return_distance=True, all_matches=False)
+    ordered = np.empty(len(points))
+    ordered[index] = distance
+    return ordered
+
+
+def first_anchor(
+    grid: Occupancy, starts_m: Sequence[tuple[float, float]], radius_m: float, clearance_m: float
+) -> Spawn:
+    """Choose the spawn anchor at the first place (x, y) m where robots have room; see `entrance_anchor`.
+
+    Raises
+    ------
+    GeometryError
+        If they have room at no place; the message is that of the first.
+    """
+    refused: list[GeometryError] = []
+    for start_m in starts_m:
+        try:
+            return entrance_anchor(grid, start_m, radius_m, clearance_m)
+        except GeometryError as error:
+            refused.append(error)
+    raise refused[0]
+
+
+def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: float, clearance_m: float) -> Spawn:
+    """Choose the spawn anchor: the cell with the largest clearance within half the radius, or else the whole radius.
+
+    All cells round the anchor are free: beside a seam of two sheets, where no wall is near, the next cell of the plan
+    is none of the workings.
+
+    Parameters
+    ----------
+    grid : Occupancy
+    entrance_m : (x, y), m, mine frame
+    radius_m : float
+        Radius of the entrance region.
+    clearance_m : float
+        Least distance of a spawn pose from rock.
+
+    Raises
+    ------
+    GeometryError
+        If no cell of the region has the clearance.
+    """
+    inner = binary_erosion(grid.free, np.ones((3, 3), bool))
+    row, col = np.nonzero(inner & (grid.clearance_m >= clearance_m))
+    centres = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
+    distance = np.linalg.norm(centres - np.asarray(entrance_m), axis=1)
+    clearance = grid.clearance_m[row, col]
+    for reach in (radius_m / 2, radius_m):
+        near = distance <= reach
+        if near.any():
+            # The nearest of the cells with equal clearance, so that the choice does not depend on the grid's order.
+            best = np.lexsort((distance[near], -np.round(clearance[near], 3)))[0]
+            x, y = centres[near][best]
+            centre = (float(entrance_m[0]), float(entrance_m[1]))
+            return Spawn((float(x), float(y)), float(clearance[near][best]), centre, radius_m, clearance_m)
+    raise GeometryError(
+        f"spawn: within {radius_m:g} m of the entrance ({entrance_m[0]:.1f}, {entrance_m[1]:.1f}) nothing is "
+        f"{clearance_m:g} m from rock; move survey.entrance_m"
+    )
+
+
+def nav2_map(grid: Occupancy) -> tuple[np.ndarray, str]:
+    """Return the grid as a ROS Nav2 map of the plan, where sheets lie side by side: pixels (rows, cols), `map.yaml`."""
+    return _nav2(grid.free, grid.origin_m, grid.cell_m, NAV2_PICTURE)
+
+
+def sheet_nav2_maps(grid: Occupancy, floor: Floor) -> dict[str, tuple[np.ndarray, str]]:
+    """Return a ROS Nav2 map of each sheet in its true place in the mine frame, if there are several.
+
+    A map is as large as its sheet with a cell of rock or two round it. It ends where the sheet does: at a seam the next
+    sheet's map goes on. A remark in its YAML file states the lowest and the highest place of the sheet's floor.
+
+    Returns
+    -------
+    dict
+        Pixels (rows, cols) and text of the YAML file, by the name of that file.
+    """
+    sheets = len(floor.offset_m)
+    if sheets == 1:
+        return {}
+    row, col = np.nonzero(grid.free)
+    sheet_of = floor.sheets_at(grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m)
+    found = {}
+    for sheet, (low_m, high_m) in enumerate(floor.spans_m.tolist()):
+        first, end = floor.box_of(sheet, grid.origin_m, grid.cell_m)
+        free = np.zeros((end - first)[::-1], bool)
+        free[row[sheet_of == sheet] - first[1], col[sheet_of == sheet] - first[0]] = True
+        name, picture = sheet_map(sheet)
+        pixels, text = _nav2(free, grid.origin_m + first * grid.cell_m - floor.offset_m[sheet], grid.cell_m, picture)
+        found[name] = pixels, f"# sheet {sheet} of {sheets}: floor {low_m:.3f} to {high_m:.3f} m high\n{text}"
+    return found
+
+
+def _nav2(free: Mask, origin_m: np.ndarray, cell_m: float, picture: str) -> tuple[np.ndarray, str]:
+    pixels = np.where(free[::-1], 254, 0).astype(np.uint8)
+    west, south = origin_m
+    yaml = (
+        f"image: {picture}\nmode: trinary\nresolution: {cell_m:.6g}\norigin: [{west:.6f}, {south:.6f}, 0.0]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
+    )
+    return pixels, yaml

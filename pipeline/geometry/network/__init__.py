@@ -1,0 +1,1 @@
+"""The drift network along the skeleton of the workings."""

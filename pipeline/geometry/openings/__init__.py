@@ -1,0 +1,1 @@
+"""Shafts and raises in a folded floor."""

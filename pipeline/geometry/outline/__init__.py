@@ -1,0 +1,1 @@
+"""From pixels or lines to the outline of the workings."""

@@ -1,0 +1,153 @@
+"""Trace free-space pixels into a polygon with islands, and simplify it."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import shapely
+from shapely import Polygon
+from shapely.geometry.polygon import orient
+
+from pipeline.errors import GeometryError
+from pipeline.geometry.outline.edge_fit import fit_edges
+from pipeline.geometry.outline.fewest_vertices import simplify_to_error
+from pipeline.types import Frame, Mask
+
+_SUBPIXELS = 2
+
+
+def trace_outline(free: Mask, frame: Frame) -> Polygon:
+    """Trace the largest free region into a polygon with its islands as holes.
+
+    `cv2.findContours` runs through the centres of the border pixels, so it loses half a pixel on every side. The mask
+    is therefore doubled first, so that nothing is one pixel wide, and the polygon is grown by half a sub-pixel.
+
+    Parameters
+    ----------
+    free : (rows, cols) bool
+        True where the plan shows workings.
+    frame : Frame
+        The pixel grid of `free`.
+
+    Returns
+    -------
+    shapely.Polygon, m, mine frame
+        Counter-clockwise exterior, clockwise islands.
+
+    Raises
+    ------
+    GeometryError
+        If nothing is free, or the outline touches itself.
+    """
+    doubled = _fill_diagonal_contacts(np.kron(np.pad(free, 1), np.ones((_SUBPIXELS, _SUBPIXELS), dtype=np.uint8)))
+    contours, hierarchy = cv2.findContours(doubled, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    outer = [i for i, contour in enumerate(contours) if hierarchy[0][i][3] < 0 and len(contour) > 2]
+    if not outer:
+        raise GeometryError("outline: the mask holds no free region to trace")
+    largest = max(outer, key=lambda i: cv2.contourArea(contours[i]))
+    holes = [contours[i] for i in range(len(contours)) if hierarchy[0][i][3] == largest and len(contours[i]) > 2]
+    traced = Polygon(contours[largest][:, 0], [hole[:, 0] for hole in holes])
+    if not traced.is_valid:
+        raise GeometryError(f"outline: {shapely.is_valid_reason(traced)} (sub-pixels)")
+    grown = traced.buffer(0.5, join_style="mitre")
+    if not isinstance(grown, Polygon):
+        raise GeometryError(f"outline: the traced region has {len(grown.geoms)} components, want one")
+
+    def to_mine(points: np.ndarray) -> np.ndarray:
+        # The centre of the doubled mask's pixel k lies at (k + 0.5) / 2 - 1 in the image plane; 1 is the padding.
+        return frame.to_mine((points + 0.5) / _SUBPIXELS - 1.0)
+
+    return orient(shapely.transform(grown, to_mine))
+
+
+def _fill_diagonal_contacts(mask: np.ndarray) -> np.ndarray:
+    """Fill around free pixels that touch only at a corner, where an outline would cross itself."""
+    filled = mask.copy()
+    while True:
+        a, b, c, d = filled[:-1, :-1], filled[:-1, 1:], filled[1:, :-1], filled[1:, 1:]
+        falling, rising = (a & d) > (b | c), (b & c) > (a | d)
+        if not (falling.any() or rising.any()):
+            return filled
+        rows, cols = np.nonzero(falling | rising)
+        for dr, dc in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            filled[rows + dr, cols + dc] = 1
+
+
+def simplify_outline(outline: Polygon, tolerance_m: float) -> Polygon:
+    """Simplify by Douglas-Peucker within a tolerance; the outline stays valid and keeps its islands.
+
+    The remaining vertices are then moved, within the tolerance, so that each edge runs along the middle of its wall.
+    On the published plan that halves the area error (see `fit_edges`).
+
+    Parameters
+    ----------
+    outline : shapely.Polygon, m
+    tolerance_m : float
+        Greatest distance of a vertex of `outline` from the result. 0 removes only collinear vertices.
+
+    Returns
+    -------
+    shapely.Polygon, m
+        Valid, with as many holes as `outline`; every coordinate is a multiple of `grid_m(outline)`.
+
+    Raises
+    ------
+    GeometryError
+        If the result would lose an island or be invalid; the message names the tolerance.
+
+    References
+    ----------
+    Douglas & Peucker 1973, doi:10.3138/FM57-6770-U75U-7727; the topology-preserving form is that of JTS and GEOS.
+    """
+    kept = shapely.simplify(outline, tolerance_m, preserve_topology=True)
+    return _on_grid(outline, _fit_rings(outline, kept, tolerance_m), f"contours.tolerance_m = {tolerance_m:g}")
+
+
+def simplify_to_wall_error(outline: Polygon, error_m: float) -> Polygon:
+    """Simplify with about the fewest vertices for a mean distance of the traced wall from the result.
+
+    Parameters
+    ----------
+    outline : shapely.Polygon, m
+    error_m : float
+        Mean distance, m; no point of the traced wall is farther away than eight times this.
+
+    Returns
+    -------
+    shapely.Polygon, m
+        As `simplify_outline` returns it.
+
+    Raises
+    ------
+    GeometryError
+        If the result would lose an island or be invalid; the message names the error.
+    """
+    return _on_grid(outline, simplify_to_error(outline, error_m), f"contours.wall_error_m = {error_m:g}")
+
+
+def _on_grid(outline: Polygon, simplified: Polygon, setting: str) -> Polygon:
+    """Return a simplified outline on the grid of `grid_m`; refuse it if it is invalid or an island is lost."""
+    simple = shapely.set_precision(simplified, grid_m(outline))
+    if not isinstance(simple, Polygon) or simple.is_empty or not simple.is_valid:
+        raise GeometryError(f"{setting}: the outline would be invalid; use a smaller value")
+    if len(simple.interiors) != len(outline.interiors):
+        raise GeometryError(
+            f"{setting}: {len(outline.interiors)} islands would become {len(simple.interiors)}; use a smaller value"
+        )
+    return orient(simple)
+
+
+def _fit_rings(outline: Polygon, kept: Polygon, tolerance_m: float) -> Polygon:
+    """Fit the edges of every ring; return `kept` if the moved edges would cross."""
+    if len(kept.interiors) != len(outline.interiors):
+        return kept
+    pairs = zip((outline.exterior, *outline.interiors), (kept.exterior, *kept.interiors), strict=True)
+    rings = [fit_edges(np.asarray(a.coords), np.asarray(b.coords), tolerance_m) for a, b in pairs]
+    moved = Polygon(rings[0], rings[1:])
+    return moved if moved.is_valid else kept
+
+
+def grid_m(outline: Polygon) -> float:
+    """Return the grid of an outline's coordinates, m: six digits, which is 1 mm up to a kilometre."""
+    reach = max(1.0, *(abs(v) for v in outline.bounds))
+    return float(10.0 ** (np.ceil(np.log10(reach * 1.1)) - 6))

@@ -1,0 +1,1 @@
+"""Collision parts of the rock."""

@@ -1,0 +1,64 @@
+"""Restrict the process that reads a user's file, and find the function that it runs."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import resource
+import signal
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+from typing import Any
+
+_PR_SET_PDEATHSIG, _M_ARENA_MAX = 1, -8
+_SPARE_BYTES = 1_000_000_000
+TASKS = {
+    "detect": "pipeline.survey.detect:detect_here",
+    "survey": "pipeline.survey.load:read_here",
+    "sources": "pipeline.survey.load:sources_here",
+    "solved": "pipeline.survey.solved_surveys:read_here",
+    "cloud": "pipeline.scans.cloud:read_here",
+}
+
+
+def resolve(task: str) -> Callable[..., Any]:
+    """Return the function of a task."""
+    module, _, function = TASKS[task].partition(":")
+    return getattr(import_module(module), function)
+
+
+def die_with_parent(parent: int) -> None:
+    """Ask the kernel to kill this process when its parent ends, also if the parent is killed (Linux)."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # the parent ended before the request
+        os._exit(1)
+
+
+def restrict(memory_bytes: int, seconds: float, file_bytes: int = 0) -> None:
+    """Limit this process: address space, processor time of all cores, no core dump, `file_bytes` in a written file.
+
+    A forked process starts with its parent's address space. If that leaves less than 1 GB, 1 GB is granted.
+    """
+    used = _address_space()
+    _limit(resource.RLIMIT_AS, max(memory_bytes, used + _SPARE_BYTES))
+    _limit(resource.RLIMIT_CPU, int(seconds * (os.cpu_count() or 1)) + 5)  # the parent may be gone
+    _limit(resource.RLIMIT_CORE, 0)
+    _limit(resource.RLIMIT_FSIZE, file_bytes)
+    sys.dont_write_bytecode = True
+    os.environ["GDAL_PAM_ENABLED"] = "NO"  # no `.aux.xml` beside the file is read or written
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 2)  # each further arena would reserve 64 MB of address space
+
+
+def _limit(kind: int, value: int) -> None:
+    hard = resource.getrlimit(kind)[1]
+    value = value if hard == resource.RLIM_INFINITY else min(value, hard)
+    resource.setrlimit(kind, (value, value))
+
+
+def _address_space() -> int:
+    with open("/proc/self/statm") as file:  # noqa: PTH123  before any limit, without imports
+        return int(file.read().split()[0]) * os.sysconf("SC_PAGE_SIZE")

@@ -1,0 +1,1 @@
+"""Measures of rock: roughness, relief, profiles and the six texture axes."""

@@ -1,0 +1,1 @@
+"""How parameters are read, and how a refusal names them."""

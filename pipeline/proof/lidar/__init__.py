@@ -1,0 +1,1 @@
+"""Real sweeps and rays in a world: replay, hold-out and parity."""

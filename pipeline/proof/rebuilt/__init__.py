@@ -1,0 +1,1 @@
+"""What a bundle states, made again and compared."""

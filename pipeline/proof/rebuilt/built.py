@@ -1,0 +1,64 @@
+"""Whether a bundle is what the builder writes: its files, figures, model and visible rock, all made again."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from minexplore.bundle import BundleError
+from minexplore.schema.files import pictures_of
+from minexplore.schema.readers.png import inflate_png
+from pipeline.errors import ArtifactError
+from pipeline.geometry.openings.fit import without_openings
+from pipeline.geometry.outline.fewest_vertices import MOST_RATIO
+from pipeline.mjcf.bundle import WorldRecord
+from pipeline.params.made_by import MadeBy
+from pipeline.proof.rebuilt.fittings import require_fittings
+from pipeline.proof.rebuilt.remake import Tracing, read_free_space, require_remade
+from pipeline.proof.rebuilt.same_floor import require_floor
+from pipeline.proof.rebuilt.same_model import require_same_model
+from pipeline.proof.rebuilt.visible import require_visible
+from pipeline.types import FreeSpace, Openings
+
+
+def tolerance_of(params: MadeBy) -> float:
+    """Return the largest distance, m, by which simplification may have moved a wall, whatever a bundle states."""
+    return MOST_RATIO * params.wall_error_m if params.tolerance_m is None else params.tolerance_m
+
+
+def require_built(folder: Path, record: WorldRecord, params: MadeBy) -> FreeSpace:
+    """Refuse a bundle that the builder does not write for any parameters, and return its free space.
+
+    Parameters
+    ----------
+    folder : Path
+        A bundle that `open_bundle` has opened.
+    record : WorldRecord
+    params : MadeBy
+        How its network is traced, the tolerance of its outline, its steepest floor, and how its rock was decomposed.
+
+    Raises
+    ------
+    ArtifactError
+        With the file, the value and the limit.
+    """
+    _require_pictures(folder, record)
+    free_space = read_free_space(folder)
+    require_floor(folder, record, free_space.polygon, params.steepest_deg)
+    tracing = Tracing(params.network_cell_m, params.network_min_leg_m, params.network_station_spacing_m)
+    grid = require_remade(folder, record, free_space, tracing, tolerance_of(params))
+    require_same_model(folder, record, free_space.polygon, params.collision_method == "exact", params.collision_tile_m)
+    if record.has_visible_rock:
+        drifts = without_openings(free_space.polygon, Openings(record.openings))
+        require_visible(folder, record, drifts, grid)
+        require_fittings(folder, record, drifts, params.fittings)
+    return free_space
+
+
+def _require_pictures(folder: Path, record: WorldRecord) -> None:
+    """Check that the pictures are whole; only the map's pixels are compared with anything."""
+    for name in pictures_of(dataclasses.asdict(record)):
+        try:
+            inflate_png(name, (folder / name).read_bytes())
+        except BundleError as error:
+            raise ArtifactError(f"{folder}/{error}") from error

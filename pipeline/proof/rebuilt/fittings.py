@@ -1,0 +1,165 @@
+"""Whether the visible floor and the furniture are what the builder makes of the outline, the network and the rock."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+from shapely import Polygon
+
+from minexplore.bundle import (
+    MODEL,
+    TOPOLOGY,
+    TriangleMesh,
+    decode_msh,
+    encode_msh,
+    is_cover,
+    is_fitting,
+    is_of_opening,
+    mesh_file,
+    puddle_geom,
+    shade_geom,
+)
+from minexplore.floors.floor import Floor
+from minexplore.looks import SHADE_LEVELS, TEXTURE_PER_M
+from pipeline.errors import ArtifactError
+from pipeline.mjcf.bundle import WorldRecord, read_whole_floor
+from pipeline.mjcf.floor_cover import cover_floor
+from pipeline.mjcf.furniture import hang_furniture
+from pipeline.mjcf.loading import read_spec
+from pipeline.mjcf.openings import show_openings
+from pipeline.params.fittings import FittingsParams, FloorParams
+from pipeline.proof.rebuilt.visible import rough_meshes
+from pipeline.store.codecs import Bundle, decode, encode
+from pipeline.types import DriftNetwork, Openings
+
+_APART_M = 2e-3  # of a corner: far from the origin it has millimetres, and another processor may round the other way
+_TEXTURED_M = 5e-3
+_LEVEL_M = 1e-6
+
+
+def require_fittings(folder: Path, record: WorldRecord, free: Polygon, params: FittingsParams) -> None:
+    """Make the visible floor, the furniture and the openings of a bundle again and compare every face.
+
+    The first two may be absent. The floor must be the one of `params.floor`; the furniture must be all of one of
+    `params.furniture`, hung on the bundle's own rock, which `visible` checks.
+
+    Raises
+    ------
+    ArtifactError
+        With the file, how it differs, and the parameters that would make it.
+    """
+    names = [name.removeprefix("meshes/").removesuffix(".msh") for name in record.files if name.startswith("meshes/")]
+    cover = {name for name in names if is_fitting(name) and is_cover(name)}
+    furniture = {name for name in names if is_fitting(name) and not (is_cover(name) or is_of_opening(name))}
+    network: DriftNetwork = decode(folder / TOPOLOGY, DriftNetwork)
+    floor = read_whole_floor(folder, record)
+    rough = {f"{n}.msh": (folder / mesh_file(n)).read_bytes() for n in rough_meshes(names)}
+    if record.openings:
+        shown = show_openings(Openings(record.openings), floor, rough, record.height_m, record.fenced)
+        made = {name: decode_msh(data) for name, data in shown.items()}
+        differs = _first_difference(folder, {name for name in names if is_of_opening(name)}, made)
+        if differs:
+            raise ArtifactError(differs)
+    if cover:
+        _require_floor(folder, record, free, network, cover, params.floor, floor)
+    if furniture:
+        _require_furniture(folder, furniture, _furniture_made(params, network, rough, record.height_m, floor))
+
+
+def _require_floor(
+    folder: Path,
+    record: WorldRecord,
+    free: Polygon,
+    network: DriftNetwork,
+    names: set[str],
+    params: FloorParams | None,
+    floor: Floor,
+) -> None:
+    if params is None:
+        raise ArtifactError(f"{folder / mesh_file(min(names))}: a visible floor, realism.floor = null says none")
+    meshes = cover_floor(params, free, network, record.zones, floor, Openings(record.openings))
+    made = {name: decode_msh(encode(Path("cover.msh"), mesh)) for name, mesh in meshes.items()}
+    differs = _first_difference(folder, names, made)
+    if differs:
+        raise ArtifactError(f"{differs}, by realism.floor")
+    if record.heights:  # it has no level planes
+        return
+    flooded = [zone.name for zone in record.zones if zone.name in params.puddles]
+    spec = read_spec(folder / MODEL)  # require_same_model has compared the planes
+    level = float(spec.geom(shade_geom(0)).pos[2]) / SHADE_LEVELS[0]
+    if abs(level - params.water_m) > _LEVEL_M:
+        raise ArtifactError(f"{folder / MODEL}: level {level:g} m, want {params.water_m:g} m, realism.floor.water_m")
+    geoms = {geom.name for geom in spec.geoms}
+    wet = [zone.name for zone in record.zones if puddle_geom(zone.name) in geoms]
+    if wet != flooded:
+        raise ArtifactError(f"{folder / MODEL}: water stands on {wet}, want {flooded}, realism.floor.puddles")
+
+
+def _furniture_made(
+    params: FittingsParams, network: DriftNetwork, rough: Bundle, height_m: float, floor: Floor
+) -> dict[str, dict[str, TriangleMesh]]:
+    """Return what each kind of furniture would be, by the kind's name."""
+    return {
+        kind: {name: decode_msh(data) for name, data in hang_furniture(how, network, rough, height_m, floor).items()}
+        for kind, how in params.furniture.items()
+    }
+
+
+def _require_furniture(folder: Path, names: set[str], made: dict[str, dict[str, TriangleMesh]]) -> None:
+    """Refuse furniture that is not all of one kind; the error tells how it differs from the nearest one."""
+    if not made:
+        raise ArtifactError(f"{folder / mesh_file(min(names))}: furniture, realism.furniture says none")
+    nearest = min(made, key=lambda kind: len(made[kind].keys() ^ names))
+    for kind in sorted(made, key=lambda kind: kind != nearest):
+        differs = _first_difference(folder, names, made[kind])
+        if differs is None:
+            return
+        if kind == nearest:
+            message = differs
+    raise ArtifactError(f"{message}, by realism.furniture.{nearest}")
+
+
+def _first_difference(folder: Path, names: set[str], made: dict[str, TriangleMesh]) -> str | None:
+    """Return how the first mesh that differs does so, or None."""
+    for name in sorted(names | made.keys()):
+        path = folder / mesh_file(name)
+        if name not in names:
+            return f"{path}: missing"
+        if name not in made:
+            return f"{path}: want no such mesh"
+        differs = _mesh_difference(decode_msh(path.read_bytes()), made[name])
+        if differs:
+            return f"{path}: {differs}"
+    return None
+
+
+def _mesh_difference(found: TriangleMesh, made: TriangleMesh) -> str | None:
+    """Return how a mesh differs from another one in faces, corners, texture or normals, or None."""
+    counts = [(len(m.vertices), len(m.faces), len(m.texcoords), len(m.normals)) for m in (found, made)]
+    if counts[0] != counts[1]:
+        kinds = "vertices, faces, texture coordinates and normals"
+        return f"{counts[0]} {kinds}, want {counts[1]}"
+    one, two = (m.vertices[m.faces].astype(np.float64) for m in (found, made))
+    if encode_msh(found) == encode_msh(made):
+        return None
+    tree = cKDTree(two.mean(axis=1))
+    _, at = tree.query(one.mean(axis=1))
+    turned = np.stack([np.roll(one, k, axis=1) for k in range(3)])  # the same face, begun at another corner
+    apart = np.linalg.norm(turned - two[at], axis=3).max(axis=2).min(axis=0)
+    if not apart.max() <= _APART_M:
+        x, y, z = one[int(apart.argmax())].mean(axis=0)
+        return f"a face at ({x:.2f}, {y:.2f}, {z:.2f}) m is {apart.max():.3f} m from where it should be"
+    _, own = tree.query(two.mean(axis=1))  # two bolts may hang at one place: their equal faces count once
+    missing = len(np.unique(own)) - len(np.unique(own[at]))
+    if missing:
+        return f"{missing} faces twice, and as many missing"
+    if len(np.unique(found.faces)) < len(found.vertices):
+        return "vertices that belong to no face"
+    if len(found.texcoords):
+        _, same = cKDTree(made.vertices).query(found.vertices)
+        laid = np.abs(found.texcoords - made.texcoords[same]).max() / TEXTURE_PER_M
+        if not laid <= _TEXTURED_M:
+            return f"a texture that is {laid:g} m away from its place"
+    return None

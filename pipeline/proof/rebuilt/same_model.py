@@ -1,0 +1,195 @@
+"""Build a world's model again from its record, outline and meshes, and compare the compiled models field by field."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from shapely import Polygon
+
+from minexplore.bundle import (
+    MODEL,
+    ROCK_TEXTURE,
+    ROOF_GEOM,
+    TOPOLOGY,
+    is_fitting,
+    is_rock,
+    line_of,
+    puddle_geom,
+    shade_geom,
+    smooth_mesh,
+)
+from minexplore.looks import SHADE_LEVELS
+from minexplore.schema import check_world
+from minexplore.schema.model import SMOOTH_MESHES
+from pipeline.errors import ArtifactError
+from pipeline.mjcf.assemble import heading_at
+from pipeline.mjcf.bundle import WorldRecord, read_floor
+from pipeline.mjcf.compiled import compile_world
+from pipeline.mjcf.loading import read_spec
+from pipeline.mjcf.scene import MineScene, tilt_about_centre
+from pipeline.mjcf.world import build_spec
+from pipeline.proof.rebuilt.lights import remake_lights
+from pipeline.proof.rebuilt.prisms import require_prisms, require_walls
+from pipeline.store.codecs import decode, encode
+from pipeline.types import NO_PICTURE, ConvexParts, DriftNetwork, Image, Mesh, Openings, SolidExtent
+
+_MARGIN = 1e-9  # relative and absolute: the text of a model has 16 digits
+_PLACE_M = 2e-4  # centres have four decimals
+# Where files lie, a checksum of the sources, and the trees that speed up collisions, which follow from the rest.
+_UNREAD = re.compile(r"signature|paths|.*_pathadr|bvh_.*|.*_bvhadr|.*_bvhnum|npaths|nbvh.*|nbuffer")
+
+_TETRAHEDRON = Mesh(
+    np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float),
+    np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32),
+    np.zeros((4, 2)),
+)
+
+
+def require_same_model(
+    folder: Path, record: WorldRecord, free: Polygon, prisms: bool = True, tile_m: float | None = None
+) -> None:
+    """Compare the compiled model with the one that the builder makes of the bundle's own parts.
+
+    With `prisms`, the collision parts must be prisms on the corners of the outline, cut into tiles of at most `tile_m`;
+    the parts of other methods are left
+    to the certificate. Taken from the model are these, the thickness of the floor, and height, pitch, cut-off angle and
+    distance of the lights. All else follows from `world.json`, the network, and the builder.
+
+    Raises
+    ------
+    ArtifactError
+        With the field of the compiled model, the element, the value and what it should be.
+    """
+    files = check_world(folder).files
+    stated = read_spec(folder / MODEL)
+    floor = read_floor(folder, record)
+    if not floor.is_flat:
+        require_walls(folder, record, stated, free, floor)
+    elif prisms:
+        require_prisms(folder, record, stated, free, tile_m)
+    spec = _rebuilt(folder, record, files, stated)
+    assets = {name: data for name, data in files.items() if name.startswith("meshes/") or name == ROCK_TEXTURE}
+    # MuJoCo writes a text only after it compiles, and the text does not depend on what the mesh files hold.
+    stand_in = encode(Path("tetrahedron.msh"), _TETRAHEDRON)
+    spec.assets = {name: data if name == ROCK_TEXTURE else stand_in for name, data in assets.items()}
+    try:
+        compile_world(spec, folder / MODEL)
+        text = spec.to_xml()
+        if text.encode() == files[MODEL]:  # then the compiled models are equal too
+            return
+        made, own = (mujoco.MjModel.from_xml_string(t, assets) for t in (text, files[MODEL].decode()))
+    except ValueError as error:
+        raise ArtifactError(f"{folder / MODEL}: MuJoCo does not compile it: {line_of(error)}") from error
+    differs = model_difference(own, made)
+    if differs:
+        raise ArtifactError(f"{folder / MODEL}: {differs}, as the builder makes it")
+
+
+def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stated: mujoco.MjSpec) -> mujoco.MjSpec:
+    """Return the specification of the world that the builder makes of the bundle's parts."""
+    network: DriftNetwork = decode(folder / TOPOLOGY, DriftNetwork)
+    floor = read_floor(folder, record)
+    rock = [geom for geom in stated.geoms if is_rock(geom.name)]
+    vertices = [np.array(stated.mesh(geom.meshname).uservert).reshape(-1, 3) for geom in rock]
+    offsets = np.concatenate([[0], np.cumsum([len(v) for v in vertices])]).astype(np.int32)
+    placed = np.concatenate([v + geom.pos for v, geom in zip(vertices, rock, strict=True)])
+    meshes = {Path(name).stem: data for name, data in files.items() if name.startswith("meshes/")}
+    chunks = {name: data for name, data in meshes.items() if name not in SMOOTH_MESHES}
+    named = {geom.name: geom for geom in stated.geoms}
+    lowest = named.get(shade_geom(0))
+    scene = MineScene(
+        name=record.name,
+        extent=SolidExtent(record.height_m, record.world_m),
+        parts=ConvexParts(placed, offsets),
+        rock_friction=record.rock_friction,
+        floor_thickness_m=2 * float(stated.geom(ROOF_GEOM).size[2]) if record.heights is None else 0.0,
+        zones=record.zones,
+        lights=remake_lights(folder, stated, network, floor),
+        smooth=_smooth(stated),
+        rough={f"{name}.msh": data for name, data in chunks.items() if not is_fitting(name)},
+        texture=decode(folder / ROCK_TEXTURE, Image) if record.has_visible_rock else NO_PICTURE,
+        anchor_m=record.spawn.anchor_m,
+        heading_rad=heading_at(network, record.spawn.anchor_m),
+        T_world_mine=tilt_about_centre(record.tilt_deg, record.world_m),
+        look=record.look,
+        fittings={f"{name}.msh": chunks[name] for name in sorted(chunks) if is_fitting(name)},
+        puddles=tuple(zone.name for zone in record.zones if puddle_geom(zone.name) in named),
+        water_m=float(lowest.pos[2]) / SHADE_LEVELS[0] if lowest else 0.0,
+        floor=floor,
+        openings=Openings(record.openings),
+    )
+    spec = build_spec(scene)
+    for geom, own, was in zip((g for g in spec.geoms if is_rock(g.name)), vertices, rock, strict=True):
+        # MuJoCo stores vertices in 32 bits, so a centre may round to the next digit; it is compared and then replaced.
+        if np.abs(geom.pos - was.pos).max() > _PLACE_M:
+            raise ArtifactError(
+                f"{folder / MODEL}: geom {was.name}: pos = {was.pos}, want its mesh's middle {geom.pos}"
+            )
+        geom.pos = was.pos
+        spec.mesh(geom.meshname).uservert = own.ravel().tolist()
+    return spec
+
+
+def _smooth(stated: mujoco.MjSpec) -> dict[str, Mesh]:
+    """Return empty pieces of the smooth surface in the order of the model; their bytes are replaced later."""
+    nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros((0, 2)))
+    return {mesh.name.removeprefix(smooth_mesh("")): nothing for mesh in stated.meshes if mesh.name in SMOOTH_MESHES}
+
+
+def model_difference(found: mujoco.MjModel, wanted: mujoco.MjModel, margin: float = _MARGIN) -> str | None:
+    """Return the first field in which two compiled models differ, with element and values, or None.
+
+    Numbers are equal if they differ by at most `margin`, plus `margin` times their size.
+    """
+    for name in sorted(dir(wanted)):
+        if name.startswith("_") or _UNREAD.fullmatch(name):
+            continue
+        differs = _difference(name, getattr(found, name), getattr(wanted, name), wanted, margin)
+        if differs:
+            return differs
+    return None
+
+
+def _difference(name: str, one: Any, two: Any, model: mujoco.MjModel, margin: float) -> str | None:
+    if callable(two):
+        return None
+    if isinstance(two, np.ndarray):
+        if one.shape != two.shape:
+            return f"{name} has shape {one.shape}, want {two.shape}"
+        exact = not np.issubdtype(two.dtype, np.floating)
+        wrong = np.flatnonzero(one != two) if exact else _apart(one, two, margin)
+        if not len(wrong):
+            return None
+        at = np.unravel_index(int(wrong[0]), two.shape)
+        return f"{_element(name, int(at[0]), model)}{name}[{', '.join(map(str, at))}] = {one[at]}, want {two[at]}"
+    if isinstance(two, bool | int | str | bytes):
+        return None if one == two else f"{name} = {str(one)[:60]}, want {str(two)[:60]}"
+    if isinstance(two, float):
+        return None if math.isclose(one, two, rel_tol=margin, abs_tol=margin) else f"{name} = {one}, want {two}"
+    for inner in sorted(dir(two)):  # options, statistics and visual settings are records of their own
+        if not inner.startswith("_"):
+            differs = _difference(f"{name}.{inner}", getattr(one, inner), getattr(two, inner), model, margin)
+            if differs:
+                return differs
+    return None
+
+
+def _apart(one: np.ndarray, two: np.ndarray, margin: float) -> np.ndarray:
+    """Return the flat indices at which two arrays differ; NaN in one only is a difference."""
+    return np.flatnonzero(~np.isclose(one, two, rtol=margin, atol=margin, equal_nan=True))
+
+
+def _element(field: str, number: int, model: mujoco.MjModel) -> str:
+    """Return the name of the element that a row of a field belongs to, and a colon."""
+    accessor = {"geom": model.geom, "body": model.body, "mesh": model.mesh, "light": model.light, "cam": model.camera}
+    kind = field.partition("_")[0]
+    counts = {"geom": model.ngeom, "body": model.nbody, "mesh": model.nmesh, "light": model.nlight, "cam": model.ncam}
+    if kind not in accessor or number >= counts[kind]:
+        return ""
+    return f"{kind} {accessor[kind](number).name}: "

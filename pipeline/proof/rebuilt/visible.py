@@ -1,0 +1,369 @@
+"""Whether the visible rock is one closed surface along the collision walls, seen from inside, with nothing between."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+from shapely import Polygon
+
+from minexplore.bundle import RECORD, WALLS, is_fitting, mesh_file
+from minexplore.floors.floor import Floor
+from minexplore.floors.folding import Folding
+from minexplore.floors.stretch import KNEE_M, raise_m
+from minexplore.looks import PLAIN
+from minexplore.schema.model import SMOOTH_MESHES
+from pipeline.errors import ArtifactError
+from pipeline.geometry.floor.parts import wall_lines
+from pipeline.geometry.floor.seams import seam_lines
+from pipeline.geometry.openings.shaft_parts import sections_shown
+from pipeline.mjcf.bundle import WorldRecord, read_whole_floor
+from pipeline.proof.rebuilt.same_surface import NearestFace
+from pipeline.proof.rebuilt.smooth import SmoothSizes, smooth_sizes
+from pipeline.store.codecs import decode
+from pipeline.surface.folded.smooth_sheets import smooth_sheets
+from pipeline.surface.mesh.smooth import FLOOR as SMOOTH_FLOOR
+from pipeline.types import Mesh, Occupancy
+
+HEIGHTS_M = (0.3, 0.5, 1.0, 1.5)  # where visible and collision walls are compared; the roof's arch begins above
+_TOE_M = 0.5
+_STRETCHED = 3.0  # of an edge's length, that its texture may cover
+_BEHIND = 0.05  # cosine
+_TEXTURED_M = 5e-3  # far from the origin a coordinate has millimetres
+_ACROSS_M = 1.5  # a face belongs to the tile of its centre before it was displaced
+_FOOT_M = 1e-4  # above the floor
+_ON_SEAM_M = 0.01
+_ON_SHAFT_M = 0.025  # a hole in the roof may be smaller than its shaft by two centimetres
+_FOOT_AWAY_M = 1.0  # bumps, the floor chamfer, and rounded corners
+_FROM_SMOOTH_M = 1.0  # of a rough vertex: bumps of 0.45 m, and the arch against the chamfer of the roof
+_FROM_WALL_M = 0.6  # of a slice through the visible walls: bumps, and the floor chamfer below
+_KEPT_SHARE, _KEPT_M = 0.3, 0.15  # of a free cell's clearance, that the visible rock leaves, less this
+_SAMPLE_M, _FINE_M = 0.1, 0.02
+_SAMPLED_M = 0.3  # distance of points on faces that are longer
+_LONGEST_M = 10.0  # of an edge; the default world has 2.6 m
+_LOW_M = (0.3, 1.5)  # heights at which rock far from its wall must leave free cells clear
+_SMALLEST_M = 0.35  # cells with less clearance admit no robot
+_VOLUME = (0.7, 1.3)  # of the visible space, as shares of the plan's area times the height
+
+
+def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occupancy) -> None:
+    """Check the visible surface of a bundle whose smooth surface has been made again.
+
+    Of a mine with heights, it is unfolded and checked in the plan; whether its sheets meet, in the mine frame.
+
+    Raises
+    ------
+    ArtifactError
+        With the file or place, the value and the limit.
+    """
+    floor, sizes = read_whole_floor(folder, record), smooth_sizes(folder, record)
+    names = [name.removeprefix("meshes/").removesuffix(".msh") for name in record.files if name.startswith("meshes/")]
+    folding = Folding(floor)
+    rough = {name: _read_chunk(folder, record, folding, name) for name in rough_meshes(names)}
+    smooth = _smooth_triangles(record, free, floor, sizes)
+    near, foot_m = NearestFace(smooth), record.height_m - sizes.roof_chamfer_m
+    walls = cKDTree(shapely.get_coordinates(shapely.segmentize(wall_lines(free, floor), _FINE_M)))
+    far, relaxed = [np.zeros((0, 2))], record.look != PLAIN or floor.is_stretched
+    for name, chunk in rough.items():
+        _require_near(folder / mesh_file(name), chunk, near, sizes.repeat_m, relaxed=relaxed)
+        far.append(_require_bounded(folder / mesh_file(name), chunk, walls, foot_m, sizes.repeat_m))
+    _require_kept(folder, np.concatenate(far), grid, f"{_LOW_M[0]} to {_LOW_M[1]} m")
+    _require_tiles(folder, rough)
+    seen = np.concatenate([chunk.places_m[chunk.mesh.faces] for chunk in rough.values()]) if rough else smooth
+    if rough:
+        holes = [section for opening in record.openings for section in sections_shown(opening, floor)]
+        _require_closed(folder, list(rough.values()), free, floor, walls, record.height_m, holes)
+    for height in HEIGHTS_M:
+        if height < record.height_m / 2:
+            _require_clear(folder, seen, walls, grid, height)
+
+
+@dataclass(frozen=True)
+class _Chunk:
+    """A mesh of the rough surface as a bundle holds it, and the places (n, 3) m of its vertices in the plan.
+
+    `above_m` (n,) is how high they are over the floor in space.
+    """
+
+    mesh: Mesh
+    places_m: np.ndarray
+    above_m: np.ndarray
+
+
+def rough_meshes(names: Iterable[str]) -> list[str]:
+    """Return the names of the chunks of the rough surface among names of meshes."""
+    return [name for name in names if name not in SMOOTH_MESHES and not is_fitting(name)]
+
+
+def _smooth_triangles(record: WorldRecord, free: Polygon, floor: Floor, sizes: SmoothSizes) -> np.ndarray:
+    """Return the triangles (n, 3, 3) m of the smooth surface in the plan, without its floor."""
+    chamfers = sizes.floor_chamfer_m, sizes.roof_chamfer_m
+    pieces = smooth_sheets(free, floor, record.height_m, *chamfers, sizes.repeat_m)
+    return np.concatenate([mesh.vertices[mesh.faces] for name, mesh in pieces.items() if name != SMOOTH_FLOOR])
+
+
+def _require_tiles(folder: Path, chunks: dict[str, _Chunk]) -> None:
+    """Check that the column and row in the chunks' names rise from the south-west."""
+    spans: dict[tuple[int, int], list[tuple[float, float]]] = {}
+    for name, chunk in chunks.items():
+        centre = chunk.places_m[chunk.mesh.faces].mean(axis=1)
+        for axis, number in enumerate(map(int, name.split("_")[-2:])):
+            spans.setdefault((axis, number), []).append((centre[:, axis].min(), centre[:, axis].max()))
+    ends = {key: (min(low for low, _ in span), max(high for _, high in span)) for key, span in spans.items()}
+    for (axis, number), (low, high) in sorted(ends.items()):
+        before = [ends[other][1] for other in ends if other[0] == axis and other[1] < number]
+        if before and max(before) > low + _ACROSS_M:
+            raise ArtifactError(
+                f"{folder / RECORD}: visible rock: chunks of {('column', 'row')[axis]} {number} reach from {low:.2f} "
+                f"to {high:.2f} m, those before it to {max(before):.2f} m"
+            )
+
+
+def _read_chunk(folder: Path, record: WorldRecord, folding: Folding, name: str) -> _Chunk:
+    mesh: Mesh = decode(folder / mesh_file(name), Mesh)
+    places = folding.unfold(mesh.vertices, record.height_m)
+    stretch = folding.stretch_at(places[:, :2])
+    return _Chunk(mesh, places, places[:, 2] if stretch is None else raise_m(places[:, 2], stretch))
+
+
+def _require_near(path: Path, chunk: _Chunk, smooth: NearestFace, repeat_m: float, relaxed: bool) -> None:
+    """Check that all vertices of a mesh are used, lie near the smooth surface, and carry the texture of their piece.
+
+    A `relaxed` texture follows the rock, and so leaves the wall's heights by as much as the rock leaves the wall.
+    """
+    mesh = chunk.mesh
+    # Pieces are textured before they are displaced: walls by their height in space, which stays, the roof from above.
+    laid = mesh.texcoords * repeat_m
+    wall = path.name.startswith(f"{WALLS}_")
+    off = np.abs(laid[:, 1] - chunk.above_m) if wall else np.abs(laid - mesh.vertices[:, :2]).max(axis=1)
+    most = _TEXTURED_M if wall and not relaxed else _FROM_WALL_M
+    if not off.max() <= most:
+        worst = int(off.argmax())
+        raise ArtifactError(
+            f"{path}: vertex {worst} at {mesh.vertices[worst].round(3).tolist()} m has the texture of a place "
+            f"{off[worst]:.3f} m away, want at most {most:g} m"
+        )
+    if len(np.unique(mesh.faces)) != len(mesh.vertices):
+        raise ArtifactError(f"{path}: vertices that belong to no face")
+    apart, _ = smooth.query(chunk.places_m)
+    worst = int(apart.argmax())
+    if not apart[worst] <= _FROM_SMOOTH_M:
+        raise ArtifactError(
+            f"{path}: vertex {worst} at {mesh.vertices[worst].round(3).tolist()} m is {apart[worst]:.3f} m from the "
+            f"smooth surface, want at most {_FROM_SMOOTH_M:g} m"
+        )
+
+
+def _require_bounded(path: Path, chunk: _Chunk, walls: cKDTree, foot_m: float, repeat_m: float) -> np.ndarray:
+    """Check that walls stand along the outline and the roof above its foot, and that texture and normals fit faces.
+
+    Returns
+    -------
+    (n, 2) float64, m
+        Points of walls that are so far from the outline that they could stand in a free cell's clearance.
+    """
+    mesh = chunk.mesh
+    corners = mesh.vertices[mesh.faces]
+    side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    # Edges are limited as the lattice has them; a roof of its own stretches them in space.
+    laid = (mesh.vertices - np.outer(chunk.above_m - chunk.places_m[:, 2], [0.0, 0.0, 1.0]))[mesh.faces]
+    length = np.linalg.norm(laid - np.roll(laid, 1, axis=1), axis=2)
+    if not length.max() <= _LONGEST_M:
+        at = corners.reshape(-1, 3)[int(length.argmax())].round(3).tolist()
+        raise ArtifactError(f"{path}: an edge of {length.max():.3f} m at {at} m, want at most {_LONGEST_M:g} m")
+    # A long face may cross a drift although its corners are allowed.
+    long = chunk.places_m[mesh.faces[side.max(axis=1) > _SAMPLED_M]]
+    points = np.concatenate([chunk.places_m, face_samples(long, _SAMPLED_M)])
+    if path.name.startswith(f"{WALLS}_"):
+        off = walls.query(points[:, :2])[0]
+        low = (points[:, 2] >= _LOW_M[0]) & (points[:, 2] <= _LOW_M[1])
+        far = points[low & (off > _KEPT_M + (1 - _KEPT_SHARE) * _SMALLEST_M), :2]
+        off -= np.maximum(0.0, _TOE_M - points[:, 2])  # the floor chamfer leans inwards
+    else:
+        far, off = np.zeros((0, 2)), foot_m - points[:, 2]
+    if not off.max() <= _FROM_WALL_M:
+        at = points[int(off.argmax())].round(3).tolist()
+        raise ArtifactError(f"{path}: rock at {at} m is {off.max():.3f} m off, want at most {_FROM_WALL_M:g} m")
+    woven = (
+        np.linalg.norm(mesh.texcoords[mesh.faces] - np.roll(mesh.texcoords[mesh.faces], 1, axis=1), axis=2) * repeat_m
+    )
+    stretched = (woven - _STRETCHED * side).max()
+    if not stretched <= _FROM_WALL_M:
+        raise ArtifactError(
+            f"{path}: an edge of {side.flat[int(woven.argmax())]:.3f} m has {woven.max():.3f} m of texture"
+        )
+    if mesh.normals is not None:
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)  # a face without area has no front
+        front = np.einsum("fij,fj->fi", mesh.normals[mesh.faces], normal / length)
+        if not front.min() > -_BEHIND:
+            raise ArtifactError(f"{path}: a normal behind its face ({front.min():.3f}), want one in front")
+    return far
+
+
+def face_samples(triangles: np.ndarray, most_m: float) -> np.ndarray:
+    """Return the corners of triangles (n, 3, 3) and points on them, (m, 3), no two neighbours farther than `most_m`."""
+    longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
+    steps = np.maximum(1, np.ceil(longest / most_m).astype(int))
+    points = [np.zeros((0, 3))]
+    for count in np.unique(steps).tolist():
+        i, j = np.indices((count + 1, count + 1)).reshape(2, -1)
+        inside = i + j <= count
+        weights = np.column_stack([i, j, count - i - j])[inside] / count
+        points.append(np.einsum("pk,nkd->npd", weights, triangles[steps == count]).reshape(-1, 3))
+    return np.concatenate(points)
+
+
+def _require_closed(
+    folder: Path,
+    chunks: list[_Chunk],
+    free: Polygon,
+    floor: Floor,
+    walls: cKDTree,
+    height_m: float,
+    holes: list[np.ndarray],
+) -> None:
+    """Check that the chunks together have no flipped and no double face, and end on the floor and round shafts alone.
+
+    `holes` are the sections (k, 2) m in plan that holes in the roof may have.
+    """
+    # Vertices on the border of two chunks are equal to the last bit, also where two sheets meet.
+    points = np.concatenate([chunk.mesh.vertices for chunk in chunks]).astype(np.float32) + np.float32(
+        0.0
+    )  # no negative zeros
+    places = np.concatenate([chunk.places_m for chunk in chunks])
+    starts = np.cumsum([0, *(len(chunk.places_m) for chunk in chunks)])
+    numbers = np.concatenate([chunk.mesh.faces + start for chunk, start in zip(chunks, starts, strict=False)])
+    _, first, index = np.unique(points.view(np.dtype((np.void, 12))).ravel(), return_index=True, return_inverse=True)
+    corners, faces = points[first], index.ravel()[numbers]
+    ahead = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
+    order, back = (np.sort(ahead[:, i] * len(corners) + ahead[:, 1 - i]) for i in (0, 1))
+    double = order[:-1][np.diff(order) == 0]
+    if len(double):
+        at = corners[int(double[0] // len(corners))]
+        raise ArtifactError(f"{folder / RECORD}: visible rock: two faces on one side of an edge at {at.tolist()} m")
+    alone = ~np.isin(ahead[:, 0] * len(corners) + ahead[:, 1], back)
+    rim = np.concatenate([numbers[:, [0, 1]], numbers[:, [1, 2]], numbers[:, [2, 0]]])[alone]
+    lifted = np.abs(places[rim][:, :, 2]).max(axis=1, initial=0.0) > _FOOT_M
+    lifted[lifted] = ~_round_shafts(places[rim[lifted]], holes)
+    if lifted.any() or not len(rim):
+        at = points[rim[lifted][0, 0]].tolist() if lifted.any() else None
+        raise ArtifactError(f"{folder / RECORD}: visible rock: a hole at {at} m; its only rim is on the floor")
+    rim = rim[np.abs(places[rim][:, :, 2]).max(axis=1) <= _FOOT_M]
+    _require_foot(folder, places[rim][:, :, :2], free, floor, walls)
+    links = coo_array((np.ones(len(ahead)), (ahead[:, 0], ahead[:, 1])), shape=(len(corners), len(corners)))
+    pieces, _ = connected_components(links, directed=False)
+    if pieces != 1:
+        raise ArtifactError(f"{folder / RECORD}: visible rock: {pieces} separate surfaces, want 1")
+    triangles = places[numbers]
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 2] / 2
+    share = -float((triangles[:, :, 2].mean(axis=1) * normal).sum()) / (free.area * height_m)
+    if not _VOLUME[0] <= share <= _VOLUME[1]:
+        raise ArtifactError(
+            f"{folder / RECORD}: visible rock: encloses {share:.3f} of the workings' volume, want {_VOLUME[0]} to "
+            f"{_VOLUME[1]}; a surface inside out encloses less than 0"
+        )
+
+
+def _round_shafts(rim: np.ndarray, holes: list[np.ndarray]) -> np.ndarray:
+    """Return whether edges (k, 2, 3) m are of the rim, above robots, of one whole hole where a shaft comes down."""
+    around = np.zeros(len(rim), bool)
+    for hole in map(Polygon, holes):
+        off = shapely.distance(hole.exterior, shapely.points(rim[:, :, :2])).max(axis=1, initial=0.0)
+        own = (off < _ON_SHAFT_M) & (rim[:, :, 2].min(axis=1, initial=np.inf) > KNEE_M)
+        lines = shapely.node(shapely.multilinestrings(rim[own][:, :, :2]))  # down a steep face the rim may cross itself
+        shown = shapely.union_all(shapely.get_parts(shapely.polygonize(shapely.get_parts(lines))))
+        around |= own & (shown.symmetric_difference(hole).area < _ON_SHAFT_M * hole.length)
+    return around
+
+
+def _require_foot(folder: Path, rim: np.ndarray, free: Polygon, floor: Floor, walls: cKDTree) -> None:
+    """Check that the rim (k, 2, 2) m on the floor, closed over seams, has the rings of each sheet's outline."""
+    lines = [*shapely.linestrings(rim), *_over_seams(rim, floor)]
+    foot = shapely.get_parts(shapely.polygonize(lines))
+    parts = shapely.get_parts(free)
+    rings = len(foot) == len(parts) + sum(len(part.interiors) for part in parts)
+    for part in parts:
+        shape = max(foot, key=lambda piece: piece.intersection(part).area, default=Polygon())
+        rings &= len(shape.interiors) == len(part.interiors)
+    away = walls.query(rim[:, 0])[0]
+    if not rings or not away.max() <= _FOOT_AWAY_M:  # the slices find walls that have no foot
+        raise ArtifactError(
+            f"{folder / RECORD}: visible rock: its foot on the floor is not the outline of the workings"
+        )
+
+
+def _over_seams(rim: np.ndarray, floor: Floor) -> list[shapely.LineString]:
+    """Return the lines over the seams that close the rim: in each sheet, between its two ends at the seam."""
+    ends, count = np.unique(rim.reshape(-1, 2), axis=0, return_counts=True)
+    ends, lines = ends[count % 2 == 1], []
+    for seam in seam_lines(floor):
+        for line in seam.lines_m:
+            along = (line[1] - line[0]) / np.linalg.norm(line[1] - line[0])
+            reach = shapely.LineString([line[0] - _FOOT_AWAY_M * along, line[1] + _FOOT_AWAY_M * along])
+            on = ends[shapely.dwithin(reach, shapely.points(ends), _ON_SEAM_M)]
+            if len(on) == 2:
+                lines.append(shapely.LineString(on))
+    return lines
+
+
+def _require_clear(folder: Path, triangles: np.ndarray, walls: cKDTree, grid: Occupancy, height_m: float) -> None:
+    """Check one height: visible walls near all collision walls, none elsewhere, clearance kept at free cells."""
+    seen = slice_points(triangles, height_m)
+    away = walls.query(seen)[0] if len(seen) else np.array([np.inf])
+    if not away.max() <= _FROM_WALL_M:
+        x, y = seen[int(away.argmax())] if len(seen) else (np.nan, np.nan)
+        raise ArtifactError(
+            f"{folder / RECORD}: visible rock at ({x:.2f}, {y:.2f}) m, {height_m} m above the floor, is "
+            f"{away.max():.3f} m from the collision walls, want at most {_FROM_WALL_M:g} m"
+        )
+    tree = cKDTree(seen)
+    bare = tree.query(walls.data)[0]
+    if not bare.max() <= _FROM_WALL_M:
+        x, y = walls.data[int(bare.argmax())]
+        raise ArtifactError(
+            f"{folder / RECORD}: no visible rock within {_FROM_WALL_M:g} m of the collision wall at ({x:.2f}, "
+            f"{y:.2f}) m, {height_m} m above the floor"
+        )
+    _require_kept(folder, seen, grid, f"{height_m} m")
+
+
+def _require_kept(folder: Path, rock: np.ndarray, grid: Occupancy, height: str) -> None:
+    """Check that points (n, 2) m of visible rock leave free cells a share of their clearance."""
+    if not len(rock):
+        return
+    row, col = np.nonzero(grid.clearance_m >= _SMALLEST_M)
+    places = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
+    spare = cKDTree(rock).query(places)[0] - (_KEPT_SHARE * grid.clearance_m[row, col] - _KEPT_M)
+    if spare.min(initial=0.0) < 0:
+        x, y = places[int(spare.argmin())]
+        raise ArtifactError(
+            f"{folder / RECORD}: visible rock stands in the drift at ({x:.2f}, {y:.2f}) m, {height} above the floor"
+        )
+
+
+def slice_points(triangles: np.ndarray, height_m: float) -> np.ndarray:
+    """Return points (n, 2) m along the level slice of triangles (m, 3, 3) m, at most 0.1 m apart."""
+    above = triangles[:, :, 2] > height_m
+    cut = triangles[above.any(axis=1) & ~above.all(axis=1)]
+    ends = []
+    for start, end in ((0, 1), (1, 2), (2, 0)):
+        a, b = cut[:, start], cut[:, end]
+        crosses = (a[:, 2] > height_m) != (b[:, 2] > height_m)
+        share = (height_m - a[:, 2]) / np.where(crosses, b[:, 2] - a[:, 2], 1.0)
+        ends.append(np.where(crosses[:, None], a[:, :2] + share[:, None] * (b[:, :2] - a[:, :2]), np.nan))
+    sides = np.stack(ends, axis=1)  # two of the three are numbers
+    order = np.argsort(np.isnan(sides[:, :, 0]), axis=1, kind="stable")
+    segment = np.take_along_axis(sides, order[:, :2, None], axis=1)
+    length = np.linalg.norm(segment[:, 1] - segment[:, 0], axis=1)
+    count = np.maximum(2, np.ceil(length / _SAMPLE_M).astype(int) + 1)
+    owner = np.repeat(np.arange(len(segment)), count)
+    step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    share = (step / (count[owner] - 1))[:, None]
+    return segment[owner, 0] * (1 - share) + segment[owner, 1] * share

@@ -1,0 +1,60 @@
+"""The plan of the mine as a figure for print: workings, floor zones, drift network and spawn."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import shapely
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch, Rectangle
+from matplotlib.path import Path as Outline
+from shapely import Polygon
+
+from pipeline.mjcf.bundle import WorldRecord
+from pipeline.report.figures.style import GREY, OCHRE, ROCK, STEEL, new_figure
+from pipeline.types import DriftNetwork
+
+
+def draw_mine(polygon: Polygon, network: DriftNetwork, record: WorldRecord) -> Figure:
+    """Draw the workings (m, plan) over the floor zones, with the network, the spawn and axes in metres.
+
+    Of sheets side by side the zones are not drawn: each sheet has its own place in them.
+    """
+    west, south, east, north = polygon.bounds
+    wide, high = east - west, north - south
+    figure = new_figure(9.0, float(np.clip(9.0 * high / wide + 0.7, 2.2, 10.0)))
+    axis = figure.add_subplot()
+    for zone in record.zones if polygon.geom_type == "Polygon" else []:
+        left, right = max(zone.west_m, west), min(zone.east_m, east)
+        if right > left:
+            axis.add_patch(Rectangle((left, south), right - left, high, color=zone.rgba[:3], alpha=0.18, lw=0))
+            axis.text((left + right) / 2, north, zone.name, ha="center", va="bottom", fontsize=7, color=GREY)
+    axis.add_patch(PathPatch(outline_path(polygon), facecolor="#d9cbbf", edgecolor=ROCK, lw=0.6))
+    for leg in network.legs:
+        axis.plot(*np.array(leg.stations_m).T, color=STEEL, lw=0.6)
+    nodes = np.array(list(network.nodes_m.values()))
+    axis.plot(*nodes.T, ".", color=STEEL, ms=3)
+    axis.plot(*record.spawn.anchor_m, marker="*", color=OCHRE, ms=9, mec="black", mew=0.4)
+    axis.set(
+        xlim=(west - 2, east + 2), ylim=(south - 2, north + 2), aspect="equal", xlabel="east, m", ylabel="north, m"
+    )
+    axis.grid(False)
+    return figure
+
+
+def outline_path(polygon: Polygon) -> Outline:
+    """Return a polygon with its islands as a path that can be filled."""
+    parts = shapely.get_parts(polygon)
+    rings = [np.asarray(ring.coords)[:, :2] for part in parts for ring in (part.exterior, *part.interiors)]
+    codes = [
+        np.concatenate([[Outline.MOVETO], np.full(len(r) - 2, Outline.LINETO), [Outline.CLOSEPOLY]]) for r in rings
+    ]
+    return Outline(np.vstack(rings), np.concatenate(codes))
+
+
+def to_svg(figure: Figure) -> bytes:
+    """Return a figure as SVG; equal figures give equal bytes."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    return stream.getvalue()

@@ -1,0 +1,145 @@
+"""The meshes of a world as a 3D scene for a browser: rock and floor, from above or with a headlamp."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import fast_simplification
+import numpy as np
+import shapely
+import trimesh
+from trimesh.viewer.notebook import scene_to_html
+
+from minexplore.bundle import ROOF, WALLS
+from minexplore.floors.floor import Floor
+from pipeline.errors import ArtifactError
+from pipeline.geometry.polyline import resample
+from pipeline.geometry.raycast import upright_walls
+from pipeline.geometry.rock.partition import triangulate
+from pipeline.mjcf.bundle import WorldRecord, read_floor
+from pipeline.store.codecs import decode
+from pipeline.types import DriftNetwork, FreeSpace, Mesh
+
+MOST_FACES = {WALLS: 180_000, ROOF: 120_000}  # 24 bytes of the page each
+_ROCK_RGB = (150, 139, 127)
+_LOW_RGB, _HIGH_RGB, _BANDS = (40, 70, 150), (235, 205, 90), 12  # of a floor by elevation
+_ASIDE, _DOWN = np.radians(-25.0), np.radians(50.0)
+_EYE_M = 1.3  # of the headlamp above the floor
+_CONTROLS = """<style>
+#ways { position: absolute; left: 8px; top: 8px; font: 13px sans-serif; color: #888; }
+</style>
+<div id="ways">
+<button id="above">From above</button> <button id="headlamp">Headlamp</button> <span id="how"></span>
+</div>
+<script>
+"""
+
+
+def scene_page(bundle: Path, record: WorldRecord, free_space: FreeSpace, network: DriftNetwork) -> str:
+    """Return an HTML page that draws the workings; it contains three.js and the meshes, and needs no network.
+
+    It has two ways to look: from above, without the roof, and along the main drift with a headlamp that moves with the
+    camera.
+    """
+    page = scene_to_html(mine_scene(bundle, record, free_space))
+    _, drift = resample(np.array(network.main_drift_m), 1.0)
+    west, south, east, north = free_space.polygon.bounds
+    x, y = (drift - [(west + east) / 2, (south + north) / 2]).round(2).T
+    places = np.column_stack([x, np.full(len(x), _EYE_M), -y]).tolist()
+    script = (Path(__file__).parent / "headlamp.js").read_text().replace("$DRIFT", json.dumps(places))
+    before, end, after = page.rpartition("</body>")
+    if not end:
+        raise ArtifactError("the page of trimesh's viewer has no </body>; its template has changed")
+    return f"{before}{_CONTROLS}{script}</script>{end}{after}"
+
+
+def mine_scene(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> trimesh.Scene:
+    """Return walls, roof and floor, with y up and the middle of the mine at the origin, where the lights point.
+
+    Walls and roof are the bundle's rough surface, simplified by quadric edge collapse to at most `MOST_FACES`. Without
+    visible rock the walls are the outline's, upright, and the roof is level.
+    """
+    scene = trimesh.Scene()
+    if record.heights:
+        bounds = _add_folded(scene, read_floor(bundle, record), record.height_m)
+    else:
+        bounds = _add_flat(scene, bundle, record, free_space)
+    west, south, low, east, north, high = bounds
+    scene.apply_translation([-(west + east) / 2, -(south + north) / 2, -(low + high) / 2])
+    scene.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))  # browsers have y up
+    short, long = sorted((east - west, north - south))
+    scene.set_camera(angles=(-_DOWN, _ASIDE, 0.0), distance=max(0.75 * long, 1.5 * short), fov=(55, 40))
+    return scene
+
+
+def _add_folded(scene: trimesh.Scene, floor: Floor, height_m: float) -> list[float]:
+    """Add the floor of a mine with heights, coloured by elevation, and its walls; return the bounds, m."""
+    places = floor.vertices[floor.faces] - np.pad(floor.offset_m, [(0, 0), (0, 1)])[floor.sheet][:, None]
+    roof, walls = floor.raised(height_m), []
+    for face, edge in floor.wall_edges():
+        aside = np.append(floor.offset_m[floor.sheet[face]], 0.0)
+        foot, top = floor.vertices[list(edge)] - aside, roof.vertices[list(edge)] - aside
+        walls += [[foot[0], foot[1], top[1]], [foot[0], top[1], top[0]]]
+    corners = np.array(walls).reshape(-1, 3)
+    scene.add_geometry(_coloured(corners, np.arange(len(corners)).reshape(-1, 3), _ROCK_RGB))
+    level = places[:, :, 2].mean(axis=1)
+    band = np.minimum(_BANDS - 1, ((level - level.min()) / max(np.ptp(level), 1e-9) * _BANDS).astype(int))
+    for k in np.unique(band).tolist():
+        rgb = np.round(np.array(_LOW_RGB) + k / (_BANDS - 1) * np.subtract(_HIGH_RGB, _LOW_RGB)).astype(int)
+        own = places[band == k].reshape(-1, 3)
+        scene.add_geometry(_coloured(own, np.arange(len(own)).reshape(-1, 3), tuple(rgb.tolist())))
+    return [*places.min(axis=(0, 1)).tolist(), *places.max(axis=(0, 1)).tolist()]
+
+
+def _add_flat(scene: trimesh.Scene, bundle: Path, record: WorldRecord, free_space: FreeSpace) -> list[float]:
+    """Add rock and floor zones of a flat mine; return the bounds, m."""
+    for name, (vertices, faces) in _rock(bundle, record, free_space).items():
+        scene.add_geometry(_coloured(vertices, faces, _ROCK_RGB), node_name=name, geom_name=name)
+    for zone in record.zones:
+        part = free_space.polygon.intersection(shapely.box(zone.west_m, zone.south_m, zone.east_m, zone.north_m))
+        if part.area > 0:
+            rgb = tuple(round(255 * v) for v in zone.rgba[:3])
+            scene.add_geometry(_coloured(*_level(part, 0.0), rgb), node_name=zone.geom, geom_name=zone.geom)
+    west, south, east, north = free_space.polygon.bounds
+    return [west, south, 0.0, east, north, 0.0]
+
+
+def _rock(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return vertices (n, 3) m and faces (m, 3) of walls and roof by name."""
+    if not record.has_visible_rock:
+        walls = upright_walls(free_space.polygon, record.height_m).reshape(-1, 3)
+        return {
+            WALLS: (walls, np.arange(len(walls)).reshape(-1, 3)),
+            ROOF: _level(free_space.polygon, record.height_m),
+        }
+    return {
+        piece: _simplified([decode(path, Mesh) for path in sorted((bundle / "meshes").glob(f"{piece}_*.msh"))], most)
+        for piece, most in MOST_FACES.items()
+    }
+
+
+def _simplified(meshes: list[Mesh], most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Join meshes at equal vertices, and simplify what has more faces than `most`."""
+    corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes]).reshape(-1, 3)
+    vertices, index = np.unique(corners.round(4), axis=0, return_inverse=True)
+    faces = index.reshape(-1, 3).astype(np.int32)
+    points = vertices.astype(np.float32)
+    for keep_border in (True, False):  # borders of the walls meet the roof; those of a very large mine are too many
+        if len(faces) > most:
+            points, faces = fast_simplification.simplify(points, faces, target_count=most, preserve_border=keep_border)
+    return points, faces
+
+
+def _level(part: shapely.Polygon, height_m: float) -> tuple[np.ndarray, np.ndarray]:
+    points, faces = triangulate(part)
+    return np.column_stack([points, np.full(len(points), height_m)]), faces
+
+
+def _coloured(vertices: np.ndarray, faces: np.ndarray, rgb: tuple[int, ...]) -> trimesh.Trimesh:
+    material = trimesh.visual.material.PBRMaterial(
+        baseColorFactor=[*rgb, 255], doubleSided=True, roughnessFactor=1.0, metallicFactor=0.0
+    )
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    mesh.visual = trimesh.visual.TextureVisuals(material=material)
+    return mesh

@@ -1,0 +1,1 @@
+"""Clouds, sweeps and poses: reading, registration, and correction of a plan by sweeps."""

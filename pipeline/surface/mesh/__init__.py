@@ -1,0 +1,1 @@
+"""The mesh of the rock: walls, lattice, displacement, simplification and checks."""

@@ -1,0 +1,239 @@
+"""The walls in plan: columns at even distances along every ring of the free space, and the space around them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+from scipy.spatial import cKDTree
+from shapely import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
+
+from pipeline.geometry.network.skeleton import LEAST_HALF_WIDTH_M, passage_stations
+from pipeline.types import DriftNetwork
+
+_FILLET_M = 0.2  # radius to which corners are rounded, so that displaced walls do not cross there
+_BLUNT_M, _LEAST_FILLET_M = 0.3, 0.02  # a nose of rock that would lose more than this is rounded less
+_SPECK_M2 = 1e-6  # of a nose: smaller pieces come from rounding
+TURN_M = 0.4  # s.d. of the smoothing along a wall that turns its direction gradually at corners
+_REACH_M = 9.0  # walls farther apart than this do not limit each other's displacement
+_OWN_WALL_M = 0.6  # points nearer than this belong to the same piece of wall
+EVEN_M = 1.0
+_PAIRS = 65536  # at a time, so that intermediate arrays stay in the cache
+_BORDER, _BORDER_M = 1.25, 0.3  # a wall borders a passage within 1.25 half widths + 0.3 m of its middle
+
+
+@dataclass(frozen=True)
+class Ring:
+    """One closed wall line with `count` columns from number `first`, at even distances `step_m`, of a part of a mine.
+
+    Sheets are parts; the first ring of a part goes round it, further ones go round its pillars.
+    """
+
+    first: int
+    count: int
+    step_m: float
+    part: int = 0
+
+
+@dataclass(frozen=True)
+class Sheets:
+    """What the columns of several sheets have besides those of one.
+
+    `open` (n,) marks columns in the open air, on a seam between its ends. Columns `joined` (k,) stand at one place of
+    the mine frame if they have the same number in `group` (k,). A wall goes on in the next sheet: `along_m` (n,) is the
+    distance along it from its beginning, `length_m` (n,) its length. `offset_m` (n, 2) is that of the column's sheet.
+    """
+
+    open: np.ndarray
+    joined: np.ndarray
+    group: np.ndarray
+    along_m: np.ndarray
+    length_m: np.ndarray
+    offset_m: np.ndarray
+
+
+@dataclass(frozen=True)
+class Walls:
+    """Wall columns in plan.
+
+    `xy` (n, 2) m are their places, `inward` (n, 2) unit vectors into the workings. `free_m` and `rock_m` (n,) are radii
+    of the largest discs in the workings and in the rock that touch the wall at the column. `passage_m` (n,) is half the
+    width of the narrowest passage that the wall borders. In a bay of the wall, the disc is small even if the passage is
+    wide. `narrowest_m` is half the width of the mine's narrowest passage, 0 if it is not known. A mine of several
+    sheets has `sheets`, and columns in the open air along their seams.
+    """
+
+    xy: np.ndarray
+    inward: np.ndarray
+    free_m: np.ndarray
+    rock_m: np.ndarray
+    passage_m: np.ndarray
+    rings: list[Ring]
+    sheets: Sheets | None = None
+    narrowest_m: float = 0.0
+
+    @property
+    def closed(self) -> np.ndarray:
+        """Return the numbers of the columns that stand on a wall; on a seam between two sheets there is none."""
+        return np.arange(len(self.xy)) if self.sheets is None else np.flatnonzero(~self.sheets.open)
+
+    @property
+    def stretches(self) -> list[tuple[int, int, float]]:
+        """Return first column, number of columns and their distance, m, of each ring, or each wall between seams."""
+        found = []
+        for ring in self.rings:
+            own = np.ones(ring.count, bool)
+            if self.sheets is not None:
+                own = ~self.sheets.open[ring.first : ring.first + ring.count]
+            edge = np.flatnonzero(np.diff(np.concatenate([[0], own.astype(int), [0]]))).reshape(-1, 2)
+            found += [(ring.first + a, b - a, ring.step_m) for a, b in edge.tolist() if b - a > 1]
+        return found
+
+
+def lay_walls(free: Polygon, spacing_m: float, network: DriftNetwork | None = None) -> Walls:
+    """Place columns along the walls, at most `spacing_m` apart, and measure the space around each.
+
+    Without a drift network, `passage_m` is `free_m`.
+    """
+    free = fillet(free)
+    rings: list[Ring] = []
+    points = []
+    for line in (free.exterior, *free.interiors):
+        count = max(8, int(np.ceil(line.length / spacing_m)))
+        points.append(shapely.get_coordinates(shapely.line_interpolate_point(line, np.arange(count) / count, True)))
+        rings.append(Ring(sum(r.count for r in rings), count, line.length / count))
+    xy = np.concatenate(points)
+    inward = np.concatenate([_inward(xy[r.first : r.first + r.count], r.step_m) for r in rings])
+    free_m, rock_m = largest_discs(xy, inward)
+    passage_m = free_m if network is None else passages(xy, free_m, network)
+    free_m, rock_m, passage_m = (_smoothed(radius, rings) for radius in (free_m, rock_m, passage_m))
+    return Walls(xy, inward, free_m, rock_m, passage_m, rings, narrowest_m=narrowest_half_width(network))
+
+
+def outline_of(xy: np.ndarray, rings: list[Ring]) -> Polygon | MultiPolygon:
+    """Return the polygon through the places (n, 2) m of the columns, ring by ring, or one a part."""
+    parts = []
+    for number in range(rings[-1].part + 1):
+        outer, *holes = (xy[r.first : r.first + r.count] for r in rings if r.part == number)
+        parts.append(Polygon(outer, holes))
+    return parts[0] if len(parts) == 1 else MultiPolygon(parts)
+
+
+def foot_of(xy: np.ndarray, walls: Walls) -> tuple[Polygon | MultiPolygon, np.ndarray]:
+    """Return the polygon through places (n, 2) m of the columns, straight over seams, and its columns' numbers."""
+    kept = np.zeros(len(xy), bool)
+    kept[walls.closed] = True
+    rings, first = [], 0
+    for ring in walls.rings:
+        count = int(kept[ring.first : ring.first + ring.count].sum())
+        rings.append(Ring(first, count, ring.step_m, ring.part))
+        first += count
+    return outline_of(xy[kept], rings), np.flatnonzero(kept)
+
+
+def smoothstep(t: np.ndarray) -> np.ndarray:
+    """Return 3 t^2 - 2 t^3 for t in [0, 1], 0 below and 1 above."""
+    t = np.clip(t, 0.0, 1.0)
+    return t * t * (3 - 2 * t)
+
+
+def fillet(free: Polygon) -> Polygon:
+    """Round the corners; by a smaller radius if a passage or pillar is too thin for it, and at noses of rock."""
+    radius = _FILLET_M
+    while radius > _LEAST_FILLET_M:
+        rounded = _rounded(free, radius)
+        kept = _keep_noses(rounded, free, radius) if _is_like(rounded, free) else rounded
+        if _is_like(kept, free):
+            return orient(kept)
+        radius /= 2
+    return orient(free)
+
+
+def _is_like(rounded: BaseGeometry, free: Polygon) -> bool:
+    """Return whether rounded workings are in one piece with the same pillars: thin ones may part or vanish."""
+    return isinstance(rounded, Polygon) and len(rounded.interiors) == len(free.interiors)
+
+
+def _rounded(free: Polygon, radius_m: float) -> BaseGeometry:
+    return free.buffer(-radius_m).buffer(2 * radius_m).buffer(-radius_m)
+
+
+def _keep_noses(rounded: BaseGeometry, free: Polygon, radius_m: float) -> BaseGeometry:
+    """Round the noses of rock by smaller radii that have lost more than `_BLUNT_M`.
+
+    Between two drifts that part at an angle a, rounding moves the end of the rock by radius * (1 / sin(a / 2) - 1).
+    """
+    sharp = [piece for piece in shapely.get_parts(rounded.difference(free)) if _depth_m(piece, rounded) > _BLUNT_M]
+    while sharp and radius_m > 2 * _LEAST_FILLET_M:
+        radius_m /= 2
+        finer = _rounded(free, radius_m)
+        rock = rounded.difference(finer).intersection(shapely.union_all(sharp).buffer(_SPECK_M2))
+        noses = [part for part in shapely.get_parts(rock) if part.area > _SPECK_M2]
+        rounded = rounded.difference(shapely.union_all(noses))
+        sharp = [piece for piece in sharp if _depth_m(piece, finer) > _BLUNT_M]
+    return rounded
+
+
+def _depth_m(piece: BaseGeometry, outline: BaseGeometry) -> float:
+    """Return how far the corners of a piece lie from an outline, m."""
+    return float(shapely.distance(outline.boundary, shapely.points(shapely.get_coordinates(piece))).max(initial=0.0))
+
+
+def _inward(ring: np.ndarray, step_m: float) -> np.ndarray:
+    """Return unit vectors (n, 2) to the left of a closed line, turning gradually at corners."""
+    along = np.roll(ring, -1, axis=0) - np.roll(ring, 1, axis=0)
+    left = np.column_stack([-along[:, 1], along[:, 0]])
+    left /= np.linalg.norm(left, axis=1, keepdims=True)
+    smooth = gaussian_filter1d(left, min(TURN_M / step_m, len(ring) / 8), axis=0, mode="wrap")
+    return smooth / np.linalg.norm(smooth, axis=1, keepdims=True)
+
+
+def largest_discs(xy: np.ndarray, inward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the radii (n,) m of the largest discs in workings and rock that touch the wall at each column."""
+    all_pairs = cKDTree(xy).query_pairs(_REACH_M, output_type="ndarray")
+    free, rock = np.full(len(xy), _REACH_M / 2), np.full(len(xy), _REACH_M / 2)
+    (x, y), (ahead_x, ahead_y) = xy.T, inward.T
+    for at in range(0, len(all_pairs), _PAIRS):
+        first, second = all_pairs[at : at + _PAIRS].T
+        dx, dy = x[second] - x[first], y[second] - y[first]
+        squared = dx**2 + dy**2
+        other_wall = squared > _OWN_WALL_M**2
+        first, second, dx, dy, squared = (v[other_wall] for v in (first, second, dx, dy, squared))
+        for one, sign in ((first, 1.0), (second, -1.0)):
+            ahead = sign * dx * ahead_x[one] + sign * dy * ahead_y[one]
+            for radius, side in ((free, ahead), (rock, -ahead)):
+                faces = side > 1e-6
+                np.minimum.at(radius, one[faces], squared[faces] / (2 * side[faces]))
+    return free, rock
+
+
+def passages(xy: np.ndarray, disc_m: np.ndarray, network: DriftNetwork) -> np.ndarray:
+    """Return half the width (n,) m of the narrowest passage that a column borders, or its disc's radius."""
+    stations, half = passage_stations(network)
+    least = np.full(len(xy), np.inf)
+    bordering = cKDTree(xy).query_ball_point(stations, _BORDER * half + _BORDER_M)
+    for columns, half_width in zip(bordering, half, strict=True):
+        least[columns] = np.minimum(least[columns], half_width)
+    return np.where(np.isfinite(least), least, disc_m)
+
+
+def narrowest_half_width(network: DriftNetwork | None) -> float:
+    """Return half the width of the narrowest passage that admits a robot, m, or 0 without a network or a passage."""
+    half = passage_stations(network)[1] if network else np.zeros(0)
+    half = half[half >= LEAST_HALF_WIDTH_M]
+    return float(half.min()) if len(half) else 0.0
+
+
+def _smoothed(radius: np.ndarray, rings: list[Ring]) -> np.ndarray:
+    """Take the minimum over a neighbourhood along each wall, then smooth it over the same neighbourhood."""
+    smooth = np.empty_like(radius)
+    for ring in rings:
+        part = slice(ring.first, ring.first + ring.count)
+        reach = min(int(EVEN_M / ring.step_m), (ring.count - 1) // 2)
+        least = minimum_filter1d(radius[part], 2 * reach + 1, mode="wrap")
+        smooth[part] = gaussian_filter1d(least, max(reach / 3, 0.1), mode="wrap", truncate=3)
+    return smooth

@@ -1,0 +1,1 @@
+"""Relief of rock: joints, noise and their spectra."""

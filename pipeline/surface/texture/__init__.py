@@ -1,0 +1,1 @@
+"""Textures and texture coordinates of rock."""

@@ -1,0 +1,1 @@
+"""Pictures of plans: how they stand, what they show, and their scale."""

@@ -1,0 +1,123 @@
+"""Read plan images, and refuse files that are not usable images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.guard.reading_process import tell
+from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.drawing.orientation import orientation_of, turn_upright
+from pipeline.survey.drawing.picture_header import require_picture_size, require_size
+from pipeline.survey.drawing.tiff_header import count_pages
+from pipeline.types import Image
+
+_STRIP_ROWS = 512  # conversions work on strips, so that they need little memory beside the picture
+
+
+def read_image(path: Path, max_megapixels: float) -> Image:
+    """Read an image file as BGR.
+
+    Parameters
+    ----------
+    path : Path
+        PNG, JPEG, TIFF, BMP or PNM. The header is checked before pixels are decoded. The picture is turned upright as
+        its Exif data say. Of a TIFF with several pages the first is read, which is said.
+    max_megapixels : float
+        Upper limit of the image's size.
+
+    Returns
+    -------
+    (rows, cols, 3) uint8
+
+    Raises
+    ------
+    InputError
+        If the file is empty, unreadable, too large or of one colour only.
+    """
+    size = path.stat().st_size
+    if not size:
+        raise InputError(f"{path}: empty file")
+    if size > reader_limits().file_bytes:
+        raise InputError(f"{path}: {size:,} bytes, the limit is {reader_limits().file_bytes:,} (file_bytes in {FILE})")
+    data = np.fromfile(path, dtype=np.uint8)
+    require_picture_size(path, data.data, max_megapixels)
+    try:
+        picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:  # OpenCV has its own limits on width, height and pixels
+        raise InputError(f"{path}: OpenCV cannot decode it ({error.err or error})") from error
+    if picture is None:
+        raise InputError(f"{path}: not an image that OpenCV can read ({data.size} bytes)")
+    require_size(path, picture.shape[1], picture.shape[0], max_megapixels)
+    _require_known_depth(path, picture)
+    if is_tiff(data):  # OpenCV turns it upright
+        pages = count_pages(data.data)
+        if pages > 1:
+            tell(f"{path.name}: the first of {pages} pages is read; save another one as a file of its own")
+    else:
+        picture = turn_upright(picture, orientation_of(data.data))
+    if picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[2] not in (3, 4)):
+        raise InputError(f"{path}: {picture.shape[2:]} channels; grey, colour and transparency are read")
+    return require_workings_drawn(path, _to_bgr(picture))
+
+
+def is_tiff(data: np.ndarray) -> bool:
+    """Return whether a file's bytes begin as a TIFF's do."""
+    return data[:2].tobytes() in (b"II", b"MM")
+
+
+def _require_known_depth(path: Path, picture: np.ndarray) -> None:
+    """Refuse pixels that are neither of 8 or 16 bits nor shares of white from 0 to 1."""
+    if picture.dtype in (np.uint8, np.uint16):
+        return
+    if picture.dtype in (np.float32, np.float64):
+        low, high = (float(f(picture, initial=0.5, where=np.isfinite(picture))) for f in (np.min, np.max))
+        if low >= 0 and high <= 1:
+            return
+        kind = f"{picture.dtype} from {low:g} to {high:g}"
+    else:
+        kind = str(picture.dtype)
+    raise InputError(f"{path}: pixels of {kind}; uint8, uint16, and shares of white from 0 to 1 are read")
+
+
+def require_workings_drawn(path: Path, picture: Image) -> Image:
+    """Return the picture if it has more than one colour.
+
+    Raises
+    ------
+    InputError
+        If it has one colour only. The message names the file and the colour.
+    """
+    if all((strip == picture[0, 0]).all() for strip in _strips(picture)):
+        colour = {0: "black", 765: "white"}.get(int(picture[0, 0].astype(int).sum()), "of one colour")
+        raise InputError(f"{path}: the image is all {colour}; there is nothing to trace")
+    return picture
+
+
+def _strips(picture: np.ndarray) -> list[np.ndarray]:
+    return [picture[row : row + _STRIP_ROWS] for row in range(0, len(picture), _STRIP_ROWS)]
+
+
+def _to_bgr(picture: np.ndarray) -> Image:
+    """Convert a decoded picture to 8-bit BGR. Transparent pixels become white."""
+    result = np.empty((*picture.shape[:2], 3), np.uint8)
+    for row, strip in zip(range(0, len(picture), _STRIP_ROWS), _strips(picture), strict=True):
+        result[row : row + _STRIP_ROWS] = _strip_to_bgr(strip)
+    return result
+
+
+def _strip_to_bgr(picture: np.ndarray) -> Image:
+    if picture.dtype == np.uint16:
+        picture = (picture // 257).astype(np.uint8)
+    elif picture.dtype != np.uint8:
+        shares = np.nan_to_num(picture.astype(np.float64), nan=1.0, posinf=1.0, neginf=0.0)
+        picture = np.round(np.clip(shares, 0, 1) * 255).astype(np.uint8)
+    if picture.ndim == 2:
+        return cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+    if picture.shape[2] == 4:
+        opaque = picture[..., 3:].astype(np.float64) / 255
+        return np.round(picture[..., :3] * opaque + 255 * (1 - opaque)).astype(np.uint8)
+    return picture

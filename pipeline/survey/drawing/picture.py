@@ -1,0 +1,167 @@
+"""Prepare a plan's picture for tracing: render a PDF page, crop, rotate, and make workings dark on light paper."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pypdfium2
+
+from pipeline.errors import GeometryError, InputError
+from pipeline.geometry.drawing.find import read_sheet
+from pipeline.geometry.drawing.line_drawing import fill_line_drawing
+from pipeline.geometry.outline.binarize import dark_pixels
+from pipeline.guard.plain_file import read_text_bytes
+from pipeline.guard.reading_process import tell
+from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.params.survey import PlanSurveyParams
+from pipeline.survey.drawing.image import read_image, require_workings_drawn
+from pipeline.survey.drawing.picture_header import MAX_SIDE_PX
+from pipeline.types import Image
+
+
+def read_picture(path: Path, params: PlanSurveyParams) -> Image:
+    """Read an image or a PDF page without changing it.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is too large.
+    """
+    if path.suffix.lower() == ".pdf":
+        return require_workings_drawn(path, draw_page(path, params.page, params.dpi, params.max_megapixels))
+    return read_image(path, params.max_megapixels)
+
+
+def draw_page(path: Path, page: int, dpi: float, max_megapixels: float) -> Image:
+    """Render a PDF page on white paper as (rows, cols, 3) uint8 BGR.
+
+    Raises
+    ------
+    InputError
+        If the file is not PDF, has no such page, or the page exceeds the limits on size.
+    """
+    try:
+        document = pypdfium2.PdfDocument(read_text_bytes(path))
+        try:
+            if page > len(document):
+                raise InputError(f"{path}: survey.page = {page}: the document has {len(document)} pages")
+            if len(document) > 1:
+                tell(f"{path.name}: page {page} of {len(document)} is read; --page states another")
+            sheet = document[page - 1]
+            width, height = (side * dpi / 72 for side in sheet.get_size())
+            if max(width, height) > MAX_SIDE_PX or width * height > max_megapixels * 1e6 or min(width, height) < 8:
+                raise InputError(
+                    f"{path}: page {page} is {width:.0f} x {height:.0f} px at survey.dpi = {dpi:g}; "
+                    f"the limits are {MAX_SIDE_PX} px a side and {max_megapixels:g} megapixels"
+                )
+            return np.ascontiguousarray(sheet.render(scale=dpi / 72).to_numpy()[..., :3])
+        finally:
+            document.close()
+    except pypdfium2.PdfiumError as error:
+        raise InputError(f"{path}: cannot be read as PDF ({error})") from error
+
+
+def make_ready(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
+    """Crop, clean and rotate a picture by the parameters; the result is dark on light.
+
+    Raises
+    ------
+    InputError
+        If the crop box is not inside the picture.
+    """
+    if params.crop_px is not None:
+        col0, row0, col1, row1 = params.crop_px
+        if not (col0 >= 0 and row0 >= 0 and col1 <= picture.shape[1] and row1 <= picture.shape[0]):
+            raise InputError(
+                f"survey.crop_px = {[*params.crop_px]}: not inside the picture of "
+                f"{picture.shape[1]} x {picture.shape[0]} px"
+            )
+        picture = picture[row0:row1, col0:col1]
+    for ignored in params.ignore_colours:
+        difference = np.abs(picture.astype(int) - np.array(ignored.rgb[::-1])).max(axis=2)
+        kept = difference > ignored.within
+        paper = np.median(picture[kept], axis=0) if kept.any() else 255
+        picture = np.where(kept[..., None], picture, paper).astype(np.uint8)
+    if params.light_on_dark:
+        picture = 255 - picture
+    if params.turn_deg:
+        picture, _ = turn_picture(picture, params.turn_deg)
+    return picture
+
+
+def require_few_regions(path: Path, picture: Image) -> None:
+    """Refuse a picture with more separate dark regions than the limit, such as noise.
+
+    Raises
+    ------
+    InputError
+        The message names the file, the count and the limit.
+    """
+    dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)).astype(np.uint8)
+    count = cv2.connectedComponents(dark)[0] - 1
+    most = reader_limits().regions
+    if count > most:
+        raise InputError(
+            f"{path}: {count} separate dark regions, the limit is {most} (regions in {FILE}); is it noise?"
+        )
+
+
+def fill_walls(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
+    """Fill the workings of a line drawing, so that they are dark on light paper.
+
+    Raises
+    ------
+    InputError
+        If the walls enclose no area, or a seed is outside the walls.
+    """
+    dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
+    try:
+        inside = fill_line_drawing(dark, list(params.seeds_px), params.wall_gap_px)
+    except GeometryError as error:
+        raise InputError(f"{path}: {error}") from error
+    return np.where(inside[..., None], 40, 255).astype(np.uint8).repeat(3, axis=2)
+
+
+def keep_workings(path: Path, picture: Image, level: int | None) -> Image:
+    """Remove everything but the workings from a drawing sheet; they are dark on light paper.
+
+    Raises
+    ------
+    InputError
+        If the workings are not found beyond doubt. The message names the option that settles it.
+    """
+    try:
+        inside = read_sheet(picture, level).mask
+    except GeometryError as error:
+        raise InputError(f"{path}: {error}") from error
+    return np.where(inside[..., None], 40, 255).astype(np.uint8).repeat(3, axis=2)
+
+
+def turn_picture(picture: Image, turn_deg: float, paper: int = 255) -> tuple[Image, np.ndarray]:
+    """Rotate a picture counter-clockwise. Return it and the (2, 3) affine map of image points.
+
+    The result is large enough to hold the whole picture. The added pixels have the grey value `paper`.
+
+    Raises
+    ------
+    InputError
+        If the rotated picture exceeds 16,384 px a side.
+    """
+    rows, cols = picture.shape[:2]
+    turn = cv2.getRotationMatrix2D((cols / 2, rows / 2), turn_deg, 1.0)
+    cos, sin = abs(turn[0, 0]), abs(turn[0, 1])
+    width, height = int(np.ceil(cols * cos + rows * sin - 1e-6)), int(np.ceil(cols * sin + rows * cos - 1e-6))
+    if max(width, height) > MAX_SIDE_PX:
+        raise InputError(
+            f"survey.turn_deg = {turn_deg:g}: the picture would be {width} x {height} px, "
+            f"the limit is {MAX_SIDE_PX} px a side"
+        )
+    turn[:, 2] += width / 2 - cols / 2, height / 2 - rows / 2
+    on_centres = turn.copy()  # OpenCV's origin is a pixel's centre, that of the image plane its corner
+    on_centres[:, 2] += turn[:, :2] @ (0.5, 0.5) - 0.5
+    turned = cv2.warpAffine(
+        picture, on_centres, (width, height), flags=cv2.INTER_AREA, borderValue=(paper, paper, paper)
+    )
+    return turned, turn

@@ -1,0 +1,1 @@
+"""Drawings with elevations: levels over each other, their ramps and shafts."""

@@ -1,0 +1,231 @@
+"""Legs of a station survey: check their network and rebuild the workings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import networkx as nx
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.errors import InputError
+from pipeline.guard.reading_process import tell
+from pipeline.params.floor_rules import floor_rules
+from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.types import Points2
+
+_BLOCK = 256
+_SHAFT_M = 1e-6  # in plan
+
+
+@dataclass(frozen=True)
+class SurveyLeg:
+    """One leg: names of its stations, positions (n, 2) m, and distances to the left and right wall (n, 2) m.
+
+    `heights_m` (n, 3) m holds elevation and the distances up to the roof and down to the floor, nan if not measured;
+    None if the survey has no elevations. A plumb leg has no length in plan, and may have no walls: these are nan.
+    `grades` (n - 1,) are rise over run of the shots as stated, nan where none is; None if the survey states none.
+    """
+
+    name: str
+    stations: list[str]
+    positions_m: Points2
+    walls_m: Points2
+    heights_m: np.ndarray | None = None
+    is_plumb: bool = False
+    grades: np.ndarray | None = None
+
+
+def without_shots(leg: SurveyLeg, shots: set[int]) -> list[SurveyLeg]:
+    """Return the pieces of a leg without some shots, each given by the number of the station at which it begins."""
+    if not shots:
+        return [leg]
+    pieces = np.split(np.arange(len(leg.stations)), sorted(shot + 1 for shot in shots))
+    return [_piece(leg, piece) for piece in pieces if len(piece) > 1]
+
+
+def _piece(leg: SurveyLeg, at: np.ndarray) -> SurveyLeg:
+    heights = None if leg.heights_m is None else leg.heights_m[at]
+    return SurveyLeg(leg.name, [leg.stations[k] for k in at], leg.positions_m[at], leg.walls_m[at], heights)
+
+
+Chain = list[
+    tuple[str, tuple[float, float], tuple[float, float]]
+]  # station, position, wall distances left and right (nan: not measured)
+
+
+def legs_of_chains(
+    path: Path, chains: list[Chain], heights: dict[str, tuple[float, float, float]] | None = None
+) -> list[SurveyLeg]:
+    """Make legs from sequences of stations, and interpolate wall distances that were not measured.
+
+    `heights` gives each station its elevation and the distances up and down, m. Legs with heights need not be
+    connected: a piece of them may be built.
+
+    A station at the same position as the one before it, as in a shaft, is omitted. Legs of one station are omitted.
+    With `heights`, shafts are legs of their own, at the end.
+
+    Raises
+    ------
+    InputError
+        If no leg remains, a leg has no wall distance at all, or the network is not valid (see `check_network`).
+    """
+    legs, count, most = [], sum(map(len, chains)), reader_limits().stations
+    if count > most:
+        raise InputError(f"{path}: {count} stations, the limit is {most} (stations in {FILE})")
+    farthest = reader_limits().farthest_wall_m
+    for label, _, sides in (row for chain in chains for row in chain):
+        for distance in sides:
+            if distance > farthest:
+                raise InputError(
+                    f"{path}: a wall {distance:g} m beside station {label}, at most {farthest:g} "
+                    f"(farthest_wall_m in {FILE})"
+                )
+    shafts: list[SurveyLeg] = []
+    if heights:
+        chains, shafts = _without_shafts(path, chains, heights)
+    for number, chain in enumerate(chains, start=1):
+        kept = (
+            [chain[0], *(b for a, b in pairwise(chain) if np.hypot(*np.subtract(a[1], b[1])) > _SHAFT_M)]
+            if chain
+            else []
+        )
+        if len(kept) < 2:
+            continue
+        walls = np.array([distances for _, _, distances in kept], dtype=float)
+        for side, column in zip(("left", "right"), walls.T, strict=True):
+            measured = np.flatnonzero(np.isfinite(column))
+            if not len(measured):
+                raise InputError(f"{path}: no distance to the {side} wall from {kept[0][0]} to {kept[-1][0]}")
+            column[:] = np.interp(np.arange(len(column)), measured, column[measured])
+        names = [s for s, _, _ in kept]
+        levels = np.array([heights[name] for name in names], dtype=float) if heights else None
+        legs.append(SurveyLeg(str(number), names, np.array([p for _, p, _ in kept]), walls, levels))
+    if not legs:
+        raise InputError(f"{path}: no legs with passages; widths left and right of the stations are needed")
+    if heights is None:
+        check_network(path, legs)
+    return legs + shafts
+
+
+def _without_shafts(
+    path: Path, chains: list[Chain], heights: dict[str, tuple[float, float, float]]
+) -> tuple[list[Chain], list[SurveyLeg]]:
+    """Cut chains at legs without a length in plan, and say how many there are: each end keeps its station."""
+    found, legs = [], []
+    for chain in chains:
+        part: Chain = []
+        for station in chain:
+            if part and np.hypot(*np.subtract(part[-1][1], station[1])) <= _SHAFT_M:
+                ends = [part[-1], station]
+                names = [name for name, _, _ in ends]
+                walls = np.array([sides for _, _, sides in ends], dtype=float)
+                known = np.array([heights[name] for name in names], dtype=float)
+                legs.append(SurveyLeg("plumb", names, np.array([p for _, p, _ in ends]), walls, known, True))
+                found.append(part)
+                part = []
+            part.append(station)
+        found.append(part)
+    tell_shafts(path, legs)
+    return found, legs
+
+
+def tell_shafts(path: Path, shafts: list[SurveyLeg]) -> None:
+    """Say how many plumb legs there are, and which is the deepest."""
+    if not shafts:
+        return
+    depths = [float(abs(np.diff(leg.heights_m[:, 0])[0])) for leg in shafts if leg.heights_m is not None]
+    deepest = shafts[int(np.argmax(depths))]
+    tell(
+        f"{path.name}: {len(shafts)} shafts are not drivable, the deepest {max(depths):.1f} m, from "
+        f"{deepest.stations[0]} to {deepest.stations[1]}"
+    )
+
+
+def check_network(path: Path, legs: list[SurveyLeg]) -> None:
+    """Check that all legs are connected and that legs cross only at stations.
+
+    Raises
+    ------
+    InputError
+        If not. The message names the file and the legs.
+    """
+    require_connected(path, legs)
+    require_no_crossing(path, legs)
+
+
+def require_connected(path: Path, legs: list[SurveyLeg]) -> None:
+    """Check that all legs are connected; `InputError` names the file and the legs."""
+    graph: nx.Graph = nx.Graph()
+    for leg in legs:
+        nx.add_path(graph, leg.stations)
+    components = sorted(nx.connected_components(graph), key=len, reverse=True)
+    if len(components) > 1:
+        separate = [leg.name for leg in legs if leg.stations[0] not in components[0]]
+        raise InputError(f"{path}: legs {', '.join(separate)} share no station with leg {_leg_of(legs, components[0])}")
+
+
+def require_no_crossing(path: Path, legs: list[SurveyLeg]) -> None:
+    """Check that legs at about one height cross only at stations; `InputError` names the file and the legs."""
+    segments = [(leg, a, b) for leg in legs for a, b in pairwise(range(len(leg.stations)))]
+    lines = shapely.linestrings([leg.positions_m[[a, b]] for leg, a, b in segments])
+    tree = shapely.STRtree(lines)
+    for start in range(0, len(lines), _BLOCK):  # the first crossing ends the search
+        for k, j in tree.query(lines[start : start + _BLOCK], predicate="crosses").T:
+            i = k + start
+            if i >= j:
+                continue
+            (one, a, b), (two, c, d) = segments[i], segments[j]
+            at = lines[i].intersection(lines[j]).centroid
+            if _pass_over(one, a, b, two, c, d, at.x, at.y):
+                continue
+            raise InputError(
+                f"{path}: leg {one.name} ({one.stations[a]} to {one.stations[b]}) crosses leg {two.name} "
+                f"({two.stations[c]} to {two.stations[d]}) at ({at.x:.2f}, {at.y:.2f}) without a station"
+            )
+
+
+def _pass_over(one: SurveyLeg, a: int, b: int, two: SurveyLeg, c: int, d: int, x: float, y: float) -> bool:
+    """Return whether two legs with elevations cross at different heights."""
+    if one.heights_m is None or two.heights_m is None:
+        return False
+    heights = []
+    for leg, start, end in ((one, a, b), (two, c, d)):
+        assert leg.heights_m is not None
+        step = leg.positions_m[end] - leg.positions_m[start]
+        share = np.dot((x, y) - leg.positions_m[start], step) / np.dot(step, step)
+        heights.append(leg.heights_m[start, 0] + share * (leg.heights_m[end, 0] - leg.heights_m[start, 0]))
+    return abs(heights[0] - heights[1]) > floor_rules().flat_step_m
+
+
+def _leg_of(legs: list[SurveyLeg], stations: set[str]) -> str:
+    return next(leg.name for leg in legs if leg.stations[0] in stations)
+
+
+def build_workings(legs: list[SurveyLeg]) -> BaseGeometry:
+    """Rebuild the workings in plan: a quadrilateral between neighbouring stations and a disc at each station.
+
+    A disc's radius is the smaller wall distance, so the disc never crosses a measured wall.
+
+    Returns
+    -------
+    shapely geometry, m, mine frame
+        Several polygons where both wall distances of a station are zero.
+    """
+    shapes: list[BaseGeometry] = []
+    for leg in legs:
+        heading = np.gradient(leg.positions_m, axis=0)
+        heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-12)
+        to_left = np.column_stack([-heading[:, 1], heading[:, 0]])
+        left = leg.positions_m + to_left * leg.walls_m[:, :1]
+        right = leg.positions_m - to_left * leg.walls_m[:, 1:]
+        shapes += [
+            shapely.convex_hull(shapely.multipoints([left[i], left[i + 1], right[i + 1], right[i]]))
+            for i in range(len(left) - 1)
+        ]
+        shapes += list(shapely.buffer(shapely.points(leg.positions_m), leg.walls_m.min(axis=1), quad_segs=16))
+    solid = [s for s in shapes if isinstance(s, shapely.Polygon) and not s.is_empty]
+    return shapely.union_all(solid)

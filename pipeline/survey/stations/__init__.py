@@ -1,0 +1,1 @@
+"""Station surveys: the project's table, Survex data and Compass plots."""

@@ -1,0 +1,108 @@
+"""Reader of Compass plot files (.plt). Therion exports a centreline with passages in this format."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.guard.plain_file import read_text_bytes, require_at_most
+from pipeline.guard.plain_number import plain_number
+from pipeline.params.floor_rules import floor_rules
+from pipeline.survey.passages.legs import SurveyLeg, legs_of_chains
+from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
+from pipeline.survey.solved.plan_view import plan_legs
+
+_FOOT_M = 0.3048
+_FARTHEST_M = 1e8
+_UNKNOWN_FT = 900.0  # Compass writes 999.9 or a negative number for a distance that was not measured
+# Name, place east, north and up, and distances left, right, up and down, m; nan: not measured.
+_Station = tuple[str, tuple[float, float, float], list[float]]
+
+
+def read_plt(path: Path, half_width_m: float | None = None) -> list[SurveyLeg]:
+    """Read the legs of a plot file. A move (`M`) begins a new leg.
+
+    `half_width_m` is the distance to a wall that nobody measured, in a file whose stations differ in height by more
+    than `flat_step_m` (`plan_legs`).
+
+    Returns
+    -------
+    list of SurveyLeg
+        Metres in the file's own frame, x east, y north. Of a level file they have no heights, and vertical legs are
+        omitted.
+
+    Raises
+    ------
+    InputError
+        If a line cannot be read. The message names the file, the line and the value.
+
+    References
+    ----------
+    Compass, "Plot file format": `M` or `D` north east up `S`name `P` left up down right, in feet.
+    """
+    chains: list[list[_Station]] = []
+    count = 0
+    for number, line in enumerate(read_text_bytes(path).decode("latin-1").splitlines(), start=1):
+        fields = line.split()
+        if not fields or fields[0] not in ("M", "D"):
+            continue
+        name = next((f[1:] for f in fields[4:] if f.startswith("S")), "")
+        if len(fields) < 5 or not name:
+            raise InputError(f"{path}:{number}: expected {fields[0]} north east up Sname, got {line[:60]!r}")
+        north, east, high = (_feet(path, number, text) for text in fields[1:4])
+        walls = [math.nan] * 4
+        if "P" in fields[4:]:
+            start = fields.index("P", 4) + 1
+            widths = [_feet(path, number, text) for text in fields[start : start + 4]]
+            if len(widths) < 4:
+                raise InputError(f"{path}:{number}: expected P left up down right, got {line[:60]!r}")
+            left, up, down, right = (_wall_m(width) for width in widths)
+            walls = [left, right, up, down]
+        if fields[0] == "M" or not chains:
+            chains.append([])
+        chains[-1].append((name, (east, north, high), walls))
+        count += 1
+        require_at_most(path, count, "stations", "stations or more")
+    levels = [place[2] for chain in chains for _, place, _ in chain]
+    if levels and max(levels) - min(levels) > floor_rules().flat_step_m:
+        return plan_legs(path, _survey_of(path, chains), half_width_m)
+    return legs_of_chains(path, [[(name, place[:2], (w[0], w[1])) for name, place, w in chain] for chain in chains])
+
+
+def _survey_of(path: Path, chains: list[list[_Station]]) -> SolvedSurvey:
+    """Return the chains as a survey in three dimensions; equal names at different places get numbers."""
+    number: dict[tuple[float, float, float], int] = {}
+    names: dict[str, None] = {}
+    for name, place, _ in (station for chain in chains for station in chain):
+        if place not in number:
+            number[place] = len(number)
+            names[name if name not in names else f"{name} ({len(names)})"] = None
+    rows = [np.array([number[place] for _, place, _ in chain]) for chain in chains]
+    legs = np.concatenate([np.column_stack([row[:-1], row[1:]]) for row in rows])
+    passages = [
+        Passage(row, np.array([walls for *_, walls in chain], float))
+        for row, chain in zip(rows, chains, strict=True)
+        if len(row) > 1
+    ]
+    flags = np.full(len(number), StationFlag.UNDERGROUND, np.uint8)
+    styles, plain = np.full(len(legs), LegStyle.UNKNOWN, np.uint8), np.zeros(len(legs), np.uint8)
+    places = np.array(list(number))
+    return SolvedSurvey(tuple(names), places, flags, legs, plain, styles, tuple(passages), path.stem)
+
+
+def _feet(path: Path, number: int, text: str) -> float:
+    try:
+        value = plain_number(text) * _FOOT_M
+    except ValueError:
+        raise InputError(f"{path}:{number}: {text[:40]!r} is not a number of feet") from None
+    if not abs(value) <= _FARTHEST_M:
+        raise InputError(f"{path}:{number}: {text[:40]!r} is not a finite number of feet below {_FARTHEST_M:g} m")
+    return value
+
+
+def _wall_m(metres: float) -> float:
+    """Return a wall distance, m; nan if it was not measured."""
+    return metres if 0 <= metres < _UNKNOWN_FT * _FOOT_M else math.nan

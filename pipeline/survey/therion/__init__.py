@@ -1,0 +1,1 @@
+"""Therion centrelines, brought to Survex's form."""

@@ -1,0 +1,254 @@
+"""Bring Therion's centrelines (.th) to Survex's form."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pipeline.errors import InputError
+from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.therion.lines import Line, therion_lines
+from pipeline.survey.therion.place import Place, date_for_survex, place_of
+from pipeline.survey.therion.shots import Shots
+from pipeline.survey.therion.words import (
+    DOT,
+    SKIPPED_BLOCKS,
+    cs_for_survex,
+    declination_for_survex,
+    flags_for_survex,
+    numbers_for_survex,
+    station_for_survex,
+    survey_name,
+    units_for_survex,
+)
+
+_IGNORED_IN_CENTRELINE = {
+    "team", "explo-date", "explo-team", "instrument", "instruments", "copyright", "title", "mark", "walls",
+    "vthreshold", "extend", "break", "station", "grade", "require", "approx", "declination-date",
+}  # fmt: skip
+_IGNORED = {
+    "encoding", "join", "select", "unselect", "title", "date", "person-rename", "copyright", "author", "maps",
+    "preview", "sketch",
+}  # fmt: skip
+_OPTIONS = {"title", "author", "copyright", "entrance", "person-rename", "id"}
+
+
+@dataclass
+class SurvexText:
+    """Survex data made from Therion's, and where each of its lines comes from."""
+
+    lines: list[str] = field(default_factory=list)
+    origins: list[Line] = field(default_factory=list)
+    files: list[Path] = field(default_factory=list)
+
+    def add(self, line: Line, text: str) -> None:
+        """Add one line."""
+        self.lines.append(text)
+        self.origins.append(line)
+
+    def origin(self, number: int) -> tuple[Path, int]:
+        """Return the file and line from which a line, counted from 1, was made."""
+        line = self.origins[min(max(number, 1), len(self.origins)) - 1]
+        return line.path, line.number
+
+
+def to_survex(path: Path) -> SurvexText:
+    """Convert a Therion project's centrelines to Survex data.
+
+    Surveys become `*begin` blocks. Consecutive shots between the same two stations are repeated readings of one shot
+    and are averaged. Splays keep their flag. With a coordinate system, bearings are turned to grid north, as Therion
+    does: by the declination that is stated, or by that of the earth's magnetic field in the middle of the fixed
+    stations at the date (Survex computes it; a centreline without a date takes the project's first), and by the
+    convergence of the meridians. Drawings, maps, teams and extensions are left out.
+
+    Parameters
+    ----------
+    path : Path
+        The main `.th` file.
+
+    Raises
+    ------
+    InputError
+        If a line cannot be converted. The message names the file, the line and the word.
+
+    References
+    ----------
+    The Therion Book, "Data format": survey, centreline, data, units, calibrate, declination, flags, fix, equate.
+    """
+    made = SurvexText()
+    lines = list(therion_lines(path, made.files))
+    converter = _Converter(made, place_of(lines))
+    for line in lines:
+        converter.read(line)
+    converter.end(path)
+    return made
+
+
+class _Converter:
+    """Where the reading stands: open surveys, the open centreline, and a block that is left out."""
+
+    def __init__(self, made: SurvexText, place: Place | None) -> None:
+        self.made, self.place = made, place
+        self.surveys: list[tuple[str, bool]] = []  # name, and whether it is part of its stations' names
+        self.shots: Shots | None = None
+        self.skipped, self.groups = "", 0
+        self.commands: dict[str, Callable[[Line], None]] = {
+            "data": self._data, "units": self._units, "calibrate": self._calibrate, "sd": self._sd,
+            "declination": self._declination, "flags": self._flags, "fix": self._fix, "equate": self._equate,
+            "cs": self._cs, "infer": self._infer, "group": self._group, "endgroup": self._endgroup,
+            "date": self._date,
+        }  # fmt: skip
+        if place is not None:
+            east, north, up = place.middle
+            for text in (
+                f"cs {place.cs}",
+                f"cs out {place.cs_out}",
+                f"declination auto {east:.3f} {north:.3f} {up:.3f}",
+            ):
+                made.add(place.line, f"*{text}")
+
+    def read(self, line: Line) -> None:
+        if len(self.made.lines) > 3 * reader_limits().survex_shots:
+            raise InputError(
+                f"{line.where}: more lines than {3 * reader_limits().survex_shots} (survex_shots in {FILE})"
+            )
+        word = line.words[0]
+        if self.skipped:
+            self.skipped = "" if word == self.skipped else self.skipped
+        elif self.shots is not None:
+            self._read_centreline(line)
+        elif word == "survey":
+            self._survey(line)
+        elif word == "endsurvey":
+            self._endsurvey(line)
+        elif word in ("centreline", "centerline"):
+            self.made.add(line, "*begin")
+            self.made.add(line, "*case preserve")
+            if self.place is not None and self.place.date:
+                self.made.add(line, f"*date {self.place.date}")
+            self.shots = Shots(self.made.add)
+            self.groups = 0
+        elif word in SKIPPED_BLOCKS:
+            self.skipped = f"end{word}"
+        elif word == "equate":
+            self._equate(line)
+        elif word not in _IGNORED:
+            raise InputError(f"{line.where}: {word[:40]!r} is not supported here")
+
+    def end(self, path: Path) -> None:
+        if self.shots is not None or self.surveys or self.skipped:
+            what = "centreline" if self.shots else self.surveys[-1][0] if self.surveys else self.skipped
+            raise InputError(f"{path}: {what} is not closed")
+
+    def _read_centreline(self, line: Line) -> None:
+        assert self.shots is not None
+        word = line.words[0]
+        if word in ("endcentreline", "endcenterline"):
+            self.shots.flush()
+            self.made.add(line, "*end")
+            self.shots = None
+        elif word in self.commands:
+            self.shots.flush()
+            self.commands[word](line)
+        elif word not in _IGNORED_IN_CENTRELINE:
+            self.shots.read(line)
+
+    def _survey(self, line: Line) -> None:
+        if len(line.words) < 2:
+            raise InputError(f"{line.where}: a survey without a name")
+        if len(self.surveys) >= reader_limits().survex_depth:
+            most = reader_limits().survex_depth
+            raise InputError(f"{line.where}: surveys are nested more than {most} deep (survex_depth in {FILE})")
+        name, named, declination = survey_name(line.where, line.words[1]), True, ""
+        options = list(line.words[2:])
+        while options:
+            option = options.pop(0)
+            value = options.pop(0) if options else ""
+            if option == "-namespace":
+                named = value != "off"
+            elif option == "-declination":
+                declination = declination_for_survex(line.where, value.strip("[]").split(), self._convergence())
+            elif option.removeprefix("-") not in _OPTIONS:
+                raise InputError(f"{line.where}: survey option {option[:40]!r} is not supported")
+        self.surveys.append((name, named))
+        self.made.add(line, f"*begin {name}" if named else "*begin")
+        self.made.add(line, "*case preserve")
+        self.made.add(line, f"*set names _-/'+{DOT}")
+        if declination:
+            self.made.add(line, declination)
+
+    def _endsurvey(self, line: Line) -> None:
+        if not self.surveys or (len(line.words) > 1 and line.words[1] != self.surveys[-1][0]):
+            raise InputError(f"{line.where}: {' '.join(line.words)[:60]!r} closes no survey")
+        name, named = self.surveys.pop()
+        self.made.add(line, f"*end {name}" if named else "*end")
+
+    def _data(self, line: Line) -> None:
+        assert self.shots is not None
+        self.shots.order(line)
+
+    def _units(self, line: Line) -> None:
+        self.made.add(line, f"*units {units_for_survex(line.where, line.words[1:])}")
+
+    def _calibrate(self, line: Line) -> None:
+        self.made.add(line, f"*calibrate {numbers_for_survex(line.where, line.words[1:])}")
+
+    def _sd(self, line: Line) -> None:
+        self.made.add(line, f"*sd {units_for_survex(line.where, line.words[1:])}")
+
+    def _declination(self, line: Line) -> None:
+        words = [word.strip("[]") for word in line.words[1:]]
+        self.made.add(line, declination_for_survex(line.where, words, self._convergence()))
+
+    def _convergence(self) -> float:
+        return 0.0 if self.place is None else self.place.convergence_deg
+
+    def _date(self, line: Line) -> None:
+        date = date_for_survex(line.words[1:])
+        if date:
+            self.made.add(line, f"*date {date}")
+
+    def _flags(self, line: Line) -> None:
+        text = flags_for_survex(line.where, line.words[1:])
+        if text:
+            self.made.add(line, f"*flags {text}")
+
+    def _fix(self, line: Line) -> None:
+        if len(line.words) < 5:
+            raise InputError(f"{line.where}: expected fix station east north up")
+        for word in line.words[2:]:
+            if not re.fullmatch(r"[+-]?\d{1,12}(\.\d{0,12})?", word):
+                raise InputError(f"{line.where}: {word[:40]!r} is not a number")
+        self.made.add(line, " ".join(["*fix", station_for_survex(line.where, line.words[1]), *line.words[2:5]]))
+
+    def _equate(self, line: Line) -> None:
+        names = [station_for_survex(line.where, word) for word in line.words[1:]]
+        if len(names) < 2:
+            raise InputError(f"{line.where}: equate needs two stations")
+        self.made.add(line, f"*equate {' '.join(names)}")
+
+    def _cs(self, line: Line) -> None:
+        name, _ = cs_for_survex(line.where, line.words[1:])
+        if self.place is None:
+            raise InputError(f"{line.where}: cs {name}, but no station is fixed in it")
+        self.made.add(line, f"*cs {name}")
+
+    def _infer(self, line: Line) -> None:
+        words = [word.lower() for word in line.words[1:]]
+        if len(words) != 2 or words[0] not in ("plumbs", "equates") or words[1] not in ("on", "off"):
+            raise InputError(f"{line.where}: {' '.join(line.words)[:60]!r} is not supported")
+        self.made.add(line, f"*infer {' '.join(words)}")
+
+    def _group(self, line: Line) -> None:
+        self.groups += 1
+        if self.groups > reader_limits().survex_depth:
+            raise InputError(f"{line.where}: groups are nested too deep (survex_depth in {FILE})")
+        self.made.add(line, "*begin")
+
+    def _endgroup(self, line: Line) -> None:
+        if not self.groups:
+            raise InputError(f"{line.where}: endgroup closes no group")
+        self.groups -= 1
+        self.made.add(line, "*end")

@@ -1,0 +1,104 @@
+"""Where and when a Therion project was surveyed: its coordinate system, its middle, and its first date."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import pyproj
+
+from pipeline.errors import InputError
+from pipeline.survey.therion.lines import Line
+from pipeline.survey.therion.words import cs_for_survex, number_for_survex
+
+_DATE = re.compile(r"(1[89]\d\d|20\d\d)(?:\.(0?[1-9]|1[0-2])(?:\.(0?[1-9]|[12]\d|3[01]))?)?(?![\d.])")
+_SQUARE_M = 100_000.0
+_LETTERS = "ABCDEFGHJKLMNOPQRSTUVWXYZ"
+
+
+@dataclass(frozen=True)
+class Place:
+    """The first coordinate system of a project, the mean of its fixed stations there, and its first date.
+
+    `convergence_deg` is the angle from true north to grid north there.
+    """
+
+    line: Line
+    cs: str
+    cs_out: str
+    middle: tuple[float, float, float]
+    convergence_deg: float
+    date: str
+
+
+def date_for_survex(words: tuple[str, ...]) -> str:
+    """Return the first date of a `date` command for `*date`, or nothing if it is none that Survex reads."""
+    found = _DATE.match(words[0]) if words else None
+    return ".".join(part for part in found.groups() if part) if found else ""
+
+
+def place_of(lines: list[Line]) -> Place | None:
+    """Return where a project lies, or None if it names no coordinate system or fixes no station in it.
+
+    Raises
+    ------
+    InputError
+        If a coordinate system is not supported, or the fixed stations do not lie within it.
+    """
+    first, current = None, None
+    fixes: list[list[float]] = []
+    dates: list[str] = []
+    for line in lines:
+        word = line.words[0]
+        if word in ("centreline", "centerline"):
+            current = None
+        elif word == "cs":
+            current = cs_for_survex(line.where, line.words[1:])
+            first = first or (line, current)
+        elif word == "fix" and first and current == first[1] and len(line.words) >= 5:
+            fixes.append([float(number_for_survex(line.where, text)) for text in line.words[2:5]])
+        elif word == "date":
+            dates += [date] if (date := date_for_survex(line.words[1:])) else []
+    if first is None or not fixes:
+        return None
+    line, (cs, out) = first
+    east, north, up = np.mean(fixes, axis=0).tolist()
+    earliest = min(dates, key=lambda date: [int(part) for part in date.split(".")]) if dates else ""
+    return Place(line, cs, out, (east, north, up), _convergence_deg(line, cs, out, east, north), earliest)
+
+
+def _convergence_deg(line: Line, cs: str, out: str, east: float, north: float) -> float:
+    """Return the meridian convergence of a metric system at a place."""
+    try:
+        system = pyproj.CRS.from_user_input(_proj_name(out))
+        if cs.startswith("OSGB:"):
+            east, north = east + _square(cs)[0], north + _square(cs)[1]
+        elif cs != out:
+            to_out = pyproj.Transformer.from_crs(_proj_name(cs), system, always_xy=True)
+            east, north = to_out.transform(east, north)
+        longitude, latitude = pyproj.Transformer.from_crs(system, system.geodetic_crs, always_xy=True).transform(
+            east, north
+        )
+        angle = float(pyproj.Proj(system).get_factors(longitude, latitude).meridian_convergence)
+    except pyproj.exceptions.ProjError as error:
+        raise InputError(f"{line.where}: cs {cs}: {str(error)[:120]}") from error
+    if not np.isfinite(angle):
+        raise InputError(f"{line.where}: the fixed stations lie outside cs {cs}")
+    return angle
+
+
+def _square(cs: str) -> tuple[float, float]:
+    """Return the south-west corner of a square of 100 km of the British National Grid, m east and north."""
+    major, minor = (_LETTERS.index(letter) for letter in cs.removeprefix("OSGB:"))
+    east = (major - 2) % 5 * 5 + minor % 5
+    north = 19 - major // 5 * 5 - minor // 5
+    return east * _SQUARE_M, north * _SQUARE_M
+
+
+def _proj_name(cs: str) -> str:
+    if cs.startswith("UTM"):
+        zone, half = int(cs[3:-1]), cs[-1]
+        return f"EPSG:{(32600 if half == 'N' else 32700) + zone}"
+    return {"S-MERC": "EPSG:3857", "IJTSK": "EPSG:5514", "JTSK": "EPSG:5513", "IJTSK03": "EPSG:8353",
+            "JTSK03": "EPSG:8352"}.get(cs, cs)  # fmt: skip

@@ -1,0 +1,211 @@
+"""Centrelines in vector files: lines in plan or in three dimensions, which a stated half width makes passages.
+
+Ends that lie on another line join it. What nearly meets, or has no elevation, is said with its place.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import shapely
+from networkx.utils import UnionFind
+
+from pipeline.errors import InputError
+from pipeline.guard.plain_file import require_at_most
+from pipeline.guard.reading_process import tell
+from pipeline.params.floor_rules import floor_rules
+from pipeline.survey.passages.stray_heights import require_elevations
+from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
+from pipeline.survey.vector.shapes import REACH_M, Shapes, locate
+from pipeline.types import Georeference
+
+_NEAR_M = 3.0  # an end so near to another line, and not joined, is told
+
+Line = np.ndarray  # (k, 3) m
+
+
+def read_centrelines(
+    path: Path, content: Shapes, unit: str | None, origin: tuple[float, float] | None, snap_m: float
+) -> tuple[SolvedSurvey, Georeference]:
+    """Return the lines of a file as the legs of a survey, and the georeference of the mine frame that they are in.
+
+    A line's points are its stations. An end within `snap_m` of another line joins it, and lines that cross at one
+    height, to `snap_m`, meet there. Elevations have the unit of the coordinates, or are metres if these are degrees.
+
+    Parameters
+    ----------
+    path : Path
+    content : Shapes
+        In the file's coordinates; lines without z lie at 0.
+    unit : str or None
+        As of `locate`.
+    origin : (float, float) or None
+        As of `locate`.
+    snap_m : float
+
+    Raises
+    ------
+    InputError
+        If the file holds polygons or no lines, an elevation is missing or beyond 10 km, or a limit is exceeded; the
+        message names the place.
+    """
+    lines, georeference = _lines(path, content, unit, origin)
+    require_elevations(path, np.concatenate(lines), "lines")
+    lines = _joined(path, _crossed(path, lines), snap_m)
+    require_at_most(path, sum(map(len, lines)), "stations", "points of lines")
+    places = np.concatenate(lines)
+    starts = np.cumsum([0, *map(len, lines)])
+    pairs = np.array([(k, k + 1) for a, b in pairwise(starts.tolist()) for k in range(a, b - 1)], np.int64)
+    names = tuple(f"{number}.{k}" for number, line in enumerate(lines, 1) for k in range(1, len(line) + 1))
+    return SolvedSurvey(
+        names,
+        places,
+        np.full(len(places), StationFlag.UNDERGROUND, np.uint8),
+        pairs.reshape(-1, 2),
+        np.zeros(len(pairs), np.uint8),
+        np.full(len(pairs), LegStyle.CARTESIAN, np.uint8),
+        title=path.stem,
+    ), georeference
+
+
+def _lines(
+    path: Path, content: Shapes, unit: str | None, origin: tuple[float, float] | None
+) -> tuple[list[Line], Georeference]:
+    """Return the lines in metres of the mine frame, with their elevations."""
+    parts = [part for shape in content.shapes for part in shapely.get_parts(shape) if not part.is_empty]
+    if any(shapely.get_dimensions(part) == 2 for part in parts):
+        raise InputError(f"{path}: holds polygons; centrelines are lines (without --half-width, it is read as walls)")
+    kept = [part for part in parts if shapely.get_dimensions(part) == 1]
+    if not kept:
+        raise InputError(f"{path}: holds no lines")
+    moved, georeference = locate(path, Shapes(kept, content.unit, content.crs), unit, origin)
+    lines = []
+    for line, part in zip(moved, kept, strict=True):
+        points = shapely.get_coordinates(part, include_z=True)
+        z = points[:, 2] * georeference.metres_per_unit if part.has_z else np.zeros(len(points))
+        if np.isnan(z).any():
+            x, y, _ = points[np.isnan(z)][0]
+            raise InputError(
+                f"{path}: {np.isnan(z).sum()} points of lines have no elevation (z is not a number), the first at "
+                f"({x:.1f}, {y:.1f}); state it, or draw the whole line without elevations"
+            )
+        lines.append(np.column_stack([shapely.get_coordinates(line), z]))
+    far = max(float(np.abs(line[:, 2]).max()) for line in lines)
+    if not far <= REACH_M:
+        raise InputError(f"{path}: an elevation of {far:g} m, at most {REACH_M:g} m")
+    return lines, georeference
+
+
+def _crossed(path: Path, lines: list[Line]) -> list[Line]:
+    """Return the lines with a common point wherever two cross in plan at one height, and say where."""
+    segments, most = _Segments(lines), floor_rules().flat_step_m
+    points: dict[int, list[tuple[float, np.ndarray]]] = defaultdict(list)
+    one, two = segments.tree.query(segments.shapes, predicate="crosses")
+    for a, b in np.column_stack([one, two])[one < two].tolist():
+        place = shapely.get_coordinates(segments.shapes[a].intersection(segments.shapes[b]))[0]
+        (share_a, z_a), (share_b, z_b) = segments.at(a, place), segments.at(b, place)
+        if abs(z_a - z_b) <= most:
+            meeting = np.array([*place, (z_a + z_b) / 2])
+            points[a].append((share_a, meeting))
+            points[b].append((share_b, meeting))
+    if not points:
+        return lines
+    x, y, z = next(iter(points.values()))[0][1]
+    tell(
+        f"{path.name}: lines cross without a common point and less than {most:g} m over each other; they meet there, "
+        f"the first at ({x:.1f}, {y:.1f}, {z:.1f})"
+    )
+    made, number = [], 0
+    for line in lines:
+        rows = []
+        for point in line[:-1]:
+            rows += [point, *(meeting for _, meeting in sorted(points.get(number, []), key=lambda row: row[0]))]
+            number += 1
+        made.append(np.array([*rows, line[-1]]))
+    return made
+
+
+def _joined(path: Path, lines: list[Line], snap_m: float) -> list[Line]:
+    """Return the lines with ends moved to the points that they join, and with points where others join them."""
+    segments = _Segments(lines)
+    same: UnionFind = UnionFind()  # points, as line and number
+    added: dict[tuple[int, int], list[tuple[float, tuple[int, int]]]] = defaultdict(list)
+    near: list[tuple[np.ndarray, float]] = []
+    for number, line in enumerate(lines):
+        for at in (0, len(line) - 1):
+            joins, apart = segments.near(number, at, line[at], snap_m)
+            for other, index, share in joins:
+                if share in (0.0, 1.0):
+                    same.union((other, index + int(share)), (number, at))
+                else:
+                    added[other, index].append((share, (number, at)))
+            if not joins and apart < _NEAR_M:
+                near.append((line[at], apart))
+    if near:
+        (x, y, z), apart = near[0]
+        tell(
+            f"{path.name}: {len(near)} ends are less than {_NEAR_M:g} m from another line and do not join it, the "
+            f"first at ({x:.1f}, {y:.1f}, {z:.1f}), {apart:.2f} m away; survey.snap_m, {snap_m:g} m, says what joins"
+        )
+
+    def place(point: tuple[int, int]) -> np.ndarray:
+        of, at = same[point]
+        return np.asarray(lines[of][at])
+
+    made = []
+    for number, line in enumerate(lines):
+        points = []
+        for index in range(len(line)):
+            points += [place((number, index)), *(place(end) for _, end in sorted(added.get((number, index), [])))]
+        kept = [points[0], *(b for a, b in pairwise(points) if (a != b).any())]
+        if len(kept) > 1:
+            made.append(np.array(kept))
+    return made
+
+
+class _Segments:
+    """The segments of lines, found by their place in plan."""
+
+    def __init__(self, lines: list[Line]) -> None:
+        """Take the lines' segments in the order of the lines."""
+        self.last = np.array([len(line) - 2 for line in lines])
+        self.of = np.concatenate([np.full(len(line) - 1, k) for k, line in enumerate(lines)])
+        self.index = np.concatenate([np.arange(len(line) - 1) for line in lines])
+        self.start = np.concatenate([line[:-1] for line in lines])
+        ends = np.concatenate([line[1:] for line in lines])  # start + along would round, and then neighbours cross
+        self.along = ends - self.start
+        self.way = np.concatenate([np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)) for line in lines])
+        self.shapes = shapely.linestrings(np.stack([self.start, ends], axis=1)[:, :, :2])
+        self.tree = shapely.STRtree(self.shapes)
+
+    def at(self, number: int, place_m: np.ndarray) -> tuple[float, float]:
+        """Return how far along a segment, as a share, a place (2,) m on it is, and how high the segment is there, m."""
+        along = self.along[number]
+        share = float(np.dot(place_m - self.start[number, :2], along[:2]) / np.dot(along[:2], along[:2]))
+        return share, float(self.start[number, 2] + share * along[2])
+
+    def near(
+        self, line: int, at: int, point_m: np.ndarray, snap_m: float
+    ) -> tuple[list[tuple[int, int, float]], float]:
+        """Return what the end `at` of a line joins, and how far (m) it is from the nearest other line.
+
+        Its own line counts where it comes back to the end. What it joins are lines, with the number of a segment and
+        the share of it, 0 and 1 at its ends.
+        """
+        reach = max(_NEAR_M, snap_m)
+        found = self.tree.query(shapely.Point(point_m[:2]), predicate="dwithin", distance=reach)
+        before = self.way[found] - np.linalg.norm(self.along[found], axis=1)
+        whole = self.way[(self.of == line) & (self.index == self.last[line])]
+        way = before if at == 0 else whole - self.way[found]  # along its own line
+        found = found[(self.of[found] != line) | (way > 2 * reach)]
+        start, along = self.start[found], self.along[found]
+        share = np.clip(((point_m - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12), 0.0, 1.0)
+        for end in (0.0, 1.0):
+            share[np.linalg.norm(start + end * along - point_m, axis=1) <= snap_m] = end
+        apart = np.linalg.norm(start + share[:, None] * along - point_m, axis=1)
+        joins = np.flatnonzero(apart <= snap_m).tolist()
+        ends = [(int(self.of[found[k]]), int(self.index[found[k]]), float(share[k])) for k in joins]
+        return ends, float(apart.min(initial=np.inf))

@@ -1,0 +1,188 @@
+"""Reader of DXF drawings: polylines, lines, arcs and splines. Blocks are resolved."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from ezdxf import disassemble
+from ezdxf.document import Drawing
+from ezdxf.entities.dxfentity import DXFEntity
+from ezdxf.entities.insert import Insert
+from ezdxf.entities.mtext import MText
+from ezdxf.entities.text import Text
+from ezdxf.filemanagement import readfile
+from ezdxf.lldxf.const import DXFError
+from ezdxf.math import Vec3
+from shapely import LineString
+
+from pipeline.errors import InputError
+from pipeline.guard.plain_file import read_text_bytes, require_at_most
+from pipeline.guard.plain_number import plain_number
+from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.vector.shapes import Shapes, require_size
+
+_UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
+_CHORD_SHARE = 1e-4  # largest distance between a curve and its chords, as a share of the drawing's size
+_ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?$", re.MULTILINE)  # each entity begins with group code 0
+_POINT = re.compile(rb"^[ \t]*10[ \t]*\r?$", re.MULTILINE)  # a point begins with group code 10
+_HEIGHT = re.compile(r"\s*([-+]?\d{1,6}[.,]\d{1,6})\s*m?\s*", re.ASCII)  # a label; whole numbers name stations
+_LARGEST = 1e12  # a mine in mm at map coordinates needs 1e10
+_DRAWN = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
+
+
+_ERRORS = (
+    DXFError,
+    ValueError,
+    TypeError,
+    KeyError,
+    IndexError,
+    AttributeError,
+    RecursionError,
+    ArithmeticError,
+    StopIteration,
+    RuntimeError,  # an iterator of ezdxf that ends within another
+)
+
+
+def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
+    """Read the lines of the given layers; None reads all layers.
+
+    Returns
+    -------
+    Shapes
+        Lines in drawing units. The unit is `$INSUNITS` if it is in, ft, mm, cm or m, else None.
+
+    Raises
+    ------
+    InputError
+        If the file is not DXF, exceeds a limit on entities, blocks or points, or a layer is unknown. The message lists
+        the layers.
+    """
+    data = read_text_bytes(path)
+    require_at_most(path, len(_ENTITY.findall(data)), "dxf_entities", "entities and tables")
+    require_at_most(path, len(_POINT.findall(data)), "points", "points or more")
+    try:
+        drawing = readfile(path)
+        _require_block_size(path, drawing)
+        existing = {layer.dxf.name for layer in drawing.layers} | {e.dxf.layer for e in drawing.modelspace()}
+        lines = _lines(path, drawing, layers)
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"{path}: not a DXF drawing ({error.strerror or error})") from error
+    except _ERRORS as error:
+        raise InputError(f"{path}: not a readable DXF drawing ({type(error).__name__}: {str(error)[:120]})") from error
+    unknown = sorted(set(layers or []) - existing)
+    if unknown and not lines:
+        raise InputError(f"{path}: no layer {', '.join(unknown)}; there are {', '.join(sorted(existing))}")
+    unit = _UNITS.get(int(drawing.header.get("$INSUNITS", 0)))
+    return Shapes([line for line, _ in lines], unit, layer_of=[layer for _, layer in lines])
+
+
+def read_dxf_labels(path: Path) -> np.ndarray:
+    """Return the points of a drawing that `read_dxf` has read, and its texts that are decimal numbers, as (k, 3).
+
+    A text is the height at its insertion point; a decimal comma counts as a point.
+
+    Raises
+    ------
+    InputError
+        If a coordinate is absurd.
+    """
+    found: list[tuple[float, ...]] = []
+    try:
+        entities = disassemble.recursive_decompose(readfile(path).modelspace())
+        for entity in islice(entities, reader_limits().dxf_entities):
+            if entity.dxftype() not in ("POINT", "TEXT", "MTEXT"):
+                continue
+            _require_plain_numbers(path, entity)
+            if entity.dxftype() == "POINT":
+                found.append(tuple(entity.dxf.location))
+            elif isinstance(entity, Text | MText):
+                number = _HEIGHT.fullmatch(str(entity.plain_text()))
+                if number:
+                    x, y = entity.dxf.insert.vec2
+                    found.append((x, y, plain_number(number[1].replace(",", "."))))
+    except InputError:
+        raise
+    except _ERRORS as error:
+        raise InputError(f"{path}: not a readable DXF drawing ({type(error).__name__}: {str(error)[:120]})") from error
+    return np.array(found, dtype=float).reshape(-1, 3)
+
+
+def _require_plain_numbers(path: Path, entity: DXFEntity) -> None:
+    """Refuse an entity with a coordinate, radius or angle that is absurd or not finite."""
+    for name, value in entity.dxfattribs().items():
+        numbers = value if isinstance(value, Vec3 | tuple) else (value,) if isinstance(value, float) else ()
+        if not all(abs(number) < _LARGEST for number in numbers):
+            raise InputError(f"{path}: {name} = {value} of a {entity.dxftype()}, expected numbers below {_LARGEST:g}")
+
+
+def _require_block_size(path: Path, drawing: Drawing) -> None:
+    """Refuse blocks that contain themselves, are nested too deep, or hold too many entities once resolved.
+
+    The entities are counted from the references, because resolving nested empty blocks can take for ever.
+    """
+    most, deepest = reader_limits().dxf_entities, reader_limits().dxf_block_depth
+    sizes: dict[str, int] = {}
+
+    def size_of(name: str, outer: tuple[str, ...]) -> int:
+        name = name.lower()  # names differ in more than case
+        if name in outer:
+            raise InputError(f"{path}: block {name[:60]!r} contains itself")
+        if len(outer) > deepest:
+            raise InputError(
+                f"{path}: blocks are nested more than {deepest} deep, the limit (dxf_block_depth in {FILE})"
+            )
+        if name not in sizes:
+            inner = (times * (1 + size_of(block, (*outer, name))) for block, times in references(name))
+            sizes[name] = len(drawing.blocks.get(name)) + sum(inner)
+        return sizes[name]
+
+    def references(name: str) -> Iterator[tuple[str, int]]:
+        for entity in drawing.blocks.get(name):
+            if isinstance(entity, Insert):
+                block, times = entity.dxf.get("name", ""), max(1, entity.mcount)
+            else:
+                block, times = entity.dxf.get("geometry", "") if entity.dxf.is_supported("geometry") else "", 1
+            if isinstance(block, str) and block in drawing.blocks:
+                yield block, times
+
+    size = size_of("*model_space", ())
+    if size > most:
+        raise InputError(
+            f"{path}: {size} entities with blocks resolved, the limit is {most} (dxf_entities in {FILE}); "
+            "save only the plan's layers"
+        )
+
+
+def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> list[tuple[LineString, str]]:
+    """Return the lines with their layers."""
+    most = reader_limits().dxf_entities
+    entities = list(islice(disassemble.recursive_decompose(drawing.modelspace()), most + 1))
+    if len(entities) > most:
+        raise InputError(f"{path}: more than {most} entities with blocks resolved (dxf_entities in {FILE})")
+    kept = [e for e in entities if e.dxftype() in _DRAWN and (layers is None or e.dxf.layer in layers)]
+    for entity in kept:
+        _require_plain_numbers(path, entity)
+    found = [p for p in disassemble.to_primitives(kept) if p.path is not None and len(p.path)]
+    paths = [(p.path, str(p.entity.dxf.layer)) for p in found if p.path is not None]
+    vertices = [point for p, _ in paths for point in p.control_vertices()]
+    if not vertices:
+        return []
+    size = max(max(v[k] for v in vertices) - min(v[k] for v in vertices) for k in (0, 1))
+    rises = len({v.z for v in vertices}) > 1  # else it is a plan, at whatever elevation
+    lines: list[tuple[LineString, str]] = []
+    count, limit = 0, reader_limits().points
+    for p, layer in paths:
+        chords = p.flattening(max(size * _CHORD_SHARE, 1e-9), segments=4)
+        points = [(v.x, v.y, v.z) if rises else (v.x, v.y) for v in islice(chords, limit + 1 - count)]
+        count += len(points)
+        require_size(path, count)
+        if len(set(points)) > 1:
+            lines.append((LineString(points), layer))
+    return lines

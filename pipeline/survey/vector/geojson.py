@@ -1,0 +1,74 @@
+"""Reader of GeoJSON: polygons of workings, or lines of walls."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.errors import InputError
+from pipeline.guard.plain_file import read_text_bytes, require_at_most
+from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.vector.shapes import Shapes, require_size
+
+
+def read_geojson(path: Path, layers: list[str] | None) -> Shapes:
+    """Read polygons and lines.
+
+    Parameters
+    ----------
+    path : Path
+    layers : list of str or None
+        Read only the features whose property `layer` is in this list; None reads all features.
+
+    Raises
+    ------
+    InputError
+        If the file is not GeoJSON.
+
+    References
+    ----------
+    RFC 7946. The member `crs` is from the 2008 specification; GDAL still writes it for other systems than WGS 84.
+    """
+    data = read_text_bytes(path)
+    require_size(path, data.count(b"[") // 2)  # before anything is built; a point has one bracket, a ring few more
+    try:
+        content = json.loads(data)
+        features = _features(content)
+        require_at_most(path, len(features), "shapes", "features")
+        chosen = [feature for feature in features if layers is None or _layer(feature) in layers]
+        found = [(shape, _layer(feature)) for feature in chosen for shape in _shapes(path, feature)]
+    except (ValueError, TypeError, KeyError, RecursionError, shapely.GEOSException, AttributeError) as error:
+        raise InputError(f"{path}: not GeoJSON ({str(error)[:120]})") from error
+    shapes, layer_of = [shape for shape, _ in found], [layer for _, layer in found]
+    if "note" in content and "metres" in str(content["note"]):  # this project's own artifacts
+        return Shapes(shapes, "m", layer_of=layer_of)
+    crs = content.get("crs") or {}
+    properties = crs.get("properties") if isinstance(crs, dict) else None
+    name = properties.get("name") if isinstance(properties, dict) else None
+    return Shapes(shapes, None, str(name) if name else "OGC:CRS84", layer_of)
+
+
+def _features(content: Any) -> list[dict]:
+    if not isinstance(content, dict) or "type" not in content:
+        raise ValueError("no member `type`")
+    if content["type"] == "FeatureCollection":
+        return list(content["features"])
+    return [content if content["type"] == "Feature" else {"type": "Feature", "geometry": content}]
+
+
+def _layer(feature: dict) -> str:
+    return str((feature.get("properties") or {}).get("layer"))
+
+
+def _shapes(path: Path, feature: dict) -> list[BaseGeometry]:
+    geometry = feature["geometry"]
+    level, most = [geometry], reader_limits().nesting
+    for _ in range(most):
+        level = [inner for part in level if isinstance(part, dict) for inner in part.get("geometries") or []]
+    if level:
+        raise InputError(f"{path}: collections are nested more than {most} deep, the limit (nesting in {FILE})")
+    return [shapely.from_geojson(json.dumps(geometry))] if geometry is not None else []

@@ -1,0 +1,225 @@
+"""Shapes of a vector file, and their conversion to metres in the mine frame."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field, replace
+from itertools import compress
+from pathlib import Path
+
+import numpy as np
+import pyproj
+import shapely
+from shapely import LineString, MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.errors import GeometryError, InputError
+from pipeline.geometry.outline.crossings import count_crossings
+from pipeline.geometry.outline.enclosure import as_polygons, enclose_workings
+from pipeline.guard.plain_file import require_at_most
+from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.vector.ground import covers, ground_scale, is_true_to_scale
+from pipeline.types import Georeference
+
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
+REACH_M = 10_000.0  # larger coordinates would lose precision in the world's text and its octree
+# PROJ opens the files that such a definition names. Web Mercator is often written with `+nadgrids=@null`, no grid.
+_PROJ_FILES = re.compile(r"\binit=|\bpipeline\b|grids=(?!@null\b)|\bfile\b|parameterfile", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """Polygons and lines of a file, in its own coordinates. `unit` and `crs` are None if the file names none.
+
+    `layer_of` has the layer of each shape, and is empty if the format has no layers.
+    """
+
+    shapes: list[BaseGeometry]
+    unit: str | None = None
+    crs: str | None = None
+    layer_of: list[str] = field(default_factory=list)
+
+    def only(self, kept: list[bool]) -> Shapes:
+        """Return the shapes that are to be kept, with their layers."""
+        if all(kept):
+            return self
+        return replace(self, shapes=list(compress(self.shapes, kept)), layer_of=list(compress(self.layer_of, kept)))
+
+
+def require_size(path: Path, points: int) -> None:
+    """Refuse a file with too many points.
+
+    Raises
+    ------
+    InputError
+        If there are more points than the limit. The message names the file, the count and the limit.
+    """
+    require_at_most(path, points, "points", "points or more")
+
+
+def require_simple(path: Path, content: Shapes) -> Shapes:
+    """Return a file's shapes without collections in collections; lines in three dimensions keep their elevations.
+
+    Raises
+    ------
+    InputError
+        If there are too many shapes or points, they are nested too deep, or their edges cross too often.
+    """
+    limits = reader_limits()
+    require_at_most(path, len(content.shapes), "shapes", "shapes")
+    parts, of = np.array(content.shapes, dtype=object), np.arange(len(content.shapes))
+    for _ in range(limits.nesting):
+        if not (shapely.get_type_id(parts) > 3).any():
+            break
+        parts, index = shapely.get_parts(parts, return_index=True)
+        of = of[index]
+    else:
+        raise InputError(
+            f"{path}: collections are nested more than {limits.nesting} deep, the limit (nesting in {FILE})"
+        )
+    require_at_most(path, len(parts), "shapes", "shapes")
+    require_size(path, int(shapely.get_num_coordinates(parts).sum()))
+    kept = ~shapely.is_empty(parts)
+    shapes, layers = list(parts[kept]), [content.layer_of[k] for k in of[kept]] if content.layer_of else []
+    if not np.isfinite(shapely.get_coordinates(shapes)).all():
+        raise InputError(f"{path}: a coordinate is not finite")
+    if count_crossings([shapely.force_2d(shape) for shape in shapes], limits.crossings) > limits.crossings:
+        raise InputError(f"{path}: its lines cross more than {limits.crossings} times, the limit (crossings in {FILE})")
+    return Shapes(shapes, content.unit, content.crs, layers)
+
+
+def locate(
+    path: Path, content: Shapes, unit: str | None, origin: tuple[float, float] | None
+) -> tuple[list[BaseGeometry], Georeference]:
+    """Convert shapes to metres in the mine frame.
+
+    Degrees are projected by a transverse Mercator about the middle of the shapes. So are coordinates of a system in
+    which lengths differ from those on the ground, such as Web Mercator. Coordinates beyond 10 km are moved to
+    an origin at the south-west corner, rounded to 10 m, unless `origin` is given.
+
+    Returns
+    -------
+    list of shapely geometry, m, mine frame
+    Georeference
+
+    Raises
+    ------
+    InputError
+        If a coordinate is not finite or more than 10 km from the origin, or the coordinate system is unknown.
+    """
+    shapes = [shapely.force_2d(shape) for shape in content.shapes if not shape.is_empty]
+    if not shapes:
+        raise InputError(f"{path}: holds no polygons and no lines")
+    require_size(path, int(shapely.get_num_coordinates(shapes).sum()))
+    if not np.isfinite(shapely.get_coordinates(shapes)).all():
+        raise InputError(f"{path}: a coordinate is not finite")
+    crs, projection = content.crs, None
+    if crs is not None and unit is not None and coordinate_system(path, crs).is_geographic:
+        crs = None  # a local grid in a format whose coordinate system is always in degrees
+    unit_name = unit or content.unit or "m"
+    metres = METRES[unit_name]
+    if crs is not None and unit is None:
+        system = coordinate_system(path, crs)
+        if system.is_geographic or not _is_on_ground(shapes, system):
+            shapes, projection = _project(path, shapes, system)
+            unit_name, metres = "m", 1.0
+        elif system.axis_info:
+            metres = float(system.axis_info[0].unit_conversion_factor)
+            unit_name = str(system.axis_info[0].unit_name)
+    mine_origin = origin or _origin(shapely.total_bounds(shapes).tolist(), metres)
+    moved = [shapely.transform(shape, lambda p: (p - mine_origin) * metres) for shape in shapes]
+    west, south, east, north = shapely.total_bounds(moved).tolist()
+    if max(abs(west), abs(south), abs(east), abs(north)) > REACH_M:
+        raise InputError(
+            f"{path}: reaches from ({west:.0f}, {south:.0f}) to ({east:.0f}, {north:.0f}) m about survey.origin, "
+            f"beyond {REACH_M:g} m; is survey.unit = {unit or unit_name} right?"
+        )
+    return moved, Georeference(unit_name, metres, mine_origin, crs, projection)
+
+
+def coordinate_system(path: Path, text: str) -> pyproj.CRS:
+    """Return the coordinate system that a file names.
+
+    Raises
+    ------
+    InputError
+        If it is unknown, or its definition names files, which PROJ would open.
+    """
+    if _PROJ_FILES.search(text):
+        raise InputError(f"{path}: its coordinate system {text[:80]!r} names files; they are not read")
+    try:
+        return pyproj.CRS.from_user_input(text)
+    except (pyproj.exceptions.CRSError, UnicodeEncodeError) as error:
+        raise InputError(f"{path}: its coordinate system {text[:80]!r} is unknown") from error
+
+
+def _is_on_ground(shapes: list[BaseGeometry], system: pyproj.CRS) -> bool:
+    """Return whether a projected system's lengths are those on the ground where the shapes are.
+
+    Coordinates outside the system's area are those of a local grid, whatever the file says: then they are.
+    """
+    if not system.is_projected:
+        return True
+    west, south, east, north = shapely.total_bounds(shapes).tolist()
+    middle = (west + east) / 2, (south + north) / 2
+    try:
+        return not covers(system, *middle) or is_true_to_scale(ground_scale(system, *middle))
+    except pyproj.exceptions.ProjError:
+        return True
+
+
+def _project(path: Path, shapes: list[BaseGeometry], system: pyproj.CRS) -> tuple[list[BaseGeometry], str]:
+    if not system.is_geographic:
+        try:
+            to_degrees = pyproj.Transformer.from_crs(system, system.geodetic_crs, always_xy=True)
+            shapes = [shapely.transform(s, lambda p: np.column_stack(to_degrees.transform(*p.T))) for s in shapes]
+        except pyproj.exceptions.ProjError as error:
+            raise InputError(f"{path}: its coordinates cannot be projected ({str(error)[:160]})") from error
+        system = system.geodetic_crs or system
+    west, south, east, north = shapely.total_bounds(shapes).tolist()
+    if not (-180 <= west <= east <= 180 and -90 <= south <= north <= 90):
+        raise InputError(
+            f"{path}: coordinates from ({west:g}, {south:g}) to ({east:g}, {north:g}) are not degrees, but its "
+            "coordinate system is (GeoJSON is always longitude and latitude); state survey.unit=m for a local grid"
+        )
+    projection = f"+proj=tmerc +lat_0={(south + north) / 2:.6f} +lon_0={(west + east) / 2:.6f} +ellps=WGS84 +units=m"
+    try:
+        to_local = pyproj.Transformer.from_crs(system, pyproj.CRS.from_proj4(projection), always_xy=True)
+    except pyproj.exceptions.ProjError as error:
+        raise InputError(f"{path}: its coordinate system cannot be projected ({str(error)[:160]})") from error
+    return [shapely.transform(s, lambda p: np.column_stack(to_local.transform(*p.T))) for s in shapes], projection
+
+
+def _origin(bounds: list[float], metres: float) -> tuple[float, float]:
+    if max(map(abs, bounds)) * metres <= REACH_M:
+        return 0.0, 0.0
+    step = 10.0 / metres
+    return math.floor(bounds[0] / step) * step, math.floor(bounds[1] / step) * step
+
+
+def workings_of(
+    path: Path, shapes: list[BaseGeometry], snap_m: float, seeds: list[tuple[float, float]]
+) -> MultiPolygon:
+    """Return the workings from shapes (m): their polygons, or the areas that their lines enclose.
+
+    Raises
+    ------
+    InputError
+        If there are no polygons and lines, or the lines enclose no area.
+    """
+    parts = [part for shape in shapes for part in shapely.get_parts(shape)]
+    polygons = [part for part in parts if isinstance(part, Polygon)]
+    lines = [part for part in parts if isinstance(part, LineString) and part.length > 0]
+    if polygons and not lines:
+        try:
+            return as_polygons(shapely.union_all([shapely.make_valid(p) for p in polygons]))
+        except shapely.GEOSException as error:
+            raise InputError(f"{path}: its polygons cannot be united ({str(error)[:120]})") from error
+    walls = [*lines, *(LineString(ring) for p in polygons for ring in (p.exterior, *p.interiors))]
+    if not walls:
+        raise InputError(f"{path}: holds no polygons and no lines")
+    try:
+        return enclose_workings(walls, snap_m, seeds)
+    except (GeometryError, shapely.GEOSException) as error:
+        raise InputError(f"{path}: {error}") from error

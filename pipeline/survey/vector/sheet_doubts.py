@@ -1,0 +1,68 @@
+"""Notice vector drawings that show a whole drawing sheet: its lines are no walls, and layers tell them apart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import shapely
+from shapely import LineString
+
+from pipeline.errors import InputError
+from pipeline.guard.reading_process import one_line
+from pipeline.survey.vector.shapes import Shapes
+
+_FRAME = 0.9  # of the drawing's extent, both ways: a rectangle this large round other lines is a frame
+_GRID, _GRID_LINES = 0.6, 3  # of the extent: a straight level or upright line this long is one of a grid; their number
+_LEVEL = 1e-3  # of the extent
+_LISTED = 12  # layers that a message names
+
+
+def require_no_sheet(path: Path, content: Shapes) -> None:
+    """Refuse a drawing with a frame or a grid, whose layers the user did not choose.
+
+    A rectangle round all else counts as a frame only if other lines lie on other layers, or a second frame lies in it:
+    the workings of a small mine may be a rectangle with pillars.
+
+    Raises
+    ------
+    InputError
+        The message lists the layers, or says what helps if there is only one.
+    """
+    layers = sorted(set(content.layer_of))
+    lines = [shape for shape in content.shapes if isinstance(shape, LineString)]
+    if len(lines) != len(content.layer_of) or len(lines) < 2:
+        return
+    west, south, east, north = shapely.total_bounds(lines)
+    extent = np.array([east - west, north - south])
+    frames = [k for k, line in enumerate(lines) if _is_frame(line, extent)]
+    ruled = sum(_is_ruled(line, extent) for line in lines)
+    elsewhere = {content.layer_of[k] for k in frames} != set(layers)
+    framed = bool(frames) and (len(frames) > 1 or (len(layers) > 1 and elsewhere))
+    if not framed and ruled < _GRID_LINES:
+        return
+    shown = " and ".join(
+        text for text, is_shown in (("a frame", framed), (f"{ruled} lines of a grid", ruled >= _GRID_LINES)) if is_shown
+    )
+    if len(layers) > 1:
+        names = one_line(", ".join(layers[:_LISTED]) + (", ..." if len(layers) > _LISTED else ""), 200)
+        advice = f"--layer NAME, once for each layer with walls, chooses from its layers: {names}"
+    else:
+        advice = "all its lines are on one layer: save the walls alone, or give a PDF or a picture of the sheet"
+    raise InputError(f"{path}: looks like a drawing sheet with {shown}; {advice}")
+
+
+def _is_frame(line: LineString, extent: np.ndarray) -> bool:
+    """Return whether a line is a level rectangle nearly as large as the drawing."""
+    west, south, east, north = line.bounds
+    size = np.array([east - west, north - south])
+    if not line.is_closed or (size < _FRAME * extent).any():
+        return False
+    return bool(shapely.Polygon(line).area > (1 - _LEVEL) * size.prod())
+
+
+def _is_ruled(line: LineString, extent: np.ndarray) -> bool:
+    """Return whether a line is straight, level or upright, and nearly as long as the drawing."""
+    west, south, east, north = line.bounds
+    size = np.array([east - west, north - south])
+    return bool(((size >= _GRID * extent) & (size[::-1] <= _LEVEL * extent.max())).any())

@@ -1,0 +1,203 @@
+"""Explorers, bound and coverage over the sheets of mines with heights."""
+
+import numpy as np
+import pytest
+
+from baselines.base.errors import BaselineError
+from baselines.explorers.maps.layers import LayeredMap, Stance
+from baselines.explorers.maps.own_map import FREE, ROCK, UNKNOWN
+from baselines.explorers.over_heights import EXPLORERS_OVER_HEIGHTS
+from baselines.oracle.bound import best_walk
+from baselines.oracle.sheets import metric_of, network_over_sheets, steep_speed_mps, tour_over_sheets
+from baselines.oracle.tour import OracleTour
+from baselines.policies.found import make_policy
+from baselines.running.protocol import run_episodes
+from baselines.sandbox.confined import Confined, ConfinedPolicy
+from minexplore.envs.vector import MineVectorEnv
+from minexplore.sensing.coverage import CoverageGrid
+from pipeline.compose import compose
+from tests.heights import UNDER, MineWithHeights, levels, spiral
+from tests.project import ROOT
+
+LEVEL = np.eye(3)[:2]
+BEARINGS = np.radians([0.0, 90.0, 180.0, 270.0])
+SENSOR_M, FAR_M = 0.5, 10.0
+DRY = {"terrain": False}  # mud and water on a decline of 13 % are slippery: robots slide there
+
+
+@pytest.fixture(scope="module")
+def light():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        return compose(["preset=light"])
+
+
+@pytest.fixture(scope="module")
+def under(light, tmp_path_factory):
+    return MineWithHeights(UNDER, light, tmp_path_factory.mktemp("under"))
+
+
+@pytest.fixture(scope="module")
+def helix(light, tmp_path_factory):
+    return MineWithHeights(spiral(2), light, tmp_path_factory.mktemp("helix"))
+
+
+def seen_by_sheet(env):
+    """Return the share of each sheet's reachable cells that each robot has seen, (robots, sheets)."""
+    grid = env.robots.grid
+    row, col = np.nonzero(grid.reachable)
+    sheet = env.world.floor.sheets_at(grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m)
+    sheets = range(len(env.world.floor.offset_m))
+    return np.array([[seen[row, col][sheet == k].mean() for k in sheets] for seen in env.robots.seen])
+
+
+def explore(world, name, steps):
+    env = MineVectorEnv(1, world=world, task={"max_steps": steps, **DRY})
+    (episode,) = run_episodes(env, make_policy(name, 1, env.task, env.robot, heights=True), [0])
+    shares = seen_by_sheet(env)[0]
+    env.close()
+    return episode, shares
+
+
+def kinds_at(own, number, places):
+    layer = own.layers[number]
+    return layer.fine[layer.at(np.array(places), layer.fine_m)].tolist()
+
+
+def test_passages_over_each_other_are_in_different_layers():
+    own = LayeredMap(2.0)
+    own.add_scan(Stance(np.array([5.0, 5.0]), 100.0, LEVEL), BEARINGS, np.array([1.0, 9.0, 1.0, 9.0]), SENSOR_M, FAR_M)
+    own.add_scan(Stance(np.array([5.0, 5.0]), 104.1, LEVEL), BEARINGS, np.array([9.0, 1.0, 9.0, 1.0]), SENSOR_M, FAR_M)
+    across, along = [(6.1, 5.0), (3.9, 5.0)], [(5.0, 6.1), (5.0, 3.9)]
+    for number in own.layers:
+        lower = any(kind == ROCK for kind in kinds_at(own, number, across))
+        upper = any(kind == ROCK for kind in kinds_at(own, number, along))
+        assert not (lower and upper)
+    assert kinds_at(own, 0, across) == [ROCK, ROCK]
+    assert kinds_at(own, 0, along) == [FREE, FREE]
+    assert kinds_at(own, own.layer, along) == [ROCK, ROCK]
+
+
+def test_a_floor_that_rises_is_taken_for_rock_until_it_is_doubted_and_never_where_its_height_is_known():
+    ahead, ramp = np.array([0.0]), 0.15
+    own = LayeredMap(2.0)
+    own.add_scan(Stance(np.zeros(2), 0.0, LEVEL), ahead, np.array([SENSOR_M / ramp]), SENSOR_M, FAR_M)
+    end = [(SENSOR_M / ramp + 0.1, 0.0)]
+    assert kinds_at(own, 0, end) == [ROCK]
+    assert own.doubt([0])
+    assert kinds_at(own, 0, end) == [UNKNOWN]
+    own.add_scan(Stance(np.zeros(2), 0.0, LEVEL), ahead, np.array([SENSOR_M / ramp]), SENSOR_M, FAR_M)
+    assert kinds_at(own, 0, end) == [FREE]
+    own.add_scan(Stance(np.array([2.3, 0.0]), 0.0, LEVEL), ahead, np.array([1.0]), SENSOR_M, FAR_M)
+    assert kinds_at(own, 0, end) == [ROCK]  # so near it is none but rock
+    assert not own.doubt([0])
+
+
+@pytest.mark.parametrize(
+    ("name", "steps"),
+    [
+        ("depth-first", 2000),
+        pytest.param("nearest-frontier", 4000, marks=pytest.mark.slow),
+        pytest.param("two-level", 4000, marks=pytest.mark.slow),
+    ],
+)
+def test_an_explorer_drives_over_a_seam_and_sees_all_sheets(name, steps, under):
+    episode, shares = explore(under.bundle, name, steps)
+    assert len(shares) == 2
+    assert (shares > 0.9).all(), shares
+    assert episode.collided == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*EXPLORERS_OVER_HEIGHTS][2:])
+@pytest.mark.parametrize(("legs", "sheets"), [(spiral(3), 4), (levels(), 3)])
+def test_explorers_reach_all_sheets_of_a_spiral_and_of_three_levels(name, legs, sheets, light, tmp_path):
+    mine = MineWithHeights(legs, light, tmp_path)
+    _, shares = explore(mine.bundle, name, 12_000)
+    assert len(shares) == sheets
+    assert (shares > 0.8).all(), shares
+
+
+def test_a_learned_policy_refuses_a_mine_with_heights():
+    with pytest.raises(BaselineError, match="learned policies map level mines only"):
+        make_policy("x.safetensors", 1, None, None, heights=True)
+
+
+def test_a_confined_policy_is_told_heights_and_attitudes(under, tmp_path, monkeypatch):
+    (tmp_path / "strange.py").write_text(
+        "from baselines.explorers.over_heights import DepthFirstOverHeights\n\n\n"
+        "class Strange(DepthFirstOverHeights):\n    pass\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    env = MineVectorEnv(1, world=under.bundle, task=DRY)
+    observation, info = env.reset(seed=[3])
+    here = make_policy("depth-first", 1, env.task, env.robot, heights=True)
+    with ConfinedPolicy("strange:Strange", 1, env.task, env.robot, Confined(), heights=True) as there:
+        for policy in (here, there):
+            policy.reset(np.arange(1), np.array([3]))
+        for _ in range(5):
+            actions = [np.asarray(policy.act(observation, info)) for policy in (here, there)]
+            np.testing.assert_array_equal(*actions)
+            observation, _, _, _, info = env.step(actions[0])
+    env.close()
+
+
+def test_the_least_time_down_a_spiral_is_that_along_its_inner_helix(helix):
+    """Twelve sides a turn, 12 * 2 * apothem * tan(15 deg) long in plan; the apothem is that of the inner wall and the
+    distance that a robot keeps from it; a turn falls by 0.13 of the centre line's circle.
+    """
+    env = MineVectorEnv(1, world=helix.bundle, task=DRY)
+    network, world = network_over_sheets(env.robots, 4.0), env.world
+    speed = steep_speed_mps(world, env.task)
+    assert speed.min() == speed.max() > 1.5
+    apothem = 14 * np.cos(np.pi / 12) - 2.2 + env.robot.radius_m - 0.2
+    fall = 0.13 * 2 * np.pi * 14
+    turn_m = np.hypot(12 * 2 * apothem * np.tan(np.pi / 12), fall)
+    datum = helix.survey.heights.datum_m
+    angle = 2 * np.pi * np.array([10.5, 11.5]) / 12  # the middles of sides, a little off the wall, below the start
+    lengths = []
+    for k in range(len(angle)):
+        x, y = (apothem + 0.2) * np.array([np.cos(angle[k]), np.sin(angle[k])])
+        z = 100 - fall * angle[k] / (2 * np.pi) - datum - fall * np.arange(2)
+        plan = world.floor.unfold(np.column_stack([np.full(2, x), np.full(2, y), z + 1.0]))
+        col, row = np.floor((plan[:, :2] - world.origin_m) / world.cell_m).astype(int).T
+        lengths.append(np.ptp(network.arrival_s[row, col]) * speed.min())
+    env.close()
+    assert len(world.floor.offset_m) > 1
+    assert max(lengths) <= turn_m * 1.005  # a bound may only be too high, so a way only too short
+    assert min(lengths) >= turn_m / metric_of(world.floor) - 2.0
+
+
+def test_no_explorer_beats_the_bound_over_sheets_and_the_tour_sees_all(under):
+    env = MineVectorEnv(1, world=under.bundle, task={"max_steps": 4000, **DRY})
+    network = network_over_sheets(env.robots, 4.0)
+    horizon = env.task.max_steps * env.task.control_s
+    bounds = {t: best_walk(network, t).most for t in np.linspace(0, horizon, 9)}
+    tour = OracleTour(1, env.task, env.robot, tour_over_sheets(network, best_walk(network, 0.9 * horizon), env.world))
+    (episode,) = run_episodes(env, tour, [0])
+    for t, most in bounds.items():  # samples lie 2 s apart
+        assert episode.seen[min(int(t / 2), len(episode.seen) - 1)] <= most
+    assert (seen_by_sheet(env)[0] > 0.9).all()
+    assert bounds[horizon] == env.robots.grid.total
+    env.close()
+
+
+def test_robots_start_on_any_sheet_and_coverage_counts_all(under):
+    env = MineVectorEnv(2, world=under.bundle, task=DRY)
+    env.reset(seed=[0, 1])
+    (seam,) = env.world.floor.seams()
+    for robot, middle in enumerate(seam):
+        away = under.floor.vertices[under.floor.faces[under.floor.sheet == robot]].mean(axis=1)[:, :2]
+        place = away[np.linalg.norm(away - middle, axis=1).argmax()]
+        env.robots.place(robot, *place, 0.0)
+        assert env.world.floor.sheets_at(env.robots.plan_places(np.array([robot])))[0] == robot
+    for _ in range(3):
+        info = env.step(np.zeros((2, 2)))[4]
+    shares = seen_by_sheet(env)
+    assert shares[1, 1] > 0.05
+    assert info["cells_reachable"][0] > 0.9 * under.free_space.polygon.area / 4
+    near = CoverageGrid(env.world, 2.0, 0.35, seam[0], 15.0)
+    row, col = np.nonzero(near.reachable)
+    sheets = env.world.floor.sheets_at(near.origin_m + (np.column_stack([col, row]) + 0.5) * 2.0)
+    assert set(sheets.tolist()) == {0, 1}  # a region round a seam reaches into both
+    env.close()

@@ -1,0 +1,110 @@
+"""A few of the broken files of `make fuzz`, and its hostile files."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from benchmarks.fuzz import fuzz_reader, mutate
+from benchmarks.fuzzing.hostile import HOSTILE
+from benchmarks.fuzzing.readers import READERS, registry_beside
+from benchmarks.fuzzing.samples import SAMPLES
+from pipeline.errors import MineError, UnexpectedError
+from pipeline.guard import reading_process as child
+from pipeline.params import reader_limits
+
+SOLVED_BY_SURVEX = ("survex project", "therion", "compass data")
+# Instructive hostile files that a reader refuses at once: the limit that each must name.
+FAST = [
+    ("png", "header of 10^10 px", "100000 x 100000 px, the limit is 16384 px a side"),
+    (
+        "png",
+        "bomb of 16 bits and alpha",
+        "1,568,000,000 bytes when decoded, the limit is 800,000,000 (decoded_bytes in",
+    ),
+    ("jpeg", "header of 65500 px a side", "65500 x 65500 px, the limit is 16384"),
+    ("tiff", "sixty thousand channels", "decoded_bytes in"),
+    ("tiff", "BigTIFF of 2^60 tags", "header is broken"),
+    ("pdf", "page of 10^9 points", "the limits are 16384 px a side"),
+    ("map.yaml", "aliases", "aliases and tags are not allowed"),
+    ("map.yaml", "deep within the size", "nested more than 32 deep (nesting in"),
+    ("map.yaml", "huge grid", "the limit is 16384 px a side"),
+    ("world file", "digits without end", "expected six finite numbers"),
+    ("dxf", "blocks that hold each other", "contains itself"),
+    ("dxf", "empty blocks, ten to the tenth", "entities with blocks resolved, the limit is 100000 (dxf_entities in"),
+    ("dxf", "blocks a thousand deep", "blocks are nested more than 16 deep, the limit (dxf_block_depth in"),
+    ("dxf", "arc and circle of 10^300", "expected numbers below 1e+12"),
+    ("geojson", "collections 500 deep", "collections are nested more than 32 deep, the limit (nesting in"),
+    ("geojson", "star of 20,000 rays", "its lines cross more than 50000 times, the limit (crossings in"),
+    ("geopackage", "view without end", "shapes or more, the limit is 100000 (shapes in"),
+    ("shapefile", "polygon of 2^31 points", "cannot be read"),
+    ("survex", "begin without end", "nested more than 100 deep (survex_depth in"),
+    ("solved .3d", "label of 4 GB", "a name of more than 1000 bytes (survex_name_bytes in"),
+    ("solved .3d", "cross-section of no station", "which is no station"),
+    ("survex project", "file above, after blanks that Survex knows", "is outside the survey's folder"),
+    ("survex project", "begin a hundred thousand deep", "nested more than 100 deep (survex_depth in"),
+    ("survex project", "file above, after a control character that ends a line", "a control character, 0x1a"),
+    ("survex project", "file above, after a mark of UTF-8", "is outside the survey's folder"),
+    ("survex project", "file above, in a file of another format", "only .svx files are included"),
+    ("survex", "walls of 10 km", "at most 300 (farthest_wall_m in"),
+    ("ply", "more points than stated", "500 rows, its header states 3"),
+    ("ply", "two elements of points", "not whole, or twice"),
+    ("compass data", "file above, its name over two lines", "the name does not end on its line"),
+    ("compass data", "file above, in what looks like a comment", "is outside the survey's folder"),
+    ("therion", "last line continued", "ends within a continued line"),
+    ("therion", "surveys a hundred thousand deep", "nested more than 100 deep (survex_depth in"),
+    ("therion", "survex commands in names", "name '*include'"),
+    ("compass data", "two files in a line, the second outside", "is outside the survey's folder"),
+    ("compass data", "hundred thousand files", "200 files or more (survex_files in"),
+    ("survey section", "deep", "nested more than 32 deep"),
+]
+
+
+def test_broken_copies_differ_between_seeds_and_repeat_for_the_same_seed():
+    data = b"leg,station\nA,a 1 2 3\n" * 20
+    copies = [mutate(data, np.random.default_rng(seed)) for seed in range(50)]
+    assert len(set(copies)) > 45
+    assert copies[7] == mutate(data, np.random.default_rng(7))
+
+
+@pytest.mark.parametrize(("reader", "name", "message"), FAST, ids=[f"{reader}-{name}" for reader, name, _ in FAST])
+def test_a_hostile_file_is_refused_with_the_limit_that_it_exceeds(tmp_path, reader, name, message):
+    if reader in SOLVED_BY_SURVEX and shutil.which("cavern") is None:
+        pytest.skip("Survex is not installed (Debian: survex)")
+    folder = tmp_path / "data"
+    folder.mkdir()
+    registry_beside(folder)
+    files = {**SAMPLES[reader](), **HOSTILE[reader][name]()}
+    for file, data in files.items():
+        (folder / file).parent.mkdir(exist_ok=True)
+        (folder / file).write_bytes(data)
+    with pytest.raises(MineError) as caught:
+        READERS[reader](folder / next(iter(files)))
+    assert message in str(caught.value)
+    assert next(iter(files)).split(".")[0] in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not isinstance(caught.value, UnexpectedError)
+
+
+def test_work_without_end_is_ended_by_the_limit_on_time(tmp_path, monkeypatch):
+    short = reader_limits.reader_limits().model_copy(update={"time_s": 1.0})
+    monkeypatch.setattr(child, "reader_limits", lambda: short)
+    (tmp_path / "data").mkdir()
+    path = tmp_path / "data" / "mine.gpkg"
+    path.write_bytes(HOSTILE["geopackage"]["view that counts without end"]()["mine.gpkg"])
+    with pytest.raises(MineError, match=r"mine\.gpkg: not read within 1 s, the limit \(time_s in"):
+        READERS["geopackage"](path)
+    assert [p.name for p in path.parent.iterdir()] == ["mine.gpkg"]
+
+
+def test_every_reader_has_a_sample_and_hostile_files():
+    assert set(READERS) == set(SAMPLES) == set(HOSTILE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reader", list(SAMPLES))
+def test_a_reader_survives_broken_and_hostile_files(reader):
+    result = fuzz_reader(reader, len(HOSTILE[reader]) + 12, lambda n: None)
+    assert json.dumps(result["failed"]) == "{}"
+    assert result["refused"] > 0

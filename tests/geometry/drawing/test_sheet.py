@@ -1,0 +1,74 @@
+"""The workings on drawing sheets of generated mines."""
+
+import cv2
+import numpy as np
+import pytest
+
+from benchmarks.pictures.draw_sheet import draw_sheet
+from pipeline.errors import GeometryError
+from pipeline.geometry.drawing.find import read_sheet
+from pipeline.geometry.drawing.wall_lines import enclose
+from pipeline.survey.detect import detect_survey
+from pipeline.survey.drawing.scale import find_bar, measure_bar
+
+
+def iou(one, other):
+    return (one & other).sum() / (one | other).sum()
+
+
+@pytest.mark.parametrize(
+    ("seed", "walls"),
+    [(2, "filled"), (6, "filled"), (10, "hatched"), (13, "lines"), (56, "lines"), (1026, "filled"), (1037, "lines")],
+)
+def test_workings_are_found_among_everything_else_on_a_sheet(seed, walls):
+    sheet = draw_sheet(seed)
+    found = read_sheet(sheet.picture, None)
+    assert found.walls == walls
+    assert iou(found.mask, sheet.levels[0]) > 0.95
+
+
+def test_a_sheet_of_several_levels_is_asked_about_and_the_option_settles_it():
+    sheet = draw_sheet(40)
+    with pytest.raises(GeometryError, match=r"the sheet shows 3 drawings .*--level N chooses one"):
+        read_sheet(sheet.picture, None)
+    assert [iou(read_sheet(sheet.picture, k + 1).mask, level) > 0.95 for k, level in enumerate(sheet.levels)] == [
+        True
+    ] * 3
+    with pytest.raises(GeometryError, match="--level 4: the sheet shows 3 drawings"):
+        read_sheet(sheet.picture, 4)
+
+
+def test_a_sheet_without_a_drawing_is_refused():
+    with pytest.raises(GeometryError, match="--crop"):
+        read_sheet(np.full((300, 400, 3), 255, np.uint8), None)
+
+
+def test_walls_enclose_up_to_the_middle_of_their_lines_across_gaps():
+    lines = np.zeros((120, 200), bool)
+    lines[30:33, 20:180] = lines[80:83, 20:180] = lines[30:83, 20:23] = lines[30:83, 177:180] = True
+    lines[30:33, 90:99] = False
+    inside = enclose(lines, 6.0)
+    truth = np.zeros_like(lines)
+    truth[31:82, 21:179] = True
+    assert iou(inside, truth) > 0.96
+    assert not enclose(lines, 3.0).any()
+
+
+def test_a_scale_bar_in_alternating_pieces_is_found_and_measured():
+    picture = np.full((80, 300, 3), 255, np.uint8)
+    picture[40:47, 40:241] = 0
+    picture[41:46, 91:140] = picture[41:46, 191:240] = 255
+    picture[6:34, 6:80] = 60
+    box = find_bar(picture)
+    assert box is not None
+    assert measure_bar(picture[box[1] : box[3], box[0] : box[2]], 20.0, "bar") == pytest.approx(10.05, abs=0.05)
+
+
+def test_new_reads_a_sheet_as_one_and_shows_what_it_took(tmp_path):
+    sheet = draw_sheet(10)
+    path = tmp_path / "sheet.png"
+    cv2.imwrite(str(path), sheet.picture)
+    found = detect_survey(path, {"px_per_m": sheet.px_per_m})
+    assert found.values["sheet"]
+    assert found.picture is not None
+    assert found.picture.shape == sheet.picture.shape

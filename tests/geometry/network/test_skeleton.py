@@ -1,0 +1,107 @@
+import networkx as nx
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely.affinity import rotate
+
+from pipeline.errors import GeometryError
+from pipeline.geometry.network.leg_graph import prune_spurs
+from pipeline.geometry.network.skeleton import _farthest_pair, trace_network
+from pipeline.geometry.network.thinning import thin_polygon
+from tests.mines import RING, STRAIGHT, TEE, random_mine
+
+
+def network(mine, cell=0.25):
+    return trace_network(mine, cell, 2.0, 3.0)
+
+
+def test_a_straight_drift_is_one_leg_with_two_dead_ends():
+    n = network(STRAIGHT)
+    assert (len(n.legs), len(n.dead_ends), len(n.junctions), n.loops, n.components) == (1, 2, 0, 0, 1)
+    # Thinning stops half a width short of a face, or runs into one of its corners.
+    assert 95 - 1 <= n.total_length_m <= 101
+    assert max(n.legs[0].half_width_m) == pytest.approx(2.5, abs=0.13)
+
+
+def test_a_ring_drift_is_one_loop_as_long_as_its_centre_line():
+    n = network(RING)
+    assert (n.loops, n.components, n.dead_ends) == (1, 1, [])
+    assert n.total_length_m == pytest.approx(2 * (54 + 34), rel=0.03)
+
+
+def test_a_t_junction_has_three_legs_and_one_junction():
+    n = network(TEE)
+    assert (len(n.legs), len(n.dead_ends), len(n.junctions), n.loops) == (3, 3, 1, 0)
+    assert np.linalg.norm(np.array(n.nodes_m[n.junctions[0]]) - [40.5, 2.5]) < 1.5
+
+
+def test_the_main_drift_of_a_t_junction_is_its_longest_route():
+    n = network(TEE)
+    assert n.main_drift_length_m == pytest.approx(77, abs=4)
+    assert n.main_drift_m[0][0] < n.main_drift_m[-1][0]
+
+
+def test_the_longest_route_is_that_between_all_pairs_of_nodes():
+    rng = np.random.default_rng(1)
+    graph = nx.MultiGraph()
+    graph.add_nodes_from(range(300))
+    for p, q in rng.integers(0, 300, (400, 2)).tolist():
+        graph.add_edge(p, q, length=float(rng.uniform(1, 9)))
+    apart = {
+        (a, b): round(d, 6)
+        for a, to in nx.all_pairs_dijkstra_path_length(graph, weight="length")
+        for b, d in to.items()
+    }
+    most = max(apart.values())
+    assert _farthest_pair(graph) == min(pair for pair, length in apart.items() if length == most)
+
+
+def test_of_two_short_legs_at_a_fork_one_remains_as_the_end_of_the_drift():
+    graph = nx.MultiGraph()
+    for node, xy in enumerate([(0, 0), (20, 0), (22, 1), (22.5, -1)]):
+        graph.add_node(node, xy=np.array(xy, float))
+    for end in (0, 2, 3):
+        path = np.array([graph.nodes[min(end, 1)]["xy"], graph.nodes[max(end, 1)]["xy"]])
+        graph.add_edge(end, 1, path=path, length=float(np.linalg.norm(path[1] - path[0])))
+    prune_spurs(graph, {0: 2.0, 1: 2.0, 2: 0.3, 3: 0.3}, 2.0)
+    ((a, b, leg),) = graph.edges(data=True)
+    assert {a, b} == {0, 3}  # the shorter of the two went first, and the other is then no spur any more
+    assert leg["length"] == pytest.approx(20 + np.hypot(2.5, 1))
+
+
+@given(seed=st.integers(0, 10_000), drifts=st.integers(1, 8))
+@settings(deadline=None, max_examples=40)
+def test_the_network_of_a_random_mine_is_connected_and_has_a_loop_for_each_island(seed, drifts):
+    # Thin cracks are closed; the rest may still be thinner than the first cell.
+    mine = random_mine(np.random.default_rng(seed), drifts).buffer(0.1).buffer(-0.1)
+    islands = [hole for hole in mine.interiors if shapely.Polygon(hole).buffer(-0.1).area > 0]
+    n = network(shapely.Polygon(mine.exterior, islands))
+    assert n.components == 1
+    assert n.loops == len(islands)
+
+
+def test_a_network_does_not_cross_rock_thinner_than_a_cell():
+    cracked = shapely.union_all([shapely.box(0, 0, 40, 5), shapely.box(0, 0, 5, 20), shapely.box(0, 15, 40, 20)])
+    cracked = shapely.union_all([cracked, shapely.box(35, 5, 40, 9.9), shapely.box(35, 10, 40, 15)])  # 0.1 m of rock
+    assert network(cracked).loops == 0
+
+
+@pytest.mark.parametrize("turn_deg", range(0, 180, 15))
+def test_the_sharp_tip_of_a_pillar_is_no_island_of_its_own(turn_deg):
+    pillar = rotate(shapely.Polygon([(20, 10), (40, 18), (40, 20)]), turn_deg)
+    assert trace_network(shapely.box(0, -10, 60, 40).difference(pillar), 0.25, 2.0, 3.0).loops == 1
+
+
+def test_four_pixels_where_two_drifts_cross_are_no_loop():
+    """Thinning leaves a square of four pixels at the crossing of these drifts."""
+    drift = shapely.box(-20, -2.2, 20, 2.2)
+    crossing = rotate(drift.union(rotate(drift, 90, origin=(0, 0))), 45, origin=(0, 0))
+    pixels, _ = thin_polygon(crossing, 0.25)
+    assert nx.cycle_basis(pixels) == []
+
+
+def test_workings_thinner_than_a_cell_are_refused():
+    with pytest.raises(GeometryError, match="some passage or pillar is thinner"):
+        network(shapely.union_all([shapely.box(0, 0, 10, 5), shapely.box(9, 2, 20, 2.01), shapely.box(19, 0, 30, 5)]))

@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from benchmarks.worlds.rough_plan import rough_mine
+from pipeline.geometry.generated.rough_walls import roughen_walls
+from pipeline.geometry.outline.fewest_vertices import simplify_to_error
+from pipeline.geometry.outline.trace import simplify_outline, simplify_to_wall_error, trace_outline
+from pipeline.geometry.polyline import line_moments, points_along
+from pipeline.geometry.rasterize import fill_polygon
+from pipeline.metrics.wall_error import largest_error_m, signed_distances
+from tests.mines import RING, TEE, frame_for, random_mine
+
+
+def corners(polygon):
+    return len(shapely.get_coordinates(polygon))
+
+
+@pytest.fixture(scope="module")
+def rough():
+    return rough_mine(3, side_m=70.0).geoms[0]
+
+
+def test_a_subdivided_polygon_gets_its_corners_back():
+    simple = simplify_to_error(shapely.segmentize(RING, 0.3), 0.002)
+    assert corners(simple) == corners(RING)
+    assert simple.symmetric_difference(RING).area < 0.01
+
+
+@pytest.mark.parametrize("error_m", [0.02, 0.03, 0.06])
+def test_the_mean_wall_error_is_reached_and_not_exceeded(rough, error_m):
+    simple = simplify_to_wall_error(rough, error_m)
+    distance = np.abs(signed_distances(rough, simple))
+    assert 0.8 * error_m <= distance.mean() <= 1.02 * error_m
+    assert largest_error_m(rough, simple) <= 8.5 * error_m
+
+
+def test_fewer_vertices_are_needed_than_by_douglas_peucker_with_refitting(rough):
+    peucker = simplify_outline(rough, 0.12)
+    error_m = np.abs(signed_distances(rough, peucker)).mean()
+    assert corners(simplify_to_wall_error(rough, float(error_m))) < 0.9 * corners(peucker)
+
+
+def test_the_simplified_walls_lie_as_much_inside_as_outside(rough):
+    simple = simplify_to_wall_error(rough, 0.03)
+    assert abs(signed_distances(rough, simple).mean()) < 0.002
+
+
+@given(seed=st.integers(0, 10_000), drifts=st.integers(1, 6))
+@settings(deadline=None, max_examples=15)
+def test_islands_and_validity_are_kept(seed, drifts):
+    mine = random_mine(np.random.default_rng(seed), drifts)
+    frame = frame_for(mine, px_per_m=8.0)
+    traced = trace_outline(fill_polygon(mine, frame), frame)
+    simple = simplify_to_wall_error(traced, 0.05)
+    assert simple.is_valid
+    assert len(simple.interiors) == len(traced.interiors)
+
+
+def test_moments_of_a_line_are_its_integrals():
+    line = np.array([[1.0, 2.0], [4.0, 6.0]])
+    share = (np.arange(100_000) + 0.5) / 100_000
+    x, y = (line[0] + share[:, None] * (line[1] - line[0])).T
+    expected = 5.0 * np.array([1.0, x.mean(), y.mean(), (x * x).mean(), (x * y).mean(), (y * y).mean()])
+    np.testing.assert_allclose(line_moments(line)[0], expected, rtol=1e-8)
+
+
+def test_points_along_a_ring_have_even_distances():
+    points = points_along(np.asarray(TEE.exterior.coords), 0.5)
+    steps = np.linalg.norm(np.diff(np.vstack([points, points[:1]]), axis=0), axis=1)
+    assert len(points) == round(TEE.exterior.length / 0.5)
+    assert steps.max() <= 0.5 * 1.001
+
+
+def test_rough_walls_have_the_stated_deviation_and_keep_the_islands():
+    rough = roughen_walls(RING, 0.06, 0.75, 0.3, 6.0, np.random.default_rng(5)).geoms[0]
+    assert len(rough.interiors) == 1
+    assert signed_distances(rough, RING).std() == pytest.approx(0.06, rel=0.25)

@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.survey.drawing.image import read_image
+from pipeline.survey.drawing.scale import measure_bar
+
+
+def bar(width=200, height=10, shape=(40, 240), at=(15, 20)):
+    picture = np.full((*shape, 3), 255, dtype=np.uint8)
+    picture[at[0] : at[0] + height, at[1] : at[1] + width] = 0
+    return picture
+
+
+@pytest.mark.parametrize("width", [25, 137, 200])
+def test_a_bar_is_measured_to_the_pixel(width):
+    assert measure_bar(bar(width), 50.0, "bar") == width / 50.0
+
+
+def test_the_published_bar_is_782_pixels_for_100_metres(shared_mine):
+    assert measure_bar(read_image(shared_mine / "scale_bar.jpg", 10), 100.0, "bar") == pytest.approx(7.82)
+
+
+@pytest.mark.parametrize(
+    ("picture", "message"),
+    [
+        (np.full((20, 100, 3), 255, np.uint8), "no scale bar"),
+        (np.zeros((20, 100, 3), np.uint8), "no scale bar"),
+        (np.zeros((0, 5, 3), np.uint8), "box is empty"),
+        (bar(8, 120, (160, 40), (10, 10)), "8 px wide and 120 px high; it must lie horizontally"),
+        (bar(9, 3), "9 px long, at least 20"),
+    ],
+    ids=["white", "black", "empty", "vertical", "short"],
+)
+def test_a_bar_that_cannot_be_measured_is_refused_with_its_size(picture, message):
+    with pytest.raises(InputError, match=message):
+        measure_bar(picture, 100.0, "plan.png")
+
+
+def test_a_bar_that_touches_the_edge_of_its_box_is_refused():
+    with pytest.raises(InputError, match="touches the edge"):
+        measure_bar(bar(200)[:, :150], 100.0, "plan.png")
+    with pytest.raises(InputError, match="touches the edge"):
+        measure_bar(255 - bar(200), 100.0, "plan.png")  # white on black: the dark region is the paper
+
+
+def test_a_slanted_bar_and_noise_are_refused():
+    slanted = np.full((120, 240, 3), 255, np.uint8)
+    for col in range(20, 220):
+        slanted[20 + col // 3 : 28 + col // 3, col] = 0
+    with pytest.raises(InputError, match="not a straight bar"):
+        measure_bar(slanted, 100.0, "plan.png")
+    noise = np.random.default_rng(0).integers(0, 256, (60, 300, 3)).astype(np.uint8)
+    with pytest.raises(InputError, match=r"plan\.png"):
+        measure_bar(noise, 100.0, "plan.png")
+
+
+def test_a_bar_with_a_separate_tip_is_refused():
+    picture = bar(200)
+    picture[:, 212:214] = 255
+    with pytest.raises(InputError, match=r"broken into 2 pieces \(longest 192 px\)"):
+        measure_bar(picture, 100.0, "plan.png")
+
+
+def test_a_broken_bar_is_refused():
+    picture = bar(200)
+    picture[:, 100:110] = 255
+    with pytest.raises(InputError, match=r"broken into 2 pieces \(longest 110 px\)"):
+        measure_bar(picture, 100.0, "plan.png")

@@ -1,0 +1,83 @@
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.geometry.maps.occupancy import nav2_map, occupancy_grid
+from pipeline.survey.grid.nav2 import read_nav2_map
+from tests.mines import TEE
+
+
+def write(folder, text, grey=None):
+    (folder / "map.yaml").write_text(text)
+    if grey is not None:
+        cv2.imwrite(str(folder / "map.png"), grey)
+    return folder / "map.yaml"
+
+
+def test_a_written_map_is_read_unchanged(tmp_path):
+    grid = occupancy_grid(TEE, 0.5, (-4.0, -4.0, 84.0, 44.0))
+    pixels, text = nav2_map(grid)
+    nav2 = read_nav2_map(write(tmp_path, text, pixels))
+    assert (nav2.free == grid.free).all()
+    assert (nav2.occupied == ~grid.free).all()
+    assert nav2.origin_m == tuple(grid.origin_m)
+    assert nav2.cell_m == 0.5
+
+
+def test_negated_maps_raw_maps_and_unknown_cells_are_read(tmp_path):
+    grey = np.array([[254, 205, 0]], np.uint8)
+    head = "image: map.png\nresolution: 0.1\norigin: [1, 2, 0.5]\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    nav2 = read_nav2_map(write(tmp_path, head + "negate: 0\n", grey))
+    assert nav2.free.tolist() == [[True, False, False]]
+    assert nav2.occupied.tolist() == [[False, False, True]]
+    assert nav2.yaw_rad == 0.5
+    nav2 = read_nav2_map(write(tmp_path, head + "negate: 1\n", grey))
+    assert nav2.free.tolist() == [[False, False, True]]
+    nav2 = read_nav2_map(write(tmp_path, head + "mode: raw\n", np.array([[0, 100, 255]], np.uint8)))
+    assert nav2.free.tolist() == [[True, False, False]]
+    assert nav2.occupied.tolist() == [[False, True, False]]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("image: map.png\n", "resolution: Field required"),
+        ("- 1\n", "map.yaml"),
+        ("image: ../../etc/passwd\nresolution: 1\norigin: [0, 0, 0]\n", "is outside"),
+        ("image: none.png\nresolution: 1\norigin: [0, 0, 0]\n", "missing, though map.yaml names it"),
+        ("image: map.png\nresolution: -1\norigin: [0, 0, 0]\n", "greater than 0"),
+        ("image: map.png\nresolution: 1\norigin: [0, x, 0]\n", "origin"),
+        ("image: !!python/object/apply:os.system [true]\n", "cannot be read as YAML"),
+    ],
+)
+def test_a_map_that_cannot_be_used_is_refused(tmp_path, text, message):
+    with pytest.raises(InputError, match=message):
+        read_nav2_map(write(tmp_path, text))
+
+
+@pytest.mark.parametrize("largest", [1, 100, 1000, 65534])
+def test_a_picture_whose_white_is_not_that_of_8_or_16_bits_is_refused(tmp_path, largest):
+    kind = ">u2" if largest > 255 else "u1"
+    grey = np.full((20, 30), largest).astype(kind)
+    (tmp_path / "map.pgm").write_bytes(f"P5\n# a comment\n30 20\n{largest}\n".encode() + grey.tobytes())
+    (tmp_path / "map.yaml").write_text("image: map.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n")
+    with pytest.raises(InputError, match=rf"map\.pgm: its largest value \(maxval\) is {largest}, want 255 or 65535"):
+        read_nav2_map(tmp_path / "map.yaml")
+
+
+def test_a_pgm_of_16_bits_and_a_bitmap_are_read(tmp_path):
+    (tmp_path / "map.yaml").write_text("image: map.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n")
+    free = np.zeros((20, 32), bool)
+    free[5:15, 5:25] = True
+    deep = np.where(free, 65535, 0).astype(">u2").tobytes()
+    for data in (b"P5\n32 20\n65535\n" + deep, b"P4\n32 20\n" + np.packbits(~free, axis=1).tobytes()):
+        (tmp_path / "map.pgm").write_bytes(data)
+        assert (read_nav2_map(tmp_path / "map.yaml").free == free[::-1]).all()
+
+
+def test_thresholds_that_make_cells_free_and_occupied_are_refused(tmp_path):
+    text = "image: map.png\nresolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: 0.8\noccupied_thresh: 0.2\n"
+    (tmp_path / "map.yaml").write_text(text)
+    with pytest.raises(InputError, match=r"free_thresh = 0\.8 exceeds occupied_thresh = 0\.2"):
+        read_nav2_map(tmp_path / "map.yaml")

@@ -1,0 +1,177 @@
+"""Which drivable piece of a survey is built: the longest, or the one of a station or place that the user names."""
+
+import ezdxf
+import numpy as np
+import pytest
+import shapely
+import yaml
+from pydantic import TypeAdapter, ValidationError
+
+from pipeline.commands.arguments import piece
+from pipeline.errors import InputError
+from pipeline.import_mine import survey_yaml
+from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams, SurveyParams, VectorSurveyParams
+from pipeline.survey.detect import _detect, detect_here
+from pipeline.survey.passages.sheets import draw_sheets
+from pipeline.survey.stations.table import read_station_legs
+from pipeline.survey.vector_survey import draw_vector_survey
+from tests.heights import HEADER, table
+from tests.project import ROOT
+
+# Two drifts, and one of 20 m 8 m under the first: a raise leads down to it. The last two lie over each other.
+PIECES = {
+    "A": [("a1", 0, 0, 100), ("a2", 60, 0, 102)],
+    "R": [("a1", 0, 0, 100), ("b1", 0.2, 0, 92)],
+    "B": [("b1", 0.2, 0, 92), ("b2", 20, 0, 92)],
+    "C": [("c1", 0, 50, 100), ("c2", 40, 50, 100)],
+    "D": [("d1", 20, 47, 102), ("d2", 20, 53, 102)],
+    "E": [("c2", 40, 50, 100), ("d2", 20, 53, 102)],
+}
+
+
+def draw(tmp_path, piece=None, apart_m=None, legs=PIECES):
+    path = tmp_path / "a.csv"
+    path.write_text(table(legs))
+    return draw_sheets(path, read_station_legs(path), apart_m, piece)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "kept"),
+    [
+        (None, "60 m about a1"),
+        ("a2", "60 m about a1"),
+        ("b1", "20 m about b1"),
+        ("b2", "20 m about b1"),
+        ("c1", "40 m about c1"),
+        ((19.0, 1.0, 93.0), "20 m about b1"),
+        ((58.0, 0.0, 100.0), "60 m about a1"),
+    ],
+)
+def test_the_piece_of_a_station_or_a_place_is_built(tmp_path, capsys, chosen, kept):
+    legs = {name: leg for name, leg in PIECES.items() if name not in "DE"}
+    outline, heights = draw(tmp_path, chosen, legs=legs)
+    said = capsys.readouterr().err
+    assert f"kept is the one of {kept}" in said
+    ends = np.concatenate([np.array(line) for line in heights.lines])
+    assert np.ptp(ends[:, 0]) == pytest.approx(float(kept.split()[0]), abs=0.3)
+    assert outline.area > 0
+
+
+def test_the_others_are_told_by_length_and_station_with_the_option_that_builds_one(tmp_path, capsys):
+    legs = {f"L{k}": [(f"s{k}", 0, 20 * k, 100), (f"t{k}", 60 - 2 * k, 20 * k, 102)] for k in range(14)}
+    draw(tmp_path, legs=legs)
+    said = capsys.readouterr().err.splitlines()
+    assert said[
+        0
+    ] == "a.csv: 14 pieces are not joined by drivable legs; kept is the one of 60 m about s0, left out " + (
+        f"are {sum(60 - 2 * k for k in range(1, 14))} m"
+    )
+    listed = ", ".join(f"{60 - 2 * k} m about s{k}" for k in range(1, 11))
+    assert said[1] == f"a.csv: --piece (survey.piece) builds another piece: {listed}, and 3 more"
+
+
+@pytest.mark.parametrize(
+    ("chosen", "message"),
+    [
+        ("b11", r"a\.csv: survey\.piece = 'b11': no station has this name; names like it are b1, .+, .+"),
+        ("x", r"a\.csv: survey\.piece = 'x': no drivable leg meets this station"),
+        (
+            (0.0, 20.0, 100.0),
+            r"survey\.piece = 0,20,100: the nearest drivable station, a1, is 20\.0 m away, at most 10",
+        ),
+    ],
+)
+def test_a_piece_that_is_not_there_is_refused(tmp_path, chosen, message):
+    legs = {**PIECES, "X": [("a2", 60, 0, 102), ("x", 60, 2, 120)]}
+    with pytest.raises(InputError, match=message):
+        draw(tmp_path, chosen, legs=legs)
+
+
+def test_thin_pillars_are_judged_in_the_piece_that_is_built(tmp_path, capsys):
+    """The cross D lies 2 m over the drift C: in their piece one of them is left out, in others nothing is."""
+    draw(tmp_path, "b1", 4.0)
+    assert "lie less than 4 m" not in capsys.readouterr().err
+    draw(tmp_path, "c1", 4.0)
+    assert "lie less than 4 m" in capsys.readouterr().err
+
+
+def test_the_shot_of_the_chosen_station_is_not_the_one_left_out(tmp_path, capsys):
+    draw(tmp_path, "d1", 4.0)
+    assert "1 shots, 40 m, lie less than 4 m over or under others" in capsys.readouterr().err
+
+
+def test_unnamed_lines_are_told_by_their_places_and_chosen_by_them(tmp_path, capsys):
+    drawing = ezdxf.new()
+    drawing.header["$INSUNITS"] = 6
+    for leg in ("A", "C"):
+        drawing.modelspace().add_polyline3d([place for _, *place in PIECES[leg]])
+    drawing.saveas(tmp_path / "a.dxf")
+    params = CentrelineSurveyParams(kind="centrelines", name="a", file="data/x", half_width_m=2.0)
+    values = {"file": (tmp_path / "a.dxf").as_posix()}
+    draw_vector_survey(params.model_copy(update=values))
+    assert "builds another piece: 40 m about 0.0,50.0,100.0\n" in capsys.readouterr().err
+    workings = draw_vector_survey(params.model_copy(update={**values, "piece": (0.0, 50.0, 100.0)}))[0]
+    assert workings.bounds[1] > 40
+
+
+def test_a_piece_of_drawn_levels_is_chosen_by_a_place(tmp_path, capsys):
+    drawing = ezdxf.new()
+    drawing.header["$INSUNITS"] = 6
+    for z, side in ((400.0, 30), (390.0, 20)):
+        ring = shapely.box(0, 0, side, side).exterior.coords
+        drawing.modelspace().add_polyline3d([(x, y, z) for x, y in ring], close=True)
+    drawing.saveas(tmp_path / "a.dxf")
+    params = VectorSurveyParams(kind="vector", name="a", file="data/x")
+    values = {"file": (tmp_path / "a.dxf").as_posix()}
+    assert draw_vector_survey(params.model_copy(update=values))[0].area == pytest.approx(900)
+    said = capsys.readouterr().err
+    assert "builds another piece: 400 m2 about 10.0,10.0,390.0" in said
+    assert draw_vector_survey(params.model_copy(update={**values, "piece": (10, 10, 390)}))[0].area == pytest.approx(
+        400
+    )
+    with pytest.raises(InputError, match=r"survey\.piece = 10,10,300: the nearest level or ramp is 90\.0 m away"):
+        draw_vector_survey(params.model_copy(update={**values, "piece": (10, 10, 300)}))
+
+
+def test_a_level_survey_has_no_piece_to_choose(tmp_path):
+    (tmp_path / "a.csv").write_text(f"{HEADER}A,a,0,0,2,2,5,3,0\nA,b,30,0,2,2,5,3,0\n")
+    params = PassageSurveyParams(kind="passages", name="a", file="data/x", piece="a")
+    with pytest.raises(InputError, match=r"survey\.piece is read with heights"):
+        draw_vector_survey(params.model_copy(update={"file": (tmp_path / "a.csv").as_posix()}))
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("1,2,-3.5", [1, 2, -3.5]), ("pell.1", "pell.1"), ("1,2", "1,2"), ("11", "11"), ("1,2,nan",) * 2],
+)
+def test_three_numbers_are_a_place_and_all_else_is_a_name(text, value):
+    assert piece(text) == value
+
+
+@pytest.mark.parametrize("chosen", ["b2", "11", [1.0, 2.0, 93.0], None])
+def test_the_written_section_keeps_the_piece(tmp_path, chosen):
+    path = tmp_path / "a.csv"
+    path.write_text(table(PIECES).replace(",b2,", ",11,"))
+    stated = {"piece": "11" if chosen == "b2" else chosen}
+    text = survey_yaml("mine", path, _detect(path, stated), stated)
+    section = yaml.safe_load(text)["survey"] | {"file": "data/a.csv"}
+    kept = TypeAdapter(SurveyParams).validate_python(section).piece
+    assert kept == (tuple(stated["piece"]) if isinstance(chosen, list) else stated["piece"])
+
+
+@pytest.mark.parametrize("value", ["", [1, 2], [1, 2, "x"], True, {"a": 1}])
+def test_what_is_no_name_and_no_place_is_refused(value):
+    with pytest.raises(ValidationError):
+        PassageSurveyParams(kind="passages", name="a", file="data/x", piece=value)
+
+
+def test_a_whole_number_is_the_name_of_a_station():
+    assert PassageSurveyParams(kind="passages", name="a", file="data/x", piece=11).piece == "11"
+
+
+def test_a_shaft_piece_of_wheal_pell_is_chosen_by_its_station(capsys):
+    found = detect_here(str(ROOT / "data/wheal_pell/pell.3d"), {"piece": "pell.2023-11-25.17"})
+    said = capsys.readouterr().err
+    assert "kept is the one of 49 m about pell.2023-11-25.1, left out are" in said
+    assert "builds another piece: 509 m about pell.2025-04-27.10, 211 m about pell.2025-06-08.15, " in said
+    assert found.values["values"]["piece"] == "pell.2023-11-25.17"

@@ -1,0 +1,109 @@
+"""Walls from splays, and what stands in for walls that nobody measured."""
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.survey.solved.node_links import read_node_links
+from pipeline.survey.solved.splay_walls import (
+    fill_down,
+    fill_sides,
+    fill_up,
+    measured,
+    usual_half_width_m,
+    walls_across,
+)
+from pipeline.survey.solved_surveys import read_passages, survey_files
+
+NAN = np.nan
+ROW = np.array([[0.0, 0, 0], [10, 0, 0], [20, 0, 0]])
+
+
+def test_a_station_with_splays_to_one_side_stands_at_the_other_wall():
+    splays = [np.array([[0.1, 1.0, 0.2], [0, 0.2, -1.1]]), None, np.array([[0.2, -1.2, 0], [9, 0.5, 0], [0, 0, 0.8]])]
+    walls = walls_across(ROW, splays)
+    np.testing.assert_allclose(walls, [[1.0, 0, NAN, 1.1], [NAN] * 4, [0, 1.2, 0.8, NAN]])
+    assert usual_half_width_m([([0, 1, 2], walls)]) == pytest.approx(0.55)
+
+
+def test_sides_are_interpolated_where_most_stations_were_measured_and_stated_elsewhere():
+    walls = np.full((5, 4), NAN)
+    walls[1, :2], walls[3, :2] = (1.0, 2.0), (2.0, 0.0)
+    filled, stated = fill_sides(walls, 0.7)
+    np.testing.assert_allclose(filled[:, :2], [[0.7, 0.7]] * 5)
+    assert stated == 5
+    assert fill_sides(np.full((3, 4), NAN), 0.7)[1] == 3
+    walls[0, :2] = 0.9
+    filled, stated = fill_sides(walls, 0.7)  # most stations were measured
+    np.testing.assert_allclose(filled[:, :2], [[0.9, 0.9], [1, 2], [1.5, 1], [2, 0], [2, 0]])
+    assert stated == 0
+
+
+def test_the_distance_down_is_linear_along_the_legs_and_the_same_for_all_legs_of_a_station():
+    places = np.array([[0.0, 0, 0], [10, 0, 0], [20, 0, 0], [10, 30, 0], [0, 0, 50], [5, 0, 50]])
+    one, two, apart = np.full((3, 4), NAN), np.full((2, 4), NAN), np.full((2, 4), NAN)
+    one[0, 3], one[2, 3] = 1.0, 2.0
+    rows = fill_down([([0, 1, 2], one), ([1, 3], two), ([4, 5], apart)], places)
+    np.testing.assert_allclose(rows[0][1][:, 3], [1, 1.5, 2], atol=1e-6)
+    np.testing.assert_allclose(rows[1][1][:, 3], [1.5, 1.5], atol=1e-6)
+    np.testing.assert_allclose(rows[2][1][:, 3], 1.5, atol=1e-6)  # the median of the measured ones
+
+
+def test_nodes_and_links_are_a_survey_whose_width_must_be_stated(tmp_path):
+    nodes, links = tmp_path / "cave_nodes.dat", tmp_path / "cave_links.dat"
+    nodes.write_text("0 0 0\n10 0 0.5\n20 0 1.5\n10 9 0.5\n")
+    links.write_text("1 2\n2 3\n2 4\n")
+    survey = read_node_links(nodes)
+    assert len(survey.centreline()) == 3
+    assert survey_files(nodes) == [nodes, links]
+    legs, crs = read_passages(nodes, 1.5)
+    assert crs is None
+    assert {name for leg in legs for name in leg.stations} == {"1", "2", "3", "4"}
+    assert all((leg.walls_m == 1.5).all() for leg in legs)
+    with pytest.raises(InputError, match=r"state the distance to the walls \(survey\.half_width_m, --half-width\)"):
+        read_passages(nodes)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1 9\n", r"link 1 joins 1 and 9; the nodes are 1 to 2"),
+        ("1 x\n", "want 2 numbers"),
+        ("", "holds no numbers"),
+        ("1 nan\n", "want 2 numbers"),
+    ],
+)
+def test_links_that_are_not_valid_are_refused(tmp_path, text, message):
+    (tmp_path / "a_nodes.dat").write_text("0 0 0\n1 1 1\n")
+    (tmp_path / "a_links.dat").write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_node_links(tmp_path / "a_nodes.dat")
+
+
+def test_nodes_without_links_are_refused(tmp_path):
+    (tmp_path / "a_nodes.dat").write_text("0 0 0\n1 1 1\n")
+    with pytest.raises(InputError, match=r"a_links\.dat: no such file"):
+        read_node_links(tmp_path / "a_nodes.dat")
+
+
+def test_four_zeros_are_a_section_that_nobody_measured():
+    walls = measured(np.array([[0.0, 0, 0, 0], [0, 2, 0, 0], [1, 1, 1, np.nan]]))
+    np.testing.assert_array_equal(walls, [[np.nan] * 4, [0, 2, 0, 0], [1, 1, 1, np.nan]])
+
+
+def roofs(*up):
+    """Return one row of stations with distances up, each 1 m over the floor."""
+    return [(list(range(len(up))), np.column_stack([np.ones((len(up), 2)), up, np.ones(len(up))]))]
+
+
+def test_stations_without_a_measured_roof_get_the_usual_one_of_the_survey():
+    filled, count, usual = fill_up(roofs(*[0.4] * 6, 0.8, 0.8, 0.9, 22.0, np.nan, np.nan))
+    assert (count, usual) == (2, pytest.approx(1.4))
+    np.testing.assert_allclose(filled[0][1][:, 2], [*[0.4] * 6, 0.8, 0.8, 0.9, 22.0, 0.4, 0.4])
+
+
+def test_few_measured_roofs_say_nothing_of_the_others():
+    rows = roofs(*[22.0] * 9, np.nan)
+    filled, count, usual = fill_up(rows)
+    assert filled is rows
+    assert (count, usual) == (0, None)

@@ -1,0 +1,222 @@
+"""Therion centrelines in Survex's form, and Wheal Pell's project beside the file that Therion made of it."""
+
+import shutil
+from datetime import date
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.fuzzing.surveys import THERION
+from pipeline.errors import InputError
+from pipeline.survey.solved.model import LegFlag
+from pipeline.survey.solved.survex_3d import read_3d
+from pipeline.survey.solved_surveys import read_passages, read_solved, read_survex, survey_files
+from pipeline.survey.therion.convert import to_survex
+from pipeline.survey.therion.place import _convergence_deg, _square
+from tests.project import ROOT
+
+needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
+PELL = ROOT.parent / "shared/data/wheal_pell"
+
+
+def write(folder: Path, files: dict) -> Path:
+    for name, data in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(data if isinstance(data, bytes) else data.encode())
+    return folder / next(iter(files))
+
+
+def centreline(text: str) -> str:
+    return f"survey m\ncentreline\n{text}\nendcentreline\nendsurvey\n"
+
+
+def solved(tmp_path: Path, text: str) -> dict:
+    return read_solved(write(tmp_path, {"m.th": centreline(text)})).position_of()
+
+
+NORMAL = "data normal from to length compass clino\n"
+
+
+@needs_cavern
+def test_a_project_in_two_files_is_solved_with_equates_splays_and_flags(tmp_path):
+    path = write(tmp_path, THERION)
+    survey = read_solved(path)
+    at = survey.position_of()
+    np.testing.assert_allclose(at["mine.north.3"], at["mine.south.1"])
+    np.testing.assert_allclose(at["mine.north.1"], (380000, 6290000, 2400))
+    assert sorted(survey.leg_flags.tolist()).count(LegFlag.SPLAY) == 2
+    assert (survey.leg_flags == LegFlag.SURFACE).sum() == 1
+    assert (survey.title, survey.crs) == ("mine", "EPSG:32719")
+    assert [file.name for file in survey_files(path)] == ["mine.th", "north.th"]
+    legs, _ = read_passages(path)
+    assert [len(leg.stations) for leg in legs] == [4, 3]
+
+
+@needs_cavern
+def test_names_with_points_as_instruments_write_them_are_stations_of_one_survey(tmp_path):
+    text = centreline(f"{NORMAL}1.0 1.1 10 0 0\n1.1 - 2 90 0\n1.1 2.10 10 90 0\n2.10 2.1 5 90 0\n")
+    other = "survey 2\ncentreline\ndata normal from to length compass clino\n1 3 7 0 0\nendcentreline\nendsurvey\n"
+    whole = f"survey a\n{text}{other}equate 2.1@m 1@2\nendsurvey\n"
+    at = read_solved(write(tmp_path, {"m.th": whole})).position_of()
+    np.testing.assert_allclose(at["a.m.2~10"] - at["a.m.1~0"], (10, 10, 0), atol=0.011)
+    np.testing.assert_allclose(at["a.2.3"] - at["a.m.2~1"], (0, 7, 0), atol=0.011)
+    with pytest.raises(InputError, match=r"m\.th:4: station '1\.': a name neither begins nor ends with a point"):
+        solved(tmp_path, NORMAL + "1. 2 10 0 0\n")
+
+
+@needs_cavern
+def test_consecutive_shots_between_two_stations_are_averaged(tmp_path):
+    at = solved(tmp_path, NORMAL + "1 2 10 359 0\n1 2 11 1 0\n1 2 12 0 0\n2 3 5 90 0\n")
+    np.testing.assert_allclose(at["m.2"] - at["m.1"], (0, 11, 0), atol=0.011)
+
+
+@needs_cavern
+def test_units_calibration_and_declination_change_the_readings(tmp_path):
+    text = "units length feet\nunits compass grads\ncalibrate length 1\ndeclination 10 degrees\n" + NORMAL
+    at = solved(tmp_path, text + "1 2 101 100 0\n")  # 100 feet at 90 + 10 degrees
+    turned = np.radians(100)
+    np.testing.assert_allclose(at["m.2"] - at["m.1"], 30.48 * np.array([np.sin(turned), np.cos(turned), 0]), atol=0.011)
+
+
+@needs_cavern
+def test_other_styles_of_data_are_solved(tmp_path):
+    text = "data cartesian from to dx dy dz\na b 3 4 5\ndata diving from to length compass fromdepth todepth\n"
+    text += f"b c 10 90 0 0\n{NORMAL}c d 7 - up\ndata nosurvey from to\nd e\n{NORMAL}e f 1 0 0\n"
+    at = solved(tmp_path, text + "fix a 0 0 0\nfix e 50 50 50\n")
+    np.testing.assert_allclose(at["m.c"] - at["m.a"], (13, 4, 5), atol=0.011)
+    np.testing.assert_allclose(at["m.d"] - at["m.c"], (0, 0, 7), atol=0.011)
+
+
+@needs_cavern
+def test_cross_sections_in_shot_lines_follow_the_shots(tmp_path):
+    text = "data normal from to length compass clino left right up down\n1 2 10 0 0 1 2 3 4\n2 3 10 0 0 2 2 2 2\n"
+    survey = read_solved(write(tmp_path, {"m.th": centreline(text + "1 4 10 90 0 5 5 5 5\n")}))
+    other, first = survey.passages  # Survex writes the last passage first
+    assert [survey.names[i] for i in first.stations] == ["m.1", "m.2", "m.3"]
+    assert [survey.names[i] for i in other.stations] == ["m.1", "m.4"]
+    np.testing.assert_array_equal(first.lrud_m, [[1, 2, 3, 4], [2, 2, 2, 2], [np.nan] * 4])
+
+
+def test_grid_north_of_the_british_grid_lies_where_the_ordnance_survey_puts_it():
+    assert _square("OSGB:SW") == (100_000, 0)
+    assert _square("OSGB:TQ") == (500_000, 100_000)
+    assert _square("OSGB:HP") == (400_000, 1_200_000)
+    # From the true origin's meridian, 2 deg W, the convergence is the difference in longitude times sin(latitude).
+    angle = _convergence_deg(None, "OSGB:SW", "EPSG:27700", 71_400.0, 51_200.0)
+    assert angle == pytest.approx((-5.2115 + 2) * np.sin(np.radians(50.318)), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("survey a\n", "a is not closed"),
+        ("survey a\nendsurvey b\n", r":2: 'endsurvey b' closes no survey"),
+        ("input ../x.th\n", r":1: '\.\./x\.th' is outside the survey's folder"),
+        ("input /etc/passwd\n", "is outside the survey's folder"),
+        ("input x\n", r":1: input 'x': no such file"),
+        ("input m.th\n", "m.th inputs itself"),
+        ("import x.3d\n", r":1: 'import' is not supported here"),
+        (centreline("1 2 3 4 5\n"), r":3: '1' is no command, and no `data` line precedes it"),
+        (centreline(NORMAL + "1 2 3 4\n"), r":4: 4 readings, `data` names 5"),
+        (centreline(NORMAL + "1 2 x 4 5\n"), r":4: 'x' is not a number"),
+        (centreline(NORMAL + "1 2 1e999 4 5\n"), r":4: '1e999' is not a number"),
+        (centreline(NORMAL + "1 a;b 3 4 5\n"), r":4: name 'a;b'"),
+        (centreline("data topofil from to\n"), r":3: data 'topofil from to' is not supported"),
+        (centreline("data normal from to length compass clino colour\n"), r":3: reading 'colour' is not supported"),
+        (centreline("units length furlongs\n"), r":3: units 'length furlongs' are not supported"),
+        (centreline("declination [2000 1 2001 2 degrees]\n"), r":3: declination .* expected one angle"),
+        (centreline("station-names a b\n"), r":3: 'station-names' is no command"),
+        (centreline("cs OSGB:HI\nfix 1 2 3 4\n"), ":3: cs 'OSGB:HI' is not supported"),
+        (centreline("data normal ignoreall\n1 2 3\n"), ":4: a shot, but `data normal` names no from and to"),
+        (centreline(NORMAL + "1 2 3 4 5\n") + "comment\nsurvey b\n", "ends within a comment without endcomment"),
+        (centreline(NORMAL + "1 2 3 4 5\n") + "equate 1@m 2@m \\", "ends within a continued line"),
+        (centreline("cs lat-long\nfix 1 2 3 4\n"), r":3: cs 'lat-long' is not supported"),
+        (centreline("flags approx strange\n"), r":3: flag 'strange' is not supported"),
+    ],
+)
+def test_a_centreline_that_cannot_be_converted_is_refused_with_file_and_line(tmp_path, text, message):
+    with pytest.raises(InputError, match=message):
+        to_survex(write(tmp_path, {"m.th": text}))
+
+
+@needs_cavern
+def test_an_error_of_survex_names_the_line_of_the_therion_file(tmp_path):
+    path = write(tmp_path, {"m.th": centreline(NORMAL + "1 2 3 4 5\n\n2 3 3 4 99\n3 3 5 5 5\n")})
+    with pytest.raises(InputError, match=r"m\.th:[67]: .* \(Survex\)"):
+        read_solved(path)
+
+
+def pell_project(folder: Path, change=lambda name, text: text) -> Path:
+    """Lay Wheal Pell's files out as its main file names them."""
+    if not PELL.is_dir():
+        pytest.skip("../shared/data/wheal_pell is missing")
+    files = {"pell.th": (PELL / "therion/pell.th").read_text()}
+    for path in sorted((PELL / "therion").glob("20*.th")):
+        files[f"{path.stem}/{path.name}"] = change(path.stem, path.read_text())
+    return write(folder, files)
+
+
+def differences_m(path: Path) -> dict[str, float]:
+    """Return the distance of every named station from its place in pell.3d, m."""
+    ours, theirs = read_solved(path).position_of(), read_3d(PELL / "pell.3d").position_of()
+    assert ours.keys() == theirs.keys()
+    return {name: float(np.linalg.norm(ours[name] - theirs[name])) for name in ours}
+
+
+@needs_cavern
+def test_wheal_pell_solves_as_therion_solves_it_with_the_declinations_that_therion_used(tmp_path):
+    """Therion 2025 has a newer model of the earth's field than Survex 1.4.4, so its grid bearings are stated.
+
+    They are measured in pell.3d on the two open traverses, whose shots no loop bends: 1.547 deg on the one without a
+    date, which takes the first date of the project, and 1.805 deg on that of 2025-04-27; linear in time between.
+    """
+
+    def stated(name: str, text: str) -> str:
+        day = date.fromisoformat("2023-11-25" if name == "2025-05-14" else name)
+        share = (day - date(2023, 11, 25)) / (date(2025, 4, 27) - date(2023, 11, 25))
+        grid_deg = 1.5467 + share * (1.8053 - 1.5467)
+        # A stated declination is counted from true north; the convergence there is -2.4718 deg.
+        return text.replace("centreline\n", f"centreline\ndeclination {grid_deg - 2.4718:.4f} degrees\n", 1)
+
+    found = differences_m(pell_project(tmp_path, stated))
+    assert np.median(list(found.values())) <= 0.01
+    assert max(found.values()) <= 0.05
+
+
+@needs_cavern
+def test_wheal_pell_differs_from_pell_3d_by_the_age_of_the_magnetic_model_only(tmp_path):
+    found = differences_m(pell_project(tmp_path))
+    by_survey = {name: [d for s, d in found.items() if name in s] for name in {s.split(".")[1] for s in found}}
+    for name, distances in sorted(by_survey.items()):
+        print(f"{name}: median {np.median(distances):.3f} m, largest {max(distances):.3f} m, {len(distances)} stations")
+    # 0.08 to 0.10 deg of declination; the open traverse of 2025-04-27 and 2025-05-14 is 0.7 km long.
+    open_end = by_survey.pop("2025-05-14") + by_survey.pop("2025-04-27")
+    assert max(open_end) < 700 * np.radians(0.10)
+    assert np.median([d for distances in by_survey.values() for d in distances]) < 0.07
+    assert max(d for distances in by_survey.values() for d in distances) < 0.2
+
+
+@needs_cavern
+@pytest.mark.parametrize(
+    ("reading", "message"),
+    [
+        ("-10 90 0", r"mine\.th:\d+: Negative tape reading"),
+        ("10 400 0", r"mine\.th:\d+: Suspicious compass reading"),
+        ("10 90 100", r"mine\.th:\d+: Clino reading over 90"),
+    ],
+)
+def test_readings_that_no_instrument_shows_are_refused_with_their_line(tmp_path, reading, message):
+    shots = "centreline\nfix a 0 0 0\ndata normal from to tape compass clino\na b 10 360 -90\nb c {}\nendcentreline\n"
+    path = tmp_path / "mine.th"
+    path.write_text(shots.format("10 0 90"))
+    assert len(read_solved(path).names) == 3
+    path.write_text(shots.format(reading))
+    with pytest.raises(InputError, match=message):
+        read_solved(path)
+    path = tmp_path / "cave.svx"
+    path.write_text(f"*fix a 0 0 0\n*data normal from to tape compass clino\na b {reading}\n")
+    with pytest.raises(InputError, match=r"cave\.svx:3: "):
+        read_solved(path)
+    with pytest.raises(InputError, match=r"cave\.svx:3: (tape|compass|clino) = \S+: want "):  # by our own reader
+        read_survex(path)

@@ -1,0 +1,236 @@
+import numpy as np
+import pytest
+import shapely
+
+from pipeline.errors import InputError
+from pipeline.params.survey import PassageSurveyParams
+from pipeline.survey.passages.legs import build_workings
+from pipeline.survey.solved_surveys import read_solved
+from pipeline.survey.stations.table import read_station_legs, read_stations
+from pipeline.survey.vector_survey import draw_vector_survey
+from tests.project import ROOT, TINY_STATIONS
+
+HEADER = "leg,station,easting_m,northing_m,left_m,right_m\n"
+
+
+def write(tmp_path, text):
+    path = tmp_path / "s.csv"
+    path.write_text(text)
+    return path
+
+
+def test_a_straight_leg_is_a_box_with_round_ends(tmp_path):
+    legs = read_stations(write(tmp_path, HEADER + "A,a,0,0,2,3\nA,b,10,0,2,3\n"))
+    workings = build_workings(legs)
+    # The left wall is north of a leg that runs east. A disc's radius is the smaller wall distance.
+    assert workings.area == pytest.approx(10 * 5 + np.pi * 4 / 2 * 2, rel=0.01)
+    assert workings.bounds == pytest.approx((-2, -3, 12, 2))
+
+
+def test_the_embedded_survey_has_the_legs_the_stations_and_the_area_of_its_data_card():
+    legs = read_stations(ROOT / "data/chilean_mine/stations.csv")
+    assert len(legs) == 32
+    assert sum(len(leg.stations) for leg in legs) == 499
+    assert build_workings(legs).area == pytest.approx(9378, abs=1)
+
+
+def test_a_byte_order_mark_and_windows_line_ends_are_accepted(tmp_path):
+    path = tmp_path / "s.csv"
+    path.write_bytes(b"\xef\xbb\xbf" + TINY_STATIONS.replace("\n", "\r\n").encode())
+    assert [leg.name for leg in read_stations(path)] == ["A", "B"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("", "no stations"),
+        ("A,a,0,0,2,2\n", "leg A has one station"),
+        ("A,a,0,0,2,2\nA,b,nan,0,2,2\n", r":3: easting_m = nan"),
+        ("A,a,0,0,2,2\nA,b,inf,0,2,2\n", r":3: easting_m = inf"),
+        ("A,a,0,0,2,2\nA,b,ten,0,2,2\n", r":3: easting_m = 'ten' is not a number"),
+        ("A,a,0,0,2,2\nA,b,9,0,2\n", r":3: right_m = None"),
+        ("A,a,0,0,2,2\nA,b,9,0,-2,2\n", r":3: left_m = -2 of station b is negative"),
+        ("A,a,0,0,2,2\nA,a,9,0,2,2\n", r":3: station a at \(9, 0\) is at \(0, 0\) in line 2"),
+        ("A,a,0,0,2,2\nA,b,5,0,2,2\nA,c,9,0,2,2\nA,b,5,0,2,2\n", r":5: station b occurs twice in leg A"),
+        ("A,a,0,0,2,2\nA,b,0,0,2,2\n", "stations a and b of leg A have one position"),
+        ("A,a,0,0,2,2\nA,b,9,0,2,2\nB,c,0,50,2,2\nB,d,9,50,2,2\n", "legs B share no station with leg A"),
+        (
+            "A,a,0,0,2,2\nA,b,9,0,2,2\nB,b,9,0,2,2\nB,c,9,9,2,2\nB,d,5,9,2,2\nB,e,5,-9,2,2\n",
+            r"leg A \(a to b\) crosses leg B \(d to e\) at \(5\.00, 0\.00\)",
+        ),
+    ],
+)
+def test_a_faulty_survey_is_refused_with_line_and_value(tmp_path, rows, message):
+    with pytest.raises(InputError, match=message):
+        read_stations(write(tmp_path, HEADER + rows))
+
+
+def test_a_plumb_leg_is_allowed_where_stations_have_elevations(tmp_path):
+    header = HEADER.replace("\n", ",elevation_m\n")
+    rows = "S,a,0,0,2,2,10\nS,b,0,0,2,2,4\nD,b,0,0,2,2,4\nD,c,9,0,2,2,4\n"
+    legs = read_station_legs(write(tmp_path, header + rows))
+    assert [(leg.stations, leg.is_plumb) for leg in legs] == [(["b", "c"], False), (["a", "b"], True)]
+    with pytest.raises(InputError, match="stations a and b of leg S have one position"):
+        read_station_legs(write(tmp_path, header + "S,a,0,0,2,2,10\nS,b,0,0,2,2,10\n"))
+
+
+def test_a_column_that_stands_twice_and_a_field_too_many_are_refused(tmp_path):
+    rows = "A,a,0,0,2,2\nA,b,9,0,2,2\n"
+    with pytest.raises(InputError, match="the column 'left_m' stands twice"):
+        read_stations(write(tmp_path, HEADER.replace("right_m", "right_m,left_m") + rows))
+    with pytest.raises(InputError, match=":3: more fields than columns"):
+        read_stations(write(tmp_path, HEADER + rows.replace("9,0,2,2", "9,0,2,2,7")))
+
+
+@pytest.mark.parametrize("data", [b"\xff\xfe\x00leg", b'leg,station\n"', b"a,b\n1,2\n"])
+def test_a_file_that_is_not_a_survey_is_refused_with_its_name(tmp_path, data):
+    path = tmp_path / "s.csv"
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"s\.csv"):
+        read_stations(path)
+
+
+def test_stations_of_zero_width_leave_a_gap_without_slivers(tmp_path):
+    text = HEADER + "A,a,0,0,2,2\nA,b,5,0,0,0\nA,c,10,0,0,0\nA,d,15,0,2,2\n"
+    parts = shapely.get_parts(build_workings(read_stations(write(tmp_path, text))))
+    assert len(parts) == 2
+    assert all(isinstance(p, shapely.Polygon) for p in parts)
+
+
+HEIGHTS = HEADER.strip() + ",elevation_m,up_m,down_m\n"
+
+
+def test_elevations_roofs_and_floors_are_read_and_change_no_plan(tmp_path):
+    rows = "A,a,0,0,2,3,2400,2.5,0.5\nA,b,10,0,2,3,2400.5,,\n"
+    legs = read_stations(write(tmp_path, HEIGHTS + rows))
+    np.testing.assert_array_equal(legs[0].heights_m, [[2400, 2.5, 0.5], [2400.5, np.nan, np.nan]])
+    plain = read_stations(write(tmp_path, HEADER + "A,a,0,0,2,3\nA,b,10,0,2,3\n"))
+    assert plain[0].heights_m is None
+    assert build_workings(legs).equals(build_workings(plain))
+
+
+def test_a_table_with_elevations_is_a_survey_in_three_dimensions(tmp_path):
+    rows = "A,a,0,0,2,3,15,2.5,0.5\nA,b,10,0,2,3,50,2,0\nB,b,10,0,1,1,50,2,0\nB,c,10,9,1,1,60,1,1\n"
+    survey = read_solved(write(tmp_path, HEIGHTS + rows))
+    assert survey.names == ("a", "b", "c")
+    assert survey.legs.tolist() == [[0, 1], [1, 2]]
+    np.testing.assert_array_equal(survey.positions_m[1], (10, 0, 50))
+    np.testing.assert_array_equal(survey.passages[1].lrud_m, [[1, 1, 2, 0], [1, 1, 1, 1]])
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("A,a,0,0,2,2,2400,2,0\nA,b,9,0,2,2,0,2,0\n", r":3: elevation_m = 0, but the others lie from 2400 to 2400 m"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,nan,2,0\n", r":3: elevation_m = nan is not a finite number"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,inf,0\n", r":3: up_m = inf is not a finite number"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,,2,0\n", r":3: elevation_m = '' is not a number"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,-1,0\n", r":3: up_m = -1 of station b is negative"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,nan,0\n", r":3: up_m = nan is not a finite number"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,400,0\n", r":3: up_m = 400 of station b, at most 300"),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,2,1e300\n", r":3: down_m = 1e300 is not within"),
+        ("A,a,0,0,2,2,5,0,0\nA,b,9,0,2,2,5,2,0\n", r":2: station a: the roof at 5 m is not above the floor at 5 m"),
+        (
+            "A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,5,2,0\nB,b,9,0,2,2,6,2,0\nB,c,9,9,2,2,5,2,0\n",
+            r":4: station b at \(9, 0, 6\)",
+        ),
+        ("A,a,0,0,2,2,5,2,0\nA,b,9,0,2,2,9,2,0\n", r"a to b at \(4\.5, 0\.0\): 4\.0 m up or down in 9\.0 m"),
+    ],
+)
+def test_faulty_elevations_are_refused_with_their_row(tmp_path, rows, message):
+    with pytest.raises(InputError, match=message):
+        read_stations(write(tmp_path, HEIGHTS + rows))
+
+
+def test_a_distance_to_the_roof_without_elevations_is_refused(tmp_path):
+    with pytest.raises(InputError, match="column up_m needs a column elevation_m"):
+        read_stations(write(tmp_path, HEADER.strip() + ",up_m\nA,a,0,0,2,2,3\nA,b,9,0,2,2,3\n"))
+
+
+def test_a_wall_kilometres_from_its_station_is_refused_with_its_line(tmp_path):
+    path = tmp_path / "s.csv"
+    path.write_text("leg,station,easting_m,northing_m,left_m,right_m\n1,a,0,0,2,2\n1,b,50,0,2,5000\n")
+    with pytest.raises(InputError, match=r"s\.csv:3: right_m = 5000 of station b, at most 300 \(farthest_wall_m"):
+        read_stations(path)
+
+
+@pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", "."), (";", ","), ("\t", ","), (", ", ".")])
+def test_separators_and_decimal_commas_of_spreadsheets_are_read(tmp_path, separator, decimal):
+    rows = [
+        "Leg,Station,Easting_m,Northing_m,Left_m,Right_m,Elevation_m",
+        "A,a,0.5,0,2,2,5.25",
+        ",,,,,,",
+        "A,b,9,0,2,2,5",
+    ]
+    head, *values = (row.replace(",", separator) for row in rows)
+    text = "\r\n".join([head, *(row.replace(".", decimal) for row in values)])
+    path = tmp_path / "a.csv"
+    path.write_bytes(text.encode("utf-8-sig"))
+    (leg,) = read_station_legs(path)
+    np.testing.assert_array_equal(leg.positions_m, [[0.5, 0], [9, 0]])
+    np.testing.assert_array_equal(leg.heights_m[:, 0], [5.25, 5])
+
+
+def test_stations_of_one_leg_above_each_other_are_a_shaft(tmp_path, capsys):
+    path = tmp_path / "a.csv"
+    head = "leg,station,easting_m,northing_m,left_m,right_m,elevation_m\n"
+    path.write_text(f"{head}A,a,0,0,2,2,5\nA,b,9,0,2,2,5\nA,c,9,0,2,2,-7\nA,d,0,0,2,2,-7\n")
+    one, two, shaft = read_station_legs(path)
+    assert (one.stations, two.stations, shaft.stations) == (["a", "b"], ["c", "d"], ["b", "c"])
+    assert (shaft.is_plumb, one.is_plumb) == (True, False)
+    assert "1 shafts are not drivable, the deepest 12.0 m, from b to c" in capsys.readouterr().err
+
+
+def test_a_table_with_heights_may_use_a_national_grid(tmp_path):
+    path = tmp_path / "a.csv"
+    head = "leg,station,easting_m,northing_m,left_m,right_m,elevation_m\n"
+    path.write_text(f"{head}A,a,450000.25,7100000,2,2,10250\nA,b,450009,7100000,2,2,10251\n")
+    (leg,) = read_station_legs(path)
+    np.testing.assert_array_equal(leg.positions_m[0], (450000.25, 7100000))
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("A,a,0,0,2,2,0\nA,b,0,0,2,2,9\n", r"a\.csv: every leg is plumb; nothing to drive on"),
+        ("A,a,0,0,2,2,0\nA,b,90000,0,2,2,9\n", r"a\.csv: a to b are 90000 m apart, at most 10000 m"),
+    ],
+)
+def test_a_table_without_a_drift_and_a_shot_of_many_kilometres_are_refused(tmp_path, rows, message):
+    path = tmp_path / "a.csv"
+    path.write_text(f"leg,station,easting_m,northing_m,left_m,right_m,elevation_m\n{rows}")
+    params = PassageSurveyParams(kind="passages", name="a", file="data/a.csv", heights=None)
+    with pytest.raises(InputError, match=message):
+        draw_vector_survey(params.model_copy(update={"file": path.as_posix()}))
+
+
+def test_pieces_of_a_table_with_heights_need_not_be_connected_and_the_longest_is_built(tmp_path, capsys):
+    path = tmp_path / "a.csv"
+    rows = "A,a,0,0,2,2,5\nA,b,30,0,2,2,7\nB,c,0,50,2,2,5\nB,d,20,50,2,2,5\n"
+    path.write_text(f"leg,station,easting_m,northing_m,left_m,right_m,elevation_m\n{rows}")
+    params = PassageSurveyParams(kind="passages", name="a", file="data/a.csv", heights=None)
+    workings = draw_vector_survey(params.model_copy(update={"file": path.as_posix()}))[0]
+    assert workings.bounds[3] < 3
+    assert "kept is the one of 30 m about a, left out are 20 m" in capsys.readouterr().err
+    path.write_text(path.read_text().replace(",7\n", ",5\n"))
+    with pytest.raises(InputError, match="legs B share no station with leg A"):
+        read_station_legs(path)
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("A,b,4_0,0,2,2", ":3: easting_m = '4_0' is not a number"),
+        ("A,b,\u0664\u0660,0,2,2", ":3: easting_m = '\u0664\u0660' is not a number"),
+        ("A,b,40\u00a0,0,2,2", r":3: easting_m = '40\\xa0' is not a number"),
+        ("A,b\x1b[31m,40,0,2,2", r":3: station = 'b\\x1b\[31m': want a name of printable characters"),
+        ("A\u202e,b,40,0,2,2", r":3: leg = 'A\\u202e': want a name of printable characters"),
+        ("A,,40,0,2,2", ":3: station = '': want a name of printable characters"),
+        ("A,b,40,0,2,2\rB,c,1,1,1,1\r", ":3: a line end of CR alone; save the file with line ends of LF or CR LF"),
+    ],
+)
+def test_what_only_python_reads_as_a_number_or_nobody_as_a_name_is_refused(tmp_path, row, message):
+    path = tmp_path / "s.csv"
+    path.write_bytes(f"{HEADER}A,a,0,0,2,2\n{row}\n".encode())
+    with pytest.raises(InputError, match=message):
+        read_stations(path)

@@ -1,0 +1,46 @@
+"""A GeoPackage is read without a trace beside it."""
+
+import struct
+
+import numpy as np
+import pyogrio.raw
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.survey.vector.geodata import read_geodata
+from tests.mines import RING
+
+
+@pytest.fixture
+def geopackage(tmp_path):
+    """Return a GeoPackage that its last writer left in the mode of a write-ahead log."""
+    path = tmp_path / "mine.gpkg"
+    pyogrio.raw.write(path, np.array([RING.wkb], dtype=object), [], [], geometry_type="Polygon", crs="EPSG:32719")
+    data = bytearray(path.read_bytes())
+    data[18:20] = b"\x02\x02"
+    path.write_bytes(bytes(data))
+    return path
+
+
+def test_a_geopackage_in_write_ahead_mode_is_read_and_leaves_no_file(geopackage):
+    assert read_geodata(geopackage, None).shapes[0].equals(RING)
+    assert [p.name for p in geopackage.parent.iterdir()] == ["mine.gpkg"]
+
+
+def test_a_geopackage_with_changes_in_its_log_is_refused(geopackage):
+    geopackage.with_name("mine.gpkg-wal").write_bytes(b"7\x7f\x06\x82")
+    with pytest.raises(InputError, match=r"mine\.gpkg-wal holds changes that are not in the file"):
+        read_geodata(geopackage, None)
+
+
+def test_a_file_of_which_one_shape_is_broken_is_refused_and_not_read_without_it(tmp_path):
+    path = tmp_path / "mine.shp"
+    rings = np.array([RING.wkb, RING.wkb], dtype=object)
+    pyogrio.raw.write(path, rings, [], [], geometry_type="Polygon", crs="EPSG:32719")
+    data = bytearray(path.read_bytes())
+    corner = struct.pack("<2d", *RING.exterior.coords[0])
+    at = data.rindex(corner)
+    data[at : at + 8] = struct.pack("<d", float("nan"))  # the last ring of the second shape is no ring any more
+    path.write_bytes(bytes(data))
+    with pytest.raises(InputError, match=r"mine\.shp: 1 of 2 shapes in layer 'mine' are broken, the first is number 2"):
+        read_geodata(path, None)
