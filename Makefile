@@ -200,7 +200,7 @@ train-graph: setup-baselines  ## train the graph explorer in light mines (make w
 	@OMP_NUM_THREADS=1 $(PY) -m baselines.graph.training.train seed=$(SEED) $(ARGS)
 
 compare-graph: setup  ## the graph explorer's map simulator beside the environment (docs/graph-simulator.md)
-	@OMP_NUM_THREADS=1 $(PY) -m baselines.graph.training.compare $(ARGS)
+	@OMP_NUM_THREADS=1 $(PY) -m baselines.pages.simulator $(ARGS)
 
 train-all: setup-baselines  # train with the paper's five seeds
 	@for seed in 42 142 242 342 442; do $(PY) -m baselines.ppo.train seed=$$seed $(ARGS) || exit $$?; done

@@ -58,7 +58,7 @@ def render_dag(root: Path) -> str:
         "deps": [
             *_conf_files(root),
             "pipeline/report/page.html.j2",
-            "pipeline/report/headlamp.js",
+            "pipeline/report/figures/headlamp.js",
             *((ARTIFACTS / name / "manifest.json").as_posix() for name in STAGES),
             *_closure(root, "pipeline/report/page.py"),
         ],

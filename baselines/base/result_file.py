@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from baselines.base.errors import BaselineError
 
-RESULTS = Path(__file__).parent / "results"
+RESULTS = Path(__file__).parents[1] / "results"
 CHECKPOINTS = RESULTS / "checkpoints"
 FORMAT = "minexplore-results/1"
 SAMPLE_STEPS = 20  # control steps between samples of the coverage curve and the path: 2 s

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import inspect
 import pkgutil
 import re
 import sys
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeGuard
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from minexplore.task import TaskParams
 RESERVED = ("oracle-tour",)  # names of rows that are no policy of this module
 _PACKAGE = "baselines"
 TRAINED = Path("artifacts/train")  # NAME/policy.safetensors, written by training
+
+_NO_POLICY = {"baselines.base.errors"}  # its messages are no part of what a policy does
 
 
 class Policy(Protocol):
@@ -143,7 +146,7 @@ def policy_label(name: str) -> str:
 
 
 def policy_sha256(policy: Policy) -> str:
-    """Return the hash of what a policy does: its class, its source with all that it imports here, its weights.
+    """Return the hash of what a policy does: its class, its code with all that it imports here, its weights.
 
     A class from outside `baselines` is known by all files of its module or package.
     """
@@ -162,18 +165,36 @@ def checkpoint_sha256(path: Path) -> str:
 
 
 def known_sha256(label: str, heights: bool) -> str | None:
-    """Return the hash of the explorer or kept checkpoint of a name; None if there is none."""
-    if label in EXPLORERS:
-        return policy_sha256(make_policy(label, 1, TaskParams(), heights=heights))
-    kept = CHECKPOINTS / f"{label}.safetensors"
-    return checkpoint_sha256(kept) if kept.is_file() else None
+    """Return the hash of the explorer or kept checkpoint of a name, in any capitals; None if there is none."""
+    wanted = label.casefold()
+    for name in EXPLORERS:
+        if name.casefold() == wanted:
+            return policy_sha256(make_policy(name, 1, TaskParams(), heights=heights))
+    kept = next((path for path in CHECKPOINTS.glob("*.safetensors") if path.stem.casefold() == wanted), None)
+    return checkpoint_sha256(kept) if kept is not None else None
 
 
 def _own_sha256(kind: type, checkpoint: Path | None) -> str:
-    parts = [kind.__qualname__.encode(), *(path.read_bytes() for path in source_files(kind))]
+    code = sorted(_code_of(path) for path in source_files(kind))
+    parts = [kind.__qualname__.encode(), *(line.encode() for line in code)]
     if checkpoint is not None:
         parts.append(checkpoint.read_bytes())
     return hashlib.sha256(b"".join(parts)).hexdigest()
+
+
+def _code_of(path: Path) -> str:
+    """Return a module's lines without imports, docstrings and blank lines, which say nothing of what a policy does."""
+    text = path.read_text()
+    left_out: set[int] = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import | ast.ImportFrom) or _is_docstring(node):
+            left_out.update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+    kept = (line for number, line in enumerate(text.splitlines(), 1) if number not in left_out and line.strip())
+    return "".join(f"{line}\n" for line in kept)
+
+
+def _is_docstring(node: ast.AST) -> TypeGuard[ast.Expr]:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
 def source_files(kind: type) -> list[Path]:
@@ -187,6 +208,7 @@ def source_files(kind: type) -> list[Path]:
             used = value.__name__ if inspect.ismodule(value) else getattr(value, "__module__", None)
             if isinstance(used, str) and used.partition(".")[0] == _PACKAGE and used not in found:
                 waiting.add(used)
+    found -= _NO_POLICY
     return [Path(inspect.getfile(sys.modules[module])) for module in sorted(found)]
 
 

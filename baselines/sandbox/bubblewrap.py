@@ -124,7 +124,7 @@ def _visible(folder: Path | None) -> list[str]:
     others = [Path("/etc/ld.so.cache"), python, Path(sys.base_prefix, "lib"), *map(Path, library_folders())]
     for path in others:
         words += _shown(path) if path.exists() else []
-    for path in sorted(Path(__file__).parent.iterdir()):
+    for path in sorted(Path(__file__).parents[1].iterdir()):
         words += _shown(path, f"{PROJECT}/baselines/{path.name}") if path.name not in _HIDDEN else []
     words += _shown(Path(minexplore.__file__).parent, f"{PROJECT}/minexplore")
     words += _shown(folder, POLICY) if folder is not None else ["--dir", POLICY]

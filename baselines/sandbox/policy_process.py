@@ -1,4 +1,4 @@
-"""The process in a sandbox that runs a policy; `baselines.sandbox.confined` starts it and talks to it over two pipes."""
+"""The process in a sandbox that runs a policy; `confined` starts it and talks to it over two pipes."""
 
 from __future__ import annotations
 

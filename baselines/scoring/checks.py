@@ -85,8 +85,11 @@ def head_faults(head: Head, facts: Facts) -> Iterator[str]:
 
 
 def name_faults(head: Head, facts: Facts) -> Iterator[str]:
-    """Yield why a file of somebody else cannot have its policy's name: it is reserved, or another policy's."""
-    if head.policy in RESERVED:
+    """Yield why a file of somebody else cannot have its policy's name: it is reserved, or another policy's.
+
+    Names that differ in capitals alone are the same to a reader.
+    """
+    if head.policy.casefold() in RESERVED:
         yield f"policy {head.policy!r}: the name is reserved"
         return
     known = known_sha256(head.policy, facts.heights)

@@ -31,9 +31,9 @@ from pipeline.store.files import write_atomically
 from pipeline.store.hashing import sha256_bytes
 from pipeline.store.manifest import code_sha256
 from pipeline.surface.build import build_rough_surface, chunk_files, lay_rough_lattice
+from pipeline.surface.chunks import cut_chunks
 from pipeline.surface.mesh.displacement import displaced
 from pipeline.surface.mesh.lattice import ROOF, WALL
-from pipeline.surface.mesh.rough import cut_chunks
 from pipeline.surface.reference import measure_sources, measure_sweeps
 from pipeline.surface.relief_source import choose_relief
 from pipeline.types import DriftNetwork, FreeSpace, Image, Mesh, SolidExtent
@@ -72,8 +72,8 @@ rock.
 
 *The same place over the turn of the work, lit from the camera: `rock=published_score`, the noise with the best
 published score; the same noise with a steep spectrum, waves of 0.4 to 4 m whose amplitudes rise with their length
-(`benchmarks/comparisons/compare_rock.py` has the values); `rock=andesite`; and the default world, andesite with its look and
-fittings under its own lights.*
+(`benchmarks/comparisons/compare_rock.py` has the values); `rock=andesite`; and the default world, andesite with its
+look and fittings under its own lights.*
 
 *Andesite as the sweeps* is `rock=andesite surface.reference=sweeps`: the parts of the same rock are scaled until the
 mine's own walls are as rough as the four stationary sweeps in windows of 0.5 to 3 m. *Typical factor* is exp of the

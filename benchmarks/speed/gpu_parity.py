@@ -158,7 +158,7 @@ def main() -> int:
 
 def _versions() -> dict[str, str]:
     """Return MuJoCo Warp's version, and the hashes of the world and of the sources that the figures depend on."""
-    root = Path(__file__).resolve().parents[1]
+    root = Path(__file__).resolve().parents[2]
     modules = ("minexplore/warp/env.py", "minexplore/envs/vector.py", "benchmarks/speed/gpu_pair.py")
     sources = {path for module in modules for path in import_closure(root / module, root)}
     return {

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+_DEEPEST = 4  # lists in lists; a list may hold itself
+
 
 def numbers_of(action: Any) -> np.ndarray:
     """Return an action, or the actions of many robots, as float64.
@@ -31,9 +33,10 @@ def numbers_of(action: Any) -> np.ndarray:
         raise ValueError(f"action = {_shown(action)}: want numbers ({error})") from error
 
 
-def _is_masked(value: Any) -> bool:
+def _is_masked(value: Any, depth: int = _DEEPEST) -> bool:
+    """Return whether a value, or one in its lists, has masked entries; deeper lists are no arrays and refused later."""
     if isinstance(value, list | tuple):
-        return any(map(_is_masked, value))
+        return depth > 0 and any(_is_masked(inner, depth - 1) for inner in value)
     return isinstance(value, np.ma.MaskedArray) and bool(np.ma.getmaskarray(value).any())
 
 

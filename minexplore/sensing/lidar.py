@@ -95,9 +95,25 @@ def floor_beside(floor: Floor) -> tuple[np.ndarray, np.ndarray]:
     return strips.reshape(-1, 3), faces.reshape(-1, 3).astype(np.int32)
 
 
-@functools.lru_cache(maxsize=8)
 def shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
-    """Return what casts the beams of a world, made once a process."""
+    """Return what casts the beams of a world, made once a process.
+
+    Raises
+    ------
+    ValueError
+        If the backend is unknown.
+    """
+    _require_known(backend)
+    return _shared_lidar(folder, world_sha256, range_m, backend)
+
+
+def _require_known(backend: object) -> None:
+    if not isinstance(backend, str) or backend not in ("auto", *_MODULES):
+        raise ValueError(f"lidar = {backend!r}: want auto, {', '.join(_MODULES)}")
+
+
+@functools.lru_cache(maxsize=8)
+def _shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
     world = load_world(folder)
     if not world.floor.is_flat:
         rock = surface_meshes(world) if has_visible_rock(world.record) else collision_meshes(world)
@@ -131,8 +147,7 @@ class Lidar:
             If the backend is not installed, or none is.
         """
         installed = [name for name, module in _MODULES.items() if find_spec(module)]
-        if backend not in ("auto", *_MODULES):
-            raise ValueError(f"lidar = {backend!r}: want auto, {', '.join(_MODULES)}")
+        _require_known(backend)
         if backend != "auto" and backend not in installed:
             raise ImportError(f"lidar = {backend!r} needs {_MODULES[backend]}: pip install {_MODULES[backend]}")
         if not installed:

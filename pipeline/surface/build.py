@@ -14,11 +14,12 @@ from minexplore.floors.floor import Floor
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
 from pipeline.store.codecs import Bundle, encode
+from pipeline.surface.chunks import cut_chunks
 from pipeline.surface.folded.fold import FoldedSurface
-from pipeline.surface.folded.seam_join import open_seams
+from pipeline.surface.folded.open_seams import open_seams
 from pipeline.surface.folded.sheet_walls import lay_sheet_walls
 from pipeline.surface.mesh.lattice import CrossSection, Lattice, lay_lattice
-from pipeline.surface.mesh.rough import RoughSurface, cut_chunks, displace_lattice
+from pipeline.surface.mesh.rough import RoughSurface, displace_lattice
 from pipeline.surface.mesh.simplify import Mesher, Simplification
 from pipeline.surface.mesh.walls import lay_walls
 from pipeline.surface.relief.joints import JointedRock, relief_of_joints

@@ -69,7 +69,7 @@ class RockWalls:
             direction=lattice.direction[:count],
             roof_share=lattice.roof_share[:count],
             column=lattice.column[:count],
-            meeting=None,
+            seam_join=None,
         )
         above = lattice.vertices[:count:columns, 2]
         away = [np.abs(above - level) for level in CUT_HEIGHTS_M]

@@ -9,7 +9,7 @@ from baselines.explorers import EXPLORERS
 from baselines.explorers.frontier import NearestFrontier
 from baselines.explorers.maps.own_map import FINE, FREE, ROCK, OwnMap
 from baselines.explorers.pursuit import PathFollower, heading_errors
-from baselines.policies.found import make_policy, policy_sha256, source_files
+from baselines.policies.found import _code_of, make_policy, policy_sha256, source_files
 from baselines.policies.map_observation import RINGS_M, MapObserver
 from baselines.running.protocol import run_episodes
 from minexplore.physics.robot import RobotParams
@@ -161,7 +161,7 @@ def test_the_explorer_of_the_documentation_drives_and_its_hash_covers_its_source
 def test_a_hash_covers_the_modules_that_a_policy_imports():
     files = {path.name for path in source_files(NearestFrontier)}
     assert {"frontier.py", "planner.py", "own_map.py", "pursuit.py", "beams.py"} <= files
-    assert not {"policy.py", "wall_following.py", "evaluate.py"} & files
+    assert not {"found.py", "wall_following.py", "evaluate.py"} & files
 
 
 def test_every_policy_has_a_hash_of_its_own_and_unknown_ones_are_refused_with_the_choices():
@@ -171,3 +171,14 @@ def test_every_policy_has_a_hash_of_its_own_and_unknown_ones_are_refused_with_th
         make_policy("greedy", 1, TaskParams())
     with pytest.raises(BaselineError, match="valid choices are MineXplore/ChileanMine-v0"):
         make_env("MineXplore/Moon-v0", 1)
+
+
+def test_the_hash_of_code_is_of_what_a_policy_does(tmp_path):
+    def code(text):
+        (tmp_path / "policy.py").write_text(text)
+        return _code_of(tmp_path / "policy.py")
+
+    first = code('"""Drive."""\n\nimport os\n\ndef act():\n    """Act."""\n    return 1\n')
+    assert first == "def act():\n    return 1\n"
+    assert code('"""Drive on."""\nfrom here import os\ndef act():\n    return 1\n') == first
+    assert code("def act():\n    return 2\n") != first

@@ -313,6 +313,8 @@ def test_a_policys_name_that_is_no_files_name_is_refused(honest, name):
     ("head", "message"),
     [
         ({"policy": "oracle-tour"}, "policy 'oracle-tour': the name is reserved"),
+        ({"policy": "Oracle-Tour"}, "policy 'Oracle-Tour': the name is reserved"),
+        ({"policy": "RANDOM"}, "policy 'RANDOM': the name of another policy, whose hash is "),
         ({"policy": "random"}, "policy 'random': the name of another policy, whose hash is "),
         ({"policy": "graph-42"}, "policy 'graph-42': the name of another policy, whose hash is "),
         ({"policy_sha256": "0" * 64}, "policy 'wall-following': the name of another policy"),

@@ -208,7 +208,7 @@ def test_a_new_interpreter_reads_while_other_threads_run(tmp_path):
 
 def test_a_reader_ends_with_a_killed_command():
     program = (
-        "from pipeline.survey import child, child_limits\n"
+        "from pipeline.guard import process_limits, reading_process\n"
         "import os, time\n"
         "fork = os.fork\n"
         "def told():\n"
@@ -216,9 +216,9 @@ def test_a_reader_ends_with_a_killed_command():
         "    if pid: print(pid, flush=True)\n"
         "    return pid\n"
         "os.fork = told\n"
-        "child_limits.TASKS['sleep'] = 'tests.guard.test_child:sleep'\n"
+        "process_limits.TASKS['sleep'] = 'tests.guard.test_child:sleep'\n"
         "import tests.guard.test_child\n"
-        "child.run_limited('sleep', {'seconds': 60}, 'a.png')\n"
+        "reading_process.run_limited('sleep', {'seconds': 60}, 'a.png')\n"
     )
     with subprocess.Popen([sys.executable, "-c", program], cwd=ROOT, stdout=subprocess.PIPE, text=True) as parent:
         pid = int(parent.stdout.readline())

@@ -11,10 +11,11 @@ from scipy.spatial import cKDTree
 from minexplore import bundle
 from pipeline.compose import compose
 from pipeline.metrics.rock.planefit import sweep_residuals
+from pipeline.surface.chunks import cut_chunks
 from pipeline.surface.mesh.displacement import Bounds, bound_displacement
 from pipeline.surface.mesh.lattice import ROOF, WALL, CrossSection, lay_lattice
 from pipeline.surface.mesh.mesh_checks import check_mesh, find_crossings, find_shared_edges
-from pipeline.surface.mesh.rough import closed_mesh, cut_chunks, displace_lattice
+from pipeline.surface.mesh.rough import closed_mesh, displace_lattice
 from pipeline.surface.mesh.simplify import Mesher, Simplification
 from pipeline.surface.mesh.walls import lay_walls
 from pipeline.surface.relief.noise import Modulation, relief_of_noise

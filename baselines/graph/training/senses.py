@@ -13,7 +13,7 @@ from minexplore.world import World
 
 
 class Senses:
-    """Beams and coverage of one mine, as `minexplore.envs.robot_batch.RobotBatch` has them for robots that stand still."""
+    """Beams and coverage of one mine, as `RobotBatch` has them for robots that stand still."""
 
     def __init__(self, world: World, task: TaskParams, robot: RobotParams) -> None:
         """Take a mine.

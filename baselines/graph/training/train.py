@@ -1,4 +1,7 @@
-"""Train the graph explorer: `python -m baselines.graph.training.train seed=42 improve.updates=200`; run it again to go on."""
+"""Train the graph explorer: `python -m baselines.graph.training.train seed=42 improve.updates=200`.
+
+The same command again goes on where a run stopped.
+"""
 
 from __future__ import annotations
 

@@ -12,6 +12,7 @@ from minexplore.bundle import BundleError
 
 GREY, RGB, PALETTE = 0, 2, 3  # PNG's numbers
 _BLOCK = 1 << 20  # bytes that are unpacked at once
+_CHUNK = 4096  # bytes; writers fill chunks of 8 KB and more, and each chunk costs time
 
 
 def inflate_png(name: str, data: bytes) -> None:
@@ -98,6 +99,8 @@ def check_png(name: str, data: bytes, colours: tuple[int, ...], most_px: int) ->
         elif kind == b"PLTE" and not (0 < size <= 768 and size % 3 == 0):
             raise BundleError(f"{name}: a palette of {size} bytes, want 3 for each of at most 256 colours")
         kinds.append(kind)
+        if len(kinds) > 16 + len(data) // _CHUNK:
+            raise BundleError(f"{name}: more than {len(kinds) - 1} chunks in {len(data)} bytes")
         at += 12 + size
     before = [b"IHDR", b"PLTE"] if kind_of_colour == PALETTE else [b"IHDR"]
     image = kinds[len(before) : -1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
@@ -12,9 +11,7 @@ from minexplore.floors.folding import Folding
 from pipeline.errors import GeometryError
 from pipeline.surface.mesh.mesh_checks import MeshReport, check_mesh, find_crossings
 from pipeline.surface.mesh.normals import ShadedMesh, shade_mesh
-
-if TYPE_CHECKING:
-    from pipeline.surface.mesh.rough import RoughSurface
+from pipeline.surface.mesh.rough import RoughSurface
 
 _DIGITS = 4  # 0.1 mm, as in the plan
 
@@ -37,9 +34,9 @@ def fold_surface(rough: RoughSurface) -> FoldedSurface:
         return FoldedSurface(mesh.vertices, np.arange(len(mesh.vertices)))
     folded = Folding(lattice.floor).fold(mesh.vertices).round(_DIGITS) + 0.0
     number = np.arange(len(folded))
-    if lattice.meeting:
+    if lattice.seam_join:
         place = np.full(len(lattice.vertices), -1)
-        place[lattice.meeting.points] = lattice.meeting.place
+        place[lattice.seam_join.points] = lattice.seam_join.place
         own = place[mesh.source]
         own[(mesh.vertices != rough.vertices[mesh.source]).any(axis=1)] = -1
         on_seam = np.flatnonzero(own >= 0)
@@ -53,7 +50,7 @@ def shade_folded(rough: RoughSurface, folded: FoldedSurface, crease_deg: float) 
     """Return normals of the folded surface, which sheets share on their seams, for the vertices of the mesh."""
     faces = rough.mesh.faces
     shaded = shade_mesh(folded.vertices, folded.number[faces], crease_deg)
-    if rough.lattice.meeting is None:
+    if rough.lattice.seam_join is None:
         return shaded
     count = len(folded.vertices)
     key, corner = np.unique(shaded.faces.astype(np.int64) * count + faces, return_inverse=True)

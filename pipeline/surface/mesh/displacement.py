@@ -80,11 +80,11 @@ def _wide(half_m: np.ndarray, narrowest_m: float, bounds: Bounds) -> np.ndarray:
 
 def displaced(lattice: Lattice, displacement_m: np.ndarray) -> np.ndarray:
     """Return the displaced vertices (n, 3) m, rounded to 0.1 mm."""
-    if lattice.meeting:
-        displacement_m = lattice.meeting.meet(displacement_m)
+    if lattice.seam_join:
+        displacement_m = lattice.seam_join.meet(displacement_m)
     vertices = np.round(lattice.vertices + displacement_m[:, None] * lattice.direction, 4)
-    if lattice.meeting and lattice.walls.sheets:
-        return lattice.meeting.join(vertices, lattice.walls.sheets.offset_m[lattice.column])
+    if lattice.seam_join and lattice.walls.sheets:
+        return lattice.seam_join.join(vertices, lattice.walls.sheets.offset_m[lattice.column])
     return vertices
 
 

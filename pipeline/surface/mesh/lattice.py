@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -17,11 +16,9 @@ from shapely import Polygon
 from minexplore.floors.floor import Floor
 from pipeline.errors import GeometryError
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.surface.mesh.seam_join import SeamJoin
 from pipeline.surface.mesh.walls import Ring, Walls, outline_of, smoothstep
 from pipeline.types import Frame
-
-if TYPE_CHECKING:
-    from pipeline.surface.folded.seam_join import Meeting
 
 WALL, ROOF = 0, 1
 BLEND_M = 0.8  # width of the strip in which the direction turns from the wall's to the roof's
@@ -47,7 +44,7 @@ class Lattice:
     Vertices are the wall points, with number `row * columns + column`, then the inner points of the roof. `direction`
     (n, 3) are unit vectors into the workings. `roof_share` (n,) is 0 on the walls and rises to 1 on the roof. `column`
     (n,) is the wall column at or nearest to a vertex. `piece` (m,) is `WALL` or `ROOF` for each face. The sheets of a
-    mine meet at the points of `meeting`; `floor` folds the surface.
+    mine meet at the points of `seam_join`; `floor` folds the surface.
     """
 
     vertices: np.ndarray
@@ -58,7 +55,7 @@ class Lattice:
     piece: np.ndarray
     walls: Walls
     rows: int
-    meeting: Meeting | None = None
+    seam_join: SeamJoin | None = None
     floor: Floor = field(default_factory=Floor)
 
     @property

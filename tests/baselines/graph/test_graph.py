@@ -475,7 +475,7 @@ def test_curves_are_kept_drawn_and_told_beside_runs_of_ppo(tmp_path):
 
 
 def test_a_network_decides_the_same_while_it_is_timed(tmp_path, short_id):
-    from baselines.graph.training.compare import time_decisions
+    from baselines.pages.simulator import time_decisions
 
     file = tmp_path / "graph-1.safetensors"
     write_network(file, random_arrays(SHAPE), SHAPE, 1, {})

@@ -165,6 +165,7 @@ def test_the_id_passes_gymnasiums_checks_of_wrappers_and_steps(families):
         ({"speed": 2}, "speed: unknown argument; there are task, robot"),
         ({"render_mode": "ascii"}, "render_mode = 'ascii': valid choices"),
         ({"lidar": "sonar"}, "lidar = 'sonar': want auto, embree, open3d"),
+        ({"lidar": []}, r"lidar = \[\]: want auto, embree, open3d"),
         ({"whole": 3}, "whole = 3: want True or False"),
     ],
 )

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from minexplore.envs.call_checks import numbers_of
+from minexplore.envs.call_checks import numbers_of, spread_seeds
 from minexplore.envs.env import MineEnv
 from minexplore.envs.multi_agent import MineParallelEnv
 from minexplore.envs.vector import MineVectorEnv
@@ -227,6 +227,20 @@ def test_an_environment_steps_in_a_fork_of_its_process(tee: BuiltMine, threads):
 def test_actions_that_are_no_numbers_are_refused(action):
     with pytest.raises(ValueError, match="want numbers"):
         numbers_of(action)
+
+
+def test_a_list_that_holds_itself_is_no_action_and_no_seed():
+    endless: list = [0.0]
+    endless.append(endless)
+    with pytest.raises(ValueError, match="want numbers"):
+        numbers_of(endless)
+    with pytest.raises(ValueError, match="seed = "):
+        spread_seeds(endless, 2)
+
+
+def test_a_backend_that_is_no_name_is_refused(tee: BuiltMine):
+    with pytest.raises(ValueError, match=r"lidar = \[\]: want auto, embree, open3d"):
+        MineVectorEnv(1, tee.bundle, lidar=[])
 
 
 @pytest.mark.filterwarnings("error")

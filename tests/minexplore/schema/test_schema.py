@@ -211,6 +211,13 @@ def test_a_picture_of_a_billion_pixels_is_refused_by_its_header(files):
     assert "40000 x 40000 px" in refusal({**files, "preview.png": picture})
 
 
+def test_a_picture_of_countless_empty_chunks_is_refused_before_they_are_read(files):
+    empty = bytes(4) + b"IDAT" + zlib.crc32(b"IDAT").to_bytes(4, "big")
+    picture = files["preview.png"]
+    many = picture[:33] + empty * 100_000 + picture[33:]
+    assert "chunks in" in refusal({**files, "preview.png": many})
+
+
 def picture_of(image: bytes, size_px: int) -> bytes:
     """Return a square picture of three colours whose image holds these bytes."""
     head = struct.pack(">IIBBBBB", size_px, size_px, 8, 2, 0, 0, 0)

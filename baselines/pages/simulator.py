@@ -1,4 +1,6 @@
-"""The simulator beside the environment, parts/graph-simulator.md: `python -m baselines.graph.training.compare`.
+"""The simulator beside the environment: `python -m baselines.pages.simulator --mines 4`.
+
+It writes docs/evidence/parts/graph-simulator.md.
 
 The same rules explore the first mines of the validation split in the simulator, and their kept results give what they
 saw in the environment with physics (`python -m baselines.split --split validation --policy ...`). The decisions of a
@@ -155,7 +157,7 @@ processor time.
 
 def main() -> None:
     """Read the command line."""
-    parser = argparse.ArgumentParser(prog="python -m baselines.graph.training.compare", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m baselines.pages.simulator", description=__doc__)
     parser.add_argument("--mines", type=int, default=8)
     parser.add_argument("--network", type=Path, help="NAME.safetensors, whose decisions are timed")
     arguments = parser.parse_args()

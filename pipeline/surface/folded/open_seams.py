@@ -2,47 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from pipeline.surface.mesh.lattice import BLEND_M, WALL, CrossSection, Lattice
+from pipeline.surface.mesh.seam_join import SeamJoin
 from pipeline.surface.mesh.walls import Sheets, smoothstep
 
 _FADE_M = 1.0  # from a seam, over which a difference of two sheets fades
-
-
-@dataclass(frozen=True)
-class Meeting:
-    """Points (k,) of a lattice that lie on seams, and the number of the place of each; two sheets have one place.
-
-    `near` (m,) are the points near a seam, `nearest` (m,) which of the points on it is nearest to each, and `weight`
-    (m,) falls from 1 on the seam to 0.
-    """
-
-    points: np.ndarray
-    place: np.ndarray
-    near: np.ndarray
-    nearest: np.ndarray
-    weight: np.ndarray
-
-    def meet(self, values: np.ndarray) -> np.ndarray:
-        """Return values (n, ...) that two sheets have in common on their seams: their mean; differences fade."""
-        flat = values.reshape(len(values), -1).astype(np.float64)
-        own, count = flat[self.points], np.bincount(self.place)
-        mean = np.column_stack([np.bincount(self.place, column) / count for column in own.T])
-        flat[self.near] += self.weight[:, None] * (mean[self.place] - own)[self.nearest]
-        return flat.reshape(values.shape)
-
-    def join(self, vertices: np.ndarray, offset_m: np.ndarray) -> np.ndarray:
-        """Return vertices (n, 3) m, those on seams at the first one's place; `offset_m` (n, 2) is of their sheets."""
-        first = np.unique(self.place, return_index=True)[1]
-        joined = vertices.copy()
-        source = self.points[first][self.place]
-        joined[self.points] = vertices[source]
-        joined[self.points, :2] += offset_m[self.points] - offset_m[source]
-        return np.round(joined, 4)
 
 
 def open_seams(lattice: Lattice, profile: CrossSection) -> Lattice:
@@ -66,7 +35,7 @@ def open_seams(lattice: Lattice, profile: CrossSection) -> Lattice:
     direction[top + is_open] = turned / np.linalg.norm(turned, axis=1, keepdims=True)
     of_open = (lattice.piece == WALL) & np.isin(lattice.faces % columns, is_open).any(axis=1)
     offset = sheets.offset_m[column]
-    meeting = _meeting(vertices, sheets, lattice.rows, columns)
+    meeting = _join(vertices, sheets, lattice.rows, columns)
     placed = vertices - np.column_stack([offset, np.zeros(len(offset))])
     met = meeting.meet(placed) + np.column_stack([offset, np.zeros(len(offset))])
     direction = meeting.meet(direction)
@@ -81,7 +50,7 @@ def open_seams(lattice: Lattice, profile: CrossSection) -> Lattice:
         column=column,
         faces=lattice.faces[~of_open],
         piece=lattice.piece[~of_open],
-        meeting=meeting,
+        seam_join=meeting,
     )
 
 
@@ -102,7 +71,7 @@ def _roof_heights(lattice: Lattice, profile: CrossSection, columns: np.ndarray) 
     return np.clip(inner[beside, 2] + rise, lowest, profile.height_m)
 
 
-def _meeting(vertices: np.ndarray, sheets: Sheets, rows: int, columns: int) -> Meeting:
+def _join(vertices: np.ndarray, sheets: Sheets, rows: int, columns: int) -> SeamJoin:
     """Return where a lattice's points meet: the walls' columns at the ends of seams, and the roof over seams."""
     ends = ~sheets.open[sheets.joined]
     points, place, places = [], [], int(sheets.group.max()) + 1
@@ -113,4 +82,4 @@ def _meeting(vertices: np.ndarray, sheets: Sheets, rows: int, columns: int) -> M
     point, number = np.concatenate(points), np.unique(np.concatenate(place), return_inverse=True)[1]
     away, nearest = cKDTree(vertices[point]).query(vertices, distance_upper_bound=_FADE_M)
     near = np.flatnonzero(np.isfinite(away))
-    return Meeting(point, number, near, nearest[near], 1 - smoothstep(away[near] / _FADE_M))
+    return SeamJoin(point, number, near, nearest[near], 1 - smoothstep(away[near] / _FADE_M))

@@ -14,9 +14,9 @@ from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import read_record
 from pipeline.proof.rebuilt.fittings import require_fittings
 from pipeline.proof.rebuilt.visible import _round_shafts
+from tests.folded.test_folded_rock import COARSE, copied, drifts_of, up_the_shaft, visible
+from tests.folded.test_openings import broken, validator_of
 from tests.heights import RAMP, MineWithHeights
-from tests.heights.test_folded_rock import COARSE, copied, drifts_of, up_the_shaft, visible
-from tests.heights.test_openings import broken, validator_of
 from tests.mines import sealed
 from tests.project import ROOT
 

@@ -30,8 +30,8 @@ from pipeline.survey.passages.sheets import draw_sheets
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.stations.table import read_station_legs, read_station_survey
 from pipeline.types import Occupancy
+from tests.folded.test_folded_rock import COARSE
 from tests.heights import RAMP, UNDER, MineWithHeights, certificate_params, table
-from tests.heights.test_folded_rock import COARSE
 from tests.mines import STRAIGHT, sealed
 from tests.project import ROOT
 

@@ -22,10 +22,10 @@ from pipeline.mjcf.bundle import World, open_bundle
 from pipeline.survey.passages.sheets import draw_sheets
 from pipeline.survey.stations.table import read_station_legs
 from pipeline.types import Openings
+from tests.folded.test_folded_rock import COARSE
+from tests.folded.test_openings import broken, validator_of
+from tests.folded.test_raises import figures_of
 from tests.heights import RAMP, UNDER, MineWithHeights, levels, seam, shelves, spiral, table
-from tests.heights.test_folded_rock import COARSE
-from tests.heights.test_openings import broken, validator_of
-from tests.heights.test_raises import figures_of
 from tests.mines import sealed
 from tests.project import ROOT
 

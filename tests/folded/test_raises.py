@@ -21,8 +21,8 @@ from pipeline.mjcf.world import GeomGroup
 from pipeline.proof.floor import enclosure_of_floor
 from pipeline.survey.passages.sheets import draw_sheets
 from pipeline.survey.stations.table import read_station_legs
+from tests.folded.test_openings import broken, validator_of
 from tests.heights import RAMP, MineWithHeights, levels, table
-from tests.heights.test_openings import broken, validator_of
 from tests.mines import sealed
 from tests.project import ROOT
 

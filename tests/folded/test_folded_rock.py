@@ -108,7 +108,7 @@ def test_two_sheets_meet_on_their_seam_without_a_gap(config, under):
     report = check_folded(rough, folded, closed_mesh(rough)[1])
     assert report.watertight
     assert not report.self_intersecting
-    meeting = rough.lattice.meeting
+    meeting = rough.lattice.seam_join
     places = np.column_stack([rough.vertices[:, :2] - rough.lattice.walls.sheets.offset_m[rough.lattice.column]])
     for place in np.unique(meeting.place):
         one, two = meeting.points[meeting.place == place]
