@@ -240,8 +240,8 @@ docs: setup  ## build the documentation into artifacts/site
 look: all  # open the report in headless Chromium and measure it
 	@$(PY) -m benchmarks.pictures.look_at_report
 
-env-page: setup  # write docs/env.md from the environment
-	@$(PY) -m minexplore page > docs/.env.md.new && mv docs/.env.md.new docs/env.md
+env-page: setup  # write docs/reference/environment.md from the environment
+	@$(PY) -m minexplore page > docs/.environment.new && mv docs/.environment.new docs/reference/environment.md
 
 wheel: setup  ## build dist/minexplore-*.whl with the default world
 	@PYTHONPATH=. $(PY) packaging/build_wheel.py

@@ -23,7 +23,7 @@ _HEADING = """# Leaderboard
 
 Written by `make leaderboard` from `baselines/results/`. Interquartile means over
 seeds, 95 % bootstrap intervals in brackets. Coverage is of all reachable cells; the bound is what no robot
-can exceed ([docs/benchmark.md](docs/benchmark.md)). Classical explorers map with the true pose.
+can exceed ([docs/reference/benchmark.md](docs/reference/benchmark.md)). Classical explorers map with the true pose.
 
 A row is *verified* when its policy drove all its episodes on the maintainers' machine: to write the row (`make
 renew-benchmark`), or to compare it with a file that somebody sent (`make rerun`). All other figures are what a file

@@ -1,4 +1,4 @@
-"""Teams against one robot: `python -m baselines.team`, `--split test --mines 20`; it writes docs/team.md."""
+"""Teams against one robot: `python -m baselines.team`, `--split test --mines 20`; it writes parts/team.md."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from minexplore.envs.multi_agent import MineParallelEnv
 from minexplore.splits import SIZES, STYLES
 
 KEPT = Path("baselines/results/team.jsonl")
-_PAGE = Path("docs/team.md")
+_PAGE = Path("docs/evidence/parts/team.md")
 _ROBOTS = (1, 2, 4)
 _FIGURES = ("coverage", "speed_up", "contact_steps")  # of a record, a value for each size of team
 _BAND_S = 2.0  # of the times that the spawn's limit is told in

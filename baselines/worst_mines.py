@@ -1,6 +1,6 @@
 """The mines of a split in which a policy sees least beside another one, drawn and in a table.
 
-`make worst-mines ARGS="--policy graph-cool-42 --beside information-gain"` writes docs/worst-mines.md and .jpg.
+`make worst-mines ARGS="--policy graph-cool-42 --beside information-gain"` writes parts/worst-mines.md and .jpg.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from minexplore.splits import STYLES
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-_PAGE, _PICTURE = Path("docs/worst-mines.md"), Path("docs/worst-mines.jpg")
+_PAGE, _PICTURE = Path("docs/evidence/parts/worst-mines.md"), Path("docs/worst-mines.jpg")
 _MINES = 10
 _ROCK, _BLUE, _RED = "#d9d4cc", "#1f5a94", "#b04a2f"
 _STANDS_MPS = 0.1
@@ -33,7 +33,7 @@ Written by `make worst-mines ARGS="--policy {policy} --beside {other}"` from the
 the {count} mines in which {policy} sees least beside {other}. *Idle* is the share of the time in which no new cell was
 seen, *stands* that in which the robot moved at less than {slow:g} m/s.
 
-![Ways of both policies in these mines](worst-mines.jpg)
+![Ways of both policies in these mines](../../worst-mines.jpg)
 
 *Blue: {policy}. Red: {other}. The dot is the start.*
 

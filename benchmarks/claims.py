@@ -1,4 +1,4 @@
-"""The claims ledger, `docs/claims.md`: every figure of the paper beside what was measured or computed here."""
+"""The claims ledger, `docs/evidence/parts/claims.md`: every figure of the paper beside what was measured or computed here."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pipeline.metrics.rock.texture import AXES
 from pipeline.report.results import read_metrics
 from pipeline.store.files import write_atomically
 
-PAGE = Path("docs/claims.md")
+PAGE = Path("docs/evidence/parts/claims.md")
 WORLD = Path("artifacts/realism/world/world.json")
 _FULL, _DRY, _ENTRANCE = (f"MineXplore/ChileanMine{kind}-v0" for kind in ("", "FlatDry", "Entrance"))
 
@@ -120,7 +120,7 @@ def geometry(e: Evidence) -> list[Claim]:
         Claim(f"IoU {PAPER['iou.free_space_vs_cleaned']} against the plan", f"{iou:.4f} (free space, rendered from the MJCF)", "make all",
               at_least(iou, stated("iou.free_space_vs_cleaned")), f"against the raw plan {e.metric('iou.free_space_vs_raw'):.4f}; the paper names no class"),
         Claim(f"{stated('collision.parts'):,.0f} V-HACD hulls from 70 tiles", f"{parts:.0f} exact convex parts", "make all; make compare-collision",
-              EXCEEDED if parts < stated("collision.parts") else MISSED, "V-HACD pushes hulls into the drifts; `preset=paper` gives 1,092 (docs/compare-paper.md)"),
+              EXCEEDED if parts < stated("collision.parts") else MISSED, "V-HACD pushes hulls into the drifts; `preset=paper` gives 1,092 (docs/evidence/parts/compare-paper.md)"),
         Claim("every navigable pixel unobstructed", f"{e.metric('navigability.blocked'):.0f} of {e.metric('navigability.columns'):,.0f} blocked",
               "make all", REPRODUCED if e.metric("navigability.blocked") == 0 else MISSED,
               f"{e.metric('navigability.blocked_at_wall'):,.0f} more lie within the simplification's tolerance of the wall"),
@@ -128,7 +128,7 @@ def geometry(e: Evidence) -> list[Claim]:
               "104,423 + 14,577 = 119,000: it is the rock outside the tunnel"),
         Claim(f"island {stated('areas.islands_m2'):,.0f} m2", f"{island:,.0f} m2", "make all", near(island, stated("areas.islands_m2"), 0.01), "at 7.82 px/m; the paper's 7.65 px/m makes it 4 % larger"),
         Claim("697 x 188 m at 1.36 px/m", f"{width:.0f} m wide at {e.metric('scale.px_per_m'):.2f} px/m", "make all", near(width, 697, 0.05),
-              "1.36 px/m belongs to a copy a fifth the size; the poses imply 7.62 px/m (docs/evidence.md)"),
+              "1.36 px/m belongs to a copy a fifth the size; the poses imply 7.62 px/m (docs/evidence/certificate.md)"),
         Claim("one loop round the island", f"{e.metric('topology.loops_world'):.0f} loop", "make all", near(e.metric("topology.loops_world"), 1, 0), "kept through all stages"),
         Claim("floor zones of 119 x 102 m", f"thirds of {zone:.0f} m, the whole floor", "make all", CONTRADICTS, "3 x 119 m cannot part 697 m: they are half-extents"),
         Claim("incline 5 deg", f"{e.metric('world.tilt_deg'):.3f} deg", "make all", near(e.metric("world.tilt_deg"), stated("world.tilt_deg"), 1e-3), "the world's body is turned as a whole"),
@@ -163,7 +163,7 @@ def exploration(e: Evidence) -> list[Claim]:
     return [
         Claim("90 % of the mine in 600 s is the target", f"full world {e.bound(_FULL)}; dry and level {e.bound(_DRY)}; entrance {e.bound(_ENTRANCE)}",
               "make oracle", CONTRADICTS if impossible else MISSED,
-              "no robot of 1.5 m/s with a 10 m scanner can: a bound from a walk on the time network (docs/benchmark.md)"),
+              "no robot of 1.5 m/s with a 10 m scanner can: a bound from a walk on the time network (docs/reference/benchmark.md)"),
         Claim("coverage 88.89 % (best rolling, mean)", f"oracle tours: full {e.coverage(_FULL, 'oracle-tour')}, dry {e.coverage(_DRY, 'oracle-tour')}, entrance {e.coverage(_ENTRANCE, 'oracle-tour')}",
               "make oracle", CONTRADICTS if impossible else MISSED, "their denominator is not stated; stored runs divide by half the cells"),
     ]  # fmt: skip
@@ -180,7 +180,7 @@ def learning(e: Evidence) -> list[Claim]:
         Claim("best rolling coverage a seed, 85.43-89.95 %", f"entrance, % ({best})", "make train-all curves", at_least(reached, 0.8543), "of all reachable cells, with the equation's reward"),
         Claim("final coverage 84.53 +- 12.02 %", f"entrance, % ({final})", "make train-all curves", MISSED, "same"),
         Claim("final 100.00 % with best rolling 89.79 % (seed 42)", "-", "-", CONTRADICTS, "the last of a rolling mean cannot exceed its best"),
-        Claim("SD 12.02 and 1.74", "sample SDs in docs/training.md", "make curves", CONTRADICTS, "their table's values give 13.4 and 1.9; they are population SDs"),
+        Claim("SD 12.02 and 1.74", "sample SDs in docs/evidence/parts/training.md", "make curves", CONTRADICTS, "their table's values give 13.4 and 1.9; they are population SDs"),
         Claim("three of five seeds reach the target", f"{sum(r['stop'] == 'target coverage' for r in done)} of {len(done)} finished", "make train-all", MISSED, "at 2 M steps a seed"),
         Claim("reward 860 +- 150", f"at most {CAP:g}", "make claims", CONTRADICTS, "the equation caps an episode at 10 + 15 + 30 + 45; the scorer rejects more"),
         Claim("about 520 steps/s with learning (their log)", f"{e.training['steps_per_s']:,}, {e.training['ratio']} times as many", "make time-training", EXCEEDED if e.training["steps_per_s"] >= 520 else MISSED, "one process, updates included"),
@@ -191,7 +191,7 @@ def learning(e: Evidence) -> list[Claim]:
 def speed(e: Evidence) -> list[Claim]:
     """Return the claim on the environment's speed."""
     return [
-        Claim("environment speed: none stated", f"{float(e.speed['vector_steps_per_s']):,.0f} steps/s, one thread, robots spread over the mine", "make bench", EXCEEDED, "docs/env-speed.md"),
+        Claim("environment speed: none stated", f"{float(e.speed['vector_steps_per_s']):,.0f} steps/s, one thread, robots spread over the mine", "make bench", EXCEEDED, "docs/evidence/parts/env-speed.md"),
     ]  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Write the figures of `docs/evidence.md`: the replay on the published plan, and the results of the proof targets."""
+"""Write the figures of the evidence: the replay on the published plan, and the results of the proof targets."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def proof_tables() -> list[str]:
 
 
 def main() -> int:
-    """Run the pipeline on the plan if necessary, and write `docs/evidence-figures.md` and `docs/replay.jpg`."""
+    """Run the pipeline on the plan if necessary, and write `evidence-figures.md` and `docs/replay.jpg`."""
     try:
         proof = proof_tables()
         run_pipeline(PLAN, compose(["survey=plan"]).model_dump(mode="json"))
@@ -130,16 +130,16 @@ def main() -> int:
         head = [
             "# Figures of the evidence",
             "",
-            "Written by `make evidence`. [evidence.md](evidence.md) explains the figures.",
+            "Written by `make evidence`. [The page](../certificate.md) explains the figures.",
             "",
         ]
         lines = [*head, *replay_table(report), "", *certificate_table("the published plan", plan), "", *proof]
-        write_atomically(DOCS / "evidence-figures.md", ("\n".join(lines) + "\n").encode())
+        write_atomically(DOCS / "evidence/parts/evidence-figures.md", ("\n".join(lines) + "\n").encode())
         write_atomically(DOCS / "replay.jpg", shrink_picture(PLAN / "artifacts/validation/replay.png"))
     except MineError as error:
         print(f"evidence: {error}", file=sys.stderr)
         return 2
-    print(f"{DOCS / 'evidence-figures.md'} and {DOCS / 'replay.jpg'} are written")
+    print(f"{DOCS / 'evidence/parts/evidence-figures.md'} and {DOCS / 'replay.jpg'} are written")
     return 0
 
 

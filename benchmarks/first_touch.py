@@ -19,7 +19,7 @@ from benchmarks.simple_mines import write_dxf
 from pipeline.store.files import write_atomically
 from tests.project import Project
 
-TABLE = Path("docs/first-touch.md")
+TABLE = Path("docs/evidence/parts/first-touch.md")
 _FOOT_M = 0.3048
 _SCRIPT = """import gymnasium, minexplore
 env = gymnasium.make("MineXplore/ChileanMine-v0", world="{world}", render_mode="rgb_array")

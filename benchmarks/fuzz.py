@@ -29,7 +29,7 @@ from benchmarks.fuzzing.samples import SAMPLES, Files
 from pipeline.errors import MineError, UnexpectedError
 from pipeline.store.files import write_atomically
 
-RESULTS, TABLE = Path("artifacts/bench/fuzz.json"), Path("docs/fuzz.md")
+RESULTS, TABLE = Path("artifacts/bench/fuzz.json"), Path("docs/evidence/parts/fuzz.md")
 Case = tuple[str, Callable[[], Files]]  # its name, and the function that makes its files
 _BROKEN_S, _HOSTILE_S = 10, 70  # a hostile file may use the whole limit of 60 s, and a busy machine adds to it
 _MEMORY = 4_000_000_000

@@ -28,7 +28,7 @@ from tqdm import tqdm
 from pipeline.store.files import write_atomically
 from tests.project import Project
 
-RESULTS, TABLE = Path("artifacts/bench/simple-mines.jsonl"), Path("docs/simple-mines.md")
+RESULTS, TABLE = Path("artifacts/bench/simple-mines.jsonl"), Path("docs/evidence/parts/simple-mines.md")
 _WIDTH_M, _LENGTH_M = (1.6, 12.0), (15.0, 400.0)
 _UNITS = {"m": 1.0, "ft": 0.3048, "mm": 0.001}
 _ROOM_SHARE = (0.3, 1.0)  # a room's width, of its length

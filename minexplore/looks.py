@@ -1,6 +1,6 @@
 """How a world looks: light, haze and sheen of its rock, by the name that `world.json` states under `look`.
 
-The values were chosen by eye on rendered pictures (docs/look.md); none of them
+The values were chosen by eye on rendered pictures (docs/how-to/look.md); none of them
 is measured, and none changes what a robot can touch or what its LiDAR sees.
 """
 

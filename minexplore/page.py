@@ -59,9 +59,9 @@ Each robot draws from a generator of its own, `gymnasium.utils.seeding.np_random
 
 _FAMILY = """## Unseen mines
 
-`MineXplore/Family-v0` draws a mine at every reset, by the episode's seed, from a split of the [generated
-family](families.md). The mines must be built: `make worlds N=1000` makes those of `train`. They are light worlds
-without visible rock, so beams end on the collision walls.
+`MineXplore/Family-v0` draws a mine at every reset, by the episode's seed, from a split of the
+[generated family](../how-to/families.md). The mines must be built: `python -m pipeline worlds --light --split train`
+makes those of `train`. They are light worlds without visible rock, so beams end on the collision walls.
 
 ```python
 env = gymnasium.make("MineXplore/Family-v0", split="test")
@@ -82,7 +82,8 @@ Training refuses the mines of `validation` and `test`, and variants of the embed
 
 _WARP = """## Many robots on a GPU
 
-`make setup-gpu` installs MuJoCo Warp and torch. The same task then runs on a CUDA device, all robots at once:
+`sh requirements/setup.sh gpu` installs MuJoCo Warp and torch. The same task then runs on a CUDA device, all robots at
+once:
 
 ```text
 env = gymnasium.make_vec("MineXplore/ChileanMine-v0", num_envs=65536, vectorization_mode="vector_entry_point",
@@ -98,11 +99,12 @@ env = gymnasium.make_vec("MineXplore/ChileanMine-v0", num_envs=65536, vectorizat
 
 `world`, `task` and `robot` are as above; there are no pictures, and no copies of the environment. Observations,
 rewards, flags and the info are torch tensors on the device. They are views of the environment's own arrays: the next
-call overwrites them. `zone` is a number there, west to east. `step` waits for nothing, so `check` tells of faults:
+call overwrites them. `zone` is a number there, west to east. `step` waits for nothing, so `check` reports faults:
 actions or states that are not finite, robots outside of the mine, and limits of MuJoCo Warp that were too small.
 
-The CPU's environment is the reference; [gpu-parity](gpu-parity.md) says how closely the two agree. Physics has 32 bits
-and random numbers are those of Philox, with the seed as key, so whole episodes can agree in distribution only.
+The CPU's environment is the reference; [the page of speeds](../evidence/speed.md) says how closely the two agree.
+Physics has 32 bits and random numbers are those of Philox, with the seed as key, so whole episodes can agree in
+distribution only.
 """
 
 

@@ -1,4 +1,4 @@
-"""One change for each row of docs/extending.md: the files that it writes or edits, its test among them."""
+"""One change for each row of docs/reference/extending.md: the files that it writes or edits, its test among them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tests.project import ROOT
 
-PAGE = ROOT / "docs/extending.md"
+PAGE = ROOT / "docs/reference/extending.md"
 Change = dict[str, str | list[tuple[str, str]]]
 """File -> its text if it is new, else (text, what replaces it once) of each edit."""
 
@@ -107,7 +107,9 @@ def test_the_metric_is_measured_and_its_limit_applies():
                 ),
                 _after("EXPLORERS: dict[str, Explorer] = {\n", '    "longest-beam": Explorer(LongestBeam),\n'),
             ],
-            "docs/benchmark.md": [("| `random` |", "| `longest-beam` | drives along the longest beam |\n| `random` |")],
+            "docs/reference/benchmark.md": [
+                ("| `random` |", "| `longest-beam` | drives along the longest beam |\n| `random` |")
+            ],
             "tests/baselines/test_longest_beam.py": """
 import pytest
 
@@ -232,7 +234,9 @@ def test_the_wrapper_states_its_space():
                 ),
             ],
             "minexplore/envs/env.py": [('`"front"` from the robot, or', '`"side"`, `"front"` from the robot, or')],
-            "docs/env.md": [('`"front"` from the robot, or', '`"side"`, `"front"` from the robot, or')],
+            "docs/reference/environment.md": [
+                ('`"front"` from the robot, or', '`"side"`, `"front"` from the robot, or')
+            ],
             "tests/minexplore/test_side.py": """
 from minexplore.envs.env import MineEnv
 from minexplore.pictures.render import CAMERAS

@@ -1,6 +1,6 @@
 """The simulator beside the environment: `python -m baselines.pages.simulator --mines 4`.
 
-It writes docs/graph-simulator.md.
+It writes docs/evidence/parts/graph-simulator.md.
 
 The same rules explore the first mines of the validation split in the simulator, and their kept results give what they
 saw in the environment with physics (`python -m baselines.split --split validation --policy ...`). The decisions of a
@@ -31,7 +31,7 @@ from minexplore.physics.robot import RobotParams
 from minexplore.splits import SIZES
 from minexplore.task import TaskParams
 
-_PAGE = Path("docs/graph-simulator.md")
+_PAGE = Path("docs/evidence/parts/graph-simulator.md")
 _SPLIT, _ROBOTS = "validation", 4
 _TIMED_STEPS = 3000
 _RULES: dict[str, type[GraphExplorer]] = {

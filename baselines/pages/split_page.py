@@ -24,7 +24,7 @@ _SEEN = 0.9  # of the cells that a robot can reach
 _COLUMNS = ("share of bound", "area under coverage", "time to 90 %, s", "distance, m", "collisions per 100 m")
 _HEADING = """## Unseen mines: the test split
 
-{mines} mines of four styles ([docs/families.md](docs/families.md)), one episode of {seconds:g} s in each. Interquartile
+{mines} mines of four styles ([families](docs/how-to/families.md)), one episode of {seconds:g} s in each. Interquartile
 means over mines, in brackets 95 % intervals by a bootstrap within the styles. The bound of a mine is what no robot can
 exceed; on average it is {loose} above the best walk that was found. `P` is the probability that a policy sees more of a
 mine than the best classical explorer in the table does{best}; equal counts half. `more` is the difference of the shares

@@ -41,7 +41,7 @@ Written by `make curves` from `baselines/results/training/`. Coverage is the mea
 with commands drawn at random as in training. The paper does not state what its coverage is a share of. Runs of *Family*
 learn in 32 mines of the training split (`make train ARGS="env=family"`), and their coverage is the mean over these.
 
-![Coverage, collisions and return over training](training.png)
+![Coverage, collisions and return over training](../../training.png)
 
 """
 
@@ -160,8 +160,8 @@ def main() -> None:
     keep()
     runs = read_runs()
     draw_curves(runs, Path("docs/training.png"))
-    Path("docs/training.md").write_text(_PAGE + table(runs))
-    print("docs/training.md and docs/training.png are written")
+    Path("docs/evidence/parts/training.md").write_text(_PAGE + table(runs))
+    print("docs/evidence/parts/training.md and docs/training.png are written")
 
 
 if __name__ == "__main__":

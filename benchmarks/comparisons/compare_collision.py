@@ -26,7 +26,7 @@ from stages.compile3d import collision_parts
 
 METHODS = ("exact", "coacd", "vhacd")
 RESULTS = Path("artifacts/benchmarks/collision.json")
-TABLE = Path("docs/compare-collision.md")
+TABLE = Path("docs/evidence/parts/compare-collision.md")
 _STEPS = 2000
 
 

@@ -22,7 +22,7 @@ from pipeline.store.registry import REGISTRY
 from stages.__main__ import STAGES
 
 RUNS = Path("artifacts/benchmarks/paper")
-TABLE = Path("docs/compare-paper.md")
+TABLE = Path("docs/evidence/parts/compare-paper.md")
 _PAPER = "preset=paper"
 # One choice of the preset at a time.
 _CHOICES = {

@@ -57,18 +57,18 @@ ROCKS = {
 }
 RESULTS = Path("artifacts/benchmarks/rock.json")
 WORLD = Path("artifacts/realism/world")
-TABLE, PICTURE = Path("docs/rock.md"), Path("docs/rock.jpg")
+TABLE, PICTURE = Path("docs/evidence/parts/rock.md"), Path("docs/rock.jpg")
 WORLD_VIEW = Path("artifacts/validation/views.png")  # its left half is from the same place
 _NOISE_M = 0.05
 _SIZE = (900, 600)
 _HEAD = """# Kinds of rock
 
 Written by `make compare-rock` on the present plan. `rock=NAME` selects one. *Flat* is the smooth surface of the
-default world, measured as stage 6 does, so that its scores are those of [the results](results.md).
+default world, measured as stage 6 does, so that its scores are those of [the results](../results.md).
 *White noise* moves every point of the mesh by itself (s.d. 50 mm). Both show what a figure gives for walls that are no
 rock.
 
-![Views: published_score, steep spectrum and andesite](rock.jpg)
+![Views: published_score, steep spectrum and andesite](../../rock.jpg)
 
 *The same place over the turn of the work, lit from the camera: `rock=published_score`, the noise with the best
 published score; the same noise with a steep spectrum, waves of 0.4 to 4 m whose amplitudes rise with their length

@@ -1,6 +1,6 @@
 """Correct the published plan by all sweeps but one, and measure the one left out.
 
-Writes `docs/corrected-plan.md` and `docs/corrected.jpg`. The plan's scale is that of the poses (docs/adr/0007).
+Writes `parts/corrected-plan.md` and `docs/corrected.jpg`. The plan's scale is that of the poses (docs/adr/0007).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pipeline.store.files import write_atomically
 from pipeline.types import Survey, Workings
 from stages.__main__ import load_stages
 
-PAGE, PICTURE = Path("docs/corrected-plan.md"), Path("docs/corrected.jpg")
+PAGE, PICTURE = Path("docs/evidence/parts/corrected-plan.md"), Path("docs/corrected.jpg")
 _PX_PER_M = 7.62
 _PLAN = ["survey=plan", "survey.poses=null", "survey.scale.source=stated", f"survey.scale.px_per_m={_PX_PER_M}"]
 _TRACE = ["contours.trace=half_level"]
@@ -73,7 +73,7 @@ def page(rows: list[dict], correction: Correction) -> str:
     lines = [
         "# The published plan, corrected by its sweeps",
         "",
-        "Written by `make leave-out-sweeps`; [evidence.md](evidence.md#lidar-corrects-the-plan) explains the figures.",
+        "Written by `make leave-out-sweeps`; [the page](../certificate.md#lidar-corrects-the-plan) explains it.",
         "",
         f"All four sweeps: walls are drawn {report.bias_m:.2f} m too far out ({low:.2f} to {high:.2f} m when each "
         f"sweep is left out). {sum(report.followed_m.values()):.0f} m of wall follow the sweeps.",
@@ -98,13 +98,13 @@ def page(rows: list[dict], correction: Correction) -> str:
     halved = [sum(row["corrected_m"] <= 0.5 * row[key] for row in rows) for key in ("drawn_same_m", "drawn_own_m")]
     lines += [
         "",
-        f"At the same place the median error falls to at most half in {halved[0]} of {len(rows)} sweeps; where the "
-        f"plan as drawn may place the sweep anew, in {halved[1]} of {len(rows)}. A surveyed sweep has a known "
-        "place, so the error at the same place is that of the walls, and the one to judge by. A sweep that may move in "
-        "a plan whose drifts are 2 m too wide goes to one wall: its median error is then small, and says nothing about "
-        "the other.",
+        f"At the same place the median error falls to at most half in {halved[0]} of {len(rows)} sweeps;",
+        f"where the plan as drawn may place the sweep anew, in {halved[1]} of {len(rows)}. A surveyed sweep has a",
+        "known place, so the error at the same place is that of the walls, and the one to judge by. A sweep that may",
+        "move in a plan whose drifts are 2 m too wide goes to one wall: its median error is then small, and says",
+        "nothing about the other.",
         "",
-        "![Walls as drawn and corrected, with the returns of each sweep](corrected.jpg)",
+        "![Walls as drawn and corrected, with the returns of each sweep](../../corrected.jpg)",
     ]
     return "\n".join(lines) + "\n"
 

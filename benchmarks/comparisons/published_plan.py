@@ -1,4 +1,4 @@
-"""Policies in the published plan of the embedded mine: `make published-plan` (docs/published-plan.md).
+"""Policies in the published plan of the embedded mine: `make published-plan` (docs/evidence/parts/published-plan.md).
 
 The embedded mine is a station survey of this plan, so the two worlds have the same drifts and other walls.
 """
@@ -29,7 +29,7 @@ from pipeline.errors import MineError
 ENV = "MineXplore/PublishedPlan-v0"
 POLICIES = ("nearest-frontier", "graph-142")
 _SOURCE, _FOLDER = Path("data/raw/plan.jpg"), Path("artifacts/benchmarks/published_plan")
-_BOUND, _PAGE = _FOLDER / "bound.json", Path("docs/published-plan.md")
+_BOUND, _PAGE = _FOLDER / "bound.json", Path("docs/evidence/parts/published-plan.md")
 _SHOWN = ("coverage at 300 s", "coverage at 600 s", "share of bound at 600 s", "area under coverage",
           "collisions per 100 m", "path, m")  # fmt: skip
 _TEXT = """# The published plan

@@ -23,7 +23,7 @@ from pipeline.surface.mesh.lattice import ROOF, WALL
 from pipeline.surface.reference import measure_sources
 from pipeline.surface.relief_source import choose_relief
 
-TABLE = Path("docs/rock-directions.md")
+TABLE = Path("docs/evidence/parts/rock-directions.md")
 _LENGTH_M, _HEIGHT_M, _PLACED_M = 80.0, 3.5, 200.0
 _WIDTHS_M, _DIRECTIONS_DEG = (1.5, 3.0, 4.4), range(0, 180, 15)
 _BANDS = ("from_0_cm_to_50_cm", "from_50_cm_to_150_cm")

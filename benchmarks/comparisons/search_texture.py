@@ -41,7 +41,7 @@ from pipeline.surface.relief.noise import slow_modulation, unit_bands
 from pipeline.surface.relief.spectrum import band_edges, band_wavelengths
 
 RESULTS = Path("artifacts/benchmarks/texture-search.json")
-TABLE, PICTURE = Path("docs/texture-search.md"), Path("docs/texture-search.png")
+TABLE, PICTURE = Path("docs/evidence/parts/texture-search.md"), Path("docs/texture-search.png")
 PENALTIES = (0.01, 0.03, 0.1, 0.3)  # weight of (RMS / 0.15 m)^2; the mean squared log ratio of the axes has weight 1
 CHOSEN = 0.1
 KNOTS_M = {"wall": (0.24, 0.48, 1.0, 2.7), "roof": (0.34, 0.48, 1.0, 2.7)}  # the roof's mesh cannot hold shorter waves
@@ -177,7 +177,7 @@ def write_table(rows: list[dict[str, Any]]) -> str:
         "# Texture against wall error\n\nThe best noise for the published axes on a straight drift, at four penalties "
         "on amplitude. `x` is model / real. Written by `make search-texture`.\n\n"
         + "\n".join(lines)
-        + "\n\n![trade-off](texture-search.png)\n"
+        + "\n\n![trade-off](../../texture-search.png)\n"
     )
     write_atomically(TABLE, text.encode())
     return text

@@ -1,4 +1,4 @@
-"""Mines that must come out whole: figures (docs/cases.md), plans (docs/cases.png), views inside (docs/cases.jpg)."""
+"""Mines that must come out whole: figures (parts/cases.md), plans (docs/cases.png), views inside (docs/cases.jpg)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
-_PAGE, _PLANS, _VIEWS = Path("docs/cases.md"), Path("docs/cases.png"), Path("docs/cases.jpg")
+_PAGE, _PLANS, _VIEWS = Path("docs/evidence/parts/cases.md"), Path("docs/cases.png"), Path("docs/cases.jpg")
 _SIZE_PX, _QUALITY, _FOVY_DEG = (600, 400), 80, 75.0
 _ROOFS: Roofs = {
     **{f"c{k}{i}": 5.0 for k in range(3) for i in (1, 2)},
@@ -126,7 +126,7 @@ def world_of(project: Project, name: str) -> Path:
 
 
 def page(rows: dict[str, dict[str, Any]]) -> str:
-    """Return docs/cases.md."""
+    """Return docs/evidence/parts/cases.md."""
     lines = [
         "# Mines that must come out whole\n",
         "Written by `make case-pictures`: worlds that `python -m pipeline new NAME --from FILE` makes, compared with",
@@ -157,9 +157,9 @@ def page(rows: dict[str, dict[str, Any]]) -> str:
         ]
         lines.append(f"| {' | '.join(map(str, cells))} |")
     lines += [
-        "\n![Plan and folded floor of Wheal Pell, Sakany, and generated levels with a shaft](cases.png)\n",
+        "\n![Plan and folded floor of Wheal Pell, Sakany, and generated levels with a shaft](../../cases.png)\n",
         "*The built floor by elevation. The lines are the survey's: red what of its drivable part is left out.*\n",
-        "![Views inside Wheal Pell, Sakany, and the generated levels](cases.jpg)\n",
+        "![Views inside Wheal Pell, Sakany, and the generated levels](../../cases.jpg)\n",
         "*Above the adit of Wheal Pell, 1.3 m wide and 1.5 m high; in the middle Sakany, whose width and height are*",
         "*stated; below the generated levels, under their shaft and along a crosscut with a surveyed roof of 5 m.*",
     ]

@@ -1,4 +1,4 @@
-"""Views inside mines with heights, with their rock, for docs/levels.md."""
+"""Views inside mines with heights, with their rock, for docs/how-to/heights.md."""
 
 from __future__ import annotations
 

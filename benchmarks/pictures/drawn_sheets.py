@@ -1,4 +1,4 @@
-"""Find the workings on drawing sheets whose truth is known; writes docs/drawn-sheets.md and its picture.
+"""Find the workings on drawing sheets whose truth is known; writes docs/evidence/parts/drawn-sheets.md and its picture.
 
 The detector was developed on twelve hundred seeds. Two hundred others were never looked at. Results of another detector
 or another generator are made again.
@@ -29,7 +29,7 @@ from pipeline.survey.drawing.workings import draw_detected
 from pipeline.types import Image, Mask
 
 RESULTS = Path("artifacts/bench/drawn-sheets.jsonl")
-PAGE, PICTURE = Path("docs/drawn-sheets.md"), Path("docs/drawn-sheets.jpg")
+PAGE, PICTURE = Path("docs/evidence/parts/drawn-sheets.md"), Path("docs/drawn-sheets.jpg")
 DEVELOPED = [seed for first in (8000, 7000, 6000, 5000, 4000, 0) for seed in range(first, first + 200)]
 FRESH = range(9000, 9200)
 _BEFORE = """Seeds that were unseen before, and developed on since (right, asked, silently wrong): 5000 to 5199 175, 24,
@@ -135,7 +135,7 @@ def page(rows: list[dict[str, Any]]) -> str:
         f"the ones to expect.\n\n{table(fresh)}\n{_BEFORE}"
         f"## {len(developed)} sheets that the detector was developed on\n\n"
         f"Seeds {_span(developed)}.\n\n{table(developed)}\n"
-        "![Sheets and what was detected, green](drawn-sheets.jpg)\n"
+        "![Sheets and what was detected, green](../../drawn-sheets.jpg)\n"
     )
 
 

@@ -1,4 +1,4 @@
-"""Pictures of mines with heights for docs/levels.md: the plan by level, and the floor in space."""
+"""Pictures of mines with heights for docs/how-to/heights.md: the plan by level, and the floor in space."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draw the looks and fittings of docs/look.md from inside a small drift of andesite, and measure what they cost."""
+"""Draw the looks and fittings of how-to/look.md from inside a small drift of andesite, and measure what they cost."""
 
 from __future__ import annotations
 

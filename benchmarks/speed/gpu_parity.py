@@ -1,4 +1,4 @@
-"""The environment on Warp beside that on the CPU: `make parity-gpu` (docs/gpu-parity.md).
+"""The environment on Warp beside that on the CPU: `make parity-gpu` (docs/evidence/parts/gpu-parity.md).
 
 Every part is measured in blocks, a line a block in `RESULTS`. A run goes on where the last one stopped; blocks of other
 code, another world or another device are dropped.
@@ -29,7 +29,7 @@ from minexplore.world import find_world, load_world
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import import_closure, sha256_file, sha256_named
 
-RESULTS, PAGE = Path("artifacts/proof/gpu_parity"), Path("docs/gpu-parity.md")
+RESULTS, PAGE = Path("artifacts/proof/gpu_parity"), Path("docs/evidence/parts/gpu-parity.md")
 POLICIES = ("wall-following", "ChileanMineEntrance-beams-mlp-42")
 _WORLD = "chilean_mine"
 _RAYS, _STEPS, _CONTACTS = 20_000, 10_000, 5_000  # of a block at most

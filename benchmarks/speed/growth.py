@@ -21,7 +21,7 @@ from tqdm import tqdm
 from benchmarks.speed import stage_costs
 from pipeline.store.files import write_atomically
 
-RESULTS, PAGE = Path("artifacts/bench/growth.jsonl"), Path("docs/growth.md")
+RESULTS, PAGE = Path("artifacts/bench/growth.jsonl"), Path("docs/evidence/parts/growth.md")
 SIZES_KM = (1, 3, 10, 30, 100)
 _SIDE_M = 145.0  # of a mine with a kilometre of drifts; drifts grow with the area
 _EXPONENT, _FROM_KM = 1.15, 3

@@ -19,7 +19,7 @@ from pipeline.build.family import generated, make_member, without_rock
 from pipeline.errors import ArtifactError
 from pipeline.store.files import write_atomically
 
-TABLE = Path("docs/light-worlds.md")
+TABLE = Path("docs/evidence/parts/light-worlds.md")
 _HEAD = """# Light worlds: time and size
 
 Written by `make bench-light`, which builds the first mines of the training split on one core: all six stages, with the

@@ -1,4 +1,4 @@
-"""What looks and fittings cost: seconds a frame, and bytes of the present world, as tables in docs/look.md."""
+"""What looks and fittings cost: seconds a frame, and bytes of the present world, as tables in docs/how-to/look.md."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pipeline.store.codecs import Bundle, decode
 from pipeline.store.files import write_atomically
 from stages.realism import STAGE
 
-PAGE, ARTIFACTS = Path("docs/look.md"), Path("artifacts")
+PAGE, ARTIFACTS = Path("docs/how-to/look.md"), Path("artifacts")
 LEVELS = ("light", "full", "meshed")
 _BEGIN, _END = "<!-- written by make look-pictures -->\n", "<!-- end -->\n"
 

@@ -26,7 +26,7 @@ from pipeline.store.files import write_atomically
 from tests.heights import table
 from tests.project import Project
 
-RESULTS, PAGE = Path("artifacts/bench/deep.jsonl"), Path("docs/deep-mines.md")
+RESULTS, PAGE = Path("artifacts/bench/deep.jsonl"), Path("docs/evidence/parts/deep-mines.md")
 _SIZES_KM, _LEVELS, _SEED = (40.0, 80.0), 20, 1
 _HEAD = """# Deep mines
 
@@ -111,7 +111,7 @@ def measure_survey(project: Project, name: str, text: str, km: float, levels: in
 
 
 def page(rows: list[Deep]) -> str:
-    """Return docs/deep-mines.md."""
+    """Return docs/evidence/parts/deep-mines.md."""
     rows = sorted(rows, key=lambda row: (row.drift_m, row.levels))
     lines = [_HEAD.format(machine=platform.machine(), cores=os.cpu_count())]
     for row in rows:

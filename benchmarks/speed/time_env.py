@@ -38,7 +38,7 @@ from pipeline.store.files import write_atomically
 from pipeline.types import ConvexParts, FreeSpace
 from stages.compile3d import collision_parts
 
-RESULTS, TABLE = Path("artifacts/bench/env.json"), Path("docs/env-speed.md")
+RESULTS, TABLE = Path("artifacts/bench/env.json"), Path("docs/evidence/parts/env-speed.md")
 HULLS = Path("artifacts/benchmarks/vhacd.npz")
 _RUNS, _ROBOTS, _STEPS = 5, 64, 60
 _CLEARANCE_M = 0.6  # of the places over which robots are spread; the robot's radius is 0.35 m

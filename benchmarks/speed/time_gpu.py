@@ -24,7 +24,7 @@ from minexplore.warp import require_device, require_packages
 from minexplore.world import World, find_world, load_world
 from pipeline.store.files import write_atomically
 
-RESULTS, TABLE = Path("artifacts/bench/gpu.json"), Path("docs/env-speed-gpu.md")
+RESULTS, TABLE = Path("artifacts/bench/gpu.json"), Path("docs/evidence/parts/env-speed-gpu.md")
 COUNTS = (1024, 4096, 16_384, 65_536, 131_072)
 _LIMITS = {
     "control steps/s, all on the device": ("steps_per_s", 1_000_000, None),

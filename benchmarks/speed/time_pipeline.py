@@ -16,7 +16,7 @@ from pipeline.report.results import read_metrics
 from pipeline.store.files import write_atomically
 from stages.__main__ import STAGES
 
-TABLE = Path("docs/timings.md")
+TABLE = Path("docs/evidence/parts/timings.md")
 _LIMITS = {"compile3d": 5.0, "surface": 25.0, "validation": 90.0}
 
 

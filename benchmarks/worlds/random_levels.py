@@ -32,7 +32,7 @@ _WITHIN_M, _STATION_M = 0.01, 0.02
 _END_M = 3.0  # a drift's end is traced about its half width, 2.2 m, before its last wall
 _CONTACTS = 200
 SHAFT = "shaft"
-RESULTS, TABLE = Path("artifacts/bench/random-levels.jsonl"), Path("docs/random-levels.md")
+RESULTS, TABLE = Path("artifacts/bench/random-levels.jsonl"), Path("docs/evidence/parts/random-levels.md")
 
 
 def wandering(rng: np.random.Generator) -> dict[str, Leg]:
@@ -208,7 +208,7 @@ def holds(row: dict[str, Any]) -> bool:
 
 
 def report(rows: list[dict[str, Any]]) -> str:
-    """Return the page docs/random-levels.md."""
+    """Return the page docs/evidence/parts/random-levels.md."""
     lines = [
         "# Random mines with heights\n",
         "Written by `make random-levels`. Four kinds take turns: declines that wander or wind round themselves, with",

@@ -26,7 +26,7 @@ from pipeline.store.files import write_atomically
 from pipeline.types import FreeSpace, Mask, Survey, Workings
 from stages.__main__ import load_stages
 
-RESULTS, TABLE = Path("artifacts/bench/random-mines-drawn.jsonl"), Path("docs/random-mines.md")
+RESULTS, TABLE = Path("artifacts/bench/random-mines-drawn.jsonl"), Path("docs/evidence/parts/random-mines.md")
 _WALL_ERROR_M = 0.031  # the limit of conf/mine/own.yaml
 _DRAWN = {
     "anti-aliased": [],

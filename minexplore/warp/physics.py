@@ -14,7 +14,7 @@ _FLOORS = 2  # zones that a wheel can stand on at once
 _PARTS = 8  # of rock that a chassis can touch at once; more is told by `overflows`, as is what follows
 _PAIRS, _CONVEX = 12, 4  # pairs of geoms near each other, and those of chassis and rock, of a robot on average
 # MuJoCo Warp iterates until all robots have converged, so one that never does (NaN) would hold up the others a hundred
-# times. docs/gpu-parity.md has the most that contacts took.
+# times. docs/evidence/parts/gpu-parity.md has the most that contacts took.
 _ITERATIONS = 20
 _ITERATED = mjw.OverflowType.ITERATIONS | mjw.OverflowType.LS_ITERATIONS  # a limit of iterations; nothing was left out
 

@@ -97,7 +97,7 @@ def update_baseline() -> None:
 
 
 def update_results() -> None:
-    """Write `docs/results.md` from the present metrics and print it."""
+    """Write `docs/evidence/results.md` from the present metrics and print it."""
     from pipeline.report.results import write_results
 
     print(write_results())

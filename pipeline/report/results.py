@@ -22,7 +22,7 @@ from pipeline.store.manifest import read_params
 
 VALIDATION = Path("artifacts/validation")
 TIMINGS = "timings.json"  # in the folder of the metrics
-RESULTS, README = Path("docs/results.md"), Path("README.md")
+RESULTS, README, PICTURE_FOLDER = Path("docs/evidence/results.md"), Path("README.md"), Path("docs")
 PICTURES = {
     "world.jpg": Path("artifacts/realism/world/preview.png"),
     "contours.jpg": Path("artifacts/contours/contours.png"),
@@ -197,9 +197,9 @@ def read_limits(folder: Path = VALIDATION) -> dict[str, Limit]:
 
 
 def write_results() -> str:
-    """Write the table to `docs/results.md`, its headline rows to the README, and the pictures; return the table."""
+    """Write the page of results, its headline rows to the README, and the pictures; return the table."""
     for name, source in PICTURES.items():
-        write_atomically(RESULTS.with_name(name), shrink_picture(source))
+        write_atomically(PICTURE_FOLDER / name, shrink_picture(source))
     metrics, limits = read_metrics(), read_limits()
     text = results_table(ROWS, metrics, limits)
     header = "# Results\n\nThe embedded survey, as measured by `make all`; written by `make report`.\n\n"

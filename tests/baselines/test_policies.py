@@ -137,12 +137,12 @@ def test_an_explorer_sees_a_small_mine_and_touches_nothing(tee_id, name, least):
 
 
 def test_every_explorer_is_described_in_the_documentation():
-    text = (ROOT / "docs/benchmark.md").read_text()
+    text = (ROOT / "docs/reference/benchmark.md").read_text()
     assert [name for name in EXPLORERS if f"| `{name}` |" not in text] == []
 
 
 def test_the_explorer_of_the_documentation_drives_and_its_hash_covers_its_source(tee_id, tmp_path, monkeypatch):
-    code = re.search(r"^```python\n(.*?)^```", (ROOT / "docs/benchmark.md").read_text(), flags=re.M | re.S)[1]
+    code = re.search(r"^```python\n(.*?)^```", (ROOT / "docs/how-to/evaluate.md").read_text(), flags=re.M | re.S)[1]
     (tmp_path / "my_explorer.py").write_text(code)
     monkeypatch.syspath_prepend(tmp_path)
     env = make_env(tee_id, 2)

@@ -1,4 +1,4 @@
-"""Mines with heights through `python -m pipeline new`: the cases of docs/cases.md."""
+"""Mines with heights through `python -m pipeline new`: the cases of docs/evidence/parts/cases.md."""
 
 import json
 import sys

@@ -14,7 +14,7 @@ import yaml
 from tests.project import ROOT
 
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
-OWN_COMMANDS = (r"sh \.github/comment\.sh \|.*", r"gh pr comment .*", r"cat docs/env-speed\.md >> .*")
+OWN_COMMANDS = (r"sh \.github/comment\.sh \|.*", r"gh pr comment .*", r"cat docs/evidence/parts/env-speed\.md >> .*")
 
 
 def steps_of(workflow):

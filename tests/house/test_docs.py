@@ -1,8 +1,10 @@
 """Every command in the documentation exists and runs."""
 
+import functools
 import importlib.util
 import re
 import shlex
+import subprocess
 import sys
 
 import cv2
@@ -27,16 +29,29 @@ def commands_of(page):
 ELSEWHERE = {
     r"make all.*": "by the fixture `built`; with overrides in tests/house/test_pipeline.py",
     r"make test": "this is the test run",
-    r".*make train.*": "tests/baselines/ppo/test_ppo.py: training, interruption, resumption, two nodes",
-    r"make worlds .*": "tests/commands/test_family.py, with small mines",
+    r"sh requirements/setup.sh baselines": "it installs; the tests' environment is used",
+    r"python -m baselines.(ppo|graph.training).train .*": "tests/baselines: training, interruption, resumption",
+    r"python -m pipeline worlds --light .*": "tests/commands/test_family.py, with small mines",
     r"RAY_ADDRESS=.* python -m pipeline worlds .*": "tests/commands/test_family.py, on a cluster of two nodes",
-    r"make curves": "tests/baselines/ppo/test_ppo.py; it draws the curves of long training",
-    r"make stress-test": "`certify --contacts 20000` is run here; this is the same with a million",
-    r"make data .*": "tests/survey/test_fetch.py, from a mirror",
+    r"python -m baselines.ppo.curves": "tests/baselines/ppo/test_ppo.py; it draws the curves of long training",
+    r"python -m benchmarks stress-test": "`certify --contacts 20000` is run here; this is the same with a million",
+    r"make data": "tests/survey/test_fetch.py, from a mirror",
+    r"python -m benchmarks (replay|leave-out-sweeps)": "tests/proof/test_certificate.py; by what `make data` fetches",
     r"python -m pipeline replay .*": "tests/proof/test_certificate.py; the names of the files are examples",
-    r"python -m pipeline (new|list|show|compare|worlds).*": "the walk-through below",
+    r"python -m pipeline (new|list|show|compare|report|worlds).*": "the walk-through below",
+    r"python -m baselines.split .*": "tests/baselines/test_split.py; it needs the mines of a split",
     r"python -m minexplore play [^ ]+": "tests/minexplore/envs/test_env.py; it opens a window",
 }
+
+
+@functools.cache
+def benchmark_names():
+    """Return the names that `python -m benchmarks` prints; where there is no such command, the make targets."""
+    if importlib.util.find_spec("benchmarks.__main__") is None:
+        return set(re.findall(r"^([a-z][a-z-]*):", (ROOT / "Makefile").read_text(), flags=re.M))
+    done = subprocess.run([sys.executable, "-m", "benchmarks"], cwd=ROOT, capture_output=True, text=True)
+    return set(done.stdout.split())
+
 
 COMMANDS = [(page.relative_to(ROOT).as_posix(), line) for page in PAGES for line in commands_of(page)]
 
@@ -47,12 +62,25 @@ def test_a_command_in_the_docs_exists(page, line):
     if words[0] == "make":
         for target in words[1:]:
             assert re.search(rf"^{target}:|^STAGES :=.*\b{target}\b", (ROOT / "Makefile").read_text(), flags=re.M), line
+    elif words[:3] == ["python", "-m", "benchmarks"]:
+        assert words[3] in benchmark_names(), line
     elif words[:2] == ["python", "-m"]:
         assert importlib.util.find_spec(words[2]) is not None, line
         if words[2] == "pipeline":
             parse(words[3:])  # exits if the arguments are invalid
     else:
         assert words[0] in ("dvc", "git", "docker", "ray", "pip", "tensorboard", ".", "sh"), line
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md"], ids=lambda page: page.name)
+def test_a_module_or_a_target_that_a_page_names_exists(page):
+    text, makefile = page.read_text(), (ROOT / "Makefile").read_text()
+    for module in set(re.findall(r"python -m ([\w.]*\w)", text)):
+        assert module == "benchmarks" or importlib.util.find_spec(module) is not None, module
+    for name in set(re.findall(r"python -m benchmarks ([a-z][a-z-]+)", text)):
+        assert name in benchmark_names(), name
+    for target in set(re.findall(r"`make ([a-z][a-z0-9-]+)", text)):
+        assert target in benchmark_names() or re.search(rf"^{target}:|^STAGES :=.*\b{target}\b", makefile, re.M), target
 
 
 RUN_HERE = [
@@ -80,7 +108,7 @@ def test_the_walk_through_for_your_own_mine_runs_unchanged(repro, tmp_path):
     project = repro.copy(tmp_path / "mine")
     plan, _ = draw_plan(TEE, frame_around((-10, -20, 90, 60), 8.0), {}, 20.0, 40)
     cv2.imwrite(str(project.folder / "plan.png"), plan)
-    lines = commands_of(ROOT / "docs/own-mine.md")
+    lines = commands_of(ROOT / "docs/how-to/own-mine.md")
     assert len(lines) == 6
     for line in lines:
         words = shlex.split(line)

@@ -1,4 +1,4 @@
-"""The code of docs/extending.md works as it stands."""
+"""The code of docs/reference/extending.md works as it stands."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def test_the_readmes_table_shows_what_is_measured(built):
     metrics, limits = read_metrics(folder), read_limits(folder)
     headlines = [row for row in ROWS if row.headline]
     assert len(headlines) <= 12
-    for rows, page in ((headlines, "README.md"), (ROWS, "docs/results.md")):
+    for rows, page in ((headlines, "README.md"), (ROWS, "docs/evidence/results.md")):
         text, table = (ROOT / page).read_text(), results_table(rows, metrics, limits).splitlines()
         steady = [line for line in table if not line.startswith("| MjModel load")]
         assert [line for line in steady if line not in text] == [], "run `make report`"

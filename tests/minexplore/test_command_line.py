@@ -22,7 +22,7 @@ def test_the_list_names_every_environment():
 
 
 def test_the_committed_page_is_the_docstrings():
-    assert (ROOT / "docs" / "env.md").read_text() == page()
+    assert (ROOT / "docs" / "reference" / "environment.md").read_text() == page()
     for heading in (
         "Action Space",
         "Observation Space",

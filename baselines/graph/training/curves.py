@@ -1,4 +1,4 @@
-"""Training of the graph explorer as a page, docs/graph-training.md: `python -m baselines.graph.training.curves`."""
+"""Training of the graph explorer as a page, parts/graph-training.md: `python -m baselines.graph.training.curves`."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ import matplotlib.pyplot as plt
 
 RUNS = Path("artifacts/train")
 KEPT = Path("baselines/results/graph_training")
-_PAGE, _PICTURE = Path("docs/graph-training.md"), Path("docs/graph-training.png")
+_PAGE, _PICTURE = Path("docs/evidence/parts/graph-training.md"), Path("docs/graph-training.png")
 _TEXT = """# Training of the graph explorer
 
 Written by `make curves` from `{kept}/`. *Watched* is the mean share, %, that four robots each see in the map simulator
 of {mines} mines of the training split, which the network does not learn from. The network at update 0 imitates a rule
 (`baselines/graph/training/fresh_ground.py`). The policy is the network that saw most in the watched mines.
 
-![Share of the watched mines over training](graph-training.png)
+![Share of the watched mines over training](../../graph-training.png)
 
 | run | seed | updates | watched at 0 | watched, best | at update | nearest cluster there |
 |---|---|---|---|---|---|---|

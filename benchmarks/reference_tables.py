@@ -1,0 +1,97 @@
+"""Tables of the reference, from the code: options of `new`, configuration, limits of stage 6, defences.
+
+`python -m benchmarks.reference_tables` writes them between two marks of each page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from benchmarks.configuration_table import configuration_table, markdown_table
+from benchmarks.defence_table import defence_table
+from pipeline.__main__ import command_line
+from pipeline.compose import compose
+from pipeline.metrics.limits import format_limit
+from pipeline.params.validation import Limit, ValidationParams
+from pipeline.store.files import write_atomically
+
+FOLDER = Path("docs")
+BEGIN, END = "<!-- table -->", "<!-- end of the table -->"
+_KINDS = {"embedded": [], "own": ["+mine=own"], "heights": ["+mine=heights"]}  # of mine: what composes its limits
+_CLAUSE = "certificate."
+
+
+def options_table() -> str:
+    """Return the options of `python -m pipeline new` as its command line declares them."""
+    actions = _command("new")._actions  # argparse has no public list of them
+    named = [action for action in actions if action.option_strings and action.dest != "help"]
+    rows = ((f"`{action.option_strings[0]} {_value(action)}`", action.help or "") for action in named)
+    return markdown_table(("option", "meaning"), rows)
+
+
+def _value(action: argparse.Action) -> str:
+    """Return how an option's value is written in the help."""
+    if action.choices:
+        return "|".join(action.choices)
+    return str(action.metavar or action.option_strings[0].removeprefix("--").replace("-", "_").upper())
+
+
+def _command(name: str) -> argparse.ArgumentParser:
+    """Return the parser of a command of `python -m pipeline`."""
+    for action in command_line()._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return action.choices[name]
+    raise LookupError(f"python -m pipeline has no command {name}")
+
+
+def limits_table() -> str:
+    """Return each figure that has a limit, with its limit by kind of mine."""
+    limits = {kind: limits_of(compose(overrides).validation) for kind, overrides in _KINDS.items()}
+    names = sorted({name for kind in limits.values() for name in kind})
+    rows = (
+        (f"`{name}`", *(format_limit(kind[name]) if name in kind else "" for kind in limits.values())) for name in names
+    )
+    return markdown_table(("figure", *limits), rows)
+
+
+def limits_of(params: ValidationParams) -> dict[str, Limit]:
+    """Return the limits of stage 6 by figure, those of the certificate's clauses among them."""
+    return {**params.limits, **{f"{_CLAUSE}{name}": limit for name, limit in params.certificate.limits.items()}}
+
+
+TABLES = {
+    "reference/formats.md": options_table,
+    "reference/configuration.md": configuration_table,
+    "reference/metrics.md": limits_table,
+    "security.md": defence_table,
+}
+
+
+def with_table(page: str, table: str) -> str:
+    """Return a page with another table between its marks.
+
+    Raises
+    ------
+    ValueError
+        If the page has no marks.
+    """
+    before, begin, rest = page.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise ValueError(f"a page needs the marks {BEGIN} and {END}")
+    return f"{before}{begin}\n\n{table}\n\n{end}{after}"
+
+
+def main() -> int:
+    """Write all tables."""
+    for name, table in TABLES.items():
+        path = FOLDER / name
+        write_atomically(path, with_table(path.read_text(), table()).encode())
+        print(f"{path} is written")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
