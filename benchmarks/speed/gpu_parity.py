@@ -1,4 +1,4 @@
-"""The environment on Warp beside that on the CPU: `make parity-gpu` (docs/gpu-parity.md).
+"""The environment on Warp beside that on the CPU: `python -m benchmarks parity-gpu` (docs/gpu-parity.md).
 
 Every part is measured in blocks, a line a block in `RESULTS`. A run goes on where the last one stopped; blocks of other
 code, another world or another device are dropped.
