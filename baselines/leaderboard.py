@@ -21,12 +21,12 @@ _PROFILES = Path("docs/unseen-profiles.png")
 _ALWAYS = ("area under coverage", "time to 50 %, s", "collisions per 100 m", "return")
 _HEADING = """# Leaderboard
 
-Written by `make leaderboard` from `baselines/results/`. Interquartile means over
+Written by `python -m benchmarks leaderboard` from `baselines/results/`. Interquartile means over
 seeds, 95 % bootstrap intervals in brackets. Coverage is of all reachable cells; the bound is what no robot
 can exceed ([docs/reference/benchmark.md](docs/reference/benchmark.md)). Classical explorers map with the true pose.
 
 A row is *verified* when its policy drove all its episodes on the maintainers' machine: to write the row (`make
-renew-benchmark`), or to compare it with a file that somebody sent (`make rerun`). All other figures are what a file
+renew-benchmark`), or to compare it with a file that somebody sent (`python -m benchmarks rerun`). All other figures are what a file
 claims. They stand in tables of their own, headed *unverified*, and prove nothing
 ([docs/security.md](docs/security.md)).
 """

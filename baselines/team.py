@@ -36,7 +36,7 @@ _BAND_S = 2.0  # of the times that the spawn's limit is told in
 _UNSEEN = "MineXplore/Family-"
 _HEADING = """# Teams
 
-Written by `make teams` from `baselines/results/team.jsonl`. Robots of a team map together, and
+Written by `python -m benchmarks teams` from `baselines/results/team.jsonl`. Robots of a team map together, and
 `scipy.optimize.linear_sum_assignment` gives each a cluster of the frontier so that the sum of path lengths is least
 (`baselines/explorers/team.py`). They see and touch each other. Interquartile means with 95 % bootstrap intervals. The
 speed-up is one robot's time to its last coverage, divided by the team's time to the same coverage.

@@ -29,7 +29,7 @@ _ROCK, _BLUE, _RED = "#d9d4cc", "#1f5a94", "#b04a2f"
 _STANDS_MPS = 0.1
 _TEXT = """# Where a learned explorer loses
 
-Written by `make worst-mines ARGS="--policy {policy} --beside {other}"` from the results on the split {split}:
+Written by `python -m benchmarks worst-mines --policy {policy} --beside {other}` from the results on the split {split}:
 the {count} mines in which {policy} sees least beside {other}. *Idle* is the share of the time in which no new cell was
 seen, *stands* that in which the robot moved at less than {slow:g} m/s.
 

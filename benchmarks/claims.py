@@ -165,7 +165,7 @@ def exploration(e: Evidence) -> list[Claim]:
               "make oracle", CONTRADICTS if impossible else MISSED,
               "no robot of 1.5 m/s with a 10 m scanner can: a bound from a walk on the time network (docs/reference/benchmark.md)"),
         Claim("coverage 88.89 % (best rolling, mean)", f"oracle tours: full {e.coverage(_FULL, 'oracle-tour')}, dry {e.coverage(_DRY, 'oracle-tour')}, entrance {e.coverage(_ENTRANCE, 'oracle-tour')}",
-              "make oracle", CONTRADICTS if impossible else MISSED, "their denominator is not stated; stored runs divide by half the cells"),
+              "python -m benchmarks oracle", CONTRADICTS if impossible else MISSED, "their denominator is not stated; stored runs divide by half the cells"),
     ]  # fmt: skip
 
 
@@ -177,8 +177,8 @@ def learning(e: Evidence) -> list[Claim]:
     final = ", ".join(f"{r['seed']}: {100 * r['final_coverage']:.1f}" for r in five)
     reached = max((r["best_rolling_coverage"] for r in five), default=0.0)
     return [
-        Claim("best rolling coverage a seed, 85.43-89.95 %", f"entrance, % ({best})", "make train-all curves", at_least(reached, 0.8543), "of all reachable cells, with the equation's reward"),
-        Claim("final coverage 84.53 +- 12.02 %", f"entrance, % ({final})", "make train-all curves", MISSED, "same"),
+        Claim("best rolling coverage a seed, 85.43-89.95 %", f"entrance, % ({best})", "python -m benchmarks train-all curves", at_least(reached, 0.8543), "of all reachable cells, with the equation's reward"),
+        Claim("final coverage 84.53 +- 12.02 %", f"entrance, % ({final})", "python -m benchmarks train-all curves", MISSED, "same"),
         Claim("final 100.00 % with best rolling 89.79 % (seed 42)", "-", "-", CONTRADICTS, "the last of a rolling mean cannot exceed its best"),
         Claim("SD 12.02 and 1.74", "sample SDs in docs/evidence/parts/training.md", "make curves", CONTRADICTS, "their table's values give 13.4 and 1.9; they are population SDs"),
         Claim("three of five seeds reach the target", f"{sum(r['stop'] == 'target coverage' for r in done)} of {len(done)} finished", "make train-all", MISSED, "at 2 M steps a seed"),
@@ -204,7 +204,7 @@ SECTIONS: dict[str, Callable[[Evidence], list[Claim]]] = {
 }
 _HEAD = """# Claims ledger
 
-Every figure of the paper beside what is measured or computed here; written by `make claims` from the files that the
+Every figure of the paper beside what is measured or computed here; written by `python -m benchmarks claims` from the files that the
 commands write. A section whose files are not on the machine keeps its rows. *Contradicts itself* means that the figure
 cannot hold by the paper's own numbers.
 """

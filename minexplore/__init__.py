@@ -28,7 +28,7 @@ OWN_WORLDS: dict[str, dict[str, Any]] = {
     if re.fullmatch(r"[A-Za-z0-9_-]+", _record.parents[2].name)
 }
 
-# The mines of the generated family that a source checkout has built, made by `make worlds`.
+# The mines of the generated family that a source checkout has built, made by `python -m benchmarks worlds`.
 FAMILY_MINES: dict[str, dict[str, Any]] = {
     f"MineXplore/Family-{_record.parents[3].name}-{_record.parents[2].name}-v0": {"world": _record.parent}
     for _record in sorted(Path(__file__).parents[1].glob(f"artifacts/families/light/*/*/realism/world/{RECORD}"))

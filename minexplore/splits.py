@@ -53,6 +53,6 @@ def world_folder(name: str, families: Path | None = None) -> Path:
     root = Path(__file__).parents[1] / "artifacts" / "families" if families is None else families
     folder = root / light_folder(split, number) / "realism" / "world"
     if not folder.is_dir():
-        command = f"make worlds N={number + 1} SPLIT={split}"
+        command = f"python -m benchmarks worlds --count {number + 1} --split {split}"
         raise FileNotFoundError(f"{folder}: mine {name} is not built; `{command}` builds it and those before it")
     return folder

@@ -37,9 +37,9 @@ _AXES = (
 _POINTS = 200
 _PAGE = """# Training runs
 
-Written by `make curves` from `baselines/results/training/`. Coverage is the mean over the last 100 episodes,
+Written by `python -m benchmarks curves` from `baselines/results/training/`. Coverage is the mean over the last 100 episodes,
 with commands drawn at random as in training. The paper does not state what its coverage is a share of. Runs of *Family*
-learn in 32 mines of the training split (`make train ARGS="env=family"`), and their coverage is the mean over these.
+learn in 32 mines of the training split (`python -m benchmarks train env=family`), and their coverage is the mean over these.
 
 ![Coverage, collisions and return over training](../../training.png)
 
@@ -88,7 +88,7 @@ def read_runs(kept: Path = KEPT) -> dict[str, list[dict[str, Any]]]:
         record = json.loads(file.read_text())
         runs.setdefault(record["run"].rsplit("-", 1)[0], []).append(record)
     if not runs:
-        raise BaselineError(f"{kept}: no runs; `make train SEED=42` makes one")
+        raise BaselineError(f"{kept}: no runs; `python -m benchmarks train seed=42` makes one")
     return {name: sorted(group, key=lambda r: r["seed"]) for name, group in runs.items()}
 
 

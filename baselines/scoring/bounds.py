@@ -47,7 +47,7 @@ def bounds_file(env_id: str) -> Path:
 
 
 def read_bounds(path: Path | None = None) -> dict[str, Bound]:
-    """Return the bounds of a file by environment id; an environment without `make oracle` has none.
+    """Return the bounds of a file by environment id; an environment without `python -m benchmarks oracle` has none.
 
     Raises
     ------

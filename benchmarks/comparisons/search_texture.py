@@ -175,7 +175,7 @@ def write_table(rows: list[dict[str, Any]]) -> str:
         lines.append(f"| {' | '.join(cells)} |")
     text = (
         "# Texture against wall error\n\nThe best noise for the published axes on a straight drift, at four penalties "
-        "on amplitude. `x` is model / real. Written by `make search-texture`.\n\n"
+        "on amplitude. `x` is model / real. Written by `python -m benchmarks search-texture`.\n\n"
         + "\n".join(lines)
         + "\n\n![trade-off](../../texture-search.png)\n"
     )

@@ -1,4 +1,4 @@
-"""The readers under test by `make fuzz`: reader name to the call that reads a file."""
+"""The readers under test by `python -m benchmarks fuzz`: reader name to the call that reads a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Build deep mines of many levels and measure each stage and the environment: `make bench-deep`."""
+"""Build deep mines of many levels and measure each stage and the environment: `python -m benchmarks bench-deep`."""
 
 from __future__ import annotations
 

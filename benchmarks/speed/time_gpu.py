@@ -1,4 +1,4 @@
-"""Time the environment on a GPU beside the robot on a bare floor and the CPU's environment: `make bench-gpu`."""
+"""Time the environment on a GPU beside the robot on a bare floor and the CPU's environment: `python -m benchmarks bench-gpu`."""
 
 from __future__ import annotations
 
@@ -178,7 +178,7 @@ def table(found: dict[str, Any]) -> str:
     lines = [
         "# Environment speed on a GPU",
         "",
-        f"Written by `make bench-gpu` on one {found['device']}. The CPU's vector environment makes "
+        f"Written by `python -m benchmarks bench-gpu` on one {found['device']}. The CPU's vector environment makes "
         f"{found['cpu_steps_per_s']:,.0f} control steps/s there with {found['cpu_threads']} threads. All of one run; "
         "the bare floor is physics alone.",
         "",

@@ -1,4 +1,4 @@
-"""Time the environment in mines with heights against level mines of the same plan, in turns: `make bench-heights`."""
+"""Time the environment in mines with heights against level mines of the same plan, in turns: `python -m benchmarks bench-heights`."""
 
 from __future__ import annotations
 

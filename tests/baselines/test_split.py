@@ -82,14 +82,18 @@ def test_results_without_a_bound_are_no_row(mines, tmp_path):
 
 def test_a_mine_that_is_not_built_is_named_with_the_command_that_builds_it(mines, monkeypatch):
     monkeypatch.setattr(split, "SIZES", {"test": 3})
-    with pytest.raises(BaselineError, match=r"Family-test-0002-v0: not built; `make worlds N=3 SPLIT=test`"):
+    with pytest.raises(
+        BaselineError, match=r"Family-test-0002-v0: not built; `python -m benchmarks worlds --count 3 --split test`"
+    ):
         evaluate_split("random", "test", 1)
 
 
 def test_a_table_of_mines_that_are_not_built_says_what_builds_them(mines, monkeypatch, tmp_path):
     evaluate_split("random", "test", 1)
     monkeypatch.setattr(minexplore, "FAMILY_MINES", {mines[0]: minexplore.FAMILY_MINES[mines[0]]})
-    with pytest.raises(BaselineError, match=r"Family-test-0001-v0: not built; `make worlds N=2 SPLIT=test`"):
+    with pytest.raises(
+        BaselineError, match=r"Family-test-0001-v0: not built; `python -m benchmarks worlds --count 2 --split test`"
+    ):
         split_section(tmp_path, "test")
 
 

@@ -100,5 +100,5 @@ def test_a_wrong_argument_is_refused(arguments, monkeypatch):
 def test_mines_that_are_not_built_are_named(monkeypatch):
     monkeypatch.setattr("sys.argv", ["team", "--env", "--mines", "1"])
     monkeypatch.setattr("minexplore.FAMILY_MINES", {})
-    with pytest.raises(BaselineError, match="make worlds"):
+    with pytest.raises(BaselineError, match="python -m benchmarks worlds"):
         team.main()

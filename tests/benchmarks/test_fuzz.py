@@ -1,4 +1,4 @@
-"""A few of the broken files of `make fuzz`, and its hostile files."""
+"""A few of the broken files of `python -m benchmarks fuzz`, and its hostile files."""
 
 import json
 import shutil

@@ -1,4 +1,4 @@
-"""How `make parity-gpu` counts, resumes and judges; these tests need neither Warp nor a GPU."""
+"""How `python -m benchmarks parity-gpu` counts, resumes and judges; these tests need neither Warp nor a GPU."""
 
 import json
 import sys

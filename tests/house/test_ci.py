@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from benchmarks.__main__ import BENCHMARKS
 from tests.project import ROOT
 
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
@@ -29,6 +30,12 @@ def make_targets():
     text = (ROOT / "Makefile").read_text()
     stages = re.search(r"^STAGES := (.*)$", text, flags=re.M)[1].split()
     return {*stages, *re.findall(r"^([a-z][a-z-]*):", text, flags=re.M)}
+
+
+def test_make_has_at_most_25_targets_and_its_help_fits_30_lines():
+    assert len(make_targets()) <= 25, sorted(make_targets())
+    done = subprocess.run(["make", "help"], cwd=ROOT, capture_output=True, text=True)
+    assert 0 < len(done.stdout.splitlines()) <= 30
 
 
 @pytest.mark.parametrize("workflow", WORKFLOWS, ids=lambda path: path.name)
@@ -51,6 +58,9 @@ def test_a_workflow_runs_make_targets_that_exist_and_little_else(workflow):
         if command is None or any(re.fullmatch(own, command) for own in OWN_COMMANDS):
             continue
         words = command.split()
+        if words[:3] == [".venv/bin/python", "-m", "benchmarks"]:
+            assert words[3] in {b.name for b in BENCHMARKS}, (name, command)
+            continue
         assert words[0] == "make", (name, command)
         assert set(words[1:]) <= make_targets(), (name, command)
 

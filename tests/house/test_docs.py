@@ -1,15 +1,14 @@
 """Every command in the documentation exists and runs."""
 
-import functools
 import importlib.util
 import re
 import shlex
-import subprocess
 import sys
 
 import cv2
 import pytest
 
+from benchmarks.__main__ import BENCHMARKS
 from pipeline.__main__ import parse
 from pipeline.survey.draw import draw_plan, frame_around
 from tests.mines import TEE
@@ -37,6 +36,10 @@ ELSEWHERE = {
     r"python -m benchmarks stress-test": "`certify --contacts 20000` is run here; this is the same with a million",
     r"make data": "tests/survey/test_fetch.py, from a mirror",
     r"python -m benchmarks (replay|leave-out-sweeps)": "tests/proof/test_certificate.py; by what `make data` fetches",
+    r".*python -m benchmarks train.*": "tests/baselines/ppo/test_ppo.py: training, interruption, resumption, two nodes",
+    r"python -m benchmarks worlds .*": "tests/commands/test_family.py, with small mines",
+    r"python -m benchmarks curves": "tests/baselines/ppo/test_ppo.py; it draws the curves of long training",
+    r"make data .*": "tests/survey/test_fetch.py, from a mirror",
     r"python -m pipeline replay .*": "tests/proof/test_certificate.py; the names of the files are examples",
     r"python -m pipeline (new|list|show|compare|report|worlds).*": "the walk-through below",
     r"python -m baselines.split .*": "tests/baselines/test_split.py; it needs the mines of a split",
@@ -44,14 +47,7 @@ ELSEWHERE = {
 }
 
 
-@functools.cache
-def benchmark_names():
-    """Return the names that `python -m benchmarks` prints; where there is no such command, the make targets."""
-    if importlib.util.find_spec("benchmarks.__main__") is None:
-        return set(re.findall(r"^([a-z][a-z-]*):", (ROOT / "Makefile").read_text(), flags=re.M))
-    done = subprocess.run([sys.executable, "-m", "benchmarks"], cwd=ROOT, capture_output=True, text=True)
-    return set(done.stdout.split())
-
+BENCHMARK_NAMES = {row.name for row in BENCHMARKS}
 
 COMMANDS = [(page.relative_to(ROOT).as_posix(), line) for page in PAGES for line in commands_of(page)]
 
@@ -63,7 +59,7 @@ def test_a_command_in_the_docs_exists(page, line):
         for target in words[1:]:
             assert re.search(rf"^{target}:|^STAGES :=.*\b{target}\b", (ROOT / "Makefile").read_text(), flags=re.M), line
     elif words[:3] == ["python", "-m", "benchmarks"]:
-        assert words[3] in benchmark_names(), line
+        assert words[3] in BENCHMARK_NAMES, line
     elif words[:2] == ["python", "-m"]:
         assert importlib.util.find_spec(words[2]) is not None, line
         if words[2] == "pipeline":
@@ -78,9 +74,9 @@ def test_a_module_or_a_target_that_a_page_names_exists(page):
     for module in set(re.findall(r"python -m ([\w.]*\w)", text)):
         assert module == "benchmarks" or importlib.util.find_spec(module) is not None, module
     for name in set(re.findall(r"python -m benchmarks ([a-z][a-z-]+)", text)):
-        assert name in benchmark_names(), name
+        assert name in BENCHMARK_NAMES, name
     for target in set(re.findall(r"`make ([a-z][a-z0-9-]+)", text)):
-        assert target in benchmark_names() or re.search(rf"^{target}:|^STAGES :=.*\b{target}\b", makefile, re.M), target
+        assert target in BENCHMARK_NAMES or re.search(rf"^{target}:|^STAGES :=.*\b{target}\b", makefile, re.M), target
 
 
 RUN_HERE = [

@@ -23,7 +23,7 @@ KEPT = Path("baselines/results/graph_training")
 _PAGE, _PICTURE = Path("docs/evidence/parts/graph-training.md"), Path("docs/graph-training.png")
 _TEXT = """# Training of the graph explorer
 
-Written by `make curves` from `{kept}/`. *Watched* is the mean share, %, that four robots each see in the map simulator
+Written by `python -m benchmarks curves` from `{kept}/`. *Watched* is the mean share, %, that four robots each see in the map simulator
 of {mines} mines of the training split, which the network does not learn from. The network at update 0 imitates a rule
 (`baselines/graph/training/fresh_ground.py`). The policy is the network that saw most in the watched mines.
 
@@ -109,7 +109,7 @@ def read_curves(kept: Path = KEPT) -> list[Curve]:
         by_mine = np.array([lines[update]["watched"] for update in sorted(lines)])
         curves.append(Curve(GraphSettings.model_validate(record["settings"]), sorted(lines), by_mine, nearest))
     if not curves:
-        raise BaselineError(f"{kept}: no runs; `make train-graph SEED=42` makes one")
+        raise BaselineError(f"{kept}: no runs; `python -m benchmarks train-graph seed=42` makes one")
     return sorted(curves, key=lambda curve: (curve.settings.name, curve.settings.seed))
 
 

@@ -1,4 +1,4 @@
-"""Training by Ray and torch, which the extra `baselines` brings: `make test-train` runs these."""
+"""Training by Ray and torch, which the extra `baselines` brings: `python -m benchmarks test-train` runs these."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Training on the environment's device, which the extra `gpu` brings: `make test-gpu` runs these."""
+"""Training on the environment's device, which the extra `gpu` brings: `python -m benchmarks test-gpu` runs these."""
 
 import json
 import sys

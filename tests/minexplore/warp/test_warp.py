@@ -1,4 +1,4 @@
-"""The environment on Warp's CPU device, which the extra `gpu` brings: `make test-gpu` runs these."""
+"""The environment on Warp's CPU device, which the extra `gpu` brings: `python -m benchmarks test-gpu` runs these."""
 
 import gymnasium
 import numpy as np

@@ -1,0 +1,55 @@
+"""The table of measurements and the command that runs one."""
+
+import re
+import shlex
+import subprocess
+import sys
+from importlib.util import find_spec
+
+import pytest
+
+from benchmarks.__main__ import BENCHMARKS, environment_of, main, table
+from tests.project import ROOT
+
+
+def run(*words, **variables):
+    command = [sys.executable, "-m", "benchmarks", *words]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=variables or None)
+
+
+def test_every_measurement_has_a_name_of_its_own_and_a_row_in_the_table():
+    names = [b.name for b in BENCHMARKS]
+    assert len(set(names)) == len(names)
+    assert [line.split()[0] for line in table().splitlines()] == ["name", *names]
+
+
+@pytest.mark.parametrize("benchmark", BENCHMARKS, ids=lambda b: b.name)
+def test_the_modules_and_the_target_that_a_measurement_needs_exist(benchmark):
+    for module in re.findall(r"python -m ([\w.]+)", benchmark.command):
+        assert find_spec(module) is not None, module
+    for word in shlex.split(benchmark.command):
+        assert not word.startswith("tests/") or (ROOT / word).is_file(), word
+    assert re.search(rf"^{benchmark.needs}:", (ROOT / "Makefile").read_text(), flags=re.M)
+
+
+def test_an_unknown_name_gives_one_line_with_the_nearest_names(capsys):
+    assert main(["random-mine"]) == 2
+    message = capsys.readouterr().err
+    assert len(message.splitlines()) == 1
+    assert "random-mines" in message
+
+
+def test_further_arguments_and_the_exit_code_are_those_of_the_command():
+    done = run("claims", "--no-such-option")
+    assert done.returncode == 2
+    assert "--no-such-option" in done.stderr
+
+
+def test_a_measurement_gets_the_environment_of_the_caller_not_that_of_the_pipeline():
+    assert environment_of(BENCHMARKS[0]).keys() >= {"PATH"}
+    program = (
+        "from benchmarks.__main__ import BENCHMARKS, environment_of;"
+        "print([k for k in ('MUJOCO_GL', 'OPENBLAS_NUM_THREADS') if k in environment_of(BENCHMARKS[0])])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, env={}, capture_output=True, text=True)
+    assert done.stdout.strip() == "[]", done.stderr
