@@ -78,7 +78,9 @@ def built_ids(split: str, count: int) -> list[str]:
     ids = [f"MineXplore/Family-{mine_name(split, number)}-v0" for number in range(count)]
     absent = [env_id for env_id in ids if env_id not in minexplore.FAMILY_MINES]
     if absent:
-        raise BaselineError(f"{absent[0]}: not built; `python -m benchmarks worlds --count {count} --split {split}` builds it")
+        raise BaselineError(
+            f"{absent[0]}: not built; `python -m benchmarks worlds --count {count} --split {split}` builds it"
+        )
     return ids
 
 
