@@ -25,8 +25,9 @@ Written by `python -m benchmarks leaderboard` from `baselines/results/`. Interqu
 seeds, 95 % bootstrap intervals in brackets. Coverage is of all reachable cells; the bound is what no robot
 can exceed ([docs/reference/benchmark.md](docs/reference/benchmark.md)). Classical explorers map with the true pose.
 
-A row is *verified* when its policy drove all its episodes on the maintainers' machine: to write the row (`make
-renew-benchmark`), or to compare it with a file that somebody sent (`python -m benchmarks rerun`). All other figures are what a file
+A row is *verified* when its policy drove all its episodes on the maintainers' machine: to write the row
+(`python -m benchmarks renew-benchmark`), or to compare it with a file that somebody sent
+(`python -m benchmarks rerun`). All other figures are what a file
 claims. They stand in tables of their own, headed *unverified*, and prove nothing
 ([docs/security.md](docs/security.md)).
 """

@@ -38,7 +38,8 @@ _NUMBERS = [b"-1", b"0", b"1e308", b"nan", b"inf", b"99999999999", b"-0.0", b"42
 
 _HEAD = """# Fuzzing
 
-Every reader is given broken and hostile files. Written by `python -m benchmarks fuzz`. A case passes if it ends with a result or a
+Every reader is given broken and hostile files. Written by `python -m benchmarks fuzz`. A case passes if it ends with
+a result or a
 message of one line, leaves no file behind, and stays within 4 GB and a time: 60 s for the hostile files of
 `benchmarks/fuzzing/hostile.py`, 10 s for broken copies of a valid file. Other cases fail. The last column names the
 slowest case.

@@ -121,7 +121,8 @@ def check_limits(params: ValidationParams, outputs: Mapping[str, Any]) -> None:
     timed = {name: limit for name, limit in limits.items() if name in timings and name.endswith("_s")}
     for line in breaches(timings, timed):
         print(
-            f"validation: {line}, on this machine at its present load (`python -m benchmarks bench-pipeline` judges it)",
+            f"validation: {line}, on this machine at its present load (`python -m benchmarks bench-pipeline` "
+            f"judges it)",
             file=sys.stderr,
         )
     untimed = {name: limit for name, limit in limits.items() if name not in timed}

@@ -144,7 +144,8 @@ _DECISIONS = """
 
 _TEXT = """# The map simulator beside the environment
 
-Written by `python -m benchmarks compare-graph`: shares of a mine's cells that a rule has seen after 600 s. The simulator's figure is
+Written by `python -m benchmarks compare-graph`: shares of a mine's cells that a rule has seen after 600 s. The
+simulator's figure is
 the mean of {robots} robots, which start with different yaws, with the least and the greatest; the environment's is the
 one episode of the split's results. With these rules, the simulator drove {speed:.0f} s of a robot in a second of
 processor time.

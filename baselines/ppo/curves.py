@@ -37,9 +37,11 @@ _AXES = (
 _POINTS = 200
 _PAGE = """# Training runs
 
-Written by `python -m benchmarks curves` from `baselines/results/training/`. Coverage is the mean over the last 100 episodes,
+Written by `python -m benchmarks curves` from `baselines/results/training/`. Coverage is the mean over the last 100
+episodes,
 with commands drawn at random as in training. The paper does not state what its coverage is a share of. Runs of *Family*
-learn in 32 mines of the training split (`python -m benchmarks train env=family`), and their coverage is the mean over these.
+learn in 32 mines of the training split (`python -m benchmarks train env=family`), and their coverage is the mean
+over these.
 
 ![Coverage, collisions and return over training](../../training.png)
 

@@ -106,7 +106,8 @@ def main() -> int:
         return 2
     text = table(results)
     head = (
-        "# Collision methods compared\n\nWritten by `python -m benchmarks compare-collision`. V-HACD has the paper's parameters.\n\n"
+        "# Collision methods compared\n\nWritten by `python -m benchmarks compare-collision`. V-HACD has the "
+        "paper's parameters.\n\n"
         f"The free space has {free_space.areas.tunnel_m2:,.0f} m2 and "
         f"{shapely.get_num_coordinates(free_space.polygon)} vertices. Intrusion and missing rock are measured on the\n"
         "parts' footprints.\n\n"

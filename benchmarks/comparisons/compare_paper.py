@@ -100,7 +100,8 @@ def main() -> int:
     stated = (_stated(name, form) for name, form in _COLUMNS.values())
     rows.append("| *paper, as printed* | " + " | ".join(stated) + " |")
     text = "\n".join(rows) + "\n"
-    head = "# The paper's choices beside the default\n\nWritten by `python -m benchmarks compare-paper`; each row changes one choice.\n\n"
+    written = "Written by `python -m benchmarks compare-paper`; each row changes one choice."
+    head = f"# The paper's choices beside the default\n\n{written}\n\n"
     write_atomically(TABLE, (head + text).encode())
     print(text, end="")
     return 0

@@ -34,7 +34,8 @@ _SHOWN = ("coverage at 300 s", "coverage at 600 s", "share of bound at 600 s", "
           "collisions per 100 m", "path, m")  # fmt: skip
 _TEXT = """# The published plan
 
-Written by `python -m benchmarks published-plan`. This world is built from the plan that Leung et al. (2017) published (`survey=plan`).
+Written by `python -m benchmarks published-plan`. This world is built from the plan that Leung et al. (2017)
+published (`survey=plan`).
 The embedded mine is a station survey of the same workings. Its stations stand 3 m apart, so the two worlds have the
 same drifts and other walls. None of these policies learned in either. The plan states no licence, so this repository
 does not hold it. `make data` fetches it.

@@ -33,7 +33,8 @@ _FIGURES = (
 )
 _HEAD = f"""# Rock in other directions
 
-Written by `python -m benchmarks rock-directions`: the default rock in straight, level drifts of {_LENGTH_M:g} m, with the bounds of
+Written by `python -m benchmarks rock-directions`: the default rock in straight, level drifts of {_LENGTH_M:g} m,
+with the bounds of
 mines other than the published one (`conf/mine/own.yaml`), in {len(_DIRECTIONS_DEG)} directions, each at another place.
 *Steep* is the share of wall area more than 20 or 40 deg off the plan's wall, *foot* the same below 0.5 m, *middle* at
 0.5 to 1.5 m. *Slope* is that of the spectrum over 1 to 2 m. Each cell has the least, the median and the greatest of the

@@ -129,7 +129,8 @@ def page(rows: dict[str, dict[str, Any]]) -> str:
     """Return docs/evidence/parts/cases.md."""
     lines = [
         "# Mines that must come out whole\n",
-        "Written by `python -m benchmarks case-pictures`: worlds that `python -m pipeline new NAME --from FILE` makes, compared with",
+        "Written by `python -m benchmarks case-pictures`: worlds that `python -m pipeline new NAME --from "
+        "FILE` makes, compared with",
         "the longest drivable part of their surveys. Errors are the largest differences between survey and built",
         "floor, of the heights of stations and of the grades of shots longer than half a metre in plan. The time is",
         "that of the processor, on one thread.\n",

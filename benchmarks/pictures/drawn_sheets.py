@@ -125,7 +125,8 @@ def page(rows: list[dict[str, Any]]) -> str:
     """Return the results of both sets of sheets as Markdown."""
     developed, fresh = ([row for row in rows if row["seed"] in seeds] for seeds in (DEVELOPED, FRESH))
     return (
-        "# Drawn sheets\n\nWritten by `python -m benchmarks drawn-sheets`. Generated mines of all four styles are drawn on sheets\n"
+        "# Drawn sheets\n\nWritten by `python -m benchmarks drawn-sheets`. Generated mines of all four styles "
+        "are drawn on sheets\n"
         "with what drawing offices put there, and their workings are detected as `python -m pipeline new` does,\n"
         f"without any option. A sheet is right with an IoU of at least {RIGHT_IOU:g} with the true workings. A\n"
         "refused sheet names the option that settles it; a sheet of several levels always needs one. Nothing may be\n"

@@ -113,7 +113,8 @@ def page(lines: list[Row], device: str, robots: int, env: str) -> str:
     )
     return f"""# Parity of the environment on a GPU
 
-Written by `python -m benchmarks parity-gpu` on {device}, {robots} robots at a time in the default mine; whole episodes are those of
+Written by `python -m benchmarks parity-gpu` on {device}, {robots} robots at a time in the default mine; whole
+episodes are those of
 `{env}`. The CPU's environment is the reference. Warp's CPU device runs the same kernels as a GPU.
 Speed is another page: [env-speed-gpu](../speed.md).
 

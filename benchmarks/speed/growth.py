@@ -108,7 +108,8 @@ def page(rows: list[Grown], before: str = "") -> str:
     rocky = _lines_of([row for row in rows if row.rock], before, _ROCKY)
     lines = [
         "# Growth\n",
-        f"Written by `python -m benchmarks bench-growth` on {platform.machine()} with {os.cpu_count()} cores. Generated mines of "
+        f"Written by `python -m benchmarks bench-growth` on {platform.machine()} with {os.cpu_count()} cores. "
+        f"Generated mines of "
         "narrow drifts (2.5 to 3.5 m) with rough\nwalls go through all six stages; each stage and the environment have "
         "a process of their own. Seconds are processor time.\nThe environment steps sixteen robots on one thread.\n",
         _LIGHT + "\n",

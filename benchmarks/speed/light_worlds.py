@@ -22,7 +22,8 @@ from pipeline.store.files import write_atomically
 TABLE = Path("docs/evidence/parts/light-worlds.md")
 _HEAD = """# Light worlds: time and size
 
-Written by `python -m benchmarks bench-light`, which builds the first mines of the training split on one core: all six stages, with the
+Written by `python -m benchmarks bench-light`, which builds the first mines of the training split on one core: all
+six stages, with the
 certificate's geometric clauses and without the stress test. Seconds are processor time, without the {start:.1f} s in
 which a process starts, imports and builds its first mine. {cores} cores, load {load:.1f} meanwhile: on a busy machine a
 second of processor time does less.

@@ -30,8 +30,9 @@ RESULTS, PAGE = Path("artifacts/bench/deep.jsonl"), Path("docs/evidence/parts/de
 _SIZES_KM, _LEVELS, _SEED = (40.0, 80.0), 20, 1
 _HEAD = """# Deep mines
 
-Written by `make bench-deep` on {machine} with {cores} cores. Surveys of `benchmarks/worlds/deep_mine.py`, whose levels
-are 50 m apart and joined by a decline, go through all six stages as light worlds (`preset=light`): the certificate is
+Written by `python -m benchmarks bench-deep` on {machine} with {cores} cores. Surveys of
+`benchmarks/worlds/deep_mine.py`, whose levels are
+50 m apart and joined by a decline, go through all six stages as light worlds (`preset=light`): the certificate is
 whole but for the stress test. Each stage and the environment have a process of their own. Seconds are processor time,
 with that of the child that reads the survey; memory is the largest of one process. The environment steps sixteen
 robots on one thread.

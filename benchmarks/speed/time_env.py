@@ -53,7 +53,8 @@ _LIMITS = {
 }
 _HEAD = f"""# Environment speed
 
-Written by `python -m benchmarks bench` on {{cores}} cores: medians of {_RUNS} runs, {_ROBOTS} robots, each ratio within one run, warm.
+Written by `python -m benchmarks bench` on {{cores}} cores: medians of {_RUNS} runs, {_ROBOTS} robots, each ratio
+within one run, warm.
 Other work on the machine before the start: a load average of {{load:.1f}}.
 
 `vector_steps_per_s` has the robots spread evenly over the mine, as when they have explored for a while. With

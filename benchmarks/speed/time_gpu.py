@@ -1,4 +1,7 @@
-"""Time the environment on a GPU beside the robot on a bare floor and the CPU's environment: `python -m benchmarks bench-gpu`."""
+"""Time the environment on a GPU beside the robot on a bare floor and the CPU's environment.
+
+`python -m benchmarks bench-gpu` runs it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Time the environment in mines with heights against level mines of the same plan, in turns: `python -m benchmarks bench-heights`."""
+"""Time the environment in mines with heights against level mines of the same plan, in turns.
+
+`python -m benchmarks bench-heights` runs it.
+"""
 
 from __future__ import annotations
 
@@ -100,10 +103,10 @@ def main() -> int:
             lines.append(f"| {name} | {robots} | {ours:,.0f} | {theirs:,.0f} | {ratio:.2f} | >= {_LEAST:g} |")
             lowest = min(lowest, ratio)
     head = (
-        f"# Environment speed with heights\n\nWritten by `make bench-heights` on {os.cpu_count()} cores, one thread: "
-        "control steps a second\nin mines with heights, and in level mines without tilt of the same plan, "
-        "of which the largest sheet is kept.\n"
-        f"Both take turns; medians of {arguments.runs} runs, and of the ratios run by run.\n\n"
+        f"# Environment speed with heights\n\nWritten by `python -m benchmarks bench-heights` on "
+        f"{os.cpu_count()} cores, one thread: "
+        f"control steps a second in mines with heights, and in level mines without tilt of the same plan, of which the "
+        f"largest sheet is kept. Both take turns; medians of {arguments.runs} runs, and of the ratios run by run.\n\n"
     )
     text = "\n".join(lines) + "\n"
     write_atomically(TABLE, (head + text).encode())

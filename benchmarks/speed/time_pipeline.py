@@ -48,7 +48,8 @@ def main() -> int:
         f"| {title} | {seconds:.1f} | {'' if limit is None else f'{limit:g}'} |" for title, seconds, limit in timed
     ]
     text = "\n".join(lines) + "\n"
-    head = f"# Timings\n\nWritten by `python -m benchmarks bench-pipeline` on {os.cpu_count()} cores. Wall time without set-up.\n\n"
+    written = f"Written by `python -m benchmarks bench-pipeline` on {os.cpu_count()} cores. Wall time without set-up."
+    head = f"# Timings\n\n{written}\n\n"
     write_atomically(TABLE, (head + text).encode())
     print(text, end="")
     slow = [title for title, seconds, limit in timed if limit is not None and seconds > limit]

@@ -1,4 +1,4 @@
-"""Random mines with heights, built and certified: `python -m benchmarks random-levels`. A run goes on where the last one stopped."""
+"""Random mines with heights, built and certified. A run goes on where the last one stopped."""
 
 from __future__ import annotations
 
@@ -211,7 +211,8 @@ def report(rows: list[dict[str, Any]]) -> str:
     """Return the page docs/evidence/parts/random-levels.md."""
     lines = [
         "# Random mines with heights\n",
-        "Written by `python -m benchmarks random-levels`. Four kinds take turns: declines that wander or wind round themselves, with",
+        "Written by `python -m benchmarks random-levels`. Four kinds take turns: declines that wander or wind "
+        "round themselves, with",
         "level drifts; spiral declines; rooms and pillars on a dipping seam; two or three levels with rings, ramps",
         "between them and a fenced shaft. A mine holds if its certificate does, its network is the truth's with the",
         f"ends at their places and heights, the floor that wheels touch is within {100 * _WITHIN_M:g} cm of the mesh,",

@@ -131,7 +131,8 @@ def main() -> int:
             log.flush()
     text = table(rows)
     head = (
-        "# Random mines\n\nWorlds built from pictures of generated mines, written by `python -m benchmarks random-mines`: drifts of\n"
+        "# Random mines\n\nWorlds built from pictures of generated mines, written by `python -m benchmarks "
+        "random-mines`: drifts of\n"
         "2.5 to 3.5 m with rough walls at 10 px/m, anti-aliased, in black and white, and as JPEG. A mine passes if\n"
         "its free space is valid, its world has one component with the plan's loops, the containment certificate\n"
         f"holds, and the mean wall error is at most {_WALL_ERROR_M:g} m.\n\n"

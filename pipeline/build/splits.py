@@ -16,7 +16,8 @@ from pipeline.store.locks import hold_lock
 
 LIST = Path("data/families/splits.csv")
 _NOTE = (
-    "# Light worlds of the splits, made by `python -m benchmarks splits`. A hash holds for the package versions of requirements/ and\n"
+    "# Light worlds of the splits, made by `python -m benchmarks splits`. A hash holds for the package "
+    "versions of requirements/ and\n"
     "# this version of the pipeline.\n"
 )
 _SHA256 = re.compile("[0-9a-f]{64}")

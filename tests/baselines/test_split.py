@@ -27,6 +27,8 @@ from baselines.scoring.split_file import read_drives, require_whole, write_drive
 from baselines.scoring.split_statistics import improvement, middle, profile, stratified
 from baselines.split import bound_split, evaluate_split
 
+WORLDS = "`python -m benchmarks worlds"
+
 
 def test_a_split_is_driven_once_resumed_and_put_into_a_table(mines, tmp_path):
     path = tmp_path / "Family-test" / "wall-following.jsonl"
@@ -82,18 +84,14 @@ def test_results_without_a_bound_are_no_row(mines, tmp_path):
 
 def test_a_mine_that_is_not_built_is_named_with_the_command_that_builds_it(mines, monkeypatch):
     monkeypatch.setattr(split, "SIZES", {"test": 3})
-    with pytest.raises(
-        BaselineError, match=r"Family-test-0002-v0: not built; `python -m benchmarks worlds --count 3 --split test`"
-    ):
+    with pytest.raises(BaselineError, match=rf"Family-test-0002-v0: not built; {WORLDS} --count 3 --split test`"):
         evaluate_split("random", "test", 1)
 
 
 def test_a_table_of_mines_that_are_not_built_says_what_builds_them(mines, monkeypatch, tmp_path):
     evaluate_split("random", "test", 1)
     monkeypatch.setattr(minexplore, "FAMILY_MINES", {mines[0]: minexplore.FAMILY_MINES[mines[0]]})
-    with pytest.raises(
-        BaselineError, match=r"Family-test-0001-v0: not built; `python -m benchmarks worlds --count 2 --split test`"
-    ):
+    with pytest.raises(BaselineError, match=rf"Family-test-0001-v0: not built; {WORLDS} --count 2 --split test`"):
         split_section(tmp_path, "test")
 
 

@@ -23,7 +23,8 @@ KEPT = Path("baselines/results/graph_training")
 _PAGE, _PICTURE = Path("docs/evidence/parts/graph-training.md"), Path("docs/graph-training.png")
 _TEXT = """# Training of the graph explorer
 
-Written by `python -m benchmarks curves` from `{kept}/`. *Watched* is the mean share, %, that four robots each see in the map simulator
+Written by `python -m benchmarks curves` from `{kept}/`. *Watched* is the mean share, %, that four robots each see in
+the map simulator
 of {mines} mines of the training split, which the network does not learn from. The network at update 0 imitates a rule
 (`baselines/graph/training/fresh_ground.py`). The policy is the network that saw most in the watched mines.
 
