@@ -47,6 +47,13 @@ BENCHMARKS: tuple[Benchmark, ...] = (
         'python -m pipeline roughness data/raw/sweep_*.csv --out data/chilean_mine/roughness.json "$@"',
         "data/chilean_mine/roughness.json",
     ),
+    # First use
+    Benchmark(
+        "first-touch", "setup", 'python -m benchmarks.first_touch "$@"', "docs/evidence/parts/first-touch.md", "10"
+    ),
+    Benchmark(
+        "simple-mines", "setup", 'python -m benchmarks.simple_mines "$@"', "docs/evidence/parts/simple-mines.md", "45"
+    ),
     # Evidence
     Benchmark(
         "stress-test",
@@ -240,7 +247,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     Benchmark(
         "env-page",
         "setup",
-        "python -m minexplore page > docs/.env.md.new; mv docs/.env.md.new docs/reference/environment.md",
+        "python -m minexplore page > docs/reference/.new; mv docs/reference/.new docs/reference/environment.md",
         "docs/reference/environment.md",
     ),
     Benchmark("sbom", "setup", f"{_SBOM} .venv/bin/python", "artifacts/sbom.json"),

@@ -60,9 +60,8 @@ Each robot draws from a generator of its own, `gymnasium.utils.seeding.np_random
 _FAMILY = """## Unseen mines
 
 `MineXplore/Family-v0` draws a mine at every reset, by the episode's seed, from a split of the [generated
-family](families.md). The mines must be built: `python -m benchmarks worlds --count 1000` makes those of `train`.
-They are light worlds
-without visible rock, so beams end on the collision walls.
+family](../how-to/families.md). The mines must be built: `python -m benchmarks worlds --count 1000` makes those of
+`train`. They are light worlds without visible rock, so beams end on the collision walls.
 
 ```python
 env = gymnasium.make("MineXplore/Family-v0", split="test")

@@ -65,7 +65,7 @@ _HEAD = """# Kinds of rock
 
 Written by `python -m benchmarks compare-rock` on the present plan. `rock=NAME` selects one. *Flat* is the smooth
 surface of the
-default world, measured as stage 6 does, so that its scores are those of [the results](results.md).
+default world, measured as stage 6 does, so that its scores are those of [the results](../results.md).
 *White noise* moves every point of the mesh by itself (s.d. 50 mm). Both show what a figure gives for walls that are no
 rock.
 

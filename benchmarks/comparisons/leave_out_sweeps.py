@@ -74,7 +74,7 @@ def page(rows: list[dict], correction: Correction) -> str:
         "# The published plan, corrected by its sweeps",
         "",
         "Written by `python -m benchmarks leave-out-sweeps`; "
-        "[evidence.md](evidence.md#lidar-corrects-the-plan) explains the figures.",
+        "[evidence.md](../certificate.md#lidar-corrects-the-plan) explains the figures.",
         "",
         f"All four sweeps: walls are drawn {report.bias_m:.2f} m too far out ({low:.2f} to {high:.2f} m when each "
         f"sweep is left out). {sum(report.followed_m.values()):.0f} m of wall follow the sweeps.",
