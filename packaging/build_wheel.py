@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -35,7 +37,7 @@ def main() -> int:
         shutil.copytree(WORLD, folder / "minexplore" / "worlds" / DEFAULT_WORLD)
         shutil.copy2("packaging/pyproject.toml", folder)
         shutil.copy2("LICENSE", folder)
-        (folder / "README.md").write_text(page())
+        (folder / "README.md").write_text(with_absolute_links(page()))
         done = subprocess.run(
             [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(DIST.resolve())],
             cwd=folder,
@@ -72,6 +74,12 @@ def require_default_world() -> None:
                 f"the wheel holds the default world only"
             )
     verify_chain(Path())
+
+
+def with_absolute_links(text: str) -> str:
+    """Return Markdown whose links to other pages of `docs/` lead to the repository; an index shows no other files."""
+    urls = tomllib.loads(Path("packaging/pyproject.toml").read_text())["project"]["urls"]
+    return re.sub(r"\]\((?!https?:|#|/)([^)]+)\)", rf"]({urls['Repository']}/blob/main/docs/\1)", text)
 
 
 def _values(section: Any, name: str = "") -> Iterator[tuple[str, Any]]:

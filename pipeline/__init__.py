@@ -5,8 +5,6 @@ import os
 import sys
 from importlib.util import find_spec
 
-__version__ = "0.1.0"
-
 # MuJoCo chooses its OpenGL backend at the first import; the pipeline always renders off screen.
 os.environ.setdefault("MUJOCO_GL", "osmesa")
 # Matrices are small here: several threads of BLAS gain nothing, and where other programs run they wait for each other.

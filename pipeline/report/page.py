@@ -13,7 +13,7 @@ import jinja2
 import numpy as np
 from pydantic import TypeAdapter
 
-from pipeline import __version__
+from minexplore import __version__
 from pipeline.metrics.limits import format_limit
 from pipeline.mjcf.bundle import WorldRecord, read_floor, read_record
 from pipeline.params.validation import ValidationParams

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
-from pipeline import __version__
+from minexplore import __version__
 from pipeline.errors import ArtifactError
 from pipeline.store.hashing import import_closure, read_text_file, sha256_file, sha256_named
 

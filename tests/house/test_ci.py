@@ -15,7 +15,17 @@ from benchmarks.__main__ import BENCHMARKS
 from tests.project import ROOT
 
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
-OWN_COMMANDS = (r"sh \.github/comment\.sh \|.*", r"gh pr comment .*", r"cat docs/evidence/parts/env-speed\.md >> .*")
+OWN_COMMANDS = (
+    r"sh \.github/comment\.sh \|.*",
+    r"gh pr comment .*",
+    r"cat docs/evidence/parts/env-speed\.md >> .*",
+    r"tar -czf dist/docs\.tar\.gz -C artifacts/site \.",
+    r"cp artifacts/sbom\.json dist/",
+    r"\.venv/bin/python -m hatchling build -t sdist -d dist",
+    r"python -m pip install \.",
+    r'python -c "import minexplore"',
+    r"python -m (minexplore|pipeline) list",
+)
 
 
 def steps_of(workflow):
@@ -71,12 +81,50 @@ def test_only_a_job_that_runs_no_code_of_the_repository_may_write(workflow):
     assert record["permissions"] == {"contents": "read"}
     assert "pull_request_target" not in workflow.read_text()
     for name, job, step in steps_of(workflow):
-        if "write" in job.get("permissions", {}).values():
+        rights = {right for right, value in job.get("permissions", {}).items() if value == "write"}
+        if rights:
             assert "checkout" not in step.get("uses", ""), name
             assert re.match(r"gh pr comment ", step.get("run", "gh pr comment ")), name
+        if "pull-requests" in rights:
             assert "head.repo.full_name == github.repository" in job["if"], name
-        elif "checkout" in step.get("uses", ""):
+        elif rights:  # to sign what another job built, for a tag that a maintainer pushed
+            assert rights == {"id-token", "attestations"}, name
+            assert record[True] == {"push": {"tags": ["v*"]}}, name  # YAML reads the key `on` as true
+        if "checkout" in step.get("uses", ""):
             assert step["with"]["persist-credentials"] is False, name
+
+
+def test_a_release_attests_the_wheel_the_documentation_and_the_list_of_packages_that_it_built():
+    jobs = yaml.safe_load((ROOT / ".github/workflows/release.yml").read_text())["jobs"]
+    commands = [step["run"] for step in jobs["build"]["steps"] if "run" in step]
+    assert {"make wheel", "make docs", ".venv/bin/python -m benchmarks sbom"} <= set(commands)
+    assert jobs["attest"]["needs"] == "build"
+    *_, last = jobs["attest"]["steps"]
+    assert last["uses"].startswith("actions/attest-build-provenance@")
+    assert last["with"]["subject-path"] == "dist/*"
+
+
+def test_other_systems_are_tried_and_fail_nothing():
+    (job,) = yaml.safe_load((ROOT / ".github/workflows/portability.yml").read_text())["jobs"].values()
+    assert job["continue-on-error"] is True
+    assert {system.split("-")[0] for system in job["strategy"]["matrix"]["system"]} == {"macos", "windows"}
+
+
+@pytest.mark.parametrize("name", ["bug", "mine", "question"])
+def test_an_issue_form_has_fields_with_names_of_their_own_and_asks_for_something(name):
+    form = yaml.safe_load((ROOT / ".github" / "ISSUE_TEMPLATE" / f"{name}.yml").read_text())
+    assert {"name", "description", "labels", "body"} <= set(form)
+    assert len({field["id"] for field in form["body"]}) == len(form["body"])
+    assert all(field["attributes"]["label"] for field in form["body"])
+    assert any(field.get("validations", {}).get("required") for field in form["body"])
+
+
+@pytest.mark.parametrize("name", ["SECURITY.md", "CODE_OF_CONDUCT.md", ".github/pull_request_template.md"])
+def test_a_file_that_a_host_shows_has_only_links_and_targets_that_exist(name):
+    text = (ROOT / name).read_text()
+    for link in re.findall(r"\]\((?!https?:)([^)]+)\)", text):
+        assert (ROOT / link).is_file(), link
+    assert set(re.findall(r"`make ([a-z-]+)`", text)) <= make_targets()
 
 
 def test_the_container_is_a_debian_where_make_setup_ran():

@@ -1,0 +1,26 @@
+"""Train PPO of Stable-Baselines3 in many copies of the default mine: `python examples/train_sb3.py`."""
+
+import argparse
+import sys
+
+parser = argparse.ArgumentParser(description=__doc__)
+parser.add_argument("--steps", type=int, default=200_000, help="of all robots together")
+parser.add_argument("--robots", type=int, default=64)
+parser.add_argument("--out", default="ppo_mine", help="where the policy is saved")
+arguments = parser.parse_args()
+
+try:
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import VecMonitor
+except ImportError:
+    print("train_sb3: Stable-Baselines3 is not installed; run `pip install 'minexplore[sb3]'`", file=sys.stderr)
+    sys.exit(2)
+
+from minexplore.envs.sb3 import MineVecEnv
+
+# All robots step in one call; MineVecEnv is the vector environment under the interface of Stable-Baselines3.
+env = VecMonitor(MineVecEnv("MineXplore/ChileanMineEntrance-v0", arguments.robots))
+model = PPO("MlpPolicy", env, n_steps=128, batch_size=1024, seed=0, verbose=1)
+model.learn(arguments.steps)
+model.save(arguments.out)
+env.close()

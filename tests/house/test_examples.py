@@ -1,0 +1,111 @@
+"""The examples run as a reader runs them, are short, and the notebook holds the code of its script."""
+
+import importlib.util
+import json
+import os
+import re
+import subprocess
+import sys
+
+import gymnasium
+import nbformat
+import numpy as np
+import pytest
+
+from tests.project import ROOT, Project
+
+EXAMPLES = ROOT / "examples"
+needs_world = pytest.mark.skipif(
+    not (ROOT / "artifacts/realism/world/world.json").is_file(), reason="the default world is not built: `make all`"
+)
+
+
+def run(name, *words, folder=ROOT):
+    variables = {**os.environ, "MUJOCO_GL": "osmesa", "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, str(folder / "examples" / name), *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, env=variables)
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
+def test_an_example_is_shorter_than_60_lines(path):
+    assert len(path.read_text().splitlines()) < 60
+
+
+@needs_world
+def test_drive_writes_a_picture(tmp_path):
+    done = run("drive.py", "--steps", "5", "--out", str(tmp_path / "view.png"))
+    assert done.returncode == 0, done.stderr
+    assert "coverage" in done.stdout
+    assert (tmp_path / "view.png").read_bytes().startswith(b"\x89PNG")
+
+
+@needs_world
+def test_a_bundle_is_read_without_the_package():
+    done = run("read_bundle.py")
+    assert done.returncode == 0, done.stderr
+    assert "m north of the start" in done.stdout
+    assert "minexplore" not in (EXAMPLES / "read_bundle.py").read_text()
+
+
+@needs_world
+@pytest.mark.slow
+def test_a_custom_explorer_is_evaluated_and_its_results_are_written(tmp_path):
+    done = run("custom_explorer.py", "--episodes", "1", "--out", str(tmp_path / "own.jsonl"))
+    assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "own.jsonl").read_text().splitlines()[0])["policy"] == "custom_explorer.LongestBeam"
+
+
+@pytest.mark.skipif(importlib.util.find_spec("stable_baselines3") is not None, reason="Stable-Baselines3 is installed")
+def test_training_says_in_one_line_how_to_install_what_is_missing():
+    done = run("train_sb3.py", "--steps", "50")
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert "pip install 'minexplore[sb3]'" in done.stderr
+
+
+@needs_world
+def test_training_by_stable_baselines3_saves_a_policy(tmp_path):
+    pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed (extra sb3)")
+    done = run("train_sb3.py", "--steps", "256", "--robots", "2", "--out", str(tmp_path / "policy"))
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "policy.zip").is_file()
+
+
+@needs_world
+def test_the_environment_that_training_uses_resets_a_robot_in_the_step_that_ends_its_episode():
+    many = gymnasium.make_vec(
+        "MineXplore/ChileanMineEntrance-v0",
+        num_envs=2,
+        vectorization_mode="vector_entry_point",
+        autoreset_mode=gymnasium.vector.AutoresetMode.SAME_STEP,
+        task={"region_m": 60.0, "max_steps": 3},
+    )
+    many.reset(seed=0)
+    for _ in range(3):
+        observation, _, _, truncated, info = many.step(np.zeros((2, 2), dtype=np.float32))
+    assert truncated.all()
+    assert observation.shape == np.stack(info["final_obs"]).shape
+    many.close()
+
+
+@pytest.mark.slow
+def test_a_mine_from_a_small_geojson_is_built_and_driven_in(tmp_path):
+    project = Project(tmp_path, tiny=False)
+    done = run("own_mine.py", "--steps", "20", folder=project.folder)
+    assert done.returncode == 0, done.stderr
+    assert "after 20 steps" in done.stdout
+
+
+def parts_of(script):
+    """Return the parts of a script, each from a `# %%` remark on."""
+    parts = re.split(r"^(?=# %% )", script.read_text(), flags=re.M)
+    return [part.strip().replace("# %% ", "# ") for part in parts]
+
+
+def test_the_notebook_installs_the_wheel_and_then_holds_the_parts_of_its_script():
+    notebook = nbformat.read(EXAMPLES / "drive.ipynb", as_version=4)
+    nbformat.validate(notebook)
+    cells = [cell.source for cell in notebook.cells if cell.cell_type == "code"]
+    assert "pip install minexplore" in cells[0]
+    assert cells[1:] == parts_of(EXAMPLES / "drive.py")
+    assert not any(cell.get("outputs") for cell in notebook.cells)

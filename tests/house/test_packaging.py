@@ -1,0 +1,93 @@
+"""The metadata of both distributions, the version, and the source distribution."""
+
+import os
+import re
+import subprocess
+import sys
+import tarfile
+import tomllib
+from importlib import import_module
+
+import gymnasium
+import pytest
+import yaml
+
+import minexplore
+from tests.project import ROOT
+
+PROJECTS = ("pyproject.toml", "packaging/pyproject.toml")
+
+
+def project_of(name):
+    return tomllib.loads((ROOT / name).read_text())
+
+
+def test_the_version_stands_in_one_place_and_the_citation_agrees():
+    for name in PROJECTS:
+        record = project_of(name)
+        assert "version" not in record["project"]
+        assert record["tool"]["hatch"]["version"]["path"] == "minexplore/__init__.py"
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"] == minexplore.__version__
+    for package in ("pipeline", "baselines"):
+        assert "__version__ =" not in (ROOT / package / "__init__.py").read_text()
+
+
+@pytest.mark.parametrize("name", PROJECTS)
+def test_a_console_script_is_a_function_that_exists(name):
+    for target in project_of(name)["project"]["scripts"].values():
+        module, function = target.split(":")
+        assert callable(getattr(import_module(module), function))
+
+
+def test_both_distributions_have_the_same_authors_addresses_and_classifiers():
+    one, other = (project_of(name)["project"] for name in PROJECTS)
+    for key in ("authors", "urls", "classifiers", "keywords", "requires-python"):
+        assert one[key] == other[key]
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert [author["name"] for author in one["authors"]] == [author["name"] for author in citation["authors"]]
+    assert one["urls"]["Repository"] == citation["repository-code"]
+
+
+@pytest.mark.parametrize("package", ["minexplore", "pipeline", "baselines"])
+def test_a_package_says_that_it_is_typed(package):
+    assert (ROOT / package / "py.typed").is_file()
+
+
+def test_every_link_on_the_page_of_the_wheel_is_absolute(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "packaging"))
+    monkeypatch.chdir(ROOT)
+    build_wheel = import_module("build_wheel")
+    from minexplore.page import page
+
+    links = re.findall(r"\]\(([^)]+)\)", build_wheel.with_absolute_links(page()))
+    assert links
+    assert all(link.startswith(("https://", "#")) for link in links), links
+
+
+def test_gymnasium_imports_the_package_before_the_colon_of_an_id():
+    program = "import gymnasium; env = gymnasium.make('minexplore:MineXplore/World-v0', world='no-such-folder')"
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
+    assert "no-such-folder" in done.stderr.splitlines()[-1]  # the environment was found; the world was not
+
+
+@pytest.mark.skipif(
+    not (ROOT / "artifacts/realism/world/world.json").is_file(), reason="the default world is not built: `make all`"
+)
+def test_the_default_mine_is_made_by_the_id_with_the_package_before_a_colon():
+    env = gymnasium.make("minexplore:MineXplore/ChileanMine-v0")
+    observation, _ = env.reset(seed=0)
+    assert env.observation_space.contains(observation)
+    env.close()
+
+
+@pytest.mark.slow
+def test_the_source_distribution_is_built_and_holds_the_packages(tmp_path):
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=dict(os.environ))
+    assert done.returncode == 0, done.stderr
+    (archive,) = tmp_path.glob("*.tar.gz")
+    assert archive.name == f"minexplore_pipeline-{minexplore.__version__}.tar.gz"
+    with tarfile.open(archive) as packed:
+        names = {name.partition("/")[2] for name in packed.getnames()}
+    assert {"pyproject.toml", "minexplore/__init__.py", "pipeline/py.typed", "conf/config.yaml", "Makefile"} <= names
+    assert not any(name.startswith(("artifacts/realism", ".venv")) for name in names)
