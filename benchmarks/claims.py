@@ -45,28 +45,28 @@ class Evidence:
     Raises
     ------
     ArtifactError
-        If a file is missing; the message names the target that writes it.
+        If a file is missing; the message names the command that writes it.
     """
 
     def __init__(self) -> None:
         """Read the metrics of the world, which every ledger needs."""
         self.metrics = read_metrics()
-        self.world = _read(WORLD, "all")
+        self.world = _read(WORLD, "make all")
 
     @functools.cached_property
     def bounds(self) -> Any:
         """Return the upper bounds of the environments."""
-        return _read(RESULTS / "bounds.json", "oracle")
+        return _read(RESULTS / "bounds.json", "python -m benchmarks oracle")
 
     @functools.cached_property
     def speed(self) -> Any:
         """Return the environment's speed."""
-        return _read(Path("artifacts/bench/env.json"), "bench")
+        return _read(Path("artifacts/bench/env.json"), "python -m benchmarks bench")
 
     @functools.cached_property
     def training(self) -> Any:
         """Return the environment's speed while PPO learns."""
-        return _read(Path("artifacts/bench/training.json"), "time-training")
+        return _read(Path("artifacts/bench/training.json"), "python -m benchmarks time-training")
 
     @functools.cached_property
     def runs(self) -> Any:
@@ -95,11 +95,11 @@ class Evidence:
         return f"{policy} {100 * (last.value or 0):.1f} % ({100 * (last.low or 0):.1f}-{100 * (last.high or 0):.1f})"
 
 
-def _read(path: Path, target: str) -> Any:
+def _read(path: Path, command: str) -> Any:
     try:
         return json.loads(path.read_text())
     except FileNotFoundError:
-        raise ArtifactError(f"{path}: missing; run `make {target}` first") from None
+        raise ArtifactError(f"{path}: missing; run `{command}` first") from None
 
 
 def at_least(ours: float, paper: float, close: float = 0.0) -> str:

@@ -1,4 +1,4 @@
-"""Write the figures of `docs/evidence.md`: the replay on the published plan, and the results of the proof targets."""
+"""Write the figures of `docs/evidence.md`: the replay on the published plan, and the results of the proofs."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ PROOF = Path("artifacts/proof")
 DOCS = Path("docs")
 
 
-def read(path: Path, target: str) -> Any:
+def read(path: Path, name: str) -> Any:
     """Return the content of a JSON file.
 
     Raises
     ------
     ArtifactError
-        If the file is missing. The message names the make target that writes it.
+        If the file is missing. The message names the measurement that writes it.
     """
     try:
         return json.loads(path.read_text())
     except FileNotFoundError:
-        raise ArtifactError(f"{path}: missing; run `make {target}` first") from None
+        raise ArtifactError(f"{path}: missing; run `python -m benchmarks {name}` first") from None
 
 
 def replay_table(report: dict[str, Any]) -> list[str]:
