@@ -7,7 +7,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup setup-baselines setup-gpu all test test-slow check clean report verify update-baseline data mutants evidence docs wheel lock dag
+.PHONY: help $(STAGES) setup setup-baselines setup-gpu all test test-slow check clean report data mutants parity-gpu bench-gpu train-gpu docs wheel lock dag
 
 # Measurements, comparisons, pictures and training are `python -m benchmarks NAME`.
 help:  # show the targets, those that have a remark of two hashes
@@ -55,20 +55,14 @@ $(STAGES): setup
 report: all  ## write docs/evidence/results.md, README's table and pictures; the page is artifacts/report/report.html
 	@$(PY) -m pipeline update-results
 
-verify: setup  ## check the hashes from the survey to the world
-	@$(PY) -m pipeline verify
-
-update-baseline: setup  ## accept the present metrics for the regression gate
-	@$(PY) -m pipeline update-baseline
-
 data: setup  ## fetch the published plan and sweeps into data/raw (MIRROR=address or folder)
 	@$(PY) -m pipeline.survey.fetch $(if $(MIRROR),--mirror "$(MIRROR)")
 
 mutants: setup  ## put faults into worlds, listed and random; the validator must find each
 	@$(PY) -m benchmarks mutants
 
-evidence: setup  ## write docs/evidence/parts/evidence-figures.md from the measurements
-	@$(PY) -m benchmarks evidence
+parity-gpu bench-gpu train-gpu: setup-gpu
+	@$(PY) -m benchmarks $@ $(ARGS)
 
 
 ##@ Project

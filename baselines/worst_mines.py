@@ -1,6 +1,6 @@
 """The mines of a split in which a policy sees least beside another one, drawn and in a table.
 
-`make worst-mines ARGS="--policy graph-cool-42 --beside information-gain"` writes parts/worst-mines.md and .jpg.
+`python -m benchmarks worst-mines --policy graph-cool-42 --beside information-gain` writes the page and its picture.
 """
 
 from __future__ import annotations

@@ -223,7 +223,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     Benchmark(
         "compare-graph",
         "setup",
-        'python -m baselines.graph.training.compare "$@"',
+        'python -m baselines.pages.simulator "$@"',
         "docs/evidence/parts/graph-simulator.md",
         one_thread=True,
     ),

@@ -119,7 +119,7 @@ def geometry(e: Evidence) -> list[Claim]:
     return [
         Claim(f"IoU {PAPER['iou.free_space_vs_cleaned']} against the plan", f"{iou:.4f} (free space, rendered from the MJCF)", "make all",
               at_least(iou, stated("iou.free_space_vs_cleaned")), f"against the raw plan {e.metric('iou.free_space_vs_raw'):.4f}; the paper names no class"),
-        Claim(f"{stated('collision.parts'):,.0f} V-HACD hulls from 70 tiles", f"{parts:.0f} exact convex parts", "make all; make compare-collision",
+        Claim(f"{stated('collision.parts'):,.0f} V-HACD hulls from 70 tiles", f"{parts:.0f} exact convex parts", "make all; python -m benchmarks compare-collision",
               EXCEEDED if parts < stated("collision.parts") else MISSED, "V-HACD pushes hulls into the drifts; `preset=paper` gives 1,092 (docs/evidence/parts/compare-paper.md)"),
         Claim("every navigable pixel unobstructed", f"{e.metric('navigability.blocked'):.0f} of {e.metric('navigability.columns'):,.0f} blocked",
               "make all", REPRODUCED if e.metric("navigability.blocked") == 0 else MISSED,
@@ -162,7 +162,7 @@ def exploration(e: Evidence) -> list[Claim]:
     impossible = all(e.bounds[env]["most"][-1] < 0.9 * e.bounds[env]["cells"] for env in (_FULL, _DRY))
     return [
         Claim("90 % of the mine in 600 s is the target", f"full world {e.bound(_FULL)}; dry and level {e.bound(_DRY)}; entrance {e.bound(_ENTRANCE)}",
-              "make oracle", CONTRADICTS if impossible else MISSED,
+              "python -m benchmarks oracle", CONTRADICTS if impossible else MISSED,
               "no robot of 1.5 m/s with a 10 m scanner can: a bound from a walk on the time network (docs/reference/benchmark.md)"),
         Claim("coverage 88.89 % (best rolling, mean)", f"oracle tours: full {e.coverage(_FULL, 'oracle-tour')}, dry {e.coverage(_DRY, 'oracle-tour')}, entrance {e.coverage(_ENTRANCE, 'oracle-tour')}",
               "python -m benchmarks oracle", CONTRADICTS if impossible else MISSED, "their denominator is not stated; stored runs divide by half the cells"),
@@ -180,10 +180,10 @@ def learning(e: Evidence) -> list[Claim]:
         Claim("best rolling coverage a seed, 85.43-89.95 %", f"entrance, % ({best})", "python -m benchmarks train-all; python -m benchmarks curves", at_least(reached, 0.8543), "of all reachable cells, with the equation's reward"),
         Claim("final coverage 84.53 +- 12.02 %", f"entrance, % ({final})", "python -m benchmarks train-all; python -m benchmarks curves", MISSED, "same"),
         Claim("final 100.00 % with best rolling 89.79 % (seed 42)", "-", "-", CONTRADICTS, "the last of a rolling mean cannot exceed its best"),
-        Claim("SD 12.02 and 1.74", "sample SDs in docs/evidence/parts/training.md", "make curves", CONTRADICTS, "their table's values give 13.4 and 1.9; they are population SDs"),
-        Claim("three of five seeds reach the target", f"{sum(r['stop'] == 'target coverage' for r in done)} of {len(done)} finished", "make train-all", MISSED, "at 2 M steps a seed"),
-        Claim("reward 860 +- 150", f"at most {CAP:g}", "make claims", CONTRADICTS, "the equation caps an episode at 10 + 15 + 30 + 45; the scorer rejects more"),
-        Claim("about 520 steps/s with learning (their log)", f"{e.training['steps_per_s']:,}, {e.training['ratio']} times as many", "make time-training", EXCEEDED if e.training["steps_per_s"] >= 520 else MISSED, "one process, updates included"),
+        Claim("SD 12.02 and 1.74", "sample SDs in docs/evidence/parts/training.md", "python -m benchmarks curves", CONTRADICTS, "their table's values give 13.4 and 1.9; they are population SDs"),
+        Claim("three of five seeds reach the target", f"{sum(r['stop'] == 'target coverage' for r in done)} of {len(done)} finished", "python -m benchmarks train-all", MISSED, "at 2 M steps a seed"),
+        Claim("reward 860 +- 150", f"at most {CAP:g}", "python -m benchmarks claims", CONTRADICTS, "the equation caps an episode at 10 + 15 + 30 + 45; the scorer rejects more"),
+        Claim("about 520 steps/s with learning (their log)", f"{e.training['steps_per_s']:,}, {e.training['ratio']} times as many", "python -m benchmarks time-training", EXCEEDED if e.training["steps_per_s"] >= 520 else MISSED, "one process, updates included"),
         Claim("multi-agent interface", "PettingZoo team, tested", "make test", REPRODUCED, "no figure in the paper"),
     ]  # fmt: skip
 
@@ -191,7 +191,7 @@ def learning(e: Evidence) -> list[Claim]:
 def speed(e: Evidence) -> list[Claim]:
     """Return the claim on the environment's speed."""
     return [
-        Claim("environment speed: none stated", f"{float(e.speed['vector_steps_per_s']):,.0f} steps/s, one thread, robots spread over the mine", "make bench", EXCEEDED, "docs/evidence/parts/env-speed.md"),
+        Claim("environment speed: none stated", f"{float(e.speed['vector_steps_per_s']):,.0f} steps/s, one thread, robots spread over the mine", "python -m benchmarks bench", EXCEEDED, "docs/evidence/parts/env-speed.md"),
     ]  # fmt: skip
 
 

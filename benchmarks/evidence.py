@@ -24,12 +24,12 @@ def read(path: Path, target: str) -> Any:
     Raises
     ------
     ArtifactError
-        If the file is missing. The message names the make target that writes it.
+        If the file is missing. The message names the command that writes it.
     """
     try:
         return json.loads(path.read_text())
     except FileNotFoundError:
-        raise ArtifactError(f"{path}: missing; run `make {target}` first") from None
+        raise ArtifactError(f"{path}: missing; run `python -m benchmarks {target}` first") from None
 
 
 def replay_table(report: dict[str, Any]) -> list[str]:
@@ -130,7 +130,7 @@ def main() -> int:
         head = [
             "# Figures of the evidence",
             "",
-            "Written by `make evidence`. [The page](../certificate.md) explains the figures.",
+            "Written by `python -m benchmarks evidence`. [The page](../certificate.md) explains the figures.",
             "",
         ]
         lines = [*head, *replay_table(report), "", *certificate_table("the published plan", plan), "", *proof]

@@ -1,4 +1,4 @@
-"""Policies in the published plan of the embedded mine: `make published-plan` (docs/evidence/parts/published-plan.md).
+"""Policies in the published plan of the embedded mine: `python -m benchmarks published-plan`.
 
 The embedded mine is a station survey of this plan, so the two worlds have the same drifts and other walls.
 """

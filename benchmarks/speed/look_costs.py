@@ -16,7 +16,7 @@ from stages.realism import STAGE
 
 PAGE, ARTIFACTS = Path("docs/how-to/look.md"), Path("artifacts")
 LEVELS = ("light", "full", "meshed")
-_BEGIN, _END = "<!-- written by make look-pictures -->\n", "<!-- end -->\n"
+_BEGIN, _END = "<!-- written by python -m benchmarks look-pictures -->\n", "<!-- end -->\n"
 
 
 def bundle_of(furnish: str) -> Bundle:

@@ -58,7 +58,7 @@ def write_crate(folder: Path, published: date) -> int:
     Raises
     ------
     ArtifactError, InputError
-        If `make verify` would fail; a crate is written only from valid manifests.
+        If `python -m pipeline verify` would fail; a crate is written only from valid manifests.
 
     References
     ----------

@@ -53,3 +53,26 @@ def test_a_measurement_gets_the_environment_of_the_caller_not_that_of_the_pipeli
     )
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, env={}, capture_output=True, text=True)
     assert done.stdout.strip() == "[]", done.stderr
+
+
+def test_no_page_and_no_message_names_a_make_target_that_is_gone():
+    kept = set(re.findall(r"^([a-z][a-z-]*):", (ROOT / "Makefile").read_text(), flags=re.M))
+    gone = {b.name for b in BENCHMARKS} - kept
+    files = [
+        ROOT / "README.md",
+        ROOT / "CONTRIBUTING.md",
+        ROOT / "LEADERBOARD.md",
+        *(ROOT / "docs").rglob("*.md"),
+        *(
+            path
+            for folder in ("minexplore", "pipeline", "baselines", "benchmarks")
+            for path in (ROOT / folder).rglob("*.py")
+        ),
+    ]
+    named = [
+        f"{path.relative_to(ROOT)}: make {name}"
+        for path in files
+        for name in re.findall(r"`make ([a-z-]+)", path.read_text())
+        if name in gone
+    ]
+    assert not named
