@@ -56,7 +56,8 @@ def test_a_measurement_gets_the_environment_of_the_caller_not_that_of_the_pipeli
 
 
 def test_no_page_and_no_message_names_a_make_target_that_is_gone():
-    kept = set(re.findall(r"^([a-z][a-z-]*):", (ROOT / "Makefile").read_text(), flags=re.M))
+    rules = re.findall(r"^([a-z][a-z -]*):", (ROOT / "Makefile").read_text(), flags=re.M)
+    kept = {name for rule in rules for name in rule.split()}
     gone = {b.name for b in BENCHMARKS} - kept
     files = [
         ROOT / "README.md",

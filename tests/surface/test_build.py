@@ -173,7 +173,7 @@ def test_texture_and_walls_are_measured_on_the_meshes_that_the_model_names(opene
         shrunk = report_texture(model, polygon, network, params)
     finally:
         model.mesh_vert[:] = before
-    assert shrunk.strict_axes.bump_rq_m != pytest.approx(report.strict_axes.bump_rq_m, rel=0.05)
+    assert shrunk.strict_axes["bump_rq_m"] != pytest.approx(report.strict_axes["bump_rq_m"], rel=0.05)
     assert report.draws == 1  # the workings are shorter than two sets of eight stretches
     assert report.strict_spread is None
     metrics = texture_metrics(report)
