@@ -123,6 +123,7 @@ print(digest.hexdigest())
 """
 
 
+@pytest.mark.slow
 def test_a_procedural_mine_has_the_same_digits_with_the_kernels_of_another_processor():
     others = ({}, {"OPENBLAS_CORETYPE": "Haswell"}, {"OPENBLAS_CORETYPE": "Sandybridge"})
     digests = [

@@ -302,6 +302,7 @@ def test_steep_legs_in_any_direction_are_built_with_a_certificate_or_left_out(se
     assert broken(validator_of(mine, light).certificate) == {}
 
 
+@pytest.mark.slow
 def test_the_lining_of_a_leaning_shaft_lies_on_its_walls_and_meets_the_rock_below(tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(ROOT)

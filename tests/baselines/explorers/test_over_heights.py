@@ -110,7 +110,6 @@ def test_an_explorer_drives_over_a_seam_and_sees_all_sheets(name, steps, under):
     assert episode.collided == 0
 
 
-@pytest.mark.slow
 def test_one_table_has_each_explorer_for_level_mines_and_for_mines_with_heights(monkeypatch):
     monkeypatch.setitem(EXPLORERS, "mapless", Explorer(Reactive))
     for heights, mapped in ((False, "FrontierTour"), (True, "FrontierTourOverHeights")):
@@ -118,6 +117,7 @@ def test_one_table_has_each_explorer_for_level_mines_and_for_mines_with_heights(
         assert [kind.__name__ for kind in kinds] == ["Reactive", mapped]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*EXPLORERS][2:])
 @pytest.mark.parametrize(("legs", "sheets"), [(spiral(3), 4), (levels(), 3)])
 def test_explorers_reach_all_sheets_of_a_spiral_and_of_three_levels(name, legs, sheets, light, tmp_path):
