@@ -21,7 +21,8 @@ needs_world = pytest.mark.skipif(
 
 
 def run(name, *words, folder=ROOT):
-    variables = {**os.environ, "MUJOCO_GL": "osmesa", "OMP_NUM_THREADS": "1"}
+    # `make setup` puts the checkout on Python's path; here that is the copy.
+    variables = {**os.environ, "MUJOCO_GL": "osmesa", "OMP_NUM_THREADS": "1", "PYTHONPATH": str(folder)}
     command = [sys.executable, str(folder / "examples" / name), *words]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, env=variables)
 
