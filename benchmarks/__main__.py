@@ -256,7 +256,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
 
 
 def table() -> str:
-    """Return the table of the measurements: name, minutes, what runs first, what it writes."""
+    """Return the table of the measurements."""
     rows = [("name", "minutes", "after make", "writes"), *((b.name, b.minutes, b.needs, b.writes) for b in BENCHMARKS)]
     return "\n".join(f"{a:17} {b:>7}  {c:16} {d}".rstrip() for a, b, c, d in rows)
 
