@@ -11,7 +11,7 @@ STAGES := survey contours compile3d surface realism validation
 
 # Measurements, comparisons, pictures and training are `python -m benchmarks NAME`.
 help:  # show the targets, those that have a remark of two hashes
-	@awk -F ':.*## ' '/^##@/ {print substr($$0, 5)} /^all:/ {printf "  %-18s %s\n", "$(firstword $(STAGES)) ...", "up to and including one stage: $(STAGES)"} /^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^##@/ {print substr($$0, 5)} /^all:/ {printf "  %-18s %s\n", "$(firstword $(STAGES)) ...", "up to and including one stage: $(STAGES)"} /^[a-z -]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' Makefile
 
 ##@ Every day
 
@@ -61,7 +61,7 @@ data: setup  ## fetch the published plan and sweeps into data/raw (MIRROR=addres
 mutants: setup  ## put faults into worlds, listed and random; the validator must find each
 	@$(PY) -m benchmarks mutants
 
-parity-gpu bench-gpu train-gpu: setup-gpu
+parity-gpu bench-gpu train-gpu: setup-gpu  ## on a GPU: the same as the CPU does, its speed, and training (ARGS="...")
 	@$(PY) -m benchmarks $@ $(ARGS)
 
 
