@@ -12,6 +12,7 @@ from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.types import Frame, Mask
 
 _NEAR_M = 5.0  # a place in rock selects the nearest workings up to this distance
+_NECK_M = 0.05  # workings thinner than twice this connect nothing: two areas that touch in a corner, say
 Places = list[tuple[float, float]]
 
 
@@ -80,7 +81,9 @@ def _not_connected(one: tuple[float, float], other: tuple[float, float], gap_m: 
 
 
 def mend(workings: MultiPolygon, bridge_m: float, min_island_m2: float) -> MultiPolygon:
-    """Close gaps between components of vector workings, and fill islands that are too small to be pillars.
+    """Close gaps between components of vector workings, part them at necks, and fill islands too small to be pillars.
+
+    A neck is thinner than 10 cm. Components without one stay as they are.
 
     Parameters
     ----------
@@ -95,7 +98,7 @@ def mend(workings: MultiPolygon, bridge_m: float, min_island_m2: float) -> Multi
     ]
     whole = as_polygons(shapely.union_all(filled))
     if bridge_m == 0 or len(whole.geoms) < 2:
-        return whole
+        return _part_at_necks(whole)
     closed = whole.buffer(bridge_m, join_style="mitre").buffer(-bridge_m, join_style="mitre")
     bridges = [
         piece
@@ -104,4 +107,14 @@ def mend(workings: MultiPolygon, bridge_m: float, min_island_m2: float) -> Multi
     ]
     # A bridge must overlap its components, not only touch them.
     grown = [piece.buffer(1e-6, join_style="mitre") for piece in bridges]
-    return as_polygons(shapely.union_all([whole, *grown]))
+    return _part_at_necks(as_polygons(shapely.union_all([whole, *grown])))
+
+
+def _part_at_necks(workings: MultiPolygon) -> MultiPolygon:
+    """Return workings whose components have no neck that parts them."""
+    parted: list[Polygon] = []
+    for component in workings.geoms:
+        cores = as_polygons(component.buffer(-_NECK_M, join_style="mitre")).geoms
+        parts = [core.buffer(_NECK_M, join_style="mitre").intersection(component) for core in cores]
+        parted += [component] if len(parts) < 2 else [p for part in parts for p in as_polygons(part).geoms]
+    return MultiPolygon(parted)
