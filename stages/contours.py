@@ -35,7 +35,6 @@ from pipeline.scans.correct import Correction, CorrectionReport, correct_by_swee
 from pipeline.stage import Artifact, Stage, main
 from pipeline.types import NO_PICTURE, Areas, DriftNetwork, Frame, FreeSpace, Image, Mask, Openings, Survey, Workings
 
-
 _APART_PX = 2.0  # pixels so far apart do not touch, not even at a corner
 
 

@@ -4,6 +4,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from pipeline.compose import compose
+from pipeline.geometry.network.skeleton import trace_network
 from pipeline.geometry.outline.components import mend
 from pipeline.metrics.wall_error import measure_wall_error
 from pipeline.types import Workings
@@ -45,3 +46,21 @@ def test_what_is_left_out_beside_the_workings_is_no_error_of_their_walls(working
     read = trace_free_space(params, plan, survey_of(frame, (5, 3)), Workings(workings))
     error = measure_wall_error(read["traced"].polygons.geoms[0], read["free_space"].polygon, read["raw"], frame)
     assert error.drawn_mean_m < 0.05  # the limit of conf/validation; bridges fill the wedges of the bow tie
+
+
+def test_the_tip_of_a_sharp_corner_is_cut_off_and_the_network_is_whole():
+    wedge = Polygon([(0, 0), (0, 8), (60, 8.5)])  # thinner than a cell of the skeleton at its end
+    (mended,) = mend(MultiPolygon([wedge]), 0.5, 10).geoms
+    assert 0 < wedge.area - mended.area < 0.1
+    assert trace_network(mended, 0.25, 2.0, 3.0).components == 1
+
+
+def test_a_rough_wall_keeps_every_notch():
+    rng = np.random.default_rng(2)
+    x = np.arange(0, 60, 0.3)
+    walls = [(xy, rng.normal(0, 0.06)) for xy in x], [(xy, 3 + rng.normal(0, 0.06)) for xy in x[::-1]]
+    drift = Polygon([*walls[0], *walls[1]])
+    assert np.array_equal(
+        shapely.get_coordinates(mend(MultiPolygon([drift]), 0.5, 10)),
+        shapely.get_coordinates(shapely.union_all([drift])),
+    )
