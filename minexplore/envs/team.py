@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from minexplore.envs.robot_batch import Outcome, RobotBatch
+from minexplore.envs.robot_batch import RobotBatch, StepOutcome
 from minexplore.physics.robot import RobotParams, qpos_address, qvel_address
 from minexplore.sensing.lidar import Backend
 from minexplore.task import TaskParams
@@ -28,7 +28,7 @@ class Team(RobotBatch):
         self._taken: list[tuple[float, float]] = []
         self.team_seen = np.zeros((1, *self.grid.reachable.shape), dtype=bool)
 
-    def reset_all(self, rngs: list[np.random.Generator]) -> Outcome:
+    def reset_all(self, rngs: list[np.random.Generator]) -> StepOutcome:
         """Place the whole team near the entrance."""
         self._taken = []
         self.team_seen[:] = False

@@ -17,7 +17,7 @@ from minexplore.floors.floor import Floor
 from pipeline.geometry.floor.parts import wall_lines
 from pipeline.geometry.maps.octree import FREE, Octree, from_bt
 from pipeline.geometry.wall_distance import distances_to_walls
-from pipeline.mjcf.bundle import World, mine_from_body, read_floor
+from pipeline.mjcf.bundle import OpenedBundle, mine_from_body, read_floor
 from pipeline.store.codecs import decode
 from pipeline.survey.grid.nav2 import read_nav2_map
 from pipeline.types import FreeSpace, Occupancy
@@ -28,7 +28,7 @@ _KNEE_M, _CELLS_TRIED = 0.4, 5000
 _BORDER_SHARE = 2**-0.5  # of a cell: a cell nearer to a wall than this may be free or not
 
 
-def measure_consistency(folder: Path, world: World, free_space: FreeSpace) -> dict[str, Any]:
+def measure_consistency(folder: Path, world: OpenedBundle, free_space: FreeSpace) -> dict[str, Any]:
     """Return counts and errors: how far the files of a bundle differ from its record and from its model."""
     model, record = world.model, world.record
     w, _, y, _ = model.body(MINE_BODY).quat
@@ -50,7 +50,7 @@ def measure_consistency(folder: Path, world: World, free_space: FreeSpace) -> di
     }
 
 
-def _frame_error_m(world: World) -> float:
+def _frame_error_m(world: OpenedBundle) -> float:
     """Return the largest distance, m, between the mine's corners in the model and in the record's frame."""
     west, south, east, north = world.record.world_m
     corners = np.array([[x, y, 0.0] for x in (west, east) for y in (south, north)])
@@ -58,7 +58,7 @@ def _frame_error_m(world: World) -> float:
     return round(float(np.abs(corners @ T[:3, :3].T + T[:3, 3] - corners).max()), 9)
 
 
-def _zones_wrong(world: World) -> int:
+def _zones_wrong(world: OpenedBundle) -> int:
     """Count the floor zones whose geom is missing or differs from the record in place or friction, and extra geoms."""
     wrong, names = 0, [world.model.geom(g).name for g in range(world.model.ngeom)]
     if world.record.heights:
@@ -75,7 +75,7 @@ def _zones_wrong(world: World) -> int:
     return wrong + abs(sum(is_floor(name) for name in names) - len(world.record.zones))
 
 
-def _wedges_wrong(world: World, names: list[str]) -> int:
+def _wedges_wrong(world: OpenedBundle, names: list[str]) -> int:
     """Count the wedges of the floor that belong to no zone or have another friction than theirs, and missing ones."""
     friction = {zone.geom: zone.friction for zone in world.record.zones}
     geoms = [world.model.geom(name) for name in names]
@@ -84,7 +84,7 @@ def _wedges_wrong(world: World, names: list[str]) -> int:
     return wrong + abs(len(names) - (world.record.heights.floor_wedges if world.record.heights else 0))
 
 
-def _colliders_wrong(world: World) -> int:
+def _colliders_wrong(world: OpenedBundle) -> int:
     """Count geoms that wrongly collide or wrongly do not, and solid geoms of a wrong shape or body.
 
     Only rock, floor and roof collide. They are convex meshes or boxes, and belong to the body `mine`, because every
@@ -98,7 +98,7 @@ def _colliders_wrong(world: World) -> int:
     return int((collides != solid).sum() + (solid & ~allowed_shape).sum() + (solid & of_other_body).sum())
 
 
-def _rock_friction_error(world: World) -> float:
+def _rock_friction_error(world: OpenedBundle) -> float:
     rock = world.model.geom_group == GeomGroup.COLLISION
     error = np.abs(world.model.geom_friction[rock, 0] - world.record.rock_friction)
     return round(float(error.max(initial=0.0)), 6)

@@ -22,7 +22,7 @@ from minexplore.world import load_world
 from pipeline.compose import compose
 from pipeline.geometry.floor.parts import wall_lines
 from pipeline.geometry.openings.fit import fit_openings
-from pipeline.mjcf.bundle import World, open_bundle, placed_parts
+from pipeline.mjcf.bundle import OpenedBundle, open_bundle, placed_parts
 from pipeline.mjcf.world import GeomGroup
 from pipeline.proof.floor import enclosure_of_floor
 from pipeline.proof.stress_test import _escaped, _throw
@@ -205,7 +205,7 @@ def test_the_certificate_misses_a_wall_a_fence_and_a_blind_end(part, figure, fen
     name = rock_geom({"fence": last, "end": last - 12, "shaft": last - 13}[part])  # 3 fences of 4 parts are the last
     spec = mujoco.MjSpec.from_file(str(fenced.bundle / "mine.xml"))
     spec.delete(spec.geom(name))
-    less = World(world.record, spec.compile(), 0, 0)
+    less = OpenedBundle(world.record, spec.compile(), 0, 0)
     parts = placed_parts(less.model, GeomGroup.COLLISION, np.array(world.record.T_world_mine))
     figures = enclosure_of_floor(less, fenced.free_space.polygon, fenced.floor, parts, _SLICES_M)
     assert figures[figure] > 0.1

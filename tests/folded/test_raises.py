@@ -16,7 +16,7 @@ from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.compose import compose
 from pipeline.geometry.openings.fit import fit_openings
-from pipeline.mjcf.bundle import World, open_bundle, placed_parts
+from pipeline.mjcf.bundle import OpenedBundle, open_bundle, placed_parts
 from pipeline.mjcf.world import GeomGroup
 from pipeline.proof.floor import enclosure_of_floor
 from pipeline.survey.passages.sheets import draw_sheets
@@ -205,7 +205,7 @@ def test_the_certificate_misses_a_cap_and_a_wall(part, raised):
     last = world.record.collision_parts - 1 - 4  # the fence has four parts, each raise a cap after its walls
     spec = mujoco.MjSpec.from_file(str(raised.bundle / "mine.xml"))
     spec.delete(spec.geom(rock_geom({"cap": last, "wall": last - 1}[part])))
-    figures = figures_of(raised, World(world.record, spec.compile(), 0, 0))
+    figures = figures_of(raised, OpenedBundle(world.record, spec.compile(), 0, 0))
     assert figures["missing_m2"] > 0.1
 
 
@@ -220,7 +220,7 @@ def test_the_certificate_sees_a_roof_left_under_a_raise(raised, bare):
         mine.add_geom(
             type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"whole_{number}", group=GeomGroup.ROOF, contype=0, conaffinity=0
         )
-    assert figures_of(raised, World(world.record, spec.compile(), 0, 0))["intrusion_m2"] > 0.5
+    assert figures_of(raised, OpenedBundle(world.record, spec.compile(), 0, 0))["intrusion_m2"] > 0.5
 
 
 def figures_of(mine, world):

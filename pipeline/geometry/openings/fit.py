@@ -51,7 +51,7 @@ def fit_openings(outline: BaseGeometry, heights: Heights) -> tuple[Openings, lis
     outline : shapely polygon, one a sheet, m, plan
     heights : Heights
     """
-    plan = _Plan(outline, heights)
+    plan = _SheetPlan(outline, heights)
     built: list[Opening] = []
     left_out = []
     stopes: list[Opening] = []
@@ -95,7 +95,7 @@ def _left_out(shaft: Shaft, side_m: float) -> str:
     )
 
 
-class _Plan:
+class _SheetPlan:
     """The sheets of the workings in plan, and the seams between them."""
 
     def __init__(self, outline: BaseGeometry, heights: Heights) -> None:

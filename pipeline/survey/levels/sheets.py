@@ -15,7 +15,7 @@ from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.levels.areas import OVERLAP_M2, TOUCH_M, Area, nearest_heights, places_in
 from pipeline.survey.levels.seams import SeamHeights, join_areas
-from pipeline.survey.levels.shafts import Sheets, shafts_of
+from pipeline.survey.levels.shafts import LevelSheets, shafts_of
 from pipeline.survey.levels.walls import Wall
 from pipeline.survey.passages.pieces import require_near, tell_others
 from pipeline.survey.passages.sheet_layout import APART_M, assign_sheets, lay_apart
@@ -78,7 +78,7 @@ def draw_levels(
         for line in _floor_lines(polygon, found, own):
             moved = line + np.array([*offsets[k], -datum])
             lines.append([(float(x), float(y), float(z)) for x, y, z in moved])
-    shafts = shafts_of(path, axes, Sheets(polygons, of_sheet, offsets, datum))
+    shafts = shafts_of(path, axes, LevelSheets(polygons, of_sheet, offsets, datum))
     if not shafts and not any(over.values()):
         return None
     heights = Heights(

@@ -54,7 +54,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     list of SurveyLeg
         m, in the survey's own frame.
     """
-    plan = _Plan(survey)
+    plan = _StationPlan(survey)
     require_at_most(path, len(plan.places), "stations", "stations or more")
     plan.tell_pieces(path)
     if survey.passages:
@@ -86,7 +86,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     return legs_of_chains(path, chains, heights)
 
 
-class _Plan:
+class _StationPlan:
     """A survey's stations without duplicates: equated stations are one node."""
 
     def __init__(self, survey: SolvedSurvey) -> None:
