@@ -76,7 +76,7 @@ class RobotBatch:
     def reset(self, robots: np.ndarray, rngs: list[np.random.Generator]) -> StepOutcome:
         """Place robots (k,) near the entrance with a random yaw, and cast the beams once."""
         for i in robots.tolist():
-            x, y = self._draw_place(rngs[i])
+            x, y = self._sample_place(rngs[i])
             self.place(i, x, y, rngs[i].uniform(-np.pi, np.pi))
         self._forget(robots)
         self.previous[robots], self.fell[robots] = 0.0, False
@@ -101,7 +101,7 @@ class RobotBatch:
         self.stepper.restart(robot)
         self.qpos[robot, :7] = free_joint_qpos(self.T_world_mine, self.robot, x_m, y_m, yaw_rad, self.floor)
 
-    def _draw_place(self, rng: np.random.Generator) -> tuple[float, float]:
+    def _sample_place(self, rng: np.random.Generator) -> tuple[float, float]:
         """Return the anchor, or where that is too narrow a random place (m, mine frame) of the entrance region."""
         spawn, world = self.world.record["spawn"], self.world
         if spawn["anchor_clearance_m"] >= spawn["clearance_m"] >= self.robot.radius_m:

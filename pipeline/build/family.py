@@ -161,7 +161,7 @@ def make_family(
     ArtifactError
         If another command is building worlds of the same folder, or the manifest is broken.
     """
-    _read_record(FAMILIES / "manifest.json")  # a broken one is told before worlds are built
+    _read_record(FAMILIES / "manifest.json")  # refuse a broken one before worlds are built
     built = _over_cluster(members) if on == "ray" else _over_cores(members, jobs)
     place = FAMILIES / Path(members[0].folder).parent
     lock = hold_lock(place / ".lock", f"{place}: another command is building these worlds")
@@ -235,7 +235,7 @@ def _over_cores(members: list[Member], jobs: int) -> Generator[MemberOutcome]:
     context = multiprocessing.get_context("fork")  # a worker is a child of this process, with which it ends
     pool = ProcessPoolExecutor(min(jobs, len(members)), context, _begin_worker, (os.getpid(),))
     try:
-        # A process that is told to end before `_begin_worker` would go on as a second parent, by its handler.
+        # A process that gets a signal to end before `_begin_worker` would go on as a second parent, by its handler.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)
         try:
             futures = [pool.submit(make_member, m, FAMILIES) for m in members]

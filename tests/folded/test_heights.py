@@ -21,7 +21,7 @@ from pipeline.geometry.maps.octree import build_octree, to_bt
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.geometry.rock.delaunay import Triangulation
 from pipeline.proof.validator import Validator
-from pipeline.survey.passages.sheets import draw_sheets
+from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.spots import read_spots
 from pipeline.survey.stations.table import read_station_legs
 from pipeline.types import METRIC, Heights
@@ -225,7 +225,7 @@ def test_sheets_are_as_few_as_the_workings_need_and_a_shaft_is_fenced_off(tmp_pa
     path = tmp_path / "mine.csv"
     for legs, sheets, seams in ((RAMP, 1, 0), (UNDER, 2, 1), (levels(), 3, 2)):
         path.write_text(table(legs))
-        polygons, heights = draw_sheets(path, read_station_legs(path))
+        polygons, heights = lay_out_sheets(path, read_station_legs(path))
         assert (len(polygons.geoms), len(heights.seams)) == (sheets, seams)
         for one, two in pairwise(polygons.geoms):
             assert one.distance(two) > 10
@@ -236,7 +236,7 @@ def test_a_survey_of_a_shaft_alone_is_refused(tmp_path):
     path = tmp_path / "mine.csv"
     path.write_text(table({"S": [("a", 0, 0, 50), ("b", 1, 0, 10)]}))
     with pytest.raises(InputError, match=r"every leg is steeper than 0\.364"):
-        draw_sheets(path, read_station_legs(path))
+        lay_out_sheets(path, read_station_legs(path))
 
 
 @pytest.mark.slow

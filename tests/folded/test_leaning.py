@@ -19,7 +19,7 @@ from pipeline.geometry.openings.fit import cut_floor, fit_openings
 from pipeline.geometry.openings.shaft_parts import count_parts, rows_of, section_at, shaft_parts
 from pipeline.metrics.containment import slices_above
 from pipeline.mjcf.bundle import OpenedBundle, open_bundle
-from pipeline.survey.passages.sheets import draw_sheets
+from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.stations.table import read_station_legs
 from pipeline.types import Openings
 from tests.folded.test_folded_rock import COARSE
@@ -58,7 +58,7 @@ def narrow(rows, legs="S"):
 def fitted(legs, folder, rows=None):
     path = folder / "mine.csv"
     path.write_text(rows or narrow(table(legs)))
-    outline, heights = draw_sheets(path, read_station_legs(path))
+    outline, heights = lay_out_sheets(path, read_station_legs(path))
     openings, left_out = fit_openings(outline, heights)
     return outline, heights, openings.shafts, left_out
 

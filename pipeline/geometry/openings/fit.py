@@ -217,7 +217,7 @@ def raises_over_roofs(openings: Openings, floor: Floor, height_m: float) -> tupl
 def roof_round(opening: Opening, floor: Floor, height_m: float) -> tuple[np.ndarray, float]:
     """Return the roof's height (k,) m at the corners of a raise, and how much higher it is between them.
 
-    It is linear on each face of the floor's mesh, so that the borders of faces tell.
+    It is linear on each face of the floor's mesh, so that the borders of faces suffice.
     """
     roof, corners = floor.raised(height_m), np.array(opening.outline_m)
     heights, uneven_m = roof.heights_at(corners), 0.0

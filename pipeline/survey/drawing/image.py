@@ -25,7 +25,7 @@ def read_image(path: Path, max_megapixels: float) -> Image:
     ----------
     path : Path
         PNG, JPEG, TIFF, BMP or PNM. The header is checked before pixels are decoded. The picture is turned upright as
-        its Exif data say. Of a TIFF with several pages the first is read, which is said.
+        its Exif data say. Of a TIFF with several pages the first is read, with a warning.
     max_megapixels : float
         Upper limit of the image's size.
 

@@ -17,7 +17,7 @@ from pipeline.survey.levels.areas import Area, nearest_heights
 from pipeline.survey.levels.walls import Wall
 from pipeline.survey.passages.built_cells import BESIDE_M, USUAL_ROOF_M
 from pipeline.survey.passages.leaning import follow
-from pipeline.survey.passages.shafts import FLOORS_APART_M, LEAN, LEAST_FALL_M, MOST_TOLD, OVER_RAISE_M
+from pipeline.survey.passages.shafts import FLOORS_APART_M, LEAN, LEAST_FALL_M, MOST_LISTED, OVER_RAISE_M
 from pipeline.types import Shaft
 
 _STEP_M = 0.25  # of the places along an axis where floors are looked for
@@ -65,7 +65,7 @@ class _Met:
 
 
 def shafts_of(path: Path, axes: list[Wall], sheets: LevelSheets) -> list[Shaft]:
-    """Return a shaft from each floor that an axis meets to the next, or to its blind end; say what is left out.
+    """Return a shaft from each floor that an axis meets to the next, or to its blind end; a warning lists those left out.
 
     Then come the raises: an axis that ends above the highest floor that it meets is one from there. An axis meets a
     floor that it crosses, one a metre over its upper end, and one so far under its lower end that this is in the drift.
@@ -88,7 +88,7 @@ def shafts_of(path: Path, axes: list[Wall], sheets: LevelSheets) -> list[Shaft]:
         raises += [shaft for shaft in made if shaft.sheet is None]
         left_out += reasons
     if left_out:
-        others = "".join(f"; {line}" for line in left_out[1:MOST_TOLD])
+        others = "".join(f"; {line}" for line in left_out[1:MOST_LISTED])
         warn_user(f"{path.name}: {len(left_out)} shafts are left out, the first at {left_out[0]}{others}")
     return found + raises
 

@@ -1,4 +1,4 @@
-"""Notice vector drawings that show a whole drawing sheet: its lines are no walls, and layers tell them apart."""
+"""Notice vector drawings that show a whole drawing sheet: its lines are no walls, and layers separate them."""
 
 from __future__ import annotations
 
