@@ -274,7 +274,7 @@ def read_plan(params: PlanSurveyParams) -> Reading:
     if params.scale.source == "georeference":
         plan, per_m, georeference = _place_in_map(path, plan, params)
     origin = params.origin_px or (-0.5, plan.shape[0] - 0.5)
-    if params.sheet:
+    if params.workings_only:
         plan, boxes = keep_workings(path, plan, params.level), []
     elif params.line_drawing:
         plan = fill_walls(path, plan, params)

@@ -65,7 +65,7 @@ class _Met:
 
 
 def shafts_of(path: Path, axes: list[Wall], sheets: LevelSheets) -> list[Shaft]:
-    """Return a shaft from each floor that an axis meets to the next, or to its blind end; a warning lists those left out.
+    """Return a shaft from each floor that an axis meets to the next, or to its blind end; warns of those left out.
 
     Then come the raises: an axis that ends above the highest floor that it meets is one from there. An axis meets a
     floor that it crosses, one a metre over its upper end, and one so far under its lower end that this is in the drift.

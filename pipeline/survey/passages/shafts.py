@@ -32,7 +32,7 @@ def steep_shots(leg: SurveyLeg) -> np.ndarray:
 
 
 def find_shafts(path: Path, legs: list[SurveyLeg], built: Built) -> list[Shaft]:
-    """Return the shafts that lead down from built stations, from the first station; a warning lists those left out, and why.
+    """Return the shafts that lead down from built stations, from the first station; warns of those left out.
 
     A shaft follows the lowest of the steep shots from station to station, to a built station or to its end. Then come
     the raises: they follow the highest shots up from a built station to an end that is not built. Stopes stand before

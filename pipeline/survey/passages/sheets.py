@@ -36,10 +36,10 @@ def lay_out_sheets(
     """Return the workings of each sheet in plan, moved aside but for the first, and the heights of their floors.
 
     Legs steeper than `steepest_grade` are left out, as a fence would, and the longest connected piece is kept, or that
-    of the station `piece` (`find_station`); warnings list what is left out, by place without `named` stations. So do
-    those for passages less than `apart_m` over others that they do not meet (`without_thin_pillars`). Steep legs that lead
-    down from what is built are its shafts (`find_shafts`). Where workings lie over each other, legs are cut half-way
-    between two stations.
+    of the station `piece` (`find_station`); warnings list what is left out, by place without `named` stations.
+    Passages less than `apart_m` over others that they do not meet are left out, too (`without_thin_pillars`). Steep
+    legs that lead down from what is built are its shafts (`find_shafts`). Where workings lie over each other, legs are
+    cut half-way between two stations.
 
     Raises
     ------

@@ -40,8 +40,8 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     path : Path
     survey : SolvedSurvey
     half_width_m : float or None
-        Distance to a wall where none was measured; None takes half the median width of the survey's own. A warning counts
-        how many stations got it.
+        Distance to a wall where none was measured; None takes half the median width of the survey's own. A warning
+        counts them.
 
     Raises
     ------
