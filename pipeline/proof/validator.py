@@ -42,7 +42,6 @@ from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.claims import require_own_claims
-from pipeline.proof.consistency import measure_consistency
 from pipeline.proof.rebuilt.built import require_built, tolerance_of
 from pipeline.proof.surface import WallBands, report_relief, report_walls, walls_metrics
 from pipeline.proof.texture import TextureReport, report_texture, texture_metrics
@@ -163,11 +162,6 @@ class Validator:
         height, seed = self.params.robot_height_m, self.params.texture.seed
         return report_walls(self.world.model, self._drifts, self.network, height, seed, self._unfold, self._wall_lines)
 
-    @functools.cached_property
-    def consistency(self) -> dict[str, Any]:
-        """Return how far the files of the bundle differ from its record and its model."""
-        return measure_consistency(self.bundle, self.world, self.free_space)
-
     @property
     def certificate(self) -> Certificate:
         """Return the containment certificate."""
@@ -287,7 +281,6 @@ def _world(validator: Validator) -> dict[str, Any]:
         "floor_zones": len(record.zones),
         "gain_entrance_region_m": record.gain_m["entrance_region"],
         "gain_whole_frame_m": record.gain_m["whole_frame"],
-        **validator.consistency,
     }
 
 
