@@ -17,7 +17,6 @@ from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.floor.mesh import build_floor
 from pipeline.geometry.floor.network_heights import floor_lines
-from pipeline.geometry.maps.octree import build_octree, to_bt
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.geometry.rock.delaunay import Triangulation
 from pipeline.proof.validator import Validator
@@ -121,12 +120,6 @@ def test_spots_are_joined_linearly_along_the_drifts(tmp_path):
     path.write_text("easting_m,northing_m,elevation_m\n10,60,3\n")
     with pytest.raises(GeometryError, match=r"the spot \(10\.0, 60\.0\), 0\.00 m high, is .* m from the nearest drift"):
         floor_lines(read_spots(path, METRIC), trace_network(STRAIGHT, 0.25, 2.0, 3.0), (2.5, 2.5))
-
-
-def test_an_octree_over_a_level_floor_is_that_of_a_flat_mine():
-    free = np.random.default_rng(0).random((30, 40)) > 0.4
-    grid = free, np.array([-3.0, 2.0]), 0.25, 3.5
-    assert to_bt(build_octree(*grid)) == to_bt(build_octree(*grid, np.zeros(free.shape)))
 
 
 def test_stations_of_the_built_floor_lie_within_two_centimetres_of_the_survey(ramp, under):

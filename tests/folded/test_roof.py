@@ -19,7 +19,6 @@ from minexplore.world import load_world
 from pipeline.compose import compose
 from pipeline.errors import GeometryError
 from pipeline.geometry.floor.mesh import build_floor
-from pipeline.geometry.maps.octree import FREE, OCCUPIED, from_bt
 from pipeline.mjcf.bundle import open_bundle, read_record
 from pipeline.proof.rebuilt.remake import read_free_space
 from pipeline.proof.rebuilt.visible import require_visible, rough_meshes
@@ -33,6 +32,7 @@ from pipeline.types import Occupancy
 from tests.folded.test_folded_rock import COARSE
 from tests.heights import RAMP, UNDER, MineWithHeights, certificate_params, table
 from tests.mines import STRAIGHT, sealed
+from tests.octomap import FREE, OCCUPIED, BinaryTree
 from tests.project import ROOT
 
 HALL = {"a": 2.5, "b": 2.5, "c": 6.0, "d": 6.0}  # over the ramp, from 20 to 30 m, the roof rises by 5 m
@@ -268,7 +268,7 @@ def test_a_step_of_the_roof_at_a_seam_is_refused(over):
 
 
 def test_octree_beams_and_long_section_end_at_the_roof(hall):
-    tree = from_bt((hall.bundle / "free_space.bt").read_bytes())
+    tree = BinaryTree((hall.bundle / "free_space.bt").read_bytes())
     feet = hall.floor.fold(np.column_stack([ALONG_M, np.zeros((len(ALONG_M), 2))]))
     even = (ALONG_M < 18) | (ALONG_M > 32)  # between, a cell's roof is that of its middle
     for beyond_m, state in ((-0.3, FREE), (0.1, OCCUPIED)):
