@@ -28,8 +28,8 @@ class Octree:
     """A tree of depth 16 over cubes of `resolution_m`; level k holds nodes 2 ** (16 - k) voxels wide.
 
     `codes[k]` are the sorted Morton codes of the nodes of level k, x lowest, in OctoMap's order of children;
-    `states[k]` are their states. A FREE or OCCUPIED node is a leaf; space without a node is UNKNOWN. Coordinates are in the
-    mine frame.
+    `states[k]` are their states. A FREE or OCCUPIED node is a leaf; space without a node is UNKNOWN. Coordinates are in
+    the mine frame.
     """
 
     resolution_m: float
