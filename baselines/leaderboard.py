@@ -34,7 +34,7 @@ claims. They stand in tables of their own, headed *unverified*, and prove nothin
 
 
 @dataclass(frozen=True)
-class _Row:
+class _LeaderboardRow:
     policy: str
     seeds: int
     verified: bool
@@ -62,7 +62,7 @@ def leaderboard(results: Path, profiles: Path | None = None) -> str:
     files = sorted(path for path in results.glob("*/*.jsonl") if not path.parent.name.startswith("Family-"))
     if not files:
         raise BaselineError(f"{results}: no results; `python -m baselines.evaluate` writes them")
-    tables: dict[str, list[_Row]] = {}
+    tables: dict[str, list[_LeaderboardRow]] = {}
     for path in files:
         head, episodes = read_results(path)
         check(path, head, episodes)
@@ -75,7 +75,7 @@ def leaderboard(results: Path, profiles: Path | None = None) -> str:
         verified = was_driven_here(path, results, head, episodes)
         if not verified and head.policy not in RESERVED:  # the oracle's tour is the project's own
             require_name(path, head)
-        tables.setdefault(head.env, []).append(_Row(head.policy, len(episodes), verified, found))
+        tables.setdefault(head.env, []).append(_LeaderboardRow(head.policy, len(episodes), verified, found))
     envs = sorted(tables, key=lambda env: (env not in BENCHMARK, env))
     return "\n".join(
         [
@@ -86,7 +86,7 @@ def leaderboard(results: Path, profiles: Path | None = None) -> str:
     )
 
 
-def _section(env_id: str, rows: list[_Row], bound: Bound | None) -> str:
+def _section(env_id: str, rows: list[_LeaderboardRow], bound: Bound | None) -> str:
     """Return one environment's heading, bound and table."""
     lines = [f"## {env_id}", ""]
     if bound is not None:
@@ -105,7 +105,7 @@ def _section(env_id: str, rows: list[_Row], bound: Bound | None) -> str:
     return "\n".join([*lines, *([UNVERIFIED_HEADING, "", *_table(claimed, shown)] if claimed else [])])
 
 
-def _table(rows: list[_Row], shown: list[str]) -> list[str]:
+def _table(rows: list[_LeaderboardRow], shown: list[str]) -> list[str]:
     """Return the lines of a table, and an empty one; none without rows."""
     if not rows:
         return []

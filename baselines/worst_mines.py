@@ -46,7 +46,7 @@ In all {mines} mines, {policy} sees more in {more}, as much in {same} and less i
 
 
 @dataclass(frozen=True)
-class Pair:
+class EpisodePair:
     """The episodes of two policies in one mine."""
 
     number: int
@@ -74,7 +74,7 @@ def stands(drive: Drive) -> float:
     return float(spans[moved < _STANDS_MPS * spans].sum() / spans.sum())
 
 
-def pairs_of(policy: str, other: str, split: str) -> list[Pair]:
+def pairs_of(policy: str, other: str, split: str) -> list[EpisodePair]:
     """Return both policies' episodes, mine by mine, the mine with the least gain first.
 
     Raises
@@ -85,11 +85,11 @@ def pairs_of(policy: str, other: str, split: str) -> list[Pair]:
     ours, theirs = (read_drives(split_folder(split) / f"{name}.jsonl") for name in (policy, other))
     if [(h.env, h.world_sha256) for h, _ in ours] != [(h.env, h.world_sha256) for h, _ in theirs]:
         raise BaselineError(f"{policy}, {other}: their results on the split {split} are of other mines")
-    pairs = [Pair(number, *both) for number, both in enumerate(zip(ours, theirs, strict=True))]
+    pairs = [EpisodePair(number, *both) for number, both in enumerate(zip(ours, theirs, strict=True))]
     return sorted(pairs, key=lambda pair: pair.gain)
 
 
-def draw(pairs: list[Pair], path: Path) -> None:
+def draw(pairs: list[EpisodePair], path: Path) -> None:
     """Draw both ways in each mine."""
     figure, axes = plt.subplots(2, -(-len(pairs) // 2), figsize=(3.2 * -(-len(pairs) // 2), 7), layout="constrained")
     for axis in axes.flat:
@@ -100,7 +100,7 @@ def draw(pairs: list[Pair], path: Path) -> None:
     plt.close(figure)
 
 
-def _draw_mine(axis: Any, pair: Pair) -> None:
+def _draw_mine(axis: Any, pair: EpisodePair) -> None:
     head, _ = pair.ours
     env = make_env(head.env, 1)
     try:
@@ -119,7 +119,7 @@ def _draw_mine(axis: Any, pair: Pair) -> None:
     axis.set_title(f"{pair.number}: {100 * share(pair.ours):.0f} %, {100 * share(pair.theirs):.0f} %", fontsize=9)
 
 
-def page(policy: str, other: str, split: str, pairs: list[Pair], count: int) -> str:
+def page(policy: str, other: str, split: str, pairs: list[EpisodePair], count: int) -> str:
     """Return the page."""
     rows = []
     for pair in pairs[:count]:

@@ -39,7 +39,7 @@ _PROFILES = """Performance profiles: in how many mines a policy sees more than a
 
 
 @dataclass(frozen=True)
-class _Row:
+class _SplitRow:
     policy: str
     verified: bool
     shares: np.ndarray  # (mines,) of the bound
@@ -51,7 +51,7 @@ class _Row:
         return _text(self.figures[name], 1, 100 if name in _COLUMNS[:2] else 1)
 
 
-def in_order(rows: list[_Row]) -> list[_Row]:
+def in_order(rows: list[_SplitRow]) -> list[_SplitRow]:
     """Return rows by their share of the bound, the greatest first."""
     return sorted(rows, key=lambda row: -(_value(row) or 0.0))
 
@@ -119,7 +119,7 @@ def split_section(results: Path, split: str, picture: Path | None = None) -> str
     return "\n".join(lines)
 
 
-def _claims(rows: list[_Row]) -> list[str]:
+def _claims(rows: list[_SplitRow]) -> list[str]:
     """Return the table of what unverified files claim; it is compared with nothing. No lines without rows."""
     if not rows:
         return []
@@ -127,13 +127,13 @@ def _claims(rows: list[_Row]) -> list[str]:
     return [*lines, *(f"{_cells(row)} |" for row in rows), ""]
 
 
-def _cells(row: _Row) -> str:
+def _cells(row: _SplitRow) -> str:
     texts = [row.text(name) for name in _COLUMNS]
     texts[2] += f", never in {row.never}" if row.never else ""
     return f"| {row.policy} | {' | '.join(texts)}"
 
 
-def _by_style(rows: list[_Row], best: _Row | None) -> list[str]:
+def _by_style(rows: list[_SplitRow], best: _SplitRow | None) -> list[str]:
     """Return the table of shares in each style, with the improvement over a row; styles alternate over the mines."""
     lines = [_STYLES_HEADING, "", f"| policy | {' | '.join(style.replace('_', ' ') for style in STYLES)} |"]
     lines.append("|---" * (len(STYLES) + 1) + "|")
@@ -142,7 +142,7 @@ def _by_style(rows: list[_Row], best: _Row | None) -> list[str]:
     return lines
 
 
-def _in_style(row: _Row, best: _Row | None, style: int) -> str:
+def _in_style(row: _SplitRow, best: _SplitRow | None, style: int) -> str:
     own = row.shares[style :: len(STYLES)]
     if not len(own):
         return ""
@@ -152,7 +152,7 @@ def _in_style(row: _Row, best: _Row | None, style: int) -> str:
     return f"{share}, P {improvement(own, best.shares[style :: len(STYLES)]):.2f}"
 
 
-def _row(path: Path, drives: list[Drive]) -> _Row:
+def _row(path: Path, drives: list[Drive]) -> _SplitRow:
     found: dict[str, list[float]] = {name: [] for name in _COLUMNS}
     never = 0
     for head, episode in drives:
@@ -175,7 +175,7 @@ def _row(path: Path, drives: list[Drive]) -> _Row:
     verified = was_driven_here(path, path.parents[1], drives[0][0], [episode for _, episode in drives])
     if not verified:
         require_name(path, drives[0][0])
-    return _Row(drives[0][0].policy, verified, np.array(found["share of bound"]), figures, never)
+    return _SplitRow(drives[0][0].policy, verified, np.array(found["share of bound"]), figures, never)
 
 
 def _looseness(bounds: dict[str, Bound]) -> str:
@@ -186,7 +186,7 @@ def _looseness(bounds: dict[str, Bound]) -> str:
     return f"{100 * (np.mean(ratios) - 1):.1f} % (at most {100 * (max(ratios) - 1):.0f} %, {len(ratios)} mines)"
 
 
-def _beside(row: _Row, other: _Row) -> tuple[str, str]:
+def _beside(row: _SplitRow, other: _SplitRow) -> tuple[str, str]:
     """Return the probability of improvement over another policy, and the difference of the shares in points."""
     strata = strata_of(len(row.shares))
     better, more = (stratified(f, row.shares, other.shares, strata=strata) for f in (improvement, difference))
@@ -194,7 +194,7 @@ def _beside(row: _Row, other: _Row) -> tuple[str, str]:
     return _text(better, 2), f"{points[0]} ({points[1]} to {points[2]})"
 
 
-def _value(row: _Row) -> float | None:
+def _value(row: _SplitRow) -> float | None:
     return row.figures["share of bound"].value
 
 

@@ -19,7 +19,7 @@ from tqdm import tqdm
 from benchmarks.pictures.case_figures import case_figures, drivable_part, read_legs
 from minexplore.bundle import GeomGroup
 from minexplore.floors.floor import Floor
-from pipeline.mjcf.bundle import World, open_bundle
+from pipeline.mjcf.bundle import OpenedBundle, open_bundle
 from pipeline.mjcf.render import render_from
 from pipeline.store.codecs import decode
 from pipeline.store.files import write_atomically
@@ -223,7 +223,7 @@ def draw_views(project: Project) -> None:
     cv2.imwrite(str(_VIEWS), cv2.vconcat(rows), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
 
 
-def _look(world: World, place: dict[str, np.ndarray], view: View) -> Image:
+def _look(world: OpenedBundle, place: dict[str, np.ndarray], view: View) -> Image:
     """Return a view; stations have their places (3,) m on the floor, in the mine frame."""
     T = np.array(world.record.T_world_mine)
     along = place[view.follower] - place[view.station]

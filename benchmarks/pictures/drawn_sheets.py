@@ -1,4 +1,4 @@
-"""Find the workings on drawing sheets whose truth is known; writes docs/evidence/parts/drawn-sheets.md and its picture.
+"""Find the workings on drawings whose truth is known; writes docs/evidence/parts/drawn-sheets.md and its picture.
 
 The detector was developed on twelve hundred seeds. Two hundred others were never looked at. Results of another detector
 or another generator are made again.
@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 from benchmarks.pictures.draw_sheet import FURNITURE, WALLS, draw_sheet
 from pipeline.errors import GeometryError, InputError
-from pipeline.geometry.drawing.find import read_sheet
+from pipeline.geometry.drawing.find import read_drawing
 from pipeline.report.results import shrink_picture
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import import_closure, sha256_file, sha256_named
@@ -49,7 +49,7 @@ def judge(seed: int) -> dict[str, Any]:
     row: dict[str, Any] = {"seed": seed, "style": sheet.style, "walls": sheet.walls, "levels": len(sheet.levels)}
     row |= {"furniture": sheet.furniture, "bar": _bar_error(picture, sheet.px_per_m, sheet.bar_m)}
     try:
-        found = read_sheet(picture, None)
+        found = read_drawing(picture, None)
     except GeometryError as error:
         return row | {"refused": str(error)}
     return row | {"iou": round(max(_iou(found.mask, level) for level in sheet.levels), 4)}
@@ -112,7 +112,7 @@ def draw_examples() -> Image:
         sheet = draw_sheet(seed)
         picture = 255 - sheet.picture if "light on dark" in sheet.furniture else sheet.picture
         with suppress(GeometryError):  # a refused sheet is shown as it is
-            picture = draw_detected(picture, read_sheet(picture, None).mask, None)
+            picture = draw_detected(picture, read_drawing(picture, None).mask, None)
         scale = min(_TILE[0] / picture.shape[1], _TILE[1] / picture.shape[0])
         small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
         tile = np.full((_TILE[1] + 6, _TILE[0] + 6, 3), 225, np.uint8)
@@ -161,7 +161,7 @@ def main() -> int:
     given = parser.parse_args()
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
     root = Path.cwd()
-    sources = import_closure(Path(sys.modules[read_sheet.__module__].__file__ or "").resolve(), root)
+    sources = import_closure(Path(sys.modules[read_drawing.__module__].__file__ or "").resolve(), root)
     sources = sorted({*sources, *import_closure(root / "benchmarks/pictures/draw_sheet.py", root)})
     code = sha256_named({path.as_posix(): sha256_file(root / path) for path in sources})[:16]
     rows = [json.loads(line) for line in RESULTS.read_text().splitlines()] if RESULTS.is_file() else []

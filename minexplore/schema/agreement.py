@@ -70,7 +70,7 @@ def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str]
     BundleError
         With the path of the first difference.
     """
-    at = _Places(root)
+    at = _Elements(root)
     if root.attributes["model"] != record["name"]:
         raise BundleError(f"{MODEL}: mujoco@model: {root.attributes['model']!r}, {RECORD} says {record['name']!r}")
     _check_look(at, record)
@@ -88,7 +88,7 @@ def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str]
     check_fittings(at.fittings, at.of_assets, record)
 
 
-class _Places:
+class _Elements:
     """The elements of a model by tag and name."""
 
     def __init__(self, root: Node) -> None:
@@ -122,7 +122,7 @@ def _expect(node: Node, attribute: str, found: Iterable[float], wanted: Iterable
         )
 
 
-def _check_look(at: _Places, record: Mapping[str, Any]) -> None:
+def _check_look(at: _Elements, record: Mapping[str, Any]) -> None:
     """Compare light, haze and the rock's sheen with those of the look that the record states."""
     look, plain = look_of(record), record["look"] == PLAIN
     for name, value in (("ambient", look.ambient), ("diffuse", look.diffuse), ("specular", look.glint)):
@@ -142,7 +142,7 @@ def _check_look(at: _Places, record: Mapping[str, Any]) -> None:
         raise BundleError(f"{MODEL}: {at.rock_class.path}@material: want {wanted!r}, as {RECORD}: look gives")
 
 
-def _check_pose(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
+def _check_pose(at: _Elements, record: Mapping[str, Any], floor: Floor) -> None:
     T, half = record["T_world_mine"], math.radians(record["tilt_deg"]) / 2
     _expect(at.mine, "pos", _numbers(at.mine, "pos"), [row[3] for row in T[:3]])
     _expect(at.mine, "quat", _numbers(at.mine, "quat", "1 0 0 0"), [math.cos(half), 0.0, math.sin(half), 0.0])
@@ -156,7 +156,7 @@ def _folded(floor: Floor, place_m: list[float]) -> list[float]:
     return place_m if floor.is_flat else floor.fold(np.array([place_m]))[0].tolist()  # type: ignore[no-any-return]
 
 
-def _check_rock(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
+def _check_rock(at: _Elements, record: Mapping[str, Any], floor: Floor) -> None:
     """Compare the collision parts with their number and with the box of the rock."""
     names = at.names("geom", rock_geom(0)[:-4])
     _consecutive("geom", names, [rock_geom(i) for i in range(record["collision_parts"])], "collision_parts")
@@ -175,7 +175,7 @@ def _check_rock(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
     _expect(at.rock_class, "friction", _numbers(at.rock_class, "friction", "1"), [record["rock_friction"]])
 
 
-def _check_parts(at: _Places, names: list[str], record: Mapping[str, Any], floor: Floor) -> None:
+def _check_parts(at: _Elements, names: list[str], record: Mapping[str, Any], floor: Floor) -> None:
     """Check that each collision part, a geom and a mesh of this name, is solid and lies in the box of the rock."""
     geoms, meshes = [at.of_mine["geom", name] for name in names], [at.of_assets["mesh", name] for name in names]
     low, high = rock_box(record, floor)
@@ -219,7 +219,7 @@ def rock_box(record: Mapping[str, Any], floor: Floor) -> tuple[np.ndarray, np.nd
     return low, high
 
 
-def _check_zones(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
+def _check_zones(at: _Elements, record: Mapping[str, Any], floor: Floor) -> None:
     """Compare the materials of the floor zones with the record, and the zones with the box that they divide."""
     zones = record["zones"]
     west, south, east, north = zoned_box(record["world_m"], floor)
@@ -243,7 +243,7 @@ def _check_zones(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
         raise BundleError(f"{RECORD}: {last}: want {east}, as the rock's box")
 
 
-def _check_boxes(at: _Places, record: Mapping[str, Any]) -> None:
+def _check_boxes(at: _Elements, record: Mapping[str, Any]) -> None:
     """Compare the boxes of floor and roof with the record."""
     zones = record["zones"]
     west, south, east, north = record["world_m"]
@@ -267,7 +267,7 @@ def _expect_box(geom: Node, box: tuple[float, float, float, float], middle_z: fl
     _expect(geom, "size", _numbers(geom, "size"), [(east - west) / 2, (north - south) / 2, half_z])
 
 
-def _check_cameras(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
+def _check_cameras(at: _Elements, record: Mapping[str, Any], floor: Floor) -> None:
     """Compare the cameras with the spawn's anchor, a level view, and the box of the rock."""
     entrance, overview = at.of_mine["camera", ENTRANCE_CAMERA], at.of_mine["camera", OVERVIEW_CAMERA]
     _expect(entrance, "pos", _numbers(entrance, "pos"), _folded(floor, [*record["spawn"]["anchor_m"], 1.2]), _ROUND_M)
@@ -284,7 +284,7 @@ def _check_cameras(at: _Places, record: Mapping[str, Any], floor: Floor) -> None
     _expect(overview, "quat", _numbers(overview, "quat", "1 0 0 0"), [math.cos(turn), math.sin(turn), 0.0, 0.0], 1e-6)
 
 
-def _check_lights(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
+def _check_lights(at: _Elements, record: Mapping[str, Any], floor: Floor) -> None:
     names = at.names("light", "")
     _consecutive("light", names, [spot_light(i) for i in range(record["lights"])], "lights")
     west, south, east, north = record["world_m"]
@@ -302,7 +302,7 @@ def _check_lights(at: _Places, record: Mapping[str, Any], floor: Floor) -> None:
             raise BundleError(f"{MODEL}: {light.path}: height, pitch or cutoff differ from those of {names[0]}")
 
 
-def _check_surface(at: _Places, files: set[str]) -> None:
+def _check_surface(at: _Elements, files: set[str]) -> None:
     """Compare the visible meshes with their files, and the groups of their geoms with what they show."""
     meshes = [node for node in at.assets if node.tag == "mesh" and "file" in node.attributes]
     for mesh in meshes:

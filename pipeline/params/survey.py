@@ -177,8 +177,10 @@ class PlanSurveyParams(_ScaledParams):
     turn_deg: float = Field(0.0, ge=-180, le=180, description="counter-clockwise, after cropping")
     light_on_dark: bool = False
     ignore_colours: list[IgnoredColour] = Field(default_factory=list)
-    sheet: bool = Field(False, description="a drawing sheet: only what looks like workings is kept")
-    level: int | None = Field(None, ge=1, le=99, description="which drawing of a sheet; null: it shows one")
+    workings_only: bool = Field(
+        False, description="leave out frames, labels, grids and whatever else does not look like workings"
+    )
+    level: int | None = Field(None, ge=1, le=99, description="which plan of several on the drawing; null: it shows one")
     line_drawing: bool = Field(False, description="walls are drawn as lines that enclose the workings")
     seeds_px: list[tuple[float, float]] = Field(
         default_factory=list, description="places (col, row) inside workings drawn as lines"

@@ -376,7 +376,7 @@ def test_two_commands_of_two_splits_that_end_at_once_both_enter_the_manifest(mon
         return read(text)
 
     first, *others = (
-        family.Outcome(member, None, None, False, "not built")
+        family.MemberOutcome(member, None, None, False, "not built")
         for split in ("validation", "train", "test")
         for member in generated(split, 1, [])
     )

@@ -17,11 +17,10 @@ from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.floor.mesh import build_floor
 from pipeline.geometry.floor.network_heights import floor_lines
-from pipeline.geometry.maps.octree import build_octree, to_bt
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.geometry.rock.delaunay import Triangulation
 from pipeline.proof.validator import Validator
-from pipeline.survey.passages.sheets import draw_sheets
+from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.spots import read_spots
 from pipeline.survey.stations.table import read_station_legs
 from pipeline.types import METRIC, Heights
@@ -123,12 +122,6 @@ def test_spots_are_joined_linearly_along_the_drifts(tmp_path):
         floor_lines(read_spots(path, METRIC), trace_network(STRAIGHT, 0.25, 2.0, 3.0), (2.5, 2.5))
 
 
-def test_an_octree_over_a_level_floor_is_that_of_a_flat_mine():
-    free = np.random.default_rng(0).random((30, 40)) > 0.4
-    grid = free, np.array([-3.0, 2.0]), 0.25, 3.5
-    assert to_bt(build_octree(*grid)) == to_bt(build_octree(*grid, np.zeros(free.shape)))
-
-
 def test_stations_of_the_built_floor_lie_within_two_centimetres_of_the_survey(ramp, under):
     for mine in (ramp, under):
         stations = mine.stations()
@@ -225,7 +218,7 @@ def test_sheets_are_as_few_as_the_workings_need_and_a_shaft_is_fenced_off(tmp_pa
     path = tmp_path / "mine.csv"
     for legs, sheets, seams in ((RAMP, 1, 0), (UNDER, 2, 1), (levels(), 3, 2)):
         path.write_text(table(legs))
-        polygons, heights = draw_sheets(path, read_station_legs(path))
+        polygons, heights = lay_out_sheets(path, read_station_legs(path))
         assert (len(polygons.geoms), len(heights.seams)) == (sheets, seams)
         for one, two in pairwise(polygons.geoms):
             assert one.distance(two) > 10
@@ -236,7 +229,7 @@ def test_a_survey_of_a_shaft_alone_is_refused(tmp_path):
     path = tmp_path / "mine.csv"
     path.write_text(table({"S": [("a", 0, 0, 50), ("b", 1, 0, 10)]}))
     with pytest.raises(InputError, match=r"every leg is steeper than 0\.364"):
-        draw_sheets(path, read_station_legs(path))
+        lay_out_sheets(path, read_station_legs(path))
 
 
 @pytest.mark.slow

@@ -19,20 +19,20 @@ from minexplore.world import load_world
 from pipeline.compose import compose
 from pipeline.errors import GeometryError
 from pipeline.geometry.floor.mesh import build_floor
-from pipeline.geometry.maps.octree import FREE, OCCUPIED, from_bt
 from pipeline.mjcf.bundle import open_bundle, read_record
 from pipeline.proof.rebuilt.remake import read_free_space
 from pipeline.proof.rebuilt.visible import require_visible, rough_meshes
 from pipeline.proof.validator import Validator
 from pipeline.report.figures.levels import draw_long_section
 from pipeline.store.codecs import decode, encode
-from pipeline.survey.passages.sheets import draw_sheets
+from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.stations.table import read_station_legs, read_station_survey
 from pipeline.types import Occupancy
 from tests.folded.test_folded_rock import COARSE
 from tests.heights import RAMP, UNDER, MineWithHeights, certificate_params, table
 from tests.mines import STRAIGHT, sealed
+from tests.octomap import FREE, OCCUPIED, BinaryTree
 from tests.project import ROOT
 
 HALL = {"a": 2.5, "b": 2.5, "c": 6.0, "d": 6.0}  # over the ramp, from 20 to 30 m, the roof rises by 5 m
@@ -202,19 +202,23 @@ def test_a_passage_over_another_is_kept_if_the_surveyed_roof_leaves_rock_between
     }
     path = tmp_path / "stations.csv"
     path.write_text(table(legs, roofs={"a": roof_m, "b": roof_m}))
-    draw_sheets(path, plan_legs(path, read_station_survey(path)), 4.0)
+    lay_out_sheets(path, plan_legs(path, read_station_survey(path)), 4.0)
     assert ("are left out" in capsys.readouterr().err) != kept
 
 
 def test_roofs_beyond_the_limits_are_built_at_the_limit_and_said(tmp_path, capsys):
     path = tmp_path / "mine.csv"
     path.write_text(table(RAMP, roofs={"a": 1.2, "b": 0.9, "c": 47.0}))
-    _, heights = draw_sheets(path, read_station_legs(path))
+    _, heights = lay_out_sheets(path, read_station_legs(path))
     told = capsys.readouterr().err
     assert (
-        "mine.csv: 2 stations have roofs lower over the floor than 1.5 m, and get 1.5 m, the first a with 1.20" in told
+        "mine.csv: 2 stations have roofs lower over the floor than 1.5 m; they are clamped to 1.5 m, the first a from "
+        in told
     )
-    assert "1 stations have roofs higher over the floor than 30 m, and get 30 m, the first c with 47.00 m" in told
+    assert (
+        "1 stations have roofs higher over the floor than 30 m; they are clamped to 30 m, the first c from 47.00 m"
+        in told
+    )
     known = np.concatenate(heights.roofs)
     assert (known[:, 0].min(), known[:, 0].max()) == (1.5, 30.0)
 
@@ -264,7 +268,7 @@ def test_a_step_of_the_roof_at_a_seam_is_refused(over):
 
 
 def test_octree_beams_and_long_section_end_at_the_roof(hall):
-    tree = from_bt((hall.bundle / "free_space.bt").read_bytes())
+    tree = BinaryTree((hall.bundle / "free_space.bt").read_bytes())
     feet = hall.floor.fold(np.column_stack([ALONG_M, np.zeros((len(ALONG_M), 2))]))
     even = (ALONG_M < 18) | (ALONG_M > 32)  # between, a cell's roof is that of its middle
     for beyond_m, state in ((-0.3, FREE), (0.1, OCCUPIED)):

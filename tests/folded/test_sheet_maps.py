@@ -12,8 +12,6 @@ from minexplore.bundle import BundleError, sheet_map
 from minexplore.schema import check_files, hash_files, read_folder
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError
-from pipeline.mjcf.bundle import open_bundle
-from pipeline.proof.consistency import measure_consistency
 from pipeline.proof.validator import Validator
 from pipeline.store.codecs import encode
 from pipeline.survey.grid.nav2 import read_nav2_map
@@ -106,14 +104,6 @@ def test_a_changed_map_of_a_sheet_is_found_by_the_validator(under, light, tmp_pa
     params = certificate_params(light, 10).model_copy(update={"extent": "full"})
     with pytest.raises(ArtifactError, match=message):
         Validator(params, folder, under.cleaned, under.raw, under.survey)
-
-
-@pytest.mark.parametrize("change", [lambda files: {}, moved, repainted])
-def test_wrong_cells_of_a_sheets_map_are_counted(under, tmp_path, change):
-    files = read_folder(under.bundle)
-    folder = written({**files, **change(files)}, tmp_path)
-    wrong = measure_consistency(folder, open_bundle(folder), under.free_space)["map_wrong"]
-    assert (wrong > 0) == bool(change(files))
 
 
 @pytest.mark.parametrize(

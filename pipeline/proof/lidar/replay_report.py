@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import theilslopes
 
-from pipeline.mjcf.bundle import World
+from pipeline.mjcf.bundle import OpenedBundle
 from pipeline.params.validation import ReplayParams
 from pipeline.scans.registration import Pose, Registration
 from pipeline.scans.sweeps import SurveyedPose
@@ -91,7 +91,7 @@ def report_replay(
     found: Registration,
     sweeps: dict[str, SweepReplay],
     surveyed: dict[str, SurveyedPose],
-    world: World,
+    world: OpenedBundle,
     params: ReplayParams,
 ) -> ReplayReport:
     """Return the report of a registration, the errors of its sweeps, and the poses' heights."""

@@ -1,4 +1,4 @@
-"""Lines on drawing sheets that are no walls: measures, tables, grids."""
+"""Lines on drawings that are no walls: measures, tables, grids."""
 
 import cv2
 import numpy as np
@@ -7,7 +7,7 @@ import pytest
 from benchmarks.pictures.draw_sheet import draw_sheet
 from pipeline.errors import GeometryError
 from pipeline.geometry.drawing.doubts import require_on_walls
-from pipeline.geometry.drawing.find import read_sheet
+from pipeline.geometry.drawing.find import read_drawing
 from pipeline.geometry.drawing.measures import drop_measures
 from pipeline.geometry.drawing.tables import drop_tables
 from pipeline.geometry.drawing.wall_lines import drop_ruled
@@ -35,7 +35,7 @@ def iou(one, other):
 def test_walls_are_found_beside_lines_that_are_none(seed):
     sheet = draw_sheet(seed)
     picture = 255 - sheet.picture if "light on dark" in sheet.furniture else sheet.picture
-    found = read_sheet(picture, None)
+    found = read_drawing(picture, None)
     assert found.walls == "lines"
     assert iou(found.mask, sheet.levels[0]) > 0.95
 
@@ -48,7 +48,7 @@ def test_walls_are_found_beside_lines_that_are_none(seed):
 )
 def test_what_lines_do_not_settle_is_asked_about(seed, doubt):
     with pytest.raises(GeometryError, match=doubt):
-        read_sheet(draw_sheet(seed).picture, None)
+        read_drawing(draw_sheet(seed).picture, None)
 
 
 def test_a_border_that_leaves_its_walls_is_asked_about():
