@@ -7,7 +7,6 @@ millimetres, as GeoJSON or DXF. Every mine is built with its visible rock and ju
 from __future__ import annotations
 
 import argparse
-import json
 import shutil
 import sys
 import tempfile
@@ -23,8 +22,9 @@ import ezdxf.units
 import numpy as np
 import shapely
 from shapely import LineString, Polygon, affinity
-from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table
+from benchmarks.resume import resume
 from pipeline.store.files import write_atomically
 from tests.project import Project
 
@@ -136,14 +136,14 @@ def judge(seed: int, project: Project, overrides: list[str]) -> dict[str, Any]:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Return the results by kind as Markdown."""
-    lines = ["| kind | mines | pass | width, m | length, m |", "|---|---|---|---|---|"]
+    counted = []
     for kind in (*KINDS, None):
         some = [row for row in rows if kind in (None, row["kind"])]
         if some:
             spans = (f"{min(r[k] for r in some):g} to {max(r[k] for r in some):g}" for k in ("width_m", "length_m"))
             passed = sum(row["exit_code"] == 0 for row in some)
-            lines.append(f"| {kind or 'all'} | {len(some)} | {passed} | {' | '.join(spans)} |")
-    return "\n".join(lines) + "\n"
+            counted.append((kind or "all", len(some), passed, *spans))
+    return markdown_table(("kind", "mines", "pass", "width, m", "length, m"), counted)
 
 
 def page(rows: list[dict[str, Any]]) -> str:
@@ -180,14 +180,16 @@ def main() -> int:
     parser.add_argument("--again", action="store_true", help="make all mines again")
     parser.add_argument("overrides", nargs="*", help="for example preset=light; the page is then not written")
     a = parser.parse_args()
-    kept = [] if a.again or not RESULTS.exists() else [json.loads(line) for line in RESULTS.read_text().splitlines()]
-    rows = {row["seed"]: row for row in kept if row["seed"] < a.count and row["exit_code"] == 0}
-    wanted = [seed for seed in range(a.count) if seed not in rows]
-    for row in tqdm(_rows(wanted, a.jobs, a.overrides), total=len(wanted), unit="mine", disable=None):
-        rows[row["seed"]] = row
-        lines = "".join(json.dumps(rows[seed]) + "\n" for seed in sorted(rows))
-        write_atomically(RESULTS, lines.encode())
-    found = [rows[seed] for seed in sorted(rows)]
+    if a.again:
+        RESULTS.unlink(missing_ok=True)
+    made = resume(
+        RESULTS,
+        range(a.count),
+        lambda seeds: _rows(seeds, a.jobs, a.overrides),
+        "mine",
+        is_valid=lambda row: row["exit_code"] == 0,
+    )
+    found = sorted((row for row in made if row["seed"] < a.count), key=lambda row: row["seed"])
     failed = [row for row in found if row["exit_code"]]
     if not a.overrides:
         write_atomically(TABLE, page(found).encode())

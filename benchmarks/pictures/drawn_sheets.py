@@ -7,8 +7,8 @@ or another generator are made again.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -16,9 +16,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table
 from benchmarks.pictures.draw_sheet import FURNITURE, WALLS, draw_sheet
+from benchmarks.resume import resume
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.drawing.find import read_sheet
 from pipeline.report.results import shrink_picture
@@ -38,6 +39,7 @@ about now.
 
 """
 RIGHT_IOU = 0.95
+_COLUMNS = ("sheets with", "sheets", "right without a hint", "need a hint", "silently wrong", "median IoU")
 _SHOWN = (25, 8, 12, 38, 14, 3)
 _TILE = (620, 470)
 
@@ -79,10 +81,7 @@ def verdict(row: dict[str, Any]) -> str:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Return the results by kind of wall and by what else a sheet shows, as Markdown."""
-    lines = [
-        "| sheets with | sheets | right without a hint | need a hint | silently wrong | median IoU |",
-        "|---" * 6 + "|",
-    ]
+    counted: list[tuple[object, ...]] = []
     groups = [(walls, [r for r in rows if r["walls"] == walls]) for walls in WALLS]
     groups += [(name, [r for r in rows if name in r["furniture"]]) for name in FURNITURE]
     groups += [("several levels", [r for r in rows if r["levels"] > 1]), ("all", rows)]
@@ -90,12 +89,12 @@ def table(rows: list[dict[str, Any]]) -> str:
         counts = [sum(verdict(r) == kind for r in some) for kind in ("right", "hint", "wrong")]
         ious = [r["iou"] for r in some if "iou" in r]
         median = f"{np.median(ious):.3f}" if ious else ""
-        lines.append(f"| {name} | {len(some)} | {' | '.join(map(str, counts))} | {median} |")
+        counted.append((name, len(some), *counts, median))
     bars = [r["bar"] for r in rows if "scale bar" in r["furniture"]]
     good = sum(b is not None and abs(b) <= 0.02 for b in bars)
     missed = sum(b is None for b in bars)
-    lines += [
-        "",
+    lines = [
+        markdown_table(_COLUMNS, counted),
         f"Of {len(bars)} scale bars, {good} are found and measured within 2 %, {missed} are not found, and "
         f"{len(bars) - good - missed} are mistaken for another line.",
     ]
@@ -159,23 +158,18 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", choices=["developed", "fresh"], help="judge one set; the page is not written")
     given = parser.parse_args()
-    RESULTS.parent.mkdir(parents=True, exist_ok=True)
     root = Path.cwd()
     sources = import_closure(Path(sys.modules[read_sheet.__module__].__file__ or "").resolve(), root)
     sources = sorted({*sources, *import_closure(root / "benchmarks/pictures/draw_sheet.py", root)})
     code = sha256_named({path.as_posix(): sha256_file(root / path) for path in sources})[:16]
-    rows = [json.loads(line) for line in RESULTS.read_text().splitlines()] if RESULTS.is_file() else []
-    rows = [row for row in rows if row.get("code") == code]
     sets = {"fresh": FRESH, "developed": DEVELOPED}
     seeds = [seed for name, each in sets.items() if given.only in (None, name) for seed in each[: given.count]]
-    known = {row["seed"] for row in rows}
-    wanted = [seed for seed in seeds if seed not in known]
-    with RESULTS.open("a") as log, ProcessPoolExecutor(given.jobs) as pool:
-        for row in tqdm(pool.map(judge, wanted), total=len(wanted), unit="sheet", disable=None):
-            row["code"] = code
-            rows.append(row)
-            log.write(json.dumps(row) + "\n")
-            log.flush()
+    with ProcessPoolExecutor(given.jobs) as pool:
+
+        def judged(seeds: list[int]) -> Iterator[dict[str, Any]]:
+            return (row | {"code": code} for row in pool.map(judge, seeds))
+
+        rows = resume(RESULTS, seeds, judged, "sheet", is_valid=lambda row: row.get("code") == code)
     rows = [row for row in rows if row["seed"] in set(seeds)]
     if given.only is None:
         write_atomically(PAGE, page(rows).encode())

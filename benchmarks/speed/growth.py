@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
+from benchmarks.resume import resume
 from benchmarks.speed import stage_costs
 from pipeline.store.files import write_atomically
 
@@ -188,16 +188,15 @@ def main() -> int:
     parser.add_argument("--km", type=float, nargs="+", default=SIZES_KM, help="drifts of the light mines, km")
     parser.add_argument("--rock", type=float, nargs="*", default=[1, 3], help="drifts of the mines with rock, km")
     given = parser.parse_args()
-    RESULTS.parent.mkdir(parents=True, exist_ok=True)
-    lines = RESULTS.read_text().splitlines() if RESULTS.is_file() else []
-    rows = [Grown(**json.loads(line)) for line in lines]
-    measured = {(row.km, row.rock) for row in rows}
     wanted = [(km, rock) for rock, sizes in ((False, given.km), (True, given.rock)) for km in sizes]
-    with RESULTS.open("a") as log:
-        for km, rock in tqdm([w for w in wanted if w not in measured], unit="mine", disable=None):
-            rows.append(measure(km, rock))
-            log.write(json.dumps(dataclasses.asdict(rows[-1])) + "\n")
-            log.flush()
+    found = resume(
+        RESULTS,
+        wanted,
+        lambda sizes: (dataclasses.asdict(measure(*size)) for size in sizes),
+        "mine",
+        key=lambda row: (row["km"], row["rock"]),
+    )
+    rows = [Grown(**row) for row in found]
     text = page(rows, PAGE.read_text() if PAGE.is_file() else "")
     write_atomically(PAGE, text.encode())
     print(text)
