@@ -13,5 +13,4 @@ def markdown_table(titles: Iterable[object], rows: Iterable[Sequence[object]]) -
 
 
 def _line(cells: Iterable[object]) -> str:
-    """Return a row; an empty cell is one blank wide."""
     return f"| {' | '.join(map(str, cells))} |"

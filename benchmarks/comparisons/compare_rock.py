@@ -13,10 +13,11 @@ import mujoco
 import numpy as np
 from shapely import Polygon
 
+from baselines.base.markdown import markdown_table
+from benchmarks.resume import run_benchmark
 from minexplore.bundle import MODEL, WALLS, GeomGroup
 from minexplore.bundle import ROOF as ROOFS
 from pipeline.compose import compose
-from pipeline.errors import MineError
 from pipeline.metrics.rock.published import REAL_SWEEP
 from pipeline.metrics.rock.relief import STEEP_DEG, Relief, line_factor
 from pipeline.metrics.rock.texture import AXES, published_score, strict_score
@@ -180,11 +181,8 @@ def table(results: dict[str, dict[str, float]]) -> str:
     """Return the figures as Markdown, a column for each kind."""
     names = list(results)
     rows = list(dict.fromkeys(row for figures in results.values() for row in figures))
-    lines = ["| | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
-    for row in rows:
-        cells = (f"{results[n][row]:.3g}" if row in results[n] else "-" for n in names)
-        lines.append(f"| {row} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+    cells = ((row, *(f"{results[n][row]:.3g}" if row in results[n] else "-" for n in names)) for row in rows)
+    return markdown_table(["", *names], cells)
 
 
 def _view(name: str) -> Path:
@@ -194,32 +192,26 @@ def _view(name: str) -> Path:
 
 def main() -> int:
     """Measure the kinds that are not yet measured for this plan and code, and write the table and the picture."""
-    try:
-        source = Path("artifacts/contours/free_space.geojson")
-        free = decode(source, FreeSpace).polygon
-        network = decode(Path("artifacts/contours/topology.json"), DriftNetwork)
-        height_m = decode(Path("artifacts/compile3d/extent.json"), SolidExtent).height_m
-        params = [compose([*root_overrides(), *overrides]).model_dump_json() for overrides in ROCKS.values()]
-        key = sha256_bytes(
-            source.read_bytes()
-            + "".join([*params, code_sha256("surface", Path.cwd()), code_sha256("validation", Path.cwd())]).encode()
-        )
-        earlier = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
-        results = earlier["results"] if earlier.get("key") == key else {}
-        for name in ("flat", "white noise", *ROCKS):
-            if name in results and (name not in _DRAWN or _view(name).is_file()):
-                continue  # an interrupted run continues with the next kind
-            print(f"compare-rock: {name}", flush=True)
-            if name in ROCKS:
-                results[name], chunks = build(name, free, network, height_m)
-                if name in _DRAWN:
-                    write_atomically(_view(name), cv2.imencode(".png", draw(chunks, network))[1].tobytes())
-            else:
-                results[name] = build_witness(name, free, network, height_m)
-            write_atomically(RESULTS, json.dumps({"key": key, "results": results}, indent=2).encode())
-    except MineError as error:
-        print(f"compare-rock: {error}", file=sys.stderr)
-        return 2
+    source = Path("artifacts/contours/free_space.geojson")
+    free = decode(source, FreeSpace).polygon
+    network = decode(Path("artifacts/contours/topology.json"), DriftNetwork)
+    height_m = decode(Path("artifacts/compile3d/extent.json"), SolidExtent).height_m
+    params = [compose([*root_overrides(), *overrides]).model_dump_json() for overrides in ROCKS.values()]
+    code = [code_sha256(stage, Path.cwd()) for stage in ("surface", "validation")]
+    key = sha256_bytes(source.read_bytes() + "".join([*params, *code]).encode())
+    earlier = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
+    results = earlier["results"] if earlier.get("key") == key else {}
+    for name in ("flat", "white noise", *ROCKS):
+        if name in results and (name not in _DRAWN or _view(name).is_file()):
+            continue  # an interrupted run continues with the next kind
+        print(f"compare-rock: {name}", flush=True)
+        if name in ROCKS:
+            results[name], chunks = build(name, free, network, height_m)
+            if name in _DRAWN:
+                write_atomically(_view(name), cv2.imencode(".png", draw(chunks, network))[1].tobytes())
+        else:
+            results[name] = build_witness(name, free, network, height_m)
+        write_atomically(RESULTS, json.dumps({"key": key, "results": results}, indent=2).encode())
     text = table({name: results[name] for name in ("flat", "white noise", *ROCKS)})
     write_atomically(TABLE, (_HEAD + text).encode())
     views = {name: cv2.imread(str(_view(name))) for name in _DRAWN}
@@ -234,4 +226,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark("compare-rock", main))

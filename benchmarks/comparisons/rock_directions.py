@@ -11,6 +11,7 @@ import shapely
 from shapely import Polygon, affinity
 from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table
 from pipeline.compose import compose
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.metrics.rock.texture import published_score
@@ -78,12 +79,13 @@ def main() -> int:
     todo = list(product(_WIDTHS_M, _DIRECTIONS_DEG))
     found = [measure(drift(*one), config) for one in tqdm(todo, unit="drift", disable=None)]
     figures = np.array(found, dtype=float).reshape(len(_WIDTHS_M), len(_DIRECTIONS_DEG), -1)
-    lines = ["| width of the drift, m | " + " | ".join(_FIGURES) + " |", "|---" * (len(_FIGURES) + 1) + "|"]
-    for width, of_width in zip(_WIDTHS_M, figures, strict=True):
-        cells = (" / ".join(f"{np.nanquantile(column, q):.2f}" for q in (0, 0.5, 1)) for column in of_width.T)
-        lines.append(f"| {width:g} | {' | '.join(cells)} |")
-    write_atomically(TABLE, (_HEAD + "\n".join(lines) + "\n").encode())
-    print("\n".join(lines))
+    cells = (
+        [f"{width:g}", *(" / ".join(f"{np.nanquantile(c, q):.2f}" for q in (0, 0.5, 1)) for c in of_width.T)]
+        for width, of_width in zip(_WIDTHS_M, figures, strict=True)
+    )
+    table = markdown_table(["width of the drift, m", *_FIGURES], cells)
+    write_atomically(TABLE, (_HEAD + table).encode())
+    print(table, end="")
     return 0
 
 
