@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table
 from benchmarks.fuzzing.hostile import HOSTILE
 from benchmarks.fuzzing.samples import SAMPLES, Files
 from pipeline.errors import MineError, UnexpectedError
@@ -192,12 +193,12 @@ def fuzz_reader(reader: str, count: int, progress: Callable[[int], object]) -> d
 def table(results: dict[str, dict[str, Any]]) -> str:
     """Return the results as Markdown."""
     names = ("reader", "cases", "hostile", "refused with a message", "valid", "failed", "memory, GB", "slowest, s", "")
-    lines = [f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
+    rows = []
     for reader, row in results.items():
         size, slowest = f"{row['peak_bytes'] / 1e9:.1f}", f"{row['slowest_s']:.1f}"
         counts = (row["cases"], row["hostile"], row["refused"], row["valid"], len(row["failed"]))
-        lines.append(f"| {' | '.join(map(str, (reader, *counts, size, slowest, row['slowest_case'])))} |")
-    return "\n".join(lines) + "\n"
+        rows.append((reader, *counts, size, slowest, row["slowest_case"]))
+    return markdown_table(names, rows)
 
 
 def main() -> int:

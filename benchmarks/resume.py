@@ -56,6 +56,6 @@ def run_benchmark(name: str, command: Callable[[], int]) -> int:
     """Run a command; return its exit code, or 2 after an expected error, which is one line."""
     try:
         return command()
-    except (MineError, BaselineError) as error:
+    except (MineError, BaselineError, FileNotFoundError) as error:
         print(f"{name}: {error}", file=sys.stderr)
         return 2

@@ -14,7 +14,8 @@ import gymnasium
 from tqdm import tqdm
 
 from baselines.base.environments import make_env
-from baselines.base.errors import BaselineError, run_command
+from baselines.base.errors import BaselineError
+from baselines.base.markdown import markdown_table
 from baselines.base.result_file import read_results, replace_text
 from baselines.base.statistics import as_text, figures
 from baselines.evaluate import evaluate, expected_head, is_current
@@ -22,9 +23,9 @@ from baselines.policies.found import policy_label
 from baselines.running.protocol import SEEDS
 from baselines.scoring.bounds import Bound
 from baselines.split import bound_at_the_end
+from benchmarks.resume import run_benchmark
 from pipeline.build.world import make_world
 from pipeline.compose import compose
-from pipeline.errors import MineError
 
 ENV = "MineXplore/PublishedPlan-v0"
 POLICIES = ("nearest-frontier", "graph-142")
@@ -44,10 +45,7 @@ World `{world}`, {cells:,} cells. No robot can have seen more than {most:,} of t
 walk that was found sees {found:,}. Full task, {seeds} seeds, interquartile means with 95 % bootstrap intervals, as in
 the leaderboard.
 
-| policy | {names} |
-|---|{rule}
-{rows}
-"""
+{table}"""
 
 
 def build() -> None:
@@ -100,7 +98,7 @@ def page(policies: list[str], bound: Bound) -> str:
     """Return the page: the policy that sees most first."""
     found = [(policy, figures(*read_results(_results(policy)), bound.at)) for policy in policies]
     found.sort(key=lambda row: -(row[1]["coverage at 600 s"].value or 0.0))
-    rows = [f"| {policy_label(policy)} | {' | '.join(as_text(n, own[n]) for n in _SHOWN)} |" for policy, own in found]
+    rows = ((policy_label(policy), *(as_text(n, own[n]) for n in _SHOWN)) for policy, own in found)
     return _TEXT.format(
         world=bound.world_sha256[:12],
         cells=bound.cells,
@@ -108,9 +106,7 @@ def page(policies: list[str], bound: Bound) -> str:
         share=bound.most[-1] / bound.cells,
         found=bound.found[-1],
         seeds=len(SEEDS),
-        names=" | ".join(_SHOWN),
-        rule="---|" * len(_SHOWN),
-        rows="\n".join(rows),
+        table=markdown_table(["policy", *_SHOWN], rows),
     )
 
 
@@ -118,22 +114,20 @@ def _results(policy: str) -> Path:
     return _FOLDER / "results" / f"{policy_label(policy)}.jsonl"
 
 
-def main() -> None:
+def main() -> int:
     """Build the world, drive in it, and write the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.comparisons.published_plan", description=__doc__)
     parser.add_argument("--policy", nargs="+", default=list(POLICIES), help="names or checkpoints NAME.safetensors")
     parser.add_argument("--jobs", type=int, default=min(os.cpu_count() or 1, 4))
     arguments = parser.parse_args()
-    try:
-        build()
-    except MineError as error:
-        raise BaselineError(str(error)) from error
+    build()
     bound = known_bound()
     for policy in arguments.policy:
         drive(policy, arguments.jobs)
     replace_text(_PAGE, page(arguments.policy, bound))
     print(f"{_PAGE} is written")
+    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(run_command("published-plan", main))
+    sys.exit(run_benchmark("published-plan", main))

@@ -16,6 +16,7 @@ import matplotlib as mpl
 import numpy as np
 from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table
 from benchmarks.pictures.case_figures import case_figures, drivable_part, read_legs
 from minexplore.bundle import GeomGroup
 from minexplore.floors.floor import Floor
@@ -42,6 +43,10 @@ _ROOFS: Roofs = {
     **{f"m{k}{i}": 3.0 for k in range(3) for i in (2, 3)},
 }
 _MARGIN_M = 8.0
+_COLUMNS = (
+    *("case", "options", "stations: part, built", "part, m", "left out, m", "sheets", "loops: surveyed, built"),
+    *("shafts", "roof, m", "height, cm", "grade, deg", "certificate", "s"),
+)
 _LIGHT = ("preset=light",)
 
 
@@ -134,37 +139,34 @@ def page(rows: dict[str, dict[str, Any]]) -> str:
         "the longest drivable part of their surveys. Errors are the largest differences between survey and built",
         "floor, of the heights of stations and of the grades of shots longer than half a metre in plan. The time is",
         "that of the processor, on one thread.\n",
-        "| case | options | stations: part, built | part, m | left out, m | sheets | loops: surveyed, built | shafts "
-        "| roof, m | height, cm | grade, deg | certificate | s |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for name, row in rows.items():
-        low, high = row["roof_m"]
-        options = " ".join(CASES[name].options)
-        cells = [
-            CASES[name].title,
-            f"`{options}`" if options else "none",
-            f"{row['stations']}, {row['built']}",
-            f"{row['length_m']:.0f}",
-            f"{row['left_out_m']:.0f}",
-            row["sheets"],
-            f"{row['loops_surveyed']}, {row['loops_built']}",
-            row["shafts"],
-            f"{low:g}" if low == high else f"{low:g} to {high:g}",
-            f"{100 * row['z_m']:.2f}",
-            f"{row['grade_deg']:.3f}",
-            "holds" if row["certificate"] else "**broken**",
-            row["seconds"],
-        ]
-        lines.append(f"| {' | '.join(map(str, cells))} |")
-    lines += [
-        "\n![Plan and folded floor of Wheal Pell, Sakany, and generated levels with a shaft](../../cases.png)\n",
+        markdown_table(_COLUMNS, (_cells(CASES[name], row) for name, row in rows.items())),
+        "![Plan and folded floor of Wheal Pell, Sakany, and generated levels with a shaft](../../cases.png)\n",
         "*The built floor by elevation. The lines are the survey's: red what of its drivable part is left out.*\n",
         "![Views inside Wheal Pell, Sakany, and the generated levels](../../cases.jpg)\n",
         "*Above the adit of Wheal Pell, 1.3 m wide and 1.5 m high; in the middle Sakany, whose width and height are*",
         "*stated; below the generated levels, under their shaft and along a crosscut with a surveyed roof of 5 m.*",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _cells(case: Case, row: dict[str, Any]) -> list[object]:
+    low, high = row["roof_m"]
+    options = " ".join(case.options)
+    return [
+        case.title,
+        f"`{options}`" if options else "none",
+        f"{row['stations']}, {row['built']}",
+        f"{row['length_m']:.0f}",
+        f"{row['left_out_m']:.0f}",
+        row["sheets"],
+        f"{row['loops_surveyed']}, {row['loops_built']}",
+        row["shafts"],
+        f"{low:g}" if low == high else f"{low:g} to {high:g}",
+        f"{100 * row['z_m']:.2f}",
+        f"{row['grade_deg']:.3f}",
+        "holds" if row["certificate"] else "**broken**",
+        row["seconds"],
+    ]
 
 
 def draw_plans(project: Project) -> None:

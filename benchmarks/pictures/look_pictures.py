@@ -16,6 +16,7 @@ import numpy as np
 import shapely
 from shapely import LineString, Polygon
 
+from benchmarks.resume import run_benchmark
 from benchmarks.speed.look_costs import tables, write_costs
 from benchmarks.worlds.small_world import build_world
 from minexplore.bundle import MODEL, OVERVIEW_CAMERA, GeomGroup
@@ -25,7 +26,6 @@ from minexplore.pictures.render import Renderer
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.task import TaskParams
 from minexplore.world import World, load_world
-from pipeline.errors import MineError
 from pipeline.mjcf.render import render_camera
 from pipeline.store.files import write_atomically
 
@@ -69,11 +69,7 @@ def main() -> int:
     for name in LOOKS:
         overrides = [f"look={name}", "fittings=none" if name == PLAIN else "realism.furnish=full"]
         with tempfile.TemporaryDirectory() as folder:
-            try:
-                build_world(Path(folder), WORKINGS, _ENTRANCE_M, overrides)
-            except MineError as error:
-                print(f"look-pictures: {error}", file=sys.stderr)
-                return 2
+            build_world(Path(folder), WORKINGS, _ENTRANCE_M, overrides)
             view, seconds = draw_look(load_world(Path(folder)))
             if name in (PLAIN, "dry"):
                 above.append(draw_cut_away(Path(folder)))
@@ -84,13 +80,9 @@ def main() -> int:
     for path, rows in ((PICTURE, views), (CUT_AWAY, above)):
         small = cv2.resize(cv2.vconcat(rows), None, fx=0.8, fy=0.8, interpolation=cv2.INTER_AREA)
         write_atomically(path, cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 82])[1].tobytes())
-    try:
-        write_costs(tables(times, _SIZE_PX))
-    except MineError as error:
-        print(f"look-pictures: {error}", file=sys.stderr)
-        return 2
+    write_costs(tables(times, _SIZE_PX))
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark("look-pictures", main))

@@ -14,6 +14,7 @@ from typing import Any
 
 from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table
 from minexplore.splits import STYLES
 from pipeline.build.family import generated, make_member, without_rock
 from pipeline.errors import ArtifactError
@@ -43,9 +44,7 @@ def measure(number: int, stress: bool = False) -> dict[str, Any]:
     ArtifactError
         If the mine cannot be built or its certificate does not hold.
     """
-    member = without_rock(generated("train", number + 1, []), 0)[number]
-    if stress:
-        member = without_rock(generated("train", number + 1, []), number + 1)[number]
+    member = without_rock(generated("train", number + 1, []), number + 1 if stress else 0)[number]
     root = Path(tempfile.mkdtemp(prefix="light-"))
     try:
         start = time.process_time()
@@ -67,18 +66,16 @@ def measure(number: int, stress: bool = False) -> dict[str, Any]:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Return mean drift, seconds and megabytes by style, and by kilometre, as Markdown."""
-    lines = [
-        "| style | mines | drift, km | s | s per km | MB | MB per km | largest, MB |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
+    cells = []
     for style in (*STYLES, None):
         some = [row for row in rows if style in (None, row["style"])]
         km, s, mb = (sum(row[key] for row in some) for key in ("drift_km", "seconds", "mb"))
         n, name = len(some), style.replace("_", " ") if style else "all"
         largest = max(row["mb"] for row in some)
         figures = (km / n, s / n, s / km, mb / n, mb / km, largest)
-        lines.append(f"| {name} | {n} | {' | '.join(f'{figure:.2f}' for figure in figures)} |")
-    return "\n".join(lines) + "\n"
+        cells.append((name, n, *(f"{figure:.2f}" for figure in figures)))
+    titles = ("style", "mines", "drift, km", "s", "s per km", "MB", "MB per km", "largest, MB")
+    return markdown_table(titles, cells)
 
 
 def main() -> int:

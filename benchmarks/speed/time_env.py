@@ -16,6 +16,8 @@ import mujoco
 import numpy as np
 from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table
+from benchmarks.resume import run_benchmark
 from benchmarks.speed.plain_env import PlainEnv
 from minexplore.bundle import FREE_SPACE, MINE_BODY, floor_geom
 from minexplore.envs.vector import MineVectorEnv
@@ -31,7 +33,6 @@ from minexplore.physics.robot import (
 from minexplore.task import TaskParams
 from minexplore.world import World, find_world, load_world
 from pipeline.compose import compose
-from pipeline.errors import MineError
 from pipeline.geometry.rock.partition import rock_around, world_box
 from pipeline.store.codecs import decode, encode
 from pipeline.store.files import write_atomically
@@ -222,25 +223,22 @@ def _making() -> dict[str, float]:
 
 def page(figures: dict[str, float], load: float) -> tuple[str, list[str]]:
     """Return the page, and the names of the figures beyond their limits."""
-    lines, missed = ["| figure | measured | limit |", "|---|---|---|"], []
+    rows, missed = [], []
     for name, value in figures.items():
         low, high = _LIMITS.get(name, (None, None))
         limit = f">= {low:g}" if low is not None else f"<= {high:g}" if high is not None else ""
         if (low is not None and value < low) or (high is not None and value > high):
             missed.append(name)
             limit += " (missed)"
-        lines.append(f"| {name} | {value:,.2f} | {limit} |")
-    return _HEAD.format(cores=os.cpu_count(), load=load) + "\n".join(lines) + "\n", missed
+        rows.append((name, f"{value:,.2f}", limit))
+    table = markdown_table(("figure", "measured", "limit"), rows)
+    return _HEAD.format(cores=os.cpu_count(), load=load) + table, missed
 
 
 def main() -> int:
     """Measure, print, write; exit code 2 if a figure misses its limit."""
     load = os.getloadavg()[0]
-    try:
-        figures = measure()
-    except (MineError, FileNotFoundError) as error:
-        print(f"bench: {error}", file=sys.stderr)
-        return 2
+    figures = measure()
     write_atomically(RESULTS, (json.dumps(figures, indent=2) + "\n").encode())
     text, missed = page(figures, load)
     write_atomically(TABLE, text.encode())
@@ -251,4 +249,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark("bench", main))

@@ -11,6 +11,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from baselines.base.markdown import markdown_table
 from pipeline.compose import compose
 from pipeline.report.results import read_metrics
 from pipeline.store.files import write_atomically
@@ -43,11 +44,8 @@ def main() -> int:
         timed += [("model load, again", loads["world.load_s"], limit)]
         for stage in STAGES:
             timed += [(f"stage {stage}", _seconds(folder, sys.executable, "-m", f"stages.{stage}"), _LIMITS.get(stage))]
-    lines = ["| run | seconds | limit |", "|---|---|---|"]
-    lines += [
-        f"| {title} | {seconds:.1f} | {'' if limit is None else f'{limit:g}'} |" for title, seconds, limit in timed
-    ]
-    text = "\n".join(lines) + "\n"
+    rows = ((title, f"{seconds:.1f}", "" if limit is None else f"{limit:g}") for title, seconds, limit in timed)
+    text = markdown_table(("run", "seconds", "limit"), rows)
     written = f"Written by `python -m benchmarks bench-pipeline` on {os.cpu_count()} cores. Wall time without set-up."
     head = f"# Timings\n\n{written}\n\n"
     write_atomically(TABLE, (head + text).encode())
