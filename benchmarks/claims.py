@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from baselines.base.errors import BaselineError
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from baselines.base.result_file import RESULTS, read_results
 from baselines.base.statistics import figures
 from baselines.ppo.curves import read_runs
@@ -21,7 +21,6 @@ from pipeline.errors import ArtifactError
 from pipeline.metrics.rock.paper import PAPER
 from pipeline.metrics.rock.texture import AXES
 from pipeline.report.results import read_metrics
-from pipeline.store.files import write_atomically
 
 PAGE = Path("docs/evidence/parts/claims.md")
 WORLD = Path("artifacts/realism/world/world.json")
@@ -204,12 +203,6 @@ SECTIONS: dict[str, Callable[[Evidence], list[Claim]]] = {
     "Learning": learning,
     "Speed": speed,
 }
-_HEAD = """# Claims ledger
-
-Every figure of the paper beside what is measured or computed here; written by `python -m benchmarks claims` from the files that the
-commands write. A section whose files are not on the machine keeps its rows. *Contradicts itself* means that the figure
-cannot hold by the paper's own numbers.
-"""
 
 
 def rows_of(claims: list[Claim]) -> list[str]:
@@ -223,9 +216,9 @@ def rows_on(text: str, title: str) -> list[str]:
     return [line for line in section.splitlines() if line.startswith("| ")][1:]
 
 
-def page(sections: dict[str, list[str]]) -> str:
+def tables(sections: dict[str, list[str]]) -> str:
     """Return the ledger as Markdown, given each section's rows."""
-    lines = [_HEAD]
+    lines: list[str] = []
     for title, rows in sections.items():
         head = markdown_table(("the paper", "here", "command", "verdict", "why"), ())
         lines += [f"## {title}", "", head.rstrip(), *rows, ""]
@@ -247,7 +240,7 @@ def main() -> int:
             if not sections[title]:
                 raise
             print(f"claims: {title} keeps its rows: {error}", file=sys.stderr)
-    write_atomically(PAGE, page(sections).encode())
+    write_table(PAGE, tables(sections))
     print(f"{PAGE} is written")
     return 0
 

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.comparisons.compare_paper import run_pipeline
 from benchmarks.resume import run_benchmark
 from pipeline.compose import compose
@@ -22,10 +22,6 @@ _REPLAYED = (
     *("sweep", "returns used", "median, m", "p90, m", "within 0.25 m", "within 0.5 m", "bias, m"),
     *("median on the rough surface, m", "median without range and angle gates, m", "correction of the pose, m, deg"),
 )
-_HEAD = """# Figures of the evidence
-
-Written by `python -m benchmarks evidence`. [The page](../certificate.md) explains the figures.
-"""
 
 
 def read(path: Path, target: str) -> Any:
@@ -120,8 +116,8 @@ def main() -> int:
     run_pipeline(PLAN, compose(["survey=plan"]).model_dump(mode="json"))
     report = read(PLAN / "artifacts/validation/replay.json", "evidence")
     plan = read(PLAN / "artifacts/validation/certificate.json", "evidence")
-    lines = [_HEAD, *replay_table(report), "", *certificate_table("the published plan", plan), *proof]
-    write_atomically(DOCS / "evidence/parts/evidence-figures.md", ("\n".join(lines) + "\n").encode())
+    lines = [*replay_table(report), "", *certificate_table("the published plan", plan), *proof]
+    write_table(DOCS / "evidence/parts/evidence-figures.md", "\n".join(lines))
     write_atomically(DOCS / "replay.jpg", shrink_picture(PLAN / "artifacts/validation/replay.png"))
     print(f"{DOCS / 'evidence/parts/evidence-figures.md'} and {DOCS / 'replay.jpg'} are written")
     return 0

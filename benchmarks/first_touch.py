@@ -15,9 +15,8 @@ from shapely import LineString
 from shapely.geometry.base import BaseGeometry
 from tqdm import tqdm
 
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.simple_mines import write_dxf
-from pipeline.store.files import write_atomically
 from tests.project import Project
 
 TABLE = Path("docs/evidence/parts/first-touch.md")
@@ -146,17 +145,10 @@ def main() -> int:
         rows.append(("a script that renders and ends without close()", "silent" if silent else done.stderr[-160:]))
         shutil.rmtree(project.folder / "artifacts" / "worlds")
     table = markdown_table(("tried", "ended"), rows)
-    write_atomically(TABLE, (HEAD + table).encode())
+    write_table(TABLE, table)
     print(table, end="")
     return 2 if failed else 0
 
-
-HEAD = """# What a newcomer tries first
-
-Each row is a command in a fresh copy of the project, with visible rock and without an override. Made by
-`python -m benchmarks.first_touch`.
-
-"""
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -23,9 +23,8 @@ import numpy as np
 import shapely
 from shapely import LineString, Polygon, affinity
 
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import resume
-from pipeline.store.files import write_atomically
 from tests.project import Project
 
 RESULTS, TABLE = Path("artifacts/bench/simple-mines.jsonl"), Path("docs/evidence/parts/simple-mines.md")
@@ -146,13 +145,13 @@ def table(rows: list[dict[str, Any]]) -> str:
     return markdown_table(("kind", "mines", "pass", "width, m", "length, m"), counted)
 
 
-def page(rows: list[dict[str, Any]]) -> str:
-    """Return the page: the table, and a line for each mine that does not pass."""
+def tables(rows: list[dict[str, Any]]) -> str:
+    """Return the table, and a line for each mine that does not pass."""
     failed = [row for row in rows if row["exit_code"]]
     lines = [
         f"- seed {row['seed']}, a {row['kind']} {row['width_m']} m wide: {row['said'][-1].strip()}\n" for row in failed
     ]
-    return HEAD + table(rows) + ("\nNot passed:\n\n" + "".join(lines) if lines else "")
+    return table(rows) + ("\nNot passed:\n\n" + "".join(lines) if lines else "")
 
 
 def _rows(wanted: list[int], jobs: int, overrides: list[str]) -> Iterator[dict[str, Any]]:
@@ -192,20 +191,12 @@ def main() -> int:
     found = sorted((row for row in made if row["seed"] < a.count), key=lambda row: row["seed"])
     failed = [row for row in found if row["exit_code"]]
     if not a.overrides:
-        write_atomically(TABLE, page(found).encode())
+        write_table(TABLE, tables(found))
     print(table(found), end="")
     for row in failed:
         print(row)
     return 2 if failed else 0
 
-
-HEAD = """# The simplest mines
-
-Boxes, bends, tees, rings, rooms and stubs, drawn as GeoJSON or DXF in metres, feet or millimetres, half of them
-parallel to the axes. Each is made by `python -m pipeline new` with its visible rock, without an override. A mine passes
-if the command's exit code is 0: every limit of stage 6 holds. Made by `python -m benchmarks.simple_mines`.
-
-"""
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 import shapely
 
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import run_benchmark
 from pipeline.compose import compose
 from pipeline.geometry.rock.collision import footprint_errors
@@ -99,14 +99,8 @@ def main() -> int:
             results[method] = measure_method(method, free_space, spawn)
             write_atomically(RESULTS, json.dumps({"key": key, "results": results}, indent=2).encode())
     text = table(results)
-    head = (
-        "# Collision methods compared\n\nWritten by `python -m benchmarks compare-collision`. V-HACD has the "
-        "paper's parameters.\n\n"
-        f"The free space has {free_space.areas.tunnel_m2:,.0f} m2 and "
-        f"{shapely.get_num_coordinates(free_space.polygon)} vertices. Intrusion and missing rock are measured on the\n"
-        "parts' footprints.\n\n"
-    )
-    write_atomically(TABLE, (head + text).encode())
+    size = f"{free_space.areas.tunnel_m2:,.0f} m2 and {shapely.get_num_coordinates(free_space.polygon)} vertices"
+    write_table(TABLE, f"Free space of {size}.\n\n{text}")
     print(text, end="")
     return 0
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import yaml
 from tqdm import tqdm
 
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import run_benchmark
 from pipeline.compose import compose
 from pipeline.errors import MineError
@@ -97,9 +97,7 @@ def main() -> int:
         rows.append((title, *(format(metrics[n], f) for n, f in _COLUMNS.values())))
     stated = (_stated(name, form) for name, form in _COLUMNS.values())
     text = markdown_table(["", *_COLUMNS], [*rows, ("*paper, as printed*", *stated)])
-    written = "Written by `python -m benchmarks compare-paper`; each row changes one choice."
-    head = f"# The paper's choices beside the default\n\n{written}\n\n"
-    write_atomically(TABLE, (head + text).encode())
+    write_table(TABLE, text)
     print(text, end="")
     return 0
 

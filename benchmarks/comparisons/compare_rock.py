@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from shapely import Polygon
 
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import run_benchmark
 from minexplore.bundle import MODEL, WALLS, GeomGroup
 from minexplore.bundle import ROOF as ROOFS
@@ -62,26 +62,6 @@ TABLE, PICTURE = Path("docs/evidence/parts/rock.md"), Path("docs/rock.jpg")
 WORLD_VIEW = Path("artifacts/validation/views.png")  # its left half is from the same place
 _NOISE_M = 0.05
 _SIZE = (900, 600)
-_HEAD = """# Kinds of rock
-
-Written by `python -m benchmarks compare-rock` on the present plan. `rock=NAME` selects one. *Flat* is the smooth
-surface of the
-default world, measured as stage 6 does, so that its scores are those of [the results](../results.md).
-*White noise* moves every point of the mesh by itself (s.d. 50 mm). Both show what a figure gives for walls that are no
-rock.
-
-![Views: published_score, steep spectrum and andesite](../../rock.jpg)
-
-*The same place over the turn of the work, lit from the camera: `rock=published_score`, the noise with the best
-published score; the same noise with a steep spectrum, waves of 0.4 to 4 m whose amplitudes rise with their length
-(`benchmarks/comparisons/compare_rock.py` has the values); `rock=andesite`; and the default world, andesite with its
-look and fittings under its own lights.*
-
-*Andesite as the sweeps* is `rock=andesite surface.reference=sweeps`: the parts of the same rock are scaled until the
-mine's own walls are as rough as the four stationary sweeps in windows of 0.5 to 3 m. *Typical factor* is exp of the
-mean absolute logarithm of built over measured residuals.
-
-"""
 
 
 def measure(walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNetwork, params: Config) -> dict:
@@ -213,7 +193,7 @@ def main() -> int:
             results[name] = build_witness(name, free, network, height_m)
         write_atomically(RESULTS, json.dumps({"key": key, "results": results}, indent=2).encode())
     text = table({name: results[name] for name in ("flat", "white noise", *ROCKS)})
-    write_atomically(TABLE, (_HEAD + text).encode())
+    write_table(TABLE, text)
     views = {name: cv2.imread(str(_view(name))) for name in _DRAWN}
     views["the default world"] = decode(WORLD_VIEW, Image)[:, : _SIZE[0]]
     small = [cv2.resize(view, None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA) for view in views.values()]

@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from baselines.base.environments import make_env
 from baselines.base.errors import BaselineError
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from baselines.base.result_file import read_results, replace_text
 from baselines.base.statistics import as_text, figures
 from baselines.evaluate import evaluate, expected_head, is_current
@@ -33,19 +33,6 @@ _SOURCE, _FOLDER = Path("data/raw/plan.jpg"), Path("artifacts/benchmarks/publish
 _BOUND, _PAGE = _FOLDER / "bound.json", Path("docs/evidence/parts/published-plan.md")
 _SHOWN = ("coverage at 300 s", "coverage at 600 s", "share of bound at 600 s", "area under coverage",
           "collisions per 100 m", "path, m")  # fmt: skip
-_TEXT = """# The published plan
-
-Written by `python -m benchmarks published-plan`. This world is built from the plan that Leung et al. (2017)
-published (`survey=plan`).
-The embedded mine is a station survey of the same workings. Its stations stand 3 m apart, so the two worlds have the
-same drifts and other walls. None of these policies learned in either. The plan states no licence, so this repository
-does not hold it. `make data` fetches it.
-
-World `{world}`, {cells:,} cells. No robot can have seen more than {most:,} of them ({share:.1%}) at 600 s; the best
-walk that was found sees {found:,}. Full task, {seeds} seeds, interquartile means with 95 % bootstrap intervals, as in
-the leaderboard.
-
-{table}"""
 
 
 def build() -> None:
@@ -94,19 +81,16 @@ def drive(policy: str, jobs: int) -> None:
         evaluate(policy, ENV, list(SEEDS), _results(policy), jobs)
 
 
-def page(policies: list[str], bound: Bound) -> str:
-    """Return the page: the policy that sees most first."""
+def tables(policies: list[str], bound: Bound) -> str:
+    """Return the table: the policy that sees most first."""
     found = [(policy, figures(*read_results(_results(policy)), bound.at)) for policy in policies]
     found.sort(key=lambda row: -(row[1]["coverage at 600 s"].value or 0.0))
     rows = ((policy_label(policy), *(as_text(n, own[n]) for n in _SHOWN)) for policy, own in found)
-    return _TEXT.format(
-        world=bound.world_sha256[:12],
-        cells=bound.cells,
-        most=bound.most[-1],
-        share=bound.most[-1] / bound.cells,
-        found=bound.found[-1],
-        seeds=len(SEEDS),
-        table=markdown_table(["policy", *_SHOWN], rows),
+    share = bound.most[-1] / bound.cells
+    return (
+        f"World `{bound.world_sha256[:12]}`, {bound.cells:,} cells. No robot can have seen more than "
+        f"{bound.most[-1]:,} of them ({share:.1%}) at 600 s; the best\nwalk that was found sees {bound.found[-1]:,}. "
+        f"Full task, {len(SEEDS)} seeds.\n\n{markdown_table(['policy', *_SHOWN], rows)}"
     )
 
 
@@ -124,7 +108,7 @@ def main() -> int:
     bound = known_bound()
     for policy in arguments.policy:
         drive(policy, arguments.jobs)
-    replace_text(_PAGE, page(arguments.policy, bound))
+    write_table(_PAGE, tables(arguments.policy, bound))
     print(f"{_PAGE} is written")
     return 0
 

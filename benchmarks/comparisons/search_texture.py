@@ -15,7 +15,7 @@ import shapely.affinity
 from scipy.optimize import minimize
 from tqdm import tqdm
 
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import run_benchmark
 from pipeline.compose import compose
 from pipeline.metrics.rock.published import REAL_SWEEP
@@ -156,7 +156,7 @@ def search(penalty: float) -> dict[str, Any]:
     }
 
 
-def write_table(rows: list[dict[str, Any]]) -> str:
+def trade_off(rows: list[dict[str, Any]]) -> str:
     """Write and return the trade-off as Markdown."""
     axes = (a.rsplit("_", 1)[0].replace("_", " ") for a in AXES)
     head = ["penalty on amplitude", "strict, overall", "published, overall", *axes]
@@ -166,13 +166,8 @@ def write_table(rows: list[dict[str, Any]]) -> str:
         cells = [name, f"{r['strict']['overall']:.3f}", f"{r['published_without_noise']['overall']:.3f}"]
         cells += [f"x {r['ratios'][a]:.2f}" for a in AXES]
         table.append([*cells, *(f"{r[key]:.3f}" for key in ("wall_rms_m", "gap_p95_m", "roof_rms_m"))])
-    text = (
-        "# Texture against wall error\n\nThe best noise for the published axes on a straight drift, at four penalties "
-        "on amplitude. `x` is model / real. Written by `python -m benchmarks search-texture`.\n\n"
-        + markdown_table([*head, "wall RMS, m", "gap p95, m", "roof RMS, m"], table)
-        + "\n![trade-off](../../texture-search.png)\n"
-    )
-    write_atomically(TABLE, text.encode())
+    text = markdown_table([*head, "wall RMS, m", "gap p95, m", "roof RMS, m"], table)
+    write_table(TABLE, text)
     return text
 
 
@@ -208,7 +203,7 @@ def main() -> int:
         rows = list(tqdm(pool.imap(search, PENALTIES), total=len(PENALTIES), desc="penalties", disable=None))
     write_atomically(RESULTS, (json.dumps(rows, indent=2) + "\n").encode())
     draw(rows)
-    print(write_table(rows))
+    print(trade_off(rows))
     chosen = next(r for r in rows if r["penalty"] == CHOSEN)
     print(f"default: wavelength_m: {list(WRITTEN_M)}", f"wall_sd_m: {chosen['wall_sd_m']}", end=", ")
     print(f"roof_sd_m: {chosen['roof_sd_m']}")

@@ -16,14 +16,13 @@ import matplotlib as mpl
 import numpy as np
 from tqdm import tqdm
 
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.pictures.case_figures import case_figures, drivable_part, read_legs
 from minexplore.bundle import GeomGroup
 from minexplore.floors.floor import Floor
 from pipeline.mjcf.bundle import World, open_bundle
 from pipeline.mjcf.render import render_from
 from pipeline.store.codecs import decode
-from pipeline.store.files import write_atomically
 from pipeline.survey.passages.sheet_cells import floor_of
 from pipeline.types import Image, Survey
 from tests.heights import UNDER, Roofs, levels, seam, shelves, spiral, table
@@ -130,23 +129,9 @@ def world_of(project: Project, name: str) -> Path:
     return project.folder / "artifacts/worlds" / name
 
 
-def page(rows: dict[str, dict[str, Any]]) -> str:
-    """Return docs/evidence/parts/cases.md."""
-    lines = [
-        "# Mines that must come out whole\n",
-        "Written by `python -m benchmarks case-pictures`: worlds that `python -m pipeline new NAME --from "
-        "FILE` makes, compared with",
-        "the longest drivable part of their surveys. Errors are the largest differences between survey and built",
-        "floor, of the heights of stations and of the grades of shots longer than half a metre in plan. The time is",
-        "that of the processor, on one thread.\n",
-        markdown_table(_COLUMNS, (_cells(CASES[name], row) for name, row in rows.items())),
-        "![Plan and folded floor of Wheal Pell, Sakany, and generated levels with a shaft](../../cases.png)\n",
-        "*The built floor by elevation. The lines are the survey's: red what of its drivable part is left out.*\n",
-        "![Views inside Wheal Pell, Sakany, and the generated levels](../../cases.jpg)\n",
-        "*Above the adit of Wheal Pell, 1.3 m wide and 1.5 m high; in the middle Sakany, whose width and height are*",
-        "*stated; below the generated levels, under their shaft and along a crosscut with a surveyed roof of 5 m.*",
-    ]
-    return "\n".join(lines) + "\n"
+def table_of(rows: dict[str, dict[str, Any]]) -> str:
+    """Return the table of docs/evidence/parts/cases.md."""
+    return markdown_table(_COLUMNS, (_cells(CASES[name], row) for name, row in rows.items()))
 
 
 def _cells(case: Case, row: dict[str, Any]) -> list[object]:
@@ -248,8 +233,8 @@ def main() -> int:
         rows = {name: build(name, project) for name in tqdm(CASES, unit="mine", disable=None)}
         draw_plans(project)
         draw_views(project)
-    write_atomically(_PAGE, page(rows).encode())
-    print(page(rows), end="")
+    write_table(_PAGE, table_of(rows))
+    print(table_of(rows), end="")
     return 0 if all(row["certificate"] for row in rows.values()) else 1
 
 

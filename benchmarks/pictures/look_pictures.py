@@ -16,8 +16,9 @@ import numpy as np
 import shapely
 from shapely import LineString, Polygon
 
+from baselines.base.markdown import write_table
 from benchmarks.resume import run_benchmark
-from benchmarks.speed.look_costs import tables, write_costs
+from benchmarks.speed.look_costs import tables
 from benchmarks.worlds.small_world import build_world
 from minexplore.bundle import MODEL, OVERVIEW_CAMERA, GeomGroup
 from minexplore.looks import LOOKS, PLAIN
@@ -29,6 +30,7 @@ from minexplore.world import World, load_world
 from pipeline.mjcf.render import render_camera
 from pipeline.store.files import write_atomically
 
+PAGE = Path("docs/how-to/look.md")
 PICTURE, CUT_AWAY = Path("docs/look.jpg"), Path("docs/cut-away.jpg")
 _MAIN = LineString([(0, 0), (25, 2), (45, 8), (70, 6)]).buffer(2.6, join_style="mitre")
 WORKINGS: Polygon = shapely.union_all([_MAIN, LineString([(45, 8), (50, 32)]).buffer(2.4, cap_style="flat")])
@@ -80,7 +82,7 @@ def main() -> int:
     for path, rows in ((PICTURE, views), (CUT_AWAY, above)):
         small = cv2.resize(cv2.vconcat(rows), None, fx=0.8, fy=0.8, interpolation=cv2.INTER_AREA)
         write_atomically(path, cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 82])[1].tobytes())
-    write_costs(tables(times, _SIZE_PX))
+    write_table(PAGE, tables(times, _SIZE_PX))
     return 0
 
 

@@ -14,22 +14,12 @@ from typing import Any
 
 from tqdm import tqdm
 
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from minexplore.splits import STYLES
 from pipeline.build.family import generated, make_member, without_rock
 from pipeline.errors import ArtifactError
-from pipeline.store.files import write_atomically
 
 TABLE = Path("docs/evidence/parts/light-worlds.md")
-_HEAD = """# Light worlds: time and size
-
-Written by `python -m benchmarks bench-light`, which builds the first mines of the training split on one core: all
-six stages, with the
-certificate's geometric clauses and without the stress test. Seconds are processor time, without the {start:.1f} s in
-which a process starts, imports and builds its first mine. {cores} cores, load {load:.1f} meanwhile: on a busy machine a
-second of processor time does less.
-
-"""
 _TAIL = """
 A thousand mines take {thousand:.0f} min of two cores at this rate. Fifty of them pass the stress test, which takes
 {stress:.1f} s more in the second mine.
@@ -88,10 +78,10 @@ def main() -> int:
     rows = [measure(number) for number in tqdm(range(count), unit="mine", disable=None)]
     tested = measure(1, stress=True)["seconds"] - rows[1]["seconds"]
     mean_s = sum(row["seconds"] for row in rows) / len(rows)
-    head = _HEAD.format(start=start_s, cores=os.cpu_count(), load=os.getloadavg()[0])
-    tail = _TAIL.format(thousand=(1000 * mean_s + 50 * tested) / 2 / 60, stress=tested)
-    write_atomically(TABLE, (head + table(rows) + tail).encode())
-    print(table(rows) + tail)
+    measured = f"Measured on {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} meanwhile; {start_s:.1f} s to start."
+    text = f"{measured}\n\n{table(rows)}{_TAIL.format(thousand=(1000 * mean_s + 50 * tested) / 2 / 60, stress=tested)}"
+    write_table(TABLE, text)
+    print(text)
     return 0
 
 

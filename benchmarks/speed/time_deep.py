@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import resume
 from benchmarks.speed.stage_costs import STAGES, Costs, measure
 from benchmarks.worlds.deep_mine import HALF_M, deep_mine
@@ -25,22 +25,11 @@ from minexplore.floors.floor import Floor
 from pipeline.import_mine import import_mine
 from pipeline.params.stated import StatedOptions
 from pipeline.store.codecs import decode
-from pipeline.store.files import write_atomically
 from tests.heights import table
 from tests.project import Project
 
 RESULTS, PAGE = Path("artifacts/bench/deep.jsonl"), Path("docs/evidence/parts/deep-mines.md")
 _SIZES_KM, _LEVELS, _SEED = (40.0, 80.0), 20, 1
-_HEAD = """# Deep mines
-
-Written by `python -m benchmarks bench-deep` on {machine} with {cores} cores. Surveys of
-`benchmarks/worlds/deep_mine.py`, whose levels are
-50 m apart and joined by a decline, go through all six stages as light worlds (`preset=light`): the certificate is
-whole but for the stress test. Each stage and the environment have a process of their own. Seconds are processor time,
-with that of the child that reads the survey; memory is the largest of one process. The environment steps sixteen
-robots on one thread.
-
-"""
 _COLUMNS = (
     *("asked, km", "levels", "drifts, km", "depth, m", "sheets", "prisms", "s", "s per km", "GB, at most"),
     *("in stage", "certificate"),
@@ -110,8 +99,8 @@ def measure_survey(project: Project, name: str, text: str, km: float, levels: in
     )
 
 
-def page(rows: list[Deep]) -> str:
-    """Return docs/evidence/parts/deep-mines.md."""
+def tables(rows: list[Deep]) -> str:
+    """Return the tables of docs/evidence/parts/deep-mines.md."""
     rows = sorted(rows, key=lambda row: (row.drift_m, row.levels))
     km = [f"{row.drift_m / 1000:.1f}" for row in rows]
     costs = [row.costs for row in rows]
@@ -123,8 +112,8 @@ def page(rows: list[Deep]) -> str:
         ("Largest memory a stage", ["drifts, km", *(f"{name}, GB" for name in STAGES)], memory),
         ("Environment", _DRIVEN, driven),
     )
-    head = _HEAD.format(machine=platform.machine(), cores=os.cpu_count())
-    text = head + markdown_table(_COLUMNS, map(_cells, rows))
+    measured = f"Measured on {platform.machine()} with {os.cpu_count()} cores.\n\n"
+    text = measured + markdown_table(_COLUMNS, map(_cells, rows))
     for title, columns, cells in sections:
         text += f"\n## {title}\n\n" + markdown_table(columns, ([a, *b] for a, b in zip(km, cells, strict=True)))
     return text
@@ -165,8 +154,8 @@ def main() -> int:
     given = parser.parse_args()
     wanted = [(km, given.levels) for km in given.km]
     rows = [Deep.of(row) for row in resume(RESULTS, wanted, _measured, "mine", lambda row: (row["km"], row["levels"]))]
-    write_atomically(PAGE, page(rows).encode())
-    print(page(rows))
+    write_table(PAGE, tables(rows))
+    print(tables(rows))
     broken = [row for row in rows if not row.certificate]
     for row in broken:
         print(f"bench-deep: {row.km:g} km on {row.levels} levels: the certificate does not hold", file=sys.stderr)

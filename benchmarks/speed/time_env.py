@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from tqdm import tqdm
 
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import run_benchmark
 from benchmarks.speed.plain_env import PlainEnv
 from minexplore.bundle import FREE_SPACE, MINE_BODY, floor_geom
@@ -52,17 +52,6 @@ _LIMITS = {
     "make_vec_256_s": (None, 2.0),
     "make_vec_256_mb": (None, 1000),
 }
-_HEAD = f"""# Environment speed
-
-Written by `python -m benchmarks bench` on {{cores}} cores: medians of {_RUNS} runs, {_ROBOTS} robots, each ratio
-within one run, warm.
-Other work on the machine before the start: a load average of {{load:.1f}}.
-
-`vector_steps_per_s` has the robots spread evenly over the mine, as when they have explored for a while. With
-*entrance*, and against the plain environment, all start at one place. Every rate is over the first {_STEPS} control
-steps from its start, with the same actions for one thread and two.
-
-"""
 _MAKE = """
 import time
 start = time.perf_counter()
@@ -221,8 +210,8 @@ def _making() -> dict[str, float]:
     return {"make_vec_256_s": float(made[0]), "make_vec_256_mb": float(made[1])}
 
 
-def page(figures: dict[str, float], load: float) -> tuple[str, list[str]]:
-    """Return the page, and the names of the figures beyond their limits."""
+def tables(figures: dict[str, float], load: float) -> tuple[str, list[str]]:
+    """Return the table, and the names of the figures beyond their limits."""
     rows, missed = [], []
     for name, value in figures.items():
         low, high = _LIMITS.get(name, (None, None))
@@ -232,7 +221,8 @@ def page(figures: dict[str, float], load: float) -> tuple[str, list[str]]:
             limit += " (missed)"
         rows.append((name, f"{value:,.2f}", limit))
     table = markdown_table(("figure", "measured", "limit"), rows)
-    return _HEAD.format(cores=os.cpu_count(), load=load) + table, missed
+    other = f"Other work on the machine before the start: a load average of {load:.1f}."
+    return f"Measured on {os.cpu_count()} cores. {other}\n\n{table}", missed
 
 
 def main() -> int:
@@ -240,8 +230,8 @@ def main() -> int:
     load = os.getloadavg()[0]
     figures = measure()
     write_atomically(RESULTS, (json.dumps(figures, indent=2) + "\n").encode())
-    text, missed = page(figures, load)
-    write_atomically(TABLE, text.encode())
+    text, missed = tables(figures, load)
+    write_table(TABLE, text)
     print(text, end="")
     if missed:
         print(f"bench: beyond the limit: {', '.join(missed)}", file=sys.stderr)

@@ -19,7 +19,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.speed.time_env import bare_floor, steps_per_s
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.robot import RobotParams
@@ -176,7 +176,7 @@ def _name(device: str) -> str:
 
 
 def table(found: dict[str, Any]) -> str:
-    """Return the page of the figures."""
+    """Return the tables of the figures."""
     best = max(found["rows"], key=lambda row: row["steps_per_s"])
     at = {int(row["robots"]): row for row in found["rows"]}
     limited = []
@@ -185,10 +185,8 @@ def table(found: dict[str, Any]) -> str:
         limited.append((title, f"{row[name]:,.4g}", f">= {low:,g}" if low is not None else f"<= {high:,g}"))
     rows = ([f"{value:,.4g}" for value in row.values()] for row in found["rows"])
     return (
-        "# Environment speed on a GPU\n\n"
-        f"Written by `python -m benchmarks bench-gpu` on one {found['device']}. The CPU's vector environment makes "
-        f"{found['cpu_steps_per_s']:,.0f} control steps/s there with {found['cpu_threads']} threads. All of one run; "
-        "the bare floor is physics alone.\n\n"
+        f"Measured on one {found['device']}. The CPU's vector environment makes {found['cpu_steps_per_s']:,.0f} "
+        f"control steps/s there with {found['cpu_threads']} threads.\n\n"
         f"{markdown_table(('figure', 'measured', 'limit'), limited)}\n{markdown_table(found['rows'][0], rows)}"
     )
 
@@ -210,7 +208,7 @@ def main() -> int:
     found = measure(asked.device, asked.robots, asked.runs)
     write_atomically(asked.out, (json.dumps(found, indent=2) + "\n").encode())
     if device.is_cuda:
-        write_atomically(TABLE, table(found).encode())
+        write_table(TABLE, table(found))
     print(table(found), end="")
     return 0
 

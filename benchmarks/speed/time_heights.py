@@ -17,14 +17,13 @@ from typing import Any
 
 from tqdm import tqdm
 
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.speed.time_env import seconds, steps_per_s
 from benchmarks.worlds.small_world import finish_world
 from minexplore.envs.env import MineEnv
 from minexplore.envs.vector import MineVectorEnv
 from pipeline.compose import compose
 from pipeline.params.survey import PassageSurveyParams
-from pipeline.store.files import write_atomically
 from pipeline.survey.load import _read
 from pipeline.types import Workings
 from stages.contours import trace_free_space
@@ -102,15 +101,9 @@ def main() -> int:
             robots = f"{_ROBOTS} robots" if kind == "vector" else kind
             rows.append((name, robots, f"{ours:,.0f}", f"{theirs:,.0f}", f"{ratio:.2f}", f">= {_LEAST:g}"))
             lowest = min(lowest, ratio)
-    head = (
-        f"# Environment speed with heights\n\nWritten by `python -m benchmarks bench-heights` on "
-        f"{os.cpu_count()} cores, one thread: "
-        f"control steps a second in mines with heights, and in level mines without tilt of the same plan, of which the "
-        f"largest sheet is kept. Both take turns; medians of {arguments.runs} runs, and of the ratios run by run.\n\n"
-    )
-    text = markdown_table(("mine", "environment", "with heights", "level", "ratio", "limit"), rows)
-    write_atomically(TABLE, (head + text).encode())
-    print(text, end="")
+    table_text = markdown_table(("mine", "environment", "with heights", "level", "ratio", "limit"), rows)
+    write_table(TABLE, f"Measured on {os.cpu_count()} cores, {arguments.runs} runs.\n\n{table_text}")
+    print(table_text, end="")
     if lowest < _LEAST:
         print(f"bench-heights: a ratio is below {_LEAST:g}", file=sys.stderr)
         return 2

@@ -16,20 +16,19 @@ import numpy as np
 import shapely
 from scipy.optimize import linear_sum_assignment
 
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import resume
 from pipeline.compose import compose
 from pipeline.errors import MineError
 from pipeline.params.config import Config
 from pipeline.proof.validator import Validator
-from pipeline.store.files import write_atomically
 from tests.heights import Leg, MineWithHeights, certificate_params
 
 _LEGS, _LENGTH_M, _GRADE, _TURN_RAD = (6, 14), (14.0, 30.0), 0.13, 1.2
 _ROCK_M, _FLOORS_M = 7.0, 5.0  # between centre lines in plan, and between floors over each other
 _LEVEL_M = 6.0  # from level to level
 _TURN_FALL_M = 4.4  # of a spiral, so that the pillar between two turns holds
-_WITHIN_M, _STATION_M = 0.01, 0.02
+_WITHIN_M, _STATION_M = 0.01, 0.02  # the page states them
 _END_M = 3.0  # a drift's end is traced about its half width, 2.2 m, before its last wall
 _CONTACTS = 200
 _COLUMNS = ("kind", "mines", "hold", "certificate", "graph", "refused", "largest floor error", "sheets", "drift")
@@ -209,21 +208,11 @@ def holds(row: dict[str, Any]) -> bool:
     return not row["broken"] and row["graph"] and row["floor_m"] <= _WITHIN_M and row["station_m"] <= _STATION_M
 
 
-def report(rows: list[dict[str, Any]]) -> str:
-    """Return the page docs/evidence/parts/random-levels.md."""
-    lines = [
-        "# Random mines with heights\n",
-        "Written by `python -m benchmarks random-levels`. Four kinds take turns: declines that wander or wind "
-        "round themselves, with",
-        "level drifts; spiral declines; rooms and pillars on a dipping seam; two or three levels with rings, ramps",
-        "between them and a fenced shaft. A mine holds if its certificate does, its network is the truth's with the",
-        f"ends at their places and heights, the floor that wheels touch is within {100 * _WITHIN_M:g} cm of the mesh,",
-        f"and the mesh within {100 * _STATION_M:g} cm of the stations.\n",
-    ]
+def tables(rows: list[dict[str, Any]]) -> str:
+    """Return the table of docs/evidence/parts/random-levels.md, and why mines do not hold."""
     of_kinds = [_cells(kind, [row for row in rows if row["kind"] == kind]) for kind in KINDS]
-    table = markdown_table(_COLUMNS, [*of_kinds, _cells("all", rows)])
     failed = [f"\nSeed {row['seed']}: {row.get('refused') or row}\n" for row in rows if not holds(row)]
-    return "\n".join(lines) + "\n" + table + "".join(failed)
+    return markdown_table(_COLUMNS, [*of_kinds, _cells("all", rows)]) + "".join(failed)
 
 
 def _cells(kind: str, rows: list[dict[str, Any]]) -> list[object]:
@@ -249,9 +238,8 @@ def main() -> int:
     build = partial(judge, config=compose(["preset=light"]))
     rows = resume(RESULTS, range(arguments.count), lambda seeds: map(build, seeds), "mine")
     rows.sort(key=lambda row: row["seed"])
-    text = report(rows)
-    write_atomically(TABLE, text.encode())
-    print(text)
+    write_table(TABLE, tables(rows))
+    print(tables(rows))
     return int(not all(map(holds, rows)))
 
 

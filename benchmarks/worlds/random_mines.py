@@ -14,14 +14,13 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-from baselines.base.markdown import markdown_table
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import resume
 from minexplore.splits import STYLES
 from pipeline.compose import compose
 from pipeline.proof.validator import Validator
 from pipeline.stage import make_artifacts
 from pipeline.store.codecs import decode
-from pipeline.store.files import write_atomically
 from pipeline.types import FreeSpace, Mask, Survey, Workings
 from stages.__main__ import load_stages
 
@@ -120,14 +119,7 @@ def main() -> int:
     arguments = parser.parse_args()
     rows = resume(RESULTS, range(arguments.count), lambda seeds: _rows(seeds, arguments.jobs), "mine")
     text = table(rows)
-    head = (
-        "# Random mines\n\nWorlds built from pictures of generated mines, written by `python -m benchmarks "
-        "random-mines`: drifts of\n"
-        "2.5 to 3.5 m with rough walls at 10 px/m, anti-aliased, in black and white, and as JPEG. A mine passes if\n"
-        "its free space is valid, its world has one component with the plan's loops, the containment certificate\n"
-        f"holds, and the mean wall error is at most {_WALL_ERROR_M:g} m.\n\n"
-    )
-    write_atomically(TABLE, (head + text).encode())
+    write_table(TABLE, text)
     print(text)
     failed = [row for row in sorted(rows, key=lambda r: r["seed"]) if not holds(row)]
     for row in failed:
