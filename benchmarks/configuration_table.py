@@ -23,7 +23,7 @@ _KEY = re.compile(r"^( *)([a-z_0-9]+):(.*)$")
 _PACKAGE = re.compile(r"# @package (\S+)")
 
 
-def markdown_table(titles: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+def noted_table(titles: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     """Return a table whose lines are at most 160 characters: a last cell that is too long stands below the table."""
     lines, notes = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"], []
     for row in rows:
@@ -55,7 +55,7 @@ def configuration_table() -> str:
                 _, others, default, known = rows[key]
                 values, meaning = (others if values in others else f"{others}, {values}"), known or meaning
             rows[key] = (f"`{key.removeprefix(section + '.')}`", values, default, meaning)
-        texts.append(f"### `{section}`\n\n{markdown_table(('key', 'values', 'default', 'meaning'), rows.values())}")
+        texts.append(f"### `{section}`\n\n{noted_table(('key', 'values', 'default', 'meaning'), rows.values())}")
     return "\n\n".join(texts)
 
 

@@ -19,10 +19,11 @@ from typing import Any
 
 from baselines.base.environments import find_id
 from baselines.base.errors import BaselineError
+from baselines.base.markdown import write_table
 from baselines.base.progress import Progress
 from baselines.policies.found import make_policy
 from benchmarks.speed.gpu_pair import Pair, compare_looks, compare_steps, drive_episodes, stress
-from benchmarks.speed.gpu_parity_page import EPISODES, page, rows
+from benchmarks.speed.gpu_parity_page import EPISODES, rows, tables
 from minexplore.task import TaskParams
 from minexplore.warp import require_device, require_packages
 from minexplore.world import find_world, load_world
@@ -149,9 +150,9 @@ def main() -> int:
     RESULTS.mkdir(parents=True, exist_ok=True)
     wanted = [part for part in parts.values() if part.wanted and (asked.only is None or part.name in asked.only)]
     lines = rows({part.name: merge(part.blocks(head, RESULTS)) for part in wanted})
-    text = page(lines, name, asked.robots, asked.env)
+    text = tables(lines, name, asked.robots, asked.env)
     if asked.only is None:
-        write_atomically(PAGE, text.encode())
+        write_table(PAGE, text)
     print(text, end="")
     return int(not all(row.holds for row in lines))
 

@@ -19,6 +19,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.speed.time_env import bare_floor, steps_per_s
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.robot import RobotParams
@@ -175,27 +176,19 @@ def _name(device: str) -> str:
 
 
 def table(found: dict[str, Any]) -> str:
-    """Return the page of the figures."""
+    """Return the tables of the figures."""
     best = max(found["rows"], key=lambda row: row["steps_per_s"])
     at = {int(row["robots"]): row for row in found["rows"]}
-    lines = [
-        "# Environment speed on a GPU",
-        "",
-        f"Written by `python -m benchmarks bench-gpu` on one {found['device']}. The CPU's vector environment makes "
-        f"{found['cpu_steps_per_s']:,.0f} control steps/s there with {found['cpu_threads']} threads. All of one run; "
-        "the bare floor is physics alone.",
-        "",
-        "| figure | measured | limit |",
-        "|---|---|---|",
-    ]
+    limited = []
     for title, (name, low, high) in _LIMITS.items():
         row = at.get(65_536, best) if name == "memory_gb" else best
-        limit = f">= {low:,g}" if low is not None else f"<= {high:,g}"
-        lines.append(f"| {title} | {row[name]:,.4g} | {limit} |")
-    names = list(found["rows"][0])
-    lines += ["", f"| {' | '.join(names)} |", f"|{'---|' * len(names)}"]
-    lines += [f"| {' | '.join(f'{row[name]:,.4g}' for name in names)} |" for row in found["rows"]]
-    return "\n".join(lines) + "\n"
+        limited.append((title, f"{row[name]:,.4g}", f">= {low:,g}" if low is not None else f"<= {high:,g}"))
+    rows = ([f"{value:,.4g}" for value in row.values()] for row in found["rows"])
+    return (
+        f"Measured on one {found['device']}. The CPU's vector environment makes {found['cpu_steps_per_s']:,.0f} "
+        f"control steps/s there with {found['cpu_threads']} threads.\n\n"
+        f"{markdown_table(('figure', 'measured', 'limit'), limited)}\n{markdown_table(found['rows'][0], rows)}"
+    )
 
 
 def main() -> int:
@@ -215,7 +208,7 @@ def main() -> int:
     found = measure(asked.device, asked.robots, asked.runs)
     write_atomically(asked.out, (json.dumps(found, indent=2) + "\n").encode())
     if device.is_cuda:
-        write_atomically(TABLE, table(found).encode())
+        write_table(TABLE, table(found))
     print(table(found), end="")
     return 0
 

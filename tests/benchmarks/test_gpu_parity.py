@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.speed.gpu_parity import Part, main, merge
-from benchmarks.speed.gpu_parity_page import compare_samples, page, rows
+from benchmarks.speed.gpu_parity_page import compare_samples, rows, tables
 from tests.project import ROOT
 
 LOOKS = {"rays": 100, "largest_difference_m": 2e-5, "rays_beyond_1_mm": 0, "cells_that_differ": 0}
@@ -85,7 +85,7 @@ def test_every_limit_that_is_broken_is_told():
     for name, part in broken:
         lines = rows(good | {name: part})
         assert [row.holds for row in lines].count(False) == 1, part
-        assert page(lines, "CPU", 4, "Mine").count("**missed**") == 1
+        assert tables(lines, "CPU", 4, "Mine").count("**missed**") == 1
 
 
 @pytest.mark.parametrize(
