@@ -8,6 +8,7 @@ import yaml
 
 from benchmarks.include_parts import on_page_markdown
 from benchmarks.reference_tables import BEGIN, END, TABLES, options_table, with_table
+from pipeline.params.config import Config
 from tests.project import ROOT
 
 DOCS = ROOT / "docs"
@@ -107,6 +108,15 @@ def test_every_option_that_a_page_on_surveys_names_is_one_of_new(name):
     named = set(re.findall(r"`(--[a-z-]+)", (DOCS / name).read_text()))
     assert named
     assert sorted(named - set(re.findall(r"--[a-z-]+", options_table()))) == []
+
+
+def test_every_key_of_the_configuration_has_a_description():
+    schemas = Config.model_json_schema()["$defs"]
+    keys = {
+        f"{schema}.{key}": leaf for schema, node in schemas.items() for key, leaf in node.get("properties", {}).items()
+    }
+    assert len(keys) > 100
+    assert sorted(key for key, leaf in keys.items() if not leaf.get("description")) == []
 
 
 def test_a_page_without_marks_has_no_place_for_a_table():
