@@ -18,14 +18,18 @@ class ScaleParams(Params):
         description="source of the scale: the scale bar, px_per_m, poses with sweeps, or the georeference"
     )
     bar_image: DataFile | None = Field(
-        None, description="picture of the scale bar alone, below data/; null: the bar is in the plan, or there is none"
+        default=None,
+        description="picture of the scale bar alone, below data/; null: the bar is in the plan, or there is none",
     )
     bar_box_px: tuple[int, int, int, int] | None = Field(
-        None, description="box of the scale bar in the plan: col0, row0, col1, row1"
+        default=None, description="box of the scale bar in the plan: col0, row0, col1, row1"
     )
-    bar_length_m: float = Field(100.0, gt=0, description="length that the scale bar represents")
+    bar_length_m: float = Field(default=100.0, gt=0, description="length that the scale bar represents")
     px_per_m: float | None = Field(
-        None, gt=0, le=1000, description="the scale with source=stated; else it is compared with the scale that is used"
+        default=None,
+        gt=0,
+        le=1000,
+        description="the scale with source=stated; else it is compared with the scale that is used",
     )
 
 
@@ -45,7 +49,7 @@ class BaseSurveyParams(FloorRules):
     """What every survey has: a name, an entrance, labels, and optionally poses, heights or a grade."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$", description="name of the mine and of its world")
-    poses: PosesParams | None = Field(None, description="surveyed poses with planar sweeps; null: none")
+    poses: PosesParams | None = Field(default=None, description="surveyed poses with planar sweeps; null: none")
     correct: Literal["sweeps"] | None = Field(
         default=None,
         description="sweeps: stage 2 corrects walls by the sweeps of poses (docs/adr/0015); null: it does not",
@@ -94,7 +98,7 @@ class ScaledSurveyParams(BaseSurveyParams):
 
     scale: ScaleParams = Field(description="the source of the scale")
     resample_width_px: int | None = Field(
-        None, ge=64, le=20000, description="width that the picture is resampled to; null: its own"
+        default=None, ge=64, le=20000, description="width that the picture is resampled to; null: its own"
     )
 
     @model_validator(mode="after")
@@ -118,4 +122,4 @@ class DrawnSurveyParams(BaseSurveyParams):
     margin_m: float = Field(
         default=6.0, ge=1, le=100, description="width of the paper around the workings of the drawing"
     )
-    drawing_grey: Grey = Field(40, description="grey value of the workings of the drawing, 0 (black) to 255")
+    drawing_grey: Grey = Field(default=40, description="grey value of the workings of the drawing, 0 (black) to 255")

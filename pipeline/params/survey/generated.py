@@ -45,16 +45,20 @@ class ProceduralSurveyParams(DrawnSurveyParams):
     kind: Literal["procedural"] = Field(description="what the survey is read as")
     seed: int = Field(ge=0, description="seed of the generated mine")
     mine: MineParams = Field(description="the shape of the mine")
-    rib_noise_m: float = Field(0.15, ge=0, le=1, description="standard deviation of the walls about their lines")
-    rough_walls: RoughWallsParams | None = Field(
-        None, description="self-affine roughness of the walls in addition to rib_noise_m; null: none"
+    rib_noise_m: float = Field(
+        default=0.15, ge=0, le=1, description="standard deviation of the walls about their lines"
     )
-    as_picture: bool = Field(False, description="the workings are traced from their drawing, as a plan's picture is")
+    rough_walls: RoughWallsParams | None = Field(
+        default=None, description="self-affine roughness of the walls in addition to rib_noise_m; null: none"
+    )
+    as_picture: bool = Field(
+        default=False, description="the workings are traced from their drawing, as a plan's picture is"
+    )
     anti_aliased: bool = Field(
-        True, description="with as_picture: pixels are shaded by the covered share, else by their centres"
+        default=True, description="with as_picture: pixels are shaded by the covered share, else by their centres"
     )
     jpeg_quality: int | None = Field(
-        None,
+        default=None,
         ge=30,
         le=100,
         description="with as_picture: JPEG quality of the drawing; null: it is not compressed",
@@ -68,7 +72,9 @@ class VariantSurveyParams(DrawnSurveyParams):
     workings: DataFile = Field(description="free_space.geojson or workings.geojson of the mine")
     seed: int = Field(ge=0, description="seed of the variant")
     station_sd_m: float = Field(
-        0.3, ge=0, le=5, description="s.d. of each coordinate of a place, correlated over reach_m"
+        default=0.3, ge=0, le=5, description="s.d. of each coordinate of a place, correlated over reach_m"
     )
-    width_sd_m: float = Field(0.1, ge=0, le=1, description="s.d. of the offset of all walls, drawn once")
-    reach_m: float = Field(20.0, gt=0, le=500, description="distance over which the places of a variant move together")
+    width_sd_m: float = Field(default=0.1, ge=0, le=1, description="s.d. of the offset of all walls, drawn once")
+    reach_m: float = Field(
+        default=20.0, gt=0, le=500, description="distance over which the places of a variant move together"
+    )

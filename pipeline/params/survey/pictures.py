@@ -18,7 +18,8 @@ class StationSurveyParams(ScaledSurveyParams):
     stations: DataFile = Field(description="table of stations with distances to the walls, below data/")
     px_per_m: float = Field(gt=0, le=100, description="resolution of the drawing")
     frame_m: BoxM | None = Field(
-        None, description="frame of the drawing in the mine frame: west, south, east, north; null: fits the workings"
+        default=None,
+        description="frame of the drawing in the mine frame: west, south, east, north; null: fits the workings",
     )
     margin_m: float = Field(
         ge=1, description="width of the paper around the workings of the drawing, with frame_m=null"
@@ -30,7 +31,9 @@ class IgnoredColour(Params):
     """A colour that does not show workings, such as grid lines, water or notes."""
 
     rgb: tuple[Grey, Grey, Grey] = Field(description="the colour, 0 to 255")
-    within: int = Field(30, ge=0, le=255, description="largest difference of a channel at which a pixel has the colour")
+    within: int = Field(
+        default=30, ge=0, le=255, description="largest difference of a channel at which a pixel has the colour"
+    )
 
 
 class PlanSurveyParams(ScaledSurveyParams):
@@ -39,28 +42,33 @@ class PlanSurveyParams(ScaledSurveyParams):
     kind: Literal["plan"] = Field(description="what the survey is read as")
     image: DataFile = Field(description="the plan's picture or PDF, below data/")
     origin_px: tuple[float, float] | None = Field(
-        None, description="pixel (col, row) of the cropped and turned picture whose centre is the mine's origin"
+        default=None, description="pixel (col, row) of the cropped and turned picture whose centre is the mine's origin"
     )
     max_megapixels: float = Field(gt=0, description="a larger picture is refused")
-    page: int = Field(1, ge=1, description="page of a PDF")
-    dpi: float = Field(200.0, ge=36, le=1200, description="resolution of a PDF's page")
+    page: int = Field(default=1, ge=1, description="page of a PDF")
+    dpi: float = Field(default=200.0, ge=36, le=1200, description="resolution of a PDF's page")
     crop_px: BoxPx | None = Field(
-        None, description="box of the picture that is read: col0, row0, col1, row1; null: all"
+        default=None, description="box of the picture that is read: col0, row0, col1, row1; null: all"
     )
-    turn_deg: float = Field(0.0, ge=-180, le=180, description="turn of the picture after cropping, counter-clockwise")
-    light_on_dark: bool = Field(False, description="workings are light on dark paper")
+    turn_deg: float = Field(
+        default=0.0, ge=-180, le=180, description="turn of the picture after cropping, counter-clockwise"
+    )
+    light_on_dark: bool = Field(default=False, description="workings are light on dark paper")
     ignore_colours: list[IgnoredColour] = Field(
         default_factory=list, description="colours that are no workings, each as {rgb, within}"
     )
-    sheet: bool = Field(False, description="a drawing sheet: only what looks like workings is kept")
+    sheet: bool = Field(default=False, description="a drawing sheet: only what looks like workings is kept")
     level: int | None = Field(
-        None, ge=1, le=99, description="which of several drawings on a sheet is read, from 1; null: it shows one"
+        default=None,
+        ge=1,
+        le=99,
+        description="which of several drawings on a sheet is read, from 1; null: it shows one",
     )
-    line_drawing: bool = Field(False, description="walls are drawn as lines that enclose the workings")
+    line_drawing: bool = Field(default=False, description="walls are drawn as lines that enclose the workings")
     seeds_px: list[tuple[float, float]] = Field(
         default_factory=list, description="places (col, row) inside workings drawn as lines"
     )
-    wall_gap_px: float = Field(3.0, ge=0, le=200, description="gaps in drawn walls up to this width are closed")
+    wall_gap_px: float = Field(default=3.0, ge=0, le=200, description="gaps in drawn walls up to this width are closed")
 
 
 class GridSurveyParams(BaseSurveyParams):
@@ -68,4 +76,4 @@ class GridSurveyParams(BaseSurveyParams):
 
     kind: Literal["grid"] = Field(description="what the survey is read as")
     map: DataFile = Field(description="the map.yaml of a ROS occupancy grid, below data/")
-    unknown_is_free: bool = Field(False, description="unknown cells are workings, not rock")
+    unknown_is_free: bool = Field(default=False, description="unknown cells are workings, not rock")

@@ -21,7 +21,7 @@ class VectorSurveyParams(DrawnSurveyParams):
         default=None, description="unit of the file's coordinates; null: the unit that the file states"
     )
     origin: PointM | None = Field(
-        None, description="the mine frame's origin in the file's coordinates; null: chosen if needed"
+        default=None, description="the mine frame's origin in the file's coordinates; null: chosen if needed"
     )
     snap_m: float = Field(default=0.25, ge=0, le=10, description="open ends of walls nearer than this are joined")
     elevations_m: dict[str, Elevation] | None = Field(
@@ -43,7 +43,7 @@ class PassageSurveyParams(DrawnSurveyParams):
     kind: Literal["passages"] = Field(description="what the survey is read as")
     file: DataFile = Field(description="the survey's file, below data/")
     origin: PointM | None = Field(
-        None, description="the mine frame's origin in the file's coordinates; null: chosen if needed"
+        default=None, description="the mine frame's origin in the file's coordinates; null: chosen if needed"
     )
     half_width_m: float | None = Field(
         default=None,
@@ -74,7 +74,7 @@ class CentrelineSurveyParams(DrawnSurveyParams):
         default=None, description="unit of the file's coordinates; null: the unit that the file states"
     )
     origin: PointM | None = Field(
-        None, description="the mine frame's origin in the file's coordinates; null: chosen if needed"
+        default=None, description="the mine frame's origin in the file's coordinates; null: chosen if needed"
     )
     half_width_m: float = Field(gt=0, le=20, description="half the width of every drift")
     snap_m: float = Field(default=0.25, ge=0, le=10, description="an end nearer than this to another line joins it")
