@@ -29,7 +29,7 @@ DEFENCES = (
     Defence(
         "a survey hangs the command or fills memory or disk",
         "the reading process with its limits",
-        ("pipeline/guard/reading_process.py", "pipeline/guard/process_limits.py"),
+        ("pipeline/guard/reading_process.py", "pipeline/guard/answers.py", "pipeline/guard/process_limits.py"),
     ),
     Defence(
         "a survey adds text to the configuration or the terminal",

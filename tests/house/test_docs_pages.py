@@ -10,6 +10,7 @@ from baselines.base.errors import BaselineError
 from baselines.base.markdown import BEGIN, END, with_table
 from benchmarks.include_parts import on_page_markdown
 from benchmarks.reference_tables import TABLES, options_table
+from pipeline.params.config import Config
 from tests.project import ROOT
 
 DOCS = ROOT / "docs"
@@ -120,6 +121,15 @@ def test_every_page_that_a_measurement_writes_has_one_place_for_its_tables(page)
     table = text.partition(BEGIN)[2].partition(END)[0]
     assert with_table(text, table) == text
     assert re.search(r"\n\| ?---", table)
+
+
+def test_every_key_of_the_configuration_has_a_description():
+    schemas = Config.model_json_schema()["$defs"]
+    keys = {
+        f"{schema}.{key}": leaf for schema, node in schemas.items() for key, leaf in node.get("properties", {}).items()
+    }
+    assert len(keys) > 100
+    assert sorted(key for key, leaf in keys.items() if not leaf.get("description")) == []
 
 
 def test_a_page_without_marks_has_no_place_for_a_table():
