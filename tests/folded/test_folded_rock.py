@@ -33,7 +33,7 @@ from pipeline.surface.mesh.smooth import smooth_surface
 from pipeline.surface.reference import measure_sources
 from pipeline.surface.relief_source import choose_relief
 from pipeline.types import Occupancy, Openings
-from tests.heights import RAMP, UNDER, MineWithHeights, certificate_params
+from tests.heights import RAMP, UNDER, certificate_params
 from tests.mines import STRAIGHT, sealed
 from tests.project import ROOT
 
@@ -55,16 +55,16 @@ def config():
 
 
 @pytest.fixture(scope="module")
-def under(config, tmp_path_factory):
+def under(mine_of_legs):
     """Build a drift over a drift, with a shaft between them at (30, 0)."""
     collar = ("s", 30, 0, 10)
     legs = {**UNDER, "A": [*UNDER["A"][:2], collar, *UNDER["A"][2:]], "S": [collar, ("b1", 30, 0, 1)]}
-    return MineWithHeights(legs, config, tmp_path_factory.mktemp("under"))
+    return mine_of_legs(legs, *COARSE)
 
 
 @pytest.fixture(scope="module")
-def ramp(config, tmp_path_factory):
-    return MineWithHeights(RAMP, config, tmp_path_factory.mktemp("ramp"), report=False)
+def ramp(mine_of_legs):
+    return mine_of_legs(RAMP, *COARSE, report=False)
 
 
 def rough_surface(config, free, floor, network=None):

@@ -13,7 +13,6 @@ from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.schema.floor_mesh import _check_figures
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.world import load_world
-from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.floor.mesh import build_floor
 from pipeline.geometry.floor.network_heights import floor_lines
@@ -27,26 +26,18 @@ from pipeline.survey.stations.table import read_station_legs
 from pipeline.types import METRIC, Heights
 from tests.heights import RAMP, UNDER, MineWithHeights, certificate_params, levels, spiral, table
 from tests.mines import STRAIGHT, TEE, sealed
-from tests.project import ROOT
 
 GRADE_DEG = np.degrees(np.arctan(0.15))
 
 
 @pytest.fixture(scope="module")
-def light():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(["preset=light"])
+def ramp(mine_of_legs):
+    return mine_of_legs(RAMP, "preset=light")
 
 
 @pytest.fixture(scope="module")
-def ramp(light, tmp_path_factory):
-    return MineWithHeights(RAMP, light, tmp_path_factory.mktemp("ramp"))
-
-
-@pytest.fixture(scope="module")
-def under(light, tmp_path_factory):
-    return MineWithHeights(UNDER, light, tmp_path_factory.mktemp("under"))
+def under(mine_of_legs):
+    return mine_of_legs(UNDER, "preset=light")
 
 
 def clauses(mine, light, contacts=100):

@@ -32,7 +32,6 @@ from pipeline.survey.stations.table import read_station_legs
 from stages.contours import _find_openings
 from tests.heights import HEADER, RAMP, MineWithHeights, certificate_params, levels, table
 from tests.mines import sealed
-from tests.project import ROOT
 
 _SLICES_M = (0.05, 0.5, 1.0, 3.45)
 
@@ -46,23 +45,13 @@ def with_shafts() -> dict:
 
 
 @pytest.fixture(scope="module")
-def light():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(["preset=light"])
+def fenced(mine_of_legs):
+    return mine_of_legs(with_shafts(), "preset=light")
 
 
 @pytest.fixture(scope="module")
-def fenced(light, tmp_path_factory):
-    return MineWithHeights(with_shafts(), light, tmp_path_factory.mktemp("fenced"))
-
-
-@pytest.fixture(scope="module")
-def opened(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        config = compose(["preset=light", "realism.fence_openings=false"])
-    return MineWithHeights(with_shafts(), config, tmp_path_factory.mktemp("opened"))
+def opened(mine_of_legs):
+    return mine_of_legs(with_shafts(), "preset=light", "realism.fence_openings=false")
 
 
 def validator_of(mine, config, contacts=0):

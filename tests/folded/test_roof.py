@@ -48,23 +48,18 @@ def config_of(*overrides):
 
 
 @pytest.fixture(scope="module")
-def light():
-    return config_of("preset=light")
-
-
-@pytest.fixture(scope="module")
 def rock():
     return config_of(*COARSE)
 
 
 @pytest.fixture(scope="module")
-def hall(light, tmp_path_factory):
-    return MineWithHeights(RAMP, light, tmp_path_factory.mktemp("hall"), HALL)
+def hall(mine_of_legs):
+    return mine_of_legs(RAMP, "preset=light", roofs=HALL)
 
 
 @pytest.fixture(scope="module")
-def over(light, tmp_path_factory):
-    return MineWithHeights(UNDER, light, tmp_path_factory.mktemp("over"), OVER)
+def over(mine_of_legs):
+    return mine_of_legs(UNDER, "preset=light", roofs=OVER)
 
 
 def broken(mine, config):
@@ -93,8 +88,8 @@ def test_the_roof_that_robots_touch_is_as_high_over_the_floor_as_surveyed(hall):
 
 
 @pytest.mark.parametrize("roofs", [HALL, LOW])
-def test_the_certificate_of_a_drift_holds_whose_roof_is_high_low_or_unknown(roofs, light, tmp_path):
-    mine = MineWithHeights(RAMP, light, tmp_path, roofs)
+def test_the_certificate_of_a_drift_holds_whose_roof_is_high_low_or_unknown(roofs, light, mine_of_legs):
+    mine = mine_of_legs(RAMP, "preset=light", roofs=roofs)
     assert broken(mine, light) == {}
     over_m = 3.5 + mine.floor.lifts_m(3.5)
     wanted = [roof for roof in (3.5 if roof is None else roof for roof in roofs.values())]
@@ -107,8 +102,8 @@ def test_the_certificate_of_drifts_with_roofs_over_each_other_holds(over, light)
     assert broken(over, light) == {}
 
 
-def test_a_roof_that_no_station_knows_has_the_stated_height(light, tmp_path):
-    mine = MineWithHeights(RAMP, light, tmp_path, LOW)
+def test_a_roof_that_no_station_knows_has_the_stated_height(mine_of_legs):
+    mine = mine_of_legs(RAMP, "preset=light", roofs=LOW)
     np.testing.assert_allclose(mine.floor.raised(3.5).heights_at(np.array([[30.0, 0.0]])), 1.5 + 3.5, atol=0.02)
     np.testing.assert_allclose(mine.floor.raised(3.5).heights_at(np.array([[25.0, 0.0]])), 0.75 + 2.6, atol=0.02)
 

@@ -17,9 +17,7 @@ from baselines.sandbox.confined import Confined, ConfinedPolicy
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.task import TaskParams
-from pipeline.compose import compose
 from tests.heights import UNDER, MineWithHeights, levels, spiral
-from tests.project import ROOT
 
 LEVEL = np.eye(3)[:2]
 BEARINGS = np.radians([0.0, 90.0, 180.0, 270.0])
@@ -28,20 +26,13 @@ DRY = {"terrain": False}  # mud and water on a decline of 13 % are slippery: rob
 
 
 @pytest.fixture(scope="module")
-def light():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(["preset=light"])
+def under(mine_of_legs):
+    return mine_of_legs(UNDER, "preset=light")
 
 
 @pytest.fixture(scope="module")
-def under(light, tmp_path_factory):
-    return MineWithHeights(UNDER, light, tmp_path_factory.mktemp("under"))
-
-
-@pytest.fixture(scope="module")
-def helix(light, tmp_path_factory):
-    return MineWithHeights(spiral(2), light, tmp_path_factory.mktemp("helix"))
+def helix(mine_of_legs):
+    return mine_of_legs(spiral(2), "preset=light")
 
 
 def seen_by_sheet(env):
