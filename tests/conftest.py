@@ -16,11 +16,12 @@ import hypothesis
 import pytest
 from filelock import FileLock
 
+from benchmarks.worlds.small_world import build_small_world
 from pipeline.compose import compose
 from pipeline.params.config import Config
 from stages.__main__ import STAGES
 from tests.heights import MineWithHeights
-from tests.mines import RING, TEE, BuiltMine
+from tests.mines import RING, TEE, BuiltMine, unreported
 from tests.project import ROOT, Project
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
@@ -110,6 +111,17 @@ def ring(tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
     coarse = [f"surface.rough.{spacing}" for spacing in ("spacing_m=0.3", "roof_spacing_m=0.4")]
     config = compose_here(*EXACT_WALLS, *SMALL_PICTURES, *coarse)
     return share_mine(tmp_path_factory, "ring", lambda folder: BuiltMine(RING, config, folder / "world"))
+
+
+@pytest.fixture(scope="session")
+def small_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the bundle of a ring with a coarse surface; tests must not change its folder."""
+
+    def build(folder: Path) -> None:
+        with unreported():
+            build_small_world(folder / "world")
+
+    return build_once(tmp_path_factory, "small", build) / "world"
 
 
 @pytest.fixture(scope="session")

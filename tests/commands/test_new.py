@@ -17,7 +17,7 @@ from benchmarks.pictures.look_at_report import find_browser, look_at
 from pipeline.__main__ import parse
 from pipeline.survey.draw import draw_plan, frame_around
 from tests.mines import TEE
-from tests.project import TINY_STATIONS, message_of
+from tests.project import TINY_STATIONS, message_of, set_values
 
 
 def pipeline(project, *arguments):
@@ -171,8 +171,9 @@ def test_a_file_with_a_name_that_configuration_would_evaluate_is_refused(owned):
     assert state_of(project) == before
 
 
-def test_the_second_of_two_commands_for_one_world_is_told_and_an_interrupt_ends_the_first(owned):
-    project, _ = owned
+def test_the_second_of_two_commands_for_one_world_is_told_and_an_interrupt_ends_the_first(owned, tmp_path):
+    project = owned[0].copy(tmp_path / "copy")
+    set_values(project.folder / "conf/reader_limits.yaml", {"notice_s": 1})
     before = state_of(project)
     # The view counts for ever, so the command runs until it is interrupted.
     (project.folder / "slow.gpkg").write_bytes(HOSTILE["geopackage"]["view that counts without end"]()["mine.gpkg"])
@@ -180,7 +181,7 @@ def test_the_second_of_two_commands_for_one_world_is_told_and_an_interrupt_ends_
     first = subprocess.Popen(command, cwd=project.folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
         for line in first.stderr:
-            if "still reading after 5 s, the limit is 60 s" in line:
+            if "still reading after 1 s, the limit is 60 s" in line:
                 break
         second = message_of(pipeline(project, "new", "x", "--from", "plan.png"))
         assert second == f"new: name = x: another command is making this world (process {first.pid})"

@@ -244,7 +244,7 @@ def test_cells_whose_middles_lie_on_a_seam_are_in_neither_sheet_nor_in_rock(ligh
     assert broken(clauses(mine, light, 0)) == {}
 
 
-@pytest.mark.parametrize("half_m", [2.4, 2.6])
+@pytest.mark.parametrize("half_m", [2.4, pytest.param(2.6, marks=pytest.mark.slow)])
 def test_walls_that_turn_inwards_just_behind_a_seam_are_those_of_the_plan_too(half_m, light, tmp_path):
     mine = MineWithHeights(levels(), light, tmp_path, half_m=half_m)
     validator = Validator(certificate_params(light, 0), mine.bundle, mine.cleaned, mine.raw, mine.survey)

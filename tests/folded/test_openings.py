@@ -150,7 +150,7 @@ def test_a_shaft_in_too_narrow_a_drift_is_left_out_with_its_place_but_not_at_its
 
 
 def test_the_certificate_of_fenced_openings_holds_and_no_robot_enters_one(fenced, light):
-    validator = validator_of(fenced, light, 1000)
+    validator = validator_of(fenced, light, 500)
     assert broken(validator.certificate) == {}
     assert validator.containment["escapes"] == 0
     assert len(fenced.openings) == 3
@@ -275,7 +275,7 @@ def test_no_plane_or_box_closes_an_open_shaft(opened, fenced):
 
 
 def test_the_certificate_of_open_shafts_holds_and_only_their_fences_differ(opened, fenced, light):
-    validator = validator_of(opened, light, 1000)
+    validator = validator_of(opened, light, 500)
     assert broken(validator.certificate) == {}
     assert validator.containment["escapes"] == 0
     assert validator.containment["deepest_m"] < 0.05

@@ -5,18 +5,18 @@ import pytest
 
 from minexplore import WORLDS
 from minexplore.page import page
+from tests.forked import run_forked
 from tests.mines import BuiltMine
 from tests.project import ROOT
 
 
 def run(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "minexplore", *arguments], capture_output=True, text=True, cwd=ROOT, check=False
-    )
+    return run_forked("minexplore", arguments, ROOT)
 
 
 def test_the_list_names_every_environment():
-    done = run("list")
+    command = [sys.executable, "-m", "minexplore", "list"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
     assert done.returncode == 0
     assert all(env_id in done.stdout for env_id in WORLDS)
 
@@ -51,7 +51,7 @@ def test_a_policy_plays_and_is_recorded(tee: BuiltMine, tmp_path):
         "--policy",
         "ahead",
         "--steps",
-        "30",
+        "10",
         "--video",
         str(tmp_path),
     )
