@@ -238,6 +238,7 @@ def test_the_certificate_of_a_ramp_of_a_spiral_and_of_three_levels_holds(legs, s
     assert broken(clauses(mine, light, 1000)) == {}
 
 
+@pytest.mark.slow
 def test_cells_whose_middles_lie_on_a_seam_are_in_neither_sheet_nor_in_rock(light, tmp_path):
     """The ramps of these levels, 6 m wide, are cut where x + y is a multiple of the grid's cells."""
     mine = MineWithHeights(levels(), light, tmp_path, half_m=3.0)

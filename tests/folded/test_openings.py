@@ -75,6 +75,7 @@ def test_shafts_are_built_unless_the_parameters_say_otherwise(tmp_path):
     assert not _find_openings(compose(["contours.openings=false"]).contours, survey, workings).shafts
 
 
+@pytest.mark.slow
 def test_a_surveyed_roof_stays_as_high_in_a_floor_with_openings(light, tmp_path):
     mine = MineWithHeights(with_shafts(), light, tmp_path, {"m00": 5.0, "m01": 5.0, "m10": 3.0})
     assert len(mine.openings) == 3

@@ -33,7 +33,7 @@ def config():
         return compose(COARSE)
 
 
-@pytest.fixture(scope="module", params=[2.2, 0.8], ids=["wide", "narrow"])
+@pytest.fixture(scope="module", params=[2.2, pytest.param(0.8, marks=pytest.mark.slow)], ids=["wide", "narrow"])
 def raised(request, mine_of_legs):
     return mine_of_legs(LEGS, *COARSE, report=False, half_m=request.param)
 

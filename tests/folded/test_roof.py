@@ -129,12 +129,9 @@ def visible_roof_m(mine):
     return hits[np.argsort(rays), 2] - eyes[:, 2]
 
 
-def test_the_visible_roof_is_as_high_as_surveyed_within_the_relief_of_the_rock(rock, tmp_path):
+def test_the_visible_roof_is_as_high_as_surveyed_within_the_relief_of_the_rock(rock, tmp_path, mine_of_legs):
     """The relief is that of the same rock over a roof of 3.5 m, stretched as the roof is."""
-    mines = []
-    for name, roofs in (("level", None), ("hall", HALL)):
-        (tmp_path / name).mkdir()
-        mines.append(MineWithHeights(RAMP, rock, tmp_path / name, roofs, report=False))
+    mines = [mine_of_legs(RAMP, *COARSE, report=False), MineWithHeights(RAMP, rock, tmp_path, HALL, report=False)]
     level, found = map(visible_roof_m, mines)
     stretch = (surveyed_m(ALONG_M) - 1) / (3.5 - 1)
     np.testing.assert_allclose(found - surveyed_m(ALONG_M), (level - 3.5) * stretch, atol=0.02)
@@ -145,6 +142,7 @@ def test_the_visible_roof_is_as_high_as_surveyed_within_the_relief_of_the_rock(r
     assert broken(mines[1], rock) == {}
 
 
+@pytest.mark.slow
 def test_rock_over_a_low_and_a_very_high_roof_is_one_surface_along_the_walls(rock, tmp_path):
     for name, roofs in (("low", LOW), ("high", {"a": 2.0, "b": 2.0, "c": 30.0, "d": 30.0})):
         (tmp_path / name).mkdir()

@@ -142,6 +142,7 @@ def test_a_confined_policy_is_told_heights_and_attitudes(under, tmp_path, monkey
     env.close()
 
 
+@pytest.mark.slow
 def test_the_least_time_down_a_spiral_is_that_along_its_inner_helix(helix):
     """Twelve sides a turn, 12 * 2 * apothem * tan(15 deg) long in plan; the apothem is that of the inner wall and the
     distance that a robot keeps from it; a turn falls by 0.13 of the centre line's circle.
