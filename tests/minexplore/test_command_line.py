@@ -14,9 +14,13 @@ def run(*arguments):
     return run_forked("minexplore", arguments, ROOT)
 
 
+def run_anew(*arguments):
+    command = [sys.executable, "-m", "minexplore", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+
+
 def test_the_list_names_every_environment():
-    command = [sys.executable, "-m", "minexplore", "list"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+    done = run_anew("list")
     assert done.returncode == 0
     assert all(env_id in done.stdout for env_id in WORLDS)
 
@@ -43,7 +47,7 @@ def test_it_times_a_world(tee: BuiltMine):
 
 
 def test_a_policy_plays_and_is_recorded(tee: BuiltMine, tmp_path):
-    done = run(
+    done = run_anew(
         "play",
         "MineXplore/World-v0",
         "--world",
