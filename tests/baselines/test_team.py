@@ -40,6 +40,7 @@ def test_the_speed_up_compares_times_to_the_same_coverage():
     assert np.isnan(speed_up(team, one))
 
 
+@pytest.mark.slow
 def test_no_team_sees_a_cell_before_a_robot_can_have_come_to_where_it_is_in_view(tee_id):
     episode, env = drive_team(tee_id, 4, 0), make_env(tee_id, 1)
     within_reach, total = cells_within_reach(env.robots, episode.starts_m, 1.0), env.robots.grid.total
