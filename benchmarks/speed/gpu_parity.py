@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -33,7 +34,8 @@ from pipeline.store.hashing import import_closure, sha256_file, sha256_named
 RESULTS, PAGE = Path("artifacts/proof/gpu_parity"), Path("docs/evidence/parts/gpu-parity.md")
 POLICIES = ("wall-following", "ChileanMineEntrance-beams-mlp-42")
 _WORLD = "chilean_mine"
-_RAYS, _STEPS, _CONTACTS = 20_000, 10_000, 5_000  # of a block at most
+# Of a robot in a block at most. Whatever the number of robots, a block drives them long enough to reach the rock.
+_RAYS, _STEPS, _CONTACTS = 80, 40, 20
 _NO_DEVICE = 3  # exit code
 
 
@@ -78,6 +80,11 @@ def merge(blocks: list[dict[str, Any]]) -> dict[str, Any]:
     return found
 
 
+def block_sizes(robots: int, rays: int, steps: int, contacts: int) -> tuple[int, int, int]:
+    """Return the rays, control steps and contacts of a block, of all robots together and no more than are wanted."""
+    return min(_RAYS * robots, rays), min(_STEPS * robots, steps), min(_CONTACTS * robots, contacts)
+
+
 class Comparison:
     """What is compared on a device, made when the first block needs it."""
 
@@ -97,11 +104,11 @@ class Comparison:
 
         kwargs: dict[str, Any] = {"num_envs": self._robots, "vectorization_mode": "vector_entry_point"}
         warp = gymnasium.make_vec(self._env, **kwargs, backend="warp", device=self._device, numpy=True)
-        return gymnasium.make_vec(self._env, **kwargs), warp
+        return gymnasium.make_vec(self._env, **kwargs, threads=os.cpu_count() or 1), warp
 
     def parts(self, asked: argparse.Namespace) -> Iterator[Part]:
         """Yield the parts with the counts of the command line."""
-        rays, steps, contacts = min(_RAYS, asked.rays), min(_STEPS, asked.steps), min(_CONTACTS, asked.contacts)
+        rays, steps, contacts = block_sizes(asked.robots, asked.rays, asked.steps, asked.contacts)
         yield Part("looks", "rays", asked.rays, lambda block: compare_looks(self._pair, rays, block))
         yield Part("steps", "control steps", asked.steps, lambda block: compare_steps(self._pair, steps, block))
         yield Part("stress", "contacts", asked.contacts, lambda block: stress(self._pair, contacts, block))

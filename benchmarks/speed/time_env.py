@@ -32,12 +32,8 @@ from minexplore.physics.robot import (
 )
 from minexplore.task import TaskParams
 from minexplore.world import World, find_world, load_world
-from pipeline.compose import compose
-from pipeline.geometry.rock.partition import rock_around, world_box
-from pipeline.store.codecs import decode, encode
 from pipeline.store.files import write_atomically
-from pipeline.types import ConvexParts, FreeSpace
-from stages.compile3d import collision_parts
+from pipeline.types import ConvexParts
 
 RESULTS, TABLE = Path("artifacts/bench/env.json"), Path("docs/evidence/parts/env-speed.md")
 HULLS = Path("artifacts/benchmarks/vhacd.npz")
@@ -158,6 +154,13 @@ def plain_steps_per_s(env: PlainEnv, steps: int) -> float:
 
 def paper_hulls(world: World) -> ConvexParts:
     """Return V-HACD hulls of the present plan with the paper's parameters, made once."""
+    # Here, as `time_gpu` takes the bare floor from this module in many processes and needs no stage.
+    from pipeline.compose import compose
+    from pipeline.geometry.rock.partition import rock_around, world_box
+    from pipeline.store.codecs import decode, encode
+    from pipeline.types import FreeSpace
+    from stages.compile3d import collision_parts
+
     if HULLS.is_file():
         return decode(HULLS, ConvexParts)
     free: FreeSpace = decode(world.folder / FREE_SPACE, FreeSpace)

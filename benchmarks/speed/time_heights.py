@@ -73,8 +73,10 @@ def measure(heights: Path, level: Path, runs: int) -> dict[str, tuple[float, flo
     for _ in range(runs + 1):
         rows["vector"].append([_from_start(env, steps_per_s, _STEPS) for env in many])
         rows["one robot"].append([_from_start(env, one_steps_per_s, actions) for env in alone])
-    for env in (*many, *alone):
+    for env in many:
         env.close()
+    for one in alone:
+        one.close()
     rows = {name: pairs[1:] for name, pairs in rows.items()}  # the first made models and scenes
     return {
         name: (median(o for o, _ in pairs), median(t for _, t in pairs), median(o / t for o, t in pairs))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.speed.gpu_parity import Part, main, merge
+from benchmarks.speed.gpu_parity import Part, block_sizes, main, merge
 from benchmarks.speed.gpu_parity_page import compare_samples, rows, tables
 from tests.project import ROOT
 
@@ -57,6 +57,12 @@ def test_an_interrupted_part_keeps_its_whole_blocks(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         Part("looks", "rays", 1000, interrupt).blocks({}, tmp_path)
     assert len((tmp_path / "looks.jsonl").read_text().splitlines()) == 3
+
+
+def test_a_block_of_more_robots_drives_each_of_them_as_long():
+    few, many = (block_sizes(robots, 10**6, 10**6, 10**6) for robots in (256, 1024))
+    assert many == tuple(4 * size for size in few)
+    assert block_sizes(256, 100, 200, 300) == (100, 200, 300)
 
 
 def test_blocks_are_added_but_for_the_largest_and_the_least():
