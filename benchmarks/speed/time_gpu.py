@@ -166,9 +166,9 @@ def _cpu_steps_per_s(threads: int) -> float:
 def measure_count(device: str, count: int, runs: int) -> dict[str, float]:
     """Measure so many robots, with four digits."""
     bench = DeviceBench(load_world(find_world("chilean_mine")), count, device)
-    row = {"robots": count, **bench.measure(runs), "bare_floor_steps_per_s": bench.bare_floor(runs)}
+    row = {**bench.measure(runs), "bare_floor_steps_per_s": bench.bare_floor(runs)}
     row["of_bare_floor"] = row["steps_per_s"] / row["bare_floor_steps_per_s"]
-    return {name: float(f"{value:.4g}") for name, value in row.items()}
+    return {"robots": count, **{name: float(f"{value:.4g}") for name, value in row.items()}}
 
 
 def _name(device: str) -> str:
@@ -183,14 +183,20 @@ def table(found: dict[str, Any]) -> str:
     limited = []
     for title, (name, low, high) in _LIMITS.items():
         row = at.get(_MEMORY_AT) if name == "memory_gb" else best
-        measured = f"{row[name]:,.4g}" if row is not None else "open"
-        limited.append((title, measured, f">= {low:,g}" if low is not None else f"<= {high:,g}"))
-    rows = ([f"{value:,.4g}" for value in row.values()] for row in found["rows"])
+        measured = "open" if row is None else _digits(row[name])
+        limit = f">= {low:,g}" if low is not None else f"<= {high:,g}"
+        missed = row is not None and not (low or -np.inf) <= row[name] <= (high or np.inf)
+        limited.append((title, measured, limit + ": **missed**" * missed))
+    rows = (list(map(_digits, row.values())) for row in found["rows"])
     return (
         f"Measured on one {found['device']}. The CPU's vector environment makes {found['cpu_steps_per_s']:,.0f} "
         f"control steps/s there with {found['cpu_threads']} threads.\n\n"
         f"{markdown_table(('figure', 'measured', 'limit'), limited)}\n{markdown_table(found['rows'][0], rows)}"
     )
+
+
+def _digits(value: float) -> str:
+    return f"{value:,.0f}" if value >= 1000 else f"{value:.4g}"
 
 
 def write_figures(figures: Iterable[dict[str, Any]], out: Path, page: Path | None) -> str:
