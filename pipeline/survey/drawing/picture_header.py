@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image as Pillow
-from PIL import PngImagePlugin
+from PIL import ImageFile, PngImagePlugin
 from PIL.ExifTags import Base
 
 from pipeline.errors import InputError
@@ -60,7 +60,7 @@ def read_header(path: Path) -> PictureHeader:
         raise InputError(f"{path}: not a picture that can be read: {reason} ({path.stat().st_size} bytes)") from error
 
 
-def _header_of(path: Path, picture: Pillow.Image) -> PictureHeader:
+def _header_of(path: Path, picture: ImageFile.ImageFile) -> PictureHeader:
     orientation, tags = 1, getattr(picture, "tag_v2", {})
     with suppress(Exception):  # a broken Exif block leaves the picture as it is stored
         exif = Pillow.Exif()
@@ -84,13 +84,13 @@ def _header_of(path: Path, picture: Pillow.Image) -> PictureHeader:
     )
 
 
-def _count_pages(picture: Pillow.Image) -> int:
+def _count_pages(picture: ImageFile.ImageFile) -> int:
     """Return how many pictures a TIFF holds, without overviews and masks; a broken list ends the count."""
     pages = 0
     with suppress(Exception):
         for number in range(_MOST_PAGES):
             picture.seek(number)
-            pages += not picture.tag_v2.get(_SUBFILE, 0) & _NO_PAGE
+            pages += not getattr(picture, "tag_v2", {}).get(_SUBFILE, 0) & _NO_PAGE
     return max(pages, 1)
 
 
