@@ -110,7 +110,10 @@ def run_limited(
     seconds = limits.time_s + extra_s
     begin = _spawn if fresh or _other_threads() else _fork
     with ExitStack() as stack:
-        folder = stack.enter_context(_scratch_folder()) if scratch else ""
+        folder = ""
+        if scratch:
+            kept = tempfile.TemporaryDirectory(prefix="minexplore-", ignore_cleanup_errors=True)
+            folder = stack.enter_context(kept)
         pid, answer = begin(task, arguments, seconds, folder)
         try:
             data = _receive(answer, subject, limits, start, seconds)
@@ -129,10 +132,6 @@ def _other_threads() -> bool:
     """Return whether other Python threads run, except tqdm's: it holds only locks that no reader takes."""
     current = threading.current_thread()
     return any(thread is not current and thread.name != "tqdm_monitor" for thread in threading.enumerate())
-
-
-def _scratch_folder() -> tempfile.TemporaryDirectory[str]:
-    return tempfile.TemporaryDirectory(prefix="minexplore-", ignore_cleanup_errors=True)
 
 
 def _fork(task: str, arguments: dict[str, Any], seconds: float, scratch: str) -> tuple[int, int]:
@@ -271,7 +270,8 @@ def _decode(subject: str, data: bytearray) -> Payload:
 
 def _raise_stated(subject: str, header: _Header, shown: np.ndarray | None) -> NoReturn:
     if header.error == "MemoryError":
-        raise InputError(_memory_message(subject))
+        most_gb = reader_limits().memory_bytes / 1e9
+        raise InputError(f"{subject}: needs more than {most_gb:g} GB of memory (memory_bytes in {FILE})")
     message = one_line(header.message)
     if header.error == "UnexpectedError":
         raise UnexpectedError(f"{subject}: cannot be read ({message})")
@@ -287,10 +287,6 @@ def _raise_ended(subject: str, status: int, limits: ReaderLimits) -> NoReturn:
         f"{subject}: the library that reads it crashed ({how}); the file is broken, or needs more than "
         f"{limits.memory_bytes / 1e9:g} GB of memory (memory_bytes in {FILE})"
     )
-
-
-def _memory_message(subject: str) -> str:
-    return f"{subject}: needs more than {reader_limits().memory_bytes / 1e9:g} GB of memory (memory_bytes in {FILE})"
 
 
 def one_line(text: str, most: int = 600) -> str:

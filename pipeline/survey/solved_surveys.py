@@ -68,11 +68,9 @@ def _solved(path: Path) -> SolvedSurvey:
         return solve(path, "\n".join(made.lines) + "\n", made.origin)
     files = project_files(path)
     survey = solve(path)
-    return survey if suffix == ".svx" else with_sections(survey, [file for file in files if _is_data(file)])
-
-
-def _is_data(path: Path) -> bool:
-    return path.suffix.lower() == ".dat"
+    return (
+        survey if suffix == ".svx" else with_sections(survey, [file for file in files if file.suffix.lower() == ".dat"])
+    )
 
 
 def survey_files(path: Path) -> list[Path]:
