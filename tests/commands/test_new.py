@@ -171,7 +171,7 @@ def test_a_file_with_a_name_that_configuration_would_evaluate_is_refused(owned):
     assert state_of(project) == before
 
 
-def test_the_second_of_two_commands_for_one_world_is_told_and_an_interrupt_ends_the_first(owned):
+def test_the_second_of_two_commands_for_one_world_is_refused_and_an_interrupt_ends_the_first(owned):
     project, _ = owned
     before = state_of(project)
     # The view counts for ever, so the command runs until it is interrupted.

@@ -103,7 +103,7 @@ def children_of_this_process():
     return {pid for task in Path("/proc/self/task").iterdir() for pid in (task / "children").read_text().split()}
 
 
-def test_a_reader_that_takes_too_long_is_ended_and_progress_is_said(monkeypatch, capsys):
+def test_a_reader_that_takes_too_long_is_ended_and_progress_is_shown(monkeypatch, capsys):
     set_limits(monkeypatch, time_s=0.6, notice_s=0.2)
     before, start = children_of_this_process(), time.monotonic()
     with pytest.raises(InputError, match=r"mine\.dxf: not read within 1 s, the limit \(time_s in conf/reader_limits"):
