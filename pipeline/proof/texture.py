@@ -30,6 +30,7 @@ from pipeline.metrics.rock.texture import (
     rotate_about_z,
     strict_score,
     sweep_walls,
+    wall_wavelength_m,
 )
 from pipeline.mjcf.bundle import Unfold, smooth_triangles, visible_triangles
 from pipeline.params.validation import TextureReportParams

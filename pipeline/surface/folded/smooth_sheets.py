@@ -30,9 +30,11 @@ def smooth_sheets(
     parts = shapely.get_parts(shapely.set_precision(free, 0.0))
     sheets = []
     for sheet, whole in enumerate(continue_sheets(free, floor, _BEHIND_M)):
-        sheets.append(
-            smooth_surface(parts[sheet], *sizes, whole, lambda ring, at=sheet: seams_of_edges(ring, at, seams) >= 0)
-        )
+
+        def on_seam(ring: np.ndarray, at: int = sheet) -> np.ndarray:
+            return seams_of_edges(ring, at, seams) >= 0
+
+        sheets.append(smooth_surface(parts[sheet], *sizes, whole, on_seam))
     return {piece: _joined([sheet[piece] for sheet in sheets]) for piece in sheets[0]}
 
 

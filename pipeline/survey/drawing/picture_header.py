@@ -64,9 +64,9 @@ def _header_of(path: Path, picture: ImageFile.ImageFile) -> PictureHeader:
     orientation, tags = 1, getattr(picture, "tag_v2", {})
     with suppress(Exception):  # a broken Exif block leaves the picture as it is stored
         exif = Pillow.Exif()
-        exif.load(picture.info.get("exif"))
-        found = tags.get(Base.Orientation) or exif.get(Base.Orientation)
-        orientation = found if found in range(1, 9) else 1
+        exif.load(picture.info.get("exif", b""))
+        found = int(tags.get(Base.Orientation) or exif.get(Base.Orientation) or 1)
+        orientation = found if 1 <= found <= 8 else 1
     coding = picture.tile[0][3] if picture.tile else ""
     white = coding[1] if picture.format == "PPM" and isinstance(coding, tuple) else _WHITE[0]
     if white not in _WHITE:  # OpenCV does not scale it, it would be dark
