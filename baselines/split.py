@@ -36,7 +36,7 @@ def evaluate_split(policy: str, split: str, jobs: int, most: int | None = None) 
     """
     path = split_folder(split) / f"{policy_label(policy)}.jsonl"
     part = path.with_suffix(".part")
-    ids = built_ids(split, most or SIZES[split])
+    ids = built_ids(split, SIZES[split] if most is None else most)
     kept = {head.env: (head, episode) for head, episode in _driven_here(path) + _driven_here(part)}
     current = {env: drive for env, drive in kept.items() if env in ids and is_same(drive[0], _expected(policy, env))}
     progress = Progress(f"{policy_label(policy)} in {split}", len(ids), len(current), "mines")
@@ -74,7 +74,7 @@ def _driven_here(path: Path) -> list[Drive]:
 
 def bound_split(split: str, jobs: int, most: int | None = None) -> dict[str, Bound]:
     """Compute the bound of each mine of a split at the end of its episodes; what is current is kept."""
-    ids = built_ids(split, most or SIZES[split])
+    ids = built_ids(split, SIZES[split] if most is None else most)
     known = read_bounds(bounds_file(ids[0]))
     missing = [env for env in ids if env not in known or known[env].world_sha256 != world_of(env)]
     progress = Progress(f"bounds in {split}", len(ids), len(ids) - len(missing), "mines")
@@ -129,7 +129,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=min(os.cpu_count() or 1, 16))
     arguments = parser.parse_args()
     size = SIZES[arguments.split]
-    if arguments.jobs < 1 or not 1 <= (arguments.mines or size) <= size:
+    if arguments.jobs < 1 or not 1 <= (size if arguments.mines is None else arguments.mines) <= size:
         raise BaselineError(f"jobs = {arguments.jobs}, mines = {arguments.mines}: want 1 or more, and 1 to {size}")
     if not arguments.policy and not arguments.bounds:
         raise BaselineError("nothing to do: give --policy or --bounds")

@@ -16,6 +16,7 @@ import numpy as np
 
 from baselines.base.environments import make_env
 from baselines.base.errors import BaselineError, run_command
+from baselines.base.markdown import markdown_table, write_table
 from baselines.base.statistics import sample_times
 from baselines.scoring.split_file import Drive, read_drives, split_folder
 from minexplore.splits import STYLES
@@ -27,22 +28,6 @@ _PAGE, _PICTURE = Path("docs/evidence/parts/worst-mines.md"), Path("docs/worst-m
 _MINES = 10
 _ROCK, _BLUE, _RED = "#d9d4cc", "#1f5a94", "#b04a2f"
 _STANDS_MPS = 0.1
-_TEXT = """# Where a learned explorer loses
-
-Written by `python -m benchmarks worst-mines --policy {policy} --beside {other}` from the results on the split {split}:
-the {count} mines in which {policy} sees least beside {other}. *Idle* is the share of the time in which no new cell was
-seen, *stands* that in which the robot moved at less than {slow:g} m/s.
-
-![Ways of both policies in these mines](../../worst-mines.jpg)
-
-*Blue: {policy}. Red: {other}. The dot is the start.*
-
-| mine | style | cells | seen, % | {other}, % | driven, m | {other}, m | idle, % | {other}, % | stands, % |
-|---|---|---|---|---|---|---|---|---|---|
-{rows}
-
-In all {mines} mines, {policy} sees more in {more}, as much in {same} and less in {less}.
-"""
 
 
 @dataclass(frozen=True)
@@ -119,20 +104,23 @@ def _draw_mine(axis: Any, pair: EpisodePair) -> None:
     axis.set_title(f"{pair.number}: {100 * share(pair.ours):.0f} %, {100 * share(pair.theirs):.0f} %", fontsize=9)
 
 
-def page(policy: str, other: str, split: str, pairs: list[EpisodePair], count: int) -> str:
-    """Return the page."""
+def tables(policy: str, other: str, split: str, pairs: list[EpisodePair], count: int) -> str:
+    """Return the table, with whom it compares."""
     rows = []
     for pair in pairs[:count]:
         (head, ours), (_, theirs) = pair.ours, pair.theirs
         style = STYLES[pair.number % len(STYLES)].replace("_", " ")
         figures = (100 * share(pair.ours), 100 * share(pair.theirs), ours.path_m, theirs.path_m)
         idle = (100 * ours.idle / ours.steps, 100 * theirs.idle / theirs.steps, 100 * stands(pair.ours))
-        numbers = " | ".join(f"{value:.0f}" for value in (*figures, *idle))
-        rows.append(f"| {pair.number} | {style} | {head.cells:,} | {numbers} |")
+        rows.append((pair.number, style, f"{head.cells:,}", *(f"{value:.0f}" for value in (*figures, *idle))))
     gains = np.array([pair.gain for pair in pairs])
-    counts = {"more": (gains > 0).sum(), "same": (gains == 0).sum(), "less": (gains < 0).sum()}
-    return _TEXT.format(policy=policy, other=other, split=split, count=count, slow=_STANDS_MPS, rows="\n".join(rows),
-                        mines=len(pairs), **counts)  # fmt: skip
+    columns = ("mine", "style", "cells", "seen, %", f"{other}, %", "driven, m", f"{other}, m", "idle, %", f"{other}, %")
+    return (
+        f"The {count} mines of the split {split} in which {policy} (blue) sees least beside {other} (red). "
+        f"The dot is the start.\n\n{markdown_table((*columns, 'stands, %'), rows)}\n"
+        f"In all {len(pairs)} mines, {policy} sees more in {(gains > 0).sum()}, as much in {(gains == 0).sum()} and "
+        f"less in {(gains < 0).sum()}."
+    )
 
 
 def main() -> None:
@@ -145,7 +133,7 @@ def main() -> None:
     pairs = pairs_of(arguments.policy, arguments.beside, arguments.split)
     count = min(_MINES, len(pairs))
     draw(pairs[:count], _PICTURE)
-    _PAGE.write_text(page(arguments.policy, arguments.beside, arguments.split, pairs, count))
+    write_table(_PAGE, tables(arguments.policy, arguments.beside, arguments.split, pairs, count))
     print(f"{_PAGE} and {_PICTURE} are written")
 
 

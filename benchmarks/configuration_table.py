@@ -1,29 +1,25 @@
 """The table of the configuration: each key with its values, its default, and what it means.
 
-Keys and limits are those of the schemas. Defaults are those of `conf/`. The meaning is the schema's description, or
-else the comment beside the key in `conf/`.
+Keys, their limits and meanings are those of the schemas. Defaults are those of `conf/`, whose comments give their
+source.
 """
 
 from __future__ import annotations
 
-import re
 import textwrap
 from collections.abc import Iterable, Iterator
-from pathlib import Path
 from typing import Any
 
-from pipeline.compose import CONF, compose
+from pipeline.compose import compose
 from pipeline.metrics.limits import flatten
 from pipeline.params.config import Config
 
 _HELD_ELSEWHERE = ("validation.limits", "validation.certificate.limits")  # the page of metrics has them
 _WIDEST = 160  # characters of a line in Markdown
 _BOUNDS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
-_KEY = re.compile(r"^( *)([a-z_0-9]+):(.*)$")
-_PACKAGE = re.compile(r"# @package (\S+)")
 
 
-def markdown_table(titles: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+def noted_table(titles: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     """Return a table whose lines are at most 160 characters: a last cell that is too long stands below the table."""
     lines, notes = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"], []
     for row in rows:
@@ -42,7 +38,7 @@ def _line(cells: tuple[str, ...]) -> str:
 def configuration_table() -> str:
     """Return a table a section of the configuration."""
     schema = Config.model_json_schema()
-    defaults, comments = flatten(compose([]).model_dump(mode="json")), comments_of(CONF)
+    defaults = flatten(compose([]).model_dump(mode="json"))
     texts = []
     for section, node in schema["properties"].items():
         rows: dict[str, tuple[str, ...]] = {}
@@ -50,12 +46,13 @@ def configuration_table() -> str:
             if key.startswith(_HELD_ELSEWHERE):
                 continue
             values, default = values_of(leaf, schema["$defs"]), _shown(defaults.get(key, leaf.get("default", "")))
-            meaning = leaf.get("description") or comments.get(key, "")
+            meaning = leaf.get("description", "")
             if key in rows:  # of another kind of survey
                 _, others, default, known = rows[key]
-                values, meaning = (others if values in others else f"{others}, {values}"), known or meaning
+                values = others if values in others else f"{others}, {values}"
+                meaning = known if meaning in known else f"{known}; or: {meaning}"
             rows[key] = (f"`{key.removeprefix(section + '.')}`", values, default, meaning)
-        texts.append(f"### `{section}`\n\n{markdown_table(('key', 'values', 'default', 'meaning'), rows.values())}")
+        texts.append(f"### `{section}`\n\n{noted_table(('key', 'values', 'default', 'meaning'), rows.values())}")
     return "\n\n".join(texts)
 
 
@@ -88,33 +85,6 @@ def values_of(leaf: dict[str, Any], definitions: dict[str, Any]) -> str:
         return f"`{leaf['const']}`"
     bounds = [f"{sign} {leaf[name]:g}" for name, sign in _BOUNDS.items() if name in leaf]
     return " ".join([leaf.get("type", "any"), *bounds])
-
-
-def comments_of(conf: Path) -> dict[str, str]:
-    """Return the comment beside each key of the default files, by the key's full name."""
-    found: dict[str, str] = {}
-    for path in sorted(conf.glob("*/*.yaml")):
-        for key, comment in _comments_in(path):
-            found.setdefault(key, comment)
-    return found
-
-
-def _comments_in(path: Path) -> Iterator[tuple[str, str]]:
-    text = path.read_text()
-    package = _PACKAGE.match(text)
-    parents = {-1: "" if package and package[1] == "_global_" else f"{package[1] if package else path.parent.name}."}
-    for line in text.splitlines():
-        match = _KEY.match(line)
-        if match is None:
-            continue
-        depth = len(match[1])
-        above = max(level for level in parents if level < depth)
-        parents = {level: name for level, name in parents.items() if level < depth}
-        key = f"{parents[above]}{match[2]}"
-        parents[depth] = f"{key}."
-        _, mark, comment = match[3].partition(" # ")
-        if mark:
-            yield key, comment.strip()
 
 
 def _shown(value: Any) -> str:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import resource
 import signal
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from typing import NoReturn
 
 import numpy as np
@@ -114,8 +114,12 @@ def lacks_memory(error: BaseException | None) -> bool:
 
 def describe_shortage(error: BaseException) -> str:
     """Return a lack of memory as one printable line, with the limit on the process if it has one."""
-    most = resource.getrlimit(resource.RLIMIT_AS)[0]
-    limit = "" if most == resource.RLIM_INFINITY else f" within {most:,} bytes of addresses (`ulimit -v`)"
+    limit = ""
+    with suppress(ImportError):  # Windows has no such limit
+        import resource
+
+        most = resource.getrlimit(resource.RLIMIT_AS)[0]
+        limit = "" if most == resource.RLIM_INFINITY else f" within {most:,} bytes of addresses (`ulimit -v`)"
     reason = printable(str(error) or type(error).__name__, _MOST_REASON)
     return f"not enough memory{limit} ({reason})"
 

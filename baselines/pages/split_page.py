@@ -9,6 +9,7 @@ import numpy as np
 
 from baselines.base.environments import built_ids
 from baselines.base.errors import BaselineError, RejectedError
+from baselines.base.markdown import markdown_table
 from baselines.base.statistics import Figure, sample_times
 from baselines.explorers import EXPLORERS
 from baselines.pages.split_profiles import draw_profiles
@@ -107,39 +108,28 @@ def split_section(results: Path, split: str, picture: Path | None = None) -> str
     classical = [row for row in rows if row.policy in EXPLORERS]
     best = f", `{classical[0].policy}`" if classical else ""
     lines = [_HEADING.format(mines=len(kept[files[0]]), seconds=seconds, loose=loose, best=best)]
-    lines += [f"| policy | {' | '.join(_COLUMNS)} | P | more |", "|---" * (len(_COLUMNS) + 3) + "|"]
-    for row in rows:
-        better = _beside(row, classical[0]) if classical and row is not classical[0] else ("", "")
-        lines.append(f"{_cells(row)} | {' | '.join(better)} |")
-    lines += ["", *_by_style(rows, classical[0] if classical else None), ""]
-    lines += _claims(claimed)
+    better = [_beside(row, classical[0]) if classical and row is not classical[0] else ("", "") for row in rows]
+    cells = ((*_cells(row), *beside) for row, beside in zip(rows, better, strict=True))
+    lines.append(markdown_table(("policy", *_COLUMNS, "P", "more"), cells))
+    lines += [_STYLES_HEADING, "", _by_style(rows, classical[0] if classical else None)]
+    if claimed:  # it is compared with nothing
+        lines += [UNVERIFIED_HEADING, "", markdown_table(("policy", *_COLUMNS), map(_cells, claimed))]
     if picture is not None:
         draw_profiles({row.policy: row.shares for row in rows}, picture)
         lines.append(_PROFILES.format(picture=picture.as_posix()))
     return "\n".join(lines)
 
 
-def _claims(rows: list[_SplitRow]) -> list[str]:
-    """Return the table of what unverified files claim; it is compared with nothing. No lines without rows."""
-    if not rows:
-        return []
-    lines = [UNVERIFIED_HEADING, "", f"| policy | {' | '.join(_COLUMNS)} |", "|---" * (len(_COLUMNS) + 1) + "|"]
-    return [*lines, *(f"{_cells(row)} |" for row in rows), ""]
-
-
-def _cells(row: _SplitRow) -> str:
+def _cells(row: _SplitRow) -> list[str]:
     texts = [row.text(name) for name in _COLUMNS]
     texts[2] += f", never in {row.never}" if row.never else ""
-    return f"| {row.policy} | {' | '.join(texts)}"
+    return [row.policy, *texts]
 
 
-def _by_style(rows: list[_SplitRow], best: _SplitRow | None) -> list[str]:
+def _by_style(rows: list[_SplitRow], best: _SplitRow | None) -> str:
     """Return the table of shares in each style, with the improvement over a row; styles alternate over the mines."""
-    lines = [_STYLES_HEADING, "", f"| policy | {' | '.join(style.replace('_', ' ') for style in STYLES)} |"]
-    lines.append("|---" * (len(STYLES) + 1) + "|")
-    for row in rows:
-        lines.append(f"| {row.policy} | {' | '.join(_in_style(row, best, k) for k in range(len(STYLES)))} |")
-    return lines
+    cells = ((row.policy, *(_in_style(row, best, k) for k in range(len(STYLES)))) for row in rows)
+    return markdown_table(("policy", *(style.replace("_", " ") for style in STYLES)), cells)
 
 
 def _in_style(row: _SplitRow, best: _SplitRow | None, style: int) -> str:

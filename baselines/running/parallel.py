@@ -5,6 +5,10 @@ from __future__ import annotations
 import multiprocessing
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed, wait
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import gymnasium
@@ -38,6 +42,28 @@ def drive(
     jobs = min(jobs, len(seeds))
     if jobs == 1:
         return _drive_part(policy_name, env_id, seeds, step_done, confined)
+    with _copies_removed(confined) as confined:
+        return _drive_in_pool(policy_name, env_id, seeds, step_done, jobs, confined)
+
+
+@contextmanager
+def _copies_removed(confined: Confined | None) -> Iterator[Confined | None]:
+    """Let copies of a policy lie in a folder that this process removes: a worker that is ended removes nothing."""
+    if confined is None:
+        yield None
+        return
+    with TemporaryDirectory(prefix="policy-") as folder:
+        yield replace(confined, folder=Path(folder))
+
+
+def _drive_in_pool(
+    policy_name: str,
+    env_id: str,
+    seeds: list[int],
+    step_done: Callable[[int], Any],
+    jobs: int,
+    confined: Confined | None,
+) -> list[Episode]:
     context = multiprocessing.get_context("spawn")  # a fork takes none of this process's threads along
     counter = context.Value("q", 0)
     parts = [seeds[k::jobs] for k in range(jobs)]

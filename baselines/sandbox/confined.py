@@ -38,10 +38,14 @@ _PROGRAM = (
 
 @dataclasses.dataclass(frozen=True)
 class Confined:
-    """Which policy is let in, by its hash, and what it may use; without a hash, any."""
+    """Which policy is let in, by its hash, and what it may use; without a hash, any.
+
+    Copies of it lie in `folder`, by default in that of temporary files.
+    """
 
     limits: Limits = dataclasses.field(default_factory=Limits)
     sha256: str | None = None
+    folder: Path | None = None
 
 
 class ConfinedPolicy:
@@ -78,7 +82,7 @@ class ConfinedPolicy:
         self._sent = ("pose_m_rad", *(HEIGHTS if heights else ()))
         params = {"task": _fields(TaskParams, task), "robot": _fields(RobotParams, robot)}
         with contextlib.ExitStack() as stack:
-            folder = Path(stack.enter_context(TemporaryDirectory(prefix="policy-")))
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix="policy-", dir=confined.folder)))
             copy = copy_policy(name, folder, confined.sha256)
             self._process, self._channel = _start(folder, confined.limits, stack)
             self._await(None, b"")

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import scipy.stats
 
+from baselines.base.markdown import markdown_table
+
 FLAGS_LIMIT = 0.999
 REWARD_LIMIT = 1e-4
 ITERATIONS = 20  # of MuJoCo Warp's solver, at which it gives up; see `minexplore.warp.physics`
@@ -106,19 +108,8 @@ def compare_samples(part: dict[str, Any]) -> dict[str, dict[str, float]]:
     }
 
 
-def page(lines: list[ParityRow], device: str, robots: int, env: str) -> str:
-    """Return the page's text."""
-    told = "\n".join(
-        f"| {row.figure} | {row.measured} | {row.wanted}{'' if row.holds else ': **missed**'} |" for row in lines
-    )
-    return f"""# Parity of the environment on a GPU
-
-Written by `python -m benchmarks parity-gpu` on {device}, {robots} robots at a time in the default mine; whole
-episodes are those of
-`{env}`. The CPU's environment is the reference. Warp's CPU device runs the same kernels as a GPU.
-Speed is another page: [env-speed-gpu](../speed.md).
-
-| figure | measured | wanted |
-|---|---|---|
-{told}
-"""
+def tables(lines: list[ParityRow], device: str, robots: int, env: str) -> str:
+    """Return what was measured, and where."""
+    rows = ((row.figure, row.measured, row.wanted + ("" if row.holds else ": **missed**")) for row in lines)
+    where = f"Measured on {device}, {robots} robots at a time; whole episodes are those of `{env}`."
+    return f"{where}\n\n{markdown_table(('figure', 'measured', 'wanted'), rows)}"

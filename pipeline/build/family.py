@@ -21,7 +21,7 @@ from pipeline.build.splits import LIST, Listed
 from pipeline.build.world import make_world
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError, InputError, LimitError
-from pipeline.guard.process_limits import die_with_parent
+from pipeline.guard.process_limits import die_with_parent, has_limits
 from pipeline.metrics.limits import flatten
 from pipeline.stage import ARTIFACTS
 from pipeline.store.files import write_atomically
@@ -232,6 +232,8 @@ def make_member(member: Member, families: Path) -> MemberOutcome:
 
 
 def _over_cores(members: list[Member], jobs: int) -> Generator[MemberOutcome]:
+    if not has_limits():
+        raise InputError("this system forks no processes, as Windows does not: build worlds on Linux, or with --on ray")
     context = multiprocessing.get_context("fork")  # a worker is a child of this process, with which it ends
     pool = ProcessPoolExecutor(min(jobs, len(members)), context, _begin_worker, (os.getpid(),))
     try:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import ctypes
 import os
-import resource
 import signal
 import sys
 from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 _PR_SET_PDEATHSIG, _M_ARENA_MAX = 1, -8
@@ -28,6 +28,11 @@ def resolve(task: str) -> Callable[..., Any]:
     return getattr(import_module(module), function)
 
 
+def has_limits() -> bool:
+    """Return whether this system forks processes and limits them; Windows does neither."""
+    return hasattr(os, "fork") and find_spec("resource") is not None
+
+
 def die_with_parent(parent: int) -> None:
     """Ask the kernel to kill this process when its parent ends, also if the parent is killed (Linux)."""
     with suppress(OSError, AttributeError):
@@ -41,6 +46,8 @@ def restrict(memory_bytes: int, seconds: float, file_bytes: int = 0) -> None:
 
     A forked process starts with its parent's address space. If that leaves less than 1 GB, 1 GB is granted.
     """
+    import resource  # here and not above: Windows has no such module
+
     used = _address_space()
     _limit(resource.RLIMIT_AS, max(memory_bytes, used + _SPARE_BYTES))
     _limit(resource.RLIMIT_CPU, int(seconds * (os.cpu_count() or 1)) + 5)  # the parent may be gone
@@ -53,6 +60,8 @@ def restrict(memory_bytes: int, seconds: float, file_bytes: int = 0) -> None:
 
 
 def _limit(kind: int, value: int) -> None:
+    import resource
+
     hard = resource.getrlimit(kind)[1]
     value = value if hard == resource.RLIM_INFINITY else min(value, hard)
     resource.setrlimit(kind, (value, value))

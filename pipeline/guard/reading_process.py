@@ -1,4 +1,7 @@
-"""Run a reader in a process of its own, with limits on memory, time and output."""
+"""Run a reader in a process of its own, with limits on memory, time and output.
+
+A system without forks and limits of processes, such as Windows, runs it in this process and warns of that.
+"""
 
 from __future__ import annotations
 
@@ -13,63 +16,23 @@ import threading
 import time
 import warnings
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 
 import cv2
-import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
 
-from pipeline.errors import (
-    DoubtError,
-    GeometryError,
-    InputError,
-    MineError,
-    ParamsError,
-    UnexpectedError,
-    describe_os_error,
-)
-from pipeline.guard.process_limits import die_with_parent, resolve, restrict
+from pipeline.errors import InputError
+from pipeline.guard.answers import HEADER_BYTES, Payload, answer_to, decode, one_line, warn_user
+from pipeline.guard.process_limits import die_with_parent, has_limits, restrict
 from pipeline.params.reader_limits import FILE, ReaderLimits, reader_limits
 
-_ERRORS: dict[str, type[MineError]] = {
-    kind.__name__: kind for kind in (InputError, ParamsError, GeometryError, UnexpectedError)
-}
-_PICTURE = "shown"  # the array with the picture of a `DoubtError`
-_DTYPES = ("uint8", "bool", "int32", "int64", "float32", "float64")
-_HEADER_BYTES = 64_000_000
 _CHUNK = 1 << 20
-_MOST_WARNINGS = 100
-_warnings: list[str] = []  # in the process of a reader, whose standard error goes nowhere
-_shown: set[str] = set()  # warnings of readers' processes: a file is read twice, to detect it and in stage 1
+_UNBOUNDED = (
+    "this system limits no process: what reads this file is bounded in neither memory nor time; "
+    "read only files that you trust"
+)
 
-
-@dataclass(frozen=True)
-class Payload:
-    """What a reader hands back: plain JSON values, and arrays."""
-
-    values: Any
-    arrays: dict[str, np.ndarray] = field(default_factory=dict)
-
-
-def warn_user(line: str) -> None:
-    """Warn the user, on standard error, of what a reader left out or assumed; also from a process of `run_limited`."""
-    if len(_warnings) < _MOST_WARNINGS:
-        _warnings.append(line)
-    print(one_line(line), file=sys.stderr)
-
-
-class _Header(BaseModel):
-    """The first part of an answer. The bytes of the arrays follow it."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    error: str = ""
-    message: str = ""
-    warnings: list[str] = []
-    values: Any = None
-    arrays: list[tuple[str, str, list[int]]] = []
+__all__ = ["Payload", "one_line", "run_limited", "serve", "warn_user"]
 
 
 def run_limited(
@@ -106,6 +69,8 @@ def run_limited(
     MineError
         The reader's own error, or an `InputError` that names the file and the limit that it exceeds.
     """
+    if not has_limits():
+        return _read_here(task, arguments, subject)
     limits, start = reader_limits(), time.monotonic()
     seconds = limits.time_s + extra_s
     begin = _spawn if fresh or _other_threads() else _fork
@@ -125,7 +90,15 @@ def run_limited(
         status = _wait(pid)
     if status != 0:
         _raise_ended(subject, status, limits)
-    return _decode(subject, data)
+    return decode(subject, data)
+
+
+def _read_here(task: str, arguments: dict[str, Any], subject: str) -> Payload:
+    """Run a task in this process. Its answer takes the same way as that of another process."""
+    print(f"{subject}: {_UNBOUNDED}", file=sys.stderr)
+    answer = answer_to(task, arguments)
+    answer.header.warnings.clear()  # this process has printed them
+    return decode(subject, b"".join(answer.parts()))
 
 
 def _other_threads() -> bool:
@@ -183,36 +156,10 @@ def serve(task: str, arguments: dict[str, Any], out: int, parent: int, seconds: 
     if scratch:
         tempfile.tempdir = scratch
     restrict(reader_limits().memory_bytes, seconds, reader_limits().scratch_bytes if scratch else 0)
-    header, arrays = _Header(), {}
-    _warnings.clear()
-    try:
-        payload = resolve(task)(**arguments)
-        arrays = {name: np.ascontiguousarray(array) for name, array in payload.arrays.items()}
-        header = _Header(warnings=_warnings, values=payload.values, arrays=_shapes(arrays))
-    except DoubtError as error:
-        arrays = {_PICTURE: np.ascontiguousarray(error.picture)}
-        header = _Header(error="DoubtError", message=str(error), arrays=_shapes(arrays))
-    except MineError as error:
-        name = type(error).__name__
-        header = _Header(error=name if name in _ERRORS else "InputError", message=str(error))
-    except MemoryError:
-        header = _Header(error="MemoryError")
-    except (PermissionError, FileNotFoundError) as error:  # another user's file, or it vanished
-        header = _Header(error="InputError", message=f"{describe_os_error(error)}; it cannot be read")
-    except Exception as error:  # a library's exception that the reader does not name
-        no_memory = "bad_alloc" in str(error) or "Insufficient memory" in str(error)  # C++ libraries
-        header = _Header(
-            error="MemoryError" if no_memory else "UnexpectedError", message=f"{type(error).__name__}: {error}"[:1000]
-        )
-    head = json.dumps(header.model_dump(), allow_nan=True).encode()
-    with os.fdopen(out, "wb") as answer:
-        answer.write(len(head).to_bytes(8, "little") + head)
-        for array in arrays.values():
-            answer.write(array.reshape(-1).view(np.uint8).data)
-
-
-def _shapes(arrays: dict[str, np.ndarray]) -> list[tuple[str, str, list[int]]]:
-    return [(name, str(array.dtype), list(array.shape)) for name, array in arrays.items()]
+    answer = answer_to(task, arguments)
+    with os.fdopen(out, "wb") as file:
+        for part in answer.parts():
+            file.write(part)
 
 
 def _receive(answer: int, subject: str, limits: ReaderLimits, start: float, seconds: float) -> bytearray:
@@ -234,50 +181,11 @@ def _receive(answer: int, subject: str, limits: ReaderLimits, start: float, seco
         if not chunk:
             return data
         data += chunk
-        if len(data) > limits.output_bytes + _HEADER_BYTES:
+        if len(data) > limits.output_bytes + HEADER_BYTES:
             raise InputError(
                 f"{subject}: reading it gives more than {limits.output_bytes:,} bytes, the limit "
                 f"(output_bytes in {FILE})"
             )
-
-
-def _decode(subject: str, data: bytearray) -> Payload:
-    """Return the payload of an answer. Its sizes and types are checked; nothing in it is executed."""
-    size = int.from_bytes(data[:8], "little")
-    try:
-        if size > min(_HEADER_BYTES, len(data) - 8):
-            raise ValueError("the header is longer than the answer")
-        header = _Header.model_validate(json.loads(data[8 : 8 + size]))
-        for line in header.warnings:
-            if line not in _shown:
-                _shown.add(line)
-                print(one_line(line), file=sys.stderr)
-        arrays, at = {}, 8 + size
-        for name, dtype, shape in header.arrays:
-            if dtype not in _DTYPES or min(shape, default=0) < 0:
-                raise ValueError(f"an array of {dtype} {shape}")
-            count = int(np.prod(shape, dtype=object))
-            if at + count * np.dtype(dtype).itemsize > len(data):
-                raise ValueError("an array is longer than the answer")
-            arrays[name] = np.frombuffer(data, dtype, count, at).reshape(shape)
-            at += arrays[name].nbytes
-        if header.error:
-            _raise_stated(subject, header, arrays.get(_PICTURE))
-    except (ValueError, RecursionError, ValidationError) as error:
-        raise InputError(f"{subject}: its reader gave a broken answer ({one_line(str(error))})") from error
-    return Payload(header.values, arrays)
-
-
-def _raise_stated(subject: str, header: _Header, shown: np.ndarray | None) -> NoReturn:
-    if header.error == "MemoryError":
-        most_gb = reader_limits().memory_bytes / 1e9
-        raise InputError(f"{subject}: needs more than {most_gb:g} GB of memory (memory_bytes in {FILE})")
-    message = one_line(header.message)
-    if header.error == "UnexpectedError":
-        raise UnexpectedError(f"{subject}: cannot be read ({message})")
-    if shown is not None and shown.ndim == 3 and shown.shape[2] == 3 and shown.dtype == np.uint8:
-        raise DoubtError(message, shown)
-    raise _ERRORS.get(header.error, InputError)(message)
 
 
 def _raise_ended(subject: str, status: int, limits: ReaderLimits) -> NoReturn:
@@ -287,12 +195,6 @@ def _raise_ended(subject: str, status: int, limits: ReaderLimits) -> NoReturn:
         f"{subject}: the library that reads it crashed ({how}); the file is broken, or needs more than "
         f"{limits.memory_bytes / 1e9:g} GB of memory (memory_bytes in {FILE})"
     )
-
-
-def one_line(text: str, most: int = 600) -> str:
-    """Return printable text on one line; a file's content cannot add lines or control a terminal."""
-    clean = "".join(c if c.isprintable() else " " for c in text)
-    return clean if len(clean) <= most else clean[: most - 3] + "..."
 
 
 def _kill(pid: int) -> None:

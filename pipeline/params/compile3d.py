@@ -12,26 +12,40 @@ from pipeline.params.base import Params
 class ExactParams(Params):
     """An exact convex partition into prisms."""
 
-    method: Literal["exact"]
+    method: Literal["exact"] = Field(
+        description="how the rock becomes convex parts: exact partition into prisms, CoACD or V-HACD"
+    )
 
 
 class CoacdParams(Params):
     """CoACD on tiles of the rock."""
 
-    method: Literal["coacd"]
-    tiles: int = Field(ge=1, le=10000)
-    threshold: float = Field(ge=0.01, le=1)
-    seed: int = Field(ge=0)
+    method: Literal["coacd"] = Field(
+        description="how the rock becomes convex parts: exact partition into prisms, CoACD or V-HACD"
+    )
+    tiles: int = Field(
+        ge=1, le=10000, description="cells of the grid that cuts the rock before CoACD or V-HACD runs on each"
+    )
+    threshold: float = Field(
+        ge=0.01, le=1, description="CoACD's concavity at which a part is cut no further, as a share of the tile's size"
+    )
+    seed: int = Field(ge=0, description="seed of CoACD")
 
 
 class VhacdParams(Params):
     """V-HACD on tiles of the rock."""
 
-    method: Literal["vhacd"]
-    tiles: int = Field(ge=1, le=10000)
-    resolution: int = Field(ge=10_000, le=100_000_000)
-    max_hulls: int = Field(ge=1, le=1024)
-    volume_error_percent: float = Field(ge=0, le=100)
+    method: Literal["vhacd"] = Field(
+        description="how the rock becomes convex parts: exact partition into prisms, CoACD or V-HACD"
+    )
+    tiles: int = Field(
+        ge=1, le=10000, description="cells of the grid that cuts the rock before CoACD or V-HACD runs on each"
+    )
+    resolution: int = Field(ge=10_000, le=100_000_000, description="V-HACD's number of voxels in a tile")
+    max_hulls: int = Field(ge=1, le=1024, description="most convex hulls that V-HACD makes of a tile")
+    volume_error_percent: float = Field(
+        ge=0, le=100, description="V-HACD cuts a hull no further at this error of its volume, in percent"
+    )
 
 
 CollisionParams = Annotated[ExactParams | CoacdParams | VhacdParams, Field(discriminator="method")]
@@ -43,17 +57,21 @@ COLLISION_METHODS = tuple(
 class SpawnParams(Params):
     """The region around the entrance where robots start."""
 
-    radius_m: float = Field(gt=0)
-    clearance_m: float = Field(gt=0)
+    radius_m: float = Field(gt=0, description="radius of the region around the entrance in which robots start")
+    clearance_m: float = Field(gt=0, description="least distance of a start from rock")
 
 
 class Compile3dParams(Params):
     """Extrusion, decomposition, occupancy and spawn."""
 
-    height_m: float = Field(gt=0.5, le=50)
-    steepest_deg: float = Field(30.0, gt=0, le=45, description="of a floor with heights")
-    rock_margin_m: float = Field(gt=0, le=100)
-    grid_cell_m: float = Field(ge=0.05, le=2)
+    height_m: float = Field(gt=0.5, le=50, description="height of the workings, from the floor to the roof")
+    steepest_deg: float = Field(
+        30.0, gt=0, le=45, description="a floor with heights that is steeper anywhere is refused"
+    )
+    rock_margin_m: float = Field(
+        gt=0, le=100, description="width of the rock around the workings and around the plan's frame"
+    )
+    grid_cell_m: float = Field(ge=0.05, le=2, description="cell of the occupancy grid, the Nav2 map and the octree")
     tile_m: float | None = Field(ge=50, description="longest side of the tiles that exact parts lie in; null: one tile")
-    collision: CollisionParams
-    spawn: SpawnParams
+    collision: CollisionParams = Field(description="how the rock becomes convex parts")
+    spawn: SpawnParams = Field(description="where robots start")

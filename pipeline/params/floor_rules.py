@@ -14,13 +14,23 @@ from pipeline.params.base import Params
 class FloorRules(Params):
     """Values that shape the floor of a world; `conf/floors/default.yaml` explains each."""
 
-    steepest_grade: float = Field(default=0.364, gt=0, le=1, description="rise over run of a leg that is built")
-    grade_change: float = Field(
-        default=0.005, gt=0, le=0.1, description="of a leg's stated grade, by which loops are closed"
+    steepest_grade: float = Field(
+        default=0.364,
+        gt=0,
+        le=1,
+        description="greatest rise over run of a leg that is built; steeper legs are fenced off",
     )
-    flat_grade: float = Field(default=0.10, gt=0, le=1, description="of a leg in a plan that is drawn flat")
+    grade_change: float = Field(
+        default=0.005, gt=0, le=0.1, description="greatest change of a leg's stated grade that closes a loop of grades"
+    )
+    flat_grade: float = Field(
+        default=0.10, gt=0, le=1, description="greatest rise over run of a leg in a survey that is built as a flat plan"
+    )
     flat_step_m: float = Field(
-        default=1.0, gt=0, le=100, description="between workings that overlap in plan and are one floor"
+        default=1.0,
+        gt=0,
+        le=100,
+        description="greatest difference in height of workings that overlap in plan and are one floor",
     )
 
 

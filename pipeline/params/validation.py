@@ -13,8 +13,8 @@ from pipeline.params.made_by import MadeBy
 class Limit(Params):
     """An inclusive bound on one metric."""
 
-    min: float | None = None
-    max: float | None = None
+    min: float | None = Field(None, description="least value; null: unbounded")
+    max: float | None = Field(None, description="greatest value; null: unbounded")
 
     @model_validator(mode="after")
     def _bounds_something(self) -> Limit:
@@ -30,17 +30,23 @@ class Limit(Params):
 class TextureReportParams(Params):
     """Sampling of the rock's texture, evenly by area in stretches of the workings, with the paper's added noise."""
 
-    wall_points: int = Field(ge=1000, le=20_000_000)
-    roof_points: int = Field(ge=1000, le=20_000_000)
-    points_per_m2: float = Field(gt=0, description="upper bound on the density; small mines need fewer points")
-    stretches: int = Field(ge=1, le=200, description="of one draw")
-    draws: int = Field(ge=1, le=50, description="most; a mine that is too short for them has fewer")
-    stretch_radius_m: float = Field(gt=0)
-    wall_z_m: tuple[float, float]
-    roof_z_m: tuple[float, float]
-    noise_normal_m: float = Field(ge=0)
-    noise_in_plane_m: float = Field(ge=0)
-    seed: int = Field(ge=0)
+    wall_points: int = Field(ge=1000, le=20_000_000, description="most points on the walls of one draw")
+    roof_points: int = Field(ge=1000, le=20_000_000, description="most points on the roof of one draw")
+    points_per_m2: float = Field(gt=0, description="greatest density of points; small mines need fewer")
+    stretches: int = Field(ge=1, le=200, description="stretches of drift in one draw")
+    draws: int = Field(ge=1, le=50, description="most draws whose mean is given; a short mine has fewer")
+    stretch_radius_m: float = Field(gt=0, description="radius of a stretch around its place on the drift")
+    wall_z_m: tuple[float, float] = Field(
+        description="heights above the floor between which wall points count (the paper's)"
+    )
+    roof_z_m: tuple[float, float] = Field(description="heights above the floor between which roof points count")
+    noise_normal_m: float = Field(
+        ge=0, description="s.d. of the noise across the surface that is added to points, as in the paper"
+    )
+    noise_in_plane_m: float = Field(
+        ge=0, description="s.d. of the noise along the surface that is added to points, as in the paper"
+    )
+    seed: int = Field(ge=0, description="seed of the points and their noise")
 
     @property
     def draw_m(self) -> float:
@@ -51,18 +57,22 @@ class TextureReportParams(Params):
 class ReplayParams(Params):
     """Real sweeps to replay in the world, the search for their poses, and the returns that are compared."""
 
-    poses: DataFile | None
+    poses: DataFile | None = Field(description="table of the surveyed poses whose sweeps are replayed; null: no replay")
     sweeps: dict[str, DataFile] = Field(description="pose number -> sweep file")
-    sensor_height_m: float = Field(gt=0)
-    scale: tuple[float, float]
-    turn_deg: float = Field(gt=0, le=10)
-    shift_m: float = Field(gt=0, le=50)
-    correction_m: float = Field(gt=0, le=5)
-    correction_deg: float = Field(gt=0, le=10)
-    register_range_m: float = Field(gt=0)
-    max_range_m: float = Field(gt=0)
-    max_range_var_m2: float = Field(gt=0)
-    min_incidence_deg: float = Field(ge=0, lt=90)
+    sensor_height_m: float = Field(gt=0, description="height of the scanner above the floor")
+    scale: tuple[float, float] = Field(description="least and greatest scale of the survey in this world")
+    turn_deg: float = Field(gt=0, le=10, description="greatest turn of all poses together")
+    shift_m: float = Field(gt=0, le=50, description="greatest shift of all poses together")
+    correction_m: float = Field(gt=0, le=5, description="greatest shift of a single sweep")
+    correction_deg: float = Field(gt=0, le=10, description="greatest turn of a single sweep")
+    register_range_m: float = Field(gt=0, description="longest return that places a sweep")
+    max_range_m: float = Field(gt=0, description="longest return that is compared with the world")
+    max_range_var_m2: float = Field(
+        gt=0, description="returns with a larger variance of range are dropped: they straddle an edge"
+    )
+    min_incidence_deg: float = Field(
+        ge=0, lt=90, description="returns at a smaller angle between beam and wall are not compared"
+    )
 
     @model_validator(mode="after")
     def _sweeps_have_poses(self) -> ReplayParams:
@@ -74,10 +84,10 @@ class ReplayParams(Params):
 class CertificateParams(Params):
     """The proof of containment: robot radius, grid of distance queries, number of contacts, and clauses."""
 
-    robot_radius_m: float = Field(gt=0, le=5)
-    cell_m: float = Field(gt=0.02, le=1)
+    robot_radius_m: float = Field(gt=0, le=5, description="radius of the robot that must fit through")
+    cell_m: float = Field(gt=0.02, le=1, description="distance between the places where clearance is measured")
     contacts: int = Field(ge=0, description="robot steps in contact with rock; 0: no stress test")
-    seed: int = Field(ge=0)
+    seed: int = Field(ge=0, description="seed of the stress test and of the robots at rest")
     limits: dict[str, Limit] = Field(description="limit of each figure, by the figure's name; null: no limit")
 
     @field_validator("limits", mode="before")
@@ -97,10 +107,10 @@ class ValidationParams(MadeBy):
         "full", description="certificate: the certificate alone, for large families of worlds that were just built"
     )
     robot_height_m: float = Field(gt=0, description="height at which LiDAR and walls are compared")
-    texture: TextureReportParams
-    replay: ReplayParams
-    certificate: CertificateParams
-    limits: dict[str, Limit]
+    texture: TextureReportParams = Field(description="how points of the rock are sampled for its texture's figures")
+    replay: ReplayParams = Field(description="the real sweeps that are replayed")
+    certificate: CertificateParams = Field(description="the proof of containment")
+    limits: dict[str, Limit] = Field(description="limit of each metric, by the metric's name; null: no limit")
 
     @field_validator("limits", mode="before")
     @classmethod

@@ -1,11 +1,16 @@
-"""Locks between processes. The kernel releases a lock when its process ends, so a lock cannot go stale."""
+"""Locks between processes. The kernel releases a lock when its process ends, so a lock cannot go stale.
+
+Windows has no such locks: commands warn of that, and run without.
+"""
 
 from __future__ import annotations
 
-import fcntl
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from pipeline.errors import ArtifactError
@@ -22,6 +27,9 @@ def hold_lock(path: Path, busy: str | None) -> Iterator[None]:
     ArtifactError
         If another process holds the lock: `busy`, with that process's number.
     """
+    if not _has_locks():
+        yield
+        return
     made = _make_folders(path.parent)
     try:
         descriptor = _open_locked(path, wait=busy is None)
@@ -45,6 +53,9 @@ def hold_lock(path: Path, busy: str | None) -> Iterator[None]:
 @contextmanager
 def wait_for_lock(path: Path) -> Iterator[None]:
     """Hold a lock on an existing file while the block runs; wait for other holders. The block may replace the file."""
+    if not _has_locks():
+        yield
+        return
     descriptor = _open_locked(path, wait=True)
     assert descriptor is not None
     try:
@@ -53,8 +64,19 @@ def wait_for_lock(path: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
+@cache
+def _has_locks() -> bool:
+    """Return whether this system has locks of files; warn once if it has none."""
+    has = find_spec("fcntl") is not None
+    if not has:
+        print("this system has no locks of files: run one command at a time in this folder", file=sys.stderr)
+    return has
+
+
 def _open_locked(path: Path, wait: bool) -> int | None:
     """Open and lock a file; None if another process holds it and `wait` is false."""
+    import fcntl  # here and not above: Windows has no such module
+
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         try:

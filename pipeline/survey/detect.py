@@ -152,7 +152,7 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
         "layers": stated.layers,
         "unit": unit,
         "origin": list(place.origin),
-        "snap_m": stated.snap_m or 0.25,
+        "snap_m": _vector(path, unit, stated).snap_m,
         "elevations_m": stated.elevations_m,
         "piece": stated.piece,
         "seeds_m": [],

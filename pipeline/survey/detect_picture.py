@@ -19,7 +19,7 @@ from pipeline.survey.drawing.georeference import has_placement, read_placement, 
 from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.picture import make_ready, read_page, require_few_regions
 from pipeline.survey.drawing.scale import find_bar, measure_bar
-from pipeline.survey.drawing.workings import LIKELY_M, draw_detected, find_workings
+from pipeline.survey.drawing.workings import LIKELY_M, draw_detected, find_workings, wall_gap_px
 from pipeline.survey.formats import kind_of
 from pipeline.types import Image, Mask
 
@@ -63,7 +63,7 @@ def detect_picture(path: Path, stated: StatedOptions) -> Detection:
         "level": stated.level,
         "line_drawing": found.line_drawing,
         "seeds_px": stated.seeds_px or [],
-        "wall_gap_px": stated.wall_gap_px or 3.0,
+        "wall_gap_px": wall_gap_px(stated),
         "crop_px": crop,
         "turn_deg": 0.0,
         "ignore_colours": section["ignore_colours"],

@@ -1,5 +1,6 @@
 """A user's own mine, registered from artifacts/worlds, in every command of the benchmark."""
 
+import os
 import shutil
 import signal
 import subprocess
@@ -101,6 +102,38 @@ def test_an_evaluation_that_is_ended_leaves_no_process_behind(own, kind):
         assert eventually(lambda: not any(worker.exists() for worker in workers))
         assert "Traceback" not in run.stderr.read()
     assert not (own.folder / "baselines/results/my-mine-v0/random.jsonl").exists()
+
+
+SLEEPS = """
+import time
+
+
+class Sleeps:
+    def __init__(self, count, task, robot):
+        pass
+
+    def reset(self, robots, seeds):
+        time.sleep(600)
+"""
+DRIVES = """
+from baselines.base.errors import run_command
+from baselines.running.parallel import drive
+from baselines.sandbox.confined import Confined
+
+run_command("drive", lambda: drive("sleeps:Sleeps", "MineXplore/my-mine-v0", [0, 1], int, 2, Confined()))
+"""
+
+
+@needs_sandbox
+@pytest.mark.slow
+def test_policies_in_sandboxes_that_are_ended_leave_no_copy_behind(own, tmp_path):
+    (own.folder / "sleeps.py").write_text(SLEEPS)
+    variables = {**os.environ, "TMPDIR": str(tmp_path)}
+    with subprocess.Popen([sys.executable, "-c", DRIVES], cwd=own.folder, env=variables) as run:
+        assert eventually(lambda: len(list(tmp_path.rglob("sleeps.py"))) == 2)
+        run.send_signal(signal.SIGTERM)
+        run.wait(30)
+    assert list(tmp_path.glob("policy-*")) == []
 
 
 def eventually(holds, within_s=120):

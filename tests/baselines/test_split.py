@@ -227,6 +227,13 @@ def test_a_file_of_a_split_is_scored_and_driven_again_mine_by_mine(mines, tmp_pa
         score_split(path)
 
 
+@pytest.mark.parametrize("count", ["0", "-1", "51"])
+def test_a_number_of_mines_that_is_no_part_of_the_split_is_refused_and_zero_is_not_all(monkeypatch, count):
+    monkeypatch.setattr("sys.argv", ["split", "--split", "validation", "--policy", "random", "--mines", count])
+    with pytest.raises(BaselineError, match=rf"mines = {count}: want 1 or more, and 1 to 50"):
+        split.main()
+
+
 def test_bounds_that_cannot_be_read_are_named(mines, tmp_path):
     path = bounds_file(mines[0])
     path.parent.mkdir()

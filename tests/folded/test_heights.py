@@ -13,7 +13,6 @@ from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.schema.floor_mesh import _check_figures
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.world import load_world
-from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.floor.mesh import build_floor
 from pipeline.geometry.floor.network_heights import floor_lines
@@ -26,26 +25,18 @@ from pipeline.survey.stations.table import read_station_legs
 from pipeline.types import METRIC, Heights
 from tests.heights import RAMP, UNDER, MineWithHeights, certificate_params, levels, spiral, table
 from tests.mines import STRAIGHT, TEE, sealed
-from tests.project import ROOT
 
 GRADE_DEG = np.degrees(np.arctan(0.15))
 
 
 @pytest.fixture(scope="module")
-def light():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(["preset=light"])
+def ramp(mine_of_legs):
+    return mine_of_legs(RAMP, "preset=light")
 
 
 @pytest.fixture(scope="module")
-def ramp(light, tmp_path_factory):
-    return MineWithHeights(RAMP, light, tmp_path_factory.mktemp("ramp"))
-
-
-@pytest.fixture(scope="module")
-def under(light, tmp_path_factory):
-    return MineWithHeights(UNDER, light, tmp_path_factory.mktemp("under"))
+def under(mine_of_legs):
+    return mine_of_legs(UNDER, "preset=light")
 
 
 def clauses(mine, light, contacts=100):
@@ -240,13 +231,14 @@ def test_the_certificate_of_a_ramp_of_a_spiral_and_of_three_levels_holds(legs, s
     assert broken(clauses(mine, light, 1000)) == {}
 
 
+@pytest.mark.slow
 def test_cells_whose_middles_lie_on_a_seam_are_in_neither_sheet_nor_in_rock(light, tmp_path):
     """The ramps of these levels, 6 m wide, are cut where x + y is a multiple of the grid's cells."""
     mine = MineWithHeights(levels(), light, tmp_path, half_m=3.0)
     assert broken(clauses(mine, light, 0)) == {}
 
 
-@pytest.mark.parametrize("half_m", [2.4, 2.6])
+@pytest.mark.parametrize("half_m", [2.4, pytest.param(2.6, marks=pytest.mark.slow)])
 def test_walls_that_turn_inwards_just_behind_a_seam_are_those_of_the_plan_too(half_m, light, tmp_path):
     mine = MineWithHeights(levels(), light, tmp_path, half_m=half_m)
     validator = Validator(certificate_params(light, 0), mine.bundle, mine.cleaned, mine.raw, mine.survey)

@@ -70,18 +70,11 @@ def floor_and_parts(outline, heights, shafts):
 
 
 @pytest.fixture(scope="module")
-def light():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(["preset=light"])
-
-
-@pytest.fixture(scope="module")
-def under(light, tmp_path_factory):
+def under(mine_of_legs):
     """Return a drift under another, a shaft that leans from the upper to the lower, a winze and a stope over one."""
     legs = {**UNDER, "S": [UNDER["A"][1], UNDER["B"][1]], "W": [("b2", 30, 30, 1), ("w", 30, 36, -5)]}
     legs["V"] = [("a0", 0, 0, 10), ("v", -3, 8, 20)]
-    return MineWithHeights(legs, light, tmp_path_factory.mktemp("under"))
+    return mine_of_legs(legs, "preset=light")
 
 
 def test_a_section_is_linear_between_bends_and_plumb_beyond_them():

@@ -32,7 +32,6 @@ from pipeline.survey.stations.table import read_station_legs
 from stages.contours import _find_openings
 from tests.heights import HEADER, RAMP, MineWithHeights, certificate_params, levels, table
 from tests.mines import sealed
-from tests.project import ROOT
 
 _SLICES_M = (0.05, 0.5, 1.0, 3.45)
 
@@ -46,23 +45,13 @@ def with_shafts() -> dict:
 
 
 @pytest.fixture(scope="module")
-def light():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(["preset=light"])
+def fenced(mine_of_legs):
+    return mine_of_legs(with_shafts(), "preset=light")
 
 
 @pytest.fixture(scope="module")
-def fenced(light, tmp_path_factory):
-    return MineWithHeights(with_shafts(), light, tmp_path_factory.mktemp("fenced"))
-
-
-@pytest.fixture(scope="module")
-def opened(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        config = compose(["preset=light", "realism.fence_openings=false"])
-    return MineWithHeights(with_shafts(), config, tmp_path_factory.mktemp("opened"))
+def opened(mine_of_legs):
+    return mine_of_legs(with_shafts(), "preset=light", "realism.fence_openings=false")
 
 
 def validator_of(mine, config, contacts=0):
@@ -86,6 +75,7 @@ def test_shafts_are_built_unless_the_parameters_say_otherwise(tmp_path):
     assert not _find_openings(compose(["contours.openings=false"]).contours, survey, workings).shafts
 
 
+@pytest.mark.slow
 def test_a_surveyed_roof_stays_as_high_in_a_floor_with_openings(light, tmp_path):
     mine = MineWithHeights(with_shafts(), light, tmp_path, {"m00": 5.0, "m01": 5.0, "m10": 3.0})
     assert len(mine.openings) == 3
@@ -161,7 +151,7 @@ def test_a_shaft_in_too_narrow_a_drift_is_left_out_with_its_place_but_not_at_its
 
 
 def test_the_certificate_of_fenced_openings_holds_and_no_robot_enters_one(fenced, light):
-    validator = validator_of(fenced, light, 1000)
+    validator = validator_of(fenced, light, 500)
     assert broken(validator.certificate) == {}
     assert validator.containment["escapes"] == 0
     assert len(fenced.openings) == 3
@@ -286,7 +276,7 @@ def test_no_plane_or_box_closes_an_open_shaft(opened, fenced):
 
 
 def test_the_certificate_of_open_shafts_holds_and_only_their_fences_differ(opened, fenced, light):
-    validator = validator_of(opened, light, 1000)
+    validator = validator_of(opened, light, 500)
     assert broken(validator.certificate) == {}
     assert validator.containment["escapes"] == 0
     assert validator.containment["deepest_m"] < 0.05

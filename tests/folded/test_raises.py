@@ -42,20 +42,13 @@ def with_raises():
 
 
 @pytest.fixture(scope="module")
-def light():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(["preset=light"])
+def raised(mine_of_legs):
+    return mine_of_legs(with_raises(), "preset=light")
 
 
 @pytest.fixture(scope="module")
-def raised(light, tmp_path_factory):
-    return MineWithHeights(with_raises(), light, tmp_path_factory.mktemp("raised"))
-
-
-@pytest.fixture(scope="module")
-def bare(light, tmp_path_factory):
-    return MineWithHeights(levels(), light, tmp_path_factory.mktemp("bare"))
+def bare(mine_of_legs):
+    return mine_of_legs(levels(), "preset=light")
 
 
 def shafts_of(legs, tmp_path, **values):

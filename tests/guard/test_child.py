@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import DoubtError, GeometryError, InputError, UnexpectedError
+from pipeline.guard import answers
 from pipeline.guard import process_limits as child_limits
 from pipeline.guard import reading_process as child
 from pipeline.guard.reading_process import Payload, run_limited
@@ -123,7 +124,7 @@ def test_a_reader_that_needs_too_much_memory_is_refused_with_the_limit(size):
 
 def test_an_answer_beyond_the_limit_on_output_is_refused(monkeypatch):
     set_limits(monkeypatch, output_bytes=1_000_000)
-    monkeypatch.setattr(child, "_HEADER_BYTES", 1000)
+    monkeypatch.setattr(child, "HEADER_BYTES", 1000)
     assert run_limited("return_zeros", {"size": 900_000}, "a.png").arrays["zeros"].size == 900_000
     with pytest.raises(InputError, match=r"a\.png: reading it gives more than 1,000,000 bytes"):
         run_limited("return_zeros", {"size": 9_000_000}, "a.png")
@@ -187,7 +188,7 @@ def test_a_broken_answer_is_refused_before_anything_is_made_of_it(answer):
         head = json.dumps(answer).encode()
         answer = len(head).to_bytes(8, "little") + head + b"\0\0"
     with pytest.raises(InputError, match="its reader gave a broken answer"):
-        child._decode("a.png", bytearray(answer))
+        answers.decode("a.png", bytearray(answer))
 
 
 def test_a_new_interpreter_reads_while_other_threads_run(tmp_path):

@@ -93,6 +93,30 @@ def test_an_unsupported_file_is_refused(tmp_path, name, message):
         detect_survey(tmp_path / name)
 
 
+@pytest.mark.parametrize("given", [None, 0.0, 0.5])
+def test_a_stated_gap_of_zero_is_zero_and_not_the_default(tmp_path, given):
+    path, _ = plan_with_bar(tmp_path)
+    kept = detect_survey(path, StatedOptions(wall_gap_px=given)).values["wall_gap_px"]
+    assert kept == (3.0 if given is None else given)
+    drawing = ezdxf.new(units=6)
+    drawing.modelspace().add_lwpolyline(list(TEE.exterior.coords), close=True)
+    drawing.saveas(tmp_path / "tee.dxf")
+    kept = detect_survey(tmp_path / "tee.dxf", StatedOptions(snap_m=given)).values["snap_m"]
+    assert kept == (0.25 if given is None else given)
+
+
+def test_walls_with_a_gap_of_a_pixel_enclose_nothing_if_no_gap_is_closed(tmp_path):
+    picture = np.full((200, 200, 3), 255, np.uint8)
+    cv2.rectangle(picture, (40, 40), (160, 160), (0, 0, 0), 2)
+    picture[30:50, 100] = 255
+    cv2.imwrite(str(tmp_path / "walls.png"), picture)
+    read = [
+        detect_survey(tmp_path / "walls.png", StatedOptions(px_per_m=8.0, wall_gap_px=gap)).values["line_drawing"]
+        for gap in (3.0, 0.0)
+    ]
+    assert read == [True, False]
+
+
 @pytest.mark.parametrize(("unit", "found"), [(2, None), (4, "m")])
 def test_a_unit_that_a_drawing_states_is_kept_for_a_wide_room_and_not_where_it_makes_no_drift(tmp_path, unit, found):
     drawing = ezdxf.new()

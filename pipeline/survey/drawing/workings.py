@@ -14,6 +14,7 @@ from pipeline.geometry.drawing.fills import find_ink
 from pipeline.geometry.drawing.find import read_drawing
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
 from pipeline.params.stated import StatedOptions
+from pipeline.params.survey import PlanSurveyParams
 from pipeline.types import Image, Mask
 
 WIDTHS_M = (1.5, 12.0)  # range of drift widths in practice
@@ -59,7 +60,7 @@ def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, state
     InputError
         If a seed is outside the walls, or they enclose nothing.
     """
-    seeds, gap_px = stated.seeds_px or [], stated.wall_gap_px or 3.0
+    seeds, gap_px = stated.seeds_px or [], wall_gap_px(stated)
     if seeds:
         try:
             mask = fill_line_drawing(dark, seeds, gap_px)
@@ -77,6 +78,12 @@ def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, state
     if (drawing.mask & whole.mask).sum() >= _SAME * (drawing.mask | whole.mask).sum():
         return whole
     return FoundWorkings(drawing.mask, drawing.width_px, workings_only=True)
+
+
+def wall_gap_px(stated: StatedOptions) -> float:
+    """Return the widest gap in drawn walls that is closed, px: the stated one, which may be 0, else the schema's."""
+    given = stated.wall_gap_px
+    return float(PlanSurveyParams.model_fields["wall_gap_px"].default) if given is None else given
 
 
 def draw_detected(picture: Image, mask: Mask | None, bar_box: list[int] | None) -> Image:

@@ -95,6 +95,7 @@ def test_hatching_that_a_light_word_parts_is_not_left_out_silently():
         read_drawing(picture, None)
 
 
+@pytest.mark.slow
 def test_two_walls_and_a_survey_line_are_no_hatching():
     picture, _ = shown(4053)
     with pytest.raises(GeometryError) as raised:

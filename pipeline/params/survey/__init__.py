@@ -1,0 +1,55 @@
+"""Stage 1: the source of the survey and of its scale."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from pipeline.params.survey.base import PosesParams
+from pipeline.params.survey.generated import ProceduralSurveyParams, VariantSurveyParams
+from pipeline.params.survey.pictures import GridSurveyParams, PlanSurveyParams, StationSurveyParams
+from pipeline.params.survey.values import (
+    GRADES_NEED,
+    BoxPx,
+    Elevation,
+    Grade,
+    Grey,
+    PieceOption,
+    StartM,
+    Unit,
+)
+from pipeline.params.survey.vectors import CentrelineSurveyParams, PassageSurveyParams, VectorSurveyParams
+
+SurveyParams = Annotated[
+    StationSurveyParams
+    | PlanSurveyParams
+    | VectorSurveyParams
+    | PassageSurveyParams
+    | CentrelineSurveyParams
+    | GridSurveyParams
+    | ProceduralSurveyParams
+    | VariantSurveyParams,
+    Field(discriminator="kind"),
+]
+
+__all__ = [
+    "GRADES_NEED",
+    "BoxPx",
+    "CentrelineSurveyParams",
+    "Elevation",
+    "Grade",
+    "Grey",
+    "GridSurveyParams",
+    "PassageSurveyParams",
+    "PieceOption",
+    "PlanSurveyParams",
+    "PosesParams",
+    "ProceduralSurveyParams",
+    "StartM",
+    "StationSurveyParams",
+    "SurveyParams",
+    "Unit",
+    "VariantSurveyParams",
+    "VectorSurveyParams",
+]

@@ -1,0 +1,90 @@
+"""Surveys in metres: vector files, stations with passages, and centrelines."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from pipeline.params.base import DataFile
+from pipeline.params.survey.base import DrawnSurveyParams
+from pipeline.params.survey.values import Elevation, PieceOption, PlaceM, PointM, Unit
+
+
+class VectorSurveyParams(DrawnSurveyParams):
+    """A vector file with workings as polygons or walls as lines: DXF, GeoJSON, GeoPackage, Shapefile."""
+
+    kind: Literal["vector"] = Field(description="what the survey is read as")
+    file: DataFile = Field(description="the survey's file, below data/")
+    layers: list[str] | None = Field(default=None, description="layers that are read; null: all")
+    unit: Unit | None = Field(
+        default=None, description="unit of the file's coordinates; null: the unit that the file states"
+    )
+    origin: PointM | None = Field(
+        default=None, description="the mine frame's origin in the file's coordinates; null: chosen if needed"
+    )
+    snap_m: float = Field(default=0.25, ge=0, le=10, description="open ends of walls nearer than this are joined")
+    elevations_m: dict[str, Elevation] | None = Field(
+        default=None,
+        description="elevation of the floor of each layer that is a level, m; null: as the file states them",
+    )
+    piece: PlaceM | None = Field(
+        default=None,
+        description="a place (m, mine frame) in the piece of levels and ramps that is built; null: the largest piece",
+    )
+    seeds_m: list[PointM] = Field(
+        default_factory=list, description="places inside the workings; none: the workings are what the walls enclose"
+    )
+
+
+class PassageSurveyParams(DrawnSurveyParams):
+    """Stations with the distances to their walls: the project's CSV, Survex .svx, Compass .plt from Therion."""
+
+    kind: Literal["passages"] = Field(description="what the survey is read as")
+    file: DataFile = Field(description="the survey's file, below data/")
+    origin: PointM | None = Field(
+        default=None, description="the mine frame's origin in the file's coordinates; null: chosen if needed"
+    )
+    half_width_m: float | None = Field(
+        default=None,
+        gt=0,
+        le=20,
+        description="distance to a wall that nobody measured; null: half the median width of the survey's own stations",
+    )
+    apart_m: float | None = Field(
+        default=None,
+        gt=0,
+        le=50,
+        description="passages less than this over or under others that they do not meet are left out; null: none are",
+    )
+    piece: PieceOption | None = Field(
+        default=None,
+        description="a station of the drivable piece that is built, by its name or by its place in the coordinates of "
+        "the survey, m; null: the longest piece",
+    )
+
+
+class CentrelineSurveyParams(DrawnSurveyParams):
+    """Centrelines of drifts of one width in a vector file, in plan or in three dimensions."""
+
+    kind: Literal["centrelines"] = Field(description="what the survey is read as")
+    file: DataFile = Field(description="the survey's file, below data/")
+    layers: list[str] | None = Field(default=None, description="layers that are read; null: all")
+    unit: Unit | None = Field(
+        default=None, description="unit of the file's coordinates; null: the unit that the file states"
+    )
+    origin: PointM | None = Field(
+        default=None, description="the mine frame's origin in the file's coordinates; null: chosen if needed"
+    )
+    half_width_m: float = Field(gt=0, le=20, description="half the width of every drift")
+    snap_m: float = Field(default=0.25, ge=0, le=10, description="an end nearer than this to another line joins it")
+    apart_m: float | None = Field(
+        default=None,
+        gt=0,
+        le=50,
+        description="passages less than this over or under others that they do not meet are left out; null: none are",
+    )
+    piece: PieceOption | None = Field(
+        default=None,
+        description="a station or a place (m, mine frame) of the drivable piece that is built; null: the longest piece",
+    )
