@@ -271,14 +271,25 @@ class Floor:
         between = [(high[list(a), 1].max() + low[list(b), 1].min()) / 2 for a, b in itertools.pairwise(self.rows)]
         return np.array(between), [(high[row[:-1], 0] + low[row[1:], 0]) / 2 for row in map(np.array, self.rows)]
 
-    def wall_edges(self) -> list[tuple[int, tuple[int, int]]]:
-        """Return the face and the corners of each edge on the boundary; edges that two sheets share are none."""
+    @functools.cached_property
+    def edges(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the corners (3 m, 2) of each face's edges, and the edge (3 m,) of the face beyond it, -1 at a wall.
+
+        Edge k is of face k % m. Edges that two sheets share lie beyond each other.
+        """
         edges = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]]).astype(np.int64)
-        face = np.tile(np.arange(len(self.faces)), 3)
         number, count = self._joined[edges], len(self.vertices)
         own, turned = (number[:, k] * count + number[:, 1 - k] for k in (0, 1))
-        alone = np.flatnonzero(~np.isin(own, turned))
-        return [(int(face[k]), (int(edges[k, 0]), int(edges[k, 1]))) for k in alone]
+        order = np.argsort(own, kind="stable")
+        other = order[np.searchsorted(own[order], turned, side="right") - 1]
+        return edges, np.where(own[other] == turned, other, -1)
+
+    def wall_edges(self) -> list[tuple[int, tuple[int, int]]]:
+        """Return the face and the corners of each edge on the boundary; edges that two sheets share are none."""
+        edges, beyond = self.edges
+        return [
+            (k % len(self.faces), (int(edges[k, 0]), int(edges[k, 1]))) for k in np.flatnonzero(beyond < 0).tolist()
+        ]
 
     @functools.cached_property
     def _joined(self) -> np.ndarray:
@@ -297,12 +308,9 @@ class Floor:
 
     def seam_edges(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the two sheets (k, 2) of each edge that two share, and its corners in both plans (k, 2, 2, 2) m."""
-        edges = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]]).astype(np.int64)
-        sheet, number, count = np.tile(self.sheet, 3), self._joined[edges], len(self.vertices)
-        own = {int(a * count + b): k for k, (a, b) in enumerate(number.tolist())}
-        pairs = [(k, own.get(int(b * count + a))) for k, (a, b) in enumerate(number.tolist())]
-        shared = [(k, other) for k, other in pairs if other is not None and sheet[other] > sheet[k]]
-        one, two = np.array(shared, dtype=int).reshape(-1, 2).T
+        (edges, beyond), sheet = self.edges, np.tile(self.sheet, 3)
+        one = np.flatnonzero((beyond >= 0) & (sheet[beyond] > sheet))
+        two = beyond[one]
         corners = np.stack([self.vertices[edges[one], :2], self.vertices[edges[two][:, ::-1], :2]], axis=1)
         return np.column_stack([sheet[one], sheet[two]]), corners
 

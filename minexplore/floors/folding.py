@@ -169,14 +169,10 @@ def _walls(floor: Floor) -> tuple[np.ndarray, np.ndarray]:
     for number, (a, b) in enumerate(corners.tolist()):
         at_corner[a].append(number)
         at_corner[b].append(number)
-    edges = np.concatenate([floor.faces[:, [0, 1]], floor.faces[:, [1, 2]], floor.faces[:, [2, 0]]]).astype(np.int64)
-    of, joined, count = np.tile(floor.sheet, 3), floor._joined[edges], len(floor.vertices)
-    owner = {int(a * count + b): k for k, (a, b) in enumerate(joined.tolist())}
+    (edges, beyond), of = floor.edges, np.tile(floor.sheet, 3)
     own, behind = [walls], [walls[:0]]
-    for k, (a, b) in enumerate(joined.tolist()):
-        other = owner.get(int(b * count + a))
-        if other is None or of[other] == of[k]:
-            continue
+    for k in np.flatnonzero((beyond >= 0) & (of[beyond] != of)).tolist():
+        other = beyond[k]
         aside = np.zeros(vertices.shape[1])
         aside[:2] = floor.offset_m[of[k]] - floor.offset_m[of[other]]
         own.append(vertices[edges[k]][None])

@@ -112,7 +112,7 @@ def check_wedges(
     shapes = {
         name
         for tag, name in of_assets
-        if tag == "mesh" and (is_floor(name) or is_roof(name)) and not _is_file(of_assets[tag, name])
+        if tag == "mesh" and (is_floor(name) or is_roof(name)) and "file" not in of_assets[tag, name].attributes
     }
     for name in sorted(shapes ^ {*floors, *roofs}):
         raise BundleError(f"{MODEL}: mesh {name!r}: want one geom of each wedge")
@@ -126,10 +126,6 @@ def check_wedges(
             )
     _expect_slabs(floors, of_mine, of_assets, floor, (-SLAB_M, 0.0))
     _expect_slabs(roofs, of_mine, of_assets, floor.raised(record["height_m"]), (0.0, SLAB_M), "the roof")
-
-
-def _is_file(mesh: Node) -> bool:
-    return "file" in mesh.attributes
 
 
 def _expect_numbers(field: str, names: list[str], found: list[int], record: Mapping[str, Any]) -> None:

@@ -132,12 +132,10 @@ def _check_faces(names: list[str], meshes: list[TriangleMesh]) -> None:
 def _check_textures(names: list[str], meshes: list[TriangleMesh]) -> None:
     every = np.concatenate([mesh.texcoords.ravel() for mesh in meshes])
     if len(every) and not (every.min() >= -_MOST_REPEATS and every.max() <= _MOST_REPEATS):
-        wrong = (name for name, mesh in zip(names, meshes, strict=True) if not _repeats_allowed(mesh.texcoords))
-        raise BundleError(f"{next(wrong)}: a texture coordinate that is no number, or beyond {_MOST_REPEATS:g}")
-
-
-def _repeats_allowed(texcoords: np.ndarray) -> bool:
-    return bool((np.abs(texcoords) <= _MOST_REPEATS).all())
+        within = [bool((np.abs(mesh.texcoords) <= _MOST_REPEATS).all()) for mesh in meshes]
+        raise BundleError(
+            f"{names[within.index(False)]}: a texture coordinate that is no number, or beyond {_MOST_REPEATS:g}"
+        )
 
 
 def _check_normals(names: list[str], meshes: list[TriangleMesh]) -> None:

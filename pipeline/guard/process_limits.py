@@ -18,7 +18,6 @@ TASKS = {
     "detect": "pipeline.survey.detect:detect_here",
     "survey": "pipeline.survey.load:read_here",
     "sources": "pipeline.survey.load:sources_here",
-    "solved": "pipeline.survey.solved_surveys:read_here",
     "cloud": "pipeline.scans.cloud:read_here",
 }
 

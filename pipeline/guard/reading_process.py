@@ -75,7 +75,10 @@ def run_limited(
     seconds = limits.time_s + extra_s
     begin = _spawn if fresh or _other_threads() else _fork
     with ExitStack() as stack:
-        folder = stack.enter_context(_scratch_folder()) if scratch else ""
+        folder = ""
+        if scratch:
+            kept = tempfile.TemporaryDirectory(prefix="minexplore-", ignore_cleanup_errors=True)
+            folder = stack.enter_context(kept)
         pid, answer = begin(task, arguments, seconds, folder)
         try:
             data = _receive(answer, subject, limits, start, seconds)
@@ -102,10 +105,6 @@ def _other_threads() -> bool:
     """Return whether other Python threads run, except tqdm's: it holds only locks that no reader takes."""
     current = threading.current_thread()
     return any(thread is not current and thread.name != "tqdm_monitor" for thread in threading.enumerate())
-
-
-def _scratch_folder() -> tempfile.TemporaryDirectory[str]:
-    return tempfile.TemporaryDirectory(prefix="minexplore-", ignore_cleanup_errors=True)
 
 
 def _fork(task: str, arguments: dict[str, Any], seconds: float, scratch: str) -> tuple[int, int]:

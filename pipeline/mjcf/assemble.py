@@ -251,13 +251,10 @@ def _heights(scene: MineScene) -> HeightFigures:
 
 def _preview(files: Bundle, width_px: int) -> Image:
     """Return two views, one below the other: the mine from above, and the view from the entrance."""
-    model = mujoco.MjModel.from_xml_string(files[MODEL].decode(), _assets(files))
+    assets = {name: data for name, data in files.items() if name != MODEL}
+    model = mujoco.MjModel.from_xml_string(files[MODEL].decode(), assets)
     solid, visible = (GeomGroup.FLOOR, GeomGroup.COLLISION), (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE)
     overview = render_camera(model, OVERVIEW_CAMERA, width_px, width_px * 9 // 16, solid, spots=False)
     rows = np.flatnonzero((overview != overview[0, 0]).any(axis=(1, 2)))
     entrance = render_camera(model, ENTRANCE_CAMERA, width_px, width_px * 7 // 16, visible)
     return cv2.vconcat([overview[rows[0] : rows[-1] + 1], entrance])
-
-
-def _assets(files: Bundle) -> Bundle:
-    return {name: data for name, data in files.items() if name != MODEL}

@@ -188,7 +188,8 @@ def measure_texture(
         wall_points = _sample(near_walls, params.wall_points, params, rng)
         roof_points = _sample(near_roof, params.roof_points, params, rng)
         if not draws:
-            along_m = _wavelength_along_walls(between(wall_points[0], params.wall_z_m), free)
+            wall = between(wall_points[0], params.wall_z_m)
+            along_m = wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free)
         draws.append(_measure_draw(wall_points, roof_points, (published_m, along_m), params, rng))
     return MeasuredTexture(draws, everywhere)
 
@@ -197,10 +198,6 @@ def _sample(
     triangles: np.ndarray, most: int, params: TextureReportParams, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     return sample_triangles(triangles, _count(triangles, most, params.points_per_m2), rng)
-
-
-def _wavelength_along_walls(wall: np.ndarray, free: Polygon) -> float | None:
-    return wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free)
 
 
 def _measure_draw(

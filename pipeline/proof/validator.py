@@ -211,18 +211,6 @@ def _iou(validator: Validator) -> dict[str, float]:
     }
 
 
-def _against_plan(validator: Validator) -> dict[str, float]:
-    return vars(differing_areas(validator.world_free, validator.cleaned, validator.survey.frame.px_per_m))
-
-
-def _wall_error(validator: Validator) -> dict[str, float]:
-    return vars(validator.wall_error)
-
-
-def _per_m2(validator: Validator) -> dict[str, float]:
-    return vars(measure_size(validator.free_space.polygon, validator.world.record.height_m, validator.world.bytes))
-
-
 def _navigability(validator: Validator) -> dict[str, Any]:
     return {k: v for k, v in dataclasses.asdict(validator.columns).items() if not isinstance(v, np.ndarray)}
 
@@ -251,22 +239,6 @@ def _collision(validator: Validator) -> dict[str, float]:
     return {"parts": parts, "parts_per_wall_m": parts_per_wall_m(parts, validator.free_space.polygon)}
 
 
-def _certificate(validator: Validator) -> dict[str, Any]:
-    return {"holds": validator.certificate.holds, **validator.containment}
-
-
-def _texture(validator: Validator) -> dict[str, Any]:
-    return texture_metrics(validator.texture)
-
-
-def _relief(validator: Validator) -> dict[str, Any]:
-    return dataclasses.asdict(validator.relief)
-
-
-def _walls(validator: Validator) -> dict[str, Any]:
-    return walls_metrics(validator.walls)
-
-
 def _scale(validator: Validator) -> dict[str, float]:
     return {k: v for k, v in vars(validator.survey.scale).items() if isinstance(v, float)}
 
@@ -286,17 +258,17 @@ def _world(validator: Validator) -> dict[str, Any]:
 
 MEASURES: dict[str, Callable[[Validator], dict[str, Any]]] = {  # group of metrics.json -> its metrics
     "iou": _iou,
-    "against_plan": _against_plan,
-    "wall_error": _wall_error,
+    "against_plan": lambda v: vars(differing_areas(v.world_free, v.cleaned, v.survey.frame.px_per_m)),
+    "wall_error": lambda v: vars(v.wall_error),
     "navigability": _navigability,
     "topology": _topology,
     "areas": _areas,
     "collision": _collision,
-    "per_m2": _per_m2,
-    "certificate": _certificate,
-    "texture": _texture,
-    "relief": _relief,
-    "walls": _walls,
+    "per_m2": lambda v: vars(measure_size(v.free_space.polygon, v.world.record.height_m, v.world.bytes)),
+    "certificate": lambda v: {"holds": v.certificate.holds, **v.containment},
+    "texture": lambda v: texture_metrics(v.texture),
+    "relief": lambda v: dataclasses.asdict(v.relief),
+    "walls": lambda v: walls_metrics(v.walls),
     "scale": _scale,
     "world": _world,
 }

@@ -85,7 +85,8 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
     plan = draw_mine(free_space.polygon, network, record)
     svg = to_svg(plan)
     survey = _read(root, "survey/survey.json", Survey)
-    metrics, manifests = _metrics(root), [read_manifest(root / stage / "manifest.json") for stage in _STAGES]
+    metrics = read_metrics(root / "validation")
+    manifests = [read_manifest(root / stage / "manifest.json") for stage in _STAGES]
     groups = _figures(metrics, manifests[-1])
     limited = [figure.holds for group in groups.values() for figure in group if figure.holds is not None]
     template = jinja2.Environment(
@@ -129,10 +130,6 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
 
 def _read(root: Path, file: str, kind: Any) -> Any:
     return decode(root / file, kind)
-
-
-def _metrics(root: Path) -> dict[str, Any]:
-    return read_metrics(root / "validation")
 
 
 def _figures(metrics: dict[str, Any], validation: Manifest) -> dict[str, list[_Figure]]:

@@ -58,7 +58,7 @@ def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
 def _whole_file(path: Path, suffix: str, points_per_unit2: float) -> Iterator[np.ndarray]:
     if suffix == ".pcd":
         return iter([_pcd_points(path)])
-    if suffix == ".ply" and not _has_faces(path):
+    if suffix == ".ply" and not read_ply_header(path).get("face"):
         return iter([_ply_points(path)])
     return _mesh_blocks(path, points_per_unit2)
 
@@ -189,10 +189,6 @@ def _require_rows(path: Path, points: int) -> None:
 def _ply_points(path: Path) -> np.ndarray:
     vertices, _ = _load(path, "PLY")  # Open3D fills a truncated PLY with zeros
     return _require_finite(path, vertices)
-
-
-def _has_faces(path: Path) -> bool:
-    return read_ply_header(path).get("face", 0) != 0
 
 
 def read_ply_header(path: Path) -> dict[str, int]:

@@ -65,7 +65,9 @@ def encode(path: Path, value: Any) -> bytes:
         case ".json":
             return (json.dumps(_plain(value), indent=2, allow_nan=False) + "\n").encode()
         case ".geojson":
-            return _encode_workings(value) if isinstance(value, Workings) else _encode_geojson(value)
+            if isinstance(value, Workings):
+                return _collection(value.polygons, {})
+            return _collection(value.polygon, {k: _plain(v) for k, v in vars(value).items() if k != "polygon"})
         case ".npz":
             return _encode_npz(value)
         case ".msh":
@@ -123,14 +125,6 @@ def _encode_png(path: Path, picture: np.ndarray) -> bytes:
     if not done:
         raise ArtifactError(f"{path}: OpenCV could not encode the picture {picture.shape} {picture.dtype}")
     return data.tobytes()
-
-
-def _encode_geojson(free: FreeSpace) -> bytes:
-    return _collection(free.polygon, {k: _plain(v) for k, v in vars(free).items() if k != "polygon"})
-
-
-def _encode_workings(workings: Workings) -> bytes:
-    return _collection(workings.polygons, {})
 
 
 def _collection(geometry: BaseGeometry, properties: dict[str, Any]) -> bytes:

@@ -13,7 +13,7 @@ from pipeline.surface.mesh.lattice import ROOF, WALL
 from pipeline.surface.mesh.rough import RoughSurface
 from pipeline.surface.reference import Sources
 from pipeline.surface.relief.joints import Gains, JointedRock
-from pipeline.surface.relief.spectrum import Bands, band_edges
+from pipeline.surface.relief.spectrum import band_edges
 from pipeline.surface.relief_source import Relief
 
 _STRETCHES, _STRETCH_M, _POINTS = 6, 8.0, 250_000
@@ -53,7 +53,8 @@ def report_roughness(params: SurfaceParams, sources: Sources, relief: Relief, ro
         bands = dict(zip(("wall", "roof"), relief, strict=True))
         wavelength = relief[0].wavelength_m.round(5).tolist()
         sd = {name: spectrum.sd_m.round(5).tolist() for name, spectrum in bands.items()}
-        shortest = {name: _shortest(spectrum) for name, spectrum in bands.items()}
+        finest = {name: float(s.wavelength_m[s.sd_m > 0].min()) for name, s in bands.items()}
+        shortest = {name: round(band_edges(wave)[0], 4) for name, wave in finest.items()}
     return RoughnessReport(
         reference=params.reference,
         sources=sources,
@@ -66,10 +67,6 @@ def report_roughness(params: SurfaceParams, sources: Sources, relief: Relief, ro
         built=measure_built(rough, params.rough),
         amplitude=_amplitude(rough),
     )
-
-
-def _shortest(bands: Bands) -> float:
-    return round(band_edges(float(bands.wavelength_m[bands.sd_m > 0].min()))[0], 4)
 
 
 def measure_built(rough: RoughSurface, params: RoughParams) -> dict[str, SurfaceRoughness]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -63,8 +61,3 @@ def measure_cloud(params: CloudParams) -> dict[str, SurfaceRoughness]:
     except InputError as error:
         print(f"surface: {error}; the roof copies the walls")
     return measured
-
-
-def roughness_json(measured: SurfaceRoughness) -> dict[str, Any]:
-    """Return the figures as plain JSON values."""
-    return json.loads(TypeAdapter(SurfaceRoughness).dump_json(measured))

@@ -8,11 +8,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.guard.reading_process import Payload, one_line, run_limited
+from pipeline.guard.reading_process import one_line
 from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.solved.cavern import require_cavern, solve
 from pipeline.survey.solved.compass_sections import with_sections
-from pipeline.survey.solved.model import SolvedSurvey, from_payload, to_payload
+from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.node_links import is_node_list, links_of, read_node_links
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.project_files import project_files
@@ -24,8 +24,8 @@ from pipeline.survey.therion.lines import therion_lines
 _SUFFIXES = (".3d", ".svx", ".th", ".dat", ".mak")
 
 
-def read_solved(path: Path) -> SolvedSurvey:
-    """Read or solve a survey, in a process with the limits of `conf/reader_limits.yaml`.
+def solve_file(path: Path) -> SolvedSurvey:
+    """Read or solve a survey in this process, which the caller limits.
 
     Parameters
     ----------
@@ -42,26 +42,8 @@ def read_solved(path: Path) -> SolvedSurvey:
     Raises
     ------
     InputError
-        If the file is missing, cannot be read or solved, or Survex is needed and not installed. The message names the
-        file, the line and the value.
-    """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    return from_payload(run_limited("solved", {"path": str(path)}, str(path), scratch=True))
-
-
-def read_here(path: str) -> Payload:
-    """Read or solve a survey in this process; `read_solved` has limits."""
-    return to_payload(solve_file(Path(path)))
-
-
-def solve_file(path: Path) -> SolvedSurvey:
-    """Read or solve a survey in this process.
-
-    Raises
-    ------
-    InputError
-        If the survey cannot be read, or a station's name holds control characters.
+        If the file cannot be read or solved, a station's name holds control characters, or Survex is needed and not
+        installed. The message names the file, the line and the value.
     """
     survey = _solved(path)
     odd = next((name for name in survey.names if not name.isprintable()), None)
@@ -86,11 +68,9 @@ def _solved(path: Path) -> SolvedSurvey:
         return solve(path, "\n".join(made.lines) + "\n", made.origin)
     files = project_files(path)
     survey = solve(path)
-    return survey if suffix == ".svx" else with_sections(survey, [file for file in files if _is_data(file)])
-
-
-def _is_data(path: Path) -> bool:
-    return path.suffix.lower() == ".dat"
+    return (
+        survey if suffix == ".svx" else with_sections(survey, [file for file in files if file.suffix.lower() == ".dat"])
+    )
 
 
 def survey_files(path: Path) -> list[Path]:

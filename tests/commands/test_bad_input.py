@@ -372,7 +372,7 @@ def test_commands_without_a_package_end_in_one_line(tmp_path, package, command):
     assert done.stderr.count("\n") == 1
 
 
-def test_the_second_of_two_runs_of_a_stage_is_told_and_changes_nothing(project):
+def test_the_second_of_two_runs_of_a_stage_is_refused_and_changes_nothing(project):
     project.stages("survey")
     before = project.hashes()
     with hold_lock(project.folder / "artifacts/.survey.lock", "busy"):

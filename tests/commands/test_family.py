@@ -323,7 +323,7 @@ def test_an_interrupt_ends_the_processes_that_build_worlds(monkeypatch, tmp_path
     assert multiprocessing.active_children() == []
 
 
-def test_a_killed_process_and_a_second_command_are_told_in_one_line(monkeypatch, tmp_path):
+def test_a_killed_process_and_a_second_command_are_reported_in_one_line(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("pipeline.build.family.make_member", _end)
     members = without_rock(generated("train", 2, []), 0)
@@ -392,7 +392,7 @@ def test_two_commands_of_two_splits_that_end_at_once_both_enter_the_manifest(mon
 
 
 @pytest.mark.parametrize("text", ["[]", "{", "[" * 100_000])
-def test_a_broken_manifest_is_told_before_worlds_are_built(monkeypatch, tmp_path, text):
+def test_a_broken_manifest_is_refused_before_worlds_are_built(monkeypatch, tmp_path, text):
     monkeypatch.setattr(family, "FAMILIES", tmp_path)
     (tmp_path / "manifest.json").write_text(text)
     with pytest.raises(ArtifactError, match=r"manifest\.json: .*; remove it$"):

@@ -58,7 +58,7 @@ def test_a_generated_mine_with_heights_comes_out_whole_without_an_option(name, p
     assert (figures.loops_surveyed, figures.loops_built, figures.shafts) == (loops, loops, shafts)
 
 
-def test_wheal_pell_becomes_a_world_and_what_is_left_out_is_told(project):
+def test_wheal_pell_becomes_a_world_and_what_is_left_out_is_listed(project):
     told, figures = built(project, "pell", "data/wheal_pell/pell.3d")
     for text in (
         "in 2 pieces that share no station, the longest 1219 m about pell.2024-04-14.30, 678 m about",

@@ -140,7 +140,7 @@ def test_legs_that_leave_a_drift_side_by_side_are_one_stope(tmp_path):
     assert stope.top_m == 14.0  # as high as the highest of them
 
 
-def test_a_stope_that_does_not_fit_into_a_bend_is_built_as_a_square_and_that_is_said(tmp_path):
+def test_a_stope_that_does_not_fit_into_a_bend_is_built_as_a_square_with_a_warning(tmp_path):
     legs = {"A": [("a", 0, 0, 100), ("b", 20, 0, 100), ("c", 38, 6, 100), ("d", 55, 12, 102)]}
     legs["S"] = [("b", 20, 0, 100), ("s", 20, 8, 112)]
     rows = re.sub(r"(?m)^(A,.*),2\.2,2\.2,", r"\1,0.95,0.95,", table(legs))

@@ -199,7 +199,7 @@ def test_a_passage_over_another_is_kept_if_the_surveyed_roof_leaves_rock_between
     assert ("are left out" in capsys.readouterr().err) != kept
 
 
-def test_roofs_beyond_the_limits_are_built_at_the_limit_and_said(tmp_path, capsys):
+def test_roofs_beyond_the_limits_are_clamped_to_them_with_a_warning(tmp_path, capsys):
     path = tmp_path / "mine.csv"
     path.write_text(table(RAMP, roofs={"a": 1.2, "b": 0.9, "c": 47.0}))
     _, heights = lay_out_sheets(path, read_station_legs(path))

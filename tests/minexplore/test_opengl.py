@@ -100,7 +100,7 @@ def test_a_library_that_the_user_set_is_kept(tee: BuiltMine):
     assert done.stdout.split("\n")[1] == "osmesa"
 
 
-def test_a_machine_without_any_library_is_told_what_to_install(tee: BuiltMine):
+def test_a_machine_without_any_library_gets_a_line_on_what_to_install(tee: BuiltMine):
     play = ["minexplore", "play", "MineXplore/World-v0", "--world", str(tee.bundle), "--video", "videos"]
     done = run("-c", NOTHING + f"import minexplore.__main__ as m; sys.argv = {play}; sys.exit(m.main())")
     assert done.returncode == 2

@@ -24,7 +24,7 @@ def holder(path):
     return process
 
 
-def test_a_second_holder_is_told_who_holds_the_lock(tmp_path):
+def test_a_second_holder_is_refused_with_the_process_that_holds_the_lock(tmp_path):
     path = tmp_path / "worlds" / ".a.lock"
     process = holder(path)
     with (

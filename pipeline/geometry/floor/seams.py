@@ -35,14 +35,10 @@ def seam_lines(floor: Floor) -> list[SeamLine]:
     """Return the seams of a floor; a floor of one sheet has none."""
     if len(floor.offset_m) == 1:
         return []
-    edges = np.concatenate([floor.faces[:, [0, 1]], floor.faces[:, [1, 2]], floor.faces[:, [2, 0]]]).astype(np.int64)
-    sheet, number, count = np.tile(floor.sheet, 3), floor._joined[edges], len(floor.vertices)
-    owner = {int(a * count + b): k for k, (a, b) in enumerate(number.tolist())}
+    (edges, beyond), sheet = floor.edges, np.tile(floor.sheet, 3)
     found: dict[tuple[int, int], list[np.ndarray]] = defaultdict(list)
-    for k, (a, b) in enumerate(number.tolist()):
-        other = owner.get(int(b * count + a))
-        if other is not None and sheet[other] > sheet[k]:
-            found[int(sheet[k]), int(sheet[other])].append(floor.vertices[edges[k], :2])
+    for k in np.flatnonzero((beyond >= 0) & (sheet[beyond] > sheet)).tolist():
+        found[int(sheet[k]), int(sheet[beyond[k]])].append(floor.vertices[edges[k], :2])
     seams = []
     for (one, two), pieces in sorted(found.items()):
         merged = shapely.line_merge(shapely.multilinestrings(np.array(pieces)))

@@ -30,7 +30,6 @@ from pipeline.geometry.floor.parts import cell_columns, cell_offsets, sheet_wall
 from pipeline.geometry.floor.sheets import count_islands, filled, floor_seams, trace_sheets
 from pipeline.geometry.maps.occupancy import entrance_anchor, nav2_map, occupancy_grid, sheet_nav2_maps
 from pipeline.geometry.maps.octree import build_octree, to_bt
-from pipeline.geometry.network.skeleton import trace_network
 from pipeline.geometry.openings.fit import without_openings
 from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.mjcf.bundle import WorldRecord, read_floor
@@ -176,11 +175,7 @@ def _require_network(folder: Path, record: WorldRecord, free: Polygon, tracing: 
     grid = stated.cell_m, tracing.min_leg_m, tracing.station_spacing_m
     floor, drifts = read_floor(folder, record), without_openings(free, Openings(record.openings))
     try:
-        made = (
-            trace_network(drifts, *grid)
-            if len(floor.offset_m) == 1
-            else trace_sheets(drifts, floor_seams(floor), *grid)
-        )
+        made = trace_sheets(drifts, floor_seams(floor), *grid)
     except GeometryError as error:
         raise ArtifactError(f"{folder / FREE_SPACE}: {error}") from error
     differs = first_difference(json.loads(encode(path, stated)), json.loads(encode(path, made)), _CM)

@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from minexplore.floors.floor import Floor
 from minexplore.floors.folding import Folding
-from pipeline.geometry.floor.seams import SeamLine, continue_sheets, seam_lines, seams_of_edges
+from pipeline.geometry.floor.seams import continue_sheets, seam_lines, seams_of_edges
 from pipeline.geometry.floor.subdivide import split_edges
 from pipeline.surface.mesh.smooth import smooth_surface
 from pipeline.types import Mesh
@@ -30,13 +30,12 @@ def smooth_sheets(
     parts = shapely.get_parts(shapely.set_precision(free, 0.0))
     sheets = []
     for sheet, whole in enumerate(continue_sheets(free, floor, _BEHIND_M)):
-        on_seam = partial(_on_seam, sheet=sheet, seams=seams)
+
+        def on_seam(ring: np.ndarray, at: int = sheet) -> np.ndarray:
+            return seams_of_edges(ring, at, seams) >= 0
+
         sheets.append(smooth_surface(parts[sheet], *sizes, whole, on_seam))
     return {piece: _joined([sheet[piece] for sheet in sheets]) for piece in sheets[0]}
-
-
-def _on_seam(ring: np.ndarray, sheet: int, seams: list[SeamLine]) -> np.ndarray:
-    return seams_of_edges(ring, sheet, seams) >= 0
 
 
 def _joined(meshes: list[Mesh]) -> Mesh:

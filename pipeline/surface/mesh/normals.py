@@ -45,7 +45,9 @@ def shade_mesh(vertices: np.ndarray, faces: np.ndarray, crease_deg: float = 180.
     ----------
     Thuermer & Wuethrich 1998, J. Graphics Tools 3(1), doi:10.1080/10867651.1998.10487487
     """
-    normal, angle = _face_normals(vertices[faces]), _corner_angles(vertices[faces])
+    corners = vertices[faces]
+    normal = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    angle = _corner_angles(corners)
     source, corner = np.arange(len(vertices)), faces.astype(np.int64)
     if crease_deg < 180:
         source, corner = _split(corner, _fans(corner, normal, crease_deg))
@@ -57,10 +59,6 @@ def shade_mesh(vertices: np.ndarray, faces: np.ndarray, crease_deg: float = 180.
         source, mean = source[former], mean[former]
         mean[corner[alone]] = normal[np.nonzero(alone)[0]]
     return ShadedMesh(source, mean, corner.astype(np.int32))
-
-
-def _face_normals(corners: np.ndarray) -> np.ndarray:
-    return _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image as Pillow
-from PIL import PngImagePlugin
+from PIL import ImageFile, PngImagePlugin
 from PIL.ExifTags import Base
 
 from pipeline.errors import InputError
@@ -60,13 +60,13 @@ def read_header(path: Path) -> PictureHeader:
         raise InputError(f"{path}: not a picture that can be read: {reason} ({path.stat().st_size} bytes)") from error
 
 
-def _header_of(path: Path, picture: Pillow.Image) -> PictureHeader:
+def _header_of(path: Path, picture: ImageFile.ImageFile) -> PictureHeader:
     orientation, tags = 1, getattr(picture, "tag_v2", {})
     with suppress(Exception):  # a broken Exif block leaves the picture as it is stored
         exif = Pillow.Exif()
-        exif.load(picture.info.get("exif"))
-        found = tags.get(Base.Orientation) or exif.get(Base.Orientation)
-        orientation = found if found in range(1, 9) else 1
+        exif.load(picture.info.get("exif", b""))
+        found = int(tags.get(Base.Orientation) or exif.get(Base.Orientation) or 1)
+        orientation = found if 1 <= found <= 8 else 1
     coding = picture.tile[0][3] if picture.tile else ""
     white = coding[1] if picture.format == "PPM" and isinstance(coding, tuple) else _WHITE[0]
     if white not in _WHITE:  # OpenCV does not scale it, it would be dark
@@ -84,13 +84,13 @@ def _header_of(path: Path, picture: Pillow.Image) -> PictureHeader:
     )
 
 
-def _count_pages(picture: Pillow.Image) -> int:
+def _count_pages(picture: ImageFile.ImageFile) -> int:
     """Return how many pictures a TIFF holds, without overviews and masks; a broken list ends the count."""
     pages = 0
     with suppress(Exception):
         for number in range(_MOST_PAGES):
             picture.seek(number)
-            pages += not picture.tag_v2.get(_SUBFILE, 0) & _NO_PAGE
+            pages += not getattr(picture, "tag_v2", {}).get(_SUBFILE, 0) & _NO_PAGE
     return max(pages, 1)
 
 

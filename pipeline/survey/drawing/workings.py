@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.errors import DoubtError, GeometryError, InputError
 from pipeline.geometry.drawing.doubts import DrawingError
 from pipeline.geometry.drawing.fills import find_ink
-from pipeline.geometry.drawing.find import DrawingReading, read_drawing
+from pipeline.geometry.drawing.find import read_drawing
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PlanSurveyParams
@@ -75,7 +75,7 @@ def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, state
     except GeometryError as error:
         found = error.found if isinstance(error, DrawingError) else None
         raise DoubtError(f"{path}: {error}", draw_detected(picture, found, None)) from error
-    if _agree(drawing, whole.mask):
+    if (drawing.mask & whole.mask).sum() >= _SAME * (drawing.mask | whole.mask).sum():
         return whole
     return FoundWorkings(drawing.mask, drawing.width_px, workings_only=True)
 
@@ -99,10 +99,6 @@ def draw_detected(picture: Image, mask: Mask | None, bar_box: list[int] | None) 
         if box is not None:
             cv2.rectangle(shown, (int(box[0]), int(box[1])), (int(box[2]) - 1, int(box[3]) - 1), (40, 40, 220), line)
     return shown
-
-
-def _agree(drawing: DrawingReading, whole: Mask) -> bool:
-    return bool((drawing.mask & whole).sum() >= _SAME * (drawing.mask | whole).sum())
 
 
 def _is_clean(picture: Image, whole: Mask) -> bool:

@@ -165,7 +165,8 @@ def require_connected(path: Path, legs: list[SurveyLeg]) -> None:
     components = sorted(nx.connected_components(graph), key=len, reverse=True)
     if len(components) > 1:
         separate = [leg.name for leg in legs if leg.stations[0] not in components[0]]
-        raise InputError(f"{path}: legs {', '.join(separate)} share no station with leg {_leg_of(legs, components[0])}")
+        first = next(leg.name for leg in legs if leg.stations[0] in components[0])
+        raise InputError(f"{path}: legs {', '.join(separate)} share no station with leg {first}")
 
 
 def require_no_crossing(path: Path, legs: list[SurveyLeg]) -> None:
@@ -199,10 +200,6 @@ def _pass_over(one: SurveyLeg, a: int, b: int, two: SurveyLeg, c: int, d: int, x
         share = np.dot((x, y) - leg.positions_m[start], step) / np.dot(step, step)
         heights.append(leg.heights_m[start, 0] + share * (leg.heights_m[end, 0] - leg.heights_m[start, 0]))
     return abs(heights[0] - heights[1]) > floor_rules().flat_step_m
-
-
-def _leg_of(legs: list[SurveyLeg], stations: set[str]) -> str:
-    return next(leg.name for leg in legs if leg.stations[0] in stations)
 
 
 def build_workings(legs: list[SurveyLeg]) -> BaseGeometry:

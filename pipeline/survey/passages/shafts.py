@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,8 +41,8 @@ def find_shafts(path: Path, legs: list[SurveyLeg], built: Built) -> list[Shaft]:
     if not steep:
         return []
     found, left_out, workings = [], [], BuiltCells(built)
-    ways = [(way, _shaft) for way in _ways(steep, built, _lower)]
-    ways += [(way, _raise) for way in _ways(steep, built, _higher) if way[-1] not in built.sheet]
+    ways = [(way, _shaft) for way in _ways(steep, built, up=False)]
+    ways += [(way, _raise) for way in _ways(steep, built, up=True) if way[-1] not in built.sheet]
     for way, make in ways:
         shaft, reason = make(way, steep, built, workings)
         if reason:
@@ -56,13 +55,13 @@ def find_shafts(path: Path, legs: list[SurveyLeg], built: Built) -> list[Shaft]:
     return find_stopes(found, built, workings) + [replace(shaft, long_m=None) for shaft in found]
 
 
-def _ways(steep: nx.Graph, built: Built, ahead_of: Callable[[nx.Graph, str], list[str]]) -> list[list[str]]:
+def _ways(steep: nx.Graph, built: Built, up: bool) -> list[list[str]]:
     """Return the ways along steep shots from built stations, each to a built station or to its end."""
     ways = []
     for start in (name for name in steep if name in built.sheet):
-        for first in ahead_of(steep, start):
+        for first in _ahead(steep, start, up):
             way = [start, first]
-            while way[-1] not in built.sheet and (ahead := ahead_of(steep, way[-1])):
+            while way[-1] not in built.sheet and (ahead := _ahead(steep, way[-1], up)):
                 way.append(ahead[0])
             ways.append(way)
     return ways
@@ -90,18 +89,10 @@ def _steep_graph(legs: list[SurveyLeg]) -> nx.Graph:
     return graph
 
 
-def _lower(steep: nx.Graph, station: str) -> list[str]:
-    """Return the stations below one at the other ends of its steep shots, the lowest first."""
-    height = steep.nodes[station]["place"][2]
-    below = [name for name in steep[station] if steep.nodes[name]["place"][2] < height]
-    return sorted(below, key=lambda name: (steep.nodes[name]["place"][2], name))
-
-
-def _higher(steep: nx.Graph, station: str) -> list[str]:
-    """Return the stations above one at the other ends of its steep shots, the highest first."""
-    height = steep.nodes[station]["place"][2]
-    above = [name for name in steep[station] if steep.nodes[name]["place"][2] > height]
-    return sorted(above, key=lambda name: (-steep.nodes[name]["place"][2], name))
+def _ahead(steep: nx.Graph, station: str, up: bool) -> list[str]:
+    """Return the stations above or below one at the other ends of its steep shots, the farthest first."""
+    rise = {name: steep.nodes[name]["place"][2] * (1 if up else -1) for name in (station, *steep[station])}
+    return sorted((name for name in steep[station] if rise[name] > rise[station]), key=lambda name: (-rise[name], name))
 
 
 def _shaft(way: list[str], steep: nx.Graph, built: Built, workings: BuiltCells) -> tuple[Shaft, str]:

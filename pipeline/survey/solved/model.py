@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
-from typing import Any
 
 import numpy as np
-
-from pipeline.guard.reading_process import Payload
 
 
 class StationFlag(IntFlag):
@@ -88,49 +85,3 @@ class SolvedSurvey:
     def centreline(self) -> np.ndarray:
         """Return the indices of the legs along the passages: underground, neither duplicate nor splay."""
         return np.flatnonzero(self.leg_flags == 0)
-
-    def position_of(self) -> dict[str, np.ndarray]:
-        """Return the position (3,) m of every named station."""
-        return {name: self.positions_m[i] for i, name in enumerate(self.names) if name}
-
-
-def to_payload(survey: SolvedSurvey) -> Payload:
-    """Return plain values and arrays, which a process can hand back."""
-    values = {"names": list(survey.names), "title": survey.title, "crs": survey.crs, "date": survey.date}
-    counts = np.array([len(passage.stations) for passage in survey.passages], np.int64)
-    arrays = {
-        "positions_m": survey.positions_m,
-        "station_flags": survey.station_flags,
-        "legs": survey.legs,
-        "leg_flags": survey.leg_flags,
-        "leg_styles": survey.leg_styles,
-        "passage_counts": counts,
-        "passage_stations": _joined([passage.stations for passage in survey.passages], np.int64, 0),
-        "passage_lrud_m": _joined([passage.lrud_m for passage in survey.passages], np.float64, 4),
-    }
-    return Payload(values, arrays)
-
-
-def from_payload(payload: Payload) -> SolvedSurvey:
-    """Return the survey of a payload that `to_payload` made."""
-    values: dict[str, Any] = payload.values
-    arrays = payload.arrays
-    ends = np.cumsum(arrays["passage_counts"])[:-1]
-    parts = zip(np.split(arrays["passage_stations"], ends), np.split(arrays["passage_lrud_m"], ends), strict=True)
-    return SolvedSurvey(
-        tuple(values["names"]),
-        arrays["positions_m"],
-        arrays["station_flags"],
-        arrays["legs"],
-        arrays["leg_flags"],
-        arrays["leg_styles"],
-        tuple(Passage(stations, lrud) for stations, lrud in parts) if len(arrays["passage_counts"]) else (),
-        values["title"],
-        values["crs"],
-        values["date"],
-    )
-
-
-def _joined(parts: list[np.ndarray], dtype: type, columns: int) -> np.ndarray:
-    empty: np.ndarray = np.zeros((0, columns) if columns else 0, dtype)
-    return np.concatenate([empty, *parts]).astype(dtype)

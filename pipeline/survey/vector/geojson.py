@@ -7,11 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes, require_at_most
-from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.vector.shapes import Shapes, require_size
 
 
@@ -40,10 +38,11 @@ def read_geojson(path: Path, layers: list[str] | None) -> Shapes:
         features = _features(content)
         require_at_most(path, len(features), "shapes", "features")
         chosen = [feature for feature in features if layers is None or _layer(feature) in layers]
-        found = [(shape, _layer(feature)) for feature in chosen for shape in _shapes(path, feature)]
+        drawn = [feature for feature in chosen if feature["geometry"] is not None]
+        shapes = [shapely.from_geojson(json.dumps(feature["geometry"])) for feature in drawn]
+        layer_of = [_layer(feature) for feature in drawn]
     except (ValueError, TypeError, KeyError, RecursionError, shapely.GEOSException, AttributeError) as error:
         raise InputError(f"{path}: not GeoJSON ({str(error)[:120]})") from error
-    shapes, layer_of = [shape for shape, _ in found], [layer for _, layer in found]
     if "note" in content and "metres" in str(content["note"]):  # this project's own artifacts
         return Shapes(shapes, "m", layer_of=layer_of)
     crs = content.get("crs") or {}
@@ -62,13 +61,3 @@ def _features(content: Any) -> list[dict]:
 
 def _layer(feature: dict) -> str:
     return str((feature.get("properties") or {}).get("layer"))
-
-
-def _shapes(path: Path, feature: dict) -> list[BaseGeometry]:
-    geometry = feature["geometry"]
-    level, most = [geometry], reader_limits().nesting
-    for _ in range(most):
-        level = [inner for part in level if isinstance(part, dict) for inner in part.get("geometries") or []]
-    if level:
-        raise InputError(f"{path}: collections are nested more than {most} deep, the limit (nesting in {FILE})")
-    return [shapely.from_geojson(json.dumps(geometry))] if geometry is not None else []

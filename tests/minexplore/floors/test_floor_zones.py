@@ -99,7 +99,7 @@ def test_a_robot_drives_as_its_zone_says_whatever_the_zone_is_called(bundle):
     assert np.linalg.norm(poses[-1, :2] - poses[9, :2]) / 2.0 == pytest.approx(0.25 * 1.5, rel=0.03)
 
 
-def test_the_noise_of_a_zone_is_what_its_wheels_are_told(bundle):
+def test_the_noise_of_a_zone_is_in_the_commands_to_the_wheels(bundle):
     def shake(record):
         record["zones"][0] |= {"command_scale": 0.5, "speed_noise_mps": 0.2}
 

@@ -269,7 +269,7 @@ def test_arrays_have_the_keys_shapes_and_kinds_of_the_cpus(tee: BuiltMine):
     assert not np.shares_memory(ours[0], env.step(np.zeros((4, 2)))[0])
 
 
-def test_what_goes_wrong_on_the_device_is_told_when_it_is_asked(tee: BuiltMine):
+def test_what_goes_wrong_on_the_device_is_listed_on_request(tee: BuiltMine):
     env = make(tee)
     env.reset(seed=0)
     action = torch.zeros((4, 2))

@@ -76,7 +76,7 @@ def test_pixels_that_are_no_grey_values_are_refused(tmp_path, pixels, message):
         read_image(tmp_path / "a.tif", 1.0)
 
 
-def test_of_several_pages_the_first_is_read_and_this_is_said(tmp_path, capsys):
+def test_of_several_pages_the_first_is_read_with_a_warning(tmp_path, capsys):
     one = Pillow.fromarray(picture())
     one.save(tmp_path / "a.tif", save_all=True, append_images=[one.transpose(Pillow.Transpose.FLIP_LEFT_RIGHT)] * 2)
     np.testing.assert_array_equal(read_image(tmp_path / "a.tif", 1.0)[..., 0], picture())

@@ -268,7 +268,7 @@ def test_licences_come_from_the_registry(data):
     assert read_survey(plan_params("plan.png"))["survey"].licences == {"data/plan.png": "CC-BY-4.0"}
 
 
-def test_which_page_of_a_pdf_is_read_is_said(data, capsys):
+def test_a_warning_states_which_page_of_a_pdf_is_read(data, capsys):
     with PdfPages(data / "plan.pdf") as pages:
         for width in (4, 5):
             figure = Figure(figsize=(width, 3))

@@ -199,7 +199,7 @@ def test_a_ramp_that_is_drawn_into_its_level_is_cut_where_it_leaves_it(tmp_path)
     assert len(heights.seams) == 1
 
 
-def test_a_level_that_no_ramp_reaches_is_left_out_and_told(tmp_path, capsys):
+def test_a_level_that_no_ramp_reaches_is_left_out_with_a_warning(tmp_path, capsys):
     short = closed([(x, y, z + 3 * (x < 100 and y > 10)) for x, y, z in down(RIGHT + LEFT[::-1])])
     found, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "ramp": [short]}))
     said = capsys.readouterr().err
@@ -278,14 +278,14 @@ def test_a_wall_across_a_drift_leaves_both_sides(tmp_path, capsys):
     assert "left out are 475 m2" in capsys.readouterr().err
 
 
-def test_a_level_that_only_touches_another_with_a_corner_is_left_out_and_told(tmp_path, capsys):
+def test_a_level_that_only_touches_another_with_a_corner_is_left_out_with_a_warning(tmp_path, capsys):
     corner = closed(at([(45, 40), (60, 40), (60, 80), (45, 80)], -DROP_M))
     found, _ = drawn(write(tmp_path / "mine.dxf", {**MINE, "other": [corner]}))
     assert found.area == pytest.approx(1750, abs=0.01)
     assert "1 areas touch a level, but no way of 1 m leads into them" in capsys.readouterr().err
 
 
-def test_open_walls_whose_wrong_ends_are_joined_are_told(tmp_path, capsys):
+def test_open_walls_whose_wrong_ends_are_joined_are_listed(tmp_path, capsys):
     """The rib between two drifts is thinner than the drifts are wide, so that its ends are the nearest."""
     outer = at([(0, 60), (0, 30), (13, 30), (13, 60)], -20)
     rib = at([(5, 60), (5, 35), (8, 35), (8, 60)], -20)
@@ -354,7 +354,7 @@ def test_seeds_are_refused_with_levels(tmp_path):
     ("top", "bottom", "reason"),
     [(30.0, 10.0, "430.0 to 410.0 m, whose ends are on no floor"), (0.0, -8.0, "400.0 to 392.0 m, which ends blind")],
 )
-def test_a_shaft_that_begins_or_ends_nowhere_is_left_out_and_told(tmp_path, capsys, top, bottom, reason):
+def test_a_shaft_that_begins_or_ends_nowhere_is_left_out_with_a_warning(tmp_path, capsys, top, bottom, reason):
     shaft = [(20, 2.5, top), (20, 2.5, bottom)]
     _, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "shafts": [shaft]}))
     assert not heights.shafts

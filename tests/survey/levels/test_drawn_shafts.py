@@ -100,7 +100,7 @@ def test_a_line_through_three_levels_is_a_shaft_between_each_two(tmp_path):
     ],
     ids=["ends beside", "begins beside", "nowhere near", "too flat between drifts", "up and down", "drivable"],
 )
-def test_an_inclined_line_that_is_no_shaft_is_told_with_its_place_and_not_built(tmp_path, capsys, line, told):
+def test_an_inclined_line_that_is_no_shaft_is_listed_with_its_place_and_not_built(tmp_path, capsys, line, told):
     workings, heights = drawn(write(tmp_path / "mine.dxf", {**MINE, "shafts": [line]}))
     assert heights.shafts == []
     assert workings.area == pytest.approx(1750, abs=0.01)

@@ -114,7 +114,9 @@ def test_no_cut_is_made_where_the_drift_before_a_sharp_bend_reaches_past_it(conf
     assert len(in_the_way(floor, parts)) == 0
 
 
-def test_of_passages_that_pass_over_each_other_without_rock_the_less_useful_is_left_out_and_said(tmp_path, capsys):
+def test_of_passages_that_pass_over_each_other_without_rock_the_less_useful_is_left_out_with_a_warning(
+    tmp_path, capsys
+):
     """A side drift of 44 m comes back over the main drift 0.7 m above its floor; 40 m go on from the main drift."""
     path = tmp_path / "stations.csv"
     main = [("a", 0, 0, 1, 1, 0), ("b", 20, 0, 1, 1, 0), ("c", 60, 0, 1, 1, 0)]

@@ -58,7 +58,7 @@ def test_grades_of_legs_give_stations_elevations_from_the_first_one_on(tmp_path,
     assert "misses" not in capsys.readouterr().err
 
 
-def test_a_misclosure_is_distributed_and_told_with_its_leg(tmp_path, capsys):
+def test_a_misclosure_is_distributed_and_the_warning_names_its_leg(tmp_path, capsys):
     found = elevations(read_station_legs(write(tmp_path), {"A": 0.02, "B": 0.01, "C": -0.011}))
     assert found == pytest.approx({"a": 0.0, "b": 0.525, "c": 1.05, "d": 1.35, "e": 0.54, "f": 0.525})
     told = capsys.readouterr().err

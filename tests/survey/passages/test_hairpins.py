@@ -44,7 +44,7 @@ def test_a_hairpin_without_room_to_part_is_refused_with_its_stations(tmp_path):
         drawn(tmp_path, NARROW)
 
 
-def test_of_a_hairpin_without_room_to_part_one_shot_is_left_out_and_said(tmp_path, capsys):
+def test_of_a_hairpin_without_room_to_part_one_shot_is_left_out_with_a_warning(tmp_path, capsys):
     polygons, _ = drawn(tmp_path, NARROW, apart_m=4.0)
     assert len(polygons.geoms) == 1
     assert polygons.area > 200

@@ -58,7 +58,7 @@ def test_the_piece_of_a_station_or_a_place_is_built(tmp_path, capsys, chosen, ke
     assert outline.area > 0
 
 
-def test_the_others_are_told_by_length_and_station_with_the_option_that_builds_one(tmp_path, capsys):
+def test_the_others_are_listed_by_length_and_station_with_the_option_that_builds_one(tmp_path, capsys):
     legs = {f"L{k}": [(f"s{k}", 0, 20 * k, 100), (f"t{k}", 60 - 2 * k, 20 * k, 102)] for k in range(14)}
     draw(tmp_path, legs=legs)
     said = capsys.readouterr().err.splitlines()
@@ -101,7 +101,7 @@ def test_the_shot_of_the_chosen_station_is_not_the_one_left_out(tmp_path, capsys
     assert "1 shots, 40 m, lie less than 4 m over or under others" in capsys.readouterr().err
 
 
-def test_unnamed_lines_are_told_by_their_places_and_chosen_by_them(tmp_path, capsys):
+def test_unnamed_lines_are_listed_by_their_places_and_chosen_by_them(tmp_path, capsys):
     drawing = ezdxf.new()
     drawing.header["$INSUNITS"] = 6
     for leg in ("A", "C"):

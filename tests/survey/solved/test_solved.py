@@ -1,6 +1,5 @@
 """Surveys in three dimensions: solved files, Survex projects, and what a flat world cannot show."""
 
-import dataclasses
 import re
 import shutil
 import subprocess
@@ -13,12 +12,13 @@ from pipeline.errors import InputError
 from pipeline.survey.passages.legs import build_workings
 from pipeline.survey.passages.sheets import has_relief, lay_out_sheets
 from pipeline.survey.solved import cavern
-from pipeline.survey.solved.model import LegFlag, LegStyle, StationFlag, from_payload, to_payload
+from pipeline.survey.solved.model import LegFlag, LegStyle, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved_surveys import read_passages, read_solved, survey_files
+from pipeline.survey.solved_surveys import read_passages, solve_file, survey_files
 from tests.project import ROOT
+from tests.solved import position_of
 
 needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
 PELL = ROOT / "data/wheal_pell/pell.3d"
@@ -52,15 +52,6 @@ def test_a_splay_of_an_old_file_ends_at_an_anonymous_station(tmp_path):
     assert survey.centreline().tolist() == [0]
 
 
-def test_a_survey_survives_the_way_out_of_its_process(tmp_path):
-    survey = read_3d(write(tmp_path, {"mine.3d": ring_3d()}))
-    back = from_payload(to_payload(survey))
-    for field in dataclasses.fields(survey):
-        if field.name != "passages":
-            np.testing.assert_array_equal(getattr(back, field.name), getattr(survey, field.name))
-    np.testing.assert_array_equal(back.passages[0].lrud_m, survey.passages[0].lrud_m)
-
-
 @pytest.mark.parametrize("cut", [0, 5, 22, 30, 47, 60, 100, len(ring_3d()) - 1])
 def test_a_file_that_is_cut_off_is_refused(tmp_path, cut):
     with pytest.raises(InputError, match=r"not a Survex .3d file|cut off"):
@@ -79,7 +70,7 @@ def test_every_version_that_survex_writes_reads_as_dump3d_prints_it(tmp_path, ve
     survey = read_3d(target)
     dump = subprocess.run(["dump3d", target], check=True, capture_output=True, text=True).stdout.splitlines()
     nodes = {line.split()[4].strip("[]"): line.split()[1:4] for line in dump if line.startswith("NODE")}
-    for name, at in survey.position_of().items():
+    for name, at in position_of(survey).items():
         np.testing.assert_allclose(at, np.array(nodes[name], float), atol=1e-9)
     assert len(survey.legs) == sum(line.startswith("LINE") for line in dump) == 5
     assert sorted(survey.leg_flags.tolist()) == [0, 0, LegFlag.SURFACE, LegFlag.DUPLICATE, LegFlag.SPLAY]
@@ -89,8 +80,8 @@ def test_every_version_that_survex_writes_reads_as_dump3d_prints_it(tmp_path, ve
 
 
 def test_wheal_pell_reads_with_its_stations_and_splays(capsys):
-    survey = read_solved(PELL)
-    assert len(survey.position_of()) == 275
+    survey = solve_file(PELL)
+    assert len(position_of(survey)) == 275
     assert len(survey.centreline()) == 266
     assert (survey.leg_flags == LegFlag.SPLAY).sum() == 581
     assert np.ptp(survey.positions_m[:, 2]) > 90
@@ -255,7 +246,7 @@ def test_a_passage_that_passes_over_another_is_not_merged_with_it(tmp_path):
 def test_a_project_that_cannot_be_solved_is_refused_with_file_and_line(tmp_path, files, message):
     path = write(tmp_path, files)
     with pytest.raises(InputError, match=message) as caught:
-        read_solved(path)
+        solve_file(path)
     assert "\n" not in str(caught.value)
     assert "minexplore-" not in str(caught.value)
 
@@ -281,15 +272,15 @@ def test_solving_leaves_no_file_and_takes_no_longer_than_its_limit(tmp_path, mon
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
     (tmp_path / "temporary").mkdir()
     path = write(tmp_path / "mine", PROJECT)
-    read_solved(path)
+    solve_file(path)
     assert list((tmp_path / "temporary").iterdir()) == []
     assert sorted(p.name for p in path.parent.iterdir()) == ["main.svx", "north", "south.svx"]
 
 
 @needs_cavern
 def test_compass_data_is_solved_with_its_cross_sections(tmp_path):
-    survey = read_solved(write(tmp_path, SAMPLES_3D["compass data"]))
-    np.testing.assert_allclose(survey.position_of()["A2"], (0, 30.48, 0), atol=0.006)
+    survey = solve_file(write(tmp_path, SAMPLES_3D["compass data"]))
+    np.testing.assert_allclose(position_of(survey)["A2"], (0, 30.48, 0), atol=0.006)
     (passage,) = survey.passages
     assert [survey.names[i] for i in passage.stations] == ["A1", "A2", "A3", "A4", "A1"]
     np.testing.assert_allclose(passage.lrud_m[0], np.array([6, 6, 9, 1]) * 0.3048)
@@ -319,7 +310,7 @@ def test_a_line_of_megabytes_is_refused_before_survex_reads_it(tmp_path):
     path = tmp_path / "a.svx"
     path.write_text(f"*title {'x' * 20_000}\n1 2 5 0 0\n")
     with pytest.raises(InputError, match=r"a\.svx:1: a line of 20007 bytes, at most 10000 \(survex_line_bytes"):
-        read_solved(path)
+        solve_file(path)
 
 
 SHOT = b"*data normal from to tape compass clino\n1 2 50 90 0\n"
@@ -359,4 +350,4 @@ def test_links_of_nodes_that_lead_out_of_the_folder_are_refused(tmp_path):
     write(tmp_path, {"outside.dat": "a secret\n"})
     (tmp_path / "mine" / "c_links.dat").symlink_to(tmp_path / "outside.dat")
     with pytest.raises(InputError, match=r"'c_links\.dat' is outside the survey's folder$"):
-        read_solved(path)
+        solve_file(path)

@@ -11,10 +11,11 @@ from benchmarks.fuzzing.surveys import THERION
 from pipeline.errors import InputError
 from pipeline.survey.solved.model import LegFlag
 from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved_surveys import read_passages, read_solved, survey_files
+from pipeline.survey.solved_surveys import read_passages, solve_file, survey_files
 from pipeline.survey.therion.convert import to_survex
 from pipeline.survey.therion.place import _convergence_deg, _square
 from tests.project import ROOT
+from tests.solved import position_of
 
 needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
 PELL = ROOT.parent / "shared/data/wheal_pell"
@@ -32,7 +33,7 @@ def centreline(text: str) -> str:
 
 
 def solved(tmp_path: Path, text: str) -> dict:
-    return read_solved(write(tmp_path, {"m.th": centreline(text)})).position_of()
+    return position_of(solve_file(write(tmp_path, {"m.th": centreline(text)})))
 
 
 NORMAL = "data normal from to length compass clino\n"
@@ -41,8 +42,8 @@ NORMAL = "data normal from to length compass clino\n"
 @needs_cavern
 def test_a_project_in_two_files_is_solved_with_equates_splays_and_flags(tmp_path):
     path = write(tmp_path, THERION)
-    survey = read_solved(path)
-    at = survey.position_of()
+    survey = solve_file(path)
+    at = position_of(survey)
     np.testing.assert_allclose(at["mine.north.3"], at["mine.south.1"])
     np.testing.assert_allclose(at["mine.north.1"], (380000, 6290000, 2400))
     assert sorted(survey.leg_flags.tolist()).count(LegFlag.SPLAY) == 2
@@ -58,7 +59,7 @@ def test_names_with_points_as_instruments_write_them_are_stations_of_one_survey(
     text = centreline(f"{NORMAL}1.0 1.1 10 0 0\n1.1 - 2 90 0\n1.1 2.10 10 90 0\n2.10 2.1 5 90 0\n")
     other = "survey 2\ncentreline\ndata normal from to length compass clino\n1 3 7 0 0\nendcentreline\nendsurvey\n"
     whole = f"survey a\n{text}{other}equate 2.1@m 1@2\nendsurvey\n"
-    at = read_solved(write(tmp_path, {"m.th": whole})).position_of()
+    at = position_of(solve_file(write(tmp_path, {"m.th": whole})))
     np.testing.assert_allclose(at["a.m.2~10"] - at["a.m.1~0"], (10, 10, 0), atol=0.011)
     np.testing.assert_allclose(at["a.2.3"] - at["a.m.2~1"], (0, 7, 0), atol=0.011)
     with pytest.raises(InputError, match=r"m\.th:4: station '1\.': a name neither begins nor ends with a point"):
@@ -91,7 +92,7 @@ def test_other_styles_of_data_are_solved(tmp_path):
 @needs_cavern
 def test_cross_sections_in_shot_lines_follow_the_shots(tmp_path):
     text = "data normal from to length compass clino left right up down\n1 2 10 0 0 1 2 3 4\n2 3 10 0 0 2 2 2 2\n"
-    survey = read_solved(write(tmp_path, {"m.th": centreline(text + "1 4 10 90 0 5 5 5 5\n")}))
+    survey = solve_file(write(tmp_path, {"m.th": centreline(text + "1 4 10 90 0 5 5 5 5\n")}))
     other, first = survey.passages  # Survex writes the last passage first
     assert [survey.names[i] for i in first.stations] == ["m.1", "m.2", "m.3"]
     assert [survey.names[i] for i in other.stations] == ["m.1", "m.4"]
@@ -144,7 +145,7 @@ def test_a_centreline_that_cannot_be_converted_is_refused_with_file_and_line(tmp
 def test_an_error_of_survex_names_the_line_of_the_therion_file(tmp_path):
     path = write(tmp_path, {"m.th": centreline(NORMAL + "1 2 3 4 5\n\n2 3 3 4 99\n3 3 5 5 5\n")})
     with pytest.raises(InputError, match=r"m\.th:[67]: .* \(Survex\)"):
-        read_solved(path)
+        solve_file(path)
 
 
 def pell_project(folder: Path, change=lambda name, text: text) -> Path:
@@ -159,7 +160,7 @@ def pell_project(folder: Path, change=lambda name, text: text) -> Path:
 
 def differences_m(path: Path) -> dict[str, float]:
     """Return the distance of every named station from its place in pell.3d, m."""
-    ours, theirs = read_solved(path).position_of(), read_3d(PELL / "pell.3d").position_of()
+    ours, theirs = position_of(solve_file(path)), position_of(read_3d(PELL / "pell.3d"))
     assert ours.keys() == theirs.keys()
     return {name: float(np.linalg.norm(ours[name] - theirs[name])) for name in ours}
 
@@ -210,11 +211,11 @@ def test_readings_that_no_instrument_shows_are_refused_with_their_line(tmp_path,
     shots = "centreline\nfix a 0 0 0\ndata normal from to tape compass clino\na b 10 360 -90\nb c {}\nendcentreline\n"
     path = tmp_path / "mine.th"
     path.write_text(shots.format("10 0 90"))
-    assert len(read_solved(path).names) == 3
+    assert len(solve_file(path).names) == 3
     path.write_text(shots.format(reading))
     with pytest.raises(InputError, match=message):
-        read_solved(path)
+        solve_file(path)
     path = tmp_path / "cave.svx"
     path.write_text(f"*fix a 0 0 0\n*data normal from to tape compass clino\na b {reading}\n")
     with pytest.raises(InputError, match=r"cave\.svx:3: "):
-        read_solved(path)
+        solve_file(path)

@@ -5,7 +5,7 @@ import shapely
 from pipeline.errors import InputError
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.passages.legs import build_workings
-from pipeline.survey.solved_surveys import read_solved
+from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.stations.table import read_station_legs, read_stations
 from pipeline.survey.vector_survey import read_vector_survey
 from tests.project import ROOT, TINY_STATIONS
@@ -111,7 +111,7 @@ def test_elevations_roofs_and_floors_are_read_and_change_no_plan(tmp_path):
 
 def test_a_table_with_elevations_is_a_survey_in_three_dimensions(tmp_path):
     rows = "A,a,0,0,2,3,15,2.5,0.5\nA,b,10,0,2,3,50,2,0\nB,b,10,0,1,1,50,2,0\nB,c,10,9,1,1,60,1,1\n"
-    survey = read_solved(write(tmp_path, HEIGHTS + rows))
+    survey = solve_file(write(tmp_path, HEIGHTS + rows))
     assert survey.names == ("a", "b", "c")
     assert survey.legs.tolist() == [[0, 1], [1, 2]]
     np.testing.assert_array_equal(survey.positions_m[1], (10, 0, 50))

@@ -86,7 +86,7 @@ def test_centrelines_in_feet_and_far_away_are_the_same_mine(tmp_path):
     assert three.workings.symmetric_difference(one.workings).area < 1e-3
 
 
-def test_ends_join_what_they_nearly_reach_and_others_are_told_with_their_place(capsys):
+def test_ends_join_what_they_nearly_reach_and_others_are_listed_with_their_place(capsys):
     main = [(0, 0, 10), (50, 0, 10), (50, 40, 12)]
     places, edges = joined(main, [(20, 0.2, 10), (20, 30, 10)])  # onto the middle of a segment
     assert len(edges) == 4
