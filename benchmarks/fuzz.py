@@ -25,7 +25,8 @@ import numpy as np
 from tqdm import tqdm
 
 from benchmarks.fuzzing.hostile import HOSTILE
-from benchmarks.fuzzing.samples import SAMPLES, Files
+from benchmarks.fuzzing.samples import SAMPLES
+from benchmarks.fuzzing.saved import Files
 from pipeline.errors import MineError, UnexpectedError
 from pipeline.store.files import write_atomically
 
