@@ -8,6 +8,7 @@ from pathlib import Path
 
 from baselines.base.environments import BENCHMARK
 from baselines.base.errors import BaselineError, RejectedError, run_command
+from baselines.base.markdown import markdown_table, write_table
 from baselines.base.result_file import RESULTS, read_results, result_path
 from baselines.base.statistics import Figure, as_text, figures
 from baselines.pages.split_page import UNVERIFIED_HEADING, split_section
@@ -19,22 +20,10 @@ from baselines.scoring.verified_runs import was_driven_here
 PAGE = Path("LEADERBOARD.md")
 _PROFILES = Path("docs/unseen-profiles.png")
 _ALWAYS = ("area under coverage", "time to 50 %, s", "collisions per 100 m", "return")
-_HEADING = """# Leaderboard
-
-Written by `python -m benchmarks leaderboard` from `baselines/results/`. Interquartile means over
-seeds, 95 % bootstrap intervals in brackets. Coverage is of all reachable cells; the bound is what no robot
-can exceed ([docs/reference/benchmark.md](docs/reference/benchmark.md)). Classical explorers map with the true pose.
-
-A row is *verified* when its policy drove all its episodes on the maintainers' machine: to write the row
-(`python -m benchmarks renew-benchmark`), or to compare it with a file that somebody sent
-(`python -m benchmarks rerun`). All other figures are what a file
-claims. They stand in tables of their own, headed *unverified*, and prove nothing
-([docs/security.md](docs/security.md)).
-"""
 
 
 @dataclass(frozen=True)
-class _Row:
+class _LeaderboardRow:
     policy: str
     seeds: int
     verified: bool
@@ -46,7 +35,7 @@ class _Row:
 
 
 def leaderboard(results: Path, profiles: Path | None = None) -> str:
-    """Return the page: a table for each environment, own mines last, the policy with the highest coverage first.
+    """Return the tables: one for each environment, own mines last, the policy with the highest coverage first.
 
     Parameters
     ----------
@@ -62,7 +51,7 @@ def leaderboard(results: Path, profiles: Path | None = None) -> str:
     files = sorted(path for path in results.glob("*/*.jsonl") if not path.parent.name.startswith("Family-"))
     if not files:
         raise BaselineError(f"{results}: no results; `python -m baselines.evaluate` writes them")
-    tables: dict[str, list[_Row]] = {}
+    tables: dict[str, list[_LeaderboardRow]] = {}
     for path in files:
         head, episodes = read_results(path)
         check(path, head, episodes)
@@ -75,18 +64,17 @@ def leaderboard(results: Path, profiles: Path | None = None) -> str:
         verified = was_driven_here(path, results, head, episodes)
         if not verified and head.policy not in RESERVED:  # the oracle's tour is the project's own
             require_name(path, head)
-        tables.setdefault(head.env, []).append(_Row(head.policy, len(episodes), verified, found))
+        tables.setdefault(head.env, []).append(_LeaderboardRow(head.policy, len(episodes), verified, found))
     envs = sorted(tables, key=lambda env: (env not in BENCHMARK, env))
     return "\n".join(
         [
-            _HEADING,
             *filter(None, [split_section(results, "test", profiles)]),
             *(_section(env, tables[env], read_bounds().get(env)) for env in envs),
         ]
     )
 
 
-def _section(env_id: str, rows: list[_Row], bound: Bound | None) -> str:
+def _section(env_id: str, rows: list[_LeaderboardRow], bound: Bound | None) -> str:
     """Return one environment's heading, bound and table."""
     lines = [f"## {env_id}", ""]
     if bound is not None:
@@ -105,18 +93,15 @@ def _section(env_id: str, rows: list[_Row], bound: Bound | None) -> str:
     return "\n".join([*lines, *([UNVERIFIED_HEADING, "", *_table(claimed, shown)] if claimed else [])])
 
 
-def _table(rows: list[_Row], shown: list[str]) -> list[str]:
-    """Return the lines of a table, and an empty one; none without rows."""
-    if not rows:
-        return []
-    lines = [f"| policy | seeds | {' | '.join(shown)} |", "|---" * (len(shown) + 2) + "|"]
-    lines += [f"| {row.policy} | {row.seeds} | {' | '.join(map(row.text, shown))} |" for row in rows]
-    return [*lines, ""]
+def _table(rows: list[_LeaderboardRow], shown: list[str]) -> list[str]:
+    """Return a table; none without rows."""
+    cells = ((row.policy, row.seeds, *map(row.text, shown)) for row in rows)
+    return [markdown_table(("policy", "seeds", *shown), cells)] if rows else []
 
 
 def main() -> None:
     """Write the page."""
-    PAGE.write_text(leaderboard(RESULTS, _PROFILES))
+    write_table(PAGE, leaderboard(RESULTS, _PROFILES))
     print(f"{PAGE} is written")
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from baselines.base.beams import beam_ranges
 from baselines.base.environments import BENCHMARK, built_ids, find_id, make_env, world_of
 from baselines.base.errors import BaselineError, run_command
+from baselines.base.markdown import markdown_table, write_table
 from baselines.base.progress import Progress
 from baselines.base.statistics import Figure, estimate
 from baselines.explorers.team import AssignedFrontiers
@@ -34,18 +35,6 @@ _ROBOTS = (1, 2, 4)
 _FIGURES = ("coverage", "speed_up", "contact_steps")  # of a record, a value for each size of team
 _BAND_S = 2.0  # of the times that the spawn's limit is told in
 _UNSEEN = "MineXplore/Family-"
-_HEADING = """# Teams
-
-Written by `python -m benchmarks teams` from `baselines/results/team.jsonl`. Robots of a team map together, and
-`scipy.optimize.linear_sum_assignment` gives each a cluster of the frontier so that the sum of path lengths is least
-(`baselines/explorers/team.py`). They see and touch each other. Interquartile means with 95 % bootstrap intervals. The
-speed-up is one robot's time to its last coverage, divided by the team's time to the same coverage.
-
-All robots start at the entrance. No team sees a cell before a robot can have come to where it is in view, so the spawn
-limits the speed-up of teams of every size: *limit* is one robot's time to its last coverage, divided by the time in
-which robots at top speed, one to each place of the mine, have that many cells in view.
-"""
-
 Key = tuple[str, int]  # environment and seed
 
 
@@ -167,9 +156,9 @@ def write_kept(kept: dict[Key, dict[str, Any]], path: Path = KEPT) -> None:
     part.rename(path)
 
 
-def page(kept: dict[Key, dict[str, Any]]) -> str:
-    """Return the page of all kept records: unseen mines first, then each environment by itself."""
-    lines = [_HEADING]
+def tables(kept: dict[Key, dict[str, Any]]) -> str:
+    """Return the tables of all kept records: unseen mines first, then each environment by itself."""
+    lines: list[str] = []
     unseen = [record for (env_id, _), record in sorted(kept.items()) if env_id.startswith(_UNSEEN)]
     if unseen:
         said = f"One episode in each of {len(unseen)} of the {SIZES['test']} mines."
@@ -182,18 +171,15 @@ def page(kept: dict[Key, dict[str, Any]]) -> str:
 
 def _table(records: list[dict[str, Any]]) -> list[str]:
     """Return a table: a row a size of team."""
-    lines = [
-        "| robots | coverage at the end | speed-up | limit | steps in contact with rock |",
-        "|---|---|---|---|---|",
-    ]
+    rows = []
     limit = _text(_figure(records, [record["limit"] for record in records]), 1, "")
     for place, robots in enumerate(_ROBOTS):
         cover, faster, contacts = ([r[name][place] for r in records] for name in _FIGURES)
         never = f", never in {faster.count(None)}" if None in faster else ""
         ratio = _text(_figure(records, faster), 1, "") + never
         shown = [_text(_figure(records, cover), 100, " %"), ratio, limit if robots > 1 else ""]
-        lines.append(f"| {robots} | {' | '.join(shown)} | at most {max(contacts)} |")
-    return [*lines, ""]
+        rows.append((robots, *shown, f"at most {max(contacts)}"))
+    return [markdown_table(("robots", "coverage at the end", "speed-up", "limit", "steps in contact with rock"), rows)]
 
 
 def _figure(records: list[dict[str, Any]], values: list[float | None]) -> Figure:
@@ -232,8 +218,8 @@ def main() -> None:
     keys = [(find_id(name), seed) for name in named for seed in range(arguments.episodes)]
     keys += [(env_id, 0) for env_id in (built_ids("test", arguments.mines) if arguments.mines else [])]
     measure_all(keys, arguments.jobs)
-    _PAGE.write_text(page(read_kept()))
-    print(_PAGE.read_text())
+    write_table(_PAGE, tables(read_kept()))
+    print(tables(read_kept()))
 
 
 if __name__ == "__main__":

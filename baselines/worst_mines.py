@@ -16,6 +16,7 @@ import numpy as np
 
 from baselines.base.environments import make_env
 from baselines.base.errors import BaselineError, run_command
+from baselines.base.markdown import markdown_table, write_table
 from baselines.base.statistics import sample_times
 from baselines.scoring.split_file import Drive, read_drives, split_folder
 from minexplore.splits import STYLES
@@ -27,26 +28,10 @@ _PAGE, _PICTURE = Path("docs/evidence/parts/worst-mines.md"), Path("docs/worst-m
 _MINES = 10
 _ROCK, _BLUE, _RED = "#d9d4cc", "#1f5a94", "#b04a2f"
 _STANDS_MPS = 0.1
-_TEXT = """# Where a learned explorer loses
-
-Written by `python -m benchmarks worst-mines --policy {policy} --beside {other}` from the results on the split {split}:
-the {count} mines in which {policy} sees least beside {other}. *Idle* is the share of the time in which no new cell was
-seen, *stands* that in which the robot moved at less than {slow:g} m/s.
-
-![Ways of both policies in these mines](../../worst-mines.jpg)
-
-*Blue: {policy}. Red: {other}. The dot is the start.*
-
-| mine | style | cells | seen, % | {other}, % | driven, m | {other}, m | idle, % | {other}, % | stands, % |
-|---|---|---|---|---|---|---|---|---|---|
-{rows}
-
-In all {mines} mines, {policy} sees more in {more}, as much in {same} and less in {less}.
-"""
 
 
 @dataclass(frozen=True)
-class Pair:
+class EpisodePair:
     """The episodes of two policies in one mine."""
 
     number: int
@@ -74,7 +59,7 @@ def stands(drive: Drive) -> float:
     return float(spans[moved < _STANDS_MPS * spans].sum() / spans.sum())
 
 
-def pairs_of(policy: str, other: str, split: str) -> list[Pair]:
+def pairs_of(policy: str, other: str, split: str) -> list[EpisodePair]:
     """Return both policies' episodes, mine by mine, the mine with the least gain first.
 
     Raises
@@ -85,11 +70,11 @@ def pairs_of(policy: str, other: str, split: str) -> list[Pair]:
     ours, theirs = (read_drives(split_folder(split) / f"{name}.jsonl") for name in (policy, other))
     if [(h.env, h.world_sha256) for h, _ in ours] != [(h.env, h.world_sha256) for h, _ in theirs]:
         raise BaselineError(f"{policy}, {other}: their results on the split {split} are of other mines")
-    pairs = [Pair(number, *both) for number, both in enumerate(zip(ours, theirs, strict=True))]
+    pairs = [EpisodePair(number, *both) for number, both in enumerate(zip(ours, theirs, strict=True))]
     return sorted(pairs, key=lambda pair: pair.gain)
 
 
-def draw(pairs: list[Pair], path: Path) -> None:
+def draw(pairs: list[EpisodePair], path: Path) -> None:
     """Draw both ways in each mine."""
     figure, axes = plt.subplots(2, -(-len(pairs) // 2), figsize=(3.2 * -(-len(pairs) // 2), 7), layout="constrained")
     for axis in axes.flat:
@@ -100,7 +85,7 @@ def draw(pairs: list[Pair], path: Path) -> None:
     plt.close(figure)
 
 
-def _draw_mine(axis: Any, pair: Pair) -> None:
+def _draw_mine(axis: Any, pair: EpisodePair) -> None:
     head, _ = pair.ours
     env = make_env(head.env, 1)
     try:
@@ -119,20 +104,23 @@ def _draw_mine(axis: Any, pair: Pair) -> None:
     axis.set_title(f"{pair.number}: {100 * share(pair.ours):.0f} %, {100 * share(pair.theirs):.0f} %", fontsize=9)
 
 
-def page(policy: str, other: str, split: str, pairs: list[Pair], count: int) -> str:
-    """Return the page."""
+def tables(policy: str, other: str, split: str, pairs: list[EpisodePair], count: int) -> str:
+    """Return the table, with whom it compares."""
     rows = []
     for pair in pairs[:count]:
         (head, ours), (_, theirs) = pair.ours, pair.theirs
         style = STYLES[pair.number % len(STYLES)].replace("_", " ")
         figures = (100 * share(pair.ours), 100 * share(pair.theirs), ours.path_m, theirs.path_m)
         idle = (100 * ours.idle / ours.steps, 100 * theirs.idle / theirs.steps, 100 * stands(pair.ours))
-        numbers = " | ".join(f"{value:.0f}" for value in (*figures, *idle))
-        rows.append(f"| {pair.number} | {style} | {head.cells:,} | {numbers} |")
+        rows.append((pair.number, style, f"{head.cells:,}", *(f"{value:.0f}" for value in (*figures, *idle))))
     gains = np.array([pair.gain for pair in pairs])
-    counts = {"more": (gains > 0).sum(), "same": (gains == 0).sum(), "less": (gains < 0).sum()}
-    return _TEXT.format(policy=policy, other=other, split=split, count=count, slow=_STANDS_MPS, rows="\n".join(rows),
-                        mines=len(pairs), **counts)  # fmt: skip
+    columns = ("mine", "style", "cells", "seen, %", f"{other}, %", "driven, m", f"{other}, m", "idle, %", f"{other}, %")
+    return (
+        f"The {count} mines of the split {split} in which {policy} (blue) sees least beside {other} (red). "
+        f"The dot is the start.\n\n{markdown_table((*columns, 'stands, %'), rows)}\n"
+        f"In all {len(pairs)} mines, {policy} sees more in {(gains > 0).sum()}, as much in {(gains == 0).sum()} and "
+        f"less in {(gains < 0).sum()}."
+    )
 
 
 def main() -> None:
@@ -145,7 +133,7 @@ def main() -> None:
     pairs = pairs_of(arguments.policy, arguments.beside, arguments.split)
     count = min(_MINES, len(pairs))
     draw(pairs[:count], _PICTURE)
-    _PAGE.write_text(page(arguments.policy, arguments.beside, arguments.split, pairs, count))
+    write_table(_PAGE, tables(arguments.policy, arguments.beside, arguments.split, pairs, count))
     print(f"{_PAGE} and {_PICTURE} are written")
 
 

@@ -26,231 +26,108 @@ class Benchmark:
     one_thread: bool = False  # threads of OpenMP
 
 
-_EXPLORERS = "wall-following nearest-frontier information-gain frontier-tour depth-first two-level"
-_REPLAY = "python -m pipeline replay --bundle artifacts/realism/world --sweeps data/raw --poses data/raw/scan_poses.csv"
-_TRAINING_TESTS = "tests/baselines/ppo/test_ppo.py tests/baselines/graph/test_graph.py"
-_GPU_TESTS = "tests/minexplore/warp/test_warp.py tests/baselines/ppo/test_ppo_on_warp.py"
-_RERUN = 'for file in $(python -m baselines.scoring.rerun); do python -m baselines.score "$file" --rerun all; done'
+def _python(
+    name: str, needs: str, words: str, writes: str, minutes: str = "", *, one_thread: bool = False
+) -> Benchmark:
+    """Return the measurement of a module with its first arguments."""
+    return Benchmark(name, needs, f'python -m {words} "$@"', writes, minutes, one_thread)
+
+
+_PARTS = "docs/evidence/parts/"
+_WORLD = "--bundle artifacts/realism/world"
 _ALL_SPLITS = (
     'for split in validation test train; do python -m pipeline worlds --light --split $split --list "$@"; done'
 )
-_CONTACTS = "--contacts 1000000 --out artifacts/proof/certificate.json"
+_ROUGHNESS = "pipeline roughness data/raw/sweep_*.csv --out data/chilean_mine/roughness.json"
+_STRESS_TEST = f"pipeline certify {_WORLD} --contacts 1000000 --out artifacts/proof/certificate.json"
+_PARITY = f"pipeline parity {_WORLD} --out artifacts/proof/parity.json"
+_REPLAY = f"pipeline replay {_WORLD} --sweeps data/raw --poses data/raw/scan_poses.csv --out artifacts/proof"
+_UNSEEN = (
+    "baselines.split --bounds "
+    "--policy wall-following nearest-frontier information-gain frontier-tour depth-first two-level"
+)
+_FIVE_SEEDS = 'for seed in 42 142 242 342 442; do python -m baselines.ppo.train seed=$seed "$@"; done'
+_CURVES = 'python -m baselines.ppo.curves "$@"; python -m baselines.graph.training.curves "$@"'
+_RENEW = "python -m baselines.oracle; python -m baselines.evaluate --all; python -m baselines.leaderboard"
+_RERUN = (
+    'for file in $(python -m baselines.scoring.rerun); do python -m baselines.score "$file" --rerun all; done; '
+    "python -m baselines.leaderboard"
+)
+_TRAINING_TESTS = "pytest tests/baselines/ppo/test_ppo.py tests/baselines/graph/test_graph.py"
+_GPU_TESTS = "pytest tests/minexplore/warp/test_warp.py tests/baselines/ppo/test_ppo_on_warp.py"
+_ENV_PAGE = "python -m minexplore page > docs/reference/.new; mv docs/reference/.new docs/reference/environment.md"
 
 BENCHMARKS: tuple[Benchmark, ...] = (
     # Worlds
-    Benchmark("worlds", "setup", 'python -m pipeline worlds --light --count 10 "$@"', "artifacts/families"),
+    _python("worlds", "setup", "pipeline worlds --light --count 10", "artifacts/families"),
     Benchmark("splits", "setup", _ALL_SPLITS, "data/families/splits.csv", "50"),
-    Benchmark(
-        "roughness",
-        "setup",
-        'python -m pipeline roughness data/raw/sweep_*.csv --out data/chilean_mine/roughness.json "$@"',
-        "data/chilean_mine/roughness.json",
-    ),
+    _python("roughness", "setup", _ROUGHNESS, "data/chilean_mine/roughness.json"),
     # First use
-    Benchmark(
-        "first-touch", "setup", 'python -m benchmarks.first_touch "$@"', "docs/evidence/parts/first-touch.md", "10"
-    ),
-    Benchmark(
-        "simple-mines", "setup", 'python -m benchmarks.simple_mines "$@"', "docs/evidence/parts/simple-mines.md", "45"
-    ),
+    _python("first-touch", "setup", "benchmarks.first_touch", _PARTS + "first-touch.md", "10"),
+    _python("simple-mines", "setup", "benchmarks.simple_mines", _PARTS + "simple-mines.md", "45"),
     # Evidence
-    Benchmark(
-        "stress-test",
-        "all",
-        f'python -m pipeline certify --bundle artifacts/realism/world {_CONTACTS} "$@"',
-        "artifacts/proof/certificate.json",
-        "6",
-    ),
-    Benchmark("mutants", "all", 'python -m benchmarks.mutants "$@"', "artifacts/proof/mutants.json"),
-    Benchmark(
-        "parity",
-        "all",
-        'python -m pipeline parity --bundle artifacts/realism/world --out artifacts/proof/parity.json "$@"',
-        "artifacts/proof/parity.json",
-    ),
-    Benchmark(
-        "parity-gpu", "setup-gpu", 'python -m benchmarks.speed.gpu_parity "$@"', "docs/evidence/parts/gpu-parity.md"
-    ),
-    Benchmark("replay", "all", f'{_REPLAY} --out artifacts/proof "$@"', "artifacts/proof"),
-    Benchmark(
+    _python("stress-test", "all", _STRESS_TEST, "artifacts/proof/certificate.json", "6"),
+    _python("mutants", "all", "benchmarks.mutants", "artifacts/proof/mutants.json"),
+    _python("parity", "all", _PARITY, "artifacts/proof/parity.json"),
+    _python("parity-gpu", "setup-gpu", "benchmarks.speed.gpu_parity", _PARTS + "gpu-parity.md"),
+    _python("replay", "all", _REPLAY, "artifacts/proof"),
+    _python(
         "holdout",
         "setup",
-        'python -m pipeline validate --holdout --out artifacts/proof/holdout.json "$@"',
+        "pipeline validate --holdout --out artifacts/proof/holdout.json",
         "artifacts/proof/holdout.json",
     ),
-    Benchmark("fuzz", "setup", 'python -m benchmarks.fuzz "$@"', "docs/evidence/parts/fuzz.md"),
-    Benchmark(
-        "random-mines", "setup", 'python -m benchmarks.worlds.random_mines "$@"', "docs/evidence/parts/random-mines.md"
-    ),
-    Benchmark(
-        "random-levels",
-        "setup",
-        'python -m benchmarks.worlds.random_levels "$@"',
-        "docs/evidence/parts/random-levels.md",
-    ),
-    Benchmark(
-        "drawn-sheets",
-        "setup",
-        'python -m benchmarks.pictures.drawn_sheets "$@"',
-        "docs/evidence/parts/drawn-sheets.md",
-    ),
-    Benchmark(
-        "leave-out-sweeps",
-        "setup",
-        'python -m benchmarks.comparisons.leave_out_sweeps "$@"',
-        "docs/evidence/parts/corrected-plan.md",
-    ),
-    Benchmark("evidence", "all", 'python -m benchmarks.evidence "$@"', "docs/evidence/parts/evidence-figures.md"),
-    Benchmark("claims", "setup", 'python -m benchmarks.claims "$@"', "docs/evidence/parts/claims.md"),
+    _python("fuzz", "setup", "benchmarks.fuzz", _PARTS + "fuzz.md"),
+    _python("random-mines", "setup", "benchmarks.worlds.random_mines", _PARTS + "random-mines.md"),
+    _python("random-levels", "setup", "benchmarks.worlds.random_levels", _PARTS + "random-levels.md"),
+    _python("drawn-sheets", "setup", "benchmarks.pictures.drawn_sheets", _PARTS + "drawn-sheets.md"),
+    _python("leave-out-sweeps", "setup", "benchmarks.comparisons.leave_out_sweeps", _PARTS + "corrected-plan.md"),
+    _python("evidence", "all", "benchmarks.evidence", _PARTS + "evidence-figures.md"),
+    _python("claims", "setup", "benchmarks.claims", _PARTS + "claims.md"),
     # Comparisons
-    Benchmark(
-        "compare-paper",
-        "setup",
-        'python -m benchmarks.comparisons.compare_paper "$@"',
-        "docs/evidence/parts/compare-paper.md",
-    ),
-    Benchmark(
-        "compare-rock", "all", 'python -m benchmarks.comparisons.compare_rock "$@"', "docs/evidence/parts/rock.md"
-    ),
-    Benchmark(
-        "rock-directions",
-        "setup",
-        'python -m benchmarks.comparisons.rock_directions "$@"',
-        "docs/evidence/parts/rock-directions.md",
-    ),
-    Benchmark(
-        "compare-collision",
-        "setup",
-        'python -m benchmarks.comparisons.compare_collision "$@"',
-        "docs/evidence/parts/compare-collision.md",
-    ),
-    Benchmark(
-        "search-texture",
-        "setup",
-        'python -m benchmarks.comparisons.search_texture "$@"',
-        "docs/evidence/parts/texture-search.md",
-    ),
+    _python("compare-paper", "setup", "benchmarks.comparisons.compare_paper", _PARTS + "compare-paper.md"),
+    _python("compare-rock", "all", "benchmarks.comparisons.compare_rock", _PARTS + "rock.md"),
+    _python("rock-directions", "setup", "benchmarks.comparisons.rock_directions", _PARTS + "rock-directions.md"),
+    _python("compare-collision", "setup", "benchmarks.comparisons.compare_collision", _PARTS + "compare-collision.md"),
+    _python("search-texture", "setup", "benchmarks.comparisons.search_texture", _PARTS + "texture-search.md"),
     # Pictures
-    Benchmark("look-pictures", "all", 'python -m benchmarks.pictures.look_pictures "$@"', "docs/look.jpg"),
-    Benchmark("level-pictures", "setup", 'python -m benchmarks.pictures.level_pictures "$@"', "docs/levels.png"),
-    Benchmark("decline-pictures", "setup", 'python -m benchmarks.pictures.decline_pictures "$@"', "docs/decline.jpg"),
-    Benchmark(
-        "case-pictures", "setup", 'python -m benchmarks.pictures.case_pictures "$@"', "docs/evidence/parts/cases.md"
-    ),
-    Benchmark("drive-clip", "all", 'python -m benchmarks.pictures.drive_clip "$@"', "docs/drive.gif"),
-    Benchmark("look", "all", 'python -m benchmarks.pictures.look_at_report "$@"', "docs/report.png"),
+    _python("look-pictures", "all", "benchmarks.pictures.look_pictures", "docs/look.jpg"),
+    _python("level-pictures", "setup", "benchmarks.pictures.level_pictures", "docs/levels.png"),
+    _python("decline-pictures", "setup", "benchmarks.pictures.decline_pictures", "docs/decline.jpg"),
+    _python("case-pictures", "setup", "benchmarks.pictures.case_pictures", _PARTS + "cases.md"),
+    _python("drive-clip", "all", "benchmarks.pictures.drive_clip", "docs/drive.gif"),
+    _python("look", "all", "benchmarks.pictures.look_at_report", "docs/report.png"),
     # Timings
-    Benchmark(
-        "bench",
-        "setup",
-        'python -m benchmarks.speed.time_env "$@"',
-        "docs/evidence/parts/env-speed.md",
-        one_thread=True,
-    ),
-    Benchmark(
-        "bench-heights",
-        "setup",
-        'python -m benchmarks.speed.time_heights "$@"',
-        "docs/evidence/parts/levels-speed.md",
-        one_thread=True,
-    ),
-    Benchmark(
-        "bench-gpu", "setup-gpu", 'python -m benchmarks.speed.time_gpu "$@"', "docs/evidence/parts/env-speed-gpu.md"
-    ),
-    Benchmark(
-        "bench-light",
-        "setup",
-        'python -m benchmarks.speed.light_worlds "$@"',
-        "docs/evidence/parts/light-worlds.md",
-        one_thread=True,
-    ),
-    Benchmark(
-        "bench-growth",
-        "setup",
-        'python -m benchmarks.speed.growth "$@"',
-        "docs/evidence/parts/growth.md",
-        one_thread=True,
-    ),
-    Benchmark(
-        "bench-deep",
-        "setup",
-        'python -m benchmarks.speed.time_deep "$@"',
-        "docs/evidence/parts/deep-mines.md",
-        one_thread=True,
-    ),
-    Benchmark(
-        "bench-pipeline", "setup", 'python -m benchmarks.speed.time_pipeline "$@"', "docs/evidence/parts/timings.md"
-    ),
-    Benchmark(
-        "time-training",
-        "setup-baselines",
-        'python -m benchmarks.speed.time_training "$@"',
-        "artifacts/bench/training.json",
-    ),
+    _python("bench", "setup", "benchmarks.speed.time_env", _PARTS + "env-speed.md", one_thread=True),
+    _python("bench-heights", "setup", "benchmarks.speed.time_heights", _PARTS + "levels-speed.md", one_thread=True),
+    _python("bench-gpu", "setup-gpu", "benchmarks.speed.time_gpu", _PARTS + "env-speed-gpu.md"),
+    _python("bench-light", "setup", "benchmarks.speed.light_worlds", _PARTS + "light-worlds.md", one_thread=True),
+    _python("bench-growth", "setup", "benchmarks.speed.growth", _PARTS + "growth.md", one_thread=True),
+    _python("bench-deep", "setup", "benchmarks.speed.time_deep", _PARTS + "deep-mines.md", one_thread=True),
+    _python("bench-pipeline", "setup", "benchmarks.speed.time_pipeline", _PARTS + "timings.md"),
+    _python("time-training", "setup-baselines", "benchmarks.speed.time_training", "artifacts/bench/training.json"),
     # Baselines
-    Benchmark("oracle", "all", 'python -m baselines.oracle "$@"', "baselines/results/bounds.json"),
-    Benchmark("explorers", "all", 'python -m baselines.evaluate --all "$@"', "baselines/results"),
-    Benchmark(
-        "unseen",
-        "setup",
-        f'python -m baselines.split --bounds --policy {_EXPLORERS} "$@"',
-        "baselines/results/Family-test",
-    ),
-    Benchmark(
-        "published-plan",
-        "setup",
-        'python -m benchmarks.comparisons.published_plan "$@"',
-        "docs/evidence/parts/published-plan.md",
-    ),
-    Benchmark("worst-mines", "setup", 'python -m baselines.worst_mines "$@"', "docs/evidence/parts/worst-mines.md"),
-    Benchmark("teams", "all", 'python -m baselines.team "$@"', "docs/evidence/parts/team.md"),
-    Benchmark("train", "setup-baselines", 'python -m baselines.ppo.train "$@"', "artifacts/train"),
-    Benchmark("train-gpu", "setup-gpu", 'python -m baselines.ppo.train_gpu "$@"', "artifacts/train"),
-    Benchmark(
-        "train-graph",
-        "setup-baselines",
-        'python -m baselines.graph.training.train "$@"',
-        "artifacts/train",
-        one_thread=True,
-    ),
-    Benchmark(
-        "train-all",
-        "setup-baselines",
-        'for seed in 42 142 242 342 442; do python -m baselines.ppo.train seed=$seed "$@"; done',
-        "artifacts/train",
-    ),
-    Benchmark(
-        "compare-graph",
-        "setup",
-        'python -m baselines.pages.simulator "$@"',
-        "docs/evidence/parts/graph-simulator.md",
-        one_thread=True,
-    ),
-    Benchmark(
-        "curves",
-        "setup",
-        'python -m baselines.ppo.curves "$@"; python -m baselines.graph.training.curves "$@"',
-        "docs/evidence/parts/training.md, docs/evidence/parts/graph-training.md",
-    ),
-    Benchmark(
-        "renew-benchmark",
-        "all",
-        "python -m baselines.oracle; python -m baselines.evaluate --all; python -m baselines.leaderboard",
-        "baselines/results, LEADERBOARD.md",
-    ),
-    Benchmark("rerun", "all", f"{_RERUN}; python -m baselines.leaderboard", "LEADERBOARD.md"),
-    Benchmark("leaderboard", "all", 'python -m baselines.leaderboard "$@"', "LEADERBOARD.md"),
+    _python("oracle", "all", "baselines.oracle", "baselines/results/bounds.json"),
+    _python("explorers", "all", "baselines.evaluate --all", "baselines/results"),
+    _python("unseen", "setup", _UNSEEN, "baselines/results/Family-test"),
+    _python("published-plan", "setup", "benchmarks.comparisons.published_plan", _PARTS + "published-plan.md"),
+    _python("worst-mines", "setup", "baselines.worst_mines", _PARTS + "worst-mines.md"),
+    _python("teams", "all", "baselines.team", _PARTS + "team.md"),
+    _python("train", "setup-baselines", "baselines.ppo.train", "artifacts/train"),
+    _python("train-gpu", "setup-gpu", "baselines.ppo.train_gpu", "artifacts/train"),
+    _python("train-graph", "setup-baselines", "baselines.graph.training.train", "artifacts/train", one_thread=True),
+    Benchmark("train-all", "setup-baselines", _FIVE_SEEDS, "artifacts/train"),
+    _python("compare-graph", "setup", "baselines.pages.simulator", _PARTS + "graph-simulator.md", one_thread=True),
+    Benchmark("curves", "setup", _CURVES, "docs/evidence/parts/training.md, docs/evidence/parts/graph-training.md"),
+    Benchmark("renew-benchmark", "all", _RENEW, "baselines/results, LEADERBOARD.md"),
+    Benchmark("rerun", "all", _RERUN, "LEADERBOARD.md"),
+    _python("leaderboard", "all", "baselines.leaderboard", "LEADERBOARD.md"),
     # Project
-    Benchmark("test-train", "setup-baselines", f'python -m pytest {_TRAINING_TESTS} "$@"', ""),
-    Benchmark("test-gpu", "setup-gpu", f'python -m pytest {_GPU_TESTS} "$@"', ""),
-    Benchmark(
-        "env-page",
-        "setup",
-        "python -m minexplore page > docs/reference/.new; mv docs/reference/.new docs/reference/environment.md",
-        "docs/reference/environment.md",
-    ),
+    _python("test-train", "setup-baselines", _TRAINING_TESTS, ""),
+    _python("test-gpu", "setup-gpu", _GPU_TESTS, ""),
+    Benchmark("env-page", "setup", _ENV_PAGE, "docs/reference/environment.md"),
     Benchmark("sbom", "setup", "python -m benchmarks.bill_of_materials", "artifacts/sbom.json"),
-    Benchmark("provenance", "setup", 'python -m pipeline provenance "$@"', "artifacts/provenance"),
+    _python("provenance", "setup", "pipeline provenance", "artifacts/provenance"),
 )
 
 

@@ -10,16 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from baselines.base.errors import BaselineError
+from baselines.base.markdown import markdown_table, write_table
 from baselines.base.result_file import RESULTS, read_results
 from baselines.base.statistics import figures
 from baselines.ppo.curves import read_runs
 from benchmarks.evidence import read
+from benchmarks.resume import run_benchmark
 from minexplore.envs.reward import CAP
-from pipeline.errors import ArtifactError, MineError
+from pipeline.errors import ArtifactError
 from pipeline.metrics.rock.paper import PAPER
 from pipeline.metrics.rock.texture import AXES
 from pipeline.report.results import read_metrics
-from pipeline.store.files import write_atomically
 
 PAGE = Path("docs/evidence/parts/claims.md")
 WORLD = Path("artifacts/realism/world/world.json")
@@ -202,12 +203,6 @@ SECTIONS: dict[str, Callable[[Evidence], list[Claim]]] = {
     "Learning": learning,
     "Speed": speed,
 }
-_HEAD = """# Claims ledger
-
-Every figure of the paper beside what is measured or computed here; written by `python -m benchmarks claims` from the files that the
-commands write. A section whose files are not on the machine keeps its rows. *Contradicts itself* means that the figure
-cannot hold by the paper's own numbers.
-"""
 
 
 def rows_of(claims: list[Claim]) -> list[str]:
@@ -221,18 +216,12 @@ def rows_on(text: str, title: str) -> list[str]:
     return [line for line in section.splitlines() if line.startswith("| ")][1:]
 
 
-def page(sections: dict[str, list[str]]) -> str:
+def tables(sections: dict[str, list[str]]) -> str:
     """Return the ledger as Markdown, given each section's rows."""
-    lines = [_HEAD]
+    lines: list[str] = []
     for title, rows in sections.items():
-        lines += [
-            f"## {title}",
-            "",
-            "| the paper | here | command | verdict | why |",
-            "|---|---|---|---|---|",
-            *rows,
-            "",
-        ]
+        head = markdown_table(("the paper", "here", "command", "verdict", "why"), ())
+        lines += [f"## {title}", "", head.rstrip(), *rows, ""]
     every = [row.split(" | ")[3] for rows in sections.values() for row in rows]
     counts = ", ".join(f"{every.count(v)} {v}" for v in (EXCEEDED, REPRODUCED, MISSED, CONTRADICTS))
     return "\n".join([*lines, f"Together: {counts}.", ""])
@@ -242,23 +231,19 @@ def main() -> int:
     """Write the ledger."""
     before = PAGE.read_text() if PAGE.is_file() else ""
     sections = {}
-    try:
-        evidence = Evidence()
-        for title, claims_of in SECTIONS.items():
-            try:
-                sections[title] = rows_of(claims_of(evidence))
-            except ArtifactError as error:
-                sections[title] = rows_on(before, title)
-                if not sections[title]:
-                    raise
-                print(f"claims: {title} keeps its rows: {error}", file=sys.stderr)
-    except (MineError, BaselineError) as error:
-        print(f"claims: {error}", file=sys.stderr)
-        return 2
-    write_atomically(PAGE, page(sections).encode())
+    evidence = Evidence()
+    for title, claims_of in SECTIONS.items():
+        try:
+            sections[title] = rows_of(claims_of(evidence))
+        except ArtifactError as error:
+            sections[title] = rows_on(before, title)
+            if not sections[title]:
+                raise
+            print(f"claims: {title} keeps its rows: {error}", file=sys.stderr)
+    write_table(PAGE, tables(sections))
     print(f"{PAGE} is written")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark("claims", main))

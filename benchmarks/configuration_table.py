@@ -19,7 +19,7 @@ _WIDEST = 160  # characters of a line in Markdown
 _BOUNDS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
 
 
-def markdown_table(titles: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+def noted_table(titles: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     """Return a table whose lines are at most 160 characters: a last cell that is too long stands below the table."""
     lines, notes = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"], []
     for row in rows:
@@ -52,7 +52,7 @@ def configuration_table() -> str:
                 values = others if values in others else f"{others}, {values}"
                 meaning = known if meaning in known else f"{known}; or: {meaning}"
             rows[key] = (f"`{key.removeprefix(section + '.')}`", values, default, meaning)
-        texts.append(f"### `{section}`\n\n{markdown_table(('key', 'values', 'default', 'meaning'), rows.values())}")
+        texts.append(f"### `{section}`\n\n{noted_table(('key', 'values', 'default', 'meaning'), rows.values())}")
     return "\n\n".join(texts)
 
 

@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.configuration_table import markdown_table
+from benchmarks.configuration_table import noted_table
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def lines_of(paths: tuple[str, ...]) -> int:
 def defence_table() -> str:
     """Return the table of `docs/security.md`; few changes of the code move lines in hundreds."""
     rows = ((d.threat, d.decides, f"{round(lines_of(d.code), -2):,}", _named(d.code)) for d in DEFENCES)
-    return markdown_table(("threat", "the defence that decides", "lines, to a hundred", "code"), rows)
+    return noted_table(("threat", "the defence that decides", "lines, to a hundred", "code"), rows)
 
 
 def _named(paths: tuple[str, ...]) -> str:

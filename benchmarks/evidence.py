@@ -7,15 +7,21 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.comparisons.compare_paper import run_pipeline
+from benchmarks.resume import run_benchmark
 from pipeline.compose import compose
-from pipeline.errors import ArtifactError, MineError
+from pipeline.errors import ArtifactError
 from pipeline.report.results import shrink_picture
 from pipeline.store.files import write_atomically
 
 PLAN = Path("artifacts/benchmarks/plan")
 PROOF = Path("artifacts/proof")
 DOCS = Path("docs")
+_REPLAYED = (
+    *("sweep", "returns used", "median, m", "p90, m", "within 0.25 m", "within 0.5 m", "bias, m"),
+    *("median on the rough surface, m", "median without range and angle gates, m", "correction of the pose, m, deg"),
+)
 
 
 def read(path: Path, target: str) -> Any:
@@ -34,14 +40,7 @@ def read(path: Path, target: str) -> Any:
 
 def replay_table(report: dict[str, Any]) -> list[str]:
     """Return the replay's results as Markdown."""
-    lines = [
-        "## LiDAR replay on the published plan (`survey=plan`)",
-        "",
-        "| sweep | returns used | median, m | p90, m | within 0.25 m | within 0.5 m | bias, m "
-        "| median on the rough surface, m | median without range and angle gates, m "
-        "| correction of the pose, m, deg |",
-        "|---" * 10 + "|",
-    ]
+    rows = []
     for name, s in report["sweeps"].items():
         c = s["collision"]
         dx, dy = s["correction_m"]
@@ -57,91 +56,72 @@ def replay_table(report: dict[str, Any]) -> list[str]:
             f"{s['every_return_median_m']:.3f}",
             f"{dx:+.2f}, {dy:+.2f}, {s['correction_deg']:+.2f}",
         ]
-        lines.append(f"| {' | '.join(shown)} |")
+        rows.append(shown)
     low, high = (scale * report["plan_px_per_m"] for scale in report["scale_interval"])
-    lines += [
+    return [
+        "## LiDAR replay on the published plan (`survey=plan`)",
         "",
+        markdown_table(_REPLAYED, rows),
         f"The sweeps imply a scale of {report['implied_px_per_m']:.2f} px/m ({low:.2f} to {high:.2f}); the plan's bar "
         f"gives {report['plan_px_per_m']:.2f}. All poses are rotated by {report['turn_deg']:.2f} deg.",
     ]
-    return lines
 
 
 def certificate_table(title: str, certificate: dict[str, Any]) -> list[str]:
     """Return a certificate as Markdown."""
-    rows = [
-        f"| `{name}` | {clause['value']} | {', '.join(f'{k} {v:g}' for k, v in clause['limit'].items())} "
-        f"| {'yes' if clause['holds'] else 'NO'} |"
-        for name, clause in certificate["clauses"].items()
-    ]
-    return [
-        f"## Certificate: {title}, {certificate['contacts']:,} contacts",
-        "",
-        "| clause | value | limit | holds |",
-        "|---|---|---|---|",
-        *rows,
-    ]
+    rows = (
+        (f"`{name}`", c["value"], ", ".join(f"{k} {v:g}" for k, v in c["limit"].items()), "yes" if c["holds"] else "NO")
+        for name, c in certificate["clauses"].items()
+    )
+    table = markdown_table(("clause", "value", "limit", "holds"), rows)
+    return [f"## Certificate: {title}, {certificate['contacts']:,} contacts", "", table]
 
 
 def proof_tables() -> list[str]:
     """Return the results of the stress test, parity, holdout and mutants as Markdown."""
-    lines = certificate_table("the embedded survey", read(PROOF / "certificate.json", "stress-test"))
-    parity = read(PROOF / "parity.json", "parity")
-    lines += ["", "## Backends", "", "| backend | rays | agree | within, m | worst, m |", "|---|---|---|---|---|"]
-    lines += [
-        f"| {name} | {p['rays']:,} | {p['agree']:,} | {p['tolerance_m']:g} | {p['worst_m']:g} |"
+    parity, holdout = read(PROOF / "parity.json", "parity"), read(PROOF / "holdout.json", "holdout")
+    mutants = read(PROOF / "mutants.json", "mutants")
+    backends = [
+        (name, f"{p['rays']:,}", f"{p['agree']:,}", f"{p['tolerance_m']:g}", f"{p['worst_m']:g}")
         for name, p in parity["backends"].items()
     ]
-    lines += [f"| {name} | not run: {reason} | | | |" for name, reason in parity["left_out"].items()]
-    holdout = read(PROOF / "holdout.json", "holdout")
-    lines += ["", "## Held-out sweeps: roughness of the built wall / roughness of the held-out sweeps", ""]
-    windows = holdout["splits"][0]["window_m"]
-    lines += [
-        "| built from | held out | " + " | ".join(f"{w:g} m" for w in windows) + " |",
-        "|---" * (len(windows) + 2) + "|",
-    ]
-    for split in holdout["splits"]:
-        ratios = " | ".join(f"{r:.2f}" for r in split["built_vs_held_out"])
-        lines.append(f"| {', '.join(split['built_from'])} | {', '.join(split['held_out'])} | {ratios} |")
-    lines += [
+    left_out = [(name, f"not run: {reason}", "", "", "") for name, reason in parity["left_out"].items()]
+    windows = [f"{w:g} m" for w in holdout["splits"][0]["window_m"]]
+    splits = (
+        (", ".join(s["built_from"]), ", ".join(s["held_out"]), *(f"{r:.2f}" for r in s["built_vs_held_out"]))
+        for s in holdout["splits"]
+    )
+    caught = ((r["fault"], r["expected"], "caught" if r["caught"] else "MISSED") for r in mutants["rows"])
+    return [
+        *certificate_table("the embedded survey", read(PROOF / "certificate.json", "stress-test")),
+        "## Backends",
         "",
+        markdown_table(("backend", "rays", "agree", "within, m", "worst, m"), [*backends, *left_out]),
+        "## Held-out sweeps: roughness of the built wall / roughness of the held-out sweeps",
+        "",
+        markdown_table(("built from", "held out", *windows), splits),
         f"The typical factor is {holdout['built_factor']:.2f}; between the two halves of the sweeps it is "
         f"{holdout['source_factor']:.2f}.",
-    ]
-    mutants = read(PROOF / "mutants.json", "mutants")
-    lines += [
         "",
         f"## Mutants: {mutants['caught']} of {mutants['total']} caught",
         "",
-        "| fault | check | |",
-        "|---|---|---|",
+        markdown_table(("fault", "check", ""), caught),
+        f"{mutants.get('random', 'no random mutants')}.",
     ]
-    lines += [f"| {r['fault']} | {r['expected']} | {'caught' if r['caught'] else 'MISSED'} |" for r in mutants["rows"]]
-    return [*lines, "", f"{mutants.get('random', 'no random mutants')}."]
 
 
 def main() -> int:
     """Run the pipeline on the plan if necessary, and write `evidence-figures.md` and `docs/replay.jpg`."""
-    try:
-        proof = proof_tables()
-        run_pipeline(PLAN, compose(["survey=plan"]).model_dump(mode="json"))
-        report = read(PLAN / "artifacts/validation/replay.json", "evidence")
-        plan = read(PLAN / "artifacts/validation/certificate.json", "evidence")
-        head = [
-            "# Figures of the evidence",
-            "",
-            "Written by `python -m benchmarks evidence`. [The page](../certificate.md) explains the figures.",
-            "",
-        ]
-        lines = [*head, *replay_table(report), "", *certificate_table("the published plan", plan), "", *proof]
-        write_atomically(DOCS / "evidence/parts/evidence-figures.md", ("\n".join(lines) + "\n").encode())
-        write_atomically(DOCS / "replay.jpg", shrink_picture(PLAN / "artifacts/validation/replay.png"))
-    except MineError as error:
-        print(f"evidence: {error}", file=sys.stderr)
-        return 2
+    proof = proof_tables()
+    run_pipeline(PLAN, compose(["survey=plan"]).model_dump(mode="json"))
+    report = read(PLAN / "artifacts/validation/replay.json", "evidence")
+    plan = read(PLAN / "artifacts/validation/certificate.json", "evidence")
+    lines = [*replay_table(report), "", *certificate_table("the published plan", plan), *proof]
+    write_table(DOCS / "evidence/parts/evidence-figures.md", "\n".join(lines))
+    write_atomically(DOCS / "replay.jpg", shrink_picture(PLAN / "artifacts/validation/replay.png"))
     print(f"{DOCS / 'evidence/parts/evidence-figures.md'} and {DOCS / 'replay.jpg'} are written")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark("evidence", main))

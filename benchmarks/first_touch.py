@@ -15,8 +15,8 @@ from shapely import LineString
 from shapely.geometry.base import BaseGeometry
 from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.simple_mines import write_dxf
-from pipeline.store.files import write_atomically
 from tests.project import Project
 
 TABLE = Path("docs/evidence/parts/first-touch.md")
@@ -137,28 +137,18 @@ def main() -> int:
         for trial in tqdm(list(trials(Path(place))), unit="trial", disable=None):
             right, last = run(project, trial)
             failed += not right
-            rows.append(f"| {trial.what} | {'as it should' if right else f'**{last[:160]}**'} |")
+            rows.append((trial.what, "as it should" if right else f"**{last[:160]}**"))
         script = _SCRIPT.format(world=project.folder / "artifacts/worlds/plan1/realism/world")
         done = project.run(sys.executable, "-c", script)
         silent = _is_silent(done.returncode, done.stderr)
         failed += not silent
-        rows.append(
-            f"| a script that renders and ends without close() | {'silent' if silent else done.stderr[-160:]} |"
-        )
+        rows.append(("a script that renders and ends without close()", "silent" if silent else done.stderr[-160:]))
         shutil.rmtree(project.folder / "artifacts" / "worlds")
-    write_atomically(TABLE, (HEAD + "\n".join(rows) + "\n").encode())
-    print("\n".join(rows))
+    table = markdown_table(("tried", "ended"), rows)
+    write_table(TABLE, table)
+    print(table, end="")
     return 2 if failed else 0
 
-
-HEAD = """# What a newcomer tries first
-
-Each row is a command in a fresh copy of the project, with visible rock and without an override. Made by
-`python -m benchmarks.first_touch`.
-
-| tried | ended |
-|---|---|
-"""
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.fuzzing.hostile import HOSTILE
 from benchmarks.fuzzing.samples import SAMPLES
 from benchmarks.fuzzing.saved import Files
@@ -35,17 +36,6 @@ Case = tuple[str, Callable[[], Files]]  # its name, and the function that makes 
 _BROKEN_S, _HOSTILE_S = 10, 70  # a hostile file may use the whole limit of 60 s, and a busy machine adds to it
 _MEMORY = 4_000_000_000
 _NUMBERS = [b"-1", b"0", b"1e308", b"nan", b"inf", b"99999999999", b"-0.0", b"4294967296", b"1e-320", b"''"]
-
-
-_HEAD = """# Fuzzing
-
-Every reader is given broken and hostile files. Written by `python -m benchmarks fuzz`. A case passes if it ends with
-a result or a
-message of one line, leaves no file behind, and stays within 4 GB and a time: 60 s for the hostile files of
-`benchmarks/fuzzing/hostile.py`, 10 s for broken copies of a valid file. Other cases fail. The last column names the
-slowest case.
-
-"""
 
 
 class _Hang(BaseException):
@@ -193,12 +183,12 @@ def fuzz_reader(reader: str, count: int, progress: Callable[[int], object]) -> d
 def table(results: dict[str, dict[str, Any]]) -> str:
     """Return the results as Markdown."""
     names = ("reader", "cases", "hostile", "refused with a message", "valid", "failed", "memory, GB", "slowest, s", "")
-    lines = [f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
+    rows = []
     for reader, row in results.items():
         size, slowest = f"{row['peak_bytes'] / 1e9:.1f}", f"{row['slowest_s']:.1f}"
         counts = (row["cases"], row["hostile"], row["refused"], row["valid"], len(row["failed"]))
-        lines.append(f"| {' | '.join(map(str, (reader, *counts, size, slowest, row['slowest_case'])))} |")
-    return "\n".join(lines) + "\n"
+        rows.append((reader, *counts, size, slowest, row["slowest_case"]))
+    return markdown_table(names, rows)
 
 
 def main() -> int:
@@ -224,7 +214,7 @@ def main() -> int:
     for case, verdict in failed.items():
         print(f"{case}: {verdict}")
     if list(whole) == list(SAMPLES) and not any(row["failed"] for row in whole.values()):
-        write_atomically(TABLE, (_HEAD + table(whole)).encode())
+        write_table(TABLE, table(whole))
     return 2 if failed else 0
 
 

@@ -1,7 +1,8 @@
 """Test the validator: put faults of a list and random changes into good worlds, and check that each is found.
 
-A listed fault must be found twice: by the figure that measures it, with the tables and comparisons of the whole world
-switched off, and by these. `--random N` sets the number of random mutants of a small world.
+A listed fault that a figure measures must be found twice: by that figure, with the tables and comparisons of the whole
+world switched off, and by these. All others must be found by these. `--random N` sets the number of random mutants of a
+small world.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def examine(mutant: Mutant, good: Path, params: ValidationParams, plan: tuple[Ma
         bundle = Path(folder) / "world"
         shutil.copytree(good, bundle)
         mutant.inject(bundle)
-        if mutant.expected:
+        if mutant.sealed:
             seal(bundle)
         row |= {"refused": _refusal(bundle, params, mutant.refused)}
         if mutant.refused:

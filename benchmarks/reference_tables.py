@@ -9,16 +9,15 @@ import argparse
 import sys
 from pathlib import Path
 
-from benchmarks.configuration_table import configuration_table, markdown_table
+from baselines.base.markdown import write_table
+from benchmarks.configuration_table import configuration_table, noted_table
 from benchmarks.defence_table import defence_table
 from pipeline.__main__ import command_line
 from pipeline.compose import compose
 from pipeline.metrics.limits import format_limit
 from pipeline.params.validation import Limit, ValidationParams
-from pipeline.store.files import write_atomically
 
 FOLDER = Path("docs")
-BEGIN, END = "<!-- table -->", "<!-- end of the table -->"
 _KINDS = {"embedded": [], "own": ["+mine=own"], "heights": ["+mine=heights"]}  # of mine: what composes its limits
 _CLAUSE = "certificate."
 
@@ -28,7 +27,7 @@ def options_table() -> str:
     actions = _command("new")._actions  # argparse has no public list of them
     named = [action for action in actions if action.option_strings and action.dest != "help"]
     rows = ((f"`{action.option_strings[0]} {_value(action)}`", action.help or "") for action in named)
-    return markdown_table(("option", "meaning"), rows)
+    return noted_table(("option", "meaning"), rows)
 
 
 def _value(action: argparse.Action) -> str:
@@ -53,7 +52,7 @@ def limits_table() -> str:
     rows = (
         (f"`{name}`", *(format_limit(kind[name]) if name in kind else "" for kind in limits.values())) for name in names
     )
-    return markdown_table(("figure", *limits), rows)
+    return noted_table(("figure", *limits), rows)
 
 
 def limits_of(params: ValidationParams) -> dict[str, Limit]:
@@ -69,26 +68,11 @@ TABLES = {
 }
 
 
-def with_table(page: str, table: str) -> str:
-    """Return a page with another table between its marks.
-
-    Raises
-    ------
-    ValueError
-        If the page has no marks.
-    """
-    before, begin, rest = page.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise ValueError(f"a page needs the marks {BEGIN} and {END}")
-    return f"{before}{begin}\n\n{table}\n\n{end}{after}"
-
-
 def main() -> int:
     """Write all tables."""
     for name, table in TABLES.items():
         path = FOLDER / name
-        write_atomically(path, with_table(path.read_text(), table()).encode())
+        write_table(path, table())
         print(f"{path} is written")
     return 0
 

@@ -7,7 +7,6 @@ millimetres, as GeoJSON or DXF. Every mine is built with its visible rock and ju
 from __future__ import annotations
 
 import argparse
-import json
 import shutil
 import sys
 import tempfile
@@ -23,9 +22,9 @@ import ezdxf.units
 import numpy as np
 import shapely
 from shapely import LineString, Polygon, affinity
-from tqdm import tqdm
 
-from pipeline.store.files import write_atomically
+from baselines.base.markdown import markdown_table, write_table
+from benchmarks.resume import resume
 from tests.project import Project
 
 RESULTS, TABLE = Path("artifacts/bench/simple-mines.jsonl"), Path("docs/evidence/parts/simple-mines.md")
@@ -136,23 +135,23 @@ def judge(seed: int, project: Project, overrides: list[str]) -> dict[str, Any]:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Return the results by kind as Markdown."""
-    lines = ["| kind | mines | pass | width, m | length, m |", "|---|---|---|---|---|"]
+    counted = []
     for kind in (*KINDS, None):
         some = [row for row in rows if kind in (None, row["kind"])]
         if some:
             spans = (f"{min(r[k] for r in some):g} to {max(r[k] for r in some):g}" for k in ("width_m", "length_m"))
             passed = sum(row["exit_code"] == 0 for row in some)
-            lines.append(f"| {kind or 'all'} | {len(some)} | {passed} | {' | '.join(spans)} |")
-    return "\n".join(lines) + "\n"
+            counted.append((kind or "all", len(some), passed, *spans))
+    return markdown_table(("kind", "mines", "pass", "width, m", "length, m"), counted)
 
 
-def page(rows: list[dict[str, Any]]) -> str:
-    """Return the page: the table, and a line for each mine that does not pass."""
+def tables(rows: list[dict[str, Any]]) -> str:
+    """Return the table, and a line for each mine that does not pass."""
     failed = [row for row in rows if row["exit_code"]]
     lines = [
         f"- seed {row['seed']}, a {row['kind']} {row['width_m']} m wide: {row['said'][-1].strip()}\n" for row in failed
     ]
-    return HEAD + table(rows) + ("\nNot passed:\n\n" + "".join(lines) if lines else "")
+    return table(rows) + ("\nNot passed:\n\n" + "".join(lines) if lines else "")
 
 
 def _rows(wanted: list[int], jobs: int, overrides: list[str]) -> Iterator[dict[str, Any]]:
@@ -180,30 +179,24 @@ def main() -> int:
     parser.add_argument("--again", action="store_true", help="make all mines again")
     parser.add_argument("overrides", nargs="*", help="for example preset=light; the page is then not written")
     a = parser.parse_args()
-    kept = [] if a.again or not RESULTS.exists() else [json.loads(line) for line in RESULTS.read_text().splitlines()]
-    rows = {row["seed"]: row for row in kept if row["seed"] < a.count and row["exit_code"] == 0}
-    wanted = [seed for seed in range(a.count) if seed not in rows]
-    for row in tqdm(_rows(wanted, a.jobs, a.overrides), total=len(wanted), unit="mine", disable=None):
-        rows[row["seed"]] = row
-        lines = "".join(json.dumps(rows[seed]) + "\n" for seed in sorted(rows))
-        write_atomically(RESULTS, lines.encode())
-    found = [rows[seed] for seed in sorted(rows)]
+    if a.again:
+        RESULTS.unlink(missing_ok=True)
+    made = resume(
+        RESULTS,
+        range(a.count),
+        lambda seeds: _rows(seeds, a.jobs, a.overrides),
+        "mine",
+        is_valid=lambda row: row["exit_code"] == 0,
+    )
+    found = sorted((row for row in made if row["seed"] < a.count), key=lambda row: row["seed"])
     failed = [row for row in found if row["exit_code"]]
     if not a.overrides:
-        write_atomically(TABLE, page(found).encode())
+        write_table(TABLE, tables(found))
     print(table(found), end="")
     for row in failed:
         print(row)
     return 2 if failed else 0
 
-
-HEAD = """# The simplest mines
-
-Boxes, bends, tees, rings, rooms and stubs, drawn as GeoJSON or DXF in metres, feet or millimetres, half of them
-parallel to the axes. Each is made by `python -m pipeline new` with its visible rock, without an override. A mine passes
-if the command's exit code is 0: every limit of stage 6 holds. Made by `python -m benchmarks.simple_mines`.
-
-"""
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -275,10 +275,10 @@ def _line(text: str, remark: str | None) -> str:
 
 def _findings(conf: Path, detected: Detection) -> list[str]:
     lines = [f"{detected.files[0].name}: {_KINDS[detected.values['kind']]}; if wrong, correct {conf}"]
-    if detected.values.get("sheet"):
+    if detected.values.get("workings_only"):
         lines.append(
-            "a drawing sheet: all but the workings is left out (detected.png shows them); if wrong, state --crop, "
-            "--seed or --ignore, or set survey.sheet: false"
+            "a drawing: all but the workings is left out (detected.png shows them); if wrong, state --crop, "
+            "--seed or --ignore, or set survey.workings_only: false"
         )
     if detected.values.get("line_drawing"):
         lines.append(

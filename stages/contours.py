@@ -35,6 +35,8 @@ from pipeline.scans.correct import Correction, CorrectionReport, correct_by_swee
 from pipeline.stage import Artifact, Stage, main
 from pipeline.types import NO_PICTURE, Areas, DriftNetwork, Frame, FreeSpace, Image, Mask, Openings, Survey, Workings
 
+_APART_PX = 2.0  # pixels so far apart do not touch, not even at a corner
+
 
 @dataclass(frozen=True)
 class _Traced:
@@ -83,8 +85,17 @@ def _trace(params: ContoursParams, plan: Image, survey: Survey, workings: Workin
         raw, cleaned = _read_mask(params, plan, survey, places)
         require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_workings_share)
         return _Traced(_outline_of(params, plan, raw, cleaned, frame), raw, cleaned)
-    chosen = choose_component(mend(workings.polygons, params.bridge_m, params.min_island_m2), places)
-    return _Traced(chosen, fill_polygon(workings.polygons, frame), fill_polygon(chosen, frame))
+    components = mend(workings.polygons, params.bridge_m, params.min_island_m2)
+    chosen = choose_component(components, places)
+    raw = fill_polygon(workings.polygons, frame) & ~_touching(components, chosen, frame)
+    return _Traced(chosen, raw, fill_polygon(chosen, frame))
+
+
+def _touching(components: MultiPolygon, chosen: Polygon, frame: Frame) -> Mask:
+    """Return the pixels of other components that would connect them to the chosen one in a picture."""
+    others = [component for component in components.geoms if component is not chosen]
+    near = chosen.buffer(_APART_PX / frame.px_per_m)
+    return fill_polygon(shapely.union_all(others).intersection(near).difference(chosen), frame)
 
 
 def _drawn_again(workings: Polygon | MultiPolygon, frame: Frame) -> _Traced:

@@ -31,7 +31,7 @@ from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle
 from pipeline.types import NO_PICTURE, Image, Mask, Survey, Workings
 
-_SLOW_MEASURES = ("texture", "containment", "columns", "relief", "walls", "consistency")
+_SLOW_MEASURES = ("texture", "containment", "columns", "relief", "walls")
 
 
 def validate_world(

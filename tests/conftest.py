@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import pickle
 import shutil
@@ -9,16 +10,18 @@ import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import pytest
 from filelock import FileLock
-from shapely import Polygon
 
+from benchmarks.worlds.small_world import build_small_world
 from pipeline.compose import compose
 from pipeline.params.config import Config
 from stages.__main__ import STAGES
-from tests.mines import RING, TEE, BuiltMine
+from tests.heights import MineWithHeights
+from tests.mines import RING, TEE, BuiltMine, unreported
 from tests.project import ROOT, Project
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
@@ -63,12 +66,7 @@ def shared_rock() -> Path:
 @pytest.fixture(scope="session")
 def config() -> Config:
     """Return the default configuration, but for the walls of drawn test mines and the size of pictures."""
-    before = Path.cwd()
-    os.chdir(ROOT)
-    try:
-        return compose([*EXACT_WALLS, *SMALL_PICTURES])
-    finally:
-        os.chdir(before)
+    return compose_here(*EXACT_WALLS, *SMALL_PICTURES)
 
 
 def build_once(factory: pytest.TempPathFactory, name: str, build: Callable[[Path], None]) -> Path:
@@ -84,28 +82,72 @@ def build_once(factory: pytest.TempPathFactory, name: str, build: Callable[[Path
     return folder
 
 
-def build_mine(factory: pytest.TempPathFactory, name: str, polygon: Polygon, config: Config) -> BuiltMine:
-    """Return a mine that one worker builds and writes for the others."""
+def share_mine(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], Any]) -> Any:
+    """Return a mine that one worker makes in a folder and writes for the others."""
 
     def build(folder: Path) -> None:
-        mine = BuiltMine(polygon, config, folder / "world")
-        (folder / "mine.pickle").write_bytes(pickle.dumps(mine))
+        folder.mkdir()
+        (folder / "mine.pickle").write_bytes(pickle.dumps(make(folder)))
 
     return pickle.loads((build_once(factory, name, build) / "mine.pickle").read_bytes())
+
+
+def compose_here(*overrides: str) -> Config:
+    """Return the configuration of this checkout with overrides, wherever a test works."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        return compose(list(overrides))
 
 
 @pytest.fixture(scope="session")
 def tee(config: Config, tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
     """Return the T-junction as a world; tests must not change its folder."""
-    return build_mine(tmp_path_factory, "tee", TEE, config)
+    return share_mine(tmp_path_factory, "tee", lambda folder: BuiltMine(TEE, config, folder / "world"))
 
 
 @pytest.fixture(scope="session")
 def ring(tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
     """Return the ring drift as a world with a coarse surface; tests must not change its folder."""
     coarse = [f"surface.rough.{spacing}" for spacing in ("spacing_m=0.3", "roof_spacing_m=0.4")]
-    config = compose([*EXACT_WALLS, *SMALL_PICTURES, *coarse])
-    return build_mine(tmp_path_factory, "ring", RING, config)
+    config = compose_here(*EXACT_WALLS, *SMALL_PICTURES, *coarse)
+    return share_mine(tmp_path_factory, "ring", lambda folder: BuiltMine(RING, config, folder / "world"))
+
+
+@pytest.fixture(scope="session")
+def small_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the bundle of a ring with a coarse surface; tests must not change its folder."""
+
+    def build(folder: Path) -> None:
+        with unreported():
+            build_small_world(folder / "world")
+
+    return build_once(tmp_path_factory, "small", build) / "world"
+
+
+@pytest.fixture(scope="session")
+def light() -> Config:
+    """Return the configuration of worlds without visible rock."""
+    return compose_here("preset=light")
+
+
+@pytest.fixture(scope="session")
+def mine_of_legs(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., MineWithHeights]:
+    """Return a function that builds a mine of legs once for all tests and workers; tests must not change its folder.
+
+    Its arguments are those of `MineWithHeights`, with overrides of the configuration instead of that and the folder.
+    """
+    made: dict[str, MineWithHeights] = {}
+
+    def make(legs: dict[str, Any], *overrides: str, **values: Any) -> MineWithHeights:
+        name = f"legs-{hashlib.sha256(repr((legs, overrides, values)).encode()).hexdigest()[:16]}"
+        if name not in made:
+            config = compose_here(*overrides)
+            made[name] = share_mine(
+                tmp_path_factory, name, lambda folder: MineWithHeights(legs, config, folder, **values)
+            )
+        return made[name]
+
+    return make
 
 
 @pytest.fixture(scope="session")

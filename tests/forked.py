@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from stages.__main__ import STAGES
 
 _PRELOADED = [*(f"stages.{name}" for name in STAGES), "pipeline.compose", "pipeline.__main__", "open3d"]
-_PRELOADED += ["tests.preloaded"]
+_PRELOADED += ["tests.preloaded", "baselines.evaluate", "baselines.score"]
 _context = multiprocessing.get_context("forkserver")
 _context.set_forkserver_preload(_PRELOADED)
 

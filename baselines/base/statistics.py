@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import bootstrap
 
 from baselines.base.errors import BaselineError
 from baselines.base.result_file import SAMPLE_STEPS, Episode, Head
@@ -45,6 +44,8 @@ def estimate(values: list[float], seed: int = 0) -> Figure:
     middle = float(interquartile_mean(found))
     if len(found) < 2 or np.ptp(found) == 0:
         return Figure(middle, middle, middle, len(found))
+    from scipy.stats import bootstrap  # takes half a second to load, and most commands need no interval
+
     interval = bootstrap(
         (found,),
         interquartile_mean,

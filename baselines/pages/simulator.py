@@ -19,6 +19,7 @@ import numpy as np
 
 from baselines.base.environments import make_env
 from baselines.base.errors import BaselineError, run_command
+from baselines.base.markdown import markdown_table, write_table
 from baselines.explorers.graph_explorer import GraphExplorer, Situation
 from baselines.explorers.tour import DepthFirst, FrontierTour, TwoLevel
 from baselines.graph.choosing import Rule
@@ -100,7 +101,7 @@ def time_decisions(path: Path, env_id: str, steps: int = _TIMED_STEPS) -> TimedP
 
 
 def compare(mines: int, path: Path | None) -> str:
-    """Return the page: shares seen in the simulator and in the environment, its speed, and the decisions' times."""
+    """Return the tables: shares seen in the simulator and in the environment, its speed, and the decisions' times."""
     ids = [mine_id(_SPLIT, number) for number in range(mines)]
     known = {policy: environment_shares(policy) for policy in _RULES}
     rows, simulated_s, used_s = [], 0.0, 0.0
@@ -112,13 +113,14 @@ def compare(mines: int, path: Path | None) -> str:
             used_s += time.process_time() - start
             simulated_s += _ROBOTS * sim.horizon_s
             here = f"{100 * np.mean(seen):.1f} ({100 * seen.min():.1f} to {100 * seen.max():.1f})"
-            rows.append(f"| {policy.rpartition('.')[2]} | {env_id} | {here} | {100 * known[policy][env_id]:.1f} |")
+            rows.append((policy.rpartition(".")[2], env_id, here, f"{100 * known[policy][env_id]:.1f}"))
     if not rows:
         raise BaselineError(
             f"{split_folder(_SPLIT)}: no results; `python -m baselines.split --split validation` makes some"
         )
-    page = _TEXT.format(robots=_ROBOTS, rows="\n".join(rows), speed=simulated_s / used_s)
-    return page if path is None else page + _times(path, ids[0])
+    table = markdown_table(("rule", "mine", "simulator, %", "environment, %"), rows)
+    speed = f"The simulator drove {simulated_s / used_s:.0f} s of a robot in a second of processor time."
+    return f"{speed}\n\n{table}" + ("" if path is None else _times(path, ids[0]))
 
 
 def _times(path: Path, env_id: str) -> str:
@@ -127,33 +129,9 @@ def _times(path: Path, env_id: str) -> str:
     rows = []
     for name, seconds in (("network", timed.decisions_s), ("step with map and graph", timed.steps_s)):
         figures = (np.median(seconds), np.quantile(seconds, 0.95), max(seconds))
-        rows.append(f"| {name} | {' | '.join(f'{1000 * value:.1f}' for value in figures)} |")
-    return _DECISIONS.format(name=path.stem, count=len(timed.decisions_s), env=env_id, rows="\n".join(rows))
-
-
-_DECISIONS = """
-## Decisions
-
-{count:,} decisions of `{name}` in {env}, one core, ms:
-
-| | median | 95 % | most |
-|---|---|---|---|
-{rows}
-"""
-
-
-_TEXT = """# The map simulator beside the environment
-
-Written by `python -m benchmarks compare-graph`: shares of a mine's cells that a rule has seen after 600 s. The
-simulator's figure is
-the mean of {robots} robots, which start with different yaws, with the least and the greatest; the environment's is the
-one episode of the split's results. With these rules, the simulator drove {speed:.0f} s of a robot in a second of
-processor time.
-
-| rule | mine | simulator, % | environment, % |
-|---|---|---|---|
-{rows}
-"""
+        rows.append((name, *(f"{1000 * value:.1f}" for value in figures)))
+    title = f"{len(timed.decisions_s):,} decisions of `{path.stem}` in {env_id}, one core, ms:"
+    return f"\n## Decisions\n\n{title}\n\n{markdown_table(('', 'median', '95 %', 'most'), rows)}"
 
 
 def main() -> None:
@@ -164,7 +142,7 @@ def main() -> None:
     arguments = parser.parse_args()
     if not 1 <= arguments.mines <= SIZES[_SPLIT]:
         raise BaselineError(f"mines = {arguments.mines}: want 1 to {SIZES[_SPLIT]}")
-    _PAGE.write_text(compare(arguments.mines, arguments.network))
+    write_table(_PAGE, compare(arguments.mines, arguments.network))
     print(f"{_PAGE} is written")
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from baselines.base.environments import built_ids
 from baselines.base.errors import BaselineError, RejectedError
+from baselines.base.markdown import markdown_table
 from baselines.base.statistics import Figure, sample_times
 from baselines.explorers import EXPLORERS
 from baselines.pages.split_profiles import draw_profiles
@@ -39,7 +40,7 @@ _PROFILES = """Performance profiles: in how many mines a policy sees more than a
 
 
 @dataclass(frozen=True)
-class _Row:
+class _SplitRow:
     policy: str
     verified: bool
     shares: np.ndarray  # (mines,) of the bound
@@ -51,7 +52,7 @@ class _Row:
         return _text(self.figures[name], 1, 100 if name in _COLUMNS[:2] else 1)
 
 
-def in_order(rows: list[_Row]) -> list[_Row]:
+def in_order(rows: list[_SplitRow]) -> list[_SplitRow]:
     """Return rows by their share of the bound, the greatest first."""
     return sorted(rows, key=lambda row: -(_value(row) or 0.0))
 
@@ -107,42 +108,31 @@ def split_section(results: Path, split: str, picture: Path | None = None) -> str
     classical = [row for row in rows if row.policy in EXPLORERS]
     best = f", `{classical[0].policy}`" if classical else ""
     lines = [_HEADING.format(mines=len(kept[files[0]]), seconds=seconds, loose=loose, best=best)]
-    lines += [f"| policy | {' | '.join(_COLUMNS)} | P | more |", "|---" * (len(_COLUMNS) + 3) + "|"]
-    for row in rows:
-        better = _beside(row, classical[0]) if classical and row is not classical[0] else ("", "")
-        lines.append(f"{_cells(row)} | {' | '.join(better)} |")
-    lines += ["", *_by_style(rows, classical[0] if classical else None), ""]
-    lines += _claims(claimed)
+    better = [_beside(row, classical[0]) if classical and row is not classical[0] else ("", "") for row in rows]
+    cells = ((*_cells(row), *beside) for row, beside in zip(rows, better, strict=True))
+    lines.append(markdown_table(("policy", *_COLUMNS, "P", "more"), cells))
+    lines += [_STYLES_HEADING, "", _by_style(rows, classical[0] if classical else None)]
+    if claimed:  # it is compared with nothing
+        lines += [UNVERIFIED_HEADING, "", markdown_table(("policy", *_COLUMNS), map(_cells, claimed))]
     if picture is not None:
         draw_profiles({row.policy: row.shares for row in rows}, picture)
         lines.append(_PROFILES.format(picture=picture.as_posix()))
     return "\n".join(lines)
 
 
-def _claims(rows: list[_Row]) -> list[str]:
-    """Return the table of what unverified files claim; it is compared with nothing. No lines without rows."""
-    if not rows:
-        return []
-    lines = [UNVERIFIED_HEADING, "", f"| policy | {' | '.join(_COLUMNS)} |", "|---" * (len(_COLUMNS) + 1) + "|"]
-    return [*lines, *(f"{_cells(row)} |" for row in rows), ""]
-
-
-def _cells(row: _Row) -> str:
+def _cells(row: _SplitRow) -> list[str]:
     texts = [row.text(name) for name in _COLUMNS]
     texts[2] += f", never in {row.never}" if row.never else ""
-    return f"| {row.policy} | {' | '.join(texts)}"
+    return [row.policy, *texts]
 
 
-def _by_style(rows: list[_Row], best: _Row | None) -> list[str]:
+def _by_style(rows: list[_SplitRow], best: _SplitRow | None) -> str:
     """Return the table of shares in each style, with the improvement over a row; styles alternate over the mines."""
-    lines = [_STYLES_HEADING, "", f"| policy | {' | '.join(style.replace('_', ' ') for style in STYLES)} |"]
-    lines.append("|---" * (len(STYLES) + 1) + "|")
-    for row in rows:
-        lines.append(f"| {row.policy} | {' | '.join(_in_style(row, best, k) for k in range(len(STYLES)))} |")
-    return lines
+    cells = ((row.policy, *(_in_style(row, best, k) for k in range(len(STYLES)))) for row in rows)
+    return markdown_table(("policy", *(style.replace("_", " ") for style in STYLES)), cells)
 
 
-def _in_style(row: _Row, best: _Row | None, style: int) -> str:
+def _in_style(row: _SplitRow, best: _SplitRow | None, style: int) -> str:
     own = row.shares[style :: len(STYLES)]
     if not len(own):
         return ""
@@ -152,7 +142,7 @@ def _in_style(row: _Row, best: _Row | None, style: int) -> str:
     return f"{share}, P {improvement(own, best.shares[style :: len(STYLES)]):.2f}"
 
 
-def _row(path: Path, drives: list[Drive]) -> _Row:
+def _row(path: Path, drives: list[Drive]) -> _SplitRow:
     found: dict[str, list[float]] = {name: [] for name in _COLUMNS}
     never = 0
     for head, episode in drives:
@@ -175,7 +165,7 @@ def _row(path: Path, drives: list[Drive]) -> _Row:
     verified = was_driven_here(path, path.parents[1], drives[0][0], [episode for _, episode in drives])
     if not verified:
         require_name(path, drives[0][0])
-    return _Row(drives[0][0].policy, verified, np.array(found["share of bound"]), figures, never)
+    return _SplitRow(drives[0][0].policy, verified, np.array(found["share of bound"]), figures, never)
 
 
 def _looseness(bounds: dict[str, Bound]) -> str:
@@ -186,7 +176,7 @@ def _looseness(bounds: dict[str, Bound]) -> str:
     return f"{100 * (np.mean(ratios) - 1):.1f} % (at most {100 * (max(ratios) - 1):.0f} %, {len(ratios)} mines)"
 
 
-def _beside(row: _Row, other: _Row) -> tuple[str, str]:
+def _beside(row: _SplitRow, other: _SplitRow) -> tuple[str, str]:
     """Return the probability of improvement over another policy, and the difference of the shares in points."""
     strata = strata_of(len(row.shares))
     better, more = (stratified(f, row.shares, other.shares, strata=strata) for f in (improvement, difference))
@@ -194,7 +184,7 @@ def _beside(row: _Row, other: _Row) -> tuple[str, str]:
     return _text(better, 2), f"{points[0]} ({points[1]} to {points[2]})"
 
 
-def _value(row: _Row) -> float | None:
+def _value(row: _SplitRow) -> float | None:
     return row.figures["share of bound"].value
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from baselines.base.errors import BaselineError, run_command
+from baselines.base.markdown import markdown_table, write_table
 from baselines.policies.found import TRAINED
 from baselines.ppo.settings import TrainSettings
 
@@ -35,17 +36,11 @@ _AXES = (
     ("rolling_return", "return, the paper's reward"),
 )
 _POINTS = 200
-_PAGE = """# Training runs
-
-Written by `python -m benchmarks curves` from `baselines/results/training/`. Coverage is the mean over the last 100
-episodes,
-with commands drawn at random as in training. The paper does not state what its coverage is a share of. Runs of *Family*
-learn in 32 mines of the training split (`python -m benchmarks train env=family`), and their coverage is the mean
-over these.
-
-![Coverage, collisions and return over training](../../training.png)
-
-"""
+_PAGE = Path("docs/evidence/parts/training.md")
+_COLUMNS = (
+    *("run", "seed", "stop", "steps", "episodes", "final coverage, %", "best rolling, %", "steps/s"),
+    "paper: stop, episodes, final, best",
+)
 
 
 def keep(runs: Path = TRAINED, kept: Path = KEPT) -> None:
@@ -122,18 +117,7 @@ def _along(at: np.ndarray, steps: list[float], values: list[float | None]) -> np
 
 def table(runs: dict[str, list[dict[str, Any]]]) -> str:
     """Return the runs as a Markdown table, with the paper's Table I beside the five seeds."""
-    names = (
-        "run",
-        "seed",
-        "stop",
-        "steps",
-        "episodes",
-        "final coverage, %",
-        "best rolling, %",
-        "steps/s",
-        "paper: stop, episodes, final, best",
-    )
-    rows: list[tuple[Any, ...]] = [names, ("---",) * len(names)]
+    rows: list[tuple[Any, ...]] = []
     for name, group in runs.items():
         headline = name == _HEADLINE
         for r in group:
@@ -154,7 +138,7 @@ def table(runs: dict[str, list[dict[str, Any]]]) -> str:
             final, best = (np.array([100 * r[k] for r in group]) for k in ("final_coverage", "best_rolling_coverage"))
             spread = (f"{v.mean():.2f}, {v.std(ddof=1):.2f}" for v in (final, best))
             rows.append((name, "mean, SD", "", "", "", *spread, "", _PAPER_MEAN if headline else ""))
-    return "\n".join(f"| {' | '.join(map(str, row))} |" for row in rows) + "\n"
+    return markdown_table(_COLUMNS, rows)
 
 
 def main() -> None:
@@ -162,8 +146,8 @@ def main() -> None:
     keep()
     runs = read_runs()
     draw_curves(runs, Path("docs/training.png"))
-    Path("docs/evidence/parts/training.md").write_text(_PAGE + table(runs))
-    print("docs/evidence/parts/training.md and docs/training.png are written")
+    write_table(_PAGE, table(runs))
+    print(f"{_PAGE} and docs/training.png are written")
 
 
 if __name__ == "__main__":

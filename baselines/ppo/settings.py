@@ -21,11 +21,11 @@ from minexplore.splits import SIZES
 CONF = Path("conf/train")
 
 
-class _Strict(BaseModel):
+class _StrictSetting(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Stop(_Strict):
+class Stop(_StrictSetting):
     """When a run ends before its steps do; coverage is a share of all reachable cells."""
 
     coverage: float = Field(gt=0, le=1)
@@ -34,7 +34,7 @@ class Stop(_Strict):
     after: int = Field(ge=0)
 
 
-class Ppo(_Strict):
+class Ppo(_StrictSetting):
     """PPO's own numbers; `conf/train/config.yaml` gives their sources."""
 
     lr: float = Field(gt=0)
@@ -52,7 +52,7 @@ class Ppo(_Strict):
     cell_bonus: float = Field(default=0.0, ge=0)
 
 
-class TrainSettings(_Strict):
+class TrainSettings(_StrictSetting):
     """One run: its environment, observation, network and length."""
 
     env: str

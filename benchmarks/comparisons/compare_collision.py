@@ -12,8 +12,9 @@ import mujoco
 import numpy as np
 import shapely
 
+from baselines.base.markdown import markdown_table, write_table
+from benchmarks.resume import run_benchmark
 from pipeline.compose import compose
-from pipeline.errors import MineError
 from pipeline.geometry.rock.collision import footprint_errors
 from pipeline.geometry.rock.partition import rock_around, world_box
 from pipeline.params.reading.composed import root_overrides
@@ -75,47 +76,34 @@ def step_cost_us(parts: ConvexParts, start_m: tuple[float, float]) -> float:
 
 def table(results: dict[str, dict[str, Any]]) -> str:
     """Return the comparison as Markdown."""
-    lines = [
-        "| method | parts | seconds | intrusion, m2 | missing rock, m2 | step, us | step / exact |",
-        "|---|---|---|---|---|---|---|",
-    ]
     exact = results["exact"]["step_us"]
-    for method, r in results.items():
-        lines.append(
-            f"| {method} | {r['parts']} | {r['seconds']:.2f} | {r['intrusion_m2']:.4f} | {r['missing_m2']:.4f} "
-            f"| {r['step_us']:.0f} | {r['step_us'] / exact:.2f} |"
-        )
-    return "\n".join(lines) + "\n"
+    titles = ("method", "parts", "seconds", "intrusion, m2", "missing rock, m2", "step, us", "step / exact")
+    forms = {"parts": "d", "seconds": ".2f", "intrusion_m2": ".4f", "missing_m2": ".4f", "step_us": ".0f"}
+    rows = (
+        (method, *(format(r[name], form) for name, form in forms.items()), f"{r['step_us'] / exact:.2f}")
+        for method, r in results.items()
+    )
+    return markdown_table(titles, rows)
 
 
 def main() -> int:
     """Measure the methods that are not yet measured for this plan, print the table and write it to `docs/`."""
-    try:
-        source = Path("artifacts/contours/free_space.geojson")
-        free_space, spawn = decode(source, FreeSpace), decode(Path("artifacts/compile3d/spawn.json"), Spawn)
-        params = [compose([*root_overrides(), f"collision={m}"]).compile3d.model_dump_json() for m in METHODS]
-        key = sha256_bytes(source.read_bytes() + "".join([*params, code_sha256("compile3d", Path.cwd())]).encode())
-        earlier = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
-        results = earlier["results"] if earlier.get("key") == key else {}
-        for method in METHODS:
-            if method not in results:  # an interrupted run continues with the next method
-                results[method] = measure_method(method, free_space, spawn)
-                write_atomically(RESULTS, json.dumps({"key": key, "results": results}, indent=2).encode())
-    except MineError as error:
-        print(f"compare-collision: {error}", file=sys.stderr)
-        return 2
+    source = Path("artifacts/contours/free_space.geojson")
+    free_space, spawn = decode(source, FreeSpace), decode(Path("artifacts/compile3d/spawn.json"), Spawn)
+    params = [compose([*root_overrides(), f"collision={m}"]).compile3d.model_dump_json() for m in METHODS]
+    key = sha256_bytes(source.read_bytes() + "".join([*params, code_sha256("compile3d", Path.cwd())]).encode())
+    earlier = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
+    results = earlier["results"] if earlier.get("key") == key else {}
+    for method in METHODS:
+        if method not in results:  # an interrupted run continues with the next method
+            results[method] = measure_method(method, free_space, spawn)
+            write_atomically(RESULTS, json.dumps({"key": key, "results": results}, indent=2).encode())
     text = table(results)
-    head = (
-        "# Collision methods compared\n\nWritten by `python -m benchmarks compare-collision`. V-HACD has the "
-        "paper's parameters.\n\n"
-        f"The free space has {free_space.areas.tunnel_m2:,.0f} m2 and "
-        f"{shapely.get_num_coordinates(free_space.polygon)} vertices. Intrusion and missing rock are measured on the\n"
-        "parts' footprints.\n\n"
-    )
-    write_atomically(TABLE, (head + text).encode())
+    size = f"{free_space.areas.tunnel_m2:,.0f} m2 and {shapely.get_num_coordinates(free_space.polygon)} vertices"
+    write_table(TABLE, f"Free space of {size}.\n\n{text}")
     print(text, end="")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark("compare-collision", main))

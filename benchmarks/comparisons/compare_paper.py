@@ -10,6 +10,8 @@ from pathlib import Path
 import yaml
 from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table, write_table
+from benchmarks.resume import run_benchmark
 from pipeline.compose import compose
 from pipeline.errors import MineError
 from pipeline.metrics.rock.paper import PAPER
@@ -88,24 +90,17 @@ def _stated(name: str, form: str) -> str:
 
 def main() -> int:
     """Run each choice, print the table and write it to `docs/`."""
-    rows = ["| | " + " | ".join(_COLUMNS) + " |", "|---" * (len(_COLUMNS) + 1) + "|"]
-    try:
-        for title, keys in tqdm(_CHOICES.items(), unit="world", disable=not sys.stderr.isatty()):
-            folder = RUNS / "".join(c if c.isalnum() else "_" for c in title)
-            metrics = run_pipeline(folder, overrides_for(keys))
-            rows.append(f"| {title} | " + " | ".join(format(metrics[n], f) for n, f in _COLUMNS.values()) + " |")
-    except MineError as error:
-        print(f"compare-paper: {error}", file=sys.stderr)
-        return 2
+    rows = []
+    for title, keys in tqdm(_CHOICES.items(), unit="world", disable=not sys.stderr.isatty()):
+        folder = RUNS / "".join(c if c.isalnum() else "_" for c in title)
+        metrics = run_pipeline(folder, overrides_for(keys))
+        rows.append((title, *(format(metrics[n], f) for n, f in _COLUMNS.values())))
     stated = (_stated(name, form) for name, form in _COLUMNS.values())
-    rows.append("| *paper, as printed* | " + " | ".join(stated) + " |")
-    text = "\n".join(rows) + "\n"
-    written = "Written by `python -m benchmarks compare-paper`; each row changes one choice."
-    head = f"# The paper's choices beside the default\n\n{written}\n\n"
-    write_atomically(TABLE, (head + text).encode())
+    text = markdown_table(["", *_COLUMNS], [*rows, ("*paper, as printed*", *stated)])
+    write_table(TABLE, text)
     print(text, end="")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark("compare-paper", main))

@@ -13,10 +13,11 @@ import mujoco
 import numpy as np
 from shapely import Polygon
 
+from baselines.base.markdown import markdown_table, write_table
+from benchmarks.resume import run_benchmark
 from minexplore.bundle import MODEL, WALLS, GeomGroup
 from minexplore.bundle import ROOF as ROOFS
 from pipeline.compose import compose
-from pipeline.errors import MineError
 from pipeline.metrics.rock.published import REAL_SWEEP
 from pipeline.metrics.rock.relief import STEEP_DEG, Relief, line_factor
 from pipeline.metrics.rock.texture import AXES, published_score, strict_score
@@ -61,26 +62,6 @@ TABLE, PICTURE = Path("docs/evidence/parts/rock.md"), Path("docs/rock.jpg")
 WORLD_VIEW = Path("artifacts/validation/views.png")  # its left half is from the same place
 _NOISE_M = 0.05
 _SIZE = (900, 600)
-_HEAD = """# Kinds of rock
-
-Written by `python -m benchmarks compare-rock` on the present plan. `rock=NAME` selects one. *Flat* is the smooth
-surface of the
-default world, measured as stage 6 does, so that its scores are those of [the results](../results.md).
-*White noise* moves every point of the mesh by itself (s.d. 50 mm). Both show what a figure gives for walls that are no
-rock.
-
-![Views: published_score, steep spectrum and andesite](../../rock.jpg)
-
-*The same place over the turn of the work, lit from the camera: `rock=published_score`, the noise with the best
-published score; the same noise with a steep spectrum, waves of 0.4 to 4 m whose amplitudes rise with their length
-(`benchmarks/comparisons/compare_rock.py` has the values); `rock=andesite`; and the default world, andesite with its
-look and fittings under its own lights.*
-
-*Andesite as the sweeps* is `rock=andesite surface.reference=sweeps`: the parts of the same rock are scaled until the
-mine's own walls are as rough as the four stationary sweeps in windows of 0.5 to 3 m. *Typical factor* is exp of the
-mean absolute logarithm of built over measured residuals.
-
-"""
 
 
 def measure(walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNetwork, params: Config) -> dict:
@@ -180,11 +161,8 @@ def table(results: dict[str, dict[str, float]]) -> str:
     """Return the figures as Markdown, a column for each kind."""
     names = list(results)
     rows = list(dict.fromkeys(row for figures in results.values() for row in figures))
-    lines = ["| | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
-    for row in rows:
-        cells = (f"{results[n][row]:.3g}" if row in results[n] else "-" for n in names)
-        lines.append(f"| {row} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+    cells = ((row, *(f"{results[n][row]:.3g}" if row in results[n] else "-" for n in names)) for row in rows)
+    return markdown_table(["", *names], cells)
 
 
 def _view(name: str) -> Path:
@@ -194,34 +172,28 @@ def _view(name: str) -> Path:
 
 def main() -> int:
     """Measure the kinds that are not yet measured for this plan and code, and write the table and the picture."""
-    try:
-        source = Path("artifacts/contours/free_space.geojson")
-        free = decode(source, FreeSpace).polygon
-        network = decode(Path("artifacts/contours/topology.json"), DriftNetwork)
-        height_m = decode(Path("artifacts/compile3d/extent.json"), SolidExtent).height_m
-        params = [compose([*root_overrides(), *overrides]).model_dump_json() for overrides in ROCKS.values()]
-        key = sha256_bytes(
-            source.read_bytes()
-            + "".join([*params, code_sha256("surface", Path.cwd()), code_sha256("validation", Path.cwd())]).encode()
-        )
-        earlier = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
-        results = earlier["results"] if earlier.get("key") == key else {}
-        for name in ("flat", "white noise", *ROCKS):
-            if name in results and (name not in _DRAWN or _view(name).is_file()):
-                continue  # an interrupted run continues with the next kind
-            print(f"compare-rock: {name}", flush=True)
-            if name in ROCKS:
-                results[name], chunks = build(name, free, network, height_m)
-                if name in _DRAWN:
-                    write_atomically(_view(name), cv2.imencode(".png", draw(chunks, network))[1].tobytes())
-            else:
-                results[name] = build_witness(name, free, network, height_m)
-            write_atomically(RESULTS, json.dumps({"key": key, "results": results}, indent=2).encode())
-    except MineError as error:
-        print(f"compare-rock: {error}", file=sys.stderr)
-        return 2
+    source = Path("artifacts/contours/free_space.geojson")
+    free = decode(source, FreeSpace).polygon
+    network = decode(Path("artifacts/contours/topology.json"), DriftNetwork)
+    height_m = decode(Path("artifacts/compile3d/extent.json"), SolidExtent).height_m
+    params = [compose([*root_overrides(), *overrides]).model_dump_json() for overrides in ROCKS.values()]
+    code = [code_sha256(stage, Path.cwd()) for stage in ("surface", "validation")]
+    key = sha256_bytes(source.read_bytes() + "".join([*params, *code]).encode())
+    earlier = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
+    results = earlier["results"] if earlier.get("key") == key else {}
+    for name in ("flat", "white noise", *ROCKS):
+        if name in results and (name not in _DRAWN or _view(name).is_file()):
+            continue  # an interrupted run continues with the next kind
+        print(f"compare-rock: {name}", flush=True)
+        if name in ROCKS:
+            results[name], chunks = build(name, free, network, height_m)
+            if name in _DRAWN:
+                write_atomically(_view(name), cv2.imencode(".png", draw(chunks, network))[1].tobytes())
+        else:
+            results[name] = build_witness(name, free, network, height_m)
+        write_atomically(RESULTS, json.dumps({"key": key, "results": results}, indent=2).encode())
     text = table({name: results[name] for name in ("flat", "white noise", *ROCKS)})
-    write_atomically(TABLE, (_HEAD + text).encode())
+    write_table(TABLE, text)
     views = {name: cv2.imread(str(_view(name))) for name in _DRAWN}
     views["the default world"] = decode(WORLD_VIEW, Image)[:, : _SIZE[0]]
     small = [cv2.resize(view, None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA) for view in views.values()]
@@ -234,4 +206,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark("compare-rock", main))

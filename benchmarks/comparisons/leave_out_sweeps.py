@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 from shapely import Polygon
 
+from baselines.base.markdown import markdown_table, write_table
+from benchmarks.resume import run_benchmark
 from pipeline.compose import compose
-from pipeline.errors import MineError
 from pipeline.report.figures.corrected import draw_corrected
 from pipeline.report.results import shrink_picture
 from pipeline.scans.correct import Correction, Sweeps, correct_by_bias, measure_bias, place_sweeps, read_sweeps
@@ -28,6 +29,10 @@ from stages.__main__ import load_stages
 PAGE, PICTURE = Path("docs/evidence/parts/corrected-plan.md"), Path("docs/corrected.jpg")
 _PX_PER_M = 7.62
 _PLAN = ["survey=plan", "survey.poses=null", "survey.scale.source=stated", f"survey.scale.px_per_m={_PX_PER_M}"]
+_COLUMNS = (
+    *("sweep left out", "its own bias, m", "bias of the others, m", "as drawn, m", "corrected by the others, m"),
+    *("ratio", "as drawn, placed anew, m", "ratio"),
+)
 _TRACE = ["contours.trace=half_level"]
 
 
@@ -66,72 +71,45 @@ def leave_each_out(drawn: Polygon, sweeps: Sweeps, bias_of: dict[str, float]) ->
     return rows
 
 
-def page(rows: list[dict], correction: Correction) -> str:
+def tables(rows: list[dict], correction: Correction) -> str:
     """Return the figures as Markdown."""
     report = correction.report
     low, high = report.bias_interval_m
-    lines = [
-        "# The published plan, corrected by its sweeps",
-        "",
-        "Written by `python -m benchmarks leave-out-sweeps`; "
-        "[evidence.md](../certificate.md#lidar-corrects-the-plan) explains the figures.",
-        "",
-        f"All four sweeps: walls are drawn {report.bias_m:.2f} m too far out ({low:.2f} to {high:.2f} m when each "
-        f"sweep is left out). {sum(report.followed_m.values()):.0f} m of wall follow the sweeps.",
-        "",
-        "| sweep left out | its own bias, m | bias of the others, m | as drawn, m | corrected by the others, m | "
-        "ratio | as drawn, placed anew, m | ratio |",
-        "|---" * 8 + "|",
-    ]
-    for row in rows:
-        same, own = (row["corrected_m"] / row[key] for key in ("drawn_same_m", "drawn_own_m"))
-        shown = [
-            row["sweep"],
-            f"{report.bias_of_sweep_m[row['sweep']]:.2f}",
-            f"{row['bias_m']:.2f}",
-            f"{row['drawn_same_m']:.3f}",
-            f"{row['corrected_m']:.3f}",
-            f"{same:.2f}",
-            f"{row['drawn_own_m']:.3f}",
-            f"{own:.2f}",
-        ]
-        lines.append(f"| {' | '.join(shown)} |")
     halved = [sum(row["corrected_m"] <= 0.5 * row[key] for row in rows) for key in ("drawn_same_m", "drawn_own_m")]
-    lines += [
-        "",
-        f"At the same place the median error falls to at most half in {halved[0]} of {len(rows)} sweeps;",
-        f"where the plan as drawn may place the sweep anew, in {halved[1]} of {len(rows)}. A surveyed sweep has a",
-        "known place, so the error at the same place is that of the walls, and the one to judge by. A sweep that may",
-        "move in a plan whose drifts are 2 m too wide goes to one wall: its median error is then small, and says",
-        "nothing about the other.",
-        "",
-        "![Walls as drawn and corrected, with the returns of each sweep](../../corrected.jpg)",
-    ]
-    return "\n".join(lines) + "\n"
+    return (
+        f"All four sweeps: walls are drawn {report.bias_m:.2f} m too far out ({low:.2f} to {high:.2f} m when each "
+        f"sweep is left out). {sum(report.followed_m.values()):.0f} m of wall follow the sweeps.\n\n"
+        f"{markdown_table(_COLUMNS, (_cells(row, report.bias_of_sweep_m[row['sweep']]) for row in rows))}\n"
+        f"At the same place the median error falls to at most half in {halved[0]} of {len(rows)} sweeps; "
+        f"placed anew in the plan as drawn, in {halved[1]}."
+    )
+
+
+def _cells(row: dict, own_bias_m: float) -> list[object]:
+    same, own = (row["corrected_m"] / row[key] for key in ("drawn_same_m", "drawn_own_m"))
+    errors = (f"{row[key]:.3f}" for key in ("drawn_same_m", "corrected_m"))
+    ratios = (f"{same:.2f}", f"{row['drawn_own_m']:.3f}", f"{own:.2f}")
+    return [row["sweep"], f"{own_bias_m:.2f}", f"{row['bias_m']:.2f}", *errors, *ratios]
 
 
 def main() -> int:
     """Measure and write the page and the picture."""
-    try:
-        drawn, survey = trace_plan()
-        poses = compose(["survey=plan", "survey.correct=sweeps"]).contours.poses
-        assert poses is not None
-        files = {name: Path(file) for name, file in poses.sweeps.items()}
-        sweeps = read_sweeps(Path(poses.file), files, poses.max_range_m, poses.max_range_var_m2)
-        bias_of = measure_bias(drawn, sweeps)
-        correction = correct_by_bias(drawn, sweeps, sweeps, bias_of)
-        text = page(leave_each_out(drawn, sweeps, bias_of), correction)
-        with tempfile.TemporaryDirectory() as folder:
-            picture = Path(folder) / "corrected.png"
-            picture.write_bytes(encode(picture, draw_corrected(drawn, correction, survey.frame)))
-            write_atomically(PICTURE, shrink_picture(picture))
-        write_atomically(PAGE, text.encode())
-    except MineError as error:
-        print(f"leave-out-sweeps: {error}", file=sys.stderr)
-        return 2
+    drawn, survey = trace_plan()
+    poses = compose(["survey=plan", "survey.correct=sweeps"]).contours.poses
+    assert poses is not None
+    files = {name: Path(file) for name, file in poses.sweeps.items()}
+    sweeps = read_sweeps(Path(poses.file), files, poses.max_range_m, poses.max_range_var_m2)
+    bias_of = measure_bias(drawn, sweeps)
+    correction = correct_by_bias(drawn, sweeps, sweeps, bias_of)
+    text = tables(leave_each_out(drawn, sweeps, bias_of), correction)
+    with tempfile.TemporaryDirectory() as folder:
+        picture = Path(folder) / "corrected.png"
+        picture.write_bytes(encode(picture, draw_corrected(drawn, correction, survey.frame)))
+        write_atomically(PICTURE, shrink_picture(picture))
+    write_table(PAGE, text)
     print(text)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark("leave-out-sweeps", main))

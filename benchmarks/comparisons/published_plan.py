@@ -14,7 +14,8 @@ import gymnasium
 from tqdm import tqdm
 
 from baselines.base.environments import make_env
-from baselines.base.errors import BaselineError, run_command
+from baselines.base.errors import BaselineError
+from baselines.base.markdown import markdown_table, write_table
 from baselines.base.result_file import read_results, replace_text
 from baselines.base.statistics import as_text, figures
 from baselines.evaluate import evaluate, expected_head, is_current
@@ -22,9 +23,9 @@ from baselines.policies.found import policy_label
 from baselines.running.protocol import SEEDS
 from baselines.scoring.bounds import Bound
 from baselines.split import bound_at_the_end
+from benchmarks.resume import run_benchmark
 from pipeline.build.world import make_world
 from pipeline.compose import compose
-from pipeline.errors import MineError
 
 ENV = "MineXplore/PublishedPlan-v0"
 POLICIES = ("nearest-frontier", "graph-142")
@@ -32,22 +33,6 @@ _SOURCE, _FOLDER = Path("data/raw/plan.jpg"), Path("artifacts/benchmarks/publish
 _BOUND, _PAGE = _FOLDER / "bound.json", Path("docs/evidence/parts/published-plan.md")
 _SHOWN = ("coverage at 300 s", "coverage at 600 s", "share of bound at 600 s", "area under coverage",
           "collisions per 100 m", "path, m")  # fmt: skip
-_TEXT = """# The published plan
-
-Written by `python -m benchmarks published-plan`. This world is built from the plan that Leung et al. (2017)
-published (`survey=plan`).
-The embedded mine is a station survey of the same workings. Its stations stand 3 m apart, so the two worlds have the
-same drifts and other walls. None of these policies learned in either. The plan states no licence, so this repository
-does not hold it. `make data` fetches it.
-
-World `{world}`, {cells:,} cells. No robot can have seen more than {most:,} of them ({share:.1%}) at 600 s; the best
-walk that was found sees {found:,}. Full task, {seeds} seeds, interquartile means with 95 % bootstrap intervals, as in
-the leaderboard.
-
-| policy | {names} |
-|---|{rule}
-{rows}
-"""
 
 
 def build() -> None:
@@ -96,21 +81,16 @@ def drive(policy: str, jobs: int) -> None:
         evaluate(policy, ENV, list(SEEDS), _results(policy), jobs)
 
 
-def page(policies: list[str], bound: Bound) -> str:
-    """Return the page: the policy that sees most first."""
+def tables(policies: list[str], bound: Bound) -> str:
+    """Return the table: the policy that sees most first."""
     found = [(policy, figures(*read_results(_results(policy)), bound.at)) for policy in policies]
     found.sort(key=lambda row: -(row[1]["coverage at 600 s"].value or 0.0))
-    rows = [f"| {policy_label(policy)} | {' | '.join(as_text(n, own[n]) for n in _SHOWN)} |" for policy, own in found]
-    return _TEXT.format(
-        world=bound.world_sha256[:12],
-        cells=bound.cells,
-        most=bound.most[-1],
-        share=bound.most[-1] / bound.cells,
-        found=bound.found[-1],
-        seeds=len(SEEDS),
-        names=" | ".join(_SHOWN),
-        rule="---|" * len(_SHOWN),
-        rows="\n".join(rows),
+    rows = ((policy_label(policy), *(as_text(n, own[n]) for n in _SHOWN)) for policy, own in found)
+    share = bound.most[-1] / bound.cells
+    return (
+        f"World `{bound.world_sha256[:12]}`, {bound.cells:,} cells. No robot can have seen more than "
+        f"{bound.most[-1]:,} of them ({share:.1%}) at 600 s; the best\nwalk that was found sees {bound.found[-1]:,}. "
+        f"Full task, {len(SEEDS)} seeds.\n\n{markdown_table(['policy', *_SHOWN], rows)}"
     )
 
 
@@ -118,22 +98,20 @@ def _results(policy: str) -> Path:
     return _FOLDER / "results" / f"{policy_label(policy)}.jsonl"
 
 
-def main() -> None:
+def main() -> int:
     """Build the world, drive in it, and write the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.comparisons.published_plan", description=__doc__)
     parser.add_argument("--policy", nargs="+", default=list(POLICIES), help="names or checkpoints NAME.safetensors")
     parser.add_argument("--jobs", type=int, default=min(os.cpu_count() or 1, 4))
     arguments = parser.parse_args()
-    try:
-        build()
-    except MineError as error:
-        raise BaselineError(str(error)) from error
+    build()
     bound = known_bound()
     for policy in arguments.policy:
         drive(policy, arguments.jobs)
-    replace_text(_PAGE, page(arguments.policy, bound))
+    write_table(_PAGE, tables(arguments.policy, bound))
     print(f"{_PAGE} is written")
+    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(run_command("published-plan", main))
+    sys.exit(run_benchmark("published-plan", main))

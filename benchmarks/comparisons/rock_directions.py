@@ -11,13 +11,13 @@ import shapely
 from shapely import Polygon, affinity
 from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table, write_table
 from pipeline.compose import compose
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.metrics.rock.texture import published_score
 from pipeline.params.config import Config
 from pipeline.proof.surface import relief_of
 from pipeline.proof.texture import measure_texture
-from pipeline.store.files import write_atomically
 from pipeline.surface.build import build_rough_surface, lay_rough_lattice
 from pipeline.surface.mesh.lattice import ROOF, WALL
 from pipeline.surface.reference import measure_sources
@@ -31,17 +31,6 @@ _FIGURES = (
     *("steep, 20", "steep, 40", "foot, 20", "foot, 40", "middle, 20", "middle, 40"),
     *("slope at 1.0 m", "slope at 1.5 m", "cut / wall", "roof axis", "jaggedness axis"),
 )
-_HEAD = f"""# Rock in other directions
-
-Written by `python -m benchmarks rock-directions`: the default rock in straight, level drifts of {_LENGTH_M:g} m,
-with the bounds of
-mines other than the published one (`conf/mine/own.yaml`), in {len(_DIRECTIONS_DEG)} directions, each at another place.
-*Steep* is the share of wall area more than 20 or 40 deg off the plan's wall, *foot* the same below 0.5 m, *middle* at
-0.5 to 1.5 m. *Slope* is that of the spectrum over 1 to 2 m. Each cell has the least, the median and the greatest of the
-directions. The joint sets have directions of their own: a drift along one of them has steeper faces. 80 m of wall have
-few waves of 1 to 2 m. The limits of `conf/mine/limits/andesite.yaml` on these figures are as wide as this table.
-
-"""
 
 
 def measure(free: Polygon, config: Config) -> list[float | None]:
@@ -78,12 +67,13 @@ def main() -> int:
     todo = list(product(_WIDTHS_M, _DIRECTIONS_DEG))
     found = [measure(drift(*one), config) for one in tqdm(todo, unit="drift", disable=None)]
     figures = np.array(found, dtype=float).reshape(len(_WIDTHS_M), len(_DIRECTIONS_DEG), -1)
-    lines = ["| width of the drift, m | " + " | ".join(_FIGURES) + " |", "|---" * (len(_FIGURES) + 1) + "|"]
-    for width, of_width in zip(_WIDTHS_M, figures, strict=True):
-        cells = (" / ".join(f"{np.nanquantile(column, q):.2f}" for q in (0, 0.5, 1)) for column in of_width.T)
-        lines.append(f"| {width:g} | {' | '.join(cells)} |")
-    write_atomically(TABLE, (_HEAD + "\n".join(lines) + "\n").encode())
-    print("\n".join(lines))
+    cells = (
+        [f"{width:g}", *(" / ".join(f"{np.nanquantile(c, q):.2f}" for q in (0, 0.5, 1)) for c in of_width.T)]
+        for width, of_width in zip(_WIDTHS_M, figures, strict=True)
+    )
+    table = markdown_table(["width of the drift, m", *_FIGURES], cells)
+    write_table(TABLE, table)
+    print(table, end="")
     return 0
 
 

@@ -15,8 +15,9 @@ import shapely.affinity
 from scipy.optimize import minimize
 from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table, write_table
+from benchmarks.resume import run_benchmark
 from pipeline.compose import compose
-from pipeline.errors import MineError
 from pipeline.metrics.rock.published import REAL_SWEEP
 from pipeline.metrics.rock.sampling import faces_near, sample_triangles
 from pipeline.metrics.rock.texture import (
@@ -155,31 +156,18 @@ def search(penalty: float) -> dict[str, Any]:
     }
 
 
-def write_table(rows: list[dict[str, Any]]) -> str:
+def trade_off(rows: list[dict[str, Any]]) -> str:
     """Write and return the trade-off as Markdown."""
-    head = [
-        "penalty on amplitude",
-        "strict, overall",
-        "published, overall",
-        *(a.rsplit("_", 1)[0].replace("_", " ") for a in AXES),
-        "wall RMS, m",
-        "gap p95, m",
-        "roof RMS, m",
-    ]
-    lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
+    axes = (a.rsplit("_", 1)[0].replace("_", " ") for a in AXES)
+    head = ["penalty on amplitude", "strict, overall", "published, overall", *axes]
+    table = []
     for r in rows:
         name = f"**{r['penalty']}** (default)" if r["penalty"] == CHOSEN else str(r["penalty"])
         cells = [name, f"{r['strict']['overall']:.3f}", f"{r['published_without_noise']['overall']:.3f}"]
         cells += [f"x {r['ratios'][a]:.2f}" for a in AXES]
-        cells += [f"{r['wall_rms_m']:.3f}", f"{r['gap_p95_m']:.3f}", f"{r['roof_rms_m']:.3f}"]
-        lines.append(f"| {' | '.join(cells)} |")
-    text = (
-        "# Texture against wall error\n\nThe best noise for the published axes on a straight drift, at four penalties "
-        "on amplitude. `x` is model / real. Written by `python -m benchmarks search-texture`.\n\n"
-        + "\n".join(lines)
-        + "\n\n![trade-off](../../texture-search.png)\n"
-    )
-    write_atomically(TABLE, text.encode())
+        table.append([*cells, *(f"{r[key]:.3f}" for key in ("wall_rms_m", "gap_p95_m", "roof_rms_m"))])
+    text = markdown_table([*head, "wall RMS, m", "gap p95, m", "roof RMS, m"], table)
+    write_table(TABLE, text)
     return text
 
 
@@ -211,20 +199,16 @@ def draw(rows: list[dict[str, Any]]) -> None:
 
 def main() -> int:
     """Search at every penalty, two in parallel."""
-    try:
-        with multiprocessing.get_context("spawn").Pool(2) as pool:
-            rows = list(tqdm(pool.imap(search, PENALTIES), total=len(PENALTIES), desc="penalties", disable=None))
-        write_atomically(RESULTS, (json.dumps(rows, indent=2) + "\n").encode())
-        draw(rows)
-        print(write_table(rows))
-        chosen = next(r for r in rows if r["penalty"] == CHOSEN)
-        print(f"default: wavelength_m: {list(WRITTEN_M)}", f"wall_sd_m: {chosen['wall_sd_m']}", end=", ")
-        print(f"roof_sd_m: {chosen['roof_sd_m']}")
-    except MineError as error:
-        print(f"search-texture: {error}", file=sys.stderr)
-        return 2
+    with multiprocessing.get_context("spawn").Pool(2) as pool:
+        rows = list(tqdm(pool.imap(search, PENALTIES), total=len(PENALTIES), desc="penalties", disable=None))
+    write_atomically(RESULTS, (json.dumps(rows, indent=2) + "\n").encode())
+    draw(rows)
+    print(trade_off(rows))
+    chosen = next(r for r in rows if r["penalty"] == CHOSEN)
+    print(f"default: wavelength_m: {list(WRITTEN_M)}", f"wall_sd_m: {chosen['wall_sd_m']}", end=", ")
+    print(f"roof_sd_m: {chosen['roof_sd_m']}")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark("search-texture", main))

@@ -27,7 +27,7 @@ from minexplore.world import load_world
 from pipeline.compose import compose
 from pipeline.errors import MineError
 from pipeline.geometry.raycast import RayCaster
-from pipeline.mjcf.bundle import World, geom_triangles, open_bundle
+from pipeline.mjcf.bundle import OpenedBundle, geom_triangles, open_bundle
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import certify, measure_containment
 from pipeline.proof.rebuilt.built import require_built
@@ -100,7 +100,7 @@ def _outcome(good: Path, folder: Path, files: Files, changed: Files, params: Val
     return MISSED, differs
 
 
-def prove(folder: Path, params: ValidationParams) -> World:
+def prove(folder: Path, params: ValidationParams) -> OpenedBundle:
     """Judge a bundle as `certify` does, without the stress test, and return it.
 
     Raises
@@ -138,7 +138,7 @@ def _drive(folder: Path) -> None:
         raise RuntimeError(f"a warning of MuJoCo: {warnings[0]}")
 
 
-def rays_differ(before: World, after: World) -> str | None:
+def rays_differ(before: OpenedBundle, after: OpenedBundle) -> str | None:
     """Return how level rays from inside differ between two worlds, at four heights, or None."""
     free = np.array(before.record.spawn.anchor_m) + np.array([[0.0, 0.0], [0.3, -0.2], [-0.4, 0.3]])
     bearings = np.tile(np.linspace(0, 2 * np.pi, _BEARINGS, endpoint=False), (len(free), 1))

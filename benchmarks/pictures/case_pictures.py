@@ -16,13 +16,13 @@ import matplotlib as mpl
 import numpy as np
 from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.pictures.case_figures import case_figures, drivable_part, read_legs
 from minexplore.bundle import GeomGroup
 from minexplore.floors.floor import Floor
-from pipeline.mjcf.bundle import World, open_bundle
+from pipeline.mjcf.bundle import OpenedBundle, open_bundle
 from pipeline.mjcf.render import render_from
 from pipeline.store.codecs import decode
-from pipeline.store.files import write_atomically
 from pipeline.survey.passages.sheet_cells import floor_of
 from pipeline.types import Image, Survey
 from tests.heights import UNDER, Roofs, levels, seam, shelves, spiral, table
@@ -42,6 +42,10 @@ _ROOFS: Roofs = {
     **{f"m{k}{i}": 3.0 for k in range(3) for i in (2, 3)},
 }
 _MARGIN_M = 8.0
+_COLUMNS = (
+    *("case", "options", "stations: part, built", "part, m", "left out, m", "sheets", "loops: surveyed, built"),
+    *("shafts", "roof, m", "height, cm", "grade, deg", "certificate", "s"),
+)
 _LIGHT = ("preset=light",)
 
 
@@ -125,46 +129,29 @@ def world_of(project: Project, name: str) -> Path:
     return project.folder / "artifacts/worlds" / name
 
 
-def page(rows: dict[str, dict[str, Any]]) -> str:
-    """Return docs/evidence/parts/cases.md."""
-    lines = [
-        "# Mines that must come out whole\n",
-        "Written by `python -m benchmarks case-pictures`: worlds that `python -m pipeline new NAME --from "
-        "FILE` makes, compared with",
-        "the longest drivable part of their surveys. Errors are the largest differences between survey and built",
-        "floor, of the heights of stations and of the grades of shots longer than half a metre in plan. The time is",
-        "that of the processor, on one thread.\n",
-        "| case | options | stations: part, built | part, m | left out, m | sheets | loops: surveyed, built | shafts "
-        "| roof, m | height, cm | grade, deg | certificate | s |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
+def table_of(rows: dict[str, dict[str, Any]]) -> str:
+    """Return the table of docs/evidence/parts/cases.md."""
+    return markdown_table(_COLUMNS, (_cells(CASES[name], row) for name, row in rows.items()))
+
+
+def _cells(case: Case, row: dict[str, Any]) -> list[object]:
+    low, high = row["roof_m"]
+    options = " ".join(case.options)
+    return [
+        case.title,
+        f"`{options}`" if options else "none",
+        f"{row['stations']}, {row['built']}",
+        f"{row['length_m']:.0f}",
+        f"{row['left_out_m']:.0f}",
+        row["sheets"],
+        f"{row['loops_surveyed']}, {row['loops_built']}",
+        row["shafts"],
+        f"{low:g}" if low == high else f"{low:g} to {high:g}",
+        f"{100 * row['z_m']:.2f}",
+        f"{row['grade_deg']:.3f}",
+        "holds" if row["certificate"] else "**broken**",
+        row["seconds"],
     ]
-    for name, row in rows.items():
-        low, high = row["roof_m"]
-        options = " ".join(CASES[name].options)
-        cells = [
-            CASES[name].title,
-            f"`{options}`" if options else "none",
-            f"{row['stations']}, {row['built']}",
-            f"{row['length_m']:.0f}",
-            f"{row['left_out_m']:.0f}",
-            row["sheets"],
-            f"{row['loops_surveyed']}, {row['loops_built']}",
-            row["shafts"],
-            f"{low:g}" if low == high else f"{low:g} to {high:g}",
-            f"{100 * row['z_m']:.2f}",
-            f"{row['grade_deg']:.3f}",
-            "holds" if row["certificate"] else "**broken**",
-            row["seconds"],
-        ]
-        lines.append(f"| {' | '.join(map(str, cells))} |")
-    lines += [
-        "\n![Plan and folded floor of Wheal Pell, Sakany, and generated levels with a shaft](../../cases.png)\n",
-        "*The built floor by elevation. The lines are the survey's: red what of its drivable part is left out.*\n",
-        "![Views inside Wheal Pell, Sakany, and the generated levels](../../cases.jpg)\n",
-        "*Above the adit of Wheal Pell, 1.3 m wide and 1.5 m high; in the middle Sakany, whose width and height are*",
-        "*stated; below the generated levels, under their shaft and along a crosscut with a surveyed roof of 5 m.*",
-    ]
-    return "\n".join(lines) + "\n"
 
 
 def draw_plans(project: Project) -> None:
@@ -223,7 +210,7 @@ def draw_views(project: Project) -> None:
     cv2.imwrite(str(_VIEWS), cv2.vconcat(rows), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
 
 
-def _look(world: World, place: dict[str, np.ndarray], view: View) -> Image:
+def _look(world: OpenedBundle, place: dict[str, np.ndarray], view: View) -> Image:
     """Return a view; stations have their places (3,) m on the floor, in the mine frame."""
     T = np.array(world.record.T_world_mine)
     along = place[view.follower] - place[view.station]
@@ -246,8 +233,8 @@ def main() -> int:
         rows = {name: build(name, project) for name in tqdm(CASES, unit="mine", disable=None)}
         draw_plans(project)
         draw_views(project)
-    write_atomically(_PAGE, page(rows).encode())
-    print(page(rows), end="")
+    write_table(_PAGE, table_of(rows))
+    print(table_of(rows), end="")
     return 0 if all(row["certificate"] for row in rows.values()) else 1
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from minexplore.bundle import GeomGroup
 from minexplore.floors.floor import Floor
 from pipeline.compose import compose
-from pipeline.mjcf.bundle import World, open_bundle
+from pipeline.mjcf.bundle import OpenedBundle, open_bundle
 from pipeline.mjcf.render import render_from
 from pipeline.types import Image
 from tests.heights import UNDER, MineWithHeights, levels, spiral
@@ -40,21 +40,21 @@ def main() -> int:
     return 0
 
 
-def _over_seam(world: World, floor: Floor, stations: np.ndarray) -> Image:
+def _over_seam(world: OpenedBundle, floor: Floor, stations: np.ndarray) -> Image:
     """Look over the first seam between two sheets."""
     seam = floor.seams()[0, 0]
     off = np.abs(np.linalg.norm(stations - seam, axis=1) - _BACK_M)
     return _view(world, floor, stations[int(off.argmin())], seam)
 
 
-def _along(world: World, floor: Floor, line: np.ndarray) -> Image:
+def _along(world: OpenedBundle, floor: Floor, line: np.ndarray) -> Image:
     """Look along a drift from its middle."""
     eye = line[len(line) // 2]
     ahead = line[len(line) // 2 :]
     return _view(world, floor, eye, ahead[int(np.abs(np.linalg.norm(ahead - eye, axis=1) - _AHEAD_M).argmin())])
 
 
-def _view(world: World, floor: Floor, eye_m: np.ndarray, target_m: np.ndarray) -> Image:
+def _view(world: OpenedBundle, floor: Floor, eye_m: np.ndarray, target_m: np.ndarray) -> Image:
     T = np.array(world.record.T_world_mine)
     places = floor.fold(np.array([[*place, _EYE_M] for place in (eye_m, target_m)]))
     eye, towards = ((T @ [*place, 1.0])[:3] for place in places)

@@ -1,4 +1,4 @@
-"""Find the workings on drawing sheets whose truth is known; writes docs/evidence/parts/drawn-sheets.md and its picture.
+"""Find the workings on drawings whose truth is known; writes docs/evidence/parts/drawn-sheets.md and its picture.
 
 The detector was developed on twelve hundred seeds. Two hundred others were never looked at. Results of another detector
 or another generator are made again.
@@ -7,8 +7,8 @@ or another generator are made again.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -16,11 +16,12 @@ from typing import Any
 
 import cv2
 import numpy as np
-from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.pictures.draw_sheet import FURNITURE, WALLS, draw_sheet
+from benchmarks.resume import resume
 from pipeline.errors import GeometryError, InputError
-from pipeline.geometry.drawing.find import read_sheet
+from pipeline.geometry.drawing.find import read_drawing
 from pipeline.report.results import shrink_picture
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import import_closure, sha256_file, sha256_named
@@ -32,12 +33,8 @@ RESULTS = Path("artifacts/bench/drawn-sheets.jsonl")
 PAGE, PICTURE = Path("docs/evidence/parts/drawn-sheets.md"), Path("docs/drawn-sheets.jpg")
 DEVELOPED = [seed for first in (8000, 7000, 6000, 5000, 4000, 0) for seed in range(first, first + 200)]
 FRESH = range(9000, 9200)
-_BEFORE = """Seeds that were unseen before, and developed on since (right, asked, silently wrong): 5000 to 5199 175, 24,
-1; 6000 to 6199 173, 25, 2; 7000 to 7112 96, 16, 1; 8000 to 8199 178, 21, 1. What was wrong in them is right or asked
-about now.
-
-"""
 RIGHT_IOU = 0.95
+_COLUMNS = ("sheets with", "sheets", "right without a hint", "need a hint", "silently wrong", "median IoU")
 _SHOWN = (25, 8, 12, 38, 14, 3)
 _TILE = (620, 470)
 
@@ -49,7 +46,7 @@ def judge(seed: int) -> dict[str, Any]:
     row: dict[str, Any] = {"seed": seed, "style": sheet.style, "walls": sheet.walls, "levels": len(sheet.levels)}
     row |= {"furniture": sheet.furniture, "bar": _bar_error(picture, sheet.px_per_m, sheet.bar_m)}
     try:
-        found = read_sheet(picture, None)
+        found = read_drawing(picture, None)
     except GeometryError as error:
         return row | {"refused": str(error)}
     return row | {"iou": round(max(_iou(found.mask, level) for level in sheet.levels), 4)}
@@ -79,10 +76,7 @@ def verdict(row: dict[str, Any]) -> str:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Return the results by kind of wall and by what else a sheet shows, as Markdown."""
-    lines = [
-        "| sheets with | sheets | right without a hint | need a hint | silently wrong | median IoU |",
-        "|---" * 6 + "|",
-    ]
+    counted: list[tuple[object, ...]] = []
     groups = [(walls, [r for r in rows if r["walls"] == walls]) for walls in WALLS]
     groups += [(name, [r for r in rows if name in r["furniture"]]) for name in FURNITURE]
     groups += [("several levels", [r for r in rows if r["levels"] > 1]), ("all", rows)]
@@ -90,12 +84,12 @@ def table(rows: list[dict[str, Any]]) -> str:
         counts = [sum(verdict(r) == kind for r in some) for kind in ("right", "hint", "wrong")]
         ious = [r["iou"] for r in some if "iou" in r]
         median = f"{np.median(ious):.3f}" if ious else ""
-        lines.append(f"| {name} | {len(some)} | {' | '.join(map(str, counts))} | {median} |")
+        counted.append((name, len(some), *counts, median))
     bars = [r["bar"] for r in rows if "scale bar" in r["furniture"]]
     good = sum(b is not None and abs(b) <= 0.02 for b in bars)
     missed = sum(b is None for b in bars)
-    lines += [
-        "",
+    lines = [
+        markdown_table(_COLUMNS, counted),
         f"Of {len(bars)} scale bars, {good} are found and measured within 2 %, {missed} are not found, and "
         f"{len(bars) - good - missed} are mistaken for another line.",
     ]
@@ -112,7 +106,7 @@ def draw_examples() -> Image:
         sheet = draw_sheet(seed)
         picture = 255 - sheet.picture if "light on dark" in sheet.furniture else sheet.picture
         with suppress(GeometryError):  # a refused sheet is shown as it is
-            picture = draw_detected(picture, read_sheet(picture, None).mask, None)
+            picture = draw_detected(picture, read_drawing(picture, None).mask, None)
         scale = min(_TILE[0] / picture.shape[1], _TILE[1] / picture.shape[0])
         small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
         tile = np.full((_TILE[1] + 6, _TILE[0] + 6, 3), 225, np.uint8)
@@ -121,22 +115,13 @@ def draw_examples() -> Image:
     return np.vstack([np.hstack(tiles[k : k + 2]) for k in range(0, len(tiles), 2)])
 
 
-def page(rows: list[dict[str, Any]]) -> str:
+def tables(rows: list[dict[str, Any]]) -> str:
     """Return the results of both sets of sheets as Markdown."""
     developed, fresh = ([row for row in rows if row["seed"] in seeds] for seeds in (DEVELOPED, FRESH))
     return (
-        "# Drawn sheets\n\nWritten by `python -m benchmarks drawn-sheets`. Generated mines of all four styles "
-        "are drawn on sheets\n"
-        "with what drawing offices put there, and their workings are detected as `python -m pipeline new` does,\n"
-        f"without any option. A sheet is right with an IoU of at least {RIGHT_IOU:g} with the true workings. A\n"
-        "refused sheet names the option that settles it; a sheet of several levels always needs one. Nothing may be\n"
-        "silently wrong.\n\n"
-        f"## {len(fresh)} sheets that the detector had not seen\n\n"
-        f"Seeds {_span(fresh)}. Nobody looked at them while the detector was made, so these figures are\n"
-        f"the ones to expect.\n\n{table(fresh)}\n{_BEFORE}"
-        f"## {len(developed)} sheets that the detector was developed on\n\n"
-        f"Seeds {_span(developed)}.\n\n{table(developed)}\n"
-        "![Sheets and what was detected, green](../../drawn-sheets.jpg)\n"
+        f"## {len(fresh)} sheets that the detector had not seen\n\nSeeds {_span(fresh)}.\n\n{table(fresh)}\n"
+        f"## {len(developed)} sheets that the detector was developed on\n\nSeeds {_span(developed)}.\n\n"
+        + table(developed)
     )
 
 
@@ -159,30 +144,25 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", choices=["developed", "fresh"], help="judge one set; the page is not written")
     given = parser.parse_args()
-    RESULTS.parent.mkdir(parents=True, exist_ok=True)
     root = Path.cwd()
-    sources = import_closure(Path(sys.modules[read_sheet.__module__].__file__ or "").resolve(), root)
+    sources = import_closure(Path(sys.modules[read_drawing.__module__].__file__ or "").resolve(), root)
     sources = sorted({*sources, *import_closure(root / "benchmarks/pictures/draw_sheet.py", root)})
     code = sha256_named({path.as_posix(): sha256_file(root / path) for path in sources})[:16]
-    rows = [json.loads(line) for line in RESULTS.read_text().splitlines()] if RESULTS.is_file() else []
-    rows = [row for row in rows if row.get("code") == code]
     sets = {"fresh": FRESH, "developed": DEVELOPED}
     seeds = [seed for name, each in sets.items() if given.only in (None, name) for seed in each[: given.count]]
-    known = {row["seed"] for row in rows}
-    wanted = [seed for seed in seeds if seed not in known]
-    with RESULTS.open("a") as log, ProcessPoolExecutor(given.jobs) as pool:
-        for row in tqdm(pool.map(judge, wanted), total=len(wanted), unit="sheet", disable=None):
-            row["code"] = code
-            rows.append(row)
-            log.write(json.dumps(row) + "\n")
-            log.flush()
+    with ProcessPoolExecutor(given.jobs) as pool:
+
+        def judged(seeds: list[int]) -> Iterator[dict[str, Any]]:
+            return (row | {"code": code} for row in pool.map(judge, seeds))
+
+        rows = resume(RESULTS, seeds, judged, "sheet", is_valid=lambda row: row.get("code") == code)
     rows = [row for row in rows if row["seed"] in set(seeds)]
     if given.only is None:
-        write_atomically(PAGE, page(rows).encode())
+        write_table(PAGE, tables(rows))
         examples = RESULTS.with_name("drawn-sheets.png")
         cv2.imwrite(str(examples), draw_examples())
         write_atomically(PICTURE, shrink_picture(examples))
-        print(page(rows))
+        print(tables(rows))
     else:
         print(table(rows))
     wrong = [row for row in rows if verdict(row) == "wrong"]

@@ -16,7 +16,9 @@ import numpy as np
 import shapely
 from shapely import LineString, Polygon
 
-from benchmarks.speed.look_costs import tables, write_costs
+from baselines.base.markdown import write_table
+from benchmarks.resume import run_benchmark
+from benchmarks.speed.look_costs import tables
 from benchmarks.worlds.small_world import build_world
 from minexplore.bundle import MODEL, OVERVIEW_CAMERA, GeomGroup
 from minexplore.looks import LOOKS, PLAIN
@@ -25,10 +27,10 @@ from minexplore.pictures.render import Renderer
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.task import TaskParams
 from minexplore.world import World, load_world
-from pipeline.errors import MineError
 from pipeline.mjcf.render import render_camera
 from pipeline.store.files import write_atomically
 
+PAGE = Path("docs/how-to/look.md")
 PICTURE, CUT_AWAY = Path("docs/look.jpg"), Path("docs/cut-away.jpg")
 _MAIN = LineString([(0, 0), (25, 2), (45, 8), (70, 6)]).buffer(2.6, join_style="mitre")
 WORKINGS: Polygon = shapely.union_all([_MAIN, LineString([(45, 8), (50, 32)]).buffer(2.4, cap_style="flat")])
@@ -69,11 +71,7 @@ def main() -> int:
     for name in LOOKS:
         overrides = [f"look={name}", "fittings=none" if name == PLAIN else "realism.furnish=full"]
         with tempfile.TemporaryDirectory() as folder:
-            try:
-                build_world(Path(folder), WORKINGS, _ENTRANCE_M, overrides)
-            except MineError as error:
-                print(f"look-pictures: {error}", file=sys.stderr)
-                return 2
+            build_world(Path(folder), WORKINGS, _ENTRANCE_M, overrides)
             view, seconds = draw_look(load_world(Path(folder)))
             if name in (PLAIN, "dry"):
                 above.append(draw_cut_away(Path(folder)))
@@ -84,13 +82,9 @@ def main() -> int:
     for path, rows in ((PICTURE, views), (CUT_AWAY, above)):
         small = cv2.resize(cv2.vconcat(rows), None, fx=0.8, fy=0.8, interpolation=cv2.INTER_AREA)
         write_atomically(path, cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 82])[1].tobytes())
-    try:
-        write_costs(tables(times, _SIZE_PX))
-    except MineError as error:
-        print(f"look-pictures: {error}", file=sys.stderr)
-        return 2
+    write_table(PAGE, tables(times, _SIZE_PX))
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark("look-pictures", main))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ class Pair:
         self.world = dataclasses.replace(world, floor_zones=calm)
         self.task = task or TaskParams()
         self.count = count
-        self.cpu = RobotBatch(self.world, self.task, RobotParams(), count)
+        self.cpu = RobotBatch(self.world, self.task, RobotParams(), count, os.cpu_count() or 1)
         self.warp = WarpBatch(self.world, self.task, RobotParams(), count, require_device(device))
         self.rngs = [np.random.default_rng(i) for i in range(count)]
         self.look = Replayed(self.warp.device, lambda: self.warp.look("drives"))

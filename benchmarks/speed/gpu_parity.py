@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -19,10 +20,11 @@ from typing import Any
 
 from baselines.base.environments import find_id
 from baselines.base.errors import BaselineError
+from baselines.base.markdown import write_table
 from baselines.base.progress import Progress
 from baselines.policies.found import make_policy
 from benchmarks.speed.gpu_pair import Pair, compare_looks, compare_steps, drive_episodes, stress
-from benchmarks.speed.gpu_parity_page import EPISODES, page, rows
+from benchmarks.speed.gpu_parity_page import EPISODES, rows, tables
 from minexplore.task import TaskParams
 from minexplore.warp import require_device, require_packages
 from minexplore.world import find_world, load_world
@@ -32,7 +34,8 @@ from pipeline.store.hashing import import_closure, sha256_file, sha256_named
 RESULTS, PAGE = Path("artifacts/proof/gpu_parity"), Path("docs/evidence/parts/gpu-parity.md")
 POLICIES = ("wall-following", "ChileanMineEntrance-beams-mlp-42")
 _WORLD = "chilean_mine"
-_RAYS, _STEPS, _CONTACTS = 20_000, 10_000, 5_000  # of a block at most
+# Of a robot in a block at most. Whatever the number of robots, a block drives them long enough to reach the rock.
+_RAYS, _STEPS, _CONTACTS = 80, 40, 20
 _NO_DEVICE = 3  # exit code
 
 
@@ -77,6 +80,11 @@ def merge(blocks: list[dict[str, Any]]) -> dict[str, Any]:
     return found
 
 
+def block_sizes(robots: int, rays: int, steps: int, contacts: int) -> tuple[int, int, int]:
+    """Return the rays, control steps and contacts of a block, of all robots together and no more than are wanted."""
+    return min(_RAYS * robots, rays), min(_STEPS * robots, steps), min(_CONTACTS * robots, contacts)
+
+
 class Comparison:
     """What is compared on a device, made when the first block needs it."""
 
@@ -96,11 +104,11 @@ class Comparison:
 
         kwargs: dict[str, Any] = {"num_envs": self._robots, "vectorization_mode": "vector_entry_point"}
         warp = gymnasium.make_vec(self._env, **kwargs, backend="warp", device=self._device, numpy=True)
-        return gymnasium.make_vec(self._env, **kwargs), warp
+        return gymnasium.make_vec(self._env, **kwargs, threads=os.cpu_count() or 1), warp
 
     def parts(self, asked: argparse.Namespace) -> Iterator[Part]:
         """Yield the parts with the counts of the command line."""
-        rays, steps, contacts = min(_RAYS, asked.rays), min(_STEPS, asked.steps), min(_CONTACTS, asked.contacts)
+        rays, steps, contacts = block_sizes(asked.robots, asked.rays, asked.steps, asked.contacts)
         yield Part("looks", "rays", asked.rays, lambda block: compare_looks(self._pair, rays, block))
         yield Part("steps", "control steps", asked.steps, lambda block: compare_steps(self._pair, steps, block))
         yield Part("stress", "contacts", asked.contacts, lambda block: stress(self._pair, contacts, block))
@@ -149,9 +157,9 @@ def main() -> int:
     RESULTS.mkdir(parents=True, exist_ok=True)
     wanted = [part for part in parts.values() if part.wanted and (asked.only is None or part.name in asked.only)]
     lines = rows({part.name: merge(part.blocks(head, RESULTS)) for part in wanted})
-    text = page(lines, name, asked.robots, asked.env)
+    text = tables(lines, name, asked.robots, asked.env)
     if asked.only is None:
-        write_atomically(PAGE, text.encode())
+        write_table(PAGE, text)
     print(text, end="")
     return int(not all(row.holds for row in lines))
 

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
+from baselines.base.markdown import write_table
+from benchmarks.resume import resume
 from benchmarks.speed import stage_costs
-from pipeline.store.files import write_atomically
 
 RESULTS, PAGE = Path("artifacts/bench/growth.jsonl"), Path("docs/evidence/parts/growth.md")
 SIZES_KM = (1, 3, 10, 30, 100)
@@ -99,23 +99,14 @@ def total_s(row: Grown) -> float:
     return sum(row.stages_s.values())
 
 
-def page(rows: list[Grown], before: str = "") -> str:
-    """Return the page of the measured mines; mines that only the page `before` has keep their rows.
+def tables(rows: list[Grown], before: str = "") -> str:
+    """Return the tables of the measured mines; mines that only the page `before` has keep their rows.
 
     The page is the only record of a long measurement that another clone has.
     """
     light = _lines_of([row for row in rows if not row.rock], before, _LIGHT)
     rocky = _lines_of([row for row in rows if row.rock], before, _ROCKY)
-    lines = [
-        "# Growth\n",
-        f"Written by `python -m benchmarks bench-growth` on {platform.machine()} with {os.cpu_count()} cores. "
-        f"Generated mines of "
-        "narrow drifts (2.5 to 3.5 m) with rough\nwalls go through all six stages; each stage and the environment have "
-        "a process of their own. Seconds are processor time.\nThe environment steps sixteen robots on one thread.\n",
-        _LIGHT + "\n",
-        "Light worlds (`preset=light`): all stages without visible rock, the certificate without the stress test.\n",
-        _table(light),
-    ]
+    lines = [f"Measured on {platform.machine()} with {os.cpu_count()} cores.\n", _LIGHT + "\n", _table(light)]
     points = [(_cell(line, 0), _cell(line, 2)) for line in light]
     sizes = sorted(_size_of(km) for km, _ in points)
     if sum(km >= _FROM_DRIFTS_KM for km, _ in points) > 1:
@@ -124,11 +115,11 @@ def page(rows: list[Grown], before: str = "") -> str:
             f"length to the power of {exponent(points):.2f} (limit {_EXPONENT:g})."
         )
     if rocky:
-        lines += [f"\n{_ROCKY}\n", "All stages with the default rock, and all checks.\n", _table(rocky)]
+        lines += [f"\n{_ROCKY}\n", _table(rocky)]
     missing = [km for km in SIZES_KM if km not in sizes]
     if missing:
-        lines.append(f"\nNot measured yet: {', '.join(f'{km} km' for km in missing)}.")
-    return "\n".join(lines) + "\n"
+        lines.append(f"Not measured yet: {', '.join(f'{km} km' for km in missing)}.")
+    return "\n".join(lines)
 
 
 def _size_of(drift_km: float) -> float:
@@ -188,18 +179,17 @@ def main() -> int:
     parser.add_argument("--km", type=float, nargs="+", default=SIZES_KM, help="drifts of the light mines, km")
     parser.add_argument("--rock", type=float, nargs="*", default=[1, 3], help="drifts of the mines with rock, km")
     given = parser.parse_args()
-    RESULTS.parent.mkdir(parents=True, exist_ok=True)
-    lines = RESULTS.read_text().splitlines() if RESULTS.is_file() else []
-    rows = [Grown(**json.loads(line)) for line in lines]
-    measured = {(row.km, row.rock) for row in rows}
     wanted = [(km, rock) for rock, sizes in ((False, given.km), (True, given.rock)) for km in sizes]
-    with RESULTS.open("a") as log:
-        for km, rock in tqdm([w for w in wanted if w not in measured], unit="mine", disable=None):
-            rows.append(measure(km, rock))
-            log.write(json.dumps(dataclasses.asdict(rows[-1])) + "\n")
-            log.flush()
-    text = page(rows, PAGE.read_text() if PAGE.is_file() else "")
-    write_atomically(PAGE, text.encode())
+    found = resume(
+        RESULTS,
+        wanted,
+        lambda sizes: (dataclasses.asdict(measure(*size)) for size in sizes),
+        "mine",
+        key=lambda row: (row["km"], row["rock"]),
+    )
+    rows = [Grown(**row) for row in found]
+    text = tables(rows, PAGE.read_text())
+    write_table(PAGE, text)
     print(text)
     for line in faults(rows):
         print(f"bench-growth: {line}", file=sys.stderr)

@@ -14,21 +14,12 @@ from typing import Any
 
 from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table, write_table
 from minexplore.splits import STYLES
 from pipeline.build.family import generated, make_member, without_rock
 from pipeline.errors import ArtifactError
-from pipeline.store.files import write_atomically
 
 TABLE = Path("docs/evidence/parts/light-worlds.md")
-_HEAD = """# Light worlds: time and size
-
-Written by `python -m benchmarks bench-light`, which builds the first mines of the training split on one core: all
-six stages, with the
-certificate's geometric clauses and without the stress test. Seconds are processor time, without the {start:.1f} s in
-which a process starts, imports and builds its first mine. {cores} cores, load {load:.1f} meanwhile: on a busy machine a
-second of processor time does less.
-
-"""
 _TAIL = """
 A thousand mines take {thousand:.0f} min of two cores at this rate. Fifty of them pass the stress test, which takes
 {stress:.1f} s more in the second mine.
@@ -43,9 +34,7 @@ def measure(number: int, stress: bool = False) -> dict[str, Any]:
     ArtifactError
         If the mine cannot be built or its certificate does not hold.
     """
-    member = without_rock(generated("train", number + 1, []), 0)[number]
-    if stress:
-        member = without_rock(generated("train", number + 1, []), number + 1)[number]
+    member = without_rock(generated("train", number + 1, []), number + 1 if stress else 0)[number]
     root = Path(tempfile.mkdtemp(prefix="light-"))
     try:
         start = time.process_time()
@@ -67,18 +56,16 @@ def measure(number: int, stress: bool = False) -> dict[str, Any]:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Return mean drift, seconds and megabytes by style, and by kilometre, as Markdown."""
-    lines = [
-        "| style | mines | drift, km | s | s per km | MB | MB per km | largest, MB |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
+    cells = []
     for style in (*STYLES, None):
         some = [row for row in rows if style in (None, row["style"])]
         km, s, mb = (sum(row[key] for row in some) for key in ("drift_km", "seconds", "mb"))
         n, name = len(some), style.replace("_", " ") if style else "all"
         largest = max(row["mb"] for row in some)
         figures = (km / n, s / n, s / km, mb / n, mb / km, largest)
-        lines.append(f"| {name} | {n} | {' | '.join(f'{figure:.2f}' for figure in figures)} |")
-    return "\n".join(lines) + "\n"
+        cells.append((name, n, *(f"{figure:.2f}" for figure in figures)))
+    titles = ("style", "mines", "drift, km", "s", "s per km", "MB", "MB per km", "largest, MB")
+    return markdown_table(titles, cells)
 
 
 def main() -> int:
@@ -91,10 +78,10 @@ def main() -> int:
     rows = [measure(number) for number in tqdm(range(count), unit="mine", disable=None)]
     tested = measure(1, stress=True)["seconds"] - rows[1]["seconds"]
     mean_s = sum(row["seconds"] for row in rows) / len(rows)
-    head = _HEAD.format(start=start_s, cores=os.cpu_count(), load=os.getloadavg()[0])
-    tail = _TAIL.format(thousand=(1000 * mean_s + 50 * tested) / 2 / 60, stress=tested)
-    write_atomically(TABLE, (head + table(rows) + tail).encode())
-    print(table(rows) + tail)
+    measured = f"Measured on {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} meanwhile; {start_s:.1f} s to start."
+    text = f"{measured}\n\n{table(rows)}{_TAIL.format(thousand=(1000 * mean_s + 50 * tested) / 2 / 60, stress=tested)}"
+    write_table(TABLE, text)
+    print(text)
     return 0
 
 

@@ -6,17 +6,19 @@ from pathlib import Path
 
 import mujoco
 
+from baselines.base.markdown import markdown_table
 from minexplore.bundle import MESHES, ROCK_TEXTURE, ROOF, WALLS, is_cover, is_fitting
 from pipeline.compose import compose
-from pipeline.errors import ArtifactError
 from pipeline.params.reading.composed import root_overrides
 from pipeline.store.codecs import Bundle, decode
-from pipeline.store.files import write_atomically
 from stages.realism import STAGE
 
-PAGE, ARTIFACTS = Path("docs/how-to/look.md"), Path("artifacts")
+ARTIFACTS = Path("artifacts")
+_COLUMNS = (
+    *("`realism.furnish`", "bundle, MB", "rock", "texture", "floor", "furniture"),
+    *("geoms of the floor", "of furniture"),
+)
 LEVELS = ("light", "full", "meshed")
-_BEGIN, _END = "<!-- written by python -m benchmarks look-pictures -->\n", "<!-- end -->\n"
 
 
 def bundle_of(furnish: str) -> Bundle:
@@ -40,29 +42,10 @@ def measure_bundle(files: Bundle) -> list[float]:
 
 def tables(seconds: dict[str, float], size_px: tuple[int, int]) -> str:
     """Return both tables as Markdown; `seconds` are a frame's by look."""
-    looks = " | ".join(seconds)
-    frames = f"| {looks} |\n{'|---' * len(seconds)}|\n| " + " | ".join(f"{s:.2f} s" for s in seconds.values()) + " |\n"
-    rows = "".join(
-        f"| {level} | " + " | ".join(f"{v:.1f}" for v in sizes[:5]) + f" | {sizes[5]:.0f} | {sizes[6]:.0f} |\n"
-        for level, sizes in ((level, measure_bundle(bundle_of(level))) for level in LEVELS)
-    )
-    head = "`realism.furnish` | bundle, MB | rock | texture | floor | furniture | geoms of the floor | of furniture"
+    frames = markdown_table(seconds, [[f"{s:.2f} s" for s in seconds.values()]])
+    sizes = ((level, measure_bundle(bundle_of(level))) for level in LEVELS)
+    rows = ((level, *(f"{v:.1f}" for v in found[:5]), *(f"{v:.0f}" for v in found[5:])) for level, found in sizes)
     return (
         f"A frame of {size_px[0]} x {size_px[1]} px from the robot in the small drift, in seconds of a processor core, "
-        f"by OSMesa (MuJoCo {mujoco.__version__}):\n\n{frames}\nThe present world:\n\n| {head} |\n{'|---' * 8}|\n{rows}"
+        f"by OSMesa (MuJoCo {mujoco.__version__}):\n\n{frames}\nThe present world:\n\n{markdown_table(_COLUMNS, rows)}"
     )
-
-
-def write_costs(text: str) -> None:
-    """Replace the tables of the page.
-
-    Raises
-    ------
-    ArtifactError
-        If the page has no place for them.
-    """
-    before, begin, rest = PAGE.read_text().partition(_BEGIN)
-    _, end, after = rest.partition(_END)
-    if not (begin and end):
-        raise ArtifactError(f"{PAGE}: no lines {_BEGIN.strip()!r} and {_END.strip()!r}")
-    write_atomically(PAGE, f"{before}{begin}\n{text}\n{end}{after}".encode())

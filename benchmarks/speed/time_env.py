@@ -16,6 +16,8 @@ import mujoco
 import numpy as np
 from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table, write_table
+from benchmarks.resume import run_benchmark
 from benchmarks.speed.plain_env import PlainEnv
 from minexplore.bundle import FREE_SPACE, MINE_BODY, floor_geom
 from minexplore.envs.vector import MineVectorEnv
@@ -30,13 +32,8 @@ from minexplore.physics.robot import (
 )
 from minexplore.task import TaskParams
 from minexplore.world import World, find_world, load_world
-from pipeline.compose import compose
-from pipeline.errors import MineError
-from pipeline.geometry.rock.partition import rock_around, world_box
-from pipeline.store.codecs import decode, encode
 from pipeline.store.files import write_atomically
-from pipeline.types import ConvexParts, FreeSpace
-from stages.compile3d import collision_parts
+from pipeline.types import ConvexParts
 
 RESULTS, TABLE = Path("artifacts/bench/env.json"), Path("docs/evidence/parts/env-speed.md")
 HULLS = Path("artifacts/benchmarks/vhacd.npz")
@@ -51,17 +48,6 @@ _LIMITS = {
     "make_vec_256_s": (None, 2.0),
     "make_vec_256_mb": (None, 1000),
 }
-_HEAD = f"""# Environment speed
-
-Written by `python -m benchmarks bench` on {{cores}} cores: medians of {_RUNS} runs, {_ROBOTS} robots, each ratio
-within one run, warm.
-Other work on the machine before the start: a load average of {{load:.1f}}.
-
-`vector_steps_per_s` has the robots spread evenly over the mine, as when they have explored for a while. With
-*entrance*, and against the plain environment, all start at one place. Every rate is over the first {_STEPS} control
-steps from its start, with the same actions for one thread and two.
-
-"""
 _MAKE = """
 import time
 start = time.perf_counter()
@@ -168,6 +154,13 @@ def plain_steps_per_s(env: PlainEnv, steps: int) -> float:
 
 def paper_hulls(world: World) -> ConvexParts:
     """Return V-HACD hulls of the present plan with the paper's parameters, made once."""
+    # Here, as `time_gpu` takes the bare floor from this module in many processes and needs no stage.
+    from pipeline.compose import compose
+    from pipeline.geometry.rock.partition import rock_around, world_box
+    from pipeline.store.codecs import decode, encode
+    from pipeline.types import FreeSpace
+    from stages.compile3d import collision_parts
+
     if HULLS.is_file():
         return decode(HULLS, ConvexParts)
     free: FreeSpace = decode(world.folder / FREE_SPACE, FreeSpace)
@@ -220,30 +213,28 @@ def _making() -> dict[str, float]:
     return {"make_vec_256_s": float(made[0]), "make_vec_256_mb": float(made[1])}
 
 
-def page(figures: dict[str, float], load: float) -> tuple[str, list[str]]:
-    """Return the page, and the names of the figures beyond their limits."""
-    lines, missed = ["| figure | measured | limit |", "|---|---|---|"], []
+def tables(figures: dict[str, float], load: float) -> tuple[str, list[str]]:
+    """Return the table, and the names of the figures beyond their limits."""
+    rows, missed = [], []
     for name, value in figures.items():
         low, high = _LIMITS.get(name, (None, None))
         limit = f">= {low:g}" if low is not None else f"<= {high:g}" if high is not None else ""
         if (low is not None and value < low) or (high is not None and value > high):
             missed.append(name)
             limit += " (missed)"
-        lines.append(f"| {name} | {value:,.2f} | {limit} |")
-    return _HEAD.format(cores=os.cpu_count(), load=load) + "\n".join(lines) + "\n", missed
+        rows.append((name, f"{value:,.2f}", limit))
+    table = markdown_table(("figure", "measured", "limit"), rows)
+    other = f"Other work on the machine before the start: a load average of {load:.1f}."
+    return f"Measured on {os.cpu_count()} cores. {other}\n\n{table}", missed
 
 
 def main() -> int:
     """Measure, print, write; exit code 2 if a figure misses its limit."""
     load = os.getloadavg()[0]
-    try:
-        figures = measure()
-    except (MineError, FileNotFoundError) as error:
-        print(f"bench: {error}", file=sys.stderr)
-        return 2
+    figures = measure()
     write_atomically(RESULTS, (json.dumps(figures, indent=2) + "\n").encode())
-    text, missed = page(figures, load)
-    write_atomically(TABLE, text.encode())
+    text, missed = tables(figures, load)
+    write_table(TABLE, text)
     print(text, end="")
     if missed:
         print(f"bench: beyond the limit: {', '.join(missed)}", file=sys.stderr)
@@ -251,4 +242,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark("bench", main))

@@ -11,7 +11,7 @@ import multiprocessing
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.speed.time_env import bare_floor, steps_per_s
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.robot import RobotParams
@@ -29,11 +30,12 @@ from pipeline.store.files import write_atomically
 
 RESULTS, TABLE = Path("artifacts/bench/gpu.json"), Path("docs/evidence/parts/env-speed-gpu.md")
 COUNTS = (1024, 4096, 16_384, 65_536, 131_072)
+_MEMORY_AT = 65_536  # robots
 _LIMITS = {
     "control steps/s, all on the device": ("steps_per_s", 1_000_000, None),
     "of the bare floor in the same run": ("of_bare_floor", 0.6, None),
     "rays/s of the beams alone": ("rays_per_s", 300_000_000, None),
-    "GB of device memory at 65,536 robots": ("memory_gb", None, 40.0),
+    f"GB of device memory at {_MEMORY_AT:,} robots": ("memory_gb", None, 40.0),
 }
 _NO_DEVICE = 3  # exit code
 
@@ -141,24 +143,24 @@ def _poses(T_world_mine: np.ndarray, places: np.ndarray, rng: np.random.Generato
     )
 
 
-def measure(device: str, counts: list[int], runs: int) -> dict[str, Any]:
-    """Measure every count, and the CPU's vector environment on the same machine."""
-    folder, rows = find_world("chilean_mine"), []
+def measure(device: str, counts: list[int], runs: int) -> Iterator[dict[str, Any]]:
+    """Measure the CPU's vector environment and then every count; yield all figures so far after each count."""
+    threads = os.cpu_count() or 1
+    found: dict[str, Any] = {"device": _name(device), "cpu_threads": threads}
+    found |= {"cpu_steps_per_s": _cpu_steps_per_s(threads), "rows": []}
     for count in counts:
         # A process frees all of the device's memory when it ends; Warp keeps that of its recorded graphs.
         with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
-            rows.append(process.submit(measure_count, device, count, runs).result())
-        print(json.dumps(rows[-1]), flush=True)
-    threads = os.cpu_count() or 1
-    cpu = MineVectorEnv(64 * threads, folder, threads=threads)
-    cpu.reset(seed=0)
-    steps_per_s(cpu, 10)
-    return {
-        "device": _name(device),
-        "cpu_threads": threads,
-        "cpu_steps_per_s": float(f"{steps_per_s(cpu, 20):.4g}"),
-        "rows": rows,
-    }
+            found["rows"].append(process.submit(measure_count, device, count, runs).result())
+        print(json.dumps(found["rows"][-1]), flush=True)
+        yield found
+
+
+def _cpu_steps_per_s(threads: int) -> float:
+    env = MineVectorEnv(64 * threads, find_world("chilean_mine"), threads=threads)
+    env.reset(seed=0)
+    steps_per_s(env, 10)
+    return float(f"{steps_per_s(env, 20):.4g}")
 
 
 def measure_count(device: str, count: int, runs: int) -> dict[str, float]:
@@ -175,34 +177,38 @@ def _name(device: str) -> str:
 
 
 def table(found: dict[str, Any]) -> str:
-    """Return the page of the figures."""
+    """Return the tables of the figures."""
     best = max(found["rows"], key=lambda row: row["steps_per_s"])
     at = {int(row["robots"]): row for row in found["rows"]}
-    lines = [
-        "# Environment speed on a GPU",
-        "",
-        f"Written by `python -m benchmarks bench-gpu` on one {found['device']}. The CPU's vector environment makes "
-        f"{found['cpu_steps_per_s']:,.0f} control steps/s there with {found['cpu_threads']} threads. All of one run; "
-        "the bare floor is physics alone.",
-        "",
-        "| figure | measured | limit |",
-        "|---|---|---|",
-    ]
+    limited = []
     for title, (name, low, high) in _LIMITS.items():
-        row = at.get(65_536, best) if name == "memory_gb" else best
-        limit = f">= {low:,g}" if low is not None else f"<= {high:,g}"
-        lines.append(f"| {title} | {row[name]:,.4g} | {limit} |")
-    names = list(found["rows"][0])
-    lines += ["", f"| {' | '.join(names)} |", f"|{'---|' * len(names)}"]
-    lines += [f"| {' | '.join(f'{row[name]:,.4g}' for name in names)} |" for row in found["rows"]]
-    return "\n".join(lines) + "\n"
+        row = at.get(_MEMORY_AT) if name == "memory_gb" else best
+        measured = f"{row[name]:,.4g}" if row is not None else "open"
+        limited.append((title, measured, f">= {low:,g}" if low is not None else f"<= {high:,g}"))
+    rows = ([f"{value:,.4g}" for value in row.values()] for row in found["rows"])
+    return (
+        f"Measured on one {found['device']}. The CPU's vector environment makes {found['cpu_steps_per_s']:,.0f} "
+        f"control steps/s there with {found['cpu_threads']} threads.\n\n"
+        f"{markdown_table(('figure', 'measured', 'limit'), limited)}\n{markdown_table(found['rows'][0], rows)}"
+    )
+
+
+def write_figures(figures: Iterable[dict[str, Any]], out: Path, page: Path | None) -> str:
+    """Write the figures as they come, so that a run that is cut off keeps its rows; return the last page."""
+    text = ""
+    for found in figures:
+        text = table(found)
+        write_atomically(out, (json.dumps(found, indent=2) + "\n").encode())
+        if page is not None:
+            write_table(page, text)
+    return text
 
 
 def main() -> int:
     """Measure and write `RESULTS` and, on a GPU, `TABLE`; without a device write nothing and return 3."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--device", default="cuda:0")
-    parser.add_argument("--robots", type=int, nargs="*", default=list(COUNTS))
+    parser.add_argument("--robots", type=int, nargs="+", default=list(COUNTS))
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--out", type=Path, default=RESULTS)
     asked = parser.parse_args()
@@ -212,11 +218,8 @@ def main() -> int:
     except (ImportError, ValueError) as error:
         print(f"bench-gpu: nothing measured: {error}", file=sys.stderr)
         return _NO_DEVICE
-    found = measure(asked.device, asked.robots, asked.runs)
-    write_atomically(asked.out, (json.dumps(found, indent=2) + "\n").encode())
-    if device.is_cuda:
-        write_atomically(TABLE, table(found).encode())
-    print(table(found), end="")
+    figures = measure(asked.device, asked.robots, asked.runs)
+    print(write_figures(figures, asked.out, TABLE if device.is_cuda else None), end="")
     return 0
 
 

@@ -10,18 +10,20 @@ import dataclasses
 import os
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.speed.time_env import seconds, steps_per_s
 from benchmarks.worlds.small_world import finish_world
 from minexplore.envs.env import MineEnv
 from minexplore.envs.vector import MineVectorEnv
 from pipeline.compose import compose
 from pipeline.params.survey import PassageSurveyParams
-from pipeline.store.files import write_atomically
 from pipeline.survey.load import _read
 from pipeline.types import Workings
 from stages.contours import trace_free_space
@@ -56,27 +58,26 @@ def one_steps_per_s(env: MineEnv, actions: list[list[float]]) -> float:
     return _STEPS_OF_ONE / seconds(drive)
 
 
+def _from_start(env: Any, rate: Callable[[Any, Any], float], driven: Any) -> float:
+    """Return an environment's rate from the start of an episode."""
+    env.reset(seed=0)
+    return rate(env, driven)
+
+
 def measure(heights: Path, level: Path, runs: int) -> dict[str, tuple[float, float, float]]:
     """Return steps a second with heights and on the level, and the median of their ratios, by environment."""
     actions = [[1.0, 0.6], [0.7, -1.0], [0.9, 0.2], [1.0, -0.4]]
     many = [MineVectorEnv(_ROBOTS, world) for world in (heights, level)]
     alone = [MineEnv(world) for world in (heights, level)]
-    rows: dict[str, list[tuple[float, float]]] = {"vector": [], "one robot": []}
-    for run in range(runs + 1):  # in the first, models and scenes are made as robots reach them
-        rates: dict[str, list[float]] = {"vector": [], "one robot": []}
-        for env in many:
-            env.reset(seed=0)
-            rates["vector"].append(steps_per_s(env, _STEPS))
-        for one in alone:
-            one.reset(seed=0)
-            rates["one robot"].append(one_steps_per_s(one, actions))
-        for name, (ours, theirs) in rates.items():
-            if run:
-                rows[name].append((ours, theirs))
+    rows: dict[str, list[list[float]]] = {"vector": [], "one robot": []}
+    for _ in range(runs + 1):
+        rows["vector"].append([_from_start(env, steps_per_s, _STEPS) for env in many])
+        rows["one robot"].append([_from_start(env, one_steps_per_s, actions) for env in alone])
     for env in many:
         env.close()
     for one in alone:
         one.close()
+    rows = {name: pairs[1:] for name, pairs in rows.items()}  # the first made models and scenes
     return {
         name: (median(o for o, _ in pairs), median(t for _, t in pairs), median(o / t for o, t in pairs))
         for name, pairs in rows.items()
@@ -89,7 +90,7 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=9)
     arguments = parser.parse_args()
     config = compose(["preset=light"])
-    lines = ["| mine | environment | with heights | level | ratio | limit |", "|---|---|---|---|---|---|"]
+    rows: list[tuple[str, ...]] = []
     lowest = 1.0
     for name, legs in tqdm(_CASES.items(), unit="mine", disable=None):
         with tempfile.TemporaryDirectory() as folder:
@@ -100,17 +101,11 @@ def main() -> int:
             found = measure(mine.bundle, level, arguments.runs)
         for kind, (ours, theirs, ratio) in found.items():
             robots = f"{_ROBOTS} robots" if kind == "vector" else kind
-            lines.append(f"| {name} | {robots} | {ours:,.0f} | {theirs:,.0f} | {ratio:.2f} | >= {_LEAST:g} |")
+            rows.append((name, robots, f"{ours:,.0f}", f"{theirs:,.0f}", f"{ratio:.2f}", f">= {_LEAST:g}"))
             lowest = min(lowest, ratio)
-    head = (
-        f"# Environment speed with heights\n\nWritten by `python -m benchmarks bench-heights` on "
-        f"{os.cpu_count()} cores, one thread: "
-        f"control steps a second in mines with heights, and in level mines without tilt of the same plan, of which the "
-        f"largest sheet is kept. Both take turns; medians of {arguments.runs} runs, and of the ratios run by run.\n\n"
-    )
-    text = "\n".join(lines) + "\n"
-    write_atomically(TABLE, (head + text).encode())
-    print(text, end="")
+    table_text = markdown_table(("mine", "environment", "with heights", "level", "ratio", "limit"), rows)
+    write_table(TABLE, f"Measured on {os.cpu_count()} cores, {arguments.runs} runs.\n\n{table_text}")
+    print(table_text, end="")
     if lowest < _LEAST:
         print(f"bench-heights: a ratio is below {_LEAST:g}", file=sys.stderr)
         return 2

@@ -11,9 +11,9 @@ import tempfile
 import time
 from pathlib import Path
 
+from baselines.base.markdown import markdown_table, write_table
 from pipeline.compose import compose
 from pipeline.report.results import read_metrics
-from pipeline.store.files import write_atomically
 from stages.__main__ import STAGES
 
 TABLE = Path("docs/evidence/parts/timings.md")
@@ -43,14 +43,9 @@ def main() -> int:
         timed += [("model load, again", loads["world.load_s"], limit)]
         for stage in STAGES:
             timed += [(f"stage {stage}", _seconds(folder, sys.executable, "-m", f"stages.{stage}"), _LIMITS.get(stage))]
-    lines = ["| run | seconds | limit |", "|---|---|---|"]
-    lines += [
-        f"| {title} | {seconds:.1f} | {'' if limit is None else f'{limit:g}'} |" for title, seconds, limit in timed
-    ]
-    text = "\n".join(lines) + "\n"
-    written = f"Written by `python -m benchmarks bench-pipeline` on {os.cpu_count()} cores. Wall time without set-up."
-    head = f"# Timings\n\n{written}\n\n"
-    write_atomically(TABLE, (head + text).encode())
+    rows = ((title, f"{seconds:.1f}", "" if limit is None else f"{limit:g}") for title, seconds, limit in timed)
+    text = markdown_table(("run", "seconds", "limit"), rows)
+    write_table(TABLE, f"Measured on {os.cpu_count()} cores.\n\n{text}")
     print(text, end="")
     slow = [title for title, seconds, limit in timed if limit is not None and seconds > limit]
     if slow:

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from baselines.base.errors import BaselineError, need
+from baselines.base.errors import need
 from baselines.ppo.settings import compose_settings
+from benchmarks.resume import run_benchmark
 from pipeline.store.files import write_atomically
 
 RESULTS = Path("artifacts/bench/training.json")
@@ -55,11 +56,7 @@ def time_training(overrides: list[str]) -> dict[str, Any]:
 
 def main() -> int:
     """Time the overrides on the command line, which are those of `baselines.ppo.train`."""
-    try:
-        timing = time_training(sys.argv[1:])
-    except BaselineError as error:
-        print(f"time_training: {error}", file=sys.stderr)
-        return 2
+    timing = time_training(sys.argv[1:])
     write_atomically(RESULTS, (json.dumps(timing, indent=1) + "\n").encode())
     low, high = timing["quarters"]
     print(
@@ -70,4 +67,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark("time-training", main))

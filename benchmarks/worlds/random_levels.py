@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import collections
-import json
 import sys
 import tempfile
+from functools import partial
 from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
@@ -15,22 +15,23 @@ import networkx as nx
 import numpy as np
 import shapely
 from scipy.optimize import linear_sum_assignment
-from tqdm import tqdm
 
+from baselines.base.markdown import markdown_table, write_table
+from benchmarks.resume import resume
 from pipeline.compose import compose
 from pipeline.errors import MineError
 from pipeline.params.config import Config
 from pipeline.proof.validator import Validator
-from pipeline.store.files import write_atomically
 from tests.heights import Leg, MineWithHeights, certificate_params
 
 _LEGS, _LENGTH_M, _GRADE, _TURN_RAD = (6, 14), (14.0, 30.0), 0.13, 1.2
 _ROCK_M, _FLOORS_M = 7.0, 5.0  # between centre lines in plan, and between floors over each other
 _LEVEL_M = 6.0  # from level to level
 _TURN_FALL_M = 4.4  # of a spiral, so that the pillar between two turns holds
-_WITHIN_M, _STATION_M = 0.01, 0.02
+_WITHIN_M, _STATION_M = 0.01, 0.02  # the page states them
 _END_M = 3.0  # a drift's end is traced about its half width, 2.2 m, before its last wall
 _CONTACTS = 200
+_COLUMNS = ("kind", "mines", "hold", "certificate", "graph", "refused", "largest floor error", "sheets", "drift")
 SHAFT = "shaft"
 RESULTS, TABLE = Path("artifacts/bench/random-levels.jsonl"), Path("docs/evidence/parts/random-levels.md")
 
@@ -207,26 +208,14 @@ def holds(row: dict[str, Any]) -> bool:
     return not row["broken"] and row["graph"] and row["floor_m"] <= _WITHIN_M and row["station_m"] <= _STATION_M
 
 
-def report(rows: list[dict[str, Any]]) -> str:
-    """Return the page docs/evidence/parts/random-levels.md."""
-    lines = [
-        "# Random mines with heights\n",
-        "Written by `python -m benchmarks random-levels`. Four kinds take turns: declines that wander or wind "
-        "round themselves, with",
-        "level drifts; spiral declines; rooms and pillars on a dipping seam; two or three levels with rings, ramps",
-        "between them and a fenced shaft. A mine holds if its certificate does, its network is the truth's with the",
-        f"ends at their places and heights, the floor that wheels touch is within {100 * _WITHIN_M:g} cm of the mesh,",
-        f"and the mesh within {100 * _STATION_M:g} cm of the stations.\n",
-        "| kind | mines | hold | certificate | graph | refused | largest floor error | sheets | drift |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    lines += [_line(kind, [row for row in rows if row["kind"] == kind]) for kind in KINDS]
-    lines += [_line("all", rows)]
-    lines += [f"\nSeed {row['seed']}: {row.get('refused') or row}" for row in rows if not holds(row)]
-    return "\n".join(lines) + "\n"
+def tables(rows: list[dict[str, Any]]) -> str:
+    """Return the table of docs/evidence/parts/random-levels.md, and why mines do not hold."""
+    of_kinds = [_cells(kind, [row for row in rows if row["kind"] == kind]) for kind in KINDS]
+    failed = [f"\nSeed {row['seed']}: {row.get('refused') or row}\n" for row in rows if not holds(row)]
+    return markdown_table(_COLUMNS, [*of_kinds, _cells("all", rows)]) + "".join(failed)
 
 
-def _line(kind: str, rows: list[dict[str, Any]]) -> str:
+def _cells(kind: str, rows: list[dict[str, Any]]) -> list[object]:
     built = [row for row in rows if "refused" not in row]
     floor_mm = 1000 * max((row["floor_m"] for row in built), default=0.0)
     counts = [
@@ -238,8 +227,7 @@ def _line(kind: str, rows: list[dict[str, Any]]) -> str:
     ]
     sheets = {row["sheets"] for row in built} or {0}
     drift_km = sum(row["length_m"] for row in built) / 1000
-    cells = [kind, *counts, f"{floor_mm:.1f} mm", f"{min(sheets)} to {max(sheets)}", f"{drift_km:.1f} km"]
-    return f"| {' | '.join(map(str, cells))} |"
+    return [kind, *counts, f"{floor_mm:.1f} mm", f"{min(sheets)} to {max(sheets)}", f"{drift_km:.1f} km"]
 
 
 def main() -> int:
@@ -247,19 +235,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=200)
     arguments = parser.parse_args()
-    config = compose(["preset=light"])
-    RESULTS.parent.mkdir(parents=True, exist_ok=True)
-    rows = [json.loads(line) for line in RESULTS.read_text().splitlines()] if RESULTS.is_file() else []
-    wanted = sorted(set(range(arguments.count)) - {row["seed"] for row in rows})
-    with RESULTS.open("a") as log:
-        for seed in tqdm(wanted, unit="mine", disable=None):
-            rows.append(judge(seed, config))
-            log.write(json.dumps(rows[-1]) + "\n")
-            log.flush()
+    build = partial(judge, config=compose(["preset=light"]))
+    rows = resume(RESULTS, range(arguments.count), lambda seeds: map(build, seeds), "mine")
     rows.sort(key=lambda row: row["seed"])
-    text = report(rows)
-    write_atomically(TABLE, text.encode())
-    print(text)
+    write_table(TABLE, tables(rows))
+    print(tables(rows))
     return int(not all(map(holds, rows)))
 
 

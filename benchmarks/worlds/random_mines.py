@@ -6,7 +6,6 @@ Mines of all four styles are drawn at 10 px/m, by turns anti-aliased, in black a
 from __future__ import annotations
 
 import argparse
-import json
 import shutil
 import sys
 import tempfile
@@ -15,19 +14,19 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
+from baselines.base.markdown import markdown_table, write_table
+from benchmarks.resume import resume
 from minexplore.splits import STYLES
 from pipeline.compose import compose
 from pipeline.proof.validator import Validator
 from pipeline.stage import make_artifacts
 from pipeline.store.codecs import decode
-from pipeline.store.files import write_atomically
 from pipeline.types import FreeSpace, Mask, Survey, Workings
 from stages.__main__ import load_stages
 
 RESULTS, TABLE = Path("artifacts/bench/random-mines-drawn.jsonl"), Path("docs/evidence/parts/random-mines.md")
 _WALL_ERROR_M = 0.031  # the limit of conf/mine/own.yaml
+_COLUMNS = ("style", "mines", "pass", "wall error, m", "parts per metre of wall", "lowest IoU", "area, m2", "loops")
 _DRAWN = {
     "anti-aliased": [],
     "black and white": ["survey.anti_aliased=false"],
@@ -90,10 +89,7 @@ def holds(row: dict[str, Any]) -> bool:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Return the results by style as Markdown."""
-    lines = [
-        "| style | mines | pass | wall error, m | parts per metre of wall | lowest IoU | area, m2 | loops |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
+    rows_of_table = []
     for style in (*STYLES, None):
         some = [row for row in rows if style in (None, row["style"])]
         measured = [row for row in some if "iou" in row]
@@ -105,9 +101,9 @@ def table(rows: list[dict[str, Any]]) -> str:
         worst = min(row["iou"] for row in measured)
         error, parts = (max(row[key] for row in measured) for key in ("wall_error_m", "parts_per_wall_m"))
         passed = sum(map(holds, some))
-        checks = f"{len(some)} | {passed} | {error:.3f} | {parts:.2f} | {worst:.4f}"
-        lines.append(f"| {name} | {checks} | {low:,} to {high:,} | up to {most} |")
-    return "\n".join(lines) + "\n"
+        checks = (len(some), passed, f"{error:.3f}", f"{parts:.2f}", f"{worst:.4f}")
+        rows_of_table.append((name, *checks, f"{low:,} to {high:,}", f"up to {most}"))
+    return markdown_table(_COLUMNS, rows_of_table)
 
 
 def _rows(wanted: list[int], jobs: int) -> Iterator[dict[str, Any]]:
@@ -121,23 +117,9 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--jobs", type=int, default=2)
     arguments = parser.parse_args()
-    RESULTS.parent.mkdir(parents=True, exist_ok=True)
-    rows = [json.loads(line) for line in RESULTS.read_text().splitlines()] if RESULTS.is_file() else []
-    wanted = sorted(set(range(arguments.count)) - {row["seed"] for row in rows})
-    with RESULTS.open("a") as log:
-        for row in tqdm(_rows(wanted, arguments.jobs), total=len(wanted), unit="mine", disable=None):
-            rows.append(row)
-            log.write(json.dumps(row) + "\n")
-            log.flush()
+    rows = resume(RESULTS, range(arguments.count), lambda seeds: _rows(seeds, arguments.jobs), "mine")
     text = table(rows)
-    head = (
-        "# Random mines\n\nWorlds built from pictures of generated mines, written by `python -m benchmarks "
-        "random-mines`: drifts of\n"
-        "2.5 to 3.5 m with rough walls at 10 px/m, anti-aliased, in black and white, and as JPEG. A mine passes if\n"
-        "its free space is valid, its world has one component with the plan's loops, the containment certificate\n"
-        f"holds, and the mean wall error is at most {_WALL_ERROR_M:g} m.\n\n"
-    )
-    write_atomically(TABLE, (head + text).encode())
+    write_table(TABLE, text)
     print(text)
     failed = [row for row in sorted(rows, key=lambda r: r["seed"]) if not holds(row)]
     for row in failed:

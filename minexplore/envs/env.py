@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 
 from minexplore.envs.call_checks import check_options, numbers_of, one_seed
-from minexplore.envs.outcome import Outcome, info_of_robot
+from minexplore.envs.outcome import StepOutcome, info_of_robot
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.physics.robot import RobotParams
 from minexplore.pictures.opengl import prepare_opengl
@@ -162,7 +162,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         command = numbers_of(action)
         if command.shape != (2,):
             raise ValueError(f"action of shape {command.shape}: want (2,)")
-        outcome: Outcome = self.robots.step(command[None], [self.np_random])
+        outcome: StepOutcome = self.robots.step(command[None], [self.np_random])
         self._show()
         info = info_of_robot(outcome.info, 0)
         return outcome.observation[0], float(outcome.reward[0]), False, bool(outcome.truncated[0]), info

@@ -9,7 +9,7 @@ import numpy as np
 
 
 @dataclass
-class Outcome:
+class StepOutcome:
     """The outcome of a step: observations (k, beams + 3) float32, rewards (k,), truncations (k,), and the info."""
 
     observation: np.ndarray

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from minexplore.envs.outcome import Outcome
+from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.reward import step_reward
 from minexplore.floors.open_shafts import FASTEST_FALL_MPS
 from minexplore.physics.local_models import LocalModels
@@ -62,10 +62,10 @@ class RobotBatch:
         self.steps, self.stalled, self.collisions = (np.zeros(count, dtype=int) for _ in range(3))
         self.fell = np.zeros(count, dtype=bool)
 
-    def reset(self, robots: np.ndarray, rngs: list[np.random.Generator]) -> Outcome:
+    def reset(self, robots: np.ndarray, rngs: list[np.random.Generator]) -> StepOutcome:
         """Place robots (k,) near the entrance with a random yaw, and cast the beams once."""
         for i in robots.tolist():
-            x, y = self._draw_place(rngs[i])
+            x, y = self._sample_place(rngs[i])
             self.place(i, x, y, rngs[i].uniform(-np.pi, np.pi))
         self._forget(robots)
         self.previous[robots], self.fell[robots] = 0.0, False
@@ -74,7 +74,7 @@ class RobotBatch:
         ranges, new = self._look(robots)
         self.cells_seen[robots] = new  # no step earned these cells
         nothing = np.zeros(len(robots))
-        return Outcome(self._observe(robots, ranges, rngs), nothing, nothing > 0, self._info(robots, nothing > 0))
+        return StepOutcome(self._observe(robots, ranges, rngs), nothing, nothing > 0, self._info(robots, nothing > 0))
 
     def _forget(self, robots: np.ndarray) -> None:
         """Clear the cells that robots (k,) have seen, in the box that their beams can have crossed."""
@@ -90,7 +90,7 @@ class RobotBatch:
         self.stepper.restart(robot)
         self.qpos[robot, :7] = free_joint_qpos(self.T_world_mine, self.robot, x_m, y_m, yaw_rad, self.floor)
 
-    def _draw_place(self, rng: np.random.Generator) -> tuple[float, float]:
+    def _sample_place(self, rng: np.random.Generator) -> tuple[float, float]:
         """Return the anchor, or where that is too narrow a random place (m, mine frame) of the entrance region."""
         spawn, world = self.world.record["spawn"], self.world
         if spawn["anchor_clearance_m"] >= spawn["clearance_m"] >= self.robot.radius_m:
@@ -102,7 +102,9 @@ class RobotBatch:
         x, y = near[rng.integers(len(near))]
         return float(x), float(y)
 
-    def step(self, actions: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray | None = None) -> Outcome:
+    def step(
+        self, actions: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray | None = None
+    ) -> StepOutcome:
         """Drive robots for one control step and cast the beams.
 
         Parameters
@@ -132,7 +134,7 @@ class RobotBatch:
         still = self._speeds(robots) < self.task.stall_speed_mps
         self.stalled[robots] = np.where(still, self.stalled[robots] + 1, 0)
         truncated = (self.steps[robots] >= self.task.max_steps) | (self.stalled[robots] >= self.task.stall_steps)
-        return Outcome(self._observe(robots, ranges, rngs), reward, truncated, self._info(robots, collision))
+        return StepOutcome(self._observe(robots, ranges, rngs), reward, truncated, self._info(robots, collision))
 
     def _commands(self, actions: np.ndarray, robots: np.ndarray) -> np.ndarray:
         command = np.asarray(actions, dtype=np.float64)

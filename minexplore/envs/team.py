@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from minexplore.envs.outcome import Outcome
+from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.physics.robot import RobotParams, qpos_address, qvel_address
 from minexplore.sensing.lidar import Backend
@@ -29,7 +29,7 @@ class Team(RobotBatch):
         self._taken: list[tuple[float, float]] = []
         self.team_seen = np.zeros((1, *self.grid.reachable.shape), dtype=bool)
 
-    def reset_all(self, rngs: list[np.random.Generator]) -> Outcome:
+    def reset_all(self, rngs: list[np.random.Generator]) -> StepOutcome:
         """Place the whole team near the entrance."""
         self._taken = []
         self.team_seen[:] = False
@@ -44,10 +44,10 @@ class Team(RobotBatch):
         self.data.qpos[self._qpos_at[robot]] = self.qpos[robot]
         self.data.qvel[self._qvel_at[robot]] = 0.0
 
-    def _draw_place(self, rng: np.random.Generator) -> tuple[float, float]:
+    def _sample_place(self, rng: np.random.Generator) -> tuple[float, float]:
         """Return a random place (m, mine frame) of the entrance region apart from the robots placed before."""
         if not self._taken:
-            self._taken.append(super()._draw_place(rng))
+            self._taken.append(super()._sample_place(rng))
             return self._taken[0]
         spawn, places = self.world.record["spawn"], self.world.places_m(self.robot.radius_m + 0.1)
         apart = np.min([np.linalg.norm(places - taken, axis=1) for taken in self._taken], axis=0) >= _APART_M

@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from minexplore.envs.call_checks import check_options, mask_of, numbers_of, spread_seeds
-from minexplore.envs.outcome import Outcome
+from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.physics.robot import RobotParams
 from minexplore.pictures.opengl import prepare_opengl
@@ -196,7 +196,7 @@ def find_mode(mode: AutoresetMode | str) -> AutoresetMode:
     raise ValueError(f"autoreset_mode = {mode!r}: valid choices are NEXT_STEP, SAME_STEP")
 
 
-def _spread(outcome: Outcome, robots: np.ndarray, count: int) -> dict[str, Any]:
+def _spread(outcome: StepOutcome, robots: np.ndarray, count: int) -> dict[str, Any]:
     """Return the info of some robots as arrays over all, with Gymnasium's masks `_key`."""
     mask = np.zeros(count, dtype=bool)
     mask[robots] = True

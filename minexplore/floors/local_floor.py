@@ -67,7 +67,7 @@ def simplify_floor(
         The wedges that no primitive replaces.
     """
     found = [_top_of(wedge, zone, low_m, high_m) for wedge, zone in zip(wedges, zones, strict=True)]
-    if any(top is None for top in found):  # what its surface is, only its hull tells
+    if any(top is None for top in found):  # its surface is known only from its hull
         return [], list(range(len(wedges)))
     tops = {number: top for number, top in enumerate(found) if top is not None and len(top.corners) > 2}
     options = [option for number in tops for option in _options(number, tops)]

@@ -38,7 +38,7 @@ def surface_meshes(world: World) -> Meshes:
     """Return the vertices (n, 3) and faces (m, 3) of visible rock and furniture, by geom name (m, mine frame).
 
     What beams pass is left out, see `stops_beams`. The visible floor lies up to a decimetre above the flat floor that
-    wheels stand on, and a range to it would tell of a floor that no robot feels.
+    wheels stand on, and a range to it would measure a floor that no robot feels.
     """
     spec = world.spec()
     seen = [g for g in spec.geoms if g.group == GeomGroup.ROUGH_SURFACE and g.type == mujoco.mjtGeom.mjGEOM_MESH]

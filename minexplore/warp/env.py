@@ -122,7 +122,7 @@ class MineWarpEnv(VectorEnv):
         Parameters
         ----------
         actions : (n, 2) tensor or array
-            Forward speed and turn rate in [-1, 1]; clipped. What is not finite counts as 0 and is told by `check`.
+            Forward speed and turn rate in [-1, 1]; clipped. What is not finite counts as 0 and `check` lists it.
 
         Raises
         ------
@@ -167,9 +167,9 @@ class MineWarpEnv(VectorEnv):
         fault = self.tensors["fault"].cpu().numpy()
         if fault.any():
             robot = int(np.flatnonzero(fault)[0])
-            told = "; ".join(text for bit, text in MEANINGS.items() if fault[robot] & bit)
+            meanings = "; ".join(text for bit, text in MEANINGS.items() if fault[robot] & bit)
             raise RuntimeError(
-                f"robot {robot}: {told} ({np.count_nonzero(fault)} of {self.num_envs} robots have faults)"
+                f"robot {robot}: {meanings} ({np.count_nonzero(fault)} of {self.num_envs} robots have faults)"
             )
         overflow = self.robots.physics.overflows()
         if overflow.any():

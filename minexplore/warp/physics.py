@@ -11,7 +11,7 @@ from minexplore.warp.slots import TILE_M, find_rows, list_parts, part_arrays, sl
 
 _BATCHED = ("geom_dataid", "geom_aabb", "geom_rbound")
 _FLOORS = 2  # zones that a wheel can stand on at once
-_PARTS = 8  # of rock that a chassis can touch at once; more is told by `overflows`, as is what follows
+_PARTS = 8  # of rock that a chassis can touch at once; `overflows` lists robots that touch more, as for what follows
 _PAIRS, _CONVEX = 12, 4  # pairs of geoms near each other, and those of chassis and rock, of a robot on average
 # MuJoCo Warp iterates until all robots have converged, so one that never does (NaN) would hold up the others a hundred
 # times. docs/evidence/parts/gpu-parity.md has the most that contacts took.

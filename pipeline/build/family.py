@@ -53,7 +53,7 @@ class Member:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class MemberOutcome:
     """The result of building a member; `problem` is None if every limit holds."""
 
     member: Member
@@ -63,7 +63,7 @@ class Outcome:
     problem: str | None
 
 
-Progress = Callable[[Iterable[Outcome], int], Iterable[Outcome]]
+Progress = Callable[[Iterable[MemberOutcome], int], Iterable[MemberOutcome]]
 
 
 def generated(split: str, count: int, overrides: list[str]) -> list[Member]:
@@ -130,7 +130,7 @@ def make_family(
     progress: Progress,
     on: Literal["local", "ray"] = "local",
     listed: Mapping[tuple[str, int], Listed] | None = None,
-) -> list[Outcome]:
+) -> list[MemberOutcome]:
     """Build all members in parallel, over the cores or over the Ray cluster at RAY_ADDRESS, which shares this folder.
 
     Members that are up to date are skipped, so an interrupted run continues where it stopped. Each outcome enters
@@ -149,7 +149,7 @@ def make_family(
 
     Returns
     -------
-    list of Outcome
+    list of MemberOutcome
         In the order of the members.
 
     Raises
@@ -161,7 +161,7 @@ def make_family(
     ArtifactError
         If another command is building worlds of the same folder, or the manifest is broken.
     """
-    _read_record(FAMILIES / "manifest.json")  # a broken one is told before worlds are built
+    _read_record(FAMILIES / "manifest.json")  # refuse a broken one before worlds are built
     built = _over_cluster(members) if on == "ray" else _over_cores(members, jobs)
     place = FAMILIES / Path(members[0].folder).parent
     lock = hold_lock(place / ".lock", f"{place}: another command is building these worlds")
@@ -177,7 +177,7 @@ def make_family(
     return outcomes
 
 
-def record_outcomes(outcomes: list[Outcome]) -> None:
+def record_outcomes(outcomes: list[MemberOutcome]) -> None:
     """Add outcomes to the manifest. Another command may be adding those of another split."""
     file = FAMILIES / "manifest.json"
     with hold_lock(file.with_name(".manifest.lock"), None):
@@ -195,7 +195,7 @@ def _read_record(file: Path) -> dict[str, Any]:
     return found
 
 
-def _compared(outcome: Outcome, listed: Mapping[tuple[str, int], Listed]) -> Outcome:
+def _compared(outcome: MemberOutcome, listed: Mapping[tuple[str, int], Listed]) -> MemberOutcome:
     """Return an outcome whose problem is a hash that differs from the list, if it has no other."""
     wanted = listed.get((outcome.member.split, outcome.member.seed))
     if wanted is None or outcome.problem is not None or outcome.world_sha256 == wanted.world_sha256:
@@ -207,12 +207,12 @@ def _compared(outcome: Outcome, listed: Mapping[tuple[str, int], Listed]) -> Out
     )
 
 
-def to_list(outcomes: Iterable[Outcome]) -> list[Listed]:
+def to_list(outcomes: Iterable[MemberOutcome]) -> list[Listed]:
     """Return the lines of the committed list for worlds that were built."""
     return [Listed(o.member.split, o.member.seed, o.member.style, str(o.world_sha256)) for o in outcomes]
 
 
-def make_member(member: Member, families: Path) -> Outcome:
+def make_member(member: Member, families: Path) -> MemberOutcome:
     """Build one member below `families` and return the result; it has figures if all six stages have run."""
     folder, problem = families / member.folder, None
     try:
@@ -226,18 +226,18 @@ def make_member(member: Member, families: Path) -> Outcome:
         figures = flatten(json.loads((folder / "validation" / "metrics.json").read_text()))
         digest = verify_world(folder / "realism" / "world")
         iou, certificate = figures.get("iou.free_space_vs_cleaned"), bool(figures["certificate.holds"])
-        return Outcome(member, digest, iou, certificate, problem)
+        return MemberOutcome(member, digest, iou, certificate, problem)
     except Exception as error:  # this world fails; the others continue
-        return Outcome(member, None, None, False, f"{type(error).__name__}: {error}")
+        return MemberOutcome(member, None, None, False, f"{type(error).__name__}: {error}")
 
 
-def _over_cores(members: list[Member], jobs: int) -> Generator[Outcome]:
+def _over_cores(members: list[Member], jobs: int) -> Generator[MemberOutcome]:
     if not has_limits():
         raise InputError("this system forks no processes, as Windows does not: build worlds on Linux, or with --on ray")
     context = multiprocessing.get_context("fork")  # a worker is a child of this process, with which it ends
     pool = ProcessPoolExecutor(min(jobs, len(members)), context, _begin_worker, (os.getpid(),))
     try:
-        # A process that is told to end before `_begin_worker` would go on as a second parent, by its handler.
+        # A process that gets a signal to end before `_begin_worker` would go on as a second parent, by its handler.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)
         try:
             futures = [pool.submit(make_member, m, FAMILIES) for m in members]
@@ -265,7 +265,7 @@ def _begin_worker(parent: int) -> None:
     die_with_parent(parent)
 
 
-def _over_cluster(members: list[Member]) -> Generator[Outcome]:
+def _over_cluster(members: list[Member]) -> Generator[MemberOutcome]:
     address = os.environ.get("RAY_ADDRESS")
     if not address:
         raise InputError("--on ray: RAY_ADDRESS is not set; it names the cluster, for example 10.0.0.1:6379")
@@ -278,7 +278,7 @@ def _over_cluster(members: list[Member]) -> Generator[Outcome]:
     ray.init(address=address, ignore_reinit_error=True, logging_level="ERROR", runtime_env=environment)
 
     @ray.remote  # type: ignore[untyped-decorator]
-    def build(member: Member) -> Outcome:
+    def build(member: Member) -> MemberOutcome:
         os.chdir(project)
         return make_member(member, families)
 

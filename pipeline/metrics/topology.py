@@ -57,7 +57,7 @@ def compare_topology(
     cell_m, min_leg_m : float
         See `trace_network`.
     floor : Floor
-        It tells which columns of the masks belong to which sheet, and how often sheets join: loops may cross seams.
+        It gives the sheet of each column of the masks, and how often sheets join: loops may cross seams.
     """
     middles = np.column_stack([np.arange(plan.shape[1]), np.zeros(plan.shape[1])])
     sheet = floor.sheets_at(frame.to_mine(middles))

@@ -41,7 +41,7 @@ from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
 from pipeline.mjcf.openings import show_openings
 from pipeline.mjcf.render import render_camera
-from pipeline.mjcf.scene import FloorZone, MineScene, place_lights, tile_zones, tilt_about_centre
+from pipeline.mjcf.scene import MineScene, ZoneStrip, place_lights, tile_zones, tilt_about_centre
 from pipeline.mjcf.world import zoned_patches
 from pipeline.params.realism import RealismParams
 from pipeline.store.codecs import Bundle, Meshes, encode
@@ -158,7 +158,7 @@ def _fittings(
     params: RealismParams,
     free_space: FreeSpace,
     topology: DriftNetwork,
-    zones: list[FloorZone],
+    zones: list[ZoneStrip],
     rough: Bundle,
     height_m: float,
     floor: Floor,

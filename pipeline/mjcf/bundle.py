@@ -43,7 +43,7 @@ from pipeline.geometry.openings.fit import filled_floor
 from pipeline.geometry.openings.shaft_parts import OVER_ROOF, sheets_of_parts
 from pipeline.mjcf.compiled import compile_world
 from pipeline.mjcf.loading import compile_spec, load_model, read_spec
-from pipeline.mjcf.scene import FloorZone, MineScene
+from pipeline.mjcf.scene import MineScene, ZoneStrip
 from pipeline.mjcf.world import build_spec
 from pipeline.params.made_by import MadeBy
 from pipeline.store.codecs import decode
@@ -89,7 +89,7 @@ class WorldRecord:
     world_m: tuple[float, float, float, float]
     plan_frame: Frame
     areas: Areas
-    zones: list[FloorZone]
+    zones: list[ZoneStrip]
     rock_friction: float
     lights: int
     collision_parts: int
@@ -124,7 +124,7 @@ class WorldRecord:
 
 
 @dataclass(frozen=True)
-class World:
+class OpenedBundle:
     """A bundle that was read back: record, compiled model, number of MuJoCo's warnings, and size in bytes."""
 
     record: WorldRecord
@@ -217,7 +217,7 @@ def read_record(folder: Path, checked: bool = True) -> WorldRecord:
         raise ArtifactError(f"{folder / RECORD}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
 
 
-def open_bundle(folder: Path, checked: bool = True) -> World:
+def open_bundle(folder: Path, checked: bool = True) -> OpenedBundle:
     """Check that a bundle holds what a world may, read its record and load its model.
 
     Without `checked` the tables of `minexplore.schema` are not applied: the tests of the measures behind them need
@@ -243,7 +243,7 @@ def open_bundle(folder: Path, checked: bool = True) -> World:
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, MINE_BODY) < 0:
         raise ArtifactError(f"{folder / MODEL}: no body of the name {MINE_BODY}, which carries the mine frame")
     size = sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
-    return World(record, model, len(warnings), size)
+    return OpenedBundle(record, model, len(warnings), size)
 
 
 def visible_triangles(model: mujoco.MjModel, piece: str, unfold: Unfold | None = None) -> np.ndarray:
@@ -346,7 +346,7 @@ def read_whole_floor(folder: Path, record: WorldRecord) -> Floor:
     return filled_floor(read_floor(folder, record), Openings(record.openings))
 
 
-def model_in_plan(folder: Path, world: World) -> mujoco.MjModel:
+def model_in_plan(folder: Path, world: OpenedBundle) -> mujoco.MjModel:
     """Return the compiled model with the sheets side by side, as the plan shows them; of one sheet the model itself.
 
     Raises, which stand over the roof, are hidden with it, and so are shafts that lean under other places of the plan.

@@ -20,7 +20,7 @@ from minexplore.bundle import (
     shade_geom,
 )
 from minexplore.looks import FURNITURE_LOOKS, SHADE, SHADE_LEVELS, WATER, cover_rgba
-from pipeline.mjcf.scene import FloorZone, MineScene, box_of
+from pipeline.mjcf.scene import MineScene, ZoneStrip, box_of
 from pipeline.store.codecs import Bundle
 
 
@@ -47,7 +47,7 @@ def _add_planes(body: mujoco.MjsBody, shown: mujoco.MjsDefault, scene: MineScene
     Both are level: a floor with heights has neither.
     """
 
-    def add(name: str, zones: list[FloorZone], level_m: float, material: str) -> None:
+    def add(name: str, zones: list[ZoneStrip], level_m: float, material: str) -> None:
         west, south, east, north = box_of(zones)
         body.add_geom(
             shown,

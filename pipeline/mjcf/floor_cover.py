@@ -21,7 +21,7 @@ from pipeline.geometry.floor.parts import wall_lines
 from pipeline.geometry.floor.seams import behind_seam, seam_lines
 from pipeline.geometry.floor.subdivide import split_edges
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.mjcf.scene import FloorZone
+from pipeline.mjcf.scene import ZoneStrip
 from pipeline.params.fittings import FloorParams
 from pipeline.types import NO_OPENINGS, DriftNetwork, Frame, Mesh, Openings
 
@@ -49,7 +49,7 @@ def cover_floor(
     params: FloorParams,
     free: Polygon,
     network: DriftNetwork,
-    zones: list[FloorZone],
+    zones: list[ZoneStrip],
     floor: Floor | None = None,
     openings: Openings = NO_OPENINGS,
 ) -> dict[str, Mesh]:
@@ -65,7 +65,7 @@ def cover_floor(
     free : shapely.Polygon, m
     network : DriftNetwork
         Ruts follow its legs.
-    zones : list of FloorZone
+    zones : list of ZoneStrip
     floor : Floor, optional
         Of a mine with heights: the floor is laid in the plan, level on seams, and folded. It has no puddles: water is
         level.
@@ -241,7 +241,7 @@ def _ruts(params: FloorParams, places: np.ndarray, network: DriftNetwork, wander
 
 
 def _flooded(
-    params: FloorParams, places: np.ndarray, height: np.ndarray, zones: list[FloorZone], wander: np.ndarray
+    params: FloorParams, places: np.ndarray, height: np.ndarray, zones: list[ZoneStrip], wander: np.ndarray
 ) -> np.ndarray:
     """Lower the floor of flooded zones, and raise it towards their ends, so that water ends at a shore."""
     east_m = places[:, 0] + 0.15 * _DAM_M * wander
@@ -280,7 +280,7 @@ def _split(
 
 
 def _cut(
-    vertices: np.ndarray, faces: np.ndarray, zones: list[FloorZone], least_m: float, folding: Folding
+    vertices: np.ndarray, faces: np.ndarray, zones: list[ZoneStrip], least_m: float, folding: Folding
 ) -> dict[str, Mesh]:
     """Cut the floor into one mesh for each zone and tile, and fold it; pieces of less than four vertices are dropped.
 

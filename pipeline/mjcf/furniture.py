@@ -29,7 +29,7 @@ _SHORTEST_M = 4.0
 
 
 @dataclass(frozen=True)
-class Line:
+class ServiceLine:
     """A tube along a rib or under the roof: side (1 left, -1 right), height, gap to the rock, radius and shape."""
 
     kind: str
@@ -41,8 +41,8 @@ class Line:
     sag_m: float
 
 
-PIPE = Line("pipe", 1, 2.2, 0.06, 0.055, 6, 0.0)  # compressed air or water, 4 inches
-CABLE = Line("cable", -1, 2.35, 0.05, 0.03, 4, 0.12)
+PIPE = ServiceLine("pipe", 1, 2.2, 0.06, 0.055, 6, 0.0)  # compressed air or water, 4 inches
+CABLE = ServiceLine("cable", -1, 2.35, 0.05, 0.03, 4, 0.12)
 DUCT_RADIUS_M, DUCT_SIDES, DUCT_GAP_M = 0.3, 8, 0.12
 HANGERS_M = 3.0  # between the hooks of a cable or a duct
 
@@ -131,7 +131,7 @@ def _bolt(foot: np.ndarray, out: np.ndarray, plate_m: float) -> tuple[np.ndarray
 
 
 def _along_rib(
-    kind: Line, rock: RayCaster, line: np.ndarray, half_m: float
+    kind: ServiceLine, rock: RayCaster, line: np.ndarray, half_m: float
 ) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
     """Yield tubes along a rib; a tube ends where the rib opens."""
     if arc_length(line)[-1] < _SHORTEST_M:

@@ -18,7 +18,7 @@ from pipeline.types import NO_OPENINGS, ConvexParts, Image, Mesh, Openings, Soli
 
 
 @dataclass(frozen=True)
-class FloorZone:
+class ZoneStrip:
     """One floor zone: a strip of the floor (edges in m, mine frame) and its effect on a robot.
 
     `friction` is sliding friction. `command_scale` multiplies a commanded twist; `speed_noise_mps` is the standard
@@ -66,7 +66,7 @@ class MineScene:
     parts: ConvexParts
     rock_friction: float
     floor_thickness_m: float
-    zones: list[FloorZone]
+    zones: list[ZoneStrip]
     lights: list[SpotLight]
     smooth: dict[str, Mesh]
     rough: Bundle
@@ -87,12 +87,12 @@ class MineScene:
         return bool(self.smooth)
 
 
-def tile_zones(zones: list[ZoneParams], box_m: tuple[float, float, float, float]) -> list[FloorZone]:
+def tile_zones(zones: list[ZoneParams], box_m: tuple[float, float, float, float]) -> list[ZoneStrip]:
     """Divide a box (west, south, east, north; m, mine frame) into zones from west to east, of equal length to 0.1 m."""
     west, south, east, north = box_m
     edges = np.linspace(west, east, len(zones) + 1).round(1)
     return [
-        FloorZone(
+        ZoneStrip(
             **zone.model_dump(),
             west_m=float(edges[i]),
             east_m=float(edges[i + 1]),
@@ -103,7 +103,7 @@ def tile_zones(zones: list[ZoneParams], box_m: tuple[float, float, float, float]
     ]
 
 
-def box_of(zones: Sequence[FloorZone]) -> tuple[float, float, float, float]:
+def box_of(zones: Sequence[ZoneStrip]) -> tuple[float, float, float, float]:
     """Return west, south, east and north, m, of the box round floor zones."""
     return (
         min(zone.west_m for zone in zones),

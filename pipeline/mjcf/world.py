@@ -37,7 +37,7 @@ from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS, PLAIN
 from pipeline.geometry.floor.parts import cut_by_zones, floor_patches, fold_patch, slab
 from pipeline.geometry.openings.shaft_parts import roof_slabs
 from pipeline.mjcf.fittings import add_fittings
-from pipeline.mjcf.scene import FloorZone, MineScene
+from pipeline.mjcf.scene import MineScene, ZoneStrip
 from pipeline.store.codecs import Bundle, encode
 from pipeline.store.palette_png import encode_palette_png
 from pipeline.types import ConvexParts, Points3
@@ -193,7 +193,7 @@ def _add_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> N
         )
 
 
-def zoned_patches(floor: Floor, zones: list[FloorZone]) -> list[tuple[int, Points3]]:
+def zoned_patches(floor: Floor, zones: list[ZoneStrip]) -> list[tuple[int, Points3]]:
     """Return the convex patches (k, 3) m, mine frame, of a floor with heights, each with the number of its zone."""
     patches = [fold_patch(floor, patch) for patch in floor_patches(floor)]
     return cut_by_zones(patches, [zone.east_m for zone in zones[:-1]])

@@ -107,7 +107,7 @@ class StatedOptions(Params):
         default=None, description="COL0,ROW0,COL1,ROW1 of a picture to read"
     )
     level: Annotated[int | None, _option("--level", *_PICTURES)] = Field(
-        default=None, ge=1, le=99, description="which of several drawings on a sheet, from 1"
+        default=None, ge=1, le=99, description="which of several plans on a drawing, from 1"
     )
     seeds_px: Annotated[list[SeedPx] | None, _option("--seed", *_PICTURES)] = Field(
         default=None, max_length=1000, description="COL,ROW inside drawn walls"

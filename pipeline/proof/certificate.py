@@ -28,7 +28,7 @@ from pipeline.geometry.rock.extrude import section_footprint
 from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.metrics.containment import cover_walls, open_area_m2
 from pipeline.metrics.reach import compare_sheets, reached_cells, start_cell
-from pipeline.mjcf.bundle import World, WorldRecord, mine_from_body, obstacles, placed_parts, read_floor
+from pipeline.mjcf.bundle import OpenedBundle, WorldRecord, mine_from_body, obstacles, placed_parts, read_floor
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
 from pipeline.proof.floor import enclosure_of_floor
@@ -68,7 +68,7 @@ class Certificate:
 
 def measure_containment(
     folder: Path,
-    world: World,
+    world: OpenedBundle,
     free_space: FreeSpace,
     params: CertificateParams,
     network: tuple[float, float],
@@ -80,7 +80,7 @@ def measure_containment(
     Parameters
     ----------
     folder : Path
-    world : World
+    world : OpenedBundle
         The bundle, opened.
     free_space : FreeSpace
         The plan's free space, which the bundle must enclose.
@@ -111,7 +111,7 @@ def measure_containment(
     return figures
 
 
-def _enclosure(world: World, free: Polygon, box: Polygon, parts: list[np.ndarray]) -> dict[str, Any]:
+def _enclosure(world: OpenedBundle, free: Polygon, box: Polygon, parts: list[np.ndarray]) -> dict[str, Any]:
     """Return the figures of walls, floor and roof of a flat world."""
     record, T_world_mine = world.record, np.array(world.record.T_world_mine)
     figures: dict[str, Any] = vars(cover_walls(parts, free, box, (*_SLICES_M, record.height_m - 0.05))).copy()
@@ -144,7 +144,7 @@ def _slabs(
 
 def _reach(
     folder: Path,
-    world: World,
+    world: OpenedBundle,
     free_space: FreeSpace,
     floor: Floor,
     params: CertificateParams,

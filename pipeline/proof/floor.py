@@ -15,7 +15,7 @@ from minexplore.bundle import SLAB_M, GeomGroup
 from minexplore.floors.floor import Floor
 from pipeline.geometry.rock.extrude import section_footprint
 from pipeline.metrics.containment import STRIP_M, cover_floor
-from pipeline.mjcf.bundle import World, obstacles, placed_parts
+from pipeline.mjcf.bundle import OpenedBundle, obstacles, placed_parts
 from pipeline.proof.openings import cover_openings, holes_in_roof, open_over_collars_m2
 from pipeline.types import Openings
 
@@ -27,7 +27,7 @@ _ABOVE_M = 0.5  # of a probe over the floor
 
 
 def enclosure_of_floor(
-    world: World, free: Polygon, floor: Floor, parts: list[np.ndarray], slices_m: tuple[float, ...]
+    world: OpenedBundle, free: Polygon, floor: Floor, parts: list[np.ndarray], slices_m: tuple[float, ...]
 ) -> dict[str, Any]:
     """Return the figures of walls, floor and roof of a world with heights.
 

@@ -23,7 +23,7 @@ from pipeline.geometry.openings.shaft_parts import (
 )
 from pipeline.geometry.rock.extrude import section_footprint
 from pipeline.metrics.containment import WallCover, slices_above
-from pipeline.mjcf.bundle import World, placed_parts
+from pipeline.mjcf.bundle import OpenedBundle, placed_parts
 from pipeline.types import Opening, Openings
 
 _SEAM_M = 0.002
@@ -33,7 +33,9 @@ _ON_ROOF_M = 0.02
 _LEVEL = np.zeros(3)
 
 
-def cover_openings(world: World, floor: Floor, parts: list[np.ndarray], slices_m: tuple[float, ...]) -> WallCover:
+def cover_openings(
+    world: OpenedBundle, floor: Floor, parts: list[np.ndarray], slices_m: tuple[float, ...]
+) -> WallCover:
     """Return the worst of all openings: rock within, rock missing from fence, walls and blind ends, and the widest gap.
 
     Fences are sliced above the collar, shafts at six depths, where there must be no roof either; those that lean at six
@@ -110,13 +112,13 @@ def _collar_plane(opening: Opening, floor: Floor) -> np.ndarray:
     return np.asarray(fit)
 
 
-def holes_in_roof(world: World, floor: Floor) -> BaseGeometry:
+def holes_in_roof(world: OpenedBundle, floor: Floor) -> BaseGeometry:
     """Return where shafts come through roofs, in plan."""
     sections = [section_below(opening, floor) for opening in world.record.openings]
     return shapely.union_all([Polygon(section) for section in sections if section is not None])
 
 
-def open_over_collars_m2(world: World, floor: Floor) -> float:
+def open_over_collars_m2(world: OpenedBundle, floor: Floor) -> float:
     """Return the area of collars, m2, over which no wedge of the roof has its lower face at the roof's height."""
     collars = Openings(world.record.openings).collars
     if not collars:

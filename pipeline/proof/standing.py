@@ -35,7 +35,7 @@ class Standing:
 
 
 @dataclass(frozen=True)
-class _Places:
+class _StandingPlaces:
     """Places (n, 2) m of the plan where robots fit, and the rise over run (n, 2) east and north there."""
 
     plan_m: np.ndarray
@@ -46,9 +46,9 @@ class _Places:
         """Return the rise over run (n,) along the steepest way."""
         return np.hypot(*self.slope.T)
 
-    def some(self, rows: np.ndarray) -> _Places:
+    def some(self, rows: np.ndarray) -> _StandingPlaces:
         """Return the places of some rows."""
-        return _Places(self.plan_m[rows], self.slope[rows])
+        return _StandingPlaces(self.plan_m[rows], self.slope[rows])
 
 
 def measure_standing(bundle: Path, seed: int, robots: int = _ROBOTS) -> Standing:
@@ -77,14 +77,14 @@ def measure_standing(bundle: Path, seed: int, robots: int = _ROBOTS) -> Standing
     return Standing(_rest_drift_m(world, robot, rest, heading), _climb_share(world, robot, uphill))
 
 
-def _places_of(world: World, robot: RobotParams) -> _Places:
+def _places_of(world: World, robot: RobotParams) -> _StandingPlaces:
     """Return the places where a robot fits that are not too steep."""
     plan = world.places_m(robot.radius_m + _SPARE_M)
     normal = np.tile([0.0, 0.0, 1.0], (len(plan), 1))
     if not world.floor.is_flat:
         normal[:, :2] = -world.floor.planes[world.floor.faces_at(plan)][:, :2]
     up = world.T_world_mine[:3, :3].T[:, 2]
-    places = _Places(plan, up[:2] / up[2] - normal[:, :2])
+    places = _StandingPlaces(plan, up[:2] / up[2] - normal[:, :2])
     return places.some(np.flatnonzero(places.steepness <= _STEEPEST))
 
 
@@ -97,7 +97,7 @@ def _fits(world: World, plan_m: np.ndarray, clearance_m: float) -> np.ndarray:
     return inside & (found >= clearance_m)
 
 
-def _rest_drift_m(world: World, robot: RobotParams, places: _Places, heading: np.ndarray) -> float:
+def _rest_drift_m(world: World, robot: RobotParams, places: _StandingPlaces, heading: np.ndarray) -> float:
     """Return the largest distance, m, that robots move at the command zero, beyond what their wheels turn."""
     moved = _drive(world, robot, places, heading, 0.0, _REST_S)
     drift = np.linalg.norm(moved, axis=1)
@@ -107,7 +107,7 @@ def _rest_drift_m(world: World, robot: RobotParams, places: _Places, heading: np
     return round(float(np.maximum(0.0, drift - turned).max(initial=0.0)), 4)
 
 
-def _climb_share(world: World, robot: RobotParams, places: _Places) -> float:
+def _climb_share(world: World, robot: RobotParams, places: _StandingPlaces) -> float:
     """Return the share of robots that gain uphill when they face it at a creep."""
     if not len(places.plan_m):
         return 1.0
@@ -117,7 +117,7 @@ def _climb_share(world: World, robot: RobotParams, places: _Places) -> float:
 
 
 def _drive(
-    world: World, robot: RobotParams, places: _Places, heading: np.ndarray, speed_mps: float, time_s: float
+    world: World, robot: RobotParams, places: _StandingPlaces, heading: np.ndarray, speed_mps: float, time_s: float
 ) -> np.ndarray:
     """Return how far (n, 3) m, mine frame, robots at places move in a time at a speed, after they have settled."""
     task, count = TaskParams(terrain=False), len(places.plan_m)

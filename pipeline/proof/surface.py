@@ -25,7 +25,7 @@ _FLAT_RADIUS_M = 4.0
 
 
 @dataclass(frozen=True)
-class Walls:
+class WallBands:
     """Visible rock against collision walls at the robot's height, and just over the floor, where blocks lean out."""
 
     at_height: WallGaps
@@ -40,13 +40,13 @@ def report_walls(
     seed: int,
     unfold: Unfold | None = None,
     lines: BaseGeometry | None = None,
-) -> Walls:
+) -> WallBands:
     """Compare the visible walls at a height and 5 cm over the floor with the collision walls.
 
     These are `lines`, by default the outline's boundary.
     """
     walls = visible_triangles(model, WALLS, unfold)
-    return Walls(*(_gaps_at(walls, free, network, height, seed, lines) for height in (height_m, _FOOT_M)))
+    return WallBands(*(_gaps_at(walls, free, network, height, seed, lines) for height in (height_m, _FOOT_M)))
 
 
 def _gaps_at(
@@ -63,7 +63,7 @@ def _gaps_at(
     return measure_walls(between(points, (height_m - _BAND_M, height_m + _BAND_M))[:, :2], free, network, lines)
 
 
-def walls_metrics(walls: Walls) -> dict[str, Any]:
+def walls_metrics(walls: WallBands) -> dict[str, Any]:
     """Return the figures at the robot's height, and the gaps over the floor under `at_5_cm`."""
     foot = {name: value for name, value in vars(walls.at_foot).items() if name.startswith("gap_")}
     return {**vars(walls.at_height), f"at_{100 * _FOOT_M:.0f}_cm": foot}

@@ -28,8 +28,8 @@ from pipeline.metrics.size import measure_size, parts_per_wall_m
 from pipeline.metrics.topology import compare_topology
 from pipeline.metrics.wall_error import WallError, measure_wall_error
 from pipeline.mjcf.bundle import (
+    OpenedBundle,
     Unfold,
-    World,
     model_in_plan,
     open_bundle,
     part_vertices,
@@ -42,9 +42,8 @@ from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.claims import require_own_claims
-from pipeline.proof.consistency import measure_consistency
 from pipeline.proof.rebuilt.built import require_built, tolerance_of
-from pipeline.proof.surface import Walls, report_relief, report_walls, walls_metrics
+from pipeline.proof.surface import WallBands, report_relief, report_walls, walls_metrics
 from pipeline.proof.texture import TextureReport, report_texture, texture_metrics
 from pipeline.store.codecs import decode
 from pipeline.types import DriftNetwork, FreeSpace, Mask, Openings, Survey
@@ -79,7 +78,7 @@ class Validator:
         """
         self.params, self.bundle, self.cleaned, self.raw, self.survey = params, bundle, cleaned, raw, survey
         self._traced = traced
-        self.world: World = open_bundle(bundle, checked)
+        self.world: OpenedBundle = open_bundle(bundle, checked)
         _require_overlay(bundle, self.world, params)
         if checked and params.extent == "full":
             require_own_claims(bundle, read_made_by(bundle), params)
@@ -158,15 +157,10 @@ class Validator:
         return measure_containment(self.bundle, self.world, self.free_space, self.params.certificate, self._tracing)
 
     @functools.cached_property
-    def walls(self) -> Walls:
+    def walls(self) -> WallBands:
         """Return the distances between visible walls and collision walls."""
         height, seed = self.params.robot_height_m, self.params.texture.seed
         return report_walls(self.world.model, self._drifts, self.network, height, seed, self._unfold, self._wall_lines)
-
-    @functools.cached_property
-    def consistency(self) -> dict[str, Any]:
-        """Return how far the files of the bundle differ from its record and its model."""
-        return measure_consistency(self.bundle, self.world, self.free_space)
 
     @property
     def certificate(self) -> Certificate:
@@ -178,14 +172,14 @@ class Validator:
         return MEASURES[group](self)
 
 
-def _require_overlay(bundle: Path, world: World, params: ValidationParams) -> None:
+def _require_overlay(bundle: Path, world: OpenedBundle, params: ValidationParams) -> None:
     """Refuse a world that has visible rock or none against the parameters; the limits on rock depend on them."""
     if world.record.has_visible_rock != (params.overlay != "none"):
         stated = "no visible rock" if not world.record.has_visible_rock else "visible rock"
         raise ArtifactError(f"{bundle / RECORD}: a world with {stated}, but validation.overlay = {params.overlay}")
 
 
-def _require_survey(bundle: Path, world: World, survey: Survey) -> None:
+def _require_survey(bundle: Path, world: OpenedBundle, survey: Survey) -> None:
     """Refuse a world whose plan has another frame than the survey, or whose robots start elsewhere."""
     record = world.record
     if record.plan_frame != survey.frame:
@@ -287,7 +281,6 @@ def _world(validator: Validator) -> dict[str, Any]:
         "floor_zones": len(record.zones),
         "gain_entrance_region_m": record.gain_m["entrance_region"],
         "gain_whole_frame_m": record.gain_m["whole_frame"],
-        **validator.consistency,
     }
 
 

@@ -44,7 +44,7 @@ NO_FIGURE = "no figure"  # some need more wall than a small mine has
 
 
 @dataclass(frozen=True)
-class Row:
+class MetricRow:
     """One row of the table: title, metrics, their format, and whether the README shows the row too."""
 
     title: str
@@ -53,43 +53,43 @@ class Row:
     headline: bool = False
 
 
-def _row(title: str, metric: str, form: str, headline: bool = False) -> Row:
-    return Row(title, (metric,), form, headline)
+def _row(title: str, metric: str, form: str, headline: bool = False) -> MetricRow:
+    return MetricRow(title, (metric,), form, headline)
 
 
 ROWS = [
     _row("IoU, free space, rendered, vs cleaned plan", "iou.free_space_vs_cleaned", ".4f", headline=True),
     _row("IoU, free space, vs raw binarized plan", "iou.free_space_vs_raw", ".4f"),
     _row("IoU, rock", "iou.rock", ".4f"),
-    Row(
+    MetricRow(
         "against the cleaned plan: rock in its free space, m2 / share of it / rock that is missing, m2",
         ("against_plan.rock_in_free_m2", "against_plan.rock_in_free_share", "against_plan.missing_rock_m2"),
         ".4g",
         headline=True,
     ),
-    Row(
+    MetricRow(
         "wall error, built against traced, mean / 99th percentile / max, m",
         ("wall_error.mean_m", "wall_error.p99_m", "wall_error.max_m"),
         ".3f",
     ),
     _row("wall error, traced against drawn, mean, m", "wall_error.drawn_mean_m", ".3f"),
     _row("free columns of the cleaned plan, one a pixel", "navigability.columns", ",d"),
-    Row(
+    MetricRow(
         "of those, blocked deeper in the plan than the tolerance at its walls / within it",
         ("navigability.blocked", "navigability.blocked_at_wall"),
         ",d",
         headline=True,
     ),
     _row("the deepest of those, m from the plan's wall", "navigability.deepest_blocked_m", ".3f"),
-    Row("loops, plan / world", ("topology.loops_plan", "topology.loops_world"), "d"),
-    Row("drifts lost / added", ("topology.drifts_lost", "topology.drifts_added"), "d", headline=True),
+    MetricRow("loops, plan / world", ("topology.loops_plan", "topology.loops_world"), "d"),
+    MetricRow("drifts lost / added", ("topology.drifts_lost", "topology.drifts_added"), "d", headline=True),
     _row("tunnel, m2", "areas.tunnel_m2", ",.0f"),
     _row("islands, m2", "areas.islands_m2", ",.0f"),
     _row("outside, m2", "areas.outside_m2", ",.0f"),
     _row("convex collision parts", "collision.parts", "d", headline=True),
     _row("intrusion: collision in the outline of the bundle, m2", "certificate.intrusion_m2", ".4f", headline=True),
     _row("rock of that outline without collision, m2", "certificate.missing_m2", ".4f"),
-    Row(
+    MetricRow(
         "intrusion / missing rock over the length of the walls, micrometres",
         ("certificate.intrusion_um", "certificate.missing_um"),
         ".2f",
@@ -103,18 +103,18 @@ ROWS = [
     _row("sets of eight stretches whose mean is given", "texture.draws", "d"),
     *(_row(f"- {axis.title}, strict", f"texture.strict.{name}", ".3f") for name, axis in AXES.items()),
     _row("bump Rq, mean of 0.5 m voxels, model / real", "texture.bump_ratio", ".3f"),
-    Row(
+    MetricRow(
         "Rq over all points in voxels of " + " / ".join(f"{w:g}" for w in WINDOWS_M) + " m, model / real",
         tuple(f"texture.rq_ratio.at_{100 * w:.0f}_cm" for w in WINDOWS_M),
         ".2f",
     ),
-    Row(
+    MetricRow(
         "area of walls more than 20 / 40 deg off the plan's wall",
         tuple(f"relief.steep_share.above_{least}_deg" for least in STEEP_DEG),
         ".2f",
     ),
     *(
-        Row(
+        MetricRow(
             f"- {title}",
             tuple(f"relief.steep_share_by_height.{band}.above_{least}_deg" for least in STEEP_DEG),
             ".2f",
@@ -122,17 +122,17 @@ ROWS = [
         for band, title in HEIGHT_TITLES.items()
     ),
     _row("area in flat faces of 0.05 m2 and more", "relief.flat_face_share", ".2f"),
-    Row(
+    MetricRow(
         "length of the walls' level cut at 1.0 / 1.5 m over the plan's walls",
         ("relief.cut.at_100_cm.length_ratio", "relief.cut.at_150_cm.length_ratio"),
         ".2f",
     ),
-    Row(
+    MetricRow(
         "slope of the walls' spectrum at 1.0 m height, 0.2-0.5 / 0.5-1 / 1-2 m",
         tuple(f"relief.cut.at_100_cm.slope.from_{100 * a:.0f}_cm_to_{100 * b:.0f}_cm" for a, b in OCTAVES_M),
         ".2f",
     ),
-    Row(
+    MetricRow(
         "visible to collision wall, m, median / p95 / max at 0.5 m height, then at 5 cm",
         tuple(f"walls.{at}gap_{name}_m" for at in ("", "at_5_cm.") for name in ("median", "p95", "max")),
         ".2f",
@@ -228,7 +228,7 @@ def flat_walls_note(metrics: Mapping[str, Any], name: str) -> str:
     return f" (flat walls {flat:.3f}{': uninformative' if is_uninformative(flat) else ''})"
 
 
-def results_table(rows: list[Row], metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> str:
+def results_table(rows: list[MetricRow], metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> str:
     """Return rows as a Markdown table with the measured value, the limit and the paper's value.
 
     A row with a value beyond its limit is marked. Stage 6 lets only load times be so.

@@ -25,8 +25,8 @@ from pipeline.survey.formats import is_solved, kind_of
 from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_grid
 from pipeline.survey.levels.walls import axis_of
+from pipeline.survey.vector.drawing_frames import require_walls_alone
 from pipeline.survey.vector.shapes import METRES, Shapes
-from pipeline.survey.vector.sheet_doubts import require_no_sheet
 from pipeline.survey.vector_survey import VectorReading, read_shapes, read_vector_survey, vector_files
 from pipeline.types import Georeference
 
@@ -123,7 +123,7 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
     problem: InputError | None = None
     content = read_shapes(path, stated.layers)
     if path.suffix.lower() == ".dxf" and not stated.layers and not stated.elevations_m:
-        require_no_sheet(path, content)
+        require_walls_alone(path, content)
     for unit in units:
         params = _vector(path, unit, stated)
         try:

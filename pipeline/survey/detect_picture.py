@@ -51,7 +51,7 @@ def detect_picture(path: Path, stated: StatedOptions) -> Detection:
     found = find_workings(path, picture, dark, per_m, stated)
     if scale["source"] == "bar":
         per_m = _read_bar(path, picture, found.width_px, scale, remarks, stated)
-        if not found.sheet:  # strokes count as drifts from a width in metres on
+        if not found.workings_only:  # strokes count as drifts from a width in metres on
             found = find_workings(path, picture, dark, per_m, stated)
     width_px = found.width_px
     values: dict[str, Any] = {
@@ -59,7 +59,7 @@ def detect_picture(path: Path, stated: StatedOptions) -> Detection:
         "image": path.name,
         "max_megapixels": most,
         "light_on_dark": inverted,
-        "sheet": found.sheet,
+        "workings_only": found.workings_only,
         "level": stated.level,
         "line_drawing": found.line_drawing,
         "seeds_px": stated.seeds_px or [],
@@ -72,8 +72,8 @@ def detect_picture(path: Path, stated: StatedOptions) -> Detection:
         "scale": scale,
     }
     remarks |= {
-        "sheet": "true: a drawing sheet, of which only the workings are kept",
-        "level": "which drawing of the sheet, from 1",
+        "workings_only": "true: a drawing, of which only what looks like workings is kept",
+        "level": "which plan of several on the drawing, from 1",
         "light_on_dark": "true: light workings on dark paper",
         "line_drawing": "true: walls are drawn as lines; the areas that they enclose are filled",
         "seeds_px": "[[col, row], ...] points inside drawn workings; []: areas inside an odd number of walls",

@@ -13,7 +13,7 @@ from pipeline.types import Image
 class Detection:
     """Values and remarks of a survey section, the files it needs, and the typical drift width, m.
 
-    `picture` shows what of a plan's picture was taken for workings; None for other formats. `has_heights` tells that
+    `picture` shows what of a plan's picture was taken for workings; None for other formats. `has_heights` is true if
     the floor rises or falls.
     """
 

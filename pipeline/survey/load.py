@@ -35,7 +35,7 @@ from pipeline.survey.formats import is_solved
 from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_grid
 from pipeline.survey.passages.legs import SurveyLeg, build_workings
-from pipeline.survey.passages.sheets import draw_sheets
+from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.start import start_in_plan
 from pipeline.survey.stations.table import read_stations
 from pipeline.survey.surfaces import height_files, read_heights
@@ -244,7 +244,7 @@ def _heights_of_grades(path: Path, legs: list[SurveyLeg]) -> Heights | None:
     """
     if legs[0].grades is None:
         return None
-    _, heights = draw_sheets(path, legs)
+    _, heights = lay_out_sheets(path, legs)
     if heights.seams:
         raise InputError(
             f"{path}: its grades put workings over each other in {len(heights.offset_m)} sheets, and a drawn plan "
@@ -274,7 +274,7 @@ def read_plan(params: PlanSurveyParams) -> Reading:
     if params.scale.source == "georeference":
         plan, per_m, georeference = _place_in_map(path, plan, params)
     origin = params.origin_px or (-0.5, plan.shape[0] - 0.5)
-    if params.sheet:
+    if params.workings_only:
         plan, boxes = keep_workings(path, plan, params.level), []
     elif params.line_drawing:
         plan = fill_walls(path, plan, params)

@@ -28,10 +28,10 @@ from pipeline.params.survey import (
 from pipeline.survey.draw import draw_picture, draw_workings, frame_around
 from pipeline.survey.formats import is_solved, leg_reader, shape_reader
 from pipeline.survey.levels.areas import areas_of
-from pipeline.survey.levels.sheets import draw_levels
+from pipeline.survey.levels.sheets import lay_out_levels
 from pipeline.survey.levels.walls import lie_over, split_steep, walls_in_space
 from pipeline.survey.passages.legs import SurveyLeg, build_workings, check_network
-from pipeline.survey.passages.sheets import draw_sheets, has_relief
+from pipeline.survey.passages.sheets import has_relief, lay_out_sheets
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files
 from pipeline.survey.stations.table import read_station_legs
@@ -186,7 +186,7 @@ def _read_levels(
         return _LevelReading(None, [True] * len(moved))
     try:
         areas = areas_of(path, walls, params.snap_m)
-        drawn = draw_levels(path, areas, [] if params.seeds_m else axes, params.snap_m, params.piece)
+        drawn = lay_out_levels(path, areas, [] if params.seeds_m else axes, params.snap_m, params.piece)
     except InputError:
         if params.elevations_m or lie_over(walls):
             raise
@@ -244,7 +244,7 @@ def _build(
     """Return the workings of legs, sheet by sheet if they have heights, and these."""
     _require_short(path, legs)
     if has_relief(legs):
-        return draw_sheets(path, legs, params.apart_m, params.piece, named=params.kind == "passages")
+        return lay_out_sheets(path, legs, params.apart_m, params.piece, named=params.kind == "passages")
     if params.piece is not None:
         raise InputError(f"{path}: survey.piece is read with heights; the floors of this survey are level")
     driven = [leg for leg in legs if not leg.is_plumb]

@@ -125,7 +125,12 @@ def test_random_commands_depend_on_the_seed_alone():
 
 
 @pytest.mark.parametrize(
-    ("name", "least"), [("wall-following", 0.6), ("nearest-frontier", 0.8), ("information-gain", 0.8)]
+    ("name", "least"),
+    [
+        ("wall-following", 0.6),
+        ("nearest-frontier", 0.8),
+        pytest.param("information-gain", 0.8, marks=pytest.mark.slow),
+    ],
 )
 def test_an_explorer_sees_a_small_mine_and_touches_nothing(tee_id, name, least):
     env = make_env(tee_id, 2)

@@ -23,7 +23,7 @@ def test_the_page_begins_with_the_policy_that_sees_most(tmp_path, monkeypatch):
     for policy in ("random", "nearest-frontier"):
         shutil.copy(RESULTS / "ChileanMine-v0" / f"{policy}.jsonl", tmp_path / "results")
     bound = read_bounds()["MineXplore/ChileanMine-v0"].model_copy(update={"found": [1234]})
-    text = published_plan.page(["random", "nearest-frontier"], bound)
+    text = published_plan.tables(["random", "nearest-frontier"], bound)
     assert "sees 1,234." in text
     rows = text.splitlines()[-2:]
     assert [row.split(" | ")[0] for row in rows] == ["| nearest-frontier", "| random"]

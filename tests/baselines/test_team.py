@@ -9,7 +9,7 @@ from baselines.base.errors import BaselineError
 from baselines.explorers.maps.own_map import ROCK
 from baselines.explorers.team import AssignedFrontiers
 from baselines.oracle.reach import cells_within_reach, least_time_s
-from baselines.team import drive_team, measure_all, page, read_kept, speed_up
+from baselines.team import drive_team, measure_all, read_kept, speed_up, tables
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 
@@ -40,6 +40,7 @@ def test_the_speed_up_compares_times_to_the_same_coverage():
     assert np.isnan(speed_up(team, one))
 
 
+@pytest.mark.slow
 def test_no_team_sees_a_cell_before_a_robot_can_have_come_to_where_it_is_in_view(tee_id):
     episode, env = drive_team(tee_id, 4, 0), make_env(tee_id, 1)
     within_reach, total = cells_within_reach(env.robots, episode.starts_m, 1.0), env.robots.grid.total
@@ -74,7 +75,7 @@ def test_what_is_current_is_not_driven_again_and_an_older_team_is(mines, kept):
     measure_all(keys[:1], 1, work)
     measure_all(keys, 1, work)
     assert asked == keys
-    text = page(read_kept(kept))
+    text = tables(read_kept(kept))
     assert "2 of the 200 mines" in text
     assert "| 4 | 70.0 % (70.0 to 70.0) | never, never in 2 | 4.00 (4.00 to 4.00) | at most 3 |" in text
     older = [json.loads(line) | {"team_sha256": "0" * 64} for line in kept.read_text().splitlines()]

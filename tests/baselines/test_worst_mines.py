@@ -3,7 +3,7 @@ import pytest
 from baselines.base.errors import BaselineError
 from baselines.scoring.split_file import write_drives
 from baselines.split import evaluate_split
-from baselines.worst_mines import draw, page, pairs_of, share, stands
+from baselines.worst_mines import draw, pairs_of, share, stands, tables
 
 
 def test_the_mines_are_in_the_order_of_what_a_policy_sees_beside_another(mines, tmp_path):
@@ -14,7 +14,7 @@ def test_the_mines_are_in_the_order_of_what_a_policy_sees_beside_another(mines, 
     first = pairs[0]
     assert first.gain == share(drives["random"][first.number]) - share(drives["wall-following"][first.number])
     assert 0 <= stands(first.theirs) < 0.5
-    text = page("random", "wall-following", "test", pairs, 1)
+    text = tables("random", "wall-following", "test", pairs, 1)
     assert f"| {first.number} | {('room and pillar', 'drift and crosscut')[first.number]} |" in text
     assert text.count("\n| ") == 2  # the heading and one mine
     draw(pairs, tmp_path / "worst.jpg")

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.speed.gpu_parity import Part, main, merge
-from benchmarks.speed.gpu_parity_page import compare_samples, page, rows
+from benchmarks.speed.gpu_parity import Part, block_sizes, main, merge
+from benchmarks.speed.gpu_parity_page import compare_samples, rows, tables
 from tests.project import ROOT
 
 LOOKS = {"rays": 100, "largest_difference_m": 2e-5, "rays_beyond_1_mm": 0, "cells_that_differ": 0}
@@ -59,6 +59,12 @@ def test_an_interrupted_part_keeps_its_whole_blocks(tmp_path):
     assert len((tmp_path / "looks.jsonl").read_text().splitlines()) == 3
 
 
+def test_a_block_of_more_robots_drives_each_of_them_as_long():
+    few, many = (block_sizes(robots, 10**6, 10**6, 10**6) for robots in (256, 1024))
+    assert many == tuple(4 * size for size in few)
+    assert block_sizes(256, 100, 200, 300) == (100, 200, 300)
+
+
 def test_blocks_are_added_but_for_the_largest_and_the_least():
     found = merge([STRESS, STRESS | {"least_clearance_m": 0.1, "outside": 2}])
     assert found["contacts"] == 1000
@@ -85,7 +91,7 @@ def test_every_limit_that_is_broken_is_told():
     for name, part in broken:
         lines = rows(good | {name: part})
         assert [row.holds for row in lines].count(False) == 1, part
-        assert page(lines, "CPU", 4, "Mine").count("**missed**") == 1
+        assert tables(lines, "CPU", 4, "Mine").count("**missed**") == 1
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from pipeline.compose import compose
 from pipeline.metrics.iou import intersection_over_union
@@ -23,7 +21,7 @@ COARSE = [
 
 def check_mine(seed, drifts, folder, contacts=0):
     config = compose(COARSE)
-    built = BuiltMine(random_mine(np.random.default_rng(seed), drifts), config, folder)
+    built = BuiltMine(random_mine(np.random.default_rng(seed), drifts), config, folder, report=False)
     world = open_bundle(built.bundle)
     assert built.free_space.polygon.is_valid
     rendered = render_free_space(world.model, np.array(world.record.T_world_mine), built.frame, 3.5)
@@ -42,10 +40,8 @@ def check_mine(seed, drifts, folder, contacts=0):
     assert certificate.holds, {name: clause for name, clause in certificate.clauses.items() if not clause.holds}
 
 
-@given(seed=st.integers(0, 100_000), drifts=st.integers(2, 6))
-@settings(deadline=None, max_examples=3, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_a_random_mine_becomes_a_world_that_matches_its_plan(seed, drifts, tmp_path_factory):
-    check_mine(seed, drifts, tmp_path_factory.mktemp("mine"))
+def test_a_random_mine_becomes_a_world_that_matches_its_plan(tmp_path):
+    check_mine(seed=10, drifts=5, folder=tmp_path)
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.speed.time_env import page, paired_steps_per_s, start_at_entrance, start_spread
+from benchmarks.speed.time_env import paired_steps_per_s, start_at_entrance, start_spread, tables
 from minexplore.envs.vector import MineVectorEnv
 
 
@@ -38,7 +38,7 @@ def test_robots_are_spread_over_the_mine(pair):
 
 
 def test_the_page_begins_with_robots_spread_over_the_mine_and_marks_what_misses_its_limit():
-    text, missed = page({"vector_steps_per_s": 3000.0, "two_threads_vs_one": 1.37, "reset_ms": 0.04}, 2.06)
+    text, missed = tables({"vector_steps_per_s": 3000.0, "two_threads_vs_one": 1.37, "reset_ms": 0.04}, 2.06)
     assert missed == ["two_threads_vs_one"]
     rows = [line for line in text.splitlines() if line.startswith("| ")]
     assert rows[1:] == [

@@ -173,7 +173,8 @@ def test_a_killed_stage_keeps_the_old_artifacts_and_the_next_run_recovers(traced
 
 def test_a_breached_limit_fails_the_stage_and_names_metric_value_and_limit(repro, tmp_path):
     project = repro.copy(tmp_path / "copy")
-    text = message_of(project.stage("validation", "validation.limits.collision.parts.max=2"))
+    overrides = ("validation.limits.collision.parts.max=2", "validation.extent=certificate")
+    text = message_of(project.stage("validation", *overrides))
     assert "collision.parts = " in text
     assert "limit <= 2" in text
 

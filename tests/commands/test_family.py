@@ -154,7 +154,7 @@ def broken_member():
 
 
 def small_members(count):
-    return without_rock(generated("validation", count, ["survey.mine.size_m=[60,70]"]), stress_tests=1)
+    return without_rock(generated("validation", count, ["survey.mine.size_m=[40,45]"]), stress_tests=1)
 
 
 def plainly(done, count):
@@ -376,7 +376,7 @@ def test_two_commands_of_two_splits_that_end_at_once_both_enter_the_manifest(mon
         return read(text)
 
     first, *others = (
-        family.Outcome(member, None, None, False, "not built")
+        family.MemberOutcome(member, None, None, False, "not built")
         for split in ("validation", "train", "test")
         for member in generated(split, 1, [])
     )

@@ -101,7 +101,7 @@ def test_a_light_world_may_have_all_metrics_but_those_of_visible_rock(light, lig
     assert set(params.limits) - set(limits)
     validator = Validator(params, light.bundle, light.cleaned, light.raw, light.survey)
     assert validator.measure("iou")["free_space_vs_cleaned"] > 0.99
-    assert validator.measure("world")["colliders_wrong"] == 0
+    assert validator.measure("world")["warnings"] == 0
 
 
 def test_a_certificate_that_asks_for_the_stress_test_does_not_hold_without_it(light, light_config, config):

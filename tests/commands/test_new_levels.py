@@ -66,7 +66,7 @@ def test_wheal_pell_becomes_a_world_and_what_is_left_out_is_told(project):
         "36 legs are steeper than",
         "kept is the one of 509 m about pell.2025-04-27.10",
         "survey.half_width_m",
-        "217 of 268 stations have no measured roof; they get 1.45 m over the floor",
+        "217 of 268 stations have no measured roof; 1.45 m over the floor is taken",
         "the shaft from pell.2025-04-27.10 to pell.2025-04-27.9 at (8.8, 422.1) is left out: 1 m wide, it has no 0.9 m",
     ):
         assert text in told

@@ -33,7 +33,7 @@ from pipeline.surface.mesh.smooth import smooth_surface
 from pipeline.surface.reference import measure_sources
 from pipeline.surface.relief_source import choose_relief
 from pipeline.types import Occupancy, Openings
-from tests.heights import RAMP, UNDER, MineWithHeights, certificate_params
+from tests.heights import RAMP, UNDER, certificate_params
 from tests.mines import STRAIGHT, sealed
 from tests.project import ROOT
 
@@ -55,16 +55,16 @@ def config():
 
 
 @pytest.fixture(scope="module")
-def under(config, tmp_path_factory):
+def under(mine_of_legs):
     """Build a drift over a drift, with a shaft between them at (30, 0)."""
     collar = ("s", 30, 0, 10)
     legs = {**UNDER, "A": [*UNDER["A"][:2], collar, *UNDER["A"][2:]], "S": [collar, ("b1", 30, 0, 1)]}
-    return MineWithHeights(legs, config, tmp_path_factory.mktemp("under"))
+    return mine_of_legs(legs, *COARSE)
 
 
 @pytest.fixture(scope="module")
-def ramp(config, tmp_path_factory):
-    return MineWithHeights(RAMP, config, tmp_path_factory.mktemp("ramp"), report=False)
+def ramp(mine_of_legs):
+    return mine_of_legs(RAMP, *COARSE, report=False)
 
 
 def rough_surface(config, free, floor, network=None):
@@ -118,10 +118,11 @@ def test_two_sheets_meet_on_their_seam_without_a_gap(config, under):
     assert np.abs(rough.vertices - rough.lattice.vertices)[meeting.points].max() > 0.1
 
 
-def test_a_world_with_heights_and_rock_holds_its_certificate(config, under, ramp):
-    for mine in (under, ramp):
-        validator = Validator(certificate_params(config, 100), mine.bundle, mine.cleaned, mine.raw, mine.survey)
-        assert {n: c.value for n, c in validator.certificate.clauses.items() if not c.holds} == {}
+@pytest.mark.parametrize("name", ["ramp", pytest.param("under", marks=pytest.mark.slow)])
+def test_a_world_with_heights_and_rock_holds_its_certificate(name, config, request):
+    mine = request.getfixturevalue(name)
+    validator = Validator(certificate_params(config, 100), mine.bundle, mine.cleaned, mine.raw, mine.survey)
+    assert {n: c.value for n, c in validator.certificate.clauses.items() if not c.holds} == {}
 
 
 def test_rock_that_is_not_folded_is_refused(ramp, tmp_path):

@@ -13,40 +13,30 @@ from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.schema.floor_mesh import _check_figures
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.world import load_world
-from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.floor.mesh import build_floor
 from pipeline.geometry.floor.network_heights import floor_lines
-from pipeline.geometry.maps.octree import build_octree, to_bt
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.geometry.rock.delaunay import Triangulation
 from pipeline.proof.validator import Validator
-from pipeline.survey.passages.sheets import draw_sheets
+from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.spots import read_spots
 from pipeline.survey.stations.table import read_station_legs
 from pipeline.types import METRIC, Heights
 from tests.heights import RAMP, UNDER, MineWithHeights, certificate_params, levels, spiral, table
 from tests.mines import STRAIGHT, TEE, sealed
-from tests.project import ROOT
 
 GRADE_DEG = np.degrees(np.arctan(0.15))
 
 
 @pytest.fixture(scope="module")
-def light():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(["preset=light"])
+def ramp(mine_of_legs):
+    return mine_of_legs(RAMP, "preset=light")
 
 
 @pytest.fixture(scope="module")
-def ramp(light, tmp_path_factory):
-    return MineWithHeights(RAMP, light, tmp_path_factory.mktemp("ramp"))
-
-
-@pytest.fixture(scope="module")
-def under(light, tmp_path_factory):
-    return MineWithHeights(UNDER, light, tmp_path_factory.mktemp("under"))
+def under(mine_of_legs):
+    return mine_of_legs(UNDER, "preset=light")
 
 
 def clauses(mine, light, contacts=100):
@@ -121,12 +111,6 @@ def test_spots_are_joined_linearly_along_the_drifts(tmp_path):
     path.write_text("easting_m,northing_m,elevation_m\n10,60,3\n")
     with pytest.raises(GeometryError, match=r"the spot \(10\.0, 60\.0\), 0\.00 m high, is .* m from the nearest drift"):
         floor_lines(read_spots(path, METRIC), trace_network(STRAIGHT, 0.25, 2.0, 3.0), (2.5, 2.5))
-
-
-def test_an_octree_over_a_level_floor_is_that_of_a_flat_mine():
-    free = np.random.default_rng(0).random((30, 40)) > 0.4
-    grid = free, np.array([-3.0, 2.0]), 0.25, 3.5
-    assert to_bt(build_octree(*grid)) == to_bt(build_octree(*grid, np.zeros(free.shape)))
 
 
 def test_stations_of_the_built_floor_lie_within_two_centimetres_of_the_survey(ramp, under):
@@ -225,7 +209,7 @@ def test_sheets_are_as_few_as_the_workings_need_and_a_shaft_is_fenced_off(tmp_pa
     path = tmp_path / "mine.csv"
     for legs, sheets, seams in ((RAMP, 1, 0), (UNDER, 2, 1), (levels(), 3, 2)):
         path.write_text(table(legs))
-        polygons, heights = draw_sheets(path, read_station_legs(path))
+        polygons, heights = lay_out_sheets(path, read_station_legs(path))
         assert (len(polygons.geoms), len(heights.seams)) == (sheets, seams)
         for one, two in pairwise(polygons.geoms):
             assert one.distance(two) > 10
@@ -236,7 +220,7 @@ def test_a_survey_of_a_shaft_alone_is_refused(tmp_path):
     path = tmp_path / "mine.csv"
     path.write_text(table({"S": [("a", 0, 0, 50), ("b", 1, 0, 10)]}))
     with pytest.raises(InputError, match=r"every leg is steeper than 0\.364"):
-        draw_sheets(path, read_station_legs(path))
+        lay_out_sheets(path, read_station_legs(path))
 
 
 @pytest.mark.slow
@@ -247,13 +231,14 @@ def test_the_certificate_of_a_ramp_of_a_spiral_and_of_three_levels_holds(legs, s
     assert broken(clauses(mine, light, 1000)) == {}
 
 
+@pytest.mark.slow
 def test_cells_whose_middles_lie_on_a_seam_are_in_neither_sheet_nor_in_rock(light, tmp_path):
     """The ramps of these levels, 6 m wide, are cut where x + y is a multiple of the grid's cells."""
     mine = MineWithHeights(levels(), light, tmp_path, half_m=3.0)
     assert broken(clauses(mine, light, 0)) == {}
 
 
-@pytest.mark.parametrize("half_m", [2.4, 2.6])
+@pytest.mark.parametrize("half_m", [2.4, pytest.param(2.6, marks=pytest.mark.slow)])
 def test_walls_that_turn_inwards_just_behind_a_seam_are_those_of_the_plan_too(half_m, light, tmp_path):
     mine = MineWithHeights(levels(), light, tmp_path, half_m=half_m)
     validator = Validator(certificate_params(light, 0), mine.bundle, mine.cleaned, mine.raw, mine.survey)

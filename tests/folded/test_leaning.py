@@ -18,8 +18,8 @@ from pipeline.geometry.floor.mesh import build_floor
 from pipeline.geometry.openings.fit import cut_floor, fit_openings
 from pipeline.geometry.openings.shaft_parts import count_parts, rows_of, section_at, shaft_parts
 from pipeline.metrics.containment import slices_above
-from pipeline.mjcf.bundle import World, open_bundle
-from pipeline.survey.passages.sheets import draw_sheets
+from pipeline.mjcf.bundle import OpenedBundle, open_bundle
+from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.stations.table import read_station_legs
 from pipeline.types import Openings
 from tests.folded.test_folded_rock import COARSE
@@ -58,7 +58,7 @@ def narrow(rows, legs="S"):
 def fitted(legs, folder, rows=None):
     path = folder / "mine.csv"
     path.write_text(rows or narrow(table(legs)))
-    outline, heights = draw_sheets(path, read_station_legs(path))
+    outline, heights = lay_out_sheets(path, read_station_legs(path))
     openings, left_out = fit_openings(outline, heights)
     return outline, heights, openings.shafts, left_out
 
@@ -70,18 +70,11 @@ def floor_and_parts(outline, heights, shafts):
 
 
 @pytest.fixture(scope="module")
-def light():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(["preset=light"])
-
-
-@pytest.fixture(scope="module")
-def under(light, tmp_path_factory):
+def under(mine_of_legs):
     """Return a drift under another, a shaft that leans from the upper to the lower, a winze and a stope over one."""
     legs = {**UNDER, "S": [UNDER["A"][1], UNDER["B"][1]], "W": [("b2", 30, 30, 1), ("w", 30, 36, -5)]}
     legs["V"] = [("a0", 0, 0, 10), ("v", -3, 8, 20)]
-    return MineWithHeights(legs, light, tmp_path_factory.mktemp("under"))
+    return mine_of_legs(legs, "preset=light")
 
 
 def test_a_section_is_linear_between_bends_and_plumb_beyond_them():
@@ -205,7 +198,7 @@ def test_the_certificate_misses_a_wall_of_a_leaning_shaft(number, under):
     first = world.record.collision_parts - fences - sum(count_parts(opening) for opening in under.openings)
     spec = mujoco.MjSpec.from_file(str(under.bundle / "mine.xml"))
     spec.delete(spec.geom(rock_geom(first + count_parts(under.openings[0]) + number)))
-    assert figures_of(under, World(world.record, spec.compile(), 0, 0))["missing_m2"] > 0.1
+    assert figures_of(under, OpenedBundle(world.record, spec.compile(), 0, 0))["missing_m2"] > 0.1
 
 
 def test_shafts_that_lean_keep_their_fences_where_others_have_none(tmp_path):

@@ -22,17 +22,16 @@ from minexplore.world import load_world
 from pipeline.compose import compose
 from pipeline.geometry.floor.parts import wall_lines
 from pipeline.geometry.openings.fit import fit_openings
-from pipeline.mjcf.bundle import World, open_bundle, placed_parts
+from pipeline.mjcf.bundle import OpenedBundle, open_bundle, placed_parts
 from pipeline.mjcf.world import GeomGroup
 from pipeline.proof.floor import enclosure_of_floor
 from pipeline.proof.stress_test import _escaped, _throw
 from pipeline.proof.validator import Validator
-from pipeline.survey.passages.sheets import draw_sheets
+from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.stations.table import read_station_legs
 from stages.contours import _find_openings
 from tests.heights import HEADER, RAMP, MineWithHeights, certificate_params, levels, table
 from tests.mines import sealed
-from tests.project import ROOT
 
 _SLICES_M = (0.05, 0.5, 1.0, 3.45)
 
@@ -46,23 +45,13 @@ def with_shafts() -> dict:
 
 
 @pytest.fixture(scope="module")
-def light():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(["preset=light"])
+def fenced(mine_of_legs):
+    return mine_of_legs(with_shafts(), "preset=light")
 
 
 @pytest.fixture(scope="module")
-def fenced(light, tmp_path_factory):
-    return MineWithHeights(with_shafts(), light, tmp_path_factory.mktemp("fenced"))
-
-
-@pytest.fixture(scope="module")
-def opened(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        config = compose(["preset=light", "realism.fence_openings=false"])
-    return MineWithHeights(with_shafts(), config, tmp_path_factory.mktemp("opened"))
+def opened(mine_of_legs):
+    return mine_of_legs(with_shafts(), "preset=light", "realism.fence_openings=false")
 
 
 def validator_of(mine, config, contacts=0):
@@ -76,7 +65,7 @@ def broken(certificate):
 def shafts_of(legs, tmp_path):
     path = tmp_path / "mine.csv"
     path.write_text(table(legs))
-    return draw_sheets(path, read_station_legs(path))
+    return lay_out_sheets(path, read_station_legs(path))
 
 
 def test_shafts_are_built_unless_the_parameters_say_otherwise(tmp_path):
@@ -86,6 +75,7 @@ def test_shafts_are_built_unless_the_parameters_say_otherwise(tmp_path):
     assert not _find_openings(compose(["contours.openings=false"]).contours, survey, workings).shafts
 
 
+@pytest.mark.slow
 def test_a_surveyed_roof_stays_as_high_in_a_floor_with_openings(light, tmp_path):
     mine = MineWithHeights(with_shafts(), light, tmp_path, {"m00": 5.0, "m01": 5.0, "m10": 3.0})
     assert len(mine.openings) == 3
@@ -140,7 +130,7 @@ def test_a_collar_has_the_surveyed_width_if_a_robot_passes_beside_it(tmp_path):
         rows = table(levels()).replace("S,m00,0.0000,0.0000,2.2,2.2", f"S,m00,0.0000,0.0000,{width / 2},{width / 2}")
         assert rows.startswith(HEADER)
         path.write_text(rows)
-        outline, heights = draw_sheets(path, read_station_legs(path))
+        outline, heights = lay_out_sheets(path, read_station_legs(path))
         openings, left_out = fit_openings(outline, heights)
         (opening,) = openings.shafts
         assert not left_out
@@ -152,7 +142,7 @@ def test_a_shaft_in_too_narrow_a_drift_is_left_out_with_its_place_but_not_at_its
     ramp = [RAMP["A"][0], ("q", 10, 0, 100), *RAMP["A"][1:]]
     for name, x, count in (("q", 10, 0), ("a", 0, 1)):
         path.write_text(table({"A": ramp, "S": [(name, x, 0, 100), ("z", x + 0.2, 0, 90)]}, half_m=0.9))
-        outline, heights = draw_sheets(path, read_station_legs(path))
+        outline, heights = lay_out_sheets(path, read_station_legs(path))
         openings, left_out = fit_openings(outline, heights)
         assert len(openings.shafts) == count
         assert len(left_out) == 1 - count
@@ -161,7 +151,7 @@ def test_a_shaft_in_too_narrow_a_drift_is_left_out_with_its_place_but_not_at_its
 
 
 def test_the_certificate_of_fenced_openings_holds_and_no_robot_enters_one(fenced, light):
-    validator = validator_of(fenced, light, 1000)
+    validator = validator_of(fenced, light, 500)
     assert broken(validator.certificate) == {}
     assert validator.containment["escapes"] == 0
     assert len(fenced.openings) == 3
@@ -205,7 +195,7 @@ def test_the_certificate_misses_a_wall_a_fence_and_a_blind_end(part, figure, fen
     name = rock_geom({"fence": last, "end": last - 12, "shaft": last - 13}[part])  # 3 fences of 4 parts are the last
     spec = mujoco.MjSpec.from_file(str(fenced.bundle / "mine.xml"))
     spec.delete(spec.geom(name))
-    less = World(world.record, spec.compile(), 0, 0)
+    less = OpenedBundle(world.record, spec.compile(), 0, 0)
     parts = placed_parts(less.model, GeomGroup.COLLISION, np.array(world.record.T_world_mine))
     figures = enclosure_of_floor(less, fenced.free_space.polygon, fenced.floor, parts, _SLICES_M)
     assert figures[figure] > 0.1
@@ -286,7 +276,7 @@ def test_no_plane_or_box_closes_an_open_shaft(opened, fenced):
 
 
 def test_the_certificate_of_open_shafts_holds_and_only_their_fences_differ(opened, fenced, light):
-    validator = validator_of(opened, light, 1000)
+    validator = validator_of(opened, light, 500)
     assert broken(validator.certificate) == {}
     assert validator.containment["escapes"] == 0
     assert validator.containment["deepest_m"] < 0.05

@@ -16,10 +16,10 @@ from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.compose import compose
 from pipeline.geometry.openings.fit import fit_openings
-from pipeline.mjcf.bundle import World, open_bundle, placed_parts
+from pipeline.mjcf.bundle import OpenedBundle, open_bundle, placed_parts
 from pipeline.mjcf.world import GeomGroup
 from pipeline.proof.floor import enclosure_of_floor
-from pipeline.survey.passages.sheets import draw_sheets
+from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.stations.table import read_station_legs
 from tests.folded.test_openings import broken, validator_of
 from tests.heights import RAMP, MineWithHeights, levels, table
@@ -42,26 +42,19 @@ def with_raises():
 
 
 @pytest.fixture(scope="module")
-def light():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(["preset=light"])
+def raised(mine_of_legs):
+    return mine_of_legs(with_raises(), "preset=light")
 
 
 @pytest.fixture(scope="module")
-def raised(light, tmp_path_factory):
-    return MineWithHeights(with_raises(), light, tmp_path_factory.mktemp("raised"))
-
-
-@pytest.fixture(scope="module")
-def bare(light, tmp_path_factory):
-    return MineWithHeights(levels(), light, tmp_path_factory.mktemp("bare"))
+def bare(mine_of_legs):
+    return mine_of_legs(levels(), "preset=light")
 
 
 def shafts_of(legs, tmp_path, **values):
     path = tmp_path / "mine.csv"
     path.write_text(table(legs, **values))
-    outline, heights = draw_sheets(path, read_station_legs(path))
+    outline, heights = lay_out_sheets(path, read_station_legs(path))
     return outline, heights
 
 
@@ -80,7 +73,7 @@ def test_a_plumb_shot_up_is_a_raise_as_high_as_its_upper_station(tmp_path):
     rows = table({"A": RAMP["A"], "S": [("b", 20, 0, 100), ("s", 20, 0, 130)]}).replace(",130.0000,3.5,0", ",130,0,1.5")
     path = tmp_path / "mine.csv"
     path.write_text(rows)
-    _, heights = draw_sheets(path, read_station_legs(path))
+    _, heights = lay_out_sheets(path, read_station_legs(path))
     (shaft,) = heights.shafts
     assert (shaft.sheet, shaft.below, shaft.top_m, shaft.bottom_m) == (None, 0, 30.0, 0.0)
 
@@ -112,7 +105,7 @@ def test_a_raise_is_as_wide_as_surveyed_where_that_fits_into_the_roof(width, sid
     rows = table({"A": RAMP["A"], "S": [("b", 20, 0, 100), ("s", 20.1, 0, 130)]})
     path = tmp_path / "mine.csv"
     path.write_text(rows.replace("S,b,20.0000,0.0000,2.2,2.2", f"S,b,20.0000,0.0000,{width}") if width != "," else rows)
-    openings, left_out = fit_openings(*draw_sheets(path, read_station_legs(path)))
+    openings, left_out = fit_openings(*lay_out_sheets(path, read_station_legs(path)))
     (opening,) = openings.shafts
     assert not left_out
     outline = shapely.Polygon(opening.outline_m)
@@ -125,7 +118,7 @@ def test_a_raise_at_a_wall_or_the_end_of_a_drift_is_moved_as_little_as_needed(tm
     rows = table({"A": drift, "S": [("a", 0, 0, 100), ("s", 0, 0.1, 120)]}, half_m=0.9)
     path = tmp_path / "mine.csv"
     path.write_text(rows.replace("A,a,0.0000,0.0000,0.9,0.9", "A,a,0.0000,0.0000,0.2,1.6"))
-    outline, heights = draw_sheets(path, read_station_legs(path))
+    outline, heights = lay_out_sheets(path, read_station_legs(path))
     openings, _ = fit_openings(outline, heights)
     (opening,) = openings.shafts
     collar = shapely.Polygon(opening.outline_m)
@@ -205,7 +198,7 @@ def test_the_certificate_misses_a_cap_and_a_wall(part, raised):
     last = world.record.collision_parts - 1 - 4  # the fence has four parts, each raise a cap after its walls
     spec = mujoco.MjSpec.from_file(str(raised.bundle / "mine.xml"))
     spec.delete(spec.geom(rock_geom({"cap": last, "wall": last - 1}[part])))
-    figures = figures_of(raised, World(world.record, spec.compile(), 0, 0))
+    figures = figures_of(raised, OpenedBundle(world.record, spec.compile(), 0, 0))
     assert figures["missing_m2"] > 0.1
 
 
@@ -220,7 +213,7 @@ def test_the_certificate_sees_a_roof_left_under_a_raise(raised, bare):
         mine.add_geom(
             type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"whole_{number}", group=GeomGroup.ROOF, contype=0, conaffinity=0
         )
-    assert figures_of(raised, World(world.record, spec.compile(), 0, 0))["intrusion_m2"] > 0.5
+    assert figures_of(raised, OpenedBundle(world.record, spec.compile(), 0, 0))["intrusion_m2"] > 0.5
 
 
 def figures_of(mine, world):

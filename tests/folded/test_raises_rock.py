@@ -16,7 +16,7 @@ from pipeline.proof.rebuilt.fittings import require_fittings
 from pipeline.proof.rebuilt.visible import _round_shafts
 from tests.folded.test_folded_rock import COARSE, copied, drifts_of, up_the_shaft, visible
 from tests.folded.test_openings import broken, validator_of
-from tests.heights import RAMP, MineWithHeights
+from tests.heights import RAMP
 from tests.mines import sealed
 from tests.project import ROOT
 
@@ -33,15 +33,14 @@ def config():
         return compose(COARSE)
 
 
-@pytest.fixture(scope="module", params=[2.2, 0.8], ids=["wide", "narrow"])
-def raised(config, request, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("raised")
-    return MineWithHeights(LEGS, config, folder, report=False, half_m=request.param)
+@pytest.fixture(scope="module", params=[2.2, pytest.param(0.8, marks=pytest.mark.slow)], ids=["wide", "narrow"])
+def raised(request, mine_of_legs):
+    return mine_of_legs(LEGS, *COARSE, report=False, half_m=request.param)
 
 
 @pytest.fixture(scope="module")
-def wide(config, tmp_path_factory):
-    return MineWithHeights(LEGS, config, tmp_path_factory.mktemp("wide"), report=False)
+def wide(mine_of_legs):
+    return mine_of_legs(LEGS, *COARSE, report=False, half_m=2.2)
 
 
 def lining_of(mine):

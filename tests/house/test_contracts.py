@@ -3,6 +3,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 import yaml
 
 from stages.__main__ import load_stages, render_dag
@@ -38,6 +39,7 @@ def test_every_stage_reads_only_outputs_of_earlier_stages():
         written |= outs
 
 
+@pytest.mark.slow  # `make check` runs it too
 def test_packages_import_each_other_in_one_direction_only():
     done = subprocess.run([Path(sys.prefix) / "bin" / "lint-imports"], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout

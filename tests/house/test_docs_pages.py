@@ -6,8 +6,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from baselines.base.errors import BaselineError
+from baselines.base.markdown import BEGIN, END, with_table
 from benchmarks.include_parts import on_page_markdown
-from benchmarks.reference_tables import BEGIN, END, TABLES, options_table, with_table
+from benchmarks.reference_tables import TABLES, options_table
 from pipeline.params.config import Config
 from tests.project import ROOT
 
@@ -110,6 +112,17 @@ def test_every_option_that_a_page_on_surveys_names_is_one_of_new(name):
     assert sorted(named - set(re.findall(r"--[a-z-]+", options_table()))) == []
 
 
+@pytest.mark.parametrize(
+    "page", [*sorted(DOCS.glob("evidence/parts/*.md")), ROOT / "LEADERBOARD.md"], ids=lambda p: p.stem
+)
+def test_every_page_that_a_measurement_writes_has_one_place_for_its_tables(page):
+    text = page.read_text()
+    assert (text.count(BEGIN), text.count(END)) == (1, 1)
+    table = text.partition(BEGIN)[2].partition(END)[0]
+    assert with_table(text, table) == text
+    assert re.search(r"\n\| ?---", table)
+
+
 def test_every_key_of_the_configuration_has_a_description():
     schemas = Config.model_json_schema()["$defs"]
     keys = {
@@ -120,7 +133,7 @@ def test_every_key_of_the_configuration_has_a_description():
 
 
 def test_a_page_without_marks_has_no_place_for_a_table():
-    with pytest.raises(ValueError, match="needs the marks"):
+    with pytest.raises(BaselineError, match="needs the marks"):
         with_table(f"{END}\n{BEGIN}\n", "| a |")
 
 

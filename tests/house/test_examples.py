@@ -8,7 +8,6 @@ import subprocess
 import sys
 
 import gymnasium
-import nbformat
 import numpy as np
 import pytest
 
@@ -104,6 +103,8 @@ def parts_of(script):
 
 
 def test_the_notebook_installs_the_wheel_and_then_holds_the_parts_of_its_script():
+    import nbformat  # takes more than a second to load, in each worker
+
     notebook = nbformat.read(EXAMPLES / "drive.ipynb", as_version=4)
     nbformat.validate(notebook)
     cells = [cell.source for cell in notebook.cells if cell.cell_type == "code"]

@@ -29,7 +29,7 @@ from pipeline.metrics.rock.texture import (
 FREE = shapely.box(0, 0, 40, 6)
 
 
-def wall(offset, n=400_000, seed=0, length=40.0):
+def wall(offset, n=150_000, seed=0, length=40.0):
     """Return points on a wall along y = 0, from 0.5 to 3 m high, displaced by `offset(x, z)`."""
     rng = np.random.default_rng(seed)
     x, z = rng.uniform(0, length, n), rng.uniform(0.5, 3.0, n)
@@ -86,7 +86,9 @@ def test_a_new_axis_is_measured_and_scored_without_further_declarations(monkeypa
 def test_the_residual_of_a_sine_wall_is_its_rms(wavelength):
     """A window of whole waves leaves A / sqrt(2) if they are symmetric about its middle; else the plane tilts."""
     even = sine(0.005, wavelength)
-    points = wall(lambda x, z: even(x + wavelength / 4, z)) + np.array([0, 0.5, 0])  # no voxel border inside the wave
+    points = wall(lambda x, z: even(x + wavelength / 4, z), n=400_000) + np.array(
+        [0, 0.5, 0]
+    )  # no voxel border inside the wave
     points = points[points[:, 2] >= 1.0]  # half voxels would tilt more
     found = sweep_residuals(points, (1.0,), 30)[0]
     assert found.rq_m == pytest.approx(0.005 / math.sqrt(2), rel=0.03)
@@ -107,8 +109,8 @@ def test_residuals_of_a_fractal_wall_grow_with_its_hurst_exponent():
     """Brownian profile, Hurst exponent 0.5: residuals grow as the square root of the window."""
     rng = np.random.default_rng(2)
     step = 0.002
-    brown = np.cumsum(rng.standard_normal(round(200 / step))) * 0.003 * math.sqrt(step)
-    points = wall(lambda x, z: np.interp(x, np.arange(len(brown)) * step, brown), n=600_000, length=200.0)
+    brown = np.cumsum(rng.standard_normal(round(100 / step))) * 0.003 * math.sqrt(step)
+    points = wall(lambda x, z: np.interp(x, np.arange(len(brown)) * step, brown), n=300_000, length=100.0)
     points[:, 1] += 0.25
     found = {r.window_m: r.rq_m for r in sweep_residuals(points, (0.5, 2.0), 30)}
     assert math.log(found[2.0] / found[0.5]) / math.log(4) == pytest.approx(0.5, abs=0.08)
@@ -122,7 +124,7 @@ def test_the_wavelength_of_a_sine_wall_is_found_along_its_arc(wavelength):
 
 def test_the_wavelength_does_not_mix_two_walls():
     """Walls on both sides of a drift: the paper's reading mixes them, the strict one does not."""
-    near = wall(sine(0.05, 0.4), n=300_000)
+    near = wall(sine(0.05, 0.4), n=150_000)
     far = near * [1, -1, 1] + [0, 6, 0]
     both = np.concatenate([near, far])
     assert wall_wavelength_m(both, FREE) == pytest.approx(0.4, rel=0.06)
@@ -141,7 +143,7 @@ def test_the_wavelength_follows_a_bent_wall():
 
 def test_a_folded_wall_has_the_jaggedness_of_its_folds():
     """Folds of 45 deg, two voxels per face: at a ridge, two equal normals and one at right angles give atan(1/2)."""
-    planes = fit_voxel_planes(wall(lambda x, z: np.abs((x % 1.2) - 0.6)), 0.30, 30)
+    planes = fit_voxel_planes(wall(lambda x, z: np.abs((x % 1.2) - 0.6), n=400_000), 0.30, 30)
     assert normal_scatter_deg(planes).max() == pytest.approx(math.degrees(math.atan(0.5)), abs=0.1)
 
 
@@ -186,6 +188,6 @@ def test_bump_rq_of_a_wall_along_the_axes_does_not_depend_on_its_place():
 
 def test_the_integral_of_a_constant_roughness_is_its_area():
     rng = np.random.default_rng(6)
-    points = wall(lambda x, z: 0.01 * rng.standard_normal(len(x)), n=1_200_000, length=20.0)
+    points = wall(lambda x, z: 0.01 * rng.standard_normal(len(x)), n=500_000, length=8.0)
     points[:, 1] += 0.05
     assert roughness_integral_m2(sweep_walls(points)) == pytest.approx(1.9 * 0.01 * math.sqrt(2 / math.pi), rel=0.08)

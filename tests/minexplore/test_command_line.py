@@ -5,18 +5,22 @@ import pytest
 
 from minexplore import WORLDS
 from minexplore.page import page
+from tests.forked import run_forked
 from tests.mines import BuiltMine
 from tests.project import ROOT
 
 
 def run(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "minexplore", *arguments], capture_output=True, text=True, cwd=ROOT, check=False
-    )
+    return run_forked("minexplore", arguments, ROOT)
+
+
+def run_anew(*arguments):
+    command = [sys.executable, "-m", "minexplore", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
 
 
 def test_the_list_names_every_environment():
-    done = run("list")
+    done = run_anew("list")
     assert done.returncode == 0
     assert all(env_id in done.stdout for env_id in WORLDS)
 
@@ -43,7 +47,7 @@ def test_it_times_a_world(tee: BuiltMine):
 
 
 def test_a_policy_plays_and_is_recorded(tee: BuiltMine, tmp_path):
-    done = run(
+    done = run_anew(
         "play",
         "MineXplore/World-v0",
         "--world",
@@ -51,7 +55,7 @@ def test_a_policy_plays_and_is_recorded(tee: BuiltMine, tmp_path):
         "--policy",
         "ahead",
         "--steps",
-        "30",
+        "10",
         "--video",
         str(tmp_path),
     )

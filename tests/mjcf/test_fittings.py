@@ -35,7 +35,7 @@ from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.bundle import obstacles, open_bundle
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import _merged, hang_furniture
-from pipeline.mjcf.scene import FloorZone
+from pipeline.mjcf.scene import ZoneStrip
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
 from pipeline.params.config import Config
 from pipeline.params.fittings import FloorParams
@@ -128,15 +128,15 @@ def test_ruts_lie_lower_than_the_floor_between_them(fitted: BuiltMine, fitted_co
     assert vertices[(aside > 2.3) & (aside < 2.9), 2].mean() > vertices[aside < 0.3, 2].mean() + 0.02
 
 
-def straight_floor(fitted: BuiltMine, params: FloorParams, zones: list[FloorZone]) -> dict[str, Mesh]:
+def straight_floor(fitted: BuiltMine, params: FloorParams, zones: list[ZoneStrip]) -> dict[str, Mesh]:
     """Return the visible floor of a straight drift from (0, 0) to (60, 5) m."""
     leg = Leg("a", "x", "y", 60.0, [0.0, 60.0], [(0.0, 2.5), (60.0, 2.5)], [2.5, 2.5])
     network = dataclasses.replace(fitted.network, legs=[leg])
     return cover_floor(params, shapely.box(0, 0, 60, 5), network, zones)
 
 
-def zone_of(name: str, west_m: float, east_m: float) -> FloorZone:
-    return FloorZone(name, 1.0, 1.0, 0.0, (0.5, 0.5, 0.5, 1.0), west_m, east_m, -1.0, 6.0)
+def zone_of(name: str, west_m: float, east_m: float) -> ZoneStrip:
+    return ZoneStrip(name, 1.0, 1.0, 0.0, (0.5, 0.5, 0.5, 1.0), west_m, east_m, -1.0, 6.0)
 
 
 def heights_on_grid(meshes: dict[str, Mesh], west_m: float, east_m: float) -> tuple[np.ndarray, np.ndarray]:

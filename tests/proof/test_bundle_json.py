@@ -11,13 +11,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.faults.random_mutants import prove
-from benchmarks.worlds.small_world import build_small_world
 from minexplore.bundle import MADE_BY, BundleError
 from minexplore.schema import check_world, read_folder
 from minexplore.schema.readers.json_text import read_json
 from pipeline.compose import compose
 from pipeline.errors import MineError
-from tests.mines import sealed, unreported
+from tests.mines import sealed
 
 _NO_NUMBERS = ["NaN", "Infinity", "-Infinity", "1e400", "-1e400", "9" * 400, "1" + "0" * 25, "0." + "1" * 30]
 _VALUES = st.one_of(
@@ -33,12 +32,9 @@ _VALUES = st.one_of(
 _MARK = "the value"
 
 
-@pytest.fixture(scope="module")
-def world(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("json") / "world"
-    with unreported():
-        build_small_world(folder)
-    return folder
+@pytest.fixture(scope="session")
+def world(small_world) -> Path:
+    return small_world
 
 
 @pytest.fixture(scope="module")

@@ -15,23 +15,19 @@ from minexplore.bundle import FLOOR, RECORD, BundleError
 from minexplore.floors.floor import Floor
 from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.schema.readers.json_text import read_json
-from pipeline.compose import compose
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import read_record
 from pipeline.proof.rebuilt.same_floor import require_floor
 from pipeline.store.codecs import encode
-from tests.heights import RAMP, MineWithHeights
+from tests.heights import RAMP
 from tests.mines import sealed
-from tests.project import ROOT
 
 STEEPEST_DEG = 30.0
 
 
 @pytest.fixture(scope="module")
-def ramp(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return MineWithHeights(RAMP, compose(["preset=light"]), tmp_path_factory.mktemp("ramp"))
+def ramp(mine_of_legs):
+    return mine_of_legs(RAMP, "preset=light")
 
 
 def with_face(floor: Floor, corners: np.ndarray) -> Floor:

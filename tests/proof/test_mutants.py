@@ -12,7 +12,6 @@ import shapely
 from benchmarks.faults.edits import edit_record, seal
 from benchmarks.faults.random_faults import random_mutant
 from benchmarks.faults.random_mutants import CAUGHT, CRASHED, MISSED, judge, prove
-from benchmarks.worlds.small_world import build_small_world
 from minexplore.bundle import TriangleMesh, decode_msh, encode_msh
 from minexplore.schema import read_folder
 from pipeline.compose import compose
@@ -21,15 +20,11 @@ from pipeline.geometry.rock.extrude import section_footprint
 from pipeline.mjcf.bundle import obstacles, open_bundle
 from pipeline.proof.rebuilt.same_model import model_difference
 from pipeline.store.verify import verify_certificate
-from tests.mines import unreported
 
 
 @pytest.fixture(scope="session")
-def small(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("small") / "world"
-    with unreported():
-        build_small_world(folder)
-    return folder
+def small(small_world) -> Path:
+    return small_world
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ from pipeline.compose import compose
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.proof.certificate import certify
 from pipeline.proof.standing import measure_standing
-from tests.heights import MineWithHeights, spiral
+from tests.heights import spiral
 from tests.mines import BuiltMine
 from tests.project import ROOT
 
@@ -30,8 +30,8 @@ def heights():
 
 
 @pytest.fixture(scope="module")
-def ramp(heights, tmp_path_factory):
-    return MineWithHeights(spiral(2, 20.0, 0.12), heights, tmp_path_factory.mktemp("spiral"), report=False)
+def ramp(mine_of_legs):
+    return mine_of_legs(spiral(2, 20.0, 0.12), "preset=light", "+mine=heights")
 
 
 def judged(mine, heights):

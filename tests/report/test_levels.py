@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from pipeline.compose import compose
 from pipeline.report.figures.levels import draw_levels, draw_long_section, leg_grades
-from tests.heights import UNDER, MineWithHeights
+from tests.heights import UNDER
 
 
 @pytest.fixture(scope="module")
-def under(tmp_path_factory):
+def under(mine_of_legs):
     """Return a drift under a drift, joined by a ramp of 9 m."""
-    return MineWithHeights(UNDER, compose(["preset=light"]), tmp_path_factory.mktemp("under"))
+    return mine_of_legs(UNDER, "preset=light")
 
 
 def test_grades_are_those_of_the_survey(under):

@@ -6,12 +6,12 @@ import numpy as np
 
 from pipeline.metrics.iou import DifferingAreas, differing_areas
 from pipeline.params.validation import Limit
-from pipeline.report.results import Row, results_table
+from pipeline.report.results import MetricRow, results_table
 from tests.project import ROOT
 
 
 def test_a_value_beyond_its_limit_is_marked():
-    rows = [Row("load", ("per_metre.load_s",), ".6f"), Row("bytes", ("per_metre.bytes",), ",.0f")]
+    rows = [MetricRow("load", ("per_metre.load_s",), ".6f"), MetricRow("bytes", ("per_metre.bytes",), ",.0f")]
     metrics = {"world.load_s": 0.4, "per_metre.load_s": 0.0003, "per_metre.bytes": 17381}
     limits = {"per_metre.load_s": Limit(max=0.000294), "per_metre.bytes": Limit(max=18400)}
     assert results_table(rows, metrics, limits).splitlines()[2:] == [

@@ -57,6 +57,7 @@ def test_a_sweep_without_a_pose_is_named():
         )
 
 
+@pytest.mark.slow
 def test_the_published_sweeps_imply_a_smaller_scale_than_the_bar(shared_mine):
     """At 7.82 px/m the sweeps' junctions are 2 m away from the plan's. The paper's length of 697 m implies 7.65."""
     plan = read_image(shared_mine / "plan.jpg", 100)

@@ -80,7 +80,7 @@ def test_jointed_rock_that_copies_the_sweeps_has_their_roughness_within_a_quarte
 
 def test_a_fit_finds_the_roughness_of_rock_whose_parts_were_scaled():
     params = compose(["rock=andesite", "surface.rough.spacing_m=0.15"]).surface
-    lattice = lay_rough_lattice(params, shapely.box(0, 0, 60, 6), None, 3.5)
+    lattice = lay_rough_lattice(params, shapely.box(0, 0, 40, 6), None, 3.5)
     bounds, seed = bounds_of(params.rough), params.rough.seed
     rock = choose_relief(params, {}, lattice)
     windows = np.array([0.5, 1.0, 2.0])
@@ -159,7 +159,7 @@ def test_a_world_without_walls_to_see_is_refused(tee, config):
 
 
 def test_texture_and_walls_are_measured_on_the_meshes_that_the_model_names(opened, tee, config):
-    params = config.validation.texture.model_copy(update={"points_per_m2": 1200.0})
+    params = config.validation.texture.model_copy(update={"points_per_m2": 800.0})
     polygon, network = tee.free_space.polygon, tee.network
     report = report_texture(opened.model, polygon, network, params)
     assert report.strict.overall > 0.45  # of the T, whose own width bounds its relief: 0.490; flat walls: 0.00001

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from baselines.base.errors import BaselineError, run_command
+from baselines.base.markdown import markdown_table, write_table
 from baselines.graph.training.settings import GraphSettings
 
 matplotlib.use("Agg")
@@ -21,28 +22,6 @@ import matplotlib.pyplot as plt
 RUNS = Path("artifacts/train")
 KEPT = Path("baselines/results/graph_training")
 _PAGE, _PICTURE = Path("docs/evidence/parts/graph-training.md"), Path("docs/graph-training.png")
-_TEXT = """# Training of the graph explorer
-
-Written by `python -m benchmarks curves` from `{kept}/`. *Watched* is the mean share, %, that four robots each see in
-the map simulator
-of {mines} mines of the training split, which the network does not learn from. The network at update 0 imitates a rule
-(`baselines/graph/training/fresh_ground.py`). The policy is the network that saw most in the watched mines.
-
-![Share of the watched mines over training](../../graph-training.png)
-
-| run | seed | updates | watched at 0 | watched, best | at update | nearest cluster there |
-|---|---|---|---|---|---|---|
-{rows}
-
-## Ablations
-
-What a network sees more or less of a watched mine than `{whole}` of the same seed: the mean over the mines with its
-standard error, in points. *Rule* is at update 0, *network* at the last update of both.
-
-| run | seed | what it lacks | rule | network | at update |
-|---|---|---|---|---|---|
-{ablations}
-"""
 _WHOLE = "graph"  # the name of the runs that lack nothing
 _LACKS = {"attention": "clusters are scored alone", "stubs": "not told of dead ends", "floor": "not told of floors"}
 
@@ -133,29 +112,24 @@ def draw_curves(curves: list[Curve], path: Path) -> None:
     plt.close(figure)
 
 
-def page(curves: list[Curve], kept: Path = KEPT) -> str:
-    """Return the page."""
-    rows = []
+def tables(curves: list[Curve]) -> str:
+    """Return the table of runs and that of ablations."""
+    rows: list[tuple[object, ...]] = []
     for curve in curves:
-        most = 100 * curve.watched[curve.best]
-        figures = (100 * curve.watched[0], most, curve.updates[curve.best], 100 * curve.nearest)
-        rows.append("| {} | {} | {} | {:.1f} | {:.1f} | {} | {:.1f} |".format(
-            curve.settings.name, curve.settings.seed, curve.updates[-1], *figures))  # fmt: skip
+        shares = [f"{100 * share:.1f}" for share in (curve.watched[0], curve.watched[curve.best], curve.nearest)]
+        run = (curve.settings.name, curve.settings.seed, curve.updates[-1])
+        rows.append((*run, *shares[:2], curve.updates[curve.best], shares[2]))
     for name in dict.fromkeys(curve.settings.name for curve in curves):
         group = 100 * np.array([max(curve.watched) for curve in curves if curve.settings.name == name])
         if len(group) > 1:
             spread = f"{group.mean():.1f}, SD {group.std(ddof=1):.1f}"
-            rows.append(f"| {name} | mean of {len(group)} seeds |  |  | {spread} |  |  |")
-    return _TEXT.format(
-        kept=kept.as_posix(),
-        mines=curves[0].settings.watched,
-        rows="\n".join(rows),
-        whole=_WHOLE,
-        ablations="\n".join(_ablations(curves)),
-    )
+            rows.append((name, f"mean of {len(group)} seeds", "", "", spread, "", ""))
+    runs = ("run", "seed", "updates", "watched at 0", "watched, best", "at update", "nearest cluster there")
+    lacks = ("run", "seed", "what it lacks", "rule", "network", "at update")
+    return f"{markdown_table(runs, rows)}\n## Ablations\n\n{markdown_table(lacks, _ablations(curves))}"
 
 
-def _ablations(curves: list[Curve]) -> Iterator[str]:
+def _ablations(curves: list[Curve]) -> Iterator[tuple[object, ...]]:
     """Yield a row for each run that lacks a part, beside the whole network of its seed."""
     whole = {curve.settings.seed: curve for curve in curves if curve.settings.name == _WHOLE}
     for curve in curves:
@@ -165,7 +139,7 @@ def _ablations(curves: list[Curve]) -> Iterator[str]:
             continue
         last = max(set(curve.updates) & set(other.updates))
         rule, network = (_paired(100 * (curve.at(update) - other.at(update))) for update in (0, last))
-        yield f"| {settings.name} | {settings.seed} | {', '.join(lacks)} | {rule} | {network} | {last} |"
+        yield settings.name, settings.seed, ", ".join(lacks), rule, network, last
 
 
 def _paired(differences: np.ndarray) -> str:
@@ -177,7 +151,7 @@ def main() -> None:
     keep()
     curves = read_curves()
     draw_curves(curves, _PICTURE)
-    _PAGE.write_text(page(curves))
+    write_table(_PAGE, tables(curves))
     print(f"{_PAGE} and {_PICTURE} are written")
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from minexplore.bundle import MODEL, RECORD, BundleError, has_visible_rock
 from minexplore.floors.floor import Floor
-from minexplore.schema.agreement.places import Places
+from minexplore.schema.agreement.comparison import ModelElements
 from minexplore.schema.agreement.rock import check_boxes, check_rock, check_zones
 from minexplore.schema.agreement.views import check_cameras, check_lights, check_look, check_pose, check_surface
 from minexplore.schema.fittings import check_fittings
@@ -34,7 +34,7 @@ def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str]
     BundleError
         With the path of the first difference.
     """
-    at = Places(root)
+    at = ModelElements(root)
     if root.attributes["model"] != record["name"]:
         raise BundleError(f"{MODEL}: mujoco@model: {root.attributes['model']!r}, {RECORD} says {record['name']!r}")
     check_look(at, record)

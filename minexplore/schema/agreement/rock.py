@@ -22,7 +22,7 @@ from minexplore.bundle import (
 )
 from minexplore.floors.floor import Floor
 from minexplore.floors.floor_zones import zoned_box
-from minexplore.schema.agreement.places import Places, expect, expect_names, numbers_of
+from minexplore.schema.agreement.comparison import ModelElements, expect, expect_names, numbers_of
 from minexplore.schema.readers.xml import Node
 
 _BEYOND_M = 1.0  # approximate decompositions reach a little beyond the rock
@@ -31,7 +31,7 @@ _THINNEST_M = 0.05  # of floor and roof: a robot must not pass through them in o
 _EQUAL_M = 0.0501  # what rounding to a decimetre moves the end of a floor zone
 
 
-def check_rock(at: Places, record: Mapping[str, Any], floor: Floor) -> None:
+def check_rock(at: ModelElements, record: Mapping[str, Any], floor: Floor) -> None:
     """Compare the collision parts with their number and with the box of the rock."""
     names = at.names("geom", rock_geom(0)[:-4])
     expect_names("geom", names, [rock_geom(i) for i in range(record["collision_parts"])], "collision_parts")
@@ -50,7 +50,7 @@ def check_rock(at: Places, record: Mapping[str, Any], floor: Floor) -> None:
     expect(at.rock_class, "friction", numbers_of(at.rock_class, "friction", "1"), [record["rock_friction"]])
 
 
-def _check_parts(at: Places, names: list[str], record: Mapping[str, Any], floor: Floor) -> None:
+def _check_parts(at: ModelElements, names: list[str], record: Mapping[str, Any], floor: Floor) -> None:
     """Check that each collision part, a geom and a mesh of this name, is solid and lies in the box of the rock."""
     geoms, meshes = [at.of_mine["geom", name] for name in names], [at.of_assets["mesh", name] for name in names]
     low, high = rock_box(record, floor)
@@ -94,7 +94,7 @@ def rock_box(record: Mapping[str, Any], floor: Floor) -> tuple[np.ndarray, np.nd
     return low, high
 
 
-def check_zones(at: Places, record: Mapping[str, Any], floor: Floor) -> None:
+def check_zones(at: ModelElements, record: Mapping[str, Any], floor: Floor) -> None:
     """Compare the materials of the floor zones with the record, and the zones with the box that they divide."""
     zones = record["zones"]
     west, south, east, north = zoned_box(record["world_m"], floor)
@@ -118,7 +118,7 @@ def check_zones(at: Places, record: Mapping[str, Any], floor: Floor) -> None:
         raise BundleError(f"{RECORD}: {last}: want {east}, as the rock's box")
 
 
-def check_boxes(at: Places, record: Mapping[str, Any]) -> None:
+def check_boxes(at: ModelElements, record: Mapping[str, Any]) -> None:
     """Compare the boxes of floor and roof with the record."""
     zones = record["zones"]
     west, south, east, north = record["world_m"]

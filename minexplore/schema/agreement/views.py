@@ -22,7 +22,7 @@ from minexplore.bundle import (
 )
 from minexplore.floors.floor import Floor
 from minexplore.looks import CUT_MATERIAL, EXTENT_M, PLAIN, look_of
-from minexplore.schema.agreement.places import Places, expect, expect_names, folded_place, numbers_of
+from minexplore.schema.agreement.comparison import ModelElements, expect, expect_names, folded_place, numbers_of
 from minexplore.schema.model import SMOOTH_MESHES
 
 _ROUND_M = 1e-4  # places above a floor with heights have four decimals
@@ -30,7 +30,7 @@ _CENTRE_M = 6e-4  # the view's centre has three decimals
 _TURN = 1e-4
 
 
-def check_look(at: Places, record: Mapping[str, Any]) -> None:
+def check_look(at: ModelElements, record: Mapping[str, Any]) -> None:
     """Compare light, haze and the rock's sheen with those of the look that the record states."""
     look, plain = look_of(record), record["look"] == PLAIN
     for name, value in (("ambient", look.ambient), ("diffuse", look.diffuse), ("specular", look.glint)):
@@ -50,7 +50,7 @@ def check_look(at: Places, record: Mapping[str, Any]) -> None:
         raise BundleError(f"{MODEL}: {at.rock_class.path}@material: want {wanted!r}, as {RECORD}: look gives")
 
 
-def check_pose(at: Places, record: Mapping[str, Any], floor: Floor) -> None:
+def check_pose(at: ModelElements, record: Mapping[str, Any], floor: Floor) -> None:
     """Compare the mine's pose and the view's centre with the transform, the tilt and the spawn's anchor."""
     T, half = record["T_world_mine"], math.radians(record["tilt_deg"]) / 2
     expect(at.mine, "pos", numbers_of(at.mine, "pos"), [row[3] for row in T[:3]])
@@ -60,7 +60,7 @@ def check_pose(at: Places, record: Mapping[str, Any], floor: Floor) -> None:
     expect(at.statistic, "center", numbers_of(at.statistic, "center"), centre, _CENTRE_M)
 
 
-def check_cameras(at: Places, record: Mapping[str, Any], floor: Floor) -> None:
+def check_cameras(at: ModelElements, record: Mapping[str, Any], floor: Floor) -> None:
     """Compare the cameras with the spawn's anchor, a level view, and the box of the rock."""
     entrance, overview = at.of_mine["camera", ENTRANCE_CAMERA], at.of_mine["camera", OVERVIEW_CAMERA]
     expect(
@@ -79,7 +79,7 @@ def check_cameras(at: Places, record: Mapping[str, Any], floor: Floor) -> None:
     expect(overview, "quat", numbers_of(overview, "quat", "1 0 0 0"), [math.cos(turn), math.sin(turn), 0.0, 0.0], 1e-6)
 
 
-def check_lights(at: Places, record: Mapping[str, Any], floor: Floor) -> None:
+def check_lights(at: ModelElements, record: Mapping[str, Any], floor: Floor) -> None:
     """Compare the spot lights with their number, and require one height, pitch and cutoff of all."""
     names = at.names("light", "")
     expect_names("light", names, [spot_light(i) for i in range(record["lights"])], "lights")
@@ -98,7 +98,7 @@ def check_lights(at: Places, record: Mapping[str, Any], floor: Floor) -> None:
             raise BundleError(f"{MODEL}: {light.path}: height, pitch or cutoff differ from those of {names[0]}")
 
 
-def check_surface(at: Places, files: set[str]) -> None:
+def check_surface(at: ModelElements, files: set[str]) -> None:
     """Compare the visible meshes with their files, and the groups of their geoms with what they show."""
     meshes = [node for node in at.assets if node.tag == "mesh" and "file" in node.attributes]
     for mesh in meshes:

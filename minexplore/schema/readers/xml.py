@@ -46,7 +46,7 @@ def read_xml(file: str, data: bytes) -> Node:
             raise BundleError(f"{file}: line {line}: {mark.decode()!r} is not allowed; a world has plain elements only")
     if not data.isascii() or b"\0" in data:
         raise BundleError(f"{file}: a byte that is not ASCII; a world has plain ASCII only")
-    reader = _Reader(file)
+    reader = _XmlReader(file)
     parser = expat.ParserCreate("us-ascii")
     parser.buffer_text = True
     parser.StartElementHandler = reader.start
@@ -59,7 +59,7 @@ def read_xml(file: str, data: bytes) -> Node:
     return reader.root
 
 
-class _Reader:
+class _XmlReader:
     def __init__(self, file: str) -> None:
         self.file, self.open, self.count = file, [], 0
         self.root = Node("", "", {}, "")

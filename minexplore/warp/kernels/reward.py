@@ -40,7 +40,7 @@ def score_steps(
 ):
     """Give robots that drove their rewards and end their episodes, a thread a robot; the others get 0 and no end.
 
-    An episode also ends where the physics failed, so that the next reset mends it; `fault` tells of it.
+    An episode also ends where the physics failed, so that the next reset mends it; `fault` marks it.
     """
     robot = wp.tid()
     if not drives[robot]:

@@ -1,4 +1,4 @@
-"""Which areas on a drawing sheet may be workings, and which level of several they show."""
+"""Which areas on a drawing may be workings, and which level of several they show."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from pipeline.types import Mask
 
 Box = tuple[int, int, int, int]
 
-_SHARE = 0.006  # of the sheet that workings cover at least
-_REACHES = 0.2  # of the sheet's side that workings extend over at least
-_MARGIN, _INNER = 0.04, 0.3  # of the sheet's side, and share that lies inside: a frame lies nearer to the edge
+_SHARE = 0.006  # of the drawing that workings cover at least
+_REACHES = 0.2  # of the drawing's side that workings extend over at least
+_MARGIN, _INNER = 0.04, 0.3  # of the drawing's side, and share that lies inside: a frame lies nearer to the edge
 _RIVAL = 0.1  # of the largest drawing's area: a smaller one is a sample or a detail
 _COMPACT = 0.9  # share of its convex hull that a box, a circle or a patch fills
 
 
-def find_drawings(areas: Mask) -> list[int]:
+def find_plans(areas: Mask) -> list[int]:
     """Return the labels of the areas that may be workings, largest first: large, extended and not compact."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(areas.astype(np.uint8), connectivity=4)
     rows, cols = areas.shape
@@ -41,26 +41,26 @@ def find_drawings(areas: Mask) -> list[int]:
     return [k for k in found if stats[k, cv2.CC_STAT_AREA] >= _RIVAL * stats[found[0], cv2.CC_STAT_AREA]]
 
 
-def choose_drawing(areas: Mask, drawings: list[int], level: int | None) -> tuple[Mask, list[Box]]:
+def choose_plan(areas: Mask, plans: list[int], level: int | None) -> tuple[Mask, list[Box]]:
     """Return the area of the chosen drawing and the boxes of all, by rows from the upper left."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(areas.astype(np.uint8), connectivity=4)
-    height = max(stats[k, 3] for k in drawings)
-    order = sorted(drawings, key=lambda k: (round((stats[k, 1] + stats[k, 3]) / height), stats[k, 0]))
+    height = max(stats[k, 3] for k in plans)
+    order = sorted(plans, key=lambda k: (round((stats[k, 1] + stats[k, 3]) / height), stats[k, 0]))
     boxes = [(int(s[0]), int(s[1]), int(s[0] + s[2]), int(s[1] + s[3])) for s in (stats[k] for k in order)]
     if level is not None and not 1 <= level <= len(order):
-        raise GeometryError(f"--level {level}: the sheet shows {len(order)} drawings")
+        raise GeometryError(f"--level {level}: the drawing shows {len(order)} plans")
     if level is None and len(order) > 1:
         shown = "; ".join(f"{k}: columns {b[0]}-{b[2]}, rows {b[1]}-{b[3]}" for k, b in enumerate(boxes, start=1))
         raise LevelsError(
-            f"the sheet shows {len(order)} drawings ({shown}); --level N chooses one", np.isin(labels, order)
+            f"the drawing shows {len(order)} plans ({shown}); --level N chooses one", np.isin(labels, order)
         )
     return labels == order[(level or 1) - 1], boxes
 
 
-def largest_area(areas: Mask, drawings: list[int]) -> int:
+def largest_area(areas: Mask, plans: list[int]) -> int:
     """Return the pixels of the largest drawing; 0 if there is none."""
     _, _, stats, _ = cv2.connectedComponentsWithStats(areas.astype(np.uint8), connectivity=4)
-    return int(stats[drawings[0], cv2.CC_STAT_AREA]) if drawings else 0
+    return int(stats[plans[0], cv2.CC_STAT_AREA]) if plans else 0
 
 
 def part(areas: Mask, label: int) -> Mask:

@@ -1,4 +1,4 @@
-"""Survey lines on a drawing sheet: lines in the middle between two walls."""
+"""Survey lines on a drawing: lines in the middle between two walls."""
 
 from __future__ import annotations
 

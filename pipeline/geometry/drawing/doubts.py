@@ -1,4 +1,4 @@
-"""Reasons to doubt the workings that were found on a drawing sheet."""
+"""Reasons to doubt the workings that were found on a drawing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.types import Mask
 
 _AGREE, _SAME = 0.97, 0.95  # IoU of the workings with both gaps, and without grey lines
 _UNEXPLAINED = 2.5  # drift widths of line inside the workings that no reading explains
-_RULED = 0.12  # of the sheet's side: a level or upright line this long is a piece of a grid
+_RULED = 0.12  # of the drawing's side: a level or upright line this long is a piece of a grid
 _OTHER, _RULER_PX = 0.3, 10  # extent of another drawing, of that of the workings; width of a ruled line
 _BOX = 0.7  # covered share of a box's sides
 _OUTLINED, _NEAR_PX = 0.95, 4.0  # share of the border that has a line, and how near, px
@@ -32,23 +32,23 @@ _BESIDE_PX, _FAR = (
 _THICK = 0.5  # area of other ink than the filling, thicker than lines, in drift widths squared
 
 
-class SheetError(GeometryError):
-    """The workings on a drawing sheet are in doubt; `found` (rows, cols) bool marks what was found."""
+class DrawingError(GeometryError):
+    """The workings on a drawing are in doubt; `found` (rows, cols) bool marks what was found."""
 
     def __init__(self, message: str, found: Mask) -> None:
         super().__init__(message)
         self.found = found
 
 
-class LevelsError(SheetError):
-    """A drawing sheet shows several levels, and none is stated."""
+class LevelsError(DrawingError):
+    """A drawing shows several levels, and none is stated."""
 
 
 def require_agreement(mask: Mask, other: Mask) -> None:
     """Refuse workings that another reading gives otherwise."""
     iou = float((mask & other).sum() / max(1, (mask | other).sum()))
     if iou < _AGREE:
-        raise SheetError(
+        raise DrawingError(
             f"the workings depend on which gaps in walls are closed (IoU {iou:.2f} between two readings, at least "
             f"{_AGREE}); --seed COL,ROW names a place inside, --gap PX states the widest gap",
             mask,
@@ -59,7 +59,7 @@ def require_same(mask: Mask, black: Mask) -> None:
     """Refuse workings between dark lines that black lines alone give otherwise."""
     iou = float((mask & black).sum() / max(1, (mask | black).sum()))
     if iou < _SAME:
-        raise SheetError(
+        raise DrawingError(
             f"the workings depend on whether grey lines are walls (IoU {iou:.2f} between two readings, at least "
             f"{_SAME}); --ignore R,G,B leaves out a colour, --seed COL,ROW names a place inside",
             mask,
@@ -70,7 +70,7 @@ def require_explained(lines: Mask, mask: Mask, width: float, reach_px: float) ->
     """Refuse workings with long lines inside or beside them that are no wall of theirs."""
     length = unexplained_px(lines & ~in_the_middle(mask), mask, width, reach_px)
     if length > _UNEXPLAINED * width:
-        raise SheetError(
+        raise DrawingError(
             f"{length:.0f} px of lines at the workings are no wall of theirs; --crop COL0,ROW0,COL1,ROW1 or "
             "--ignore R,G,B leaves out what is no wall, --seed COL,ROW names a place inside",
             mask,
@@ -82,7 +82,7 @@ def require_outlined(lines: Mask, mask: Mask) -> None:
     border = mask & grown(~mask, 1.0)
     share = float(grown(lines, _NEAR_PX)[border].mean())
     if share < _OUTLINED:
-        raise SheetError(
+        raise DrawingError(
             f"lines are drawn along {100 * share:.0f} % of the workings' border, at least {100 * _OUTLINED:.0f} % are "
             "needed; --seed COL,ROW names a place inside, --gap PX states the widest gap",
             mask,
@@ -96,7 +96,7 @@ def require_on_walls(lines: Mask, mask: Mask, width: float) -> None:
     walls = lines & (from_border <= np.where(mask, _INSIDE, _AT_BORDER) * width)
     off = float((from_border[walls] > stroke_px(lines) / 2 + _OFF_PX).mean()) if walls.any() else 1.0
     if off > _OFF:
-        raise SheetError(
+        raise DrawingError(
             f"{100 * off:.0f} % of the lines at the workings' border are no wall of theirs or are left by it, at most "
             f"{100 * _OFF:.0f} % may; --crop COL0,ROW0,COL1,ROW1 or --ignore R,G,B leaves out what is no wall, "
             "--seed COL,ROW names a place inside",
@@ -119,7 +119,7 @@ def require_whole(areas: Mask, mask: Mask, width: float, ink: Mask) -> None:
     left = max(near[near > 0], key=lambda k: stats[k, cv2.CC_STAT_AREA], default=0)
     if left and stats[left, cv2.CC_STAT_AREA] > _PIECE * width**2:
         col, row, *_ = stats[left]
-        raise SheetError(
+        raise DrawingError(
             f"a piece of {stats[left, cv2.CC_STAT_AREA]} px with the same filling lies beside the workings, at "
             f"({col}, {row}), and is not joined to them; --gap PX closes gaps, --crop COL0,ROW0,COL1,ROW1 leaves out "
             "what is no workings",
@@ -131,14 +131,14 @@ def require_filled(filling: Mask, with_cells: Mask, without: Mask, mask: Mask) -
     """Refuse filled workings that depend on small cells of paper, or that lie far from their filling."""
     iou = float((with_cells & without).sum() / max(1, (with_cells | without).sum()))
     if iou < _CELLS:
-        raise SheetError(
+        raise DrawingError(
             f"the workings depend on whether small cells of paper belong to them (IoU {iou:.2f} between two readings, "
             f"at least {_CELLS}); --ignore R,G,B leaves out the colour of lines that part them from the paper",
             mask,
         )
     far = float((mask & ~grown(filling, _BESIDE_PX)).sum() / max(1, mask.sum()))
     if far > _FAR:
-        raise SheetError(
+        raise DrawingError(
             f"{100 * far:.1f} % of the workings lie more than {_BESIDE_PX:g} px from their filling, at most "
             f"{100 * _FAR:g} % may; --ignore R,G,B leaves out a colour, --crop COL0,ROW0,COL1,ROW1 what is no workings",
             mask,
@@ -152,7 +152,7 @@ def require_one_filling(areas: Mask, mask: Mask, width: float) -> None:
     other = max(near[near > 0], key=lambda k: stats[k, cv2.CC_STAT_AREA], default=0)
     if other and stats[other, cv2.CC_STAT_AREA] > _THICK * width**2:
         col, row, *_, size = stats[other]
-        raise SheetError(
+        raise DrawingError(
             f"an area of {size} px with another filling lies beside the workings, at ({col}, {row}); "
             "--ignore R,G,B leaves out a colour, --crop COL0,ROW0,COL1,ROW1 what is no workings",
             mask,
@@ -163,7 +163,7 @@ def require_no_filling(areas: Mask, mask: Mask) -> None:
     """Refuse workings between lines that are filled: the filling was not understood."""
     share = float(areas[mask].mean())
     if share > _FILLED:
-        raise SheetError(
+        raise DrawingError(
             f"{100 * share:.0f} % of what the lines enclose is filled, but not in one shade; --ignore R,G,B leaves out "
             "a colour, --crop COL0,ROW0,COL1,ROW1 what is no workings",
             mask,
@@ -186,7 +186,7 @@ def require_taken(lines: Mask, mask: Mask, width: float, reach_px: float) -> Non
     if drifts.sum() > _LOST * width**2:
         _, _, stats, _ = cv2.connectedComponentsWithStats(drifts)
         col, row, *_ = stats[1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())]
-        raise SheetError(
+        raise DrawingError(
             f"two lines of the workings run on at ({col}, {row}) like walls of a drift, which is not enclosed; "
             "--seed COL,ROW names a place inside, --gap PX states the widest gap",
             mask,
@@ -208,7 +208,7 @@ def require_alone(lines: Mask, mask: Mask, join_px: float = 0.0) -> None:
         piece = labels[top : top + height, left : left + width] == k
         border = [piece[:4].any(axis=0), piece[-4:].any(axis=0), piece[:, :4].any(axis=1), piece[:, -4:].any(axis=1)]
         if np.mean(np.concatenate(border)) < _BOX and not _is_circle(piece):
-            raise SheetError(
+            raise DrawingError(
                 f"another drawing of {width} x {height} px lies beside the workings, at ({left}, {top}); "
                 "--crop COL0,ROW0,COL1,ROW1 leaves it out",
                 mask,

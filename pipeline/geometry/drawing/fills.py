@@ -1,4 +1,4 @@
-"""Find workings that a drawing sheet shows as filled areas."""
+"""Find workings that a drawing shows as filled areas."""
 
 from __future__ import annotations
 

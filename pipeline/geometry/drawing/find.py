@@ -1,4 +1,4 @@
-"""Find the workings on a drawing sheet: areas or lines, one level of several, and reasons to doubt the finding."""
+"""Find the workings on a drawing: areas or lines, one level of several, and reasons to doubt the finding."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.drawing.candidates import Box, choose_drawing, find_drawings, largest_area, largest_part, part
+from pipeline.geometry.drawing.candidates import Box, choose_plan, find_plans, largest_area, largest_part, part
 from pipeline.geometry.drawing.centre_lines import drop_centre_lines
 from pipeline.geometry.drawing.doubts import (
+    DrawingError,
     LevelsError,
-    SheetError,
     require_agreement,
     require_alone,
     require_explained,
@@ -81,8 +81,8 @@ class _Walls:
 
 
 @dataclass(frozen=True)
-class SheetReading:
-    """The workings (rows, cols) of one level, how they are drawn, and the boxes of all levels on the sheet."""
+class DrawingReading:
+    """The workings (rows, cols) of one level, how they are drawn, and the boxes of all levels on the drawing."""
 
     mask: Mask
     walls: str
@@ -90,19 +90,19 @@ class SheetReading:
     width_px: float
 
 
-def read_sheet(picture: Image, level: int | None) -> SheetReading:
-    """Find the workings on a sheet with dark ink on light paper.
+def read_drawing(picture: Image, level: int | None) -> DrawingReading:
+    """Find the workings on a drawing with dark ink on light paper.
 
     Parameters
     ----------
     picture : (rows, cols, 3) uint8
     level : int or None
-        Which drawing of several, from 1, by rows from the upper left.
+        Which plan of several, from 1, by rows from the upper left.
 
     Raises
     ------
     GeometryError
-        If nothing looks like workings, several drawings do and no level is stated, or the finding is doubtful. The
+        If nothing looks like workings, several plans do and no level is stated, or the finding is doubtful. The
         message names the option that settles it.
     """
     try:
@@ -121,11 +121,11 @@ def read_sheet(picture: Image, level: int | None) -> SheetReading:
         raise doubt from None
 
 
-def _read_area(picture: Image, level: int | None) -> SheetReading | None:
+def _read_area(picture: Image, level: int | None) -> DrawingReading | None:
     """Read workings drawn as a filled or hatched area; None if no area looks like workings."""
     ink = find_ink(picture)
     filled, closed = find_areas(ink), find_hatched(ink)
-    plain, dense = find_drawings(filled), find_drawings(closed)
+    plain, dense = find_plans(filled), find_plans(closed)
     share = 1 if _is_hatched(picture, ink, closed) else 2  # outlines may be thick enough for areas
     if plain and largest_area(closed, dense) < share * largest_area(filled, plain):
         shade = fill_shade(picture, part(filled, plain[0]))
@@ -143,7 +143,7 @@ def _read_area(picture: Image, level: int | None) -> SheetReading | None:
     return None
 
 
-def _filled_reading(picture: Image, ink: Mask, thick: Mask, shade: np.ndarray, level: int | None) -> SheetReading:
+def _filled_reading(picture: Image, ink: Mask, thick: Mask, shade: np.ndarray, level: int | None) -> DrawingReading:
     """Read workings of one colour (3,), and doubt them if small cells of paper or other areas of ink may matter."""
     found = _area_reading(picture, ink, find_filled(picture, shade), level, "filled")
     near = grown(found.mask, _BESIDE_PX)
@@ -155,11 +155,11 @@ def _filled_reading(picture: Image, ink: Mask, thick: Mask, shade: np.ndarray, l
     return found
 
 
-def _area_reading(picture: Image, ink: Mask, areas: Mask, level: int | None, walls: str) -> SheetReading:
-    drawings = find_drawings(areas)
-    if not drawings:
+def _area_reading(picture: Image, ink: Mask, areas: Mask, level: int | None, walls: str) -> DrawingReading:
+    plans = find_plans(areas)
+    if not plans:
         raise GeometryError(_NOTHING)
-    chosen, boxes = choose_drawing(areas, drawings, level)
+    chosen, boxes = choose_plan(areas, plans, level)
     mask = largest_part(trim(chosen, 2 * ridge_half_width(chosen)))
     if not mask.any():
         raise GeometryError(_NOTHING)
@@ -169,10 +169,10 @@ def _area_reading(picture: Image, ink: Mask, areas: Mask, level: int | None, wal
     require_whole(areas, mask, width, ink)
     if level is None:
         require_alone(drop_small(drop_straight(_dark_lines(picture, False)), _LETTER_PX), mask)
-    return SheetReading(mask, walls, boxes, width)
+    return DrawingReading(mask, walls, boxes, width)
 
 
-def _read_lines(picture: Image, level: int | None) -> SheetReading:
+def _read_lines(picture: Image, level: int | None) -> DrawingReading:
     """Read walls drawn as lines: all dark lines, and black ones only; a grey line is a wall or is none."""
     ink = find_ink(picture)
     filled, closed = find_areas(ink), find_hatched(ink)
@@ -189,7 +189,7 @@ def _read_lines(picture: Image, level: int | None) -> SheetReading:
             return _first_reading(black, filled, level)
         except GeometryError:
             raise doubt from None
-    other: SheetReading | None = None
+    other: DrawingReading | None = None
     with suppress(GeometryError):
         other = _first_reading(black, filled, level)
     if other is not None:
@@ -197,7 +197,7 @@ def _read_lines(picture: Image, level: int | None) -> SheetReading:
     return found
 
 
-def _first_reading(lines: Mask, filled: Mask, level: int | None) -> SheetReading:
+def _first_reading(lines: Mask, filled: Mask, level: int | None) -> DrawingReading:
     """Return the first reading of lines without a doubt."""
     doubt: GeometryError | None = None
     for drawn in _readings(lines):
@@ -211,8 +211,8 @@ def _first_reading(lines: Mask, filled: Mask, level: int | None) -> SheetReading
                     require_no_filling(filled, found.mask)
                     return found
             except GeometryError as error:
-                if not isinstance(doubt, SheetError):  # one that shows something is more helpful
-                    doubt = error if doubt is None or isinstance(error, SheetError) else doubt
+                if not isinstance(doubt, DrawingError):  # one that shows something is more helpful
+                    doubt = error if doubt is None or isinstance(error, DrawingError) else doubt
     raise doubt or GeometryError("no lines")
 
 
@@ -235,23 +235,23 @@ def _readings(dark: Mask) -> Iterator[_Walls]:
 def _width_px(walls: Mask, reach_px: float) -> float:
     """Return the typical width, px, of what walls enclose."""
     first = enclose(walls, reach_px)
-    drawings = find_drawings(first)
+    plans = find_plans(first)
     _, labels = cv2.connectedComponents(first.astype(np.uint8), connectivity=4)
-    width = 2 * ridge_half_width(labels == drawings[0]) if drawings else 0.0
+    width = 2 * ridge_half_width(labels == plans[0]) if plans else 0.0
     if width < _NARROWEST_PX:
         raise GeometryError(_NOTHING)
     return width
 
 
-def _enclosed(drawn: _Walls, width: float, level: int | None) -> SheetReading:
+def _enclosed(drawn: _Walls, width: float, level: int | None) -> DrawingReading:
     walls, lines = drawn.mask, drawn.lines
     narrow, wide = (enclose(walls, max(2.0, share * width)) for share in drawn.gaps)
-    drawings = find_drawings(wide)
-    if not drawings:
+    plans = find_plans(wide)
+    if not plans:
         raise GeometryError(
             "the drawn walls enclose nothing; --seed COL,ROW names a place inside, --gap PX closes gaps"
         )
-    chosen, boxes = choose_drawing(wide, drawings, level)
+    chosen, boxes = choose_plan(wide, plans, level)
     mask = largest_part(chosen)
     require_agreement(mask, largest_part(narrow & grown(mask, _BESIDE_PX)))
     require_explained(lines, mask, width, _GAPS[1] * width)
@@ -261,7 +261,7 @@ def _enclosed(drawn: _Walls, width: float, level: int | None) -> SheetReading:
     if level is None:
         require_alone(lines, mask)
         require_alone(lines, mask, _JOINED_PX)
-    return SheetReading(mask, "lines", boxes, 2 * ridge_half_width(mask))
+    return DrawingReading(mask, "lines", boxes, 2 * ridge_half_width(mask))
 
 
 def _dark_lines(picture: Image, only_black: bool) -> Mask:
@@ -276,10 +276,10 @@ def _dark_lines(picture: Image, only_black: bool) -> Mask:
 
 def _is_hatched(picture: Image, ink: Mask, areas: Mask) -> bool:
     """Return whether colourless parallel lines cover the largest of the areas everywhere."""
-    drawings = find_drawings(areas)
-    if not drawings:
+    plans = find_plans(areas)
+    if not plans:
         return False
-    area = part(areas, drawings[0])
+    area = part(areas, plans[0])
     inside = cv2.erode(area.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     hatch = (ink & (picture.max(axis=2) - picture.min(axis=2) <= _CHROMA)).astype(np.uint8)
     if not (inside & (hatch > 0)).any() or (hatch[inside] > 0).all():

@@ -1,4 +1,4 @@
-"""Close gaps in walls that a drawing sheet shows as lines: ends of lines are joined to those that continue them."""
+"""Close gaps in walls that a drawing shows as lines: ends of lines are joined to those that continue them."""
 
 from __future__ import annotations
 

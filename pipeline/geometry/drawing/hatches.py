@@ -1,11 +1,11 @@
-"""Find workings that a drawing sheet shows as hatched areas within an outline."""
+"""Find workings that a drawing shows as hatched areas within an outline."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 
-from pipeline.geometry.drawing.doubts import SheetError, require_whole
+from pipeline.geometry.drawing.doubts import DrawingError, require_whole
 from pipeline.geometry.drawing.fills import ridge_half_width
 from pipeline.geometry.drawing.wall_lines import find_straight, grown
 from pipeline.geometry.outline.binarize import disc
@@ -53,7 +53,7 @@ def require_hatch_outlined(picture: Image, ink: Mask, mask: Mask) -> None:
 
     Raises
     ------
-    SheetError
+    DrawingError
         With the share of the border that has an outline, or the place of what was lost.
     """
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
@@ -65,7 +65,7 @@ def require_hatch_outlined(picture: Image, ink: Mask, mask: Mask) -> None:
     _, _, bare, _ = cv2.connectedComponentsWithStats((border & ~outlined).astype(np.uint8))
     longest, width = int(bare[1:, cv2.CC_STAT_AREA].max(initial=0)), 2 * ridge_half_width(mask)
     if share < _OUTLINED or longest > _BARE * width:
-        raise SheetError(
+        raise DrawingError(
             f"an outline runs along {100 * share:.0f} % of a hatched area, at least {100 * _OUTLINED:.0f} % are "
             f"needed, and is missing along {longest} px; --crop COL0,ROW0,COL1,ROW1 leaves out what is no workings",
             mask,

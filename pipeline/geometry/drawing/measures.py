@@ -1,4 +1,4 @@
-"""Measures on a drawing sheet: level or upright thin lines with an arrow at both ends."""
+"""Measures on a drawing: level or upright thin lines with an arrow at both ends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables on a drawing sheet: title blocks and legends, boxes of level and upright lines with letters in them."""
+"""Tables on a drawing: title blocks and legends, boxes of level and upright lines with letters in them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pipeline.types import Mask
 
 _SIDE_PX = 61  # the shortest side; odd: an even kernel moves an opening by a pixel
 _CLOSED, _PEN_PX = 0.95, 4  # share of each side that one straight line covers, among this many; walls waver
-_LARGEST = 0.25  # of the sheet
+_LARGEST = 0.25  # of the drawing
 _WORD_PX, _LETTER_PX, _LEAST_PX = 70, 14, 4
 _NARROW = 4.0  # variance along a stroke of rock hatching, of that across it
 _LETTERS, _MOSTLY = 8, 0.6  # pieces that are letters or words, and their share of all small pieces

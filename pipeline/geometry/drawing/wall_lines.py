@@ -1,4 +1,4 @@
-"""Find workings whose walls a drawing sheet shows as lines, with gaps, among other lines."""
+"""Find workings whose walls a drawing shows as lines, with gaps, among other lines."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 
 from pipeline.types import Mask
 
-_LONG = 0.6  # of the sheet's side: a straight line this long is a frame or a grid
+_LONG = 0.6  # of the drawing's side: a straight line this long is a frame or a grid
 _BREAK_PX = 25  # a light letter breaks a straight line by less
 _INKED = 0.92  # of a straight line's length that has ink
 _CROSSED = np.ones((5, 5), np.uint8)  # closes thin lines that were removed
@@ -22,7 +22,7 @@ _MEASURE, _MEASURES = 5.0, 12.0  # drift widths of the longest measure, and of a
 
 
 def find_straight(lines: Mask, share: float = _LONG) -> tuple[Mask, Mask]:
-    """Return the level and the upright lines that are longer than a share of the sheet's side."""
+    """Return the level and the upright lines that are longer than a share of the drawing's side."""
     mask = lines.astype(np.uint8)
     tall, wide = (max(40, round(share * side)) for side in lines.shape)
     level, upright = (
@@ -32,7 +32,7 @@ def find_straight(lines: Mask, share: float = _LONG) -> tuple[Mask, Mask]:
 
 
 def drop_straight(lines: Mask, share: float = _LONG) -> Mask:
-    """Remove level and upright lines that are longer than a share of the sheet's side: grids, frames, tables."""
+    """Remove level and upright lines that are longer than a share of the drawing's side: grids, frames, tables."""
     level, upright = find_straight(lines, share)
     return lines & ~level & ~upright
 
@@ -107,7 +107,7 @@ def _continues(points: np.ndarray, walls: Mask) -> bool:
 
 
 def enclose(lines: Mask, reach_px: float) -> Mask:
-    """Return the areas that an odd number of walls separates from the sheet's edge.
+    """Return the areas that an odd number of walls separates from the drawing's edge.
 
     Gaps in walls narrower than twice `reach_px` count as closed. The pixels of lines and gaps go to the nearest area,
     so a wall is the middle of its line.

@@ -25,7 +25,17 @@ def thin_polygon(free: Polygon, cell_m: float) -> tuple[nx.Graph, Frame]:
     width, height = (int(np.ceil(size / cell_m)) + 4 for size in (east - west, north - south))
     frame = Frame(1.0 / cell_m, 2.0 - west / cell_m, height - 2.0 + south / cell_m, width, height)
     cells = _without_tips(fill_polygon(free, frame), free, frame)
-    return _pixel_graph(skeletonize(cells, method="lee") > 0), frame
+    return _pixel_graph(_with_neighbour(skeletonize(cells, method="lee") > 0, cells)), frame
+
+
+def _with_neighbour(skeleton: Mask, cells: Mask) -> Mask:
+    """Add a free neighbour to a skeleton of one cell: a square or round room then has a leg, one cell long."""
+    if np.count_nonzero(skeleton) != 1:
+        return skeleton
+    row, col = np.argwhere(skeleton)[0]
+    sides = [(row, col + 1), (row + 1, col), (row, col - 1), (row - 1, col)]
+    skeleton[next((side for side in sides if cells[side]), (row, col))] = True
+    return skeleton
 
 
 def _without_tips(cells: Mask, free: Polygon, frame: Frame) -> Mask:

@@ -51,7 +51,7 @@ def fit_openings(outline: BaseGeometry, heights: Heights) -> tuple[Openings, lis
     outline : shapely polygon, one a sheet, m, plan
     heights : Heights
     """
-    plan = _Plan(outline, heights)
+    plan = _SheetPlan(outline, heights)
     built: list[Opening] = []
     left_out = []
     stopes: list[Opening] = []
@@ -95,7 +95,7 @@ def _left_out(shaft: Shaft, side_m: float) -> str:
     )
 
 
-class _Plan:
+class _SheetPlan:
     """The sheets of the workings in plan, and the seams between them."""
 
     def __init__(self, outline: BaseGeometry, heights: Heights) -> None:
@@ -217,7 +217,7 @@ def raises_over_roofs(openings: Openings, floor: Floor, height_m: float) -> tupl
 def roof_round(opening: Opening, floor: Floor, height_m: float) -> tuple[np.ndarray, float]:
     """Return the roof's height (k,) m at the corners of a raise, and how much higher it is between them.
 
-    It is linear on each face of the floor's mesh, so that the borders of faces tell.
+    It is linear on each face of the floor's mesh, so that the borders of faces suffice.
     """
     roof, corners = floor.raised(height_m), np.array(opening.outline_m)
     heights, uneven_m = roof.heights_at(corners), 0.0

@@ -12,6 +12,9 @@ from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.types import Frame, Mask
 
 _NEAR_M = 5.0  # a place in rock selects the nearest workings up to this distance
+_NECK_M = 0.05  # workings thinner than twice this connect nothing: two areas that touch in a corner, say
+_SLIVER_M2 = 0.01  # smaller pieces are rounding along a wall
+_SPIKE_M = 0.5  # a corner so thin and longer is cut off; the notches of rough walls are shorter
 Places = list[tuple[float, float]]
 
 
@@ -80,7 +83,10 @@ def _not_connected(one: tuple[float, float], other: tuple[float, float], gap_m: 
 
 
 def mend(workings: MultiPolygon, bridge_m: float, min_island_m2: float) -> MultiPolygon:
-    """Close gaps between components of vector workings, and fill islands that are too small to be pillars.
+    """Close gaps between components of vector workings, part them at necks, and fill islands too small to be pillars.
+
+    A neck is thinner than 10 cm. The tips of sharp corners that are so thin for over 0.5 m are cut off. Components
+    without either stay as they are.
 
     Parameters
     ----------
@@ -95,7 +101,7 @@ def mend(workings: MultiPolygon, bridge_m: float, min_island_m2: float) -> Multi
     ]
     whole = as_polygons(shapely.union_all(filled))
     if bridge_m == 0 or len(whole.geoms) < 2:
-        return whole
+        return _part_at_necks(whole)
     closed = whole.buffer(bridge_m, join_style="mitre").buffer(-bridge_m, join_style="mitre")
     bridges = [
         piece
@@ -104,4 +110,19 @@ def mend(workings: MultiPolygon, bridge_m: float, min_island_m2: float) -> Multi
     ]
     # A bridge must overlap its components, not only touch them.
     grown = [piece.buffer(1e-6, join_style="mitre") for piece in bridges]
-    return as_polygons(shapely.union_all([whole, *grown]))
+    return _part_at_necks(as_polygons(shapely.union_all([whole, *grown])))
+
+
+def _part_at_necks(workings: MultiPolygon) -> MultiPolygon:
+    """Return workings without necks, which part a component, and without spikes; others stay as they are."""
+    parted: list[Polygon] = []
+    for component in workings.geoms:
+        cores = as_polygons(component.buffer(-_NECK_M, join_style="mitre")).geoms
+        parts = [core.buffer(_NECK_M, join_style="mitre").intersection(component) for core in cores]
+        thin = np.array(
+            [p for p in as_polygons(component.difference(shapely.union_all(parts))).geoms if p.area > _SLIVER_M2]
+        )
+        sides = shapely.bounds(thin).reshape(-1, 2, 2)
+        has_spike = bool((np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1) > _SPIKE_M).any())
+        parted += [p for part in parts for p in as_polygons(part).geoms] if len(parts) > 1 or has_spike else [component]
+    return MultiPolygon(parted)

@@ -102,7 +102,8 @@ def _joints(walls: list[LineString], snap_m: float) -> list[LineString]:
 def _odd_faces(faces: np.ndarray) -> list[Polygon]:
     """Return the faces that an odd number of walls separates from the outside.
 
-    Faces of one linework share whole edges, so equal edges tell neighbours; an edge of one face only is outside.
+    Faces of one linework share whole edges, so faces with an equal edge are neighbours; an edge of one face only is
+    outside.
     """
     rings, face = shapely.get_rings(faces, return_index=True)
     edges, ring = edges_of(rings)

@@ -57,12 +57,14 @@ class PlanSurveyParams(ScaledSurveyParams):
     ignore_colours: list[IgnoredColour] = Field(
         default_factory=list, description="colours that are no workings, each as {rgb, within}"
     )
-    sheet: bool = Field(default=False, description="a drawing sheet: only what looks like workings is kept")
+    workings_only: bool = Field(
+        default=False, description="leave out frames, labels, grids and whatever else does not look like workings"
+    )
     level: int | None = Field(
         default=None,
         ge=1,
         le=99,
-        description="which of several drawings on a sheet is read, from 1; null: it shows one",
+        description="which plan of several on the drawing is read, from 1; null: it shows one",
     )
     line_drawing: bool = Field(default=False, description="walls are drawn as lines that enclose the workings")
     seeds_px: list[tuple[float, float]] = Field(

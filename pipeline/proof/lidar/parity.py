@@ -17,7 +17,7 @@ from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.geometry.raycast import RayCaster
-from pipeline.mjcf.bundle import World, geom_triangles
+from pipeline.mjcf.bundle import OpenedBundle, geom_triangles
 from pipeline.survey.grid.nav2 import read_nav2_map
 
 _HEIGHT_M, _RANGE_M = 0.3, 10.0
@@ -61,13 +61,13 @@ class ParityReport:
     left_out: dict[str, str]
 
 
-def compare_backends(folder: Path, world: World, free: Polygon, rays: int, seed: int) -> ParityReport:
+def compare_backends(folder: Path, world: OpenedBundle, free: Polygon, rays: int, seed: int) -> ParityReport:
     """Cast level rays at the collision rock from random places where a robot can stand.
 
     Parameters
     ----------
     folder : Path
-    world : World
+    world : OpenedBundle
         The bundle, opened.
     free : shapely.Polygon, m, mine frame
     rays : int
@@ -127,7 +127,7 @@ def _by_mujoco(
     return np.where((ranges < 0) | (ranges > _RANGE_M), _RANGE_M, ranges)
 
 
-def _by_open3d(world: World, group: int, places: np.ndarray, bearings: np.ndarray) -> np.ndarray:
+def _by_open3d(world: OpenedBundle, group: int, places: np.ndarray, bearings: np.ndarray) -> np.ndarray:
     caster = RayCaster(geom_triangles(world.model, group))
     starts = np.column_stack([places, np.full(len(places), _HEIGHT_M)])
     return np.minimum(caster.cast(starts, _directions(bearings)), _RANGE_M)

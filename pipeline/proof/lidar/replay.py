@@ -13,7 +13,7 @@ from shapely import Polygon
 from minexplore.bundle import WALLS, GeomGroup
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.raycast import RayCaster
-from pipeline.mjcf.bundle import World, geom_triangles, visible_triangles
+from pipeline.mjcf.bundle import OpenedBundle, geom_triangles, visible_triangles
 from pipeline.params.validation import ReplayParams
 from pipeline.proof.lidar.replay_report import Replay, SweepReplay, range_errors, report_replay
 from pipeline.scans.registration import Pose, Registration, Search, register_scans
@@ -42,12 +42,14 @@ def find_sweeps(folder: Path) -> dict[str, Path]:
     return found
 
 
-def replay_sweeps(world: World, free: Polygon, poses: Path, sweeps: dict[str, Path], params: ReplayParams) -> Replay:
+def replay_sweeps(
+    world: OpenedBundle, free: Polygon, poses: Path, sweeps: dict[str, Path], params: ReplayParams
+) -> Replay:
     """Register surveyed poses to a world by their sweeps and compare every return's range with the world's.
 
     Parameters
     ----------
-    world : World
+    world : OpenedBundle
     free : shapely.Polygon, m, mine frame
         Where a scanner can stand.
     poses : Path
@@ -147,7 +149,7 @@ def _compare(
     pose: Pose,
     correction: Pose,
     walls: tuple[RayCaster, RayCaster],
-    world: World,
+    world: OpenedBundle,
     sensor_height_m: float,
 ) -> tuple[SweepReplay, np.ndarray]:
     """Compare one placed sweep with the collision and the visible walls; return its report and collision errors, m.
@@ -183,7 +185,7 @@ def _compare(
     return report, errors
 
 
-def _inside_frame(returns: Returns, pose: Pose, world: World) -> np.ndarray:
+def _inside_frame(returns: Returns, pose: Pose, world: OpenedBundle) -> np.ndarray:
     """Return which returns (n,) lie within the plan's frame."""
     west, south, east, north = world.record.plan_frame.extent_m
     x, y = _points(returns, pose).T

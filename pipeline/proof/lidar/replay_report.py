@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import theilslopes
 
-from pipeline.mjcf.bundle import World
+from pipeline.mjcf.bundle import OpenedBundle
 from pipeline.params.validation import ReplayParams
 from pipeline.scans.registration import Pose, Registration
 from pipeline.scans.sweeps import SurveyedPose
@@ -91,7 +90,7 @@ def report_replay(
     found: Registration,
     sweeps: dict[str, SweepReplay],
     surveyed: dict[str, SurveyedPose],
-    world: World,
+    world: OpenedBundle,
     params: ReplayParams,
 ) -> ReplayReport:
     """Return the report of a registration, the errors of its sweeps, and the poses' heights."""
@@ -126,5 +125,7 @@ def grade_along(points: np.ndarray) -> float:
     """
     xy = points[:, :2] - points[:, :2].mean(axis=0)
     along = np.linalg.svd(xy, full_matrices=False)[2][0]
+    from scipy.stats import theilslopes  # takes half a second to load, and most worlds have no sweeps
+
     slope = theilslopes(points[:, 2], xy @ (along if along[0] >= 0 else -along))[0]
     return round(math.degrees(math.atan(float(slope))), 3)

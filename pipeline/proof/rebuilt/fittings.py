@@ -110,7 +110,7 @@ def _furniture_made(
 
 
 def _require_furniture(folder: Path, names: set[str], made: dict[str, dict[str, TriangleMesh]]) -> None:
-    """Refuse furniture that is not all of one kind; the error tells how it differs from the nearest one."""
+    """Refuse furniture that is not all of one kind; the error names the first difference from the nearest one."""
     if not made:
         raise ArtifactError(f"{folder / mesh_file(min(names))}: furniture, realism.furniture says none")
     nearest = min(made, key=lambda kind: len(made[kind].keys() ^ names))

@@ -7,7 +7,7 @@ import numpy as np
 
 from minexplore.bundle import GeomGroup
 from minexplore.floors.floor import Floor
-from pipeline.mjcf.bundle import World
+from pipeline.mjcf.bundle import OpenedBundle
 from pipeline.mjcf.render import render_from
 from pipeline.types import DriftNetwork, Image
 
@@ -15,7 +15,7 @@ _EYE_M, _AHEAD_M, _BACK_M = 1.0, 12.0, 6.0
 _SIZE = (900, 600)
 
 
-def draw_views(world: World, network: DriftNetwork, floor: Floor | None = None) -> Image:
+def draw_views(world: OpenedBundle, network: DriftNetwork, floor: Floor | None = None) -> Image:
     """Return two robot-eye views side by side (600, 1800, 3) uint8, BGR; places are folded by a floor with heights."""
     floor = floor or Floor()
     longest = max(network.legs, key=lambda leg: leg.length_m)
@@ -34,7 +34,7 @@ def _back_from_end(stations: list[tuple[float, float]]) -> int:
     return int(np.flatnonzero(far)[-1]) if far.any() else 0
 
 
-def _view(world: World, floor: Floor, stations: list[tuple[float, float]], at: int) -> Image:
+def _view(world: OpenedBundle, floor: Floor, stations: list[tuple[float, float]], at: int) -> Image:
     line = np.array(stations)
     ahead = np.flatnonzero(np.linalg.norm(line - line[at], axis=1) >= _AHEAD_M)
     target = line[ahead[ahead > at][0]] if (ahead > at).any() else line[-1]

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.surface.mesh.lattice import BLEND_M, WALL, CrossSection, Lattice
 from pipeline.surface.mesh.seam_join import SeamJoin
-from pipeline.surface.mesh.walls import Sheets, smoothstep
+from pipeline.surface.mesh.walls import SheetColumns, smoothstep
 
 _FADE_M = 1.0  # from a seam, over which a difference of two sheets fades
 
@@ -71,7 +71,7 @@ def _roof_heights(lattice: Lattice, profile: CrossSection, columns: np.ndarray) 
     return np.clip(inner[beside, 2] + rise, lowest, profile.height_m)
 
 
-def _join(vertices: np.ndarray, sheets: Sheets, rows: int, columns: int) -> SeamJoin:
+def _join(vertices: np.ndarray, sheets: SheetColumns, rows: int, columns: int) -> SeamJoin:
     """Return where a lattice's points meet: the walls' columns at the ends of seams, and the roof over seams."""
     ends = ~sheets.open[sheets.joined]
     points, place, places = [], [], int(sheets.group.max()) + 1

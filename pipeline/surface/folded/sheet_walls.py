@@ -22,8 +22,8 @@ from pipeline.surface.mesh.walls import (
     EVEN_M,
     TURN_M,
     Ring,
-    Sheets,
-    Walls,
+    SheetColumns,
+    WallColumns,
     fillet,
     largest_discs,
     narrowest_half_width,
@@ -48,7 +48,9 @@ class _Run:
     is_ring: bool
 
 
-def lay_sheet_walls(free: BaseGeometry, floor: Floor, spacing_m: float, network: DriftNetwork | None = None) -> Walls:
+def lay_sheet_walls(
+    free: BaseGeometry, floor: Floor, spacing_m: float, network: DriftNetwork | None = None
+) -> WallColumns:
     """Place columns along the walls of each sheet and along its seams, as `lay_walls` does round one sheet.
 
     Two sheets have the same columns on their seam, and their walls meet there in the direction of the seam.
@@ -82,8 +84,8 @@ def lay_sheet_walls(free: BaseGeometry, floor: Floor, spacing_m: float, network:
     passage_m[walls] = free_m[walls] if network is None else passages(xy[walls], free_m[walls], network)
     free_m, rock_m, passage_m = (_evened(radius, runs) for radius in (free_m, rock_m, passage_m))
     along_m, length_m = _along(len(xy), runs, joined, group)
-    sheets = Sheets(is_open, joined, group, along_m, length_m, offset)
-    return Walls(xy, inward, free_m, rock_m, passage_m, rings, sheets, narrowest_half_width(network))
+    sheets = SheetColumns(is_open, joined, group, along_m, length_m, offset)
+    return WallColumns(xy, inward, free_m, rock_m, passage_m, rings, sheets, narrowest_half_width(network))
 
 
 def _rounded_sheets(free: BaseGeometry, floor: Floor, seams: list[SeamLine]) -> list[Polygon]:

@@ -17,7 +17,7 @@ from minexplore.floors.floor import Floor
 from pipeline.errors import GeometryError
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.surface.mesh.seam_join import SeamJoin
-from pipeline.surface.mesh.walls import Ring, Walls, outline_of, smoothstep
+from pipeline.surface.mesh.walls import Ring, WallColumns, outline_of, smoothstep
 from pipeline.types import Frame
 
 WALL, ROOF = 0, 1
@@ -53,7 +53,7 @@ class Lattice:
     column: np.ndarray
     faces: np.ndarray
     piece: np.ndarray
-    walls: Walls
+    walls: WallColumns
     rows: int
     seam_join: SeamJoin | None = None
     floor: Floor = field(default_factory=Floor)
@@ -72,7 +72,7 @@ class Lattice:
         return self.rows * len(self.walls.xy)
 
 
-def lay_lattice(walls: Walls, profile: CrossSection, spacing_m: float, roof_spacing_m: float) -> Lattice:
+def lay_lattice(walls: WallColumns, profile: CrossSection, spacing_m: float, roof_spacing_m: float) -> Lattice:
     """Place points on the walls and the arched roof of the workings.
 
     The roof starts at the walls' top row, so corners, junctions and islands have no seam. It rises as a parabola over
@@ -80,7 +80,7 @@ def lay_lattice(walls: Walls, profile: CrossSection, spacing_m: float, roof_spac
 
     Parameters
     ----------
-    walls : Walls
+    walls : WallColumns
     profile : CrossSection
     spacing_m, roof_spacing_m : float
         Greatest distance of neighbouring points up the walls, and in plan on the roof.
@@ -135,7 +135,7 @@ class _RoofGrid:
     origin: np.ndarray
 
 
-def _roof_grid(walls: Walls, spacing_m: float) -> _RoofGrid:
+def _roof_grid(walls: WallColumns, spacing_m: float) -> _RoofGrid:
     """Return the grid points of the roof; their numbers follow those of the wall columns."""
     xy, rings = walls.xy, walls.rings
     outline = outline_of(xy, rings)
@@ -159,7 +159,7 @@ def _step_m(rings: list[Ring]) -> float:
     return max(r.step_m for r in rings)
 
 
-def _roof_faces(walls: Walls, grid: _RoofGrid, spacing_m: float) -> np.ndarray:
+def _roof_faces(walls: WallColumns, grid: _RoofGrid, spacing_m: float) -> np.ndarray:
     """Triangulate the workings in plan: faces (m, 3) over wall columns and grid points."""
     xy, rings, number = walls.xy, walls.rings, grid.number
     corners = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
@@ -236,7 +236,7 @@ def _arch(inner: np.ndarray, near: np.ndarray, profile: CrossSection, spacing_m:
     return profile.height_m - profile.arch_rise_m * (1 - smooth)
 
 
-def _wall_faces(walls: Walls, rows: int) -> np.ndarray:
+def _wall_faces(walls: WallColumns, rows: int) -> np.ndarray:
     columns = len(walls.xy)
     left = np.arange(columns)
     right = np.concatenate([r.first + (np.arange(r.count) + 1) % r.count for r in walls.rings])

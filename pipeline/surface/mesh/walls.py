@@ -40,7 +40,7 @@ class Ring:
 
 
 @dataclass(frozen=True)
-class Sheets:
+class SheetColumns:
     """What the columns of several sheets have besides those of one.
 
     `open` (n,) marks columns in the open air, on a seam between its ends. Columns `joined` (k,) stand at one place of
@@ -57,7 +57,7 @@ class Sheets:
 
 
 @dataclass(frozen=True)
-class Walls:
+class WallColumns:
     """Wall columns in plan.
 
     `xy` (n, 2) m are their places, `inward` (n, 2) unit vectors into the workings. `free_m` and `rock_m` (n,) are radii
@@ -73,7 +73,7 @@ class Walls:
     rock_m: np.ndarray
     passage_m: np.ndarray
     rings: list[Ring]
-    sheets: Sheets | None = None
+    sheets: SheetColumns | None = None
     narrowest_m: float = 0.0
 
     @property
@@ -94,7 +94,7 @@ class Walls:
         return found
 
 
-def lay_walls(free: Polygon, spacing_m: float, network: DriftNetwork | None = None) -> Walls:
+def lay_walls(free: Polygon, spacing_m: float, network: DriftNetwork | None = None) -> WallColumns:
     """Place columns along the walls, at most `spacing_m` apart, and measure the space around each.
 
     Without a drift network, `passage_m` is `free_m`.
@@ -111,7 +111,7 @@ def lay_walls(free: Polygon, spacing_m: float, network: DriftNetwork | None = No
     free_m, rock_m = largest_discs(xy, inward)
     passage_m = free_m if network is None else passages(xy, free_m, network)
     free_m, rock_m, passage_m = (_smoothed(radius, rings) for radius in (free_m, rock_m, passage_m))
-    return Walls(xy, inward, free_m, rock_m, passage_m, rings, narrowest_m=narrowest_half_width(network))
+    return WallColumns(xy, inward, free_m, rock_m, passage_m, rings, narrowest_m=narrowest_half_width(network))
 
 
 def outline_of(xy: np.ndarray, rings: list[Ring]) -> Polygon | MultiPolygon:
@@ -123,7 +123,7 @@ def outline_of(xy: np.ndarray, rings: list[Ring]) -> Polygon | MultiPolygon:
     return parts[0] if len(parts) == 1 else MultiPolygon(parts)
 
 
-def foot_of(xy: np.ndarray, walls: Walls) -> tuple[Polygon | MultiPolygon, np.ndarray]:
+def foot_of(xy: np.ndarray, walls: WallColumns) -> tuple[Polygon | MultiPolygon, np.ndarray]:
     """Return the polygon through places (n, 2) m of the columns, straight over seams, and its columns' numbers."""
     kept = np.zeros(len(xy), bool)
     kept[walls.closed] = True

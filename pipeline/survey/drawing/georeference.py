@@ -7,7 +7,6 @@ import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
 import pyproj
 import rasterio
 from rasterio.crs import CRS
@@ -17,7 +16,7 @@ from rasterio.transform import Affine
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes
 from pipeline.guard.plain_number import plain_number
-from pipeline.survey.drawing.orientation import orientation_of
+from pipeline.survey.drawing.picture_header import read_header
 from pipeline.survey.vector.ground import ground_scale, is_true_to_scale
 from pipeline.survey.vector.shapes import coordinate_system
 
@@ -80,7 +79,7 @@ def read_placement(image: Path) -> Placement:
     file, tags = world_file(image), _geotiff_tags(image)
     if file is None and tags is None:
         raise InputError(f"{image}: has no world file and is not a GeoTIFF; survey.scale.source=georeference needs one")
-    orientation = orientation_of(np.memmap(image, np.uint8, "r").data)
+    orientation = read_header(image).orientation
     if orientation != 1:
         raise InputError(
             f"{image}: it is stored turned (orientation {orientation}); save it upright to use a georeference"

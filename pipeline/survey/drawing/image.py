@@ -10,9 +10,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.drawing.orientation import orientation_of, turn_upright
-from pipeline.survey.drawing.picture_header import require_picture_size, require_size
-from pipeline.survey.drawing.tiff_header import count_pages
+from pipeline.survey.drawing.picture_header import read_header, require_picture_size, require_size, turn_upright
 from pipeline.types import Image
 
 _STRIP_ROWS = 512  # conversions work on strips, so that they need little memory beside the picture
@@ -25,7 +23,7 @@ def read_image(path: Path, max_megapixels: float) -> Image:
     ----------
     path : Path
         PNG, JPEG, TIFF, BMP or PNM. The header is checked before pixels are decoded. The picture is turned upright as
-        its Exif data say. Of a TIFF with several pages the first is read, which is said.
+        its Exif data say. Of a TIFF with several pages the first is read, with a warning.
     max_megapixels : float
         Upper limit of the image's size.
 
@@ -43,8 +41,9 @@ def read_image(path: Path, max_megapixels: float) -> Image:
         raise InputError(f"{path}: empty file")
     if size > reader_limits().file_bytes:
         raise InputError(f"{path}: {size:,} bytes, the limit is {reader_limits().file_bytes:,} (file_bytes in {FILE})")
+    header = read_header(path)
+    require_picture_size(path, header, max_megapixels)
     data = np.fromfile(path, dtype=np.uint8)
-    require_picture_size(path, data.data, max_megapixels)
     try:
         picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     except cv2.error as error:  # OpenCV has its own limits on width, height and pixels
@@ -53,20 +52,13 @@ def read_image(path: Path, max_megapixels: float) -> Image:
         raise InputError(f"{path}: not an image that OpenCV can read ({data.size} bytes)")
     require_size(path, picture.shape[1], picture.shape[0], max_megapixels)
     _require_known_depth(path, picture)
-    if is_tiff(data):  # OpenCV turns it upright
-        pages = count_pages(data.data)
-        if pages > 1:
-            warn_user(f"{path.name}: the first of {pages} pages is read; save another one as a file of its own")
-    else:
-        picture = turn_upright(picture, orientation_of(data.data))
+    if not header.is_tiff:  # OpenCV turns a TIFF upright
+        picture = turn_upright(picture, header.orientation)
+    if header.pages > 1:
+        warn_user(f"{path.name}: the first of {header.pages} pages is read; save another one as a file of its own")
     if picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[2] not in (3, 4)):
         raise InputError(f"{path}: {picture.shape[2:]} channels; grey, colour and transparency are read")
     return require_workings_drawn(path, _to_bgr(picture))
-
-
-def is_tiff(data: np.ndarray) -> bool:
-    """Return whether a file's bytes begin as a TIFF's do."""
-    return data[:2].tobytes() in (b"II", b"MM")
 
 
 def _require_known_depth(path: Path, picture: np.ndarray) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pypdfium2
 
 from pipeline.errors import GeometryError, InputError
-from pipeline.geometry.drawing.find import read_sheet
+from pipeline.geometry.drawing.find import read_drawing
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
 from pipeline.geometry.outline.binarize import dark_pixels
 from pipeline.guard.plain_file import read_text_bytes
@@ -49,14 +49,14 @@ def read_page(path: Path, page: int, dpi: float, max_megapixels: float) -> Image
                 raise InputError(f"{path}: survey.page = {page}: the document has {len(document)} pages")
             if len(document) > 1:
                 warn_user(f"{path.name}: page {page} of {len(document)} is read; --page states another")
-            sheet = document[page - 1]
-            width, height = (side * dpi / 72 for side in sheet.get_size())
+            pdf_page = document[page - 1]
+            width, height = (side * dpi / 72 for side in pdf_page.get_size())
             if max(width, height) > MAX_SIDE_PX or width * height > max_megapixels * 1e6 or min(width, height) < 8:
                 raise InputError(
                     f"{path}: page {page} is {width:.0f} x {height:.0f} px at survey.dpi = {dpi:g}; "
                     f"the limits are {MAX_SIDE_PX} px a side and {max_megapixels:g} megapixels"
                 )
-            return np.ascontiguousarray(sheet.render(scale=dpi / 72).to_numpy()[..., :3])
+            return np.ascontiguousarray(pdf_page.render(scale=dpi / 72).to_numpy()[..., :3])
         finally:
             document.close()
     except pypdfium2.PdfiumError as error:
@@ -125,7 +125,7 @@ def fill_walls(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
 
 
 def keep_workings(path: Path, picture: Image, level: int | None) -> Image:
-    """Remove everything but the workings from a drawing sheet; they are dark on light paper.
+    """Remove everything but the workings from a drawing; they are dark on light paper.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def keep_workings(path: Path, picture: Image, level: int | None) -> Image:
         If the workings are not found beyond doubt. The message names the option that settles it.
     """
     try:
-        inside = read_sheet(picture, level).mask
+        inside = read_drawing(picture, level).mask
     except GeometryError as error:
         raise InputError(f"{path}: {error}") from error
     return np.where(inside[..., None], 40, 255).astype(np.uint8).repeat(3, axis=2)

@@ -1,53 +1,108 @@
-"""Read a picture's size from its header, before any pixel is decoded.
+"""Read a picture's header by Pillow, before OpenCV decodes any pixel.
 
 Only PNG, JPEG, TIFF, BMP and PNM are read. OpenCV alone would choose any of its decoders by content.
 """
 
 from __future__ import annotations
 
-import re
-import struct
+import logging
+import warnings
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from PIL import Image as Pillow
+from PIL import PngImagePlugin
+from PIL.ExifTags import Base
+
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.drawing.tiff_header import BITS, CHANNELS, HEIGHT, TILE_HEIGHT, TILE_WIDTH, WIDTH, first_tags
 
 MAX_SIDE_PX = 16_384  # the largest framebuffer of OSMesa, in which stage 6 renders the world
-_JPEG_SIZES = {0xC0 + k for k in range(16)} - {0xC4, 0xC8, 0xCC}  # markers of frames; the others are tables
-_MARKER = re.compile(rb"\xff[^\xff\x00\x01]", re.DOTALL)
-_MOST_SEGMENTS = 10_000
-_WHITE = (b"255", b"65535")  # of 8 and of 16 bits
-_PNM = re.compile(rb"P([1-6])(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{0,9})")
+Pillow.MAX_IMAGE_PIXELS = None  # `require_size` has the limits
+PngImagePlugin.MAX_TEXT_CHUNK = 2**24  # bytes of a colour profile; those of printers have a few million
+logging.getLogger("PIL").setLevel(logging.CRITICAL + 1)  # it writes lines of its own before it raises
+_FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM")
+_SUBFILE, _TILE_WIDTH, _TILE_HEIGHT = 254, 322, 323  # tags of a TIFF
+_NO_PAGE = 0b101  # a smaller copy of a picture (an overview), or a mask
+_MOST_PAGES = 1000
+_WHITE = (255, 65535)  # of 8 and of 16 bits
 
 
 @dataclass(frozen=True)
 class PictureHeader:
-    """Size of a picture and an upper limit of the bytes of a decoded pixel."""
+    """Size of a picture, an upper limit of the bytes of a decoded pixel, its orientation by Exif, and its pages."""
 
     width: int
     height: int
     pixel_bytes: int
+    orientation: int
+    pages: int
+    is_tiff: bool
 
 
-def require_picture_size(path: Path, data: bytes | memoryview, max_megapixels: float) -> None:
+def read_header(path: Path) -> PictureHeader:
+    """Return the header of a picture.
+
+    Raises
+    ------
+    InputError
+        If the format is not supported, or the header is broken.
+    """
+    try:
+        with warnings.catch_warnings(action="ignore"), Pillow.open(path, formats=_FORMATS) as picture:  # of broken tags
+            return _header_of(path, picture)
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:  # Pillow passes on every exception of its parsers
+        reason = "the header is broken, or it is none of PNG, JPEG, TIFF, BMP and PNM"
+        raise InputError(f"{path}: not a picture that can be read: {reason} ({path.stat().st_size} bytes)") from error
+
+
+def _header_of(path: Path, picture: Pillow.Image) -> PictureHeader:
+    orientation, tags = 1, getattr(picture, "tag_v2", {})
+    with suppress(Exception):  # a broken Exif block leaves the picture as it is stored
+        exif = Pillow.Exif()
+        exif.load(picture.info.get("exif"))
+        found = tags.get(Base.Orientation) or exif.get(Base.Orientation)
+        orientation = found if found in range(1, 9) else 1
+    coding = picture.tile[0][3] if picture.tile else ""
+    white = coding[1] if picture.format == "PPM" and isinstance(coding, tuple) else _WHITE[0]
+    if white not in _WHITE:  # OpenCV does not scale it, it would be dark
+        raise InputError(f"{path}: its largest value (maxval) is {white}, want 255 or 65535; save it with 8 bits")
+    depth = 4 if picture.mode in ("I", "F") else 2 if "16" in str(coding) else 1
+    channels = 1 if len(picture.getbands()) == 1 and picture.mode != "P" else 4
+    return PictureHeader(
+        # A tile is decoded whole, also if it is larger than the picture.
+        width=max(picture.width, tags.get(_TILE_WIDTH, 0)),
+        height=max(picture.height, tags.get(_TILE_HEIGHT, 0)),
+        pixel_bytes=channels * depth,
+        orientation=orientation,
+        pages=_count_pages(picture) if picture.format == "TIFF" else 1,
+        is_tiff=picture.format == "TIFF",
+    )
+
+
+def _count_pages(picture: Pillow.Image) -> int:
+    """Return how many pictures a TIFF holds, without overviews and masks; a broken list ends the count."""
+    pages = 0
+    with suppress(Exception):
+        for number in range(_MOST_PAGES):
+            picture.seek(number)
+            pages += not picture.tag_v2.get(_SUBFILE, 0) & _NO_PAGE
+    return max(pages, 1)
+
+
+def require_picture_size(path: Path, header: PictureHeader, max_megapixels: float) -> None:
     """Refuse a picture by its header.
 
     Raises
     ------
     InputError
-        If the format is not supported, the header is broken, or the picture exceeds `max_megapixels`, the side that
-        can be rendered, or the limit on decoded bytes. The message names the file, the value and the limit.
+        If the picture exceeds `max_megapixels`, the side that can be rendered, or the limit on decoded bytes. The
+        message names the file, the value and the limit.
     """
-    try:
-        header = read_header(bytes(data[:2]), memoryview(data))
-    except (struct.error, IndexError, KeyError) as error:
-        raise InputError(f"{path}: the picture's header is broken ({len(data)} bytes)") from error
-    if header is None:
-        kinds = "PNG, JPEG, TIFF, BMP or PNM"
-        raise InputError(f"{path}: not an image that OpenCV can read as {kinds} ({len(data)} bytes)")
-    _require_whole_scale(path, bytes(data[:4096]))
     require_size(path, header.width, header.height, max_megapixels)
     decoded, most = header.width * header.height * header.pixel_bytes, reader_limits().decoded_bytes
     if decoded > most:
@@ -55,14 +110,6 @@ def require_picture_size(path: Path, data: bytes | memoryview, max_megapixels: f
             f"{path}: {decoded:,} bytes when decoded, the limit is {most:,} (decoded_bytes in {FILE}); "
             "save it with 8 bits a channel"
         )
-
-
-def _require_whole_scale(path: Path, head: bytes) -> None:
-    """Refuse a PNM picture whose white is not that of 8 or 16 bits: OpenCV does not scale it, it would be dark."""
-    found = _PNM.match(head)
-    if found and found[1] not in b"14" and found[4] not in _WHITE:
-        white = found[4].decode() or "missing"
-        raise InputError(f"{path}: its largest value (maxval) is {white}, want 255 or 65535; save it with 8 bits")
 
 
 def require_size(path: Path, width: int, height: int, max_megapixels: float) -> None:
@@ -77,47 +124,15 @@ def require_size(path: Path, width: int, height: int, max_megapixels: float) -> 
         )
 
 
-def read_header(magic: bytes, data: memoryview) -> PictureHeader | None:
-    """Return the header of a picture, or None for other content; raise `struct.error` if it is cut off."""
-    if magic == b"\x89P":
-        width, height, depth, colour = struct.unpack_from(">IIBB", data, 16)
-        return PictureHeader(width, height, (4 if colour else 1) * (2 if depth == 16 else 1))
-    if magic == b"\xff\xd8":
-        return _jpeg(data)
-    if magic == b"BM":
-        if struct.unpack_from("<I", data, 14)[0] == 12:
-            width, height = struct.unpack_from("<HH", data, 18)
-            return PictureHeader(width, height, 4)
-        width, height = struct.unpack_from("<ii", data, 18)
-        return PictureHeader(abs(width), abs(height), 4)
-    if magic in (b"II", b"MM"):
-        return _tiff(data)
-    found = _PNM.match(bytes(data[:4096]))
-    if found is None:
-        return None
-    kind, width, height, largest = found.groups()
-    deep = kind not in (b"1", b"4") and int(largest or 0) > 255
-    return PictureHeader(int(width), int(height), (3 if kind in (b"3", b"6") else 1) * (2 if deep else 1))
+def turn_upright(picture: np.ndarray, orientation: int) -> np.ndarray:
+    """Return a picture (rows, cols, ...) as it is to be shown by its orientation.
 
-
-def _jpeg(data: memoryview) -> PictureHeader | None:
-    whole, at = bytes(data), 2
-    for _ in range(_MOST_SEGMENTS):
-        found = _MARKER.search(whole, at)
-        if found is None:
-            return None
-        marker, at = found[0][-1], found.end()
-        if marker in _JPEG_SIZES:
-            height, width, channels = struct.unpack_from(">HHB", data, at + 3)
-            return PictureHeader(width, height, max(3, channels))
-        if not 0xD0 <= marker <= 0xD9:  # those have no length
-            at += struct.unpack_from(">H", data, at)[0]
-    return None
-
-
-def _tiff(data: memoryview) -> PictureHeader:
-    """Return the header of a TIFF's first picture."""
-    tags = first_tags(data)
-    # A tile is decoded whole, also if it is larger than the picture.
-    width, height = max(tags[WIDTH], tags.get(TILE_WIDTH, 0)), max(tags[HEIGHT], tags.get(TILE_HEIGHT, 0))
-    return PictureHeader(width, height, max(3, tags.get(CHANNELS, 1)) * max(1, tags.get(BITS, 8) // 8))
+    References
+    ----------
+    Exif 2.3, table 4, tag 274.
+    """
+    if orientation >= 5:  # rows are columns
+        picture = picture.swapaxes(0, 1)
+    turned = {1: picture, 2: picture[:, ::-1], 3: picture[::-1, ::-1], 4: picture[::-1],
+              5: picture, 6: picture[:, ::-1], 7: picture[::-1, ::-1], 8: picture[::-1]}  # fmt: skip
+    return turned[orientation]

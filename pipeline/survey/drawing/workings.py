@@ -1,4 +1,4 @@
-"""Decide how a plan's picture shows its workings: filled, as lines, or among other things on a drawing sheet."""
+"""Decide how a plan's picture shows its workings: filled, as lines, or among other things on a drawing."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 
 from pipeline.errors import DoubtError, GeometryError, InputError
-from pipeline.geometry.drawing.doubts import SheetError
+from pipeline.geometry.drawing.doubts import DrawingError
 from pipeline.geometry.drawing.fills import find_ink
-from pipeline.geometry.drawing.find import SheetReading, read_sheet
+from pipeline.geometry.drawing.find import DrawingReading, read_drawing
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PlanSurveyParams
@@ -33,14 +33,14 @@ class FoundWorkings:
     mask: Mask
     width_px: float
     line_drawing: bool = False
-    sheet: bool = False
+    workings_only: bool = False
 
 
 def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, stated: StatedOptions) -> FoundWorkings:
     """Find the workings of a plan, dark on light.
 
-    A plan that shows nothing but workings is read as a whole. If there is more, it is read as a sheet; a reading of the
-    sheet that agrees with the whole confirms the simpler one.
+    A plan that shows nothing but workings is read as a whole. If there is more, it is read as a drawing; such a reading
+    that agrees with the whole confirms the simpler one.
 
     Parameters
     ----------
@@ -71,13 +71,13 @@ def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, state
     if _is_clean(picture, whole.mask):
         return whole
     try:
-        sheet = read_sheet(picture, stated.level)
+        drawing = read_drawing(picture, stated.level)
     except GeometryError as error:
-        found = error.found if isinstance(error, SheetError) else None
+        found = error.found if isinstance(error, DrawingError) else None
         raise DoubtError(f"{path}: {error}", draw_detected(picture, found, None)) from error
-    if _agree(sheet, whole.mask):
+    if _agree(drawing, whole.mask):
         return whole
-    return FoundWorkings(sheet.mask, sheet.width_px, sheet=True)
+    return FoundWorkings(drawing.mask, drawing.width_px, workings_only=True)
 
 
 def wall_gap_px(stated: StatedOptions) -> float:
@@ -101,8 +101,8 @@ def draw_detected(picture: Image, mask: Mask | None, bar_box: list[int] | None) 
     return shown
 
 
-def _agree(sheet: SheetReading, whole: Mask) -> bool:
-    return bool((sheet.mask & whole).sum() >= _SAME * (sheet.mask | whole).sum())
+def _agree(drawing: DrawingReading, whole: Mask) -> bool:
+    return bool((drawing.mask & whole).sum() >= _SAME * (drawing.mask | whole).sum())
 
 
 def _is_clean(picture: Image, whole: Mask) -> bool:

@@ -158,7 +158,7 @@ def _nested(areas: list[Area], rings: list[Area]) -> list[Area]:
 def _at_its_height(area: Area, rings: dict[int, Wall]) -> list[int]:
     """Return the rings in an area that lie at its height.
 
-    They are found from its walls inwards, as each tells how high the floor about it is: in a room with many pillars
+    They are found from its walls inwards, as each gives the height of the floor about it: in a room with many pillars
     the nearest outer wall may be far off, and the floor may dip.
     """
     step, walls, found, rest = floor_rules().flat_step_m, [*area.walls], list[int](), dict(rings)

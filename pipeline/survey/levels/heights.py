@@ -23,10 +23,10 @@ _LEFT_M = 0.3  # that may remain between ramps so short that both ends move one 
 
 
 def even_floors(path: Path, areas: list[Area], shapes: dict[str, Polygon], joins: nx.Graph) -> list[Area]:
-    """Return areas whose floors have one height where they meet; say how much was changed.
+    """Return areas whose floors have one height where they meet; a warning states the largest change.
 
     A ramp that is drawn into its level, and leaves it at a small angle, falls from where it is drawn while the level
-    does not: their floors differ where they part. Of two areas that meet, the one that slopes more gets the height of
+    does not: their floors differ where they part. Of two areas that meet, the one that slopes more takes the height of
     the other there, and comes back to its own heights at a slope of 10 %.
 
     Parameters
@@ -64,7 +64,7 @@ def even_floors(path: Path, areas: list[Area], shapes: dict[str, Polygon], joins
     most, (x, y) = max(found)
     warn_user(
         f"{path.name}: floors of {len(found)} pairs of areas differ where they meet, by up to {most:.2f} m about "
-        f"({x:.1f}, {y:.1f}); there each ramp gets the height of its level, and its own within {most / _EASE:.0f} m"
+        f"({x:.1f}, {y:.1f}); there each ramp has the height of its level, and its own from {most / _EASE:.0f} m on"
     )
     return evened
 

@@ -17,14 +17,14 @@ from pipeline.survey.levels.areas import Area, nearest_heights
 from pipeline.survey.levels.walls import Wall
 from pipeline.survey.passages.built_cells import BESIDE_M, USUAL_ROOF_M
 from pipeline.survey.passages.leaning import follow
-from pipeline.survey.passages.shafts import FLOORS_APART_M, LEAN, LEAST_FALL_M, MOST_TOLD, OVER_RAISE_M
+from pipeline.survey.passages.shafts import FLOORS_APART_M, LEAN, LEAST_FALL_M, MOST_LISTED, OVER_RAISE_M
 from pipeline.types import Shaft
 
 _STEP_M = 0.25  # of the places along an axis where floors are looked for
 
 
 @dataclass(frozen=True)
-class Sheets:
+class LevelSheets:
     """The sheets of levels: outlines and areas, m, mine frame; how far (k, 2) m each is moved aside; the datum, m."""
 
     polygons: list[Polygon]
@@ -64,8 +64,8 @@ class _Met:
     sheet: int | None
 
 
-def shafts_of(path: Path, axes: list[Wall], sheets: Sheets) -> list[Shaft]:
-    """Return a shaft from each floor that an axis meets to the next, or to its blind end; say what is left out.
+def shafts_of(path: Path, axes: list[Wall], sheets: LevelSheets) -> list[Shaft]:
+    """Return a shaft from each floor that an axis meets to the next, or to its blind end; warns of those left out.
 
     Then come the raises: an axis that ends above the highest floor that it meets is one from there. An axis meets a
     floor that it crosses, one a metre over its upper end, and one so far under its lower end that this is in the drift.
@@ -77,7 +77,7 @@ def shafts_of(path: Path, axes: list[Wall], sheets: Sheets) -> list[Shaft]:
     path : Path
     axes : list of (k, 3) m, mine frame
         From the upper to the lower end.
-    sheets : Sheets
+    sheets : LevelSheets
     """
     found: list[Shaft] = []
     raises: list[Shaft] = []
@@ -88,12 +88,12 @@ def shafts_of(path: Path, axes: list[Wall], sheets: Sheets) -> list[Shaft]:
         raises += [shaft for shaft in made if shaft.sheet is None]
         left_out += reasons
     if left_out:
-        others = "".join(f"; {line}" for line in left_out[1:MOST_TOLD])
+        others = "".join(f"; {line}" for line in left_out[1:MOST_LISTED])
         warn_user(f"{path.name}: {len(left_out)} shafts are left out, the first at {left_out[0]}{others}")
     return found + raises
 
 
-def _sections(axis: Wall, sheets: Sheets) -> tuple[list[Shaft], list[str]]:
+def _sections(axis: Wall, sheets: LevelSheets) -> tuple[list[Shaft], list[str]]:
     """Return the shafts and raises along an axis, and a line for each that is left out."""
     top, bottom, step = axis[0], axis[-1], floor_rules().flat_step_m
     up, down = (np.array([0.0, 0.0, z]) for z in (max(step, OVER_RAISE_M), -FLOORS_APART_M))
@@ -125,7 +125,7 @@ def _from_to(top: np.ndarray, bottom: np.ndarray) -> str:
     return f"({x:.1f}, {y:.1f}) from {z:.1f} to {bottom[2]:.1f} m"
 
 
-def _floors_met(places: np.ndarray, sheets: Sheets) -> list[_Met]:
+def _floors_met(places: np.ndarray, sheets: LevelSheets) -> list[_Met]:
     """Return where a way (k, 3) m that falls goes through floors, the highest first."""
     count = np.maximum(np.ceil(np.linalg.norm(np.diff(places, axis=0), axis=1) / _STEP_M).astype(int), 1)
     along = np.concatenate([k + np.arange(n) / n for k, n in enumerate(count.tolist())] + [[len(count)]])
@@ -143,7 +143,7 @@ def _floors_met(places: np.ndarray, sheets: Sheets) -> list[_Met]:
     return sorted(found, key=lambda m: m.along)
 
 
-def _shaft(way: np.ndarray, sheet: int | None, below: int | None, sheets: Sheets) -> tuple[Shaft, str]:
+def _shaft(way: np.ndarray, sheet: int | None, below: int | None, sheets: LevelSheets) -> tuple[Shaft, str]:
     """Return the shaft along a way (k, 3) m from its upper end down, and why it is not built, "" if it is."""
     is_raise, top, bottom = sheet is None, way[0], way[-1]
     plan = below if sheet is None else sheet

@@ -15,18 +15,18 @@ from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.levels.areas import OVERLAP_M2, TOUCH_M, Area, nearest_heights, places_in
 from pipeline.survey.levels.seams import SeamHeights, join_areas
-from pipeline.survey.levels.shafts import Sheets, shafts_of
+from pipeline.survey.levels.shafts import LevelSheets, shafts_of
 from pipeline.survey.levels.walls import Wall
-from pipeline.survey.passages.pieces import require_near, tell_others
+from pipeline.survey.passages.pieces import list_others, require_near
 from pipeline.survey.passages.sheet_layout import APART_M, assign_sheets, lay_apart
 from pipeline.types import Heights, Place
 
 _EDGE_M = 2.0  # of the points of a wall at which its height is given
 _BETWEEN_M = 0.1
-_NEAR_M = 3.0  # in plan and in height: two pieces so near are told
+_NEAR_M = 3.0  # in plan and in height: warns of two pieces so near
 
 
-def draw_levels(
+def lay_out_levels(
     path: Path, areas: list[Area], axes: list[Wall], snap_m: float, piece: Place | None = None
 ) -> tuple[MultiPolygon, Heights] | None:
     """Return the areas as sheets side by side, and the heights of their floors.
@@ -34,7 +34,7 @@ def draw_levels(
     None if none lies over another, unless all are joined and a shaft leads from them.
 
     Areas that meet at one height are joined. The largest piece that is joined is kept, or that at the place `piece`;
-    the others are said.
+    a warning lists the others.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def draw_levels(
         return None
     whole = _chosen(path, areas, joins, piece)
     if len(whole) < len(joins):
-        _tell_near(path, areas, joins)
+        _warn_of_near_areas(path, areas, joins)
     number = assign_sheets(whole, {name: name for name in whole}, {name: over[name] & set(whole) for name in whole})
     polygons, of_sheet, seams = join_areas(path, areas, whole, over, number, snap_m)
     offsets = lay_apart(polygons)
@@ -78,7 +78,7 @@ def draw_levels(
         for line in _floor_lines(polygon, found, own):
             moved = line + np.array([*offsets[k], -datum])
             lines.append([(float(x), float(y), float(z)) for x, y, z in moved])
-    shafts = shafts_of(path, axes, Sheets(polygons, of_sheet, offsets, datum))
+    shafts = shafts_of(path, axes, LevelSheets(polygons, of_sheet, offsets, datum))
     if not shafts and not any(over.values()):
         return None
     heights = Heights(
@@ -114,7 +114,7 @@ def _pairs(areas: list[Area], snap_m: float) -> list[tuple[int, int, bool, bool]
 
 
 def _chosen(path: Path, areas: list[Area], joins: nx.Graph, piece: Place | None = None) -> nx.Graph:
-    """Return the joined areas that are largest together, or those at a place, and say what is left out."""
+    """Return the joined areas that are largest together, or those at a place; a warning lists the others."""
 
     def size(names: set[str]) -> float:
         return float(sum(areas[int(name)].polygon.area for name in names))
@@ -135,7 +135,7 @@ def _chosen(path: Path, areas: list[Area], joins: nx.Graph, piece: Place | None 
             f"{path.name}: {len(pieces)} pieces of its levels and ramps do not meet; kept is the one of "
             f"{size(chosen):.0f} m2 about {about(chosen)}, left out are {sum(map(size, others)):.0f} m2"
         )
-        tell_others(path, [(f"{size(names):.0f} m2", about(names)) for names in others])
+        list_others(path, [(f"{size(names):.0f} m2", about(names)) for names in others])
     kept: nx.Graph = nx.Graph()  # in the order of the file; a subgraph has that of a set of texts
     kept.add_nodes_from(name for name in joins if name in chosen)
     kept.add_edges_from((a, b) for a, b in joins.edges if a in chosen)
@@ -151,8 +151,8 @@ def _area_at(path: Path, areas: list[Area], place_m: Place) -> int:
     return int(off.argmin())
 
 
-def _tell_near(path: Path, areas: list[Area], joins: nx.Graph) -> None:
-    """Say where areas of two pieces nearly meet."""
+def _warn_of_near_areas(path: Path, areas: list[Area], joins: nx.Graph) -> None:
+    """Warn of areas of two pieces that nearly meet."""
     piece = {name: k for k, names in enumerate(nx.connected_components(joins)) for name in names}
     shapes = np.array([area.polygon for area in areas])
     near = []

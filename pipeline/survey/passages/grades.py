@@ -13,14 +13,14 @@ from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.passages.legs import SurveyLeg, require_connected
 
-_TOLD_M = 0.01  # smaller misclosures come from the rounding of coordinates
+_LEAST_MISCLOSURE_M = 0.01  # smaller misclosures come from the rounding of coordinates
 _CHANGED = 1e-6  # smaller changes of a grade come from the solution, also where there is no loop
 
 
 def with_grades(path: Path, legs: list[SurveyLeg], stated: dict[str, float]) -> list[SurveyLeg]:
     """Return legs with elevations that follow from their grades; the first station of the survey is at 0.
 
-    What loops do not close by is distributed by least squares, and the largest misclosure is told. Legs without a
+    The misclosure of loops is distributed by least squares, and a warning names the largest one. Legs without a
     grade are linear between their ends (`heights_of_grades`). The roof is not surveyed.
 
     Parameters
@@ -87,7 +87,7 @@ def _require_gentle(path: Path, leg: SurveyLeg, k: int, grade: float) -> None:
 
 
 def _check_loop(path: Path, shot: tuple[SurveyLeg, int], misclosure_m: float, changed: float) -> None:
-    """Say by how much the worst loop misses; refuse it if closing it changes a grade by too much."""
+    """Warn of the worst misclosure; refuse it if closing it changes a grade by too much."""
     leg, k = shot
     most = floor_rules().grade_change
     found = f"the loop of grades through leg {leg.name}, {_place(leg, k)}, misses by {abs(misclosure_m):.2f} m"
@@ -95,7 +95,7 @@ def _check_loop(path: Path, shot: tuple[SurveyLeg, int], misclosure_m: float, ch
         raise InputError(
             f"{path}: {found}; closing it changes a grade by {changed:.5f}, at most {most:g} (survey.grade_change)"
         )
-    if abs(misclosure_m) > _TOLD_M:
+    if abs(misclosure_m) > _LEAST_MISCLOSURE_M:
         warn_user(f"{path.name}: {found}, the most of all; distributed, this changes grades by up to {changed:.5f}")
 
 

@@ -17,7 +17,7 @@ Points = list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]  # of a leg: node 
 
 
 @dataclass
-class _Shot:
+class _HeldShot:
     """The points of a leg from one station to the next, and up to where the floor is held level from either end, m."""
 
     points: Points
@@ -49,7 +49,7 @@ def level_hairpins(ways: list[Points], stations: list[set[str]]) -> None:
         The nodes of each leg that are stations.
     """
     shots = [shot for way, names in zip(ways, stations, strict=True) for shot in _shots(way, names)]
-    meeting: dict[str, list[tuple[_Shot, int]]] = {}
+    meeting: dict[str, list[tuple[_HeldShot, int]]] = {}
     for shot in shots:
         for end in (0, 1):
             meeting.setdefault(shot.arm(end)[0][0], []).append((shot, end))
@@ -62,9 +62,9 @@ def level_hairpins(ways: list[Points], stations: list[set[str]]) -> None:
         _hold_level(shot)
 
 
-def _shots(way: Points, names: set[str]) -> list[_Shot]:
+def _shots(way: Points, names: set[str]) -> list[_HeldShot]:
     at = [i for i, (node, *_) in enumerate(way) if node in names]
-    return [_Shot(way[i : j + 1], [0.0, 0.0]) for i, j in pairwise(at)]
+    return [_HeldShot(way[i : j + 1], [0.0, 0.0]) for i, j in pairwise(at)]
 
 
 def _parted_at(one: Points, two: Points) -> float:
@@ -91,7 +91,7 @@ def _next(along_m: np.ndarray, reach_m: float) -> float:
     return float(along_m[min(int(np.searchsorted(along_m, reach_m)), len(along_m) - 1)])
 
 
-def _hold_level(shot: _Shot) -> None:
+def _hold_level(shot: _HeldShot) -> None:
     along = shot.along_m()
     length, (start, end) = along[-1], shot.level_m
     if not start and not end:

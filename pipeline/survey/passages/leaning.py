@@ -30,14 +30,14 @@ _OFF_LINE_M, _PILLAR_M = 1.0, 2 * SLAB_M + 0.5  # of stations beside the line of
 _ALIKE = 0.36  # by which the lean of two shafts of a stope may differ, run over fall: 20 deg
 
 
-class Workings(Protocol):
+class FloorsAndRoofs(Protocol):
     """Floors and roofs by place."""
 
     def spans(self, place_m: np.ndarray, beside_m: float) -> np.ndarray:
         """Return the lowest floor and the highest roof (k, 2) m of each working so near to a place (2,) m."""
 
 
-def follow(shaft: Shaft, places_m: np.ndarray, datum_m: float, workings: Workings) -> tuple[Shaft, str]:
+def follow(shaft: Shaft, places_m: np.ndarray, datum_m: float, workings: FloorsAndRoofs) -> tuple[Shaft, str]:
     """Return a shaft or raise with the bends of its way, and why it is not built, "" if it is.
 
     Parameters
@@ -47,7 +47,7 @@ def follow(shaft: Shaft, places_m: np.ndarray, datum_m: float, workings: Working
     places_m : (k, 3) float64, m
         The way from the built station on, in the survey's coordinates.
     datum_m : float
-    workings : Workings
+    workings : FloorsAndRoofs
     """
     up = shaft.sheet is None
     opens_below = shaft.below is not None and not up
@@ -57,7 +57,7 @@ def follow(shaft: Shaft, places_m: np.ndarray, datum_m: float, workings: Working
 
 
 def bend(
-    places_m: np.ndarray, up: bool, opens_below: bool, reach_m: float, workings: Workings
+    places_m: np.ndarray, up: bool, opens_below: bool, reach_m: float, workings: FloorsAndRoofs
 ) -> tuple[np.ndarray, str]:
     """Return the bends (k, 3) of a leaning shaft, from the highest down, and why it is not built, "" if it is.
 
@@ -96,7 +96,7 @@ def bend(
     return bends[::-1] if up else bends, ""
 
 
-def _end_m(place_m: np.ndarray, workings: Workings, reach_m: float, roof: bool) -> float:
+def _end_m(place_m: np.ndarray, workings: FloorsAndRoofs, reach_m: float, roof: bool) -> float:
     """Return how high a leaning shaft is half a metre over the roofs about a place (3,) m, or under the floors."""
     spans = workings.spans(place_m[:2], reach_m)
     here = spans[(spans[:, 0] <= place_m[2] + _BEND_M) & (spans[:, 1] >= place_m[2])]
@@ -105,7 +105,7 @@ def _end_m(place_m: np.ndarray, workings: Workings, reach_m: float, roof: bool) 
     return float(min(here[:, 0], default=place_m[2])) - PLUMB_M
 
 
-def _meets_workings(bends: np.ndarray, reach_m: float, workings: Workings) -> bool:
+def _meets_workings(bends: np.ndarray, reach_m: float, workings: FloorsAndRoofs) -> bool:
     for a, b in pairwise(bends):
         for share in np.linspace(0, 1, max(2, int(np.ceil(np.linalg.norm(b - a) / _STEP_M)) + 1)).tolist():
             place = a + share * (b - a)

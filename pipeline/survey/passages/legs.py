@@ -114,7 +114,7 @@ def legs_of_chains(
 def _without_shafts(
     path: Path, chains: list[Chain], heights: dict[str, tuple[float, float, float]]
 ) -> tuple[list[Chain], list[SurveyLeg]]:
-    """Cut chains at legs without a length in plan, and say how many there are: each end keeps its station."""
+    """Cut chains at legs without a length in plan, with a warning that counts them: each end keeps its station."""
     found, legs = [], []
     for chain in chains:
         part: Chain = []
@@ -129,12 +129,12 @@ def _without_shafts(
                 part = []
             part.append(station)
         found.append(part)
-    tell_shafts(path, legs)
+    warn_of_shafts(path, legs)
     return found, legs
 
 
-def tell_shafts(path: Path, shafts: list[SurveyLeg]) -> None:
-    """Say how many plumb legs there are, and which is the deepest."""
+def warn_of_shafts(path: Path, shafts: list[SurveyLeg]) -> None:
+    """Warn of plumb legs: their number, and the deepest."""
     if not shafts:
         return
     depths = [float(abs(np.diff(leg.heights_m[:, 0])[0])) for leg in shafts if leg.heights_m is not None]

@@ -62,7 +62,7 @@ def find_station(path: Path, legs: list[SurveyLeg], drivable: list[SurveyLeg], p
 
 
 def choose_piece(path: Path, cells: dict[str, Cell], graph: nx.Graph, station: str | None, named: bool) -> nx.Graph:
-    """Return the connected piece with the longest legs, or the one of a station, and tell the others.
+    """Return the connected piece with the longest legs, or the one of a station, and list the others.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def choose_piece(path: Path, cells: dict[str, Cell], graph: nx.Graph, station: s
         The neighbours of the cells, with `length` m.
     station : str or None
     named : bool
-        Whether stations have names that the user knows; else pieces are told by a place of theirs.
+        Whether stations have names that the user knows; else pieces are listed by a place of theirs.
     """
     length = {
         frozenset(nodes): float(graph.subgraph(nodes).size(weight="length")) for nodes in nx.connected_components(graph)
@@ -85,13 +85,13 @@ def choose_piece(path: Path, cells: dict[str, Cell], graph: nx.Graph, station: s
             f"{path.name}: {len(pieces)} pieces are not joined by drivable legs; kept is the one of {length[kept]:.0f} "
             f"m about {_about(kept, cells, named)}, left out are {sum(map(length.__getitem__, others)):.0f} m"
         )
-        tell_others(path, [(f"{length[nodes]:.0f} m", _about(nodes, cells, named)) for nodes in others])
+        list_others(path, [(f"{length[nodes]:.0f} m", _about(nodes, cells, named)) for nodes in others])
     # A subgraph of few nodes has the order of a set of texts, another one in each process.
     return nx.restricted_view(graph, [node for nodes in others for node in nodes], [])
 
 
-def tell_others(path: Path, others: list[tuple[str, str]]) -> None:
-    """Tell the pieces that are left out, each by its size and what names it, and the option that builds one."""
+def list_others(path: Path, others: list[tuple[str, str]]) -> None:
+    """List the pieces that are left out, each by its size and what names it, and the option that builds one."""
     listed = ", ".join(f"{size} about {about}" for size, about in others[:_NAMED])
     more = f", and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
     warn_user(f"{path.name}: --piece (survey.piece) builds another piece: {listed}{more}")

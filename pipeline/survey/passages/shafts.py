@@ -22,7 +22,7 @@ LEAST_FALL_M = 1.0
 FLOORS_APART_M = 6.0  # a shaft that ends blind so near over other workings would break into them
 OVER_RAISE_M = 1.0  # from a raise's cap to a floor over it: two slabs and half a metre of rock
 _ROUND_RAISE_M = 0.75  # a wall and half a metre of rock
-MOST_TOLD = 5  # of the shafts that are left out
+MOST_LISTED = 5  # of the shafts that are left out
 
 
 def steep_shots(leg: SurveyLeg) -> np.ndarray:
@@ -32,7 +32,7 @@ def steep_shots(leg: SurveyLeg) -> np.ndarray:
 
 
 def find_shafts(path: Path, legs: list[SurveyLeg], built: Built) -> list[Shaft]:
-    """Return the shafts that lead down from built stations, from the first station; say which are left out and why.
+    """Return the shafts that lead down from built stations, from the first station; warns of those left out.
 
     A shaft follows the lowest of the steep shots from station to station, to a built station or to its end. Then come
     the raises: they follow the highest shots up from a built station to an end that is not built. Stopes stand before
@@ -51,7 +51,7 @@ def find_shafts(path: Path, legs: list[SurveyLeg], built: Built) -> list[Shaft]:
         else:
             found.append(shaft)
     if left_out:
-        others = "".join(f"; {line}" for line in left_out[1:MOST_TOLD])
+        others = "".join(f"; {line}" for line in left_out[1:MOST_LISTED])
         warn_user(f"{path.name}: {len(left_out)} shafts are left out, the first {left_out[0]}{others}")
     return find_stopes(found, built, workings) + [replace(shaft, long_m=None) for shaft in found]
 

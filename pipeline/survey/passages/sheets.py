@@ -30,16 +30,16 @@ _DIGITS = 4  # of the outlines' coordinates, m
 _SPECK_M2 = 0.05  # smaller holes come from rounding
 
 
-def draw_sheets(
+def lay_out_sheets(
     path: Path, legs: list[SurveyLeg], apart_m: float | None = None, piece: Piece | None = None, named: bool = True
 ) -> tuple[MultiPolygon, Heights]:
     """Return the workings of each sheet in plan, moved aside but for the first, and the heights of their floors.
 
     Legs steeper than `steepest_grade` are left out, as a fence would, and the longest connected piece is kept, or that
-    of the station `piece` (`find_station`); both are said. Without `named` stations they are told by their places. So
-    are passages less than `apart_m` over others that they do not meet (`without_thin_pillars`). Steep legs that lead
-    down from what is built are its shafts (`find_shafts`). Where workings lie over each other, legs are cut half-way
-    between two stations.
+    of the station `piece` (`find_station`); warnings list what is left out, by place without `named` stations.
+    Passages less than `apart_m` over others that they do not meet are left out, too (`without_thin_pillars`). Steep
+    legs that lead down from what is built are its shafts (`find_shafts`). Where workings lie over each other, legs are
+    cut half-way between two stations.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def draw_sheets(
         kept = without_thin_pillars(path, kept, apart_m, station)
     cells, graph, ways = survey_cells(kept)
     whole = choose_piece(path, cells, graph, station, named)
-    _tell_roofs(path, kept, whole)
+    _list_roofs(path, kept, whole)
     units = _units(whole, cells)
     conflicts = _conflicts(path, cells, units, whole)
     sheet = assign_sheets(whole, units, conflicts)
@@ -106,8 +106,8 @@ def _gentle(path: Path, legs: list[SurveyLeg]) -> list[SurveyLeg]:
     return found
 
 
-def _tell_roofs(path: Path, legs: list[SurveyLeg], whole: nx.Graph) -> None:
-    """Say which roofs of the piece that is built are lower or higher than those that are built."""
+def _list_roofs(path: Path, legs: list[SurveyLeg], whole: nx.Graph) -> None:
+    """Warn of roofs of the piece that is built that are lower or higher than roofs can be."""
     low: dict[str, float] = {}
     high: dict[str, float] = {}
     for leg in legs:
@@ -122,8 +122,8 @@ def _tell_roofs(path: Path, legs: list[SurveyLeg], whole: nx.Graph) -> None:
         if found:
             name, roof_m = next(iter(found.items()))
             warn_user(
-                f"{path.name}: {len(found)} stations have roofs {what}er over the floor than {limit_m:g} m, and get "
-                f"{limit_m:g} m, the first {name} with {roof_m:.2f} m"
+                f"{path.name}: {len(found)} stations have roofs {what}er over the floor than {limit_m:g} m; they are "
+                f"clamped to {limit_m:g} m, the first {name} from {roof_m:.2f} m"
             )
 
 

@@ -58,7 +58,7 @@ class _Overlaps:
 def without_thin_pillars(
     path: Path, legs: list[SurveyLeg], apart_m: float, station: str | None = None
 ) -> list[SurveyLeg]:
-    """Return the legs without the shots that pass over others by less than a height and do not meet them; say which.
+    """Return the legs without shots that pass over others by less than a height and do not meet them; warn of these.
 
     Of two such shots the one is left out without which more of the survey stays connected; of equals the shorter.
 

@@ -40,8 +40,8 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     path : Path
     survey : SolvedSurvey
     half_width_m : float or None
-        Distance to a wall where none was measured; None takes half the median width of the survey's own. A message says
-        how many stations got it.
+        Distance to a wall where none was measured; None takes half the median width of the survey's own. A warning
+        counts them.
 
     Raises
     ------
@@ -54,9 +54,9 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     list of SurveyLeg
         m, in the survey's own frame.
     """
-    plan = _Plan(survey)
+    plan = _StationPlan(survey)
     require_at_most(path, len(plan.places), "stations", "stations or more")
-    plan.tell_pieces(path)
+    plan.warn_of_pieces(path)
     if survey.passages:
         rows = [(plan.node[p.stations].tolist(), measured(p.lrud_m)) for p in survey.passages]
         rows += plan.joints(rows)
@@ -86,7 +86,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     return legs_of_chains(path, chains, heights)
 
 
-class _Plan:
+class _StationPlan:
     """A survey's stations without duplicates: equated stations are one node."""
 
     def __init__(self, survey: SolvedSurvey) -> None:
@@ -105,8 +105,8 @@ class _Plan:
         ends = self.node[self.survey.legs[legs]] if len(legs) else np.zeros((0, 2), np.int64)
         return np.unique(np.sort(ends[ends[:, 0] != ends[:, 1]], axis=1), axis=0)
 
-    def tell_pieces(self, path: Path) -> None:
-        """Say if the centreline is in pieces that share no station; duplicate legs join pieces, too."""
+    def warn_of_pieces(self, path: Path) -> None:
+        """Warn if the centreline is in pieces that share no station; duplicate legs join pieces, too."""
         graph: nx.Graph = nx.Graph()
         edges = self.all_edges
         steps = np.linalg.norm(self.places[edges[:, 0]] - self.places[edges[:, 1]], axis=1)
@@ -143,7 +143,7 @@ class _Plan:
 
 
 def _with_sides(path: Path, rows: Rows, half_width_m: float | None) -> Rows:
-    """Return the rows with both sides of every station, and say how many were not measured.
+    """Return the rows with both sides of every station, with a warning that counts those not measured.
 
     Raises
     ------
@@ -170,19 +170,19 @@ def _with_sides(path: Path, rows: Rows, half_width_m: float | None) -> Rows:
             "as stated" if half_width_m else "half the median width of the others; survey.half_width_m states another"
         )
         warn_user(
-            f"{path.name}: {count} of {total} stations of passages have no measured wall beside them; they get "
-            f"{usual:.2f} m on each side without one, {source}"
+            f"{path.name}: {count} of {total} stations of passages have no measured wall beside them; "
+            f"{usual:.2f} m is taken on each side without one, {source}"
         )
     return filled
 
 
 def _with_roofs(path: Path, rows: Rows) -> Rows:
-    """Return the rows with the usual roof where none was measured, and say how many stations get it."""
+    """Return the rows with the usual roof where none was measured, with a warning that counts them."""
     filled, count, usual = fill_up(rows)
     if count:
         warn_user(
             f"{path.name}: {count} of {len({node for nodes, _ in rows for node in nodes})} stations have no measured "
-            f"roof; they get {usual:.2f} m over the floor, the median of the others"
+            f"roof; {usual:.2f} m over the floor is taken, the median of the others"
         )
     return filled
 

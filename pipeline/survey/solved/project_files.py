@@ -156,8 +156,8 @@ def _scan(path: Path, folder: Path, files: list[Path], above: list[Path]) -> Non
 def _lower_case(where: str, name: str, beside: Path, folder: Path, suffix: str) -> list[Path]:
     """Return what Survex opens if there is no file of a name: that of the name in lower case.
 
-    Files come from systems that do not tell cases apart. A name that could be another file too, which Survex might open
-    instead, is not taken.
+    Files come from systems that do not distinguish cases. A name that could be another file too, which Survex might
+    open instead, is not taken.
     """
     options = [inside(where, f"{name.lower()}{end}", beside, folder) for end in ("", suffix)]
     found = [option for option in options if option.is_file()]

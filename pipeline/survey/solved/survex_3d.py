@@ -49,12 +49,12 @@ def read_3d(path: Path) -> SolvedSurvey:
     ----------
     Survex, "Survex 3d Format Specification (v8+)" and "(v3-v7)", 3dformat.htm and 3dformat-old.htm.
     """
-    reader = _Reader(path, read_text_bytes(path))
+    reader = _Survex3dReader(path, read_text_bytes(path))
     reader.read()
     return reader.survey()
 
 
-class _Reader:
+class _Survex3dReader:
     """The state of one reading: the position in the file, the label, and what was found."""
 
     def __init__(self, path: Path, data: bytes) -> None:

@@ -22,7 +22,7 @@ from pipeline.survey.passages.legs import (
     check_network,
     require_connected,
     require_no_crossing,
-    tell_shafts,
+    warn_of_shafts,
     without_shots,
 )
 from pipeline.survey.passages.sheets import has_relief
@@ -87,7 +87,7 @@ def read_station_legs(path: Path, grades: dict[str, float] | None = None) -> lis
     if not has_relief(driven):
         require_connected(path, driven + shafts)
     require_no_crossing(path, driven)
-    tell_shafts(path, shafts)
+    warn_of_shafts(path, shafts)
     return driven + shafts
 
 

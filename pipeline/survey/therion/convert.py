@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.therion.lines import Line, therion_lines
+from pipeline.survey.therion.lines import TherionLine, therion_lines
 from pipeline.survey.therion.place import Place, date_for_survex, place_of
 from pipeline.survey.therion.shots import Shots
 from pipeline.survey.therion.words import (
@@ -40,10 +40,10 @@ class SurvexText:
     """Survex data made from Therion's, and where each of its lines comes from."""
 
     lines: list[str] = field(default_factory=list)
-    origins: list[Line] = field(default_factory=list)
+    origins: list[TherionLine] = field(default_factory=list)
     files: list[Path] = field(default_factory=list)
 
-    def add(self, line: Line, text: str) -> None:
+    def add(self, line: TherionLine, text: str) -> None:
         """Add one line."""
         self.lines.append(text)
         self.origins.append(line)
@@ -94,7 +94,7 @@ class _Converter:
         self.surveys: list[tuple[str, bool]] = []  # name, and whether it is part of its stations' names
         self.shots: Shots | None = None
         self.skipped, self.groups = "", 0
-        self.commands: dict[str, Callable[[Line], None]] = {
+        self.commands: dict[str, Callable[[TherionLine], None]] = {
             "data": self._data, "units": self._units, "calibrate": self._calibrate, "sd": self._sd,
             "declination": self._declination, "flags": self._flags, "fix": self._fix, "equate": self._equate,
             "cs": self._cs, "infer": self._infer, "group": self._group, "endgroup": self._endgroup,
@@ -109,7 +109,7 @@ class _Converter:
             ):
                 made.add(place.line, f"*{text}")
 
-    def read(self, line: Line) -> None:
+    def read(self, line: TherionLine) -> None:
         if len(self.made.lines) > 3 * reader_limits().survex_shots:
             raise InputError(
                 f"{line.where}: more lines than {3 * reader_limits().survex_shots} (survex_shots in {FILE})"
@@ -142,7 +142,7 @@ class _Converter:
             what = "centreline" if self.shots else self.surveys[-1][0] if self.surveys else self.skipped
             raise InputError(f"{path}: {what} is not closed")
 
-    def _read_centreline(self, line: Line) -> None:
+    def _read_centreline(self, line: TherionLine) -> None:
         assert self.shots is not None
         word = line.words[0]
         if word in ("endcentreline", "endcenterline"):
@@ -155,7 +155,7 @@ class _Converter:
         elif word not in _IGNORED_IN_CENTRELINE:
             self.shots.read(line)
 
-    def _survey(self, line: Line) -> None:
+    def _survey(self, line: TherionLine) -> None:
         if len(line.words) < 2:
             raise InputError(f"{line.where}: a survey without a name")
         if len(self.surveys) >= reader_limits().survex_depth:
@@ -179,43 +179,43 @@ class _Converter:
         if declination:
             self.made.add(line, declination)
 
-    def _endsurvey(self, line: Line) -> None:
+    def _endsurvey(self, line: TherionLine) -> None:
         if not self.surveys or (len(line.words) > 1 and line.words[1] != self.surveys[-1][0]):
             raise InputError(f"{line.where}: {' '.join(line.words)[:60]!r} closes no survey")
         name, named = self.surveys.pop()
         self.made.add(line, f"*end {name}" if named else "*end")
 
-    def _data(self, line: Line) -> None:
+    def _data(self, line: TherionLine) -> None:
         assert self.shots is not None
         self.shots.order(line)
 
-    def _units(self, line: Line) -> None:
+    def _units(self, line: TherionLine) -> None:
         self.made.add(line, f"*units {units_for_survex(line.where, line.words[1:])}")
 
-    def _calibrate(self, line: Line) -> None:
+    def _calibrate(self, line: TherionLine) -> None:
         self.made.add(line, f"*calibrate {numbers_for_survex(line.where, line.words[1:])}")
 
-    def _sd(self, line: Line) -> None:
+    def _sd(self, line: TherionLine) -> None:
         self.made.add(line, f"*sd {units_for_survex(line.where, line.words[1:])}")
 
-    def _declination(self, line: Line) -> None:
+    def _declination(self, line: TherionLine) -> None:
         words = [word.strip("[]") for word in line.words[1:]]
         self.made.add(line, declination_for_survex(line.where, words, self._convergence()))
 
     def _convergence(self) -> float:
         return 0.0 if self.place is None else self.place.convergence_deg
 
-    def _date(self, line: Line) -> None:
+    def _date(self, line: TherionLine) -> None:
         date = date_for_survex(line.words[1:])
         if date:
             self.made.add(line, f"*date {date}")
 
-    def _flags(self, line: Line) -> None:
+    def _flags(self, line: TherionLine) -> None:
         text = flags_for_survex(line.where, line.words[1:])
         if text:
             self.made.add(line, f"*flags {text}")
 
-    def _fix(self, line: Line) -> None:
+    def _fix(self, line: TherionLine) -> None:
         if len(line.words) < 5:
             raise InputError(f"{line.where}: expected fix station east north up")
         for word in line.words[2:]:
@@ -223,31 +223,31 @@ class _Converter:
                 raise InputError(f"{line.where}: {word[:40]!r} is not a number")
         self.made.add(line, " ".join(["*fix", station_for_survex(line.where, line.words[1]), *line.words[2:5]]))
 
-    def _equate(self, line: Line) -> None:
+    def _equate(self, line: TherionLine) -> None:
         names = [station_for_survex(line.where, word) for word in line.words[1:]]
         if len(names) < 2:
             raise InputError(f"{line.where}: equate needs two stations")
         self.made.add(line, f"*equate {' '.join(names)}")
 
-    def _cs(self, line: Line) -> None:
+    def _cs(self, line: TherionLine) -> None:
         name, _ = cs_for_survex(line.where, line.words[1:])
         if self.place is None:
             raise InputError(f"{line.where}: cs {name}, but no station is fixed in it")
         self.made.add(line, f"*cs {name}")
 
-    def _infer(self, line: Line) -> None:
+    def _infer(self, line: TherionLine) -> None:
         words = [word.lower() for word in line.words[1:]]
         if len(words) != 2 or words[0] not in ("plumbs", "equates") or words[1] not in ("on", "off"):
             raise InputError(f"{line.where}: {' '.join(line.words)[:60]!r} is not supported")
         self.made.add(line, f"*infer {' '.join(words)}")
 
-    def _group(self, line: Line) -> None:
+    def _group(self, line: TherionLine) -> None:
         self.groups += 1
         if self.groups > reader_limits().survex_depth:
             raise InputError(f"{line.where}: groups are nested too deep (survex_depth in {FILE})")
         self.made.add(line, "*begin")
 
-    def _endgroup(self, line: Line) -> None:
+    def _endgroup(self, line: TherionLine) -> None:
         if not self.groups:
             raise InputError(f"{line.where}: endgroup closes no group")
         self.groups -= 1

@@ -17,7 +17,7 @@ _DRAWINGS = (".th2", ".xvi")
 
 
 @dataclass(frozen=True)
-class Line:
+class TherionLine:
     """The words of a line, and where it stands."""
 
     path: Path
@@ -30,7 +30,7 @@ class Line:
         return f"{self.path}:{self.number}"
 
 
-def therion_lines(path: Path, files: list[Path]) -> Iterator[Line]:
+def therion_lines(path: Path, files: list[Path]) -> Iterator[TherionLine]:
     """Yield the lines of a file and of the files that it inputs, in order; drawings (`.th2`) are left out.
 
     `files` receives every file that was read.
@@ -43,7 +43,7 @@ def therion_lines(path: Path, files: list[Path]) -> Iterator[Line]:
     yield from _lines(path, path.parent.resolve(), files, [])
 
 
-def _lines(path: Path, folder: Path, files: list[Path], above: list[Path]) -> Iterator[Line]:
+def _lines(path: Path, folder: Path, files: list[Path], above: list[Path]) -> Iterator[TherionLine]:
     limits = reader_limits()
     files.append(path)
     if len(files) > limits.survex_files:
@@ -70,7 +70,7 @@ def _lines(path: Path, folder: Path, files: list[Path], above: list[Path]) -> It
         yield from _lines(file, folder, files, [*above, path])
 
 
-def _plain_lines(path: Path) -> Iterator[Line]:
+def _plain_lines(path: Path) -> Iterator[TherionLine]:
     pending, start, comment = "", 0, False
     text = read_text_bytes(path).decode("utf-8", "replace").lstrip("\ufeff")
     for number, raw in enumerate(re.split(r"\r\n|\n|\r", text), start=1):
@@ -84,7 +84,7 @@ def _plain_lines(path: Path) -> Iterator[Line]:
         if words and words[0] in ("comment", "endcomment"):
             comment = words[0] == "comment"
         elif words and not comment:
-            yield Line(path, first, words)
+            yield TherionLine(path, first, words)
     if comment or pending:
         raise InputError(f"{path}: ends within {'a comment without endcomment' if comment else 'a continued line'}")
 

@@ -9,7 +9,7 @@ import numpy as np
 import pyproj
 
 from pipeline.errors import InputError
-from pipeline.survey.therion.lines import Line
+from pipeline.survey.therion.lines import TherionLine
 from pipeline.survey.therion.words import cs_for_survex, number_for_survex
 
 _DATE = re.compile(r"(1[89]\d\d|20\d\d)(?:\.(0?[1-9]|1[0-2])(?:\.(0?[1-9]|[12]\d|3[01]))?)?(?![\d.])")
@@ -24,7 +24,7 @@ class Place:
     `convergence_deg` is the angle from true north to grid north there.
     """
 
-    line: Line
+    line: TherionLine
     cs: str
     cs_out: str
     middle: tuple[float, float, float]
@@ -38,7 +38,7 @@ def date_for_survex(words: tuple[str, ...]) -> str:
     return ".".join(part for part in found.groups() if part) if found else ""
 
 
-def place_of(lines: list[Line]) -> Place | None:
+def place_of(lines: list[TherionLine]) -> Place | None:
     """Return where a project lies, or None if it names no coordinate system or fixes no station in it.
 
     Raises
@@ -68,7 +68,7 @@ def place_of(lines: list[Line]) -> Place | None:
     return Place(line, cs, out, (east, north, up), _convergence_deg(line, cs, out, east, north), earliest)
 
 
-def _convergence_deg(line: Line, cs: str, out: str, east: float, north: float) -> float:
+def _convergence_deg(line: TherionLine, cs: str, out: str, east: float, north: float) -> float:
     """Return the meridian convergence of a metric system at a place."""
     try:
         system = pyproj.CRS.from_user_input(_proj_name(out))

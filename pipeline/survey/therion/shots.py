@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from pipeline.errors import InputError
-from pipeline.survey.therion.lines import Line
+from pipeline.survey.therion.lines import TherionLine
 from pipeline.survey.therion.words import number_for_survex, station_for_survex
 
 _NAMES = {
@@ -28,24 +28,24 @@ _SPLAY_ENDS = ("-", ".")
 
 
 @dataclass
-class _Shot:
-    line: Line
+class _TherionShot:
+    line: TherionLine
     values: dict[str, str]
 
 
 class Shots:
     """The data of one centreline. Repeated shots are collected and averaged; cross-sections follow their shots."""
 
-    def __init__(self, add: Callable[[Line, str], None]) -> None:
+    def __init__(self, add: Callable[[TherionLine, str], None]) -> None:
         """Begin without an order of readings."""
         self.add = add
         self.style = ""
         self.readings: tuple[str, ...] = ()
-        self.repeated: list[_Shot] = []
-        self.sections: list[tuple[Line, str]] = []  # `*data` lines and rows of cross-sections
+        self.repeated: list[_TherionShot] = []
+        self.sections: list[tuple[TherionLine, str]] = []  # `*data` lines and rows of cross-sections
         self.tail = ""  # the last station of the cross-sections' passage
 
-    def order(self, line: Line) -> None:
+    def order(self, line: TherionLine) -> None:
         """Read a `data` line: the style and the order of the readings."""
         words = [word.lower() for word in line.words[1:]]
         if not words or words[0] not in _STYLES:
@@ -62,7 +62,7 @@ class Shots:
         else:
             self.add(line, self._order())
 
-    def read(self, line: Line) -> None:
+    def read(self, line: TherionLine) -> None:
         """Read a line of data."""
         if not self.style:
             raise InputError(f"{line.where}: {line.words[0][:40]!r} is no command, and no `data` line precedes it")
@@ -90,7 +90,7 @@ class Shots:
         kept = [word for word in self.readings if word not in _LRUD]
         return f"*data {self.style} {' '.join(kept)}"
 
-    def _shot(self, line: Line) -> None:
+    def _shot(self, line: TherionLine) -> None:
         if "from" not in self.readings or "to" not in self.readings:
             raise InputError(f"{line.where}: a shot, but `data {self.style}` names no from and to")
         values = dict(zip(self.readings, line.words, strict=False))
@@ -98,7 +98,7 @@ class Shots:
             raise InputError(f"{line.where}: {len(line.words)} readings, `data` names {len(self.readings)}")
         if len(line.words) > len(self.readings) and "ignoreall" not in self.readings:
             raise InputError(f"{line.where}: {len(line.words)} readings, `data` names {len(self.readings)}")
-        shot = _Shot(line, values)
+        shot = _TherionShot(line, values)
         splay = values.get("from") in _SPLAY_ENDS or values.get("to") in _SPLAY_ENDS
         ends = values.get("from"), values.get("to")
         if self.repeated and (splay or (self.repeated[0].values["from"], self.repeated[0].values["to"]) != ends):
@@ -126,7 +126,7 @@ class Shots:
         self.add(line, " ".join(words))
         self.repeated = []
 
-    def _keep_section(self, line: Line, values: dict[str, str]) -> None:
+    def _keep_section(self, line: TherionLine, values: dict[str, str]) -> None:
         """Keep the cross-section at a shot's first station; a shot that does not continue begins a new passage."""
         if all(values.get(name, "-") in ("-", ".") for name in _LRUD):
             self._end_passage(line)
@@ -137,16 +137,16 @@ class Shots:
         self.sections.append((line, _section_words(line, values["from"], values)))
         self.tail = values["to"]
 
-    def _end_passage(self, line: Line) -> None:
+    def _end_passage(self, line: TherionLine) -> None:
         if self.tail:
             self.sections.append((line, _section_words(line, self.tail, {})))
         self.tail = ""
 
-    def _section(self, line: Line, values: dict[str, str]) -> None:
+    def _section(self, line: TherionLine, values: dict[str, str]) -> None:
         self.add(line, _section_words(line, values["station"], values))
 
 
-def _section_words(line: Line, station: str, values: dict[str, str]) -> str:
+def _section_words(line: TherionLine, station: str, values: dict[str, str]) -> str:
     walls = []
     for name in _LRUD:
         text = values.get(name, "-")
@@ -154,7 +154,7 @@ def _section_words(line: Line, station: str, values: dict[str, str]) -> str:
     return " ".join([station_for_survex(line.where, station), *walls])
 
 
-def _plain(line: Line, word: str) -> str:
+def _plain(line: TherionLine, word: str) -> str:
     """Return a word of interleaved data: a number, a plumb reading, or a station."""
     if word.lower() in _PLUMB:
         return word
@@ -164,7 +164,7 @@ def _plain(line: Line, word: str) -> str:
         return station_for_survex(line.where, word)
 
 
-def _mean(line: Line, name: str, texts: list[str]) -> str:
+def _mean(line: TherionLine, name: str, texts: list[str]) -> str:
     """Return one reading, or the mean of several: of angles of the compass, the direction of their mean vector."""
     if len(texts) == 1 or any(text.lower() in _PLUMB for text in texts):
         text = next((text for text in texts if text != "-"), "-")

@@ -1,6 +1,6 @@
 """Centrelines in vector files: lines in plan or in three dimensions, which a stated half width makes passages.
 
-Ends that lie on another line join it. What nearly meets, or has no elevation, is said with its place.
+Ends that lie on another line join it. Warnings name the place of what nearly meets, or has no elevation.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate
 from pipeline.types import Georeference
 
-_NEAR_M = 3.0  # an end so near to another line, and not joined, is told
+_NEAR_M = 3.0  # warns of an end so near to another line, and not joined
 
 Line = np.ndarray  # (k, 3) m
 
@@ -100,7 +100,7 @@ def _lines(
 
 
 def _crossed(path: Path, lines: list[Line]) -> list[Line]:
-    """Return the lines with a common point wherever two cross in plan at one height, and say where."""
+    """Return the lines with a common point wherever two cross in plan at one height, with a warning of the places."""
     segments, most = _Segments(lines), floor_rules().flat_step_m
     points: dict[int, list[tuple[float, np.ndarray]]] = defaultdict(list)
     one, two = segments.tree.query(segments.shapes, predicate="crosses")

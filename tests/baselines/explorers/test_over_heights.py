@@ -17,9 +17,7 @@ from baselines.sandbox.confined import Confined, ConfinedPolicy
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.task import TaskParams
-from pipeline.compose import compose
 from tests.heights import UNDER, MineWithHeights, levels, spiral
-from tests.project import ROOT
 
 LEVEL = np.eye(3)[:2]
 BEARINGS = np.radians([0.0, 90.0, 180.0, 270.0])
@@ -28,20 +26,13 @@ DRY = {"terrain": False}  # mud and water on a decline of 13 % are slippery: rob
 
 
 @pytest.fixture(scope="module")
-def light():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(["preset=light"])
+def under(mine_of_legs):
+    return mine_of_legs(UNDER, "preset=light")
 
 
 @pytest.fixture(scope="module")
-def under(light, tmp_path_factory):
-    return MineWithHeights(UNDER, light, tmp_path_factory.mktemp("under"))
-
-
-@pytest.fixture(scope="module")
-def helix(light, tmp_path_factory):
-    return MineWithHeights(spiral(2), light, tmp_path_factory.mktemp("helix"))
+def helix(mine_of_legs):
+    return mine_of_legs(spiral(2), "preset=light")
 
 
 def seen_by_sheet(env):
@@ -98,7 +89,7 @@ def test_a_floor_that_rises_is_taken_for_rock_until_it_is_doubted_and_never_wher
 @pytest.mark.parametrize(
     ("name", "steps"),
     [
-        ("depth-first", 2000),
+        ("depth-first", 1600),
         pytest.param("nearest-frontier", 4000, marks=pytest.mark.slow),
         pytest.param("two-level", 4000, marks=pytest.mark.slow),
     ],
@@ -151,6 +142,7 @@ def test_a_confined_policy_is_told_heights_and_attitudes(under, tmp_path, monkey
     env.close()
 
 
+@pytest.mark.slow
 def test_the_least_time_down_a_spiral_is_that_along_its_inner_helix(helix):
     """Twelve sides a turn, 12 * 2 * apothem * tan(15 deg) long in plan; the apothem is that of the inner wall and the
     distance that a robot keeps from it; a turn falls by 0.13 of the centre line's circle.
@@ -178,7 +170,7 @@ def test_the_least_time_down_a_spiral_is_that_along_its_inner_helix(helix):
 
 
 def test_no_explorer_beats_the_bound_over_sheets_and_the_tour_sees_all(under):
-    env = MineVectorEnv(1, world=under.bundle, task={"max_steps": 4000, **DRY})
+    env = MineVectorEnv(1, world=under.bundle, task={"max_steps": 2200, **DRY})
     network = network_over_sheets(env.robots, 4.0)
     horizon = env.task.max_steps * env.task.control_s
     bounds = {t: best_walk(network, t).most for t in np.linspace(0, horizon, 9)}

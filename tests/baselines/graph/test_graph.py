@@ -446,7 +446,7 @@ def test_a_run_is_resumed_where_it_ended_and_its_policy_is_found_by_name(tmp_pat
 
 
 def test_curves_are_kept_drawn_and_told_beside_runs_of_ppo(tmp_path):
-    from baselines.graph.training.curves import draw_curves, keep, page, read_curves
+    from baselines.graph.training.curves import draw_curves, keep, read_curves, tables
 
     alone = ["name=alone", "network.attention=false"]
     for seed, shares, more in ((1, [0.5, 0.6], []), (2, [0.52, 0.58], []), (1, [0.5, 0.55], alone)):
@@ -467,9 +467,9 @@ def test_curves_are_kept_drawn_and_told_beside_runs_of_ppo(tmp_path):
     keep(tmp_path / "runs", tmp_path / "kept")
     curves = read_curves(tmp_path / "kept")
     assert [curve.settings.label for curve in curves] == ["alone-1", "graph-1", "graph-2"]
-    assert "| graph | 1 | 20 | 50.0 | 60.0 | 20 | 45.0 |" in page(curves)
-    assert "| graph | mean of 2 seeds |" in page(curves)
-    assert "| alone | 1 | clusters are scored alone | +0.0 ± 0.0 | -5.0 ± 10.0 | 20 |" in page(curves)
+    assert "| graph | 1 | 20 | 50.0 | 60.0 | 20 | 45.0 |" in tables(curves)
+    assert "| graph | mean of 2 seeds |" in tables(curves)
+    assert "| alone | 1 | clusters are scored alone | +0.0 ± 0.0 | -5.0 ± 10.0 | 20 |" in tables(curves)
     draw_curves(curves, tmp_path / "curves.png")
     assert (tmp_path / "curves.png").stat().st_size > 5_000
 

@@ -105,3 +105,11 @@ def test_four_pixels_where_two_drifts_cross_are_no_loop():
 def test_workings_thinner_than_a_cell_are_refused():
     with pytest.raises(GeometryError, match="some passage or pillar is thinner"):
         network(shapely.union_all([shapely.box(0, 0, 10, 5), shapely.box(9, 2, 20, 2.01), shapely.box(19, 0, 30, 5)]))
+
+
+@pytest.mark.parametrize(
+    "room", [shapely.box(0, 0, 20, 20), shapely.Point(0, 0).buffer(9, quad_segs=2)], ids=["square", "octagon"]
+)
+@pytest.mark.parametrize("turn_deg", [0, 30])
+def test_a_square_or_round_room_has_one_leg(room, turn_deg):
+    assert len(network(rotate(room, turn_deg)).legs) == 1

@@ -11,9 +11,7 @@ from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.world import load_world
-from pipeline.compose import compose
-from tests.heights import UNDER, MineWithHeights, seam
-from tests.project import ROOT
+from tests.heights import UNDER, seam
 
 LOW, HIGH = np.array([-2.0, -2.0]), np.array([2.0, 2.0])
 WEST, EAST = [(-9, -9), (0, -9), (0, 9), (-9, 9)], [(0, -9), (9, -9), (9, 9), (0, 9)]
@@ -115,10 +113,8 @@ def test_beside_a_part_that_is_no_slab_all_wedges_are_kept(corners):
 
 
 @pytest.fixture(scope="module", params=[UNDER, seam()], ids=["drift under a drift", "rooms on a dipping seam"])
-def mine(request, tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return MineWithHeights(request.param, compose(["preset=light"]), tmp_path_factory.mktemp("mine"), report=False)
+def mine(request, mine_of_legs):
+    return mine_of_legs(request.param, "preset=light")
 
 
 def test_the_floor_of_every_local_model_is_that_of_the_world(mine):

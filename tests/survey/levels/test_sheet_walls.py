@@ -17,7 +17,7 @@ from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.load import _read
 from pipeline.survey.passages.sheet_cells import Cell
 from pipeline.survey.passages.sheet_layout import lay_apart
-from pipeline.survey.passages.sheets import _lie_over, draw_sheets
+from pipeline.survey.passages.sheets import _lie_over, lay_out_sheets
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.stations.table import read_station_legs, read_station_survey
 from pipeline.types import Workings
@@ -89,7 +89,7 @@ def test_legs_that_go_on_at_a_station_share_their_walls(turned_m, tmp_path):
     path.write_text(
         HEADER + rows("A", [("a", 0, 0, 3, 1, 0), middle]) + rows("B", [middle, ("c", 40, -turned_m, 3, 1, 4)])
     )
-    polygons, _ = draw_sheets(path, read_station_legs(path))
+    polygons, _ = lay_out_sheets(path, read_station_legs(path))
     closed = polygons.buffer(0.2, join_style="mitre").buffer(-0.2, join_style="mitre")
     assert closed.difference(polygons).intersection(shapely.box(10, -5, 30, 5)).area < 1e-3
     assert shapely.get_num_coordinates(polygons) < 45  # no ring has gone into a slit
@@ -121,8 +121,8 @@ def test_of_passages_that_pass_over_each_other_without_rock_the_less_useful_is_l
     side = [main[1], ("d", 20, 12, 1, 1, 0.5), ("e", 5, 12, 1, 1, 0.7), ("f", 5, -5, 1, 1, 0.7)]
     path.write_text(HEADER + rows("M", main) + rows("S", side) + rows("H", [main[2], ("g", 60, 15, 1, 1, 3)]))
     legs = read_solved_legs(path)
-    whole, _ = draw_sheets(path, legs)
-    polygons, heights = draw_sheets(path, legs, 4.0)
+    whole, _ = lay_out_sheets(path, legs)
+    polygons, heights = lay_out_sheets(path, legs, 4.0)
     assert shapely.Point(5, -3).within(whole.geoms[0])
     assert not shapely.Point(5, -3).within(polygons.geoms[0])
     assert shapely.Point(2, 0).within(polygons.geoms[0])
@@ -137,7 +137,7 @@ def test_arms_of_a_junction_and_passages_with_rock_between_are_kept(tmp_path, ca
     main = [("a", 0, 0, 1, 1, 0), ("b", 20, 0, 1, 1, 0), ("c", 60, 0, 1, 1, 0)]
     side = [main[1], ("d", 26, 12, 1, 1, 2), ("e", 5, 12, 1, 1, 4.5), ("f", 5, -5, 1, 1, 4.5)]
     path.write_text(HEADER + rows("M", main) + rows("S", side))
-    polygons, heights = draw_sheets(path, read_solved_legs(path), 4.0)
+    polygons, heights = lay_out_sheets(path, read_solved_legs(path), 4.0)
     assert (len(polygons.geoms), len(heights.seams)) == (2, 1)
     assert "left out" not in capsys.readouterr().err
 
@@ -191,7 +191,7 @@ def test_arms_that_part_slowly_are_one_floor_until_they_have_parted(tmp_path, ca
     left = [("a", 0, 0, 1, 1, 3.6), ("b", 8.4, 8, 1, 1, 3.01), ("c", 12, 15.5, 1, 1, 1.81)]
     right = [left[0], ("d", 4.8, 3, 1, 1, 3.56), ("e", 9, 5, 1, 1, 3.52), ("f", 30, 17.5, 1, 1, 3.4)]
     path.write_text(HEADER + rows("L", left) + rows("R", right))
-    polygons, _ = draw_sheets(path, read_solved_legs(path), 4.0)
+    polygons, _ = lay_out_sheets(path, read_solved_legs(path), 4.0)
     assert shapely.Point(6.9, 4).within(polygons.geoms[0])
     assert "left out" not in capsys.readouterr().err
 

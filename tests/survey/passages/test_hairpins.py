@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.survey.passages.sheets import draw_sheets
+from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.stations.table import read_station_legs
 from tests.heights import table
 
@@ -17,7 +17,7 @@ NARROW = {"D": [("a", 0, 0, 100), ("b", 40, 0, 97), ("c", 2, 7, 94), ("d", -20, 
 def drawn(tmp_path, legs, apart_m=None):
     path = tmp_path / "stations.csv"
     path.write_text(table(legs))
-    return draw_sheets(path, read_station_legs(path), apart_m)
+    return lay_out_sheets(path, read_station_legs(path), apart_m)
 
 
 def test_the_arms_of_a_hairpin_are_one_level_floor_until_they_part(tmp_path):

@@ -13,7 +13,7 @@ from pipeline.import_mine import survey_yaml
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams, SurveyParams, VectorSurveyParams
 from pipeline.survey.detect import _detect, detect_here
-from pipeline.survey.passages.sheets import draw_sheets
+from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.stations.table import read_station_legs
 from pipeline.survey.vector_survey import read_vector_survey
 from tests.heights import HEADER, table
@@ -33,7 +33,7 @@ PIECES = {
 def draw(tmp_path, piece=None, apart_m=None, legs=PIECES):
     path = tmp_path / "a.csv"
     path.write_text(table(legs))
-    return draw_sheets(path, read_station_legs(path), apart_m, piece)
+    return lay_out_sheets(path, read_station_legs(path), apart_m, piece)
 
 
 @pytest.mark.parametrize(

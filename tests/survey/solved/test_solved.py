@@ -11,7 +11,7 @@ import pytest
 from benchmarks.fuzzing.surveys import PROJECT, SAMPLES_3D, head, old_3d, place, ring_3d
 from pipeline.errors import InputError
 from pipeline.survey.passages.legs import build_workings
-from pipeline.survey.passages.sheets import draw_sheets, has_relief
+from pipeline.survey.passages.sheets import has_relief, lay_out_sheets
 from pipeline.survey.solved import cavern
 from pipeline.survey.solved.model import LegFlag, LegStyle, StationFlag, from_payload, to_payload
 from pipeline.survey.solved.plan_view import plan_legs
@@ -96,7 +96,7 @@ def test_wheal_pell_reads_with_its_stations_and_splays(capsys):
     assert np.ptp(survey.positions_m[:, 2]) > 90
     legs = plan_legs(PELL, survey)
     said = capsys.readouterr().err
-    assert "186 of 296 stations of passages have no measured wall beside them; they get 0.67 m" in said
+    assert "186 of 296 stations of passages have no measured wall beside them; 0.67 m is taken" in said
     assert "in 2 pieces that share no station" in said
     assert "3 shafts are not drivable, the deepest 37.0 m" in said
     assert all(np.isfinite(leg.walls_m).all() and np.isfinite(leg.heights_m[:, 2]).all() for leg in legs)
@@ -224,7 +224,7 @@ def test_a_leg_too_steep_to_drive_is_fenced_off_with_its_place(tmp_path, capsys)
     path = write(tmp_path, {"a.svx": f"{text}*data passage station left right up down\n{rows}"})
     legs, _ = read_passages(path)
     assert has_relief(legs)
-    polygons, heights = draw_sheets(path, legs)
+    polygons, heights = lay_out_sheets(path, legs)
     assert polygons.bounds[3] < 45
     assert max(z for line in heights.lines for _, _, z in line) == pytest.approx(20 * np.sin(np.radians(9)), abs=0.01)
     assert "1 legs are steeper than 0.364" in capsys.readouterr().err
@@ -235,7 +235,7 @@ def test_a_passage_that_passes_over_another_is_not_merged_with_it(tmp_path):
     text = "1 2 40 0 4\n2 3 40 90 4\n3 4 40 180 4\n4 5 60 270 4\n"
     rows = "".join(f"{i} 2 2 3 0\n" for i in range(1, 6))
     path = write(tmp_path, {"a.svx": f"{text}*data passage station left right up down\n{rows}"})
-    polygons, heights = draw_sheets(path, read_passages(path)[0])
+    polygons, heights = lay_out_sheets(path, read_passages(path)[0])
     assert (len(polygons.geoms), len(heights.seams)) == (2, 1)
 
 

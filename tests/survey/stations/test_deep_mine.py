@@ -3,20 +3,20 @@ import pytest
 
 from benchmarks.worlds.deep_mine import deep_mine
 from pipeline.geometry.floor.mesh import build_floor
-from pipeline.survey.passages.sheets import draw_sheets
+from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.stations.table import read_station_legs
 from tests.heights import table
 
 
 @pytest.fixture(scope="module")
 def legs():
-    return deep_mine(8, 10_000.0, 1)
+    return deep_mine(8, 5_000.0, 1)
 
 
 def test_levels_under_one_another_lie_in_rows_and_keep_their_heights(legs, tmp_path):
     path = tmp_path / "deep.csv"
     path.write_text(table(legs, 2.5))
-    workings, heights = draw_sheets(path, read_station_legs(path), 4.0)
+    workings, heights = lay_out_sheets(path, read_station_legs(path), 4.0)
     west, south, east, north = workings.bounds
     assert east - west < 2100
     assert north - south < 2100

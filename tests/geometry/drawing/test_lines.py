@@ -1,4 +1,4 @@
-"""Lines on drawing sheets that are no walls: measures, tables, grids."""
+"""Lines on drawings that are no walls: measures, tables, grids."""
 
 import cv2
 import numpy as np
@@ -7,7 +7,7 @@ import pytest
 from benchmarks.pictures.draw_sheet import draw_sheet
 from pipeline.errors import GeometryError
 from pipeline.geometry.drawing.doubts import require_on_walls
-from pipeline.geometry.drawing.find import read_sheet
+from pipeline.geometry.drawing.find import read_drawing
 from pipeline.geometry.drawing.measures import drop_measures
 from pipeline.geometry.drawing.tables import drop_tables
 from pipeline.geometry.drawing.wall_lines import drop_ruled
@@ -21,21 +21,21 @@ def iou(one, other):
     "seed",
     [
         pytest.param(4059, id="measures cross drifts with gaps in their walls"),
-        pytest.param(4155, id="a measure parts a room"),
+        pytest.param(4155, id="a measure parts a room", marks=pytest.mark.slow),
         pytest.param(4192, id="measures and survey lines"),
         pytest.param(4095, id="a grid line that compression breaks"),
-        pytest.param(4033, id="strokes in the rock, a grid and measures"),
-        pytest.param(4039, id="a title block as large as the workings"),
-        pytest.param(4093, id="survey lines in narrow drifts"),
+        pytest.param(4033, id="strokes in the rock, a grid and measures", marks=pytest.mark.slow),
+        pytest.param(4039, id="a title block as large as the workings", marks=pytest.mark.slow),
+        pytest.param(4093, id="survey lines in narrow drifts", marks=pytest.mark.slow),
         pytest.param(6035, id="grey strokes touch the walls"),
         pytest.param(5152, id="a pillar with wavering walls is no table"),
-        pytest.param(5075, id="a frame of two lines is no drawing"),
+        pytest.param(5075, id="a frame of two lines is no drawing", marks=pytest.mark.slow),
     ],
 )
 def test_walls_are_found_beside_lines_that_are_none(seed):
     sheet = draw_sheet(seed)
     picture = 255 - sheet.picture if "light on dark" in sheet.furniture else sheet.picture
-    found = read_sheet(picture, None)
+    found = read_drawing(picture, None)
     assert found.walls == "lines"
     assert iou(found.mask, sheet.levels[0]) > 0.95
 
@@ -43,12 +43,12 @@ def test_walls_are_found_beside_lines_that_are_none(seed):
 @pytest.mark.parametrize(
     ("seed", "doubt"),
     [
-        pytest.param(6138, "another drawing of", id="another level has gaps in its walls"),
+        pytest.param(6138, "another drawing of", id="another level has gaps in its walls", marks=pytest.mark.slow),
     ],
 )
 def test_what_lines_do_not_settle_is_asked_about(seed, doubt):
     with pytest.raises(GeometryError, match=doubt):
-        read_sheet(draw_sheet(seed).picture, None)
+        read_drawing(draw_sheet(seed).picture, None)
 
 
 def test_a_border_that_leaves_its_walls_is_asked_about():

@@ -1,4 +1,4 @@
-"""Vector drawings that show a whole drawing sheet."""
+"""Vector drawings that show more than walls."""
 
 import ezdxf
 import pytest
@@ -38,22 +38,22 @@ def save(path, mine, frames=1, grid=True, one_layer=False):
         ({"one_layer": True, "grid": False, "frames": 2}, "with a frame; all its lines are on one layer"),
     ],
 )
-def test_a_drawing_sheet_is_refused_with_what_settles_it(tmp_path, shown, message):
-    path = tmp_path / "sheet.dxf"
+def test_a_drawing_with_more_than_walls_is_refused_with_what_settles_it(tmp_path, shown, message):
+    path = tmp_path / "drawing.dxf"
     save(path, TEE, **shown)
-    with pytest.raises(InputError, match=f"sheet.dxf: looks like a drawing sheet .*{message}"):
+    with pytest.raises(InputError, match=f"drawing.dxf: looks like a drawing .*{message}"):
         detect_survey(path)
 
 
-def test_the_stated_layer_of_a_sheet_holds_the_walls(tmp_path):
-    path = tmp_path / "sheet.dxf"
+def test_the_stated_layer_of_a_drawing_holds_the_walls(tmp_path):
+    path = tmp_path / "drawing.dxf"
     save(path, TEE)
     found = detect_survey(path, StatedOptions(layers=["WALLS"]))
     assert found.values["layers"] == ["WALLS"]
     assert found.width_m == pytest.approx(2 * TEE.area / TEE.length)
 
 
-def test_a_rectangular_mine_with_a_pillar_is_no_sheet(tmp_path):
+def test_a_rectangular_mine_with_a_pillar_is_read_whole(tmp_path):
     path = tmp_path / "mine.dxf"
     save(path, RING, frames=0, grid=False)
     assert detect_survey(path).width_m == pytest.approx(2 * RING.area / RING.length)

@@ -1,4 +1,4 @@
-"""Notice vector drawings that show a whole drawing sheet: its lines are no walls, and layers tell them apart."""
+"""Notice vector drawings that show more than walls: its lines are no walls, and layers separate them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LEVEL = 1e-3  # of the extent
 _LISTED = 12  # layers that a message names
 
 
-def require_no_sheet(path: Path, content: Shapes) -> None:
+def require_walls_alone(path: Path, content: Shapes) -> None:
     """Refuse a drawing with a frame or a grid, whose layers the user did not choose.
 
     A rectangle round all else counts as a frame only if other lines lie on other layers, or a second frame lies in it:
@@ -48,8 +48,8 @@ def require_no_sheet(path: Path, content: Shapes) -> None:
         names = one_line(", ".join(layers[:_LISTED]) + (", ..." if len(layers) > _LISTED else ""), 200)
         advice = f"--layer NAME, once for each layer with walls, chooses from its layers: {names}"
     else:
-        advice = "all its lines are on one layer: save the walls alone, or give a PDF or a picture of the sheet"
-    raise InputError(f"{path}: looks like a drawing sheet with {shown}; {advice}")
+        advice = "all its lines are on one layer: save the walls alone, or give a PDF or a picture of the drawing"
+    raise InputError(f"{path}: looks like a drawing with {shown}; {advice}")
 
 
 def _is_frame(line: LineString, extent: np.ndarray) -> bool:

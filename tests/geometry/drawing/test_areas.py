@@ -1,4 +1,4 @@
-"""Hatched and filled workings on drawing sheets: what bounds them, and what does not."""
+"""Hatched and filled workings on drawings: what bounds them, and what does not."""
 
 from contextlib import suppress
 
@@ -10,7 +10,7 @@ from benchmarks.pictures.draw_sheet import draw_sheet
 from pipeline.errors import GeometryError
 from pipeline.geometry.drawing.doubts import require_filled
 from pipeline.geometry.drawing.fills import find_filled, find_ink
-from pipeline.geometry.drawing.find import read_sheet
+from pipeline.geometry.drawing.find import read_drawing
 from pipeline.geometry.drawing.hatches import find_hatched
 
 
@@ -54,7 +54,7 @@ def hatched(workings, outline_px, step=6):
 )
 def test_hatched_workings_end_at_the_middle_of_their_outline(seed):
     picture, truth = shown(seed)
-    found = read_sheet(picture, None)
+    found = read_drawing(picture, None)
     assert found.walls == "hatched"
     assert iou(found.mask, truth) > 0.98
 
@@ -62,7 +62,7 @@ def test_hatched_workings_end_at_the_middle_of_their_outline(seed):
 @pytest.mark.parametrize("outline_px", [1, 3])
 def test_straight_walls_of_a_hatched_area_are_no_grid(outline_px):
     workings = cross(40)
-    found = read_sheet(hatched(workings, outline_px), None)
+    found = read_drawing(hatched(workings, outline_px), None)
     assert found.walls == "hatched"
     assert iou(found.mask, workings) > 0.96
 
@@ -70,7 +70,7 @@ def test_straight_walls_of_a_hatched_area_are_no_grid(outline_px):
 @pytest.mark.parametrize("wide", [40, 120])
 def test_a_hatched_area_without_an_outline_is_asked_about(wide):
     with pytest.raises(GeometryError, match=r"--crop|--seed"):
-        read_sheet(hatched(cross(wide), 0), None)
+        read_drawing(hatched(cross(wide), 0), None)
 
 
 @pytest.mark.parametrize(("wide", "step"), [(40, 6), (24, 5), (40, 8)])
@@ -79,26 +79,27 @@ def test_a_hatched_area_whose_outline_breaks_off_is_asked_about_or_found_as_a_wh
     picture = hatched(cross(wide), 3, step)
     picture[190:206, broken] = 255  # the outline and the beginning of the hatching
     with suppress(GeometryError):
-        assert iou(read_sheet(picture, None).mask, cross(wide)) > 0.95
+        assert iou(read_drawing(picture, None).mask, cross(wide)) > 0.95
 
 
 def test_a_hatched_drift_that_has_one_wall_only_is_asked_about():
     picture = hatched(cross(40), 3)
     picture[190:210, 60:220] = 255
     with pytest.raises(GeometryError, match=r"--crop|--seed"):
-        read_sheet(picture, None)
+        read_drawing(picture, None)
 
 
 def test_hatching_that_a_light_word_parts_is_not_left_out_silently():
     picture, _ = shown(8050)
     with pytest.raises(GeometryError, match=r"a piece of \d+ px with the same filling lies beside .* at \(106, 287\)"):
-        read_sheet(picture, None)
+        read_drawing(picture, None)
 
 
+@pytest.mark.slow
 def test_two_walls_and_a_survey_line_are_no_hatching():
     picture, _ = shown(4053)
     with pytest.raises(GeometryError) as raised:
-        read_sheet(picture, None)
+        read_drawing(picture, None)
     assert "hatched area" not in str(raised.value)
     assert "same filling" not in str(raised.value)
 
@@ -123,14 +124,14 @@ def test_strokes_in_the_rock_form_no_area():
 )
 def test_filled_workings_end_at_the_middle_of_their_outline_whatever_is_written_in_them(seed):
     picture, truth = shown(seed)
-    found = read_sheet(picture, None)
+    found = read_drawing(picture, None)
     assert found.walls == "filled"
     assert iou(found.mask, truth) > 0.97
 
 
 def test_cells_of_paper_between_outlines_grid_lines_and_strokes_are_rock():
     picture, truth = shown(7024)
-    assert iou(read_sheet(picture, None).mask, truth) > 0.96
+    assert iou(read_drawing(picture, None).mask, truth) > 0.96
 
 
 def filled(workings):
@@ -141,24 +142,24 @@ def filled(workings):
 
 def test_a_drift_that_a_white_band_parts_from_the_rest_is_not_left_out_silently():
     picture = filled(cross(40))
-    assert iou(read_sheet(picture, None).mask, cross(40)) > 0.99
+    assert iou(read_drawing(picture, None).mask, cross(40)) > 0.99
     picture[300:312] = 255
     with pytest.raises(GeometryError, match=r"a piece of \d+ px with the same filling lies beside .* at \(300, 31\d\)"):
-        read_sheet(picture, None)
+        read_drawing(picture, None)
 
 
 def test_workings_of_two_fillings_are_not_read_as_one_of_them():
     picture = filled(cross(40))
     picture[:, 320:][cross(40)[:, 320:]] = 90
     with pytest.raises(GeometryError, match=r"--crop|--ignore|--seed"):
-        read_sheet(picture, None)
+        read_drawing(picture, None)
 
 
 def test_a_short_drift_in_another_shade_is_not_left_out_silently():
     picture = filled(cross(40))
     picture[60:110, 300:340] = 60
     with pytest.raises(GeometryError, match=r"an area of \d+ px with another filling lies beside .* at \(300, \d+\)"):
-        read_sheet(picture, None)
+        read_drawing(picture, None)
 
 
 def test_small_cells_of_paper_that_matter_are_asked_about():
@@ -196,4 +197,4 @@ def test_workings_no_wider_than_lines_are_asked_about():
     contours, _ = cv2.findContours(workings.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(picture, contours, -1, (0, 0, 0), 2)
     with pytest.raises(GeometryError, match=r"--crop|--seed"):
-        read_sheet(picture, None)
+        read_drawing(picture, None)

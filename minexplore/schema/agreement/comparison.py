@@ -13,7 +13,7 @@ from minexplore.schema.readers.rules import numbers_in, same
 from minexplore.schema.readers.xml import Node
 
 
-class Places:
+class ModelElements:
     """The elements of a model by tag and name."""
 
     def __init__(self, root: Node) -> None:

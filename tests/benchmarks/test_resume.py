@@ -1,0 +1,52 @@
+"""A measurement goes on where the last run stopped."""
+
+import json
+
+from baselines.base.errors import BaselineError
+from benchmarks.resume import resume, run_benchmark
+from pipeline.errors import InputError
+
+
+def test_only_rows_that_are_missing_or_not_valid_are_measured(tmp_path):
+    path, asked = tmp_path / "kept" / "rows.jsonl", []
+
+    def measure(seeds):
+        asked.append(list(seeds))
+        return ({"seed": seed, "code": "new"} for seed in seeds)
+
+    assert [row["seed"] for row in resume(path, [1, 2], measure, "row")] == [1, 2]
+    with path.open("a") as file:
+        file.write(json.dumps({"seed": 3, "code": "old"}) + "\n")
+    rows = resume(path, [1, 2, 3, 4], measure, "row", is_valid=lambda row: row["code"] == "new")
+    assert asked == [[1, 2], [3, 4]]
+    assert {row["seed"]: row["code"] for row in rows} == dict.fromkeys([1, 2, 3, 4], "new")
+    again = resume(path, [3], measure, "row", is_valid=lambda row: row["code"] == "new")
+    assert asked[2:] == [[]]
+    assert len(again) == 4
+
+
+def test_rows_of_an_interrupted_run_are_kept(tmp_path):
+    def measure(seeds):
+        yield {"seed": seeds[0]}
+        raise KeyboardInterrupt
+
+    path = tmp_path / "rows.jsonl"
+    try:
+        resume(path, [5, 6], measure, "row")
+    except KeyboardInterrupt:
+        assert [json.loads(line) for line in path.read_text().splitlines()] == [{"seed": 5}]
+
+
+def test_an_expected_error_is_one_line_and_exit_code_two(capsys):
+    def fail():
+        raise InputError("plan.png: missing")
+
+    def fail_baseline():
+        raise BaselineError("no policy")
+
+    assert [run_benchmark("bench", fail), run_benchmark("bench", fail_baseline), run_benchmark("bench", int)] == [
+        2,
+        2,
+        0,
+    ]
+    assert capsys.readouterr().err == "bench: plan.png: missing\nbench: no policy\n"
