@@ -17,7 +17,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from benchmarks.faults.edits import edit_model, seal
+from benchmarks.faults.injection import edit_model, seal
 from benchmarks.faults.listed import Mutant, faults
 from benchmarks.faults.random_mutants import CRASHED, MISSED, judge_many, prove, summarise
 from pipeline.errors import MineError

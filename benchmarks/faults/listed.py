@@ -9,27 +9,25 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from benchmarks.faults.edits import (
-    change_image,
-    edit_model,
-    edit_record,
-    move_rock,
-    move_vertices,
-    rock_geoms,
-    rotation,
-    set_all,
-    set_geom,
-)
 from benchmarks.faults.injection import (
     block_drift,
+    change_image,
     crop_occupancy,
     drop_island,
+    edit_model,
+    edit_record,
     flip_byte,
     flip_tilt,
     leak_wall,
+    move_rock,
+    move_vertices,
     raise_prism,
     remove_prism,
+    rock_geoms,
+    rotation,
     scale_wall_distance,
+    set_all,
+    set_geom,
     shift_map_origin,
     shift_prism,
     stale_occupancy,

@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
-from benchmarks.faults.edits import edit_record, seal
+from benchmarks.faults.injection import edit_record, seal
 from minexplore.bundle import BundleError
 from minexplore.envs.env import MineEnv
 from minexplore.pictures.render import shown_groups

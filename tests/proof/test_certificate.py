@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import shapely
 
-from benchmarks.faults.edits import edit_model, edit_record, seal
+from benchmarks.faults.injection import edit_model, edit_record, seal
 from minexplore.bundle import GeomGroup
 from pipeline.errors import ArtifactError, InputError
 from pipeline.mjcf.bundle import open_bundle, part_vertices

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from benchmarks.faults.edits import edit_record, seal
+from benchmarks.faults.injection import edit_record, seal
 from benchmarks.faults.random_faults import random_mutant
 from benchmarks.faults.random_mutants import CAUGHT, CRASHED, MISSED, judge, prove
 from minexplore.bundle import TriangleMesh, decode_msh, encode_msh

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.faults.edits import edit_model, seal
+from benchmarks.faults.injection import edit_model, seal
 from minexplore.bundle import BundleError
 from minexplore.schema import check_files, check_world, hash_files, read_folder
 from minexplore.schema.files import PICTURES, read_grid
