@@ -26,7 +26,8 @@ from tqdm import tqdm
 
 from baselines.base.markdown import markdown_table, write_table
 from benchmarks.fuzzing.hostile import HOSTILE
-from benchmarks.fuzzing.samples import SAMPLES, Files
+from benchmarks.fuzzing.samples import SAMPLES
+from benchmarks.fuzzing.saved import Files
 from pipeline.errors import MineError, UnexpectedError
 from pipeline.store.files import write_atomically
 

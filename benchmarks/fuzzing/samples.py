@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -15,10 +14,11 @@ import cv2
 import numpy as np
 import yaml
 
+from benchmarks.fuzzing.clouds import CLOUDS
+from benchmarks.fuzzing.saved import Files, saved
 from benchmarks.fuzzing.surveys import SAMPLES_3D
 from minexplore.bundle import FORMAT
 
-Files = dict[str, bytes]
 _RING = [(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0), (0.0, 0.0)]
 _HOLE = [(6.0, 6.0), (54.0, 6.0), (54.0, 34.0), (6.0, 34.0), (6.0, 6.0)]
 _RAMP = [(60, 0, 9), (95, 0, 5), (95, 20, 4), (60, 20, 0), (60, 15, 0), (90, 15, 4), (90, 5, 5), (60, 5, 9), (60, 0, 9)]
@@ -34,12 +34,6 @@ def _plan(suffix: str) -> bytes:
 
 def _picture(suffix: str) -> Callable[[], Files]:
     return lambda: {f"plan{suffix}": _plan(suffix)}
-
-
-def _saved(name: str, write: Callable[[Path], Any]) -> Files:
-    with tempfile.TemporaryDirectory() as folder:
-        write(Path(folder) / name)
-        return {p.name: p.read_bytes() for p in sorted(Path(folder).iterdir(), key=lambda p: p.name != name)}
 
 
 def _pdf() -> Files:
@@ -64,7 +58,7 @@ def _geotiff() -> Files:
         ) as out:
             out.write(grey, 1)
 
-    return _saved("plan.tif", write)
+    return saved("plan.tif", write)
 
 
 def _dxf() -> Files:
@@ -78,7 +72,7 @@ def _dxf() -> Files:
         drawing.modelspace().add_line((0, 0), (5, 5))
         drawing.saveas(path)
 
-    return _saved("mine.dxf", write)
+    return saved("mine.dxf", write)
 
 
 def _geodata(name: str) -> Callable[[], Files]:
@@ -88,9 +82,7 @@ def _geodata(name: str) -> Callable[[], Files]:
 
         ring = shapely.Polygon(_RING, [_HOLE])
         wkb = np.array([ring.wkb], dtype=object)
-        return _saved(
-            name, lambda path: pyogrio.raw.write(path, wkb, [], [], geometry_type="Polygon", crs="EPSG:32719")
-        )
+        return saved(name, lambda path: pyogrio.raw.write(path, wkb, [], [], geometry_type="Polygon", crs="EPSG:32719"))
 
     return make
 
@@ -135,7 +127,7 @@ def _height_raster() -> Files:
         with rasterio.open(path, "w", driver="GTiff", transform=from_origin(-1, 41, 1, 1), **shape) as out:
             out.write(np.add.outer(np.arange(42), np.arange(62)).astype(np.float32) / 20, 1)
 
-    return _beside_plan(_saved("heights.tif", write))
+    return _beside_plan(saved("heights.tif", write))
 
 
 def _height_grid() -> Files:
@@ -151,9 +143,7 @@ def _contour_lines() -> Files:
     lines = [shapely.LineString([(5 * k, -2, k / 4), (5 * k, 44, k / 4)]) for k in range(14)]
     wkb = np.array([shapely.to_wkb(line, output_dimension=3) for line in lines], dtype=object)
     return _beside_plan(
-        _saved(
-            "heights.gpkg", lambda path: pyogrio.raw.write(path, wkb, [], [], geometry_type="LineString Z", crs=None)
-        )
+        saved("heights.gpkg", lambda path: pyogrio.raw.write(path, wkb, [], [], geometry_type="LineString Z", crs=None))
     )
 
 
@@ -169,7 +159,7 @@ def _height_labels() -> Files:
         drawing.modelspace().add_point((3, 20, 1.0))
         drawing.saveas(path)
 
-    return _beside_plan(_saved("heights.dxf", write))
+    return _beside_plan(saved("heights.dxf", write))
 
 
 def _map() -> Files:
@@ -229,49 +219,10 @@ D 1089.00 426.51 0 Sd P 4.92 6.56 1.64 4.92
 _SWEEP = b"theta_mu,range_mu,range_var\n" + b"".join(b"%.3f,%.3f,0.001\n" % (i / 20, 2 + i % 7) for i in range(120))
 
 
-def _cave() -> np.ndarray:
-    """Return points (300, 3) m on the walls of a drift 4 m high."""
-    at = np.arange(300)
-    return np.column_stack([2.5 * np.cos(at), at / 100, 2 + 2 * np.sin(at)])
-
-
-def _ply() -> Files:
-    head = b"ply\nformat binary_little_endian 1.0\nelement vertex 300\n"
-    return {"c.ply": head + b"".join(b"property float %c\n" % c for c in b"xyz") + b"end_header\n" + _bytes_of(_cave())}
-
-
-def _pcd() -> Files:
-    head = b"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 300\nHEIGHT 1\n"
-    return {"c.pcd": head + b"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 300\nDATA binary\n" + _bytes_of(_cave())}
-
-
-def _bytes_of(points: np.ndarray) -> bytes:
-    return points.astype("<f4").tobytes()
-
-
 def _section() -> bytes:
     """Return a survey section that stands alone: without the line that includes others."""
     lines = Path("conf/survey/plan.yaml").read_bytes().splitlines(keepends=True)
     return b"".join(line for line in lines if not line.startswith(b"defaults:"))
-
-
-def _las() -> Files:
-    import laspy
-
-    def write(path: Path) -> None:
-        cloud = laspy.LasData(laspy.LasHeader(point_format=0, version="1.2"))
-        cloud.x, cloud.y, cloud.z = _cave().T
-        cloud.write(str(path))
-
-    return _saved("c.las", write)
-
-
-def _mesh(name: str) -> Files:
-    import trimesh
-
-    lying = trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])
-    drift = trimesh.creation.cylinder(2.0, 30.0, sections=24, transform=lying)
-    return _saved(name, lambda path: drift.export(path))
 
 
 SAMPLES: dict[str, Callable[[], Files]] = {
@@ -296,12 +247,7 @@ SAMPLES: dict[str, Callable[[], Files]] = {
     "height grid": _height_grid,
     "contour lines": _contour_lines,
     "height labels": _height_labels,
-    "xyz": lambda: {"c.xyz": b"".join(b"%.3f %.3f %.3f 9\n" % tuple(p) for p in _cave())},
-    "ply": _ply,
-    "pcd": _pcd,
-    "las": _las,
-    "stl": lambda: _mesh("c.stl"),
-    "obj": lambda: _mesh("c.obj"),
+    **CLOUDS,
     "sweep": lambda: {"sweep.csv": _SWEEP},
     "bundle": _bundle,
     "survey section": lambda: {"conf.yaml": _section()},

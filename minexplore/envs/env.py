@@ -10,7 +10,8 @@ import gymnasium
 import numpy as np
 
 from minexplore.envs.call_checks import check_options, numbers_of, one_seed
-from minexplore.envs.robot_batch import RobotBatch, StepOutcome, info_of_robot
+from minexplore.envs.outcome import StepOutcome, info_of_robot
+from minexplore.envs.robot_batch import RobotBatch
 from minexplore.physics.robot import RobotParams
 from minexplore.pictures.opengl import prepare_opengl
 from minexplore.pictures.render import CAMERAS, Renderer, shown_groups

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.reward import step_reward
 from minexplore.floors.open_shafts import FASTEST_FALL_MPS
 from minexplore.physics.local_models import LocalModels
@@ -22,16 +21,6 @@ from minexplore.world import World
 
 # Arrays with a row for each robot that hold what changes while it drives.
 _CHANGES = ("state", "seen", "seen_m", "cells_seen", "previous", "steps", "stalled", "collisions", "fell")
-
-
-@dataclass
-class StepOutcome:
-    """The outcome of a step: observations (k, beams + 3) float32, rewards (k,), truncations (k,), and the info."""
-
-    observation: np.ndarray
-    reward: np.ndarray
-    truncated: np.ndarray
-    info: dict[str, np.ndarray]
 
 
 class RobotBatch:
@@ -296,8 +285,3 @@ class RobotBatch:
     def close(self) -> None:
         """Stop the threads."""
         self.stepper.close()
-
-
-def info_of_robot(info: dict[str, np.ndarray], row: int) -> dict[str, Any]:
-    """Return one robot's info as plain values."""
-    return {k: v[row].item() if v[row].ndim == 0 else v[row].copy() for k, v in info.items()}

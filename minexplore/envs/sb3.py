@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import VecEnv
 
 import minexplore
-from minexplore.envs.robot_batch import info_of_robot
+from minexplore.envs.outcome import info_of_robot
 from minexplore.envs.vector import MineVectorEnv
 
 Indices = None | int | Iterable[int]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from minexplore.envs.robot_batch import RobotBatch, StepOutcome
+from minexplore.envs.outcome import StepOutcome
+from minexplore.envs.robot_batch import RobotBatch
 from minexplore.physics.robot import RobotParams, qpos_address, qvel_address
 from minexplore.sensing.lidar import Backend
 from minexplore.task import TaskParams

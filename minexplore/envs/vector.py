@@ -13,7 +13,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from minexplore.envs.call_checks import check_options, mask_of, numbers_of, spread_seeds
-from minexplore.envs.robot_batch import RobotBatch, StepOutcome
+from minexplore.envs.outcome import StepOutcome
+from minexplore.envs.robot_batch import RobotBatch
 from minexplore.physics.robot import RobotParams
 from minexplore.pictures.opengl import prepare_opengl
 from minexplore.pictures.render import CAMERAS, Renderer

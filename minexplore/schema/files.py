@@ -32,7 +32,7 @@ from minexplore.bundle import (
     sheet_maps,
 )
 from minexplore.floors.floor import Floor
-from minexplore.schema.agreement import rock_box
+from minexplore.schema.agreement.rock import rock_box
 from minexplore.schema.fittings import FITTING_MESH
 from minexplore.schema.meshes import check_meshes
 from minexplore.schema.model import VISIBLE_MESH

@@ -1,0 +1,23 @@
+"""The outcome of a step of many robots, and the part of it that belongs to one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass
+class StepOutcome:
+    """The outcome of a step: observations (k, beams + 3) float32, rewards (k,), truncations (k,), and the info."""
+
+    observation: np.ndarray
+    reward: np.ndarray
+    truncated: np.ndarray
+    info: dict[str, np.ndarray]
+
+
+def info_of_robot(info: dict[str, np.ndarray], row: int) -> dict[str, Any]:
+    """Return one robot's info as plain values."""
+    return {k: v[row].item() if v[row].ndim == 0 else v[row].copy() for k, v in info.items()}

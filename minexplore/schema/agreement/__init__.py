@@ -1,0 +1,52 @@
+"""Whether `mine.xml`, `world.json` and the files of a bundle say the same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from minexplore.bundle import MODEL, RECORD, BundleError, has_visible_rock
+from minexplore.floors.floor import Floor
+from minexplore.schema.agreement.comparison import ModelElements
+from minexplore.schema.agreement.rock import check_boxes, check_rock, check_zones
+from minexplore.schema.agreement.views import check_cameras, check_lights, check_look, check_pose, check_surface
+from minexplore.schema.fittings import check_fittings
+from minexplore.schema.heights import check_wedges
+from minexplore.schema.readers.xml import Node
+
+
+def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str], floor: Floor) -> None:
+    """Refuse a model that differs from its record, or names other meshes than the bundle has.
+
+    Parameters
+    ----------
+    root : Node
+        `mine.xml`, which the table of elements allows.
+    record : dict
+        `world.json`, which the table of fields allows.
+    meshes : iterable of str
+        The files below `meshes/`.
+    floor : Floor
+        Of `floor.npz`; without triangles in a flat world.
+
+    Raises
+    ------
+    BundleError
+        With the path of the first difference.
+    """
+    at = ModelElements(root)
+    if root.attributes["model"] != record["name"]:
+        raise BundleError(f"{MODEL}: mujoco@model: {root.attributes['model']!r}, {RECORD} says {record['name']!r}")
+    check_look(at, record)
+    check_pose(at, record, floor)
+    check_rock(at, record, floor)
+    check_zones(at, record, floor)
+    if floor.is_flat:
+        check_boxes(at, record)
+    else:
+        check_wedges(at.of_mine, at.of_assets, record, floor)
+    check_cameras(at, record, floor)
+    check_lights(at, record, floor)
+    if has_visible_rock(record):
+        check_surface(at, set(meshes))
+    check_fittings(at.fittings, at.of_assets, record)
