@@ -154,7 +154,7 @@ def broken_member():
 
 
 def small_members(count):
-    return without_rock(generated("validation", count, ["survey.mine.size_m=[40,45]"]), stress_tests=1)
+    return without_rock(generated("validation", count, ["survey.mine.size_m=[60,70]"]), stress_tests=1)
 
 
 def plainly(done, count):

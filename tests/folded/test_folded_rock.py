@@ -59,12 +59,12 @@ def under(mine_of_legs):
     """Build a drift over a drift, with a shaft between them at (30, 0)."""
     collar = ("s", 30, 0, 10)
     legs = {**UNDER, "A": [*UNDER["A"][:2], collar, *UNDER["A"][2:]], "S": [collar, ("b1", 30, 0, 1)]}
-    return mine_of_legs(legs, *COARSE)
+    return mine_of_legs(legs, *COARSE, report=False)
 
 
 @pytest.fixture(scope="module")
 def ramp(mine_of_legs):
-    return mine_of_legs(RAMP, *COARSE, report=False)
+    return mine_of_legs(RAMP, *COARSE)
 
 
 def rough_surface(config, free, floor, network=None):

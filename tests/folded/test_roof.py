@@ -131,7 +131,7 @@ def visible_roof_m(mine):
 
 def test_the_visible_roof_is_as_high_as_surveyed_within_the_relief_of_the_rock(rock, tmp_path, mine_of_legs):
     """The relief is that of the same rock over a roof of 3.5 m, stretched as the roof is."""
-    mines = [mine_of_legs(RAMP, *COARSE, report=False), MineWithHeights(RAMP, rock, tmp_path, HALL, report=False)]
+    mines = [mine_of_legs(RAMP, *COARSE), MineWithHeights(RAMP, rock, tmp_path, HALL, report=False)]
     level, found = map(visible_roof_m, mines)
     stretch = (surveyed_m(ALONG_M) - 1) / (3.5 - 1)
     np.testing.assert_allclose(found - surveyed_m(ALONG_M), (level - 3.5) * stretch, atol=0.02)

@@ -89,7 +89,7 @@ def test_a_floor_that_rises_is_taken_for_rock_until_it_is_doubted_and_never_wher
 @pytest.mark.parametrize(
     ("name", "steps"),
     [
-        ("depth-first", 1600),
+        ("depth-first", 2000),
         pytest.param("nearest-frontier", 4000, marks=pytest.mark.slow),
         pytest.param("two-level", 4000, marks=pytest.mark.slow),
     ],
@@ -170,7 +170,7 @@ def test_the_least_time_down_a_spiral_is_that_along_its_inner_helix(helix):
 
 
 def test_no_explorer_beats_the_bound_over_sheets_and_the_tour_sees_all(under):
-    env = MineVectorEnv(1, world=under.bundle, task={"max_steps": 2200, **DRY})
+    env = MineVectorEnv(1, world=under.bundle, task={"max_steps": 4000, **DRY})
     network = network_over_sheets(env.robots, 4.0)
     horizon = env.task.max_steps * env.task.control_s
     bounds = {t: best_walk(network, t).most for t in np.linspace(0, horizon, 9)}

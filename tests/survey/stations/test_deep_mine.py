@@ -10,7 +10,7 @@ from tests.heights import table
 
 @pytest.fixture(scope="module")
 def legs():
-    return deep_mine(8, 5_000.0, 1)
+    return deep_mine(8, 10_000.0, 1)
 
 
 def test_levels_under_one_another_lie_in_rows_and_keep_their_heights(legs, tmp_path):
