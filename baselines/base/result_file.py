@@ -47,11 +47,11 @@ _Fact = bool | _Whole | _Number | _Text | Annotated[list[_Number], Field(max_len
 _Facts = Annotated[dict[_Name, _Fact], Field(max_length=MOST_FACTS)]
 
 
-class _Strict(BaseModel):
+class _Stated(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, hide_input_in_errors=True)
 
 
-class Head(_Strict):
+class Head(_Stated):
     """The first line of a results file: environment, world, task, robot, policy, versions and seeds."""
 
     format: _Text
@@ -66,7 +66,7 @@ class Head(_Strict):
     seeds: list[_Seed] = Field(min_length=1, max_length=MOST_EPISODES)
 
 
-class Episode(_Strict):
+class Episode(_Stated):
     """One line an episode, sampled at the start, every 2 s, and at the end.
 
     `seen` counts cells, `path_cm` is x, y in the mine frame, `idle` counts the steps that saw no new cell, `collided`
