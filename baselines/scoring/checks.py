@@ -51,7 +51,7 @@ def facts_of(env_id: str) -> Facts:
 
 @functools.lru_cache(maxsize=16)
 def _read_facts(env_id: str, arguments: str) -> Facts:
-    """Read an environment's facts; `arguments` tells apart what was registered again by the same id."""
+    """Read an environment's facts; `arguments` separates what was registered again by the same id."""
     env = make_env(env_id, 1)
     try:
         return Facts(
