@@ -14,7 +14,7 @@ from baselines.pages.split_page import (
     UNVERIFIED_HEADING,
     _beside,
     _by_style,
-    _Row,
+    _SplitRow,
     in_order,
     require_own_rows,
     split_section,
@@ -137,7 +137,7 @@ def test_a_file_of_a_split_was_driven_here_only_with_its_present_contents(mines,
 def test_rows_stand_by_their_share_of_the_bound():
     figures = {name: Figure(1.0, 1.0, 1.0, 4) for name in ("distance, m", "collisions per 100 m")}
     rows = [
-        _Row(name, here, np.ones(4), {**figures, "share of bound": Figure(share, share, share, 4)}, 0)
+        _SplitRow(name, here, np.ones(4), {**figures, "share of bound": Figure(share, share, share, 4)}, 0)
         for name, here, share in (("a", False, 0.9), ("b", True, 0.2), ("c", True, 0.5), ("d", False, 0.95))
     ]
     assert [row.policy for row in in_order(rows)] == ["d", "a", "c", "b"]
@@ -146,7 +146,7 @@ def test_rows_stand_by_their_share_of_the_bound():
 
 def test_the_difference_to_another_policy_is_that_of_the_same_mines_and_styles_have_their_own_shares():
     of_mine = np.tile([0.2, 0.4, 0.6, 0.8], 50) + np.random.default_rng(2).normal(0, 0.05, 200)
-    other, better = _Row("other", True, of_mine, {}, 0), _Row("better", True, of_mine + 0.03, {}, 0)
+    other, better = _SplitRow("other", True, of_mine, {}, 0), _SplitRow("better", True, of_mine + 0.03, {}, 0)
     assert _beside(better, other) == ("1.00 (1.00-1.00)", "+3.0 (+3.0 to +3.0)")
     assert _beside(other, better) == ("0.00 (0.00-0.00)", "-3.0 (-3.0 to -3.0)")
     table = _by_style([better, other], other)

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from baselines.base.errors import BaselineError
-from baselines.base.markdown import BEGIN, END, with_table
+from baselines.base.markdown import BEGIN, END, with_table, write_table
 from benchmarks.include_parts import on_page_markdown
 from benchmarks.reference_tables import TABLES, options_table
 from tests.project import ROOT
@@ -120,6 +120,15 @@ def test_every_page_that_a_measurement_writes_has_one_place_for_its_tables(page)
     table = text.partition(BEGIN)[2].partition(END)[0]
     assert with_table(text, table) == text
     assert re.search(r"\n\| ?---", table)
+
+
+def test_a_table_is_written_between_the_marks_or_into_a_new_page(tmp_path):
+    page = tmp_path / "new" / "page.md"
+    write_table(page, "| a |\n")
+    assert page.read_text() == f"{BEGIN}\n\n| a |\n\n{END}\n"
+    page.write_text(f"# Title\n\n{BEGIN}\n| a |\n{END}\n\nProse.\n")
+    write_table(page, "| b |\n")
+    assert page.read_text() == f"# Title\n\n{BEGIN}\n\n| b |\n\n{END}\n\nProse.\n"
 
 
 def test_a_page_without_marks_has_no_place_for_a_table():
