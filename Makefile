@@ -68,7 +68,7 @@ parity-gpu bench-gpu train-gpu: setup-gpu  ## on a GPU: the same as the CPU does
 ##@ Project
 
 docs: setup  ## build the documentation into artifacts/site
-	@$(PY) -m benchmarks.pictures.draw_styles
+	@$(PY) -m benchmarks.pictures.gallery styles
 	@mkdocs build -q
 
 wheel: setup  ## build dist/minexplore-*.whl with the default world

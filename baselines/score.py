@@ -13,7 +13,6 @@ from baselines.base.statistics import as_text, estimate
 from baselines.evaluate import UNVERIFIED, print_table
 from baselines.running.protocol import name_episode
 from baselines.sandbox.bubblewrap import Limits
-from baselines.scoring.bounds import bound_of
 from baselines.scoring.checks import episode_faults, facts_of, head_faults, name_faults
 from baselines.scoring.rerun import Rerun, drive_again
 from baselines.scoring.split_file import Drive, is_of_split, read_drives, read_parts, require_one_policy, split_of
@@ -96,14 +95,13 @@ def print_split(drives: list[Drive], verified: bool) -> None:
 
 
 def check(path: Path, head: Head, episodes: list[Episode]) -> None:
-    """Reject what is not of its environment, or outside its bounds; see `score`."""
+    """Reject what is not of its environment; see `score`."""
     facts = facts_of(head.env)
     mine = f"{head.env}: " if is_of_split(head) else ""  # one of many in its file
     for reason in head_faults(head, facts):
         raise RejectedError(f"{path}: {mine}{reason}")
-    bound = bound_of(head.env, head.world_sha256)
     for episode in episodes:
-        for reason in episode_faults(episode, facts, bound):
+        for reason in episode_faults(episode, facts):
             raise RejectedError(f"{path}: {name_episode(head.env, episode.seed)}: {reason}")
 
 

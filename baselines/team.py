@@ -33,7 +33,7 @@ KEPT = Path("baselines/results/team.jsonl")
 _PAGE = Path("docs/evidence/parts/team.md")
 _ROBOTS = (1, 2, 4)
 _FIGURES = ("coverage", "speed_up", "contact_steps")  # of a record, a value for each size of team
-_BAND_S = 2.0  # of the times that the spawn's limit is told in
+_BAND_S = 2.0  # of the times at which the spawn's limit is computed
 _UNSEEN = "MineXplore/Family-"
 Key = tuple[str, int]  # environment and seed
 
@@ -161,8 +161,8 @@ def tables(kept: dict[Key, dict[str, Any]]) -> str:
     lines: list[str] = []
     unseen = [record for (env_id, _), record in sorted(kept.items()) if env_id.startswith(_UNSEEN)]
     if unseen:
-        said = f"One episode in each of {len(unseen)} of the {SIZES['test']} mines."
-        lines += ["## Unseen mines: the test split", "", said, "", *_table(unseen)]
+        episodes = f"One episode in each of {len(unseen)} of the {SIZES['test']} mines."
+        lines += ["## Unseen mines: the test split", "", episodes, "", *_table(unseen)]
     for env_id in [env_id for env_id in BENCHMARK if any(key[0] == env_id for key in kept)]:
         records = [record for key, record in sorted(kept.items()) if key[0] == env_id]
         lines += [f"## {env_id}", "", f"{len(records)} seeds.", "", *_table(records)]

@@ -92,10 +92,10 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("search-texture", "setup", "benchmarks.comparisons.search_texture", _PARTS + "texture-search.md"),
     # Pictures
     _python("look-pictures", "all", "benchmarks.pictures.look_pictures", "docs/look.jpg"),
-    _python("level-pictures", "setup", "benchmarks.pictures.level_pictures", "docs/levels.png"),
-    _python("decline-pictures", "setup", "benchmarks.pictures.decline_pictures", "docs/decline.jpg"),
+    _python("level-pictures", "setup", "benchmarks.pictures.gallery levels", "docs/levels.png"),
+    _python("decline-pictures", "setup", "benchmarks.pictures.gallery declines", "docs/decline.jpg"),
     _python("case-pictures", "setup", "benchmarks.pictures.case_pictures", _PARTS + "cases.md"),
-    _python("drive-clip", "all", "benchmarks.pictures.drive_clip", "docs/drive.gif"),
+    _python("drive-clip", "all", "benchmarks.pictures.gallery drive", "docs/drive.gif"),
     _python("look", "all", "benchmarks.pictures.look_at_report", "docs/report.png"),
     # Timings
     _python("bench", "setup", "benchmarks.speed.time_env", _PARTS + "env-speed.md", one_thread=True),

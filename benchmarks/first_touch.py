@@ -93,8 +93,8 @@ def _passes(code: int, _: str) -> bool:
     return code == 0
 
 
-def _is_silent(code: int, said: str) -> bool:
-    return code == 0 and not said.strip()
+def _is_silent(code: int, messages: str) -> bool:
+    return code == 0 and not messages.strip()
 
 
 def trials(folder: Path) -> Iterator[Trial]:
@@ -115,7 +115,7 @@ def trials(folder: Path) -> Iterator[Trial]:
     yield Trial(
         "contours.tolerance_m=-1",
         ["set-overrides", "contours.tolerance_m=-1"],
-        lambda code, said: code == 2 and "contours.tolerance_m" in said and "validation" not in said,
+        lambda code, messages: code == 2 and "contours.tolerance_m" in messages and "validation" not in messages,
     )
 
 

@@ -20,6 +20,7 @@ from tqdm import tqdm
 from benchmarks.faults.injection import edit_model, seal
 from benchmarks.faults.listed import Mutant, faults
 from benchmarks.faults.random_mutants import CRASHED, MISSED, judge_many, prove, summarise
+from benchmarks.resume import run_benchmark
 from pipeline.errors import MineError
 from pipeline.metrics.limits import breaches
 from pipeline.params.reading.composed import composed_section
@@ -135,30 +136,26 @@ def main() -> int:
     parser.add_argument("--random", type=int, default=300, help="number of random mutants")
     parser.add_argument("--first-seed", type=int, default=0, help="seed of the first random mutant")
     arguments = parser.parse_args()
-    try:
-        plan = (
-            decode(ARTIFACTS / "contours/cleaned.png", Mask),
-            decode(ARTIFACTS / "contours/raw.png", Mask),
-            decode(ARTIFACTS / "survey/survey.json", Survey),
-        )
-        params = composed_section("validation")
-        params = params.model_copy(update={"certificate": _without_stress(params.certificate)})
-        good = ARTIFACTS / "realism/world"
-        control = control_failures(good, params, plan)
-        if control:
-            raise MineError(f"the world without a fault fails: {'; '.join(control)}")
-        rows = []
-        for mutant in tqdm(faults(good), desc="mutants", disable=None):
-            rows.append(examine(mutant, good, params, plan))
-            _print_row(rows[-1])
-        rows.append(break_chain(Path()))
+    plan = (
+        decode(ARTIFACTS / "contours/cleaned.png", Mask),
+        decode(ARTIFACTS / "contours/raw.png", Mask),
+        decode(ARTIFACTS / "survey/survey.json", Survey),
+    )
+    params = composed_section("validation")
+    params = params.model_copy(update={"certificate": _without_stress(params.certificate)})
+    good = ARTIFACTS / "realism/world"
+    control = control_failures(good, params, plan)
+    if control:
+        raise MineError(f"the world without a fault fails: {'; '.join(control)}")
+    rows = []
+    for mutant in tqdm(faults(good), desc="mutants", disable=None):
+        rows.append(examine(mutant, good, params, plan))
         _print_row(rows[-1])
-        seeds = list(range(arguments.first_seed, arguments.first_seed + arguments.random))
-        judged = tqdm(judge_many(seeds, os.cpu_count() or 1), desc="random", total=len(seeds), disable=None)
-        verdicts = list(judged)
-    except MineError as error:
-        print(f"mutants: {error}", file=sys.stderr)
-        return 2
+    rows.append(break_chain(Path()))
+    _print_row(rows[-1])
+    seeds = list(range(arguments.first_seed, arguments.first_seed + arguments.random))
+    judged = tqdm(judge_many(seeds, os.cpu_count() or 1), desc="random", total=len(seeds), disable=None)
+    verdicts = list(judged)
     caught = sum(row["caught"] for row in rows)
     lost = [verdict for verdict in verdicts if verdict.outcome in (MISSED, CRASHED)]
     summary = summarise(verdicts)
@@ -177,4 +174,4 @@ def _without_stress(params: CertificateParams) -> CertificateParams:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark("mutants", main))

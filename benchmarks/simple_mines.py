@@ -32,7 +32,7 @@ _WIDTH_M, _LENGTH_M = (1.6, 12.0), (15.0, 400.0)
 _UNITS = {"m": 1.0, "ft": 0.3048, "mm": 0.001}
 _ROOM_SHARE = (0.3, 1.0)  # a room's width, of its length
 _STUB_WIDTHS = (2.0, 6.0)  # a stub's length, in widths of the drift
-_SAID = 600  # characters of the last messages, which name the limits
+_MESSAGE_CHARACTERS = 600  # characters of the last messages, which name the limits
 _RING_WIDTHS = 3.0  # the rock within a ring is at least so wide
 
 
@@ -120,7 +120,7 @@ def random_mine(seed: int) -> SimpleMine:
 
 
 def judge(seed: int, project: Project, overrides: list[str]) -> dict[str, Any]:
-    """Make one mine with `pipeline new` and return its exit code and what the command said."""
+    """Make one mine with `pipeline new` and return its exit code and its last messages."""
     mine, name = random_mine(seed), f"simple-{seed}"
     row: dict[str, Any] = {"seed": seed, "kind": mine.kind, "width_m": round(mine.width_m, 2), "unit": mine.unit}
     row |= {"length_m": round(mine.length_m), "format": mine.suffix[1:]}
@@ -129,7 +129,7 @@ def judge(seed: int, project: Project, overrides: list[str]) -> dict[str, Any]:
     shutil.rmtree(project.folder / "artifacts" / "worlds" / name, ignore_errors=True)
     row["exit_code"] = done.returncode
     if done.returncode:
-        row["said"] = done.stderr[-_SAID:].splitlines()
+        row["messages"] = done.stderr[-_MESSAGE_CHARACTERS:].splitlines()
     return row
 
 
@@ -149,7 +149,8 @@ def tables(rows: list[dict[str, Any]]) -> str:
     """Return the table, and a line for each mine that does not pass."""
     failed = [row for row in rows if row["exit_code"]]
     lines = [
-        f"- seed {row['seed']}, a {row['kind']} {row['width_m']} m wide: {row['said'][-1].strip()}\n" for row in failed
+        f"- seed {row['seed']}, a {row['kind']} {row['width_m']} m wide: {row['messages'][-1].strip()}\n"
+        for row in failed
     ]
     return table(rows) + ("\nNot passed:\n\n" + "".join(lines) if lines else "")
 

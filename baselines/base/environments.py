@@ -50,7 +50,7 @@ def require_trainable(name: str) -> None:
     """Refuse to train in a mine that policies are judged by.
 
     These are the mines of the splits validation and test, and variants of the embedded mine; the name in the world's
-    record tells, so that another id or a moved folder changes nothing.
+    record decides, so that another id or a moved folder changes nothing.
 
     Raises
     ------

@@ -38,16 +38,15 @@ def with_table(page: str, table: str) -> str:
 
 
 def write_table(path: Path, table: str) -> None:
-    """Write tables between the marks of a page.
+    """Write tables between the marks of a page; a new page holds nothing else.
 
     Raises
     ------
     BaselineError
-        If there is no such page, or it has no marks.
+        If the page has no marks.
     """
-    if not path.is_file():
-        raise BaselineError(f"{path}: missing; it needs the marks {BEGIN} and {END}")
+    page = path.read_text() if path.is_file() else f"{BEGIN}\n{END}\n"
     try:
-        replace_text(path, with_table(path.read_text(), table))
+        replace_text(path, with_table(page, table))
     except BaselineError as error:
         raise BaselineError(f"{path}: {error}") from error

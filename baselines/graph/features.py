@@ -1,4 +1,4 @@
-"""What the network is told of a decision: numbers of each cluster of the frontier, and the ways between them."""
+"""What the network gets of a decision: numbers of each cluster of the frontier, and the ways between them."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Scene:
 
 
 def describe(situation: Situation, context: Context) -> Scene:
-    """Return what the network is told of a situation."""
+    """Return what the network gets of a situation."""
     clusters = np.argsort(situation.costs, kind="stable")[:MOST]
     if situation.present >= 0 and situation.present not in clusters:
         clusters[-1] = situation.present
@@ -132,7 +132,7 @@ def describe(situation: Situation, context: Context) -> Scene:
 
 
 def _floor(context: Context, places: np.ndarray, cost: np.ndarray) -> np.ndarray:
-    """Return what the robot's measurements of the floor tell of goals (k, 2) m at costs (k,) m: (6, k).
+    """Return what the robot's measurements of the floor say of goals (k, 2) m at costs (k,) m: (6, k).
 
     Shares of the commanded speed here, at the measurement nearest to each goal, and the best one; how far that
     measurement is from the goal; the cost as if all floor were dry; and how far west the goal is, -1 to 1, times the

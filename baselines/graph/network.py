@@ -14,7 +14,7 @@ FARTHEST = 5.0  # and cut at
 
 
 class Shape(BaseModel):
-    """The layers of a network; `stubs` and `floor` are false where it is not told of dead ends, and of floor speeds."""
+    """The layers of a network; without `stubs` and `floor` it gets no figures of dead ends and of floor speeds."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     width: Annotated[int, Field(ge=1, le=1024)]

@@ -2,30 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Literal
 
-import yaml
-from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
-from hydra.errors import HydraException, MissingConfigException
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
 from baselines.base.environments import known_ids, short_name
-from baselines.base.errors import BaselineError
+from baselines.base.settings import Settings, compose_checked
 from baselines.policies.learned import Model
 from minexplore.splits import SIZES
 
-CONF = Path("conf/train")
 
-
-class _StrictSetting(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Stop(_StrictSetting):
+class Stop(Settings):
     """When a run ends before its steps do; coverage is a share of all reachable cells."""
 
     coverage: float = Field(gt=0, le=1)
@@ -34,7 +22,7 @@ class Stop(_StrictSetting):
     after: int = Field(ge=0)
 
 
-class Ppo(_StrictSetting):
+class Ppo(Settings):
     """PPO's own numbers; `conf/train/config.yaml` gives their sources."""
 
     lr: float = Field(gt=0)
@@ -52,7 +40,7 @@ class Ppo(_StrictSetting):
     cell_bonus: float = Field(default=0.0, ge=0)
 
 
-class TrainSettings(_StrictSetting):
+class TrainSettings(Settings):
     """One run: its environment, observation, network and length."""
 
     env: str
@@ -81,21 +69,8 @@ def compose_settings(overrides: list[str]) -> TrainSettings:
     BaselineError
         Naming the override or the value, and what would be valid.
     """
-    if not (CONF / "config.yaml").is_file():
-        raise BaselineError(f"{CONF / 'config.yaml'}: missing; run from the project's root")
     _offer_environments()
-    try:
-        with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
-            values = OmegaConf.to_container(compose("config", overrides), resolve=True)
-        return TrainSettings.model_validate(values)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise BaselineError(f"{'.'.join(map(str, first['loc']))} = {first['input']!r}: {first['msg']}") from error
-    except MissingConfigException as error:
-        choice = str(error.missing_cfg_file).replace("/", "=")
-        raise BaselineError(f"{choice}: valid choices are {', '.join(error.options or [])}") from error
-    except (HydraException, OmegaConfBaseException, yaml.YAMLError, ValueError, TypeError) as error:
-        raise BaselineError(f"{' '.join(overrides)}: {str(error).splitlines()[0]}") from error
+    return compose_checked("config", overrides, TrainSettings)
 
 
 def _offer_environments() -> None:

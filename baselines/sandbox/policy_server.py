@@ -14,7 +14,7 @@ HEIGHTS = (
     "height_m",
     "pitch_rad",
     "roll_rad",
-)  # what a policy is told of a robot beside its pose in a mine with heights
+)  # what a policy gets of a robot beside its pose in a mine with heights
 
 
 class PolicyServer:

@@ -35,7 +35,7 @@ def read_parts(path: Path) -> list[tuple[Head, list[Episode]]]:
     Raises
     ------
     BaselineError
-        If a part is no results file, a line was changed, or there are too many parts.
+        If a part is no results file, or there are too many parts.
     """
     parts: list[list[str]] = []
     for line in read_text(path).splitlines(keepends=True):

@@ -72,8 +72,7 @@ def move_rock(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Path], No
 
     def in_model(spec: mujoco.MjSpec) -> None:
         for geom in rock_geoms(spec):
-            mesh = spec.mesh(geom.meshname)
-            vertices = np.array(mesh.uservert).reshape(-1, 3) + geom.pos
+            mesh, vertices = spec.mesh(geom.meshname), vertices_of(spec, geom)
             vertices[:, :2] = change(vertices[:, :2])
             geom.pos = [0.0, 0.0, 0.0]
             mesh.uservert = vertices.ravel().tolist()
@@ -125,38 +124,37 @@ def leak_wall(bundle: Path) -> None:
     place, inward = at_a_wall(bundle)
 
     def change(spec: mujoco.MjSpec) -> None:
-        behind = shapely.Point(place - 0.1 * inward)
-        for geom in rock_geoms(spec):
-            vertices = np.array(spec.mesh(geom.meshname).uservert).reshape(-1, 3) + geom.pos
-            outline = shapely.convex_hull(shapely.multipoints(vertices[:, :2]))
-            if not outline.contains(behind):
-                continue
-            slot = shapely.LineString([place + inward, place - 500.0 * inward]).buffer(0.2, cap_style="flat")
-            low, high = vertices[:, 2].min(), vertices[:, 2].max()
-            spec.delete(geom)
-            for k, piece in enumerate(shapely.get_parts(outline.difference(slot))):
-                xy = shapely.get_coordinates(piece)[:-1]
-                prism = np.concatenate([np.column_stack([xy, np.full(len(xy), z)]) for z in (low, high)])
-                spec.add_mesh(name=f"rock_half_{k}", uservert=prism.ravel().tolist())
-                spec.body(MINE_BODY).add_geom(
-                    spec.find_default(ROCK_CLASS),
-                    name=f"rock_half_{k}",
-                    type=mujoco.mjtGeom.mjGEOM_MESH,
-                    meshname=f"rock_half_{k}",
-                )
-            return
-        raise MineError("mutants: no part behind the wall")
+        geom = part_behind_wall(spec, bundle)
+        vertices = vertices_of(spec, geom)
+        outline = shapely.convex_hull(shapely.multipoints(vertices[:, :2]))
+        slot = shapely.LineString([place + inward, place - 500.0 * inward]).buffer(0.2, cap_style="flat")
+        low, high = vertices[:, 2].min(), vertices[:, 2].max()
+        spec.delete(geom)
+        for k, piece in enumerate(shapely.get_parts(outline.difference(slot))):
+            xy = shapely.get_coordinates(piece)[:-1]
+            prism = np.concatenate([np.column_stack([xy, np.full(len(xy), z)]) for z in (low, high)])
+            spec.add_mesh(name=f"rock_half_{k}", uservert=prism.ravel().tolist())
+            spec.body(MINE_BODY).add_geom(
+                spec.find_default(ROCK_CLASS),
+                name=f"rock_half_{k}",
+                type=mujoco.mjtGeom.mjGEOM_MESH,
+                meshname=f"rock_half_{k}",
+            )
 
     edit_model(change)(bundle)
 
 
-def part_behind_wall(spec: mujoco.MjSpec, bundle: Path) -> object:
+def vertices_of(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> np.ndarray:
+    """Return the vertices (n, 3) m of a collision part, in the mine frame."""
+    return np.array(spec.mesh(geom.meshname).uservert).reshape(-1, 3) + geom.pos
+
+
+def part_behind_wall(spec: mujoco.MjSpec, bundle: Path) -> mujoco.MjsGeom:
     """Return the collision part behind the outline's longest straight."""
     place, inward = at_a_wall(bundle)
     behind = shapely.Point(place - 0.1 * inward)
     for geom in rock_geoms(spec):
-        vertices = np.array(spec.mesh(geom.meshname).uservert).reshape(-1, 3) + geom.pos
-        if shapely.convex_hull(shapely.multipoints(vertices[:, :2])).contains(behind):
+        if shapely.convex_hull(shapely.multipoints(vertices_of(spec, geom)[:, :2])).contains(behind):
             return geom
     raise MineError("mutants: no part behind the wall")
 
@@ -166,25 +164,25 @@ def remove_prism(bundle: Path) -> None:
     edit_model(lambda spec: spec.delete(part_behind_wall(spec, bundle)))(bundle)
 
 
-def shift_prism(bundle: Path) -> None:
-    """Shift one prism by 0.3 m into the workings."""
+def move_prism(bundle: Path, inward_m: float, up_m: float) -> None:
+    """Move one prism into the workings and up."""
     _, inward = at_a_wall(bundle)
 
     def change(spec: mujoco.MjSpec) -> None:
         geom = part_behind_wall(spec, bundle)
-        geom.pos = geom.pos + 0.3 * np.array([*inward, 0.0])  # type: ignore[attr-defined]
+        geom.pos = geom.pos + np.array([*(inward_m * inward), up_m])
 
     edit_model(change)(bundle)
+
+
+def shift_prism(bundle: Path) -> None:
+    """Shift one prism by 0.3 m into the workings."""
+    move_prism(bundle, 0.3, 0.0)
 
 
 def raise_prism(bundle: Path) -> None:
     """Lift one prism by 0.6 m off the floor."""
-
-    def change(spec: mujoco.MjSpec) -> None:
-        geom = part_behind_wall(spec, bundle)
-        geom.pos = geom.pos + np.array([0.0, 0.0, 0.6])  # type: ignore[attr-defined]
-
-    edit_model(change)(bundle)
+    move_prism(bundle, 0.0, 0.6)
 
 
 def drop_island(bundle: Path) -> None:
@@ -195,8 +193,7 @@ def drop_island(bundle: Path) -> None:
 
     def change(spec: mujoco.MjSpec) -> None:
         for geom in rock_geoms(spec):
-            vertices = np.array(spec.mesh(geom.meshname).uservert).reshape(-1, 3) + geom.pos
-            if island.contains(shapely.Point(vertices[:, :2].mean(axis=0))):
+            if island.contains(shapely.Point(vertices_of(spec, geom)[:, :2].mean(axis=0))):
                 spec.delete(geom)
 
     edit_model(change)(bundle)
@@ -247,34 +244,25 @@ def change_image(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Calla
     return inject
 
 
-def stale_occupancy(bundle: Path) -> None:
-    """Shift the grid two metres east, as if it came from an older plan."""
-    path = bundle / CLEARANCE_GRID
-    with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as grid:
-        values = {key: grid[key] for key in grid.files}
-    values["free"] = np.roll(values["free"], 8, axis=1)
-    values["clearance_m"] = np.roll(values["clearance_m"], 8, axis=1)
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **values)
-    path.write_bytes(buffer.getvalue())
+def change_grid(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Path], None]:
+    """Return a fault that changes both arrays of the clearance grid."""
+
+    def inject(bundle: Path) -> None:
+        path = bundle / CLEARANCE_GRID
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as grid:
+            values = {key: grid[key] for key in grid.files}
+        values |= {key: change(values[key]) for key in ("free", "clearance_m")}
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, **values)
+        path.write_bytes(buffer.getvalue())
+
+    return inject
 
 
 def shift_map_origin(text: str, east_m: float) -> str:
     """Return the text of a Nav2 map file with its origin moved east."""
     west = text.split("origin: [")[1].split(",")[0]
     return text.replace(f"origin: [{west}", f"origin: [{float(west) + east_m:.6f}")
-
-
-def crop_occupancy(bundle: Path) -> None:
-    """Keep only the grid's south-west corner."""
-    path = bundle / CLEARANCE_GRID
-    with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as grid:
-        values = {key: grid[key] for key in grid.files}
-    for key in ("free", "clearance_m"):
-        values[key] = values[key][:40, :40]
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **values)
-    path.write_bytes(buffer.getvalue())
 
 
 def flip_byte(bundle: Path) -> None:

@@ -11,8 +11,8 @@ import numpy as np
 
 from benchmarks.faults.injection import (
     block_drift,
+    change_grid,
     change_image,
-    crop_occupancy,
     drop_island,
     edit_model,
     edit_record,
@@ -30,7 +30,6 @@ from benchmarks.faults.injection import (
     set_geom,
     shift_map_origin,
     shift_prism,
-    stale_occupancy,
     swap_zones,
 )
 from minexplore.bundle import (
@@ -155,7 +154,11 @@ def faults(bundle: Path) -> list[Mutant]:
             edit_record(lambda r: r.update(world_m=list(free.bounds))),
             "certificate.rock_round_m",
         ),
-        Mutant("stale occupancy grid", stale_occupancy, refused="cells differ from the outline"),
+        Mutant(
+            "stale occupancy grid",
+            change_grid(lambda cells: np.roll(cells, 8, axis=1)),
+            refused="cells differ from the outline",
+        ),
         Mutant(
             "Nav2 map upside down",
             change_image("map.png", lambda grey: grey[::-1]),
@@ -166,7 +169,11 @@ def faults(bundle: Path) -> list[Mutant]:
             lambda b: (b / NAV2_MAP).write_text(shift_map_origin((b / NAV2_MAP).read_text(), 0.5)),
             refused="not the map of the clearance grid",
         ),
-        Mutant("clearance grid cropped to a corner", crop_occupancy, refused="occupancy.npz: shapes"),
+        Mutant(
+            "clearance grid cropped to a corner",
+            change_grid(lambda cells: cells[:40, :40]),
+            refused="occupancy.npz: shapes",
+        ),
         Mutant(
             "rock that does not collide",
             edit_model(lambda spec: set_all(rock_geoms(spec), contype=0, conaffinity=0)),

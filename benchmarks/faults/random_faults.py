@@ -47,14 +47,14 @@ def random_mutant(files: Files, seed: int) -> tuple[str, Files]:
     """Return what was changed, and the changed files with correct hashes."""
     rng = np.random.default_rng(seed)
     changed = dict(files)
-    told = []
+    changes = []
     for _ in range(int(rng.integers(1, 4))):
         change = CHANGES[int(rng.integers(len(CHANGES)))]
         try:
-            told.append(change(changed, rng))
+            changes.append(change(changed, rng))
         except (KeyError, ValueError, IndexError, OSError, EOFError, struct.error, zlib.error, zipfile.BadZipFile):
             continue  # an earlier change left nothing that this one could change
-    return "; ".join(told), reseal(changed)
+    return "; ".join(changes), reseal(changed)
 
 
 def reseal(files: Files) -> Files:

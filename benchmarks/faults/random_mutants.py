@@ -156,5 +156,5 @@ def summarise(verdicts: list[Verdict]) -> str:
     """Return the counts and the rate of those caught among all that are not harmless."""
     counts = Counter(verdict.outcome for verdict in verdicts)
     judged = sum(counts[outcome] for outcome in (CAUGHT, MISSED, CRASHED))
-    told = ", ".join(f"{counts[outcome]} {outcome}" for outcome in (CAUGHT, HARMLESS, OTHER_ROCK, MISSED, CRASHED))
-    return f"{len(verdicts)} random mutants: {told}; {100 * counts[CAUGHT] / max(1, judged):.2f} % caught"
+    shown = ", ".join(f"{counts[outcome]} {outcome}" for outcome in (CAUGHT, HARMLESS, OTHER_ROCK, MISSED, CRASHED))
+    return f"{len(verdicts)} random mutants: {shown}; {100 * counts[CAUGHT] / max(1, judged):.2f} % caught"

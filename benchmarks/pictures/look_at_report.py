@@ -11,7 +11,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from pipeline.errors import InputError, MineError
+from benchmarks.resume import run_benchmark
+from pipeline.errors import InputError
 from pipeline.worlds import DEFAULT, world_folder
 
 _BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
@@ -85,17 +86,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.pictures.look_at_report", description=__doc__)
     parser.add_argument("name", nargs="?", default="default")
     arguments = parser.parse_args()
-    try:
-        page = world_folder(arguments.name) / "report" / "report.html"
-        browser = find_browser()
-        if browser is None:
-            raise InputError(f"no Chromium found ({', '.join(_BROWSERS)}); Debian has chromium-headless-shell")
-        check = look_at(page, browser, Path("artifacts/bench/report"))
-        if arguments.name == DEFAULT:
-            shutil.copyfile("artifacts/bench/report/report.png", "docs/report.png")
-    except MineError as error:
-        print(f"look_at_report: {error}", file=sys.stderr)
-        return 2
+    page = world_folder(arguments.name) / "report" / "report.html"
+    browser = find_browser()
+    if browser is None:
+        raise InputError(f"no Chromium found ({', '.join(_BROWSERS)}); Debian has chromium-headless-shell")
+    check = look_at(page, browser, Path("artifacts/bench/report"))
+    if arguments.name == DEFAULT:
+        shutil.copyfile("artifacts/bench/report/report.png", "docs/report.png")
     size_mb = page.stat().st_size / 1e6
     print(f"size              {size_mb:.1f} MB (at most 15)")
     print(f"load              {check.load_s:.2f} s (at most 2)")
@@ -109,4 +106,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_benchmark("look", main))

@@ -16,22 +16,31 @@ import numpy as np
 import shapely
 from shapely import LineString, Polygon
 
-from baselines.base.markdown import write_table
+from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import run_benchmark
-from benchmarks.speed.look_costs import tables
 from benchmarks.worlds.small_world import build_world
-from minexplore.bundle import MODEL, OVERVIEW_CAMERA, GeomGroup
+from minexplore.bundle import MESHES, MODEL, OVERVIEW_CAMERA, ROCK_TEXTURE, ROOF, WALLS, GeomGroup, is_cover, is_fitting
 from minexplore.looks import LOOKS, PLAIN
 from minexplore.physics.robot import RobotParams, free_joint_qpos
 from minexplore.pictures.render import Renderer
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.task import TaskParams
 from minexplore.world import World, load_world
+from pipeline.compose import compose
 from pipeline.mjcf.render import render_camera
+from pipeline.params.reading.composed import root_overrides
+from pipeline.store.codecs import Bundle, decode
 from pipeline.store.files import write_atomically
+from stages.realism import STAGE
 
 PAGE = Path("docs/how-to/look.md")
 PICTURE, CUT_AWAY = Path("docs/look.jpg"), Path("docs/cut-away.jpg")
+ARTIFACTS = Path("artifacts")
+_COLUMNS = (
+    *("`realism.furnish`", "bundle, MB", "rock", "texture", "floor", "furniture"),
+    *("geoms of the floor", "of furniture"),
+)
+LEVELS = ("light", "full", "meshed")
 _MAIN = LineString([(0, 0), (25, 2), (45, 8), (70, 6)]).buffer(2.6, join_style="mitre")
 WORKINGS: Polygon = shapely.union_all([_MAIN, LineString([(45, 8), (50, 32)]).buffer(2.4, cap_style="flat")])
 _ENTRANCE_M = (3.0, 0.2)
@@ -63,6 +72,36 @@ def draw_cut_away(folder: Path) -> np.ndarray:
     model = mujoco.MjModel.from_xml_path(str(folder / MODEL))
     groups = (GeomGroup.FLOOR, GeomGroup.COLLISION)
     return render_camera(model, OVERVIEW_CAMERA, 2 * _SIZE_PX[0], _SIZE_PX[1], groups, spots=False)
+
+
+def bundle_of(furnish: str) -> Bundle:
+    """Return the files of the present world with other furniture; stage 5 builds them in memory."""
+    params = compose([*root_overrides(), f"realism.furnish={furnish}"]).realism
+    inputs = {key: decode(artifact.at(ARTIFACTS), artifact.kind) for key, artifact in STAGE.reads.items()}
+    world: Bundle = STAGE.run(params, **inputs)["world"]
+    return world
+
+
+def measure_bundle(files: Bundle) -> list[float]:
+    """Return MB of the bundle, its rock, texture, visible floor and furniture, and the geoms of floor and furniture."""
+    stems = {name: Path(name).stem for name in files if name.startswith(MESHES)}
+    cover = [name for name, stem in stems.items() if is_cover(stem)]
+    furniture = [name for name, stem in stems.items() if is_fitting(stem) and name not in cover]
+    rock = [name for name, stem in stems.items() if stem.startswith((WALLS, ROOF))]
+    parts = [list(files), rock, [ROCK_TEXTURE], cover, furniture]
+    sizes = [sum(len(files[name]) for name in part) / 1e6 for part in parts]
+    return [*sizes, len(cover), len(furniture)]
+
+
+def tables(seconds: dict[str, float], size_px: tuple[int, int]) -> str:
+    """Return both tables as Markdown; `seconds` are a frame's by look."""
+    frames = markdown_table(seconds, [[f"{s:.2f} s" for s in seconds.values()]])
+    sizes = ((level, measure_bundle(bundle_of(level))) for level in LEVELS)
+    rows = ((level, *(f"{v:.1f}" for v in found[:5]), *(f"{v:.0f}" for v in found[5:])) for level, found in sizes)
+    return (
+        f"A frame of {size_px[0]} x {size_px[1]} px from the robot in the small drift, in seconds of a processor core, "
+        f"by OSMesa (MuJoCo {mujoco.__version__}):\n\n{frames}\nThe present world:\n\n{markdown_table(_COLUMNS, rows)}"
+    )
 
 
 def main() -> int:

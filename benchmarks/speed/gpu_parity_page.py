@@ -37,13 +37,13 @@ def rows(found: dict[str, dict[str, Any]]) -> list[ParityRow]:
 
 
 def _looks(part: dict[str, Any]) -> list[ParityRow]:
-    title, told = (
+    title, shown = (
         f"largest difference of a range, {part['rays']:,} rays",
         f"{part['largest_difference_m'] * 1e3:.3f} mm",
     )
     cells = part["cells_that_differ"]
     return [
-        ParityRow(title, told, "<= 1 mm", part["rays_beyond_1_mm"] == 0),
+        ParityRow(title, shown, "<= 1 mm", part["rays_beyond_1_mm"] == 0),
         ParityRow("cells that differ at equal poses", f"{cells}", "0", cells == 0),
     ]
 
@@ -73,18 +73,20 @@ def _stress(part: dict[str, Any]) -> list[ParityRow]:
 def _sound(title: str, part: dict[str, Any]) -> list[ParityRow]:
     """Return the lines of what must never be: escapes, states that are not finite, contacts that were left out."""
     counts = [part[name] for name in ("outside", "not_finite", "overflows")]
-    told = ", ".join(map(str, counts))
+    shown = ", ".join(map(str, counts))
     if "least_clearance_m" in part:
-        told += f"; least clearance {part['least_clearance_m']:.3f} m"
-    return [ParityRow(f"{title}: robots outside, not finite, with contacts left out", told, "0, 0, 0", not any(counts))]
+        shown += f"; least clearance {part['least_clearance_m']:.3f} m"
+    return [
+        ParityRow(f"{title}: robots outside, not finite, with contacts left out", shown, "0, 0, 0", not any(counts))
+    ]
 
 
 def _episodes(name: str, part: dict[str, Any]) -> list[ParityRow]:
     lines = []
     for figure, values in compare_samples(part).items():
         title = f"{figure} of {part['episodes']} whole episodes of {name.removeprefix(EPISODES)}, KS test"
-        told = f"p = {values['p']:.3f} (CPU {values['cpu']:.4g}, Warp {values['warp']:.4g})"
-        lines.append(ParityRow(title, told, f"p >= {KS_LIMIT:g}", values["p"] >= KS_LIMIT))
+        shown = f"p = {values['p']:.3f} (CPU {values['cpu']:.4g}, Warp {values['warp']:.4g})"
+        lines.append(ParityRow(title, shown, f"p >= {KS_LIMIT:g}", values["p"] >= KS_LIMIT))
     return lines
 
 

@@ -188,7 +188,7 @@ def main() -> int:
         key=lambda row: (row["km"], row["rock"]),
     )
     rows = [Grown(**row) for row in found]
-    text = tables(rows, PAGE.read_text())
+    text = tables(rows, PAGE.read_text() if PAGE.is_file() else "")
     write_table(PAGE, text)
     print(text)
     for line in faults(rows):

@@ -18,7 +18,6 @@ from baselines.running.parallel import drive
 from baselines.running.protocol import SEEDS, head_of, run_episodes
 from baselines.sandbox.bubblewrap import require_sandbox
 from baselines.score import main, score
-from baselines.scoring.bounds import Bound
 from baselines.scoring.rerun import Rerun
 from baselines.scoring.split_file import read_drives
 from baselines.scoring.verified_runs import note_driven, was_driven_here
@@ -169,15 +168,6 @@ def _set(**changes):
     return lambda facts: facts | changes
 
 
-def _falling(episode):
-    seen = list(episode["seen"])
-    return episode | {"seen": [*seen[:4], seen[3] - 1, *seen[5:]]}
-
-
-def _all_cells(episode):
-    return episode | {"seen": [*episode["seen"][:-1], episode["cells"] + 1]}
-
-
 def _overstated(episode):
     """Return an episode with a tenth more new cells at every time, its way kept, its path as long as it may be."""
     first, *others = episode["seen"]
@@ -189,10 +179,6 @@ def _overstated(episode):
     [
         ({"world_sha256": "0" * 64}, None, "world 000000000000 is not"),
         ({"cells": 100}, None, "100 reachable cells, the world has"),
-        ({}, _falling, "coverage falls"),
-        ({}, _set(returned=860.0), "return 860.0, the reward allows at most 100"),
-        ({}, _set(collided=241), "idle and 241 colliding steps of 240"),
-        ({}, _all_cells, r"\d+ cells seen of \d+"),
         ({}, _set(seen=[1, 2]), "2 samples of coverage"),
         ({}, _set(steps=5000), "an episode has at most 240"),
     ],
@@ -223,20 +209,6 @@ def test_another_robot_is_rejected(honest):
         score(honest)
 
 
-def test_more_than_the_bound_allows_is_rejected(honest, monkeypatch):
-    head, _ = read_results(honest)
-    bound = Bound(world_sha256=head.world_sha256, cells=head.cells, time_s=[0, 20, 100], most=[20, 25, 30])
-    monkeypatch.setattr("baselines.score.bound_of", lambda env, world: bound.at)
-    with pytest.raises(RejectedError, match="no robot can have seen more than"):
-        score(honest)
-
-
-def test_a_key_that_comes_twice_is_refused(honest):
-    honest.write_text(honest.read_text().replace('{"seed"', '{"seen":[1,2],"seed"', 1))
-    with pytest.raises(BaselineError, match=r"jsonl:2: a key comes twice"):
-        score(honest)
-
-
 def test_a_checkpoint_cannot_take_an_explorers_name(honest, tmp_path):
     for name in ("random", "oracle-tour", "a b"):
         with pytest.raises(BaselineError, match=f"policy = '{name}'"):
@@ -246,13 +218,17 @@ def test_a_checkpoint_cannot_take_an_explorers_name(honest, tmp_path):
         score(honest, Rerun(1, f"{tmp_path}/mine.safetensors"))
 
 
-def test_a_line_edited_by_hand_breaks_the_chain(honest):
-    lines = honest.read_text().splitlines()
+def test_a_verified_file_that_was_edited_by_hand_is_unverified(honest, tmp_path):
+    kept = tmp_path / "results" / "wall-following.jsonl"
+    kept.parent.mkdir()
+    kept.write_bytes(honest.read_bytes())
+    note_driven(kept, tmp_path / "results", *read_results(kept))
+    assert was_driven_here(kept, tmp_path / "results", *read_results(kept))
+    lines = kept.read_text().splitlines()
     facts = json.loads(lines[1])
     facts["seen"][-1] += 1
-    honest.write_text("\n".join([lines[0], json.dumps(facts), *lines[2:]]) + "\n")
-    with pytest.raises(BaselineError, match=r":3: the line before it was changed"):
-        score(honest)
+    kept.write_text("\n".join([lines[0], json.dumps(facts), *lines[2:]]) + "\n")
+    assert not was_driven_here(kept, tmp_path / "results", *read_results(kept))
 
 
 @pytest.mark.parametrize("kept", [0, 40, 200, -1])
@@ -352,13 +328,14 @@ def test_a_leaderboard_shows_apart_what_was_not_driven_here(honest, tmp_path):
         leaderboard(results)
 
 
-def test_a_leaderboard_refuses_what_is_out_of_bounds(honest, tmp_path):
+def test_a_leaderboard_shows_impossible_figures_as_unverified(honest, tmp_path):
     folder = tmp_path / "results" / "ShortTee-v0"
     folder.mkdir(parents=True)
     (folder / "wall-following.jsonl").write_bytes(honest.read_bytes())
+    note_driven(folder / "wall-following.jsonl", tmp_path / "results", *read_results(honest))
     forge(folder / "wall-following.jsonl", change=_set(returned=860.0))
-    with pytest.raises(RejectedError):
-        leaderboard(tmp_path / "results")
+    verified, claimed = leaderboard(tmp_path / "results").split(UNVERIFIED_HEADING)
+    assert ["| wall-following |" in part for part in (verified, claimed)] == [False, True]
 
 
 def test_missing_and_extra_seeds_are_rejected(honest):

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from baselines.base.errors import BaselineError
-from baselines.base.markdown import BEGIN, END, with_table
+from baselines.base.markdown import BEGIN, END, with_table, write_table
 from benchmarks.include_parts import on_page_markdown
 from benchmarks.reference_tables import TABLES, options_table
 from pipeline.params.config import Config
@@ -130,6 +130,15 @@ def test_every_key_of_the_configuration_has_a_description():
     }
     assert len(keys) > 100
     assert sorted(key for key, leaf in keys.items() if not leaf.get("description")) == []
+
+
+def test_a_table_is_written_between_the_marks_or_into_a_new_page(tmp_path):
+    page = tmp_path / "new" / "page.md"
+    write_table(page, "| a |\n")
+    assert page.read_text() == f"{BEGIN}\n\n| a |\n\n{END}\n"
+    page.write_text(f"# Title\n\n{BEGIN}\n| a |\n{END}\n\nProse.\n")
+    write_table(page, "| b |\n")
+    assert page.read_text() == f"# Title\n\n{BEGIN}\n\n| b |\n\n{END}\n\nProse.\n"
 
 
 def test_a_page_without_marks_has_no_place_for_a_table():

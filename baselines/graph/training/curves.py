@@ -23,7 +23,7 @@ RUNS = Path("artifacts/train")
 KEPT = Path("baselines/results/graph_training")
 _PAGE, _PICTURE = Path("docs/evidence/parts/graph-training.md"), Path("docs/graph-training.png")
 _WHOLE = "graph"  # the name of the runs that lack nothing
-_LACKS = {"attention": "clusters are scored alone", "stubs": "not told of dead ends", "floor": "not told of floors"}
+_LACKS = {"attention": "clusters are scored alone", "stubs": "no figures of dead ends", "floor": "no figures of floors"}
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def _ablations(curves: list[Curve]) -> Iterator[tuple[object, ...]]:
     whole = {curve.settings.seed: curve for curve in curves if curve.settings.name == _WHOLE}
     for curve in curves:
         settings, other = curve.settings, whole.get(curve.settings.seed)
-        lacks = [told for part, told in _LACKS.items() if not getattr(settings.network, part)]
+        lacks = [lack for part, lack in _LACKS.items() if not getattr(settings.network, part)]
         if not lacks or other is None or curve.by_mine.shape[1] != other.by_mine.shape[1]:
             continue
         last = max(set(curve.updates) & set(other.updates))

@@ -2,27 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import yaml
-from hydra import compose, initialize_config_dir
-from hydra.errors import HydraException
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
 from baselines.base.errors import BaselineError
+from baselines.base.settings import Settings, compose_checked
 from baselines.graph.network import Shape
 from minexplore.splits import SIZES
 
-CONF = Path("conf/train")
 
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class StartSettings(_Strict):
+class StartSettings(Settings):
     """The imitation of the rule that training begins with."""
 
     mines: int = Field(ge=1)
@@ -33,7 +21,7 @@ class StartSettings(_Strict):
     lr: float = Field(gt=0)
 
 
-class ImproveSettings(_Strict):
+class ImproveSettings(Settings):
     """The policy gradient."""
 
     updates: int = Field(ge=0)
@@ -50,7 +38,7 @@ class ImproveSettings(_Strict):
     watch_every: int = Field(ge=1)
 
 
-class GraphSettings(_Strict):
+class GraphSettings(Settings):
     """One run."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9._-]{1,48}$")
@@ -76,17 +64,7 @@ def compose_settings(overrides: list[str]) -> GraphSettings:
     BaselineError
         Naming the override or the value, and what would be valid.
     """
-    if not (CONF / "graph.yaml").is_file():
-        raise BaselineError(f"{CONF / 'graph.yaml'}: missing; run from the project's root")
-    try:
-        with initialize_config_dir(str(CONF.resolve()), version_base="1.3"):
-            values = OmegaConf.to_container(compose("graph", overrides), resolve=True)
-        settings = GraphSettings.model_validate(values)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise BaselineError(f"{'.'.join(map(str, first['loc']))} = {first['input']!r}: {first['msg']}") from error
-    except (HydraException, OmegaConfBaseException, yaml.YAMLError, ValueError, TypeError) as error:
-        raise BaselineError(f"{' '.join(overrides)}: {str(error).splitlines()[0]}") from error
+    settings = compose_checked("graph", overrides, GraphSettings)
     if settings.network.width % settings.network.heads:
         raise BaselineError(
             f"network.width = {settings.network.width}: want a multiple of network.heads = {settings.network.heads}"

@@ -271,7 +271,7 @@ def test_curves_show_every_run_beside_the_paper(tmp_path):
     runs = curves.read_runs(tmp_path / "kept")
     assert list(runs) == ["ChileanMineEntrance-beams-mlp", "ChileanMineEntrance-beams-mlp-warp"]
     text = curves.table(runs)
-    assert "| 42 | unfinished | 400 | 5 | 40.00 | 40.00 | 1 | TC, 257, 100.0, 89.79 |" in text
+    assert "| 42 | unfinished | 400 | 5 | 40.00 | 40.00 | 1 | 6.7 | TC, 257, 100.0, 89.79 |" in text
     curves.draw_curves(runs, tmp_path / "c.png")
     assert (tmp_path / "c.png").stat().st_size > 10_000
     with pytest.raises(BaselineError, match="no runs"):
