@@ -70,10 +70,23 @@ def test_a_world_with_a_raise_and_rock_holds_its_certificate(raised, config):
     assert not any("fence" in name for name in record.files)
 
 
+def with_a_hole(mesh):
+    """Leave out the largest face away from the raise, at (10, 0), whose corners other faces of the chunk share.
+
+    Of the others, some leave a vertex without a face, which is another fault, and some a hole no larger than the
+    tolerance on the raise's section. So a face must not be chosen by its number.
+    """
+    corners = mesh.vertices[mesh.faces].astype(float)
+    shared = (np.bincount(mesh.faces.ravel())[mesh.faces] > 1).all(axis=1)
+    away = np.linalg.norm(corners.mean(axis=1)[:, :2] - [10.0, 0.0], axis=1) > 3.0
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return replace(mesh, faces=np.delete(mesh.faces, np.argmax(np.where(shared & away, area, 0.0)), axis=0))
+
+
 @pytest.mark.parametrize(
     ("mesh", "change", "said"),
     [
-        ("roof", lambda mesh: replace(mesh, faces=mesh.faces[1:]), r"a hole at \["),
+        ("roof", with_a_hole, r"a hole at \["),
         ("shaft", lambda mesh: replace(mesh, faces=mesh.faces[:-1]), r"shaft_0000\.msh: "),
     ],
 )
