@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from minexplore.bundle import FREE_SPACE, RECORD, TOPOLOGY, GeomGroup
+from minexplore.bundle import FREE_SPACE, MINE_BODY, RECORD, TOPOLOGY, GeomGroup
 from pipeline.errors import ArtifactError
 from pipeline.geometry.floor.parts import wall_lines
 from pipeline.geometry.openings.fit import without_openings
@@ -245,6 +246,7 @@ def _scale(validator: Validator) -> dict[str, float]:
 
 def _world(validator: Validator) -> dict[str, Any]:
     world, record = validator.world, validator.world.record
+    w, _, y, _ = world.model.body(MINE_BODY).quat
     return {
         "bytes": world.bytes,
         "warnings": world.warnings,
@@ -253,6 +255,7 @@ def _world(validator: Validator) -> dict[str, Any]:
         "floor_zones": len(record.zones),
         "gain_entrance_region_m": record.gain_m["entrance_region"],
         "gain_whole_frame_m": record.gain_m["whole_frame"],
+        "tilt_deg": round(math.degrees(2 * math.atan2(y, w)), 4),
     }
 
 
