@@ -172,7 +172,14 @@ class RobotBatch:
         turn = command[:, 1] * task.max_turn_radps * self._scale[zone]
         self.stepper.ctrl[robots] = self.robot.controls(forward, turn)
         self._brake(robots)
-        return self.stepper.advance(robots, places, task.substeps)
+        return self._advance(robots, places)
+
+    def _advance(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        """Step the physics of robots (k,) at places (k, 2) m, plan, for one control step; return which touched rock.
+
+        A team steps its robots together.
+        """
+        return self.stepper.advance(robots, places_m, self.task.substeps)
 
     def plan_places(self, robots: np.ndarray) -> np.ndarray:
         """Return the places (k, 2) m of robots in the plan, in which sheets lie side by side."""

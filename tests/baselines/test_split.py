@@ -149,8 +149,8 @@ def test_the_difference_to_another_policy_is_that_of_the_same_mines_and_styles_h
     other, better = _SplitRow("other", True, of_mine, {}, 0), _SplitRow("better", True, of_mine + 0.03, {}, 0)
     assert _beside(better, other) == ("1.00 (1.00-1.00)", "+3.0 (+3.0 to +3.0)")
     assert _beside(other, better) == ("0.00 (0.00-0.00)", "-3.0 (-3.0 to -3.0)")
-    table = _by_style([better, other], other)
-    assert table[2] == "| policy | room and pillar | drift and crosscut | ramp | cave |"
+    table = _by_style([better, other], other).splitlines()
+    assert table[0] == "| policy | room and pillar | drift and crosscut | ramp | cave |"
     assert [cell.split(", ")[1].strip() for cell in table[-2].split("|")[2:-1]] == ["P 1.00"] * 4
     assert "P" not in table[-1]
     shares = [float(cell.split(" %")[0]) for cell in table[-1].split("|")[2:-1]]

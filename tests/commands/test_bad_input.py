@@ -99,7 +99,7 @@ def test_a_scale_bar_in_a_box_is_measured_and_is_not_a_drift(project):
     ("picture", "overrides", "message"),
     [
         (b"", (), "data/plan.png: empty file"),
-        (b"GIF89a nonsense", (), "data/plan.png: not an image"),
+        (b"GIF89a nonsense", (), "data/plan.png: not a picture that can be read"),
         (np.zeros((99, 99, 3), np.uint8), (), "data/plan.png: the image is all black"),
         (np.full((99, 99, 3), 255, np.uint8), (), "data/plan.png: the image is all white"),
         (drift_picture(), ("survey.scale.bar_box_px=null",), "no bar to measure"),
