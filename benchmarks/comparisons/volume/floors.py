@@ -11,11 +11,12 @@ from scipy.spatial import cKDTree
 from benchmarks.comparisons.volume.network import Network
 from benchmarks.comparisons.volume.volume import Label, Solid, Volume, label_facets, simplified
 
-EDGE_M = 0.5  # longest edge of the mesh on which heights are solved
+EDGE_M = 0.8  # longest edge of the mesh on which heights are solved
 _SAMPLE_M = 0.2  # along a leg
-_SIMPLE_M = 0.002  # of the solved mesh
+_SIMPLE_M = 0.004  # of the solved mesh: floors keep within 1 cm of the survey
 _NEAR_M = 5.0  # along the survey: legs so near share one floor where their sections overlap
-_DEEPEST_M = 1.5  # of a ledge between two floors of such legs
+_DEEPEST_M = 0.6  # of a ledge between two floors of such legs; deeper ones are as surveyed
+_OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
 _OVER_M = 0.02  # a ledge ends so far over the upper floor at most
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
 _PULL = 1e-7  # weight of the union's own height, which decides where no leg passes
@@ -46,13 +47,14 @@ def _ledges(volume: Volume, network: Network) -> np.ndarray:
     for number, piece in enumerate(volume.pieces):
         if piece.is_drivable:
             by_shot.setdefault(piece.shot, []).append(number)
-    middles = volume.vertices[volume.faces].mean(axis=1)
+    middles, normal = volume.vertices[volume.faces].mean(axis=1), volume.normals
+    is_wall = (volume.label == Label.WALL) & (normal[:, 2] < _OVERHANG * np.linalg.norm(normal, axis=1))
     found = np.zeros(len(middles), bool)
     order = np.argsort(volume.source, kind="stable")
     starts = np.searchsorted(volume.source[order], np.arange(len(volume.pieces) + 1))
     for number, piece in enumerate(volume.pieces):
         own = order[starts[number] : starts[number + 1]]
-        own = own[(volume.label[own] == Label.WALL)]
+        own = own[is_wall[own]]
         if not piece.is_drivable or not len(own):
             continue
         others = [k for shot in (piece.shot, *near[piece.shot]) for k in by_shot.get(int(shot), ()) if k != number]

@@ -24,6 +24,7 @@ class Network:
     Attributes
     ----------
     places_m : (n, 3) float64, m
+        From the middle of the survey.
     shots : (m, 2) int64
         Stations at the start and the end.
     across : (m, 2, 2) float64
@@ -108,7 +109,9 @@ def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> Network:
                 continue
             rows.append(((index[a], index[b]), across[k], lrud[k : k + 2], (joined[k], joined[k + 1])))
     shots, left, walls, shared = (np.array(column) for column in zip(*rows, strict=True))
-    return Network(np.array(places), shots, left, walls, shared, skipped)
+    around = np.array(places)
+    middle = np.round((around.min(axis=0) + around.max(axis=0)) / 2)
+    return Network(around - middle, shots, left, walls, shared, skipped)
 
 
 def _sections(at: np.ndarray, walls: np.ndarray) -> tuple[np.ndarray, list[bool]]:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import manifold3d
 import numpy as np
+import shapely
 
 from benchmarks.comparisons.volume.volume import Volume
 
@@ -15,7 +17,8 @@ _LONGEST = 2.0  # of a corner's way into the rock, in depths: at sharp edges the
 _FLAT = 1e-6  # m, of the corners of one polygon from its plane
 _STRAIGHT = 1e-9  # of the sine at a corner of a convex polygon
 _ALLOWED_M = 1e-7  # volume of a part in the free space, by its area: rounding
-_TILE_FACETS = 300
+_ROUNDING_M = 1e-9  # a facet that is so deep in a part only touches it
+_TILE_FACETS = 150
 _RIDGE = 1e-3
 
 Progress = Callable[[Iterable[int]], Iterable[int]]
@@ -139,46 +142,82 @@ def build_shell(volume: Volume, progress: Progress = iter) -> list[Part]:
     its corners, or less; the same cut along the bisectors of the rock's edges; a pyramid; a plate along the normal. If
     all have, it is the one with the least.
     """
-    polygons, ways, tiles = polygons_of(volume), ways_into_rock(volume), Tiles(volume.solid)
+    polygons, ways, surroundings = polygons_of(volume), ways_into_rock(volume), _Surroundings(volume)
     normal = volume.normals
-    unit = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    beside = {}
-    for k, face in enumerate(volume.faces.tolist()):
-        for i in range(3):
-            beside[face[i], face[(i + 1) % 3]] = k
+    size = np.linalg.norm(normal, axis=1)
+    unit = normal / np.maximum(size, 1e-30)[:, None]
+    beside = {(f[i], f[(i + 1) % 3]): k for k, f in enumerate(volume.faces.tolist()) for i in range(3)}
     parts = []
     for number in progress(range(len(polygons))):
-        ring, facets = polygons[number]
-        biggest = max(facets, key=lambda k: float(np.linalg.norm(normal[k])))
-        area = float(np.linalg.norm(normal[facets], axis=1).sum() / 2)
-        across = [unit[beside[ring[(i + 1) % len(ring)], ring[i]]] for i in range(len(ring))]
-        parts.append(_part(volume.vertices[ring], ways[ring], unit[biggest], np.array(across), facets, area, tiles))
+        stack = [polygons[number]]
+        while stack:
+            ring, facets = stack.pop()
+            biggest = unit[max(facets, key=lambda k: float(size[k]))]
+            across = [unit[beside[ring[(i + 1) % len(ring)], ring[i]]] for i in range(len(ring))]
+            shapes = _shapes(volume.vertices[ring], ways[ring], biggest, np.array(across))
+            if len(facets) > 1:  # rather a part for each facet than a thin one for all
+                shapes = islice(shapes, 2)
+            area = float(size[facets].sum() / 2)
+            part = _first_fitting(volume.vertices[ring], biggest, shapes, facets, area, surroundings)
+            if len(facets) > 1 and part.intrusion_m3 > _ALLOWED_M * area:
+                stack += [(volume.faces[k].tolist(), [k]) for k in facets]
+            else:
+                parts.append(part)
     return parts
 
 
-def _part(
+def _first_fitting(
     corners: np.ndarray,
-    ways: np.ndarray,
     normal: np.ndarray,
-    across: np.ndarray,
+    shapes: Iterable[tuple[str, manifold3d.Manifold]],
     facets: list[int],
     area_m2: float,
-    tiles: Tiles,
+    surroundings: _Surroundings,
 ) -> Part:
-    best: tuple[float, str, manifold3d.Manifold] | None = None
-    for shape, solid in _shapes(corners, ways, normal, across):
+    best, least = None, np.inf
+    for shape, solid in shapes:
         if solid.is_empty() or solid.volume() <= 0:
             continue
-        shared = tiles.shared_m3(solid)
-        if best is None or shared < best[0]:
-            best = shared, shape, solid
+        shared = surroundings.shared_m3(solid, facets)
+        if shared < least:
+            best, least = (shape, solid), shared
         if shared <= _ALLOWED_M * area_m2:
             break
     if best is None:  # a facet without an area
         return Part(np.concatenate([corners, corners + DEPTHS_M[-1] * normal]), facets, "none", 0.0, area_m2, 0.0)
-    shared, shape, solid = best
+    shape, solid = best
     points = np.asarray(solid.to_mesh64().vert_properties)[:, :3]
-    return Part(points, facets, shape, float(((points - corners[0]) @ normal).max()), area_m2, shared)
+    return Part(points, facets, shape, float(((points - corners[0]) @ normal).max()), area_m2, least)
+
+
+class _Surroundings:
+    """The free space about a part: its facets, to see fast that none is in the part, and its solid."""
+
+    def __init__(self, volume: Volume) -> None:
+        """Index the facets by their boxes."""
+        self._corners = volume.vertices[volume.faces]
+        self._low, self._high = self._corners.min(axis=1), self._corners.max(axis=1)
+        self._tree = shapely.STRtree(shapely.box(*self._low[:, :2].T, *self._high[:, :2].T))
+        self._tiles = Tiles(volume.solid)
+
+    def shared_m3(self, part: manifold3d.Manifold, facets: list[int]) -> float:
+        """Return the volume that a part behind some facets shares with the free space.
+
+        A plane of the part's faces that has a facet on its outer side parts them. If one does for each facet, no facet
+        is inside the part, so that the part is all rock.
+        """
+        low, high = _box(part)
+        near = self._tree.query(shapely.box(low[0], low[1], high[0], high[1]))
+        near = near[(self._low[near, 2] <= high[2]) & (self._high[near, 2] >= low[2])]
+        near = near[~np.isin(near, facets)]
+        mesh = part.to_mesh64()
+        a, b, c = np.moveaxis(np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts, np.int64)], 1, 0)
+        normal = np.cross(b - a, c - a)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+        out = np.einsum("fck,pk->fpc", self._corners[near], normal) - np.einsum("pk,pk->p", a, normal)[None, :, None]
+        if (out.min(axis=2) > -_ROUNDING_M).any(axis=1).all():
+            return 0.0
+        return self._tiles.shared_m3(part)
 
 
 def _shapes(
@@ -187,14 +226,14 @@ def _shapes(
     """Return the shapes of a part from the best to the thinnest."""
     hull = manifold3d.Manifold.hull_points
     forward = np.where((ways @ normal)[:, None] > 0.1, ways, normal)
-    cuts = _bisectors(corners, normal, across)
+    cuts: list[tuple[np.ndarray, float]] | None = None
     for depth in DEPTHS_M:
         solid = hull(np.concatenate([corners, corners + depth * forward]))
         yield f"moved {depth:g}", solid
-        if cuts:
-            for direction, offset in cuts:
-                solid = solid.trim_by_plane(direction, offset)
-            yield f"cut {depth:g}", solid
+        cuts = _bisectors(corners, normal, across) if cuts is None else cuts
+        for direction, offset in cuts:
+            solid = solid.trim_by_plane(direction, offset)
+        yield f"cut {depth:g}", solid
     middle = corners.mean(axis=0)
     for depth in DEPTHS_M[:-1]:
         yield f"pyramid {depth:g}", hull(np.concatenate([corners, [middle + depth * normal]]))

@@ -144,7 +144,7 @@ def simplified(volume: Volume, vertices: np.ndarray, label: np.ndarray, toleranc
     vertices, faces, key = _arrays(
         manifold3d.Manifold(mesh).simplify(tolerance_m), {first + k: int(found[k]) for k in range(len(found))}
     )
-    solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64)))
+    solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64))).as_original()
     if solid.status() != manifold3d.Error.NoError:
         raise ValueError(f"volume: the moved mesh is not closed ({solid.status()})")
     return Volume(solid, vertices, faces, key // len(Label), key % len(Label), volume.pieces, volume.numbers)
