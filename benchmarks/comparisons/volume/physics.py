@@ -5,17 +5,27 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from benchmarks.comparisons.volume.floors import drop
 from benchmarks.comparisons.volume.proof import Inside
 from benchmarks.comparisons.volume.shell import Part
 from benchmarks.comparisons.volume.volume import Label, Volume
-from minexplore.physics.local_models import physics_spec
-from minexplore.physics.robot import FLOOR_BIT, ROCK_BIT, ROCK_BODY, RobotParams, attach_robot, stand_on_facets
+from minexplore.physics.local_models import LocalModels, physics_spec
+from minexplore.physics.robot import (
+    FLOOR_BIT,
+    ROCK_BIT,
+    ROCK_BODY,
+    RobotParams,
+    attach_robot,
+    free_joint_qpos,
+    qpos_address,
+    stand_on_facets,
+)
 from minexplore.task import TaskParams
+from minexplore.world import load_world
 
 _BALLS = ((0.15, 300.0, 5.0), (0.06, 40.0, 0.5), (0.03, 10.0, 0.1))  # radius m, push N, mass kg
 _BALLS_EACH, _ROBOTS = 32, 12
@@ -23,7 +33,6 @@ _PUSHED, _DRIVEN = 40, 160  # physics steps after a throw
 _FASTEST_MPS = 3.0
 _SPARE_M = 0.05
 _ASIDE_M, _BELOW_M, _ABOVE_M = 1.6, 0.6, 1.0  # half a tile, the robot's disc and a step's way; a slope; the robot
-DEBUG=[]
 Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
@@ -37,12 +46,17 @@ class Throws:
     reached_share: float
 
 
-def spec_of(parts: list[Part], bodies: Callable[[mujoco.MjSpec], None]) -> mujoco.MjSpec:
-    """Return a model of parts, each a mesh in one static body, and of what `bodies` adds."""
+def spec_of(
+    parts: list[Part], bodies: Callable[[mujoco.MjSpec], None], floor: np.ndarray | None = None
+) -> mujoco.MjSpec:
+    """Return a model of parts, each a mesh in one static body, and of what `bodies` adds.
+
+    Every part stops everything; those of `floor`, a mask of facets, stop wheels and castors alone, as today's floors.
+    """
     spec = physics_spec(TaskParams())
     rock = spec.worldbody.add_body(name=ROCK_BODY)
-    bits = ROCK_BIT | FLOOR_BIT
     for number, part in enumerate(parts):
+        bits = FLOOR_BIT if floor is not None and floor[part.facets[0]] else ROCK_BIT | FLOOR_BIT
         middle = part.corners.mean(axis=0)
         mesh = spec.add_mesh(name=f"part_{number}", uservert=(part.corners - middle).ravel().tolist())
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
@@ -75,9 +89,9 @@ def _add_balls(spec: mujoco.MjSpec) -> None:
 
 
 def throw_balls(
-    volume: Volume, parts: list[Part], contacts: int, rng: np.random.Generator, progress: Progress = iter
+    volume: Volume, parts: list[Part], contacts: int, whole: bool, rng: np.random.Generator, progress: Progress = iter
 ) -> Throws:
-    """Push balls at facets, each the largest that fits before it, until all facets had one and contacts suffice."""
+    """Push balls at facets in random order, each the largest that fits before it; `whole` goes on until all had one."""
     model = spec_of(parts, _add_balls).compile()
     data, inside = mujoco.MjData(model), Inside(volume)
     normal = volume.normals
@@ -88,11 +102,11 @@ def throw_balls(
     for kind in range(len(_BALLS) - 1, -1, -1):
         fits = inside.distance_m(middle + into * (_BALLS[kind][0] + 0.01)) > _BALLS[kind][0]
         radius[fits] = kind
-    queues = [np.flatnonzero(radius == kind) for kind in range(len(_BALLS))]
+    queues = [rng.permutation(np.flatnonzero(radius == kind)) for kind in range(len(_BALLS))]
     at, touched, throws, escapes = [0] * len(queues), 0, 0, 0
     rounds = max(-(-len(queue) // _BALLS_EACH) for queue in queues)
     for turn in progress(range(100 * rounds)):
-        if turn >= rounds and touched >= contacts:
+        if touched >= contacts and (turn >= rounds or not whole):
             break
         mujoco.mj_resetData(model, data)
         thrown: list[int] = []
@@ -116,7 +130,6 @@ def throw_balls(
         places = data.qpos.reshape(-1, 7)[thrown, :3]
         gone = inside.distance_m(places) < 0
         escapes += int(gone.sum())
-        if gone.any() and DEBUG is not None: DEBUG.append((np.array(thrown)[gone],[ (queues[b//_BALLS_EACH][at[b//_BALLS_EACH]-_BALLS_EACH+b%_BALLS_EACH]) for b in np.array(thrown)[gone]],places[gone],inside.distance_m(places[gone])))
         throws += len(thrown)
     return Throws(touched, throws, escapes, float(area[radius >= 0].sum() / area.sum()))
 
@@ -191,7 +204,10 @@ def throw_robots(
 
 @dataclass(frozen=True)
 class Standing:
-    """Largest way, m, of robots at rest in 5 s; share that gain height at 0.15 m/s; longest time, s, off both wheels."""
+    """Largest way, m, of robots at rest in 5 s; share that gain height at 0.15 m/s; longest time, s, off both wheels.
+
+    The way is that beyond what their wheels turn, as in `pipeline.proof.standing`.
+    """
 
     rest_m: float
     climb_share: float
@@ -214,7 +230,9 @@ def measure_standing(volume: Volume, parts: list[Part], rng: np.random.Generator
     _run(model, data, 1.0)
     before = data.qpos[here].copy()
     _run(model, data, 5.0)
-    rest = np.linalg.norm(data.qpos[here] - before, axis=1)
+    weight = robot.mass_kg * 9.81 * np.hypot(*normals[chosen, :2].T)
+    turned = np.maximum(0, weight * robot.wheel_radius_m / 2 - robot.wheel_friction_nm) / robot.wheel_gain_nms
+    rest = np.linalg.norm(data.qpos[here] - before, axis=1) - turned * robot.wheel_radius_m * 5.0
     data.ctrl[:] = np.concatenate([robot.wheel_speeds(0.15, 0.0)] * _ROBOTS)
     before, off, longest = data.qpos[here].copy(), np.zeros(_ROBOTS), np.zeros(_ROBOTS)
     for _ in range(round(3.0 / model.opt.timestep)):
@@ -223,7 +241,7 @@ def measure_standing(volume: Volume, parts: list[Part], rng: np.random.Generator
         off = np.where(touching, 0.0, off + model.opt.timestep)
         longest = np.maximum(longest, off)
     gained = data.qpos[here][:, 2] - before[:, 2] > 0
-    return Standing(float(rest.max()), float(gained.mean()), float(longest.max()))
+    return Standing(float(rest.max(initial=0.0)), float(gained.mean()), float(longest.max()))
 
 
 def _run(model: mujoco.MjModel, data: mujoco.MjData, time_s: float) -> None:
@@ -237,7 +255,7 @@ def local_parts(parts: list[Part], place: np.ndarray) -> list[Part]:
 
 
 class Driver:
-    """A robot that drives about from a place of its model; `rate` times it."""
+    """A robot that drives in small circles about a place of its model; `rate` times it."""
 
     def __init__(self, model: mujoco.MjModel, place: Callable[[mujoco.MjData], None]) -> None:
         """Take a model with one robot and what puts it at its start."""
@@ -251,24 +269,44 @@ class Driver:
         _run(self._model, self._data, 0.5)
         start = time.process_time()
         for _ in range(steps // 20):
-            self._data.ctrl[:] = RobotParams().wheel_speeds(rng.uniform(0, 1.0), rng.uniform(-1.5, 1.5))
+            self._data.ctrl[:] = RobotParams().wheel_speeds(rng.uniform(0.1, 0.4), rng.choice([-1.5, 1.5]))
             mujoco.mj_step(self._model, self._data, 20)
         return steps / (time.process_time() - start)
 
 
-def drivers(volume: Volume, parts: list[Part], rng: np.random.Generator) -> dict[str, Driver]:
-    """Return a robot among all parts, and one among those within its reach, from one random place."""
+def drivers(volume: Volume, parts: list[Part], rng: np.random.Generator) -> tuple[dict[str, Driver], int]:
+    """Return a robot among all parts and one among those within its reach, at one random place, and how many these are.
+
+    The place is the one with the median number of parts among nine.
+    """
     places, normals = places_for_robots(volume)
-    k = int(rng.integers(len(places)))
+    some = rng.integers(len(places), size=9)
+    chosen = sorted(((local_parts(parts, places[k]), int(k)) for k in some), key=lambda pair: len(pair[0]))
+    near, k = chosen[len(chosen) // 2]
     found: dict[str, Driver] = {}
-    for name, some in (("all", parts), ("local", local_parts(parts, places[k]))):
-        spec = spec_of(some, _add_robots(1))
+    for name, rock in (("all", parts), ("local", near)):
+        spec = spec_of(rock, _add_robots(1), volume.label == Label.FLOOR if name == "local" else None)
         if name == "local":  # as the environment's local models do
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         model = spec.compile()
-        print(name, len(some))
-        found[name] = Driver(model, lambda data, m=model: _stand(data, m, "r0", places[k], normals[k], 0.0))  # type: ignore[misc]
-    return found
+
+        def place(data: mujoco.MjData, model: mujoco.MjModel = model) -> None:
+            _stand(data, model, "r0", places[k], normals[k], 0.0)
+
+        found[name] = Driver(model, place)
+    return found, len(near)
 
 
-__all__ = ["drop"]
+def world_driver(bundle: Path) -> Driver:
+    """Return a robot at the start of a world that the pipeline built, in the environment's local model there."""
+    world, robot = load_world(bundle), RobotParams()
+    models = LocalModels(world, TaskParams(), robot)
+    x, y = (float(v) for v in world.record["spawn"]["anchor_m"][:2])
+    tile = tuple(int(v) for v in models.tiles_of(np.array([[x, y]]))[0])
+    model = models.model(tile)  # type: ignore[arg-type]
+    at = qpos_address(model, "robot")[:7]
+
+    def place(data: mujoco.MjData) -> None:
+        data.qpos[at] = free_joint_qpos(models.T_world_mine, robot, x, y, 0.0, world.floor)
+
+    return Driver(model, place)

@@ -100,6 +100,7 @@ class FloorFigures:
 
     error_m: float
     median_m: float
+    over_1cm: float  # share of the samples on the floor that are farther from it than 1 cm
     over_floor: float  # share of the legs' samples that have floor under them, the others are over other passages
     step_m: float
     other_step_m: float
@@ -125,6 +126,7 @@ def measure_floor(volume: Volume, network: Network) -> FloorFigures:
     return FloorFigures(
         float(error.max()),
         float(np.median(error)),
+        float((error > 0.01).mean()),
         float(on_floor.mean()),
         step,
         other,
@@ -155,11 +157,12 @@ def _steps(volume: Volume, network: Network) -> tuple[float, float]:
     beyond = middle + np.column_stack([out * _STEP_REACH_M, np.full(len(out), _STEP_MOST_M)])
     hit, height = drop(volume.vertices, volume.faces, beyond)
     normal = volume.normals[edges[:, 2]]
-    continued = middle[:, 2] - np.sum(normal[:, :2] * out, axis=1) / normal[:, 2] * _STEP_REACH_M
+    continued = middle[:, 2] - np.sum(normal[:, :2] * out, axis=1) / np.minimum(normal[:, 2], -1e-12) * _STEP_REACH_M
     step = np.abs(height - continued)
     inside = Inside(volume).distance_m(middle + np.column_stack([out * _STEP_REACH_M, np.full(len(out), 0.3)])) > 0
     good = (hit >= 0) & floor[hit] & (step < _STEP_MOST_M) & inside
     near = network.near_pairs(_NEAR_M)
-    pairs = [(volume.pieces[volume.source[i]].shot, volume.pieces[volume.source[j]].shot) for i, j in zip(edges[good, 2], hit[good], strict=True)]
+    shot = np.array([piece.shot for piece in volume.pieces])[volume.source]
+    pairs = zip(shot[edges[good, 2]].tolist(), shot[hit[good]].tolist(), strict=True)
     meets = np.array([i == j or j in near[i] for i, j in pairs], bool)
     return float(step[good][meets].max(initial=0.0)), float(step[good][~meets].max(initial=0.0))

@@ -18,7 +18,7 @@ _HUB_SIDES = 12
 _LOW, _HIGH = 0.6, 0.5  # where the walls end, of the height; how wide the roof is there, of the width
 _FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
 _LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
-_RIDGE = 1e-3  # of a hub's slope, which one leg alone does not fix
+_RIDGE = 0.1  # holds a hub level across where its legs alone would tilt it
 
 
 class Label(IntEnum):
