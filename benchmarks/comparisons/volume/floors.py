@@ -17,7 +17,7 @@ _SIMPLE_M = 0.004  # of the solved mesh: floors keep within 1 cm of the survey
 _NEAR_M = 5.0  # along the survey: legs so near share one floor where their sections overlap
 _DEEPEST_M = 0.6  # of a ledge between two floors of such legs; deeper ones are as surveyed
 _OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
-_OVER_M = 0.02  # a ledge ends so far over the upper floor at most
+_OVER_M, _TWIST_M, _EDGE_M = 0.02, 0.1, 1e-3  # see `_is_under`
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
 _PULL = 1e-7  # weight of the union's own height, which decides where no leg passes
 _FADE_M = 1.0  # over the floor: the walls' vertices move less with height
@@ -64,17 +64,19 @@ def _ledges(volume: Volume, network: Network) -> np.ndarray:
 
 
 def _is_under(places: np.ndarray, piece: Solid) -> np.ndarray:
-    """Return which places (n, 3) lie below the floor of a piece, within its footprint."""
+    """Return which places (n, 3) lie below the floor of a piece, within its footprint.
+
+    On its edge they may be `_OVER_M` over the floor's plane, well within it `_TWIST_M`: floors of bends are no planes.
+    """
     over = places[:, 2] - piece.floor_at(places[:, :2])
-    inside = (over < _OVER_M) & (over > -_DEEPEST_M)
-    ring = piece.footprint
-    a, b = ring, np.roll(ring, -1, axis=0)
+    a, b = piece.footprint, np.roll(piece.footprint, -1, axis=0)
     area = np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
-    for p, q in zip(a, b, strict=True):
-        edge = (q - p) * np.sign(area)
-        side = edge[0] * (places[:, 1] - p[1]) - edge[1] * (places[:, 0] - p[0])
-        inside &= side > -1e-3 * np.linalg.norm(edge)
-    return inside
+    edge = (b - a) * np.sign(area) / np.maximum(np.linalg.norm(b - a, axis=1, keepdims=True), 1e-9)
+    step = places[:, None, :2] - a
+    inside = (edge[:, 0] * step[:, :, 1] - edge[:, 1] * step[:, :, 0]).min(axis=1)
+    near = ((inside > -_EDGE_M) & (over < _OVER_M)) | ((inside > 10 * _EDGE_M) & (over < _TWIST_M))
+    found: np.ndarray = near & (over > -_DEEPEST_M)
+    return found
 
 
 def _solve(volume: Volume, network: Network, is_floor: np.ndarray) -> np.ndarray:

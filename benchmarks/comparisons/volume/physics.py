@@ -29,9 +29,10 @@ from minexplore.world import load_world
 
 _BALLS = ((0.15, 300.0, 5.0), (0.06, 40.0, 0.5), (0.03, 10.0, 0.1))  # radius m, push N, mass kg
 _BALLS_EACH, _ROBOTS = 32, 12
+_FEW_PARTS = 50  # among fewer, testing every pair takes less time than MuJoCo's trees of boxes do
 _PUSHED, _DRIVEN = 40, 160  # physics steps after a throw
 _FASTEST_MPS = 3.0
-_SPARE_M = 0.05
+_SPARE_M, _AHEAD_M = 0.1, 0.7  # beside a robot's disc; a climbing robot needs 0.6 m, as in pipeline.proof.standing
 _ASIDE_M, _BELOW_M, _ABOVE_M = 1.6, 0.6, 1.0  # half a tile, the robot's disc and a step's way; a slope; the robot
 Progress = Callable[[Iterable[int]], Iterable[int]]
 
@@ -144,15 +145,24 @@ def _add_robots(count: int) -> Callable[[mujoco.MjSpec], None]:
     return add
 
 
-def places_for_robots(volume: Volume) -> tuple[np.ndarray, np.ndarray]:
-    """Return places (n, 3) m on floors where a robot's disc and mast fit, and the floor's normals (n, 3) there."""
+def places_for_robots(volume: Volume, ahead_m: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return places (n, 3) m on floors where a robot's disc and mast fit, and the floor's normals (n, 3) there.
+
+    The disc fits also so far ahead, uphill.
+    """
     robot, inside = RobotParams(), Inside(volume)
     floor = np.flatnonzero(volume.label == Label.FLOOR)
     normal = -volume.normals[floor]
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     middle = volume.vertices[volume.faces[floor]].mean(axis=1)
     top = robot.sensor_height_m + robot.scanner_height_m / 2
-    fits = inside.distance_m(middle + normal * (robot.radius_m + _SPARE_M)) > robot.radius_m
+    wide = robot.radius_m + _SPARE_M
+    uphill = -normal[:, :2] / np.maximum(np.hypot(*normal[:, :2].T), 1e-9)[:, None]
+    rise = np.hypot(*normal[:, :2].T) / np.maximum(normal[:, 2], 1e-9)
+    further = middle + ahead_m * np.column_stack([uphill, rise])
+    fits = (inside.distance_m(middle + normal * (wide + 0.02)) > wide) & (
+        inside.distance_m(further + normal * (wide + 0.02)) > robot.radius_m
+    )
     fits &= inside.distance_m(middle + normal * top) > robot.scanner_radius_m
     fits &= normal[:, 2] > np.cos(np.radians(20))
     return middle[fits], normal[fits]
@@ -218,7 +228,7 @@ def measure_standing(volume: Volume, parts: list[Part], rng: np.random.Generator
     """Let robots settle for 1 s and rest for 5 s, then drive uphill for 3 s at 0.15 m/s."""
     model = spec_of(parts, _add_robots(_ROBOTS)).compile()
     data, robot = mujoco.MjData(model), RobotParams()
-    places, normals = places_for_robots(volume)
+    places, normals = places_for_robots(volume, _AHEAD_M)
     steep = np.flatnonzero(np.hypot(*normals[:, :2].T) > 0.03)
     chosen = rng.choice(steep if len(steep) else np.arange(len(places)), _ROBOTS)
     at = [
@@ -286,7 +296,7 @@ def drivers(volume: Volume, parts: list[Part], rng: np.random.Generator) -> tupl
     found: dict[str, Driver] = {}
     for name, rock in (("all", parts), ("local", near)):
         spec = spec_of(rock, _add_robots(1), volume.label == Label.FLOOR if name == "local" else None)
-        if name == "local":  # as the environment's local models do
+        if name == "local" and len(rock) <= _FEW_PARTS:
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         model = spec.compile()
 
