@@ -126,6 +126,13 @@ BENCHMARKS: tuple[Benchmark, ...] = (
         "docs/evidence/parts/compare-collision.md",
     ),
     Benchmark(
+        "volume-gate",
+        "all",
+        'python -m benchmarks.comparisons.volume.gate "$@"',
+        "docs/evidence/parts/volume-gate.md",
+        one_thread=True,
+    ),
+    Benchmark(
         "search-texture",
         "setup",
         'python -m benchmarks.comparisons.search_texture "$@"',

@@ -5,9 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-pytest.importorskip("manifold3d", reason="manifold3d is not installed: `pip install manifold3d` (docs/adr/0026-volume.md)")
+pytest.importorskip(
+    "manifold3d", reason="manifold3d is not installed: `pip install manifold3d` (docs/adr/0026-volume.md)"
+)
 
-from benchmarks.comparisons.volume import physics
+from benchmarks.comparisons.volume import physics, throws
 from benchmarks.comparisons.volume.cases import CASES, Case
 from benchmarks.comparisons.volume.floors import solve_floors
 from benchmarks.comparisons.volume.proof import measure_enclosure, measure_floor
@@ -55,15 +57,15 @@ def test_a_part_that_is_taken_out_is_missing_and_lets_balls_escape(box):
     kept = [part for part in parts if part is not largest]
     found = measure_enclosure(volume, kept, 1000, np.random.default_rng(0))
     assert found.missing_m2 == pytest.approx(largest.area_m2, rel=1e-3)
-    throws = [physics.throw_balls(volume, some, 2000, True, np.random.default_rng(0)) for some in (parts, kept)]
-    assert throws[0].escapes == 0
-    assert throws[1].escapes > 0
+    thrown = [throws.throw_balls(volume, some, 2000, True, np.random.default_rng(0)) for some in (parts, kept)]
+    assert thrown[0].escapes == 0
+    assert thrown[1].escapes > 0
 
 
 def test_a_part_that_is_moved_into_the_drift_is_found(box):
     _, volume, parts = box
     floor = next(part for part in parts if volume.label[part.facets[0]] == Label.FLOOR)
-    raised = dataclasses.replace(floor, corners=floor.corners + [0, 0, 0.1])
+    raised = dataclasses.replace(floor, corners=floor.corners + np.array([0, 0, 0.1]))
     kept = [part for part in parts if part is not floor]
     found = measure_enclosure(volume, [raised, *kept], 1000, np.random.default_rng(0))
     assert found.intrusion_m3 == pytest.approx(0.1 * floor.area_m2, rel=0.05)

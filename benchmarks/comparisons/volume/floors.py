@@ -159,16 +159,14 @@ def plan_weights(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) ->
     return np.column_stack([1 - v - w, v, w])
 
 
-def _along_legs(
-    volume: Volume, network: Network, is_floor: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _along_legs(volume: Volume, network: Network, is_floor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return facets (n,) under places of the legs, the weights (n, 3) of their corners, and the floors' heights (n,).
 
     A place counts if the first facet under it is floor, at most `_DEEPEST_M` below the surveyed floor.
     """
     shots = np.flatnonzero(np.isin(np.arange(len(network.shots)), [p.shot for p in volume.pieces if p.is_drivable]))
     places, _ = leg_floor_samples(network, shots, _SAMPLE_M)
-    hit, height = drop(volume.vertices, volume.faces, places + [0, 0, 0.1])
+    hit, height = drop(volume.vertices, volume.faces, places + np.array([0, 0, 0.1]))
     good = (hit >= 0) & is_floor[hit] & (places[:, 2] - height < _DEEPEST_M)
     return hit[good], plan_weights(volume.vertices, volume.faces[hit[good]], places[good]), places[good, 2]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -10,7 +11,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.collections import PolyCollection
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
 from benchmarks.comparisons.volume.volume import Label
 
@@ -36,7 +37,7 @@ def draw(volumes: dict[str, Path], path: Path) -> None:
     plt.close(figure)
 
 
-def _plan(axes: plt.Axes, title: str, corners: np.ndarray) -> None:
+def _plan(axes: Any, title: str, corners: np.ndarray) -> None:
     order = np.argsort(corners[:, :, 2].mean(axis=1))
     drawn = PolyCollection(list(corners[order][:, :, :2]), array=corners[order][:, :, 2].mean(axis=1), cmap="viridis")
     axes.add_collection(drawn)
@@ -47,7 +48,7 @@ def _plan(axes: plt.Axes, title: str, corners: np.ndarray) -> None:
     plt.colorbar(drawn, ax=axes, shrink=0.6, label="floor, m").ax.tick_params(labelsize=7)
 
 
-def _view(axes: plt.Axes, corners: np.ndarray, label: np.ndarray) -> None:
+def _view(axes: Any, corners: np.ndarray, label: np.ndarray) -> None:
     seen = label != Label.ROOF
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     shade = 0.65 + 0.35 * np.abs(normal @ [0.4, 0.6, 0.69]) / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)

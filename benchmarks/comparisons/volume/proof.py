@@ -14,6 +14,7 @@ from benchmarks.comparisons.volume.shell import Part, Tiles
 from benchmarks.comparisons.volume.volume import STEEPEST, Label, Volume
 
 _INTO_FREE_M = 1e-6  # parts are moved so far towards the free space to see what they cover
+_SLIVER_M2 = 1e-6  # behind a smaller facet the rock may be as thin as it is
 _SAMPLE_M = 0.25
 _STEP_REACH_M = 0.05  # beyond the edge of a floor's facet, where the next floor is looked for
 _STEP_MOST_M = 0.5  # a ledge that is higher is a wall
@@ -22,7 +23,7 @@ _NEAR_M = 5.0
 
 @dataclass(frozen=True)
 class Enclosure:
-    """Volume of parts in the free space (m3), surface without a part behind it (m2), of the tiles that were measured."""
+    """Volume of parts in the free space (m3), surface without a part behind it (m2), in the measured tiles."""
 
     intrusion_m3: float
     missing_m2: float
@@ -46,14 +47,14 @@ def measure_enclosure(volume: Volume, parts: list[Part], most_tiles: int, rng: n
         tile = tiles.solids[number]
         near = ((low < tiles.high[number] + _INTO_FREE_M) & (high > tiles.low[number] - _INTO_FREE_M)).all(axis=1)
         hulls = [manifold3d.Manifold.hull_points(parts[k].corners) for k in np.flatnonzero(near)]
-        rock = manifold3d.Manifold.batch_boolean(hulls, manifold3d.OpType.Add)
-        intrusion += (rock ^ tile).volume()
+        # Part by part: the union of parts that touch each other once gave 2.5 m3 of rock where there is none.
+        intrusion += sum((hull ^ tile).volume() for hull in hulls)
         moved = [hull.translate(_INTO_FREE_M * shift[k]) for hull, k in zip(hulls, np.flatnonzero(near), strict=True)]
         open_part = manifold3d.Manifold.batch_boolean([tile, *moved], manifold3d.OpType.Subtract)
         missing += _area_of(open_part, own)
         measured += _area_of(tile, own)
     depth, area = np.array([part.depth_m for part in parts]), np.array([part.area_m2 for part in parts])
-    real = area > 1e-9
+    real = area > _SLIVER_M2
     return Enclosure(
         intrusion,
         missing,
@@ -73,7 +74,7 @@ def _unit(vector: np.ndarray) -> np.ndarray:
 def _area_of(solid: manifold3d.Manifold, source: int) -> float:
     """Return the area of a solid's facets that come from one source."""
     mesh = solid.to_mesh64()
-    runs = np.diff(np.asarray(mesh.run_index, np.int64)) // 3
+    runs = np.diff(np.asarray(mesh.run_index).astype(int)) // 3
     ours = np.repeat(np.asarray(mesh.run_original_id, np.int64) == source, runs)
     a, b, c = np.moveaxis(np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts, np.int64)[ours]], 1, 0)
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
@@ -112,7 +113,7 @@ def measure_floor(volume: Volume, network: Network) -> FloorFigures:
     """Measure the floor along the drivable legs, and the steps beside its facets."""
     shots = np.flatnonzero(network.grades <= STEEPEST)
     places, _ = leg_floor_samples(network, shots, _SAMPLE_M)
-    hit, height = drop(volume.vertices, volume.faces, places + [0, 0, 0.1])
+    hit, height = drop(volume.vertices, volume.faces, places + np.array([0, 0, 0.1]))
     on_floor = (hit >= 0) & (volume.label[hit] == Label.FLOOR) & (np.abs(height - places[:, 2]) < _STEP_MOST_M)
     error = np.abs(height - places[:, 2])[on_floor]
     step, other = _steps(volume, network)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from itertools import pairwise
 
 import manifold3d
 import numpy as np
@@ -153,7 +152,7 @@ def simplified(volume: Volume, vertices: np.ndarray, label: np.ndarray, toleranc
 def _arrays(solid: manifold3d.Manifold, numbers: dict[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a solid's vertices (v, 3) m and facets (f, 3), and the number (f,) that the facets' source has."""
     mesh = solid.to_mesh64()
-    runs = np.diff(np.asarray(mesh.run_index, np.int64)) // 3
+    runs = np.diff(np.asarray(mesh.run_index).astype(int)) // 3
     source = np.repeat([numbers.get(int(k), -1) for k in mesh.run_original_id], runs)
     return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64), source
 
@@ -245,8 +244,8 @@ def _hub(network: Network, station: int, ends: list[tuple[int, int]]) -> Solid:
     angle = 2 * np.pi * np.arange(_HUB_SIDES) / _HUB_SIDES
     ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
     x, y, z = network.places_m[station]
-    foot = np.column_stack([ring + [x, y], z - down + ring @ slope])
+    foot = np.column_stack([ring + np.array([x, y]), z - down + ring @ slope])
     tall = np.array([0, 0, up + down])
-    roof = np.column_stack([ring * _HIGH + [x, y], np.full(len(ring), z + up)])
+    roof = np.column_stack([ring * _HIGH + np.array([x, y]), np.full(len(ring), z + up)])
     corners = np.concatenate([foot, foot + _LOW * tall, roof])
     return Solid(corners[None], np.array([x, y, z - down, *slope]), foot[:, :2], ends[0][0], True)
