@@ -36,6 +36,7 @@ class Case:
     ball_contacts: int = 100_000
     every_facet: bool = True
     proof_tiles: int = 10_000
+    physics_within_m: float | None = None  # of the middle: MuJoCo's specs of 130,000 meshes take minutes each
 
     def path(self, folder: Path) -> Path:
         """Return the survey's file; a table is written into the folder."""
@@ -64,7 +65,7 @@ CASES = {
     "tee": Case("a T on a slope", HEADER + _TEE),
     "pell": Case("Wheal Pell", "data/wheal_pell/pell.3d", (), False, 100_000, 100_000, False, 200),
     "sakany": Case(
-        "Sakany", "data/sakany/Sakany_nodes.dat", ("--half-width", "1.0"), False, 30_000, 100_000, False, 200
+        "Sakany", "data/sakany/Sakany_nodes.dat", ("--half-width", "1.0"), False, 50_000, 50_000, False, 200, 25.0
     ),
 }
 

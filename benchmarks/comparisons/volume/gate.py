@@ -43,8 +43,8 @@ def _bar(items: Iterable[int]) -> Iterator[int]:
     return iter(tqdm(items, unit="round", disable=None, leave=False))
 
 
-def measure(case: Case, folder: Path, level: Path, today: Path, seed: int = 0) -> dict[str, Any]:
-    """Build a case as one volume and return its figures."""
+def measure(case: Case, folder: Path, seed: int = 0) -> dict[str, Any]:
+    """Build a case as one volume and return the figures of its geometry."""
     rng = np.random.default_rng(seed)
     network = case.network(folder)
     row: dict[str, Any] = {"length_m": float(network.lengths_m.sum()), "legs": len(network.shots)}
@@ -54,35 +54,37 @@ def measure(case: Case, folder: Path, level: Path, today: Path, seed: int = 0) -
     clock.append(time.process_time())
     volume = solve_floors(rough, network)
     clock.append(time.process_time())
+    np.savez_compressed(folder / "volume.npz", vertices=volume.vertices, faces=volume.faces, label=volume.label)
     built = build_shell(volume, _bar)
     clock.append(time.process_time())
     row |= dict(zip(("union_s", "floors_s", "shell_s"), np.diff(clock).tolist(), strict=True))
-    row |= {
-        "facets": len(volume.faces),
-        "parts": len(built),
-        "before": dataclasses.asdict(measure_floor(rough, network)),
-    }
-    row["shapes"] = {
-        shape: sum(p.shape.split()[0] == shape for p in built) for shape in ("moved", "cut", "pyramid", "plate", "none")
-    }
-    row["intrusion_m3"] = sum(max(0.0, part.intrusion_m3) for part in built)
+    row |= {"facets": len(volume.faces), "parts": len(built), "intrusion_m3": sum(part.intrusion_m3 for part in built)}
+    row["before"] = dataclasses.asdict(measure_floor(rough, network))
     row["floor"] = dataclasses.asdict(measure_floor(volume, network))
     row["enclosure"] = dataclasses.asdict(measure_enclosure(volume, built, case.proof_tiles, rng))
     parts, row["refused"] = physics.without_refused(built)
     row["refused_m2"] = sum(p.area_m2 for p in built) - sum(p.area_m2 for p in parts)
+    row["peak_gb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    return row
+
+
+def measure_physics(case: Case, folder: Path, level: Path, today: Path, seed: int = 0) -> dict[str, Any]:
+    """Build a case, or the part about its middle, and return the figures of bodies among the parts."""
+    rng = np.random.default_rng(seed)
+    network = case.network(folder)
+    if case.physics_within_m is not None:
+        network = network.within(case.physics_within_m)
+    volume = solve_floors(unite(network, pieces_of(network)), network)
+    parts, _ = physics.without_refused(build_shell(volume, _bar))
+    row: dict[str, Any] = {"of_m": float(network.lengths_m.sum()), "of_parts": len(parts)}
     driver, row["local_parts"] = speed.drivers(volume, parts, rng)
     driver |= {name: speed.world_driver(one) for name, one in (("level", level), ("today", today)) if one.is_dir()}
     rates = [{name: one.rate(run) for name, one in driver.items()} for run in range(_RUNS)]
     row["steps_per_s"] = {name: median(rate[name] for rate in rates) for name in driver}
-    del driver
     row["standing"] = dataclasses.asdict(physics.measure_standing(volume, parts, rng))
     row["robots"] = dataclasses.asdict(throws.throw_robots(volume, parts, case.robot_contacts, rng, _bar))
-    row["balls"] = dataclasses.asdict(
-        throws.throw_balls(volume, parts, case.ball_contacts, case.every_facet, rng, _bar)
-    )
-    row["peak_gb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    np.savez_compressed(folder / "volume.npz", vertices=volume.vertices, faces=volume.faces, label=volume.label)
-    return row
+    thrown = throws.throw_balls(volume, parts, case.ball_contacts, case.every_facet, rng, _bar)
+    return row | {"balls": dataclasses.asdict(thrown)}
 
 
 def _kept(path: Path, make: Any) -> dict[str, Any]:
@@ -123,7 +125,8 @@ def _pair(name: str, ours: dict[str, Any], today: dict[str, Any]) -> list[str]:
         f"{1000 * shut['thinnest_m']:.1f}; {thin} | 300",
         f"{ours['parts'] / length:.1f} ({ours['parts']:,}) | {today.get('parts', 0) / max(share * length, 1):.1f}",
         f"{seconds} | {today['seconds']:.0f} in all",
-        f"{rate['all']:,.0f}; {rate['local']:,.0f} among {ours['local_parts']} | {rate.get('today', np.nan):,.0f}",
+        f"{rate['all']:,.0f} of {ours['of_parts']:,} ({ours['of_m']:,.0f} m); {rate['local']:,.0f} among "
+        f"{ours['local_parts']} | {rate.get('today', np.nan):,.0f}",
         f"{rate['all'] / rate['level']:.2f}; {rate['local'] / rate['level']:.2f} of {rate['level']:,.0f} | "
         f"{rate.get('today', np.nan) / rate['level']:.2f}",
         f"{1000 * stands['rest_m']:.1f}, {100 * stands['climb_share']:.0f} %, {stands['both_off_s']:.2f} s | "
@@ -181,13 +184,17 @@ def main() -> int:
         case = CASES[name]
         today = _kept(FOLDER / f"{name}-today.json", lambda c=case, n=name: build_today(n, c, FOLDER))  # type: ignore[misc]
         world = Path(today["world"]) / "realism" / "world"
-        _kept(FOLDER / f"{name}.json", lambda c=case, f=folder, w=world: measure(c, f, a.level, w))  # type: ignore[misc]
-    done = {n: tuple(FOLDER / f"{n}{end}.json" for end in ("", "-today")) for n in CASES}
-    rows = {
-        n: (json.loads(p.read_text()), json.loads(t.read_text()))
-        for n, (p, t) in done.items()
-        if p.is_file() and t.is_file()
-    }
+        _kept(FOLDER / f"{name}.json", lambda c=case, f=folder: measure(c, f))  # type: ignore[misc]
+        _kept(
+            FOLDER / f"{name}-physics.json",
+            lambda c=case, f=folder, w=world: measure_physics(c, f, a.level, w),  # type: ignore[misc]
+        )
+    rows = {}
+    for name in CASES:
+        files = [FOLDER / f"{name}{end}.json" for end in ("", "-physics", "-today")]
+        if all(file.is_file() for file in files):
+            ours, bodies, today = (json.loads(file.read_text()) for file in files)
+            rows[name] = (ours | bodies, today)
     write_atomically(PAGE, page(rows).encode())
     draw({CASES[n].title: FOLDER / n / "volume.npz" for n in rows}, Path("docs") / PICTURE)
     return 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -67,6 +67,17 @@ class Network:
         step = np.diff(self.floors_m, axis=1)[:, 0]
         run = np.hypot(step[:, 0], step[:, 1])
         return np.where(run > _NO_LENGTH_M, np.abs(step[:, 2]) / np.maximum(run, _NO_LENGTH_M), np.inf)
+
+    def within(self, radius_m: float) -> Network:
+        """Return the shots whose ends are within a distance of the middle station, seen from above."""
+        middle = self.places_m[
+            np.argmin(np.abs(self.places_m[:, :2] - np.median(self.places_m[:, :2], axis=0)).sum(axis=1))
+        ]
+        kept = (np.linalg.norm((self.ends_m - middle)[:, :, :2], axis=2) < radius_m).all(axis=1)
+        joined = self.joined & np.column_stack([np.roll(kept, 1), np.roll(kept, -1)])
+        return replace(
+            self, shots=self.shots[kept], across=self.across[kept], lrud_m=self.lrud_m[kept], joined=joined[kept]
+        )
 
     def near_pairs(self, reach_m: float) -> list[np.ndarray]:
         """Return for each shot the shots that are within a way of `reach_m` along the survey, without itself."""
