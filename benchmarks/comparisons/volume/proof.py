@@ -14,6 +14,7 @@ from benchmarks.comparisons.volume.shell import Part, Tiles
 from benchmarks.comparisons.volume.volume import STEEPEST, Label, Volume
 
 _INTO_FREE_M = 1e-6  # parts are moved so far towards the free space to see what they cover
+_THIN_M = 0.0199  # what a body may sink in, 2 cm, less the rounding of parts that are as thick
 _SLIVER_M2 = 1e-6  # behind a smaller facet the rock may be as thin as it is
 _SAMPLE_M = 0.25
 _STEP_REACH_M = 0.05  # beyond the edge of a floor's facet, where the next floor is looked for
@@ -61,7 +62,7 @@ def measure_enclosure(volume: Volume, parts: list[Part], most_tiles: int, rng: n
         float(np.linalg.norm(normal, axis=1).sum() / 2),
         measured,
         float(depth[real].min()),
-        float(area[depth < 0.02 - 1e-6].sum()),
+        float(area[depth < _THIN_M].sum()),
         float(area[depth > 0.299].sum() / area.sum()),
     )
 

@@ -14,6 +14,7 @@ from benchmarks.comparisons.volume.network import Network
 
 STEEPEST = 0.364  # rise over run of a leg that robots drive on, as today (conf/floors/default.yaml)
 _HUB_SIDES = 12
+_HUB_M = 1.0  # a wider hub ends where the shortest leg does: beyond are floors of other stations
 _LOW, _HIGH = 0.6, 0.5  # where the walls end, of the height; how wide the roof is there, of the width
 _FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
 _LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
@@ -233,14 +234,16 @@ def _hub(network: Network, station: int, ends: list[tuple[int, int]]) -> Solid:
     """Return the piece at a station: a prism as wide as the narrowest leg, on the plane that its legs' floors share."""
     walls = np.array([network.lrud_m[shot, end] for shot, end in ends])
     radius, up, down = max(walls[:, :2].min(), 0.05), walls[:, 2].min(), walls[:, 3].max()
-    away, rise = [], []
+    away, rise, runs = [], [], []
     for shot, end in ends:
         step = network.floors_m[shot, 1 - end] - network.floors_m[shot, end]
         run = np.hypot(step[0], step[1])
         away.append(step[:2] / run)
         rise.append(step[2] / run)
+        runs.append(float(run))
     A = np.array(away)
     slope = np.linalg.solve(A.T @ A + _RIDGE * np.eye(2), A.T @ np.array(rise))
+    radius = min(radius, max(_HUB_M, min(runs)))
     angle = 2 * np.pi * np.arange(_HUB_SIDES) / _HUB_SIDES
     ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
     x, y, z = network.places_m[station]
