@@ -104,3 +104,11 @@ def test_shots_without_a_length_are_counted_and_left_out(tmp_path):
     network, _ = built(BOX + "A,3,20,0.0005,2,2,0,3,0\nA,4,40,0,2,2,0,3,0\n", tmp_path)
     assert network.skipped == 1
     assert len(network.shots) == 2
+
+
+def test_a_prism_on_a_wide_station_ends_where_its_shortest_leg_does(tmp_path):
+    rows = "A,1,0,0,2,2,0,3,0\nA,2,20,0,6,6,0,3,0\nB,2,20,0,6,6,0,3,0\nB,3,20,3,2,2,1,3,0\n"
+    network = Case("test", HEADER + rows).network(tmp_path)
+    hub = next(piece for piece in pieces_of(network) if len(piece.sections) == 1)
+    middle = hub.footprint.mean(axis=0)
+    assert np.linalg.norm(hub.footprint - middle, axis=1).max() == pytest.approx(3.0)
