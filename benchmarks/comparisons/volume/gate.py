@@ -58,7 +58,11 @@ def measure(case: Case, folder: Path, seed: int = 0) -> dict[str, Any]:
     built = build_shell(volume, _bar)
     clock.append(time.process_time())
     row |= dict(zip(("union_s", "floors_s", "shell_s"), np.diff(clock).tolist(), strict=True))
-    row |= {"facets": len(volume.faces), "parts": len(built), "intrusion_m3": sum(part.intrusion_m3 for part in built)}
+    row |= {
+        "facets": len(volume.faces),
+        "parts": len(built),
+        "intrusion_m3": sum(abs(part.intrusion_m3) for part in built),
+    }
     row["before"] = dataclasses.asdict(measure_floor(rough, network))
     row["floor"] = dataclasses.asdict(measure_floor(volume, network))
     row["enclosure"] = dataclasses.asdict(measure_enclosure(volume, built, case.proof_tiles, rng))
