@@ -211,10 +211,14 @@ class _Surroundings:
         near = near[(self._low[near, 2] <= high[2]) & (self._high[near, 2] >= low[2])]
         near = near[~np.isin(near, facets)]
         mesh = part.to_mesh64()
-        a, b, c = np.moveaxis(np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts, np.int64)], 1, 0)
+        corners = np.asarray(mesh.vert_properties)[:, :3]
+        a, b, c = np.moveaxis(corners[np.asarray(mesh.tri_verts, np.int64)], 1, 0)
         normal = np.cross(b - a, c - a)
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-        out = np.einsum("fck,pk->fpc", self._corners[near], normal) - np.einsum("pk,pk->p", a, normal)[None, :, None]
+        offset = np.einsum("pk,pk->p", a, normal)
+        sound = (corners @ normal.T - offset).max(axis=0) < _ROUNDING_M  # not of slivers, whose normals are rounding
+        normal, offset = normal[sound], offset[sound]
+        out = np.einsum("fck,pk->fpc", self._corners[near], normal) - offset[None, :, None]
         if (out.min(axis=2) > -_ROUNDING_M).any(axis=1).all():
             return 0.0
         return self._tiles.shared_m3(part)
