@@ -90,6 +90,9 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("rock-directions", "setup", "benchmarks.comparisons.rock_directions", _PARTS + "rock-directions.md"),
     _python("compare-collision", "setup", "benchmarks.comparisons.compare_collision", _PARTS + "compare-collision.md"),
     _python("search-texture", "setup", "benchmarks.comparisons.search_texture", _PARTS + "texture-search.md"),
+    _python(
+        "volume-gate", "all", "benchmarks.comparisons.volume.gate", _PARTS + "volume-gate.md", "45", one_thread=True
+    ),
     # Pictures
     _python("look-pictures", "all", "benchmarks.pictures.look_pictures", "docs/look.jpg"),
     _python("level-pictures", "setup", "benchmarks.pictures.gallery levels", "docs/levels.png"),

@@ -1,0 +1,93 @@
+"""The five surveys of the gate, and what the folded floors make of them today."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.comparisons.volume.network import Network, network_of
+from pipeline.survey.solved.plan_view import plan_legs
+from pipeline.survey.solved_surveys import solve_file
+from tests.heights import HEADER, levels, spiral, table
+from tests.project import Project
+
+ROOF_M, HALF_M = 3.5, 1.0  # where nobody measured: as today's default height, and as stated for Sakany
+_TEE = """A,1,0,0,2.5,2.5,100,3.5,0
+A,2,60,0,2.5,2.5,96,3.5,0
+A,3,120,30,2.5,2.5,90,3.5,0
+B,2,60,0,2,2,96,3,0
+B,4,60,50,2,2,99,3,0
+"""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A survey: its file or the table to write, options of `pipeline new`, and how much is thrown."""
+
+    title: str
+    source: str
+    options: tuple[str, ...] = ()
+    is_table: bool = True
+    robot_contacts: int = 1_000_000
+    ball_contacts: int = 100_000
+    every_facet: bool = True
+    proof_tiles: int = 10_000
+    physics_within_m: float | None = None  # of the middle: MuJoCo's specs of 130,000 meshes take minutes each
+
+    def path(self, folder: Path) -> Path:
+        """Return the survey's file; a table is written into the folder."""
+        if not self.is_table:
+            return Path(self.source).absolute()
+        path = folder / "survey.csv"
+        path.write_text(self.source)
+        return path
+
+    def network(self, folder: Path) -> Network:
+        """Return the survey's network."""
+        path = self.path(folder)
+        survey = solve_file(path)
+        return network_of(plan_legs(path, survey, HALF_M if "--half-width" in self.options else None), ROOF_M, HALF_M)
+
+
+def _spiral() -> str:
+    legs = spiral(2)
+    name, x, y, z = legs["D"][12]
+    return table({**legs, "S": [(name, x, y, z), ("side", x + 26.0, y, z)]})
+
+
+CASES = {
+    "spiral": Case("spiral of two turns, a side drift", _spiral()),
+    "levels": Case("three levels, ramps and a winze", table(levels())),
+    "tee": Case("a T on a slope", HEADER + _TEE),
+    "pell": Case("Wheal Pell", "data/wheal_pell/pell.3d", (), False, 100_000, 100_000, False, 200),
+    "sakany": Case(
+        "Sakany", "data/sakany/Sakany_nodes.dat", ("--half-width", "1.0"), False, 50_000, 50_000, False, 200, 25.0
+    ),
+}
+
+
+def build_today(name: str, case: Case, folder: Path) -> dict[str, Any]:
+    """Build a case by `python -m pipeline new` without visible rock in a copy of the project; return its figures."""
+    place = folder / "project"
+    project = Project.at(place) if place.exists() else Project(place, tiny=False)
+    world = place / "artifacts" / "worlds" / name
+    shutil.rmtree(world, ignore_errors=True)
+    start = time.perf_counter()
+    source = str(case.path(folder))
+    done = project.module("pipeline", "new", name, "--from", source, *case.options, "preset=light")
+    return read_today(world, done.returncode, done.stderr, time.perf_counter() - start)
+
+
+def read_today(world: Path, code: int, said: str, seconds: float) -> dict[str, Any]:
+    """Return the figures of a world that `pipeline new` built, and its exit code and what it said."""
+    row: dict[str, Any] = {"exit_code": code, "said": said[-2000:], "seconds": seconds, "world": str(world)}
+    metrics = world / "validation" / "metrics.json"
+    if not metrics.is_file():
+        return row
+    found = json.loads(metrics.read_text())
+    row |= {"parts": found["collision"]["parts"], "certificate": found["certificate"]}
+    return row

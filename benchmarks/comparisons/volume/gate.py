@@ -1,0 +1,211 @@
+"""The gate of the volume: a prototype beside the folded floors on five surveys. A run goes on where one stopped.
+
+`python -m benchmarks volume-gate` runs it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import re
+import resource
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from baselines.base.markdown import markdown_table, write_table
+from benchmarks.comparisons.volume import physics, speed, throws
+from benchmarks.comparisons.volume.cases import CASES, Case, build_today
+from benchmarks.comparisons.volume.floors import solve_floors
+from benchmarks.comparisons.volume.pictures import draw
+from benchmarks.comparisons.volume.proof import measure_enclosure, measure_floor
+from benchmarks.comparisons.volume.shell import build_shell
+from benchmarks.comparisons.volume.volume import STEEPEST, pieces_of, unite
+from pipeline.store.files import write_atomically
+
+FOLDER, PAGE, PICTURE = (
+    Path("artifacts/bench/volume-gate"),
+    Path("docs/evidence/parts/volume-gate.md"),
+    "volume-gate.jpg",
+)
+LEVEL = Path("artifacts/realism/world")
+_RUNS = 5
+
+
+def _bar(items: Iterable[int]) -> Iterator[int]:
+    return iter(tqdm(items, unit="round", disable=None, leave=False))
+
+
+def measure(case: Case, folder: Path, seed: int = 0) -> dict[str, Any]:
+    """Build a case as one volume and return the figures of its geometry."""
+    rng = np.random.default_rng(seed)
+    network = case.network(folder)
+    row: dict[str, Any] = {"length_m": float(network.lengths_m.sum()), "legs": len(network.shots)}
+    row |= {"flat_legs": int((network.grades <= STEEPEST).sum()), "no_length": network.skipped}
+    clock = [time.process_time()]
+    rough = unite(network, pieces_of(network))
+    clock.append(time.process_time())
+    volume = solve_floors(rough, network)
+    clock.append(time.process_time())
+    np.savez_compressed(folder / "volume.npz", vertices=volume.vertices, faces=volume.faces, label=volume.label)
+    built = build_shell(volume, _bar)
+    clock.append(time.process_time())
+    row |= dict(zip(("union_s", "floors_s", "shell_s"), np.diff(clock).tolist(), strict=True))
+    row |= {
+        "facets": len(volume.faces),
+        "parts": len(built),
+        "intrusion_m3": sum(abs(part.intrusion_m3) for part in built),
+    }
+    row["before"] = dataclasses.asdict(measure_floor(rough, network))
+    row["floor"] = dataclasses.asdict(measure_floor(volume, network))
+    row["enclosure"] = dataclasses.asdict(measure_enclosure(volume, built, case.proof_tiles, rng))
+    parts, row["refused"] = physics.without_refused(built)
+    row["refused_m2"] = sum(p.area_m2 for p in built) - sum(p.area_m2 for p in parts)
+    row["peak_gb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    return row
+
+
+def measure_physics(case: Case, folder: Path, level: Path, today: Path, seed: int = 0) -> dict[str, Any]:
+    """Build a case, or the part about its middle, and return the figures of bodies among the parts."""
+    rng = np.random.default_rng(seed)
+    network = case.network(folder)
+    if case.physics_within_m is not None:
+        network = network.within(case.physics_within_m)
+    volume = solve_floors(unite(network, pieces_of(network)), network)
+    parts, _ = physics.without_refused(build_shell(volume, _bar))
+    row: dict[str, Any] = {"of_m": float(network.lengths_m.sum()), "of_parts": len(parts)}
+    driver, row["local_parts"] = speed.drivers(volume, parts, rng)
+    driver |= {name: speed.world_driver(one) for name, one in (("level", level), ("today", today)) if one.is_dir()}
+    rates = [{name: one.rate(run) for name, one in driver.items()} for run in range(_RUNS)]
+    row["steps_per_s"] = {name: median(rate[name] for rate in rates) for name in driver}
+    row["standing"] = dataclasses.asdict(physics.measure_standing(volume, parts, rng))
+    row["robots"] = dataclasses.asdict(throws.throw_robots(volume, parts, case.robot_contacts, rng, _bar))
+    thrown = throws.throw_balls(volume, parts, case.ball_contacts, case.every_facet, rng, _bar)
+    return row | {"balls": dataclasses.asdict(thrown)}
+
+
+def _kept(path: Path, make: Any) -> dict[str, Any]:
+    """Return the figures in a file, or make and write them."""
+    if path.is_file():
+        found: dict[str, Any] = json.loads(path.read_text())
+        return found
+    row: dict[str, Any] = make()
+    write_atomically(path, json.dumps(row, indent=1).encode())
+    return row
+
+
+def _pair(name: str, ours: dict[str, Any], today: dict[str, Any]) -> list[str]:
+    """Return a case's column: prototype | today."""
+    floor, before, shut, robots, balls = (ours[k] for k in ("floor", "before", "enclosure", "robots", "balls"))
+    proof, length = today.get("certificate", {}), ours["length_m"]
+    kept = re.search(r"kept is the one of (\d+) m", today["said"])
+    share = float(kept[1]) / length if kept else 1.0
+    stands, rate = ours["standing"], ours["steps_per_s"]
+    build = ours["union_s"] + ours["floors_s"] + ours["shell_s"]
+    refused = "; ".join(k for k, limit in (("floor_error_m", 0.01), ("rest_drift_m", 0.01)) if proof.get(k, 0) > limit)
+    verdict = "passes" if not today["exit_code"] else f"exit {today['exit_code']}: {refused or 'refused'}"
+    missing = f"{shut['missing_m2']:.2g} of {shut['measured_m2']:,.0f} m2"
+    thin = f"{shut['thin_m2']:.2g} m2 under 20, {100 * shut['full_share']:.1f} % at 300"
+    seconds = f"{ours['union_s']:.1f} + {ours['floors_s']:.1f} + {ours['shell_s']:.1f} = {build:.0f}"
+    follows = f"{1000 * floor['error_m']:.1f}, {1000 * floor['median_m']:.2f}, {100 * floor['over_1cm']:.2f} %"
+    return [
+        f"{100 * floor['share_built']:.1f} % of {length:,.0f} m | {100 * share:.0f} %",
+        f"{follows}; union alone {1000 * before['error_m']:.0f} | {1000 * proof.get('floor_error_m', np.nan):.1f}",
+        f"{1000 * floor['step_m']:.1f}; union alone {1000 * before['step_m']:.0f} | none",
+        f"{100 * floor['steep_share']:.2f} % | none",
+        f"{robots['escapes']} in {robots['contacts']:,} | {proof.get('escapes', 'not thrown')}",
+        f"{balls['escapes']} in {balls['contacts']:,} | not thrown",
+        f"{ours['intrusion_m3']:.2g} m3, {1e6 * ours['intrusion_m3'] / shut['surface_m2']:.2g} um; again over "
+        f"{shut['measured_m2']:,.0f} m2: {shut['intrusion_m3']:.2g} m3 | {proof.get('intrusion_um', np.nan):.2g} um",
+        f"{missing} | {proof.get('missing_um', np.nan):.2g} um",
+        f"{ours['refused']}, {1e4 * ours['refused_m2']:.2g} cm2 | 0",
+        f"{1000 * shut['thinnest_m']:.1f}; {thin} | 300",
+        f"{ours['parts'] / length:.1f} ({ours['parts']:,}) | {today.get('parts', 0) / max(share * length, 1):.1f}",
+        f"{seconds} | {today['seconds']:.0f} in all",
+        f"{rate['all']:,.0f} of {ours['of_parts']:,} ({ours['of_m']:,.0f} m); {rate['local']:,.0f} among "
+        f"{ours['local_parts']} | {rate.get('today', np.nan):,.0f}",
+        f"{rate['all'] / rate['level']:.2f}; {rate['local'] / rate['level']:.2f} of {rate['level']:,.0f} | "
+        f"{rate.get('today', np.nan) / rate['level']:.2f}",
+        f"{1000 * stands['rest_m']:.1f}, {100 * stands['climb_share']:.0f} %, {stands['both_off_s']:.2f} s | "
+        f"{1000 * proof.get('rest_drift_m', np.nan):.1f}, {100 * proof.get('climb_share', np.nan):.0f} %",
+        f"{ours['peak_gb']:.1f} GB | {verdict}",
+    ]
+
+
+ROWS = (
+    "share of the surveyed length in the world",
+    "floor against survey along the drivable legs, mm: largest, median, share over 1 cm",
+    "largest step between floors that meet, mm",
+    "floor steeper than 20 deg",
+    "robots that escape, in contacts",
+    "balls that escape, in contacts",
+    "intrusion, in all and by m2 of surface (today by m of wall)",
+    "surface without a part behind it",
+    "parts that MuJoCo refuses",
+    "thinnest part, mm",
+    "parts a metre",
+    "build: union + floors + shell, s (today all stages, on a busy machine)",
+    "physics steps/s among all parts; among those in reach",
+    "the same, of the level default mine's",
+    "robots at rest, mm in 5 s; that climb at 0.15 m/s; longest off both wheels",
+    "memory; today's limits",
+)
+
+
+def tables(rows: dict[str, tuple[dict[str, Any], dict[str, Any]]]) -> str:
+    """Return one table a case."""
+    text = ""
+    for name, (ours, today) in rows.items():
+        cells = [row_of.split(" | ") for row_of in _pair(name, ours, today)]
+        table = markdown_table(
+            ("", "prototype", "today"), ((row, *pair) for row, pair in zip(ROWS, cells, strict=True))
+        )
+        text += f"## {CASES[name].title}\n\n{table}\n"
+    return text
+
+
+def main() -> int:
+    """Measure the cases that have no result yet; write page and picture."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.comparisons.volume.gate", description=__doc__)
+    parser.add_argument(
+        "cases", nargs="*", help=f"default: {' '.join(CASES)}; the page is written of all that have one"
+    )
+    parser.add_argument(
+        "--level", type=Path, default=LEVEL, help="the level world that steps a second are compared with"
+    )
+    a = parser.parse_args()
+    unknown = sorted(set(a.cases) - set(CASES))
+    if unknown:
+        print(f"volume-gate: no case {unknown[0]!r}; there are {', '.join(CASES)}", file=sys.stderr)
+        return 2
+    for name in tqdm(a.cases or CASES, unit="case", disable=None):
+        folder = FOLDER / name
+        folder.mkdir(parents=True, exist_ok=True)
+        case = CASES[name]
+        today = _kept(FOLDER / f"{name}-today.json", lambda c=case, n=name: build_today(n, c, FOLDER))  # type: ignore[misc]
+        world = Path(today["world"]) / "realism" / "world"
+        _kept(FOLDER / f"{name}.json", lambda c=case, f=folder: measure(c, f))  # type: ignore[misc]
+        _kept(
+            FOLDER / f"{name}-physics.json",
+            lambda c=case, f=folder, w=world: measure_physics(c, f, a.level, w),  # type: ignore[misc]
+        )
+    rows = {}
+    for name in CASES:
+        files = [FOLDER / f"{name}{end}.json" for end in ("", "-physics", "-today")]
+        if all(file.is_file() for file in files):
+            ours, bodies, today = (json.loads(file.read_text()) for file in files)
+            rows[name] = (ours | bodies, today)
+    write_table(PAGE, tables(rows))
+    draw({CASES[n].title: FOLDER / n / "volume.npz" for n in rows}, Path("docs") / PICTURE)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

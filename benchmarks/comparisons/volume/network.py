@@ -1,0 +1,153 @@
+"""A survey as a network: stations, and legs with a cross-section at either end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from pipeline.survey.passages.legs import SurveyLeg
+
+_BISECTED = np.cos(np.radians(35.0))  # two shots that turn by less share one section across the bend
+_INSIDE = 0.8  # of a shot's length that bends may take from its inner wall
+_NO_LENGTH_M = 1e-3
+_LEAST_M = 0.05  # of a width or height: a section of no area makes no solid
+
+
+@dataclass(frozen=True)
+class Network:
+    """Stations and the shots between them.
+
+    Attributes
+    ----------
+    places_m : (n, 3) float64, m
+        From the middle of the survey.
+    shots : (m, 2) int64
+        Stations at the start and the end.
+    across : (m, 2, 2) float64
+        Horizontal unit vector to the left at either end, square to the shot or along the bisector of a bend.
+    lrud_m : (m, 2, 4) float64, m
+        Distances left, right, up and down at either end.
+    joined : (m, 2) bool
+        Ends at which a shot shares its section with the one before or after it in its chain.
+    skipped : int
+        Shots without a length.
+    """
+
+    places_m: np.ndarray
+    shots: np.ndarray
+    across: np.ndarray
+    lrud_m: np.ndarray
+    joined: np.ndarray
+    skipped: int = 0
+
+    @property
+    def ends_m(self) -> np.ndarray:
+        """Return the stations (m, 2, 3) m of each shot."""
+        return self.places_m[self.shots]
+
+    @property
+    def lengths_m(self) -> np.ndarray:
+        """Return the shots' lengths (m,) m."""
+        return np.linalg.norm(np.diff(self.ends_m, axis=1)[:, 0], axis=1)
+
+    @property
+    def floors_m(self) -> np.ndarray:
+        """Return the floor (m, 2, 3) m under the stations of each shot."""
+        floors = self.ends_m.copy()
+        floors[:, :, 2] -= self.lrud_m[:, :, 3]
+        return floors
+
+    @property
+    def grades(self) -> np.ndarray:
+        """Return rise over run (m,) of the floors; inf where a shot is plumb."""
+        step = np.diff(self.floors_m, axis=1)[:, 0]
+        run = np.hypot(step[:, 0], step[:, 1])
+        return np.where(run > _NO_LENGTH_M, np.abs(step[:, 2]) / np.maximum(run, _NO_LENGTH_M), np.inf)
+
+    def within(self, radius_m: float) -> Network:
+        """Return the shots whose ends are within a distance of the middle station, seen from above."""
+        middle = self.places_m[
+            np.argmin(np.abs(self.places_m[:, :2] - np.median(self.places_m[:, :2], axis=0)).sum(axis=1))
+        ]
+        kept = (np.linalg.norm((self.ends_m - middle)[:, :, :2], axis=2) < radius_m).all(axis=1)
+        joined = self.joined & np.column_stack([np.roll(kept, 1), np.roll(kept, -1)])
+        return replace(
+            self, shots=self.shots[kept], across=self.across[kept], lrud_m=self.lrud_m[kept], joined=joined[kept]
+        )
+
+    def near_pairs(self, reach_m: float) -> list[np.ndarray]:
+        """Return for each shot the shots that are within a way of `reach_m` along the survey, without itself."""
+        n, (a, b) = len(self.places_m), self.shots.T
+        graph = coo_matrix((self.lengths_m, (a, b)), (n, n)).tocsr()
+        far = dijkstra(graph, directed=False, limit=reach_m)
+        at: list[list[int]] = [[] for _ in range(n)]
+        for shot, ends in enumerate(self.shots.tolist()):
+            for end in ends:
+                at[end].append(shot)
+        near = [np.unique(np.concatenate([at[k] for k in np.flatnonzero(np.isfinite(row))] or [[]])) for row in far]
+        both = (np.union1d(near[i], near[j]).astype(int) for i, j in self.shots)
+        return [other[other != shot] for shot, other in enumerate(both)]
+
+
+def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> Network:
+    """Return the network of the plan's legs; heights and widths that nobody measured are `up_m` and `half_m`.
+
+    Shots without a length are counted and left out, as their stations are one place.
+    """
+    index: dict[str, int] = {}
+    places: list[np.ndarray] = []
+    rows: list[tuple[tuple[int, int], np.ndarray, np.ndarray, tuple[bool, bool]]] = []
+    skipped = 0
+    for leg in legs:
+        if leg.heights_m is None:
+            raise ValueError(f"leg {leg.name}: no heights")
+        at = np.column_stack([leg.positions_m, leg.heights_m[:, 0]])
+        for name, place in zip(leg.stations, at, strict=True):
+            if index.setdefault(name, len(places)) == len(places):
+                places.append(place)
+        lrud = np.column_stack([leg.walls_m, leg.heights_m[:, 1:]])
+        lrud = np.where(np.isfinite(lrud), lrud, [half_m, half_m, up_m, 0.0])
+        lrud[:, :2] += np.maximum(0.0, _LEAST_M - lrud[:, :2].sum(axis=1, keepdims=True)) / 2
+        lrud[:, 2] += np.maximum(0.0, _LEAST_M - lrud[:, 2:].sum(axis=1))
+        across, joined = _sections(at, lrud[:, :2])
+        for k, (a, b) in enumerate(pairwise(leg.stations)):
+            if np.linalg.norm(at[k + 1] - at[k]) < _NO_LENGTH_M:
+                skipped += 1
+                continue
+            rows.append(((index[a], index[b]), across[k], lrud[k : k + 2], (joined[k], joined[k + 1])))
+    shots, left, walls, shared = (np.array(column) for column in zip(*rows, strict=True))
+    around = np.array(places)
+    middle = np.round((around.min(axis=0) + around.max(axis=0)) / 2)
+    return Network(around - middle, shots, left, walls, shared, skipped)
+
+
+def _sections(at: np.ndarray, walls: np.ndarray) -> tuple[np.ndarray, list[bool]]:
+    """Return the vectors to the left (n - 1, 2, 2) at both ends of each shot of a chain, and which stations share one.
+
+    Shots that turn little share a section along the bisector, if that leaves a length to both walls. A plumb shot takes
+    the direction of the one before it.
+    """
+    step = np.diff(at[:, :2], axis=0)
+    run = np.linalg.norm(step, axis=1)
+    heading = np.tile([1.0, 0.0], (len(step), 1))
+    for k in range(len(step)):
+        heading[k] = step[k] / run[k] if run[k] > _NO_LENGTH_M else heading[max(k - 1, 0)]
+    left = np.column_stack([-heading[:, 1], heading[:, 0]])
+    across = np.stack([left, left], axis=1)
+    steep = np.abs(np.diff(at[:, 2])) > run
+    joined = [False] * len(at)
+    lost = np.zeros(len(step))  # of each shot's length, at the wall on the inside of its bends
+    for k in range(1, len(step)):
+        cosine = heading[k - 1] @ heading[k]
+        short = walls[k].max() * np.sqrt(max(0.0, (1 - cosine) / (1 + cosine))) if cosine > _BISECTED else np.inf
+        fits = all(lost[j] + short < _INSIDE * run[j] for j in (k - 1, k))
+        if fits and not steep[k - 1] and not steep[k]:
+            middle = left[k - 1] + left[k]
+            across[k - 1, 1] = across[k, 0] = middle / np.linalg.norm(middle)
+            joined[k] = True
+            lost[k - 1 : k + 1] += short
+    return across, joined

@@ -1,0 +1,145 @@
+"""A model of the parts with robots in it: where they fit, how they rest and climb."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from benchmarks.comparisons.volume.proof import Inside
+from benchmarks.comparisons.volume.shell import Part
+from benchmarks.comparisons.volume.volume import Label, Volume
+from minexplore.physics.local_models import physics_spec
+from minexplore.physics.robot import FLOOR_BIT, ROCK_BIT, ROCK_BODY, RobotParams, attach_robot, stand_on_facets
+from minexplore.task import TaskParams
+
+ROBOTS = 12
+_SPARE_M, _AHEAD_M = 0.1, 0.7  # beside a robot's disc; a climbing robot needs 0.6 m, as in pipeline.proof.standing
+
+
+def spec_of(
+    parts: list[Part], bodies: Callable[[mujoco.MjSpec], None], floor: np.ndarray | None = None
+) -> mujoco.MjSpec:
+    """Return a model of parts, each a mesh in one static body, and of what `bodies` adds.
+
+    Every part stops everything; those of `floor`, a mask of facets, stop wheels and castors alone, as today's floors.
+    """
+    spec = physics_spec(TaskParams())
+    rock = spec.worldbody.add_body(name=ROCK_BODY)
+    for number, part in enumerate(parts):
+        bits = FLOOR_BIT if floor is not None and floor[part.facets[0]] else ROCK_BIT | FLOOR_BIT
+        middle = part.corners.mean(axis=0)
+        mesh = spec.add_mesh(name=f"part_{number}", uservert=(part.corners - middle).ravel().tolist())
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        rock.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"part_{number}", pos=middle, contype=bits, conaffinity=0
+        )
+    bodies(spec)
+    return spec
+
+
+def without_refused(parts: list[Part]) -> tuple[list[Part], int]:
+    """Return the parts that MuJoCo compiles, and how many it refuses: slivers without a volume."""
+    good = []
+    for part in parts:
+        size = np.linalg.svd(part.corners - part.corners.mean(axis=0), compute_uv=False)
+        if size[2] > 1e-6:
+            good.append(part)
+    return good, len(parts) - len(good)
+
+
+def add_robots(count: int) -> Callable[[mujoco.MjSpec], None]:
+    """Return what adds robots that do not touch each other to a model."""
+
+    def add(spec: mujoco.MjSpec) -> None:
+        for number in range(count):
+            attach_robot(spec, f"r{number}", RobotParams())
+            stand_on_facets(spec, f"r{number}")
+            spec.geom(f"r{number}_bumper").contype = spec.geom(f"r{number}_bumper").conaffinity = 0
+
+    return add
+
+
+def places_for_robots(volume: Volume, ahead_m: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return places (n, 3) m on floors where a robot's disc and mast fit, and the floor's normals (n, 3) there.
+
+    The disc fits also so far ahead, uphill.
+    """
+    robot, inside = RobotParams(), Inside(volume)
+    floor = np.flatnonzero(volume.label == Label.FLOOR)
+    normal = -volume.normals[floor]
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    middle = volume.vertices[volume.faces[floor]].mean(axis=1)
+    top = robot.sensor_height_m + robot.scanner_height_m / 2
+    wide = robot.radius_m + _SPARE_M
+    uphill = -normal[:, :2] / np.maximum(np.hypot(*normal[:, :2].T), 1e-9)[:, None]
+    rise = np.hypot(*normal[:, :2].T) / np.maximum(normal[:, 2], 1e-9)
+    further = middle + ahead_m * np.column_stack([uphill, rise])
+    fits = (inside.distance_m(middle + normal * (wide + 0.02)) > wide) & (
+        inside.distance_m(further + normal * (wide + 0.02)) > robot.radius_m
+    )
+    fits &= inside.distance_m(middle + normal * top) > robot.scanner_radius_m
+    fits &= normal[:, 2] > np.cos(np.radians(20))
+    return middle[fits], normal[fits]
+
+
+def stand(data: mujoco.MjData, model: mujoco.MjModel, name: str, place: np.ndarray, up: np.ndarray, yaw: float) -> int:
+    """Put a robot on a place of the floor; return the address of its free joint."""
+    ahead = np.array([np.cos(yaw), np.sin(yaw), 0.0])
+    ahead -= up * (ahead @ up)
+    ahead /= np.linalg.norm(ahead)
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, np.column_stack([ahead, np.cross(up, ahead), up]).ravel())
+    at = int(model.joint(f"{name}_free").qposadr[0])
+    data.qpos[at : at + 3] = place + up * RobotParams().wheel_radius_m
+    data.qpos[at + 3 : at + 7] = quat
+    return at
+
+
+@dataclass(frozen=True)
+class Standing:
+    """Largest way, m, of robots at rest in 5 s; share that gain height at 0.15 m/s; longest time, s, off both wheels.
+
+    The way is that beyond what their wheels turn, as in `pipeline.proof.standing`.
+    """
+
+    rest_m: float
+    climb_share: float
+    both_off_s: float
+
+
+def measure_standing(volume: Volume, parts: list[Part], rng: np.random.Generator) -> Standing:
+    """Let robots settle for 1 s and rest for 5 s, then drive uphill for 3 s at 0.15 m/s."""
+    model = spec_of(parts, add_robots(ROBOTS)).compile()
+    data, robot = mujoco.MjData(model), RobotParams()
+    places, normals = places_for_robots(volume, _AHEAD_M)
+    steep = np.flatnonzero(np.hypot(*normals[:, :2].T) > 0.03)
+    chosen = rng.choice(steep if len(steep) else np.arange(len(places)), ROBOTS)
+    at = [
+        stand(data, model, f"r{n}", places[k], normals[k], float(np.arctan2(-normals[k, 1], -normals[k, 0])))
+        for n, k in enumerate(chosen)
+    ]
+    here = np.array(at)[:, None] + np.arange(3)
+    wheels = np.array([[model.geom(f"r{n}_{side}").id for side in ("left", "right")] for n in range(ROBOTS)])
+    run_for(model, data, 1.0)
+    before = data.qpos[here].copy()
+    run_for(model, data, 5.0)
+    weight = robot.mass_kg * 9.81 * np.hypot(*normals[chosen, :2].T)
+    turned = np.maximum(0, weight * robot.wheel_radius_m / 2 - robot.wheel_friction_nm) / robot.wheel_gain_nms
+    rest = np.linalg.norm(data.qpos[here] - before, axis=1) - turned * robot.wheel_radius_m * 5.0
+    data.ctrl[:] = np.array(robot.wheel_speeds(np.full(ROBOTS, 0.15), np.zeros(ROBOTS))).T.ravel()
+    before, off, longest = data.qpos[here].copy(), np.zeros(ROBOTS), np.zeros(ROBOTS)
+    for _ in range(round(3.0 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+        touching = np.isin(wheels, data.contact.geom).any(axis=1)
+        off = np.where(touching, 0.0, off + model.opt.timestep)
+        longest = np.maximum(longest, off)
+    gained = data.qpos[here][:, 2] - before[:, 2] > 0
+    return Standing(float(rest.max(initial=0.0)), float(gained.mean()), float(longest.max()))
+
+
+def run_for(model: mujoco.MjModel, data: mujoco.MjData, time_s: float) -> None:
+    """Step a model for a time, s."""
+    mujoco.mj_step(model, data, round(time_s / model.opt.timestep))

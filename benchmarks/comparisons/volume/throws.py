@@ -1,0 +1,121 @@
+"""What is thrown and pushed at the parts: balls at every facet, robots from every floor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from benchmarks.comparisons.volume.physics import ROBOTS, add_robots, places_for_robots, spec_of, stand
+from benchmarks.comparisons.volume.proof import Inside
+from benchmarks.comparisons.volume.shell import Part
+from benchmarks.comparisons.volume.volume import Volume
+from minexplore.physics.robot import ROCK_BIT, RobotParams
+
+_BALLS = ((0.15, 300.0, 5.0), (0.06, 40.0, 0.5), (0.03, 10.0, 0.1))  # radius m, push N, mass kg
+_BALLS_EACH = 32
+_PUSHED, _DRIVEN = 40, 160  # physics steps after a throw
+_FASTEST_MPS = 3.0
+Progress = Callable[[Iterable[int]], Iterable[int]]
+
+
+@dataclass(frozen=True)
+class Throws:
+    """Contacts of the thrown bodies, throws, escapes, and the share of the surface that was a target."""
+
+    contacts: int
+    throws: int
+    escapes: int
+    reached_share: float
+
+
+def _add_balls(spec: mujoco.MjSpec) -> None:
+    for kind, (radius, push, mass) in enumerate(_BALLS):
+        for number in range(_BALLS_EACH):
+            body = spec.worldbody.add_body(name=f"ball_{kind}_{number}", pos=[1e4, 10.0 * number, 1e3 * kind])
+            slow = push / _FASTEST_MPS  # a robot's speed: what is faster passes through any wall between two steps
+            body.add_joint(type=mujoco.mjtJoint.mjJNT_FREE, damping=[slow, 0, 0])
+            body.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0, 0], mass=mass, contype=0, conaffinity=ROCK_BIT
+            )
+
+
+def throw_balls(
+    volume: Volume, parts: list[Part], contacts: int, whole: bool, rng: np.random.Generator, progress: Progress = iter
+) -> Throws:
+    """Push balls at facets in random order, each the largest that fits before it; `whole` goes on until all had one."""
+    model = spec_of(parts, _add_balls).compile()
+    data, inside = mujoco.MjData(model), Inside(volume)
+    normal = volume.normals
+    area = np.linalg.norm(normal, axis=1)
+    into = -normal / np.maximum(area, 1e-30)[:, None]
+    middle = volume.vertices[volume.faces].mean(axis=1)
+    radius = np.full(len(middle), -1)
+    for kind in range(len(_BALLS) - 1, -1, -1):
+        fits = inside.distance_m(middle + into * (_BALLS[kind][0] + 0.01)) > _BALLS[kind][0]
+        radius[fits] = kind
+    queues = [rng.permutation(np.flatnonzero(radius == kind)) for kind in range(len(_BALLS))]
+    at, touched, throws, escapes = [0] * len(queues), 0, 0, 0
+    rounds = max(-(-len(queue) // _BALLS_EACH) for queue in queues)
+    for turn in progress(range(100 * rounds)):
+        if touched >= contacts and (turn >= rounds or not whole):
+            break
+        mujoco.mj_resetData(model, data)
+        thrown: list[int] = []
+        for kind, queue in enumerate(queues):
+            if not len(queue):
+                continue
+            if at[kind] + _BALLS_EACH > len(queue):
+                queues[kind], at[kind] = rng.permutation(queue), 0
+            for number, facet in enumerate(queues[kind][at[kind] : at[kind] + _BALLS_EACH]):
+                body = kind * _BALLS_EACH + number
+                ball, push, _ = _BALLS[kind]
+                data.qpos[7 * body : 7 * body + 3] = middle[facet] + into[facet] * (ball + 0.01)
+                way = -into[facet] + 0.7 * rng.standard_normal(3)
+                data.xfrc_applied[2 + body, :3] = push * way / np.linalg.norm(way)
+                thrown.append(body)
+            at[kind] += _BALLS_EACH
+        mujoco.mj_forward(model, data)
+        for _ in range(_PUSHED):
+            mujoco.mj_step(model, data)
+            touched += data.ncon
+        places = data.qpos.reshape(-1, 7)[thrown, :3]
+        gone = inside.distance_m(places) < 0
+        escapes += int(gone.sum())
+        throws += len(thrown)
+    return Throws(touched, throws, escapes, float(area[radius >= 0].sum() / area.sum()))
+
+
+def throw_robots(
+    volume: Volume, parts: list[Part], contacts: int, rng: np.random.Generator, progress: Progress = iter
+) -> Throws:
+    """Throw robots from floors in all directions at up to 3 m/s, and drive them on at full throttle."""
+    model = spec_of(parts, add_robots(ROBOTS)).compile()
+    data, inside, robot = mujoco.MjData(model), Inside(volume), RobotParams()
+    places, normals = places_for_robots(volume)
+    if not len(places):
+        return Throws(0, 0, 0, 0.0)
+    touched = throws = escapes = 0
+    for _ in progress(range(100 * (1 + contacts // (ROBOTS * _DRIVEN)))):
+        if touched >= contacts:
+            break
+        mujoco.mj_resetData(model, data)
+        body = []
+        for number, k in enumerate(rng.integers(len(places), size=ROBOTS)):
+            yaw, name = rng.uniform(-np.pi, np.pi), f"r{number}"
+            body.append(stand(data, model, name, places[k], normals[k], yaw))
+            speed = rng.uniform(0, _FASTEST_MPS)
+            at = int(model.joint(f"{name}_free").dofadr[0])
+            data.qvel[at : at + 2] = speed * np.array([np.cos(yaw), np.sin(yaw)])
+            data.ctrl[2 * number : 2 * number + 2] = np.array(
+                robot.wheel_speeds(np.array([speed]), rng.uniform(-1.5, 1.5, 1))
+            ).ravel()
+        for _step in range(_DRIVEN):
+            mujoco.mj_step(model, data)
+            touched += data.ncon
+        here = np.array([data.qpos[at : at + 3] for at in body])
+        escapes += int((inside.distance_m(here) < 0).sum())
+        throws += ROBOTS
+    return Throws(touched, throws, escapes, 1.0)

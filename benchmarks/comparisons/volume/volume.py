@@ -1,0 +1,254 @@
+"""The free space of a mine as one closed mesh: the boolean union of the hulls of its legs, with labelled facets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import manifold3d
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from benchmarks.comparisons.volume.network import Network
+
+STEEPEST = 0.364  # rise over run of a leg that robots drive on, as today (conf/floors/default.yaml)
+_HUB_SIDES = 12
+_HUB_M = 1.0  # a wider hub ends where the shortest leg does: beyond are floors of other stations
+_LOW, _HIGH = 0.6, 0.5  # where the walls end, of the height; how wide the roof is there, of the width
+_FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
+_LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
+_RIDGE = 0.1  # holds a hub level across where its legs alone would tilt it
+
+
+class Label(IntEnum):
+    """What a facet of the free space is."""
+
+    FLOOR = 0  # of a leg that is flat enough to drive on
+    WALL = 1
+    ROOF = 2
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A convex piece of the free space, and the floor that it stands on.
+
+    `floor` is (x, y, z) m of a point of the floor and its slope east and north (5,); `shot` is the leg's number, or of
+    a hub one of its legs; `footprint` is the floor's corners (k, 2) m.
+    """
+
+    sections: np.ndarray  # (n, k, 3), each a ring to the right about the way; a single one is a hull by itself
+    floor: np.ndarray
+    footprint: np.ndarray
+    shot: int
+    is_drivable: bool
+
+    def floor_at(self, xy: np.ndarray) -> np.ndarray:
+        """Return the height (n,) m of the floor's plane at places (n, 2) m."""
+        height: np.ndarray = self.floor[2] + (xy - self.floor[:2]) @ self.floor[3:]
+        return height
+
+
+@dataclass(frozen=True)
+class Volume:
+    """The free space: its solid, and for each facet of its mesh the convex piece it comes from and its label."""
+
+    solid: manifold3d.Manifold
+    vertices: np.ndarray
+    faces: np.ndarray
+    source: np.ndarray  # (f,) number of the piece in `pieces`
+    label: np.ndarray  # (f,) of Label
+    pieces: list[Solid]
+    numbers: dict[int, int]  # manifold3d's number of a hull to that of its piece
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Return twice the area times the normal (f, 3) out of the free space, m2."""
+        a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
+        return np.cross(b - a, c - a)
+
+
+def unite(network: Network, pieces: list[Solid]) -> Volume:
+    """Return the union of the pieces; rock that it encloses on all sides and that touches nothing is free space.
+
+    Legs that share sections are one tube, as solids that only touch are what booleans are worst at.
+    """
+    solids, numbers = [], {}
+    tube: list[int] = []
+    for number, piece in enumerate(pieces):
+        if len(piece.sections) == 1:
+            solids.append(manifold3d.Manifold.hull_points(piece.sections[0]).as_original())
+            numbers[solids[-1].original_id()] = number
+            continue
+        tube.append(number)
+        if not network.joined[piece.shot, 1]:
+            solids.append(_tube([pieces[k].sections for k in tube], tube, numbers))
+            tube = []
+    union = _without_crumbs(manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add))
+    return label_facets(union, pieces, numbers)
+
+
+def _tube(sections: list[np.ndarray], shots: list[int], numbers: dict[int, int]) -> manifold3d.Manifold:
+    """Return the solid through rows of sections, each row's first the last of the row before; enter its numbers."""
+    rings = np.concatenate([sections[0], *(row[1:] for row in sections[1:])])
+    count, k = len(rings), rings.shape[1]
+    i, j = np.arange(k), (np.arange(k) + 1) % k
+    wall = np.concatenate([np.column_stack([i, j + k, j]), np.column_stack([i, i + k, j + k])])
+    cap = np.column_stack([np.zeros(k - 2, int), np.arange(1, k - 1), np.arange(2, k)])
+    faces = [wall + k * n for n in range(count - 1)]
+    faces[0] = np.concatenate([cap, faces[0]])
+    faces[-1] = np.concatenate([faces[-1], cap[:, ::-1] + k * (count - 1)])
+    first = manifold3d.Manifold.reserve_ids(len(shots))
+    numbers |= {first + n: shot for n, shot in enumerate(shots)}
+    ends = np.cumsum([len(row) - 1 for row in sections])
+    sizes = np.cumsum([0, *map(len, faces)])
+    runs = 3 * sizes[[0, *ends]]
+    mesh = manifold3d.Mesh64(
+        rings.reshape(-1, 3),
+        np.concatenate(faces).astype(np.uint64),
+        run_index=runs,
+        run_original_id=first + np.arange(len(shots)),
+    )
+    solid = manifold3d.Manifold(mesh)
+    if solid.status() != manifold3d.Error.NoError:
+        raise ValueError(f"volume: legs {shots}: {solid.status()}")
+    return solid
+
+
+def label_facets(solid: manifold3d.Manifold, pieces: list[Solid], numbers: dict[int, int]) -> Volume:
+    """Return a volume with the labels that its facets' pieces and directions give them."""
+    vertices, faces, source = _arrays(solid, numbers)
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    normal = np.cross(b - a, c - a)
+    z = normal[:, 2] / np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
+    drivable = np.array([piece.is_drivable for piece in pieces])[source]
+    label = np.where((z < _FLOOR_NZ) & drivable, Label.FLOOR, np.where(z > -_FLOOR_NZ, Label.ROOF, Label.WALL))
+    return Volume(solid, vertices, faces, source, label, pieces, numbers)
+
+
+def simplified(volume: Volume, vertices: np.ndarray, label: np.ndarray, tolerance_m: float) -> Volume:
+    """Return the volume with moved vertices and other labels, and without the vertices that no shape needs.
+
+    The solid is made anew: manifold3d remembers which facets were coplanar before they moved.
+    """
+    keys = len(Label) * volume.source + label
+    order = np.argsort(keys, kind="stable")
+    found, starts = np.unique(keys[order], return_index=True)
+    first = manifold3d.Manifold.reserve_ids(len(found))
+    mesh = manifold3d.Mesh64(
+        vertices,
+        volume.faces[order].astype(np.uint64),
+        run_index=3 * np.append(starts, len(order)),
+        run_original_id=first + np.arange(len(found)),
+    )
+    vertices, faces, key = _arrays(
+        manifold3d.Manifold(mesh).simplify(tolerance_m), {first + k: int(found[k]) for k in range(len(found))}
+    )
+    solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64))).as_original()
+    if solid.status() != manifold3d.Error.NoError:
+        raise ValueError(f"volume: the moved mesh is not closed ({solid.status()})")
+    return Volume(solid, vertices, faces, key // len(Label), key % len(Label), volume.pieces, volume.numbers)
+
+
+def _arrays(solid: manifold3d.Manifold, numbers: dict[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a solid's vertices (v, 3) m and facets (f, 3), and the number (f,) that the facets' source has."""
+    mesh = solid.to_mesh64()
+    runs = np.diff(np.asarray(mesh.run_index).astype(int)) // 3
+    source = np.repeat([numbers.get(int(k), -1) for k in mesh.run_original_id], runs)
+    return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64), source
+
+
+def _without_crumbs(solid: manifold3d.Manifold) -> manifold3d.Manifold:
+    """Fill closed shells of rock that float in the free space: they are gaps between hulls."""
+    vertices, faces, _ = _arrays(solid, {})
+    n = len(vertices)
+    edges = coo_matrix((np.ones(2 * len(faces)), (faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel())), (n, n))
+    count, part = connected_components(edges, directed=False)
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    signed = np.bincount(part[faces[:, 0]], np.einsum("ij,ij->i", a, np.cross(b, c)) / 6, count)
+    if (signed >= 0).all():
+        return solid
+    return manifold3d.Manifold.compose([one for one in solid.decompose() if one.volume() > 0])
+
+
+def pieces_of(network: Network) -> list[Solid]:
+    """Return a convex piece for each leg, and one at each station where legs meet without a common section."""
+    flat = network.grades <= STEEPEST
+    pieces = [_leg(network, shot, bool(flat[shot])) for shot in range(len(network.shots))]
+    loose: dict[int, list[tuple[int, int]]] = {}
+    for shot, ends in enumerate(network.shots.tolist()):
+        for end, station in enumerate(ends):
+            loose.setdefault(station, []).append((shot, end))
+    for station, ends in loose.items():
+        drivable = [(shot, end) for shot, end in ends if flat[shot]]
+        if len(ends) > 1 and drivable and not all(network.joined[shot, end] for shot, end in ends):
+            pieces.append(_hub(network, station, drivable))
+    return pieces
+
+
+def _leg(network: Network, shot: int, is_drivable: bool) -> Solid:
+    places, lrud, across = network.ends_m[shot], network.lrud_m[shot], network.across[shot]
+    step = places[1] - places[0]
+    run = float(np.hypot(step[0], step[1]))
+    floors = network.floors_m[shot]
+    left = np.column_stack([across * lrud[:, :1], [0, 0]])
+    right = np.column_stack([-across * lrud[:, 1:2], [0, 0]])
+    if abs(step[2]) > run:
+        sections = _plumb_sections(places, lrud, across[0])
+        return Solid(_between(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False)
+    middle, half = (left + right) / 2, (left - right) / 2
+    tall = lrud[:, 2:].sum(axis=1)[:, None] * [0, 0, 1.0]
+    ring = [floors + left, floors + right, floors + right + _LOW * tall]
+    ring += [*(floors + middle + side * _HIGH * half + tall for side in (-1, 1)), floors + left + _LOW * tall]
+    sections = _between(np.stack(ring, axis=1), lrud)
+    heading = step[:2] / max(run, 1e-9)
+    slope = heading * (floors[1, 2] - floors[0, 2]) / max(run, 1e-9)
+    footprint = np.concatenate([(floors + left)[:, :2], (floors + right)[::-1, :2]])
+    return Solid(sections, np.array([*floors[0], *slope]), footprint, shot, is_drivable)
+
+
+def _between(sections: np.ndarray, lrud: np.ndarray) -> np.ndarray:
+    """Return the two sections (2, k, 3) with others between them, as far apart as the leg is wide."""
+    length = float(np.linalg.norm(sections.mean(axis=1)[1] - sections.mean(axis=1)[0]))
+    count = max(1, round(length / max(_LEAST_STEP_M, float(lrud[:, :2].sum(axis=1).max()))))
+    share = np.linspace(0, 1, count + 1)[:, None, None]
+    between: np.ndarray = sections[0] * (1 - share) + sections[1] * share
+    return between
+
+
+def _plumb_sections(places: np.ndarray, lrud: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """Return the ends (2, 8, 3) of a steep leg: level sections, from the lower floor into the upper passage."""
+    ahead = np.array([left[1], -left[0]])
+    lower = int(places[1, 2] < places[0, 2])
+    around = [(1, 0.5), (0.5, 1), (-0.5, 1), (-1, 0.5), (-1, -0.5), (-0.5, -1), (0.5, -1), (1, -0.5)]
+    ends = []
+    for end in (0, 1):
+        half = max(lrud[end, :2].sum() / 2, 0.05)
+        ring = [t * ahead * half + a * left * lrud[end, 0 if a > 0 else 1] for t, a in around[:: 1 if lower else -1]]
+        rise = -lrud[end, 3] if end == lower else (lrud[end, 2] - lrud[end, 3]) / 2
+        ends.append([[*(places[end, :2] + offset), places[end, 2] + rise] for offset in ring])
+    return np.array(ends)
+
+
+def _hub(network: Network, station: int, ends: list[tuple[int, int]]) -> Solid:
+    """Return the piece at a station: a prism as wide as the narrowest leg, on the plane that its legs' floors share."""
+    walls = np.array([network.lrud_m[shot, end] for shot, end in ends])
+    radius, up, down = max(walls[:, :2].min(), 0.05), walls[:, 2].min(), walls[:, 3].max()
+    away, rise, runs = [], [], []
+    for shot, end in ends:
+        step = network.floors_m[shot, 1 - end] - network.floors_m[shot, end]
+        run = np.hypot(step[0], step[1])
+        away.append(step[:2] / run)
+        rise.append(step[2] / run)
+        runs.append(float(run))
+    A = np.array(away)
+    slope = np.linalg.solve(A.T @ A + _RIDGE * np.eye(2), A.T @ np.array(rise))
+    radius = min(radius, max(_HUB_M, min(runs)))
+    angle = 2 * np.pi * np.arange(_HUB_SIDES) / _HUB_SIDES
+    ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    x, y, z = network.places_m[station]
+    foot = np.column_stack([ring + np.array([x, y]), z - down + ring @ slope])
+    tall = np.array([0, 0, up + down])
+    roof = np.column_stack([ring * _HIGH + np.array([x, y]), np.full(len(ring), z + up)])
+    corners = np.concatenate([foot, foot + _LOW * tall, roof])
+    return Solid(corners[None], np.array([x, y, z - down, *slope]), foot[:, :2], ends[0][0], True)

@@ -1,0 +1,114 @@
+"""A mine as one closed volume: shapes with known answers, floors that meet, and a shell that holds."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+pytest.importorskip(
+    "manifold3d", reason="manifold3d is not installed: `pip install manifold3d` (docs/adr/0026-volume.md)"
+)
+
+from benchmarks.comparisons.volume import physics, throws
+from benchmarks.comparisons.volume.cases import CASES, Case
+from benchmarks.comparisons.volume.floors import solve_floors
+from benchmarks.comparisons.volume.proof import measure_enclosure, measure_floor
+from benchmarks.comparisons.volume.shell import build_shell
+from benchmarks.comparisons.volume.volume import Label, pieces_of, unite
+from tests.heights import HEADER
+
+BOX = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
+PITCH = BOX + "B,2,20,0,2,2,0,3,0\nB,3,20,0,1,1,-12,3,0\nC,3,20,0,2,2,-12,3,0\nC,4,40,0,2,2,-12,3,0\n"
+
+
+def built(rows, folder):
+    network = Case("test", HEADER + rows).network(folder)
+    return network, unite(network, pieces_of(network))
+
+
+@pytest.fixture(scope="module")
+def box(tmp_path_factory):
+    network, rough = built(BOX, tmp_path_factory.mktemp("box"))
+    volume = solve_floors(rough, network)
+    return network, volume, build_shell(volume)
+
+
+def test_a_straight_drift_has_the_volume_and_the_floor_of_its_section(box):
+    _, volume, _ = box
+    section = 4 * 1.8 + (4 + 2) / 2 * 1.2  # walls to 0.6 of the height, then a roof half as wide
+    assert volume.solid.volume() == pytest.approx(20 * section, rel=1e-9)
+    floor = np.linalg.norm(volume.normals[volume.label == Label.FLOOR], axis=1).sum() / 2
+    assert floor == pytest.approx(80, rel=1e-9)
+
+
+def test_the_shell_of_a_drift_lies_in_the_rock_and_covers_every_facet(box):
+    _, volume, parts = box
+    found = measure_enclosure(volume, parts, 1000, np.random.default_rng(0))
+    assert found.measured_m2 == pytest.approx(found.surface_m2, rel=1e-9)
+    assert found.intrusion_m3 < 1e-9
+    assert found.missing_m2 < 1e-3
+    assert found.thinnest_m == pytest.approx(0.3, abs=1e-3)
+    assert sorted(k for part in parts for k in part.facets) == list(range(len(volume.faces)))
+
+
+def test_a_part_that_is_taken_out_is_missing_and_lets_balls_escape(box):
+    _, volume, parts = box
+    largest = max(parts, key=lambda part: part.area_m2)
+    kept = [part for part in parts if part is not largest]
+    found = measure_enclosure(volume, kept, 1000, np.random.default_rng(0))
+    assert found.missing_m2 == pytest.approx(largest.area_m2, rel=1e-3)
+    thrown = [throws.throw_balls(volume, some, 2000, True, np.random.default_rng(0)) for some in (parts, kept)]
+    assert thrown[0].escapes == 0
+    assert thrown[1].escapes > 0
+
+
+def test_a_part_that_is_moved_into_the_drift_is_found(box):
+    _, volume, parts = box
+    floor = next(part for part in parts if volume.label[part.facets[0]] == Label.FLOOR)
+    raised = dataclasses.replace(floor, corners=floor.corners + np.array([0, 0, 0.1]))
+    kept = [part for part in parts if part is not floor]
+    found = measure_enclosure(volume, [raised, *kept], 1000, np.random.default_rng(0))
+    assert found.intrusion_m3 == pytest.approx(0.1 * floor.area_m2, rel=0.05)
+
+
+def test_the_floors_of_a_junction_on_a_slope_meet_without_a_step_and_follow_the_survey(tmp_path):
+    network = CASES["tee"].network(tmp_path)
+    rough = unite(network, pieces_of(network))
+    assert measure_floor(rough, network).error_m > 0.1
+    found = measure_floor(solve_floors(rough, network), network)
+    assert found.error_m < 0.01
+    assert max(found.step_m, found.other_step_m) < 0.01
+    assert found.share_built == 1
+
+
+def test_a_pitch_joins_two_levels_without_a_case_of_its_own(tmp_path):
+    network, rough = built(PITCH, tmp_path)
+    volume = solve_floors(rough, network)
+    assert len(volume.solid.decompose()) == 1
+    found = measure_floor(volume, network)
+    assert found.share_built == 1
+    assert 0 < found.over_floor < 1  # there is none over the pitch
+    assert found.error_m < 0.01
+
+
+def test_a_robot_rests_and_climbs_on_a_sloping_junction(tmp_path):
+    network = CASES["tee"].network(tmp_path)
+    volume = solve_floors(unite(network, pieces_of(network)), network)
+    found = physics.measure_standing(volume, build_shell(volume), np.random.default_rng(0))
+    assert found.rest_m < 0.01
+    assert found.climb_share == 1
+    assert found.both_off_s < 0.05
+
+
+def test_shots_without_a_length_are_counted_and_left_out(tmp_path):
+    network, _ = built(BOX + "A,3,20,0.0005,2,2,0,3,0\nA,4,40,0,2,2,0,3,0\n", tmp_path)
+    assert network.skipped == 1
+    assert len(network.shots) == 2
+
+
+def test_a_prism_on_a_wide_station_ends_where_its_shortest_leg_does(tmp_path):
+    rows = "A,1,0,0,2,2,0,3,0\nA,2,20,0,6,6,0,3,0\nB,2,20,0,6,6,0,3,0\nB,3,20,3,2,2,1,3,0\n"
+    network = Case("test", HEADER + rows).network(tmp_path)
+    hub = next(piece for piece in pieces_of(network) if len(piece.sections) == 1)
+    middle = hub.footprint.mean(axis=0)
+    assert np.linalg.norm(hub.footprint - middle, axis=1).max() == pytest.approx(3.0)
