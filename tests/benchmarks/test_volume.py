@@ -5,10 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-pytest.importorskip(
-    "manifold3d", reason="manifold3d is not installed: `pip install manifold3d` (docs/adr/0026-volume.md)"
-)
-
 from benchmarks.comparisons.volume import physics, throws
 from benchmarks.comparisons.volume.cases import CASES, Case
 from benchmarks.comparisons.volume.floors import solve_floors
