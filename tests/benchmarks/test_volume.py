@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.comparisons.volume import physics, throws
-from benchmarks.comparisons.volume.cases import CASES, Case
+from benchmarks.comparisons.volume.cases import CASES, GateCase
 from benchmarks.comparisons.volume.floors import solve_floors
 from benchmarks.comparisons.volume.proof import measure_enclosure, measure_floor
 from benchmarks.comparisons.volume.shell import build_shell
@@ -18,7 +18,7 @@ PITCH = BOX + "B,2,20,0,2,2,0,3,0\nB,3,20,0,1,1,-12,3,0\nC,3,20,0,2,2,-12,3,0\nC
 
 
 def built(rows, folder):
-    network = Case("test", HEADER + rows).network(folder)
+    network = GateCase("test", HEADER + rows).network(folder)
     return network, unite(network, pieces_of(network))
 
 
@@ -104,7 +104,7 @@ def test_shots_without_a_length_are_counted_and_left_out(tmp_path):
 
 def test_a_prism_on_a_wide_station_ends_where_its_shortest_leg_does(tmp_path):
     rows = "A,1,0,0,2,2,0,3,0\nA,2,20,0,6,6,0,3,0\nB,2,20,0,6,6,0,3,0\nB,3,20,3,2,2,1,3,0\n"
-    network = Case("test", HEADER + rows).network(tmp_path)
+    network = GateCase("test", HEADER + rows).network(tmp_path)
     hub = next(piece for piece in pieces_of(network) if len(piece.sections) == 1)
     middle = hub.footprint.mean(axis=0)
     assert np.linalg.norm(hub.footprint - middle, axis=1).max() == pytest.approx(3.0)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.comparisons.volume.network import Network, network_of
+from benchmarks.comparisons.volume.network import SurveyNetwork, network_of
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import solve_file
 from tests.heights import HEADER, levels, spiral, table
@@ -25,7 +25,7 @@ B,4,60,50,2,2,99,3,0
 
 
 @dataclass(frozen=True)
-class Case:
+class GateCase:
     """A survey: its file or the table to write, options of `pipeline new`, and how much is thrown."""
 
     title: str
@@ -46,7 +46,7 @@ class Case:
         path.write_text(self.source)
         return path
 
-    def network(self, folder: Path) -> Network:
+    def network(self, folder: Path) -> SurveyNetwork:
         """Return the survey's network."""
         path = self.path(folder)
         survey = solve_file(path)
@@ -60,17 +60,17 @@ def _spiral() -> str:
 
 
 CASES = {
-    "spiral": Case("spiral of two turns, a side drift", _spiral()),
-    "levels": Case("three levels, ramps and a winze", table(levels())),
-    "tee": Case("a T on a slope", HEADER + _TEE),
-    "pell": Case("Wheal Pell", "data/wheal_pell/pell.3d", (), False, 100_000, 100_000, False, 200),
-    "sakany": Case(
+    "spiral": GateCase("spiral of two turns, a side drift", _spiral()),
+    "levels": GateCase("three levels, ramps and a winze", table(levels())),
+    "tee": GateCase("a T on a slope", HEADER + _TEE),
+    "pell": GateCase("Wheal Pell", "data/wheal_pell/pell.3d", (), False, 100_000, 100_000, False, 200),
+    "sakany": GateCase(
         "Sakany", "data/sakany/Sakany_nodes.dat", ("--half-width", "1.0"), False, 50_000, 50_000, False, 200, 25.0
     ),
 }
 
 
-def build_today(name: str, case: Case, folder: Path) -> dict[str, Any]:
+def build_today(name: str, case: GateCase, folder: Path) -> dict[str, Any]:
     """Build a case by `python -m pipeline new` without visible rock in a copy of the project; return its figures."""
     place = folder / "project"
     project = Project.at(place) if place.exists() else Project(place, tiny=False)

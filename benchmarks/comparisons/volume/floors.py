@@ -8,7 +8,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
-from benchmarks.comparisons.volume.network import Network
+from benchmarks.comparisons.volume.network import SurveyNetwork
 from benchmarks.comparisons.volume.volume import Label, Solid, Volume, label_facets, simplified
 
 EDGE_M = 0.8  # longest edge of the mesh on which heights are solved
@@ -25,7 +25,7 @@ _LEAST_M2 = 1e-6  # of a triangle in plan
 _LEAST_M = 0.02  # of an edge in plan
 
 
-def solve_floors(volume: Volume, network: Network) -> Volume:
+def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     """Return the volume with a continuous floor through the floors of all legs that are flat enough.
 
     Ledges between floors of legs that are near each other along the survey become part of the floor. The heights are
@@ -40,7 +40,7 @@ def solve_floors(volume: Volume, network: Network) -> Volume:
     return simplified(fine, vertices, np.where(is_floor, Label.FLOOR, fine.label), _SIMPLE_M)
 
 
-def _ledges(volume: Volume, network: Network) -> np.ndarray:
+def _ledges(volume: Volume, network: SurveyNetwork) -> np.ndarray:
     """Return which facets (f,) are ledges: under the floor of another drivable piece that is near along the survey."""
     near = network.near_pairs(_NEAR_M)
     by_shot: dict[int, list[int]] = {}
@@ -79,7 +79,7 @@ def _is_under(places: np.ndarray, piece: Solid) -> np.ndarray:
     return found
 
 
-def _solve(volume: Volume, network: Network, is_floor: np.ndarray) -> np.ndarray:
+def _solve(volume: Volume, network: SurveyNetwork, is_floor: np.ndarray) -> np.ndarray:
     """Return by how much (v,) m each vertex rises."""
     rise = np.zeros(len(volume.vertices))
     faces = volume.faces[is_floor]
@@ -123,7 +123,7 @@ def _stiffness(places: np.ndarray, faces: np.ndarray) -> csr_matrix:
     ).tocsr()
 
 
-def leg_floor_samples(network: Network, shots: np.ndarray, step_m: float) -> tuple[np.ndarray, np.ndarray]:
+def leg_floor_samples(network: SurveyNetwork, shots: np.ndarray, step_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return places (n, 3) m on the surveyed floors along some shots, both ends among them, and their shots (n,)."""
     floors, lengths = network.floors_m[shots], network.lengths_m[shots]
     counts = np.maximum(2, np.ceil(lengths / step_m).astype(int) + 1)
@@ -159,7 +159,9 @@ def plan_weights(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) ->
     return np.column_stack([1 - v - w, v, w])
 
 
-def _along_legs(volume: Volume, network: Network, is_floor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _along_legs(
+    volume: Volume, network: SurveyNetwork, is_floor: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return facets (n,) under places of the legs, the weights (n, 3) of their corners, and the floors' heights (n,).
 
     A place counts if the first facet under it is floor, at most `_DEEPEST_M` below the surveyed floor.

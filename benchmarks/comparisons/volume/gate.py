@@ -22,7 +22,7 @@ from tqdm import tqdm
 
 from baselines.base.markdown import markdown_table, write_table
 from benchmarks.comparisons.volume import physics, speed, throws
-from benchmarks.comparisons.volume.cases import CASES, Case, build_today
+from benchmarks.comparisons.volume.cases import CASES, GateCase, build_today
 from benchmarks.comparisons.volume.floors import solve_floors
 from benchmarks.comparisons.volume.pictures import draw
 from benchmarks.comparisons.volume.proof import measure_enclosure, measure_floor
@@ -43,7 +43,7 @@ def _bar(items: Iterable[int]) -> Iterator[int]:
     return iter(tqdm(items, unit="round", disable=None, leave=False))
 
 
-def measure(case: Case, folder: Path, seed: int = 0) -> dict[str, Any]:
+def measure(case: GateCase, folder: Path, seed: int = 0) -> dict[str, Any]:
     """Build a case as one volume and return the figures of its geometry."""
     rng = np.random.default_rng(seed)
     network = case.network(folder)
@@ -72,7 +72,7 @@ def measure(case: Case, folder: Path, seed: int = 0) -> dict[str, Any]:
     return row
 
 
-def measure_physics(case: Case, folder: Path, level: Path, today: Path, seed: int = 0) -> dict[str, Any]:
+def measure_physics(case: GateCase, folder: Path, level: Path, today: Path, seed: int = 0) -> dict[str, Any]:
     """Build a case, or the part about its middle, and return the figures of bodies among the parts."""
     rng = np.random.default_rng(seed)
     network = case.network(folder)

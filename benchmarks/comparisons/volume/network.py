@@ -18,7 +18,7 @@ _LEAST_M = 0.05  # of a width or height: a section of no area makes no solid
 
 
 @dataclass(frozen=True)
-class Network:
+class SurveyNetwork:
     """Stations and the shots between them.
 
     Attributes
@@ -68,7 +68,7 @@ class Network:
         run = np.hypot(step[:, 0], step[:, 1])
         return np.where(run > _NO_LENGTH_M, np.abs(step[:, 2]) / np.maximum(run, _NO_LENGTH_M), np.inf)
 
-    def within(self, radius_m: float) -> Network:
+    def within(self, radius_m: float) -> SurveyNetwork:
         """Return the shots whose ends are within a distance of the middle station, seen from above."""
         middle = self.places_m[
             np.argmin(np.abs(self.places_m[:, :2] - np.median(self.places_m[:, :2], axis=0)).sum(axis=1))
@@ -93,7 +93,7 @@ class Network:
         return [other[other != shot] for shot, other in enumerate(both)]
 
 
-def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> Network:
+def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> SurveyNetwork:
     """Return the network of the plan's legs; heights and widths that nobody measured are `up_m` and `half_m`.
 
     Shots without a length are counted and left out, as their stations are one place.
@@ -122,7 +122,7 @@ def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> Network:
     shots, left, walls, shared = (np.array(column) for column in zip(*rows, strict=True))
     around = np.array(places)
     middle = np.round((around.min(axis=0) + around.max(axis=0)) / 2)
-    return Network(around - middle, shots, left, walls, shared, skipped)
+    return SurveyNetwork(around - middle, shots, left, walls, shared, skipped)
 
 
 def _sections(at: np.ndarray, walls: np.ndarray) -> tuple[np.ndarray, list[bool]]:

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from benchmarks.comparisons.volume.proof import Inside
-from benchmarks.comparisons.volume.shell import Part
+from benchmarks.comparisons.volume.shell import ShellPart
 from benchmarks.comparisons.volume.volume import Label, Volume
 from minexplore.physics.local_models import physics_spec
 from minexplore.physics.robot import FLOOR_BIT, ROCK_BIT, ROCK_BODY, RobotParams, attach_robot, stand_on_facets
@@ -20,7 +20,7 @@ _SPARE_M, _AHEAD_M = 0.1, 0.7  # beside a robot's disc; a climbing robot needs 0
 
 
 def spec_of(
-    parts: list[Part], bodies: Callable[[mujoco.MjSpec], None], floor: np.ndarray | None = None
+    parts: list[ShellPart], bodies: Callable[[mujoco.MjSpec], None], floor: np.ndarray | None = None
 ) -> mujoco.MjSpec:
     """Return a model of parts, each a mesh in one static body, and of what `bodies` adds.
 
@@ -40,7 +40,7 @@ def spec_of(
     return spec
 
 
-def without_refused(parts: list[Part]) -> tuple[list[Part], int]:
+def without_refused(parts: list[ShellPart]) -> tuple[list[ShellPart], int]:
     """Return the parts that MuJoCo compiles, and how many it refuses: slivers without a volume."""
     good = []
     for part in parts:
@@ -99,7 +99,7 @@ def stand(data: mujoco.MjData, model: mujoco.MjModel, name: str, place: np.ndarr
 
 
 @dataclass(frozen=True)
-class Standing:
+class RobotsAtRest:
     """Largest way, m, of robots at rest in 5 s; share that gain height at 0.15 m/s; longest time, s, off both wheels.
 
     The way is that beyond what their wheels turn, as in `pipeline.proof.standing`.
@@ -110,7 +110,7 @@ class Standing:
     both_off_s: float
 
 
-def measure_standing(volume: Volume, parts: list[Part], rng: np.random.Generator) -> Standing:
+def measure_standing(volume: Volume, parts: list[ShellPart], rng: np.random.Generator) -> RobotsAtRest:
     """Let robots settle for 1 s and rest for 5 s, then drive uphill for 3 s at 0.15 m/s."""
     model = spec_of(parts, add_robots(ROBOTS)).compile()
     data, robot = mujoco.MjData(model), RobotParams()
@@ -137,7 +137,7 @@ def measure_standing(volume: Volume, parts: list[Part], rng: np.random.Generator
         off = np.where(touching, 0.0, off + model.opt.timestep)
         longest = np.maximum(longest, off)
     gained = data.qpos[here][:, 2] - before[:, 2] > 0
-    return Standing(float(rest.max(initial=0.0)), float(gained.mean()), float(longest.max()))
+    return RobotsAtRest(float(rest.max(initial=0.0)), float(gained.mean()), float(longest.max()))
 
 
 def run_for(model: mujoco.MjModel, data: mujoco.MjData, time_s: float) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import open3d
 
 from benchmarks.comparisons.volume.floors import drop, leg_floor_samples
-from benchmarks.comparisons.volume.network import Network
-from benchmarks.comparisons.volume.shell import Part, Tiles
+from benchmarks.comparisons.volume.network import SurveyNetwork
+from benchmarks.comparisons.volume.shell import ShellPart, Tiles
 from benchmarks.comparisons.volume.volume import STEEPEST, Label, Volume
 
 _INTO_FREE_M = 1e-6  # parts are moved so far towards the free space to see what they cover
@@ -35,7 +35,7 @@ class Enclosure:
     full_share: float  # of the surface behind which it is 0.3 m
 
 
-def measure_enclosure(volume: Volume, parts: list[Part], most_tiles: int, rng: np.random.Generator) -> Enclosure:
+def measure_enclosure(volume: Volume, parts: list[ShellPart], most_tiles: int, rng: np.random.Generator) -> Enclosure:
     """Measure the shell against the free space in boxes; in `most_tiles` of them if there are more."""
     tiles, own = Tiles(volume.solid), volume.solid.original_id()
     low = np.array([part.corners.min(axis=0) for part in parts])
@@ -110,7 +110,7 @@ class FloorFigures:
     share_built: float  # of all the surveyed length
 
 
-def measure_floor(volume: Volume, network: Network) -> FloorFigures:
+def measure_floor(volume: Volume, network: SurveyNetwork) -> FloorFigures:
     """Measure the floor along the drivable legs, and the steps beside its facets."""
     shots = np.flatnonzero(network.grades <= STEEPEST)
     places, _ = leg_floor_samples(network, shots, _SAMPLE_M)
@@ -137,7 +137,7 @@ def measure_floor(volume: Volume, network: Network) -> FloorFigures:
     )
 
 
-def _steps(volume: Volume, network: Network) -> tuple[float, float]:
+def _steps(volume: Volume, network: SurveyNetwork) -> tuple[float, float]:
     """Return the largest steps, m, from a floor's facet down or up to another floor 5 cm beyond its edge.
 
     First where the two belong to legs that are within 5 m of each other along the survey, then elsewhere. The slope of

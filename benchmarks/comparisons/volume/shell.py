@@ -25,7 +25,7 @@ Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 @dataclass(frozen=True)
-class Part:
+class ShellPart:
     """One convex part: its corners (k, 3) m, the facets that it lies behind, its shape, and what of it is free, m3."""
 
     corners: np.ndarray
@@ -135,7 +135,7 @@ def _box(solid: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray]:
     return bounds[:3], bounds[3:]
 
 
-def build_shell(volume: Volume, progress: Progress = iter) -> list[Part]:
+def build_shell(volume: Volume, progress: Progress = iter) -> list[ShellPart]:
     """Return one part behind each convex polygon of facets.
 
     The first shape counts that has nothing in the free space: the polygon moved 0.3 m into the rock along the ways of
@@ -173,7 +173,7 @@ def _first_fitting(
     facets: list[int],
     area_m2: float,
     surroundings: _Surroundings,
-) -> Part:
+) -> ShellPart:
     best, least = None, np.inf
     for shape, solid in shapes:
         if solid.is_empty() or solid.volume() <= 0:
@@ -184,10 +184,10 @@ def _first_fitting(
         if shared <= _ALLOWED_M * area_m2:
             break
     if best is None:  # a facet without an area
-        return Part(np.concatenate([corners, corners + DEPTHS_M[-1] * normal]), facets, "none", 0.0, area_m2, 0.0)
+        return ShellPart(np.concatenate([corners, corners + DEPTHS_M[-1] * normal]), facets, "none", 0.0, area_m2, 0.0)
     shape, solid = best
     points = np.asarray(solid.to_mesh64().vert_properties)[:, :3]
-    return Part(points, facets, shape, float(((points - corners[0]) @ normal).max()), area_m2, least)
+    return ShellPart(points, facets, shape, float(((points - corners[0]) @ normal).max()), area_m2, least)
 
 
 class _Surroundings:

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from benchmarks.comparisons.volume.physics import add_robots, places_for_robots, run_for, spec_of, stand
-from benchmarks.comparisons.volume.shell import Part
+from benchmarks.comparisons.volume.shell import ShellPart
 from benchmarks.comparisons.volume.volume import Label, Volume
 from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import RobotParams, free_joint_qpos, qpos_address
@@ -21,7 +21,7 @@ _FEW_PARTS = 50  # among fewer, testing every pair takes less time than MuJoCo's
 _ASIDE_M, _BELOW_M, _ABOVE_M = 1.6, 0.6, 1.0  # half a tile, the robot's disc and a step's way; a slope; the robot
 
 
-def local_parts(parts: list[Part], place: np.ndarray) -> list[Part]:
+def local_parts(parts: list[ShellPart], place: np.ndarray) -> list[ShellPart]:
     """Return the parts that a robot in a tile of 2 m about a place can touch in a control step, by their boxes."""
     low = place - np.array([_ASIDE_M, _ASIDE_M, _BELOW_M])
     high = place + np.array([_ASIDE_M, _ASIDE_M, _ABOVE_M])
@@ -50,7 +50,7 @@ class Driver:
         return steps / (time.process_time() - start)
 
 
-def drivers(volume: Volume, parts: list[Part], rng: np.random.Generator) -> tuple[dict[str, Driver], int]:
+def drivers(volume: Volume, parts: list[ShellPart], rng: np.random.Generator) -> tuple[dict[str, Driver], int]:
     """Return a robot among all parts and one among those within its reach, at one random place, and how many these are.
 
     The place is the one with the median number of parts among nine.

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.comparisons.volume.physics import ROBOTS, add_robots, places_for_robots, spec_of, stand
 from benchmarks.comparisons.volume.proof import Inside
-from benchmarks.comparisons.volume.shell import Part
+from benchmarks.comparisons.volume.shell import ShellPart
 from benchmarks.comparisons.volume.volume import Volume
 from minexplore.physics.robot import ROCK_BIT, RobotParams
 
@@ -43,7 +43,12 @@ def _add_balls(spec: mujoco.MjSpec) -> None:
 
 
 def throw_balls(
-    volume: Volume, parts: list[Part], contacts: int, whole: bool, rng: np.random.Generator, progress: Progress = iter
+    volume: Volume,
+    parts: list[ShellPart],
+    contacts: int,
+    whole: bool,
+    rng: np.random.Generator,
+    progress: Progress = iter,
 ) -> Throws:
     """Push balls at facets in random order, each the largest that fits before it; `whole` goes on until all had one."""
     model = spec_of(parts, _add_balls).compile()
@@ -89,7 +94,7 @@ def throw_balls(
 
 
 def throw_robots(
-    volume: Volume, parts: list[Part], contacts: int, rng: np.random.Generator, progress: Progress = iter
+    volume: Volume, parts: list[ShellPart], contacts: int, rng: np.random.Generator, progress: Progress = iter
 ) -> Throws:
     """Throw robots from floors in all directions at up to 3 m/s, and drive them on at full throttle."""
     model = spec_of(parts, add_robots(ROBOTS)).compile()

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from benchmarks.comparisons.volume.network import Network
+from benchmarks.comparisons.volume.network import SurveyNetwork
 
 STEEPEST = 0.364  # rise over run of a leg that robots drive on, as today (conf/floors/default.yaml)
 _HUB_SIDES = 12
@@ -68,7 +68,7 @@ class Volume:
         return np.cross(b - a, c - a)
 
 
-def unite(network: Network, pieces: list[Solid]) -> Volume:
+def unite(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
     """Return the union of the pieces; rock that it encloses on all sides and that touches nothing is free space.
 
     Legs that share sections are one tube, as solids that only touch are what booleans are worst at.
@@ -171,7 +171,7 @@ def _without_crumbs(solid: manifold3d.Manifold) -> manifold3d.Manifold:
     return manifold3d.Manifold.compose([one for one in solid.decompose() if one.volume() > 0])
 
 
-def pieces_of(network: Network) -> list[Solid]:
+def pieces_of(network: SurveyNetwork) -> list[Solid]:
     """Return a convex piece for each leg, and one at each station where legs meet without a common section."""
     flat = network.grades <= STEEPEST
     pieces = [_leg(network, shot, bool(flat[shot])) for shot in range(len(network.shots))]
@@ -186,7 +186,7 @@ def pieces_of(network: Network) -> list[Solid]:
     return pieces
 
 
-def _leg(network: Network, shot: int, is_drivable: bool) -> Solid:
+def _leg(network: SurveyNetwork, shot: int, is_drivable: bool) -> Solid:
     places, lrud, across = network.ends_m[shot], network.lrud_m[shot], network.across[shot]
     step = places[1] - places[0]
     run = float(np.hypot(step[0], step[1]))
@@ -230,7 +230,7 @@ def _plumb_sections(places: np.ndarray, lrud: np.ndarray, left: np.ndarray) -> n
     return np.array(ends)
 
 
-def _hub(network: Network, station: int, ends: list[tuple[int, int]]) -> Solid:
+def _hub(network: SurveyNetwork, station: int, ends: list[tuple[int, int]]) -> Solid:
     """Return the piece at a station: a prism as wide as the narrowest leg, on the plane that its legs' floors share."""
     walls = np.array([network.lrud_m[shot, end] for shot, end in ends])
     radius, up, down = max(walls[:, :2].min(), 0.05), walls[:, 2].min(), walls[:, 3].max()
