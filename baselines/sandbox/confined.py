@@ -38,9 +38,9 @@ _PROGRAM = (
 
 @dataclasses.dataclass(frozen=True)
 class Confined:
-    """Which policy is let in, by its hash, and what it may use; without a hash, any.
+    """The policy that may run, by its hash, and its limits; any policy may run if there is no hash.
 
-    Copies of it lie in `folder`, by default in that of temporary files.
+    The policy is copied into `folder`, which is the folder of temporary files by default.
     """
 
     limits: Limits = dataclasses.field(default_factory=Limits)

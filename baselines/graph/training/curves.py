@@ -125,7 +125,7 @@ def tables(curves: list[Curve]) -> str:
             spread = f"{group.mean():.1f}, SD {group.std(ddof=1):.1f}"
             rows.append((name, f"mean of {len(group)} seeds", "", "", spread, "", ""))
     runs = ("run", "seed", "updates", "watched at 0", "watched, best", "at update", "nearest cluster there")
-    lacks = ("run", "seed", "what it lacks", "rule", "network", "at update")
+    lacks = ("run", "seed", "part left out", "rule", "network", "at update")
     return f"{markdown_table(runs, rows)}\n## Ablations\n\n{markdown_table(lacks, _ablations(curves))}"
 
 

@@ -83,7 +83,7 @@ def build_today(name: str, case: GateCase, folder: Path) -> dict[str, Any]:
 
 
 def read_today(world: Path, code: int, said: str, seconds: float) -> dict[str, Any]:
-    """Return the figures of a world that `pipeline new` built, and its exit code and what it said."""
+    """Return the figures of a world that `pipeline new` built, with its exit code and its last messages."""
     row: dict[str, Any] = {"exit_code": code, "said": said[-2000:], "seconds": seconds, "world": str(world)}
     metrics = world / "validation" / "metrics.json"
     if not metrics.is_file():

@@ -13,7 +13,7 @@ from benchmarks.comparisons.volume.network import SurveyNetwork
 from benchmarks.comparisons.volume.shell import ShellPart, Tiles
 from benchmarks.comparisons.volume.volume import STEEPEST, Label, Volume
 
-_INTO_FREE_M = 1e-6  # parts are moved so far towards the free space to see what they cover
+_INTO_FREE_M = 1e-6  # parts move into the free space by this, so that they overlap what they cover
 _THIN_M = 0.0199  # what a body may sink in, 2 cm, less the rounding of parts that are as thick
 _SLIVER_M2 = 1e-6  # behind a smaller facet the rock may be as thin as it is
 _SAMPLE_M = 0.25

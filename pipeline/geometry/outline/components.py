@@ -124,5 +124,6 @@ def _part_at_necks(workings: MultiPolygon) -> MultiPolygon:
         )
         sides = shapely.bounds(thin).reshape(-1, 2, 2)
         has_spike = bool((np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1) > _SPIKE_M).any())
-        parted += [p for part in parts for p in as_polygons(part).geoms] if len(parts) > 1 or has_spike else [component]
+        is_cut = len(parts) > 1 or (len(parts) == 1 and has_spike)  # what is thin everywhere stays, to be refused later
+        parted += [p for part in parts for p in as_polygons(part).geoms] if is_cut else [component]
     return MultiPolygon(parted)

@@ -48,6 +48,11 @@ def test_what_is_left_out_beside_the_workings_is_no_error_of_their_walls(working
     assert error.drawn_mean_m < 0.05  # the limit of conf/validation; bridges fill the wedges of the bow tie
 
 
+def test_a_drift_that_is_thin_everywhere_stays_as_it_is():
+    drift = shapely.box(0, 0, 60, 0.08)
+    assert mend(MultiPolygon([drift]), 0.5, 10).geoms[0].equals(drift)
+
+
 def test_the_tip_of_a_sharp_corner_is_cut_off_and_the_network_is_whole():
     wedge = Polygon([(0, 0), (0, 8), (60, 8.5)])  # thinner than a cell of the skeleton at its end
     (mended,) = mend(MultiPolygon([wedge]), 0.5, 10).geoms
