@@ -69,8 +69,9 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     uniform in [-pi, pi). What the first look sees is seen, but earns nothing.
 
     ## Episode End
-    `terminated` is always False. `truncated` after 6,000 steps (10 minutes), or after 100 steps in a row slower than
-    0.01 m/s. The speed is the measured one, so that a robot that stands in mud or water does not end its episode early.
+    `terminated` is always False. `truncated` after 6,000 steps (10 minutes), or after 100 steps in a row in which the
+    robot moved, or was commanded to move, forward slower than 0.01 m/s. The noise of mud and water does not keep a parked
+    robot's episode going.
 
     ## Info
     `cells_seen`, `cells_reachable`, `coverage`, `collision` (in this step), `collisions` (so far), `zone`,

@@ -131,7 +131,9 @@ class RobotBatch:
         reward = step_reward(self.cells_seen[robots], new, self.grid.total, collision)
         self.cells_seen[robots] += new
         self.steps[robots] += 1
-        still = self._speeds(robots) < self.task.stall_speed_mps
+        # In mud and water noise moves a robot that is commanded to stand, so the command counts too.
+        speeds = np.minimum(self._speeds(robots), self.task.max_forward_mps * np.abs(command[:, 0]))
+        still = speeds < self.task.stall_speed_mps
         self.stalled[robots] = np.where(still, self.stalled[robots] + 1, 0)
         truncated = (self.steps[robots] >= self.task.max_steps) | (self.stalled[robots] >= self.task.stall_steps)
         return StepOutcome(self._observe(robots, ranges, rngs), reward, truncated, self._info(robots, collision))

@@ -174,8 +174,8 @@ class WarpBatch:
             score_steps,
             self.count,
             [self.frame, self.grid.total, *self._milestones, task.max_steps, task.stall_steps, task.stall_speed_mps]
-            + [a["drives"], self.physics.data.qvel, a["gained"], a["touched"], a["fault"], a["cells_seen"], a["steps"]]
-            + [a["stalled"], a["collisions"], a["reward"], a["truncated"]],
+            + [task.max_forward_mps, a["drives"], self.physics.data.qvel, a["previous"], a["gained"], a["touched"]]
+            + [a["fault"], a["cells_seen"], a["steps"], a["stalled"], a["collisions"], a["reward"], a["truncated"]],
         )
 
     def observe(self, asked: str) -> None:

@@ -26,8 +26,10 @@ def score_steps(
     max_steps: int,
     stall_steps: int,
     stall_speed_mps: wp.float64,
+    max_forward_mps: wp.float64,
     drives: wp.array[bool],
     qvel: wp.array2d[float],
+    previous: wp.array2d[float],
     gained: wp.array[int],
     touched: wp.array[bool],
     fault: wp.array[int],
@@ -64,7 +66,9 @@ def score_steps(
     along = wp.transpose(frame.rotation) * wp.vec3d(
         wp.float64(qvel[robot, 0]), wp.float64(qvel[robot, 1]), wp.float64(qvel[robot, 2])
     )
-    if wp.sqrt(along[0] * along[0] + along[1] * along[1]) < stall_speed_mps:
+    speed = wp.sqrt(along[0] * along[0] + along[1] * along[1])
+    commanded = max_forward_mps * wp.abs(wp.float64(previous[robot, 0]))
+    if wp.min(speed, commanded) < stall_speed_mps:
         stalled[robot] = stalled[robot] + 1
     else:
         stalled[robot] = 0

@@ -149,13 +149,24 @@ def test_driving_into_a_wall_collides_and_stops_there(env):
     assert infos[-1]["collisions"] == sum(info["collision"] for info in infos)
 
 
-def test_standing_still_ends_the_episode_after_a_hundred_steps(tee: BuiltMine):
-    env = MineEnv(tee.bundle, TaskParams(terrain=False))  # mud moves a robot that commands nothing
-    env.reset(seed=0)
-    ends = [env.step(np.zeros(2))[2:4] for _ in range(110)]
-    first = next(i for i, (_, truncated) in enumerate(ends) if truncated)
-    assert 99 <= first <= 109  # a moment passes until the robot has settled
-    assert not any(terminated for terminated, _ in ends)
+@pytest.mark.parametrize(("zone", "x"), [("dry", 8.0), ("mud", 32.0), ("water", 62.0)])
+def test_a_parked_robot_ends_its_episode_after_a_hundred_steps_on_any_floor(tee: BuiltMine, zone, x):
+    env = MineEnv(tee.bundle)
+    for seed in range(5):
+        env.reset(seed=seed)
+        env.robots.place(0, x, 2.5, 0.0)
+        steps = [env.step(np.zeros(2))[2:] for _ in range(100)]
+        assert steps[-1][2]["zone"] == zone
+        assert [truncated for _, truncated, _ in steps] == [False] * 99 + [True]
+        assert not any(terminated for terminated, _, _ in steps)
+
+
+def test_a_robot_that_pushes_against_a_wall_in_dry_floor_ends_its_episode_and_one_that_drives_does_not(tee: BuiltMine):
+    env = MineEnv(tee.bundle, TaskParams(stall_steps=20))
+    for drives, yaw in ((True, 0.0), (False, math.pi / 2)):
+        env.reset(seed=0)
+        place(env, 20.0, 2.5, yaw)
+        assert drives != any(env.step(np.array([0.3, 0.0]))[3] for _ in range(100))
 
 
 def test_the_horizon_ends_the_episode(tee: BuiltMine):

@@ -294,13 +294,17 @@ def test_what_goes_wrong_on_the_device_is_listed_on_request(tee: BuiltMine):
 
 
 def test_an_episode_ends_when_the_robot_has_stalled_as_on_the_cpu(tee: BuiltMine):
-    task = {"stall_steps": 2, "tilt": False, "terrain": False}
+    task = {"stall_steps": 4}
     env, cpu = make(tee, task=task), MineVectorEnv(4, tee.bundle, task=task)
     env.reset(seed=0)
     cpu.reset(seed=0)
-    ends = [(env.step(torch.zeros((4, 2)))[3].tolist(), cpu.step(np.zeros((4, 2)))[3].tolist()) for _ in range(8)]
+    moves = [0.0, 0.0, 0.0, 0.006, 0.0, 0.5, 0.0, 0.0, 0.0, 0.5, 0.0]
+    ends = []
+    for forward in moves:
+        action = np.tile([forward, 1.0], (4, 1))
+        ends.append((env.step(torch.tensor(action))[3].tolist(), cpu.step(action)[3].tolist()))
     assert all(ours == theirs for ours, theirs in ends)
-    assert [True] * 4 in [ours for ours, _ in ends[1:]]
+    assert [i for i, (ours, _) in enumerate(ends) if all(ours)] == [3]
 
 
 @pytest.mark.parametrize(
