@@ -62,6 +62,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("worlds", "setup", "pipeline worlds --light --count 10", "artifacts/families"),
     Benchmark("splits", "setup", _ALL_SPLITS, "data/families/splits.csv", "50"),
     _python("roughness", "setup", _ROUGHNESS, "data/chilean_mine/roughness.json"),
+    _python("corpus", "all", "benchmarks.corpus", "artifacts/corpus", "15"),
     # First use
     _python("first-touch", "setup", "benchmarks.first_touch", _PARTS + "first-touch.md", "10"),
     _python("simple-mines", "setup", "benchmarks.simple_mines", _PARTS + "simple-mines.md", "45"),
