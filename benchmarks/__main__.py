@@ -94,6 +94,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python(
         "volume-gate", "all", "benchmarks.comparisons.volume.gate", _PARTS + "volume-gate.md", "45", one_thread=True
     ),
+    _python("peers", "setup", "benchmarks.comparisons.peers", _PARTS + "peers.md", "2", one_thread=True),
     # Pictures
     _python("look-pictures", "all", "benchmarks.pictures.look_pictures", "docs/look.jpg"),
     _python("level-pictures", "setup", "benchmarks.pictures.gallery levels", "docs/levels.png"),
