@@ -7,7 +7,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup setup-baselines setup-gpu all test test-slow check clean report data mutants parity-gpu bench-gpu train-gpu docs wheel lock dag
+.PHONY: help $(STAGES) setup setup-baselines setup-gpu all test test-slow check clean report data corpus parity-gpu bench-gpu train-gpu docs wheel lock dag
 
 # Measurements, comparisons, pictures and training are `python -m benchmarks NAME`.
 help:  # show the targets, those that have a remark of two hashes
@@ -58,8 +58,8 @@ report: all  ## write docs/evidence/results.md, README's table and pictures; the
 data: setup  ## fetch the published plan and sweeps into data/raw (MIRROR=address or folder)
 	@$(PY) -m pipeline.survey.fetch $(if $(MIRROR),--mirror "$(MIRROR)")
 
-mutants: setup  ## put faults into worlds, listed and random; the validator must find each
-	@$(PY) -m benchmarks mutants
+corpus: all  ## build artifacts/corpus, a folder of worlds that others load by name, with certificates and reports
+	@$(PY) -m benchmarks corpus
 
 parity-gpu bench-gpu train-gpu: setup-gpu  ## on a GPU: the same as the CPU does, its speed, and training (ARGS="...")
 	@$(PY) -m benchmarks $@ $(ARGS)

@@ -62,6 +62,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("worlds", "setup", "pipeline worlds --light --count 10", "artifacts/families"),
     Benchmark("splits", "setup", _ALL_SPLITS, "data/families/splits.csv", "50"),
     _python("roughness", "setup", _ROUGHNESS, "data/chilean_mine/roughness.json"),
+    _python("corpus", "all", "benchmarks.corpus", "artifacts/corpus", "15"),
     # First use
     _python("first-touch", "setup", "benchmarks.first_touch", _PARTS + "first-touch.md", "10"),
     _python("simple-mines", "setup", "benchmarks.simple_mines", _PARTS + "simple-mines.md", "45"),
@@ -93,6 +94,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python(
         "volume-gate", "all", "benchmarks.comparisons.volume.gate", _PARTS + "volume-gate.md", "45", one_thread=True
     ),
+    _python("peers", "setup", "benchmarks.comparisons.peers", _PARTS + "peers.md", "2", one_thread=True),
     # Pictures
     _python("look-pictures", "all", "benchmarks.pictures.look_pictures", "docs/look.jpg"),
     _python("level-pictures", "setup", "benchmarks.pictures.gallery levels", "docs/levels.png"),

@@ -78,6 +78,10 @@ SURVEYS = {
         *(("A", str(5 + i), x, y, -15.0 - 3 * i) for i, (x, y) in enumerate([(10, 70), (-15, 55)])),
     ),
 }
+REAL = {
+    "Wheal Pell, a mine": ["pell", "--from", "data/wheal_pell/pell.3d"],
+    "Sakany, a cave": ["sakany", "--from", "data/sakany/Sakany_nodes.dat", "--half-width", "1"],
+}
 
 
 @dataclass(frozen=True)
@@ -107,6 +111,8 @@ def trials(folder: Path) -> Iterator[Trial]:
         path = folder / f"survey{number}.csv"
         path.write_text(text)
         yield Trial(f"survey with z: {what}", ["new", f"survey{number}", "--from", str(path)], _passes)
+    for what, words in REAL.items():
+        yield Trial(f"shipped survey with z: {what}", ["new", *words], _passes)
     write_dxf(folder / "feet.dxf", shapely.box(0, 0, 600, 15), "ft")
     yield Trial("a rectangle of 600 x 15 ft, DXF in feet", ["new", "feet", "--from", str(folder / "feet.dxf")], _passes)
     for name in ("plan0", "survey3", "feet"):

@@ -2,16 +2,19 @@
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gymnasium.envs.registration import register
 
 from minexplore.bundle import RECORD
 
+if TYPE_CHECKING:
+    from minexplore.world import World
+
 __version__ = "0.2.0"
 
 FAMILY = "MineXplore/Family-v0"
-_ENV, _VECTOR = "minexplore.envs.env:MineEnv", "minexplore.backends:make_vector_env"
+ENTRY_POINT, VECTOR_ENTRY_POINT = "minexplore.envs.env:MineEnv", "minexplore.backends:make_vector_env"
 
 # Built-in ids, with what each changes in the task. Two cores train on the entrance's short horizon within an hour.
 WORLDS: dict[str, dict[str, Any]] = {
@@ -46,8 +49,35 @@ def environments() -> dict[str, dict[str, Any]]:
     return {**WORLDS, **{env_id: kwargs for env_id, kwargs in OWN_WORLDS.items() if not is_built_in(env_id)}}
 
 
+def load(world: str | Path, source: str | Path | None = None, sha256: str | None = None) -> "World":
+    """Check a world and read it; one of a corpus is fetched, and gets the id `MineXplore/corpus:NAME-v0`.
+
+    Parameters
+    ----------
+    world : str or Path
+        A bundle's folder, the name of a world that ships with the package, or `corpus:NAME`.
+    source : str or Path, optional
+        The folder or address of the corpus, see `minexplore.corpus.open_corpus`.
+    sha256 : str, optional
+        Of the corpus's index.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such world.
+    BundleError
+        If the world is not what its hashes or the tables of `minexplore.schema` say.
+    """
+    from minexplore.corpus import PREFIX, open_corpus
+    from minexplore.world import find_world, load_world
+
+    if str(world).startswith(PREFIX):
+        return open_corpus(source, sha256).load(str(world).removeprefix(PREFIX))
+    return load_world(find_world(world))
+
+
 for _id, _kwargs in {**environments(), **FAMILY_MINES}.items():
-    register(_id, _ENV, vector_entry_point=_VECTOR, kwargs=_kwargs, order_enforce=True)
+    register(_id, ENTRY_POINT, vector_entry_point=VECTOR_ENTRY_POINT, kwargs=_kwargs, order_enforce=True)
 register(
     FAMILY,
     "minexplore.envs.family:FamilyEnv",

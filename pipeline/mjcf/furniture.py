@@ -26,6 +26,7 @@ _TOWARDS_RIB_M = 0.7  # a line hangs at most so far from where the plan's wall i
 _OFF_RIB_M = 0.5  # and so far off the rock, to pass its bumps
 _STEP_M, _ALIKE_M = 1.0, 2.0  # of lines: distance of their points, and how far a bump of rock pushes them away
 _SHORTEST_M = 4.0
+_UPRIGHT = 0.9  # height of a direction from which on it is no base for a level one
 
 
 @dataclass(frozen=True)
@@ -104,30 +105,33 @@ def _bolts(
     places, left = _frames(line, params.bolt_spacing_m)
     spread = np.radians(np.linspace(-params.bolt_spread_deg, params.bolt_spread_deg, params.bolts))
     stagger = (spread[1] - spread[0]) / 4 if len(spread) > 1 else 0.0
-    for number, (place, side) in enumerate(zip(places, left, strict=True)):
-        angle = spread + (stagger if number % 2 else -stagger)
-        rays = np.column_stack([np.sin(angle)[:, None] * side, np.cos(angle)])
-        eye = np.array([*place, _EYE_M])
-        reach = rock.cast(np.tile(eye, (len(rays), 1)), rays)
-        for ray, distance in zip(rays, reach, strict=True):
-            if distance < half_m + _REACH_M:
-                yield "bolts", *_bolt(eye + ray * distance, -ray, params.plate_m)
+    angle = spread + np.where(np.arange(len(places)) % 2, stagger, -stagger)[:, None]
+    rays = np.concatenate([np.sin(angle)[..., None] * left[:, None], np.cos(angle)[..., None]], axis=2).reshape(-1, 3)
+    eyes = np.repeat(np.column_stack([places, np.full(len(places), _EYE_M)]), len(spread), axis=0)
+    distance = rock.cast(eyes, rays)
+    hit = distance < half_m + _REACH_M
+    points, faces = _bolts_at(eyes[hit] + rays[hit] * distance[hit, None], -rays[hit], params.plate_m)
+    yield from (("bolts", *bolt) for bolt in zip(points, faces, strict=True))
 
 
-def _bolt(foot: np.ndarray, out: np.ndarray, plate_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return a plate, a low pyramid, with the bolt's end, a steep one, as vertices (9, 3) m and faces (7, 3)."""
-    across = np.cross(out, [0.0, 0.0, 1.0] if abs(out[2]) < 0.9 else [1.0, 0.0, 0.0])
-    across /= np.linalg.norm(across)
+def _bolts_at(foot: np.ndarray, out: np.ndarray, plate_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return plates, low pyramids, with the bolts' ends, steep ones, as vertices (n, 9, 3) m and faces (n, 7, 3).
+
+    `foot` (n, 3) m is where they stand on the rock, `out` (n, 3) their unit direction.
+    """
+    across = np.cross(out, np.where(np.abs(out[:, 2:]) < _UPRIGHT, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
     along = np.cross(out, across)
-    square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / 2
-    ring = square[:, :1] * across + square[:, 1:] * along
+    square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])[None, :, :, None] / 2
+    ring = square[:, :, 0] * across[:, None] + square[:, :, 1] * along[:, None]
     base = foot + 0.05 * out
-    end = base + 0.05 * np.array([across, along - across, -along])
-    points = np.vstack([base + plate_m * ring, base + 0.035 * out, end, base + 0.14 * out])
+    end = base[:, None] + 0.05 * np.stack([across, along - across, -along], axis=1)
+    tips = (base + 0.035 * out)[:, None], (base + 0.14 * out)[:, None]
+    points = np.concatenate([base[:, None] + plate_m * ring, tips[0], end, tips[1]], axis=1)
     faces = np.array([[k, (k + 1) % 4, 4] for k in range(4)] + [[5 + k, 5 + (k + 1) % 3, 8] for k in range(3)])
-    one, two, three = points[faces[0]]
-    turned = np.dot(np.cross(two - one, three - one), out) < 0  # seen from the rock
-    return points, faces[:, ::-1] if turned else faces
+    one, two, three = points[:, faces[0]].transpose(1, 0, 2)
+    turned = (np.cross(two - one, three - one) * out).sum(axis=1) < 0  # seen from the rock
+    return points, np.where(turned[:, None, None], faces[:, ::-1], faces)
 
 
 def _along_rib(
@@ -200,18 +204,25 @@ def _merged(parts: list[tuple[str, np.ndarray, np.ndarray]], folding: Folding | 
     """Return one mesh for each kind and tile of the plan, folded; pieces of less than four vertices are dropped."""
     folding = folding or Folding(Floor())
     corner = np.min([vertices[:, :2].min(axis=0) for _, vertices, _ in parts], axis=0) if parts else np.zeros(2)
-    groups: dict[str, list[np.ndarray]] = {}
-    for kind, vertices, faces in parts:
-        if vertices[:, 2].min() < (FURNITURE_ABOVE_M if kind == "bolts" else LINES_ABOVE_M):
+    meshes = {}
+    for kind in {kind: None for kind, *_ in parts}:
+        lowest = FURNITURE_ABOVE_M if kind == "bolts" else LINES_ABOVE_M
+        pieces = [(points, faces) for k, points, faces in parts if k == kind and points[:, 2].min() >= lowest]
+        if not pieces:
             continue
+        vertices = np.concatenate([points for points, _ in pieces])
+        first = np.cumsum([0, *(len(points) for points, _ in pieces)])[:-1]
+        faces = np.concatenate([faces + number for (_, faces), number in zip(pieces, first, strict=True)])
         middle = vertices[faces].mean(axis=1)[:, :2]
         tiles = np.floor((middle - corner) / _TILE_M).astype(int)
         tiles += folding.floor.places_at(middle)  # so that no tile has faces of two sheets
-        for col, row in np.unique(tiles, axis=0).tolist():
-            of_tile = faces[(tiles == [col, row]).all(axis=1)]
-            groups.setdefault(furniture_mesh(kind, col, row), []).append(folding.fold(vertices)[of_tile])
-    meshes = {name: _joined(np.concatenate(triangles)) for name, triangles in sorted(groups.items())}
-    return {name: encode_msh(mesh) for name, mesh in meshes.items() if len(mesh.vertices) >= 4}
+        triangles = folding.fold(vertices)[faces]
+        found, of_face = np.unique(tiles, axis=0, return_inverse=True)
+        order = np.argsort(of_face, kind="stable")
+        ends = np.cumsum(np.bincount(of_face, minlength=len(found)))[:-1]
+        for (col, row), of_tile in zip(found.tolist(), np.split(order, ends), strict=True):
+            meshes[furniture_mesh(kind, col, row)] = _joined(triangles[of_tile])
+    return {name: encode_msh(mesh) for name, mesh in sorted(meshes.items()) if len(mesh.vertices) >= 4}
 
 
 def _joined(triangles: np.ndarray) -> TriangleMesh:

@@ -28,6 +28,7 @@ def commands_of(page):
 ELSEWHERE = {
     r"make all.*": "by the fixture `built`; with overrides in tests/house/test_pipeline.py",
     r"make test": "this is the test run",
+    r"make corpus": "tests/benchmarks/test_corpus.py, with few worlds",
     r"sh requirements/setup.sh baselines": "it installs; the tests' environment is used",
     r"python -m baselines.(ppo|graph.training).train .*": "tests/baselines: training, interruption, resumption",
     r"python -m pipeline worlds --light .*": "tests/commands/test_family.py, with small mines",

@@ -1,5 +1,8 @@
 """Robots on the floor of a spiral ramp: they rest, climb, and have one floor zone at one place of the mine."""
 
+import math
+
+import mujoco
 import numpy as np
 import pytest
 
@@ -7,14 +10,14 @@ from minexplore.envs.robot_batch import RobotBatch
 from minexplore.floors.floor import Floor
 from minexplore.floors.floor_zones import zoned_box
 from minexplore.physics import local_models
-from minexplore.physics.local_models import LocalModels
-from minexplore.physics.robot import RobotParams
+from minexplore.physics.local_models import LocalModels, physics_spec
+from minexplore.physics.robot import FLOOR_BIT, RobotParams, stand_on_facets
 from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.compose import compose
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.proof.certificate import certify
-from pipeline.proof.standing import measure_standing
+from pipeline.proof.standing import STEEPEST, measure_standing, turned_m
 from tests.heights import spiral
 from tests.mines import BuiltMine
 from tests.project import ROOT
@@ -106,3 +109,26 @@ def test_zones_divide_the_box_about_the_sheets_in_their_places():
     )
     assert zoned_box((-1.0, -2.0, 53.0, 11.0), floor) == (-1.0, -2.0, 18.0, 11.0)
     assert zoned_box((-1.0, -2.0, 53.0, 11.0), Floor()) == (-1.0, -2.0, 53.0, 11.0)
+
+
+def creep_m(slope: float, heading: float) -> float:
+    """Return how far a robot moves in 5 s at rest on an even plane, beyond what its wheels turn."""
+    robot, steep = RobotParams(), math.atan(slope)
+    spec = physics_spec(TaskParams(terrain=False))
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], contype=FLOOR_BIT, conaffinity=0)
+    robot.attach(spec, "robot")
+    stand_on_facets(spec, "robot")
+    model = spec.compile()
+    data, g = mujoco.MjData(model), -model.opt.gravity[2]
+    model.opt.gravity[:] = -g * math.sin(steep), 0, -g * math.cos(steep)
+    data.qpos[:7] = 0, 0, robot.wheel_radius_m, math.cos(heading / 2), 0, 0, math.sin(heading / 2)
+    mujoco.mj_step(model, data, round(1 / model.opt.timestep))
+    start = data.qpos[:3].copy()
+    mujoco.mj_step(model, data, round(5 / model.opt.timestep))
+    return float(np.linalg.norm(data.qpos[:3] - start)) - turned_m(robot, np.array(slope), 5.0)
+
+
+def test_on_even_planes_a_robot_rests_up_to_the_steepest_floor_that_is_judged_and_slides_on_steeper_ones():
+    headings = np.linspace(0, np.pi, 5)
+    assert max(creep_m(STEEPEST, heading) for heading in headings) < 0.005
+    assert max(creep_m(0.3, heading) for heading in headings) > 0.01

@@ -3,18 +3,14 @@
 import hashlib
 import json
 import shutil
-from importlib.resources import files
 from urllib.parse import unquote
 
 import pytest
-from requests_cache import CachedRequest, CachedResponse, CachedSession
-from rocrate_validator.services import validate
 
 from pipeline.errors import ArtifactError
 from pipeline.report.provenance import flatten, last_commit_date
+from tests.crates import cached_context, crate_issues
 from tests.project import Project, message_of
-
-CONTEXT = "https://w3id.org/ro/crate/1.1/context"
 
 
 @pytest.fixture(scope="module")
@@ -33,34 +29,12 @@ def graph(crate):
 
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory):
-    """Return a cache that answers the validator's one request, so that the tests need no network.
-
-    The `rocrate` package contains the JSON-LD context of RO-Crate 1.3, which has every term of 1.1. `sha256` is newer
-    than 1.1 and is removed.
-    """
-    context = json.loads(files("rocrate").joinpath("data/ro-crate.jsonld").read_text())
-    del context["@context"]["sha256"]
-    path = tmp_path_factory.mktemp("cache") / "http"
-    request = CachedRequest(method="GET", url=CONTEXT)
-    headers = {"Content-Type": "application/ld+json"}
-    body = json.dumps(context).encode()
-    response = CachedResponse(url=CONTEXT, content=body, headers=headers, request=request, status_code=200)
-    CachedSession(cache_name=str(path), backend="sqlite").cache.save_response(response)
-    return path
+    return cached_context(tmp_path_factory.mktemp("cache"))
 
 
 def issues_of(folder, cache, severity="REQUIRED"):
     """Return the validator's messages for the profile of process runs and for RO-Crate itself."""
-    found = validate(
-        {
-            "rocrate_uri": str(folder),
-            "profile_identifier": "process-run-crate",
-            "requirement_severity": severity,
-            "offline": True,
-            "cache_path": cache,
-        }
-    )
-    return [issue.message for issue in found.get_issues()]
+    return crate_issues(folder, cache, "process-run-crate", severity)
 
 
 @pytest.mark.slow

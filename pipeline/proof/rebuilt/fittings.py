@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +33,7 @@ from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
 from pipeline.mjcf.loading import read_spec
 from pipeline.mjcf.openings import show_openings
-from pipeline.params.fittings import FittingsParams, FloorParams
+from pipeline.params.fittings import FittingsParams, FloorParams, FurnitureParams
 from pipeline.proof.rebuilt.visible import rough_meshes
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.types import DriftNetwork, Openings
@@ -39,6 +41,7 @@ from pipeline.types import DriftNetwork, Openings
 _APART_M = 2e-3  # of a corner: far from the origin it has millimetres, and another processor may round the other way
 _TEXTURED_M = 5e-3
 _LEVEL_M = 1e-6
+_Hang = Callable[[FurnitureParams], Bundle]
 
 
 def require_fittings(folder: Path, record: WorldRecord, free: Polygon, params: FittingsParams) -> None:
@@ -67,7 +70,8 @@ def require_fittings(folder: Path, record: WorldRecord, free: Polygon, params: F
     if cover:
         _require_floor(folder, record, free, network, cover, params.floor, floor)
     if furniture:
-        _require_furniture(folder, furniture, _furniture_made(params, network, rough, record.height_m, floor))
+        hang = partial(hang_furniture, network=network, rough=rough, height_m=record.height_m, floor=floor)
+        _require_furniture(folder, furniture, list(params.furniture.items()), hang)
 
 
 def _require_floor(
@@ -99,28 +103,24 @@ def _require_floor(
         raise ArtifactError(f"{folder / MODEL}: water stands on {wet}, want {flooded}, realism.floor.puddles")
 
 
-def _furniture_made(
-    params: FittingsParams, network: DriftNetwork, rough: Bundle, height_m: float, floor: Floor
-) -> dict[str, dict[str, TriangleMesh]]:
-    """Return what each kind of furniture would be, by the kind's name."""
-    return {
-        kind: {name: decode_msh(data) for name, data in hang_furniture(how, network, rough, height_m, floor).items()}
-        for kind, how in params.furniture.items()
-    }
-
-
-def _require_furniture(folder: Path, names: set[str], made: dict[str, dict[str, TriangleMesh]]) -> None:
-    """Refuse furniture that is not all of one kind; the error names the first difference from the nearest one."""
-    if not made:
+def _require_furniture(folder: Path, names: set[str], kinds: list[tuple[str, FurnitureParams]], hang: _Hang) -> None:
+    """Refuse furniture that is not all of one kind; the error names the first difference from the likeliest one."""
+    if not kinds:
         raise ArtifactError(f"{folder / mesh_file(min(names))}: furniture, realism.furniture says none")
-    nearest = min(made, key=lambda kind: len(made[kind].keys() ^ names))
-    for kind in sorted(made, key=lambda kind: kind != nearest):
-        differs = _first_difference(folder, names, made[kind])
+    message = ""
+    for kind, params in sorted(kinds, key=lambda item: _unlike(names, item[1])):
+        made = {name: decode_msh(data) for name, data in hang(params).items()}
+        differs = _first_difference(folder, names, made)
         if differs is None:
             return
-        if kind == nearest:
-            message = differs
-    raise ArtifactError(f"{message}, by realism.furniture.{nearest}")
+        message = message or f"{differs}, by realism.furniture.{kind}"
+    raise ArtifactError(message)
+
+
+def _unlike(names: set[str], params: FurnitureParams) -> int:
+    """Return in how many of duct and weld mesh furniture of these names is not of these parameters."""
+    shown = [any(name.startswith(f"{kind}_") for name in names) for kind in ("duct", "weldmesh")]
+    return sum(has != bool(wanted) for has, wanted in zip(shown, (params.duct, params.weld_mesh), strict=True))
 
 
 def _first_difference(folder: Path, names: set[str], made: dict[str, TriangleMesh]) -> str | None:

@@ -1,0 +1,1 @@
+"""The corpus: worlds with their certificates, reports and pictures in one folder that others can load by name."""

@@ -1,0 +1,66 @@
+"""Build the corpus: `make corpus`, or `python -m benchmarks corpus`. A run goes on where the last one stopped."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+from tqdm import tqdm
+
+from benchmarks.corpus.members import CASES, DEFAULT, CorpusMember, Workshop, copy_evidence, generated, with_heights
+from benchmarks.corpus.metadata import CorpusEntry, read_entry, write_metadata
+from minexplore.bundle import RECORD
+from minexplore.corpus import BUNDLE, WORLDS
+from pipeline.errors import ArtifactError, MineError
+from pipeline.report.provenance import last_commit_date
+
+OUT = Path("artifacts/corpus")
+MOST_MB = 400.0
+_EACH, _WITH_HEIGHTS = 20, 20
+
+
+def build(folder: Path, members: list[CorpusMember]) -> list[CorpusEntry]:
+    """Build the members that the folder lacks, write what describes all of them, and return the entries.
+
+    Raises
+    ------
+    ArtifactError
+        If the pipeline refuses a member, a certificate does not hold, or all are larger than `MOST_MB`.
+    """
+    missing = [member for member in members if not (folder / WORLDS / member.name / BUNDLE / RECORD).is_file()]
+    with tempfile.TemporaryDirectory() as place:
+        workshop = Workshop(Path(place) / "project", sum(not member.words for member in members if member != DEFAULT))
+        for member in tqdm(missing, desc="corpus", unit="world", disable=None):
+            copy_evidence(workshop.build(member), folder / WORLDS / member.name)
+    entries = [read_entry(folder, member) for member in members]
+    broken = [entry.member.name for entry in entries if not entry.holds]
+    if broken:
+        raise ArtifactError(f"{folder}: the certificate of {', '.join(broken)} does not hold")
+    write_metadata(folder, entries, last_commit_date())
+    size_mb = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) / 1e6
+    if size_mb > MOST_MB:
+        raise ArtifactError(f"{folder}: {size_mb:.0f} MB, limit {MOST_MB:g}")
+    print(json.dumps({"worlds": len(entries), "certificates_hold": len(entries), "mb": round(size_mb, 1)}))
+    return entries
+
+
+def main() -> int:
+    """Read the command line; exit code 2 with one line if a world cannot be built."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks corpus", description=__doc__)
+    parser.add_argument("--out", type=Path, default=OUT)
+    parser.add_argument("--each", type=int, default=_EACH, help="generated mines of each style")
+    parser.add_argument("--heights", type=int, default=_WITH_HEIGHTS, help="generated mines with heights")
+    arguments = parser.parse_args()
+    try:
+        build(arguments.out, [DEFAULT, *CASES, *generated(arguments.each), *with_heights(arguments.heights)])
+    except MineError as error:
+        print(f"corpus: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,79 @@
+"""The corpus of a few worlds: what it holds, what describes it, and that it loads by name."""
+
+import csv
+import json
+import shutil
+from datetime import date
+
+import gymnasium
+import mlcroissant
+import pytest
+
+import minexplore
+from benchmarks.corpus.members import CASES, DEFAULT, CorpusMember, generated, with_heights
+from benchmarks.corpus.metadata import read_entry, write_metadata
+from minexplore.splits import STYLES
+from pipeline.store.hashing import sha256_bytes
+from tests.crates import cached_context, crate_issues
+from tests.mines import BuiltMine
+
+A_TEE = CorpusMember("tee", "surveyed", "A T.", "MIT", "nobody, and 1 more")
+SAME = CorpusMember("same", "cave", "The T again.", "Apache-2.0", "this project")
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory, tee: BuiltMine):
+    """Return a corpus of one world under two names, and its entries."""
+    folder = tmp_path_factory.mktemp("corpus")
+    for member in (A_TEE, SAME):
+        place = folder / "worlds" / member.name
+        shutil.copytree(tee.bundle, place / "world")
+        (place / "certificate.json").write_text('{"holds": true}')
+    entries = [read_entry(folder, member) for member in (A_TEE, SAME)]
+    write_metadata(folder, entries, date(2026, 11, 26))
+    return folder, entries
+
+
+def test_a_world_loads_by_the_hash_that_the_card_states(corpus):
+    folder, entries = corpus
+    digest = sha256_bytes((folder / "corpus.json").read_bytes())
+    assert digest in (folder / "README.md").read_text()
+    world = minexplore.load("corpus:tee", folder, digest)
+    assert world.record["world_sha256"] == entries[0].record["world_sha256"]
+    assert gymnasium.spec("MineXplore/corpus:tee-v0").kwargs["world"] == world.folder
+
+
+def test_croissant_reads_the_table_of_worlds(corpus):
+    folder, entries = corpus
+    dataset = mlcroissant.Dataset(folder / "croissant.json")
+    assert not dataset.metadata.ctx.issues.errors
+    assert not dataset.metadata.ctx.issues.warnings
+    rows = list(dataset.records("worlds"))
+    assert [row["worlds/name"] for row in rows] == [b"tee", b"same"]
+    assert rows[0]["worlds/world_sha256"].decode() == entries[0].record["world_sha256"]
+    assert rows[0]["worlds/bytes"] == entries[0].size
+    assert rows[0]["worlds/certificate"] is True
+
+
+def test_the_ro_crate_is_valid_and_gives_each_world_its_licence(corpus, tmp_path):
+    folder, entries = corpus
+    assert crate_issues(folder, cached_context(tmp_path), "ro-crate-1.1") == []
+    graph = {item["@id"]: item for item in json.loads((folder / "ro-crate-metadata.json").read_text())["@graph"]}
+    tee = graph["worlds/tee/"]
+    assert tee["license"] == {"@id": "https://spdx.org/licenses/MIT"}
+    assert tee["identifier"] == entries[0].record["world_sha256"]
+
+
+def test_a_source_with_a_comma_leaves_the_table_whole(corpus):
+    with (corpus[0] / "worlds.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["name"] for row in rows] == ["tee", "same"]
+    assert all(None not in row and None not in row.values() for row in rows)
+
+
+def test_the_members_are_the_surveyed_mines_twenty_of_each_style_and_twenty_with_heights():
+    members = [DEFAULT, *CASES, *generated(20), *with_heights(20)]
+    kinds = [member.kind for member in members]
+    assert len({member.name for member in members}) == len(members) == 103
+    assert all(kinds.count(style) == 20 for style in STYLES)
+    assert sum(member.name.startswith("heights-") for member in members) == 20
