@@ -18,6 +18,7 @@ from PIL import Image as Pillow
 from shapely import Polygon
 
 import minexplore  # noqa: F401  (registers the environments)
+from benchmarks.pictures.export_picture import draw_export
 from minexplore.__main__ import ahead
 from minexplore.bundle import GeomGroup
 from minexplore.floors.floor import Floor
@@ -152,6 +153,7 @@ PICTURES: dict[str, tuple[Path, Callable[[Path], None]]] = {
     "declines": (Path("docs/decline.jpg"), draw_declines),
     "styles": (Path("docs/generated.png"), draw_styles),
     "drive": (Path("docs/drive.gif"), record_drive),
+    "export": (Path("docs/export.jpg"), draw_export),
 }
 
 

@@ -31,13 +31,20 @@ def replay(bundle: Path, sweeps: Path, poses: Path, out: Path | None, overrides:
         write_atomically(out / "replay.png", encode(Path("replay.png"), draw_replay(result, free)))
 
 
+def limits_of_kind(kind: str, overrides: list[str]) -> Any:
+    """Return what the validator allows a mine of a kind (`ValidationParams`), with overrides."""
+    from pipeline.compose import compose
+
+    mine = [] if kind == "embedded" else [f"+mine={kind}"]
+    return compose([*mine, *overrides], _CONF).validation
+
+
 def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str]) -> None:
     """Check that a world is what the builder writes and that its walls enclose the plan. Print the certificate."""
     from functools import partial
 
     from tqdm import tqdm
 
-    from pipeline.compose import compose
     from pipeline.errors import LimitError
     from pipeline.mjcf.bundle import open_bundle, read_made_by
     from pipeline.proof.certificate import certify as apply_limits
@@ -48,8 +55,7 @@ def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str])
     from pipeline.store.files import write_atomically
 
     world, claims = open_bundle(bundle), read_made_by(bundle)
-    kind = [] if claims.kind == "embedded" else [f"+mine={claims.kind}"]
-    params = allowed_claims(bundle, claims, compose([*kind, *overrides], _CONF).validation)
+    params = allowed_claims(bundle, claims, limits_of_kind(claims.kind, overrides))
     settings = params.certificate.model_copy(update={"contacts": contacts})
     free_space = require_built(bundle, world.record, params)
     tracing = params.network_cell_m, params.network_min_leg_m

@@ -44,6 +44,7 @@ ELSEWHERE = {
     r"python -m pipeline replay .*": "tests/proof/test_certificate.py; the names of the files are examples",
     r"python -m pipeline (new|list|show|compare|report|worlds).*": "the walk-through below",
     r"python -m baselines.split .*": "tests/baselines/test_split.py; it needs the mines of a split",
+    r"python -m pipeline export .* --to usd": "tests/export/test_formats.py; it needs the extra `export`",
     r"python -m minexplore play [^ ]+": "tests/minexplore/envs/test_env.py; it opens a window",
 }
 

@@ -1,0 +1,98 @@
+"""Export of a world: write the format's files, read them back, prove them, and only then put them in place."""
+
+from __future__ import annotations
+
+import dataclasses
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from minexplore import __version__
+from minexplore.bundle import RECORD
+from pipeline.errors import ArtifactError, InputError, LimitError
+from pipeline.export.checks.prove import Proof, prove
+from pipeline.export.extract import load_checked, read_scene
+from pipeline.export.formats.known import require_format
+from pipeline.mjcf.bundle import open_bundle
+from pipeline.params.validation import ValidationParams
+from pipeline.stage import ARTIFACTS
+from pipeline.store.codecs import encode
+from pipeline.store.files import replace_folder, write_atomically
+from pipeline.store.hashing import sha256_bytes
+
+EXPORT_RECORD = "export.json"
+EXPORT_FORMAT = "minexplore-export/1"
+_MOST_LICENCE = 200  # characters
+
+
+@dataclass(frozen=True)
+class Export:
+    """A finished export: its folder and its proof."""
+
+    folder: Path
+    proof: Proof
+
+
+def export_world(bundle: Path, to: str, out: Path | None, licence: str, params: ValidationParams) -> Export:
+    """Write a bundle in another format to a folder, after a proof of what the format's own loader reads.
+
+    Parameters
+    ----------
+    bundle : Path
+        A sealed bundle; nothing else is read.
+    to : str
+        A key of `FORMATS`.
+    out : Path, optional
+        The folder; an earlier export there is replaced, any other folder is refused. Default:
+        `artifacts/export/NAME-FORMAT`.
+    licence : str
+        Written into each file; bundles state none.
+    params : ValidationParams
+        The validator's own, with what the bundle claims (`allowed_claims`).
+
+    Raises
+    ------
+    InputError
+        If the folder, the licence or the format's package does not do.
+    ArtifactError
+        If the bundle may not be loaded.
+    LimitError
+        If a figure is outside its limit; nothing is written.
+    """
+    chosen = require_format(to)
+    if not licence.isprintable() or not 0 < len(licence) <= _MOST_LICENCE:
+        raise InputError(f"--licence {licence[:80]!r}: want 1 to {_MOST_LICENCE} printable characters")
+    opened = open_bundle(bundle)
+    folder = out or ARTIFACTS / "export" / f"{opened.record.name}-{to}"
+    _require_place(folder)
+    world = load_checked(bundle)
+    if world.record["world_sha256"] != opened.record.world_sha256:
+        raise ArtifactError(f"{bundle}: changed while it was read")
+    scene = read_scene(opened.record, world, licence)
+    files = chosen.write(scene)
+    with tempfile.TemporaryDirectory() as name:
+        for file, data in files.items():
+            write_atomically(Path(name) / file, data)
+        proof = prove(bundle, opened, scene, chosen.read(Path(name), scene.facts), params)
+    if not proof.holds:
+        raise LimitError(f"{bundle}: {to}: nothing is written: {'; '.join(proof.failures())}")
+    stated = {
+        "format": EXPORT_FORMAT,
+        "to": to,
+        "written_by": f"MineXplore {__version__}",
+        "read_by": chosen.loader,
+        "world": scene.facts.to_json(),
+        "files": {file: sha256_bytes(data) for file, data in sorted(files.items())},
+        "proof": {"holds": proof.holds, **dataclasses.asdict(proof)},
+    }
+    record = encode(Path(RECORD), world.record)
+    replace_folder(folder, {**files, RECORD: record, EXPORT_RECORD: encode(Path(EXPORT_RECORD), stated)})
+    return Export(folder, proof)
+
+
+def _require_place(out: Path) -> None:
+    """Refuse a place that holds anything but an earlier export."""
+    if out.is_symlink() or (out.exists() and not out.is_dir()):
+        raise InputError(f"--out {out}: is no folder")
+    if out.is_dir() and any(out.iterdir()) and not (out / EXPORT_RECORD).is_file():
+        raise InputError(f"--out {out}: has files and no {EXPORT_RECORD}; an export replaces only an earlier one")
