@@ -64,8 +64,7 @@ def _solved(path: Path) -> SolvedSurvey:
         raise InputError(f"{path}: not a survey that Survex solves ({', '.join(_SUFFIXES)})")
     require_cavern(path)
     if suffix == ".th":
-        made = to_survex(path)
-        return solve(path, "\n".join(made.lines) + "\n", made.origin)
+        return solve(path, to_survex(path))
     files = project_files(path)
     survey = solve(path)
     return (

@@ -34,7 +34,7 @@ def read_text_items(cursor: Cursor, found: FoundItems) -> None:
         if word == b"name":
             name, place = _text_name(cursor), _text_place(cursor)
             if name:
-                found.station(name, place, int(StationFlag.UNDERGROUND), cursor.at)
+                found.station(name, place, int(StationFlag.UNDERGROUND))
         elif word == b"draw":
             found.leg(_text_place(cursor), 0, cursor.at)
         elif word in (b"move", b"line"):
@@ -75,7 +75,7 @@ def read_binary_items(cursor: Cursor, found: FoundItems, version: int) -> None:
             name, flags = _binary_name(cursor, code)
             if name:  # names without letters have no place; some programs wrote them by mistake
                 place = place if code == _NAME_HERE else cursor.place()
-                found.station(name, place, flags, cursor.at)
+                found.station(name, place, flags)
 
 
 def _code(data: bytes) -> int:

@@ -7,7 +7,6 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from pipeline.guard.reading_process import one_line
 from pipeline.params.reader_limits import FILE
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.survex_3d import read_3d
+from pipeline.survey.solved.survex_text import SurvexText, read_names, read_text
 
 _MESSAGE_BYTES = 1_000_000
 _ERROR = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: (?:fatal )?error: (.*)$")
@@ -28,7 +28,6 @@ _UNREAL = re.compile(
 # Survex 1.4 turns bearings by a right angle in systems whose first axis is north, such as EPSG:2193 and EPSG:31467.
 _CONVERGENCE = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: info: (Declination: .*grid convergence: (-?[\d.]+)°.*)$")
 _MOST_CONVERGENCE_DEG = 45.0
-Origin = Callable[[int], tuple[Path, int]]  # a line of a generated file -> the file and line that it comes from
 
 
 def require_cavern(path: Path) -> str:
@@ -48,7 +47,7 @@ def require_cavern(path: Path) -> str:
     return program
 
 
-def solve(path: Path, text: str | None = None, origin: Origin | None = None) -> SolvedSurvey:
+def solve(path: Path, text: SurvexText | None = None) -> SolvedSurvey:
     """Solve a project whose files were checked by `project_files`.
 
     `cavern` runs as a child of this process, inherits its limits on memory, processor time and file size, and ends with
@@ -57,11 +56,9 @@ def solve(path: Path, text: str | None = None, origin: Origin | None = None) -> 
     Parameters
     ----------
     path : Path
-        The main file: `.svx`, `.dat` or `.mak`. Errors name it.
-    text : str, optional
-        Survex data to solve in place of the file's content.
-    origin : callable, optional
-        Maps a line of `text` to the file and line that it was made from.
+        The main file. Errors name it.
+    text : SurvexText, optional
+        Survex data to solve in place of the file's content. Errors name the lines from which it was made.
 
     Raises
     ------
@@ -79,15 +76,15 @@ def solve(path: Path, text: str | None = None, origin: Origin | None = None) -> 
         source = path.absolute()  # Survex looks for included files beside it
         if text is not None:
             source = folder / "made.svx"
-            source.write_text(text, encoding="utf-8")
+            source.write_text("\n".join(text.lines) + "\n", encoding="ascii")
         status, output = _run([program, "-q", "-s", "-o", str(folder / "solved.3d"), str(source)])
         result = folder / "solved.3d"
         if status != 0 or not result.is_file():
-            raise InputError(_problem(path, source, status, output, origin))
-        unreal = _named(_UNREAL, path, source, output, origin)
+            raise InputError(_problem(path, source, status, output, text))
+        unreal = _named(_UNREAL, path, source, output, text)
         if unreal is not None:
             raise InputError(f"{unreal}; correct it")
-        turned = _named(_CONVERGENCE, path, source, output, origin)
+        turned = _named(_CONVERGENCE, path, source, output, text)
         if turned is not None:
             raise InputError(
                 f"{turned}; this version of Survex turns bearings wrongly in this coordinate system; fix the stations "
@@ -95,7 +92,7 @@ def solve(path: Path, text: str | None = None, origin: Origin | None = None) -> 
             )
         try:
             survey = read_3d(result)
-            return survey if text is None else replace(survey, title=path.stem)
+            return survey if text is None else replace(survey, title=path.stem, names=read_names(survey.names))
         except InputError as error:
             raise InputError(str(error).replace(str(result), f"{path}: the result of cavern")) from error
 
@@ -119,23 +116,25 @@ def _run(command: list[str]) -> tuple[int, str]:
     return process.returncode, data.decode("utf-8", "replace")
 
 
-def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, origin: Origin | None) -> str | None:
+def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, text: SurvexText | None) -> str | None:
     """Return the first message of a kind, with the file and line of the user's that it is about."""
     for line in output.splitlines():
         found = kind.match(line)
         if found is None or (kind is _CONVERGENCE and abs(float(found[4])) < _MOST_CONVERGENCE_DEG):
             continue
         file, number = Path(found[1]), int(found[2])
-        if origin is not None and file == source:
-            file, number = origin(number)
+        message = found[3]
+        if text is not None and file == source:
+            file, number = text.origin(number)
+            message = read_text(message.replace("+.", "."))  # the marks of surveys
         elif file.is_relative_to(source.parent):
             file = path.parent / file.relative_to(source.parent)
-        return f"{file}:{number}: {one_line(found[3], 300)} (Survex)"
+        return f"{file}:{number}: {one_line(message, 300)} (Survex)"
     return None
 
 
-def _problem(path: Path, source: Path, status: int, output: str, origin: Origin | None) -> str:
-    named = _named(_ERROR, path, source, output, origin)
+def _problem(path: Path, source: Path, status: int, output: str, text: SurvexText | None) -> str:
+    named = _named(_ERROR, path, source, output, text)
     if named is not None:
         return named
     if status < 0:

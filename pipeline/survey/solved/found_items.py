@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.guard.answers import warn_user
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
 
@@ -34,6 +35,7 @@ class FoundItems:
         self.style = int(LegStyle.UNKNOWN)
         self._first_at: dict[Place, int] = {}
         self._by_name: dict[str, int] = {}
+        self._renamed: dict[tuple[str, Place], str] = {}
 
     def count_item(self) -> None:
         """Refuse a file of too many items."""
@@ -42,14 +44,17 @@ class FoundItems:
         if self.count > most:
             raise InputError(f"{self.path}: more than {most} items, the limit (solved_items in {FILE})")
 
-    def station(self, name: str, place: Place, flags: int, at: int) -> None:
-        """Add a station that an item before byte `at` states."""
+    def station(self, name: str, place: Place, flags: int) -> None:
+        """Add a station. One whose name is taken at another place, as Therion writes them, gets a number."""
         if flags & StationFlag.ANONYMOUS:
             name = ""
         known = self._by_name.get(name)
-        if name and known is not None:
-            if self.places[known] != place:
-                raise InputError(f"{self.path}: byte {at}: station {name[:60]} has two positions")
+        if name and known is not None and self.places[known] != place:
+            if (name, place) in self._renamed:
+                return
+            self._renamed[name, place] = f"{name} ({len(self._renamed) + 2})"
+            name = self._renamed[name, place]
+        elif name and known is not None:
             return
         self._add(name, place, flags)
 
@@ -69,7 +74,11 @@ class FoundItems:
             self.passages.append([])
 
     def survey(self, title: str, crs: str | None, date: str) -> SolvedSurvey:
-        """Return the survey that the items make."""
+        """Return the survey that the items make, and warn of names that stood at several places."""
+        if self._renamed:
+            (first, _), renamed = next(iter(self._renamed.items()))
+            count = len(self._renamed)
+            warn_user(f"{self.path}: {count} stations have names of others elsewhere: {first[:60]} is {renamed[:60]}")
         legs = [(self._end(start), self._end(end)) for start, end in self.lines]
         passages = tuple(self._passage(rows) for rows in self.passages if rows)
         return SolvedSurvey(

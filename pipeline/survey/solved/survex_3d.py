@@ -169,7 +169,7 @@ class _ItemReader:
 
     def _station(self, flags: int) -> None:
         place = self.cursor.place()
-        self.found.station(self._name(), place, flags, self.cursor.at)
+        self.found.station(self._name(), place, flags)
 
     def _leg(self, code: int) -> None:
         end = self.cursor.place()

@@ -287,10 +287,12 @@ def test_compass_data_is_solved_with_its_cross_sections(tmp_path):
     assert np.isnan(passage.lrud_m[3, :2]).all()
 
 
-def test_a_station_with_two_positions_is_refused(tmp_path):
-    data = head() + b"\x82\x01a" + place((0, 0, 0)) + b"\x82\0\0\0" + place((1, 0, 0)) + b"\0\0"
-    with pytest.raises(InputError, match="station a has two positions"):
-        read_3d(write(tmp_path, {"mine.3d": data}))
+def test_a_name_at_two_places_is_two_stations(tmp_path, capsys):
+    again = b"\x82\0\0\0" + place((1, 0, 0))
+    data = head() + b"\x82\x01a" + place((0, 0, 0)) + again + again + b"\0\0"
+    at = position_of(read_3d(write(tmp_path, {"mine.3d": data})))
+    np.testing.assert_array_equal([at["a"], at["a (2)"]], [(0, 0, 0), (0.01, 0, 0)])
+    assert "1 stations have names of others elsewhere: a is a (2)" in capsys.readouterr().err
 
 
 @needs_cavern
