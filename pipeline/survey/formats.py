@@ -47,7 +47,9 @@ FORMATS: dict[str, Format] = {
     **dict.fromkeys((".gpkg", ".shp"), Format(FileKind.VECTOR, shapes=read_geodata)),
     ".csv": Format(FileKind.STATIONS, legs=lambda path, _: (read_station_legs(path), None)),
     ".plt": Format(FileKind.STATIONS, legs=lambda path, half_width_m: (read_plt(path, half_width_m), None)),
-    **dict.fromkeys((".svx", ".3d", ".th", ".dat", ".mak"), Format(FileKind.STATIONS, legs=read_passages, solved=True)),
+    **dict.fromkeys(
+        (".svx", ".3d", ".th", ".dat", ".mak", ".clp"), Format(FileKind.STATIONS, legs=read_passages, solved=True)
+    ),
 }
 
 

@@ -283,7 +283,7 @@ def test_compass_data_is_solved_with_its_cross_sections(tmp_path):
     np.testing.assert_allclose(position_of(survey)["A2"], (0, 30.48, 0), atol=0.006)
     (passage,) = survey.passages
     assert [survey.names[i] for i in passage.stations] == ["A1", "A2", "A3", "A4", "A1"]
-    np.testing.assert_allclose(passage.lrud_m[0], np.array([6, 6, 9, 1]) * 0.3048)
+    np.testing.assert_allclose(passage.lrud_m[0], np.array([6, 6, 9, 1]) * 0.3048, atol=0.0051)  # whole centimetres
     assert np.isnan(passage.lrud_m[3, :2]).all()
 
 
@@ -301,7 +301,7 @@ def test_a_file_named_in_another_case_is_found_unless_two_could_be_meant(tmp_pat
     assert project_files(path) == [path, tmp_path / "a/sub/b.svx"]
     assert len(read_passages(path)[0]) == 1
     plan = write(tmp_path / "b", {"a.mak": "#A.DAT;\r\n", "a.dat": COMPASS.replace("FLAGS\n", "\n") + "\f\n"})
-    assert project_files(plan) == [plan, tmp_path / "b/a.dat"]
+    assert survey_files(plan) == [plan, tmp_path / "b/a.dat"]
     assert read_passages(plan)[0]
     path = write(tmp_path / "c", {"a.svx": "*include B\n", "b.svx": ONE_FILE, "B.SVX": "*include ../x\n"})
     with pytest.raises(InputError, match=r"a\.svx:1: \*include 'B': no such file"):
@@ -329,17 +329,18 @@ OUTSIDE = b"*include ../outside\n"
         ({"a.svx": b"*include b.mak\n", "b.mak": b"#../outside.dat;\n"}, "only .svx files are included"),
         ({"a.svx": b"*include b.dat\n", "b.dat": b""}, "only .svx files are included"),
         ({"a.svx": SHOT + b"*cs ;\n"}, r"a\.svx:3: \*cs names no coordinate system"),
-        ({"a.mak": b"#\n../outside.dat;\n"}, r"a\.mak:1: #\.\./outside\.dat: the name does not end on its line"),
-        ({"a.mak": b"/#../\noutside.dat;\n"}, "is outside the survey's folder"),
+        ({"a.mak": b"#\n../outside.dat;\n"}, r"a\.mak:1: '\.\./outside\.dat' is outside"),
+        ({"a.mak": b"/#../\n#outside.dat;\n"}, r"a\.mak:2: #outside\.dat: no such file"),
         ({"a.mak": b"/#b\n#../outside.dat;\n"}, r"a\.mak:2: '\.\./outside\.dat' is outside"),
-        ({"a.mak": b"#b.mak;\n", "b.mak": b"#../outside.dat;\n"}, "a project is made of .dat files"),
-        ({"a.mak": b"/#b.mak;\n", "b.mak": b"#../outside.dat;\n"}, "a project is made of .dat files"),
+        ({"a.mak": b"[..;\n#outside.dat;\n"}, r"a\.mak:1: '\.\.' is outside"),
+        ({"a.mak": b"#b.mak;\n", "b.mak": b"#../outside.dat;\n"}, "a project is made of .dat and .clp files"),
+        ({"a.mak": b"/ x /#b.mak;\n", "b.mak": b"#../outside.dat;\n"}, "a project is made of .dat and .clp files"),
     ],
 )
 def test_what_survex_reads_in_another_way_than_the_scan_leads_out_of_no_folder(tmp_path, files, message):
     write(tmp_path, {"outside.svx": SHOT, "outside.dat": SHOT})
     with pytest.raises(InputError, match=message):
-        project_files(write(tmp_path / "mine", files))
+        survey_files(write(tmp_path / "mine", files))
 
 
 def test_marks_of_utf_8_and_of_dos_are_no_part_of_a_survey(tmp_path):
