@@ -16,7 +16,7 @@ from pipeline.guard.reading_process import one_line
 from pipeline.params.reader_limits import FILE
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved.survex_text import SurvexText, read_names, read_text
+from pipeline.survey.solved.survex_text import Written
 
 _MESSAGE_BYTES = 1_000_000
 _ERROR = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: (?:fatal )?error: (.*)$")
@@ -47,7 +47,24 @@ def require_cavern(path: Path) -> str:
     return program
 
 
-def solve(path: Path, text: SurvexText | None = None) -> SolvedSurvey:
+def require_version(path: Path, least: tuple[int, ...], what: str) -> None:
+    """Refuse a file that needs a newer version of Survex than is installed.
+
+    Raises
+    ------
+    InputError
+        The message names the version that is installed, and the one that is needed.
+    """
+    _, output = _run([require_cavern(path), "--version"])
+    found = re.search(r"Survex (\d+(?:\.\d+)*)", output)
+    version = tuple(int(part) for part in found[1].split(".")) if found else ()
+    if version < least:
+        needed = ".".join(str(part) for part in least)
+        installed = found[1] if found else "unknown"
+        raise InputError(f"{path}: {what} needs Survex {needed} or newer to be solved; {installed} is installed")
+
+
+def solve(path: Path, written: Written | None = None) -> SolvedSurvey:
     """Solve a project whose files were checked by `project_files`.
 
     `cavern` runs as a child of this process, inherits its limits on memory, processor time and file size, and ends with
@@ -57,8 +74,8 @@ def solve(path: Path, text: SurvexText | None = None) -> SolvedSurvey:
     ----------
     path : Path
         The main file. Errors name it.
-    text : SurvexText, optional
-        Survex data to solve in place of the file's content. Errors name the lines from which it was made.
+    written : Written, optional
+        What to solve in place of the file's content. Errors name the lines from which it was made.
 
     Raises
     ------
@@ -73,18 +90,16 @@ def solve(path: Path, text: SurvexText | None = None) -> SolvedSurvey:
     program = require_cavern(path)
     with tempfile.TemporaryDirectory(prefix="minexplore-") as name:
         folder = Path(name)
-        source = path.absolute()  # Survex looks for included files beside it
-        if text is not None:
-            source = folder / "made.svx"
-            source.write_text("\n".join(text.lines) + "\n", encoding="ascii")
+        # Survex looks for included files beside the main file.
+        source = path.absolute() if written is None else written.write(folder)
         status, output = _run([program, "-q", "-s", "-o", str(folder / "solved.3d"), str(source)])
         result = folder / "solved.3d"
         if status != 0 or not result.is_file():
-            raise InputError(_problem(path, source, status, output, text))
-        unreal = _named(_UNREAL, path, source, output, text)
+            raise InputError(_problem(path, source, status, output, written))
+        unreal = _named(_UNREAL, path, source, output, written)
         if unreal is not None:
             raise InputError(f"{unreal}; correct it")
-        turned = _named(_CONVERGENCE, path, source, output, text)
+        turned = _named(_CONVERGENCE, path, source, output, written)
         if turned is not None:
             raise InputError(
                 f"{turned}; this version of Survex turns bearings wrongly in this coordinate system; fix the stations "
@@ -92,7 +107,9 @@ def solve(path: Path, text: SurvexText | None = None) -> SolvedSurvey:
             )
         try:
             survey = read_3d(result)
-            return survey if text is None else replace(survey, title=path.stem, names=read_names(survey.names))
+            if written is not None:
+                survey = replace(survey, title=path.stem, names=written.names(survey.names))
+            return survey
         except InputError as error:
             raise InputError(str(error).replace(str(result), f"{path}: the result of cavern")) from error
 
@@ -116,7 +133,7 @@ def _run(command: list[str]) -> tuple[int, str]:
     return process.returncode, data.decode("utf-8", "replace")
 
 
-def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, text: SurvexText | None) -> str | None:
+def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, written: Written | None) -> str | None:
     """Return the first message of a kind, with the file and line of the user's that it is about."""
     for line in output.splitlines():
         found = kind.match(line)
@@ -124,17 +141,17 @@ def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, text: S
             continue
         file, number = Path(found[1]), int(found[2])
         message = found[3]
-        if text is not None and file == source:
-            file, number = text.origin(number)
-            message = read_text(message.replace("+.", "."))  # the marks of surveys
+        if written is not None and file.parent == source.parent:
+            file, number = written.origin(file, number)
+            message = written.message(message)
         elif file.is_relative_to(source.parent):
             file = path.parent / file.relative_to(source.parent)
         return f"{file}:{number}: {one_line(message, 300)} (Survex)"
     return None
 
 
-def _problem(path: Path, source: Path, status: int, output: str, text: SurvexText | None) -> str:
-    named = _named(_ERROR, path, source, output, text)
+def _problem(path: Path, source: Path, status: int, output: str, written: Written | None) -> str:
+    named = _named(_ERROR, path, source, output, written)
     if named is not None:
         return named
     if status < 0:
