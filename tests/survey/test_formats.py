@@ -16,5 +16,5 @@ def test_a_file_that_another_program_converts_is_refused_with_that_program(suffi
         kind_of(Path(f"cave{suffix}"))
 
 
-def test_no_format_that_is_read_is_said_to_need_another_program():
+def test_no_format_that_is_read_needs_another_program():
     assert not set(_CONVERTED) & set(FORMATS)

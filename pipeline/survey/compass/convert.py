@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.errors import InputError
+from pipeline.guard.answers import warn_user
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.compass.data import CompassShot, CompassSurvey, read_surveys
 from pipeline.survey.compass.project import ProjectFile, ProjectLine, read_project
@@ -17,6 +19,33 @@ _FLAGS = {"L": "duplicate", "P": "surface", "S": "splay"}
 _PASSAGE = "*data passage station left right up down"
 # Shots with C stay as they were measured: errors of loops go to other shots.
 _FAST = ("*sd position 0.0005 metres", "*sd length 0.0005 metres", "*sd compass clino 0.001 degrees")
+
+
+@dataclass
+class _Users:
+    """Which file uses a station's name first, and names that unlinked files share.
+
+    With link stations, Compass takes other equal names of two files for two stations; Survex and we take them for one.
+    """
+
+    first: dict[str, Path] = field(default_factory=dict)
+    shared: dict[str, None] = field(default_factory=dict)
+    has_links: bool = False
+
+    def add(self, file: ProjectFile, shots: list[CompassShot]) -> None:
+        """Add a survey of a file."""
+        self.has_links = self.has_links or bool(file.links)
+        linked = {*file.links, *(fixed.name for fixed in file.fixed)}
+        for name in (name for shot in shots for name in (shot.start, shot.end)):
+            if self.first.setdefault(name, file.path) != file.path and name not in linked:
+                self.shared[name] = None
+
+    def warn(self, path: Path) -> None:
+        """Warn of shared names in a project with link stations."""
+        if self.has_links and self.shared:
+            name = next(iter(self.shared))
+            count = f"{len(self.shared)} names of several files are no link stations"
+            warn_user(f"{path}: {count}, such as {name[:40]}: each is one station")
 
 
 def to_survex(path: Path) -> SurvexText:
@@ -49,6 +78,7 @@ def to_survex(path: Path) -> SurvexText:
         made.add(line, text)
     system = base = ""
     count = 0
+    users = _Users()
     for file in files:
         system, base = _add_place(made, file, system, base)
         for survey, shots in read_surveys(file.path):
@@ -57,7 +87,9 @@ def to_survex(path: Path) -> SurvexText:
                 raise InputError(
                     f"{file.path}: more than {reader_limits().survex_shots} shots (survex_shots in {FILE})"
                 )
+            users.add(file, shots)
             _add_survey(made, survey, [shot for shot in shots if _EXCLUDED not in shot.flags], bool(base))
+    users.warn(path)
     return made
 
 

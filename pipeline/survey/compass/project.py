@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import InputError
+from pipeline.guard.answers import warn_user
 from pipeline.guard.plain_number import plain_number
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.compass.datums import utm_system
@@ -85,6 +86,7 @@ def read_project(path: Path) -> list[ProjectFile]:
     folder, folders = path.parent.resolve(), [path.parent]
     datum, zone, base = "", 0, ""
     base_m = (0.0, 0.0, 0.0)
+    unknown: dict[str, None] = {}
     for command in _commands(path):
         where = command.line.where
         if command.sign == "[":
@@ -102,7 +104,13 @@ def read_project(path: Path) -> list[ProjectFile]:
                 raise InputError(f"{where}: {reader_limits().survex_files} files or more (survex_files in {FILE})")
             base_system = utm_system(datum, _zone(where, base)) if base else ""
             system = utm_system(datum, zone) or base_system
+            if zone and datum and not system:
+                unknown[f"{datum[:40]}, zone {zone}"] = None
             files.append(_file(command, folders[-1], folder, system, base_system, base_m))
+    for name in unknown:
+        warn_user(
+            f"{path}: {name}: no EPSG code; coordinates are of a local grid, and declinations those of the surveys"
+        )
     return files
 
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from pipeline.errors import InputError
+from pipeline.guard.answers import warn_user
 from pipeline.guard.process_limits import die_with_parent
 from pipeline.guard.reading_process import one_line
 from pipeline.params.reader_limits import FILE
@@ -28,6 +29,10 @@ _UNREAL = re.compile(
 # Survex 1.4 turns bearings by a right angle in systems whose first axis is north, such as EPSG:2193 and EPSG:31467.
 _CONVERGENCE = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: info: (Declination: .*grid convergence: (-?[\d.]+)°.*)$")
 _MOST_CONVERGENCE_DEG = 45.0
+# Survex 1.4.10 and newer leave out what hangs on no fixed station; older ones refuse it.
+_HANGING = re.compile(
+    r"^The following survey stations are not attached to a fixed point:\n((?:.*: info: .*\n?)+)", re.MULTILINE
+)
 
 
 def require_cavern(path: Path) -> str:
@@ -105,6 +110,11 @@ def solve(path: Path, written: Written | None = None) -> SolvedSurvey:
                 f"{turned}; this version of Survex turns bearings wrongly in this coordinate system; fix the stations "
                 "in another one (UTM), or state *declination as a number"
             )
+        hanging = hanging_stations(output)
+        if hanging:
+            warn_user(
+                f"{path}: {len(hanging)} stations hang on no fixed one and are left out: {', '.join(hanging[:3])}"
+            )
         try:
             survey = read_3d(result)
             if written is not None:
@@ -112,6 +122,12 @@ def solve(path: Path, written: Written | None = None) -> SolvedSurvey:
             return survey
         except InputError as error:
             raise InputError(str(error).replace(str(result), f"{path}: the result of cavern")) from error
+
+
+def hanging_stations(output: str) -> list[str]:
+    """Return the stations that Survex lists as attached to no fixed one."""
+    found = _HANGING.search(output)
+    return [] if found is None else [line.partition(": info: ")[2] for line in found[1].splitlines()]
 
 
 def _run(command: list[str]) -> tuple[int, str]:

@@ -146,13 +146,13 @@ def _scan(path: Path, folder: Path, files: list[Path], above: list[Path]) -> Non
             _scan(file, folder, files, [*above, path])
 
 
-def named_or_lower_case(where: str, said: str, name: str, beside: Path, folder: Path, suffix: str) -> Path:
+def named_or_lower_case(where: str, what: str, name: str, beside: Path, folder: Path, suffix: str) -> Path:
     """Return the file of a name, with or without the suffix, or that of the name in lower case.
 
     Raises
     ------
     InputError
-        If there is none. The message begins with `where` and `said`.
+        If there is none. The message begins with `where` and `what`.
     """
     for text in (name, f"{name}{suffix}"):
         option = inside(where, text, beside, folder)
@@ -160,7 +160,7 @@ def named_or_lower_case(where: str, said: str, name: str, beside: Path, folder: 
             return option
     found = _lower_case(where, name, beside, folder, suffix)
     if not found:
-        raise InputError(f"{where}: {said}: no such file")
+        raise InputError(f"{where}: {what}: no such file")
     return found[0]
 
 

@@ -166,6 +166,21 @@ def test_utm_zones_have_the_codes_of_their_datum():
     assert utm_system("North American 1927", 40) == utm_system("", 12) == utm_system("WGS 1984", 0) == ""
 
 
+@needs_cavern
+def test_equal_names_that_are_no_links_and_datums_without_a_code_are_warned_of(tmp_path, capsys):
+    files = {
+        "a.mak": "&Ordnance 1936;\r\n$30;\r\n#a.dat;\r\n#b.dat,c;\r\n",
+        "a.dat": data(["a b 1 2 3 4 5 6 7", "b c 1 2 3 4 5 6 7"]),
+        "b.dat": data(["c b 1 2 3 4 5 6 7"]),
+    }
+    solve_file(write(tmp_path, files))
+    warned = capsys.readouterr().err
+    assert "1 names of several files are no link stations, such as b: each is one station" in warned
+    assert warned.count("Ordnance 1936, zone 30: no EPSG code; coordinates are of a local grid") == 1
+    solve_file(write(tmp_path, {**files, "a.mak": "#a.dat;\r\n#b.dat,c,b;\r\n"}))
+    assert capsys.readouterr().err == ""
+
+
 @pytest.mark.parametrize(
     ("files", "message"),
     [

@@ -354,3 +354,18 @@ def test_links_of_nodes_that_lead_out_of_the_folder_are_refused(tmp_path):
     (tmp_path / "mine" / "c_links.dat").symlink_to(tmp_path / "outside.dat")
     with pytest.raises(InputError, match=r"'c_links\.dat' is outside the survey's folder$"):
         solve_file(path)
+
+
+# As 1.4.22 prints it; 1.4.4 refuses such surveys.
+HANGING = """cavern: warning: Survey not all connected to fixed stations
+The following survey stations are not attached to a fixed point:
+a.svx:16: info: a.1
+a.svx:5: info: 3
+
+Survey contains 11 survey stations, joined by 10 legs.
+"""
+
+
+def test_stations_that_newer_versions_leave_out_are_listed():
+    assert cavern.hanging_stations(HANGING) == ["a.1", "3"]
+    assert cavern.hanging_stations("Survey contains 11 survey stations\n") == []
