@@ -91,13 +91,8 @@ class _Converter:
             "date": self._date, "grid-angle": self._grid_angle,
         }  # fmt: skip
         if place is not None:
-            east, north, up = place.middle
-            for text in (
-                f"cs {place.cs}",
-                f"cs out {place.cs_out}",
-                f"declination auto {east:.8f} {north:.8f} {up:.3f}",
-            ):
-                made.add(place.line, f"*{text}")
+            for text in (f"*cs {place.cs}", f"*cs out {place.cs_out}", self._computed_declination()):
+                made.add(place.line, text)
 
     def read(self, line: TherionLine) -> None:
         if len(self.made.lines) > 3 * reader_limits().survex_shots:
@@ -192,7 +187,14 @@ class _Converter:
 
     def _declination(self, line: TherionLine) -> None:
         words = [word.strip("[]") for word in line.words[1:]]
-        self.made.add(line, declination_for_survex(line.where, words, self._convergence()))
+        is_reset = words == ["-"]
+        stated = "" if is_reset else declination_for_survex(line.where, words, self._convergence())
+        self.made.add(line, stated or self._computed_declination())
+
+    def _computed_declination(self) -> str:
+        if self.place is None:
+            return "*declination 0 degrees"
+        return "*declination auto {:.8f} {:.8f} {:.3f}".format(*self.place.middle)
 
     def _convergence(self) -> float:
         return 0.0 if self.place is None else self.place.convergence_deg

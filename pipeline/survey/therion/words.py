@@ -91,7 +91,7 @@ def number_for_survex(where: str, word: str) -> str:
 def declination_for_survex(where: str, words: list[str], convergence_deg: float) -> str:
     """Return Survex's command for one declination, counted from grid north; a list by date is refused."""
     words = " ".join(words).split()
-    if len(words) != 2 or words[1].lower() not in ("degree", "degrees", "deg", "grads", "grad", "minutes"):
+    if len(words) != 2 or _UNITS.get(words[1].lower()) not in _DEGREES:
         raise InputError(f"{where}: declination {' '.join(words)[:60]!r}: expected one angle with its unit")
     degrees = float(number_for_survex(where, words[0])) * _DEGREES[_UNITS[words[1].lower()]]
     return f"*declination {degrees - convergence_deg:.6f} degrees"

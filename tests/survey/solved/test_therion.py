@@ -170,6 +170,13 @@ def test_fixed_stations_in_degrees_are_brought_to_their_zone(tmp_path):
 
 
 @needs_cavern
+def test_a_declination_of_a_dash_takes_back_the_stated_one(tmp_path):
+    at = solved(tmp_path, f"declination 1600 mils\n{NORMAL}1 2 10 0 0\ndeclination -\n2 3 10 0 0\n")
+    np.testing.assert_allclose(at["m.2"] - at["m.1"], (10, 0, 0), atol=0.011)
+    np.testing.assert_allclose(at["m.3"] - at["m.2"], (0, 10, 0), atol=0.011)
+
+
+@needs_cavern
 def test_a_grid_angle_is_a_declination_from_grid_north(tmp_path):
     text = f"cs UTM30N\nfix 1 200000 5575000 0\ngrid-angle 90 degrees\n{NORMAL}1 2 100 0 0\n"
     at = solved(tmp_path, text)
