@@ -71,7 +71,7 @@ class _Head:
 
 
 def read_surveys(path: Path) -> Iterator[tuple[CompassSurvey, list[CompassShot]]]:
-    """Yield the surveys of a file. A survey ends with a form feed; its shots follow the line that begins with FROM.
+    """Yield the surveys of a file. A survey ends with a form feed; its shots follow the heading after DECLINATION.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def read_surveys(path: Path) -> Iterator[tuple[CompassSurvey, list[CompassShot]]
             if survey is not None:
                 yield survey, shots
             head, survey, shots = _Head(), None, []
-        elif survey is None and line.split()[:2] == ["FROM", "TO"]:
+        elif survey is None and (line.split()[:2] == ["FROM", "TO"] or (head.number and line.strip())):
             survey = _survey(path, head)
         elif survey is None:
             _read_head(head, number, line)
@@ -102,6 +102,7 @@ def read_surveys(path: Path) -> Iterator[tuple[CompassSurvey, list[CompassShot]]
 
 
 def _read_head(head: _Head, number: int, line: str) -> None:
+    line = line.strip()
     if line.startswith("SURVEY DATE"):
         head.fields["DATE"] = line.partition(":")[2].partition("COMMENT:")[0]
     elif line.startswith("DECLINATION"):

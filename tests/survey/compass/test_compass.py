@@ -145,6 +145,15 @@ def test_a_closed_file_is_corrected_already(tmp_path):
 
 
 @needs_cavern
+def test_a_heading_of_other_words_hides_no_shots(solved):
+    assert set(solved(data(["a b 10 0 0 1 1 1 1", "b c 0 0 0 1 1 1 1"]).replace(HEAD, "Von Nach Laenge"))) == {
+        "a",
+        "b",
+        "c",
+    }
+
+
+@needs_cavern
 def test_names_of_stations_may_hold_any_character(solved):
     at = solved(data(["A.1 B;2* 10 0 0 1 1 1 1", "B;2* a'b 10 0 0 1 1 1 1", "a'b A,1 10 0 0 1 1 1 1"]))
     assert set(at) == {"A.1", "B;2*", "a'b", "A,1"}
