@@ -162,11 +162,11 @@ def _data_file_name(name: str, beside: Path) -> str:
 def _place(where: str, text: str) -> tuple[float, float, float]:
     unit = text.strip()[:1].lower()
     if unit not in ("f", "m"):
-        raise InputError(f"{where}: [{text[:40]}]: a place is in F (feet) or M (metres)")
+        raise InputError(f"{where}: {text[:40]!r}: a place is in F (feet) or M (metres)")
     factor = _FOOT_M if unit == "f" else 1.0
     numbers = [_number(where, word) * factor for word in _NUMBER.findall(text.strip()[1:])]
     if len(numbers) != 3:
-        raise InputError(f"{where}: [{text[:40]}]: want a unit and three numbers, east, north and up")
+        raise InputError(f"{where}: {text[:40]!r}: want a unit and three numbers, east, north and up")
     return numbers[0], numbers[1], numbers[2]
 
 

@@ -193,8 +193,9 @@ def test_equal_names_that_are_no_links_and_datums_without_a_code_are_warned_of(t
 @pytest.mark.parametrize(
     ("files", "message"),
     [
-        ({"a.mak": "#a.dat,C1 [inch,1,2,3];"}, r"a\.mak:1: \[inch,1,2,3\]: a place is in F \(feet\) or M \(metres\)"),
-        ({"a.mak": "\r\n#a.dat,C1 [m,1,2];"}, r"a\.mak:2: \[m,1,2\]: want a unit and three numbers"),
+        ({"a.mak": "#a.dat,C1 [inch,1,2,3];"}, r"a\.mak:1: 'inch,1,2,3': a place is in F \(feet\) or M \(metres\)"),
+        ({"a.mak": "\r\n#a.dat,C1 [m,1,2];"}, r"a\.mak:2: 'm,1,2': want a unit and three numbers"),
+        ({"a.mak": "#a.dat,C1 [m,1,\r\n2];"}, r"a\.mak:1: 'm,1,\\n2': want a unit"),
         ({"a.mak": "$61;"}, r"a\.mak:1: '61' is no UTM zone"),
         ({"a.mak": "#b.dat;"}, r"a\.mak:1: #b\.dat: no such file"),
         ({"a.mak": "#a.dat;", "a.dat": data(["a b 1 2"])}, r"a\.dat:10: 'a b 1 2': want two stations and 7 readings"),
