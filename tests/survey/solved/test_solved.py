@@ -7,8 +7,9 @@ import subprocess
 import numpy as np
 import pytest
 
-from benchmarks.fuzzing.surveys import PROJECT, SAMPLES_3D, head, old_3d, place, ring_3d
+from benchmarks.fuzzing.surveys import PROJECT, SAMPLES_3D, head, label, old_3d, place, ring_3d
 from pipeline.errors import InputError
+from pipeline.guard import plain_file
 from pipeline.survey.passages.legs import build_workings
 from pipeline.survey.passages.sheets import has_relief, lay_out_sheets
 from pipeline.survey.solved import cavern
@@ -369,3 +370,19 @@ Survey contains 11 survey stations, joined by 10 legs.
 def test_stations_that_newer_versions_leave_out_are_listed():
     assert cavern.hanging_stations(HANGING) == ["a.1", "3"]
     assert cavern.hanging_stations("Survey contains 11 survey stations\n") == []
+
+
+def test_ends_of_splays_do_not_count_as_stations_of_passages(tmp_path, monkeypatch):
+    few = plain_file.reader_limits().model_copy(update={"stations": 4})
+    monkeypatch.setattr(plain_file, "reader_limits", lambda: few)
+    splays = b"".join(
+        b"\x44" + label(b"", 0, 0) + place((10 * k, 500, 9)) + b"\x0f" + place((0, 0, 0)) for k in range(9)
+    )
+    path = write(tmp_path, {"a.3d": ring_3d()[:-1] + b"\x0f" + place((0, 0, 0)) + splays + b"\0"})
+    survey = read_3d(path)
+    assert (survey.leg_flags == LegFlag.SPLAY).sum() == 9
+    assert len(plan_legs(path, survey)) == 1
+    fewer = few.model_copy(update={"stations": 3})
+    monkeypatch.setattr(plain_file, "reader_limits", lambda: fewer)
+    with pytest.raises(InputError, match=r"a\.3d: 4 stations of passages or more, the limit is 3 \(stations in"):
+        plan_legs(path, survey)
