@@ -79,10 +79,7 @@ HOSTILE: dict[str, Named] = {
         "begin a hundred thousand deep": lambda: {"main.svx": b"*include south\n" + b"*begin a\n" * 100_000},
     },
     "therion": {
-        "survex commands in names": lambda: {
-            "mine.th": b"centreline\ndata normal from to length compass clino\n"
-            b"*include /etc/passwd 20 0 0\nendcentreline\n"
-        },
+        "imported file above": lambda: {"mine.th": b"survey mine\nimport ../../../etc/passwd.3d\nendsurvey\n"},
         "last line continued": lambda: {"mine.th": THERION["mine.th"] + b"equate 1 2 \\"},
     },
     "compass data": {

@@ -47,7 +47,22 @@ FORMATS: dict[str, Format] = {
     **dict.fromkeys((".gpkg", ".shp"), Format(FileKind.VECTOR, shapes=read_geodata)),
     ".csv": Format(FileKind.STATIONS, legs=lambda path, _: (read_station_legs(path), None)),
     ".plt": Format(FileKind.STATIONS, legs=lambda path, half_width_m: (read_plt(path, half_width_m), None)),
-    **dict.fromkeys((".svx", ".3d", ".th", ".dat", ".mak"), Format(FileKind.STATIONS, legs=read_passages, solved=True)),
+    **dict.fromkeys(
+        (".svx", ".3d", ".th", ".dat", ".mak", ".clp", ".wpj", ".srv"),
+        Format(FileKind.STATIONS, legs=read_passages, solved=True),
+    ),
+}
+# Files that another program turns into one of the formats.
+_CONVERTED = {
+    ".lox": "Therion writes the same survey as .3d: `export model -fmt survex -o cave.3d`; or give its .th",
+    ".top": "PocketTopo exports it as text, which Therion's editor imports; give the .th",
+    ".bt": "a terrain, not a survey; `gdal_translate in.bt out.tif` makes a GeoTIFF for --heights",
+    ".tro": "VisualTopo exports it for Survex or Therion: give the .svx or .th",
+    ".trox": "VisualTopo exports it for Survex or Therion: give the .svx or .th",
+    ".csx": "cSurvey exports it for Survex or Therion: give the .svx or .th",
+    ".pos": "stations without legs; give the .3d that Survex wrote with it",
+    ".plf": "Compass writes the same plot as .plt",
+    ".th2": "a drawing of Therion without a survey; give the .th file that inputs it",
 }
 
 
@@ -60,6 +75,8 @@ def kind_of(path: Path) -> FileKind:
         If the format is not supported.
     """
     suffix = path.suffix.lower()
+    if suffix in _CONVERTED:
+        raise InputError(f"{path}: {suffix} is not read: {_CONVERTED[suffix]}")
     if suffix not in FORMATS:
         supported = ", ".join(FORMATS)
         raise InputError(f"{path}: {suffix or 'a file without a suffix'} is not a supported format ({supported})")

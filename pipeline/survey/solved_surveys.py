@@ -9,19 +9,23 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import one_line
+from pipeline.survey.compass.convert import compass_files
+from pipeline.survey.compass.convert import to_survex as compass_to_survex
 from pipeline.survey.passages.legs import SurveyLeg
-from pipeline.survey.solved.cavern import require_cavern, solve
-from pipeline.survey.solved.compass_sections import with_sections
+from pipeline.survey.solved.cavern import require_cavern, require_version, solve
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.node_links import is_node_list, links_of, read_node_links
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.stations.table import read_station_survey
-from pipeline.survey.therion.convert import to_survex
+from pipeline.survey.therion.convert import to_survex as therion_to_survex
 from pipeline.survey.therion.lines import therion_lines
+from pipeline.survey.walls.project import copy_of
 
-_SUFFIXES = (".3d", ".svx", ".th", ".dat", ".mak")
+_COMPASS = (".mak", ".dat", ".clp")
+_WALLS, _VERSION_FOR_WALLS = (".wpj", ".srv"), (1, 4, 9)
+_SUFFIXES = (".3d", ".svx", ".th", *_COMPASS, *_WALLS)
 
 
 def solve_file(path: Path) -> SolvedSurvey:
@@ -30,9 +34,9 @@ def solve_file(path: Path) -> SolvedSurvey:
     Parameters
     ----------
     path : Path
-        `.3d`, and `NAME_nodes.dat` with `NAME_links.dat`, are read; `.svx` (with the files that it includes), `.dat`
-        and `.mak` (Compass) are solved by Survex; the centrelines of `.th` (Therion) are brought to Survex's form and
-        solved; `.csv` is our own table with elevations.
+        `.3d`, and `NAME_nodes.dat` with `NAME_links.dat`, are read; `.svx` (with the files that it includes) is solved
+        by Survex; `.th` (Therion) and `.mak`, `.dat` and `.clp` (Compass) are brought to Survex's form and solved; a
+        copy of `.wpj` and `.srv` (Walls) is solved by Survex 1.4.9 or newer; `.csv` is our own table with elevations.
 
     Returns
     -------
@@ -64,13 +68,14 @@ def _solved(path: Path) -> SolvedSurvey:
         raise InputError(f"{path}: not a survey that Survex solves ({', '.join(_SUFFIXES)})")
     require_cavern(path)
     if suffix == ".th":
-        made = to_survex(path)
-        return solve(path, "\n".join(made.lines) + "\n", made.origin)
-    files = project_files(path)
-    survey = solve(path)
-    return (
-        survey if suffix == ".svx" else with_sections(survey, [file for file in files if file.suffix.lower() == ".dat"])
-    )
+        return solve(path, therion_to_survex(path))
+    if suffix in _COMPASS:
+        return solve(path, compass_to_survex(path))
+    if suffix in _WALLS:
+        require_version(path, _VERSION_FOR_WALLS, "a Walls survey")
+        return solve(path, copy_of(path))
+    project_files(path)
+    return solve(path)
 
 
 def survey_files(path: Path) -> list[Path]:
@@ -89,9 +94,11 @@ def survey_files(path: Path) -> list[Path]:
         return list(dict.fromkeys(files))
     if is_node_list(path):
         return [path, links_of(path)]
-    if suffix in (".mak", ".svx"):
+    if suffix == ".svx":
         return project_files(path)
-    return [path]
+    if suffix in _WALLS:
+        return list(dict.fromkeys([path, *copy_of(path).surveys]))
+    return compass_files(path) if suffix in _COMPASS else [path]
 
 
 def read_passages(path: Path, half_width_m: float | None = None) -> tuple[list[SurveyLeg], str | None]:

@@ -43,12 +43,12 @@ FAST = [
     ("survex project", "file above, after a mark of UTF-8", "is outside the survey's folder"),
     ("survex project", "file above, in a file of another format", "only .svx files are included"),
     ("ply", "more points than stated", "500 rows, its header states 3"),
-    ("compass data", "file above, its name over two lines", "the name does not end on its line"),
+    ("compass data", "file above, its name over two lines", "is outside the survey's folder"),
     ("compass data", "file above, in what looks like a comment", "is outside the survey's folder"),
     ("therion", "last line continued", "ends within a continued line"),
-    ("therion", "survex commands in names", "name '*include'"),
+    ("therion", "imported file above", "is outside the survey's folder"),
     ("compass data", "two files in a line, the second outside", "is outside the survey's folder"),
-    ("compass data", "hundred thousand files", "200 files or more (survex_files in"),
+    ("compass data", "hundred thousand files", "5000 files or more (survex_files in"),
     ("survey section", "deep", "nested more than 32 deep"),
 ]
 

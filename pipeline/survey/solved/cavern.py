@@ -7,16 +7,17 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from pipeline.errors import InputError
+from pipeline.guard.answers import warn_user
 from pipeline.guard.process_limits import die_with_parent
 from pipeline.guard.reading_process import one_line
 from pipeline.params.reader_limits import FILE
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.survex_3d import read_3d
+from pipeline.survey.solved.survex_text import Written
 
 _MESSAGE_BYTES = 1_000_000
 _ERROR = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: (?:fatal )?error: (.*)$")
@@ -28,7 +29,10 @@ _UNREAL = re.compile(
 # Survex 1.4 turns bearings by a right angle in systems whose first axis is north, such as EPSG:2193 and EPSG:31467.
 _CONVERGENCE = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: info: (Declination: .*grid convergence: (-?[\d.]+)°.*)$")
 _MOST_CONVERGENCE_DEG = 45.0
-Origin = Callable[[int], tuple[Path, int]]  # a line of a generated file -> the file and line that it comes from
+# Survex 1.4.10 and newer leave out what hangs on no fixed station; older ones refuse it.
+_HANGING = re.compile(
+    r"^The following survey stations are not attached to a fixed point:\n((?:.*: info: .*\n?)+)", re.MULTILINE
+)
 
 
 def require_cavern(path: Path) -> str:
@@ -48,7 +52,24 @@ def require_cavern(path: Path) -> str:
     return program
 
 
-def solve(path: Path, text: str | None = None, origin: Origin | None = None) -> SolvedSurvey:
+def require_version(path: Path, least: tuple[int, ...], what: str) -> None:
+    """Refuse a file that needs a newer version of Survex than is installed.
+
+    Raises
+    ------
+    InputError
+        The message names the version that is installed, and the one that is needed.
+    """
+    _, output = _run([require_cavern(path), "--version"])
+    found = re.search(r"Survex (\d+(?:\.\d+)*)", output)
+    version = tuple(int(part) for part in found[1].split(".")) if found else ()
+    if version < least:
+        needed = ".".join(str(part) for part in least)
+        installed = found[1] if found else "unknown"
+        raise InputError(f"{path}: {what} needs Survex {needed} or newer to be solved; {installed} is installed")
+
+
+def solve(path: Path, written: Written | None = None) -> SolvedSurvey:
     """Solve a project whose files were checked by `project_files`.
 
     `cavern` runs as a child of this process, inherits its limits on memory, processor time and file size, and ends with
@@ -57,11 +78,9 @@ def solve(path: Path, text: str | None = None, origin: Origin | None = None) -> 
     Parameters
     ----------
     path : Path
-        The main file: `.svx`, `.dat` or `.mak`. Errors name it.
-    text : str, optional
-        Survex data to solve in place of the file's content.
-    origin : callable, optional
-        Maps a line of `text` to the file and line that it was made from.
+        The main file. Errors name it.
+    written : Written, optional
+        What to solve in place of the file's content. Errors name the lines from which it was made.
 
     Raises
     ------
@@ -76,28 +95,39 @@ def solve(path: Path, text: str | None = None, origin: Origin | None = None) -> 
     program = require_cavern(path)
     with tempfile.TemporaryDirectory(prefix="minexplore-") as name:
         folder = Path(name)
-        source = path.absolute()  # Survex looks for included files beside it
-        if text is not None:
-            source = folder / "made.svx"
-            source.write_text(text, encoding="utf-8")
+        # Survex looks for included files beside the main file.
+        source = path.absolute() if written is None else written.write(folder)
         status, output = _run([program, "-q", "-s", "-o", str(folder / "solved.3d"), str(source)])
         result = folder / "solved.3d"
         if status != 0 or not result.is_file():
-            raise InputError(_problem(path, source, status, output, origin))
-        unreal = _named(_UNREAL, path, source, output, origin)
+            raise InputError(_problem(path, source, status, output, written))
+        unreal = _named(_UNREAL, path, source, output, written)
         if unreal is not None:
             raise InputError(f"{unreal}; correct it")
-        turned = _named(_CONVERGENCE, path, source, output, origin)
+        turned = _named(_CONVERGENCE, path, source, output, written)
         if turned is not None:
             raise InputError(
                 f"{turned}; this version of Survex turns bearings wrongly in this coordinate system; fix the stations "
                 "in another one (UTM), or state *declination as a number"
             )
+        hanging = hanging_stations(output)
+        if hanging:
+            warn_user(
+                f"{path}: {len(hanging)} stations hang on no fixed one and are left out: {', '.join(hanging[:3])}"
+            )
         try:
             survey = read_3d(result)
-            return survey if text is None else replace(survey, title=path.stem)
+            if written is not None:
+                survey = replace(survey, title=path.stem, names=written.names(survey.names))
+            return survey
         except InputError as error:
             raise InputError(str(error).replace(str(result), f"{path}: the result of cavern")) from error
+
+
+def hanging_stations(output: str) -> list[str]:
+    """Return the stations that Survex lists as attached to no fixed one."""
+    found = _HANGING.search(output)
+    return [] if found is None else [line.partition(": info: ")[2] for line in found[1].splitlines()]
 
 
 def _run(command: list[str]) -> tuple[int, str]:
@@ -119,23 +149,25 @@ def _run(command: list[str]) -> tuple[int, str]:
     return process.returncode, data.decode("utf-8", "replace")
 
 
-def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, origin: Origin | None) -> str | None:
+def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, written: Written | None) -> str | None:
     """Return the first message of a kind, with the file and line of the user's that it is about."""
     for line in output.splitlines():
         found = kind.match(line)
         if found is None or (kind is _CONVERGENCE and abs(float(found[4])) < _MOST_CONVERGENCE_DEG):
             continue
         file, number = Path(found[1]), int(found[2])
-        if origin is not None and file == source:
-            file, number = origin(number)
+        message = found[3]
+        if written is not None and file.parent == source.parent:
+            file, number = written.origin(file, number)
+            message = written.message(message)
         elif file.is_relative_to(source.parent):
             file = path.parent / file.relative_to(source.parent)
-        return f"{file}:{number}: {one_line(found[3], 300)} (Survex)"
+        return f"{file}:{number}: {one_line(message, 300)} (Survex)"
     return None
 
 
-def _problem(path: Path, source: Path, status: int, output: str, origin: Origin | None) -> str:
-    named = _named(_ERROR, path, source, output, origin)
+def _problem(path: Path, source: Path, status: int, output: str, written: Written | None) -> str:
+    named = _named(_ERROR, path, source, output, written)
     if named is not None:
         return named
     if status < 0:

@@ -55,7 +55,8 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
         m, in the survey's own frame.
     """
     plan = _StationPlan(survey)
-    require_at_most(path, len(plan.places), "stations", "stations or more")
+    # The ends of splays are no stations of passages; a survey by laser has ten to a station.
+    require_at_most(path, len(np.unique(plan.all_edges)), "stations", "stations of passages or more")
     plan.warn_of_pieces(path)
     if survey.passages:
         rows = [(plan.node[p.stations].tolist(), measured(p.lrud_m)) for p in survey.passages]

@@ -1,4 +1,4 @@
-"""The files of a Survex or Compass project, found before Survex opens any of them.
+"""The files of a Survex project, found before Survex opens any of them.
 
 Survex follows every path that a file names. Only files below the main file's folder may be named, also through links.
 The scan is wider than Survex's own reading: it may refuse a harmless line, and finds every path that Survex would open.
@@ -19,8 +19,6 @@ from pipeline.params.reader_limits import FILE, reader_limits
 _BLANK = "[ \t,]*"  # Survex reads commas as blanks
 _COMMAND = re.compile(rf"{_BLANK}\*{_BLANK}([a-z]+)(.*)", re.IGNORECASE | re.DOTALL)
 _WORD = re.compile(r'[ \t,]*(?:"([^"]*)"?|([^ \t,]+))')
-# A name may run over the ends of lines, which Survex leaves out. Each # begins one, whatever stands before it.
-_MADE_OF = re.compile("#(?=([^,;]*))")
 _LINE_END = r"\r\n|\n\r|\n|\r"
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f]")  # all but tabs and ends of lines; Ctrl-Z ends a line as well
 _MARK, _END_OF_TEXT = b"\xef\xbb\xbf", b"\x1a\0 \t\r\n"  # of UTF-8; of DOS
@@ -30,7 +28,7 @@ _SET_ITEMS = {"decimal", "minus", "names", "omit", "plus", "root", "separator"}
 # PROJ opens files that such a definition names.
 _PROJ_FILES = re.compile(r"[/\\@]|init|grids|pipeline|geoid|file", re.IGNORECASE)
 _SURVEX = {".svx", ""}
-_NAME_BYTES, _LONGEST_NAME = 240, 255  # Linux takes 255; a suffix may be added
+_NAME_BYTES = 240  # Linux takes 255; a suffix may be added
 
 
 def project_files(path: Path) -> list[Path]:
@@ -39,7 +37,7 @@ def project_files(path: Path) -> list[Path]:
     Parameters
     ----------
     path : Path
-        A `.svx`, `.dat` or `.mak` file.
+        A `.svx` file.
 
     Raises
     ------
@@ -48,11 +46,6 @@ def project_files(path: Path) -> list[Path]:
         `survex_files` or `survex_depth`. The message names the file and the line.
     """
     files: list[Path] = []
-    suffix = path.suffix.lower()
-    if suffix == ".mak":
-        return [path, *_compass_files(path)]
-    if suffix == ".dat":
-        return [path]
     _scan(path, path.parent.resolve(), files, [])
     return list(dict.fromkeys(files))
 
@@ -81,7 +74,7 @@ def text_lines(path: Path) -> Iterator[tuple[int, str]]:
         If the file or a line exceeds its limit.
     """
     most = reader_limits().survex_line_bytes
-    for number, line in enumerate(re.split(_LINE_END, _text(path)), start=1):
+    for number, line in enumerate(re.split(_LINE_END, file_text(path)), start=1):
         if len(line) > most:
             raise InputError(
                 f"{path}:{number}: a line of {len(line)} bytes, at most {most} (survex_line_bytes in {FILE})"
@@ -89,7 +82,7 @@ def text_lines(path: Path) -> Iterator[tuple[int, str]]:
         yield number, line
 
 
-def _text(path: Path) -> str:
+def file_text(path: Path) -> str:
     """Return a file's text without a mark of UTF-8 at its beginning and a mark of DOS at its end."""
     return read_text_bytes(path).removeprefix(_MARK).rstrip(_END_OF_TEXT).decode("latin-1")
 
@@ -153,6 +146,24 @@ def _scan(path: Path, folder: Path, files: list[Path], above: list[Path]) -> Non
             _scan(file, folder, files, [*above, path])
 
 
+def named_or_lower_case(where: str, what: str, name: str, beside: Path, folder: Path, suffix: str) -> Path:
+    """Return the file of a name, with or without the suffix, or that of the name in lower case.
+
+    Raises
+    ------
+    InputError
+        If there is none. The message begins with `where` and `what`.
+    """
+    for text in (name, f"{name}{suffix}"):
+        option = inside(where, text, beside, folder)
+        if option.is_file():
+            return option
+    found = _lower_case(where, name, beside, folder, suffix)
+    if not found:
+        raise InputError(f"{where}: {what}: no such file")
+    return found[0]
+
+
 def _lower_case(where: str, name: str, beside: Path, folder: Path, suffix: str) -> list[Path]:
     """Return what Survex opens if there is no file of a name: that of the name in lower case.
 
@@ -186,55 +197,9 @@ def _included(where: str, rest: str, path: Path, folder: Path) -> Path:
     name = (word[1] if word[1] is not None else word[2]) if word else ""
     if ";" in name:
         raise InputError(f"{where}: *include {name[:80]!r}: a file name with ; is not read")
-    plain = inside(where, name, path.parent, folder)
-    with_suffix = inside(where, f"{name}.svx", path.parent, folder)
+    file = named_or_lower_case(where, f"*include {name[:80]!r}", name, path.parent, folder, ".svx")
     if "\\" in name and any((path.parent / text).exists() for text in (name, f"{name}.svx")):
         raise InputError(f"{where}: *include {name[:80]!r}: a file whose name holds a backslash; rename it")
-    for option in (plain, with_suffix, *_lower_case(where, name, path.parent, folder, ".svx")):
-        if option.is_file():
-            if option.suffix.lower() not in _SURVEX:
-                raise InputError(f"{where}: *include {name[:80]!r}: only .svx files are included")
-            return option
-    raise InputError(f"{where}: *include {name[:80]!r}: no such file")
-
-
-def _compass_files(path: Path) -> list[Path]:
-    folder, files, count, most = path.parent.resolve(), [], 0, reader_limits().survex_files
-    for _ in plain_lines(path):  # their lengths and characters
-        pass
-    text = _text(path)
-    for found in _MADE_OF.finditer(text):
-        name = re.sub("[\r\n]", "", found[1]).strip()
-        if not name:
-            continue
-        begin = max(text.rfind("\n", 0, found.start()), text.rfind("\r", 0, found.start())) + 1
-        where = f"{path}:{len(re.findall(_LINE_END, text[:begin])) + 1}"
-        comment = text[begin : found.start()].lstrip().startswith("/")
-        count += 1
-        if count >= most:
-            raise InputError(f"{where}: {most} files or more (survex_files in {FILE})")
-        if not comment and re.search("[\r\n]", found[1]):
-            raise InputError(f"{where}: #{name[:80]}: the name does not end on its line")
-        file = _made_of(where, name, path, folder, comment)
-        if file is not None and file not in files:
-            files.append(file)
-    return files
-
-
-def _made_of(where: str, name: str, path: Path, folder: Path, comment: bool) -> Path | None:
-    """Return a file of a Compass project; None if a line that looks like a comment names none.
-
-    Survex reads such a line as any other.
-    """
-    if comment and any(len(part) > _LONGEST_NAME for part in re.split(r"[/\\]", name)):
-        return None
-    options = [inside(where, text, path.parent, folder) for text in (name, f"{name}.dat")]
-    options += _lower_case(where, name, path.parent, folder, ".dat")
-    file = next((option for option in options if option.is_file()), None)
-    if file is None and comment:
-        return None
-    if file is None:
-        raise InputError(f"{where}: #{name[:80]}: no such file")
-    if file.suffix.lower() != ".dat":
-        raise InputError(f"{where}: #{name[:80]}: a project is made of .dat files")
+    if file.suffix.lower() not in _SURVEX:
+        raise InputError(f"{where}: *include {name[:80]!r}: only .svx files are included")
     return file

@@ -1,21 +1,21 @@
-"""Reader of Survex's solved surveys (.3d), versions 3 to 8."""
+"""Reader of Survex's solved surveys (.3d): the header, and the items of versions 3 to 8."""
 
 from __future__ import annotations
 
 import struct
+from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes
-from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.solved.ancient_3d import read_binary_items, read_text_items
+from pipeline.survey.solved.found_items import FoundItems
 from pipeline.survey.solved.labels import Cursor, read_label, read_old_label, trim_old_label
-from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
+from pipeline.survey.solved.model import LegStyle, SolvedSurvey
 
-_MAGIC = b"Survex 3D Image File\n"
-_VERSIONS = range(3, 9)
-_EXTENDED = 0x80
+_MAGIC, _MAGIC_OF_DOS = b"Survex 3D Image File\n", b"Survex 3D Image File\r\n"
+_VERSIONS = {b"v0.01": 0, b"Bv0.01": 1, b"bv0.01": 1} | {f"v{number}".encode(): number for number in range(2, 9)}
+_EXTENDED, _EXTENDED_TITLE = 0x80, " (extended)"
 _ERROR_BYTES = 20
 _KEPT = 0x20  # of a leg's code in version 8: the label stays
 _LEG_BITS, _STATION_BITS = 0x07, 0x7F
@@ -24,11 +24,22 @@ _OLD_DATE_BYTES = {0x20: 2, 0x21: 3, 0x23: 4, 0x24: 0}  # version 7
 _OLDEST_DATE_BYTES = {0x20: 4, 0x21: 8}  # versions 4 to 6
 
 
+@dataclass(frozen=True)
+class _Header:
+    """What stands before the items."""
+
+    version: int
+    title: str
+    crs: str | None
+    date: str
+
+
 def read_3d(path: Path) -> SolvedSurvey:
     """Read a solved survey.
 
     Coordinates are whole centimetres, so positions are exact to 5 mm. A leg names no stations; its ends are the
-    stations at its coordinates. An end without a station becomes an anonymous station.
+    stations at its coordinates. An end without a station becomes an anonymous station. Versions 0.01 to 2 have neither
+    cross-sections nor flags of stations, and version 0.01 none of legs.
 
     Parameters
     ----------
@@ -42,73 +53,65 @@ def read_3d(path: Path) -> SolvedSurvey:
     Raises
     ------
     InputError
-        If the file is no `.3d` of versions 3 to 8, ends early, holds a reserved code, or exceeds a limit. The message
-        names the file and the byte.
+        If the file is no `.3d` of versions 0.01 to 8, ends early, holds a reserved code, or exceeds a limit. The
+        message names the file and the byte.
 
     References
     ----------
-    Survex, "Survex 3d Format Specification (v8+)" and "(v3-v7)", 3dformat.htm and 3dformat-old.htm.
+    Survex, "Survex 3d Format Specification (v8+)" and "(v3-v7)", 3dformat.htm and 3dformat-old.htm. Older versions are
+    as Survex's library for these files (img.c) reads them.
     """
-    reader = _Survex3dReader(path, read_text_bytes(path))
-    reader.read()
-    return reader.survey()
+    cursor = Cursor(path, read_text_bytes(path))
+    header = _read_header(cursor)
+    found = FoundItems(path)
+    if header.version == 0:
+        read_text_items(cursor, found)
+    elif header.version < 3:
+        read_binary_items(cursor, found, header.version)
+    else:
+        _ItemReader(cursor, found, header.version).read()
+    return found.survey(header.title, header.crs, header.date)
 
 
-class _Survex3dReader:
-    """The state of one reading: the position in the file, the label, and what was found."""
+def _read_header(cursor: Cursor) -> _Header:
+    of_dos = cursor.data.startswith(_MAGIC_OF_DOS)
+    magic = _MAGIC_OF_DOS if of_dos else _MAGIC
+    if cursor.take(min(len(magic), len(cursor.data))) != magic:
+        raise InputError(f"{cursor.path}: not a Survex .3d file (it does not begin with {_MAGIC[:-1].decode()!r})")
+    named = cursor.line()
+    version = _VERSIONS.get(named.removesuffix(b"\r") if of_dos else named)
+    if version is None or (of_dos and version > 0):
+        name = named[:12].decode("latin-1")
+        raise InputError(f"{cursor.path}: .3d version {name!r}; versions v0.01, Bv0.01 and v2 to v8 are read")
+    texts = cursor.line().split(b"\0")
+    title = (texts[0] if version >= 8 else b"\0".join(texts))[:1000].decode("utf-8", "replace").removesuffix("\r")
+    crs = texts[1][:1000].decode("utf-8", "replace") if version >= 8 and len(texts) > 1 and texts[1] else None
+    date = cursor.line()[:100].decode("utf-8", "replace").removesuffix("\r")
+    if cursor.byte() & _EXTENDED if version >= 8 else title.endswith(_EXTENDED_TITLE):
+        raise InputError(f"{cursor.path}: an extended elevation, which is a drawing; give the survey itself")
+    return _Header(version, title, crs, date)
 
-    def __init__(self, path: Path, data: bytes) -> None:
-        self.path, self.cursor = path, Cursor(path, data)
+
+class _ItemReader:
+    """A reading of versions 3 to 8: the position in the file, and the label that every item changes a little."""
+
+    def __init__(self, cursor: Cursor, found: FoundItems, version: int) -> None:
+        self.cursor, self.found, self.version = cursor, found, version
         self.label = bytearray()
-        self.version, self.title, self.date = 0, "", ""
-        self.crs: str | None = None
-        self.index: dict[tuple[int, int, int], int] = {}  # the first station at a place
-        self.by_name: dict[str, int] = {}
-        self.names: list[str] = []
-        self.places: list[tuple[int, int, int]] = []
-        self.station_flags: list[int] = []
-        self.legs: list[tuple[int, int]] = []
-        self.leg_flags: list[int] = []
-        self.leg_styles: list[int] = []
-        self.passages: list[list[tuple[str, list[float], int]]] = [[]]
-        self.lines: list[tuple[tuple[int, int, int], tuple[int, int, int]]] = []
-        self.style = int(LegStyle.UNKNOWN)
-        self.here: tuple[int, int, int] | None = None
 
     def read(self) -> None:
-        self._read_header()
-        most, count = reader_limits().solved_items, 0
         step = self._read_new if self.version >= 8 else self._read_old
         while step(self.cursor.byte()):
-            count += 1
-            if count > most:
-                raise InputError(f"{self.path}: more than {most} items, the limit (solved_items in {FILE})")
-
-    def _read_header(self) -> None:
-        cursor = self.cursor
-        if cursor.take(min(len(_MAGIC), len(cursor.data))) != _MAGIC:
-            raise InputError(f"{self.path}: not a Survex .3d file (it does not begin with {_MAGIC[:-1].decode()!r})")
-        version = cursor.line()
-        known = {f"v{number}".encode(): number for number in _VERSIONS}
-        if version not in known:
-            raise InputError(f"{self.path}: .3d version {version[:12].decode('latin-1')!r}; versions v3 to v8 are read")
-        self.version = known[version]
-        title = cursor.line().split(b"\0") if self.version >= 8 else [cursor.line()]
-        self.title = title[0][:1000].decode("utf-8", "replace")
-        if len(title) > 1 and title[1]:
-            self.crs = title[1][:1000].decode("utf-8", "replace")
-        self.date = cursor.line()[:100].decode("utf-8", "replace")
-        if self.version >= 8 and cursor.byte() & _EXTENDED:
-            raise InputError(f"{self.path}: an extended elevation, which is a drawing; give the survey itself")
+            self.found.count_item()
 
     def _read_new(self, code: int) -> bool:
         """Read one item of version 8; return whether more follow."""
         if code <= 0x04:
-            if code == 0 and self.style == LegStyle.NORMAL:
+            if code == 0 and self.found.style == LegStyle.NORMAL:
                 return False
-            self.style = code
+            self.found.style = code
         elif code == 0x0F:
-            self.here = self.cursor.place()
+            self.found.here = self.cursor.place()
         elif code in _DATE_BYTES:
             self.cursor.take(_DATE_BYTES[code])
         elif code == 0x1F:
@@ -135,7 +138,7 @@ class _Survex3dReader:
                 return False
             self.label.clear()
         elif code == 0x0F:
-            self.here = self.cursor.place()
+            self.found.here = self.cursor.place()
         elif code < 0x20:
             trim_old_label(self.cursor, self.label, code)
         elif code in dates:
@@ -158,72 +161,22 @@ class _Survex3dReader:
     def _refuse(self, code: int) -> None:
         at = self.cursor.at - 1
         raise InputError(
-            f"{self.path}: byte {at}: code 0x{code:02x} is reserved in version {self.version}; it is broken"
+            f"{self.cursor.path}: byte {at}: code 0x{code:02x} is reserved in version {self.version}; it is broken"
         )
 
-    def _station(self, flags: int) -> None:
-        place, name = self.cursor.place(), self.label.decode("utf-8", "replace")
-        if flags & StationFlag.ANONYMOUS:
-            name = ""
-        known = self.by_name.get(name)
-        if name and known is not None:
-            if self.places[known] != place:
-                raise InputError(f"{self.path}: byte {self.cursor.at}: station {name[:60]} has two positions")
-            return
-        self._add(name, place, flags)
+    def _name(self) -> str:
+        return self.label.decode("utf-8", "replace")
 
-    def _add(self, name: str, place: tuple[int, int, int], flags: int) -> int:
-        number = len(self.names)
-        self.names.append(name)
-        self.places.append(place)
-        self.station_flags.append(flags)
-        first = self.index.setdefault(place, number)
-        if name and not self.names[first]:
-            self.index[place] = number  # a named station stands for its place
-        if name:
-            self.by_name[name] = number
-        return number
+    def _station(self, flags: int) -> None:
+        place = self.cursor.place()
+        self.found.station(self._name(), place, flags)
 
     def _leg(self, code: int) -> None:
-        if self.here is None:
-            raise InputError(f"{self.path}: byte {self.cursor.at}: a leg without a start")
         end = self.cursor.place()
-        self.lines.append((self.here, end))
-        self.leg_flags.append(code & _LEG_BITS)
-        self.leg_styles.append(self.style)
-        self.here = end
+        self.found.leg(end, code & _LEG_BITS, self.cursor.at)
 
     def _section(self, code: int) -> None:
         size = "<4h" if code < 0x32 else "<4i"
         numbers = struct.unpack(size, self.cursor.take(struct.calcsize(size)))
-        lrud = [n / 100 if n >= 0 else float("nan") for n in numbers]
-        self.passages[-1].append((self.label.decode("utf-8", "replace"), lrud, self.cursor.at))
-        if code & 0x01:
-            self.passages.append([])
-
-    def _end(self, place: tuple[int, int, int]) -> int:
-        found = self.index.get(place)
-        return self._add("", place, int(StationFlag.ANONYMOUS)) if found is None else found
-
-    def survey(self) -> SolvedSurvey:
-        legs = [(self._end(start), self._end(end)) for start, end in self.lines]
-        passages = tuple(self._passage(rows) for rows in self.passages if rows)
-        return SolvedSurvey(
-            tuple(self.names),
-            np.array(self.places, np.float64).reshape(-1, 3) / 100,
-            np.array(self.station_flags, np.uint8),
-            np.array(legs, np.int64).reshape(-1, 2),
-            np.array(self.leg_flags, np.uint8),
-            np.array(self.leg_styles, np.uint8),
-            passages,
-            self.title,
-            self.crs,
-            self.date,
-        )
-
-    def _passage(self, rows: list[tuple[str, list[float], int]]) -> Passage:
-        for name, _, at in rows:
-            if name not in self.by_name:
-                raise InputError(f"{self.path}: byte {at}: a cross-section of {name[:60]!r}, which is no station")
-        stations = np.array([self.by_name[name] for name, _, _ in rows], np.int64)
-        return Passage(stations, np.array([lrud for _, lrud, _ in rows], np.float64))
+        lrud_m = [n / 100 if n >= 0 else float("nan") for n in numbers]
+        self.found.section(self._name(), lrud_m, self.cursor.at, bool(code & 0x01))

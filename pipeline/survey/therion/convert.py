@@ -2,56 +2,40 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.solved.survex_text import NAME_CHARACTERS, SurvexText, written_survey
+from pipeline.survey.therion.imported import Imports, add_imported
 from pipeline.survey.therion.lines import TherionLine, therion_lines
-from pipeline.survey.therion.place import Place, date_for_survex, place_of
+from pipeline.survey.therion.place import Place, cs_for_survex, date_for_survex, place_of
 from pipeline.survey.therion.shots import Shots
 from pipeline.survey.therion.words import (
-    DOT,
     SKIPPED_BLOCKS,
-    cs_for_survex,
     declination_for_survex,
     flags_for_survex,
+    number_for_survex,
     numbers_for_survex,
+    require_name,
     station_for_survex,
-    survey_name,
     units_for_survex,
 )
 
 _IGNORED_IN_CENTRELINE = {
     "team", "explo-date", "explo-team", "instrument", "instruments", "copyright", "title", "mark", "walls",
     "vthreshold", "extend", "break", "station", "grade", "require", "approx", "declination-date",
+    "attr", "author", "id",
 }  # fmt: skip
 _IGNORED = {
     "encoding", "join", "select", "unselect", "title", "date", "person-rename", "copyright", "author", "maps",
     "preview", "sketch",
 }  # fmt: skip
-_OPTIONS = {"title", "author", "copyright", "entrance", "person-rename", "id"}
-
-
-@dataclass
-class SurvexText:
-    """Survex data made from Therion's, and where each of its lines comes from."""
-
-    lines: list[str] = field(default_factory=list)
-    origins: list[TherionLine] = field(default_factory=list)
-    files: list[Path] = field(default_factory=list)
-
-    def add(self, line: TherionLine, text: str) -> None:
-        """Add one line."""
-        self.lines.append(text)
-        self.origins.append(line)
-
-    def origin(self, number: int) -> tuple[Path, int]:
-        """Return the file and line from which a line, counted from 1, was made."""
-        line = self.origins[min(max(number, 1), len(self.origins)) - 1]
-        return line.path, line.number
+_OPTIONS = {  # of a survey: how many words follow each
+    "-title": 1, "-author": 2, "-copyright": 2, "-entrance": 1, "-person-rename": 2, "-id": 1, "-attr": 2, "-cs": 1,
+    "-namespace": 1, "-declination": 1,
+}  # fmt: skip
 
 
 def to_survex(path: Path) -> SurvexText:
@@ -61,7 +45,8 @@ def to_survex(path: Path) -> SurvexText:
     and are averaged. Splays keep their flag. With a coordinate system, bearings are turned to grid north, as Therion
     does: by the declination that is stated, or by that of the earth's magnetic field in the middle of the fixed
     stations at the date (Survex computes it; a centreline without a date takes the project's first), and by the
-    convergence of the meridians. Drawings, maps, teams and extensions are left out.
+    convergence of the meridians. Stations and legs of an imported `.3d` keep their places. Drawings, maps, teams and
+    extensions are left out.
 
     Parameters
     ----------
@@ -78,8 +63,8 @@ def to_survex(path: Path) -> SurvexText:
     The Therion Book, "Data format": survey, centreline, data, units, calibrate, declination, flags, fix, equate.
     """
     made = SurvexText()
-    lines = list(therion_lines(path, made.files))
-    converter = _Converter(made, place_of(lines))
+    lines = list(therion_lines(path, []))
+    converter = _Converter(made, place_of(lines), path.parent.resolve())
     for line in lines:
         converter.read(line)
     converter.end(path)
@@ -89,25 +74,25 @@ def to_survex(path: Path) -> SurvexText:
 class _Converter:
     """Where the reading stands: open surveys, the open centreline, and a block that is left out."""
 
-    def __init__(self, made: SurvexText, place: Place | None) -> None:
+    def __init__(self, made: SurvexText, place: Place | None, folder: Path) -> None:
         self.made, self.place = made, place
+        self.imports = Imports(made, folder, place is not None)
+        self.is_latitude_first = False  # of the coordinates in the open centreline
         self.surveys: list[tuple[str, bool]] = []  # name, and whether it is part of its stations' names
         self.shots: Shots | None = None
         self.skipped, self.groups = "", 0
+        start = TherionLine(Path(), 1, ())
+        self.made.add(start, "*case preserve")
+        self.made.add(start, f"*set names {NAME_CHARACTERS}")
         self.commands: dict[str, Callable[[TherionLine], None]] = {
             "data": self._data, "units": self._units, "calibrate": self._calibrate, "sd": self._sd,
             "declination": self._declination, "flags": self._flags, "fix": self._fix, "equate": self._equate,
             "cs": self._cs, "infer": self._infer, "group": self._group, "endgroup": self._endgroup,
-            "date": self._date,
+            "date": self._date, "grid-angle": self._grid_angle,
         }  # fmt: skip
         if place is not None:
-            east, north, up = place.middle
-            for text in (
-                f"cs {place.cs}",
-                f"cs out {place.cs_out}",
-                f"declination auto {east:.3f} {north:.3f} {up:.3f}",
-            ):
-                made.add(place.line, f"*{text}")
+            for text in (f"*cs {place.cs}", f"*cs out {place.cs_out}", self._computed_declination()):
+                made.add(place.line, text)
 
     def read(self, line: TherionLine) -> None:
         if len(self.made.lines) > 3 * reader_limits().survex_shots:
@@ -125,15 +110,19 @@ class _Converter:
             self._endsurvey(line)
         elif word in ("centreline", "centerline"):
             self.made.add(line, "*begin")
-            self.made.add(line, "*case preserve")
+            self.is_latitude_first = False
             if self.place is not None and self.place.date:
                 self.made.add(line, f"*date {self.place.date}")
-            self.shots = Shots(self.made.add)
+            self.shots = Shots(self.made)
             self.groups = 0
         elif word in SKIPPED_BLOCKS:
             self.skipped = f"end{word}"
         elif word == "equate":
             self._equate(line)
+        elif word == "import":
+            add_imported(
+                self.imports, line, "".join(f"{written_survey(name)}." for name, named in self.surveys if named)
+            )
         elif word not in _IGNORED:
             raise InputError(f"{line.where}: {word[:40]!r} is not supported here")
 
@@ -161,21 +150,19 @@ class _Converter:
         if len(self.surveys) >= reader_limits().survex_depth:
             most = reader_limits().survex_depth
             raise InputError(f"{line.where}: surveys are nested more than {most} deep (survex_depth in {FILE})")
-        name, named, declination = survey_name(line.where, line.words[1]), True, ""
+        name, named, declination = require_name(line.where, line.words[1]), True, ""
         options = list(line.words[2:])
         while options:
             option = options.pop(0)
-            value = options.pop(0) if options else ""
+            if option not in _OPTIONS or len(options) < _OPTIONS[option]:
+                raise InputError(f"{line.where}: survey option {option[:40]!r} is not supported")
+            value, options = options[0], options[_OPTIONS[option] :]
             if option == "-namespace":
                 named = value != "off"
             elif option == "-declination":
                 declination = declination_for_survex(line.where, value.strip("[]").split(), self._convergence())
-            elif option.removeprefix("-") not in _OPTIONS:
-                raise InputError(f"{line.where}: survey option {option[:40]!r} is not supported")
         self.surveys.append((name, named))
-        self.made.add(line, f"*begin {name}" if named else "*begin")
-        self.made.add(line, "*case preserve")
-        self.made.add(line, f"*set names _-/'+{DOT}")
+        self.made.add(line, f"*begin {written_survey(name)}" if named else "*begin")
         if declination:
             self.made.add(line, declination)
 
@@ -183,7 +170,7 @@ class _Converter:
         if not self.surveys or (len(line.words) > 1 and line.words[1] != self.surveys[-1][0]):
             raise InputError(f"{line.where}: {' '.join(line.words)[:60]!r} closes no survey")
         name, named = self.surveys.pop()
-        self.made.add(line, f"*end {name}" if named else "*end")
+        self.made.add(line, f"*end {written_survey(name)}" if named else "*end")
 
     def _data(self, line: TherionLine) -> None:
         assert self.shots is not None
@@ -200,7 +187,14 @@ class _Converter:
 
     def _declination(self, line: TherionLine) -> None:
         words = [word.strip("[]") for word in line.words[1:]]
-        self.made.add(line, declination_for_survex(line.where, words, self._convergence()))
+        is_reset = words == ["-"]
+        stated = "" if is_reset else declination_for_survex(line.where, words, self._convergence())
+        self.made.add(line, stated or self._computed_declination())
+
+    def _computed_declination(self) -> str:
+        if self.place is None:
+            return "*declination 0 degrees"
+        return "*declination auto {:.8f} {:.8f} {:.3f}".format(*self.place.middle)
 
     def _convergence(self) -> float:
         return 0.0 if self.place is None else self.place.convergence_deg
@@ -218,10 +212,10 @@ class _Converter:
     def _fix(self, line: TherionLine) -> None:
         if len(line.words) < 5:
             raise InputError(f"{line.where}: expected fix station east north up")
-        for word in line.words[2:]:
-            if not re.fullmatch(r"[+-]?\d{1,12}(\.\d{0,12})?", word):
-                raise InputError(f"{line.where}: {word[:40]!r} is not a number")
-        self.made.add(line, " ".join(["*fix", station_for_survex(line.where, line.words[1]), *line.words[2:5]]))
+        east, north, up, *_ = (number_for_survex(line.where, word) for word in line.words[2:])
+        if self.is_latitude_first:
+            east, north = north, east
+        self.made.add(line, f"*fix {station_for_survex(line.where, line.words[1])} {east} {north} {up}")
 
     def _equate(self, line: TherionLine) -> None:
         names = [station_for_survex(line.where, word) for word in line.words[1:]]
@@ -230,10 +224,15 @@ class _Converter:
         self.made.add(line, f"*equate {' '.join(names)}")
 
     def _cs(self, line: TherionLine) -> None:
-        name, _ = cs_for_survex(line.where, line.words[1:])
+        system = cs_for_survex(line.where, line.words[1:])
         if self.place is None:
-            raise InputError(f"{line.where}: cs {name}, but no station is fixed in it")
-        self.made.add(line, f"*cs {name}")
+            raise InputError(f"{line.where}: cs {system.name}, but no station is fixed in it")
+        self.is_latitude_first = system.is_latitude_first
+        self.made.add(line, f"*cs {system.name}")
+
+    def _grid_angle(self, line: TherionLine) -> None:
+        words = [word.strip("[]") for word in line.words[1:]]
+        self.made.add(line, declination_for_survex(line.where, words, 0.0))  # it counts from grid north already
 
     def _infer(self, line: TherionLine) -> None:
         words = [word.lower() for word in line.words[1:]]

@@ -14,6 +14,7 @@ from pipeline.survey.solved.project_files import inside
 
 _WORD = re.compile(r'"((?:[^"]|"")*)"|\[([^\]]*)\]|(\S+)')
 _DRAWINGS = (".th2", ".xvi")
+_INPUTS = ("input", "source", "load")
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class TherionLine:
 def therion_lines(path: Path, files: list[Path]) -> Iterator[TherionLine]:
     """Yield the lines of a file and of the files that it inputs, in order; drawings (`.th2`) are left out.
 
-    `files` receives every file that was read.
+    `files` receives every file that was read, and those that `import` names.
 
     Raises
     ------
@@ -49,18 +50,16 @@ def _lines(path: Path, folder: Path, files: list[Path], above: list[Path]) -> It
     if len(files) > limits.survex_files:
         raise InputError(f"{path}: more than {limits.survex_files} files (survex_files in {FILE})")
     for line in _plain_lines(path):
-        if line.words[0] not in ("input", "source", "load"):
+        word = line.words[0]
+        if word == "import":
+            files.append(named_file(line, folder))
+        if word not in _INPUTS:
             yield line
             continue
-        if len(line.words) < 2:
-            raise InputError(f"{line.where}: {line.words[0]} names no file")
-        file = inside(line.where, line.words[1], path.parent, folder)
-        if file.suffix.lower() in _DRAWINGS:
+        if len(line.words) > 1 and line.words[1].lower().endswith(_DRAWINGS):
+            inside(line.where, line.words[1], path.parent, folder)
             continue
-        if not file.suffix:
-            file = file.with_name(file.name + ".th")
-        if not file.is_file():
-            raise InputError(f"{line.where}: {line.words[0]} {line.words[1][:80]!r}: no such file")
+        file = named_file(line, folder)
         if file.resolve() in [one.resolve() for one in (*above, path)]:
             raise InputError(f"{line.where}: {file.name} inputs itself")
         if len(above) >= limits.survex_depth:
@@ -68,6 +67,23 @@ def _lines(path: Path, folder: Path, files: list[Path], above: list[Path]) -> It
                 f"{line.where}: inputs are nested more than {limits.survex_depth} deep (survex_depth in {FILE})"
             )
         yield from _lines(file, folder, files, [*above, path])
+
+
+def named_file(line: TherionLine, folder: Path) -> Path:
+    """Return the file that a line names; `.th` may be left out.
+
+    Raises
+    ------
+    InputError
+        If it is missing or outside the folder.
+    """
+    if len(line.words) < 2:
+        raise InputError(f"{line.where}: {line.words[0]} names no file")
+    file = inside(line.where, line.words[1], line.path.parent, folder)
+    for option in (file, file.with_name(file.name + ".th")):
+        if option.is_file():
+            return option
+    raise InputError(f"{line.where}: {line.words[0]} {line.words[1][:80]!r}: no such file")
 
 
 def _plain_lines(path: Path) -> Iterator[TherionLine]:

@@ -10,11 +10,23 @@ import pyproj
 
 from pipeline.errors import InputError
 from pipeline.survey.therion.lines import TherionLine
-from pipeline.survey.therion.words import cs_for_survex, number_for_survex
+from pipeline.survey.therion.words import number_for_survex
 
 _DATE = re.compile(r"(1[89]\d\d|20\d\d)(?:\.(0?[1-9]|1[0-2])(?:\.(0?[1-9]|[12]\d|3[01]))?)?(?![\d.])")
 _SQUARE_M = 100_000.0
 _LETTERS = "ABCDEFGHJKLMNOPQRSTUVWXYZ"
+
+
+_DEGREES = "long-lat"  # as Survex calls it
+
+
+@dataclass(frozen=True)
+class System:
+    """A coordinate system by Survex's name. `metric` is empty for degrees."""
+
+    name: str
+    metric: str
+    is_latitude_first: bool = False
 
 
 @dataclass(frozen=True)
@@ -38,6 +50,33 @@ def date_for_survex(words: tuple[str, ...]) -> str:
     return ".".join(part for part in found.groups() if part) if found else ""
 
 
+def cs_for_survex(where: str, words: tuple[str, ...]) -> System:
+    """Return a coordinate system for `*cs`, and the metric one in which the result is wanted.
+
+    Raises
+    ------
+    InputError
+        If Survex does not know it.
+    """
+    name = " ".join(words)
+    upper = name.upper()
+    if upper in ("LAT-LONG", "LONG-LAT", "EPSG:4326"):
+        return System(_DEGREES, "", upper != "LONG-LAT")
+    if re.fullmatch(r"OSGB:[HNOST][A-HJ-Z]", upper):
+        return System(upper, "EPSG:27700")
+    if re.fullmatch(r"(EPSG|ESRI):\d{3,6}", upper) or upper in ("S-MERC", "JTSK", "IJTSK", "JTSK03", "IJTSK03"):
+        return System(upper, upper if ":" in upper or upper == "S-MERC" else f"I{upper.removeprefix('I')}")
+    zone = re.fullmatch(r"(UTM|ETRS)(\d{1,2})([NS]?)", upper)
+    if zone and zone[1] == "ETRS" and 28 <= int(zone[2]) <= 37 and not zone[3]:
+        return System(f"EPSG:{25800 + int(zone[2])}", f"EPSG:{25800 + int(zone[2])}")
+    if zone and zone[1] == "UTM" and 1 <= int(zone[2]) <= 60:
+        return System(*2 * (f"UTM{int(zone[2])}{zone[3] or 'N'}",))
+    raise InputError(
+        f"{where}: cs {name[:40]!r} is not supported; "
+        "use EPSG, ESRI, UTM, ETRS, OSGB, S-MERC, JTSK, lat-long or long-lat"
+    )
+
+
 def place_of(lines: list[TherionLine]) -> Place | None:
     """Return where a project lies, or None if it names no coordinate system or fixes no station in it.
 
@@ -57,13 +96,15 @@ def place_of(lines: list[TherionLine]) -> Place | None:
             current = cs_for_survex(line.where, line.words[1:])
             first = first or (line, current)
         elif word == "fix" and first and current == first[1] and len(line.words) >= 5:
-            fixes.append([float(number_for_survex(line.where, text)) for text in line.words[2:5]])
+            east, north, up = (float(number_for_survex(line.where, text)) for text in line.words[2:5])
+            fixes.append([north, east, up] if current.is_latitude_first else [east, north, up])
         elif word == "date":
             dates += [date] if (date := date_for_survex(line.words[1:])) else []
     if first is None or not fixes:
         return None
-    line, (cs, out) = first
+    line, system = first
     east, north, up = np.mean(fixes, axis=0).tolist()
+    cs, out = system.name, system.metric or _utm_zone(east, north)
     earliest = min(dates, key=lambda date: [int(part) for part in date.split(".")]) if dates else ""
     return Place(line, cs, out, (east, north, up), _convergence_deg(line, cs, out, east, north), earliest)
 
@@ -88,6 +129,11 @@ def _convergence_deg(line: TherionLine, cs: str, out: str, east: float, north: f
     return angle
 
 
+def _utm_zone(longitude_deg: float, latitude_deg: float) -> str:
+    zone = int(np.clip((longitude_deg + 180) // 6 + 1, 1, 60))
+    return f"EPSG:{(32600 if latitude_deg >= 0 else 32700) + zone}"
+
+
 def _square(cs: str) -> tuple[float, float]:
     """Return the south-west corner of a square of 100 km of the British National Grid, m east and north."""
     major, minor = (_LETTERS.index(letter) for letter in cs.removeprefix("OSGB:"))
@@ -100,5 +146,5 @@ def _proj_name(cs: str) -> str:
     if cs.startswith("UTM"):
         zone, half = int(cs[3:-1]), cs[-1]
         return f"EPSG:{(32600 if half == 'N' else 32700) + zone}"
-    return {"S-MERC": "EPSG:3857", "IJTSK": "EPSG:5514", "JTSK": "EPSG:5513", "IJTSK03": "EPSG:8353",
-            "JTSK03": "EPSG:8352"}.get(cs, cs)  # fmt: skip
+    return {_DEGREES: "EPSG:4326", "S-MERC": "EPSG:3857", "IJTSK": "EPSG:5514", "JTSK": "EPSG:5513",
+            "IJTSK03": "EPSG:8353", "JTSK03": "EPSG:8352"}.get(cs, cs)  # fmt: skip

@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from pipeline.errors import InputError
+from pipeline.survey.solved.survex_text import SurvexText
 from pipeline.survey.therion.lines import TherionLine
 from pipeline.survey.therion.words import number_for_survex, station_for_survex
 
 _NAMES = {
     "tape": "length", "bearing": "compass", "gradient": "clino", "backbearing": "backcompass",
     "backgradient": "backclino", "dx": "easting", "dy": "northing", "dz": "altitude", "ceiling": "up", "floor": "down",
+    "backtape": "backlength", "fromcounter": "fromcount", "tocounter": "tocount", "counter": "count",
 }  # fmt: skip
-_STYLES = {"normal", "cartesian", "diving", "cylpolar", "nosurvey", "dimensions", "passage"}
+_STYLES = {"normal", "cartesian", "diving", "cylpolar", "nosurvey", "dimensions", "passage", "topofil"}
 _PASSAGE = "*data passage station left right up down"
 _LRUD = ("left", "right", "up", "down")
 _ANGLES = ("compass", "backcompass")
 _READINGS = {
     "from", "to", "station", "newline", "length", "compass", "clino", "backcompass", "backclino", "easting", "northing",
     "altitude", "fromdepth", "todepth", "depth", "depthchange", "ignore", "ignoreall", "direction", "fromcount",
-    "tocount", "count", *_LRUD,
+    "tocount", "count", "backlength", *_LRUD,
 }  # fmt: skip
 _PLUMB = {"up", "u", "+v", "down", "d", "-v", "level", "h", "-", "."}
 _SPLAY_ENDS = ("-", ".")
+_UNKNOWN = ("-", ".", "nan", "NaN", "NAN")
 
 
 @dataclass
@@ -36,9 +38,9 @@ class _TherionShot:
 class Shots:
     """The data of one centreline. Repeated shots are collected and averaged; cross-sections follow their shots."""
 
-    def __init__(self, add: Callable[[TherionLine, str], None]) -> None:
+    def __init__(self, made: SurvexText) -> None:
         """Begin without an order of readings."""
-        self.add = add
+        self.made, self.add = made, made.add
         self.style = ""
         self.readings: tuple[str, ...] = ()
         self.repeated: list[_TherionShot] = []
@@ -50,7 +52,7 @@ class Shots:
         words = [word.lower() for word in line.words[1:]]
         if not words or words[0] not in _STYLES:
             raise InputError(f"{line.where}: data {' '.join(words)[:60]!r} is not supported")
-        self.style = words[0]
+        self.style = "normal" if words[0] == "topofil" else words[0]
         self.readings = tuple(_NAMES.get(word, word) for word in words[1:])
         unknown = [word for word in self.readings if word not in _READINGS]
         if unknown:
@@ -80,7 +82,7 @@ class Shots:
         self._write_repeated()
         if not self.sections:
             return
-        self._end_passage(self.sections[-1][0])
+        self.tail = ""
         for line, text in self.sections:
             self.add(line, text)
         self.add(line, self._order())
@@ -123,24 +125,35 @@ class Shots:
                 words.append(texts[0] if texts and texts[0].isalnum() else "0")
             else:
                 words.append(_mean(line, name, texts))
-        self.add(line, " ".join(words))
         self.repeated = []
+        is_splay = rows[0].get("from") in _SPLAY_ENDS or rows[0].get("to") in _SPLAY_ENDS
+        if self.style == "normal" or not is_splay:
+            self.add(line, " ".join(words))
+            return
+        names = [self.made.unnamed_station() if word in (".", "..") else word for word in words]
+        for text in ("*begin", "*flags splay", " ".join(names), "*end"):
+            self.add(line, text)
 
     def _keep_section(self, line: TherionLine, values: dict[str, str]) -> None:
-        """Keep the cross-section at a shot's first station; a shot that does not continue begins a new passage."""
-        if all(values.get(name, "-") in ("-", ".") for name in _LRUD):
-            self._end_passage(line)
+        """Keep the cross-sections of a shot; a shot that does not continue begins a new passage.
+
+        As in Therion, one value belongs to the shot's second station. `[a b]` are those of both, in the order of `from`
+        and `to`. The first station of a passage without a value of its own has its shot's.
+        """
+        at_from, at_to = {}, {}
+        for name in _LRUD:
+            pair = values.get(name, "-").strip("[]").split() or ["-"]
+            if len(pair) > 2:
+                raise InputError(f"{line.where}: {name} {values[name][:40]!r}: want one or two distances")
+            ordered = pair if self.readings.index("from") < self.readings.index("to") else pair[::-1]
+            at_from[name], at_to[name] = ordered[0], ordered[-1]
+        if all(text in _UNKNOWN for text in (*at_from.values(), *at_to.values())):
+            self.tail = ""
             return
         if values["from"] != self.tail:
-            self._end_passage(line)
-            self.sections.append((line, _PASSAGE))
-        self.sections.append((line, _section_words(line, values["from"], values)))
+            self.sections += [(line, _PASSAGE), (line, _section_words(line, values["from"], at_from))]
+        self.sections.append((line, _section_words(line, values["to"], at_to)))
         self.tail = values["to"]
-
-    def _end_passage(self, line: TherionLine) -> None:
-        if self.tail:
-            self.sections.append((line, _section_words(line, self.tail, {})))
-        self.tail = ""
 
     def _section(self, line: TherionLine, values: dict[str, str]) -> None:
         self.add(line, _section_words(line, values["station"], values))
@@ -150,7 +163,7 @@ def _section_words(line: TherionLine, station: str, values: dict[str, str]) -> s
     walls = []
     for name in _LRUD:
         text = values.get(name, "-")
-        walls.append("-" if text in ("-", ".") else number_for_survex(line.where, text))
+        walls.append("-" if text in _UNKNOWN else number_for_survex(line.where, text))
     return " ".join([station_for_survex(line.where, station), *walls])
 
 
@@ -166,8 +179,8 @@ def _plain(line: TherionLine, word: str) -> str:
 
 def _mean(line: TherionLine, name: str, texts: list[str]) -> str:
     """Return one reading, or the mean of several: of angles of the compass, the direction of their mean vector."""
-    if len(texts) == 1 or any(text.lower() in _PLUMB for text in texts):
-        text = next((text for text in texts if text != "-"), "-")
+    if len(texts) == 1 or any(text.lower() in _PLUMB or text in _UNKNOWN for text in texts):
+        text = next((text for text in texts if text not in _UNKNOWN), "-")
         return text if text.lower() in _PLUMB else number_for_survex(line.where, text)
     numbers = [float(number_for_survex(line.where, text)) for text in texts]
     if name in _ANGLES and max(numbers) - min(numbers) > 180:

@@ -5,33 +5,41 @@ from __future__ import annotations
 import re
 
 from pipeline.errors import InputError
+from pipeline.survey.solved.survex_text import written_name, written_survey
 
-DOT = "~"
-SKIPPED_BLOCKS = {"map", "scrap", "surface", "grade", "layout", "lookup", "line", "area"}
-_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_/'+-]{0,200}")
+_DOT = "~"  # stands for the point of a station's name, which parts surveys in Survex
+SKIPPED_BLOCKS = {"map", "scrap", "surface", "grade", "layout", "lookup", "line", "area", "revise", "scan"}
+_LONGEST_NAME = 200
+_NUMBER = re.compile(r"[+-]?(\d{1,12}\.?\d{0,17}|\.\d{1,17})(e[+-]?\d{1,2})?", re.IGNORECASE)
+_SEXAGESIMAL = re.compile(r"([+-]?)(\d{1,3}):(\d{1,2}(?:\.\d{0,12})?)(?::(\d{1,2}(?:\.\d{0,12})?))?")
 _QUANTITIES = {
-    "length": "length", "tape": "length", "compass": "compass", "bearing": "compass", "clino": "clino",
-    "gradient": "clino", "backcompass": "backcompass", "backbearing": "backcompass", "backclino": "backclino",
-    "backgradient": "backclino", "counter": "counter", "depth": "depth", "dx": "dx", "dy": "dy", "dz": "dz",
-    "easting": "dx", "northing": "dy", "altitude": "dz", "left": "left", "right": "right", "up": "up", "down": "down",
+    "length": "length", "tape": "length", "backlength": "backlength", "backtape": "backlength", "compass": "compass",
+    "bearing": "compass", "clino": "clino", "gradient": "clino", "backcompass": "backcompass",
+    "backbearing": "backcompass", "backclino": "backclino", "backgradient": "backclino", "counter": "counter",
+    "count": "counter", "depth": "depth", "dx": "dx", "dy": "dy", "dz": "dz", "easting": "dx", "northing": "dy",
+    "altitude": "dz", "left": "left", "right": "right", "up": "up", "ceiling": "up", "down": "down", "floor": "down",
     "position": "position",
 }  # fmt: skip
 _UNITS = {
     "m": "metres", "meter": "metres", "meters": "metres", "metre": "metres", "metres": "metres", "metric": "metres",
     "ft": "feet", "foot": "feet", "feet": "feet", "feets": "feet", "yd": "yards", "yard": "yards", "yards": "yards",
     "degree": "degrees", "degrees": "degrees", "deg": "degrees", "degs": "degrees", "grad": "grads", "grads": "grads",
-    "minute": "minutes", "minutes": "minutes", "min": "minutes", "percent": "percent", "percentage": "percent",
+    "minute": "minutes", "minutes": "minutes", "min": "minutes", "mil": "mils", "mils": "mils", "percent": "percent",
+    "percentage": "percent",
 }  # fmt: skip
-_SMALL = {"cm": 0.01, "centimeter": 0.01, "centimeters": 0.01, "centimetre": 0.01, "centimetres": 0.01,
-          "in": 0.0254, "inch": 0.0254, "inches": 0.0254}  # fmt: skip
-_DEGREES = {"degrees": 1.0, "grads": 0.9, "minutes": 1 / 60}
+_SMALL = {
+    "mm": 0.001, "millimeter": 0.001, "millimeters": 0.001, "millimetre": 0.001, "millimetres": 0.001,
+    "cm": 0.01, "centimeter": 0.01, "centimeters": 0.01, "centimetre": 0.01, "centimetres": 0.01,
+    "in": 0.0254, "inch": 0.0254, "inches": 0.0254,
+}  # fmt: skip
+_DEGREES = {"degrees": 1.0, "grads": 0.9, "minutes": 1 / 60, "mils": 360 / 6400}
 _FLAGS = {"surface", "duplicate", "splay"}
 
 
-def survey_name(where: str, name: str) -> str:
-    """Return a survey's name, or refuse one that Survex cannot hold."""
-    if not _NAME.fullmatch(name):
-        raise InputError(f"{where}: name {name[:60]!r}: letters, digits and _ - / ' + are read")
+def require_name(where: str, name: str) -> str:
+    """Return a name of a survey or a station, or refuse one that no program shows."""
+    if not name or not name.isprintable() or len(name) > _LONGEST_NAME:
+        raise InputError(f"{where}: name {name[:60]!r}: want 1 to {_LONGEST_NAME} printable characters")
     return name
 
 
@@ -40,17 +48,11 @@ def station_for_survex(where: str, name: str) -> str:
     if name in ("-", "."):
         return ".." if name == "-" else "."
     station, _, surveys = name.partition("@")
-    parts = [*reversed(surveys.split(".")), station] if surveys else [station]
-    *outer, inner = parts
-    return ".".join([*(survey_name(where, part) for part in outer), _station_name(where, inner)])
-
-
-def _station_name(where: str, name: str) -> str:
-    """Return a station's name, with `DOT` for the point of names like 2.15: a point parts surveys in Survex."""
-    parts = name.split(".")
-    if "" in parts:
-        raise InputError(f"{where}: station {name[:60]!r}: a name neither begins nor ends with a point")
-    return DOT.join(survey_name(where, part) for part in parts)
+    outer = [written_survey(require_name(where, part)) for part in reversed(surveys.split("."))] if surveys else []
+    if station.startswith("."):
+        raise InputError(f"{where}: station {name[:60]!r}: a name does not begin with a point")
+    inner = _DOT.join(written_name(part) for part in require_name(where, station).split("."))
+    return ".".join([*outer, inner])
 
 
 def units_for_survex(where: str, words: tuple[str, ...]) -> str:
@@ -76,16 +78,20 @@ def numbers_for_survex(where: str, words: tuple[str, ...]) -> str:
 
 
 def number_for_survex(where: str, word: str) -> str:
-    """Return a plain decimal number as it stands, or refuse the word."""
-    if not re.fullmatch(r"[+-]?(\d{1,12}\.?\d{0,12}|\.\d{1,12})", word):
+    """Return a plain decimal number, or refuse the word. `4:30` is degrees and minutes, `1e3` a thousand."""
+    parts = _SEXAGESIMAL.fullmatch(word)
+    if parts:
+        degrees = float(parts[2]) + float(parts[3]) / 60 + float(parts[4] or 0) / 3600
+        return f"{parts[1]}{degrees:.9f}"
+    if not _NUMBER.fullmatch(word):
         raise InputError(f"{where}: {word[:40]!r} is not a number")
-    return word
+    return word if "e" not in word.lower() else f"{float(word):.9f}"
 
 
 def declination_for_survex(where: str, words: list[str], convergence_deg: float) -> str:
     """Return Survex's command for one declination, counted from grid north; a list by date is refused."""
     words = " ".join(words).split()
-    if len(words) != 2 or words[1].lower() not in ("degree", "degrees", "deg", "grads", "grad", "minutes"):
+    if len(words) != 2 or _UNITS.get(words[1].lower()) not in _DEGREES:
         raise InputError(f"{where}: declination {' '.join(words)[:60]!r}: expected one angle with its unit")
     degrees = float(number_for_survex(where, words[0])) * _DEGREES[_UNITS[words[1].lower()]]
     return f"*declination {degrees - convergence_deg:.6f} degrees"
@@ -104,17 +110,3 @@ def flags_for_survex(where: str, words: tuple[str, ...]) -> str:
             raise InputError(f"{where}: flag {word[:40]!r} is not supported")
         negate = False
     return " ".join(kept)
-
-
-def cs_for_survex(where: str, words: tuple[str, ...]) -> tuple[str, str]:
-    """Return a coordinate system for `*cs`, and the metric one in which the result is wanted."""
-    name = " ".join(words)
-    upper = name.upper()
-    if re.fullmatch(r"OSGB:[HNOST][A-HJ-Z]", upper):
-        return upper, "EPSG:27700"
-    if re.fullmatch(r"(EPSG|ESRI):\d{3,6}", upper) or upper in ("S-MERC", "JTSK", "IJTSK", "JTSK03", "IJTSK03"):
-        return upper, upper if ":" in upper or upper == "S-MERC" else f"I{upper.removeprefix('I')}"
-    utm = re.fullmatch(r"UTM(\d{1,2})([NS]?)", upper)
-    if utm and 1 <= int(utm[1]) <= 60:
-        return f"UTM{int(utm[1])}{utm[2] or 'N'}", f"UTM{int(utm[1])}{utm[2] or 'N'}"
-    raise InputError(f"{where}: cs {name[:40]!r} is not supported; use EPSG, ESRI, UTM, OSGB, S-MERC or JTSK")

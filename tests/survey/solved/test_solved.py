@@ -7,8 +7,9 @@ import subprocess
 import numpy as np
 import pytest
 
-from benchmarks.fuzzing.surveys import PROJECT, SAMPLES_3D, head, old_3d, place, ring_3d
+from benchmarks.fuzzing.surveys import PROJECT, SAMPLES_3D, head, label, old_3d, place, ring_3d
 from pipeline.errors import InputError
+from pipeline.guard import plain_file
 from pipeline.survey.passages.legs import build_workings
 from pipeline.survey.passages.sheets import has_relief, lay_out_sheets
 from pipeline.survey.solved import cavern
@@ -283,14 +284,16 @@ def test_compass_data_is_solved_with_its_cross_sections(tmp_path):
     np.testing.assert_allclose(position_of(survey)["A2"], (0, 30.48, 0), atol=0.006)
     (passage,) = survey.passages
     assert [survey.names[i] for i in passage.stations] == ["A1", "A2", "A3", "A4", "A1"]
-    np.testing.assert_allclose(passage.lrud_m[0], np.array([6, 6, 9, 1]) * 0.3048)
+    np.testing.assert_allclose(passage.lrud_m[0], np.array([6, 6, 9, 1]) * 0.3048, atol=0.0051)  # whole centimetres
     assert np.isnan(passage.lrud_m[3, :2]).all()
 
 
-def test_a_station_with_two_positions_is_refused(tmp_path):
-    data = head() + b"\x82\x01a" + place((0, 0, 0)) + b"\x82\0\0\0" + place((1, 0, 0)) + b"\0\0"
-    with pytest.raises(InputError, match="station a has two positions"):
-        read_3d(write(tmp_path, {"mine.3d": data}))
+def test_a_name_at_two_places_is_two_stations(tmp_path, capsys):
+    again = b"\x82\0\0\0" + place((1, 0, 0))
+    data = head() + b"\x82\x01a" + place((0, 0, 0)) + again + again + b"\0\0"
+    at = position_of(read_3d(write(tmp_path, {"mine.3d": data})))
+    np.testing.assert_array_equal([at["a"], at["a (2)"]], [(0, 0, 0), (0.01, 0, 0)])
+    assert "1 stations have names of others elsewhere: a is a (2)" in capsys.readouterr().err
 
 
 @needs_cavern
@@ -299,7 +302,7 @@ def test_a_file_named_in_another_case_is_found_unless_two_could_be_meant(tmp_pat
     assert project_files(path) == [path, tmp_path / "a/sub/b.svx"]
     assert len(read_passages(path)[0]) == 1
     plan = write(tmp_path / "b", {"a.mak": "#A.DAT;\r\n", "a.dat": COMPASS.replace("FLAGS\n", "\n") + "\f\n"})
-    assert project_files(plan) == [plan, tmp_path / "b/a.dat"]
+    assert survey_files(plan) == [plan, tmp_path / "b/a.dat"]
     assert read_passages(plan)[0]
     path = write(tmp_path / "c", {"a.svx": "*include B\n", "b.svx": ONE_FILE, "B.SVX": "*include ../x\n"})
     with pytest.raises(InputError, match=r"a\.svx:1: \*include 'B': no such file"):
@@ -327,17 +330,18 @@ OUTSIDE = b"*include ../outside\n"
         ({"a.svx": b"*include b.mak\n", "b.mak": b"#../outside.dat;\n"}, "only .svx files are included"),
         ({"a.svx": b"*include b.dat\n", "b.dat": b""}, "only .svx files are included"),
         ({"a.svx": SHOT + b"*cs ;\n"}, r"a\.svx:3: \*cs names no coordinate system"),
-        ({"a.mak": b"#\n../outside.dat;\n"}, r"a\.mak:1: #\.\./outside\.dat: the name does not end on its line"),
-        ({"a.mak": b"/#../\noutside.dat;\n"}, "is outside the survey's folder"),
+        ({"a.mak": b"#\n../outside.dat;\n"}, r"a\.mak:1: '\.\./outside\.dat' is outside"),
+        ({"a.mak": b"/#../\n#outside.dat;\n"}, r"a\.mak:2: #outside\.dat: no such file"),
         ({"a.mak": b"/#b\n#../outside.dat;\n"}, r"a\.mak:2: '\.\./outside\.dat' is outside"),
-        ({"a.mak": b"#b.mak;\n", "b.mak": b"#../outside.dat;\n"}, "a project is made of .dat files"),
-        ({"a.mak": b"/#b.mak;\n", "b.mak": b"#../outside.dat;\n"}, "a project is made of .dat files"),
+        ({"a.mak": b"[..;\n#outside.dat;\n"}, r"a\.mak:1: '\.\.' is outside"),
+        ({"a.mak": b"#b.mak;\n", "b.mak": b"#../outside.dat;\n"}, "a project is made of .dat and .clp files"),
+        ({"a.mak": b"/ x /#b.mak;\n", "b.mak": b"#../outside.dat;\n"}, "a project is made of .dat and .clp files"),
     ],
 )
 def test_what_survex_reads_in_another_way_than_the_scan_leads_out_of_no_folder(tmp_path, files, message):
     write(tmp_path, {"outside.svx": SHOT, "outside.dat": SHOT})
     with pytest.raises(InputError, match=message):
-        project_files(write(tmp_path / "mine", files))
+        survey_files(write(tmp_path / "mine", files))
 
 
 def test_marks_of_utf_8_and_of_dos_are_no_part_of_a_survey(tmp_path):
@@ -351,3 +355,34 @@ def test_links_of_nodes_that_lead_out_of_the_folder_are_refused(tmp_path):
     (tmp_path / "mine" / "c_links.dat").symlink_to(tmp_path / "outside.dat")
     with pytest.raises(InputError, match=r"'c_links\.dat' is outside the survey's folder$"):
         solve_file(path)
+
+
+# As 1.4.22 prints it; 1.4.4 refuses such surveys.
+HANGING = """cavern: warning: Survey not all connected to fixed stations
+The following survey stations are not attached to a fixed point:
+a.svx:16: info: a.1
+a.svx:5: info: 3
+
+Survey contains 11 survey stations, joined by 10 legs.
+"""
+
+
+def test_stations_that_newer_versions_leave_out_are_listed():
+    assert cavern.hanging_stations(HANGING) == ["a.1", "3"]
+    assert cavern.hanging_stations("Survey contains 11 survey stations\n") == []
+
+
+def test_ends_of_splays_do_not_count_as_stations_of_passages(tmp_path, monkeypatch):
+    few = plain_file.reader_limits().model_copy(update={"stations": 4})
+    monkeypatch.setattr(plain_file, "reader_limits", lambda: few)
+    splays = b"".join(
+        b"\x44" + label(b"", 0, 0) + place((10 * k, 500, 9)) + b"\x0f" + place((0, 0, 0)) for k in range(9)
+    )
+    path = write(tmp_path, {"a.3d": ring_3d()[:-1] + b"\x0f" + place((0, 0, 0)) + splays + b"\0"})
+    survey = read_3d(path)
+    assert (survey.leg_flags == LegFlag.SPLAY).sum() == 9
+    assert len(plan_legs(path, survey)) == 1
+    fewer = few.model_copy(update={"stations": 3})
+    monkeypatch.setattr(plain_file, "reader_limits", lambda: fewer)
+    with pytest.raises(InputError, match=r"a\.3d: 4 stations of passages or more, the limit is 3 \(stations in"):
+        plan_legs(path, survey)

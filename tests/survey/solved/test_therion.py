@@ -1,13 +1,15 @@
 """Therion centrelines in Survex's form, and Wheal Pell's project beside the file that Therion made of it."""
 
+import itertools
 import shutil
 from datetime import date
 from pathlib import Path
 
 import numpy as np
+import pyproj
 import pytest
 
-from benchmarks.fuzzing.surveys import THERION
+from benchmarks.fuzzing.surveys import THERION, ring_3d
 from pipeline.errors import InputError
 from pipeline.survey.solved.model import LegFlag
 from pipeline.survey.solved.survex_3d import read_3d
@@ -62,8 +64,123 @@ def test_names_with_points_as_instruments_write_them_are_stations_of_one_survey(
     at = position_of(solve_file(write(tmp_path, {"m.th": whole})))
     np.testing.assert_allclose(at["a.m.2~10"] - at["a.m.1~0"], (10, 10, 0), atol=0.011)
     np.testing.assert_allclose(at["a.2.3"] - at["a.m.2~1"], (0, 7, 0), atol=0.011)
-    with pytest.raises(InputError, match=r"m\.th:4: station '1\.': a name neither begins nor ends with a point"):
-        solved(tmp_path, NORMAL + "1. 2 10 0 0\n")
+    assert set(solved(tmp_path, NORMAL + "1. 2 10 0 0\n")) == {"m.1~", "m.2"}
+    with pytest.raises(InputError, match=r"m\.th:4: station '\.1': a name does not begin with a point"):
+        solved(tmp_path, NORMAL + ".1 2 10 0 0\n")
+
+
+@needs_cavern
+def test_names_of_any_characters_are_read_and_a_station_may_have_its_surveys_name(tmp_path):
+    names = ["P1'", "a~b", "1*", "x,y", "/3", "2+7", "sub", "Š", "a;b", "*include"]
+    shots = "".join(f"{start} {end} 10 90 0\n" for start, end in itertools.pairwise(names))
+    inner = f"survey sub'\ncentreline\n{NORMAL}0 sub' 5 0 0\nendcentreline\nendsurvey\n"
+    sub = inner.replace("sub'", "sub")
+    text = f"survey m\ncentreline\n{NORMAL}{shots}endcentreline\n{inner}{sub}"
+    at = position_of(solve_file(write(tmp_path, {"m.th": f"{text}equate 0@sub' sub 0@sub\nendsurvey\n"})))
+    np.testing.assert_allclose([at[f"m.{name}"] for name in names], [(10 * k, 0, 0) for k in range(10)], atol=0.011)
+    np.testing.assert_allclose(at["m.sub'.sub'"], (60, 5, 0), atol=0.011)
+    np.testing.assert_allclose(at["m.sub.sub"], (60, 5, 0), atol=0.011)
+
+
+@needs_cavern
+def test_an_error_of_survex_shows_names_as_the_file_has_them(tmp_path):
+    with pytest.raises(InputError, match=r"m\.th:4: .*“m\.P1'”"):
+        solved(tmp_path, NORMAL + "P1' P1' 10 90 0\n")
+
+
+@needs_cavern
+def test_options_of_surveys_take_as_many_words_as_therion_gives_them(tmp_path):
+    options = (
+        '-attr depth 12 -author 2001.2 "A Person" -title "A mine" -person-rename "A B" "C D" -declination [90 deg]'
+    )
+    text = centreline(f"{NORMAL}1 2 10 0 0\n").replace("survey m", f"survey m {options}", 1)
+    at = position_of(solve_file(write(tmp_path, {"m.th": text})))
+    np.testing.assert_allclose(at["m.2"] - at["m.1"], (10, 0, 0), atol=0.011)
+
+
+@needs_cavern
+def test_a_project_of_more_than_two_hundred_files_is_read(tmp_path):
+    part = f"survey s{{0}}\ncentreline\n{NORMAL}{{0}} {{1}} 10 0 0\nendcentreline\nendsurvey\n"
+    files = {f"{k}.th": part.format(k, k + 1) for k in range(250)}
+    equates = "".join(f"equate {k + 1}@s{k} {k + 1}@s{k + 1}\n" for k in range(249))
+    inputs = "".join(f"input {k}\n" for k in range(250))
+    survey = solve_file(write(tmp_path, {"m.th": f"survey m\n{inputs}{equates}endsurvey\n", **files}))
+    assert np.ptp(survey.positions_m[:, 1]) == pytest.approx(2500, abs=0.1)
+    assert len(survey.legs) == 250
+
+
+IMPORTED = "import solved.3d -surveys create"
+
+
+@needs_cavern
+@pytest.mark.parametrize(
+    ("line", "names"),
+    [
+        (IMPORTED, {"m.mine.0", "m.mine.1", "m.mine.2", "m.mine.3"}),
+        ("import solved.3d -surveys ignore", {f"m.mine~{k}" for k in range(4)}),
+        ("import solved -format 3d -filter mine.", {f"m.{k}" for k in range(4)}),
+    ],
+)
+def test_an_imported_survey_keeps_its_places_legs_and_cross_sections(tmp_path, line, names):
+    line = line.replace("solved ", "solved.3d ")
+    path = write(tmp_path, {"m.th": f"survey m\n{line}\nendsurvey\n", "solved.3d": ring_3d()})
+    survey, alone = solve_file(path), read_3d(tmp_path / "solved.3d")
+    at, before = position_of(survey), position_of(alone)
+    assert set(at) == names
+    for name, (_, place) in zip(sorted(at), sorted(before.items()), strict=True):
+        np.testing.assert_array_equal(at[name], place)
+    assert len(survey.legs) == len(alone.legs) == 4
+    np.testing.assert_array_equal(survey.passages[0].lrud_m, alone.passages[0].lrud_m)
+    assert [file.name for file in survey_files(path)] == ["m.th", "solved.3d"]
+
+
+@needs_cavern
+def test_shots_join_stations_of_an_imported_survey_which_may_be_moved(tmp_path):
+    shots = f"centreline\n{NORMAL}1 new 10 0 0\nendcentreline\nequate 1 2@mine\n"
+    moved = f"{IMPORTED} -calibrate [0 0 0 1000 2000 5]"
+    path = write(tmp_path, {"m.th": f"survey m\n{moved}\n{shots}endsurvey\n", "solved.3d": ring_3d()})
+    np.testing.assert_allclose(position_of(solve_file(path))["m.new"], (1030, 2030, 5.3), atol=0.011)
+
+
+@needs_cavern
+def test_a_station_of_two_imported_files_stays_where_the_first_has_it(tmp_path):
+    other = ring_3d([(500, 0, 0), (500, 2000, 10), (3500, 2000, 30), (3500, 0, 10)])
+    text = f"survey m\n{IMPORTED}\nimport other.3d\nendsurvey\n"
+    path = write(tmp_path, {"m.th": text, "solved.3d": ring_3d(), "other.3d": other})
+    np.testing.assert_array_equal(position_of(solve_file(path))["m.mine.0"], (0, 0, 0))
+
+
+@needs_cavern
+def test_splays_of_every_style_end_at_stations_without_a_name(tmp_path):
+    text = "data cartesian from to dx dy dz\na b 3 4 5\na - 1 0 0\nb . 2 0 0\n"
+    text += "data cylpolar from to length compass fromdepth todepth\nb - 2 90 0 0\n"
+    survey = solve_file(write(tmp_path, {"m.th": centreline(f"{text}flags splay\nb c 1 90 0 0\n")}))
+    assert sorted(survey.leg_flags.tolist()) == [0, *4 * [LegFlag.SPLAY]]
+    assert sorted(survey.names) == ["", "", "", "m.a", "m.b", "m.c"]
+
+
+@needs_cavern
+def test_fixed_stations_in_degrees_are_brought_to_their_zone(tmp_path):
+    for cs, place in (("lat-long", "50:18:00 -5.2115"), ("long-lat", "-5:12.69 50.3"), ("EPSG:4326", "50.3 -5.2115")):
+        text = f"cs {cs}\nfix 1 {place} 100\n{NORMAL}1 2 10 0 90\n"
+        survey = solve_file(write(tmp_path, {"m.th": centreline(text)}))
+        east, north = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:32630", always_xy=True).transform(-5.2115, 50.3)
+        np.testing.assert_allclose(position_of(survey)["m.1"], (east, north, 100), atol=0.1)
+        assert "32630" in survey.crs
+
+
+@needs_cavern
+def test_a_declination_of_a_dash_takes_back_the_stated_one(tmp_path):
+    at = solved(tmp_path, f"declination 1600 mils\n{NORMAL}1 2 10 0 0\ndeclination -\n2 3 10 0 0\n")
+    np.testing.assert_allclose(at["m.2"] - at["m.1"], (10, 0, 0), atol=0.011)
+    np.testing.assert_allclose(at["m.3"] - at["m.2"], (0, 10, 0), atol=0.011)
+
+
+@needs_cavern
+def test_a_grid_angle_is_a_declination_from_grid_north(tmp_path):
+    text = f"cs UTM30N\nfix 1 200000 5575000 0\ngrid-angle 90 degrees\n{NORMAL}1 2 100 0 0\n"
+    at = solved(tmp_path, text)
+    np.testing.assert_allclose(at["m.2"] - at["m.1"], (100, 0, 0), atol=0.1)
 
 
 @needs_cavern
@@ -92,11 +209,14 @@ def test_other_styles_of_data_are_solved(tmp_path):
 @needs_cavern
 def test_cross_sections_in_shot_lines_follow_the_shots(tmp_path):
     text = "data normal from to length compass clino left right up down\n1 2 10 0 0 1 2 3 4\n2 3 10 0 0 2 2 2 2\n"
-    survey = solve_file(write(tmp_path, {"m.th": centreline(text + "1 4 10 90 0 5 5 5 5\n")}))
+    text += "1 4 10 90 0 [5 6] 5 - [7 -]\n"
+    survey = solve_file(write(tmp_path, {"m.th": centreline(text)}))
     other, first = survey.passages  # Survex writes the last passage first
     assert [survey.names[i] for i in first.stations] == ["m.1", "m.2", "m.3"]
     assert [survey.names[i] for i in other.stations] == ["m.1", "m.4"]
-    np.testing.assert_array_equal(first.lrud_m, [[1, 2, 3, 4], [2, 2, 2, 2], [np.nan] * 4])
+    # Therion writes these to a plot file: a value belongs to the second station, and the first one gets it, too.
+    np.testing.assert_array_equal(first.lrud_m, [[1, 2, 3, 4], [1, 2, 3, 4], [2, 2, 2, 2]])
+    np.testing.assert_array_equal(other.lrud_m, [[5, 5, np.nan, 7], [6, 5, np.nan, np.nan]])
 
 
 def test_grid_north_of_the_british_grid_lies_where_the_ordnance_survey_puts_it():
@@ -117,13 +237,19 @@ def test_grid_north_of_the_british_grid_lies_where_the_ordnance_survey_puts_it()
         ("input /etc/passwd\n", "is outside the survey's folder"),
         ("input x\n", r":1: input 'x': no such file"),
         ("input m.th\n", "m.th inputs itself"),
-        ("import x.3d\n", r":1: 'import' is not supported here"),
+        ("import x.3d\n", r":1: import 'x\.3d': no such file"),
+        ("import ../x.3d\n", r":1: '\.\./x\.3d' is outside the survey's folder"),
+        ("import m.th\n", r":1: import 'm\.th': only \.3d files are imported"),
+        ("import m.th -surveys some\n", r":1: import -surveys 'some': want create, use, ignore"),
+        ("import m.th -calibrate [1 2 3]\n", r":1: import -calibrate: want six numbers"),
+        ("import m.th -colour red\n", r":1: import option '-colour' is not supported"),
+        ("survey m -colour red\nendsurvey\n", r":1: survey option '-colour' is not supported"),
         (centreline("1 2 3 4 5\n"), r":3: '1' is no command, and no `data` line precedes it"),
         (centreline(NORMAL + "1 2 3 4\n"), r":4: 4 readings, `data` names 5"),
         (centreline(NORMAL + "1 2 x 4 5\n"), r":4: 'x' is not a number"),
         (centreline(NORMAL + "1 2 1e999 4 5\n"), r":4: '1e999' is not a number"),
-        (centreline(NORMAL + "1 a;b 3 4 5\n"), r":4: name 'a;b'"),
-        (centreline("data topofil from to\n"), r":3: data 'topofil from to' is not supported"),
+        (centreline(NORMAL + "1 a\x07b 3 4 5\n"), r":4: name 'a\\x07b': want 1 to 200 printable characters"),
+        (centreline("data tape from to\n"), r":3: data 'tape from to' is not supported"),
         (centreline("data normal from to length compass clino colour\n"), r":3: reading 'colour' is not supported"),
         (centreline("units length furlongs\n"), r":3: units 'length furlongs' are not supported"),
         (centreline("declination [2000 1 2001 2 degrees]\n"), r":3: declination .* expected one angle"),
@@ -132,7 +258,7 @@ def test_grid_north_of_the_british_grid_lies_where_the_ordnance_survey_puts_it()
         (centreline("data normal ignoreall\n1 2 3\n"), ":4: a shot, but `data normal` names no from and to"),
         (centreline(NORMAL + "1 2 3 4 5\n") + "comment\nsurvey b\n", "ends within a comment without endcomment"),
         (centreline(NORMAL + "1 2 3 4 5\n") + "equate 1@m 2@m \\", "ends within a continued line"),
-        (centreline("cs lat-long\nfix 1 2 3 4\n"), r":3: cs 'lat-long' is not supported"),
+        (centreline("cs eov\nfix 1 2 3 4\n"), r":3: cs 'eov' is not supported"),
         (centreline("flags approx strange\n"), r":3: flag 'strange' is not supported"),
     ],
 )

@@ -1,0 +1,1 @@
+"""Compass projects (.mak) and survey data (.dat, .clp), brought to Survex's form."""

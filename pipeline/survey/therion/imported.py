@@ -1,0 +1,148 @@
+"""Solved surveys (`.3d`) that a Therion project imports, as Survex data: their stations are fixed where they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.guard.plain_number import plain_number
+from pipeline.survey.solved.model import LegFlag, SolvedSurvey
+from pipeline.survey.solved.survex_3d import read_3d
+from pipeline.survey.solved.survex_text import SurvexText, written_name, written_survey
+from pipeline.survey.therion.lines import TherionLine, named_file
+from pipeline.survey.therion.place import cs_for_survex
+
+_SURVEYS = ("create", "use", "ignore")
+_FLAGS = {LegFlag.SURFACE: "surface", LegFlag.DUPLICATE: "duplicate", LegFlag.SPLAY: "splay"}
+
+
+@dataclass(frozen=True)
+class _Options:
+    """What an `import` line states: how surveys are named, whose stations are taken, and where they are moved."""
+
+    surveys: str = "create"
+    filter: str = ""
+    moved_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    cs: str = ""
+
+
+@dataclass
+class Imports:
+    """Where imported files are added: the project's folder, and the stations that were imported before.
+
+    `has_place` is whether the project has a coordinate system; a file's own is named then.
+    """
+
+    made: SurvexText
+    folder: Path
+    has_place: bool
+    fixed: set[str] = field(default_factory=set)
+
+
+def add_imported(imports: Imports, line: TherionLine, prefix: str) -> None:
+    """Add the stations, legs and cross-sections of the file that an `import` line names.
+
+    A station that several files hold stays where the first one has it, as in Therion.
+
+    Parameters
+    ----------
+    imports : Imports
+    line : TherionLine
+    prefix : str
+        The open surveys, whose stations the file's are.
+
+    Raises
+    ------
+    InputError
+        If the file is no `.3d`, cannot be read, or an option is not supported.
+
+    References
+    ----------
+    The Therion Book, "import".
+    """
+    made, options = imports.made, _options_of(line)
+    file = named_file(line, imports.folder)
+    if file.suffix.lower() != ".3d":
+        raise InputError(f"{line.where}: import {file.name!r}: only .3d files are imported")
+    survey = read_3d(file)
+    names = _names(survey, options)
+    made.add(line, "*begin")
+    cs = options.cs or survey.crs
+    if imports.has_place and cs:
+        made.add(line, f"*cs {cs_for_survex(line.where, (cs,)).name}")
+    first_at: dict[tuple[float, ...], str] = {}
+    for name, at in zip(names, (survey.positions_m + options.moved_m).tolist(), strict=True):
+        if name and prefix + name not in imports.fixed:
+            imports.fixed.add(prefix + name)
+            first = first_at.setdefault(tuple(at), name)
+            east, north, up = at
+            made.add(
+                line, f"*fix {name} {east:.2f} {north:.2f} {up:.2f}" if first == name else f"*equate {first} {name}"
+            )
+    _add_legs(made, line, survey, names)
+    _add_passages(made, line, survey, names)
+    made.add(line, "*end")
+
+
+def _options_of(line: TherionLine) -> _Options:
+    found = _Options()
+    words = list(line.words[2:])
+    stated: dict[str, str] = {}
+    while words:
+        option = words.pop(0)
+        if option not in ("-surveys", "-filter", "-calibrate", "-cs", "-fmt", "-format") or not words:
+            raise InputError(f"{line.where}: import option {option[:40]!r} is not supported")
+        stated[option] = words.pop(0).strip("[]")
+    surveys = stated.get("-surveys", found.surveys)
+    if surveys not in _SURVEYS:
+        raise InputError(f"{line.where}: import -surveys {surveys[:40]!r}: want {', '.join(_SURVEYS)}")
+    try:
+        numbers = [plain_number(word) for word in stated.get("-calibrate", "0 0 0 0 0 0").split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 6 or not np.isfinite(numbers).all():
+        raise InputError(f"{line.where}: import -calibrate: want six numbers, x y z in the file and x y z here")
+    x, y, z = (numbers[k + 3] - numbers[k] for k in range(3))
+    return _Options(surveys, stated.get("-filter", ""), (x, y, z), stated.get("-cs", ""))
+
+
+def _names(survey: SolvedSurvey, options: _Options) -> list[str]:
+    """Return the stations' names as Survex reads them; nothing for stations that are not taken."""
+    return ["" if not name.startswith(options.filter) else _written(name, options) for name in survey.names]
+
+
+def _written(name: str, options: _Options) -> str:
+    *surveys, station = name[len(options.filter) :].lstrip(".").split(".")
+    if options.surveys == "ignore":
+        return "~".join(written_name(part) for part in [*surveys, station])
+    return ".".join([*(written_survey(part) for part in surveys), written_name(station)])
+
+
+def _add_legs(made: SurvexText, line: TherionLine, survey: SolvedSurvey, names: list[str]) -> None:
+    made.add(line, "*data cartesian from to easting northing altitude")
+    vectors = survey.positions_m[survey.legs[:, 1]] - survey.positions_m[survey.legs[:, 0]]
+    before = 0
+    for (start, end), flags, (x, y, z) in zip(
+        survey.legs.tolist(), survey.leg_flags.tolist(), vectors.tolist(), strict=True
+    ):
+        if not names[start] or start == end:
+            continue
+        if flags != before:
+            words = [f"{'' if flags & bit else 'not '}{word}" for bit, word in _FLAGS.items()]
+            made.add(line, f"*flags {' '.join(words)}")
+            before = flags
+        names[end] = names[end] or made.unnamed_station()
+        made.add(line, f"{names[start]} {names[end]} {x:.2f} {y:.2f} {z:.2f}")
+
+
+def _add_passages(made: SurvexText, line: TherionLine, survey: SolvedSurvey, names: list[str]) -> None:
+    for passage in survey.passages:
+        rows = [(names[k], lrud) for k, lrud in zip(passage.stations.tolist(), passage.lrud_m.tolist(), strict=True)]
+        if not all(name for name, _ in rows):
+            continue
+        made.add(line, "*data passage station left right up down")
+        for name, lrud in rows:
+            made.add(line, " ".join([name, *("-" if np.isnan(wall) else f"{wall:.2f}" for wall in lrud)]))

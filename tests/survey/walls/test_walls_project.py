@@ -1,0 +1,121 @@
+"""Walls projects: what Survex gets of them, and their places under a version that solves them."""
+
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.survey.solved_surveys import solve_file, survey_files
+from pipeline.survey.walls.project import copy_of
+from tests.solved import position_of
+
+SHOTS = "#units meters order=dav\n#fix A 100 200 30\nA B 10 90 0 <1,2,3,4>\nB C 5 0 90\n"
+PROJECT = """.BOOK\tA mine
+.NAME\tmine
+.STATUS\t7
+.BOOK\tNorth
+.NAME\tNORTH
+.PATH\tSub\\North
+.SURVEY\tThe main drift
+.NAME\tMAIN
+.STATUS\t8
+.SURVEY\tPictures
+.NAME\tpictures.zip
+.STATUS\t65536
+.SURVEY\tOld
+.NAME\told
+.STATUS\t2
+.ENDBOOK
+.SURVEY\tGone
+.NAME\tgone
+.PATH\tnowhere
+.STATUS\t8
+.SURVEY\tSouth
+.NAME\tsouth
+.STATUS\t8
+.ENDBOOK
+"""
+FILES = {"mine.wpj": PROJECT, "sub/north/main.srv": SHOTS, "south.srv": "#units meters\nC D 7 0 0\n"}
+
+
+def version():
+    if shutil.which("cavern") is None:
+        return ()
+    said = subprocess.run(["cavern", "--version"], check=True, capture_output=True, text=True).stdout
+    return tuple(int(part) for part in re.search(r"Survex ([\d.]+)", said)[1].split("."))
+
+
+needs_walls = pytest.mark.skipif(version() < (1, 4, 9), reason="Survex 1.4.9 or newer is not installed")
+
+
+def write(folder, files):
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(text.encode("latin-1"))
+    return folder / next(iter(files))
+
+
+@needs_walls
+def test_a_project_is_solved_from_its_files_in_folders_of_any_case(tmp_path):
+    at = position_of(solve_file(write(tmp_path, {name: text.replace("\n", "\r\n") for name, text in FILES.items()})))
+    last = {name.rpartition(":")[2]: place for name, place in at.items()}
+    places = [(100, 200, 30), (110, 200, 30), (110, 200, 35), (110, 207, 35)]
+    np.testing.assert_allclose([last[name] for name in "ABCD"], places, atol=0.006)
+
+
+@needs_walls
+def test_one_survey_file_is_solved_and_an_error_names_its_line(tmp_path):
+    assert len(solve_file(write(tmp_path, {"a.srv": SHOTS})).legs) == 2
+    with pytest.raises(InputError, match=r"a\.srv:5: .* \(Survex\)"):
+        solve_file(write(tmp_path, {"a.srv": SHOTS + "C D x y z\n"}))
+    with pytest.raises(InputError, match=r"south\.srv:3: .* \(Survex\)"):
+        solve_file(write(tmp_path, {**FILES, "south.srv": FILES["south.srv"] + "C D x y z\n"}))
+
+
+@pytest.mark.skipif(not () < version() < (1, 4, 9), reason="Survex is not installed, or reads Walls")
+def test_an_older_survex_is_named_as_the_reason(tmp_path):
+    installed = ".".join(str(part) for part in version())
+    with pytest.raises(InputError, match=rf"a Walls survey needs Survex 1\.4\.9 or newer to be solved; {installed} is"):
+        solve_file(write(tmp_path, {"a.srv": SHOTS}))
+
+
+def test_survex_gets_copies_whose_names_lead_to_no_other_file(tmp_path, capsys):
+    path = write(tmp_path / "mine", FILES)
+    copy = copy_of(path)
+    (tmp_path / "made").mkdir()
+    main = copy.write(tmp_path / "made")
+    made = main.read_text().splitlines()
+    assert [line for line in made if line.startswith((".NAME", ".PATH"))] == [
+        ".NAME none", ".NAME none", ".NAME file0", ".NAME none", ".NAME none", ".NAME none", ".NAME file1"
+    ]  # fmt: skip
+    assert len(made) == len(PROJECT.splitlines())
+    assert sorted(file.name for file in (tmp_path / "made").iterdir()) == ["file0.srv", "file1.srv", "made.wpj"]
+    assert (tmp_path / "made/file0.srv").read_text() == SHOTS
+    assert copy.origin(tmp_path / "made/file1.srv", 4) == (tmp_path / "mine/south.srv", 4)
+    assert copy.origin(main, 9) == (path, 9)
+    assert survey_files(path) == [path, tmp_path / "mine/sub/north/main.srv", tmp_path / "mine/south.srv"]
+    assert "1 survey files lie in folders that are not there; they are left out" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("project", "message"),
+    [
+        (".SURVEY x\n.STATUS 8\n.NAME ../outside\n", r"mine\.wpj:3: '\.\./outside' is outside the survey's folder"),
+        (".SURVEY x\n.STATUS 8\n.PATH ..\n.NAME outside\n", r"mine\.wpj:3: '\.\.' is outside the survey's folder"),
+        (".SURVEY x\r\n.PATH a\\..\\..\r\n", "is outside the survey's folder"),
+        (".SURVEY x\n.STATUS 8\n.NAME /etc/passwd\n", "is outside the survey's folder"),
+        (".SURVEY x\n.STATUS 8\n.NAME linked\n", r"'linked\.srv' is outside the survey's folder"),
+        (".SURVEY x\n.STATUS 8\n.NAME none\n", r"mine\.wpj:3: \.NAME 'none': no such file"),
+        (".SURVEY x\n.STATUS 8\n.NAME mine.wpj\n", r"\.NAME 'mine\.wpj': no such file"),
+        (101 * ".BOOK x\n", r"books are nested more than 100 deep \(survex_depth in"),
+        (5001 * ".SURVEY x\n.STATUS 8\n.NAME a\n", r"5000 files or more \(survex_files in"),
+    ],
+)
+def test_a_project_that_leads_elsewhere_is_refused(tmp_path, project, message):
+    path = write(tmp_path / "mine", {"mine.wpj": project, "a.srv": SHOTS, "a/b.srv": SHOTS, "../outside.srv": SHOTS})
+    (tmp_path / "mine/linked.srv").symlink_to(tmp_path / "outside.srv")
+    with pytest.raises(InputError, match=message):
+        copy_of(path)
