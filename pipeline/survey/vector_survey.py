@@ -30,7 +30,8 @@ from pipeline.survey.formats import is_solved, leg_reader
 from pipeline.survey.levels.areas import areas_of
 from pipeline.survey.levels.sheets import lay_out_levels
 from pipeline.survey.levels.walls import lie_over, split_steep, walls_in_space
-from pipeline.survey.passages.legs import SurveyLeg, build_workings, check_network
+from pipeline.survey.passages.flat_pieces import choose_flat_piece
+from pipeline.survey.passages.legs import SurveyLeg, build_workings, require_connected, require_no_crossing
 from pipeline.survey.passages.sheets import has_relief, lay_out_sheets
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files
@@ -240,14 +241,17 @@ def _build(
     _require_short(path, legs)
     if has_relief(legs):
         return lay_out_sheets(path, legs, params.apart_m, params.piece, named=params.kind == "passages")
-    if params.piece is not None:
+    is_drawn = params.kind == "centrelines"
+    if params.piece is not None and not is_drawn:
         raise InputError(f"{path}: survey.piece is read with heights; the floors of this survey are level")
     driven = [leg for leg in legs if not leg.is_plumb]
-    check_network(path, driven)
+    if not is_drawn:
+        require_connected(path, driven)
+    require_no_crossing(path, driven)
     built = build_workings(driven)
     if built.is_empty:
         raise InputError(f"{path}: the stations' walls enclose no area")
-    return built, None
+    return choose_flat_piece(path, built, params.piece) if is_drawn else built, None
 
 
 def _require_short(path: Path, legs: list[SurveyLeg]) -> None:
