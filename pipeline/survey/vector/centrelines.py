@@ -69,7 +69,7 @@ def read_centrelines(
     lines, georeference = _lines(path, content, unit, origin, elevations_m or {})
     if is_checked:
         require_elevations(path, np.concatenate(lines), "lines")
-    lines = _joined(path, _crossed(path, lines, content.fields), snap_m)
+    lines = _joined(path, _crossed(path, lines, [] if elevations_m else content.fields), snap_m)
     require_at_most(path, sum(map(len, lines)), "stations", "points of lines")
     places = np.concatenate(lines)
     starts = np.cumsum([0, *map(len, lines)])
