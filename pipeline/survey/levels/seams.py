@@ -107,8 +107,8 @@ def _require_joined(
         if common.is_empty:
             (x, y), _ = shapely.shortest_line(shapes[a], shapes[b]).coords
             raise InputError(
-                f"{path}: two areas nearly meet at ({x:.1f}, {y:.1f}), {shapes[a].distance(shapes[b]):.2f} m apart, and "
-                "their corners do not snap to one line; draw a common edge, or state --snap 0 to keep them apart"
+                f"{path}: two areas nearly meet at ({x:.1f}, {y:.1f}), {shapes[a].distance(shapes[b]):.2f} m apart, "
+                "and their corners do not snap to one line; draw a common edge, or state --snap 0 to keep them apart"
             )
         places = places_in(common)
         apart = abs(areas[int(a)].heights_at(places) - areas[int(b)].heights_at(places))

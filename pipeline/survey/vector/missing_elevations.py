@@ -37,7 +37,7 @@ def fill_elevations(path: Path, content: Shapes, none_at: float) -> Shapes:
     """
     if not any(shape.has_z for shape in content.shapes):
         return content
-    shapes = shapely.force_3d(np.array(content.shapes, object), np.nan)
+    shapes = shapely.force_3d(np.array(content.shapes, object), none_at)
     points, ring = shapely.get_coordinates(_rings(shapes), include_z=True, return_index=True)
     points[points[:, 2] == none_at, 2] = np.nan
     missing = np.isnan(points[:, 2])
