@@ -28,5 +28,7 @@ def test_floors_of_areas_with_a_gap_between_them_stay_as_they_are():
 
 
 def test_areas_that_no_edge_joins_across_a_gap_are_refused_with_its_place_and_width():
-    with pytest.raises(InputError, match=r"goaf\.gpkg: two areas nearly meet at \(50\.0, .*\), 0\.20 m apart.*--snap 0"):
+    with pytest.raises(
+        InputError, match=r"goaf\.gpkg: two areas nearly meet at \(50\.0, .*\), 0\.20 m apart.*--snap 0"
+    ):
         _require_joined(Path("goaf.gpkg"), AREAS, SHAPES, {"0": 0, "1": 1}, JOINS, [])

@@ -95,6 +95,8 @@ def test_a_drawing_of_release_9_is_read_and_a_damaged_one_is_refused_in_plain_wo
     assert np.array(read.shapes[0].coords).tolist() == [[0, 0], [9, 7]]
     assert read.layer_of == ["ribs"]
     path.write_text(RELEASE_9.format(line.format("nine")))
-    with pytest.raises(InputError, match=r"old\.dxf: not a readable DXF drawing, of release 9: .*save it as DXF") as told:
+    with pytest.raises(
+        InputError, match=r"old\.dxf: not a readable DXF drawing, of release 9: .*save it as DXF"
+    ) as told:
         read_dxf(path, None)
     assert "Error" not in str(told.value)

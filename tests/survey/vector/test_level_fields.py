@@ -110,7 +110,7 @@ def test_a_drawing_without_properties_is_refused_with_the_option_for_layers(tmp_
 
 
 def test_a_property_of_a_geopackage_names_levels_too_and_is_written_into_the_survey(tmp_path):
-    lines = [(seam, line) for seam in (0, 1) for line in roadways(seam) if line.length > 0]
+    lines = [(seam, line) for seam in (0, 1) for line in roadways(seam)[:3] + roadways(seam)[4:5]]
     floors = np.array([SEAMS[seam] for seam, _ in lines])
     shapes = np.array([line.wkb for _, line in lines], object)
     path = tmp_path / "coal.gpkg"
@@ -118,4 +118,5 @@ def test_a_property_of_a_geopackage_names_levels_too_and_is_written_into_the_sur
     values = detect_here(str(path), {"level_by": "floor", "half_width_m": HALF_M}).values["values"]
     assert values["level_by"] == "floor"
     found = read(path, level_by=values["level_by"])
-    assert found.workings.area == pytest.approx(one_seam(0).area, rel=0.01)
+    wanted = shapely.union_all([line.buffer(HALF_M) for seam, line in lines if seam == 0])
+    assert found.workings.area == pytest.approx(wanted.area, rel=0.01)

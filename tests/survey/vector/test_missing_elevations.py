@@ -29,7 +29,11 @@ def test_a_ring_that_begins_with_a_missing_elevation_stays_closed(tmp_path):
 
 
 def test_a_line_without_elevations_takes_those_of_the_nearest_line(tmp_path, capsys):
-    lines = [LineString([(0, 0, 100), (10, 0, 101)]), LineString([(10, 1), (20, 1)]), LineString([(0, 9, 0), (0, 2, 0)])]
+    lines = [
+        LineString([(0, 0, 100), (10, 0, 101)]),
+        LineString([(10, 1), (20, 1)]),
+        LineString([(0, 9, 0), (0, 2, 0)]),
+    ]
     assert heights(tmp_path, *lines) == [[100, 101], [101, 101], [100, 100]]
     assert "2 lines without any take those of the nearest lines" in capsys.readouterr().err
 
@@ -48,7 +52,9 @@ def test_a_stray_0_is_refused_with_both_options_and_each_of_them_reads_the_file(
     path.write_text(shapely.to_geojson(line))
     params = CentrelineSurveyParams(kind="centrelines", name="a", file="data/x", half_width_m=2.0, unit="m")
     params = params.model_copy(update={"file": path.as_posix()})
-    with pytest.raises(InputError, match=r"\(50\.0, 0\.0\).*--no-elevation 0 takes .*, and --no-elevation -9999 keeps 0"):
+    with pytest.raises(
+        InputError, match=r"\(50\.0, 0\.0\).*--no-elevation 0 takes .*, and --no-elevation -9999 keeps 0"
+    ):
         read_vector_survey(params)
     read = read_vector_survey(params.model_copy(update={"no_elevation": 0.0})).heights
     low, high = (f(z for drawn in read.lines for *_, z in drawn) + read.datum_m for f in (min, max))

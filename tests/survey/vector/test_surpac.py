@@ -62,7 +62,10 @@ def test_a_closed_string_becomes_the_workings_of_a_mine(tmp_path):
     ("data", "message"),
     [
         (b"pit,12-Nov-26,,\n\x00\x00\x80?\x00\x01", "a binary Surpac string file; save it .* as a text string file"),
-        (b"a,b,,\n0,0,0,0,0,0,0\n1, 5.0, east, 2\n", r":3: not a record of a Surpac string file: expected .* Y, X and Z"),
+        (
+            b"a,b,,\n0,0,0,0,0,0,0\n1, 5.0, east, 2\n",
+            r":3: not a record of a Surpac string file: expected .* Y, X and Z",
+        ),
         (b"a,b,,\n0,0,0,0,0,0,0\n1.5, 5, 6, 7\n", ":3: not a record"),
         (b"a,b,,\n0,0,0,0,0,0,0\n1, 5, nan, 7\n", ":3: not a record"),
         (b"a,b\n", "its header alone has two"),
