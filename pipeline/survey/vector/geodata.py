@@ -108,26 +108,26 @@ def _read_layers(path: Path, source: Path | bytes, layers: list[str] | None, lev
     if unknown:
         raise InputError(f"{path}: no layer {', '.join(unknown)}; there are {', '.join(existing)}")
     for layer in layers or existing:
-        info = pyogrio.read_info(source, layer=layer)
-        found.fields += [str(name) for name in info["fields"] if str(name) not in found.fields]
+        names = pyogrio.raw.read(source, layer=layer, max_features=1)[0]["fields"]  # read_info counts without a limit
+        found.fields += [str(name) for name in names if str(name) not in found.fields]
         most = reader_limits().shapes + 1 - len(found.shapes)
-        columns = [level_by] if level_by in found.fields else []
+        columns = [level_by] if level_by in names else []
         meta, _, wkb, values = pyogrio.raw.read(source, layer=layer, columns=columns, max_features=most)
         if wkb is None:
             continue
+        require_at_most(path, len(found.shapes) + len(wkb), "shapes", "shapes or more")
         surfaces = multipatches(path, wkb)
         found.kinds += Counter({MULTIPATCH: int(surfaces.sum()), NO_GEOMETRY: sum(data is None for data in wkb)})
-        found.kinds += stored_kinds(source, layer, info, len(wkb))
+        found.kinds += stored_kinds(source, layer, len(wkb))
         wkb[surfaces] = None
         shapes = _decoded(path, layer, wkb)
         there = np.array([shape is not None for shape in shapes], bool)
         kept = [shape for shape in shapes if shape is not None]
-        require_at_most(path, len(found.shapes) + len(wkb), "shapes", "shapes or more")
         found.points += int(shapely.get_num_coordinates(kept).sum())
         require_size(path, found.points)
         found.shapes += kept
-        names = [text_of(value) for value in values[0][there].tolist()] if columns else [layer] * len(kept)
-        found.layer_of += names
+        levels = [text_of(value) for value in values[0][there].tolist()] if columns else [layer] * len(kept)
+        found.layer_of += levels
         found.systems.add(meta.get("crs"))
     return found
 

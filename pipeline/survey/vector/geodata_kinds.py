@@ -41,7 +41,7 @@ def _kind_of_shapefile(path: Path) -> int:
         return int.from_bytes(stream.read(36)[32:], "little")
 
 
-def stored_kinds(source: Path | bytes, layer: str, info: Mapping[str, Any], count: int) -> Counter[str]:
+def stored_kinds(source: Path | bytes, layer: str, count: int) -> Counter[str]:
     """Return how many shapes of a layer are stored as curves or with measures, which GDAL reads as others.
 
     Parameters
@@ -49,23 +49,27 @@ def stored_kinds(source: Path | bytes, layer: str, info: Mapping[str, Any], coun
     source : Path or bytes
         A Shapefile, or the bytes of a GeoPackage.
     layer : str
-    info : mapping
-        Of the layer, by `pyogrio.read_info`.
     count : int
         Shapes of the layer. A Shapefile states measures for all.
     """
     if isinstance(source, Path):
         return Counter({MEASURED: count} if _kind_of_shapefile(source) in _MEASURED else {})
-    column, table = (str(name or "geom").replace('"', '""') for name in (info.get("geometry_name"), layer))
-    found: Counter[str] = Counter()
+    table, text = layer.replace('"', '""'), layer.replace("'", "''")
+    named = f"SELECT column_name FROM gpkg_geometry_columns WHERE table_name = '{text}'"
+    column = str((_first_column(source, named) or ["geom"])[0]).replace('"', '""')
     questions = {CURVE: f'ST_GeometryType("{column}") IN {_CURVES}', MEASURED: f'ST_IsMeasured("{column}")'}
+    found: Counter[str] = Counter()
     for kind, wanted in questions.items():
-        try:
-            sql = f'SELECT COUNT(*) AS n FROM "{table}" WHERE {wanted}'
-            found[kind] = int(pyogrio.raw.read(source, sql=sql)[3][0][0])
-        except (DataSourceError, DataLayerError):  # a view, say, in which GDAL finds no column of shapes
-            continue
+        found[kind] = int((_first_column(source, f'SELECT COUNT(*) AS n FROM "{table}" WHERE {wanted}') or [0])[0])
     return +found
+
+
+def _first_column(source: bytes, sql: str) -> list[Any]:
+    """Return the first column of what a query of a GeoPackage gives; nothing if it fails, as of an unusual view."""
+    try:
+        return list(pyogrio.raw.read(source, sql=sql)[3][0].tolist())
+    except (DataSourceError, DataLayerError):
+        return []
 
 
 def warn_of_kinds(path: Path, kinds: Mapping[str, int]) -> None:
