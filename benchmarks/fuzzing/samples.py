@@ -208,6 +208,17 @@ _SVX = b"""*begin cave
 *include "more"
 *end cave
 """
+_STR = b"""850 level,21-Nov-26,,ssi_styles:styles.ssi
+0, 0.000, 0.000, 0.000, 0.000, 0.000, 0.000
+1, 0.000, 0.000, 850.000, toe
+1, 0.000, 60.000, 850.000,
+1, 5.000, 60.000, 850.000,
+1, 5.000, 0.000, 850.000,
+1, 0.000, 0.000, 850.000,
+0, 0.000, 0.000, 0.000,
+7, 2.500, 10.000, 850.000, peg 7
+0, 0.000, 0.000, 0.000, END
+"""
 _PLT = b"""Z -1 1 -1 1 -1 1
 M 1115.49 393.70 0 Sa P 6.56 6.56 1.64 8.20
 D 1115.49 426.51 0 Sb P -9.99 6.56 1.64 999.9
@@ -234,6 +245,7 @@ SAMPLES: dict[str, Callable[[], Files]] = {
     "world file": lambda: {"plan.png": _plan(".png"), "plan.pgw": b"0.125\n0\n0\n-0.125\n5000\n7000\n"},
     "map.yaml": _map,
     "dxf": _dxf,
+    "surpac": lambda: {"mine.str": _STR},
     "geojson": _geojson,
     "geopackage": _geodata("mine.gpkg"),
     "shapefile": _geodata("mine.shp"),

@@ -94,6 +94,15 @@ class StatedOptions(Params):
     elevations_m: Annotated[Elevations | None, _option("--elevation", FileKind.VECTOR, metavar="LAYER=M")] = Field(
         default=None, max_length=1000, description="elevation of a layer that is a level; repeat for more levels"
     )
+    level_by: Annotated[str | None, _option("--level-by", FileKind.VECTOR, metavar="FIELD")] = Field(
+        default=None,
+        min_length=1,
+        max_length=200,
+        description="property of a shape that names its level, or is its elevation in metres",
+    )
+    no_elevation: Annotated[float | None, _option("--no-elevation", FileKind.VECTOR, metavar="Z")] = Field(
+        default=None, description="elevation that stands for none in a drawing, in its unit: 0 or -9999"
+    )
     snap_m: Annotated[float | None, _option("--snap", FileKind.VECTOR)] = Field(
         default=None, ge=0, le=10, description="largest gap between wall ends that are joined, m"
     )

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import shapely
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_plain_file
-from pipeline.guard.reading_process import Payload, one_line, run_limited
+from pipeline.guard.reading_process import Payload, one_line, run_limited, warn_user
 from pipeline.params.stated import FileKind, StatedOptions, require_read
 from pipeline.params.survey import (
     CentrelineSurveyParams,
     PassageSurveyParams,
+    Unit,
     VectorSurveyParams,
 )
 from pipeline.survey.detect_picture import detect_picture
@@ -26,13 +27,17 @@ from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_grid
 from pipeline.survey.levels.walls import axis_of
 from pipeline.survey.vector.drawing_frames import require_walls_alone
-from pipeline.survey.vector.shapes import METRES, Shapes
-from pipeline.survey.vector_survey import VectorReading, read_shapes, read_vector_survey, vector_files
+from pipeline.survey.vector.plan_doubts import require_plan
+from pipeline.survey.vector.shapes import Shapes
+from pipeline.survey.vector_shapes import read_shapes
+from pipeline.survey.vector_survey import VectorReading, read_vector_survey, vector_files
 from pipeline.types import Georeference
 
 _STATED_WIDTHS_M = (0.5, 100.0)  # in the unit that a file states: from crawls to stopes; some files state a wrong one
+_METRIC = ("m", "cm", "mm")
 _OF_WALLS = 0.7  # of the length of lines with elevations, that bounds workings; else they are centrelines
 _PIECE = "a station of the drivable piece that is built; null: the longest"
+_DRAWN = {"layers", "snap_m", "elevations_m", "level_by", "no_elevation", "piece"}  # stated of walls and centrelines
 _APART_M = 4.0  # between floors over each other: compile3d.height_m and 0.5 m of rock
 
 
@@ -87,8 +92,6 @@ def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:
     """Read the lines of a file as walls, or with a stated half width as centrelines."""
     if stated.half_width_m is None:
         return _detect_vector(path, stated)
-    if stated.elevations_m:
-        raise InputError(f"{path}: --elevation is not read with --half-width; centrelines have elevations")
     return _detect_centrelines(path, stated)
 
 
@@ -118,17 +121,20 @@ def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
 
 def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
     """Use the unit that the file names, or the unit in which the drifts have a plausible width."""
-    tried: dict[str | None, VectorReading] = {}
-    units = [stated.unit] if stated.unit else [None, *METRES]
+    tried: dict[Unit | None, VectorReading] = {}
+    units: list[Unit | None] = [stated.unit] if stated.unit else [None, *get_args(Unit)]
     problem: InputError | None = None
-    content = read_shapes(path, stated.layers)
-    if path.suffix.lower() == ".dxf" and not stated.layers and not stated.elevations_m:
+    content = read_shapes(path, stated.layers, stated.level_by, stated.no_elevation)
+    has_levels = bool(stated.elevations_m or stated.level_by)
+    if not stated.layers and not has_levels:
+        require_plan(path, content)
+    if path.suffix.lower() == ".dxf" and not stated.layers and not has_levels:
         require_walls_alone(path, content)
     for unit in units:
         params = _vector(path, unit, stated)
         try:
             read = read_vector_survey(params, content)
-            if not stated.elevations_m:
+            if not has_levels:
                 _require_walls(path, content, read)
         except InputError as error:
             problem = problem or error
@@ -139,12 +145,14 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
     plausible = any(WIDTHS_M[0] <= read.width_m <= WIDTHS_M[1] for read in tried.values())
     # In a unit small enough, every gap between walls is closed: such a reading must at least be plausible.
     if not tried or (None in units and None not in tried and not plausible):
-        lines = all(shapely.get_dimensions(shape) == 1 for shape in content.shapes)
+        lines = bool(content.shapes) and all(shapely.get_dimensions(shape) == 1 for shape in content.shapes)
         advice = "; --half-width M reads centrelines of drifts" if lines and "--half-width" not in str(problem) else ""
         raise InputError(f"{problem or f'{path}: has no workings'}{advice}")
     low, high = WIDTHS_M if content.unit is None else _STATED_WIDTHS_M
     keeps_unit = None in tried and (low <= tried[None].width_m <= high or tried[None].georeference.crs is not None)
-    unit = None if keeps_unit else min(tried, key=lambda u: abs(np.log(tried[u].width_m / LIKELY_M)))
+    unit = None if keeps_unit else _likeliest_unit(content.unit, tried)
+    if not keeps_unit and content.unit is not None and unit is not None:
+        _warn_of_unit(path, content.unit, tried, unit)
     read, place = tried[unit], tried[unit].georeference
     values = {
         "kind": "vector",
@@ -154,6 +162,7 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
         "origin": list(place.origin),
         "snap_m": _vector(path, unit, stated).snap_m,
         "elevations_m": stated.elevations_m,
+        **stated.model_dump(include={"level_by", "no_elevation"}, exclude_none=True),
         "piece": stated.piece,
         "seeds_m": [],
     }
@@ -169,6 +178,22 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
     }
     files = [Path(file) for file in vector_files(_vector(path, unit, stated))]
     return Detection(values, remarks, files, read.width_m, has_heights=read.heights is not None)
+
+
+def _likeliest_unit(stated: str | None, tried: Mapping[Unit | None, VectorReading]) -> Unit | None:
+    """Return the unit in which drifts have about the usual width; a metric drawing keeps to metric ones if it can."""
+    metric = [unit for unit in tried if unit in _METRIC and WIDTHS_M[0] <= tried[unit].width_m <= WIDTHS_M[1]]
+    units = metric if stated in _METRIC and metric else list(tried)
+    return min(units, key=lambda unit: abs(np.log(tried[unit].width_m / LIKELY_M)))
+
+
+def _warn_of_unit(path: Path, stated: str, tried: Mapping[Unit | None, VectorReading], unit: Unit) -> None:
+    """Warn that a drawing is read in another unit than it states."""
+    width = f"drifts would be {tried[None].width_m:.2g} m wide in it" if None in tried else "it gives no workings"
+    warn_user(
+        f"{path.name}: states the unit {stated}, and {width}; read as {unit}, which makes them "
+        f"{tried[unit].width_m:.1f} m wide; --unit {stated} keeps the stated unit"
+    )
 
 
 def _require_walls(path: Path, content: Shapes, read: VectorReading) -> None:
@@ -191,7 +216,7 @@ def _require_walls(path: Path, content: Shapes, read: VectorReading) -> None:
 
 def _detect_centrelines(path: Path, stated: StatedOptions) -> Detection:
     """Read the lines of a file as centrelines of drifts of the stated half width."""
-    options = stated.model_dump(include={"layers", "unit", "snap_m", "half_width_m", "piece"}, exclude_none=True)
+    options = stated.model_dump(include={*_DRAWN, "unit", "half_width_m"}, exclude_none=True)
     params = CentrelineSurveyParams.model_validate(
         {"kind": "centrelines", "name": "detect", "file": "data/x", "apart_m": _APART_M, **options}
     ).model_copy(update={"file": path.as_posix()})
@@ -201,6 +226,7 @@ def _detect_centrelines(path: Path, stated: StatedOptions) -> Detection:
         "kind": "centrelines",
         "file": path.name,
         **params.model_dump(include={"layers", "unit", "half_width_m", "snap_m", "apart_m", "piece"}),
+        **stated.model_dump(include={"elevations_m", "level_by", "no_elevation"}, exclude_none=True),
         "origin": list(place.origin),
     }
     remarks = {
@@ -222,9 +248,9 @@ def _projected(place: Georeference) -> str:
     return f"coordinates in {name} are no metres on the ground; they are projected by {place.projection}"
 
 
-def _vector(path: Path, unit: str | None, stated: StatedOptions) -> VectorSurveyParams:
+def _vector(path: Path, unit: Unit | None, stated: StatedOptions) -> VectorSurveyParams:
     """Return a survey section for a file in any folder, before it is copied below data/."""
-    options = stated.model_dump(include={"layers", "snap_m", "elevations_m", "piece"}, exclude_none=True)
+    options = stated.model_dump(include=_DRAWN, exclude_none=True)
     section = VectorSurveyParams.model_validate(
         {"kind": "vector", "name": "detect", "file": "data/x", "unit": unit, **options}
     )

@@ -19,8 +19,10 @@ from pipeline.survey.vector.dxf import read_dxf
 from pipeline.survey.vector.geodata import read_geodata
 from pipeline.survey.vector.geojson import read_geojson
 from pipeline.survey.vector.shapes import Shapes
+from pipeline.survey.vector.surpac import read_surpac
 
-ShapeReader = Callable[[Path, list[str] | None], Shapes]  # (file, layers or None for all) -> polygons and lines
+# (file, layers or None for all, and of formats with fields the property that is the layer) -> polygons and lines
+ShapeReader = Callable[..., Shapes]
 # (file, distance to a wall that nobody measured or None) -> (legs, coordinate system or None)
 PassageReader = Callable[[Path, float | None], tuple[list[SurveyLeg], str | None]]
 
@@ -29,13 +31,15 @@ PassageReader = Callable[[Path, float | None], tuple[list[SurveyLeg], str | None
 class Format:
     """What files of one suffix are, and the reader of a vector file (`shapes`) or of a station survey (`legs`).
 
-    A survey that is `solved` may name other files, and Survex needs temporary files to read it.
+    A survey that is `solved` may name other files, and Survex needs temporary files to read it. The shapes of a vector
+    file that `has_fields` have properties.
     """
 
     kind: FileKind
     shapes: ShapeReader | None = None
     legs: PassageReader | None = None
     solved: bool = False
+    has_fields: bool = False
 
 
 FORMATS: dict[str, Format] = {
@@ -43,8 +47,9 @@ FORMATS: dict[str, Format] = {
     ".pdf": Format(FileKind.PDF),
     **dict.fromkeys((".yaml", ".yml"), Format(FileKind.GRID)),
     ".dxf": Format(FileKind.VECTOR, shapes=read_dxf),
-    **dict.fromkeys((".geojson", ".json"), Format(FileKind.VECTOR, shapes=read_geojson)),
-    **dict.fromkeys((".gpkg", ".shp"), Format(FileKind.VECTOR, shapes=read_geodata)),
+    ".str": Format(FileKind.VECTOR, shapes=read_surpac),
+    **dict.fromkeys((".geojson", ".json"), Format(FileKind.VECTOR, shapes=read_geojson, has_fields=True)),
+    **dict.fromkeys((".gpkg", ".shp"), Format(FileKind.VECTOR, shapes=read_geodata, has_fields=True)),
     ".csv": Format(FileKind.STATIONS, legs=lambda path, _: (read_station_legs(path), None)),
     ".plt": Format(FileKind.STATIONS, legs=lambda path, half_width_m: (read_plt(path, half_width_m), None)),
     **dict.fromkeys(

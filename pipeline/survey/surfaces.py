@@ -81,7 +81,8 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
         )
     low, high = inside[:, 2].min(), inside[:, 2].max()
     warn_user(f"{path.name}: {len(inside)} of {len(points)} heights lie {where}, from {low:.1f} to {high:.1f} m")
-    return _heights(path, inside, has_lines or suffix in RASTER_DRIVERS)
+    _require_no_stray_zero(path, inside, "if these are missing, delete them in the file")
+    return _thinned(path, inside, has_lines or suffix in RASTER_DRIVERS)
 
 
 def height_files(path: Path) -> list[str]:
@@ -89,7 +90,9 @@ def height_files(path: Path) -> list[str]:
     return [file.as_posix() for file in (path, *companions(path))]
 
 
-def wall_heights(path: Path, content: Shapes, moved: list[BaseGeometry], georeference: Georeference) -> Heights | None:
+def wall_heights(
+    path: Path, content: Shapes, moved: list[BaseGeometry], georeference: Georeference, is_checked: bool = True
+) -> Heights | None:
     """Return the floor's heights from walls with elevations, None if these differ by no more than `flat_step_m`.
 
     Parameters
@@ -100,6 +103,8 @@ def wall_heights(path: Path, content: Shapes, moved: list[BaseGeometry], georefe
     moved : list of shapely geometry, m, mine frame
         The same shapes in plan, as `locate` returns them.
     georeference : Georeference
+    is_checked : bool
+        Whether an elevation of 0 may be a missing one.
     """
     shapes = [shape for shape in content.shapes if not shape.is_empty]
     z = shapely.get_coordinates(shapes, include_z=True)[:, 2] * georeference.metres_per_unit
@@ -112,7 +117,10 @@ def wall_heights(path: Path, content: Shapes, moved: list[BaseGeometry], georefe
     rings = [points[a:b] for a, b in itertools.pairwise(starts.tolist())]
     walls = [shapely.LineString(ring) for ring in rings if np.ptp(ring[:, :2], axis=0).max(initial=0.0) > 0]
     dense = shapely.get_coordinates(shapely.segmentize(walls, _WALL_STEP_M), include_z=True)
-    return _heights(path, dense[np.isfinite(dense).all(axis=1)], True)
+    known_points = dense[np.isfinite(dense).all(axis=1)]
+    if is_checked:
+        _require_no_stray_zero(path, known_points, "--no-elevation 0 takes heights from the rest of the walls")
+    return _thinned(path, known_points, True)
 
 
 def _lines_of(shape: BaseGeometry) -> list[BaseGeometry]:
@@ -120,18 +128,23 @@ def _lines_of(shape: BaseGeometry) -> list[BaseGeometry]:
     return list(shapely.get_rings(shape) if shape.geom_type == "Polygon" else shapely.get_parts(shape))
 
 
-def _heights(path: Path, points: Points, sampled: bool) -> Heights:
-    """Return heights from points in m; those `sampled` from a surface are thinned to one a square metre or less."""
+def _require_no_stray_zero(path: Path, points: Points, advice: str) -> None:
+    """Refuse points in m if one has the elevation 0 and all others are far from it on one side."""
     z = points[:, 2]
-    if not np.abs(z).max() <= REACH_M:
-        raise InputError(f"{path}: an elevation of {z[np.abs(z).argmax()]:g} m, at most {REACH_M:g} m")
     others = z[z != 0]
     if len(others) < len(z) and len(others) and (others.min() > STRAY_M or others.max() < -STRAY_M):
         x, y, _ = points[z == 0][0]
         raise InputError(
             f"{path}: {(z == 0).sum()} points have elevation 0, the first at ({x:.1f}, {y:.1f}) m in the mine frame, "
-            f"but the others lie from {others.min():g} to {others.max():g} m; are elevations missing?"
+            f"but the others lie from {others.min():g} to {others.max():g} m; {advice}"
         )
+
+
+def _thinned(path: Path, points: Points, sampled: bool) -> Heights:
+    """Return heights from points in m; those `sampled` from a surface are thinned to one a square metre or less."""
+    z = points[:, 2]
+    if not np.abs(z).max() <= REACH_M:
+        raise InputError(f"{path}: an elevation of {z[np.abs(z).argmax()]:g} m, at most {REACH_M:g} m")
     spacing = _APART_M if sampled else _SAME_M
     while True:
         cell, index = np.unique(np.floor(points[:, :2] / spacing), axis=0, return_inverse=True)

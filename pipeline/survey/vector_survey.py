@@ -26,11 +26,12 @@ from pipeline.params.survey import (
     VectorSurveyParams,
 )
 from pipeline.survey.draw import draw_picture, draw_workings, frame_around
-from pipeline.survey.formats import is_solved, leg_reader, shape_reader
+from pipeline.survey.formats import is_solved, leg_reader
 from pipeline.survey.levels.areas import areas_of
 from pipeline.survey.levels.sheets import lay_out_levels
 from pipeline.survey.levels.walls import lie_over, split_steep, walls_in_space
-from pipeline.survey.passages.legs import SurveyLeg, build_workings, check_network
+from pipeline.survey.passages.flat_pieces import choose_flat_piece
+from pipeline.survey.passages.legs import SurveyLeg, build_workings, require_connected, require_no_crossing
 from pipeline.survey.passages.sheets import has_relief, lay_out_sheets
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files
@@ -40,6 +41,7 @@ from pipeline.survey.vector.centrelines import read_centrelines
 from pipeline.survey.vector.geodata import companions
 from pipeline.survey.vector.geojson import read_geojson
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, workings_of
+from pipeline.survey.vector_shapes import elevations_of, read_shapes
 from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Seam
 
 VectorSurvey = (
@@ -116,17 +118,6 @@ def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> V
     return VectorReading(MultiPolygon(), read.georeference, None, plan, frame)
 
 
-def read_shapes(path: Path, layers: list[str] | None) -> Shapes:
-    """Read the shapes of a vector file by the reader of its suffix, within the limits on their number and crossings.
-
-    Raises
-    ------
-    InputError
-        If the format is not supported, or the reader or a limit refuses the file.
-    """
-    return require_simple(path, shape_reader(path)(path, layers))
-
-
 def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
     match params.kind:
         case "procedural":
@@ -145,7 +136,7 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
         case "centrelines":
             return _read_centrelines(params, content)
     path = Path(params.file)
-    content = content or read_shapes(path, params.layers)
+    content = content or read_shapes(path, params.layers, params.level_by, params.no_elevation)
     shapes, georeference = locate(path, content, params.unit, params.origin)
     found = _read_levels(path, content, shapes, georeference, params)
     if found.levels is not None:
@@ -157,7 +148,7 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
     if params.layers is None and len(layers) > 1 and path.suffix.lower() == ".gpkg":
         names = ", ".join(one_line(name, 40) for name in layers[:_MOST_LAYERS])
         warn_user(f"{path.name}: {len(layers)} layers are read as one plan ({names}); --layer chooses")
-    heights = wall_heights(path, content, shapes, georeference)
+    heights = wall_heights(path, content, shapes, georeference, params.no_elevation is None)
     return _Workings(workings_of(path, shapes, params.snap_m, list(params.seeds_m)), georeference, heights)
 
 
@@ -180,7 +171,9 @@ def _read_levels(
     params: VectorSurveyParams,
 ) -> _LevelReading:
     """Return the levels that walls with elevations enclose, if they lie over each other."""
-    found, left_out = walls_in_space(path, content, moved, georeference, params.elevations_m)
+    elevations = elevations_of(path, content, params)
+    is_checked = params.no_elevation is None
+    found, left_out = walls_in_space(path, content, moved, georeference, elevations, is_checked)
     walls, axes = split_steep(found)
     if not walls:
         return _LevelReading(None, [True] * len(moved))
@@ -188,7 +181,7 @@ def _read_levels(
         areas = areas_of(path, walls, params.snap_m)
         drawn = lay_out_levels(path, areas, [] if params.seeds_m else axes, params.snap_m, params.piece)
     except InputError:
-        if params.elevations_m or lie_over(walls):
+        if elevations or lie_over(walls):
             raise
         drawn = None
     else:
@@ -232,8 +225,11 @@ def _read_passages(params: PassageSurveyParams) -> _Workings:
 
 def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) -> _Workings:
     path = Path(params.file)
-    content = content or read_shapes(path, params.layers)
-    survey, georeference = read_centrelines(path, content, params.unit, params.origin, params.snap_m)
+    content = content or read_shapes(path, params.layers, params.level_by, params.no_elevation)
+    elevations = elevations_of(path, content, params)
+    survey, georeference = read_centrelines(
+        path, content, params.unit, params.origin, params.snap_m, elevations, params.no_elevation is None
+    )
     built, heights = _build(path, plan_legs(path, survey, params.half_width_m), params)
     return _Workings(as_polygons(built) if heights is None else built, georeference, heights)
 
@@ -245,14 +241,17 @@ def _build(
     _require_short(path, legs)
     if has_relief(legs):
         return lay_out_sheets(path, legs, params.apart_m, params.piece, named=params.kind == "passages")
-    if params.piece is not None:
+    is_drawn = params.kind == "centrelines"
+    if params.piece is not None and not is_drawn:
         raise InputError(f"{path}: survey.piece is read with heights; the floors of this survey are level")
     driven = [leg for leg in legs if not leg.is_plumb]
-    check_network(path, driven)
+    if not is_drawn:
+        require_connected(path, driven)
+    require_no_crossing(path, driven)
     built = build_workings(driven)
     if built.is_empty:
         raise InputError(f"{path}: the stations' walls enclose no area")
-    return built, None
+    return choose_flat_piece(path, built, params.piece) if is_drawn else built, None
 
 
 def _require_short(path: Path, legs: list[SurveyLeg]) -> None:

@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.import_mine import survey_yaml
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SurveyParams
-from pipeline.survey.detect import detect_survey
+from pipeline.survey.detect import detect_here, detect_survey
 from pipeline.survey.draw import draw_plan, frame_around
 from tests.mines import RING, TEE, frame_for, plan_of
 from tests.project import TINY_STATIONS
@@ -67,6 +67,17 @@ def test_a_drawing_without_units_gets_the_unit_that_makes_drift_widths_plausible
     detected = detect_survey(tmp_path / "mine.dxf")
     assert detected.values["unit"] == "mm"
     assert 3 < detected.width_m < 6
+
+
+def test_a_wrong_unit_of_a_drawing_is_doubted_with_the_option_that_keeps_it(tmp_path, capsys):
+    made = ezdxf.new(units=4)
+    made.modelspace().add_lwpolyline(np.array(TEE.exterior.coords)[:-1], close=True)
+    made.saveas(tmp_path / "house.dxf")
+    assert detect_here(str(tmp_path / "house.dxf"), {}).values["values"]["unit"] == "m"
+    told = capsys.readouterr().err
+    assert "house.dxf: states the unit mm, and it gives no workings" in told
+    assert "read as m, which makes them 4." in told
+    assert "--unit mm keeps the stated unit" in told
 
 
 def test_every_detection_is_a_section_that_stage_one_accepts(tmp_path):

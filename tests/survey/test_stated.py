@@ -85,6 +85,8 @@ def test_every_field_is_an_option_of_the_command_line_read_with_some_kind_of_fil
         "--start": ("1,2", (1.0, 2.0)),
         "--layer": ("a", ["a"]),
         "--elevation": ("a=b=5", {"a=b": 5.0}),
+        "--level-by": ("floor", "floor"),
+        "--no-elevation": ("-9999", -9999.0),
         "--snap": ("0", 0.0),
         "--page": ("2", 2),
         "--dpi": ("100", 100.0),

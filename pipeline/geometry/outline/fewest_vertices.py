@@ -56,6 +56,8 @@ def simplify_to_error(outline: Polygon, error_m: float) -> Polygon:
     Vertices are chosen among those of the outline so that the sum of squared distances and a penalty for each vertex is
     least. They are then moved to the places of least squared distance. The penalty is bisected until the mean distance
     of the outline from the polygon reaches `error_m`. No point of the outline lies farther away than eight times this.
+    Where walls lie so near each other that no such polygon is valid, the outline is simplified by Douglas-Peucker with
+    its topology kept, and no point of it lies farther away than `error_m`.
 
     Parameters
     ----------
@@ -71,7 +73,7 @@ def simplify_to_error(outline: Polygon, error_m: float) -> Polygon:
     Raises
     ------
     GeometryError
-        If even many vertices give no valid polygon; the message names the value.
+        If the outline itself is not valid; the message names the value.
 
     References
     ----------
@@ -88,9 +90,20 @@ def simplify_to_error(outline: Polygon, error_m: float) -> Polygon:
         best = simple or best
     for k in range(_TRIES):
         best = best or _fit_all(rings, float(np.exp(low)) / 10**k, error_m)
-    if best is None:
-        raise GeometryError(f"contours.wall_error_m = {error_m:g}: the outline would be invalid; use a smaller error")
-    return best
+    return best or _topology_kept(outline, error_m)
+
+
+def _topology_kept(outline: Polygon, error_m: float) -> Polygon:
+    """Return the outline without vertices that lie within an error of it; none of its rings touches another."""
+    simple = shapely.simplify(outline, error_m, preserve_topology=True)
+    whole = isinstance(simple, Polygon) and simple.is_valid and len(simple.interiors) == len(outline.interiors)
+    kept = simple if whole else outline
+    if not kept.is_valid:
+        raise GeometryError(
+            f"contours.wall_error_m = {error_m:g}: the outline touches or crosses itself: "
+            f"{shapely.is_valid_reason(kept)[:80]}"
+        )
+    return Polygon(kept)
 
 
 def _fit_all(rings: list[_Ring], penalty: float, error_m: float) -> Polygon | None:

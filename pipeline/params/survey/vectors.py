@@ -28,6 +28,16 @@ class VectorSurveyParams(DrawnSurveyParams):
         default=None,
         description="elevation of the floor of each layer that is a level, m; null: as the file states them",
     )
+    level_by: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=200,
+        description="property of the shapes that names their level, as a layer does; null: none",
+    )
+    no_elevation: float | None = Field(
+        default=None,
+        description="elevation in the file that stands for none: such points get heights from their line; null: none",
+    )
     piece: PlaceM | None = Field(
         default=None,
         description="a place (m, mine frame) in the piece of levels and ramps that is built; null: the largest piece",
@@ -78,6 +88,20 @@ class CentrelineSurveyParams(DrawnSurveyParams):
     )
     half_width_m: float = Field(gt=0, le=20, description="half the width of every drift")
     snap_m: float = Field(default=0.25, ge=0, le=10, description="an end nearer than this to another line joins it")
+    elevations_m: dict[str, Elevation] | None = Field(
+        default=None,
+        description="elevation of the floor of each layer that is a level, m; null: as the file states them",
+    )
+    level_by: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=200,
+        description="property of the shapes that names their level, as a layer does; null: none",
+    )
+    no_elevation: float | None = Field(
+        default=None,
+        description="elevation in the file that stands for none: such points get heights from their line; null: none",
+    )
     apart_m: float | None = Field(
         default=None,
         gt=0,

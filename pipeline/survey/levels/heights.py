@@ -73,7 +73,8 @@ def _meeting(areas: list[Area], shapes: dict[str, Polygon], a: str, b: str) -> B
     """Return where two areas meet at one height; None if nowhere."""
     common = shapes[a].buffer(TOUCH_M).intersection(shapes[b].buffer(TOUCH_M))
     step = floor_rules().flat_step_m
-    parts = [part for part in shapely.get_parts(common) if _gap(areas, part, a, b)[0] <= step]
+    touching = [part for part in shapely.get_parts(common) if not part.is_empty]  # none if walls only nearly meet
+    parts = [part for part in touching if _gap(areas, part, a, b)[0] <= step]
     return shapely.union_all(parts) if parts else None
 
 

@@ -103,7 +103,14 @@ def _require_joined(
     for a, b in joins.edges:
         if nx.has_path(sheets, number[a], number[b]):
             continue
-        places = places_in(shapes[a].buffer(TOUCH_M).intersection(shapes[b].buffer(TOUCH_M)))
+        common = shapes[a].buffer(TOUCH_M).intersection(shapes[b].buffer(TOUCH_M))
+        if common.is_empty:
+            (x, y), _ = shapely.shortest_line(shapes[a], shapes[b]).coords
+            raise InputError(
+                f"{path}: two areas nearly meet at ({x:.1f}, {y:.1f}), {shapes[a].distance(shapes[b]):.2f} m apart, "
+                "and their corners do not snap to one line; draw a common edge, or state --snap 0 to keep them apart"
+            )
+        places = places_in(common)
         apart = abs(areas[int(a)].heights_at(places) - areas[int(b)].heights_at(places))
         x, y = places[apart.argmin()]
         raise InputError(

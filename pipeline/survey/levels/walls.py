@@ -34,6 +34,7 @@ def walls_in_space(
     moved: list[BaseGeometry],
     georeference: Georeference,
     elevations_m: dict[str, float] | None,
+    is_checked: bool = True,
 ) -> tuple[list[tuple[Wall, str]], list[str]]:
     """Return the walls of a vector file with their layers, and the layers left out; no walls if all are at one height.
 
@@ -47,6 +48,8 @@ def walls_in_space(
     georeference : Georeference
     elevations_m : dict of str to float, or None
         Of the floors of layers. Other layers are read if their lines have different elevations, as those of ramps.
+    is_checked : bool
+        Whether an elevation of 0 may be a missing one.
 
     Raises
     ------
@@ -80,7 +83,8 @@ def walls_in_space(
         found += [(points[a:b], layer) for a, b in pairwise(at) if b - a > 1]
     if not found or np.ptp(np.concatenate([wall[:, 2] for wall, _ in found])) <= step:
         return [], []
-    require_elevations(path, np.concatenate([wall for wall, _ in found]), "walls")
+    if is_checked:
+        require_elevations(path, np.concatenate([wall for wall, _ in found]), "walls")
     return found, sorted(left_out)
 
 

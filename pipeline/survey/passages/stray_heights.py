@@ -39,7 +39,7 @@ def require_elevations(path: Path, points_m: np.ndarray, of: str) -> None:
     Raises
     ------
     InputError
-        With the first such point, and the heights of the others.
+        With the first such point, the heights of the others, and the option that overrules it.
     """
     places = np.unique(points_m, axis=0)
     stray = stray_zero(places)
@@ -50,5 +50,6 @@ def require_elevations(path: Path, points_m: np.ndarray, of: str) -> None:
     others = places[~zero, 2]
     raise InputError(
         f"{path}: {zero.sum()} points of {of} have elevation 0, the first at ({x:.1f}, {y:.1f}), but the others lie "
-        f"from {others.min():g} to {others.max():g} m; are elevations missing?"
+        f"from {others.min():g} to {others.max():g} m; --no-elevation 0 takes heights from the rest of the lines, and "
+        "--no-elevation -9999 keeps 0"
     )

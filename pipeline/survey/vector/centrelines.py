@@ -6,29 +6,39 @@ Ends that lie on another line join it. Warnings name the place of what nearly me
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import shapely
 from networkx.utils import UnionFind
+from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_at_most
-from pipeline.guard.reading_process import warn_user
+from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.passages.stray_heights import require_elevations
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
+from pipeline.survey.vector.level_fields import listed_fields
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate
 from pipeline.types import Georeference
 
 _NEAR_M = 3.0  # warns of an end so near to another line, and not joined
+_NAMED = 8  # layers that a message names
 
 Line = np.ndarray  # (k, 3) m
 
 
 def read_centrelines(
-    path: Path, content: Shapes, unit: str | None, origin: tuple[float, float] | None, snap_m: float
+    path: Path,
+    content: Shapes,
+    unit: str | None,
+    origin: tuple[float, float] | None,
+    snap_m: float,
+    elevations_m: dict[str, float] | None = None,
+    is_checked: bool = True,
 ) -> tuple[SolvedSurvey, Georeference]:
     """Return the lines of a file as the legs of a survey, and the georeference of the mine frame that they are in.
 
@@ -45,6 +55,10 @@ def read_centrelines(
     origin : (float, float) or None
         As of `locate`.
     snap_m : float
+    elevations_m : dict of str to float, or None
+        Of the lines of layers. Lines of other layers are left out, with a warning, if they have no elevations.
+    is_checked : bool
+        Whether an elevation of 0 may be a missing one.
 
     Raises
     ------
@@ -52,9 +66,10 @@ def read_centrelines(
         If the file holds polygons or no lines, an elevation is missing or beyond 10 km, or a limit is exceeded; the
         message names the place.
     """
-    lines, georeference = _lines(path, content, unit, origin)
-    require_elevations(path, np.concatenate(lines), "lines")
-    lines = _joined(path, _crossed(path, lines), snap_m)
+    lines, georeference = _lines(path, content, unit, origin, elevations_m or {})
+    if is_checked:
+        require_elevations(path, np.concatenate(lines), "lines")
+    lines = _joined(path, _crossed(path, lines, [] if elevations_m else content.fields), snap_m)
     require_at_most(path, sum(map(len, lines)), "stations", "points of lines")
     places = np.concatenate(lines)
     starts = np.cumsum([0, *map(len, lines)])
@@ -72,25 +87,26 @@ def read_centrelines(
 
 
 def _lines(
-    path: Path, content: Shapes, unit: str | None, origin: tuple[float, float] | None
+    path: Path,
+    content: Shapes,
+    unit: str | None,
+    origin: tuple[float, float] | None,
+    elevations_m: dict[str, float],
 ) -> tuple[list[Line], Georeference]:
     """Return the lines in metres of the mine frame, with their elevations."""
-    parts = [part for shape in content.shapes for part in shapely.get_parts(shape) if not part.is_empty]
-    if any(shapely.get_dimensions(part) == 2 for part in parts):
-        raise InputError(f"{path}: holds polygons; centrelines are lines (without --half-width, it is read as walls)")
-    kept = [part for part in parts if shapely.get_dimensions(part) == 1]
-    if not kept:
-        raise InputError(f"{path}: holds no lines")
-    moved, georeference = locate(path, Shapes(kept, content.unit, content.crs), unit, origin)
+    parts, layers = _parts(path, content, elevations_m)
+    moved, georeference = locate(path, replace(content, shapes=parts), unit, origin)
     lines = []
-    for line, part in zip(moved, kept, strict=True):
+    for line, part, layer in zip(moved, parts, layers, strict=True):
         points = shapely.get_coordinates(part, include_z=True)
         z = points[:, 2] * georeference.metres_per_unit if part.has_z else np.zeros(len(points))
+        if layer in elevations_m:
+            z = np.full(len(points), elevations_m[layer])
         if np.isnan(z).any():
             x, y, _ = points[np.isnan(z)][0]
             raise InputError(
                 f"{path}: {np.isnan(z).sum()} points of lines have no elevation (z is not a number), the first at "
-                f"({x:.1f}, {y:.1f}); state it, or draw the whole line without elevations"
+                f"({x:.1f}, {y:.1f}); --no-elevation 0 takes heights from the rest of the lines"
             )
         lines.append(np.column_stack([shapely.get_coordinates(line), z]))
     far = max(float(np.abs(line[:, 2]).max()) for line in lines)
@@ -99,7 +115,33 @@ def _lines(
     return lines, georeference
 
 
-def _crossed(path: Path, lines: list[Line]) -> list[Line]:
+def _parts(path: Path, content: Shapes, elevations_m: dict[str, float]) -> tuple[list[BaseGeometry], list[str]]:
+    """Return the single lines of a file with their layers; with stated elevations, those that have one."""
+    parts, of = shapely.get_parts(content.shapes, return_index=True)
+    dimension = shapely.get_dimensions(parts)
+    drawn = ~shapely.is_empty(parts)
+    if (dimension[drawn] == 2).any():
+        raise InputError(f"{path}: holds polygons; centrelines are lines (without --half-width, it is read as walls)")
+    of_shape = content.layer_of or [""] * len(content.shapes)
+    unknown = sorted(set(elevations_m) - set(of_shape))
+    if unknown:
+        there = ", ".join(one_line(name, 40) for name in dict.fromkeys(of_shape) if name) or "no layers"
+        raise InputError(f"{path}: no layer {', '.join(unknown)} to be at an elevation; there are {there}")
+    numbers = np.flatnonzero(drawn & (dimension == 1)).tolist()
+    if not numbers:
+        raise InputError(f"{path}: holds no lines")
+    kept = [k for k in numbers if not elevations_m or of_shape[of[k]] in elevations_m or parts[k].has_z]
+    if len(kept) < len(numbers):
+        left_out = sorted({of_shape[of[k]] for k in set(numbers) - set(kept)})
+        names = ", ".join(one_line(name, 40) or "no name" for name in left_out[:_NAMED])
+        warn_user(
+            f"{path.name}: {len(numbers) - len(kept)} lines of {len(left_out)} layers without an elevation are left "
+            f"out: {names}; --elevation LAYER=M states one"
+        )
+    return [parts[k] for k in kept], [of_shape[of[k]] for k in kept]
+
+
+def _crossed(path: Path, lines: list[Line], fields: list[str]) -> list[Line]:
     """Return the lines with a common point wherever two cross in plan at one height, with a warning of the places."""
     segments, most = _Segments(lines), floor_rules().flat_step_m
     points: dict[int, list[tuple[float, np.ndarray]]] = defaultdict(list)
@@ -114,9 +156,10 @@ def _crossed(path: Path, lines: list[Line]) -> list[Line]:
     if not points:
         return lines
     x, y, z = next(iter(points.values()))[0][1]
+    levels = f"; --level-by FIELD keeps levels apart, {listed_fields(fields)}" if fields else ""
     warn_user(
-        f"{path.name}: lines cross without a common point and less than {most:g} m over each other; they meet there, "
-        f"the first at ({x:.1f}, {y:.1f}, {z:.1f})"
+        f"{path.name}: lines cross at {sum(map(len, points.values())) // 2} places without a common point and less "
+        f"than {most:g} m over each other; they meet there, the first at ({x:.1f}, {y:.1f}, {z:.1f}){levels}"
     )
     made, number = [], 0
     for line in lines:
@@ -148,7 +191,8 @@ def _joined(path: Path, lines: list[Line], snap_m: float) -> list[Line]:
         (x, y, z), apart = near[0]
         warn_user(
             f"{path.name}: {len(near)} ends are less than {_NEAR_M:g} m from another line and do not join it, the "
-            f"first at ({x:.1f}, {y:.1f}, {z:.1f}), {apart:.2f} m away; survey.snap_m, {snap_m:g} m, says what joins"
+            f"first at ({x:.1f}, {y:.1f}, {z:.1f}), {apart:.2f} m away; --snap M joins ends nearer than M "
+            f"(survey.snap_m = {snap_m:g})"
         )
 
     def place(point: tuple[int, int]) -> np.ndarray:

@@ -48,7 +48,10 @@ def require_walls_alone(path: Path, content: Shapes) -> None:
         names = one_line(", ".join(layers[:_LISTED]) + (", ..." if len(layers) > _LISTED else ""), 200)
         advice = f"--layer NAME, once for each layer with walls, chooses from its layers: {names}"
     else:
-        advice = "all its lines are on one layer: save the walls alone, or give a PDF or a picture of the drawing"
+        advice = (
+            f"all its lines are on one layer: save the walls alone, or give a PDF or a picture of the drawing; "
+            f"--layer {one_line(layers[0], 60)!r} reads them all as walls"
+        )
     raise InputError(f"{path}: looks like a drawing with {shown}; {advice}")
 
 

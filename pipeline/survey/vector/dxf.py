@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.guard.plain_number import plain_number
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.survey.vector.dxf_blocks import count_kinds, mend_blocks
 from pipeline.survey.vector.shapes import Shapes, require_size
 
 _UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
@@ -32,8 +34,8 @@ _POINT = re.compile(rb"^[ \t]*10[ \t]*\r?$", re.MULTILINE)  # a point begins wit
 _HEIGHT = re.compile(r"\s*([-+]?\d{1,6}[.,]\d{1,6})\s*m?\s*", re.ASCII)  # a label; whole numbers name stations
 _LARGEST = 1e12  # a mine in mm at map coordinates needs 1e10
 _DRAWN = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
-
-
+_RELEASE = re.compile(rb"\$ACADVER\s+1\s+([\w.]{1,12})")
+_RELEASES = {"AC1004": "9", "AC1006": "10", "AC1009": "12", "AC1012": "13", "AC1014": "14", "AC1015": "2000"}
 _ERRORS = (
     DXFError,
     ValueError,
@@ -69,18 +71,18 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
         drawing = readfile(path)
         _require_block_size(path, drawing)
         existing = {layer.dxf.name for layer in drawing.layers} | {e.dxf.layer for e in drawing.modelspace()}
-        lines = _lines(path, drawing, layers)
+        found = _lines(path, drawing, layers)
     except InputError:
         raise
     except OSError as error:
-        raise InputError(f"{path}: not a DXF drawing ({error.strerror or error})") from error
+        raise InputError(f"{path}: not a DXF drawing; does it begin with the section HEADER or ENTITIES?") from error
     except _ERRORS as error:
-        raise InputError(f"{path}: not a readable DXF drawing ({type(error).__name__}: {str(error)[:120]})") from error
-    unknown = sorted(set(layers or []) - existing)
+        raise InputError(f"{path}: {_unreadable(data)}") from error
+    unknown, lines = sorted(set(layers or []) - existing), found.lines
     if unknown and not lines:
         raise InputError(f"{path}: no layer {', '.join(unknown)}; there are {', '.join(sorted(existing))}")
     unit = _UNITS.get(int(drawing.header.get("$INSUNITS", 0)))
-    return Shapes([line for line, _ in lines], unit, layer_of=[layer for _, layer in lines])
+    return Shapes([line for line, _ in lines], unit, layer_of=[layer for _, layer in lines], others=found.others)
 
 
 def read_dxf_labels(path: Path) -> np.ndarray:
@@ -94,8 +96,11 @@ def read_dxf_labels(path: Path) -> np.ndarray:
         If a coordinate is absurd.
     """
     found: list[tuple[float, ...]] = []
+    data = read_text_bytes(path)
     try:
-        entities = disassemble.recursive_decompose(readfile(path).modelspace())
+        drawing = readfile(path)
+        mend_blocks(path, drawing)
+        entities = disassemble.recursive_decompose(drawing.modelspace())
         for entity in islice(entities, reader_limits().dxf_entities):
             if entity.dxftype() not in ("POINT", "TEXT", "MTEXT"):
                 continue
@@ -110,8 +115,19 @@ def read_dxf_labels(path: Path) -> np.ndarray:
     except InputError:
         raise
     except _ERRORS as error:
-        raise InputError(f"{path}: not a readable DXF drawing ({type(error).__name__}: {str(error)[:120]})") from error
+        raise InputError(f"{path}: {_unreadable(data)}") from error
     return np.array(found, dtype=float).reshape(-1, 3)
+
+
+def _unreadable(data: bytes) -> str:
+    """Return why a drawing is refused that the library cannot read."""
+    found = _RELEASE.search(data[:100_000])
+    version = found[1].decode() if found else ""
+    release = f", of release {_RELEASES.get(version, version)}" if version else ""
+    return (
+        f"not a readable DXF drawing{release}: its entities or blocks are damaged, or of a kind that no other program "
+        "writes; open it in a CAD program, audit it, and save it as DXF of release 2007 or later"
+    )
 
 
 def _require_plain_numbers(path: Path, entity: DXFEntity) -> None:
@@ -160,17 +176,34 @@ def _require_block_size(path: Path, drawing: Drawing) -> None:
         )
 
 
-def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> list[tuple[LineString, str]]:
-    """Return the lines with their layers."""
+@dataclass(frozen=True)
+class _Content:
+    """The lines of a drawing with their layers, and how many entities of each other kind there are."""
+
+    lines: list[tuple[LineString, str]]
+    others: dict[str, int]
+
+
+def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> _Content:
+    """Return the lines with their layers, and what else is there."""
     most = reader_limits().dxf_entities
+    annotations = mend_blocks(path, drawing)
     entities = list(islice(disassemble.recursive_decompose(drawing.modelspace()), most + 1))
     if len(entities) > most:
         raise InputError(f"{path}: more than {most} entities with blocks resolved (dxf_entities in {FILE})")
-    kept = [e for e in entities if e.dxftype() in _DRAWN and (layers is None or e.dxf.layer in layers)]
+    chosen = [e for e in entities if layers is None or e.dxf.layer in layers]
+    kept = [e for e in chosen if e.dxftype() in _DRAWN]
     for entity in kept:
         _require_plain_numbers(path, entity)
-    found = [p for p in disassemble.to_primitives(kept) if p.path is not None and len(p.path)]
-    paths = [(p.path, str(p.entity.dxf.layer)) for p in found if p.path is not None]
+    primitives = [p for p in disassemble.to_primitives(kept) if p.path is not None and len(p.path)]
+    drawn = {id(p.entity) for p in primitives}
+    others = count_kinds([e for e in chosen if id(e) not in drawn]) | annotations
+    return _Content(_flattened(path, primitives), others)
+
+
+def _flattened(path: Path, primitives: list[disassemble.Primitive]) -> list[tuple[LineString, str]]:
+    """Return lines and curves as chords, with their layers."""
+    paths = [(p.path, str(p.entity.dxf.layer)) for p in primitives if p.path is not None]
     vertices = [point for p, _ in paths for point in p.control_vertices()]
     if not vertices:
         return []

@@ -10,10 +10,12 @@ import shapely
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes, require_at_most
+from pipeline.survey.vector.level_fields import require_field, text_of
+from pipeline.survey.vector.other_kinds import NO_GEOMETRY
 from pipeline.survey.vector.shapes import Shapes, require_size
 
 
-def read_geojson(path: Path, layers: list[str] | None) -> Shapes:
+def read_geojson(path: Path, layers: list[str] | None, level_by: str | None = None) -> Shapes:
     """Read polygons and lines.
 
     Parameters
@@ -21,11 +23,13 @@ def read_geojson(path: Path, layers: list[str] | None) -> Shapes:
     path : Path
     layers : list of str or None
         Read only the features whose property `layer` is in this list; None reads all features.
+    level_by : str or None
+        The property that is a feature's layer in the result; None is `layer`.
 
     Raises
     ------
     InputError
-        If the file is not GeoJSON.
+        If the file is not GeoJSON, or no feature has the property `level_by`.
 
     References
     ----------
@@ -40,15 +44,28 @@ def read_geojson(path: Path, layers: list[str] | None) -> Shapes:
         chosen = [feature for feature in features if layers is None or _layer(feature) in layers]
         drawn = [feature for feature in chosen if feature["geometry"] is not None]
         shapes = [shapely.from_geojson(json.dumps(feature["geometry"])) for feature in drawn]
-        layer_of = [_layer(feature) for feature in drawn]
-    except (ValueError, TypeError, KeyError, RecursionError, shapely.GEOSException, AttributeError) as error:
-        raise InputError(f"{path}: not GeoJSON ({str(error)[:120]})") from error
+        fields = list(dict.fromkeys(name for feature in drawn for name in (feature.get("properties") or {})))
+        if level_by is not None:
+            require_field(path, level_by, fields)
+        layer_of = [_layer(feature, level_by) for feature in drawn]
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not GeoJSON: its byte {error.start} is no UTF-8 text") from error
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: not GeoJSON: line {error.lineno}, column {error.colno} is no JSON") from error
+    except RecursionError as error:
+        raise InputError(f"{path}: not GeoJSON: its lists are nested too deep") from error
+    except (ValueError, TypeError, KeyError, shapely.GEOSException, AttributeError) as error:
+        raise InputError(
+            f"{path}: not GeoJSON: a feature or its geometry lacks what RFC 7946 asks for (type, features, geometry, "
+            "coordinates)"
+        ) from error
+    others = {NO_GEOMETRY: len(chosen) - len(drawn)} if len(chosen) > len(drawn) else {}
     if "note" in content and "metres" in str(content["note"]):  # this project's own artifacts
-        return Shapes(shapes, "m", layer_of=layer_of)
+        return Shapes(shapes, "m", layer_of=layer_of, others=others, fields=fields)
     crs = content.get("crs") or {}
     properties = crs.get("properties") if isinstance(crs, dict) else None
     name = properties.get("name") if isinstance(properties, dict) else None
-    return Shapes(shapes, None, str(name) if name else "OGC:CRS84", layer_of)
+    return Shapes(shapes, None, str(name) if name else "OGC:CRS84", layer_of, others, fields)
 
 
 def _features(content: Any) -> list[dict]:
@@ -59,5 +76,6 @@ def _features(content: Any) -> list[dict]:
     return [content if content["type"] == "Feature" else {"type": "Feature", "geometry": content}]
 
 
-def _layer(feature: dict) -> str:
-    return str((feature.get("properties") or {}).get("layer"))
+def _layer(feature: dict, field: str | None = None) -> str:
+    properties = feature.get("properties") or {}
+    return str(properties.get("layer")) if field is None else text_of(properties.get(field))

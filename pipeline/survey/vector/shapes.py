@@ -32,13 +32,16 @@ _PROJ_FILES = re.compile(r"\binit=|\bpipeline\b|grids=(?!@null\b)|\bfile\b|param
 class Shapes:
     """Polygons and lines of a file, in its own coordinates. `unit` and `crs` are None if the file names none.
 
-    `layer_of` has the layer of each shape, and is empty if the format has no layers.
+    `layer_of` has the layer of each shape, and is empty if the format has no layers. `others` counts what the file
+    holds beside shapes, by its kind. `fields` are the names of the shapes' properties.
     """
 
     shapes: list[BaseGeometry]
     unit: str | None = None
     crs: str | None = None
     layer_of: list[str] = field(default_factory=list)
+    others: dict[str, int] = field(default_factory=dict)
+    fields: list[str] = field(default_factory=list)
 
     def only(self, kept: list[bool]) -> Shapes:
         """Return the shapes that are to be kept, with their layers."""
@@ -86,7 +89,7 @@ def require_simple(path: Path, content: Shapes) -> Shapes:
         raise InputError(f"{path}: a coordinate is not finite")
     if count_crossings([shapely.force_2d(shape) for shape in shapes], limits.crossings) > limits.crossings:
         raise InputError(f"{path}: its lines cross more than {limits.crossings} times, the limit (crossings in {FILE})")
-    return Shapes(shapes, content.unit, content.crs, layers)
+    return replace(content, shapes=shapes, layer_of=layers)
 
 
 def locate(

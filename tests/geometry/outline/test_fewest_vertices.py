@@ -38,6 +38,21 @@ def test_the_mean_wall_error_is_reached_and_not_exceeded(rough, error_m):
     assert largest_error_m(rough, simple) <= 8.5 * error_m
 
 
+@pytest.mark.parametrize("gap_m", [0.004, 0.002])
+def test_walls_nearer_to_each_other_than_their_error_keep_their_topology(gap_m):
+    turn, other = (
+        np.linspace(start, start + 2 * np.pi, count, endpoint=False) for start, count in ((0, 400), (0.3, 517))
+    )
+    pillar = 8 * np.column_stack([np.cos(turn), np.sin(turn)])
+    wall = (8 + gap_m) * np.column_stack([np.cos(other), np.sin(other)])  # fits of the two cross
+    room = shapely.Polygon(wall, [pillar]).union(shapely.box(4, -1.5, 40, 1.5))
+    simple = simplify_to_error(room, 0.03)
+    assert simple.is_valid
+    assert len(simple.interiors) == len(room.interiors) == 1
+    assert simple.hausdorff_distance(room) <= 0.03
+    assert corners(simple) < corners(room) / 2
+
+
 def test_fewer_vertices_are_needed_than_by_douglas_peucker_with_refitting(rough):
     peucker = simplify_outline(rough, 0.12)
     error_m = np.abs(signed_distances(rough, peucker)).mean()

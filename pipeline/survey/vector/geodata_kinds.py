@@ -1,0 +1,80 @@
+"""Kinds of shapes in a GeoPackage or Shapefile that are read as others, or not at all."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyogrio
+from pyogrio.errors import DataLayerError, DataSourceError
+
+from pipeline.guard.reading_process import warn_user
+
+CURVE, MEASURED = "curves", "shapes with measures"
+_SURFACES = (15, 16, 17)  # PolyhedralSurface, TIN, Triangle in OGC 06-103r4, table 7
+_FLAGS = 0x0FFFFFFF  # of well-known binary without those for z and m that GDAL sets
+_PATCHES = 31  # the Shapefile's MultiPatch (ESRI 1998)
+_MEASURED = (21, 23, 25, 28)  # its kinds with measures; those with z may have them, and mostly have none
+_CURVES = ("CIRCULARSTRING", "COMPOUNDCURVE", "CURVEPOLYGON", "MULTICURVE", "MULTISURFACE")
+
+
+def multipatches(path: Path, wkb: np.ndarray) -> np.ndarray:
+    """Return which shapes (n,) of a layer are surfaces in space.
+
+    All are in a Shapefile of MultiPatch, whose faces GDAL may read as polygons.
+    """
+    if path.suffix.lower() == ".shp" and _kind_of_shapefile(path) == _PATCHES:
+        return np.array([data is not None for data in wkb], bool)
+    return np.array([data is not None and _kind(data) in _SURFACES for data in wkb], bool)
+
+
+def _kind(wkb: bytes) -> int:
+    """Return the kind of a shape as well-known binary states it, without z and m."""
+    return (int.from_bytes(wkb[1:5], "little" if wkb[0] == 1 else "big") & _FLAGS) % 1000
+
+
+def _kind_of_shapefile(path: Path) -> int:
+    with path.open("rb") as stream:
+        return int.from_bytes(stream.read(36)[32:], "little")
+
+
+def stored_kinds(source: Path | bytes, layer: str, count: int) -> Counter[str]:
+    """Return how many shapes of a layer are stored as curves or with measures, which GDAL reads as others.
+
+    Parameters
+    ----------
+    source : Path or bytes
+        A Shapefile, or the bytes of a GeoPackage.
+    layer : str
+    count : int
+        Shapes of the layer. A Shapefile states measures for all.
+    """
+    if isinstance(source, Path):
+        return Counter({MEASURED: count} if _kind_of_shapefile(source) in _MEASURED else {})
+    table, text = layer.replace('"', '""'), layer.replace("'", "''")
+    named = f"SELECT column_name FROM gpkg_geometry_columns WHERE table_name = '{text}'"
+    column = str((_first_column(source, named) or ["geom"])[0]).replace('"', '""')
+    questions = {CURVE: f'ST_GeometryType("{column}") IN {_CURVES}', MEASURED: f'ST_IsMeasured("{column}")'}
+    found: Counter[str] = Counter()
+    for kind, wanted in questions.items():
+        found[kind] = int((_first_column(source, f'SELECT COUNT(*) AS n FROM "{table}" WHERE {wanted}') or [0])[0])
+    return +found
+
+
+def _first_column(source: bytes, sql: str) -> list[Any]:
+    """Return the first column of what a query of a GeoPackage gives; nothing if it fails, as of an unusual view."""
+    try:
+        return list(pyogrio.raw.read(source, sql=sql)[3][0].tolist())
+    except (DataSourceError, DataLayerError):
+        return []
+
+
+def warn_of_kinds(path: Path, kinds: Mapping[str, int]) -> None:
+    """Warn of shapes whose measures are dropped, and of curves that are read as chords."""
+    if kinds.get(MEASURED):
+        warn_user(f"{path.name}: {kinds[MEASURED]} shapes have measures (M); they are not read, x, y and z are")
+    if kinds.get(CURVE):
+        warn_user(f"{path.name}: {kinds[CURVE]} shapes have curves; arcs are read as chords of 4 degrees")

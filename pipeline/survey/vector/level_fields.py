@@ -1,0 +1,81 @@
+"""Levels that a property of each shape names: `--level-by FIELD`."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import InputError
+from pipeline.guard.plain_number import plain_number
+from pipeline.guard.reading_process import one_line, warn_user
+from pipeline.survey.vector.shapes import REACH_M, Shapes
+
+_APART_M = 4.0  # between two floors: 3.5 m of drift and 0.5 m of rock; nearer numbers count levels
+_NAMED = 12  # levels or fields that a message names
+
+
+def require_field(path: Path, name: str, fields: list[str]) -> None:
+    """Refuse the name of a property that no shape has; `InputError` lists those that there are."""
+    if name not in fields:
+        wanted = one_line(name, 40)
+        raise InputError(f"{path}: --level-by {wanted}: no shape has this property; {listed_fields(fields)}")
+
+
+def listed_fields(fields: list[str]) -> str:
+    """Return text that names the properties of a file's shapes."""
+    names = ", ".join(one_line(field, 40) for field in fields[:_NAMED])
+    return f"there are {names}{', ...' if len(fields) > _NAMED else ''}" if fields else "there are none"
+
+
+def text_of(value: Any) -> str:
+    """Return the value of a property as the name of a level; empty if there is none."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    return f"{value:.12g}" if isinstance(value, float) else str(value)
+
+
+def level_elevations(path: Path, content: Shapes, field: str, stated_m: dict[str, float] | None) -> dict[str, float]:
+    """Return the elevation of each level, m, by the text of its property.
+
+    Without stated elevations, the texts are elevations in metres if all are numbers at least 4 m apart; a warning lists
+    them.
+
+    Parameters
+    ----------
+    path : Path
+    content : Shapes
+        Its layers are the texts of the property.
+    field : str
+        The property's name.
+    stated_m : dict of str to float, or None
+        Some or all elevations.
+
+    Raises
+    ------
+    InputError
+        If no elevations are stated and the texts are none; the message names the option for each.
+    """
+    if stated_m:
+        return stated_m
+    names = sorted({name for name in content.layer_of if name})
+    try:
+        elevations = {name: plain_number(name) for name in names}
+        heights = sorted(elevations.values())
+        is_elevation = all(abs(z) <= REACH_M for z in heights) and all(b - a >= _APART_M for a, b in pairwise(heights))
+    except ValueError:
+        is_elevation = False
+    if not names or not is_elevation:
+        options = " ".join(f"--elevation {one_line(name, 40)!r}=M" for name in names[:_NAMED])
+        raise InputError(
+            f"{path}: --level-by {one_line(field, 40)}: its {len(names)} values are no elevations at least "
+            f"{_APART_M:g} m apart; state the floor of each level in metres: {options or 'no shape has a value'}"
+            f"{' ...' if len(names) > _NAMED else ''}"
+        )
+    listed = ", ".join(sorted(names, key=elevations.__getitem__)[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+    warn_user(
+        f"{path.name}: {len(names)} levels by {one_line(field, 40)} ({listed}), taken as elevations in metres; "
+        "--elevation VALUE=M states others"
+    )
+    return elevations

@@ -1,0 +1,48 @@
+"""Drawings that are no plans are named: sections and contours; mines that resemble them are read."""
+
+import numpy as np
+import pytest
+import shapely
+from shapely import LineString
+
+from pipeline.errors import InputError
+from pipeline.survey.vector.plan_doubts import require_plan
+from pipeline.survey.vector.shapes import Shapes
+
+
+def ring(radius, height, centre=(0.0, 0.0)):
+    turn = np.linspace(0, 2 * np.pi, 40)
+    places = np.column_stack([np.cos(turn), np.sin(turn)]) * radius + centre
+    places[-1] = places[0]
+    return LineString(np.column_stack([places, np.full(len(turn), height)]))
+
+
+def judge(tmp_path, *lines, layers=("0",)):
+    layer_of = [layers[k % len(layers)] for k in range(len(lines))]
+    require_plan(tmp_path / "a.dxf", Shapes(list(lines), "m", layer_of=layer_of))
+
+
+def test_lines_in_one_vertical_plane_are_called_a_section_whatever_way_it_faces(tmp_path):
+    wall = LineString([(0, 0, 0), (80, 40, -10), (80, 40, -14), (0, 0, -4), (0, 0, 0)])
+    with pytest.raises(InputError, match=r"1 lines lie in one vertical plane, 89\.\d+ long and 14 high .* a section"):
+        judge(tmp_path, wall)
+    with pytest.raises(InputError, match=r"--half-width M reads them as centrelines.*--layer NAME reads .* \('0'\)"):
+        judge(tmp_path, wall)
+    judge(tmp_path, wall, LineString([(0, 5, 0), (80, 45, -10)]))  # the other wall of a ramp
+
+
+def test_five_contours_within_each_other_are_called_a_pit_or_the_ground(tmp_path):
+    for fall in (10.0, -10.0):
+        pit = [ring(200 - 20 * k, 100 - fall * k) for k in range(5)]
+        with pytest.raises(InputError, match=r"5 of its closed lines .* contours of an open pit .*--heights FILE"):
+            judge(tmp_path, *pit)
+        judge(tmp_path, *pit[:4])
+
+
+def test_levels_and_pillars_are_no_contours(tmp_path):
+    up_and_down = [ring(200 - 20 * k, 10.0 * (k % 2)) for k in range(9)]
+    judge(tmp_path, *up_and_down)
+    beside = [ring(10, -30.0 * k, (40.0 * k, 0.0)) for k in range(9)]
+    judge(tmp_path, *beside)
+    room = [ring(200, 0.0), *(ring(3, 0.0, (20.0 * k, 0.0)) for k in range(9))]
+    judge(tmp_path, *room, *(shapely.transform(line, lambda p: p - (0, 0, 40), include_z=True) for line in room))
