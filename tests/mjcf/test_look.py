@@ -8,8 +8,9 @@ import pytest
 import shapely
 
 from minexplore.bundle import BundleError, GeomGroup, is_shade, shade_geom
-from minexplore.looks import CUT_MATERIAL, LOOKS, SHADE, add_headlamp, add_sky, cover_rgba, has_haze, let_light_pass
+from minexplore.looks import CUT_MATERIAL, LOOKS, SHADE, cover_rgba
 from minexplore.physics.robot import RobotParams, free_joint_qpos
+from minexplore.pictures.atmosphere import add_headlamp, add_sky, has_haze, let_light_pass
 from minexplore.pictures.render import Renderer, far_hidden
 from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.sensing.coverage import CoverageGrid
