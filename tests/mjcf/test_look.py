@@ -15,11 +15,11 @@ from minexplore.pictures.render import Renderer, far_hidden
 from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.world import load_world
-from pipeline.compose import compose
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.mjcf.render import render_camera
 from pipeline.params.config import Config
 from pipeline.proof.rebuilt.built import require_built
+from tests.composed import compose
 from tests.mines import BuiltMine, sealed
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 30, 5), shapely.box(12, 5, 17, 14)])

@@ -81,7 +81,10 @@ def find_filled(picture: Image, shade: np.ndarray, cells: bool | None = None) ->
     distance = cv2.distanceTransform(np.pad(blank, 8, constant_values=1), cv2.DIST_L2, 5)[8:-8, 8:-8]
     outside = (distance > _WIDE_PX).astype(np.uint8)
     for _ in range(_CORNER_PX):
-        outside = cv2.dilate(outside, disc(1.0)) & blank
+        reached = cv2.dilate(outside, disc(1.0)) & blank
+        if (reached == outside).all():
+            break
+        outside = reached
     _, labels, stats, _ = cv2.connectedComponentsWithStats(blank, connectivity=4)
     large = np.maximum(stats[:, 2], stats[:, 3]) > _WORD_PX
     thick = np.isin(np.arange(len(stats)), labels[distance > _LETTER_PX])

@@ -37,6 +37,8 @@ def find_hatched(ink: Mask, through_ruled: bool = True, corner_px: int = _CORNER
         reached = cv2.dilate(outside & paper, disc(1.0)) & paper
         for line, across in zip(ruled, (_UP_DOWN, _UP_DOWN.T), strict=False):
             reached |= cv2.dilate(outside & (paper | line), across) & (paper | line)
+        if (reached == outside).all():
+            break
         outside = reached
     outside &= paper
     _, nearest = cv2.distanceTransformWithLabels(1 - paper, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
