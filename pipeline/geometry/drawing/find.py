@@ -40,7 +40,7 @@ from pipeline.geometry.drawing.gaps import bridge_gaps, keep_cycles
 from pipeline.geometry.drawing.hatches import find_hatched, require_hatch_outlined
 from pipeline.geometry.drawing.measures import drop_measures
 from pipeline.geometry.drawing.tables import drop_tables
-from pipeline.geometry.drawing.wall_lines import Enclosure, drop_letters, drop_ruled, drop_small, drop_straight, grown
+from pipeline.geometry.drawing.wall_lines import DrawnWalls, drop_letters, drop_ruled, drop_small, drop_straight, grown
 from pipeline.types import Image, Mask
 
 _CHROMA = 40  # lines in colour are annotation, as elsewhere
@@ -208,13 +208,13 @@ def _first_reading(lines: Mask, filled: Mask, level: int | None) -> DrawingReadi
     """Return the first reading of lines without a doubt."""
     doubt: GeometryError | None = None
     for drawn in _readings(lines):
-        enclosure, widths = Enclosure(drawn.mask), set()
+        drawn_walls, widths = DrawnWalls(drawn.mask), set()
         for reach_px in drawn.reaches_px:
             try:
-                width = _width_px(enclosure.areas(reach_px))
+                width = _width_px(drawn_walls.areas(reach_px))
                 if round(width) not in widths:
                     widths.add(round(width))
-                    found = _enclosed(drawn, enclosure, width, level)
+                    found = _enclosed(drawn, drawn_walls, width, level)
                     require_no_filling(filled, found.mask)
                     return found
             except GeometryError as error:
@@ -248,9 +248,9 @@ def _width_px(areas: Mask) -> float:
     return width
 
 
-def _enclosed(drawn: _Walls, enclosure: Enclosure, width: float, level: int | None) -> DrawingReading:
+def _enclosed(drawn: _Walls, drawn_walls: DrawnWalls, width: float, level: int | None) -> DrawingReading:
     lines = drawn.lines
-    narrow, wide = (enclosure.areas(max(2.0, share * width)) for share in drawn.gaps)
+    narrow, wide = (drawn_walls.areas(max(2.0, share * width)) for share in drawn.gaps)
     plans = find_plans(wide)
     if not plans:
         raise GeometryError(

@@ -106,7 +106,7 @@ def _continues(points: np.ndarray, walls: Mask) -> bool:
     return True
 
 
-class Enclosure:
+class DrawnWalls:
     """What walls, drawn as lines, enclose: several reaches share the distance of each pixel to the lines."""
 
     def __init__(self, lines: Mask) -> None:
