@@ -1,6 +1,8 @@
 """What a command loads when it starts: libraries that take long to load are loaded by what uses them."""
 
 import ast
+import os
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -62,3 +64,11 @@ def test_a_command_loads_no_dear_library_that_only_some_worlds_need(module, load
 def test_importing_the_environment_package_loads_no_physics():
     assert "gymnasium.envs.registration" in loaded_names("minexplore")
     assert not loaded_names("minexplore") & {"mujoco", "scipy"}
+
+
+def test_make_lets_python_keep_what_it_has_compiled():
+    probe = 'probe:; @python3 -c "import sys; print(sys.dont_write_bytecode)"'
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    command = ["make", "-s", "--eval", probe, "probe"]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
