@@ -2,6 +2,8 @@
 SHELL := /bin/sh
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 export OVERRIDES ?=
+# Each of the eight processes of `make all` would compile the same 300 modules, and pytest rewrite all tests.
+unexport PYTHONDONTWRITEBYTECODE
 PY := .venv/bin/python
 LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header
 STAGES := survey contours compile3d surface realism validation

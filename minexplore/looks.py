@@ -6,17 +6,14 @@ is measured, and none changes what a robot can touch or what its LiDAR sees.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import mujoco
-
 EXTENT_M = 10.0  # of every world; MuJoCo states the haze in multiples of it
 PLAIN = "plain"
-_NO_HAZE_M = (30.0, 100.0)  # MuJoCo's own values, which a plain world keeps
+NO_HAZE_M = (30.0, 100.0)  # MuJoCo's own values, which a plain world keeps
 LAMP_ABOVE_M, LAMP_CUTOFF_DEG = 0.05, 45.0  # a headlamp is on top of the scanner; half of its cone
-_SHADOW_PX = 2048  # with 1024 grazing faces shadow themselves in dots; 4096 takes OSMesa a quarter longer
 CUT_MATERIAL, CUT_RGBA = "cut", (0.8, 0.72, 0.64, 1.0)  # rock's collision parts, seen from above in a cut-away view
 # Colour and highlight of each kind of furniture; colour and reflectance of water. Clear planes darken ruts and hollows
 # step by step: their colour, which MuJoCo lays on twice a plane, and their heights as shares of the water's. The first
@@ -49,7 +46,7 @@ class Look:
     ambient: float
     diffuse: float
     glint: float = 0.0
-    haze_m: tuple[float, float] = _NO_HAZE_M
+    haze_m: tuple[float, float] = NO_HAZE_M
     haze_rgb: tuple[float, float, float] = (0.0, 0.0, 0.0)
     specular: float = 0.0
     shininess: float = 0.0
@@ -58,7 +55,7 @@ class Look:
     @property
     def hazy(self) -> bool:
         """Return whether there is any haze."""
-        return self.haze_m != _NO_HAZE_M
+        return self.haze_m != NO_HAZE_M
 
 
 LOOKS = {
@@ -80,48 +77,3 @@ def cover_rgba(zone_rgba: Sequence[float]) -> list[float]:
     mixed = [(1 - _GREYED) * own + _GREYED * grey * tone for own, tone in zip(zone_rgba, _MUCK, strict=False)]
     gain = min(_COVER_GAIN, 1 / max(*mixed, 1e-6))  # colours keep their hue
     return [round(gain * value, 4) for value in mixed] + [1.0]
-
-
-def let_light_pass(scene: mujoco.MjvScene, geoms: Collection[int]) -> None:
-    """Let geoms of a scene, by their numbers in the model, cast no shadow; a clear plane would cast a full one."""
-    for geom in scene.geoms[: scene.ngeom]:
-        if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and geom.objid in geoms:
-            geom.category = mujoco.mjtCatBit.mjCAT_DECOR
-
-
-def has_haze(model: mujoco.MjModel) -> bool:
-    """Return whether a model states a haze of its own; MuJoCo draws haze only where a scene's flag asks for it."""
-    stated = EXTENT_M * float(model.vis.map.fogstart), EXTENT_M * float(model.vis.map.fogend)
-    return stated != _NO_HAZE_M
-
-
-def add_haze(model: mujoco.MjModel, scene: mujoco.MjvScene) -> None:
-    """Let a scene show the haze of its model, if that has any."""
-    scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = has_haze(model)
-
-
-def add_sky(spec: mujoco.MjSpec, look: Look) -> None:
-    """Give a model a background in the haze's colour, where a view ends beyond all that is drawn."""
-    if look.hazy:
-        sky = spec.add_texture(name="haze", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, width=8, height=8)
-        sky.builtin, sky.rgb1 = mujoco.mjtBuiltin.mjBUILTIN_FLAT, look.haze_rgb
-        sky.rgb2 = look.haze_rgb
-
-
-def add_headlamp(spec: mujoco.MjSpec, robot: str, look: Look, height_m: float) -> None:
-    """Give a robot a lamp that casts shadows, `height_m` above its body's origin; a look without one leaves it."""
-    if look.lamp_rgb is None:
-        return
-    spec.body(robot).add_light(
-        name=f"{robot}_lamp",
-        pos=[0, 0, height_m],
-        dir=[1, 0, -0.06],
-        type=mujoco.mjtLightType.mjLIGHT_SPOT,
-        cutoff=LAMP_CUTOFF_DEG,
-        exponent=4.0,
-        castshadow=True,
-        attenuation=[0.8, 0.02, 0.004],
-        diffuse=look.lamp_rgb,
-        specular=[look.glint] * 3,
-    )
-    spec.visual.quality.shadowsize = _SHADOW_PX

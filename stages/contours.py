@@ -28,7 +28,6 @@ from pipeline.geometry.outline.half_level import cover_of, trace_half_level
 from pipeline.geometry.outline.trace import trace_outline
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.contours import ContoursParams
-from pipeline.report.figures.corrected import draw_corrected
 from pipeline.report.figures.graph import network_dot, width_table
 from pipeline.report.figures.plans import draw_contours
 from pipeline.scans.correct import Correction, CorrectionReport, correct_by_sweeps, read_sweeps
@@ -72,8 +71,17 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
         "widths": width_table(network),
         "picture": draw_contours(traced.raw, outline, network, frame),
         "correction": None if correction is None else correction.report,
-        "corrected": NO_PICTURE if correction is None else draw_corrected(drawn.workings, correction, frame),
+        "corrected": _picture(drawn.workings, correction, frame),
     }
+
+
+def _picture(drawn: Polygon | MultiPolygon, correction: Correction | None, frame: Frame) -> Image:
+    """Return the picture of corrected walls; Matplotlib takes 0.4 s to load, and most plans have no sweeps."""
+    if correction is None:
+        return NO_PICTURE
+    from pipeline.report.figures.corrected import draw_corrected
+
+    return draw_corrected(drawn, correction, frame)
 
 
 def _trace(params: ContoursParams, plan: Image, survey: Survey, workings: Workings) -> _Traced:

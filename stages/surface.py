@@ -12,7 +12,6 @@ from shapely.geometry.base import BaseGeometry
 from minexplore.floors.floor import Floor
 from pipeline.geometry.openings.fit import filled_floor, without_openings
 from pipeline.params.surface import SurfaceParams, TextureParams
-from pipeline.report.figures.roughness import draw_sections, draw_spectra
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
 from pipeline.surface.build import build_rough_surface, chunk_files, lay_rough_lattice, widen_spacing
@@ -44,6 +43,8 @@ def model_surface(
     """
     if params.overlay == "none":
         return _NO_ROCK
+    from pipeline.report.figures.roughness import draw_sections, draw_spectra  # Matplotlib takes 0.4 s to load
+
     free, floor = without_openings(free_space.polygon, openings), filled_floor(floor, openings)
     params = widen_spacing(params, free, extent.height_m)
     with ThreadPoolExecutor(1) as pool:  # works beside this thread, in the order of the calls

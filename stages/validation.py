@@ -24,9 +24,6 @@ from pipeline.proof.texture import TextureReport
 from pipeline.proof.validator import MEASURES, Validator
 from pipeline.report.figures.graph import blocked_table
 from pipeline.report.figures.plans import draw_agreement
-from pipeline.report.figures.replay import draw_replay
-from pipeline.report.figures.texture import draw_heat, draw_texture
-from pipeline.report.figures.views import draw_views
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle
 from pipeline.types import NO_PICTURE, Image, Mask, Survey, Workings
@@ -74,7 +71,11 @@ def _evidence(params: ValidationParams, validator: Validator) -> dict[str, Any]:
 
 
 def _evidence_of_rock(params: ValidationParams, validator: Validator) -> dict[str, Any]:
-    """Return the reports and pictures of the visible rock."""
+    """Return the reports and pictures of the visible rock; Matplotlib, which draws them, takes 0.4 s to load."""
+    from pipeline.report.figures.replay import draw_replay
+    from pipeline.report.figures.texture import draw_heat, draw_texture
+    from pipeline.report.figures.views import draw_views
+
     free, replay = validator.free_space.polygon, _replay(params.replay, validator)
     return {
         "texture": validator.texture,

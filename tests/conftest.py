@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import os
 import pickle
@@ -17,9 +18,9 @@ import pytest
 from filelock import FileLock
 
 from benchmarks.worlds.small_world import build_small_world
-from pipeline.compose import compose
 from pipeline.params.config import Config
 from stages.__main__ import STAGES
+from tests.composed import compose
 from tests.heights import MineWithHeights
 from tests.mines import RING, TEE, BuiltMine, unreported
 from tests.project import ROOT, Project
@@ -45,6 +46,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: not {"repro", "built"} & set(getattr(item, "fixturenames", ())))
 
 
+def pytest_collection_finish() -> None:
+    """Leave modules and collected tests out of all later collections of garbage."""
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture(scope="session")
 def shared_mine() -> Path:
     """Return the folder with the published plan, poses and sweeps, or skip the test."""
@@ -66,7 +73,7 @@ def shared_rock() -> Path:
 @pytest.fixture(scope="session")
 def config() -> Config:
     """Return the default configuration, but for the walls of drawn test mines and the size of pictures."""
-    return compose_here(*EXACT_WALLS, *SMALL_PICTURES)
+    return compose([*EXACT_WALLS, *SMALL_PICTURES])
 
 
 def build_once(factory: pytest.TempPathFactory, name: str, build: Callable[[Path], None]) -> Path:
@@ -92,13 +99,6 @@ def share_mine(factory: pytest.TempPathFactory, name: str, make: Callable[[Path]
     return pickle.loads((build_once(factory, name, build) / "mine.pickle").read_bytes())
 
 
-def compose_here(*overrides: str) -> Config:
-    """Return the configuration of this checkout with overrides, wherever a test works."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(list(overrides))
-
-
 @pytest.fixture(scope="session")
 def tee(config: Config, tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
     """Return the T-junction as a world; tests must not change its folder."""
@@ -109,7 +109,7 @@ def tee(config: Config, tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
 def ring(tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
     """Return the ring drift as a world with a coarse surface; tests must not change its folder."""
     coarse = [f"surface.rough.{spacing}" for spacing in ("spacing_m=0.3", "roof_spacing_m=0.4")]
-    config = compose_here(*EXACT_WALLS, *SMALL_PICTURES, *coarse)
+    config = compose([*EXACT_WALLS, *SMALL_PICTURES, *coarse])
     return share_mine(tmp_path_factory, "ring", lambda folder: BuiltMine(RING, config, folder / "world"))
 
 
@@ -127,7 +127,7 @@ def small_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def light() -> Config:
     """Return the configuration of worlds without visible rock."""
-    return compose_here("preset=light")
+    return compose(["preset=light"])
 
 
 @pytest.fixture(scope="session")
@@ -141,7 +141,7 @@ def mine_of_legs(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Mine
     def make(legs: dict[str, Any], *overrides: str, **values: Any) -> MineWithHeights:
         name = f"legs-{hashlib.sha256(repr((legs, overrides, values)).encode()).hexdigest()[:16]}"
         if name not in made:
-            config = compose_here(*overrides)
+            config = compose([*overrides])
             made[name] = share_mine(
                 tmp_path_factory, name, lambda folder: MineWithHeights(legs, config, folder, **values)
             )

@@ -13,7 +13,8 @@ from tempfile import TemporaryDirectory
 from stages.__main__ import STAGES
 
 _PRELOADED = [*(f"stages.{name}" for name in STAGES), "pipeline.compose", "pipeline.__main__", "open3d"]
-_PRELOADED += ["tests.preloaded", "baselines.evaluate", "baselines.score"]
+_PRELOADED += ["pipeline.survey.vector.dxf", "pipeline.report.page", "scipy.signal"]  # commands load them on demand
+_PRELOADED += ["baselines.evaluate", "baselines.score", "tests.preloaded"]
 _context = multiprocessing.get_context("forkserver")
 _context.set_forkserver_preload(_PRELOADED)
 

@@ -15,7 +15,6 @@ import pytest
 import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
-import stages.surface
 from benchmarks.worlds.small_world import finish_world
 from minexplore.bundle import UNSEALED, world_sha256
 from pipeline.geometry.rasterize import fill_polygon
@@ -77,8 +76,9 @@ def unreported() -> Iterator[None]:
     For mines whose rock another test reports on.
     """
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("report_roughness", "draw_spectra", "draw_sections"):
-            patch.setattr(stages.surface, name, lambda *arguments: None)
+        figures = "pipeline.report.figures.roughness"
+        for name in ("stages.surface.report_roughness", f"{figures}.draw_spectra", f"{figures}.draw_sections"):
+            patch.setattr(name, lambda *arguments: None)
         yield
 
 

@@ -9,8 +9,9 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import MINE_BODY, GeomGroup, has_visible_rock, is_shade
-from minexplore.looks import EXTENT_M, add_haze, add_headlamp, add_sky, has_haze, let_light_pass, look_of
+from minexplore.looks import EXTENT_M, look_of
 from minexplore.physics.robot import RobotParams, qpos_address, separate_contacts
+from minexplore.pictures.atmosphere import add_haze, add_headlamp, add_sky, has_haze, let_light_pass
 from minexplore.pictures.opengl import new_renderer
 from minexplore.rotations import quaternion
 from minexplore.sensing.coverage import CoverageGrid

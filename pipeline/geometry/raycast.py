@@ -38,7 +38,8 @@ class RayCaster:
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return distances (n,) m along unit directions (n, 3) from origins (n, 3) m; inf where a ray hits nothing."""
-        rays = np.concatenate([origins - self._middle, directions], axis=1).astype(np.float32)
+        rays = np.empty((len(origins), 6), np.float32)
+        rays[:, :3], rays[:, 3:] = origins - self._middle, directions
         hit = self._scene.cast_rays(self._tensor(rays))
         face = hit["primitive_ids"].numpy().astype(np.int32)  # -1 where nothing is hit
         return plane_distances(self._planes, face, origins, directions, hit["t_hit"].numpy())

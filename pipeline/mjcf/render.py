@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import GeomGroup
-from minexplore.looks import add_haze
+from minexplore.pictures.atmosphere import add_haze
 from minexplore.pictures.render import light_nearest
 from pipeline.errors import ArtifactError
 from pipeline.types import Frame, Image, Mask

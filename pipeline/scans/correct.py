@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from scipy.optimize import minimize
 from shapely import Polygon
 
 from pipeline.errors import GeometryError, InputError
@@ -201,6 +200,8 @@ def _cost(caster: RayCaster, fan: Fan, pose: np.ndarray) -> float:
 
 def _least_cost(caster: RayCaster, fan: Fan, pose: np.ndarray) -> float:
     """Return the least cost of a sweep near a pose, searched from five starts."""
+    from scipy.optimize import minimize  # takes a tenth of a second to load, and most plans have no sweeps
+
     starts = [pose, *(pose + np.array([dx, dy, 0.0]) for dx in _STARTS_M for dy in _STARTS_M)]
     start = min(starts, key=lambda each: _cost(caster, fan, each))
     simplex = start + np.array([[0, 0, 0], [0.3, 0, 0], [0, 0.3, 0], [0, 0, 0.01]])

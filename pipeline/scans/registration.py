@@ -7,8 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import grey_erosion
-from scipy.optimize import minimize
 
 from pipeline.errors import GeometryError
 
@@ -173,6 +171,8 @@ class ScanCostGrid:
 
     def with_corrections(self, turn: float) -> np.ndarray:
         """Return the least cost plus penalty (rows, cols) near each place, with all poses turned by `turn` rad."""
+        from scipy.ndimage import grey_erosion  # here, as `minimize` below: most surveys have no poses
+
         search = self.search
         off = self.heading - self.pose[2] - turn
         allowed = np.abs(off) <= search.correction_rad + 1e-9
@@ -198,6 +198,8 @@ class ScanCostGrid:
 
     def refined(self, similarity: Similarity, cast: CastFan, fan: Fan) -> Pose:
         """Return the pose of least cost within the correction's bounds of the pose that a similarity gives."""
+        from scipy.optimize import minimize
+
         search, about = self.search, np.array(similarity.place(self.pose))
         bound = np.array([search.correction_m, search.correction_m, search.correction_rad])
 

@@ -15,7 +15,6 @@ from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.solved_surveys import read_passages
 from pipeline.survey.stations.compass import read_plt
 from pipeline.survey.stations.table import read_station_legs
-from pipeline.survey.vector.dxf import read_dxf
 from pipeline.survey.vector.geodata import read_geodata
 from pipeline.survey.vector.geojson import read_geojson
 from pipeline.survey.vector.shapes import Shapes
@@ -42,11 +41,17 @@ class Format:
     has_fields: bool = False
 
 
+def _read_dxf(path: Path, layers: list[str] | None) -> Shapes:
+    from pipeline.survey.vector.dxf import read_dxf  # ezdxf takes 0.3 s to load, and few surveys are DXF
+
+    return read_dxf(path, layers)
+
+
 FORMATS: dict[str, Format] = {
     **dict.fromkeys((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"), Format(FileKind.PICTURE)),
     ".pdf": Format(FileKind.PDF),
     **dict.fromkeys((".yaml", ".yml"), Format(FileKind.GRID)),
-    ".dxf": Format(FileKind.VECTOR, shapes=read_dxf),
+    ".dxf": Format(FileKind.VECTOR, shapes=_read_dxf),
     ".str": Format(FileKind.VECTOR, shapes=read_surpac),
     **dict.fromkeys((".geojson", ".json"), Format(FileKind.VECTOR, shapes=read_geojson, has_fields=True)),
     **dict.fromkeys((".gpkg", ".shp"), Format(FileKind.VECTOR, shapes=read_geodata, has_fields=True)),

@@ -22,7 +22,6 @@ from pipeline.params.stated import FileKind
 from pipeline.survey.formats import shape_reader, suffixes_of
 from pipeline.survey.passages.stray_heights import STRAY_M
 from pipeline.survey.spots import read_spots
-from pipeline.survey.vector.dxf import read_dxf_labels
 from pipeline.survey.vector.geodata import companions
 from pipeline.survey.vector.shapes import REACH_M, Shapes, coordinate_system, require_size
 from pipeline.types import Frame, Georeference, Heights, Image
@@ -227,6 +226,8 @@ def _read_drawing(path: Path, step: float) -> tuple[Points, str | None, bool]:
     found = [shapely.get_coordinates(shapely.segmentize(lines, step), include_z=True)] if lines else []
     found += [shapely.get_coordinates([p for p in parts if shapely.get_dimensions(p) == 0], include_z=True)]
     if suffix == ".dxf":
+        from pipeline.survey.vector.dxf import read_dxf_labels  # see pipeline/survey/formats.py
+
         found.append(read_dxf_labels(path))
     points = np.concatenate([np.zeros((0, 3)), *(f for f in found if len(f))])
     points = points[np.isfinite(points).all(axis=1)]

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from pipeline.compose import compose
 from pipeline.metrics.iou import intersection_over_union
 from pipeline.metrics.topology import compare_topology
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.mjcf.render import render_free_space
 from pipeline.proof.certificate import certify, measure_containment
+from tests.composed import compose
 from tests.mines import BuiltMine, random_mine
 
 COARSE = [

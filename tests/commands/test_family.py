@@ -20,13 +20,13 @@ from pipeline.build import family
 from pipeline.build.family import Member, generated, make_family, to_list, variants, without_rock
 from pipeline.build.splits import LIST, Listed, read_list, write_list
 from pipeline.commands.worlds import worlds
-from pipeline.compose import compose
 from pipeline.errors import ArtifactError, GeometryError, InputError, LimitError
 from pipeline.geometry.generated.generate import generate_workings
 from pipeline.geometry.generated.perturb import displace, perturb_workings
 from pipeline.store.locks import hold_lock
 from pipeline.survey.load import read_survey
 from stages.contours import trace_free_space
+from tests.composed import compose
 from tests.mines import RING, TEE
 from tests.project import ROOT
 
@@ -110,7 +110,6 @@ def test_a_ring_stays_closed_whatever_its_length():
 DIGITS = """
 import hashlib
 import numpy as np
-from pipeline.compose import compose
 from pipeline.geometry.generated.generate import generate_workings
 from pipeline.geometry.generated.rough_walls import roughen_walls
 rng = np.random.default_rng(2000064)

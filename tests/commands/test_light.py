@@ -13,7 +13,6 @@ from minexplore.pictures.render import shown_groups
 from minexplore.schema import check_files, check_world, hash_files, read_folder
 from minexplore.sensing.lidar import collision_meshes, shared_lidar
 from minexplore.world import load_world
-from pipeline.compose import compose
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.proof.certificate import certify
@@ -21,16 +20,14 @@ from pipeline.proof.groups import applying_limits, is_measured
 from pipeline.proof.rebuilt.built import require_built
 from pipeline.proof.validator import MEASURES, Validator
 from pipeline.report.figures.scene import scene_page
+from tests.composed import compose
 from tests.mines import TEE, BuiltMine, sealed
 from tests.minexplore.sensing.test_lidar import nearest, rays
-from tests.project import ROOT
 
 
 @pytest.fixture(scope="module")
 def light_config():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(["preset=light"])
+    return compose(["preset=light"])
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,6 @@ from minexplore.floors.folding import Folding
 from minexplore.schema import check_files, check_world, hash_files, read_folder
 from minexplore.sensing.lidar import floor_meshes, shared_lidar
 from minexplore.world import load_world
-from pipeline.compose import compose
 from pipeline.errors import ArtifactError
 from pipeline.geometry.floor.mesh import build_floor
 from pipeline.geometry.floor.subdivide import split_edges
@@ -33,9 +32,9 @@ from pipeline.surface.mesh.smooth import smooth_surface
 from pipeline.surface.reference import measure_sources
 from pipeline.surface.relief_source import choose_relief
 from pipeline.types import Occupancy, Openings
+from tests.composed import compose
 from tests.heights import RAMP, UNDER, certificate_params
 from tests.mines import STRAIGHT, sealed
-from tests.project import ROOT
 
 COARSE = [
     "surface.rough.spacing_m=0.25",
@@ -49,9 +48,7 @@ COARSE = [
 
 @pytest.fixture(scope="module")
 def config():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(COARSE)
+    return compose(COARSE)
 
 
 @pytest.fixture(scope="module")

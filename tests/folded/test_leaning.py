@@ -12,7 +12,6 @@ from minexplore.bundle import COLLAR_CORNERS, RECORD, SLAB_M, BundleError, decod
 from minexplore.floors.shaft_axis import aside_at
 from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.world import load_world
-from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.floor.mesh import build_floor
 from pipeline.geometry.openings.fit import cut_floor, fit_openings
@@ -22,12 +21,12 @@ from pipeline.mjcf.bundle import OpenedBundle, open_bundle
 from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.stations.table import read_station_legs
 from pipeline.types import Openings
+from tests.composed import compose
 from tests.folded.test_folded_rock import COARSE
 from tests.folded.test_openings import broken, validator_of
 from tests.folded.test_raises import figures_of
 from tests.heights import RAMP, UNDER, MineWithHeights, levels, seam, shelves, spiral, table
 from tests.mines import sealed
-from tests.project import ROOT
 
 DRIFT = [("a", 0, 0, 100), ("b", 20, 0, 100), ("c", 40, 0, 100), ("d", 60, 0, 102)]
 WINZE = [("a", 0, 0, 100), ("s1", -4, 1, 96), ("s2", -6, 4, 90)]
@@ -202,9 +201,7 @@ def test_the_certificate_misses_a_wall_of_a_leaning_shaft(number, under):
 
 
 def test_shafts_that_lean_keep_their_fences_where_others_have_none(tmp_path):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        config = compose(["preset=light", "realism.fence_openings=false"])
+    config = compose(["preset=light", "realism.fence_openings=false"])
     legs = {"A": DRIFT, "S": [DRIFT[0], ("s", -4, 0, 94)], "T": [DRIFT[1], ("t", 20, 0.1, 90)]}
     mine = MineWithHeights(legs, config, tmp_path)
     leaning, plumb = mine.openings
@@ -216,9 +213,7 @@ def test_shafts_that_lean_keep_their_fences_where_others_have_none(tmp_path):
 
 
 def test_a_roof_too_high_for_a_leaning_shaft_is_refused_with_its_place(tmp_path):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        config = compose(["preset=light", "compile3d.height_m=6"])
+    config = compose(["preset=light", "compile3d.height_m=6"])
     path = tmp_path / "stations.csv"
     legs = lode()
     with pytest.raises(GeometryError, match=r"shaft at \(20\.0, 0\.0\), which leans, meets a roof 6\.00 m high, want"):
@@ -297,9 +292,7 @@ def test_steep_legs_in_any_direction_are_built_with_a_certificate_or_left_out(se
 
 @pytest.mark.slow
 def test_the_lining_of_a_leaning_shaft_lies_on_its_walls_and_meets_the_rock_below(tmp_path):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        config = compose(COARSE)
+    config = compose(COARSE)
     legs = {**UNDER, "S": [UNDER["A"][1], UNDER["B"][1]], "V": [("a0", 0, 0, 10), ("v", -3, 8, 20)]}
     mine = MineWithHeights(legs, config, tmp_path, report=False)
     files = read_folder(mine.bundle)

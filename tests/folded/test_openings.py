@@ -19,7 +19,6 @@ from minexplore.physics.robot import RobotParams
 from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.task import TaskParams
 from minexplore.world import load_world
-from pipeline.compose import compose
 from pipeline.geometry.floor.parts import wall_lines
 from pipeline.geometry.openings.fit import fit_openings
 from pipeline.mjcf.bundle import OpenedBundle, open_bundle, placed_parts
@@ -30,6 +29,7 @@ from pipeline.proof.validator import Validator
 from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.stations.table import read_station_legs
 from stages.contours import _find_openings
+from tests.composed import compose
 from tests.heights import HEADER, RAMP, MineWithHeights, certificate_params, levels, table
 from tests.mines import sealed
 

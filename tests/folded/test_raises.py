@@ -14,17 +14,16 @@ from minexplore.physics.robot import RobotParams
 from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.task import TaskParams
 from minexplore.world import load_world
-from pipeline.compose import compose
 from pipeline.geometry.openings.fit import fit_openings
 from pipeline.mjcf.bundle import OpenedBundle, open_bundle, placed_parts
 from pipeline.mjcf.world import GeomGroup
 from pipeline.proof.floor import enclosure_of_floor
 from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.stations.table import read_station_legs
+from tests.composed import compose
 from tests.folded.test_openings import broken, validator_of
 from tests.heights import RAMP, MineWithHeights, levels, table
 from tests.mines import sealed
-from tests.project import ROOT
 
 _SLICES_M = (0.05, 0.5, 1.0, 3.45)
 
@@ -240,9 +239,7 @@ def test_forged_raises_are_refused_with_their_field(raised):
 
 
 def test_nothing_falls_where_there_are_raises_only(tmp_path):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        config = compose(["preset=light", "realism.fence_openings=false"])
+    config = compose(["preset=light", "realism.fence_openings=false"])
     mine = MineWithHeights({"A": LEVEL, "S": [LEVEL[1], ("s", 10.5, 0, 130)]}, config, tmp_path)
     assert len(mine.openings) == 1
     world = load_world(mine.bundle)

@@ -9,16 +9,15 @@ import shapely
 from minexplore.bundle import decode_msh, encode_msh
 from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.schema.openings import BundleError
-from pipeline.compose import compose
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import read_record
 from pipeline.proof.rebuilt.fittings import require_fittings
 from pipeline.proof.rebuilt.visible import _round_shafts
+from tests.composed import compose
 from tests.folded.test_folded_rock import COARSE, copied, drifts_of, up_the_shaft, visible
 from tests.folded.test_openings import broken, validator_of
 from tests.heights import RAMP
 from tests.mines import sealed
-from tests.project import ROOT
 
 LEGS = {
     "A": [("a", 0, 0, 100), ("q", 10, 0, 100), *RAMP["A"][1:3], ("d", 40, 0, 101.5)],
@@ -28,9 +27,7 @@ LEGS = {
 
 @pytest.fixture(scope="module")
 def config():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(COARSE)
+    return compose(COARSE)
 
 
 @pytest.fixture(scope="module", params=[2.2, pytest.param(0.8, marks=pytest.mark.slow)], ids=["wide", "narrow"])

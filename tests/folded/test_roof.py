@@ -16,7 +16,6 @@ from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.schema.readers.json_text import read_json
 from minexplore.sensing.lidar import floor_meshes
 from minexplore.world import load_world
-from pipeline.compose import compose
 from pipeline.errors import GeometryError
 from pipeline.geometry.floor.mesh import build_floor
 from pipeline.mjcf.bundle import open_bundle, read_record
@@ -29,11 +28,11 @@ from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.stations.table import read_station_legs, read_station_survey
 from pipeline.types import Occupancy
+from tests.composed import compose
 from tests.folded.test_folded_rock import COARSE
 from tests.heights import RAMP, UNDER, MineWithHeights, certificate_params, table
 from tests.mines import STRAIGHT, sealed
 from tests.octomap import FREE, OCCUPIED, BinaryTree
-from tests.project import ROOT
 
 HALL = {"a": 2.5, "b": 2.5, "c": 6.0, "d": 6.0}  # over the ramp, from 20 to 30 m, the roof rises by 5 m
 LOW = {"a": 1.5, "b": 1.7, "c": None, "d": 2.0}
@@ -42,9 +41,7 @@ ALONG_M = np.array([3.0, 10.0, 17.0, 22.0, 25.0, 28.0, 33.0, 50.0, 57.0])  # alo
 
 
 def config_of(*overrides):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(list(overrides))
+    return compose(list(overrides))
 
 
 @pytest.fixture(scope="module")

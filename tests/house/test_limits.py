@@ -2,11 +2,11 @@
 
 import pytest
 
-from pipeline.compose import compose
 from pipeline.errors import LimitError
 from pipeline.params.validation import Limit
 from pipeline.proof.groups import applying_limits
 from stages.validation import check_limits
+from tests.composed import compose
 
 
 def outputs(load_s: float, memory_mb: float, iou: float) -> dict:

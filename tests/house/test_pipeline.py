@@ -69,8 +69,8 @@ def test_the_readmes_table_shows_what_is_measured(built):
         assert [line for line in steady if line not in text] == [], "run `make report`"
 
 
-def test_two_clean_builds_give_identical_bytes(repro, tmp_path):
-    again = Project(tmp_path / "again", tiny=True)
+def test_two_clean_builds_give_identical_bytes(unbuilt, repro, tmp_path):
+    again = unbuilt.copy(tmp_path / "again")
     again.stages(*STAGES)
     again.module("pipeline", "report").check_returncode()
     one, two = (build.hashes() for build in (repro, again))

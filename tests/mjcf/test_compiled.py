@@ -8,11 +8,11 @@ import pytest
 import shapely
 
 from minexplore.bundle import MODEL
-from pipeline.compose import compose
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.mjcf.compiled import most_moved_m
 from pipeline.proof.certificate import measure_containment
 from pipeline.proof.rebuilt.same_model import require_same_model
+from tests.composed import compose
 from tests.mines import BuiltMine
 
 FOOT_M = 0.3048

@@ -29,7 +29,6 @@ from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.sensing.lidar import Lidar, surface_meshes
 from minexplore.task import TaskParams
 from minexplore.world import load_world
-from pipeline.compose import compose
 from pipeline.errors import ArtifactError, ParamsError
 from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.bundle import obstacles, open_bundle
@@ -43,6 +42,7 @@ from pipeline.proof.rebuilt.built import require_built
 from pipeline.proof.rebuilt.fittings import _mesh_difference
 from pipeline.proof.rebuilt.visible import face_samples
 from pipeline.types import DriftNetwork, Leg, Mesh
+from tests.composed import compose
 from tests.mines import BuiltMine, sealed
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 36, 5), shapely.box(14, 5, 19, 16)])

@@ -8,17 +8,18 @@ import pytest
 import shapely
 
 from minexplore.bundle import BundleError, GeomGroup, is_shade, shade_geom
-from minexplore.looks import CUT_MATERIAL, LOOKS, SHADE, add_headlamp, add_sky, cover_rgba, has_haze, let_light_pass
+from minexplore.looks import CUT_MATERIAL, LOOKS, SHADE, cover_rgba
 from minexplore.physics.robot import RobotParams, free_joint_qpos
+from minexplore.pictures.atmosphere import add_headlamp, add_sky, has_haze, let_light_pass
 from minexplore.pictures.render import Renderer, far_hidden
 from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.world import load_world
-from pipeline.compose import compose
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.mjcf.render import render_camera
 from pipeline.params.config import Config
 from pipeline.proof.rebuilt.built import require_built
+from tests.composed import compose
 from tests.mines import BuiltMine, sealed
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 30, 5), shapely.box(12, 5, 17, 14)])

@@ -7,8 +7,8 @@ import shapely
 from shapely.affinity import rotate, translate
 
 from minexplore.bundle import GeomGroup
-from pipeline.compose import compose
 from pipeline.mjcf.bundle import OpenedBundle, mine_from_body, open_bundle, part_vertices, placed_parts
+from tests.composed import compose
 from tests.mines import BuiltMine
 
 

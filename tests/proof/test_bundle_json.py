@@ -14,8 +14,8 @@ from benchmarks.faults.random_mutants import prove
 from minexplore.bundle import MADE_BY, BundleError
 from minexplore.schema import check_world, read_folder
 from minexplore.schema.readers.json_text import read_json
-from pipeline.compose import compose
 from pipeline.errors import MineError
+from tests.composed import compose
 from tests.mines import sealed
 
 _NO_NUMBERS = ["NaN", "Infinity", "-Infinity", "1e400", "-1e400", "9" * 400, "1" + "0" * 25, "0." + "1" * 30]

@@ -8,11 +8,11 @@ import pytest
 
 from minexplore.bundle import MADE_BY, RECORD
 from minexplore.world import load_world
-from pipeline.compose import compose
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import read_made_by
 from pipeline.params.made_by import MadeBy
 from pipeline.proof.claims import allowed_claims, require_own_claims
+from tests.composed import compose
 from tests.mines import TEE, BuiltMine
 from tests.project import Project, message_of
 

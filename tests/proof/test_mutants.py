@@ -14,12 +14,12 @@ from benchmarks.faults.random_faults import random_mutant
 from benchmarks.faults.random_mutants import CAUGHT, CRASHED, MISSED, judge, prove
 from minexplore.bundle import TriangleMesh, decode_msh, encode_msh
 from minexplore.schema import read_folder
-from pipeline.compose import compose
 from pipeline.errors import ArtifactError, MineError
 from pipeline.geometry.rock.extrude import section_footprint
 from pipeline.mjcf.bundle import obstacles, open_bundle
 from pipeline.proof.rebuilt.same_model import model_difference
 from pipeline.store.verify import verify_certificate
+from tests.composed import compose
 
 
 @pytest.fixture(scope="session")

@@ -14,22 +14,19 @@ from minexplore.physics.local_models import LocalModels, physics_spec
 from minexplore.physics.robot import FLOOR_BIT, RobotParams, stand_on_facets
 from minexplore.task import TaskParams
 from minexplore.world import load_world
-from pipeline.compose import compose
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.proof.certificate import certify
 from pipeline.proof.standing import STEEPEST, measure_standing, turned_m
+from tests.composed import compose
 from tests.heights import spiral
 from tests.mines import BuiltMine
-from tests.project import ROOT
 
 LIMITS = ("rest_drift_m", "climb_share")
 
 
 @pytest.fixture(scope="module")
 def heights():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return compose(["preset=light", "+mine=heights"])
+    return compose(["preset=light", "+mine=heights"])
 
 
 @pytest.fixture(scope="module")

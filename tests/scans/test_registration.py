@@ -11,7 +11,7 @@ from pipeline.scans.registration import Search, Similarity, register_scans
 MINE = shapely.union_all(
     [shapely.box(0, 0, 200, 6), shapely.box(30, 6, 36, 20), shapely.box(110, -14, 115, 0), shapely.box(160, 6, 166, 18)]
 )
-SEARCH = Search((0.95, 1.05), math.radians(2), 8.0, 1.5, math.radians(3))
+SEARCH = Search((0.95, 1.05), math.radians(2), 4.0, 1.5, math.radians(3))
 BEARINGS = np.linspace(-np.pi, np.pi, 360, endpoint=False)
 
 

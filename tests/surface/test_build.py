@@ -9,7 +9,6 @@ import pytest
 import shapely
 
 from minexplore.bundle import ROOF, WALLS, GeomGroup, smooth_mesh, surface_geom
-from pipeline.compose import compose
 from pipeline.errors import ArtifactError, GeometryError, InputError, ParamsError
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.metrics.rock.profile import line_roughness
@@ -28,6 +27,7 @@ from pipeline.surface.reference import measure_cloud, measure_sources
 from pipeline.surface.relief.spectrum import Roughness, band_edges
 from pipeline.surface.relief_source import bounds_of, choose_bands, choose_relief
 from pipeline.types import DriftNetwork, FreeSpace
+from tests.composed import compose
 from tests.mines import BuiltMine
 from tests.project import ROOT, Project, message_of
 from tests.surface.spectra import predicted_rq

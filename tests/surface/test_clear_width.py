@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.compose import compose
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.metrics.clearance import measure_walls
 from pipeline.surface.build import build_rough_surface, lay_rough_lattice
 from pipeline.surface.built import wall_section
 from pipeline.surface.reference import measure_sources
 from pipeline.surface.relief_source import choose_relief
+from tests.composed import compose
 
 
 def gaps_of(outline, own):

@@ -6,11 +6,11 @@ import pytest
 import trimesh
 
 from minexplore.bundle import ROOF, WALLS
-from pipeline.compose import compose
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.store.codecs import decode
 from pipeline.surface.mesh.normals import shade_mesh
 from pipeline.types import Mesh
+from tests.composed import compose
 from tests.mines import TEE, BuiltMine
 
 

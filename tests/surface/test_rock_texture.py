@@ -6,13 +6,13 @@ import pytest
 
 from minexplore.bundle import BundleError
 from minexplore.schema.readers.png import PALETTE, RGB, check_png, inflate_png
-from pipeline.compose import compose
 from pipeline.errors import ParamsError
 from pipeline.store.codecs import decode
 from pipeline.store.palette_png import encode_palette_png
 from pipeline.surface.texture.coordinates import relax_texture
 from pipeline.surface.texture.layers import Layers, make_rock_texture
 from pipeline.types import Image
+from tests.composed import compose
 
 BARE = Layers(0.0, 0.0, 0.0, 0.0, 0.0)
 DRY = Layers(1.0, 0.8, 0.6, 0.2, 0.2)

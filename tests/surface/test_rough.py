@@ -9,7 +9,6 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from minexplore import bundle
-from pipeline.compose import compose
 from pipeline.metrics.rock.planefit import sweep_residuals
 from pipeline.surface.chunks import cut_chunks
 from pipeline.surface.mesh.displacement import Bounds, bound_displacement
@@ -20,6 +19,7 @@ from pipeline.surface.mesh.simplify import Mesher, Simplification
 from pipeline.surface.mesh.walls import lay_walls
 from pipeline.surface.relief.noise import Modulation, relief_of_noise
 from pipeline.surface.relief.spectrum import Bands, Roughness, band_wavelengths
+from tests.composed import compose
 from tests.mines import RING, STRAIGHT, TEE, random_mine
 from tests.surface.spectra import flat_bands, predicted_rq
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pipeline.compose import compose
 from pipeline.metrics.wall_error import signed_distances
 from pipeline.survey.load import read_survey
 from stages.contours import trace_free_space
+from tests.composed import compose
 from tests.project import ROOT
 
 ROUGH = "survey.rough_walls={rms_m: 0.06, hurst: 0.75, shortest_m: 0.3, longest_m: 6.0}"

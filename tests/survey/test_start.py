@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from pipeline.compose import compose
 from pipeline.errors import InputError
 from pipeline.geometry.floor.sheets import ends_from_above
 from pipeline.geometry.maps.occupancy import first_anchor
 from pipeline.survey.start import start_in_plan
 from pipeline.types import DriftNetwork, Heights, Occupancy
+from tests.composed import compose
 
 # Two drifts over each other along the same line, the lower one drawn 100 m north of the other.
 UPPER = [(0.0, 0.0, 20.0), (60.0, 0.0, 20.0)]

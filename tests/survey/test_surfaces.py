@@ -11,7 +11,6 @@ import shapely
 from rasterio.transform import from_origin
 from shapely import LineString
 
-from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.floor.network_heights import floor_lines
 from pipeline.params.survey import VectorSurveyParams
@@ -19,6 +18,7 @@ from pipeline.survey.load import _read
 from pipeline.types import DriftNetwork, Heights, Leg, Workings
 from stages.compile3d import model_floor
 from stages.contours import trace_free_space
+from tests.composed import compose
 from tests.project import ROOT
 
 WORKINGS = shapely.box(0, 0, 80, 5).union(shapely.box(40, 0, 45, 40))

@@ -34,11 +34,18 @@ def find_plans(areas: Mask) -> list[int]:
             continue
         if (labels[inner] == k).sum() < _INNER * area:  # a frame
             continue
-        points = cv2.findNonZero((labels[top : top + height, left : left + width] == k).astype(np.uint8))
-        if area < _COMPACT * cv2.contourArea(cv2.convexHull(points)):
+        if area < _COMPACT * _hull_area(labels[top : top + height, left : left + width] == k):
             found.append(k)
     found.sort(key=lambda k: -stats[k, cv2.CC_STAT_AREA])
     return [k for k in found if stats[k, cv2.CC_STAT_AREA] >= _RIVAL * stats[found[0], cv2.CC_STAT_AREA]]
+
+
+def _hull_area(piece: Mask) -> float:
+    """Return the area, px2, of the convex hull of a piece's pixels; the ends of each row have the same hull."""
+    rows = np.arange(len(piece))
+    first, last = piece.argmax(axis=1), piece.shape[1] - 1 - piece[:, ::-1].argmax(axis=1)
+    ends = np.concatenate([np.column_stack([first, rows]), np.column_stack([last, rows])])
+    return float(cv2.contourArea(cv2.convexHull(ends.astype(np.int32))))
 
 
 def choose_plan(areas: Mask, plans: list[int], level: int | None) -> tuple[Mask, list[Box]]:

@@ -33,7 +33,14 @@ def paper_colour(picture: Image) -> np.ndarray:
 
 def find_ink(picture: Image) -> Mask:
     """Mark all that differs from the paper."""
-    return np.asarray(np.abs(picture.astype(np.int16) - paper_colour(picture).astype(np.int16)).max(axis=2) > _INK)
+    return ~_within(picture, paper_colour(picture).astype(np.int16), _INK)
+
+
+def _within(picture: Image, colour: np.ndarray, most: float) -> Mask:
+    """Mark the pixels none of whose channels differs from a colour (3,) by more than `most`."""
+    near = (np.abs(np.arange(256)[:, None] - colour) <= most).astype(np.uint8)  # of each value of each channel
+    one, two, three = (cv2.LUT(channel, near[:, k]) for k, channel in enumerate(cv2.split(picture)))
+    return np.asarray((one & two & three).view(bool))
 
 
 def find_areas(ink: Mask) -> Mask:
@@ -65,7 +72,7 @@ def find_shade(picture: Image, shade: np.ndarray) -> Mask:
 def _near_colour(picture: Image, colour: np.ndarray, other: np.ndarray) -> Mask:
     """Mark what has a colour (3,), by less than its difference from another one."""
     within = min(float(_SHADE), _MIDWAY * float(np.abs(colour - other).max()))
-    return np.asarray(np.abs(cv2.medianBlur(picture, 3).astype(np.int16) - colour).max(axis=2) <= within)
+    return _within(cv2.medianBlur(picture, 3), colour, within)
 
 
 def find_filled(picture: Image, shade: np.ndarray, cells: bool | None = None) -> Mask:
@@ -81,7 +88,10 @@ def find_filled(picture: Image, shade: np.ndarray, cells: bool | None = None) ->
     distance = cv2.distanceTransform(np.pad(blank, 8, constant_values=1), cv2.DIST_L2, 5)[8:-8, 8:-8]
     outside = (distance > _WIDE_PX).astype(np.uint8)
     for _ in range(_CORNER_PX):
-        outside = cv2.dilate(outside, disc(1.0)) & blank
+        reached = cv2.dilate(outside, disc(1.0)) & blank
+        if cv2.norm(reached, outside, cv2.NORM_INF) == 0:
+            break
+        outside = reached
     _, labels, stats, _ = cv2.connectedComponentsWithStats(blank, connectivity=4)
     large = np.maximum(stats[:, 2], stats[:, 3]) > _WORD_PX
     thick = np.isin(np.arange(len(stats)), labels[distance > _LETTER_PX])

@@ -40,14 +40,7 @@ from pipeline.geometry.drawing.gaps import bridge_gaps, keep_cycles
 from pipeline.geometry.drawing.hatches import find_hatched, require_hatch_outlined
 from pipeline.geometry.drawing.measures import drop_measures
 from pipeline.geometry.drawing.tables import drop_tables
-from pipeline.geometry.drawing.wall_lines import (
-    drop_letters,
-    drop_ruled,
-    drop_small,
-    drop_straight,
-    enclose,
-    grown,
-)
+from pipeline.geometry.drawing.wall_lines import DrawnWalls, drop_letters, drop_ruled, drop_small, drop_straight, grown
 from pipeline.types import Image, Mask
 
 _CHROMA = 40  # lines in colour are annotation, as elsewhere
@@ -68,6 +61,16 @@ _NOTHING = (
     "no filled, hatched or enclosed area looks like workings; --crop COL0,ROW0,COL1,ROW1 leaves out the rest, "
     "--seed COL,ROW names a place inside them"
 )
+
+
+@dataclass(frozen=True)
+class _Ink:
+    """All ink (rows, cols), its filled areas, those of narrow cells, and whether the latter are hatched."""
+
+    mask: Mask
+    filled: Mask
+    closed: Mask
+    hatched: bool
 
 
 @dataclass(frozen=True)
@@ -105,8 +108,9 @@ def read_drawing(picture: Image, level: int | None) -> DrawingReading:
         If nothing looks like workings, several plans do and no level is stated, or the finding is doubtful. The
         message names the option that settles it.
     """
+    ink = _ink_of(picture)
     try:
-        area = _read_area(picture, level)
+        area = _read_area(picture, ink, level)
         if area is not None:
             return area
     except LevelsError:
@@ -114,28 +118,34 @@ def read_drawing(picture: Image, level: int | None) -> DrawingReading:
     except GeometryError as error:
         doubt = error
     else:
-        return _read_lines(picture, level)
+        return _read_lines(picture, ink, level)
     try:
-        return _read_lines(picture, level)
+        return _read_lines(picture, ink, level)
     except GeometryError:
         raise doubt from None
 
 
-def _read_area(picture: Image, level: int | None) -> DrawingReading | None:
-    """Read workings drawn as a filled or hatched area; None if no area looks like workings."""
+def _ink_of(picture: Image) -> _Ink:
     ink = find_ink(picture)
-    filled, closed = find_areas(ink), find_hatched(ink)
+    closed = find_hatched(ink)
+    return _Ink(ink, find_areas(ink), closed, _is_hatched(picture, ink, closed))
+
+
+def _read_area(picture: Image, ink: _Ink, level: int | None) -> DrawingReading | None:
+    """Read workings drawn as a filled or hatched area; None if no area looks like workings."""
+    filled, closed = ink.filled, ink.closed
     plain, dense = find_plans(filled), find_plans(closed)
-    share = 1 if _is_hatched(picture, ink, closed) else 2  # outlines may be thick enough for areas
+    share = 1 if ink.hatched else 2  # outlines may be thick enough for areas
     if plain and largest_area(closed, dense) < share * largest_area(filled, plain):
         shade = fill_shade(picture, part(filled, plain[0]))
         if shade is not None:
-            return _filled_reading(picture, ink, filled, shade, level)
+            return _filled_reading(picture, ink.mask, filled, shade, level)
     doubt: GeometryError | None = None
-    for areas in (closed, find_hatched(ink, False)):  # a straight wall would be taken for a grid
-        if _is_hatched(picture, ink, areas):
+    for through_ruled in (True, False):  # a straight wall would be taken for a grid
+        areas = closed if through_ruled else find_hatched(ink.mask, False)
+        if ink.hatched if through_ruled else _is_hatched(picture, ink.mask, areas):
             try:
-                return _area_reading(picture, ink, areas, level, "hatched")
+                return _area_reading(picture, ink.mask, areas, level, "hatched")
             except GeometryError as error:
                 doubt = doubt or error
     if doubt is not None:
@@ -172,12 +182,9 @@ def _area_reading(picture: Image, ink: Mask, areas: Mask, level: int | None, wal
     return DrawingReading(mask, walls, boxes, width)
 
 
-def _read_lines(picture: Image, level: int | None) -> DrawingReading:
+def _read_lines(picture: Image, ink: _Ink, level: int | None) -> DrawingReading:
     """Read walls drawn as lines: all dark lines, and black ones only; a grey line is a wall or is none."""
-    ink = find_ink(picture)
-    filled, closed = find_areas(ink), find_hatched(ink)
-    if _is_hatched(picture, ink, closed):
-        filled |= closed
+    filled = ink.filled | ink.closed if ink.hatched else ink.filled
     dark = drop_measures(drop_tables(_dark_lines(picture, False)))
     black = _dark_lines(picture, True) & drop_ruled(dark)
     if black.sum() >= _SAME_LINES * dark.sum():
@@ -201,13 +208,13 @@ def _first_reading(lines: Mask, filled: Mask, level: int | None) -> DrawingReadi
     """Return the first reading of lines without a doubt."""
     doubt: GeometryError | None = None
     for drawn in _readings(lines):
-        widths = set()
+        drawn_walls, widths = DrawnWalls(drawn.mask), set()
         for reach_px in drawn.reaches_px:
             try:
-                width = _width_px(drawn.mask, reach_px)
+                width = _width_px(drawn_walls.areas(reach_px))
                 if round(width) not in widths:
                     widths.add(round(width))
-                    found = _enclosed(drawn, width, level)
+                    found = _enclosed(drawn, drawn_walls, width, level)
                     require_no_filling(filled, found.mask)
                     return found
             except GeometryError as error:
@@ -232,20 +239,18 @@ def _readings(dark: Mask) -> Iterator[_Walls]:
         yield _Walls(keep_cycles(walls), lines, (_CLOSED_PX,), _CLOSED_GAPS)
 
 
-def _width_px(walls: Mask, reach_px: float) -> float:
-    """Return the typical width, px, of what walls enclose."""
-    first = enclose(walls, reach_px)
-    plans = find_plans(first)
-    _, labels = cv2.connectedComponents(first.astype(np.uint8), connectivity=4)
-    width = 2 * ridge_half_width(labels == plans[0]) if plans else 0.0
+def _width_px(areas: Mask) -> float:
+    """Return the typical width, px, of the areas that walls enclose."""
+    plans = find_plans(areas)
+    width = 2 * ridge_half_width(part(areas, plans[0])) if plans else 0.0
     if width < _NARROWEST_PX:
         raise GeometryError(_NOTHING)
     return width
 
 
-def _enclosed(drawn: _Walls, width: float, level: int | None) -> DrawingReading:
-    walls, lines = drawn.mask, drawn.lines
-    narrow, wide = (enclose(walls, max(2.0, share * width)) for share in drawn.gaps)
+def _enclosed(drawn: _Walls, drawn_walls: DrawnWalls, width: float, level: int | None) -> DrawingReading:
+    lines = drawn.lines
+    narrow, wide = (drawn_walls.areas(max(2.0, share * width)) for share in drawn.gaps)
     plans = find_plans(wide)
     if not plans:
         raise GeometryError(

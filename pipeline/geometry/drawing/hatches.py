@@ -31,12 +31,14 @@ def find_hatched(ink: Mask, through_ruled: bool = True, corner_px: int = _CORNER
     ink = np.pad(ink, 1)
     paper = (~ink).astype(np.uint8)
     distance = cv2.distanceTransform(np.pad(paper, 8, constant_values=1), cv2.DIST_L2, 5)[8:-8, 8:-8]
-    ruled = [line.astype(np.uint8) for line in find_straight(ink)] if through_ruled else []
+    passable = [paper | line for line in find_straight(ink)] if through_ruled else []  # across a ruled line
     outside = (distance > _CELL_PX).astype(np.uint8)
     for _ in range(corner_px):
         reached = cv2.dilate(outside & paper, disc(1.0)) & paper
-        for line, across in zip(ruled, (_UP_DOWN, _UP_DOWN.T), strict=False):
-            reached |= cv2.dilate(outside & (paper | line), across) & (paper | line)
+        for passed, across in zip(passable, (_UP_DOWN, _UP_DOWN.T), strict=False):
+            reached |= cv2.dilate(outside & passed, across) & passed
+        if cv2.norm(reached, outside, cv2.NORM_INF) == 0:
+            break
         outside = reached
     outside &= paper
     _, nearest = cv2.distanceTransformWithLabels(1 - paper, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)

@@ -106,33 +106,48 @@ def _continues(points: np.ndarray, walls: Mask) -> bool:
     return True
 
 
-def enclose(lines: Mask, reach_px: float) -> Mask:
-    """Return the areas that an odd number of walls separates from the drawing's edge.
+class DrawnWalls:
+    """What walls, drawn as lines, enclose: several reaches share the distance of each pixel to the lines."""
 
-    Gaps in walls narrower than twice `reach_px` count as closed. The pixels of lines and gaps go to the nearest area,
-    so a wall is the middle of its line.
-    """
-    seeds = 1 - grown(np.pad(lines, 2), reach_px).astype(np.uint8)
-    seeds[[0, -1], :] = seeds[:, [0, -1]] = 1
-    count, regions, _, _ = cv2.connectedComponentsWithStats(seeds, connectivity=4)
-    outside = int(regions[0, 0])
-    across = 2 * reach_px + stroke_px(lines) + 4
-    depth = np.full(count, -1)
-    depth[0], depth[outside] = -2, 0
-    layer = np.array([outside])
-    for level in range(1, _DEEPEST):
-        chosen = np.zeros(count, bool)
-        chosen[layer] = True
-        found = np.zeros(count, bool)
-        found[regions[grown(chosen[regions], across)]] = True
-        layer = np.flatnonzero(found & (depth == -1))
-        if not len(layer):
-            break
-        depth[layer] = level
-    _, nearest = cv2.distanceTransformWithLabels(1 - seeds, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-    region_of_label = np.zeros(int(nearest.max()) + 1, np.int32)
-    region_of_label[nearest[seeds > 0]] = regions[seeds > 0]
-    return np.asarray(((depth > 0) & (depth % 2 == 1))[region_of_label[nearest]][2:-2, 2:-2])
+    def __init__(self, lines: Mask) -> None:
+        self._to_line = _distance_to(np.pad(lines, 2))
+        self._stroke_px = stroke_px(lines)
+
+    def areas(self, reach_px: float) -> Mask:
+        """Return the areas that an odd number of walls separates from the drawing's edge.
+
+        Gaps in walls narrower than twice `reach_px` count as closed. The pixels of lines and gaps go to the nearest
+        area, so a wall is the middle of its line.
+        """
+        seeds = (self._to_line > reach_px).astype(np.uint8)
+        seeds[[0, -1], :] = seeds[:, [0, -1]] = 1
+        count, regions = cv2.connectedComponents(seeds, connectivity=4)
+        depth = self._depths(regions, count, 2 * reach_px + self._stroke_px + 4)
+        _, nearest = cv2.distanceTransformWithLabels(1 - seeds, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+        seed = np.flatnonzero(seeds)
+        inside = np.zeros(int(nearest.max()) + 1, bool)
+        inside[nearest.ravel()[seed]] = ((depth > 0) & (depth % 2 == 1))[regions.ravel()[seed]]
+        return np.asarray(inside.take(nearest)[2:-2, 2:-2])
+
+    @staticmethod
+    def _depths(regions: np.ndarray, count: int, across_px: float) -> np.ndarray:
+        """Return how many walls (count,) separate each region from the drawing's edge; -1 if it is not reached."""
+        outside = int(regions[0, 0])
+        depth = np.full(count, -1)
+        depth[0], depth[outside] = -2, 0
+        layer = np.array([outside])
+        for level in range(1, _DEEPEST):
+            if not (depth == -1).any():
+                break
+            chosen = np.zeros(count, bool)
+            chosen[layer] = True
+            found = np.zeros(count, bool)
+            found[regions[grown(chosen.take(regions), across_px)]] = True
+            layer = np.flatnonzero(found & (depth == -1))
+            if not len(layer):
+                break
+            depth[layer] = level
+        return depth
 
 
 def stroke_px(lines: Mask) -> float:
@@ -145,7 +160,12 @@ def stroke_px(lines: Mask) -> float:
 
 def grown(mask: Mask, reach_px: float) -> Mask:
     """Return a mask with all pixels that are within a distance of it."""
-    return np.asarray(cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5) <= reach_px)
+    return np.asarray(_distance_to(mask) <= reach_px)
+
+
+def _distance_to(mask: Mask) -> np.ndarray:
+    """Return the distance of each pixel to a mask, px."""
+    return np.asarray(cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5))
 
 
 def margin_px(width_px: float) -> float:

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 import trimesh
-from scipy.signal import detrend
-from scipy.signal.windows import hann
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.geometry.polyline import arc_length
 from pipeline.metrics.digits import repeatable
-from pipeline.metrics.rock.profile import arc_windows, line_roughness, project_on_rings
+from pipeline.metrics.rock.profile import arc_windows, line_roughness, project_on_rings, tapered
 from pipeline.metrics.rock.roughness import CUT_HEIGHTS_M, SurfaceRoughness
 
 OCTAVES_M = ((0.2, 0.5), (0.5, 1.0), (1.0, 2.0))
@@ -140,7 +138,7 @@ def _octave_slopes(runs: list[np.ndarray], free: Polygon, lines: BaseGeometry) -
         offset = np.where(shapely.contains_xy(free, run[:, 0], run[:, 1]), offset, -offset)
         for k in np.unique(ring):
             for part in arc_windows(along[ring == k], offset[ring == k], _STEP_M, _WINDOW_M):
-                total += np.abs(np.fft.rfft(detrend(part) * hann(len(part)))) ** 2
+                total += np.abs(np.fft.rfft(tapered(part))) ** 2
     frequency = np.fft.rfftfreq(round(_WINDOW_M / _STEP_M), _STEP_M)
     slopes = {}
     for shortest, longest in OCTAVES_M:

@@ -11,13 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from scipy.signal import detrend
-from scipy.signal.windows import hann
 from shapely import Polygon
 
 from pipeline.geometry.polyline import rings_of
 from pipeline.metrics.rock.planefit import Residuals, fit_voxel_planes, normal_scatter_deg, sweep_residuals
-from pipeline.metrics.rock.profile import arc_windows, project_on_rings
+from pipeline.metrics.rock.profile import arc_windows, project_on_rings, tapered
 
 WINDOWS_M = (0.10, 0.15, 0.20, 0.30, 0.50, 1.00, 2.00)
 _MIN_POINTS = 30
@@ -156,7 +154,7 @@ def published_wavelength_m(walls: np.ndarray) -> float | None:
         along, across = (centred @ np.linalg.eigh(np.cov(centred.T))[1][:, ::-1]).T
         order = np.argsort(along)
         at = np.linspace(along[order[0]], along[order[-1]], _RESAMPLED)
-        offset = detrend(np.interp(at, along[order], across[order])) * hann(_RESAMPLED)
+        offset = tapered(np.interp(at, along[order], across[order]))
         frequency = np.fft.rfftfreq(_RESAMPLED, at[1] - at[0])
         total += np.interp(1 / lengths, frequency, np.abs(np.fft.rfft(offset)), right=0.0)
     return float(lengths[total.argmax()]) if total.any() else None
@@ -176,7 +174,7 @@ def wall_wavelength_m(walls: np.ndarray, free: Polygon) -> float | None:
         for value in np.unique(level[nearest == k]):
             slab = (nearest == k) & (level == value)
             for part in arc_windows(along[slab], offset[slab], _ARC_STEP_M, _ARC_WINDOW_M):
-                spectrum = np.abs(np.fft.rfft(detrend(part) * hann(len(part)), 4 * len(part)))
+                spectrum = np.abs(np.fft.rfft(tapered(part), 4 * len(part)))
                 total += np.interp(1 / lengths, np.fft.rfftfreq(4 * len(part), _ARC_STEP_M), spectrum)
     return float(lengths[total.argmax()]) if total.any() else None
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import open3d
 from scipy.spatial import cKDTree
 from trimesh.triangles import closest_point
 
@@ -75,6 +74,8 @@ class NearestFace:
 
     def __init__(self, triangles: np.ndarray) -> None:
         """Index the triangles, long ones in pieces."""
+        import open3d  # takes 0.6 s to load, and worlds without visible rock do without
+
         tensor: Any = open3d.core.Tensor
         self._tensor = tensor
         triangles, self._owner = _halved(triangles)

@@ -7,7 +7,7 @@ import pytest
 from benchmarks.pictures.draw_sheet import draw_sheet
 from pipeline.errors import GeometryError
 from pipeline.geometry.drawing.find import read_drawing
-from pipeline.geometry.drawing.wall_lines import enclose
+from pipeline.geometry.drawing.wall_lines import DrawnWalls
 from pipeline.params.stated import StatedOptions
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.drawing.scale import find_bar, measure_bar
@@ -54,11 +54,12 @@ def test_walls_enclose_up_to_the_middle_of_their_lines_across_gaps():
     lines = np.zeros((120, 200), bool)
     lines[30:33, 20:180] = lines[80:83, 20:180] = lines[30:83, 20:23] = lines[30:83, 177:180] = True
     lines[30:33, 90:99] = False
-    inside = enclose(lines, 6.0)
+    drawn_walls = DrawnWalls(lines)
+    inside = drawn_walls.areas(6.0)
     truth = np.zeros_like(lines)
     truth[31:82, 21:179] = True
     assert iou(inside, truth) > 0.96
-    assert not enclose(lines, 3.0).any()
+    assert not drawn_walls.areas(3.0).any()
 
 
 def test_a_scale_bar_in_alternating_pieces_is_found_and_measured():

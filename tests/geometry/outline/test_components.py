@@ -3,12 +3,12 @@ import pytest
 import shapely
 from shapely import MultiPolygon, Polygon
 
-from pipeline.compose import compose
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.geometry.outline.components import mend
 from pipeline.metrics.wall_error import measure_wall_error
 from pipeline.types import Workings
 from stages.contours import trace_free_space
+from tests.composed import compose
 from tests.mines import frame_for, survey_of
 from tests.project import ROOT
 

@@ -6,14 +6,13 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.affinity import rotate
 
-from pipeline.compose import compose
 from pipeline.errors import ArtifactError
 from pipeline.geometry.rock.collision import exact_prisms, footprint_errors
 from pipeline.geometry.rock.partition import convex_partition, cut_lines, rock_around, tiled_rock, world_box
 from pipeline.proof.rebuilt.built import require_built
 from pipeline.proof.validator import Validator
+from tests.composed import compose
 from tests.mines import TEE, BuiltMine, random_mine
-from tests.project import ROOT
 
 LONG = rotate(LineString([(0, 0), (1500, 0)]).buffer(1.6, cap_style="flat"), 31, origin=(0, 0))
 
@@ -56,9 +55,7 @@ def test_corners_in_tiles_are_within_the_certificate_where_those_of_one_frame_ar
 
 @pytest.fixture(scope="module")
 def tiled(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        config = compose(["preset=light", "compile3d.tile_m=50"])
+    config = compose(["preset=light", "compile3d.tile_m=50"])
     return config, BuiltMine(TEE, config, tmp_path_factory.mktemp("tiled") / "world")
 
 

@@ -12,9 +12,8 @@ import minexplore
 from minexplore.bundle import RECORD, world_sha256
 from minexplore.envs.env import MineEnv
 from minexplore.envs.family import FamilyEnv, FamilyVectorEnv
-from pipeline.compose import compose
+from tests.composed import compose
 from tests.mines import RING, STRAIGHT, TEE, BuiltMine
-from tests.project import ROOT
 
 MINES = ["train-0000", "train-0001", "train-0002"]
 
@@ -23,9 +22,7 @@ MINES = ["train-0000", "train-0001", "train-0002"]
 def families(tmp_path_factory):
     """Return a folder with three light worlds of the training split."""
     root = tmp_path_factory.mktemp("families")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        config = compose(["preset=light"])
+    config = compose(["preset=light"])
     for number, polygon in enumerate((STRAIGHT, RING, TEE)):
         BuiltMine(polygon, config, root / f"light/train/{number:04d}/realism/world")
     return root

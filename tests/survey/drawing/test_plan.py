@@ -3,7 +3,6 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.compose import compose
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.outline.binarize import binarize, clean_mask, fill_islands, require_workings
 from pipeline.geometry.outline.components import choose_mask_component
@@ -12,6 +11,7 @@ from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.scale import measure_bar
 from pipeline.types import Workings
 from stages.contours import trace_free_space
+from tests.composed import compose
 from tests.mines import RING, STRAIGHT, frame_for, plan_of, survey_of
 
 

@@ -11,7 +11,6 @@ import pytest
 import shapely
 from shapely import LineString, Polygon
 
-from pipeline.compose import compose
 from pipeline.errors import InputError
 from pipeline.params.survey import VectorSurveyParams
 from pipeline.proof.validator import Validator
@@ -19,6 +18,7 @@ from pipeline.survey.detect import detect_here
 from pipeline.survey.levels.areas import Area
 from pipeline.survey.levels.sheets import _chosen
 from pipeline.survey.vector_survey import read_vector_survey
+from tests.composed import compose
 from tests.heights import MineWithHeights, certificate_params
 from tests.project import ROOT
 

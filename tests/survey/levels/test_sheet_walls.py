@@ -10,7 +10,6 @@ import shapely
 from scipy.spatial import ConvexHull
 
 from minexplore.floors.floor import Floor
-from pipeline.compose import compose
 from pipeline.errors import GeometryError
 from pipeline.metrics.containment import cover_floor
 from pipeline.params.survey import PassageSurveyParams
@@ -23,6 +22,7 @@ from pipeline.survey.stations.table import read_station_legs, read_station_surve
 from pipeline.types import Workings
 from stages.compile3d import compile_rock
 from stages.contours import trace_free_space
+from tests.composed import compose
 from tests.heights import HEADER
 
 # A drift, and a ramp from its east end that comes back under it; station, east, north, left, right, floor.

@@ -9,7 +9,6 @@ import yaml
 from pydantic import TypeAdapter
 
 from pipeline.commands.arguments import grade
-from pipeline.compose import compose
 from pipeline.errors import InputError, ParamsError
 from pipeline.import_mine import survey_yaml
 from pipeline.params.stated import StatedOptions
@@ -18,6 +17,7 @@ from pipeline.survey.detect import detect_survey
 from pipeline.survey.load import plan_of_stations
 from pipeline.survey.stations.table import read_station_legs, read_stations
 from pipeline.survey.vector_survey import read_vector_survey
+from tests.composed import compose
 from tests.project import ROOT
 
 HEADER = "leg,station,easting_m,northing_m,left_m,right_m"

@@ -1,0 +1,74 @@
+"""What a command loads when it starts: libraries that take long to load are loaded by what uses them."""
+
+import ast
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.project import ROOT
+
+# Libraries that one kind of world or survey needs, and the seconds that they took to load, measured with process time.
+DEAR_S = {"mujoco": 0.2, "matplotlib": 0.4, "open3d": 0.6, "scipy.signal": 0.4, "ezdxf": 0.27, "torch": 2.0}
+NEEDED = {  # by every world
+    "stages.realism": {"mujoco"},
+    "stages.validation": {"mujoco"},
+    "pipeline.report.page": {"mujoco", "matplotlib"},
+    "pipeline.compose": {"mujoco"},  # the robot's measures
+}
+STARTS = [f"stages.{name}" for name in ("survey", "contours", "compile3d", "surface", "realism", "validation")]
+
+
+def file_of(module: str) -> Path | None:
+    stem = ROOT / module.replace(".", "/")
+    return next((path for path in (stem.with_suffix(".py"), stem / "__init__.py") if path.is_file()), None)
+
+
+def loaded_names(module: str) -> set[str]:
+    """Return what a module imports when it is loaded, not inside a function."""
+    names: set[str] = set()
+    for node in ast.parse(file_of(module).read_text()).body:
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    return {".".join(name.split(".")[:depth]) for name in names for depth in range(1, name.count(".") + 2)}
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    """Return a function that lists all that a module of the project loads, directly or by others."""
+    known: dict[str, set[str]] = {}
+
+    def closure(module: str) -> set[str]:
+        found, queue = set(), [module]
+        while queue:
+            name = queue.pop()
+            if name not in known:
+                known[name] = loaded_names(name)
+            queue += [other for other in known[name] - found if file_of(other)]
+            found |= known[name]
+        return found
+
+    return closure
+
+
+@pytest.mark.parametrize("module", [*STARTS, "pipeline.report.page", "pipeline.compose", "pipeline.__main__"])
+def test_a_command_loads_no_dear_library_that_only_some_worlds_need(module, loaded):
+    names = loaded(module)
+    assert "pipeline.errors" in names  # imports are followed
+    assert names & DEAR_S.keys() == NEEDED.get(module, set())
+
+
+def test_importing_the_environment_package_loads_no_physics():
+    assert "gymnasium.envs.registration" in loaded_names("minexplore")
+    assert not loaded_names("minexplore") & {"mujoco", "scipy"}
+
+
+def test_make_lets_python_keep_what_it_has_compiled():
+    probe = 'probe:; @python3 -c "import sys; print(sys.dont_write_bytecode)"'
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    command = ["make", "-s", "--eval", probe, "probe"]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
