@@ -148,7 +148,8 @@ def _fit(floor: np.ndarray, low: np.ndarray, high: np.ndarray, reach: int) -> np
     rise = np.where(is_free, np.where(within, low[at], 0).sum(axis=-1) - floor[..., None], 0.0)
     places = np.column_stack([j, i, np.ones(len(i))]) * [NODE_M, NODE_M, 1]
     good = np.isfinite(floor) & (is_free.sum(axis=2) >= _LEAST)
-    found = np.full((n, n, 8), np.inf)
+    found = np.zeros((n, n, 8))
+    found[..., 7] = np.inf
     found[good] = _planes(places, rise[good], is_free[good])
     found[good, 2] += floor[good]
     found[good, 5] += floor[good]
