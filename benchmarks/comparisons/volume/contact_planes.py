@@ -10,18 +10,16 @@ import open3d
 from benchmarks.comparisons.volume.volume import Volume
 
 NODE_M = 0.05  # between the places that planes are kept for
-# A wheel's way in one control step is at most 0.2 m, so that it stays within 0.1 m of the way's middle. Braking and
-# accelerating add 0.04 m, the nearest node 0.035 m.
-REACH_M = 0.2
-SPEED_MPS = 2.0  # of the fastest wheel on planes
+# A plane holds for a wheel that stays within one of these distances of a node in a control step: half of its way at
+# these speeds at most, 0.035 m from the middle of the way to the nearest node, 0.04 m by braking or accelerating.
+REACHES_M = (0.12, 0.2)
+SPEEDS_MPS = (0.9, 2.0)
 TOLERANCE_M = 0.003  # of the floor from a plane; the survey allows 1 cm, and the floor follows it within 4 mm
 _AROUND_M = 0.6  # of a tile: wheels of a robot that begins a control step on it
 _LEDGE_M = 0.2  # higher ledges stop the chassis, whose lower edge is 0.13 m over the floor
 _ASIDE_M = 0.4  # of a wheel's floor over or under the height that the robot's axle has: steeper floors have no plane
 _SAME_M = 1e-4  # hits of one ray so near are on two facets that share an edge
 _LEAST = 6  # places of a plane
-_VALLEY, _RIDGE = 1.0, -1.0
-_WAYS, _SORTINGS = 4, 3  # directions in which a crease is looked for, and how often its sides are sorted
 
 
 TILE_M, _SLAB_M = 2.0, 0.5  # sides of the tiles that planes are made in
@@ -35,25 +33,21 @@ class FootPlanes:
 
     Attributes
     ----------
-    planes : (n, k, 2, 3) float64
-        Slopes east and north and height, m, over the node, of two planes.
-    bend : (n, k) float64
-        0 if the two are one plane, 1 if the floor is the higher of them, a valley, -1 if the lower, a ridge.
+    plane : (n, k, 3) float64
+        Slopes east and north and height, m, over the node.
     nodes_m : (n, k, 2) float64, m
         The node near each foot.
     error_m : (n, k) float64, m
-        The floor's largest distance in height from the planes within `REACH_M` of the node; infinite without a floor.
+        The floor's largest distance in height from the plane within the foot's reach; infinite without a floor.
     """
 
-    planes: np.ndarray
-    bend: np.ndarray
+    plane: np.ndarray
     nodes_m: np.ndarray
     error_m: np.ndarray
 
     def heights(self, feet_m: np.ndarray) -> np.ndarray:
         """Return the height (n, k) m of the planes at places (n, k, 2) m."""
-        both = ((feet_m - self.nodes_m)[:, :, None] * self.planes[..., :2]).sum(axis=3) + self.planes[..., 2]
-        found: np.ndarray = np.where(self.bend < 0, both.min(axis=2), both.max(axis=2))
+        found: np.ndarray = ((feet_m - self.nodes_m) * self.plane[..., :2]).sum(axis=2) + self.plane[..., 2]
         return found
 
 
@@ -69,19 +63,31 @@ class FloorPlanes:
         self._scene = open3d.t.geometry.RaycastingScene(nthreads=1)
         self._scene.add_triangles((volume.vertices - self._middle).astype(np.float32), volume.faces.astype(np.uint32))
         self._number: dict[tuple[int, ...], int] = {}
-        self._table = np.zeros((1, _NODES, _NODES, 8), np.float32)
+        self._table = np.zeros((1, _NODES, _NODES, len(REACHES_M), 4), np.float32)
 
-    def under(self, bodies_m: np.ndarray, feet_m: np.ndarray) -> FootPlanes:
-        """Return the planes under the feet (n, k, 2) m of robots whose bodies are at places (n, 3) m."""
+    def under(self, bodies_m: np.ndarray, feet_m: np.ndarray, speed_mps: np.ndarray) -> FootPlanes:
+        """Return the planes under feet in a control step.
+
+        Parameters
+        ----------
+        bodies_m : (n, 3) float64, m
+            The robots' places.
+        feet_m : (n, k, 2) float64, m
+            The middles of their feet's ways.
+        speed_mps : (n, k) float64, m/s
+            The feet's horizontal speeds.
+        """
         rows = np.floor(bodies_m / _SIDE_M)
         numbers = np.array([self._numbered(tuple(map(int, row))) for row in rows.tolist()], dtype=int)
         first = (rows * _SIDE_M)[:, None, :2] - _AROUND_M
         at = np.rint((feet_m - first) / NODE_M).astype(int)
         outside = ((at < 0) | (at >= _NODES)).any(axis=2)
         at = np.clip(at, 0, _NODES - 1)
-        found = self._table[numbers[:, None], at[..., 1], at[..., 0]].astype(float)
-        nodes, error = first + at * NODE_M, np.where(outside, np.inf, found[..., 7])
-        return FootPlanes(found[..., :6].reshape(*error.shape, 2, 3), found[..., 6], nodes, error)
+        reach = np.searchsorted(SPEEDS_MPS, speed_mps)
+        outside |= reach == len(SPEEDS_MPS)
+        reach = np.minimum(reach, len(SPEEDS_MPS) - 1)
+        found = self._table[numbers[:, None], at[..., 1], at[..., 0], reach].astype(float)
+        return FootPlanes(found[..., :3], first + at * NODE_M, np.where(outside, np.inf, found[..., 3]))
 
     def _numbered(self, row: tuple[int, ...]) -> int:
         """Return the number of a tile's table; make it if it is new."""
@@ -94,8 +100,8 @@ class FloorPlanes:
         return found
 
     def _made(self, low_m: np.ndarray) -> np.ndarray:
-        """Return the planes and their errors (n, n, 8) for robots whose body is in the tile with this corner (3,) m."""
-        reach = round(REACH_M / NODE_M)
+        """Return planes and errors (n, n, 2, 4) for robots whose body is in the tile with this corner (3,) m."""
+        reach = int(max(REACHES_M) / NODE_M + 1e-9)
         first = low_m[:2] - _AROUND_M
         side = NODE_M * (np.arange(_NODES + 2 * reach) - reach)
         y, x = np.meshgrid(first[1] + side, first[0] + side, indexing="ij")
@@ -104,7 +110,7 @@ class FloorPlanes:
         inner = low[reach:-reach, reach:-reach]
         near = (inner > low_m[2] - _ASIDE_M) & (inner < low_m[2] + _SLAB_M + _ASIDE_M)
         floor = np.where(near.sum(axis=2) == 1, np.where(near, inner, 0).sum(axis=2), np.nan)
-        return _fit(floor, low, high, reach)
+        return np.stack([_fit(floor, low, high, reach, radius) for radius in REACHES_M], axis=2)
 
     def _columns(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return floors and roofs (n, k) m of the free spaces over and under places (n, 2); NaN behind the last."""
@@ -130,69 +136,49 @@ class FloorPlanes:
         return low, high
 
 
-def _fit(floor: np.ndarray, low: np.ndarray, high: np.ndarray, reach: int) -> np.ndarray:
-    """Return the planes and errors (n, n, 8) of the floor (n, n) m about each node, as `FootPlanes` has them.
+def _fit(floor: np.ndarray, low: np.ndarray, high: np.ndarray, margin: int, reach_m: float) -> np.ndarray:
+    """Return slopes, height and error (n, n, 4) of the floor (n, n) m within a reach of each node.
 
-    What is rock at `_LEDGE_M` over the node's floor is left out: the chassis stops there.
+    `low` and `high` have as many more rows and columns on each side as `margin` says. What is rock at `_LEDGE_M` over
+    the node's floor is left out: the chassis stops there.
     """
     n = len(floor)
-    step = np.arange(-reach, reach + 1)
+    step = np.arange(-margin, margin + 1)
     i, j = (a.ravel() for a in np.meshgrid(step, step, indexing="ij"))
-    disc = np.hypot(i, j) * NODE_M <= REACH_M + 1e-9
+    disc = np.hypot(i, j) * NODE_M <= reach_m + 1e-9
     i, j = i[disc], j[disc]
     row, col = np.indices((n, n))
-    at = row[..., None] + reach + i, col[..., None] + reach + j
+    at = row[..., None] + margin + i, col[..., None] + margin + j
     over = floor[..., None, None] + _LEDGE_M
     within = (low[at] <= over) & (over < high[at])
     is_free = within.any(axis=-1)
     rise = np.where(is_free, np.where(within, low[at], 0).sum(axis=-1) - floor[..., None], 0.0)
-    places = np.column_stack([j, i, np.ones(len(i))]) * [NODE_M, NODE_M, 1]
+    places = np.column_stack([j, i]) * NODE_M
     good = np.isfinite(floor) & (is_free.sum(axis=2) >= _LEAST)
-    found = np.zeros((n, n, 8))
-    found[..., 7] = np.inf
-    found[good] = _planes(places, rise[good], is_free[good])
+    found = np.zeros((n, n, 4))
+    found[..., 3] = np.inf
+    found[good] = fit_planes(places, rise[good], is_free[good])
     found[good, 2] += floor[good]
-    found[good, 5] += floor[good]
     return found
 
 
-def _planes(places: np.ndarray, rise: np.ndarray, is_free: np.ndarray) -> np.ndarray:
-    """Return planes and errors (m, 8) of floors (m, k) m at places (k, 3), the last 1: two planes if they fit."""
-    first = _least_squares(places, rise, is_free)
-    off = np.where(is_free, rise - first @ places.T, np.nan)
-    highest, lowest = np.nanmax(off, axis=1), np.nanmin(off, axis=1)
-    first[:, 2] += (highest + lowest) / 2
-    found = np.column_stack([first, first, np.zeros(len(first)), (highest - lowest) / 2])
-    bent = np.flatnonzero(found[:, 7] > TOLERANCE_M)
-    if len(bent):
-        found[bent] = _creased(places, rise[bent], is_free[bent], found[bent])
-    return found
+def fit_planes(places_m: np.ndarray, rise_m: np.ndarray, is_free: np.ndarray) -> np.ndarray:
+    """Return planes of floors: slopes east and north, height at the middle and largest error (m, 4).
 
-
-def _least_squares(places: np.ndarray, rise: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Return the planes (m, 3) through floors (m, k) m at places (k, 3)."""
-    squares = (weight.astype(float) @ (places[:, :, None] * places[:, None]).reshape(-1, 9)).reshape(-1, 3, 3)
-    squares += 1e-9 * np.eye(3)
-    found: np.ndarray = np.linalg.solve(squares, ((rise * weight) @ places)[..., None])[..., 0]
-    return found
-
-
-def _creased(places: np.ndarray, rise: np.ndarray, is_free: np.ndarray, single: np.ndarray) -> np.ndarray:
-    """Return planes and errors (m, 8) of floors (m, k) m with a valley or a ridge, or what they were with one plane.
-
-    The floor is parted by the sign of its distance from the plane that it was given, to one side of the middle and to
-    the other: a crease's two sides are found by planes through either half and by sorting the places by them again.
+    Parameters
+    ----------
+    places_m : (k, 2) float64, m
+        From the middle.
+    rise_m : (m, k) float64, m
+        The floors' heights there.
+    is_free : (m, k) bool
+        What counts.
     """
-    best = single
-    for angle in np.arange(_WAYS) * np.pi / _WAYS:
-        side = places[:, 0] * np.cos(angle) + places[:, 1] * np.sin(angle) > 0
-        one = np.broadcast_to(side, rise.shape)
-        for _ in range(_SORTINGS):
-            planes = [_least_squares(places, rise, is_free & part) for part in (one, ~one)]
-            heights = [plane @ places.T for plane in planes]
-            one = np.abs(heights[0] - rise) < np.abs(heights[1] - rise)
-        for kind, joined in ((_VALLEY, np.maximum(*heights)), (_RIDGE, np.minimum(*heights))):
-            error = np.abs(np.where(is_free, joined - rise, 0.0)).max(axis=1)
-            row = np.column_stack([*planes, np.full(len(error), kind), error])
-            best = np.where((error < best[:, 7])[:, None], row, best)
-    return best
+    row = np.column_stack([places_m, np.ones(len(places_m))])
+    squares = (is_free.astype(float) @ (row[:, :, None] * row[:, None]).reshape(-1, 9)).reshape(-1, 3, 3)
+    squares += 1e-9 * np.eye(3)
+    plane = np.linalg.solve(squares, ((rise_m * is_free) @ row)[..., None])[..., 0]
+    off = np.where(is_free, rise_m - plane @ row.T, np.nan)
+    highest, lowest = np.nanmax(off, axis=1), np.nanmin(off, axis=1)
+    plane[:, 2] += (highest + lowest) / 2
+    return np.column_stack([plane, (highest - lowest) / 2])

@@ -8,7 +8,7 @@ import manifold3d
 import mujoco
 import numpy as np
 
-from benchmarks.comparisons.volume.contact_planes import SPEED_MPS, FloorPlanes
+from benchmarks.comparisons.volume.contact_planes import SPEEDS_MPS, FloorPlanes
 from benchmarks.comparisons.volume.shell import ShellPart
 from benchmarks.comparisons.volume.volume import Label, Volume
 from minexplore.physics.local_models import physics_spec
@@ -32,9 +32,8 @@ _BELOW_M, _ABOVE_M = 0.7, 0.7  # what any robot can touch about its axle in one 
 _SLIVER_M = 1e-6  # MuJoCo refuses a part that is thinner
 FEET = ("left", "right", "front", "rear")
 _FOOT_BITS = (8, 16, 32, 64)
-PLANES = 2  # under each foot
-HALF_M = (0.5, 0.5, 0.25)  # of a box whose top is a plane; it reaches beyond the planes' disc
-PARKED = np.array([[1e4 * (1 + k), 0.0, -1e4] for k in range(PLANES * len(FEET))])  # places of unused boxes
+_HALF_M = (0.5, 0.5, 0.25)  # of a box whose top is a plane; it reaches beyond the plane's disc
+PARKED = np.array([[1e4 * (1 + k), 0.0, -1e4] for k in range(len(FEET))])  # places of unused boxes
 _STEEP, _TALL_M = 0.5, 0.4  # a part whose facet is as upright, and that is as tall, stops a chassis before a wheel
 
 
@@ -76,7 +75,7 @@ class Parts:
 
 
 class VolumeModels:
-    """Physics models of a volume, as `PhysicsStepper` takes them: two a tile, with planes or with all parts."""
+    """Physics models of a volume, as `PhysicsStepper` takes them: of walls, or of all parts for some of the feet."""
 
     def __init__(
         self,
@@ -94,7 +93,7 @@ class VolumeModels:
         self._boxes: list[tuple[np.ndarray, np.ndarray]] = []
 
     def tiles_of(self, chosen: np.ndarray) -> np.ndarray:
-        """Return the models (n, 2) that were chosen: the number of a tile, and whether it has all parts."""
+        """Return the models (n, 2) that were chosen: the number of a tile, and which feet touch the floor's parts."""
         return chosen.astype(int)
 
     def number_of(self, places: np.ndarray, is_exact: bool) -> np.ndarray:
@@ -116,14 +115,17 @@ class VolumeModels:
         """Compile the model of a tile."""
         return self.spec(*tile).compile()
 
-    def spec(self, number: int, is_exact: int) -> mujoco.MjSpec:
-        """Return the spec of a tile's model: walls in reach, or all parts; the planes; the robot."""
+    def spec(self, number: int, feet: int) -> mujoco.MjSpec:
+        """Return the spec of a tile's model: walls in reach, or all parts; a box under each foot; the robot.
+
+        `feet` has a bit for each foot that stands on the floor's parts instead of its box.
+        """
         low, high = self._boxes[number]
-        speed = self._fastest_mps if is_exact else SPEED_MPS
+        speed = self._fastest_mps if feet else SPEEDS_MPS[-1]
         aside = self.robot.radius_m + speed * self.task.control_s + _MARGIN_M
-        below, above = (_BELOW_M, _ABOVE_M) if is_exact else (-_BAND_M[0], _BAND_M[1])
+        below, above = (_BELOW_M, _ABOVE_M) if feet else (-_BAND_M[0], _BAND_M[1])
         reach = np.array([aside, aside, below]), np.array([aside, aside, above])
-        near = self._parts.within(low - reach[0], high + reach[1], ROCK_BIT | FLOOR_BIT if is_exact else ROCK_BIT)
+        near = self._parts.within(low - reach[0], high + reach[1], ROCK_BIT | FLOOR_BIT if feet else ROCK_BIT)
         spec = physics_spec(self.task)
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE  # a tile has few parts
         rock, ground = spec.worldbody.add_body(name=ROCK_BODY), spec.worldbody.add_body(name="ground")
@@ -138,21 +140,21 @@ class VolumeModels:
             body = spec.worldbody.add_body(name=f"plane_{k}", mocap=True, pos=place)
             body.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_BOX,
-                size=HALF_M,
-                pos=[0, 0, -HALF_M[2]],
-                contype=_FOOT_BITS[k // PLANES],
+                size=_HALF_M,
+                pos=[0, 0, -_HALF_M[2]],
+                contype=_FOOT_BITS[k],
                 conaffinity=0,
             )
-        self._add_robot(spec)
+        self._add_robot(spec, feet)
         return spec
 
-    def _add_robot(self, spec: mujoco.MjSpec) -> None:
+    def _add_robot(self, spec: mujoco.MjSpec, feet: int) -> None:
         """Add the robot without the geoms that touch nothing when it is alone: each costs a test a part."""
         attach_robot(spec, "robot", self.robot)
         stand_on_facets(spec, "robot")
         for geom in list(spec.geoms):
             if geom.mass == 0 and not (geom.contype | geom.conaffinity) & ~ROBOT_BIT:
                 spec.delete(geom)
-        for end, bit in zip(FEET, _FOOT_BITS, strict=True):
-            spec.geom(f"robot_{end}").conaffinity = FLOOR_BIT | bit
+        for k, end in enumerate(FEET):
+            spec.geom(f"robot_{end}").conaffinity = _FOOT_BITS[k] | (FLOOR_BIT if feet >> k & 1 else 0)
         contact_sensor(spec, "robot")

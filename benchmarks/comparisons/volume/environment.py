@@ -1,0 +1,249 @@
+"""Control steps a second of robots in a volume's local models, beside the level mine's environment in the same run.
+
+`python -m benchmarks.comparisons.volume.environment` prints the table; surveys are built as in the gate.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+import mujoco
+import numpy as np
+from tqdm import tqdm
+
+from baselines.base.markdown import markdown_table
+from benchmarks.comparisons.volume.cases import CASES
+from benchmarks.comparisons.volume.choice import PlaneChooser
+from benchmarks.comparisons.volume.floors import solve_floors
+from benchmarks.comparisons.volume.gate import LEVEL
+from benchmarks.comparisons.volume.local_rock import FEET, VolumeModels
+from benchmarks.comparisons.volume.physics import places_for_robots, stand, without_refused
+from benchmarks.comparisons.volume.proof import Inside
+from benchmarks.comparisons.volume.shell import ShellPart, build_shell
+from benchmarks.comparisons.volume.volume import Volume, pieces_of, unite
+from benchmarks.speed.time_env import start_spread
+from minexplore.envs.vector import MineVectorEnv
+from minexplore.physics.stepper import PhysicsStepper
+
+ROBOTS, STEPS, _RUNS = 32, 30, 3
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+_ALL_PARTS = -1.0  # a tolerance that no plane meets
+_LARGE_M = (2.0, 0.5)
+VARIANTS = {
+    "all parts in reach of a tile of 2 m": (_ALL_PARTS, _LARGE_M),
+    "all parts in reach of a tile of 0.5 m": (_ALL_PARTS, (0.5, 0.25)),
+    "planes within 3 mm": (0.003, (0.5, 0.25)),
+    "planes within 5 mm": (0.005, (0.5, 0.25)),
+}
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Microseconds of a robot's control step: choosing its model and planes, physics, and of the level mine the rest.
+
+    Shares of the control steps with a foot on the floor's parts, and with a chassis that touched rock.
+    """
+
+    choice_us: float
+    physics_us: float
+    rest_us: float = 0.0
+    parts_share: float = 0.0
+    touch_share: float = 0.0
+
+    @property
+    def total_us(self) -> float:
+        """Return the whole step."""
+        return self.choice_us + self.physics_us + self.rest_us
+
+
+class VolumeDrive:
+    """Robots that drive in a volume, each alone, stepped by the environment's `PhysicsStepper`."""
+
+    def __init__(self, volume: Volume, models: VolumeModels, tolerance_m: float, rng: np.random.Generator) -> None:
+        """Choose places on the floors, by their area."""
+        places, normals = places_for_robots(volume)
+        area = _areas_at(volume, places)
+        chosen = rng.choice(len(places), ROBOTS, p=area / area.sum())
+        self.models, self.chooser = models, PlaneChooser(models, tolerance_m)
+        tile = models.number_of(places[chosen[:1]], False)[0], 0
+        self.stepper = PhysicsStepper(models, ROBOTS, 1, np.array(tile))  # type: ignore[arg-type]
+        model = models.model((int(tile[0]), 0))
+        self._where, self._how = _mocap_addresses(model)
+        data = mujoco.MjData(model)
+        self._starts = np.zeros((ROBOTS, 7))
+        for k, number in enumerate(chosen):
+            at = stand(data, model, "robot", places[number], normals[number], rng.uniform(-np.pi, np.pi))
+            self._starts[k] = data.qpos[at : at + 7]
+
+    def reset(self) -> None:
+        """Put all robots back to their starts."""
+        for k in range(ROBOTS):
+            self.stepper.restart(k)
+        self.stepper.qpos[:, :7] = self._starts
+
+    def step(self, action: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """Step all robots; return the seconds of the choice, which robots stood on parts, and which touched rock."""
+        task, stepper, start = self.models.task, self.stepper, time.process_time()
+        stepper.ctrl[:] = self.models.robot.controls(
+            action[:, 0] * task.max_forward_mps, action[:, 1] * task.max_turn_radps
+        )
+        choice = self.chooser.choose(stepper.qpos[:, :7], stepper.qvel[:, :6])
+        stepper.state[:, self._where] = choice.places.reshape(ROBOTS, -1)
+        stepper.state[:, self._how] = choice.quaternions.reshape(ROBOTS, -1)
+        chosen = time.process_time() - start
+        return chosen, choice.tiles[:, 1] > 0, stepper.advance(np.arange(ROBOTS), choice.tiles, task.substeps)
+
+    def cost(self, actions: np.ndarray) -> Cost:
+        """Return the cost of driving from the starts."""
+        self.reset()
+        start = time.process_time()
+        chosen, on_parts, touched = zip(*(self.step(action) for action in actions), strict=True)
+        physics = time.process_time() - start - sum(chosen)
+        each = 1e6 / (ROBOTS * len(actions))
+        return Cost(each * sum(chosen), each * physics, 0.0, float(np.mean(on_parts)), float(np.mean(touched)))
+
+
+def _areas_at(volume: Volume, places: np.ndarray) -> np.ndarray:
+    """Return the area (n,) m2 of the facet that each place is the middle of."""
+    middles = {
+        tuple(m): a
+        for m, a in zip(
+            volume.vertices[volume.faces].mean(axis=1), np.linalg.norm(volume.normals, axis=1) / 2, strict=True
+        )
+    }
+    return np.array([middles[tuple(place)] for place in places])
+
+
+def _mocap_addresses(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
+    """Return where the places and the quaternions of the planes' bodies stand in the integration state."""
+    data, state = mujoco.MjData(model), np.zeros(mujoco.mj_stateSize(model, _STATE))
+    data.mocap_pos[:], data.mocap_quat[:] = np.pi, np.e
+    mujoco.mj_getState(model, data, state, _STATE)
+    where, how = np.flatnonzero(state == np.pi), np.flatnonzero(state == np.e)
+    assert (len(where), len(how)) == (3 * len(FEET), 4 * len(FEET))
+    return where, how
+
+
+class LevelDrive:
+    """The level mine's environment with as many robots, spread over it; its physics is timed apart."""
+
+    def __init__(self, world: Path) -> None:
+        """Make the environment."""
+        self._env = MineVectorEnv(ROBOTS, world)
+        self._physics_s = 0.0
+        advance = self._env.robots.stepper.advance
+
+        def timed(robots: np.ndarray, places_m: np.ndarray, steps: int) -> np.ndarray:
+            start = time.process_time()
+            touched = advance(robots, places_m, steps)
+            self._physics_s += time.process_time() - start
+            return touched
+
+        self._env.robots.stepper.advance = timed  # type: ignore[method-assign]
+
+    def cost(self, actions: np.ndarray) -> Cost:
+        """Return the cost of driving from the starts."""
+        start_spread(self._env)
+        self._physics_s, start = 0.0, time.process_time()
+        touched = [self._env.step(action)[4]["collision"].mean() for action in actions]
+        whole, each = time.process_time() - start, 1e6 / (ROBOTS * len(actions))
+        return Cost(0.0, each * self._physics_s, each * (whole - self._physics_s), 0.0, float(np.mean(touched)))
+
+
+def hard_driving(rng: np.random.Generator) -> np.ndarray:
+    """Return actions (steps, robots, 2) as `benchmarks.speed.time_env` has them."""
+    some = np.stack([rng.uniform(0.3, 1, (9, ROBOTS)), rng.uniform(-1, 1, (9, ROBOTS))], axis=2)
+    return some[np.arange(STEPS) // 10 % 9]
+
+
+def build(name: str) -> tuple[Volume, list[ShellPart]]:
+    """Return a case's volume, or that about its middle, and its parts."""
+    case = CASES[name]
+    with tempfile.TemporaryDirectory() as folder:
+        network = case.network(Path(folder))
+    if case.physics_within_m is not None:
+        network = network.within(case.physics_within_m)
+    volume = solve_floors(unite(network, pieces_of(network)), network)
+    return volume, without_refused(build_shell(volume))[0]
+
+
+def measure(volume: Volume, parts: list[ShellPart], level: LevelDrive) -> dict[str, tuple[Cost, Cost, int]]:
+    """Return for each variant its cost, the level mine's, as medians of runs in turns, and how many robots are gone."""
+    actions, drives, planes = hard_driving(np.random.default_rng(0)), {}, None
+    for title, (tolerance_m, tile_m) in VARIANTS.items():
+        models = VolumeModels(volume, parts, exact_tile_m=tile_m)
+        planes = models.planes = planes or models.planes
+        drives[title] = VolumeDrive(volume, models, tolerance_m, np.random.default_rng(1))
+        drives[title].cost(actions)  # makes models and planes
+    runs = [(level.cost(actions), [drive.cost(actions) for drive in drives.values()]) for _ in range(_RUNS)]
+    inside, theirs = Inside(volume), _median([run[0] for run in runs])
+    return {
+        title: (
+            _median([run[1][k] for run in runs]),
+            theirs,
+            int((inside.distance_m(drive.stepper.qpos[:, :3]) < 0).sum()),
+        )
+        for k, (title, drive) in enumerate(drives.items())
+    }
+
+
+def _median(costs: list[Cost]) -> Cost:
+    return Cost(*(median(getattr(cost, field) for cost in costs) for field in Cost.__dataclass_fields__))
+
+
+def rows_of(name: str, found: dict[str, tuple[Cost, Cost, int]]) -> list[tuple[str, ...]]:
+    """Return the table's rows of a case."""
+    return [
+        (
+            name,
+            title,
+            f"{ours.choice_us:.0f} + {ours.physics_us:.0f}",
+            f"{theirs.physics_us:.0f} + {theirs.rest_us:.0f}",
+            f"{theirs.physics_us / (ours.choice_us + ours.physics_us):.2f}",
+            f"{theirs.total_us / (ours.total_us + theirs.rest_us):.2f}",
+            f"{100 * ours.parts_share:.0f} %",
+            f"{100 * ours.touch_share:.0f} / {100 * theirs.touch_share:.0f} %",
+            str(gone),
+        )
+        for title, (ours, theirs, gone) in found.items()
+    ]
+
+
+HEADER = (
+    "survey",
+    "local models",
+    "choice + physics, us",
+    "level: physics + rest, us",
+    "physics",
+    "environment",
+    "on parts",
+    "touch rock",
+    "escaped",
+)
+
+
+def main() -> int:
+    """Measure the cases and print the table."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.comparisons.volume.environment", description=__doc__)
+    parser.add_argument("cases", nargs="*", help=f"default: {' '.join(CASES)}")
+    parser.add_argument("--level", type=Path, default=LEVEL, help="the level world that is compared with")
+    a = parser.parse_args()
+    unknown = sorted(set(a.cases) - set(CASES))
+    if unknown:
+        parser.error(f"no case {unknown[0]!r}; there are {', '.join(CASES)}")
+    level = LevelDrive(a.level)
+    rows: list[tuple[str, ...]] = []
+    for name in tqdm(a.cases or CASES, unit="case", disable=None):
+        rows += rows_of(CASES[name].title, measure(*build(name), level))
+        print(markdown_table(HEADER, rows[-len(VARIANTS) :]), end="", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
