@@ -89,6 +89,11 @@ class FloorPlanes:
         found = self._table[numbers[:, None], at[..., 1], at[..., 0], reach].astype(float)
         return FootPlanes(found[..., :3], first + at * NODE_M, np.where(outside, np.inf, found[..., 3]))
 
+    def floors_under(self, places_m: np.ndarray) -> np.ndarray:
+        """Return the height (n,) m of the first floor at or under places (n, 3) m, NaN where there is none."""
+        low, _ = self._columns(places_m[:, :2])
+        return np.fmax.reduce(np.where(low <= places_m[:, 2:], low, np.nan), axis=1)
+
     def _numbered(self, row: tuple[int, ...]) -> int:
         """Return the number of a tile's table; make it if it is new."""
         found = self._number.get(row)

@@ -32,6 +32,8 @@ from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.stepper import PhysicsStepper
 
 ROBOTS, STEPS, _RUNS = 32, 30, 3
+_THROWN_STEPS = 8
+_LOOK_M = 0.15  # over a foot: a floor under it begins below
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _ALL_PARTS = -1.0  # a tolerance that no plane meets
 _LARGE_M = (2.0, 0.5)
@@ -62,6 +64,19 @@ class Cost:
         return self.choice_us + self.physics_us + self.rest_us
 
 
+@dataclass(frozen=True)
+class Thrown:
+    """Robots thrown, control steps in which their chassis touched rock, and how many are outside in the end.
+
+    `floor_error_m` is the largest distance in height of a plane from the floor under its foot.
+    """
+
+    throws: int
+    touches: int
+    escapes: int
+    floor_error_m: float
+
+
 class VolumeDrive:
     """Robots that drive in a volume, each alone, stepped by the environment's `PhysicsStepper`."""
 
@@ -70,6 +85,7 @@ class VolumeDrive:
         places, normals = places_for_robots(volume)
         area = _areas_at(volume, places)
         chosen = rng.choice(len(places), ROBOTS, p=area / area.sum())
+        self._volume = volume
         self.models, self.chooser = models, PlaneChooser(models, tolerance_m)
         tile = models.number_of(places[chosen[:1]], False)[0], 0
         self.stepper = PhysicsStepper(models, ROBOTS, 1, np.array(tile))  # type: ignore[arg-type]
@@ -93,11 +109,33 @@ class VolumeDrive:
         stepper.ctrl[:] = self.models.robot.controls(
             action[:, 0] * task.max_forward_mps, action[:, 1] * task.max_turn_radps
         )
-        choice = self.chooser.choose(stepper.qpos[:, :7], stepper.qvel[:, :6])
+        choice = self._last = self.chooser.choose(stepper.qpos[:, :7], stepper.qvel[:, :6])
         stepper.state[:, self._where] = choice.places.reshape(ROBOTS, -1)
         stepper.state[:, self._how] = choice.quaternions.reshape(ROBOTS, -1)
         chosen = time.process_time() - start
         return chosen, choice.tiles[:, 1] > 0, stepper.advance(np.arange(ROBOTS), choice.tiles, task.substeps)
+
+    def throw(self, rounds: int, rng: np.random.Generator) -> Thrown:
+        """Throw all robots in all directions again and again, and drive them on at full throttle."""
+        inside, robots, touches, escapes, errors = Inside(self._volume), self.stepper, 0, 0, [0.0]
+        for _ in range(rounds):
+            self.reset()
+            yaw, speed = rng.uniform(-np.pi, np.pi, ROBOTS), rng.uniform(0, self.models.fastest_mps, ROBOTS)
+            robots.qvel[:, :2] = speed[:, None] * np.column_stack([np.cos(yaw), np.sin(yaw)])
+            action = np.column_stack([np.ones(ROBOTS), rng.uniform(-1, 1, ROBOTS)])
+            for _step in range(_THROWN_STEPS):
+                _, _, touched = self.step(action)
+                touches += int(touched.sum())
+                errors.append(self._floor_error_m())
+            escapes += int((inside.distance_m(robots.qpos[:, :3]) < 0).sum())
+        return Thrown(rounds * ROBOTS, touches, escapes, max(errors))
+
+    def _floor_error_m(self) -> float:
+        """Return how far in height the planes of the last step are from the floor under the feet that it ended with."""
+        feet, on_plane = self.chooser.feet_of(self.stepper.qpos[:, :7]), self._last.on_plane
+        floor = self.models.planes.floors_under(feet[on_plane] + np.array([0, 0, _LOOK_M]))
+        off = np.abs(self._last.under.heights(feet[..., :2])[on_plane] - floor)
+        return float(np.nanmax(off, initial=0.0))
 
     def cost(self, actions: np.ndarray) -> Cost:
         """Return the cost of driving from the starts."""

@@ -86,7 +86,7 @@ class VolumeModels:
         fastest_mps: float = FASTEST_MPS,
     ) -> None:
         """Take the parts, and the sides of the tiles of either kind."""
-        self.task, self.robot, self._fastest_mps = TaskParams(), RobotParams(), fastest_mps
+        self.task, self.robot, self.fastest_mps = TaskParams(), RobotParams(), fastest_mps
         self._parts, self.planes = Parts.of(volume, parts), FloorPlanes(volume)
         self._side = {k: np.array([side[0], *side]) for k, side in ((False, tile_m), (True, exact_tile_m))}
         self._number: dict[tuple[bool, int, int, int], int] = {}
@@ -121,7 +121,7 @@ class VolumeModels:
         `feet` has a bit for each foot that stands on the floor's parts instead of its box.
         """
         low, high = self._boxes[number]
-        speed = self._fastest_mps if feet else SPEEDS_MPS[-1]
+        speed = self.fastest_mps if feet else SPEEDS_MPS[-1]
         aside = self.robot.radius_m + speed * self.task.control_s + _MARGIN_M
         below, above = (_BELOW_M, _ABOVE_M) if feet else (-_BAND_M[0], _BAND_M[1])
         reach = np.array([aside, aside, below]), np.array([aside, aside, above])
