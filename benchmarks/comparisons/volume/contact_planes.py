@@ -62,7 +62,7 @@ class FloorPlanes:
         self._top = float(self._corners[:, :, 2].max()) + 1.0
         self._scene = open3d.t.geometry.RaycastingScene(nthreads=1)
         self._scene.add_triangles((volume.vertices - self._middle).astype(np.float32), volume.faces.astype(np.uint32))
-        self._number: dict[tuple[int, ...], int] = {}
+        self._number: dict[tuple[int, int, int], int] = {}
         self._table = np.zeros((1, _NODES, _NODES, len(REACHES_M), 4), np.float32)
 
     def under(self, bodies_m: np.ndarray, feet_m: np.ndarray, speed_mps: np.ndarray) -> FootPlanes:
@@ -78,7 +78,7 @@ class FloorPlanes:
             The feet's horizontal speeds.
         """
         rows = np.floor(bodies_m / _SIDE_M)
-        numbers = np.array([self._numbered(tuple(map(int, row))) for row in rows.tolist()], dtype=int)
+        numbers = np.array([self._numbered((x, y, z)) for x, y, z in rows.astype(int).tolist()], dtype=int)
         first = (rows * _SIDE_M)[:, None, :2] - _AROUND_M
         at = np.rint((feet_m - first) / NODE_M).astype(int)
         outside = ((at < 0) | (at >= _NODES)).any(axis=2)
@@ -94,7 +94,7 @@ class FloorPlanes:
         low, _ = self._columns(places_m[:, :2])
         return np.fmax.reduce(np.where(low <= places_m[:, 2:], low, np.nan), axis=1)
 
-    def _numbered(self, row: tuple[int, ...]) -> int:
+    def _numbered(self, row: tuple[int, int, int]) -> int:
         """Return the number of a tile's table; make it if it is new."""
         found = self._number.get(row)
         if found is None:

@@ -39,7 +39,6 @@ _ALL_PARTS = -1.0  # a tolerance that no plane meets
 _LARGE_M = (2.0, 0.5)
 VARIANTS = {
     "all parts in reach of a tile of 2 m": (_ALL_PARTS, _LARGE_M),
-    "all parts in reach of a tile of 0.5 m": (_ALL_PARTS, (0.5, 0.25)),
     "planes within 3 mm": (0.003, (0.5, 0.25)),
     "planes within 5 mm": (0.005, (0.5, 0.25)),
 }

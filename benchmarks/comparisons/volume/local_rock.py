@@ -8,7 +8,7 @@ import manifold3d
 import mujoco
 import numpy as np
 
-from benchmarks.comparisons.volume.contact_planes import SPEEDS_MPS, FloorPlanes
+from benchmarks.comparisons.volume.contact_planes import FloorPlanes
 from benchmarks.comparisons.volume.shell import ShellPart
 from benchmarks.comparisons.volume.volume import Label, Volume
 from minexplore.physics.local_models import physics_spec
@@ -26,9 +26,9 @@ from minexplore.task import TaskParams
 
 TILE_M, EXACT_TILE_M = (1.0, 0.5), (0.5, 0.25)  # width and height of a tile
 _MARGIN_M = 0.1  # as in minexplore.physics.local_models
-FASTEST_MPS = 2.0  # of a robot in a model of all parts
+FASTEST_MPS = 1.5  # of a robot, as TaskParams has it
 _BAND_M = (-0.3, 0.45)  # of the chassis about the axle's height in one control step, leaning by 25 deg
-_BELOW_M, _ABOVE_M = 0.7, 0.7  # what any robot can touch about its axle in one control step
+_BELOW_M, _ABOVE_M = 0.6, 0.6  # what any robot can touch about its axle in one control step
 _SLIVER_M = 1e-6  # MuJoCo refuses a part that is thinner
 FEET = ("left", "right", "front", "rear")
 _FOOT_BITS = (8, 16, 32, 64)
@@ -89,7 +89,7 @@ class VolumeModels:
         self.task, self.robot, self.fastest_mps = TaskParams(), RobotParams(), fastest_mps
         self._parts, self.planes = Parts.of(volume, parts), FloorPlanes(volume)
         self._side = {k: np.array([side[0], *side]) for k, side in ((False, tile_m), (True, exact_tile_m))}
-        self._number: dict[tuple[bool, int, int, int], int] = {}
+        self._number: dict[bool, dict[tuple[int, int, int], int]] = {False: {}, True: {}}
         self._boxes: list[tuple[np.ndarray, np.ndarray]] = []
 
     def tiles_of(self, chosen: np.ndarray) -> np.ndarray:
@@ -98,18 +98,13 @@ class VolumeModels:
 
     def number_of(self, places: np.ndarray, is_exact: bool) -> np.ndarray:
         """Return the numbers (n,) of the tiles that places (n, 3) m are in."""
-        side = self._side[is_exact]
-        rows = np.floor(places / side).astype(int).tolist()
-        return np.array([self._number_of(row, is_exact) for row in rows], dtype=int)
-
-    def _number_of(self, row: list[int], is_exact: bool) -> int:
-        key = (is_exact, row[0], row[1], row[2])
-        found = self._number.get(key)
-        if found is None:
-            found = self._number[key] = len(self._boxes)
-            low = np.array(row) * self._side[is_exact]
-            self._boxes.append((low, low + self._side[is_exact]))
-        return found
+        numbers, side = self._number[is_exact], self._side[is_exact]
+        rows = [(x, y, z) for x, y, z in np.floor(places / side).astype(int).tolist()]
+        for row in rows:
+            if row not in numbers:
+                numbers[row] = len(self._boxes)
+                self._boxes.append((np.array(row) * side, np.array(row) * side + side))
+        return np.array([numbers[row] for row in rows], dtype=int)
 
     def model(self, tile: tuple[int, int]) -> mujoco.MjModel:
         """Compile the model of a tile."""
@@ -121,13 +116,13 @@ class VolumeModels:
         `feet` has a bit for each foot that stands on the floor's parts instead of its box.
         """
         low, high = self._boxes[number]
-        speed = self.fastest_mps if feet else SPEEDS_MPS[-1]
-        aside = self.robot.radius_m + speed * self.task.control_s + _MARGIN_M
+        aside = self.robot.radius_m + self.fastest_mps * self.task.control_s + _MARGIN_M
         below, above = (_BELOW_M, _ABOVE_M) if feet else (-_BAND_M[0], _BAND_M[1])
         reach = np.array([aside, aside, below]), np.array([aside, aside, above])
         near = self._parts.within(low - reach[0], high + reach[1], ROCK_BIT | FLOOR_BIT if feet else ROCK_BIT)
         spec = physics_spec(self.task)
-        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE  # a tile has few parts
+        # A tile has few parts, and one robot is one island: looking for either structure costs more than it saves.
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE | mujoco.mjtDisableBit.mjDSBL_ISLAND
         rock, ground = spec.worldbody.add_body(name=ROCK_BODY), spec.worldbody.add_body(name="ground")
         for k, (corners, bits) in enumerate(near):
             middle = corners.mean(axis=0)
