@@ -8,7 +8,7 @@ import manifold3d
 import mujoco
 import numpy as np
 
-from benchmarks.comparisons.volume.contact_planes import FloorPlanes
+from benchmarks.comparisons.volume.local.planes import FloorPlanes
 from benchmarks.comparisons.volume.shell import ShellPart
 from benchmarks.comparisons.volume.volume import Label, Volume
 from minexplore.physics.local_models import physics_spec
@@ -38,7 +38,7 @@ _STEEP, _TALL_M = 0.5, 0.4  # a part whose facet is as upright, and that is as t
 
 
 @dataclass(frozen=True)
-class Parts:
+class BoxedParts:
     """Parts by their boxes, and the contact bits of what they stop: `FLOOR_BIT` wheels, `ROCK_BIT` the chassis."""
 
     parts: list[ShellPart]
@@ -47,7 +47,7 @@ class Parts:
     bits: np.ndarray
 
     @classmethod
-    def of(cls, volume: Volume, parts: list[ShellPart]) -> Parts:
+    def of(cls, volume: Volume, parts: list[ShellPart]) -> BoxedParts:
         """Take a volume's parts."""
         low = np.array([part.corners.min(axis=0) for part in parts])
         high = np.array([part.corners.max(axis=0) for part in parts])
@@ -87,7 +87,7 @@ class VolumeModels:
     ) -> None:
         """Take the parts, and the sides of the tiles of either kind."""
         self.task, self.robot, self.fastest_mps = TaskParams(), RobotParams(), fastest_mps
-        self._parts, self.planes = Parts.of(volume, parts), FloorPlanes(volume)
+        self._parts, self.planes = BoxedParts.of(volume, parts), FloorPlanes(volume)
         self._side = {k: np.array([side[0], *side]) for k, side in ((False, tile_m), (True, exact_tile_m))}
         self._number: dict[bool, dict[tuple[int, int, int], int]] = {False: {}, True: {}}
         self._boxes: list[tuple[np.ndarray, np.ndarray]] = []

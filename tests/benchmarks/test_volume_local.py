@@ -5,8 +5,11 @@ import numpy as np
 import pytest
 
 from benchmarks.comparisons.volume.cases import GateCase
-from benchmarks.comparisons.volume.choice import PlaneChooser, boxes_under
-from benchmarks.comparisons.volume.contact_planes import (
+from benchmarks.comparisons.volume.floors import solve_floors
+from benchmarks.comparisons.volume.local.choice import PlaneChooser, boxes_under
+from benchmarks.comparisons.volume.local.drives import VolumeDrive
+from benchmarks.comparisons.volume.local.models import PARKED, VolumeModels
+from benchmarks.comparisons.volume.local.planes import (
     NODE_M,
     REACHES_M,
     TOLERANCE_M,
@@ -14,9 +17,6 @@ from benchmarks.comparisons.volume.contact_planes import (
     FootPlanes,
     fit_planes,
 )
-from benchmarks.comparisons.volume.environment import VolumeDrive
-from benchmarks.comparisons.volume.floors import solve_floors
-from benchmarks.comparisons.volume.local_rock import PARKED, VolumeModels
 from benchmarks.comparisons.volume.physics import without_refused
 from benchmarks.comparisons.volume.shell import build_shell
 from benchmarks.comparisons.volume.volume import pieces_of, unite

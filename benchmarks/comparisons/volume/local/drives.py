@@ -1,51 +1,31 @@
-"""Control steps a second of robots in a volume's local models, beside the level mine's environment in the same run.
-
-`python -m benchmarks.comparisons.volume.environment` prints the table; surveys are built as in the gate.
-"""
+"""Robots that drive in a volume and in the level mine, stepped alike, with what a control step costs."""
 
 from __future__ import annotations
 
-import argparse
-import sys
-import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import median
 
 import mujoco
 import numpy as np
-from tqdm import tqdm
 
-from baselines.base.markdown import markdown_table
-from benchmarks.comparisons.volume.cases import CASES
-from benchmarks.comparisons.volume.choice import PlaneChooser
-from benchmarks.comparisons.volume.floors import solve_floors
-from benchmarks.comparisons.volume.gate import LEVEL
-from benchmarks.comparisons.volume.local_rock import FEET, VolumeModels
-from benchmarks.comparisons.volume.physics import places_for_robots, stand, without_refused
+from benchmarks.comparisons.volume.local.choice import PlaneChooser
+from benchmarks.comparisons.volume.local.models import FEET, VolumeModels
+from benchmarks.comparisons.volume.physics import places_for_robots, stand
 from benchmarks.comparisons.volume.proof import Inside
-from benchmarks.comparisons.volume.shell import ShellPart, build_shell
-from benchmarks.comparisons.volume.volume import Volume, pieces_of, unite
+from benchmarks.comparisons.volume.volume import Volume
 from benchmarks.speed.time_env import start_spread
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.stepper import PhysicsStepper
 
-ROBOTS, STEPS, _RUNS = 32, 30, 3
+ROBOTS, STEPS = 32, 30
 _THROWN_STEPS = 8
 _LOOK_M = 0.15  # over a foot: a floor under it begins below
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-_ALL_PARTS = -1.0  # a tolerance that no plane meets
-_LARGE_M = (2.0, 0.5)
-VARIANTS = {
-    "all parts in reach of a tile of 2 m": (_ALL_PARTS, _LARGE_M),
-    "planes within 3 mm": (0.003, (0.5, 0.25)),
-    "planes within 5 mm": (0.005, (0.5, 0.25)),
-}
 
 
 @dataclass(frozen=True)
-class Cost:
+class StepCost:
     """Microseconds of a robot's control step: choosing its model and planes, physics, and of the level mine the rest.
 
     Shares of the control steps with a foot on the floor's parts, and with a chassis that touched rock.
@@ -136,14 +116,14 @@ class VolumeDrive:
         off = np.abs(self._last.under.heights(feet[..., :2])[on_plane] - floor)
         return float(np.nanmax(off, initial=0.0))
 
-    def cost(self, actions: np.ndarray) -> Cost:
+    def cost(self, actions: np.ndarray) -> StepCost:
         """Return the cost of driving from the starts."""
         self.reset()
         start = time.process_time()
         chosen, on_parts, touched = zip(*(self.step(action) for action in actions), strict=True)
         physics = time.process_time() - start - sum(chosen)
         each = 1e6 / (ROBOTS * len(actions))
-        return Cost(each * sum(chosen), each * physics, 0.0, float(np.mean(on_parts)), float(np.mean(touched)))
+        return StepCost(each * sum(chosen), each * physics, 0.0, float(np.mean(on_parts)), float(np.mean(touched)))
 
 
 def _areas_at(volume: Volume, places: np.ndarray) -> np.ndarray:
@@ -184,103 +164,16 @@ class LevelDrive:
 
         self._env.robots.stepper.advance = timed  # type: ignore[method-assign]
 
-    def cost(self, actions: np.ndarray) -> Cost:
+    def cost(self, actions: np.ndarray) -> StepCost:
         """Return the cost of driving from the starts."""
         start_spread(self._env)
         self._physics_s, start = 0.0, time.process_time()
         touched = [self._env.step(action)[4]["collision"].mean() for action in actions]
         whole, each = time.process_time() - start, 1e6 / (ROBOTS * len(actions))
-        return Cost(0.0, each * self._physics_s, each * (whole - self._physics_s), 0.0, float(np.mean(touched)))
+        return StepCost(0.0, each * self._physics_s, each * (whole - self._physics_s), 0.0, float(np.mean(touched)))
 
 
 def hard_driving(rng: np.random.Generator) -> np.ndarray:
     """Return actions (steps, robots, 2) as `benchmarks.speed.time_env` has them."""
     some = np.stack([rng.uniform(0.3, 1, (9, ROBOTS)), rng.uniform(-1, 1, (9, ROBOTS))], axis=2)
     return some[np.arange(STEPS) // 10 % 9]
-
-
-def build(name: str) -> tuple[Volume, list[ShellPart]]:
-    """Return a case's volume, or that about its middle, and its parts."""
-    case = CASES[name]
-    with tempfile.TemporaryDirectory() as folder:
-        network = case.network(Path(folder))
-    if case.physics_within_m is not None:
-        network = network.within(case.physics_within_m)
-    volume = solve_floors(unite(network, pieces_of(network)), network)
-    return volume, without_refused(build_shell(volume))[0]
-
-
-def measure(volume: Volume, parts: list[ShellPart], level: LevelDrive) -> dict[str, tuple[Cost, Cost, int]]:
-    """Return for each variant its cost, the level mine's, as medians of runs in turns, and how many robots are gone."""
-    actions, drives, planes = hard_driving(np.random.default_rng(0)), {}, None
-    for title, (tolerance_m, tile_m) in VARIANTS.items():
-        models = VolumeModels(volume, parts, exact_tile_m=tile_m)
-        planes = models.planes = planes or models.planes
-        drives[title] = VolumeDrive(volume, models, tolerance_m, np.random.default_rng(1))
-        drives[title].cost(actions)  # makes models and planes
-    runs = [(level.cost(actions), [drive.cost(actions) for drive in drives.values()]) for _ in range(_RUNS)]
-    inside, theirs = Inside(volume), _median([run[0] for run in runs])
-    return {
-        title: (
-            _median([run[1][k] for run in runs]),
-            theirs,
-            int((inside.distance_m(drive.stepper.qpos[:, :3]) < 0).sum()),
-        )
-        for k, (title, drive) in enumerate(drives.items())
-    }
-
-
-def _median(costs: list[Cost]) -> Cost:
-    return Cost(*(median(getattr(cost, field) for cost in costs) for field in Cost.__dataclass_fields__))
-
-
-def rows_of(name: str, found: dict[str, tuple[Cost, Cost, int]]) -> list[tuple[str, ...]]:
-    """Return the table's rows of a case."""
-    return [
-        (
-            name,
-            title,
-            f"{ours.choice_us:.0f} + {ours.physics_us:.0f}",
-            f"{theirs.physics_us:.0f} + {theirs.rest_us:.0f}",
-            f"{theirs.physics_us / (ours.choice_us + ours.physics_us):.2f}",
-            f"{theirs.total_us / (ours.total_us + theirs.rest_us):.2f}",
-            f"{100 * ours.parts_share:.0f} %",
-            f"{100 * ours.touch_share:.0f} / {100 * theirs.touch_share:.0f} %",
-            str(gone),
-        )
-        for title, (ours, theirs, gone) in found.items()
-    ]
-
-
-HEADER = (
-    "survey",
-    "local models",
-    "choice + physics, us",
-    "level: physics + rest, us",
-    "physics",
-    "environment",
-    "on parts",
-    "touch rock",
-    "escaped",
-)
-
-
-def main() -> int:
-    """Measure the cases and print the table."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.comparisons.volume.environment", description=__doc__)
-    parser.add_argument("cases", nargs="*", help=f"default: {' '.join(CASES)}")
-    parser.add_argument("--level", type=Path, default=LEVEL, help="the level world that is compared with")
-    a = parser.parse_args()
-    unknown = sorted(set(a.cases) - set(CASES))
-    if unknown:
-        parser.error(f"no case {unknown[0]!r}; there are {', '.join(CASES)}")
-    level = LevelDrive(a.level)
-    rows: list[tuple[str, ...]] = []
-    for name in tqdm(a.cases or CASES, unit="case", disable=None):
-        rows += rows_of(CASES[name].title, measure(*build(name), level))
-        print(markdown_table(HEADER, rows[-len(VARIANTS) :]), end="", flush=True)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.comparisons.volume.contact_planes import TOLERANCE_M, FootPlanes
-from benchmarks.comparisons.volume.local_rock import PARKED, VolumeModels
+from benchmarks.comparisons.volume.local.models import PARKED, VolumeModels
+from benchmarks.comparisons.volume.local.planes import TOLERANCE_M, FootPlanes
 from minexplore.physics.robot import RobotParams
 from minexplore.rotations import rotation_matrices
 
@@ -18,7 +18,7 @@ _CASTOR_M = 0.05  # radius, as in minexplore.physics.robot
 
 
 @dataclass(frozen=True)
-class Choice:
+class StepChoice:
     """What a control step of n robots is stepped in.
 
     `tiles` (n, 2) as `VolumeModels.tiles_of` has them; the places (n, 4, 3) m and quaternions (n, 4, 4) of the boxes
@@ -52,7 +52,7 @@ class PlaneChooser:
         )
         return found
 
-    def choose(self, qpos: np.ndarray, qvel: np.ndarray) -> Choice:
+    def choose(self, qpos: np.ndarray, qvel: np.ndarray) -> StepChoice:
         """Return the choice for robots with these positions (n, 7) and velocities (n, 6) of their free joints."""
         models = self.models
         axes = rotation_matrices(qpos[:, 3:7])
@@ -72,7 +72,7 @@ class PlaneChooser:
             tiles[those, 0] = models.number_of(qpos[those, :3], with_floor)
         places, quaternions = boxes_under(under)
         places[~good] = np.broadcast_to(PARKED, places.shape)[~good]
-        return Choice(tiles, places, quaternions, good, under)
+        return StepChoice(tiles, places, quaternions, good, under)
 
 
 def boxes_under(under: FootPlanes) -> tuple[np.ndarray, np.ndarray]:

@@ -20,8 +20,6 @@ _LEDGE_M = 0.2  # higher ledges stop the chassis, whose lower edge is 0.13 m ove
 _ASIDE_M = 0.4  # of a wheel's floor over or under the height that the robot's axle has: steeper floors have no plane
 _SAME_M = 1e-4  # hits of one ray so near are on two facets that share an edge
 _LEAST = 6  # places of a plane
-
-
 TILE_M, _SLAB_M = 2.0, 0.5  # sides of the tiles that planes are made in
 _SIDE_M = np.array([TILE_M, TILE_M, _SLAB_M])
 _NODES = round((TILE_M + 2 * _AROUND_M) / NODE_M) + 1
