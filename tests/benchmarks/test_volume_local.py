@@ -98,6 +98,10 @@ def test_planes_of_a_ramp_have_its_slope_up_to_the_wall_and_none_beyond(ramp):
     assert found.error_m[0, 2] == np.inf
 
 
+def test_no_places_have_no_floors(ramp):
+    assert FloorPlanes(ramp[0]).floors_under(np.zeros((0, 3))).shape == (0,)
+
+
 def test_a_foot_that_is_too_fast_for_its_plane_has_none(ramp):
     found = FloorPlanes(ramp[0]).under(np.zeros((1, 3)), np.zeros((1, 2, 2)), np.array([[1.9, 2.1]]))
     assert np.isfinite(found.error_m[0]).tolist() == [True, False]
