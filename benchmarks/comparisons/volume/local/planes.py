@@ -117,7 +117,7 @@ class FloorPlanes:
 
     def _columns(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return floors and roofs (n, k) m of the free spaces over and under places (n, 2); NaN behind the last."""
-        if not len(places):  # Open3D 0.19 crashes
+        if not len(places):  # Open3D 0.20 crashes
             return np.zeros((0, 1)), np.zeros((0, 1))
         local = places - self._middle[:2]
         rays = np.column_stack([local, np.full(len(local), self._top), np.tile([0, 0, -1.0], (len(local), 1))])
