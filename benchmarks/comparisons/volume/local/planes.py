@@ -14,7 +14,7 @@ NODE_M = 0.05  # between the places that planes are kept for
 # these speeds at most, 0.035 m from the middle of the way to the nearest node, 0.04 m by braking or accelerating.
 REACHES_M = (0.12, 0.2)
 SPEEDS_MPS = (0.9, 2.0)
-TOLERANCE_M = 0.003  # of the floor from a plane; the survey allows 1 cm, and the floor follows it within 4 mm
+TOLERANCE_M = 0.005  # of the floor from a plane: the floor follows the survey within 4 mm, of which 1 cm is allowed
 _AROUND_M = 0.6  # of a tile: wheels of a robot that begins a control step on it
 _LEDGE_M = 0.2  # higher ledges stop the chassis, whose lower edge is 0.13 m over the floor
 _ASIDE_M = 0.4  # of a wheel's floor over or under the height that the robot's axle has: steeper floors have no plane
