@@ -1,0 +1,179 @@
+"""Robots that drive in a volume and in the level mine, stepped alike, with what a control step costs."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from benchmarks.comparisons.volume.local.choice import PlaneChooser
+from benchmarks.comparisons.volume.local.models import FEET, VolumeModels
+from benchmarks.comparisons.volume.physics import places_for_robots, stand
+from benchmarks.comparisons.volume.proof import Inside
+from benchmarks.comparisons.volume.volume import Volume
+from benchmarks.speed.time_env import start_spread
+from minexplore.envs.vector import MineVectorEnv
+from minexplore.physics.stepper import PhysicsStepper
+
+ROBOTS, STEPS = 32, 30
+_THROWN_STEPS = 8
+_LOOK_M = 0.15  # over a foot: a floor under it begins below
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+@dataclass(frozen=True)
+class StepCost:
+    """Microseconds of a robot's control step: choosing its model and planes, physics, and of the level mine the rest.
+
+    Shares of the control steps with a foot on the floor's parts, and with a chassis that touched rock.
+    """
+
+    choice_us: float
+    physics_us: float
+    rest_us: float = 0.0
+    parts_share: float = 0.0
+    touch_share: float = 0.0
+
+    @property
+    def total_us(self) -> float:
+        """Return the whole step."""
+        return self.choice_us + self.physics_us + self.rest_us
+
+
+@dataclass(frozen=True)
+class Thrown:
+    """Robots thrown, control steps in which their chassis touched rock, and how many are outside in the end.
+
+    `floor_error_m` is the largest distance in height of a plane from the floor under its foot.
+    """
+
+    throws: int
+    touches: int
+    escapes: int
+    floor_error_m: float
+
+
+class VolumeDrive:
+    """Robots that drive in a volume, each alone, stepped by the environment's `PhysicsStepper`."""
+
+    def __init__(self, volume: Volume, models: VolumeModels, tolerance_m: float, rng: np.random.Generator) -> None:
+        """Choose places on the floors, by their area."""
+        places, normals = places_for_robots(volume)
+        area = _areas_at(volume, places)
+        chosen = rng.choice(len(places), ROBOTS, p=area / area.sum())
+        self._volume = volume
+        self.models, self.chooser = models, PlaneChooser(models, tolerance_m)
+        tile = models.number_of(places[chosen[:1]], False)[0], 0
+        self.stepper = PhysicsStepper(models, ROBOTS, 1, np.array(tile))  # type: ignore[arg-type]
+        model = models.model((int(tile[0]), 0))
+        self._where, self._how = _mocap_addresses(model)
+        data = mujoco.MjData(model)
+        self._starts = np.zeros((ROBOTS, 7))
+        for k, number in enumerate(chosen):
+            at = stand(data, model, "robot", places[number], normals[number], rng.uniform(-np.pi, np.pi))
+            self._starts[k] = data.qpos[at : at + 7]
+
+    def reset(self) -> None:
+        """Put all robots back to their starts."""
+        for k in range(ROBOTS):
+            self.stepper.restart(k)
+        self.stepper.qpos[:, :7] = self._starts
+
+    def step(self, action: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """Step all robots; return the seconds of the choice, which robots stood on parts, and which touched rock."""
+        task, stepper, start = self.models.task, self.stepper, time.process_time()
+        stepper.ctrl[:] = self.models.robot.controls(
+            action[:, 0] * task.max_forward_mps, action[:, 1] * task.max_turn_radps
+        )
+        choice = self._last = self.chooser.choose(stepper.qpos[:, :7], stepper.qvel[:, :6])
+        stepper.state[:, self._where] = choice.places.reshape(ROBOTS, -1)
+        stepper.state[:, self._how] = choice.quaternions.reshape(ROBOTS, -1)
+        chosen = time.process_time() - start
+        return chosen, choice.tiles[:, 1] > 0, stepper.advance(np.arange(ROBOTS), choice.tiles, task.substeps)
+
+    def throw(self, rounds: int, rng: np.random.Generator) -> Thrown:
+        """Throw all robots in all directions again and again, and drive them on at full throttle."""
+        inside, robots, touches, escapes, errors = Inside(self._volume), self.stepper, 0, 0, [0.0]
+        for _ in range(rounds):
+            self.reset()
+            yaw, speed = rng.uniform(-np.pi, np.pi, ROBOTS), rng.uniform(0, self.models.fastest_mps, ROBOTS)
+            robots.qvel[:, :2] = speed[:, None] * np.column_stack([np.cos(yaw), np.sin(yaw)])
+            action = np.column_stack([np.ones(ROBOTS), rng.uniform(-1, 1, ROBOTS)])
+            for _step in range(_THROWN_STEPS):
+                _, _, touched = self.step(action)
+                touches += int(touched.sum())
+                errors.append(self._floor_error_m())
+            escapes += int((inside.distance_m(robots.qpos[:, :3]) < 0).sum())
+        return Thrown(rounds * ROBOTS, touches, escapes, max(errors))
+
+    def _floor_error_m(self) -> float:
+        """Return how far in height the planes of the last step are from the floor under the feet that it ended with."""
+        feet, on_plane = self.chooser.feet_of(self.stepper.qpos[:, :7]), self._last.on_plane
+        floor = self.models.planes.floors_under(feet[on_plane] + np.array([0, 0, _LOOK_M]))
+        off = np.abs(self._last.under.heights(feet[..., :2])[on_plane] - floor)
+        return float(np.nanmax(off, initial=0.0))
+
+    def cost(self, actions: np.ndarray) -> StepCost:
+        """Return the cost of driving from the starts."""
+        self.reset()
+        start = time.process_time()
+        chosen, on_parts, touched = zip(*(self.step(action) for action in actions), strict=True)
+        physics = time.process_time() - start - sum(chosen)
+        each = 1e6 / (ROBOTS * len(actions))
+        return StepCost(each * sum(chosen), each * physics, 0.0, float(np.mean(on_parts)), float(np.mean(touched)))
+
+
+def _areas_at(volume: Volume, places: np.ndarray) -> np.ndarray:
+    """Return the area (n,) m2 of the facet that each place is the middle of."""
+    middles = {
+        tuple(m): a
+        for m, a in zip(
+            volume.vertices[volume.faces].mean(axis=1), np.linalg.norm(volume.normals, axis=1) / 2, strict=True
+        )
+    }
+    return np.array([middles[tuple(place)] for place in places])
+
+
+def _mocap_addresses(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
+    """Return where the places and the quaternions of the planes' bodies stand in the integration state."""
+    data, state = mujoco.MjData(model), np.zeros(mujoco.mj_stateSize(model, _STATE))
+    data.mocap_pos[:], data.mocap_quat[:] = np.pi, np.e
+    mujoco.mj_getState(model, data, state, _STATE)
+    where, how = np.flatnonzero(state == np.pi), np.flatnonzero(state == np.e)
+    assert (len(where), len(how)) == (3 * len(FEET), 4 * len(FEET))
+    return where, how
+
+
+class LevelDrive:
+    """The level mine's environment with as many robots, spread over it; its physics is timed apart."""
+
+    def __init__(self, world: Path) -> None:
+        """Make the environment."""
+        self._env = MineVectorEnv(ROBOTS, world)
+        self._physics_s = 0.0
+        advance = self._env.robots.stepper.advance
+
+        def timed(robots: np.ndarray, places_m: np.ndarray, steps: int) -> np.ndarray:
+            start = time.process_time()
+            touched = advance(robots, places_m, steps)
+            self._physics_s += time.process_time() - start
+            return touched
+
+        self._env.robots.stepper.advance = timed  # type: ignore[method-assign]
+
+    def cost(self, actions: np.ndarray) -> StepCost:
+        """Return the cost of driving from the starts."""
+        start_spread(self._env)
+        self._physics_s, start = 0.0, time.process_time()
+        touched = [self._env.step(action)[4]["collision"].mean() for action in actions]
+        whole, each = time.process_time() - start, 1e6 / (ROBOTS * len(actions))
+        return StepCost(0.0, each * self._physics_s, each * (whole - self._physics_s), 0.0, float(np.mean(touched)))
+
+
+def hard_driving(rng: np.random.Generator) -> np.ndarray:
+    """Return actions (steps, robots, 2) as `benchmarks.speed.time_env` has them."""
+    some = np.stack([rng.uniform(0.3, 1, (9, ROBOTS)), rng.uniform(-1, 1, (9, ROBOTS))], axis=2)
+    return some[np.arange(STEPS) // 10 % 9]

@@ -1,0 +1,123 @@
+"""Control steps a second of robots in a volume's local models, beside the level mine's environment in the same run.
+
+`python -m benchmarks.comparisons.volume.local.environment` prints the table; surveys are built as in the gate.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+from tqdm import tqdm
+
+from baselines.base.markdown import markdown_table
+from benchmarks.comparisons.volume.cases import CASES
+from benchmarks.comparisons.volume.floors import solve_floors
+from benchmarks.comparisons.volume.gate import LEVEL
+from benchmarks.comparisons.volume.local.drives import LevelDrive, StepCost, VolumeDrive, hard_driving
+from benchmarks.comparisons.volume.local.models import VolumeModels
+from benchmarks.comparisons.volume.physics import without_refused
+from benchmarks.comparisons.volume.proof import Inside
+from benchmarks.comparisons.volume.shell import ShellPart, build_shell
+from benchmarks.comparisons.volume.volume import Volume, pieces_of, unite
+
+_RUNS = 3
+_ALL_PARTS = -1.0  # a tolerance that no plane meets
+_LARGE_M = (2.0, 0.5)
+VARIANTS = {
+    "all parts in reach of a tile of 2 m": (_ALL_PARTS, _LARGE_M),
+    "planes within 3 mm": (0.003, (0.5, 0.25)),
+    "planes within 5 mm": (0.005, (0.5, 0.25)),
+}
+
+
+def build(name: str) -> tuple[Volume, list[ShellPart]]:
+    """Return a case's volume, or that about its middle, and its parts."""
+    case = CASES[name]
+    with tempfile.TemporaryDirectory() as folder:
+        network = case.network(Path(folder))
+    if case.physics_within_m is not None:
+        network = network.within(case.physics_within_m)
+    volume = solve_floors(unite(network, pieces_of(network)), network)
+    return volume, without_refused(build_shell(volume))[0]
+
+
+def measure(volume: Volume, parts: list[ShellPart], level: LevelDrive) -> dict[str, tuple[StepCost, StepCost, int]]:
+    """Return for each variant its cost, the level mine's, as medians of runs in turns, and how many robots are gone."""
+    actions, drives, planes = hard_driving(np.random.default_rng(0)), {}, None
+    for title, (tolerance_m, tile_m) in VARIANTS.items():
+        models = VolumeModels(volume, parts, exact_tile_m=tile_m)
+        planes = models.planes = planes or models.planes
+        drives[title] = VolumeDrive(volume, models, tolerance_m, np.random.default_rng(1))
+        drives[title].cost(actions)  # makes models and planes, as the level mine's next line does
+    level.cost(actions)
+    runs = [(level.cost(actions), [drive.cost(actions) for drive in drives.values()]) for _ in range(_RUNS)]
+    inside, theirs = Inside(volume), _median([run[0] for run in runs])
+    return {
+        title: (
+            _median([run[1][k] for run in runs]),
+            theirs,
+            int((inside.distance_m(drive.stepper.qpos[:, :3]) < 0).sum()),
+        )
+        for k, (title, drive) in enumerate(drives.items())
+    }
+
+
+def _median(costs: list[StepCost]) -> StepCost:
+    return StepCost(*(median(getattr(cost, field) for cost in costs) for field in StepCost.__dataclass_fields__))
+
+
+def rows_of(name: str, found: dict[str, tuple[StepCost, StepCost, int]]) -> list[tuple[str, ...]]:
+    """Return the table's rows of a case."""
+    return [
+        (
+            name,
+            title,
+            f"{ours.choice_us:.0f} + {ours.physics_us:.0f}",
+            f"{theirs.physics_us:.0f} + {theirs.rest_us:.0f}",
+            f"{theirs.physics_us / (ours.choice_us + ours.physics_us):.2f}",
+            f"{theirs.total_us / (ours.total_us + theirs.rest_us):.2f}",
+            f"{100 * ours.parts_share:.0f} %",
+            f"{100 * ours.touch_share:.0f} / {100 * theirs.touch_share:.0f} %",
+            str(gone),
+        )
+        for title, (ours, theirs, gone) in found.items()
+    ]
+
+
+HEADER = (
+    "survey",
+    "local models",
+    "choice + physics, us",
+    "level: physics + rest, us",
+    "physics",
+    "environment",
+    "on parts",
+    "touch rock",
+    "escaped",
+)
+
+
+def main() -> int:
+    """Measure the cases and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("cases", nargs="*", help=f"default: {' '.join(CASES)}")
+    parser.add_argument("--level", type=Path, default=LEVEL, help="the level world that is compared with")
+    a = parser.parse_args()
+    unknown = sorted(set(a.cases) - set(CASES))
+    if unknown:
+        parser.error(f"no case {unknown[0]!r}; there are {', '.join(CASES)}")
+    level = LevelDrive(a.level)
+    rows: list[tuple[str, ...]] = []
+    for name in tqdm(a.cases or CASES, unit="case", disable=None):
+        rows += rows_of(CASES[name].title, measure(*build(name), level))
+        print(markdown_table(HEADER, rows[-len(VARIANTS) :]), end="", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
