@@ -106,7 +106,7 @@ def try_case(read: Callable[[Path], Any], files: Files, folder: Path, seconds: i
     try:
         read(folder / next(iter(files)))
     except UnexpectedError as error:
-        return str(error)[-300:]
+        return error.detail[-300:]
     except MineError as error:
         return "refused" if str(error) and "\n" not in str(error) else f"not one line: {str(error)[:200]}"
     except _Hang:

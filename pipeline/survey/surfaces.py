@@ -193,7 +193,7 @@ def _read_raster(path: Path) -> tuple[Points, str | None]:
                 values, place = raster.read(1, masked=True), raster.transform
                 crs = raster.crs.to_wkt() if raster.crs is not None else None
     except (RasterioError, ValueError, TypeError) as error:
-        raise InputError(f"{path}: not a raster of heights ({str(error)[:120]})") from error
+        raise InputError(f"{path}: not a raster of heights; it is broken, cut off or of another format") from error
     row, col = np.nonzero(~np.ma.getmaskarray(values) & np.isfinite(values.data))
     east, north = place @ (col + 0.5, row + 0.5)
     return np.column_stack([east, north, values.data[row, col].astype(float)]), crs
