@@ -45,13 +45,18 @@ class Remark:
         start = _SOURCE.match(self.what)
         place = start.group() if start else ""
         what = self.what[len(place) :]
-        option = self.option or ", ".join(dict.fromkeys(re.findall(_OPTION, what)))
+        option = self.option or ", ".join(options_of(what))
         what = what if self.option else _ADVICE.sub("", what)
         count = None if self.value else _COUNT.match(what)
         if count is not None:
             what = what[count.end() :]
         is_other = "." in place and place != f"{source}: "
         return Remark(f"{place}{what}" if is_other else what, self.value or (count.group(1) if count else ""), option)
+
+
+def options_of(text: str) -> list[str]:
+    """Return the options of `new` and the parameters that a text names, each once."""
+    return list(dict.fromkeys(re.findall(_OPTION, text)))
 
 
 def warn_user(remark: Remark | str) -> None:

@@ -6,7 +6,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import chdir, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,18 @@ from stages.__main__ import load_stages
 _READING = 2  # stages: the survey, and its workings; the others build the world
 
 
-def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]) -> Image:
+@dataclass(frozen=True)
+class Reading:
+    """What was read of a mine: the files, and a picture (rows, cols, 3) uint8.
+
+    It shows what of a plan's picture was taken for workings, else the plan that was read.
+    """
+
+    files: list[Path]
+    picture: Image
+
+
+def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]) -> Reading:
     """Detect a file's format, read it, and trace its workings.
 
     Parameters
@@ -34,8 +45,7 @@ def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]
 
     Returns
     -------
-    (rows, cols, 3) uint8
-        What of a plan's picture was taken for workings, else the plan that was read.
+    Reading
 
     Raises
     ------
@@ -44,12 +54,12 @@ def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]
     """
     draft = draft_import(name, source, stated)
     if draft.section is None:
-        return _read(compose([f"survey={name}", *overrides]))
+        return Reading([], _read(compose([f"survey={name}", *overrides])))
     copies = {file.absolute(): target for file, target in draft.copies.items()}
     with _scratch_project():
         import_mine(replace(draft, copies=copies), "not stated", "not stated")
         plan = _read(compose([f"survey={name}", *overrides]))
-    return plan if draft.picture is None else draft.picture
+    return Reading(list(draft.copies), plan if draft.picture is None else draft.picture)
 
 
 @contextmanager

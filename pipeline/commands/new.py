@@ -91,7 +91,7 @@ def _show(name: str, source: Path, stated: StatedOptions, overrides: list[str], 
     """Read the file, draw what was read, and build nothing."""
     from pipeline.build.dry_run import dry_run
 
-    _write_picture(detected, dry_run(name, source, stated, overrides))
+    _write_picture(detected, dry_run(name, source, stated, overrides).picture)
     print(f"read    {source}; nothing is built")
     print(f"drawn   {detected}")
 

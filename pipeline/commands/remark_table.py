@@ -11,7 +11,7 @@ from pipeline.remarks import Remark
 
 _HEAD = Remark("what", "how many", "overruled by")
 _VALUE, _OPTION = 16, 32  # characters of these columns at most
-_NARROW, _WIDE = 80, 140  # characters of a line at least and at most
+_NARROW = 80  # characters of a line at least
 
 
 def remark_table(source: str, remarks: list[Remark], width: int | None = None) -> str:
@@ -23,9 +23,9 @@ def remark_table(source: str, remarks: list[Remark], width: int | None = None) -
         The file's name, the heading.
     remarks : list of Remark
     width : int, optional
-        Characters of a line; default: the terminal's, 80 to 140.
+        Characters of a line; default: the terminal's, at least 80.
     """
-    wanted = width or min(max(shutil.get_terminal_size((110, 24)).columns, _NARROW), _WIDE)
+    wanted = width or max(shutil.get_terminal_size((110, 24)).columns, _NARROW)
     rows = [_printable(remark.split(source)) for remark in remarks]
     first = min(_VALUE, max(len(row.value) for row in (_HEAD, *rows)))
     last = min(_OPTION, max(len(row.option) for row in (_HEAD, *rows)))

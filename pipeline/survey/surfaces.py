@@ -77,7 +77,7 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
     inside, where = points[shown], "on the plan" if has_lines else "in the workings"
     if not len(inside):
         raise InputError(
-            f"{path}: none of its {len(points)} heights lies {where}; is it in the coordinates of the survey's file?"
+            f"{path}: none of its {len(points)} heights lies {where}; --heights needs the survey's coordinates"
         )
     low, high = inside[:, 2].min(), inside[:, 2].max()
     warn_user(f"{path.name}: {len(inside)} of {len(points)} heights lie {where}, from {low:.1f} to {high:.1f} m")
