@@ -40,14 +40,12 @@ def new(
     _require_place(detected, source)
     shown = detected or (WORLDS / name / DETECTED if only_read else None)
     try:
-        with (
-            hold_lock(WORLDS / f".{name}.lock", f"name = {name}: another command is making this world"),
-            _remarks_listed(source),
-        ):
+        with _remarks_listed(source):
             if only_read and shown is not None:
                 _show(name, source, stated, overrides, shown)
             else:
-                _make(name, source, origin, licence, stated, overrides, detected)
+                with hold_lock(WORLDS / f".{name}.lock", f"name = {name}: another command is making this world"):
+                    _make(name, source, origin, licence, stated, overrides, detected)
     except DoubtError as error:  # nothing is left behind but the picture that was asked for
         if shown is None:
             raise InputError(f"{error}; --detected FILE.png draws what was found") from error
