@@ -71,12 +71,24 @@ def warn_user(remark: Remark | str) -> None:
         _sinks[-1].append(remark)
 
 
-def warn_once(remark: Remark) -> None:
-    """Warn the user unless this process has printed the same remark: a file is read twice, for two answers."""
-    if _sinks or remark not in _printed:
-        if not _sinks:
-            _printed.add(remark)
-        warn_user(remark)
+def hand_on(remarks: list[Remark]) -> None:
+    """Warn the user of what a process of `run_limited` remarked.
+
+    A file is read at least twice, to detect it and in stage 1. A line is printed once. Of collected remarks that differ
+    in their figures only, those of the last reading are kept: detection may try several units.
+    """
+    if _sinks:
+        kinds = {_without_figures(remark) for remark in remarks}
+        _sinks[-1][:] = [r for r in _sinks[-1] if r in remarks or _without_figures(r) not in kinds]
+    for remark in remarks:
+        if _sinks or remark not in _printed:
+            warn_user(remark)
+    if not _sinks:
+        _printed.update(remarks)
+
+
+def _without_figures(remark: Remark) -> str:
+    return re.sub(r"\d[\d,.]*", "#", remark.what)
 
 
 @contextmanager

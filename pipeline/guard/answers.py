@@ -21,7 +21,7 @@ from pipeline.errors import (
 )
 from pipeline.guard.process_limits import resolve
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.remarks import Remark, collect_remarks, warn_once
+from pipeline.remarks import Remark, collect_remarks, hand_on
 
 HEADER_BYTES = 64_000_000
 _ERRORS: dict[str, type[MineError]] = {kind.__name__: kind for kind in (InputError, ParamsError, GeometryError)}
@@ -110,8 +110,7 @@ def decode(subject: str, data: bytes | bytearray) -> Payload:
         if size > min(HEADER_BYTES, len(data) - 8):
             raise ValueError("the header is longer than the answer")
         header = Header.model_validate(json.loads(data[8 : 8 + size]))
-        for remark in header.remarks:
-            warn_once(remark)
+        hand_on(header.remarks)
         arrays, at = {}, 8 + size
         for name, dtype, shape in header.arrays:
             if dtype not in _DTYPES or min(shape, default=0) < 0:

@@ -4,7 +4,7 @@ import pytest
 
 from pipeline.commands.remark_table import remark_table
 from pipeline.findings import findings_of
-from pipeline.remarks import Remark, collect_remarks, warn_user
+from pipeline.remarks import Remark, collect_remarks, hand_on, warn_user
 from pipeline.survey.detection import Detection
 from tests.project import ROOT
 
@@ -53,6 +53,22 @@ def test_remarks_are_lines_unless_they_are_collected_each_once(capsys):
         warn_user("b\x1b[31m")
     assert (inner, outer) == ([Remark("a.dxf: 2 layers")], [Remark("b\x1b[31m")])
     assert capsys.readouterr().err == ""
+
+
+def test_of_two_readings_of_a_file_the_figures_of_the_last_are_kept():
+    in_feet = [Remark("a.dxf: 4 ends are less than 1 m from another line"), Remark("a.dxf: 2 layers (x, y)")]
+    in_metres = [Remark("a.dxf: 9 ends are less than 1 m from another line"), Remark("a.dxf: 2 layers (x, y)")]
+    with collect_remarks() as remarks:
+        warn_user("a.dxf: page 1 is read")
+        hand_on(in_feet)
+        hand_on(in_metres)
+    assert set(remarks) == {Remark("a.dxf: page 1 is read"), *in_metres}
+
+
+def test_a_remark_of_two_readings_is_printed_once(capsys):
+    hand_on([Remark("a.dxf: printed once")])
+    hand_on([Remark("a.dxf: printed once"), Remark("a.dxf: printed later")])
+    assert capsys.readouterr().err == "a.dxf: printed once\na.dxf: printed later\n"
 
 
 def test_what_is_collected_is_bounded():
