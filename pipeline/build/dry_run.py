@@ -22,7 +22,7 @@ _READING = 2  # stages: the survey, and its workings; the others build the world
 
 
 @dataclass(frozen=True)
-class Reading:
+class DryRun:
     """What was read of a mine: the files, and a picture (rows, cols, 3) uint8.
 
     It shows what of a plan's picture was taken for workings, else the plan that was read.
@@ -32,7 +32,7 @@ class Reading:
     picture: Image
 
 
-def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]) -> Reading:
+def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]) -> DryRun:
     """Detect a file's format, read it, and trace its workings.
 
     Parameters
@@ -45,7 +45,7 @@ def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]
 
     Returns
     -------
-    Reading
+    DryRun
 
     Raises
     ------
@@ -54,12 +54,12 @@ def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]
     """
     draft = draft_import(name, source, stated)
     if draft.section is None:
-        return Reading([], _read(compose([f"survey={name}", *overrides])))
+        return DryRun([], _read(compose([f"survey={name}", *overrides])))
     copies = {file.absolute(): target for file, target in draft.copies.items()}
     with _scratch_project():
         import_mine(replace(draft, copies=copies), "not stated", "not stated")
         plan = _read(compose([f"survey={name}", *overrides]))
-    return Reading(list(draft.copies), plan if draft.picture is None else draft.picture)
+    return DryRun(list(draft.copies), plan if draft.picture is None else draft.picture)
 
 
 @contextmanager

@@ -139,7 +139,7 @@ def _quotes(value: ast.expr, name: str) -> bool:
 def exists(option: str) -> bool:
     """Return whether `new` has an option, or the configuration a parameter, of this name."""
     if option.startswith("--"):
-        return option in {*re.findall(r"--[a-z0-9-]+", options_table()), "--detected", "--dry-run", "--from"}
+        return option in re.findall(r"--[a-z0-9-]+", options_table())
     section, *keys = option.partition("=")[0].split(".")
     kinds = get_args(get_args(SurveyParams)[0]) if section == "survey" else (Config.model_fields[section].annotation,)
     return any(_has(kind, keys) for kind in kinds)
