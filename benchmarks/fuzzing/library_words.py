@@ -12,6 +12,7 @@ _PHRASES = (  # of Python, NumPy and their like
     *(r"\w+(?:Error|Exception)\b", "NoneType", "Traceback", "has no attribute", "index out of range"),
     *("invalid literal", "could not convert", "not subscriptable", "not iterable", "unexpected keyword", "argmax"),
     *("to unpack", "empty sequence", "unsupported operand", r"codec can't decode", "buffer is smaller"),
+    *("StopIteration", r"sqlite3_\w+", r"\bfread\b", r"\(char \d+\)", r"line \d+ column"),  # of parsers
 )
 _PATTERN = re.compile(rf"\b(?:{'|'.join(_NAMES)})\b|{'|'.join(_PHRASES)}")
 
