@@ -74,8 +74,14 @@ def _try_apart(path: Path, words: list[str]) -> Outcome:
     start = time.monotonic()
     try:
         with tempfile.TemporaryDirectory() as scratch:  # also of a process that is ended
-            limits = {"timeout": _TIME_S, "env": {**os.environ, "TMPDIR": scratch}}
-            done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, **limits)
+            done = subprocess.run(
+                command,
+                capture_output=True,
+                text=True,
+                stdin=subprocess.DEVNULL,
+                timeout=_TIME_S,
+                env={**os.environ, "TMPDIR": scratch},
+            )
         return Outcome(**json.loads(done.stdout.splitlines()[-1]))
     except subprocess.TimeoutExpired:
         return Outcome("failed", f"not read within {_TIME_S:.0f} s", time.monotonic() - start)
