@@ -100,12 +100,12 @@ def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> V
     if widest > WIDEST_M:
         raise InputError(
             f"{_name(params)}: the workings extend over {widest:.0f} m, the limit is {WIDEST_M:,.0f} m; "
-            "is survey.unit right? --unit states it"
+            "is survey.unit right?"
         )
     if max(east - west, north - south) < _SMALLEST_M:
         raise InputError(
             f"{_name(params)}: the workings are {max(east - west, north - south):.2g} m long, at least "
-            f"{_SMALLEST_M:g} m is needed; is survey.unit right? --unit states it"
+            f"{_SMALLEST_M:g} m is needed; is survey.unit right?"
         )
     per_m = params.px_per_m or min(_FINEST_PX_PER_M, _WIDEST_PX / widest)
     frame = frame_around((west - m, south - m, east + m, north + m), per_m, _ORIGIN_AT)
