@@ -33,8 +33,8 @@ LATER = {
     *(f"pipeline/survey/vector/{name}.py" for name in ("dxf", "geodata", "geojson")),
     *("pipeline/survey/passages/stray_heights.py", "pipeline/survey/surfaces.py"),
 }
-# Questions about a broken file, which no option answers.
-OF_THE_FILE = re.compile(r"truncated|cut off|quote not closed|begin with the section")
+# Questions about a broken file, which no option answers, and those whose caller names the parameter.
+OF_THE_FILE = re.compile(r"truncated|cut off|quote not closed|begin with the section|is \{\} right\?")
 # A check that is a judgement, by words of its message, and the option that overrules it.
 JUDGEMENTS = {
     "is the plan inverted? survey": "survey.light_on_dark=true",
