@@ -21,11 +21,11 @@ from tqdm import tqdm
 
 from baselines.base.markdown import markdown_table
 from pipeline.commands.options import add_options, stated_options
-from pipeline.errors import DoubtError, MineError, UnexpectedError, lacks_memory
+from pipeline.errors import DoubtError, MineError, UnexpectedError, lacks_memory, printable
 from pipeline.guard.process_limits import has_limits
 from pipeline.params.reader_limits import reader_limits
 from pipeline.params.stated import StatedOptions, option
-from pipeline.remarks import collect_remarks, options_of
+from pipeline.remarks import Remark, collect_remarks, options_of
 from pipeline.store.files import write_atomically
 from pipeline.survey.formats import FORMATS, kind_of
 
@@ -61,6 +61,7 @@ def try_folder(folder: Path, words: list[str], jobs: int) -> dict[str, Outcome]:
     ):
         outcomes = dict(zip(known, bar, strict=True))
     named = {Path(name) for outcome in outcomes.values() for name in outcome.used}
+    outcomes = {path: o for path, o in outcomes.items() if o.verdict == "read" or path.resolve() not in named}
     beside = {path.with_suffix("") for path in known}
     for path in files:
         if path not in outcomes and path.resolve() not in named and path.with_suffix("") not in beside:
@@ -102,7 +103,7 @@ def try_file(path: Path, stated: StatedOptions) -> Outcome:
             unread = {name: None for name in stated.values() if kind not in option(name).read_with}
             reading = dry_run(_SURVEY, path, stated.model_copy(update=unread), [])
             used = [str(file.resolve()) for file in reading.files]
-            verdict, why = "read", "; ".join(remark.line() for remark in remarks)[:_WHY]
+            verdict, why = "read", "; ".join(_fact(remark, path) for remark in remarks)[:_WHY]
         except UnexpectedError as error:
             why = error.detail
         except MineError as error:
@@ -111,8 +112,14 @@ def try_file(path: Path, stated: StatedOptions) -> Outcome:
         except Exception as error:  # every other exception is a finding
             verdict = "refused" if lacks_memory(error) else "failed"
             why = "not enough memory" if lacks_memory(error) else f"{type(error).__name__}: {error}"
-    why = why.removeprefix(f"{path}: ").replace(f"data/mines/{_SURVEY}/", "")
+    why = why.removeprefix(f"{path}: ").replace(f"{path.parent}/", "").replace(f"data/mines/{_SURVEY}/", "")
     return Outcome(verdict, why, round(time.monotonic() - start, 1), _peak_bytes(), used)
+
+
+def _fact(remark: Remark, path: Path) -> str:
+    """Return a remark without the file's name and without its option."""
+    row = remark.split(path.name)
+    return printable(f"{row.value} {row.what}".strip(), _WHY)
 
 
 def _peak_bytes() -> int:
