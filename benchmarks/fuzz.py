@@ -1,6 +1,6 @@
 """Fuzz every reader with broken and hostile files.
 
-A case passes if it ends in time and within the limit on memory, with a result or an error message.
+A case passes if it ends in time and within the limit on memory, with a result or an error message of our own words.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from tqdm import tqdm
 
 from baselines.base.markdown import markdown_table, write_table
 from benchmarks.fuzzing.hostile import HOSTILE
+from benchmarks.fuzzing.library_words import library_words
 from benchmarks.fuzzing.samples import SAMPLES
 from benchmarks.fuzzing.saved import Files
 from pipeline.errors import MineError, UnexpectedError
@@ -106,9 +107,9 @@ def try_case(read: Callable[[Path], Any], files: Files, folder: Path, seconds: i
     try:
         read(folder / next(iter(files)))
     except UnexpectedError as error:
-        return str(error)[-300:]
+        return error.detail[-300:]
     except MineError as error:
-        return "refused" if str(error) and "\n" not in str(error) else f"not one line: {str(error)[:200]}"
+        return _judge(str(error))
     except _Hang:
         return "hang"
     except Exception as error:  # every other exception is a finding
@@ -116,6 +117,14 @@ def try_case(read: Callable[[Path], Any], files: Files, folder: Path, seconds: i
     finally:
         signal.alarm(0)
     return "valid"
+
+
+def _judge(message: str) -> str:
+    """Return `refused` for a message of one line in our own words."""
+    if not message or "\n" in message:
+        return f"not one line: {message[:200]}"
+    words = library_words(message)
+    return f"a library's words, {', '.join(words)}: {message[:200]}" if words else "refused"
 
 
 def _stop(*_: object) -> None:

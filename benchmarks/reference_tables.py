@@ -26,12 +26,14 @@ def options_table() -> str:
     """Return the options of `python -m pipeline new` as its command line declares them."""
     actions = _command("new")._actions  # argparse has no public list of them
     named = [action for action in actions if action.option_strings and action.dest != "help"]
-    rows = ((f"`{action.option_strings[0]} {_value(action)}`", action.help or "") for action in named)
+    rows = ((f"`{f'{action.option_strings[0]} {_value(action)}'.strip()}`", action.help or "") for action in named)
     return noted_table(("option", "meaning"), rows)
 
 
 def _value(action: argparse.Action) -> str:
-    """Return how an option's value is written in the help."""
+    """Return how an option's value is written in the help; empty for one that takes none."""
+    if action.nargs == 0:
+        return ""
     if action.choices:
         return "|".join(action.choices)
     return str(action.metavar or action.option_strings[0].removeprefix("--").replace("-", "_").upper())

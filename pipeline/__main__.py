@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from pipeline.commands import exports, maintenance, proofs, worlds
+from pipeline.commands import exports, maintenance, new, proofs, worlds
 from pipeline.errors import run_command
 
 
@@ -13,7 +13,7 @@ def command_line() -> argparse.ArgumentParser:
     """Return the parser of all commands; its result has the function `run`."""
     parser = argparse.ArgumentParser(prog="python -m pipeline", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
-    for group in (maintenance, proofs, exports, worlds):
+    for group in (maintenance, proofs, exports, new, worlds):
         group.add_to(commands)
     return parser
 

@@ -37,7 +37,17 @@ class DoubtError(InputError):
 
 
 class UnexpectedError(InputError):
-    """A library raised an exception while it read a file, and the reader does not name that exception."""
+    """A library raised an exception while it read a file, and the reader does not name that exception.
+
+    `detail` is the library's exception, for developers; the message is for the person who has the file.
+    """
+
+    def __init__(self, subject: str, detail: str) -> None:
+        super().__init__(
+            f"{subject}: cannot be read: it is broken, or holds what its reader does not know; open it in the program "
+            "that wrote it and save it again, or export it in another format that is read"
+        )
+        self.detail = detail
 
 
 class ParamsError(MineError):

@@ -14,44 +14,46 @@ from pydantic import TypeAdapter, ValidationError
 from minexplore import is_built_in
 from pipeline.compose import CONF, WRITTEN_BY_NEW
 from pipeline.errors import ArtifactError, InputError, MineError, ParamsError
+from pipeline.findings import findings_of
 from pipeline.guard.plain_file import require_plain_file
 from pipeline.guard.reading_process import one_line
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SurveyParams
+from pipeline.remarks import Remark, warn_user
 from pipeline.store.files import missing_folders, take_back, write_atomically
 from pipeline.store.hashing import absence_of
 from pipeline.store.registry import OWN_REGISTRY, read_registry, register, unregister
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.detection import Detection
-from pipeline.survey.drawing.workings import WIDTHS_M
 from pipeline.survey.surfaces import HEIGHT_SUFFIXES, height_files
 from pipeline.types import Image
 
 DATA = Path("data/mines")
-_KINDS = {
-    "plan": "a plan image",
-    "grid": "an occupancy grid",
-    "vector": "a vector drawing",
-    "passages": "a station survey",
-    "centrelines": "centrelines of drifts",
-}
 _NAME = r"[A-Za-z][A-Za-z0-9_-]{0,63}"
 # YAML or this project gives these words another meaning.
 _WORDS = {"default", "true", "false", "null", "none", "nan", "inf", "yes", "no", "on", "off"}
 
 
 @dataclass(frozen=True)
-class Import:
-    """What an import found, one line for each detected value, and the files and folders that it wrote and registered.
+class ImportDraft:
+    """What an import will write: the survey section and a copy of each file. Nothing is written yet.
 
-    `picture` shows what of a plan's picture was taken for workings.
+    `picture` shows what of a plan's picture was taken for workings. `section` is None if there is one that is kept.
     """
 
-    findings: list[str]
-    written: list[Path]
-    registered: list[Path]
+    name: str
+    section: str | None
+    copies: dict[Path, Path] = field(default_factory=dict)
     picture: Image | None = None
+
+
+@dataclass(frozen=True)
+class Import:
+    """The files and folders that an import wrote, and the files that it registered."""
+
+    written: list[Path] = field(default_factory=list)
+    registered: list[Path] = field(default_factory=list)
     folders: list[Path] = field(default_factory=list)
 
 
@@ -77,47 +79,58 @@ def require_name(name: str) -> None:
         raise ParamsError(f"name = {name}: {conf} is a survey of this project; choose another name")
 
 
-def import_mine(name: str, source: Path, origin: str, licence: str, stated: StatedOptions) -> Import:
-    """Copy and register a mine's files and write `conf/survey/NAME.yaml`. An existing section is kept.
+def draft_import(name: str, source: Path, stated: StatedOptions) -> ImportDraft:
+    """Detect how a mine's file is read, and draft its copies and its survey section. An existing section is kept.
 
-    Returns
-    -------
-    Import
-        Its findings name the YAML key that corrects each detected value.
+    `warn_user` lists what is guessed, with the option that overrules it.
 
     Raises
     ------
     InputError, ParamsError
-        If the name or the file cannot be used. Then nothing is written.
+        If the name or the file cannot be used.
     """
     require_name(name)
     conf = survey_file(name)
     if conf.is_file():
         _require_kept(conf, stated)
-        return Import([f"{conf} exists and is kept; remove it to detect the file again"], [], [])
+        warn_user(Remark(f"{conf} exists and is kept; remove it to detect the file again"))
+        return ImportDraft(name, None)
     detected = detect_survey(source, stated)
-    targets = _targets(source, detected.files, DATA / name)
+    copies = _targets(source, detected.files, DATA / name)
     detected = _with_heights(detected, stated, source)
     if stated.heights is not None:
-        targets |= _targets(stated.heights, [Path(file) for file in height_files(stated.heights)], DATA / name)
-        detected.values["heights"] = targets[stated.heights].as_posix()
-    text = survey_yaml(name, targets[detected.files[0]], detected, stated)
-    require_section(text)
-    known = read_registry()
-    written = [path for path in (*targets.values(), conf) if not path.is_file()]
+        copies |= _targets(stated.heights, [Path(file) for file in height_files(stated.heights)], DATA / name)
+        detected.values["heights"] = copies[stated.heights].as_posix()
+    section = survey_yaml(name, copies[detected.files[0]], detected, stated)
+    require_section(section)
+    for remark in findings_of(detected, conf):
+        warn_user(remark)
+    return ImportDraft(name, section, copies, detected.picture)
+
+
+def import_mine(draft: ImportDraft, origin: str, licence: str) -> Import:
+    """Copy and register a mine's files and write `conf/survey/NAME.yaml`.
+
+    Raises
+    ------
+    InputError, ArtifactError
+        If a file cannot be written. Then nothing is.
+    """
+    if draft.section is None:
+        return Import()
+    known, conf = read_registry(), survey_file(draft.name)
+    written = [path for path in (*draft.copies.values(), conf) if not path.is_file()]
     made = Import(
-        _findings(conf, detected),
         written,
-        [path for path in targets.values() if path.relative_to("data").as_posix() not in known],
-        detected.picture,
+        [path for path in draft.copies.values() if path.relative_to("data").as_posix() not in known],
         missing_folders(written),
     )
     try:
-        for file, target in targets.items():
+        for file, target in draft.copies.items():
             if target in made.written:
                 write_atomically(target, file.read_bytes())
             register(target, origin, licence, OWN_REGISTRY)
-        write_atomically(conf, text.encode())
+        write_atomically(conf, draft.section.encode())
     except BaseException:
         forget_import(made)
         raise
@@ -271,35 +284,3 @@ def _key(name: str) -> str:
 
 def _line(text: str, remark: str | None) -> str:
     return f"{text:40}  # {one_line(remark, 200)}" if remark else text  # a remark may quote the user's file
-
-
-def _findings(conf: Path, detected: Detection) -> list[str]:
-    lines = [f"{detected.files[0].name}: {_KINDS[detected.values['kind']]}; if wrong, correct {conf}"]
-    if detected.values.get("workings_only"):
-        lines.append(
-            "a drawing: all but the workings is left out (detected.png shows them); if wrong, state --crop, "
-            "--seed or --ignore, or set survey.workings_only: false"
-        )
-    if detected.values.get("line_drawing"):
-        lines.append(
-            "walls are drawn as lines; the areas that they enclose are filled; if wrong, set survey.line_drawing: false"
-        )
-    if detected.values.get("light_on_dark"):
-        lines.append("light workings on dark paper; if wrong, set survey.light_on_dark: false")
-    if "scale" in detected.remarks:
-        lines.append(f"scale: {detected.remarks['scale']}; if wrong, correct survey.scale")
-    if "projection" in detected.remarks:
-        lines.append(f"{detected.remarks['projection']}; if it is a local grid, state --unit m")
-    if detected.values.get("unit"):
-        lines.append(
-            f"unit: {detected.values['unit']}; drifts are then {detected.width_m:.1f} m wide; "
-            "if wrong, correct survey.unit"
-        )
-    low, high = WIDTHS_M
-    if not low <= detected.width_m <= high:
-        where = "survey.scale" if "scale" in detected.values else "survey.unit"
-        lines.append(
-            f"WARNING: drifts are {detected.width_m:.2f} m wide, outside {low:g} to {high:g} m; "
-            f"if the scale is wrong, correct {where}"
-        )
-    return lines

@@ -24,6 +24,7 @@ from pipeline.geometry.rock.collision import decomposed_hulls, exact_prisms
 from pipeline.geometry.rock.extrude import collect_parts
 from pipeline.geometry.rock.partition import Box, rock_around, tiled_rock, world_box
 from pipeline.params.compile3d import Compile3dParams
+from pipeline.remarks import warn_user
 from pipeline.stage import Artifact, Stage, main
 from pipeline.types import (
     NO_OPENINGS,
@@ -59,7 +60,7 @@ def compile_rock(
         starts = ends_from_above(topology, whole)
     openings, left_out = raises_over_roofs(openings, whole, params.height_m)
     for line in left_out:
-        print(f"compile3d: {line}", file=sys.stderr)
+        warn_user(f"compile3d: {line}")
     floor = cut_floor(whole, openings)
     grid = occupancy_grid(free, cell, world, sheet_walls(floor))
     pixels, yaml = nav2_map(grid)

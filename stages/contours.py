@@ -28,6 +28,7 @@ from pipeline.geometry.outline.half_level import cover_of, trace_half_level
 from pipeline.geometry.outline.trace import trace_outline
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.contours import ContoursParams
+from pipeline.remarks import Remark, warn_user
 from pipeline.report.figures.graph import network_dot, width_table
 from pipeline.report.figures.plans import draw_contours
 from pipeline.scans.correct import Correction, CorrectionReport, correct_by_sweeps, read_sweeps
@@ -145,12 +146,12 @@ def _find_openings(params: ContoursParams, survey: Survey, outline: BaseGeometry
         return Openings()
     openings, left_out = fit_openings(outline, survey.heights)
     for line in left_out:
-        print(f"contours: {line}", file=sys.stderr)
+        warn_user(Remark(f"contours: {line}", option="contours.openings=false"))
     raises = [shaft for shaft in openings.shafts if shaft.sheet is None]
     for found, what, most in ((openings.collars, "shafts", "deepest"), (raises, "raises", "highest")):
         if found:
             metres = max(shaft.top_m - shaft.bottom_m for shaft in found)
-            print(f"contours: {len(found)} {what} are openings, the {most} {metres:.1f} m", file=sys.stderr)
+            warn_user(f"contours: {len(found)} {what} are openings, the {most} {metres:.1f} m; contours.openings=false")
     return openings
 
 
@@ -162,7 +163,7 @@ def _correct(params: ContoursParams, traced: Polygon | MultiPolygon) -> Correcti
     files = {name: Path(file) for name, file in poses.sweeps.items()}
     sweeps = read_sweeps(Path(poses.file), files, poses.max_range_m, poses.max_range_var_m2)
     correction = correct_by_sweeps(traced, sweeps)
-    print(f"contours: {correction.report.summary()}", file=sys.stderr)
+    warn_user(Remark(f"contours: {correction.report.summary()}", option="survey.correct=null"))
     return correction
 
 
@@ -206,10 +207,9 @@ def _unconnected_m2(raw: Mask, cleaned: Mask, frame: Frame) -> float:
     if not pieces:
         return 0.0
     area, (x, y) = sum(p[0] for p in pieces) / frame.px_per_m**2, frame.to_mine(np.array([pieces[0][1:]]))[0]
-    print(
+    warn_user(
         f"contours: {area:.1f} m2 in {len(pieces)} drawn pieces are connected to nothing and are left out (the "
-        f"largest, {pieces[0][0] / frame.px_per_m**2:.1f} m2, at ({x:.1f}, {y:.1f})); contours.bridge_m closes gaps",
-        file=sys.stderr,
+        f"largest, {pieces[0][0] / frame.px_per_m**2:.1f} m2, at ({x:.1f}, {y:.1f})); contours.bridge_m closes gaps"
     )
     return area
 

@@ -97,7 +97,7 @@ def _read_section(path: Path) -> None:
         values = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
         TypeAdapter(SurveyParams).validate_python(values)
     except (OmegaConfBaseException, yaml.YAMLError, ValidationError, ValueError, TypeError, OSError) as error:
-        raise ParamsError((str(error) or type(error).__name__).splitlines()[0]) from error
+        raise ParamsError(f"{path}: not a survey section") from error
 
 
 def registry_beside(folder: Path) -> None:

@@ -22,7 +22,7 @@ from benchmarks.resume import resume
 from benchmarks.speed.stage_costs import STAGES, Costs, measure
 from benchmarks.worlds.deep_mine import HALF_M, deep_mine
 from minexplore.floors.floor import Floor
-from pipeline.import_mine import import_mine
+from pipeline.import_mine import draft_import, import_mine
 from pipeline.params.stated import StatedOptions
 from pipeline.store.codecs import decode
 from tests.heights import table
@@ -81,7 +81,7 @@ def measure_survey(project: Project, name: str, text: str, km: float, levels: in
     """
     with contextlib.chdir(project.folder):
         Path(f"{name}.csv").write_text(text)
-        import_mine(name, Path(f"{name}.csv"), "generated", "CC0-1.0", StatedOptions())
+        import_mine(draft_import(name, Path(f"{name}.csv"), StatedOptions()), "generated", "CC0-1.0")
     root = Path("artifacts/worlds") / name
     costs = measure([f"survey={name}", "preset=light"], root, project.folder)
     built = project.folder / root

@@ -3,112 +3,10 @@
 from __future__ import annotations
 
 import os
-import shutil
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, Literal
 
 from pipeline.commands.arguments import natural, number, positive
-from pipeline.commands.options import add_options, stated_options
-from pipeline.params.stated import StatedOptions
-
-DETECTED = "detected.png"
-
-
-def new(
-    name: str,
-    source: Path,
-    origin: str,
-    licence: str,
-    stated: StatedOptions,
-    overrides: list[str],
-    detected: Path | None = None,
-) -> None:
-    """Make a world from a mine's file: detect the format, write conf/survey/NAME.yaml, run all stages and report."""
-    from pipeline.errors import DoubtError, InputError
-    from pipeline.import_mine import require_name
-    from pipeline.store.locks import hold_lock
-    from pipeline.worlds import WORLDS
-
-    require_name(name)
-    _require_place(detected, source)
-    try:
-        with hold_lock(WORLDS / f".{name}.lock", f"name = {name}: another command is making this world"):
-            _make(name, source, origin, licence, stated, overrides, detected)
-    except DoubtError as error:  # nothing is left behind but the picture that was asked for
-        if detected is None:
-            raise InputError(f"{error}; --detected FILE.png draws what was found") from error
-        _write_picture(detected, error.picture)
-        raise InputError(f"{error}; {detected} shows what was found") from error
-
-
-def _require_place(detected: Path | None, source: Path) -> None:
-    """Refuse a place for the picture of what was found that is no .png file in a folder, or is the plan itself."""
-    from pipeline.errors import InputError
-
-    if detected is None:
-        return
-    if detected.suffix.lower() != ".png" or not detected.parent.is_dir() or detected.is_dir():
-        raise InputError(f"--detected {detected}: expected FILE.png in a folder that exists")
-    if detected.resolve() == source.resolve():
-        raise InputError(f"--detected {detected}: is the plan itself; choose another name")
-
-
-def _write_picture(path: Path, picture: Any) -> None:
-    from pipeline.store.codecs import encode
-    from pipeline.store.files import write_atomically
-
-    write_atomically(path, encode(path, picture))
-
-
-def _make(
-    name: str,
-    source: Path,
-    origin: str,
-    licence: str,
-    stated: StatedOptions,
-    overrides: list[str],
-    detected: Path | None,
-) -> None:
-    from pipeline.errors import LimitError, lacks_memory
-    from pipeline.import_mine import forget_import, import_mine
-    from pipeline.worlds import WORLDS, describe_start, env_id
-
-    imported = import_mine(name, source, origin, licence, stated)
-    for line in imported.findings:
-        print(line, file=sys.stderr)
-    existed, failure = (WORLDS / name).exists(), None
-    try:
-        if imported.picture is not None:
-            for path in filter(None, (WORLDS / name / DETECTED, detected)):
-                _write_picture(path, imported.picture)
-        build(name, [f"survey={name}", *overrides])
-    except LimitError as error:
-        failure = error
-    except BaseException as error:
-        is_read = (WORLDS / name / "survey").is_dir()
-        refused = isinstance(error, Exception) and not lacks_memory(error)
-        # A refused mine leaves nothing behind. Ctrl-C and a lack of memory leave nothing before the file is read, and
-        # keep the finished stages later.
-        if imported.written and (refused or not is_read):
-            forget_import(imported)
-            if not existed:
-                shutil.rmtree(WORLDS / name, ignore_errors=True)
-            remedy = "; state corrected values as overrides, for example survey.snap_m=1" if refused else ""
-            print(f"nothing is kept{remedy}", file=sys.stderr)
-        elif lacks_memory(error):
-            print(f"{WORLDS / name}: the finished stages are kept; the same command continues", file=sys.stderr)
-        raise
-    if imported.picture is not None:
-        print(f"taken for workings: {WORLDS / name / DETECTED}", file=sys.stderr)
-    print(f"world   {WORLDS / name / 'realism' / 'world'}")
-    print("report ", end=" ")
-    report(name)
-    print(f"start   {describe_start(WORLDS / name)}")
-    print(f"env id  {env_id(name)}")
-    if failure is not None:
-        raise failure
 
 
 def build(name: str, overrides: list[str]) -> None:
@@ -206,19 +104,6 @@ def report(name: str) -> None:
 
 def add_to(commands: Any) -> None:
     """Declare the commands for worlds."""
-    make = commands.add_parser("new", help=new.__doc__)
-    make.add_argument("name", help="name of the world; conf/survey/NAME.yaml and artifacts/worlds/NAME are made")
-    make.add_argument("--from", dest="source", type=Path, required=True, help="plan, map.yaml, drawing or survey")
-    make.add_argument("--origin", default="not stated", help="source of the file")
-    make.add_argument("--licence", default="not stated")
-    make.add_argument("overrides", nargs="*", help="for example compile3d.height_m=2.8")
-    add_options(make)
-    make.add_argument(
-        "--detected", type=Path, metavar="FILE.png", help="draw what of a plan was found, also if it is refused"
-    )
-    make.set_defaults(
-        run=lambda a: new(a.name, a.source, a.origin, a.licence, stated_options(a.source, a), a.overrides, a.detected)
-    )
     many = commands.add_parser("worlds", help=worlds.__doc__)
     many.add_argument("--count", type=positive, help="default: 10, or with --light the whole split")
     many.add_argument("--split", choices=["train", "validation", "test", "variants"], default="train")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
@@ -22,16 +21,12 @@ from pipeline.errors import (
 )
 from pipeline.guard.process_limits import resolve
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.remarks import Remark, collect_remarks, hand_on
 
 HEADER_BYTES = 64_000_000
-_ERRORS: dict[str, type[MineError]] = {
-    kind.__name__: kind for kind in (InputError, ParamsError, GeometryError, UnexpectedError)
-}
+_ERRORS: dict[str, type[MineError]] = {kind.__name__: kind for kind in (InputError, ParamsError, GeometryError)}
 _PICTURE = "shown"  # the array with the picture of a `DoubtError`
 _DTYPES = ("uint8", "bool", "int32", "int64", "float32", "float64")
-_MOST_WARNINGS = 100
-_warnings: list[str] = []  # in the process of a reader, whose standard error goes nowhere
-_shown: set[str] = set()  # warnings that were printed: a file is read twice, to detect it and in stage 1
 
 
 @dataclass(frozen=True)
@@ -49,7 +44,7 @@ class Header(BaseModel):
 
     error: str = ""
     message: str = ""
-    warnings: list[str] = []
+    remarks: list[Remark] = []
     values: Any = None
     arrays: list[tuple[str, str, list[int]]] = []
 
@@ -69,20 +64,19 @@ class Answer:
             yield array.reshape(-1).view(np.uint8).data
 
 
-def warn_user(line: str) -> None:
-    """Warn the user, on standard error, of what a reader left out or assumed; also from a process of `run_limited`."""
-    if len(_warnings) < _MOST_WARNINGS:
-        _warnings.append(line)
-    print(one_line(line), file=sys.stderr)
-
-
 def answer_to(task: str, arguments: dict[str, Any]) -> Answer:
-    """Run a task in this process and return its answer, whatever it raises."""
-    _warnings.clear()
+    """Run a task in this process and return its answer, whatever it raises, with the reader's remarks."""
+    with collect_remarks() as remarks:
+        answer = _answer_to(task, arguments)
+    answer.header.remarks = remarks
+    return answer
+
+
+def _answer_to(task: str, arguments: dict[str, Any]) -> Answer:
     try:
         payload = resolve(task)(**arguments)
         arrays = {name: np.ascontiguousarray(array) for name, array in payload.arrays.items()}
-        return Answer(Header(warnings=_warnings, values=payload.values, arrays=_shapes(arrays)), arrays)
+        return Answer(Header(values=payload.values, arrays=_shapes(arrays)), arrays)
     except DoubtError as error:
         arrays = {_PICTURE: np.ascontiguousarray(error.picture)}
         return Answer(Header(error="DoubtError", message=str(error), arrays=_shapes(arrays)), arrays)
@@ -116,10 +110,7 @@ def decode(subject: str, data: bytes | bytearray) -> Payload:
         if size > min(HEADER_BYTES, len(data) - 8):
             raise ValueError("the header is longer than the answer")
         header = Header.model_validate(json.loads(data[8 : 8 + size]))
-        for line in header.warnings:
-            if line not in _shown:
-                _shown.add(line)
-                print(one_line(line), file=sys.stderr)
+        hand_on(header.remarks)
         arrays, at = {}, 8 + size
         for name, dtype, shape in header.arrays:
             if dtype not in _DTYPES or min(shape, default=0) < 0:
@@ -132,7 +123,7 @@ def decode(subject: str, data: bytes | bytearray) -> Payload:
         if header.error:
             _raise_stated(subject, header, arrays.get(_PICTURE))
     except (ValueError, RecursionError, ValidationError) as error:
-        raise InputError(f"{subject}: its reader gave a broken answer ({one_line(str(error))})") from error
+        raise InputError(f"{subject}: its reader gave a broken answer") from error
     return Payload(header.values, arrays)
 
 
@@ -142,7 +133,7 @@ def _raise_stated(subject: str, header: Header, shown: np.ndarray | None) -> NoR
         raise InputError(f"{subject}: needs more than {most}")
     message = one_line(header.message)
     if header.error == "UnexpectedError":
-        raise UnexpectedError(f"{subject}: cannot be read ({message})")
+        raise UnexpectedError(subject, message)
     if shown is not None and shown.ndim == 3 and shown.shape[2] == 3 and shown.dtype == np.uint8:
         raise DoubtError(message, shown)
     raise _ERRORS.get(header.error, InputError)(message)

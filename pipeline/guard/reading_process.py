@@ -22,9 +22,10 @@ from typing import Any, NoReturn
 import cv2
 
 from pipeline.errors import InputError
-from pipeline.guard.answers import HEADER_BYTES, Payload, answer_to, decode, one_line, warn_user
+from pipeline.guard.answers import HEADER_BYTES, Payload, answer_to, decode, one_line
 from pipeline.guard.process_limits import die_with_parent, has_limits, restrict
 from pipeline.params.reader_limits import FILE, ReaderLimits, reader_limits
+from pipeline.remarks import warn_user
 
 _CHUNK = 1 << 20
 _UNBOUNDED = (
@@ -97,7 +98,6 @@ def _read_here(task: str, arguments: dict[str, Any], subject: str) -> Payload:
     """Run a task in this process. Its answer takes the same way as that of another process."""
     print(f"{subject}: {_UNBOUNDED}", file=sys.stderr)
     answer = answer_to(task, arguments)
-    answer.header.warnings.clear()  # this process has printed them
     return decode(subject, b"".join(answer.parts()))
 
 

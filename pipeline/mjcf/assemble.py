@@ -44,6 +44,7 @@ from pipeline.mjcf.render import render_camera
 from pipeline.mjcf.scene import MineScene, ZoneStrip, place_lights, tile_zones, tilt_about_centre
 from pipeline.mjcf.world import zoned_patches
 from pipeline.params.realism import RealismParams
+from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle, Meshes, encode
 from pipeline.types import (
     NO_OPENINGS,
@@ -87,7 +88,7 @@ def assemble_world(
     zones = tile_zones(params.zones, zoned_box(extent.world_m, floor))
     wet = params.floor if floor.is_flat else None  # water is level
     if params.floor and params.floor.puddles and not floor.is_flat:
-        print("realism.floor.puddles: a mine with heights shows none")
+        warn_user("realism.floor.puddles: a mine with heights shows none")
     scene = MineScene(
         name=survey.name,
         extent=extent,

@@ -23,6 +23,7 @@ from pipeline.geometry.floor.subdivide import split_edges
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.mjcf.scene import ZoneStrip
 from pipeline.params.fittings import FloorParams
+from pipeline.remarks import warn_user
 from pipeline.types import NO_OPENINGS, DriftNetwork, Frame, Mesh, Openings
 
 _BEYOND_M = 0.6  # under the rock, whose foot stands that far behind the wall
@@ -152,7 +153,7 @@ def _widened(params: FloorParams, free: Polygon) -> FloorParams:
     least_m = math.sqrt((east - west + 2 * _BEYOND_M) * (north - south + 2 * _BEYOND_M) / _MOST_POINTS)
     if least_m <= params.spacing_m:
         return params
-    print(f"realism: points of the visible floor are {least_m:.2f} m apart instead of {params.spacing_m:g} m")
+    warn_user(f"realism: points of the visible floor are {least_m:.2f} m apart instead of {params.spacing_m:g} m")
     return params.model_copy(update={"spacing_m": least_m})
 
 

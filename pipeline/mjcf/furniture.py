@@ -15,6 +15,7 @@ from pipeline.geometry.polyline import arc_length, resample
 from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
 from pipeline.params.fittings import FurnitureParams
+from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle
 from pipeline.types import DriftNetwork
 
@@ -69,7 +70,7 @@ def hang_furniture(
         Of a mine with heights: the rock is unfolded, and the furniture that hangs on it is folded with it.
     """
     if height_m < _LEAST_HEIGHT_M:
-        print(f"realism.furnish: no furniture, workings of {height_m:g} m are lower than {_LEAST_HEIGHT_M:g} m")
+        warn_user(f"realism.furnish: no furniture, workings of {height_m:g} m are lower than {_LEAST_HEIGHT_M:g} m")
         return {}
     folding = Folding(floor or Floor())
     meshes = [decode_msh(data) for data in rough.values()]

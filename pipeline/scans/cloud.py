@@ -141,7 +141,7 @@ def _check_height(path: Path, points: np.ndarray, units: str, height_m: tuple[fl
     hint = (
         f"is it in {plausible[0]}? set surface.cloud.units={plausible[0]}"
         if plausible
-        else "is it one drift, z up, in m, mm or ft?"
+        else "is it one drift, z up? surface.cloud.units states its unit"
     )
     raise InputError(
         f"{path}: {high - low:.4g} m high (1st to 99th percentile, read in {units}); "

@@ -128,7 +128,7 @@ def _las_blocks(path: Path) -> Iterator[np.ndarray]:
                     f"{path}: {count} points, but its header states {reader.header.point_count}; the file is truncated"
                 )
     except (laspy.errors.LaspyException, OSError, ValueError, RuntimeError, OverflowError) as error:
-        raise InputError(f"{path}: cannot be read as LAS or LAZ ({error})") from error
+        raise InputError(f"{path}: cannot be read as LAS or LAZ; it is broken or cut off") from error
 
 
 def _require_records(path: Path) -> None:
@@ -249,8 +249,9 @@ def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.
     except MemoryError:
         raise
     except Exception as error:  # trimesh passes on every exception of its parsers
-        reason = " ".join(str(error).split())[:200]
-        raise InputError(f"{path}: cannot be read as {format_name} ({type(error).__name__}: {reason})") from error
+        raise InputError(
+            f"{path}: cannot be read as {format_name}; it is broken, cut off or not supported; convert it to LAZ or XYZ"
+        ) from error
     if path.suffix.lower() == ".ply":
         stated = read_ply_header(path)
         for found_now, element in ((len(vertices), "vertex"), (len(faces), "face")):

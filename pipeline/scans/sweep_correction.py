@@ -137,6 +137,7 @@ def _whole(corrected: Polygon, free: Polygon) -> Polygon:
     if len(whole.interiors) != len(free.interiors) or whole.area < 0.9 * free.area:
         raise GeometryError(
             f"sweeps: following them turns {len(free.interiors)} pillars and {free.area:.0f} m2 into "
-            f"{len(whole.interiors)} pillars and {whole.area:.0f} m2; are the poses right?"
+            f"{len(whole.interiors)} pillars and {whole.area:.0f} m2; are the poses right? "
+            "survey.correct=null keeps the plan's walls"
         )
     return whole

@@ -74,8 +74,8 @@ def read_poses(path: Path) -> dict[str, SurveyedPose]:
 def _read_pose_estimates(path: Path) -> dict[str, SurveyedPose]:
     try:
         lines = [line.split() for line in _text(path).splitlines() if line.strip()]
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error})") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 text (byte {error.start})") from error
     require_at_most(path, len(lines), "sweep_rows", "rows")
     poses = {}
     for number, line in enumerate(lines, start=1):
@@ -157,7 +157,7 @@ def _read_columns(path: Path, columns: tuple[str, ...], optional: tuple[str, ...
             [row.get(c) or "" for c in (*columns, *optional)] for row in islice(reader, reader_limits().sweep_rows + 1)
         ]
     except csv.Error as error:
-        raise InputError(f"{path}: cannot be read as CSV ({error})") from error
+        raise InputError(f"{path}: not CSV: a field is too long; is a quote not closed?") from error
     require_at_most(path, len(rows), "sweep_rows", "rows or more")
     return rows
 

@@ -76,7 +76,7 @@ def verify_certificate(path: Path, world: str) -> None:
         certificate = json.loads(read_text_file(path))
         stated, holds = certificate["world_sha256"], certificate["holds"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        raise ArtifactError(f"{path}: not a certificate ({type(error).__name__}: {str(error)[:100]})") from error
+        raise ArtifactError(f"{path}: not a certificate; it is no JSON object with world_sha256 and holds") from error
     if stated != world:
         raise ArtifactError(f"{path}: world_sha256 = {str(stated)[:80]}, the certified world must be {world}")
     if holds is not True:
@@ -89,7 +89,7 @@ def _read_yaml(path: Path) -> dict:
     except FileNotFoundError:
         raise ArtifactError(f"{path}: missing; run `make all` in the project's root") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ArtifactError(f"{path}: not YAML: {' '.join(str(error).split())[:200]}") from error
+        raise ArtifactError(f"{path}: not YAML") from error
     if not isinstance(content, dict):
         raise ArtifactError(f"{path}: want a mapping of sections")
     return content

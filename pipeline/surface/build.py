@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from minexplore.floors.floor import Floor
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
+from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle, encode
 from pipeline.surface.chunks import cut_chunks
 from pipeline.surface.folded.fold import FoldedSurface
@@ -56,7 +57,7 @@ def widen_spacing(params: SurfaceParams, free: BaseGeometry, height_m: float) ->
             f"surface: {size}, surface.rough.most_faces is {rough.most_faces}; "
             "build a part of the mine, or none of the rock (preset=light)"
         )
-    print(
+    warn_user(
         f"surface: {size}, more than surface.rough.most_faces = {rough.most_faces}; points are {spacing:g} m apart "
         f"instead of {rough.spacing_m:g} m, too far for the limits on texture"
     )

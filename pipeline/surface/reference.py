@@ -14,6 +14,7 @@ from pipeline.metrics.rock.roughness import (
     roughness_of_sweeps,
 )
 from pipeline.params.surface import CloudParams, SurfaceParams, SweepsParams
+from pipeline.remarks import warn_user
 from pipeline.scans.cloud import CloudLimits, read_cloud, split_surfaces, without_outliers
 from pipeline.scans.sweeps import read_sweep
 
@@ -59,5 +60,5 @@ def measure_cloud(params: CloudParams) -> dict[str, SurfaceRoughness]:
     try:
         measured["roof"] = roughness_of_cloud(parts["roof"], params.window_m, footprint, f"{params.file}: the roof")
     except InputError as error:
-        print(f"surface: {error}; the roof copies the walls")
+        warn_user(f"surface: {error}; the roof copies the walls")
     return measured

@@ -185,7 +185,7 @@ def require_extent(path: str, plan: Image, px_per_m: float) -> None:
     if widest > WIDEST_M:
         raise InputError(
             f"{path}: the plan extends over {widest:.4g} m at {px_per_m:g} px/m, the limit is {WIDEST_M:,.0f} m; "
-            "is its scale right?"
+            "is its scale right? --px-per-m or --bar-length states it"
         )
 
 

@@ -45,7 +45,7 @@ def read_spots(path: Path, georeference: Georeference) -> Heights:
             rows.append([_number(path, reader.line_num, column, row[column]) for column in _COLUMNS])
             require_at_most(path, len(rows), "stations", "spots or more")
     except csv.Error as error:
-        raise InputError(f"{path}: not CSV ({error})") from error
+        raise InputError(f"{path}:{reader.line_num}: not CSV: a field is too long; is a quote not closed?") from error
     if not rows:
         raise InputError(f"{path}: no spots")
     spots = np.array(rows)

@@ -76,7 +76,7 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
     inside, where = points[shown], "on the plan" if has_lines else "in the workings"
     if not len(inside):
         raise InputError(
-            f"{path}: none of its {len(points)} heights lies {where}; is it in the coordinates of the survey's file?"
+            f"{path}: none of its {len(points)} heights lies {where}; --heights needs the survey's coordinates"
         )
     low, high = inside[:, 2].min(), inside[:, 2].max()
     warn_user(f"{path.name}: {len(inside)} of {len(points)} heights lie {where}, from {low:.1f} to {high:.1f} m")
@@ -205,7 +205,7 @@ def _read_raster(path: Path) -> tuple[Points, str | None]:
                 values, place = raster.read(1, masked=True), raster.transform
                 crs = raster.crs.to_wkt() if raster.crs is not None else None
     except (RasterioError, ValueError, TypeError) as error:
-        raise InputError(f"{path}: not a raster of heights ({str(error)[:120]})") from error
+        raise InputError(f"{path}: not a raster of heights; it is broken, cut off or of another format") from error
     row, col = np.nonzero(~np.ma.getmaskarray(values) & np.isfinite(values.data))
     east, north = place @ (col + 0.5, row + 0.5)
     return np.column_stack([east, north, values.data[row, col].astype(float)]), crs

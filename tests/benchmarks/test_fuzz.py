@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.fuzz import fuzz_reader, mutate
+from benchmarks.fuzz import fuzz_reader, mutate, try_case
 from benchmarks.fuzzing.hostile import HOSTILE
+from benchmarks.fuzzing.library_words import library_words
 from benchmarks.fuzzing.readers import READERS, registry_beside
 from benchmarks.fuzzing.samples import SAMPLES
-from pipeline.errors import MineError, UnexpectedError
+from pipeline.errors import InputError, MineError, UnexpectedError
 from pipeline.guard import reading_process as child
 from pipeline.params import reader_limits
 from pipeline.survey.formats import FORMATS
@@ -77,6 +78,24 @@ def test_a_hostile_file_is_refused_with_the_limit_that_it_exceeds(tmp_path, read
     assert next(iter(files)).split(".")[0] in str(caught.value)
     assert "\n" not in str(caught.value)
     assert not isinstance(caught.value, UnexpectedError)
+    assert library_words(str(caught.value)) == []
+
+
+@pytest.mark.parametrize(
+    ("message", "verdict"),
+    [
+        ("a.dxf: cannot be read (ValueError: attempt to get argmax of an empty sequence)", "ValueError, argmax"),
+        ("a.pdf: cannot be read as PDF (Failed to load document (PDFium: Data format error).)", "PDFium"),
+        ("a.json: 'NoneType' object has no attribute 'get'", "NoneType, has no attribute"),
+        ("a.png: not an image that OpenCV can read (9 bytes)", "OpenCV"),
+        ("a.csv:3: easting_m = 'x' is not a number", "refused"),
+    ],
+)
+def test_a_message_with_the_words_of_a_library_is_a_finding_of_the_fuzzer(tmp_path, message, verdict):
+    def refuse(path):
+        raise InputError(message)
+
+    assert verdict in try_case(refuse, {"a": b"x"}, tmp_path, 10)
 
 
 def test_work_without_end_is_ended_by_the_limit_on_time(tmp_path, monkeypatch):

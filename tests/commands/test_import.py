@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import ArtifactError
-from pipeline.import_mine import import_mine
+from pipeline.import_mine import draft_import, import_mine
 from pipeline.params.stated import StatedOptions
 from tests.project import ROOT, TINY_STATIONS
 
@@ -26,14 +26,14 @@ def project(tmp_path, monkeypatch):
 def test_a_mine_whose_configuration_cannot_be_written_leaves_no_file_and_no_folder(project, capsys):
     before = {path for path in project.rglob("*") if path.parent != project / "conf"}
     with pytest.raises(ArtifactError, match=r"conf/survey/x\.yaml: cannot be written"):
-        import_mine("x", Path("own.csv"), "drawn", "CC0", StatedOptions())
+        import_mine(draft_import("x", Path("own.csv"), StatedOptions()), "drawn", "CC0")
     assert {path for path in project.rglob("*") if path.parent != project / "conf"} == before
     assert (project / "data/registry.txt").read_text() == "# name\tsha256\n"
-    assert capsys.readouterr().err == ""
+    assert capsys.readouterr().err == "read as a station survey; conf/survey/x.yaml overrules it\n"
 
 
 def test_what_the_import_has_not_made_stays(project):
     (project / "data/mines/x/later").mkdir(parents=True)
     with pytest.raises(ArtifactError):
-        import_mine("x", Path("own.csv"), "drawn", "CC0", StatedOptions())
+        import_mine(draft_import("x", Path("own.csv"), StatedOptions()), "drawn", "CC0")
     assert [path.name for path in (project / "data/mines/x").iterdir()] == ["later"]

@@ -42,6 +42,7 @@ ELSEWHERE = {
     r"python -m benchmarks curves": "tests/baselines/ppo/test_ppo.py; it draws the curves of long training",
     r"make data .*": "tests/survey/test_fetch.py, from a mirror",
     r"python -m pipeline replay .*": "tests/proof/test_certificate.py; the names of the files are examples",
+    r"python -m benchmarks files .*": "tests/benchmarks/test_files.py, with a small folder",
     r"python -m pipeline (new|list|show|compare|report|worlds).*": "the walk-through below",
     r"python -m baselines.split .*": "tests/baselines/test_split.py; it needs the mines of a split",
     r"python -m pipeline export .* --to usd": "tests/export/test_formats.py; it needs the extra `export`",
@@ -107,7 +108,7 @@ def test_the_walk_through_for_your_own_mine_runs_unchanged(repro, tmp_path):
     plan, _ = draw_plan(TEE, frame_around((-10, -20, 90, 60), 8.0), {}, 20.0, 40)
     cv2.imwrite(str(project.folder / "plan.png"), plan)
     lines = commands_of(ROOT / "docs/how-to/own-mine.md")
-    assert len(lines) == 6
+    assert len(lines) == 7
     for line in lines:
         words = shlex.split(line)
         small = ["survey.mine.size_m=[30,40]"] if "worlds" in words and "--of" not in words else []

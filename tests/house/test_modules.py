@@ -9,7 +9,6 @@ LONGER = {  # and why
     "minexplore/schema/model.py": "one table of the elements of mine.xml",
     "pipeline/mjcf/bundle.py": "what world.json states, beside its reading and sealing",
     "pipeline/types.py": "the types that stages hand on",
-    "pipeline/import_mine.py": "the steps of `new`: detect, write a section, register, build, and undo",
     "pipeline/proof/texture.py": "the paper's six scores with their two readings, which share their points",
     "pipeline/proof/validator.py": "the figures of stage 6, each a property that uses others",
     "pipeline/survey/load.py": "stage 1: one reader a kind of survey",

@@ -446,7 +446,7 @@ def test_the_default_world_has_no_weld_mesh():
 
 def test_workings_that_are_too_low_have_no_furniture(fitted: BuiltMine, fitted_config: Config, capsys):
     assert hang_furniture(fitted_config.realism.furniture["full"], fitted.network, {}, 2.0) == {}
-    assert "no furniture, workings of 2 m are lower than 2.9 m" in capsys.readouterr().out
+    assert "no furniture, workings of 2 m are lower than 2.9 m" in capsys.readouterr().err
 
 
 def test_a_piece_of_a_tile_that_is_no_mesh_is_dropped():
@@ -511,5 +511,5 @@ def test_workings_that_are_far_apart_get_a_coarser_floor(fitted: BuiltMine, fitt
     zone = open_bundle(fitted.bundle).record.zones[:1]
     params = fitted_config.realism.floor.model_copy(update={"puddles": []})
     meshes = cover_floor(params, far, fitted.network, zone)
-    assert "0.41 m apart instead of 0.1 m" in capsys.readouterr().out
+    assert "0.41 m apart instead of 0.1 m" in capsys.readouterr().err
     assert sum(len(mesh.faces) for mesh in meshes.values()) > 100

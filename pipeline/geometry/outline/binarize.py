@@ -118,13 +118,14 @@ def require_workings(
     if share > max_workings_share:
         raise GeometryError(
             f"{100 * share:.1f} % of the plan is dark (contours.max_workings_share = {100 * max_workings_share:g} %); "
-            "is the plan inverted?"
+            "is the plan inverted? survey.light_on_dark=true reads it so"
         )
     area = float(cleaned.sum()) / px_per_m**2
     if area < min_tunnel_m2:
         raise GeometryError(
             f"no dark region larger than {min_tunnel_m2:g} m2 (largest is {area:.1f} m2 at {px_per_m:.2f} px/m); "
-            "is the plan inverted, or its scale wrong? A mine so small needs a lower contours.min_tunnel_m2"
+            "is the plan inverted (survey.light_on_dark=true), or its scale wrong (--px-per-m)? A mine so small needs "
+            "a lower contours.min_tunnel_m2"
         )
 
 

@@ -72,7 +72,10 @@ def choose_mask_component(drawn: Mask, frame: Frame, places_m: Places) -> Mask:
 
 
 def _no_workings_at(x: float, y: float, distance_m: float) -> str:
-    return f"no workings at ({x:g}, {y:g}): the nearest are {distance_m:.1f} m away (at most {_NEAR_M:g} m)"
+    return (
+        f"no workings at ({x:g}, {y:g}): the nearest are {distance_m:.1f} m away (at most {_NEAR_M:g} m); "
+        "contours.components chooses the part that is built"
+    )
 
 
 def _not_connected(one: tuple[float, float], other: tuple[float, float], gap_m: float) -> str:

@@ -33,8 +33,10 @@ def require_plain_yaml(path: Path) -> bytes:
                 raise ParamsError(f"{path}:{line}: aliases and tags are not allowed")
             if depth > limits.nesting:
                 raise ParamsError(f"{path}:{line}: nested more than {limits.nesting} deep (nesting in {FILE})")
-    except (OSError, yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise ParamsError(f"{path}: not YAML: {' '.join(str(error).split())[:200]}") from error
+    except OSError as error:
+        raise ParamsError(f"{path}: cannot be read ({error.strerror})") from error
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        raise ParamsError(f"{path}: not YAML{_place_of(error)}") from error
     return data
 
 
@@ -50,4 +52,10 @@ def load_plain_yaml(path: Path) -> Any:
     try:
         return yaml.safe_load(data)
     except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
-        raise ParamsError(f"{path}: not YAML: {' '.join(str(error).split())[:200]}") from error
+        raise ParamsError(f"{path}: not YAML: a value has no meaning{_place_of(error)}") from error
+
+
+def _place_of(error: Exception) -> str:
+    """Return the line and column at which a parser stopped, if it states them."""
+    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+    return "" if mark is None else f" at line {mark.line + 1}, column {mark.column + 1}"

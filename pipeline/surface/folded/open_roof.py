@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +10,7 @@ from minexplore.floors.floor import Floor
 from minexplore.floors.stretch import KNEE_M
 from pipeline.geometry.floor.holes import cut_hole, faces_over
 from pipeline.geometry.openings.shaft_parts import sections_shown
+from pipeline.remarks import warn_user
 from pipeline.surface.mesh.rough import RoughSurface
 from pipeline.surface.mesh.simplify import SurfaceMesh
 from pipeline.types import Openings
@@ -30,7 +30,7 @@ def open_roof(rough: RoughSurface, openings: Openings, floor: Floor) -> RoughSur
         hole = next((section for section in sections if not _hangs_low(mesh, section)), None)
         if hole is None:
             x, y = np.mean(opening.outline_m, axis=0) - floor.offset_m[opening.plan_sheet]
-            print(f"surface: the rock under the shaft at ({x:.1f}, {y:.1f}) shows no hole", file=sys.stderr)
+            warn_user(f"surface: the rock under the shaft at ({x:.1f}, {y:.1f}) shows no hole")
             continue
         cut = cut_hole(mesh.vertices, mesh.faces, hole)
         mesh = SurfaceMesh(cut.points, cut.faces, mesh.piece[cut.of_face], mesh.source[cut.near])

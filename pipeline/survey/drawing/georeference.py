@@ -89,7 +89,9 @@ def read_placement(image: Path) -> Placement:
     assert tags is not None
     t, crs, cols, rows = tags
     if crs is not None and crs.is_geographic:
-        raise InputError(f"{image}: its pixels are in degrees ({crs}); warp it to a metric system first")
+        raise InputError(
+            f"{image}: its pixels are in degrees ({crs}); warp it to a metric system first, or state --px-per-m"
+        )
     six = (t.a, t.d, t.b, t.e, t.c + (t.a + t.b) / 2, t.f + (t.d + t.e) / 2)
     unit, metres = crs.linear_units_factor if crs is not None and crs.is_projected else ("m", 1.0)
     placement = _placement(image, six, float(metres), str(unit), crs.to_string() if crs is not None else None)
@@ -132,13 +134,15 @@ def _ground_scale(image: Path, system: str, east: float, north: float) -> float:
     try:
         along = ground_scale(coordinate_system(image, system), east, north)
     except pyproj.exceptions.ProjError as error:
-        raise InputError(f"{image}: its middle is outside its coordinate system ({str(error)[:120]})") from error
+        raise InputError(
+            f"{image}: its middle is outside its coordinate system; --px-per-m states the scale instead"
+        ) from error
     if is_true_to_scale(along):
         return 1.0
     if abs(along[0] / along[1] - 1) > _UNEVEN:
         raise InputError(
             f"{image}: lengths in its map are {along[0]:.3f} (east) and {along[1]:.3f} (north) times those on the "
-            "ground; warp it to a metric system first"
+            "ground; warp it to a metric system first, or state --px-per-m"
         )
     return (along[0] * along[1]) ** 0.5
 

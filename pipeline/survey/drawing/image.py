@@ -47,9 +47,9 @@ def read_image(path: Path, max_megapixels: float) -> Image:
     try:
         picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     except cv2.error as error:  # OpenCV has its own limits on width, height and pixels
-        raise InputError(f"{path}: OpenCV cannot decode it ({error.err or error})") from error
+        raise InputError(f"{path}: its pixels cannot be decoded; save it as PNG") from error
     if picture is None:
-        raise InputError(f"{path}: not an image that OpenCV can read ({data.size} bytes)")
+        raise InputError(f"{path}: its pixels cannot be decoded; is it cut off ({data.size} bytes)?")
     require_size(path, picture.shape[1], picture.shape[0], max_megapixels)
     _require_known_depth(path, picture)
     if not header.is_tiff:  # OpenCV turns a TIFF upright

@@ -60,7 +60,7 @@ def read_page(path: Path, page: int, dpi: float, max_megapixels: float) -> Image
         finally:
             document.close()
     except pypdfium2.PdfiumError as error:
-        raise InputError(f"{path}: cannot be read as PDF ({error})") from error
+        raise InputError(f"{path}: cannot be read as PDF: it is broken, cut off or locked by a password") from error
 
 
 def make_ready(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
@@ -104,7 +104,8 @@ def require_few_regions(path: Path, picture: Image) -> None:
     most = reader_limits().regions
     if count > most:
         raise InputError(
-            f"{path}: {count} separate dark regions, the limit is {most} (regions in {FILE}); is it noise?"
+            f"{path}: {count} separate dark regions, the limit is {most} (regions in {FILE}); is it noise? "
+            "--crop reads a part"
         )
 
 

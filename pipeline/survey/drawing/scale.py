@@ -12,6 +12,7 @@ from pipeline.geometry.outline.binarize import dark_pixels
 from pipeline.types import Image
 
 _MIN_BAR_PX = 20
+_ADVICE = "; --bar-box COL0,ROW0,COL1,ROW1 states where the bar is, --px-per-m the scale without a bar"
 _SPECK_PX = 5  # JPEG compression produces smaller specks
 _MIN_ASPECT = 5.0  # smallest ratio of a bar's length to its thickness
 _PIECE_PX = 24  # greatest height of a light piece of a bar
@@ -76,17 +77,19 @@ def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:
     dark = _without_holes(dark_pixels(grey).astype(np.uint8))
     if int(grey.max()) - int(grey.min()) < 64 or not dark.any():
         raise InputError(
-            f"{name}: no scale bar (grey values {grey.min()}-{grey.max()}, expected a dark bar on light paper)"
+            f"{name}: no scale bar (grey values {grey.min()}-{grey.max()}, expected a dark bar on light paper){_ADVICE}"
         )
     count, labels, stats, _ = cv2.connectedComponentsWithStats(dark)
     sizes = stats[1:, cv2.CC_STAT_AREA]
     bar = int(sizes.argmax()) + 1
     left, top, width, height, area = (int(v) for v in stats[bar])
     if height >= width:
-        raise InputError(f"{name}: the scale bar is {width} px wide and {height} px high; it must lie horizontally")
+        raise InputError(
+            f"{name}: the scale bar is {width} px wide and {height} px high; it must lie horizontally{_ADVICE}"
+        )
     if left == 0 or top == 0 or left + width == dark.shape[1] or top + height == dark.shape[0]:
         raise InputError(
-            f"{name}: the scale bar ({width} x {height} px) touches the edge; leave some light paper around it"
+            f"{name}: the scale bar ({width} x {height} px) touches the edge; leave some light paper around it{_ADVICE}"
         )
     other_pieces = [
         i
@@ -94,14 +97,16 @@ def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:
         if i != bar and stats[i, 1] < top + height and stats[i, 1] + stats[i, 3] > top and stats[i, 4] >= _SPECK_PX
     ]
     if other_pieces:
-        raise InputError(f"{name}: the scale bar is broken into {len(other_pieces) + 1} pieces (longest {width} px)")
+        raise InputError(
+            f"{name}: the scale bar is broken into {len(other_pieces) + 1} pieces (longest {width} px){_ADVICE}"
+        )
     if area < _FILLED * width * height:
         raise InputError(
             f"{name}: the dark region of {width} x {height} px is not a straight bar (it fills "
-            f"{100 * area / width / height:.0f} % of its box, at least {100 * _FILLED:.0f} % are needed)"
+            f"{100 * area / width / height:.0f} % of its box, at least {100 * _FILLED:.0f} % are needed){_ADVICE}"
         )
     if width < _MIN_BAR_PX:
-        raise InputError(f"{name}: the scale bar is {width} px long, at least {_MIN_BAR_PX} are needed")
+        raise InputError(f"{name}: the scale bar is {width} px long, at least {_MIN_BAR_PX} are needed{_ADVICE}")
     runs = (labels == bar).sum(axis=1)
     return float(np.median(runs[runs > width / 2])) / bar_length_m
 

@@ -223,15 +223,17 @@ def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> lis
         )
     try:
         enclosed: BaseGeometry = enclose_workings(lines, snap_m, [])
-    except (GeometryError, shapely.GEOSException) as error:
+    except GeometryError as error:
         raise InputError(f"{path}: the open walls of {where}: {error}") from error
+    except shapely.GEOSException as error:
+        raise InputError(f"{path}: the open walls of {where} are too tangled to enclose an area") from error
     around = enclosed.boundary.buffer(SAME_M)
     unused = [line for line in lines[: len(walls)] if line.intersection(around).length < line.length / 2]
     if unused:
         x, y = unused[0].coords[0]
         warn_user(
             f"{path.name}: {len(unused)} of {len(walls)} open walls of {where} bound no area, the first from "
-            f"({x:.1f}, {y:.1f}); are the right ends joined?"
+            f"({x:.1f}, {y:.1f}); are the right ends joined? --snap states the widest gap"
         )
     return [
         Area(part, [wall for wall in (*walls, *closers) if part.boundary.distance(LineString(wall[:, :2])) < SAME_M])

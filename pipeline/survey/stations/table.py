@@ -226,7 +226,7 @@ def _require_no_stray_zero(path: Path, stations: list[tuple[tuple[float, ...], i
         others = places[places[:, 2] != 0, 2]
         raise InputError(
             f"{path}:{stations[stray][1]}: elevation_m = 0, but the others lie from {others.min():g} to "
-            f"{others.max():g} m; is the elevation of this station missing?"
+            f"{others.max():g} m; give this station its elevation, or leave it out"
         )
 
 
@@ -259,7 +259,7 @@ def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
                 row |= {column: (row[column] or "").replace(",", ".") for column in _NUMBERS if column in row}
             rows.append((reader.line_num, row))
     except csv.Error as error:
-        raise InputError(f"{path}:{reader.line_num}: not CSV ({error})") from error
+        raise InputError(f"{path}:{reader.line_num}: not CSV: a field is too long; is a quote not closed?") from error
     if not rows:
         raise InputError(f"{path}: no stations")
     return rows

@@ -123,7 +123,7 @@ def _convergence_deg(line: TherionLine, cs: str, out: str, east: float, north: f
         )
         angle = float(pyproj.Proj(system).get_factors(longitude, latitude).meridian_convergence)
     except pyproj.exceptions.ProjError as error:
-        raise InputError(f"{line.where}: cs {cs}: {str(error)[:120]}") from error
+        raise InputError(f"{line.where}: cs {cs}: it is unknown, or the fixed stations lie outside") from error
     if not np.isfinite(angle):
         raise InputError(f"{line.where}: the fixed stations lie outside cs {cs}")
     return angle

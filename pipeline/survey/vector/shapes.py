@@ -136,7 +136,7 @@ def locate(
     if max(abs(west), abs(south), abs(east), abs(north)) > REACH_M:
         raise InputError(
             f"{path}: reaches from ({west:.0f}, {south:.0f}) to ({east:.0f}, {north:.0f}) m about survey.origin, "
-            f"beyond {REACH_M:g} m; is survey.unit = {unit or unit_name} right?"
+            f"beyond {REACH_M:g} m; is survey.unit = {unit or unit_name} right? --unit states it"
         )
     return moved, Georeference(unit_name, metres, mine_origin, crs, projection)
 
@@ -178,7 +178,9 @@ def _project(path: Path, shapes: list[BaseGeometry], system: pyproj.CRS) -> tupl
             to_degrees = pyproj.Transformer.from_crs(system, system.geodetic_crs, always_xy=True)
             shapes = [shapely.transform(s, lambda p: np.column_stack(to_degrees.transform(*p.T))) for s in shapes]
         except pyproj.exceptions.ProjError as error:
-            raise InputError(f"{path}: its coordinates cannot be projected ({str(error)[:160]})") from error
+            raise InputError(
+                f"{path}: its coordinates cannot be projected; --unit m reads them as a local grid"
+            ) from error
         system = system.geodetic_crs or system
     west, south, east, north = shapely.total_bounds(shapes).tolist()
     if not (-180 <= west <= east <= 180 and -90 <= south <= north <= 90):
@@ -190,7 +192,7 @@ def _project(path: Path, shapes: list[BaseGeometry], system: pyproj.CRS) -> tupl
     try:
         to_local = pyproj.Transformer.from_crs(system, pyproj.CRS.from_proj4(projection), always_xy=True)
     except pyproj.exceptions.ProjError as error:
-        raise InputError(f"{path}: its coordinate system cannot be projected ({str(error)[:160]})") from error
+        raise InputError(f"{path}: its coordinate system cannot be projected; --unit m reads a local grid") from error
     return [shapely.transform(s, lambda p: np.column_stack(to_local.transform(*p.T))) for s in shapes], projection
 
 
@@ -218,11 +220,15 @@ def workings_of(
         try:
             return as_polygons(shapely.union_all([shapely.make_valid(p) for p in polygons]))
         except shapely.GEOSException as error:
-            raise InputError(f"{path}: its polygons cannot be united ({str(error)[:120]})") from error
+            raise InputError(
+                f"{path}: its polygons are too tangled to be united; mend them in the program that drew them"
+            ) from error
     walls = [*lines, *(LineString(ring) for p in polygons for ring in (p.exterior, *p.interiors))]
     if not walls:
         raise InputError(f"{path}: holds no polygons and no lines")
     try:
         return enclose_workings(walls, snap_m, seeds)
-    except (GeometryError, shapely.GEOSException) as error:
+    except GeometryError as error:
         raise InputError(f"{path}: {error}") from error
+    except shapely.GEOSException as error:
+        raise InputError(f"{path}: its lines are too tangled to enclose an area; --layer chooses layers") from error

@@ -1,0 +1,190 @@
+"""Try a folder of survey files: which are read, which need an option, which are refused, and why.
+
+Each file is read as by `python -m pipeline new --dry-run`, in a process of its own with limits on time and memory.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from tqdm import tqdm
+
+from baselines.base.markdown import markdown_table
+from pipeline.commands.options import add_options, stated_options
+from pipeline.errors import DoubtError, MineError, UnexpectedError, lacks_memory, printable
+from pipeline.guard.process_limits import has_limits
+from pipeline.params.reader_limits import reader_limits
+from pipeline.params.stated import StatedOptions, option
+from pipeline.remarks import Remark, collect_remarks, options_of
+from pipeline.store.files import write_atomically
+from pipeline.survey.formats import FORMATS, kind_of
+
+VERDICTS = ("read", "asked", "refused", "failed")
+TABLE = Path("artifacts/bench/files.md")
+_TIME_S = 240.0  # a file is read twice, each time within 60 s, and its workings are traced
+_SPARE_BYTES = 2_000_000_000  # of the libraries, beyond what a reader may take
+_SURVEY = "trial"
+_WHY = 300  # characters of the remarks on a file that was read
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a file: one of `VERDICTS`, and why; seconds, bytes at the peak, and the files that it named.
+
+    `asked` is a refusal that names an option; `failed` is a fault of a reader.
+    """
+
+    verdict: str
+    why: str
+    seconds: float = 0.0
+    peak_bytes: int = 0
+    used: list[str] = field(default_factory=list)
+
+
+def try_folder(folder: Path, words: list[str], jobs: int) -> dict[str, Outcome]:
+    """Return the outcome of each survey file below a folder, by its path there; `words` are options of `new`."""
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file() and not path.name.startswith(".")]
+    known = [path for path in files if path.suffix.lower() in FORMATS]
+    with (
+        ThreadPoolExecutor(jobs) as pool,
+        tqdm(pool.map(lambda path: _try_apart(path, words), known), total=len(known), unit="file", disable=None) as bar,
+    ):
+        outcomes = dict(zip(known, bar, strict=True))
+    named = {Path(name) for outcome in outcomes.values() for name in outcome.used}
+    outcomes = {path: o for path, o in outcomes.items() if o.verdict == "read" or path.resolve() not in named}
+    beside = {path.with_suffix("") for path in known}
+    for path in files:
+        if path not in outcomes and path.resolve() not in named and path.with_suffix("") not in beside:
+            outcomes[path] = Outcome("refused", f"{path.suffix or 'a file without a suffix'} is not a supported format")
+    return {path.relative_to(folder).as_posix(): outcomes[path] for path in sorted(outcomes)}
+
+
+def _try_apart(path: Path, words: list[str]) -> Outcome:
+    """Return the outcome of a file that a new process reads."""
+    command = [sys.executable, "-m", "benchmarks.files", "--child", str(path), *words]
+    start = time.monotonic()
+    try:
+        with tempfile.TemporaryDirectory() as scratch:  # also of a process that is ended
+            done = subprocess.run(
+                command,
+                capture_output=True,
+                text=True,
+                stdin=subprocess.DEVNULL,
+                timeout=_TIME_S,
+                env={**os.environ, "TMPDIR": scratch},
+            )
+        return Outcome(**json.loads(done.stdout.splitlines()[-1]))
+    except subprocess.TimeoutExpired:
+        return Outcome("failed", f"not read within {_TIME_S:.0f} s", time.monotonic() - start)
+    except (IndexError, TypeError, ValueError):
+        last = (done.stderr.strip().splitlines() or [""])[-1]
+        return Outcome("failed", f"exit code {done.returncode}: {last[:200]}", time.monotonic() - start)
+
+
+def try_file(path: Path, stated: StatedOptions) -> Outcome:
+    """Return the outcome of a file that this process reads; options that its kind has no use for are left out."""
+    from pipeline.build.dry_run import dry_run
+
+    start = time.monotonic()
+    verdict, why, used = "failed", "", []
+    with collect_remarks() as remarks:
+        try:
+            kind = kind_of(path)
+            unread = {name: None for name in stated.values() if kind not in option(name).read_with}
+            reading = dry_run(_SURVEY, path, stated.model_copy(update=unread), [])
+            used = [str(file.resolve()) for file in reading.files]
+            verdict, why = "read", "; ".join(_fact(remark, path) for remark in remarks)[:_WHY]
+        except UnexpectedError as error:
+            why = error.detail
+        except MineError as error:
+            asks = isinstance(error, DoubtError) or bool(options_of(str(error)))
+            verdict, why = "asked" if asks else "refused", str(error)
+        except Exception as error:  # every other exception is a finding
+            verdict = "refused" if lacks_memory(error) else "failed"
+            why = "not enough memory" if lacks_memory(error) else f"{type(error).__name__}: {error}"
+    why = why.removeprefix(f"{path}: ").replace(f"{path.parent}/", "").replace(f"data/mines/{_SURVEY}/", "")
+    return Outcome(verdict, why, round(time.monotonic() - start, 1), _peak_bytes(), used)
+
+
+def _fact(remark: Remark, path: Path) -> str:
+    """Return a remark without the file's name and without its option."""
+    row = remark.split(path.name)
+    return printable(f"{row.value} {row.what}".strip(), _WHY)
+
+
+def _peak_bytes() -> int:
+    """Return the largest resident memory of this process and of the readers that it started."""
+    if not has_limits():
+        return 0
+    import resource
+
+    kinds = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    return 1024 * max(resource.getrusage(kind).ru_maxrss for kind in kinds)
+
+
+def table(outcomes: dict[str, Outcome]) -> str:
+    """Return the outcomes as Markdown: the counts by format, then a row a file."""
+    suffixes = sorted({Path(name).suffix.lower() for name in outcomes})
+    counts = Counter((Path(name).suffix.lower(), outcome.verdict) for name, outcome in outcomes.items())
+    by_format = [(suffix or "none", *(counts[suffix, verdict] for verdict in VERDICTS)) for suffix in suffixes]
+    rows = [
+        (name, found.verdict, f"{found.seconds:.1f}", f"{found.peak_bytes / 1e9:.1f}", found.why.replace("|", "/"))
+        for name, found in outcomes.items()
+    ]
+    summary = markdown_table(("format", *VERDICTS), by_format)
+    return f"{summary}\n{markdown_table(('file', 'outcome', 's', 'GB', 'why'), rows)}"
+
+
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser: a folder, and the options of `new`, which apply to the files that are read with them."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.files", description=__doc__)
+    parser.add_argument("folder", type=Path, metavar="FOLDER")
+    parser.add_argument("--out", type=Path, default=TABLE, help="the table, Markdown")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="files at a time")
+    parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
+    add_options(parser)
+    return parser
+
+
+def main(words: list[str]) -> int:
+    """Try a folder's files and print the table; exit code 2 if a reader failed or there is no such folder."""
+    typed = command_line().parse_args(words)
+    if typed.child:
+        _limit_memory()
+        print(json.dumps(asdict(try_file(typed.folder, stated_options(typed.folder, typed)))))
+        return 0
+    if not typed.folder.is_dir():
+        print(f"files: {typed.folder}: no such folder", file=sys.stderr)
+        return 2
+    try:
+        stated_options(typed.folder, typed)
+    except MineError as error:
+        print(f"files: {error}", file=sys.stderr)
+        return 2
+    outcomes = try_folder(typed.folder, [word for word in words if Path(word) != typed.folder], typed.jobs)
+    text = table(outcomes)
+    print(text)
+    write_atomically(typed.out, text.encode())
+    return 2 if any(found.verdict == "failed" for found in outcomes.values()) else 0
+
+
+def _limit_memory() -> None:
+    if has_limits():
+        import resource
+
+        most = reader_limits().memory_bytes + _SPARE_BYTES
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,60 @@
+"""A folder of anybody's files: which are read, which need an option, which are refused."""
+
+import cv2
+import numpy as np
+import pytest
+
+from benchmarks.files import VERDICTS, main, table, try_file, try_folder
+from pipeline.params.stated import StatedOptions
+from tests.project import ROOT, TINY_STATIONS
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Return a folder with a survey, a plan without a scale, a broken drawing, and a file that is no survey."""
+    monkeypatch.chdir(ROOT)
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "mine.csv").write_text(TINY_STATIONS)
+    picture = np.full((120, 200, 3), 255, np.uint8)
+    picture[40:80, 20:180] = 40
+    cv2.imwrite(str(tmp_path / "plan.png"), picture)
+    (tmp_path / "plan.pgw").write_text("nothing\n")
+    (tmp_path / "sub/bad.dxf").write_text("garbage\n")
+    (tmp_path / "notes.doc").write_text("x")
+    return tmp_path
+
+
+def test_a_file_is_asked_about_if_an_option_helps_and_else_refused(folder):
+    (folder / "plan.pgw").unlink()
+    asked = try_file(folder / "plan.png", StatedOptions())
+    assert (asked.verdict, asked.why.partition(";")[0]) == ("asked", "no scale bar found")
+    refused = try_file(folder / "sub/bad.dxf", StatedOptions())
+    assert (refused.verdict, refused.why.partition(";")[0].partition(" (")[0]) == ("refused", "not a DXF drawing")
+    assert refused.peak_bytes > 1e7
+
+
+@pytest.mark.slow
+def test_a_folder_is_tried_file_by_file_and_left_as_it_was(folder):
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    (folder / "plan.pgw").unlink()
+    outcomes = try_folder(folder, ["--half-width", "2"], 1)  # which no picture is read with
+    assert {name: found.verdict for name, found in outcomes.items()} == {
+        "mine.csv": "read",
+        "notes.doc": "refused",
+        "plan.png": "asked",
+        "sub/bad.dxf": "refused",
+    }
+    assert "read as a station survey" in outcomes["mine.csv"].why
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == {
+        path: data for path, data in before.items() if path.suffix != ".pgw"
+    }
+    text = table(outcomes)
+    assert text.startswith("| format | " + " | ".join(VERDICTS))
+    assert "| .csv | 1 | 0 | 0 | 0 |" in text
+
+
+def test_a_folder_that_is_not_there_and_a_wrong_option_are_one_line(tmp_path, capsys):
+    assert main([str(tmp_path / "none")]) == 2
+    assert capsys.readouterr().err == f"files: {tmp_path / 'none'}: no such folder\n"
+    assert main([str(tmp_path), "--px-per-m", "-1"]) == 2
+    assert "--px-per-m = -1.0" in capsys.readouterr().err
