@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.guard.answers import warn_user
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.remarks import warn_user
 from pipeline.survey.compass.data import CompassShot, CompassSurvey, read_surveys
 from pipeline.survey.compass.project import ProjectFile, ProjectLine, read_project
 from pipeline.survey.solved.survex_text import NAME_CHARACTERS, SurvexText, written_name

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.guard.answers import warn_user
 from pipeline.guard.plain_number import plain_number
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.remarks import warn_user
 from pipeline.survey.compass.datums import utm_system
 from pipeline.survey.solved.project_files import file_text, inside, named_or_lower_case, plain_lines
 

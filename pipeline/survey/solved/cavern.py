@@ -11,10 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.guard.answers import warn_user
 from pipeline.guard.process_limits import die_with_parent
 from pipeline.guard.reading_process import one_line
 from pipeline.params.reader_limits import FILE
+from pipeline.remarks import warn_user
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.solved.survex_text import Written

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.guard.answers import warn_user
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.remarks import warn_user
 from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
 
 Place = tuple[int, int, int]  # east, north, up, cm

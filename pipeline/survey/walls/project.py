@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.guard.answers import warn_user
 from pipeline.guard.plain_file import read_text_bytes
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.remarks import warn_user
 from pipeline.survey.solved.project_files import inside
 
 _COMMAND = re.compile(rb"\s*\.([A-Za-z0-9]+)[ \t]*(.*?)[ \t\x1a]*", re.DOTALL)
