@@ -261,6 +261,7 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: StatedOption
         else:
             lines.append(_line(f"  {key}: {json.dumps(value)}", remarks.get(key)))
     lines += ["contours:", _line("  components: largest", "or spawn: the component at entrance_m; or [[x, y], ...]")]
+    lines += [_line(f"  {key}: {json.dumps(value)}", remarks.get(key)) for key, value in detected.contours.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -296,7 +297,7 @@ def _findings(conf: Path, detected: Detection) -> list[str]:
             "if wrong, correct survey.unit"
         )
     low, high = WIDTHS_M
-    if not low <= detected.width_m <= high:
+    if detected.width_m is not None and not low <= detected.width_m <= high:
         where = "survey.scale" if "scale" in detected.values else "survey.unit"
         lines.append(
             f"WARNING: drifts are {detected.width_m:.2f} m wide, outside {low:g} to {high:g} m; "

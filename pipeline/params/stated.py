@@ -112,6 +112,9 @@ class StatedOptions(Params):
     seeds_px: Annotated[list[SeedPx] | None, _option("--seed", *_PICTURES)] = Field(
         default=None, max_length=1000, description="COL,ROW inside drawn walls"
     )
+    narrowest_m: Annotated[float | None, _option("--narrowest", FileKind.GRID, metavar="M")] = Field(
+        default=None, ge=0, le=10, description="free places of an occupancy grid that are narrower are left out, m"
+    )
     wall_gap_px: Annotated[float | None, _option("--gap", *_PICTURES)] = Field(
         default=None, ge=0, le=200, description="widest gap in drawn walls that is closed, px"
     )

@@ -11,19 +11,20 @@ import shapely
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_plain_file
-from pipeline.guard.reading_process import Payload, one_line, run_limited
+from pipeline.guard.reading_process import Payload, one_line, run_limited, warn_user
 from pipeline.params.stated import FileKind, StatedOptions, require_read
 from pipeline.params.survey import (
     CentrelineSurveyParams,
+    GridSurveyParams,
     PassageSurveyParams,
     VectorSurveyParams,
 )
 from pipeline.survey.detect_picture import detect_picture
 from pipeline.survey.detection import Detection
-from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M, typical_width_px
+from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
 from pipeline.survey.formats import is_solved, kind_of
 from pipeline.survey.grid.nav2 import nav2_picture
-from pipeline.survey.grid.plan import read_grid
+from pipeline.survey.grid.plan import read_free_space
 from pipeline.survey.levels.walls import axis_of
 from pipeline.survey.vector.drawing_frames import require_walls_alone
 from pipeline.survey.vector.shapes import METRES, Shapes
@@ -33,6 +34,7 @@ from pipeline.types import Georeference
 _STATED_WIDTHS_M = (0.5, 100.0)  # in the unit that a file states: from crawls to stopes; some files state a wrong one
 _OF_WALLS = 0.7  # of the length of lines with elevations, that bounds workings; else they are centrelines
 _PIECE = "a station of the drivable piece that is built; null: the longest"
+_SMALLEST_OBSTACLE_M2 = 0.02  # of an occupancy grid: a column of 0.15 m stays, the specks of a scan go
 _APART_M = 4.0  # between floors over each other: compile3d.height_m and 0.5 m of rock
 
 
@@ -60,9 +62,8 @@ def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
     stated = stated or StatedOptions()
     require_read(path, kind_of(path), stated)
     payload = run_limited("detect", {"path": str(path), "stated": stated.values()}, str(path), scratch=is_solved(path))
-    found, files = payload.values, [Path(file) for file in payload.values["files"]]
-    picture = payload.arrays.get("detected")
-    return Detection(found["values"], found["remarks"], files, found["width_m"], picture, found["has_heights"])
+    files, picture = [Path(file) for file in payload.values["files"]], payload.arrays.get("detected")
+    return Detection(**payload.values | {"files": files, "picture": picture})
 
 
 def detect_here(path: str, stated: dict[str, Any]) -> Payload:
@@ -78,9 +79,22 @@ def _detect(path: Path, stated: StatedOptions) -> Detection:
 
 
 def _detect_grid(path: Path, stated: StatedOptions) -> Detection:
-    grid = read_grid(path, False)
-    width = typical_width_px(grid.plan[..., 0] < 128) / grid.frame.px_per_m
-    return Detection({"kind": "grid", "map": path.name}, {}, [path, nav2_picture(path)], width)
+    options = stated.model_dump(include={"narrowest_m", "entrance_m"}, exclude_none=True)
+    params = GridSurveyParams.model_validate({"kind": "grid", "name": "detect", "map": "data/x", **options})
+    obstacles = read_free_space(params.model_copy(update={"map": path.as_posix()})).obstacles_m2()
+    small = obstacles[obstacles < _SMALLEST_OBSTACLE_M2]
+    if len(small):
+        warn_user(
+            f"{path.name}: {len(small)} of {len(obstacles)} obstacles, {small.sum():.2f} m2, are left out, as each is "
+            f"below {_SMALLEST_OBSTACLE_M2:g} m2; contours.min_island_m2"
+        )
+    values = {"kind": "grid", "map": path.name, "narrowest_m": params.narrowest_m}
+    remarks = {
+        "narrowest_m": "free places narrower than this are left out, m; 0: none",
+        "min_island_m2": "smaller obstacles are left out",
+    }
+    contours = {"min_island_m2": _SMALLEST_OBSTACLE_M2}
+    return Detection(values, remarks, [path, nav2_picture(path)], None, contours=contours)
 
 
 def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:

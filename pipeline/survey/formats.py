@@ -39,7 +39,7 @@ class Format:
 
 
 FORMATS: dict[str, Format] = {
-    **dict.fromkeys((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"), Format(FileKind.PICTURE)),
+    **dict.fromkeys((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".gif"), Format(FileKind.PICTURE)),
     ".pdf": Format(FileKind.PDF),
     **dict.fromkeys((".yaml", ".yml"), Format(FileKind.GRID)),
     ".dxf": Format(FileKind.VECTOR, shapes=read_dxf),
