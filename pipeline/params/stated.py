@@ -115,6 +115,9 @@ class StatedOptions(Params):
     narrowest_m: Annotated[float | None, _option("--narrowest", FileKind.GRID, metavar="M")] = Field(
         default=None, ge=0, le=10, description="free places of an occupancy grid that are narrower are left out, m"
     )
+    thinnest_m: Annotated[float | None, _option("--thinnest", FileKind.GRID, metavar="M")] = Field(
+        default=None, ge=0, le=10, description="walls of an occupancy grid that are thinner are made so thick, m"
+    )
     wall_gap_px: Annotated[float | None, _option("--gap", *_PICTURES)] = Field(
         default=None, ge=0, le=200, description="widest gap in drawn walls that is closed, px"
     )

@@ -11,7 +11,7 @@ import shapely
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_plain_file
-from pipeline.guard.reading_process import Payload, one_line, run_limited, warn_user
+from pipeline.guard.reading_process import Payload, one_line, run_limited
 from pipeline.params.stated import FileKind, StatedOptions, require_read
 from pipeline.params.survey import (
     CentrelineSurveyParams,
@@ -34,7 +34,6 @@ from pipeline.types import Georeference
 _STATED_WIDTHS_M = (0.5, 100.0)  # in the unit that a file states: from crawls to stopes; some files state a wrong one
 _OF_WALLS = 0.7  # of the length of lines with elevations, that bounds workings; else they are centrelines
 _PIECE = "a station of the drivable piece that is built; null: the longest"
-_SMALLEST_OBSTACLE_M2 = 0.02  # of an occupancy grid: a column of 0.15 m stays, the specks of a scan go
 _APART_M = 4.0  # between floors over each other: compile3d.height_m and 0.5 m of rock
 
 
@@ -79,22 +78,16 @@ def _detect(path: Path, stated: StatedOptions) -> Detection:
 
 
 def _detect_grid(path: Path, stated: StatedOptions) -> Detection:
-    options = stated.model_dump(include={"narrowest_m", "entrance_m"}, exclude_none=True)
+    options = stated.model_dump(include={"narrowest_m", "thinnest_m", "entrance_m"}, exclude_none=True)
     params = GridSurveyParams.model_validate({"kind": "grid", "name": "detect", "map": "data/x", **options})
-    obstacles = read_free_space(params.model_copy(update={"map": path.as_posix()})).obstacles_m2()
-    small = obstacles[obstacles < _SMALLEST_OBSTACLE_M2]
-    if len(small):
-        warn_user(
-            f"{path.name}: {len(small)} of {len(obstacles)} obstacles, {small.sum():.2f} m2, are left out, as each is "
-            f"below {_SMALLEST_OBSTACLE_M2:g} m2; contours.min_island_m2"
-        )
-    values = {"kind": "grid", "map": path.name, "narrowest_m": params.narrowest_m}
+    read_free_space(params.model_copy(update={"map": path.as_posix()}))
+    values = {"kind": "grid", "map": path.name, **params.model_dump(include={"narrowest_m", "thinnest_m"})}
     remarks = {
         "narrowest_m": "free places narrower than this are left out, m; 0: none",
-        "min_island_m2": "smaller obstacles are left out",
+        "thinnest_m": "thinner walls are made so thick, specks of half of it are left out, m; 0: neither",
+        "min_island_m2": "survey.thinnest_m leaves out specks",
     }
-    contours = {"min_island_m2": _SMALLEST_OBSTACLE_M2}
-    return Detection(values, remarks, [path, nav2_picture(path)], None, contours=contours)
+    return Detection(values, remarks, [path, nav2_picture(path)], None, contours={"min_island_m2": 0.0})
 
 
 def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:

@@ -85,3 +85,9 @@ class GridSurveyParams(DrawnSurveyParams):
         le=10,
         description="free places narrower than this are left out, such as rays of a scanner through windows; 0: none",
     )
+    thinnest_m: float = Field(
+        default=0.3,
+        ge=0,
+        le=10,
+        description="thinner walls are made so thick, and specks smaller than half of it are left out; 0: neither",
+    )

@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 
 from pipeline.errors import DoubtError, InputError
-from pipeline.geometry.outline.binarize import disc
 from pipeline.guard.reading_process import warn_user
 from pipeline.survey.grid.placement import GridPlacement
 from pipeline.types import Image, Mask
@@ -29,14 +28,6 @@ class FreeSpace:
 
     cells: Mask
     placement: GridPlacement
-
-    def obstacles_m2(self) -> np.ndarray:
-        """Return the areas (k,), m2, of what the free space surrounds."""
-        solid = np.pad(~self.cells, 1, constant_values=True).astype(np.uint8)
-        _, labels, stats, _ = cv2.connectedComponentsWithStats(solid, connectivity=8)
-        inside = np.arange(len(stats)) != labels[0, 0]
-        inside[0] = False  # the free cells
-        return np.asarray(stats[inside, cv2.CC_STAT_AREA] * self.placement.cell_m**2)
 
 
 @dataclass(frozen=True)
@@ -64,14 +55,11 @@ class _Areas:
         return f"{self.sizes_m2[number]:.0f} m2 at ({x:.1f}, {y:.1f})"
 
 
-def choose_free_space(
-    path: Path, free: Mask, placement: GridPlacement, narrowest_m: float, start_m: tuple[float, ...] | None
-) -> FreeSpace:
+def choose_free_space(path: Path, free: Mask, placement: GridPlacement, start_m: tuple[float, ...] | None) -> FreeSpace:
     """Return the connected free area that holds the start, or else the largest.
 
-    Places narrower than `narrowest_m` are left out first. If another area is half as large as the largest, or the
-    largest lies around others up to the edges of the grid, the area at the map's origin is taken, where a robot that
-    made the map started.
+    If another area is half as large as the largest, or the largest lies around others up to the edges of the grid, the
+    area at the map's origin is taken, where a robot that made the map started.
 
     Parameters
     ----------
@@ -80,7 +68,6 @@ def choose_free_space(
     free : (rows, cols) bool
         Row 0 in the south.
     placement : GridPlacement
-    narrowest_m : float
     start_m : tuple or None
         Where robots start, m, mine frame.
 
@@ -91,28 +78,16 @@ def choose_free_space(
     InputError
         If no free area is large enough, or none is at the start.
     """
-    if not free.any():
-        raise InputError(f"{path}: no free cells; free_thresh and negate in the file say which are free")
-    wide = _wide_places(free, narrowest_m / 2 / placement.cell_m)
-    areas = _find_areas(wide, placement)
-    if not len(areas.sizes_m2) or areas.sizes_m2.max() < _SMALLEST_M2:
-        parts = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)[0] - 1
+    areas = _find_areas(free, placement)
+    if areas.sizes_m2.max(initial=0.0) < _SMALLEST_M2:
         raise InputError(
-            f"{path}: no connected floor: the largest of {parts} free areas has "
-            f"{areas.sizes_m2.max(initial=0.0):.1f} m2 that are {narrowest_m:g} m wide, at least {_SMALLEST_M2:g} m2 "
-            "are needed; --narrowest 0 keeps narrower places"
+            f"{path}: no connected floor: the largest of {len(areas.sizes_m2)} free areas that are wide enough has "
+            f"{areas.sizes_m2.max(initial=0.0):.1f} m2, at least {_SMALLEST_M2:g} m2 are needed; --narrowest 0 "
+            "--thinnest 0 keep the map's cells as they are"
         )
-    _warn_of_narrow(path, free, wide, placement.cell_m, narrowest_m)
     chosen = _chosen(path, free, areas, start_m)
     _warn_of_others(path, areas, chosen)
     return FreeSpace(areas.mask(chosen), placement)
-
-
-def _wide_places(free: Mask, radius_px: float) -> Mask:
-    """Return the free cells that a disc covers which fits into the free space. It may reach over the grid's edges."""
-    pad = int(np.ceil(radius_px)) + 1
-    padded = np.pad(free.astype(np.uint8), pad, mode="edge")
-    return cv2.morphologyEx(padded, cv2.MORPH_OPEN, disc(radius_px))[pad:-pad, pad:-pad].astype(bool)
 
 
 def _find_areas(free: Mask, placement: GridPlacement) -> _Areas:
@@ -172,15 +147,6 @@ def _area_at(path: Path, areas: _Areas, start_m: tuple[float, ...]) -> int:
         )
     at = int(apart.argmin())
     return int(part[rows[at], cols[at]]) - 1
-
-
-def _warn_of_narrow(path: Path, free: Mask, wide: Mask, cell_m: float, narrowest_m: float) -> None:
-    lost_m2 = float((free & ~wide).sum()) * cell_m**2
-    if lost_m2 >= _NAMED_M2:
-        warn_user(
-            f"{path.name}: {lost_m2:.0f} m2 of free cells in places narrower than {narrowest_m:g} m are left out; "
-            "--narrowest M"
-        )
 
 
 def _warn_of_others(path: Path, areas: _Areas, chosen: int) -> None:

@@ -15,6 +15,7 @@ from pipeline.params.survey import GridSurveyParams
 from pipeline.survey.draw import draw_workings, frame_of
 from pipeline.survey.grid.free_space import FreeSpace, choose_free_space
 from pipeline.survey.grid.nav2 import read_nav2_map
+from pipeline.survey.grid.obstacles import drivable_places
 from pipeline.survey.grid.placement import GridPlacement
 from pipeline.types import Frame, Georeference, Image
 
@@ -69,4 +70,7 @@ def read_free_space(params: GridSurveyParams) -> FreeSpace:
         raise InputError(f"{path}: resolution = {grid.cell_m:g} m a cell; the limits are {low:g} and {high:g} m")
     placement = GridPlacement(grid.cell_m, grid.yaw_rad, grid.origin_m)
     free = ~grid.occupied if params.unknown_is_free else grid.free
-    return choose_free_space(path, free, placement, params.narrowest_m, params.entrance_m)
+    if not free.any():
+        raise InputError(f"{path}: no free cells; free_thresh and negate in the file say which are free")
+    widths = params.narrowest_m, params.thinnest_m
+    return choose_free_space(path, drivable_places(path, free, grid.cell_m, *widths), placement, params.entrance_m)

@@ -84,11 +84,9 @@ def barn():
 )
 def test_the_free_space_of_maps_of_any_layout_is_read(tmp_path, layout, area_m2, obstacles):
     params = write_map(tmp_path, **layout)
-    free = read_free_space(params)
-    assert len(free.obstacles_m2()) == obstacles
     workings = read_grid(params).workings
     assert len(workings.geoms) == 1
-    assert workings.area == pytest.approx(free.cells.sum() * CELL_M**2, rel=0.03)
+    assert len(workings.geoms[0].interiors) == obstacles
     if area_m2 is not None:
         assert workings.area == pytest.approx(area_m2, rel=0.03)
 
@@ -150,16 +148,16 @@ def test_rays_through_windows_are_left_out_and_the_hall_is_kept(tmp_path, capsys
     truth = shapely.union(shapely.box(12, 12, 20, 18), shapely.box(15, 18, 16, 22))
     assert workings.symmetric_difference(truth).area < 3
     assert shapely.difference(truth, workings).area < 0.3
-    assert "m2 of free cells in places narrower than 0.6 m are left out; --narrowest M" in capsys.readouterr().err
+    assert "in corners and places narrower than 0.6 m are left out; --narrowest M" in capsys.readouterr().err
     with_rays = read_grid(params.model_copy(update={"narrowest_m": 0.0})).workings
-    assert with_rays.area > workings.area + 1
+    assert abs(with_rays.area - workings.area) > 0.5
     assert detect_survey(tmp_path / "map.yaml", StatedOptions(narrowest_m=0.3)).values["narrowest_m"] == 0.3
 
 
 def test_free_cells_in_many_small_parts_are_refused(tmp_path):
     parts = np.where(np.random.default_rng(1).random((100, 100)) < 0.25, FREE, UNKNOWN)
     with pytest.raises(
-        InputError, match=r"no connected floor: the largest of \d+ free areas has 0\.\d m2 .*--narrowest"
+        InputError, match=r"no connected floor: the largest of \d+ free areas that are wide enough has 0\.\d m2"
     ):
         read_free_space(write_map(tmp_path, parts))
 
@@ -169,11 +167,33 @@ def test_a_map_without_free_cells_is_refused_by_its_keys(tmp_path):
         read_free_space(write_map(tmp_path, np.full((50, 50), UNKNOWN, np.uint8)))
 
 
-def test_specks_of_a_scan_are_no_obstacles_and_are_counted(tmp_path, capsys):
+def test_specks_of_a_scan_are_left_out_and_counted(tmp_path, capsys):
     grey = warehouse()["grey"]
     grey[150:280:10, 30] = WALL  # 13 cells in the aisle along the western wall
-    write_map(tmp_path, grey)
+    params = write_map(tmp_path, grey)
+    assert len(read_grid(params).workings.geoms[0].interiors) == 5
+    assert "map.yaml: 13 specks below 0.15 m are left out; --thinnest M" in capsys.readouterr().err
+    assert len(read_grid(params.model_copy(update={"thinnest_m": 0.0})).workings.geoms[0].interiors) == 18
     found = detect_survey(tmp_path / "map.yaml", StatedOptions())
-    assert "map.yaml: 13 of 18 obstacles, 0.13 m2, are left out, as each is below 0.02 m2" in capsys.readouterr().err
-    assert found.contours == {"min_island_m2": 0.02}
+    assert found.contours == {"min_island_m2": 0.0}
+    assert found.values == {"kind": "grid", "map": "map.yaml", "narrowest_m": 0.6, "thinnest_m": 0.3}
     assert found.files == [tmp_path / "map.yaml", tmp_path / "map.pgm"]
+
+
+def test_walls_of_one_cell_become_as_thick_as_rock_must_be_and_keep_their_doors(tmp_path, capsys):
+    grey = np.full((200, 300), UNKNOWN, np.uint8)
+    grey[20:180, 20:280] = FREE
+    grey[20:180, 150] = WALL
+    grey[90:110, 150] = FREE  # a door of 1 m
+    params = write_map(tmp_path, grey, resolution=0.05)
+    workings = read_grid(params).workings
+    for y in (2.0, 3.0, 7.0, 8.0):
+        across = workings.intersection(shapely.LineString([(2, y), (13, y)]))
+        left, right = sorted(part.bounds for part in shapely.get_parts(across))
+        assert 0.24 <= right[0] - left[2] <= 0.4
+        assert (right[0] + left[2]) / 2 == pytest.approx(7.525, abs=0.06)
+    door = shapely.LineString([(7.525, 3), (7.525, 7)]).intersection(workings)
+    assert 0.7 <= door.length <= 1.0
+    assert "walls thinner than 0.3 m are made so thick, which takes 1." in capsys.readouterr().err
+    as_is = read_grid(params.model_copy(update={"thinnest_m": 0.0})).workings
+    assert as_is.area == pytest.approx(8 * 13 - 7 * 0.05, rel=0.005)
