@@ -85,9 +85,8 @@ def _detect_grid(path: Path, stated: StatedOptions) -> Detection:
     remarks = {
         "narrowest_m": "free places narrower than this are left out, m; 0: none",
         "thinnest_m": "thinner walls are made so thick, specks of half of it are left out, m; 0: neither",
-        "min_island_m2": "survey.thinnest_m leaves out specks",
     }
-    return Detection(values, remarks, [path, nav2_picture(path)], None, contours={"min_island_m2": 0.0})
+    return Detection(values, remarks, [path, nav2_picture(path)])
 
 
 def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:

@@ -12,17 +12,18 @@ from pydantic import ValidationError
 from pipeline.errors import InputError
 from pipeline.geometry.outline.binarize import dark_pixels
 from pipeline.params.reader_limits import reader_limits
-from pipeline.params.stated import FileKind, StatedOptions
+from pipeline.params.stated import FileKind, StatedOptions, option
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.detection import Detection
 from pipeline.survey.drawing.georeference import has_placement, read_placement, world_file
 from pipeline.survey.drawing.image import read_image
-from pipeline.survey.drawing.picture import make_ready, read_page, require_few_regions
+from pipeline.survey.drawing.picture import USUAL_DPI, fitting_dpi, make_ready, read_page, require_few_regions
 from pipeline.survey.drawing.scale import find_bar, measure_bar
 from pipeline.survey.drawing.workings import LIKELY_M, draw_detected, find_workings, wall_gap_px
 from pipeline.survey.formats import kind_of
 from pipeline.types import Image, Mask
 
+_IN_PX = ("px_per_m", "bar_box_px", "crop_px", "seeds_px", "wall_gap_px")
 _BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
 
 
@@ -36,8 +37,8 @@ def detect_picture(path: Path, stated: StatedOptions) -> Detection:
         doubt a `DoubtError`.
     """
     is_pdf = kind_of(path) is FileKind.PDF
-    dpi = float(stated.dpi or 200.0)
     page, most = int(stated.page or 1), reader_limits().megapixels
+    dpi = stated.dpi or (_fitting_dpi(path, page, stated) if is_pdf else 0.0)
     picture = read_page(path, page, dpi, most) if is_pdf else read_image(path, most)
     crop, ignored = stated.crop_px, stated.ignore_colours or []
     edge = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]]).mean(axis=1)
@@ -85,6 +86,15 @@ def detect_picture(path: Path, stated: StatedOptions) -> Detection:
     }
     shown = draw_detected(picture, found.mask, scale.get("bar_box_px"))
     return Detection(values, remarks, [path, *files], width_px / per_m, shown)
+
+
+def _fitting_dpi(path: Path, page: int, stated: StatedOptions) -> float:
+    """Return the resolution of a page for which none is stated; values in pixels need the usual one."""
+    dpi = fitting_dpi(path, page)
+    in_px = [option(name).flags[0] for name in _IN_PX if getattr(stated, name) is not None]
+    if dpi != USUAL_DPI and in_px:
+        raise InputError(f"{path}: {in_px[0]} depends on the resolution; state --dpi too, {dpi:g} or less fits")
+    return dpi
 
 
 def _picture_section(values: dict[str, Any]) -> PlanSurveyParams:

@@ -14,8 +14,7 @@ class Detection:
     """Values and remarks of a survey section, the files it needs, and the typical drift width, m.
 
     The width is None if the file itself states what is free. `picture` shows what of a plan's picture was taken for
-    workings; None for other formats. `has_heights` is true if the floor rises or falls. `contours` are values of
-    stage 2.
+    workings; None for other formats. `has_heights` is true if the floor rises or falls.
     """
 
     values: dict[str, Any]
@@ -24,4 +23,3 @@ class Detection:
     width_m: float | None = None
     picture: Image | None = None
     has_heights: bool = False
-    contours: dict[str, Any] = field(default_factory=dict)

@@ -8,13 +8,16 @@ import shapely
 import yaml
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
+from PIL import Image as Pillow
 from rasterio.transform import from_origin
 
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import GridSurveyParams, PlanSurveyParams
-from pipeline.survey.drawing.picture import turn_picture
+from pipeline.survey.detect import detect_survey
+from pipeline.survey.drawing.picture import fitting_dpi, turn_picture
 from pipeline.survey.load import read_survey, sources
 from stages.contours import trace_free_space
 from tests.mines import RING, TEE, frame_for, plan_of
@@ -276,3 +279,39 @@ def test_a_warning_states_which_page_of_a_pdf_is_read(data, capsys):
             pages.savefig(figure)
     assert read_survey(plan_params("plan.pdf", page=2))["plan"].shape[:2] == (600, 1000)
     assert "plan.pdf: page 2 of 2 is read; --page states another" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("inches", "dpi"), [((10, 7), 200), ((49, 56), 120), ((300, 300), 36)])
+def test_the_resolution_of_a_page_is_lowered_until_it_fits_and_said(tmp_path, capsys, inches, dpi):
+    path = write_page(tmp_path / "plan.pdf", inches)
+    assert fitting_dpi(path, 1) == dpi
+    warned = capsys.readouterr().err
+    assert warned == ("" if dpi == 200 else warned)
+    assert (f"page of {inches[0]} x {inches[1]} in; it is read at {dpi} dpi; --dpi" in warned) == (dpi < 200)
+
+
+def test_a_value_in_pixels_of_a_page_whose_resolution_is_lowered_needs_the_resolution(tmp_path, capsys):
+    path = write_page(tmp_path / "plan.pdf", (49, 56))
+    with pytest.raises(InputError, match=r"--px-per-m depends on the resolution; state --dpi too, 120 or less fits"):
+        detect_survey(path, StatedOptions(px_per_m=20.0))
+    assert "it is read at 120 dpi" in capsys.readouterr().err
+
+
+def write_page(path, inches):
+    Figure(figsize=inches).savefig(path)
+    return path
+
+
+def test_the_first_frame_of_a_gif_is_read_as_the_same_picture_in_png(data, capsys):
+    frame = frame_for(TEE)
+    first = plan_of(TEE, frame)
+    frames = [Pillow.fromarray(first[..., ::-1]), Pillow.new("RGB", first.shape[1::-1], "white")]
+    frames[0].save(data / "plan.gif", save_all=True, append_images=frames[1:])
+    write_png(data / "plan.png", first)
+    found = [detect_survey(data / name, StatedOptions(px_per_m=frame.px_per_m)) for name in ("plan.gif", "plan.png")]
+    assert found[0].width_m == pytest.approx(found[1].width_m, rel=0.02)
+    assert found[0].values["kind"] == "plan"
+    assert "plan.gif: the first of 2 pages is read" in capsys.readouterr().err
+    (data / "cut.gif").write_bytes((data / "plan.gif").read_bytes()[:60])
+    with pytest.raises(InputError, match=r"cut\.gif: (the GIF is broken|not a picture)"):
+        detect_survey(data / "cut.gif", StatedOptions(px_per_m=1.0))
