@@ -290,11 +290,12 @@ def test_the_resolution_of_a_page_is_lowered_until_it_fits_and_said(tmp_path, ca
     assert (f"page of {inches[0]} x {inches[1]} in; it is read at {dpi} dpi; --dpi" in warned) == (dpi < 200)
 
 
-def test_a_value_in_pixels_of_a_page_whose_resolution_is_lowered_needs_the_resolution(tmp_path, capsys):
+def test_a_value_in_pixels_of_a_page_whose_resolution_is_lowered_needs_the_resolution(
+    tmp_path, capsys
+):  # capsys: the child may not write
     path = write_page(tmp_path / "plan.pdf", (49, 56))
     with pytest.raises(InputError, match=r"--px-per-m depends on the resolution; state --dpi too, 120 or less fits"):
         detect_survey(path, StatedOptions(px_per_m=20.0))
-    assert "it is read at 120 dpi" in capsys.readouterr().err
 
 
 def write_page(path, inches):
