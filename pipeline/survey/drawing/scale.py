@@ -27,15 +27,29 @@ def find_bar(picture: Image) -> tuple[int, int, int, int] | None:
     (col0, row0, col1, row1), px, or None
         The bar's box with some paper around it.
     """
-    dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)).astype(np.uint8)
-    dark = with_pieces_joined(without_holes(dark))
+    dark = without_holes(dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)).astype(np.uint8))
+    whole, joined = _longest_bar(picture, dark), with_pieces_joined(dark)
+    if whole is None:
+        return _longest_bar(picture, joined)
+    left, top, right, bottom = whole
+    row, middle = (top + bottom) // 2, (left + right) // 2
+    if (joined[row] > dark[row]).any():
+        piece = cv2.connectedComponents(joined)[1]
+        only = (piece == piece[row, middle]).astype(np.uint8)  # the bar of which the longest piece was found
+        return _longest_bar(picture, only, alone=True) or whole
+    return whole
+
+
+def _longest_bar(picture: Image, dark: np.ndarray, alone: bool = False) -> tuple[int, int, int, int] | None:
+    """Return the box of the longest bar among dark regions, the largest of which is none unless it is `alone`."""
     count, _, stats, _ = cv2.connectedComponentsWithStats(dark)
-    if count < 3:
+    if count < 3 - alone:
         return None
-    largest = 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())
     width, height, area = stats[:, 2].astype(float), stats[:, 3].astype(float), stats[:, 4]
     fits = (width >= _MIN_BAR_PX) & (width >= _MIN_ASPECT * height) & (area >= FILLED * width * height)
-    fits[[0, largest]] = False
+    fits[0] = False
+    if not alone:
+        fits[1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())] = False
     candidates = np.flatnonzero(fits)
     for i in candidates[np.argsort(-width[candidates], kind="stable")]:  # the longest bar that can be measured
         left, top, right, bottom = (int(v) for v in (*stats[i, :2], *(stats[i, :2] + stats[i, 2:4])))
