@@ -19,6 +19,8 @@ _Px = Annotated[float, Field(ge=-_MOST_PX, le=_MOST_PX)]
 BarBoxPx = tuple[_Px, _Px, _Px, _Px]
 SeedPx = tuple[_Px, _Px]
 Colour = tuple[Grey, Grey, Grey]
+Ratio = Annotated[float, "1:N"]
+"""N of a scale 1:N."""
 Elevations = dict[str, Elevation]
 """The elevation of each layer that is a level, m."""
 
@@ -63,6 +65,12 @@ class StatedOptions(Params):
     )
     bar_box_px: Annotated[BarBoxPx | None, _option("--bar-box", *_PICTURES)] = Field(
         default=None, description="COL0,ROW0,COL1,ROW1 around the bar, px"
+    )
+    ratio: Annotated[Ratio | None, _option("--scale", *_PICTURES, metavar="1:N")] = Field(
+        default=None,
+        ge=1,
+        le=1_000_000,
+        description="scale of a drawing whose paper size or resolution the file states",
     )
     unit: Annotated[Unit | None, _option("--unit", FileKind.VECTOR)] = Field(
         default=None, description="unit of a drawing"

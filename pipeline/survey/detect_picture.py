@@ -17,6 +17,7 @@ from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.detection import Detection
 from pipeline.survey.drawing.georeference import has_placement, read_placement, world_file
 from pipeline.survey.drawing.image import read_image
+from pipeline.survey.drawing.paper_scale import px_per_m_of, ratio_of_page
 from pipeline.survey.drawing.picture import USUAL_DPI, fitting_dpi, make_ready, read_page, require_few_regions
 from pipeline.survey.drawing.scale import find_bar, measure_bar
 from pipeline.survey.drawing.workings import LIKELY_M, draw_detected, find_workings, wall_gap_px
@@ -46,7 +47,7 @@ def detect_picture(path: Path, stated: StatedOptions) -> Detection:
     section = {"crop_px": crop, "ignore_colours": [{"rgb": rgb} for rgb in ignored], "light_on_dark": inverted}
     picture = make_ready(path, picture, _picture_section(section))
     require_few_regions(path, picture)
-    scale, remarks, files = _detect_scale(path, picture, stated)
+    scale, remarks, files = _detect_scale(path, picture, stated, (page, dpi) if is_pdf else None)
     dark = _workings_mask(picture, scale.get("bar_box_px"))
     per_m = scale["px_per_m"] or 0.0
     found = find_workings(path, picture, dark, per_m, stated)
@@ -120,8 +121,9 @@ def _read_bar(
 
 
 def _detect_scale(
-    path: Path, picture: Image, stated: StatedOptions
+    path: Path, picture: Image, stated: StatedOptions, of_page: tuple[int, float] | None
 ) -> tuple[dict[str, Any], dict[str, str], list[Path]]:
+    """Return the scale, remarks on it and its files; `of_page` is the number and the resolution of a PDF's page."""
     scale: dict[str, Any] = {
         "source": "bar",
         "bar_box_px": None,
@@ -131,6 +133,10 @@ def _detect_scale(
     }
     if stated.px_per_m:
         return {**scale, "source": "stated", "px_per_m": stated.px_per_m}, {"scale": "stated"}, []
+    dpi = None if of_page is None else of_page[1]
+    if stated.ratio:
+        per_m = px_per_m_of(path, stated.ratio, dpi)
+        return {**scale, "source": "stated", "px_per_m": per_m}, {"scale": f"1:{stated.ratio:g} as stated"}, []
     if has_placement(path):
         file, place = world_file(path), read_placement(path)
         per_m = 1.0 / (place.size * place.metres_per_unit)
@@ -139,9 +145,14 @@ def _detect_scale(
             remark += f", whose metre is {place.metres_per_unit:.4f} m on the ground ({place.crs})"
         return {**scale, "source": "georeference", "px_per_m": per_m}, {"scale": remark}, [file] if file else []
     box = _stated_box(path, picture, stated) or find_bar(picture)
+    ratio = ratio_of_page(path, of_page[0]) if box is None and of_page is not None else None
+    if ratio is not None:
+        remark = f"1:{ratio:g} by the text of the page, if it is printed in its own size; else --scale 1:N"
+        return {**scale, "source": "stated", "px_per_m": px_per_m_of(path, ratio, dpi)}, {"scale": remark}, []
     if box is None:
         raise InputError(
-            f"{path}: no scale bar found; state --px-per-m, or --bar-box COL0,ROW0,COL1,ROW1 and --bar-length"
+            f"{path}: no scale bar found; state --px-per-m, --scale 1:N of the paper, or --bar-box COL0,ROW0,COL1,ROW1 "
+            "and --bar-length"
         )
     return {**scale, "bar_box_px": [int(v) for v in box]}, {}, []
 

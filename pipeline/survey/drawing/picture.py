@@ -66,7 +66,7 @@ def _require_page_size(path: Path, page: int, size: tuple[float, float], dpi: fl
 
 
 def fitting_dpi(path: Path, page: int) -> float:
-    """Return the resolution at which a PDF page is read if none is stated: 200, less for a large sheet, with a warning.
+    """Return the resolution at which a PDF page is read if none is stated: 200, less for a large page, with a warning.
 
     Raises
     ------
@@ -81,6 +81,18 @@ def fitting_dpi(path: Path, page: int) -> float:
     dpi = max(_LEAST_DPI, float(math.floor(fits)))
     warn_user(f"{path.name}: page of {width:.0f} x {height:.0f} in; it is read at {dpi:g} dpi; --dpi states another")
     return dpi
+
+
+def page_text(path: Path, page: int) -> str:
+    """Return the text of a PDF's page; it is empty for a scan.
+
+    Raises
+    ------
+    InputError
+        If the file is no PDF, or has no such page.
+    """
+    with _open_page(path, page) as (pdf_page, _):
+        return str(pdf_page.get_textpage().get_text_range())
 
 
 @contextmanager

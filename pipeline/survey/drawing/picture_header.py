@@ -27,13 +27,17 @@ _FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "GIF")
 _PAGED = ("TIFF", "GIF")
 _SUBFILE, _TILE_WIDTH, _TILE_HEIGHT = 254, 322, 323  # tags of a TIFF
 _NO_PAGE = 0b101  # a smaller copy of a picture (an overview), or a mask
+_DPI = (30.0, 10_000.0)  # of scans; a picture of a camera or a screen may state 1
 _MOST_PAGES = 1000
 _WHITE = (255, 65535)  # of 8 and of 16 bits
 
 
 @dataclass(frozen=True)
 class PictureHeader:
-    """Size of a picture, an upper limit of the bytes of a decoded pixel, its orientation by Exif, pages and format."""
+    """Size of a picture, an upper limit of the bytes of a decoded pixel, its orientation by Exif, pages and format.
+
+    `dpi` is the resolution of the scan, None if the file states none, or two that differ.
+    """
 
     width: int
     height: int
@@ -41,6 +45,7 @@ class PictureHeader:
     orientation: int
     pages: int
     format: str
+    dpi: float | None = None
 
 
 def read_header(path: Path) -> PictureHeader:
@@ -82,7 +87,17 @@ def _header_of(path: Path, picture: ImageFile.ImageFile) -> PictureHeader:
         orientation=orientation,
         pages=_count_pages(picture) if picture.format in _PAGED else 1,
         format=picture.format or "",
+        dpi=_dpi_of(picture),
     )
+
+
+def _dpi_of(picture: ImageFile.ImageFile) -> float | None:
+    """Return the resolution that a picture states, the same along both axes."""
+    try:
+        across, along = (float(value) for value in picture.info["dpi"])
+    except (KeyError, TypeError, ValueError, ZeroDivisionError):
+        return None
+    return across if _DPI[0] <= across <= _DPI[1] and abs(across - along) <= 0.01 * across else None
 
 
 def _count_pages(picture: ImageFile.ImageFile) -> int:

@@ -23,7 +23,7 @@ _FREE, _SOLID = 255, 60  # grey values of the picture of a question
 
 
 @dataclass(frozen=True)
-class FreeSpace:
+class FreeCells:
     """The free cells that are built (rows, cols; row 0 in the south), all connected, and where they lie."""
 
     cells: Mask
@@ -55,7 +55,7 @@ class _Areas:
         return f"{self.sizes_m2[number]:.0f} m2 at ({x:.1f}, {y:.1f})"
 
 
-def choose_free_space(path: Path, free: Mask, placement: GridPlacement, start_m: tuple[float, ...] | None) -> FreeSpace:
+def choose_free_space(path: Path, free: Mask, placement: GridPlacement, start_m: tuple[float, ...] | None) -> FreeCells:
     """Return the connected free area that holds the start, or else the largest.
 
     If another area is half as large as the largest, or the largest lies around others up to the edges of the grid, the
@@ -87,7 +87,7 @@ def choose_free_space(path: Path, free: Mask, placement: GridPlacement, start_m:
         )
     chosen = _chosen(path, free, areas, start_m)
     _warn_of_others(path, areas, chosen)
-    return FreeSpace(areas.mask(chosen), placement)
+    return FreeCells(areas.mask(chosen), placement)
 
 
 def _find_areas(free: Mask, placement: GridPlacement) -> _Areas:

@@ -13,7 +13,7 @@ from pipeline.guard.reading_process import warn_user
 from pipeline.types import Mask
 
 _SPECK = 0.5  # of the least thickness: what is smaller is a speck of the scan
-_SAID_M2 = 0.1
+_NAMED_M2 = 0.1
 _CORNER = np.sqrt(2.0) - 1.0  # of the radius of an opening: how far a right-angled corner lies outside of it
 
 
@@ -35,7 +35,7 @@ def drivable_places(path: Path, free: Mask, cell_m: float, narrowest_m: float, t
     clear = _without_specks(path, free, cell_m, thinnest_m)
     wide = open_mask(clear, narrowest_m / 2 / cell_m)
     lost_m2 = float((clear & ~wide).sum()) * cell_m**2
-    if lost_m2 >= _SAID_M2:
+    if lost_m2 >= _NAMED_M2:
         warn_user(
             f"{path.name}: {lost_m2:.1f} m2 of free cells in corners and places narrower than {narrowest_m:g} m are "
             "left out; --narrowest M"
@@ -65,7 +65,7 @@ def _with_thick_walls(path: Path, free: Mask, cell_m: float, thinnest_m: float) 
         return free
     result = free & ~(cv2.dilate(skeletonize(thin).astype(np.uint8), disc(radius_px)) > 0)
     grown_m2 = float((free & ~result).sum()) * cell_m**2
-    if grown_m2 >= _SAID_M2:
+    if grown_m2 >= _NAMED_M2:
         warn_user(
             f"{path.name}: walls thinner than {thinnest_m:g} m are made so thick, which takes {grown_m2:.1f} m2; "
             "--thinnest M"

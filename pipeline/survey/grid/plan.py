@@ -13,7 +13,7 @@ from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.outline.half_level import trace_half_level
 from pipeline.params.survey import GridSurveyParams
 from pipeline.survey.draw import draw_workings, frame_of
-from pipeline.survey.grid.free_space import FreeSpace, choose_free_space
+from pipeline.survey.grid.free_space import FreeCells, choose_free_space
 from pipeline.survey.grid.nav2 import read_nav2_map
 from pipeline.survey.grid.obstacles import drivable_places
 from pipeline.survey.grid.placement import GridPlacement
@@ -55,7 +55,7 @@ def read_grid(params: GridSurveyParams) -> GridReading:
     return GridReading(workings, plan, frame, free.placement.georeference)
 
 
-def read_free_space(params: GridSurveyParams) -> FreeSpace:
+def read_free_space(params: GridSurveyParams) -> FreeCells:
     """Read the free cells of a map that are built.
 
     Raises

@@ -17,6 +17,7 @@ from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import GridSurveyParams, PlanSurveyParams
 from pipeline.survey.detect import detect_survey
+from pipeline.survey.drawing.paper_scale import ratio_in
 from pipeline.survey.drawing.picture import fitting_dpi, turn_picture
 from pipeline.survey.load import read_survey, sources
 from stages.contours import trace_free_space
@@ -316,3 +317,60 @@ def test_the_first_frame_of_a_gif_is_read_as_the_same_picture_in_png(data, capsy
     (data / "cut.gif").write_bytes((data / "plan.gif").read_bytes()[:60])
     with pytest.raises(InputError, match=r"cut\.gif: (the GIF is broken|not a picture)"):
         detect_survey(data / "cut.gif", StatedOptions(px_per_m=1.0))
+
+
+def write_sheet(path, text, ratio=500, dpi=100):
+    """Write a PDF of a cross of drifts at 1:`ratio` with a text beside it."""
+    figure = Figure(figsize=(8, 6))
+    axis = figure.add_axes((0, 0, 1, 1))
+    metres = 0.0254 * ratio
+    axis.set(xlim=(-5, 8 * metres - 5), ylim=(-25, 6 * metres - 25))
+    axis.axis("off")
+    axis.fill(*np.array(TEE.exterior.coords).T, color="black", lw=0)
+    axis.text(0, -15, text)
+    figure.savefig(path)
+    return path
+
+
+@pytest.mark.parametrize("text", ["Scale 1:500", "1 : 500", "SCALE 1:500 (A4)"])
+def test_the_scale_that_a_pages_text_states_is_taken_where_there_is_no_bar(data, text):
+    path = write_sheet(data / "plan.pdf", text)
+    found = detect_survey(path, StatedOptions(dpi=150))
+    assert found.values["scale"]["px_per_m"] == pytest.approx(150 / 0.0254 / 500)
+    assert found.remarks["scale"].startswith("1:500 by the text of the page")
+
+
+def test_a_page_with_several_scales_is_asked_about_and_the_option_states_one(data):
+    path = write_sheet(data / "plan.pdf", "Plan 1:500, section 1:100")
+    with pytest.raises(InputError, match=r"no scale bar found; state --px-per-m, --scale 1:N of the paper"):
+        detect_survey(path, StatedOptions(dpi=150))
+    found = detect_survey(path, StatedOptions(dpi=150, ratio=500))
+    assert found.values["scale"]["px_per_m"] == pytest.approx(150 / 0.0254 / 500)
+
+
+def test_the_scale_of_a_scan_follows_from_its_ratio_and_the_resolution_that_it_states(data):
+    picture = Pillow.fromarray(plan_of(TEE, frame_for(TEE)))
+    picture.save(data / "plan.png", dpi=(300, 300))
+    found = detect_survey(data / "plan.png", StatedOptions(ratio=1500))
+    assert found.values["scale"]["px_per_m"] == pytest.approx(300 / 0.0254 / 1500, rel=1e-3)
+    picture.save(data / "bare.png")
+    with pytest.raises(InputError, match=r"--scale needs the resolution of the scan, which the picture does not state"):
+        detect_survey(data / "bare.png", StatedOptions(ratio=1500))
+
+
+@pytest.mark.parametrize(
+    ("text", "ratio"),
+    [
+        ("Scale 1:2500", 2500),
+        ("1 : 2 500", 2500),
+        ("1:1,000 on A1", 1000),
+        ("at 11:500", None),
+        ("1:1", None),
+        ("12:1:500", None),
+        ("1:500 and again 1:500", 500),
+        ("1:500, 1:1000", None),
+        ("", None),
+    ],
+)
+def test_one_ratio_is_read_from_a_text(text, ratio):
+    assert ratio_in(text) == ratio
