@@ -70,7 +70,7 @@ class StatedOptions(Params):
         default=None,
         ge=1,
         le=1_000_000,
-        description="scale of a drawing whose paper size or resolution the file states",
+        description="scale of a drawing whose file states its resolution",
     )
     unit: Annotated[Unit | None, _option("--unit", FileKind.VECTOR)] = Field(
         default=None, description="unit of a drawing"
