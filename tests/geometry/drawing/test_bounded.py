@@ -6,6 +6,7 @@ from benchmarks.pictures.draw_sheet import draw_sheet
 from pipeline.geometry.drawing import bounded
 from pipeline.geometry.drawing.bounded import read_bounded, share_of
 from pipeline.geometry.drawing.doubts import DrawingError
+from pipeline.geometry.drawing.fills import find_ink, paper_colour
 from pipeline.geometry.drawing.find import read_drawing
 
 
@@ -57,3 +58,15 @@ def test_a_filled_area_keeps_its_border_in_the_copy():
     picture[600:900, 300:2400] = 40
     copy = bounded._copy_of(picture, 1 / 3)
     assert (copy[..., 0] < 128).sum() == 100 * 700
+
+
+@pytest.mark.parametrize("rows", [1, 7, 300, 600])
+def test_the_colour_of_the_paper_and_the_ink_are_those_of_the_whole_picture_though_found_in_strips(rows):
+    rng = np.random.default_rng(rows)
+    picture = np.where(rng.random((rows, 50, 1)) < 0.8, 240 + rng.integers(0, 8, (rows, 50, 3)), 30).astype(np.uint8)
+    coarse = (picture >> 3).reshape(-1, 3)
+    colours, which, counts = np.unique(coarse, axis=0, return_inverse=True, return_counts=True)
+    assert len(colours) == 2
+    paper = np.median(picture.reshape(-1, 3)[which.ravel() == counts.argmax()], axis=0)
+    assert paper_colour(picture).tolist() == paper.tolist()
+    assert (find_ink(picture) == (np.abs(picture - paper.astype(np.int16)).max(axis=2) > 24)).all()
