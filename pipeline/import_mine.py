@@ -265,6 +265,7 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: StatedOption
     lines = [
         f"# @package _global_\n# {WRITTEN_BY_NEW} {name}`; correct wrong values and run it again.",
         f"defaults:\n  - /mine/{'heights' if detected.has_heights else 'own'}  # values and limits of a user's mine",
+        *(["  - /mine/grid  # of occupancy grids"] if detected.values["kind"] == "grid" else []),
         "  - _self_\nsurvey:",
     ]
     for key, value in values.items():

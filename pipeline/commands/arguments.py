@@ -25,6 +25,14 @@ def _whole(text: str) -> int:
     return int(value)
 
 
+def ratio(text: str) -> float:
+    """Return N of a scale, from 1:N or N."""
+    one, _, many = text.rpartition(":")
+    if one.strip() not in ("", "1"):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected 1:N, for example 1:2500")
+    return number(many)
+
+
 def positive(text: str) -> int:
     """Return an integer of 1 or more."""
     value = _whole(text)

@@ -8,12 +8,13 @@ from pathlib import Path
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin
 
-from pipeline.commands.arguments import elevation, grade, number, numbers, piece, positive, whole_numbers
-from pipeline.params.stated import BarBoxPx, Colour, Elevations, SeedPx, StatedOptions, option, state
+from pipeline.commands.arguments import elevation, grade, number, numbers, piece, positive, ratio, whole_numbers
+from pipeline.params.stated import BarBoxPx, Colour, Elevations, Ratio, SeedPx, StatedOptions, option, state
 from pipeline.params.survey import BoxPx, Grade, PieceOption, StartM
 
 _PARSERS: dict[Any, Callable[[str], Any]] = {  # type of a field, or of an item of its list -> parser of its text
     float: number,
+    Ratio: ratio,
     int: positive,
     str: str,
     Path: Path,

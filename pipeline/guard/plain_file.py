@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 from pipeline.errors import InputError, describe_os_error
 from pipeline.params.reader_limits import FILE, reader_limits
-
-_LONE_CR = re.compile(r"\r(?!\n)")
 
 
 def require_plain_file(path: Path) -> None:
@@ -46,25 +43,6 @@ def read_text_bytes(path: Path, limit: str = "text_bytes") -> bytes:
         return data
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-
-
-def read_csv_text(path: Path) -> str:
-    """Return the text of a table: UTF-8 whose lines end with LF or CR LF.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is too large, is not UTF-8, or has lines that end with CR alone.
-    """
-    try:
-        text = read_text_bytes(path).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not UTF-8 text (byte {error.start})") from error
-    lone = _LONE_CR.search(text)
-    if lone:
-        line = text.count("\n", 0, lone.start()) + 1
-        raise InputError(f"{path}:{line}: a line end of CR alone; save the file with line ends of LF or CR LF")
-    return text
 
 
 def require_at_most(path: Path, count: int, limit: str, noun: str) -> None:

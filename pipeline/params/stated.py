@@ -19,6 +19,8 @@ _Px = Annotated[float, Field(ge=-_MOST_PX, le=_MOST_PX)]
 BarBoxPx = tuple[_Px, _Px, _Px, _Px]
 SeedPx = tuple[_Px, _Px]
 Colour = tuple[Grey, Grey, Grey]
+Ratio = Annotated[float, "1:N"]
+"""N of a scale 1:N."""
 Elevations = dict[str, Elevation]
 """The elevation of each layer that is a level, m."""
 
@@ -63,6 +65,12 @@ class StatedOptions(Params):
     )
     bar_box_px: Annotated[BarBoxPx | None, _option("--bar-box", *_PICTURES)] = Field(
         default=None, description="COL0,ROW0,COL1,ROW1 around the bar, px"
+    )
+    ratio: Annotated[Ratio | None, _option("--scale", *_PICTURES, metavar="1:N")] = Field(
+        default=None,
+        ge=1,
+        le=1_000_000,
+        description="scale of a drawing whose file states its resolution",
     )
     unit: Annotated[Unit | None, _option("--unit", FileKind.VECTOR)] = Field(
         default=None, description="unit of a drawing"
@@ -120,6 +128,12 @@ class StatedOptions(Params):
     )
     seeds_px: Annotated[list[SeedPx] | None, _option("--seed", *_PICTURES)] = Field(
         default=None, max_length=1000, description="COL,ROW inside drawn walls"
+    )
+    narrowest_m: Annotated[float | None, _option("--narrowest", FileKind.GRID, metavar="M")] = Field(
+        default=None, ge=0, le=10, description="free places of an occupancy grid that are narrower are left out, m"
+    )
+    thinnest_m: Annotated[float | None, _option("--thinnest", FileKind.GRID, metavar="M")] = Field(
+        default=None, ge=0, le=10, description="walls of an occupancy grid that are thinner are made so thick, m"
     )
     wall_gap_px: Annotated[float | None, _option("--gap", *_PICTURES)] = Field(
         default=None, ge=0, le=200, description="widest gap in drawn walls that is closed, px"

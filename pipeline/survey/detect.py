@@ -15,16 +15,17 @@ from pipeline.guard.reading_process import Payload, one_line, run_limited, warn_
 from pipeline.params.stated import FileKind, StatedOptions, require_read
 from pipeline.params.survey import (
     CentrelineSurveyParams,
+    GridSurveyParams,
     PassageSurveyParams,
     Unit,
     VectorSurveyParams,
 )
 from pipeline.survey.detect_picture import detect_picture
 from pipeline.survey.detection import Detection
-from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M, typical_width_px
+from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
 from pipeline.survey.formats import is_solved, kind_of
 from pipeline.survey.grid.nav2 import nav2_picture
-from pipeline.survey.grid.plan import read_grid
+from pipeline.survey.grid.plan import read_free_space
 from pipeline.survey.levels.walls import axis_of
 from pipeline.survey.vector.drawing_frames import require_walls_alone
 from pipeline.survey.vector.plan_doubts import require_plan
@@ -65,9 +66,8 @@ def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
     stated = stated or StatedOptions()
     require_read(path, kind_of(path), stated)
     payload = run_limited("detect", {"path": str(path), "stated": stated.values()}, str(path), scratch=is_solved(path))
-    found, files = payload.values, [Path(file) for file in payload.values["files"]]
-    picture = payload.arrays.get("detected")
-    return Detection(found["values"], found["remarks"], files, found["width_m"], picture, found["has_heights"])
+    files, picture = [Path(file) for file in payload.values["files"]], payload.arrays.get("detected")
+    return Detection(**payload.values | {"files": files, "picture": picture})
 
 
 def detect_here(path: str, stated: dict[str, Any]) -> Payload:
@@ -83,9 +83,15 @@ def _detect(path: Path, stated: StatedOptions) -> Detection:
 
 
 def _detect_grid(path: Path, stated: StatedOptions) -> Detection:
-    grid = read_grid(path, False)
-    width = typical_width_px(grid.plan[..., 0] < 128) / grid.frame.px_per_m
-    return Detection({"kind": "grid", "map": path.name}, {}, [path, nav2_picture(path)], width)
+    options = stated.model_dump(include={"narrowest_m", "thinnest_m", "entrance_m"}, exclude_none=True)
+    params = GridSurveyParams.model_validate({"kind": "grid", "name": "detect", "map": "data/x", **options})
+    read_free_space(params.model_copy(update={"map": path.as_posix()}))
+    values = {"kind": "grid", "map": path.name, **params.model_dump(include={"narrowest_m", "thinnest_m"})}
+    remarks = {
+        "narrowest_m": "free places narrower than this are left out, m; 0: none",
+        "thinnest_m": "thinner walls are made so thick, specks of half of it are left out, m; 0: neither",
+    }
+    return Detection(values, remarks, [path, nav2_picture(path)])
 
 
 def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:

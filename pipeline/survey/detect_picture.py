@@ -12,17 +12,19 @@ from pydantic import ValidationError
 from pipeline.errors import InputError
 from pipeline.geometry.outline.binarize import dark_pixels
 from pipeline.params.reader_limits import reader_limits
-from pipeline.params.stated import FileKind, StatedOptions
+from pipeline.params.stated import FileKind, StatedOptions, option
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.detection import Detection
 from pipeline.survey.drawing.georeference import has_placement, read_placement, world_file
 from pipeline.survey.drawing.image import read_image
-from pipeline.survey.drawing.picture import make_ready, read_page, require_few_regions
+from pipeline.survey.drawing.paper_scale import px_per_m_of, ratio_of_page
+from pipeline.survey.drawing.picture import USUAL_DPI, fitting_dpi, make_ready, read_page, require_few_regions
 from pipeline.survey.drawing.scale import find_bar, measure_bar
 from pipeline.survey.drawing.workings import LIKELY_M, draw_detected, find_workings, wall_gap_px
 from pipeline.survey.formats import kind_of
 from pipeline.types import Image, Mask
 
+_IN_PX = ("px_per_m", "bar_box_px", "crop_px", "seeds_px", "wall_gap_px")
 _BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
 
 
@@ -36,8 +38,8 @@ def detect_picture(path: Path, stated: StatedOptions) -> Detection:
         doubt a `DoubtError`.
     """
     is_pdf = kind_of(path) is FileKind.PDF
-    dpi = float(stated.dpi or 200.0)
     page, most = int(stated.page or 1), reader_limits().megapixels
+    dpi = stated.dpi or (_fitting_dpi(path, page, stated) if is_pdf else 0.0)
     picture = read_page(path, page, dpi, most) if is_pdf else read_image(path, most)
     crop, ignored = stated.crop_px, stated.ignore_colours or []
     edge = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]]).mean(axis=1)
@@ -45,7 +47,7 @@ def detect_picture(path: Path, stated: StatedOptions) -> Detection:
     section = {"crop_px": crop, "ignore_colours": [{"rgb": rgb} for rgb in ignored], "light_on_dark": inverted}
     picture = make_ready(path, picture, _picture_section(section))
     require_few_regions(path, picture)
-    scale, remarks, files = _detect_scale(path, picture, stated)
+    scale, remarks, files = _detect_scale(path, picture, stated, (page, dpi) if is_pdf else None)
     dark = _workings_mask(picture, scale.get("bar_box_px"))
     per_m = scale["px_per_m"] or 0.0
     found = find_workings(path, picture, dark, per_m, stated)
@@ -87,6 +89,15 @@ def detect_picture(path: Path, stated: StatedOptions) -> Detection:
     return Detection(values, remarks, [path, *files], width_px / per_m, shown)
 
 
+def _fitting_dpi(path: Path, page: int, stated: StatedOptions) -> float:
+    """Return the resolution of a page for which none is stated; values in pixels need the usual one."""
+    dpi = fitting_dpi(path, page)
+    in_px = [option(name).flags[0] for name in _IN_PX if getattr(stated, name) is not None]
+    if dpi != USUAL_DPI and in_px:
+        raise InputError(f"{path}: {in_px[0]} depends on the resolution; state --dpi too, {dpi:g} or less fits")
+    return dpi
+
+
 def _picture_section(values: dict[str, Any]) -> PlanSurveyParams:
     base = {"kind": "plan", "name": "detect", "image": "data/x", "max_megapixels": reader_limits().megapixels}
     try:
@@ -110,8 +121,9 @@ def _read_bar(
 
 
 def _detect_scale(
-    path: Path, picture: Image, stated: StatedOptions
+    path: Path, picture: Image, stated: StatedOptions, of_page: tuple[int, float] | None
 ) -> tuple[dict[str, Any], dict[str, str], list[Path]]:
+    """Return the scale, remarks on it and its files; `of_page` is the number and the resolution of a PDF's page."""
     scale: dict[str, Any] = {
         "source": "bar",
         "bar_box_px": None,
@@ -121,6 +133,10 @@ def _detect_scale(
     }
     if stated.px_per_m:
         return {**scale, "source": "stated", "px_per_m": stated.px_per_m}, {"scale": "stated"}, []
+    dpi = None if of_page is None else of_page[1]
+    if stated.ratio:
+        per_m = px_per_m_of(path, stated.ratio, dpi)
+        return {**scale, "source": "stated", "px_per_m": per_m}, {"scale": f"1:{stated.ratio:g} as stated"}, []
     if has_placement(path):
         file, place = world_file(path), read_placement(path)
         per_m = 1.0 / (place.size * place.metres_per_unit)
@@ -129,9 +145,14 @@ def _detect_scale(
             remark += f", whose metre is {place.metres_per_unit:.4f} m on the ground ({place.crs})"
         return {**scale, "source": "georeference", "px_per_m": per_m}, {"scale": remark}, [file] if file else []
     box = _stated_box(path, picture, stated) or find_bar(picture)
+    ratio = ratio_of_page(path, of_page[0]) if box is None and of_page is not None else None
+    if ratio is not None:
+        remark = f"1:{ratio:g} by the text of the page, if it is printed in its own size; else --scale 1:N"
+        return {**scale, "source": "stated", "px_per_m": px_per_m_of(path, ratio, dpi)}, {"scale": remark}, []
     if box is None:
         raise InputError(
-            f"{path}: no scale bar found; state --px-per-m, or --bar-box COL0,ROW0,COL1,ROW1 and --bar-length"
+            f"{path}: no scale bar found; state --px-per-m, --scale 1:N of the paper, or --bar-box COL0,ROW0,COL1,ROW1 "
+            "and --bar-length"
         )
     return {**scale, "bar_box_px": [int(v) for v in box]}, {}, []
 

@@ -10,11 +10,16 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.params.survey.base import DrawnSurveyParams
 from pipeline.survey.drawing.picture_header import MAX_SIDE_PX
 from pipeline.types import Frame, Image
 
 _OVERSAMPLE = 4
 _LETTER_HEIGHT_M = 12.0
+WIDEST_M = 20_000.0  # of a survey
+_SMALLEST_M = 1.0  # a robot is half as long
+_FINEST_PX_PER_M, _WIDEST_PX = 8.0, 6000
+_ORIGIN_AT = 0.25  # of a pixel: walls at whole and half metres then miss pixel centres, where rounding would decide
 _MAX_PIXELS = 64e6  # drawing fills 16 times as many, because of oversampling
 
 
@@ -32,6 +37,30 @@ def frame_around(extent_m: tuple[float, float, float, float], px_per_m: float, s
             f"(at most {_MAX_PIXELS:.0f}, {MAX_SIDE_PX} a side)"
         )
     return Frame(px_per_m, left + share, above + share, left + right, above + below)
+
+
+def frame_of(name: str, workings: BaseGeometry, params: DrawnSurveyParams, size_by: str = "survey.unit") -> Frame:
+    """Return the pixel grid of the drawing of a survey in metres; errors have its `name` and what states its size.
+
+    Raises
+    ------
+    InputError
+        If the workings are longer than 20 km or shorter than 1 m.
+    """
+    west, south, east, north = workings.bounds
+    m = params.margin_m
+    widest = max(east - west, north - south) + 2 * m
+    if widest > WIDEST_M:
+        raise InputError(
+            f"{name}: the workings extend over {widest:.0f} m, the limit is {WIDEST_M:,.0f} m; is {size_by} right?"
+        )
+    if max(east - west, north - south) < _SMALLEST_M:
+        raise InputError(
+            f"{name}: the workings are {max(east - west, north - south):.2g} m long, at least "
+            f"{_SMALLEST_M:g} m is needed; is {size_by} right?"
+        )
+    per_m = params.px_per_m or min(_FINEST_PX_PER_M, _WIDEST_PX / widest)
+    return frame_around((west - m, south - m, east + m, north + m), per_m, _ORIGIN_AT)
 
 
 def draw_workings(

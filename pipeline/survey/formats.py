@@ -48,7 +48,7 @@ def _read_dxf(path: Path, layers: list[str] | None) -> Shapes:
 
 
 FORMATS: dict[str, Format] = {
-    **dict.fromkeys((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"), Format(FileKind.PICTURE)),
+    **dict.fromkeys((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".gif"), Format(FileKind.PICTURE)),
     ".pdf": Format(FileKind.PDF),
     **dict.fromkeys((".yaml", ".yml"), Format(FileKind.GRID)),
     ".dxf": Format(FileKind.VECTOR, shapes=_read_dxf),

@@ -19,7 +19,7 @@ from pipeline.params.survey import PlanSurveyParams, PosesParams, StationSurveyP
 from pipeline.scans.poses import PoseScale, scale_from_poses
 from pipeline.scans.sweeps import gate_returns, read_poses, read_returns
 from pipeline.store.registry import read_registry
-from pipeline.survey.draw import draw_plan, frame_around
+from pipeline.survey.draw import WIDEST_M, draw_plan, frame_around
 from pipeline.survey.drawing.georeference import read_placement, world_file
 from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.picture import (
@@ -39,7 +39,7 @@ from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.start import start_in_plan
 from pipeline.survey.stations.table import read_stations
 from pipeline.survey.surfaces import height_files, read_heights
-from pipeline.survey.vector_survey import WIDEST_M, read_vector_survey, vector_files
+from pipeline.survey.vector_survey import read_vector_survey, vector_files
 from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Scale, Survey, Workings
 
 Box = tuple[int, int, int, int]
@@ -139,8 +139,9 @@ def _read_by_kind(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
         case "stations" | "plan":
             read = _read_scaled(params)
         case "grid":
-            grid = read_grid(Path(params.map), params.unknown_is_free)
-            read = _Drawn(grid.plan, grid.frame, Scale(grid.frame.px_per_m, "map"), grid.georeference)
+            grid = read_grid(params)
+            scale = Scale(grid.frame.px_per_m, "map")
+            read = _Drawn(grid.plan, grid.frame, scale, grid.georeference, workings=grid.workings)
         case _:
             found = read_vector_survey(params)
             scale = Scale(found.frame.px_per_m, "drawn")

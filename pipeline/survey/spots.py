@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.guard.plain_file import read_csv_text, require_at_most
+from pipeline.guard.csv_text import read_csv_text, separator_of
+from pipeline.guard.plain_file import require_at_most
 from pipeline.guard.plain_number import plain_number
 from pipeline.survey.vector.shapes import REACH_M
 from pipeline.types import Georeference, Heights
@@ -31,7 +32,9 @@ def read_spots(path: Path, georeference: Georeference) -> Heights:
         message names the line or the place.
     """
     try:
-        reader = csv.DictReader(io.StringIO(read_csv_text(path)), strict=True)
+        text = read_csv_text(path)
+        separator = separator_of(text)
+        reader = csv.DictReader(io.StringIO(text), strict=True, delimiter=separator)
         missing = [column for column in _COLUMNS if column not in (reader.fieldnames or [])]
         if missing:
             raise InputError(f"{path}: no column {', '.join(missing)}; expected {','.join(_COLUMNS)}")
@@ -42,6 +45,8 @@ def read_spots(path: Path, georeference: Georeference) -> Heights:
         for row in reader:
             if None in row:
                 raise InputError(f"{path}:{reader.line_num}: more fields than columns")
+            if separator != ",":  # where a comma does not part columns it may begin the decimals
+                row = {column: (row[column] or "").replace(",", ".") for column in _COLUMNS}
             rows.append([_number(path, reader.line_num, column, row[column]) for column in _COLUMNS])
             require_at_most(path, len(rows), "stations", "spots or more")
     except csv.Error as error:

@@ -25,7 +25,7 @@ from pipeline.params.survey import (
     VariantSurveyParams,
     VectorSurveyParams,
 )
-from pipeline.survey.draw import draw_picture, draw_workings, frame_around
+from pipeline.survey.draw import draw_picture, draw_workings, frame_of
 from pipeline.survey.formats import is_solved, leg_reader
 from pipeline.survey.levels.areas import areas_of
 from pipeline.survey.levels.sheets import lay_out_levels
@@ -47,11 +47,7 @@ from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Seam
 VectorSurvey = (
     VectorSurveyParams | PassageSurveyParams | CentrelineSurveyParams | ProceduralSurveyParams | VariantSurveyParams
 )
-WIDEST_M = 20_000.0  # of a survey
-_SMALLEST_M = 1.0  # a robot is half as long
 _MOST_LAYERS = 8  # that a message names
-_FINEST_PX_PER_M, _WIDEST_PX = 8.0, 6000
-_ORIGIN_AT = 0.25  # of a pixel: walls at whole and half metres then miss pixel centres, where rounding would decide
 
 
 @dataclass(frozen=True)
@@ -96,21 +92,7 @@ def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> V
     workings = read.polygons
     if workings.is_empty:
         raise InputError(f"{_name(params)}: the workings have no area")
-    west, south, east, north = workings.bounds
-    m = params.margin_m
-    widest = max(east - west, north - south) + 2 * m
-    if widest > WIDEST_M:
-        raise InputError(
-            f"{_name(params)}: the workings extend over {widest:.0f} m, the limit is {WIDEST_M:,.0f} m; "
-            "is survey.unit right?"
-        )
-    if max(east - west, north - south) < _SMALLEST_M:
-        raise InputError(
-            f"{_name(params)}: the workings are {max(east - west, north - south):.2g} m long, at least "
-            f"{_SMALLEST_M:g} m is needed; is survey.unit right?"
-        )
-    per_m = params.px_per_m or min(_FINEST_PX_PER_M, _WIDEST_PX / widest)
-    frame = frame_around((west - m, south - m, east + m, north + m), per_m, _ORIGIN_AT)
+    frame = frame_of(_name(params), workings, params)
     if params.kind != "procedural" or not params.as_picture:
         plan = draw_workings(workings, frame, params.labels_m, params.drawing_grey)
         return VectorReading(workings, read.georeference, read.heights, plan, frame)

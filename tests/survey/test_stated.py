@@ -77,6 +77,7 @@ def test_every_field_is_an_option_of_the_command_line_read_with_some_kind_of_fil
         "--px-per-m": ("8", 8.0),
         "--bar-length": ("20", 20.0),
         "--bar-box": ("1,2,3.5,4", (1.0, 2.0, 3.5, 4.0)),
+        "--scale": ("1:2500", 2500.0),
         "--unit": ("mm", "mm"),
         "--half-width": ("2.5", 2.5),
         "--heights": ("h.csv", Path("h.csv")),
@@ -93,6 +94,8 @@ def test_every_field_is_an_option_of_the_command_line_read_with_some_kind_of_fil
         "--crop": ("0,0,5,5", (0, 0, 5, 5)),
         "--level": ("1", 1),
         "--seed": ("5,6", [(5.0, 6.0)]),
+        "--narrowest": ("0.4", 0.4),
+        "--thinnest": ("0", 0.0),
         "--gap": ("4", 4.0),
         "--ignore": ("1,2,3", [(1, 2, 3)]),
     }

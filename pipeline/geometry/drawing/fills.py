@@ -9,6 +9,7 @@ from pipeline.geometry.outline.binarize import disc, fill_islands
 from pipeline.types import Image, Mask
 
 _INK = 24  # difference of a channel from the paper; compression changes paper by less
+_STRIP_ROWS = 256
 _STROKE_PX = 3.0  # half the thickness of what is an area and no line
 _NARROW = 0.15  # of the drifts' width: thinner parts are lines and letters that touch the area
 _LETTER = 0.3  # of the drifts' width: the side of the largest hole that is a light letter
@@ -25,10 +26,31 @@ _IN_FILLING = 0.3  # of its rim that is filling round a light letter; outlines a
 
 def paper_colour(picture: Image) -> np.ndarray:
     """Return the most frequent colour (3,) of a picture, in steps of 8."""
+    counts = np.sum([np.bincount(_coarse(strip), minlength=1 << 15) for strip in _strips(picture)], axis=0)
+    most = int(counts.argmax())
+    values = np.zeros((3, 256), np.int64)
+    for strip in _strips(picture):
+        alike = strip.reshape(-1, 3)[_coarse(strip) == most]
+        values += [np.bincount(alike[:, channel], minlength=256) for channel in range(3)]
+    return np.array([_median_of(counts) for counts in values])
+
+
+def _median_of(counts: np.ndarray) -> float:
+    """Return the median of values of which value k occurs counts[k] times."""
+    below, count = np.cumsum(counts), int(counts.sum())
+    low, high = np.searchsorted(below, [(count - 1) // 2 + 1, count // 2 + 1])
+    return (int(low) + int(high)) / 2
+
+
+def _coarse(picture: Image) -> np.ndarray:
+    """Return a number of 15 bits for the colour of each pixel, in steps of 8."""
     coarse = (picture >> 3).reshape(-1, 3).astype(np.int32)
-    code = (coarse[:, 0] << 10) | (coarse[:, 1] << 5) | coarse[:, 2]
-    most = int(np.bincount(code).argmax())
-    return np.median(picture.reshape(-1, 3)[code == most], axis=0)
+    return np.asarray((coarse[:, 0] << 10) | (coarse[:, 1] << 5) | coarse[:, 2])
+
+
+def _strips(picture: Image) -> list[Image]:
+    """Return a picture in strips, so that numbers wider than its own need little memory."""
+    return [picture[row : row + _STRIP_ROWS] for row in range(0, len(picture), _STRIP_ROWS)]
 
 
 def find_ink(picture: Image) -> Mask:

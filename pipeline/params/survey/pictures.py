@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from pipeline.params.base import DataFile, Params
-from pipeline.params.survey.base import BaseSurveyParams, ScaledSurveyParams
+from pipeline.params.survey.base import DrawnSurveyParams, ScaledSurveyParams
 from pipeline.params.survey.values import BoxM, BoxPx, Grey
 
 
@@ -73,9 +73,21 @@ class PlanSurveyParams(ScaledSurveyParams):
     wall_gap_px: float = Field(default=3.0, ge=0, le=200, description="gaps in drawn walls up to this width are closed")
 
 
-class GridSurveyParams(BaseSurveyParams):
-    """A ROS occupancy grid: `map.yaml` and its image."""
+class GridSurveyParams(DrawnSurveyParams):
+    """A ROS occupancy grid: `map.yaml` and its image. Its free cells are the workings."""
 
     kind: Literal["grid"] = Field(description="what the survey is read as")
     map: DataFile = Field(description="the map.yaml of a ROS occupancy grid, below data/")
     unknown_is_free: bool = Field(default=False, description="unknown cells are workings, not rock")
+    narrowest_m: float = Field(
+        default=0.6,  # the robot is 0.7 m wide
+        ge=0,
+        le=10,
+        description="free places narrower than this are left out, such as rays of a scanner through windows; 0: none",
+    )
+    thinnest_m: float = Field(
+        default=0.3,
+        ge=0,
+        le=10,
+        description="thinner walls are made so thick, and specks smaller than half of it are left out; 0: neither",
+    )

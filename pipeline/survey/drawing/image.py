@@ -10,20 +10,37 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.drawing.picture_header import read_header, require_picture_size, require_size, turn_upright
+from pipeline.survey.drawing.picture_header import (
+    read_first_frame,
+    read_header,
+    require_picture_size,
+    require_size,
+    turn_upright,
+)
 from pipeline.types import Image
 
 _STRIP_ROWS = 512  # conversions work on strips, so that they need little memory beside the picture
 
 
 def read_image(path: Path, max_megapixels: float) -> Image:
+    """Read an image file of a plan as BGR: as `read_pixels`, and it must have more than one colour.
+
+    Raises
+    ------
+    InputError
+        If the file is empty, unreadable, too large or of one colour only.
+    """
+    return require_workings_drawn(path, read_pixels(path, max_megapixels))
+
+
+def read_pixels(path: Path, max_megapixels: float) -> Image:
     """Read an image file as BGR.
 
     Parameters
     ----------
     path : Path
-        PNG, JPEG, TIFF, BMP or PNM. The header is checked before pixels are decoded. The picture is turned upright as
-        its Exif data say. Of a TIFF with several pages the first is read, with a warning.
+        PNG, JPEG, TIFF, BMP, PNM or GIF. The header is checked before pixels are decoded. The picture is turned upright
+        as its Exif data say. Of several pages of a TIFF or frames of a GIF the first is read, with a warning.
     max_megapixels : float
         Upper limit of the image's size.
 
@@ -34,7 +51,7 @@ def read_image(path: Path, max_megapixels: float) -> Image:
     Raises
     ------
     InputError
-        If the file is empty, unreadable, too large or of one colour only.
+        If the file is empty, unreadable or too large.
     """
     size = path.stat().st_size
     if not size:
@@ -43,6 +60,19 @@ def read_image(path: Path, max_megapixels: float) -> Image:
         raise InputError(f"{path}: {size:,} bytes, the limit is {reader_limits().file_bytes:,} (file_bytes in {FILE})")
     header = read_header(path)
     require_picture_size(path, header, max_megapixels)
+    picture = read_first_frame(path) if header.format == "GIF" else _decode(path)
+    require_size(path, picture.shape[1], picture.shape[0], max_megapixels)
+    _require_known_depth(path, picture)
+    if header.format != "TIFF":  # OpenCV turns a TIFF upright
+        picture = turn_upright(picture, header.orientation)
+    if header.pages > 1:
+        warn_user(f"{path.name}: the first of {header.pages} pages is read; save another one as a file of its own")
+    if picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[2] not in (3, 4)):
+        raise InputError(f"{path}: {picture.shape[2:]} channels; grey, colour and transparency are read")
+    return _to_bgr(picture)
+
+
+def _decode(path: Path) -> np.ndarray:
     data = np.fromfile(path, dtype=np.uint8)
     try:
         picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
@@ -50,15 +80,7 @@ def read_image(path: Path, max_megapixels: float) -> Image:
         raise InputError(f"{path}: its pixels cannot be decoded; save it as PNG") from error
     if picture is None:
         raise InputError(f"{path}: its pixels cannot be decoded; is it cut off ({data.size} bytes)?")
-    require_size(path, picture.shape[1], picture.shape[0], max_megapixels)
-    _require_known_depth(path, picture)
-    if not header.is_tiff:  # OpenCV turns a TIFF upright
-        picture = turn_upright(picture, header.orientation)
-    if header.pages > 1:
-        warn_user(f"{path.name}: the first of {header.pages} pages is read; save another one as a file of its own")
-    if picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[2] not in (3, 4)):
-        raise InputError(f"{path}: {picture.shape[2:]} channels; grey, colour and transparency are read")
-    return require_workings_drawn(path, _to_bgr(picture))
+    return picture
 
 
 def _require_known_depth(path: Path, picture: np.ndarray) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
@@ -9,7 +12,7 @@ import numpy as np
 import pypdfium2
 
 from pipeline.errors import GeometryError, InputError
-from pipeline.geometry.drawing.find import read_drawing
+from pipeline.geometry.drawing.bounded import read_bounded
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
 from pipeline.geometry.outline.binarize import dark_pixels
 from pipeline.guard.plain_file import read_text_bytes
@@ -19,6 +22,9 @@ from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.drawing.image import read_image, require_workings_drawn
 from pipeline.survey.drawing.picture_header import MAX_SIDE_PX
 from pipeline.types import Image
+
+USUAL_DPI, _LEAST_DPI = 200.0, 36.0  # of a page if none is stated, and the least that may be
+_FITTING_PX = 40e6  # of a page: reading takes about 25 bytes a pixel beside libraries, 1 GB in all
 
 
 def read_picture(path: Path, params: PlanSurveyParams) -> Image:
@@ -42,21 +48,62 @@ def read_page(path: Path, page: int, dpi: float, max_megapixels: float) -> Image
     InputError
         If the file is not PDF, has no such page, or the page exceeds the limits on size.
     """
+    with _open_page(path, page) as (pdf_page, pages):
+        if pages > 1:
+            warn_user(f"{path.name}: page {page} of {pages} is read; --page states another")
+        _require_page_size(path, page, pdf_page.get_size(), dpi, max_megapixels)
+        return np.ascontiguousarray(pdf_page.render(scale=dpi / 72).to_numpy()[..., :3])
+
+
+def _require_page_size(path: Path, page: int, size: tuple[float, float], dpi: float, max_megapixels: float) -> None:
+    """Refuse a page of a size, points, that is too large or too small at a resolution."""
+    width, height = (side * dpi / 72 for side in size)
+    if max(width, height) > MAX_SIDE_PX or width * height > max_megapixels * 1e6 or min(width, height) < 8:
+        raise InputError(
+            f"{path}: page {page} is {width:.0f} x {height:.0f} px at survey.dpi = {dpi:g}; "
+            f"the limits are {MAX_SIDE_PX} px a side and {max_megapixels:g} megapixels; --dpi states another"
+        )
+
+
+def fitting_dpi(path: Path, page: int) -> float:
+    """Return the resolution at which a PDF page is read if none is stated: 200, less for a large page, with a warning.
+
+    Raises
+    ------
+    InputError
+        If the file is no PDF, or has no such page.
+    """
+    with _open_page(path, page) as (pdf_page, _):
+        width, height = (side / 72 for side in pdf_page.get_size())
+    fits = math.sqrt(_FITTING_PX / max(width * height, 1e-9))
+    if fits >= USUAL_DPI:
+        return USUAL_DPI
+    dpi = max(_LEAST_DPI, float(math.floor(fits)))
+    warn_user(f"{path.name}: page of {width:.0f} x {height:.0f} in; it is read at {dpi:g} dpi; --dpi states another")
+    return dpi
+
+
+def page_text(path: Path, page: int) -> str:
+    """Return the text of a PDF's page; it is empty for a scan.
+
+    Raises
+    ------
+    InputError
+        If the file is no PDF, or has no such page.
+    """
+    with _open_page(path, page) as (pdf_page, _):
+        return str(pdf_page.get_textpage().get_text_range())
+
+
+@contextmanager
+def _open_page(path: Path, page: int) -> Iterator[tuple[pypdfium2.PdfPage, int]]:
+    """Open a page of a PDF; yield it and the number of pages."""
     try:
         document = pypdfium2.PdfDocument(read_text_bytes(path))
         try:
             if page > len(document):
                 raise InputError(f"{path}: survey.page = {page}: the document has {len(document)} pages")
-            if len(document) > 1:
-                warn_user(f"{path.name}: page {page} of {len(document)} is read; --page states another")
-            pdf_page = document[page - 1]
-            width, height = (side * dpi / 72 for side in pdf_page.get_size())
-            if max(width, height) > MAX_SIDE_PX or width * height > max_megapixels * 1e6 or min(width, height) < 8:
-                raise InputError(
-                    f"{path}: page {page} is {width:.0f} x {height:.0f} px at survey.dpi = {dpi:g}; "
-                    f"the limits are {MAX_SIDE_PX} px a side and {max_megapixels:g} megapixels"
-                )
-            return np.ascontiguousarray(pdf_page.render(scale=dpi / 72).to_numpy()[..., :3])
+            yield document[page - 1], len(document)
         finally:
             document.close()
     except pypdfium2.PdfiumError as error:
@@ -134,7 +181,7 @@ def keep_workings(path: Path, picture: Image, level: int | None) -> Image:
         If the workings are not found beyond doubt. The message names the option that settles it.
     """
     try:
-        inside = read_drawing(picture, level).mask
+        inside = read_bounded(picture, level).mask
     except GeometryError as error:
         raise InputError(f"{path}: {error}") from error
     return np.where(inside[..., None], 40, 255).astype(np.uint8).repeat(3, axis=2)

@@ -1,6 +1,6 @@
 """Read a picture's header by Pillow, before OpenCV decodes any pixel.
 
-Only PNG, JPEG, TIFF, BMP and PNM are read. OpenCV alone would choose any of its decoders by content.
+Only PNG, JPEG, TIFF, BMP, PNM and GIF are read. OpenCV alone would choose any of its decoders by content.
 """
 
 from __future__ import annotations
@@ -23,23 +23,29 @@ MAX_SIDE_PX = 16_384  # the largest framebuffer of OSMesa, in which stage 6 rend
 Pillow.MAX_IMAGE_PIXELS = None  # `require_size` has the limits
 PngImagePlugin.MAX_TEXT_CHUNK = 2**24  # bytes of a colour profile; those of printers have a few million
 logging.getLogger("PIL").setLevel(logging.CRITICAL + 1)  # it writes lines of its own before it raises
-_FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM")
+_FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "GIF")
+_PAGED = ("TIFF", "GIF")
 _SUBFILE, _TILE_WIDTH, _TILE_HEIGHT = 254, 322, 323  # tags of a TIFF
 _NO_PAGE = 0b101  # a smaller copy of a picture (an overview), or a mask
+_DPI = (30.0, 10_000.0)  # of scans; a picture of a camera or a screen may state 1
 _MOST_PAGES = 1000
 _WHITE = (255, 65535)  # of 8 and of 16 bits
 
 
 @dataclass(frozen=True)
 class PictureHeader:
-    """Size of a picture, an upper limit of the bytes of a decoded pixel, its orientation by Exif, and its pages."""
+    """Size of a picture, an upper limit of the bytes of a decoded pixel, its orientation by Exif, pages and format.
+
+    `dpi` is the resolution of the scan, None if the file states none, or two that differ.
+    """
 
     width: int
     height: int
     pixel_bytes: int
     orientation: int
     pages: int
-    is_tiff: bool
+    format: str
+    dpi: float | None = None
 
 
 def read_header(path: Path) -> PictureHeader:
@@ -56,7 +62,7 @@ def read_header(path: Path) -> PictureHeader:
     except (InputError, MemoryError):
         raise
     except Exception as error:  # Pillow passes on every exception of its parsers
-        reason = "the header is broken, or it is none of PNG, JPEG, TIFF, BMP and PNM"
+        reason = "the header is broken, or it is none of PNG, JPEG, TIFF, BMP, PNM and GIF"
         raise InputError(f"{path}: not a picture that can be read: {reason} ({path.stat().st_size} bytes)") from error
 
 
@@ -79,19 +85,46 @@ def _header_of(path: Path, picture: ImageFile.ImageFile) -> PictureHeader:
         height=max(picture.height, tags.get(_TILE_HEIGHT, 0)),
         pixel_bytes=channels * depth,
         orientation=orientation,
-        pages=_count_pages(picture) if picture.format == "TIFF" else 1,
-        is_tiff=picture.format == "TIFF",
+        pages=_count_pages(picture) if picture.format in _PAGED else 1,
+        format=picture.format or "",
+        dpi=_dpi_of(picture),
     )
 
 
+def _dpi_of(picture: ImageFile.ImageFile) -> float | None:
+    """Return the resolution that a picture states, the same along both axes."""
+    try:
+        across, along = (float(value) for value in picture.info["dpi"])
+    except (KeyError, TypeError, ValueError, ZeroDivisionError):
+        return None
+    return across if _DPI[0] <= across <= _DPI[1] and abs(across - along) <= 0.01 * across else None
+
+
 def _count_pages(picture: ImageFile.ImageFile) -> int:
-    """Return how many pictures a TIFF holds, without overviews and masks; a broken list ends the count."""
+    """Return how many pictures a TIFF or a GIF holds, without overviews and masks; a broken list ends the count."""
     pages = 0
     with suppress(Exception):
         for number in range(_MOST_PAGES):
             picture.seek(number)
             pages += not getattr(picture, "tag_v2", {}).get(_SUBFILE, 0) & _NO_PAGE
     return max(pages, 1)
+
+
+def read_first_frame(path: Path) -> np.ndarray:
+    """Return the first frame of a GIF as (rows, cols, 4) uint8: blue, green, red, opacity.
+
+    Raises
+    ------
+    InputError
+        If it cannot be decoded.
+    """
+    try:
+        with warnings.catch_warnings(action="ignore"), Pillow.open(path, formats=("GIF",)) as picture:
+            return np.asarray(picture.convert("RGBA"))[..., [2, 1, 0, 3]]
+    except MemoryError:
+        raise
+    except Exception as error:  # Pillow passes on every exception of its parsers
+        raise InputError(f"{path}: the GIF is broken ({path.stat().st_size} bytes)") from error
 
 
 def require_picture_size(path: Path, header: PictureHeader, max_megapixels: float) -> None:

@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 
 from pipeline.errors import DoubtError, GeometryError, InputError
+from pipeline.geometry.drawing.bounded import read_bounded, share_of
 from pipeline.geometry.drawing.doubts import DrawingError
 from pipeline.geometry.drawing.fills import find_ink
-from pipeline.geometry.drawing.find import read_drawing
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.types import Image, Mask
@@ -71,10 +72,14 @@ def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, state
     if _is_clean(picture, whole.mask):
         return whole
     try:
-        drawing = read_drawing(picture, stated.level)
+        drawing = read_bounded(picture, stated.level)
     except GeometryError as error:
         found = error.found if isinstance(error, DrawingError) else None
         raise DoubtError(f"{path}: {error}", draw_detected(picture, found, None)) from error
+    if (share := share_of(picture)) < 1.0:
+        warn_user(
+            f"{path.name}: the workings are found at {100 * share:.0f} % of the picture's size; --crop keeps more"
+        )
     if (drawing.mask & whole.mask).sum() >= _SAME * (drawing.mask | whole.mask).sum():
         return whole
     return FoundWorkings(drawing.mask, drawing.width_px, workings_only=True)

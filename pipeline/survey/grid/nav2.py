@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Literal
 
 import cv2
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pipeline.errors import InputError, ParamsError
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import reader_limits
 from pipeline.params.reading.plain_yaml import load_plain_yaml
-from pipeline.survey.drawing.image import read_image
+from pipeline.survey.drawing.image import read_pixels
 from pipeline.types import Mask
+
+_UNKNOWN_GREY = 205  # what map_saver writes for unknown cells
+_LONGEST_BYTES = 255  # of a file's name on Linux
 
 
 class _MapFile(BaseModel):
@@ -24,7 +29,7 @@ class _MapFile(BaseModel):
 
     image: str
     resolution: float = Field(gt=0)
-    origin: tuple[float, float, float]
+    origin: list[float]
     negate: bool = False
     occupied_thresh: float = Field(default=0.65, ge=0, le=1)
     free_thresh: float = Field(default=0.25, ge=0, le=1)
@@ -58,29 +63,53 @@ def read_nav2_map(path: Path) -> Nav2Map:
     Nav2 map_server, "Map yaml format". A cell's occupancy is (255 - grey) / 255, or grey / 255 if negated.
     """
     header = _read_map_file(path)
-    picture = path.parent / header.image
-    if not picture.is_file():
-        raise InputError(
-            f"{picture}: {'not a plain file' if picture.exists() else 'missing'}, though {path.name} names it"
-        )
-    grey = cv2.cvtColor(read_image(picture, reader_limits().map_megapixels), cv2.COLOR_BGR2GRAY)
-    share = grey[::-1] / 255.0 if header.negate else 1.0 - grey[::-1] / 255.0
+    picture = _picture_of(path, header)
+    grey = cv2.cvtColor(read_pixels(picture, reader_limits().map_megapixels), cv2.COLOR_BGR2GRAY)
     x, y, yaw = header.origin
     if header.mode == "raw":
-        value = grey[::-1].astype(float)
+        value = grey[::-1]
         return Nav2Map(value == 0, (value > 0) & (value <= 100), (x, y), yaw, header.resolution)
-    return Nav2Map(share < header.free_thresh, share > header.occupied_thresh, (x, y), yaw, header.resolution)
+    share = np.arange(256) / 255.0 if header.negate else 1.0 - np.arange(256) / 255.0
+    is_free, is_occupied = share < header.free_thresh, share > header.occupied_thresh
+    unknown = int((grey == _UNKNOWN_GREY).sum()) if is_free[_UNKNOWN_GREY] else 0
+    if unknown:
+        warn_user(
+            f"{path.name}: {unknown} cells of grey {_UNKNOWN_GREY}, often unknown ones, are free by free_thresh = "
+            f"{header.free_thresh:g}; 0.196 leaves them out"
+        )
+    return Nav2Map(is_free[grey[::-1]], is_occupied[grey[::-1]], (x, y), yaw, header.resolution)
 
 
 def nav2_picture(path: Path) -> Path:
-    """Return the picture that a map's YAML file names.
+    """Return the picture of a map: the one that its YAML file names, or the one of that name beside it.
 
     Raises
     ------
     InputError
-        If the YAML file does not describe a map, or the picture is outside its folder.
+        If the YAML file does not describe a map, or the picture is missing or outside its folder.
     """
-    return path.parent / _read_map_file(path).image
+    return _picture_of(path, _read_map_file(path))
+
+
+def _picture_of(path: Path, header: _MapFile) -> Path:
+    named = path.parent / header.image
+    is_inside = named.resolve().is_relative_to(path.parent.resolve())
+    if is_inside and named.is_file():
+        return named
+    # The path may be of another machine, of Windows too, or begin with `$(find package)`.
+    beside = path.parent / PurePosixPath(header.image.replace("\\", "/")).name
+    if beside.is_file() and beside.resolve().is_relative_to(path.parent.resolve()):
+        warn_user(f"{path.name}: the picture {beside.name} beside it is read, as image = {_short(header.image)} is not")
+        return beside
+    image = f"image = {_short(header.image)}"
+    if is_inside and named.exists():
+        raise InputError(f"{path}: {image} is not a plain file")
+    where = "is missing" if is_inside else f"is outside the map's folder, and no plain file {beside.name} is beside it"
+    raise InputError(f"{path}: {image} {where}; put the picture beside the map and write its name there")
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= 40 else f"...{name[-37:]}"
 
 
 def _read_map_file(path: Path) -> _MapFile:
@@ -91,8 +120,9 @@ def _read_map_file(path: Path) -> _MapFile:
     except ValidationError as error:
         first = error.errors()[0]
         raise InputError(f"{path}: {'.'.join(map(str, first['loc'])) or 'map'}: {first['msg']}") from error
-    if not (math.isfinite(header.resolution) and all(map(math.isfinite, header.origin))):
-        raise InputError(f"{path}: resolution = {header.resolution}, origin = {header.origin}: expected finite numbers")
+    _require_origin(path, header)
+    if not math.isfinite(header.resolution):
+        raise InputError(f"{path}: resolution = {header.resolution}: expected a finite number, m a cell")
     if header.free_thresh > header.occupied_thresh:
         raise InputError(
             f"{path}: free_thresh = {header.free_thresh} exceeds occupied_thresh = {header.occupied_thresh}: "
@@ -100,6 +130,18 @@ def _read_map_file(path: Path) -> _MapFile:
         )
     if not header.image.isprintable():
         raise InputError(f"{path}: image = {header.image[:80]!r} holds line breaks or control characters")
-    if not (path.parent / header.image).resolve().is_relative_to(path.parent.resolve()):
-        raise InputError(f"{path}: image = {header.image[:80]!r} is outside the map's folder")
+    if len(header.image.encode()) > _LONGEST_BYTES:
+        raise InputError(f"{path}: image has {len(header.image.encode())} bytes, the limit is {_LONGEST_BYTES}")
     return header
+
+
+def _require_origin(path: Path, header: _MapFile) -> None:
+    """Refuse an origin that is not x, y and yaw; old map savers wrote a yaw of nan, or none."""
+    stated = ", ".join(f"{value:g}" for value in header.origin[:6])
+    if len(header.origin) not in (2, 3) or not all(map(math.isfinite, header.origin[:2])):
+        raise InputError(f"{path}: origin = [{stated}]: expected three finite numbers, [x, y, yaw]")
+    if len(header.origin) == 2 or not math.isfinite(header.origin[2]):
+        x, y = header.origin[:2]
+        raise InputError(
+            f"{path}: origin = [{stated}] has no yaw; of a map that is not turned write 0: origin: [{x:g}, {y:g}, 0]"
+        )

@@ -1,57 +1,76 @@
-"""Read a ROS occupancy grid as a plan: free cells are workings."""
+"""Read a ROS occupancy grid as workings: its free cells, and a plan drawn of them."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import shapely
+from shapely import MultiPolygon
 
-from pipeline.errors import InputError
-from pipeline.survey.drawing.picture import turn_picture
+from pipeline.errors import GeometryError, InputError
+from pipeline.geometry.outline.half_level import trace_half_level
+from pipeline.params.survey import GridSurveyParams
+from pipeline.survey.draw import draw_workings, frame_of
+from pipeline.survey.grid.free_space import FreeCells, choose_free_space
 from pipeline.survey.grid.nav2 import read_nav2_map
-from pipeline.survey.vector.shapes import REACH_M
+from pipeline.survey.grid.obstacles import drivable_places
+from pipeline.survey.grid.placement import GridPlacement
 from pipeline.types import Frame, Georeference, Image
 
-_WORKINGS_GREY, _PAPER_GREY = 40, 255
+_CELLS_M = (0.002, 5.0)
 
 
 @dataclass(frozen=True)
 class GridReading:
-    """The plan of a map, north up, its frame in metres, and its georeference."""
+    """The workings of a map (m, mine frame), the plan drawn of them with its frame, and the georeference."""
 
+    workings: MultiPolygon
     plan: Image
     frame: Frame
     georeference: Georeference
 
 
-def read_grid(path: Path, unknown_is_free: bool) -> GridReading:
-    """Read a map as a plan, north up.
+def read_grid(params: GridSurveyParams) -> GridReading:
+    """Read a map as workings. No check is made that is about drawings: the map says itself what is free.
 
-    The mine frame is the map's own frame, unless the map lies more than 10 km from its origin. A rotated map is drawn
-    with its rotation removed.
+    The mine frame is the map's own frame, unless the map lies more than 10 km from its origin. The walls of a map with
+    a yaw are turned by it.
 
     Raises
     ------
     InputError
-        If the map cannot be read or is too large.
+        As for `read_free_space`, or if the free space is longer than a mine may be.
     """
+    free = read_free_space(params)
+    rows, cols = free.cells.shape
+    try:
+        outline = trace_half_level(free.cells[::-1].astype(np.float32), Frame(1.0, 0.0, float(rows), cols, rows))
+    except GeometryError as error:
+        raise InputError(f"{params.map}: {error}") from error
+    workings = MultiPolygon([shapely.transform(outline, free.placement.to_mine)])
+    frame = frame_of(params.map, workings, params, "resolution")
+    plan = draw_workings(workings, frame, params.labels_m, params.drawing_grey)
+    return GridReading(workings, plan, frame, free.placement.georeference)
+
+
+def read_free_space(params: GridSurveyParams) -> FreeCells:
+    """Read the free cells of a map that are built.
+
+    Raises
+    ------
+    InputError
+        If the map cannot be read, is too large or holds no floor; of several areas that could be meant a `DoubtError`.
+    """
+    path = Path(params.map)
     grid = read_nav2_map(path)
-    free = ~grid.occupied if unknown_is_free else grid.free
-    if not 0.002 <= grid.cell_m <= 5.0:
-        raise InputError(f"{path}: resolution = {grid.cell_m:g} m a cell; the limits are 0.002 and 5 m")
-    plan = np.where(free[::-1, :, None], _WORKINGS_GREY, _PAPER_GREY).astype(np.uint8).repeat(3, axis=2)
-    corner = np.array([0.0, plan.shape[0]])  # the map's origin: the south-west corner
-    yaw_deg = math.degrees(grid.yaw_rad)
-    if abs(yaw_deg) > 1e-6:
-        plan, turn = turn_picture(plan, yaw_deg)
-        corner = turn @ [*corner, 1.0]
-    per_m = 1.0 / grid.cell_m
-    step = 10.0 if max(map(abs, grid.origin_m)) > REACH_M else 0.0  # move the origin of far coordinates to the map
-    offset = tuple(math.floor(v / step) * step if step else 0.0 for v in grid.origin_m)
-    east, north = grid.origin_m[0] - offset[0], grid.origin_m[1] - offset[1]
-    frame = Frame(
-        per_m, float(corner[0] - east * per_m), float(corner[1] + north * per_m), plan.shape[1], plan.shape[0]
-    )
-    return GridReading(plan, frame, Georeference("m", 1.0, (offset[0], offset[1]), turned_deg=yaw_deg))
+    low, high = _CELLS_M
+    if not low <= grid.cell_m <= high:
+        raise InputError(f"{path}: resolution = {grid.cell_m:g} m a cell; the limits are {low:g} and {high:g} m")
+    placement = GridPlacement(grid.cell_m, grid.yaw_rad, grid.origin_m)
+    free = ~grid.occupied if params.unknown_is_free else grid.free
+    if not free.any():
+        raise InputError(f"{path}: no free cells; free_thresh and negate in the file say which are free")
+    widths = params.narrowest_m, params.thinnest_m
+    return choose_free_space(path, drivable_places(path, free, grid.cell_m, *widths), placement, params.entrance_m)

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.guard.plain_file import read_csv_text, require_at_most
+from pipeline.guard.csv_text import read_csv_text, separator_of
+from pipeline.guard.plain_file import require_at_most
 from pipeline.guard.plain_number import plain_number
 from pipeline.guard.reading_process import one_line
 from pipeline.params.reader_limits import FILE, reader_limits
@@ -36,7 +37,6 @@ _HEIGHTS = ["elevation_m", "up_m", "down_m"]
 _GRADE = "rise_over_run"
 _NUMBERS = [*_COLUMNS[2:], *_HEIGHTS, _GRADE]
 _FARTHEST_M, _HIGHEST_M = 1e8, 1e5  # of national and mine grids; workings and floors are counted from an origin
-_SEPARATORS = ",;\t"
 _UNKNOWN = ("", "-")
 
 
@@ -232,8 +232,7 @@ def _require_no_stray_zero(path: Path, stations: list[tuple[tuple[float, ...], i
 
 def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
     text = read_csv_text(path)
-    head = text.partition("\n")[0]
-    separator = max(_SEPARATORS, key=head.count)
+    head, separator = text.partition("\n")[0], separator_of(text)
     reader = csv.DictReader(io.StringIO(text), strict=True, delimiter=separator, skipinitialspace=True)
     try:
         reader.fieldnames = [name.strip().lower() for name in reader.fieldnames or []]

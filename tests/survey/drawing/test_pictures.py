@@ -8,13 +8,17 @@ import shapely
 import yaml
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
+from PIL import Image as Pillow
 from rasterio.transform import from_origin
 
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import GridSurveyParams, PlanSurveyParams
-from pipeline.survey.drawing.picture import turn_picture
+from pipeline.survey.detect import detect_survey
+from pipeline.survey.drawing.paper_scale import ratio_in
+from pipeline.survey.drawing.picture import fitting_dpi, turn_picture
 from pipeline.survey.load import read_survey, sources
 from stages.contours import trace_free_space
 from tests.mines import RING, TEE, frame_for, plan_of
@@ -276,3 +280,97 @@ def test_a_warning_states_which_page_of_a_pdf_is_read(data, capsys):
             pages.savefig(figure)
     assert read_survey(plan_params("plan.pdf", page=2))["plan"].shape[:2] == (600, 1000)
     assert "plan.pdf: page 2 of 2 is read; --page states another" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("inches", "dpi"), [((10, 7), 200), ((49, 56), 120), ((300, 300), 36)])
+def test_the_resolution_of_a_page_is_lowered_until_it_fits_and_said(tmp_path, capsys, inches, dpi):
+    path = write_page(tmp_path / "plan.pdf", inches)
+    assert fitting_dpi(path, 1) == dpi
+    warned = capsys.readouterr().err
+    assert warned == ("" if dpi == 200 else warned)
+    assert (f"page of {inches[0]} x {inches[1]} in; it is read at {dpi} dpi; --dpi" in warned) == (dpi < 200)
+
+
+def test_a_value_in_pixels_of_a_page_whose_resolution_is_lowered_needs_the_resolution(
+    tmp_path, capsys
+):  # capsys: the child may not write
+    path = write_page(tmp_path / "plan.pdf", (49, 56))
+    with pytest.raises(InputError, match=r"--px-per-m depends on the resolution; state --dpi too, 120 or less fits"):
+        detect_survey(path, StatedOptions(px_per_m=20.0))
+
+
+def write_page(path, inches):
+    Figure(figsize=inches).savefig(path)
+    return path
+
+
+def test_the_first_frame_of_a_gif_is_read_as_the_same_picture_in_png(data, capsys):
+    frame = frame_for(TEE)
+    first = plan_of(TEE, frame)
+    frames = [Pillow.fromarray(first[..., ::-1]), Pillow.new("RGB", first.shape[1::-1], "white")]
+    frames[0].save(data / "plan.gif", save_all=True, append_images=frames[1:])
+    write_png(data / "plan.png", first)
+    found = [detect_survey(data / name, StatedOptions(px_per_m=frame.px_per_m)) for name in ("plan.gif", "plan.png")]
+    assert found[0].width_m == pytest.approx(found[1].width_m, rel=0.02)
+    assert found[0].values["kind"] == "plan"
+    assert "plan.gif: the first of 2 pages is read" in capsys.readouterr().err
+    (data / "cut.gif").write_bytes((data / "plan.gif").read_bytes()[:60])
+    with pytest.raises(InputError, match=r"cut\.gif: (the GIF is broken|not a picture)"):
+        detect_survey(data / "cut.gif", StatedOptions(px_per_m=1.0))
+
+
+def write_sheet(path, text, ratio=500, dpi=100):
+    """Write a PDF of a cross of drifts at 1:`ratio` with a text beside it."""
+    figure = Figure(figsize=(8, 6))
+    axis = figure.add_axes((0, 0, 1, 1))
+    metres = 0.0254 * ratio
+    axis.set(xlim=(-5, 8 * metres - 5), ylim=(-25, 6 * metres - 25))
+    axis.axis("off")
+    axis.fill(*np.array(TEE.exterior.coords).T, color="black", lw=0)
+    axis.text(0, -15, text)
+    figure.savefig(path)
+    return path
+
+
+@pytest.mark.parametrize("text", ["Scale 1:500", "1 : 500", "SCALE 1:500 (A4)"])
+def test_the_scale_that_a_pages_text_states_is_taken_where_there_is_no_bar(data, text):
+    path = write_sheet(data / "plan.pdf", text)
+    found = detect_survey(path, StatedOptions(dpi=150))
+    assert found.values["scale"]["px_per_m"] == pytest.approx(150 / 0.0254 / 500)
+    assert found.remarks["scale"].startswith("1:500 by the text of the page")
+
+
+def test_a_page_with_several_scales_is_asked_about_and_the_option_states_one(data):
+    path = write_sheet(data / "plan.pdf", "Plan 1:500, section 1:100")
+    with pytest.raises(InputError, match=r"no scale bar found; state --px-per-m, --scale 1:N of the paper"):
+        detect_survey(path, StatedOptions(dpi=150))
+    found = detect_survey(path, StatedOptions(dpi=150, ratio=500))
+    assert found.values["scale"]["px_per_m"] == pytest.approx(150 / 0.0254 / 500)
+
+
+def test_the_scale_of_a_scan_follows_from_its_ratio_and_the_resolution_that_it_states(data):
+    picture = Pillow.fromarray(plan_of(TEE, frame_for(TEE)))
+    picture.save(data / "plan.png", dpi=(300, 300))
+    found = detect_survey(data / "plan.png", StatedOptions(ratio=1500))
+    assert found.values["scale"]["px_per_m"] == pytest.approx(300 / 0.0254 / 1500, rel=1e-3)
+    picture.save(data / "bare.png")
+    with pytest.raises(InputError, match=r"--scale needs the resolution of the scan, which the picture does not state"):
+        detect_survey(data / "bare.png", StatedOptions(ratio=1500))
+
+
+@pytest.mark.parametrize(
+    ("text", "ratio"),
+    [
+        ("Scale 1:2500", 2500),
+        ("1 : 2 500", 2500),
+        ("1:1,000 on A1", 1000),
+        ("at 11:500", None),
+        ("1:1", None),
+        ("12:1:500", None),
+        ("1:500 and again 1:500", 500),
+        ("1:500, 1:1000", None),
+        ("", None),
+    ],
+)
+def test_one_ratio_is_read_from_a_text(text, ratio):
+    assert ratio_in(text) == ratio

@@ -1,9 +1,10 @@
+import cv2
 import numpy as np
 import pytest
 
 from pipeline.errors import InputError
 from pipeline.survey.drawing.image import read_image
-from pipeline.survey.drawing.scale import measure_bar
+from pipeline.survey.drawing.scale import find_bar, measure_bar
 
 
 def bar(width=200, height=10, shape=(40, 240), at=(15, 20)):
@@ -67,3 +68,58 @@ def test_a_broken_bar_is_refused():
     picture[:, 100:110] = 255
     with pytest.raises(InputError, match=r"broken into 2 pieces \(longest 110 px\)"):
         measure_bar(picture, 100.0, "plan.png")
+
+
+def in_pieces(lengths, outlined=False, height=10, at=(30, 80)):
+    """Return a bar whose pieces, px, are dark and light in turn, and its length."""
+    total = sum(lengths)
+    picture = np.full((90, total + 160, 3), 255, np.uint8)
+    row, col = at
+    if outlined:
+        cv2.rectangle(picture, (col, row), (col + total - 1, row + height - 1), (0, 0, 0), 1)
+    for k, length in enumerate(lengths):
+        if k % 2 == 0:
+            picture[row : row + height, col : col + length] = 0
+        col += length
+    return picture, total
+
+
+def with_digits(picture, total):
+    for text, col in (("0m", 36), ("10m", 80 + total + 6)):
+        cv2.putText(picture, text, (col, 42), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (0, 0, 0), 1, cv2.LINE_AA)
+    return picture
+
+
+@pytest.mark.parametrize(
+    ("lengths", "outlined"),
+    [([200], False), ([40, 40, 40, 40, 40], False), ([40, 40, 80], False), ([25, 25, 25, 25, 25, 25], True)],
+    ids=["plain", "alternating", "of two lengths", "outlined"],
+)
+@pytest.mark.parametrize("digits", [False, True])
+def test_a_bar_with_digits_at_its_ends_is_found_and_measured_whole(lengths, outlined, digits):
+    picture, total = in_pieces(lengths, outlined)
+    picture = with_digits(picture, total) if digits else picture
+    picture[60:85, 20:200] = 40  # the workings
+    box = find_bar(picture)
+    assert box is not None
+    left, top, right, bottom = box
+    assert measure_bar(picture[top:bottom, left:right], 1.0, "bar") == pytest.approx(total, abs=1)
+
+
+def test_a_bar_in_two_rows_is_found_and_measured_whole():
+    picture = np.full((90, 360, 3), 255, np.uint8)
+    for k in range(5):
+        picture[(30, 36)[k % 2] : (36, 42)[k % 2], 80 + 40 * k : 120 + 40 * k] = 0
+    picture[60:85, 20:300] = 40
+    left, top, right, bottom = find_bar(with_digits(picture, 200))
+    assert measure_bar(picture[top:bottom, left:right], 1.0, "bar") == pytest.approx(200, abs=1)
+
+
+@pytest.mark.parametrize(("long_px", "apart_px", "high_px"), [(16, 16, 3), (16, 22, 6), (16, 16, 6)])
+def test_dashes_of_a_line_and_blocks_with_other_gaps_are_no_bar(long_px, apart_px, high_px):
+    picture = np.full((90, 700, 3), 255, np.uint8)
+    for k in range(15):
+        left = 20 + (long_px + apart_px) * k
+        picture[30 : 30 + high_px, left : left + long_px] = 0
+    picture[60:85, 20:300] = 40
+    assert find_bar(picture) is None

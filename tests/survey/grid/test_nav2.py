@@ -4,7 +4,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.geometry.maps.occupancy import nav2_map, occupancy_grid
-from pipeline.survey.grid.nav2 import read_nav2_map
+from pipeline.survey.grid.nav2 import nav2_picture, read_nav2_map
 from tests.mines import TEE
 
 
@@ -44,8 +44,17 @@ def test_negated_maps_raw_maps_and_unknown_cells_are_read(tmp_path):
     [
         ("image: map.png\n", "resolution: Field required"),
         ("- 1\n", "map.yaml"),
-        ("image: ../../etc/passwd\nresolution: 1\norigin: [0, 0, 0]\n", "is outside"),
-        ("image: none.png\nresolution: 1\norigin: [0, 0, 0]\n", "missing, though map.yaml names it"),
+        ("image: ../../etc/passwd\nresolution: 1\norigin: [0, 0, 0]\n", "is outside the map's folder, and no plain"),
+        (
+            "image: none.png\nresolution: 1\norigin: [0, 0, 0]\n",
+            r"image = none\.png is missing; put the picture",
+        ),
+        (f"image: {'a' * 300}.png\nresolution: 1\norigin: [0, 0, 0]\n", "image has 304 bytes, the limit is 255"),
+        ("image: map.png\nresolution: 1\norigin: [1, 2, nan]\n", r"write 0: origin: \[1, 2, 0\]"),
+        ("image: map.png\nresolution: 1\norigin: [1, 2, .nan]\n", r"write 0: origin: \[1, 2, 0\]"),
+        ("image: map.png\nresolution: 1\norigin: [1, 2]\n", r"has no yaw; .* write 0: origin: \[1, 2, 0\]"),
+        ("image: map.png\nresolution: 1\norigin: [.nan, 2, 0]\n", "expected three finite numbers"),
+        ("image: map.png\nresolution: 1\norigin: [1, 2, 0, 0]\n", "expected three finite numbers"),
         ("image: map.png\nresolution: -1\norigin: [0, 0, 0]\n", "greater than 0"),
         ("image: map.png\nresolution: 1\norigin: [0, x, 0]\n", "origin"),
         ("image: !!python/object/apply:os.system [true]\n", "cannot be read as YAML"),
@@ -81,3 +90,39 @@ def test_thresholds_that_make_cells_free_and_occupied_are_refused(tmp_path):
     (tmp_path / "map.yaml").write_text(text)
     with pytest.raises(InputError, match=r"free_thresh = 0\.8 exceeds occupied_thresh = 0\.2"):
         read_nav2_map(tmp_path / "map.yaml")
+
+
+@pytest.mark.parametrize(
+    "image",
+    ["/home/robot/maps/map.png", "../maps/map.png", "$(find my_maps)/maps/map.png", r"C:\maps\map.png", "maps/map.png"],
+)
+def test_the_picture_beside_a_map_is_read_where_its_path_is_of_another_machine(tmp_path, capsys, image):
+    grey = np.array([[254, 0]], np.uint8)
+    path = write(tmp_path, f"image: '{image}'\nresolution: 0.1\norigin: [0, 0, 0]\n", grey)
+    assert read_nav2_map(path).free.tolist() == [[True, False]]
+    assert nav2_picture(path) == tmp_path / "map.png"
+    assert "map.yaml: the picture map.png beside it is read" in capsys.readouterr().err
+
+
+def test_a_picture_outside_the_folder_is_never_read(tmp_path):
+    (tmp_path / "maps").mkdir()
+    cv2.imwrite(str(tmp_path / "map.png"), np.array([[254, 0]], np.uint8))
+    (tmp_path / "maps" / "link.png").symlink_to(tmp_path / "map.png")
+    for image in (str(tmp_path / "map.png"), "../map.png", "link.png", "/maps/link.png"):
+        path = write(tmp_path / "maps", f"image: {image}\nresolution: 0.1\norigin: [0, 0, 0]\n")
+        with pytest.raises(InputError, match="is outside the map's folder"):
+            read_nav2_map(path)
+
+
+def test_a_map_that_is_free_everywhere_is_read(tmp_path):
+    path = write(tmp_path, "image: map.png\nresolution: 1\norigin: [0, 0, 0]\n", np.full((5, 6), 254, np.uint8))
+    assert read_nav2_map(path).free.all()
+
+
+def test_cells_of_the_grey_of_unknown_ones_that_the_threshold_frees_are_counted(tmp_path, capsys):
+    grey = np.array([[254, 205, 205, 0]], np.uint8)
+    head = "image: map.png\nresolution: 1\norigin: [0, 0, 0]\nfree_thresh: "
+    assert read_nav2_map(write(tmp_path, head + "0.25\n", grey)).free.sum() == 3
+    assert "map.yaml: 2 cells of grey 205" in capsys.readouterr().err
+    assert read_nav2_map(write(tmp_path, head + "0.196\n", grey)).free.sum() == 1
+    assert capsys.readouterr().err == ""
