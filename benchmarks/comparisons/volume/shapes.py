@@ -58,7 +58,7 @@ def shaped(polygons: Polygons, kind: str, depth_m: float) -> ConvexBodies:
     the rock's edges. `pyramid`: over the polygon. `plate`: moved along its normal.
     """
     if kind == "cut":
-        return _bodies([_cut(polygons, n, depth_m) for n in range(len(polygons))], polygons)
+        return bodies_of([_cut(polygons, n, depth_m) for n in range(len(polygons))], polygons)
     corners, normals = polygons.corners, polygons.normals[:, None]
     if kind == "pyramid":
         back = corners.mean(axis=1, keepdims=True) + depth_m * normals
@@ -105,7 +105,7 @@ def _cut(polygons: Polygons, n: int, depth_m: float) -> manifold3d.Manifold:
     return solid
 
 
-def _bodies(solids: list[manifold3d.Manifold], polygons: Polygons) -> ConvexBodies:
+def bodies_of(solids: list[manifold3d.Manifold], polygons: Polygons) -> ConvexBodies:
     """Return solids as bodies; those of no volume are their polygon, which is in nothing."""
     corners, directions, edges = [], [], []
     for n, solid in enumerate(solids):

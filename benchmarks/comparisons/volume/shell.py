@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import manifold3d
 import numpy as np
 
+from benchmarks.comparisons.volume.clipping import clipped
 from benchmarks.comparisons.volume.polygons import polygons_of, ways_into_rock
 from benchmarks.comparisons.volume.separation import ConvexBodies, Facets
 from benchmarks.comparisons.volume.shapes import SHAPES, Polygons, shaped
@@ -51,6 +52,8 @@ def build_shell(volume: Volume, progress: Progress = iter) -> list[ShellPart]:
             left = [([int(v) for v in volume.faces[k]], [k]) for _, facets in left for k in facets]
             left += [surface for surface in surfaces if len(surface[1]) == 1]
         left = shell.fit(left, *SHAPES[step if step < _SHAPES_OF_MANY else step - _SHAPES_OF_MANY])
+    left = shell.fit(left, 'clipped', 0.3)
+    print('left',len(left))
     return shell.parts + [shell.least(surface) for surface in left]
 
 
@@ -72,7 +75,7 @@ class _Shell:
         self._own(surfaces)
         left = []
         for polygons in self._polygons(surfaces):
-            bodies = shaped(polygons, kind, depth_m)
+            bodies = clipped(polygons, depth_m, self._facets) if kind == 'clipped' else shaped(polygons, kind, depth_m)
             depth = np.einsum("nck,nk->nc", bodies.corners - bodies.corners[:, :1], polygons.normals).max(axis=1)
             inside = self._inside(bodies)
             for n, number in enumerate(polygons.numbers.tolist()):
