@@ -8,7 +8,8 @@ import pytest
 from benchmarks.comparisons.volume import physics, throws
 from benchmarks.comparisons.volume.cases import CASES, GateCase
 from benchmarks.comparisons.volume.floors import solve_floors
-from benchmarks.comparisons.volume.proof import measure_enclosure, measure_floor
+from benchmarks.comparisons.volume.follows import measure_floor
+from benchmarks.comparisons.volume.proof import measure_enclosure
 from benchmarks.comparisons.volume.shell import build_shell
 from benchmarks.comparisons.volume.volume import Label, pieces_of, unite
 from tests.heights import HEADER
@@ -70,8 +71,8 @@ def test_a_part_that_is_moved_into_the_drift_is_found(box):
 def test_the_floors_of_a_junction_on_a_slope_meet_without_a_step_and_follow_the_survey(tmp_path):
     network = CASES["tee"].network(tmp_path)
     rough = unite(network, pieces_of(network))
-    assert measure_floor(rough, network).error_m > 0.1
-    found = measure_floor(solve_floors(rough, network), network)
+    assert measure_floor(rough, network, rough).error_m > 0.1
+    found = measure_floor(solve_floors(rough, network), network, rough)
     assert found.error_m < 0.01
     assert max(found.step_m, found.other_step_m) < 0.01
     assert found.share_built == 1
@@ -81,7 +82,7 @@ def test_a_pitch_joins_two_levels_without_a_case_of_its_own(tmp_path):
     network, rough = built(PITCH, tmp_path)
     volume = solve_floors(rough, network)
     assert len(volume.solid.decompose()) == 1
-    found = measure_floor(volume, network)
+    found = measure_floor(volume, network, rough)
     assert found.share_built == 1
     assert 0 < found.over_floor < 1  # there is none over the pitch
     assert found.error_m < 0.01

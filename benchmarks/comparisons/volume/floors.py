@@ -20,6 +20,7 @@ _SIMPLE_M = 0.004  # of the solved mesh: floors keep within 1 cm of the survey
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
 _PULL = 1e-7  # weight of the union's own height, which decides where no leg passes
 _FADE_M = 1.0  # over the floor: the walls' vertices move less with height
+_PLUMB = 0.1  # of a facet's normal: so steep a facet has hardly an area seen from above
 _LEAST_M2 = 1e-6  # of a triangle in plan
 _LEAST_M = 0.02  # of an edge in plan
 
@@ -103,16 +104,21 @@ def leg_floor_samples(network: SurveyNetwork, shots: np.ndarray, step_m: float) 
 def drop(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the facet (n,) under each place, -1 where none is, and the height (n,) m of the mesh there.
 
-    The facet is found in 32 bits, its height with all digits.
+    The facet is found in 32 bits, its height with all digits where it is not nearly plumb.
     """
     scene, middle = open3d.t.geometry.RaycastingScene(nthreads=1), vertices.mean(axis=0)
     scene.add_triangles((vertices - middle).astype(np.float32), faces.astype(np.uint32))
     rays = np.column_stack([places - middle, np.tile([0, 0, -1.0], (len(places), 1))]).astype(np.float32)
     found = scene.cast_rays(open3d.core.Tensor(rays), nthreads=1)
     hit = found["primitive_ids"].numpy().astype(np.int64)
-    hit = np.where(np.isfinite(found["t_hit"].numpy()), hit, -1)
+    way = found["t_hit"].numpy().astype(float)
+    hit = np.where(np.isfinite(way), hit, -1)
     weights = plan_weights(vertices, faces[hit], places)
-    height = np.where(hit >= 0, np.sum(weights * vertices[faces[hit], 2], axis=1), np.nan)
+    a, b, c = np.moveaxis(vertices[faces[hit]], 1, 0)
+    normal = np.cross(b - a, c - a)
+    is_plumb = np.abs(normal[:, 2]) < _PLUMB * np.linalg.norm(normal, axis=1)
+    height = np.where(is_plumb, places[:, 2] - way, np.sum(weights * vertices[faces[hit], 2], axis=1))
+    height = np.where(hit >= 0, height, np.nan)
     return hit, height
 
 

@@ -24,8 +24,9 @@ from baselines.base.markdown import markdown_table, write_table
 from benchmarks.comparisons.volume import physics, speed, throws
 from benchmarks.comparisons.volume.cases import CASES, GateCase, build_today
 from benchmarks.comparisons.volume.floors import solve_floors
+from benchmarks.comparisons.volume.follows import measure_floor
 from benchmarks.comparisons.volume.pictures import draw
-from benchmarks.comparisons.volume.proof import measure_enclosure, measure_floor
+from benchmarks.comparisons.volume.proof import measure_enclosure
 from benchmarks.comparisons.volume.shell import build_shell
 from benchmarks.comparisons.volume.volume import STEEPEST, pieces_of, unite
 from pipeline.store.files import write_atomically
@@ -63,8 +64,8 @@ def measure(case: GateCase, folder: Path, seed: int = 0) -> dict[str, Any]:
         "parts": len(built),
         "intrusion_m3": sum(abs(part.intrusion_m3) for part in built),
     }
-    row["before"] = dataclasses.asdict(measure_floor(rough, network))
-    row["floor"] = dataclasses.asdict(measure_floor(volume, network))
+    row["before"] = dataclasses.asdict(measure_floor(rough, network, rough))
+    row["floor"] = dataclasses.asdict(measure_floor(volume, network, rough))
     row["enclosure"] = dataclasses.asdict(measure_enclosure(volume, built, case.proof_tiles, rng))
     parts, row["refused"] = physics.without_refused(built)
     row["refused_m2"] = sum(p.area_m2 for p in built) - sum(p.area_m2 for p in parts)

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from benchmarks.comparisons.volume.network import SurveyNetwork
 from benchmarks.comparisons.volume.volume import Label, Solid, Volume
 
-DEEPEST_M = 0.6  # of a ledge between two floors of legs that are near each other; deeper ones are as surveyed
+DEEPEST_M = 1.5  # of a ledge between two floors of legs that are near each other; deeper ones are as surveyed
 NEAR_M = 5.0  # along the survey: legs so near share one floor where their sections overlap
 _OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
 _OVER_M, _TWIST_M, _EDGE_M = 0.02, 0.1, 1e-3  # see `_is_under`
@@ -43,7 +43,7 @@ def ledges_of(volume: Volume, network: SurveyNetwork) -> np.ndarray:
 
 
 def _between_floors(volume: Volume, is_wall: np.ndarray, is_floor: np.ndarray, near: list[np.ndarray]) -> np.ndarray:
-    """Return which facets (f,) of walls have all corners on floors of legs that are near each other along the survey."""
+    """Return which facets (f,) of walls have all corners on floors of legs that are near each other."""
     leg = np.full(len(volume.vertices), -1)
     shot = np.array([piece.shot for piece in volume.pieces])[volume.source]
     leg[volume.faces[is_floor]] = shot[is_floor, None]
@@ -96,9 +96,7 @@ def fold_ledges(volume: Volume, is_floor: np.ndarray, is_ledge: np.ndarray) -> F
     for facet in np.flatnonzero(plumb).tolist():
         mesh.part(facet)
     vertices, faces, parent = np.array(mesh.vertices), np.array(mesh.faces), np.array(mesh.parent)
-    cut = replace(
-        volume, vertices=vertices, faces=faces, source=volume.source[parent], label=volume.label[parent]
-    )
+    cut = replace(volume, vertices=vertices, faces=faces, source=volume.source[parent], label=volume.label[parent])
     a, b = (np.concatenate([faces[plumb[parent]][:, k] for k in order]) for order in ((0, 1, 2), (1, 2, 0)))
     over = np.linalg.norm((vertices[a] - vertices[b])[:, :2], axis=1) < _ONE_PLACE_M
     n = len(vertices)

@@ -98,7 +98,7 @@ class Facets:
         return body[meets], facet[meets]
 
     def _past_planes(self, corners: np.ndarray, facet: np.ndarray) -> np.ndarray:
-        """Return how far (n,) m bodies reach over both sides of their facet's plane; inf for a facet without an area."""
+        """Return how far (n,) m bodies reach over both sides of their facets' planes; inf for one without an area."""
         normal = self.normals[facet]
         over = np.einsum("nck,nk->nc", corners, normal) - np.einsum("nk,nk->n", self.corners[facet, 0], normal)[:, None]
         both = np.minimum(over.max(axis=1), -over.min(axis=1))
@@ -107,7 +107,9 @@ class Facets:
     def _between_edges(self, bodies: ConvexBodies, body: np.ndarray, facet: np.ndarray) -> np.ndarray:
         corners = self.corners[facet]
         sides = np.roll(corners, -1, axis=1) - corners
-        across = np.cross(bodies.edges[body][:, :, None], sides[:, None]).reshape(len(body), 3 * bodies.edges.shape[1], 3)
+        across = np.cross(bodies.edges[body][:, :, None], sides[:, None]).reshape(
+            len(body), 3 * bodies.edges.shape[1], 3
+        )
         size = np.linalg.norm(across, axis=2)
         scale = np.linalg.norm(sides, axis=2).max(axis=1, initial=0.0)[:, None] * _longest(bodies.edges[body])
         across /= np.maximum(size, 1e-30)[:, :, None]

@@ -58,14 +58,16 @@ def shaped(polygons: Polygons, kind: str, depth_m: float) -> ConvexBodies:
     the rock's edges. `pyramid`: over the polygon. `plate`: moved along its normal.
     """
     if kind == "cut":
-        return bodies_of([_cut(polygons, n, depth_m) for n in range(len(polygons))], polygons)
+        return _bodies([_cut(polygons, n, depth_m) for n in range(len(polygons))], polygons)
     corners, normals = polygons.corners, polygons.normals[:, None]
     if kind == "pyramid":
         back = corners.mean(axis=1, keepdims=True) + depth_m * normals
         sides = np.cross(np.roll(corners, -1, axis=1) - corners, back - corners)
         edges = np.concatenate([np.roll(corners, -1, axis=1) - corners, back - corners], axis=1)
         points = np.concatenate([corners, back], axis=1)
-        return ConvexBodies(points, np.concatenate([-normals, _outward(sides, corners, points)], 1), edges, polygons.numbers)
+        return ConvexBodies(
+            points, np.concatenate([-normals, _outward(sides, corners, points)], 1), edges, polygons.numbers
+        )
     forward = np.broadcast_to(normals, corners.shape)
     if kind == "moved":
         ahead = np.einsum("nck,nk->nc", polygons.ways, polygons.normals) > _FORWARD
@@ -105,7 +107,7 @@ def _cut(polygons: Polygons, n: int, depth_m: float) -> manifold3d.Manifold:
     return solid
 
 
-def bodies_of(solids: list[manifold3d.Manifold], polygons: Polygons) -> ConvexBodies:
+def _bodies(solids: list[manifold3d.Manifold], polygons: Polygons) -> ConvexBodies:
     """Return solids as bodies; those of no volume are their polygon, which is in nothing."""
     corners, directions, edges = [], [], []
     for n, solid in enumerate(solids):

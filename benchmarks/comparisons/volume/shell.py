@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import manifold3d
 import numpy as np
 
-from benchmarks.comparisons.volume.clipping import clipped
 from benchmarks.comparisons.volume.polygons import polygons_of, ways_into_rock
 from benchmarks.comparisons.volume.separation import ConvexBodies, Facets
 from benchmarks.comparisons.volume.shapes import SHAPES, Polygons, shaped
@@ -18,6 +17,7 @@ from benchmarks.comparisons.volume.volume import Volume
 _ALLOWED_M = 1e-7  # volume of a part in the free space, by its area: rounding
 _SHALLOW_M = 1e-5  # a facet that is deeper in a part shares more with it than is allowed
 _LEAST_M = 1e-6  # a part that is thinner has no volume
+_THINNEST = (("moved", 0.02), ("cut", 0.02), ("pyramid", 0.04), ("plate", 0.02))  # have least in the free space
 _SHAPES_OF_MANY = 2  # rather a part for each facet than a thin one for all
 
 Progress = Callable[[Iterable[int]], Iterable[int]]
@@ -52,8 +52,6 @@ def build_shell(volume: Volume, progress: Progress = iter) -> list[ShellPart]:
             left = [([int(v) for v in volume.faces[k]], [k]) for _, facets in left for k in facets]
             left += [surface for surface in surfaces if len(surface[1]) == 1]
         left = shell.fit(left, *SHAPES[step if step < _SHAPES_OF_MANY else step - _SHAPES_OF_MANY])
-    left = shell.fit(left, 'clipped', 0.3)
-    print('left',len(left))
     return shell.parts + [shell.least(surface) for surface in left]
 
 
@@ -75,11 +73,11 @@ class _Shell:
         self._own(surfaces)
         left = []
         for polygons in self._polygons(surfaces):
-            bodies = clipped(polygons, depth_m, self._facets) if kind == 'clipped' else shaped(polygons, kind, depth_m)
-            depth = np.einsum("nck,nk->nc", bodies.corners - bodies.corners[:, :1], polygons.normals).max(axis=1)
+            bodies = shaped(polygons, kind, depth_m)
+            depth = np.einsum("nck,nk->nc", bodies.corners - polygons.corners[:, :1], polygons.normals).max(axis=1)
             inside = self._inside(bodies)
             for n, number in enumerate(polygons.numbers.tolist()):
-                ring, facets = surfaces[number]
+                _, facets = surfaces[number]
                 area = float(self._size[facets].sum() / 2)
                 shared = 0.0
                 if 0 < inside[n] < _SHALLOW_M:
@@ -98,9 +96,9 @@ class _Shell:
         area = float(self._size[facets].sum() / 2)
         polygon = next(self._polygons([surface]))
         best: ShellPart | None = None
-        for kind, depth_m in SHAPES:
+        for kind, depth_m in _THINNEST:
             corners = shaped(polygon, kind, depth_m).corners[0]
-            depth = float(((corners - corners[0]) @ polygon.normals[0]).max())
+            depth = float(((corners - polygon.corners[0, 0]) @ polygon.normals[0]).max())
             solid = manifold3d.Manifold.hull_points(corners)
             if depth < _LEAST_M or solid.is_empty() or solid.volume() <= 0:
                 continue
@@ -109,7 +107,14 @@ class _Shell:
                 best = ShellPart(corners, facets, f"{kind} {depth_m:g}", depth, area, shared)
         if best is None:  # a facet without an area
             corners = self._volume.vertices[ring]
-            return ShellPart(np.concatenate([corners, corners + SHAPES[-1][1] * polygon.normals[0]]), facets, "none", 0.0, area, 0.0)
+            return ShellPart(
+                np.concatenate([corners, corners + _THINNEST[0][1] * polygon.normals[0]]),
+                facets,
+                "none",
+                0.0,
+                area,
+                0.0,
+            )
         return best
 
     def _inside(self, bodies: ConvexBodies) -> np.ndarray:

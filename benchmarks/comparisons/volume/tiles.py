@@ -65,7 +65,7 @@ class Tiles:
     def shared_m3(self, part: manifold3d.Manifold) -> float:
         """Return the volume that a part shares with the free space."""
         bounds = np.array(part.bounding_box())
-        return sum((part ^ one).volume() for one in self.near(bounds[:3], bounds[3:]))
+        return sum(abs((part ^ one).volume()) for one in self.near(bounds[:3], bounds[3:]))
 
 
 def _node(solid: manifold3d.Manifold) -> _Node:
