@@ -17,6 +17,8 @@ _OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what
 _OVER_M, _TWIST_M, _EDGE_M = 0.02, 0.1, 1e-3  # see `_is_under`
 _PLUMB = 0.02  # of a facet's normal: so steep a ledge has no area seen from above
 _ONE_PLACE_M = 1e-6  # seen from above
+_ENDS = 4  # facets beside each other at the end of a ledge, at most
+_ROUNDING_M = 1e-6
 
 
 def ledges_of(volume: Volume, network: SurveyNetwork) -> np.ndarray:
@@ -39,7 +41,8 @@ def ledges_of(volume: Volume, network: SurveyNetwork) -> np.ndarray:
         others = [k for shot in (piece.shot, *near[piece.shot]) for k in by_shot.get(int(shot), ()) if k != number]
         for other in others:
             found[own] |= _is_under(middles[own], volume.pieces[other])
-    return found | _between_floors(volume, is_wall, (volume.label == Label.FLOOR) | found, near)
+    found |= _between_floors(volume, is_wall, (volume.label == Label.FLOOR) | found, near)
+    return _with_ends(volume, is_wall, found)
 
 
 def _between_floors(volume: Volume, is_wall: np.ndarray, is_floor: np.ndarray, near: list[np.ndarray]) -> np.ndarray:
@@ -53,6 +56,22 @@ def _between_floors(volume: Volume, is_wall: np.ndarray, is_floor: np.ndarray, n
     for k in some:
         a, b, c = leg[volume.faces[k]]
         found[k] = all(i == j or j in near[i] for i, j in ((a, b), (b, c), (c, a)))
+    return found
+
+
+def _with_ends(volume: Volume, is_wall: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Return ledges (f,) with the facets of walls at their ends: beside a ledge's facet, and no lower or higher."""
+    edges = np.sort(volume.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    order = np.lexsort(edges.T)
+    one, two = order.reshape(-1, 2).T // 3  # a closed mesh has each edge twice
+    one, two = np.concatenate([one, two]), np.concatenate([two, one])
+    height = volume.vertices[volume.faces, 2]
+    low, high = height.min(axis=1), height.max(axis=1)
+    inside = is_wall[two] & (low[two] > low[one] - _ROUNDING_M) & (high[two] < high[one] + _ROUNDING_M)
+    one, two = one[inside], two[inside]
+    for _ in range(_ENDS):
+        found = found.copy()
+        found[two[found[one]]] = True
     return found
 
 
