@@ -126,8 +126,8 @@ def _in_other_working(
 def _steps(volume: Volume, network: SurveyNetwork) -> tuple[tuple[Ledge, ...], float, float]:
     """Return the steps of more than 1 cm, and the largest, m, where two legs meet and elsewhere.
 
-    A step is from a floor's facet down or up to another floor 5 cm beyond its edge; the slope of both facets is taken
-    out. Legs meet that are within 5 m of each other along the survey.
+    A step is from a floor's facet down or up to another floor 5 cm beyond its edge, the least between their planes on
+    the way: floors that meet in a kink have none. Legs meet that are within 5 m of each other along the survey.
     """
     floor = volume.label == Label.FLOOR
     beside = {(f[i], f[(i + 1) % 3]): k for k, f in enumerate(volume.faces.tolist()) for i in range(3)}
@@ -144,9 +144,9 @@ def _steps(volume: Volume, network: SurveyNetwork) -> tuple[tuple[Ledge, ...], f
     out *= np.sign(np.sum(out * (middle - third)[:, :2], axis=1))[:, None]
     beyond = middle + np.column_stack([out * _STEP_REACH_M, np.full(len(out), _STEP_MOST_M)])
     hit, height = drop(volume.vertices, volume.faces, beyond)
-    normal = volume.normals[edges[:, 2]]
-    continued = middle[:, 2] - np.sum(normal[:, :2] * out, axis=1) / np.minimum(normal[:, 2], -1e-12) * _STEP_REACH_M
-    step = np.abs(height - continued)
+    rise, next_rise = (_slope_along(volume.normals[k], out) * _STEP_REACH_M for k in (edges[:, 2], hit))
+    here, there = height - next_rise - middle[:, 2], height - middle[:, 2] - rise
+    step = np.where(here * there < 0, 0.0, np.minimum(np.abs(here), np.abs(there)))
     inside = Inside(volume).distance_m(middle + np.column_stack([out * _STEP_REACH_M, np.full(len(out), 0.3)])) > 0
     good = (hit >= 0) & floor[hit] & (step < _STEP_MOST_M) & inside
     near = network.near_pairs(_NEAR_M)
@@ -160,3 +160,9 @@ def _steps(volume: Volume, network: SurveyNetwork) -> tuple[tuple[Ledge, ...], f
         names = network.leg_name(leg), network.leg_name(other)
         ledges.append(Ledge(*names, float(step[these].max()), float(length[these].sum())))
     return tuple(ledges), float(step[meets].max(initial=0.0)), float(step[~meets].max(initial=0.0))
+
+
+def _slope_along(normals: np.ndarray, out: np.ndarray) -> np.ndarray:
+    """Return the rise over run (n,) of facets in horizontal directions (n, 2)."""
+    found: np.ndarray = -np.sum(normals[:, :2] * out, axis=1) / np.minimum(normals[:, 2], -1e-12)
+    return found
