@@ -11,9 +11,9 @@ from benchmarks.comparisons.volume.cases import CASES, GateCase
 from benchmarks.comparisons.volume.floors import solve_floors
 from benchmarks.comparisons.volume.follows import measure_floor
 from benchmarks.comparisons.volume.proof import measure_enclosure
-from benchmarks.comparisons.volume.separation import ConvexBodies, Facets
+from benchmarks.comparisons.volume.rock.separation import ConvexBodies, Facets
+from benchmarks.comparisons.volume.rock.tiles import Tiles
 from benchmarks.comparisons.volume.shell import build_shell
-from benchmarks.comparisons.volume.tiles import Tiles
 from benchmarks.comparisons.volume.volume import Label, pieces_of, unite
 from tests.heights import HEADER
 

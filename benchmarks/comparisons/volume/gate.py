@@ -102,6 +102,11 @@ def _kept(path: Path, make: Any) -> dict[str, Any]:
     return row
 
 
+def _off(floor: dict[str, Any]) -> float:
+    """Return the floor's largest distance, m, from the survey, in other workings too."""
+    return max([floor["error_m"], *(abs(place["off_m"]) for place in floor["elsewhere"])])
+
+
 def _pair(name: str, ours: dict[str, Any], today: dict[str, Any]) -> list[str]:
     """Return a case's column: prototype | today."""
     floor, before, shut, robots, balls = (ours[k] for k in ("floor", "before", "enclosure", "robots", "balls"))
@@ -118,8 +123,10 @@ def _pair(name: str, ours: dict[str, Any], today: dict[str, Any]) -> list[str]:
     follows = f"{1000 * floor['error_m']:.1f}, {1000 * floor['median_m']:.2f}, {100 * floor['over_1cm']:.2f} %"
     return [
         f"{100 * floor['share_built']:.1f} % of {length:,.0f} m | {100 * share:.0f} %",
-        f"{follows}; union alone {1000 * before['error_m']:.0f} | {1000 * proof.get('floor_error_m', np.nan):.1f}",
-        f"{1000 * floor['step_m']:.1f}; union alone {1000 * before['step_m']:.0f} | none",
+        f"{follows}; in other workings {len(floor['elsewhere'])} legs; union alone {1000 * _off(before):.0f} | "
+        f"{1000 * proof.get('floor_error_m', np.nan):.1f}",
+        f"{1000 * floor['step_m']:.1f}, {len(floor['ledges'])} ledges; "
+        f"union alone {1000 * before['step_m']:.0f} | none",
         f"{100 * floor['steep_share']:.2f} % | none",
         f"{robots['escapes']} in {robots['contacts']:,} | {proof.get('escapes', 'not thrown')}",
         f"{balls['escapes']} in {balls['contacts']:,} | not thrown",

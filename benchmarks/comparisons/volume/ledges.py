@@ -41,7 +41,8 @@ def ledges_of(volume: Volume, network: SurveyNetwork) -> np.ndarray:
         others = [k for shot in (piece.shot, *near[piece.shot]) for k in by_shot.get(int(shot), ()) if k != number]
         for other in others:
             found[own] |= _is_under(middles[own], volume.pieces[other])
-    found |= _between_floors(volume, is_wall, (volume.label == Label.FLOOR) | found, near)
+    for _ in range(_ENDS):
+        found |= _between_floors(volume, is_wall, (volume.label == Label.FLOOR) | found, near)
     return _with_ends(volume, is_wall, found)
 
 

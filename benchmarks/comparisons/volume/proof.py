@@ -8,8 +8,8 @@ import manifold3d
 import numpy as np
 import open3d
 
+from benchmarks.comparisons.volume.rock.tiles import Tiles
 from benchmarks.comparisons.volume.shell import ShellPart
-from benchmarks.comparisons.volume.tiles import Tiles
 from benchmarks.comparisons.volume.volume import Volume
 
 _INTO_FREE_M = 1e-6  # parts move into the free space by this, so that they overlap what they cover

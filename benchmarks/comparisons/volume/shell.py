@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import manifold3d
 import numpy as np
 
-from benchmarks.comparisons.volume.polygons import polygons_of, ways_into_rock
-from benchmarks.comparisons.volume.separation import ConvexBodies, Facets
-from benchmarks.comparisons.volume.shapes import SHAPES, Polygons, shaped
-from benchmarks.comparisons.volume.tiles import Tiles
+from benchmarks.comparisons.volume.rock.polygons import polygons_of, ways_into_rock
+from benchmarks.comparisons.volume.rock.separation import ConvexBodies, Facets
+from benchmarks.comparisons.volume.rock.shapes import SHAPES, Polygons, shaped
+from benchmarks.comparisons.volume.rock.tiles import Tiles
 from benchmarks.comparisons.volume.volume import Volume
 
 _ALLOWED_M = 1e-7  # volume of a part in the free space, by its area: rounding
