@@ -43,7 +43,8 @@ def ledges_of(volume: Volume, network: SurveyNetwork) -> np.ndarray:
             found[own] |= _is_under(middles[own], volume.pieces[other])
     for _ in range(_ENDS):
         found |= _between_floors(volume, is_wall, (volume.label == Label.FLOOR) | found, near)
-    return _with_ends(volume, is_wall, found)
+        found |= _ends(volume, is_wall, found)
+    return found
 
 
 def _between_floors(volume: Volume, is_wall: np.ndarray, is_floor: np.ndarray, near: list[np.ndarray]) -> np.ndarray:
@@ -60,8 +61,8 @@ def _between_floors(volume: Volume, is_wall: np.ndarray, is_floor: np.ndarray, n
     return found
 
 
-def _with_ends(volume: Volume, is_wall: np.ndarray, found: np.ndarray) -> np.ndarray:
-    """Return ledges (f,) with the facets of walls at their ends: beside a ledge's facet, and no lower or higher."""
+def _ends(volume: Volume, is_wall: np.ndarray, is_ledge: np.ndarray) -> np.ndarray:
+    """Return which facets (f,) of walls are at the ends of ledges: beside a ledge's facet, and no lower or higher."""
     edges = np.sort(volume.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     order = np.lexsort(edges.T)
     one, two = order.reshape(-1, 2).T // 3  # a closed mesh has each edge twice
@@ -69,10 +70,8 @@ def _with_ends(volume: Volume, is_wall: np.ndarray, found: np.ndarray) -> np.nda
     height = volume.vertices[volume.faces, 2]
     low, high = height.min(axis=1), height.max(axis=1)
     inside = is_wall[two] & (low[two] > low[one] - _ROUNDING_M) & (high[two] < high[one] + _ROUNDING_M)
-    one, two = one[inside], two[inside]
-    for _ in range(_ENDS):
-        found = found.copy()
-        found[two[found[one]]] = True
+    found = np.zeros(len(is_wall), bool)
+    found[two[inside & is_ledge[one]]] = True
     return found
 
 
