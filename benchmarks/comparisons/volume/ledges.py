@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from benchmarks.comparisons.volume.network import SurveyNetwork
 from benchmarks.comparisons.volume.volume import Label, Solid, Volume
 
-DEEPEST_M = 1.5  # of a ledge between two floors of legs that are near each other; deeper ones are as surveyed
+DEEPEST_M = 0.6  # of a ledge between two floors of legs that are near each other; deeper ones are as surveyed
 NEAR_M = 5.0  # along the survey: legs so near share one floor where their sections overlap
 _OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
 _OVER_M, _TWIST_M, _EDGE_M = 0.02, 0.1, 1e-3  # see `_is_under`
