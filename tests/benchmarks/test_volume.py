@@ -2,13 +2,17 @@
 
 import dataclasses
 
+import manifold3d
 import numpy as np
 import pytest
 
 from benchmarks.comparisons.volume import physics, throws
 from benchmarks.comparisons.volume.cases import CASES, GateCase
 from benchmarks.comparisons.volume.floors import solve_floors
-from benchmarks.comparisons.volume.proof import measure_enclosure, measure_floor
+from benchmarks.comparisons.volume.follows import measure_floor
+from benchmarks.comparisons.volume.proof import measure_enclosure
+from benchmarks.comparisons.volume.rock.separation import ConvexBodies, Facets
+from benchmarks.comparisons.volume.rock.tiles import Tiles
 from benchmarks.comparisons.volume.shell import build_shell
 from benchmarks.comparisons.volume.volume import Label, pieces_of, unite
 from tests.heights import HEADER
@@ -70,9 +74,10 @@ def test_a_part_that_is_moved_into_the_drift_is_found(box):
 def test_the_floors_of_a_junction_on_a_slope_meet_without_a_step_and_follow_the_survey(tmp_path):
     network = CASES["tee"].network(tmp_path)
     rough = unite(network, pieces_of(network))
-    assert measure_floor(rough, network).error_m > 0.1
-    found = measure_floor(solve_floors(rough, network), network)
+    assert max(abs(place.off_m) for place in measure_floor(rough, network, rough).elsewhere) > 0.1
+    found = measure_floor(solve_floors(rough, network), network, rough)
     assert found.error_m < 0.01
+    assert found.elsewhere == ()
     assert max(found.step_m, found.other_step_m) < 0.01
     assert found.share_built == 1
 
@@ -81,7 +86,7 @@ def test_a_pitch_joins_two_levels_without_a_case_of_its_own(tmp_path):
     network, rough = built(PITCH, tmp_path)
     volume = solve_floors(rough, network)
     assert len(volume.solid.decompose()) == 1
-    found = measure_floor(volume, network)
+    found = measure_floor(volume, network, rough)
     assert found.share_built == 1
     assert 0 < found.over_floor < 1  # there is none over the pitch
     assert found.error_m < 0.01
@@ -108,3 +113,39 @@ def test_a_prism_on_a_wide_station_ends_where_its_shortest_leg_does(tmp_path):
     hub = next(piece for piece in pieces_of(network) if len(piece.sections) == 1)
     middle = hub.footprint.mean(axis=0)
     assert np.linalg.norm(hub.footprint - middle, axis=1).max() == pytest.approx(3.0)
+
+
+def test_a_leg_over_the_deeper_floor_of_another_is_listed_by_station_and_its_own_floors_keep_the_survey(tmp_path):
+    network, rough = built(BOX + "B,3,10,-10,2,2,-0.3,3,0\nB,4,10,10,2,2,-0.3,3,0\n", tmp_path)
+    found = measure_floor(rough, network, rough)
+    (entry,) = found.elsewhere
+    assert (entry.leg, entry.other) == ("1 to 2", "3 to 4")
+    assert entry.off_m == pytest.approx(-0.3)
+    assert entry.share == pytest.approx(4 / 20, abs=0.03)
+    assert found.error_m < 0.01
+
+
+def test_a_ledge_whose_corners_are_not_over_each_other_is_folded_without_a_crossing(tmp_path):
+    network = CASES["tee"].network(tmp_path)
+    volume = solve_floors(unite(network, pieces_of(network)), network)
+    ledge = (volume.label == Label.FLOOR) & (
+        np.abs(volume.normals[:, 2]) < 1e-6 * np.linalg.norm(volume.normals, axis=1)
+    )
+    assert not ledge.any()
+
+
+def test_a_facet_reaches_into_a_body_as_deep_as_it_is_moved_into_it():
+    corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, -1]]], float)
+    bodies = ConvexBodies(corners, np.array([[[0, 0, 1.0]]]), np.array([[[1.0, 0, 0]]]), np.array([7]))
+    touching = np.array([[0.2, 0.2, 0], [0.3, 0.2, 1], [0.2, 0.3, 1]], float)
+    faces = np.array([[0, 1, 2]])
+    assert len(Facets(touching, faces).crossing(bodies).body) == 0
+    found = Facets(touching - [0, 0, 0.05], faces).crossing(bodies)
+    assert found.depth_m == pytest.approx([0.05])
+
+
+def test_what_a_part_shares_with_the_free_space_is_the_same_of_tiles_that_are_cut_on_the_way(box):
+    _, volume, _ = box
+    part = manifold3d.Manifold.cube([1, 1, 1]).translate([0, 0, float(volume.vertices[:, 2].min()) - 0.5])
+    assert Tiles(volume.solid).shared_m3(part) == pytest.approx((part ^ volume.solid).volume(), rel=1e-9)
+    assert sum(tile.solid.volume() for tile in Tiles(volume.solid).all()) == pytest.approx(volume.solid.volume())

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import open3d
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
+from benchmarks.comparisons.volume.ledges import DEEPEST_M, FoldedLedges, fold_ledges, ledges_of
 from benchmarks.comparisons.volume.network import SurveyNetwork
-from benchmarks.comparisons.volume.volume import Label, Solid, Volume, label_facets, simplified
+from benchmarks.comparisons.volume.volume import Label, Volume, label_facets, simplified
 
 EDGE_M = 0.8  # longest edge of the mesh on which heights are solved
-_SAMPLE_M = 0.2  # along a leg
+_SAMPLE_M = 0.05  # along a leg: the union's triangles may be as small
 _SIMPLE_M = 0.004  # of the solved mesh: floors keep within 1 cm of the survey
-_NEAR_M = 5.0  # along the survey: legs so near share one floor where their sections overlap
-_DEEPEST_M = 0.6  # of a ledge between two floors of such legs; deeper ones are as surveyed
-_OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
-_OVER_M, _TWIST_M, _EDGE_M = 0.02, 0.1, 1e-3  # see `_is_under`
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
 _PULL = 1e-7  # weight of the union's own height, which decides where no leg passes
 _FADE_M = 1.0  # over the floor: the walls' vertices move less with height
+_PLUMB = 0.1  # of a facet's normal: so steep a facet has hardly an area seen from above
 _LEAST_M2 = 1e-6  # of a triangle in plan
 _LEAST_M = 0.02  # of an edge in plan
 
@@ -33,73 +33,42 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     across walls. Only heights of shared vertices change, so that the mesh stays closed.
     """
     fine = label_facets(volume.solid.refine_to_length(EDGE_M), volume.pieces, volume.numbers)
-    is_floor = fine.label == Label.FLOOR
-    is_floor |= _ledges(fine, network)
-    rise = _solve(fine, network, is_floor)
-    vertices = fine.vertices + rise[:, None] * [0, 0, 1.0]
-    return simplified(fine, vertices, np.where(is_floor, Label.FLOOR, fine.label), _SIMPLE_M)
+    is_ledge = ledges_of(fine, network)
+    folded = fold_ledges(fine, is_ledge | (fine.label == Label.FLOOR), is_ledge)
+    rise = _solve(folded, network)
+    vertices = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
+    faces = folded.first[folded.volume.faces]
+    real = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    label = np.where(folded.is_floor, Label.FLOOR, folded.volume.label)[real]
+    moved = replace(folded.volume, faces=faces[real], source=folded.volume.source[real])
+    return simplified(moved, vertices, label, _SIMPLE_M)
 
 
-def _ledges(volume: Volume, network: SurveyNetwork) -> np.ndarray:
-    """Return which facets (f,) are ledges: under the floor of another drivable piece that is near along the survey."""
-    near = network.near_pairs(_NEAR_M)
-    by_shot: dict[int, list[int]] = {}
-    for number, piece in enumerate(volume.pieces):
-        if piece.is_drivable:
-            by_shot.setdefault(piece.shot, []).append(number)
-    middles, normal = volume.vertices[volume.faces].mean(axis=1), volume.normals
-    is_wall = (volume.label == Label.WALL) & (normal[:, 2] < _OVERHANG * np.linalg.norm(normal, axis=1))
-    found = np.zeros(len(middles), bool)
-    order = np.argsort(volume.source, kind="stable")
-    starts = np.searchsorted(volume.source[order], np.arange(len(volume.pieces) + 1))
-    for number, piece in enumerate(volume.pieces):
-        own = order[starts[number] : starts[number + 1]]
-        own = own[is_wall[own]]
-        if not piece.is_drivable or not len(own):
-            continue
-        others = [k for shot in (piece.shot, *near[piece.shot]) for k in by_shot.get(int(shot), ()) if k != number]
-        for other in others:
-            found[own] |= _is_under(middles[own], volume.pieces[other])
-    return found
-
-
-def _is_under(places: np.ndarray, piece: Solid) -> np.ndarray:
-    """Return which places (n, 3) lie below the floor of a piece, within its footprint.
-
-    On its edge they may be `_OVER_M` over the floor's plane, well within it `_TWIST_M`: floors of bends are no planes.
-    """
-    over = places[:, 2] - piece.floor_at(places[:, :2])
-    a, b = piece.footprint, np.roll(piece.footprint, -1, axis=0)
-    area = np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
-    edge = (b - a) * np.sign(area) / np.maximum(np.linalg.norm(b - a, axis=1, keepdims=True), 1e-9)
-    step = places[:, None, :2] - a
-    inside = (edge[:, 0] * step[:, :, 1] - edge[:, 1] * step[:, :, 0]).min(axis=1)
-    near = ((inside > -_EDGE_M) & (over < _OVER_M)) | ((inside > 10 * _EDGE_M) & (over < _TWIST_M))
-    found: np.ndarray = near & (over > -_DEEPEST_M)
-    return found
-
-
-def _solve(volume: Volume, network: SurveyNetwork, is_floor: np.ndarray) -> np.ndarray:
+def _solve(folded: FoldedLedges, network: SurveyNetwork) -> np.ndarray:
     """Return by how much (v,) m each vertex rises."""
+    volume, first = folded.volume, folded.first
     rise = np.zeros(len(volume.vertices))
-    faces = volume.faces[is_floor]
-    used = np.unique(faces)
+    faces = first[volume.faces[folded.is_floor]]
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    used, faces = np.unique(faces, return_inverse=True)
     if not len(used):
         return rise
     local = np.full(len(rise), -1)
     local[used] = np.arange(len(used))
     places = volume.vertices[used]
-    stiff = _stiffness(places, local[faces])
-    hit, weights, target = _along_legs(volume, network, is_floor)
+    stiff = _stiffness(places, faces)
+    hit, weights, target = _along_legs(volume, network, folded.is_floor)
+    corners = local[first[volume.faces[hit]]]
     rows = np.repeat(np.arange(len(target)), 3)
-    B = coo_matrix((weights.ravel(), (rows, local[volume.faces[hit]].ravel())), (len(target), len(used))).tocsr()
+    B = coo_matrix((weights.ravel(), (rows, corners.ravel())), (len(target), len(used))).tocsr()
     pull = csr_matrix((np.full(len(used), _PULL), (range(len(used)), range(len(used)))), shape=stiff.shape)
     level = float(places[:, 2].mean())
     heights = spsolve(
         (stiff + pull + _FIX * B.T @ B).tocsc(), _PULL * (places[:, 2] - level) + _FIX * B.T @ (target - level)
     )
-    rise[used] = heights + level - places[:, 2]
-    return _fade(volume.vertices, used, rise)
+    solved = local[first] >= 0
+    rise[solved] = heights[local[first[solved]]] + level - volume.vertices[solved, 2]
+    return _fade(volume.vertices, np.flatnonzero(solved), rise)
 
 
 def _stiffness(places: np.ndarray, faces: np.ndarray) -> csr_matrix:
@@ -135,16 +104,21 @@ def leg_floor_samples(network: SurveyNetwork, shots: np.ndarray, step_m: float) 
 def drop(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the facet (n,) under each place, -1 where none is, and the height (n,) m of the mesh there.
 
-    The facet is found in 32 bits, its height with all digits.
+    The facet is found in 32 bits, its height with all digits where it is not nearly plumb.
     """
     scene, middle = open3d.t.geometry.RaycastingScene(nthreads=1), vertices.mean(axis=0)
     scene.add_triangles((vertices - middle).astype(np.float32), faces.astype(np.uint32))
     rays = np.column_stack([places - middle, np.tile([0, 0, -1.0], (len(places), 1))]).astype(np.float32)
     found = scene.cast_rays(open3d.core.Tensor(rays), nthreads=1)
     hit = found["primitive_ids"].numpy().astype(np.int64)
-    hit = np.where(np.isfinite(found["t_hit"].numpy()), hit, -1)
+    way = found["t_hit"].numpy().astype(float)
+    hit = np.where(np.isfinite(way), hit, -1)
     weights = plan_weights(vertices, faces[hit], places)
-    height = np.where(hit >= 0, np.sum(weights * vertices[faces[hit], 2], axis=1), np.nan)
+    a, b, c = np.moveaxis(vertices[faces[hit]], 1, 0)
+    normal = np.cross(b - a, c - a)
+    is_plumb = np.abs(normal[:, 2]) < _PLUMB * np.linalg.norm(normal, axis=1)
+    height = np.where(is_plumb, places[:, 2] - way, np.sum(weights * vertices[faces[hit], 2], axis=1))
+    height = np.where(hit >= 0, height, np.nan)
     return hit, height
 
 
@@ -164,12 +138,12 @@ def _along_legs(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return facets (n,) under places of the legs, the weights (n, 3) of their corners, and the floors' heights (n,).
 
-    A place counts if the first facet under it is floor, at most `_DEEPEST_M` below the surveyed floor.
+    A place counts if the first facet under it is floor, at most `DEEPEST_M` below the surveyed floor.
     """
     shots = np.flatnonzero(np.isin(np.arange(len(network.shots)), [p.shot for p in volume.pieces if p.is_drivable]))
     places, _ = leg_floor_samples(network, shots, _SAMPLE_M)
     hit, height = drop(volume.vertices, volume.faces, places + np.array([0, 0, 0.1]))
-    good = (hit >= 0) & is_floor[hit] & (places[:, 2] - height < _DEEPEST_M)
+    good = (hit >= 0) & is_floor[hit] & (places[:, 2] - height < DEEPEST_M)
     return hit[good], plan_weights(volume.vertices, volume.faces[hit[good]], places[good]), places[good, 2]
 
 

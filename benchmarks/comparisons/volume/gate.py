@@ -24,8 +24,9 @@ from baselines.base.markdown import markdown_table, write_table
 from benchmarks.comparisons.volume import physics, speed, throws
 from benchmarks.comparisons.volume.cases import CASES, GateCase, build_today
 from benchmarks.comparisons.volume.floors import solve_floors
+from benchmarks.comparisons.volume.follows import measure_floor
 from benchmarks.comparisons.volume.pictures import draw
-from benchmarks.comparisons.volume.proof import measure_enclosure, measure_floor
+from benchmarks.comparisons.volume.proof import measure_enclosure
 from benchmarks.comparisons.volume.shell import build_shell
 from benchmarks.comparisons.volume.volume import STEEPEST, pieces_of, unite
 from pipeline.store.files import write_atomically
@@ -63,8 +64,8 @@ def measure(case: GateCase, folder: Path, seed: int = 0) -> dict[str, Any]:
         "parts": len(built),
         "intrusion_m3": sum(abs(part.intrusion_m3) for part in built),
     }
-    row["before"] = dataclasses.asdict(measure_floor(rough, network))
-    row["floor"] = dataclasses.asdict(measure_floor(volume, network))
+    row["before"] = dataclasses.asdict(measure_floor(rough, network, rough))
+    row["floor"] = dataclasses.asdict(measure_floor(volume, network, rough))
     row["enclosure"] = dataclasses.asdict(measure_enclosure(volume, built, case.proof_tiles, rng))
     parts, row["refused"] = physics.without_refused(built)
     row["refused_m2"] = sum(p.area_m2 for p in built) - sum(p.area_m2 for p in parts)
@@ -101,6 +102,11 @@ def _kept(path: Path, make: Any) -> dict[str, Any]:
     return row
 
 
+def _off(floor: dict[str, Any]) -> float:
+    """Return the floor's largest distance, m, from the survey, in other workings too."""
+    return max([floor["error_m"], *(abs(place["off_m"]) for place in floor["elsewhere"])])
+
+
 def _pair(name: str, ours: dict[str, Any], today: dict[str, Any]) -> list[str]:
     """Return a case's column: prototype | today."""
     floor, before, shut, robots, balls = (ours[k] for k in ("floor", "before", "enclosure", "robots", "balls"))
@@ -117,8 +123,10 @@ def _pair(name: str, ours: dict[str, Any], today: dict[str, Any]) -> list[str]:
     follows = f"{1000 * floor['error_m']:.1f}, {1000 * floor['median_m']:.2f}, {100 * floor['over_1cm']:.2f} %"
     return [
         f"{100 * floor['share_built']:.1f} % of {length:,.0f} m | {100 * share:.0f} %",
-        f"{follows}; union alone {1000 * before['error_m']:.0f} | {1000 * proof.get('floor_error_m', np.nan):.1f}",
-        f"{1000 * floor['step_m']:.1f}; union alone {1000 * before['step_m']:.0f} | none",
+        f"{follows}; in other workings {len(floor['elsewhere'])} legs; union alone {1000 * _off(before):.0f} | "
+        f"{1000 * proof.get('floor_error_m', np.nan):.1f}",
+        f"{1000 * floor['step_m']:.1f}, {len(floor['ledges'])} ledges; "
+        f"union alone {1000 * before['step_m']:.0f} | none",
         f"{100 * floor['steep_share']:.2f} % | none",
         f"{robots['escapes']} in {robots['contacts']:,} | {proof.get('escapes', 'not thrown')}",
         f"{balls['escapes']} in {balls['contacts']:,} | not thrown",

@@ -33,6 +33,8 @@ class SurveyNetwork:
         Distances left, right, up and down at either end.
     joined : (m, 2) bool
         Ends at which a shot shares its section with the one before or after it in its chain.
+    names : tuple of str
+        Of the stations.
     skipped : int
         Shots without a length.
     """
@@ -42,7 +44,13 @@ class SurveyNetwork:
     across: np.ndarray
     lrud_m: np.ndarray
     joined: np.ndarray
+    names: tuple[str, ...]
     skipped: int = 0
+
+    def leg_name(self, shot: int) -> str:
+        """Return the names of a shot's stations."""
+        a, b = self.shots[shot]
+        return f"{self.names[a]} to {self.names[b]}"
 
     @property
     def ends_m(self) -> np.ndarray:
@@ -122,7 +130,7 @@ def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> SurveyNetwo
     shots, left, walls, shared = (np.array(column) for column in zip(*rows, strict=True))
     around = np.array(places)
     middle = np.round((around.min(axis=0) + around.max(axis=0)) / 2)
-    return SurveyNetwork(around - middle, shots, left, walls, shared, skipped)
+    return SurveyNetwork(around - middle, shots, left, walls, shared, tuple(index), skipped)
 
 
 def _sections(at: np.ndarray, walls: np.ndarray) -> tuple[np.ndarray, list[bool]]:

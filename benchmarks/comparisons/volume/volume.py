@@ -42,6 +42,7 @@ class Solid:
     footprint: np.ndarray
     shot: int
     is_drivable: bool
+    is_plumb: bool = False
 
     def floor_at(self, xy: np.ndarray) -> np.ndarray:
         """Return the height (n,) m of the floor's plane at places (n, 2) m."""
@@ -195,7 +196,7 @@ def _leg(network: SurveyNetwork, shot: int, is_drivable: bool) -> Solid:
     right = np.column_stack([-across * lrud[:, 1:2], [0, 0]])
     if abs(step[2]) > run:
         sections = _plumb_sections(places, lrud, across[0])
-        return Solid(_between(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False)
+        return Solid(_between(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False, True)
     middle, half = (left + right) / 2, (left - right) / 2
     tall = lrud[:, 2:].sum(axis=1)[:, None] * [0, 0, 1.0]
     ring = [floors + left, floors + right, floors + right + _LOW * tall]

@@ -1,0 +1,168 @@
+"""How floors follow the survey: their heights along its legs, the steps between them, and what lies elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.comparisons.volume.floors import drop, leg_floor_samples
+from benchmarks.comparisons.volume.network import SurveyNetwork
+from benchmarks.comparisons.volume.proof import Inside
+from benchmarks.comparisons.volume.volume import STEEPEST, Label, Volume
+
+_SAMPLE_M = 0.25
+_OFF_M = 0.01  # of the floor from the survey, and of a step: what is more is listed
+_ABOVE_M = 0.1  # over a surveyed floor, from where the floor is looked for
+_STEP_REACH_M = 0.05  # beyond the edge of a floor's facet, where the next floor is looked for
+_STEP_MOST_M = 0.5  # a ledge that is higher is a wall
+_NEAR_M = 5.0
+
+
+@dataclass(frozen=True)
+class FloorFigures:
+    """How the floor follows the survey, m: largest and median error; largest step where legs meet, and elsewhere."""
+
+    error_m: float  # without those that lie in another working
+    median_m: float
+    over_1cm: float  # share of the samples on the floor that are farther from it than 1 cm, without the same
+    over_floor: float  # share of the legs' samples that have floor under them, the others are over other passages
+    step_m: float
+    other_step_m: float
+    steep_share: float  # of the floor's area over 20 deg
+    share_built: float  # of all the surveyed length
+    elsewhere: tuple[InOtherWorking, ...]
+    ledges: tuple[Ledge, ...]
+
+
+@dataclass(frozen=True)
+class InOtherWorking:
+    """A leg that lies in the deeper working of another, so that the floor under it is the other's.
+
+    `share` is that of the leg's samples, `off_m` the floor's largest height over the survey.
+    """
+
+    leg: str
+    other: str
+    share: float
+    off_m: float
+
+
+@dataclass(frozen=True)
+class Ledge:
+    """A step of more than 1 cm between the floors of two legs: the largest, and the length of all its edges."""
+
+    leg: str
+    other: str
+    step_m: float
+    length_m: float
+
+
+def measure_floor(volume: Volume, network: SurveyNetwork, union: Volume) -> FloorFigures:
+    """Measure the floor along the drivable legs, and the steps beside its facets.
+
+    A place lies in another working if the floor of the union under it is that of another leg and deeper by more than 1
+    cm. There one floor cannot have both heights. Such places are listed where the floor is more than 1 cm off.
+    """
+    shots = np.flatnonzero(network.grades <= STEEPEST)
+    places, owner = leg_floor_samples(network, shots, _SAMPLE_M)
+    start = places + np.array([0, 0, _ABOVE_M])
+    hit, height = drop(volume.vertices, volume.faces, start)
+    off = height - places[:, 2]
+    on_floor = (hit >= 0) & (volume.label[hit] == Label.FLOOR) & (np.abs(off) < _STEP_MOST_M)
+    other = _other_working(union, places, owner)
+    listed = on_floor & (other >= 0) & (np.abs(off) > _OFF_M)
+    error = np.abs(off)[on_floor & ~listed]
+    ledges, step, other_step = _steps(volume, network)
+    normal = volume.normals[volume.label == Label.FLOOR]
+    area = np.linalg.norm(normal, axis=1)
+    steep = area[-normal[:, 2] < np.cos(np.radians(20)) * area].sum() / area.sum()
+    return FloorFigures(
+        float(error.max()),
+        float(np.median(error)),
+        float((error > _OFF_M).mean()),
+        float(on_floor.mean()),
+        step,
+        other_step,
+        float(steep),
+        _share_built(volume, network),
+        tuple(_in_other_working(network, owner, other, listed, off)),
+        ledges,
+    )
+
+
+def _share_built(volume: Volume, network: SurveyNetwork) -> float:
+    """Return the share of the surveyed length that is in the free space."""
+    places, owner = leg_floor_samples(network, np.arange(len(network.shots)), _SAMPLE_M)
+    above = np.minimum(_ABOVE_M, network.lrud_m[:, :, 2:].sum(axis=2).min(axis=1) / 2)[owner]
+    inside = Inside(volume).distance_m(places + above[:, None] * [0, 0, 1.0]) > -1e-3
+    weight = network.lengths_m[owner] / np.bincount(owner)[owner]
+    return float(weight[inside].sum() / weight.sum())
+
+
+def _other_working(union: Volume, places: np.ndarray, owner: np.ndarray) -> np.ndarray:
+    """Return the leg (n,) in whose working each place lies, -1 for its own."""
+    hit, height = drop(union.vertices, union.faces, places + np.array([0, 0, _ABOVE_M]))
+    piece = union.source[hit]
+    leg = np.array([one.shot for one in union.pieces])[piece]
+    is_leg = np.array([len(one.sections) > 1 for one in union.pieces])[piece]  # others are on a station
+    found: np.ndarray = np.where((hit >= 0) & is_leg & (leg != owner) & (places[:, 2] - height > _OFF_M), leg, -1)
+    return found
+
+
+def _in_other_working(
+    network: SurveyNetwork, owner: np.ndarray, other: np.ndarray, listed: np.ndarray, off: np.ndarray
+) -> Iterator[InOtherWorking]:
+    """Return an entry for each pair of legs."""
+    pairs, number = np.unique(np.column_stack([owner, other])[listed], axis=0, return_inverse=True)
+    count = np.bincount(owner)
+    for k, (leg, working) in enumerate(pairs.tolist()):
+        heights = off[listed][number == k]
+        worst = float(heights[np.argmax(np.abs(heights))])
+        yield InOtherWorking(network.leg_name(leg), network.leg_name(working), len(heights) / int(count[leg]), worst)
+
+
+def _steps(volume: Volume, network: SurveyNetwork) -> tuple[tuple[Ledge, ...], float, float]:
+    """Return the steps of more than 1 cm, and the largest, m, where two legs meet and elsewhere.
+
+    A step is from a floor's facet down or up to another floor 5 cm beyond its edge, the least between their planes on
+    the way: floors that meet in a kink have none. Legs meet that are within 5 m of each other along the survey.
+    """
+    floor = volume.label == Label.FLOOR
+    beside = {(f[i], f[(i + 1) % 3]): k for k, f in enumerate(volume.faces.tolist()) for i in range(3)}
+    edges = np.array(
+        [(a, b, k) for (a, b), k in beside.items() if floor[k] and not floor[beside.get((b, a), k)]]
+    ).reshape(-1, 3)
+    a, b = volume.vertices[edges[:, 0]], volume.vertices[edges[:, 1]]
+    along = (b - a)[:, :2]
+    length = np.linalg.norm(along, axis=1)
+    keep = length > 0.02
+    edges, a, b, along, length = (x[keep] for x in (edges, a, b, along, length))
+    middle, third = (a + b) / 2, volume.vertices[volume.faces[edges[:, 2]]].mean(axis=1)
+    out = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
+    out *= np.sign(np.sum(out * (middle - third)[:, :2], axis=1))[:, None]
+    beyond = middle + np.column_stack([out * _STEP_REACH_M, np.full(len(out), _STEP_MOST_M)])
+    hit, height = drop(volume.vertices, volume.faces, beyond)
+    rise, next_rise = (_slope_along(volume.normals[k], out) * _STEP_REACH_M for k in (edges[:, 2], hit))
+    here, there = height - next_rise - middle[:, 2], height - middle[:, 2] - rise
+    step = np.where(here * there < 0, 0.0, np.minimum(np.abs(here), np.abs(there)))
+    inside = Inside(volume).distance_m(middle + np.column_stack([out * _STEP_REACH_M, np.full(len(out), 0.3)])) > 0
+    good = (hit >= 0) & floor[hit] & (step < _STEP_MOST_M) & inside
+    near = network.near_pairs(_NEAR_M)
+    shot = np.array([piece.shot for piece in volume.pieces])[volume.source]
+    pairs = np.column_stack([shot[edges[good, 2]], shot[hit[good]]])
+    step, length = step[good], length[good]
+    meets = np.array([i == j or j in near[i] for i, j in pairs.tolist()], bool)
+    ledges = []
+    for leg, other in np.unique(np.sort(pairs[step > _OFF_M], axis=1), axis=0).tolist():
+        these = (np.sort(pairs, axis=1) == (leg, other)).all(axis=1) & (step > _OFF_M)
+        names = network.leg_name(leg), network.leg_name(other)
+        ledges.append(Ledge(*names, float(step[these].max()), float(length[these].sum())))
+    return tuple(ledges), float(step[meets].max(initial=0.0)), float(step[~meets].max(initial=0.0))
+
+
+def _slope_along(normals: np.ndarray, out: np.ndarray) -> np.ndarray:
+    """Return the rise over run (n,) of facets in horizontal directions (n, 2)."""
+    found: np.ndarray = -np.sum(normals[:, :2] * out, axis=1) / np.minimum(normals[:, 2], -1e-12)
+    return found

@@ -1,0 +1,151 @@
+"""Shapes of a part behind a convex polygon of facets, from the best to the thinnest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import manifold3d
+import numpy as np
+
+from benchmarks.comparisons.volume.rock.separation import ConvexBodies
+
+DEPTHS_M = (0.3, 0.15, 0.08, 0.04, 0.02)
+MOVED_AND_CUT = tuple((kind, depth) for depth in DEPTHS_M for kind in ("moved", "cut"))
+SHAPES = (
+    *MOVED_AND_CUT,
+    *(("pyramid", depth) for depth in DEPTHS_M[:-1]),
+    *(("plate", depth) for depth in DEPTHS_M[2:]),
+)
+_FORWARD = 0.1  # of a corner's way along the normal; one that goes less into the rock goes along the normal
+
+
+@dataclass(frozen=True)
+class Polygons:
+    """Convex polygons of facets with equally many corners.
+
+    Attributes
+    ----------
+    numbers : (n,) int64
+        Of the surfaces that they are.
+    corners : (n, k, 3) float64, m
+    ways : (n, k, 3) float64
+        From each corner into the rock, one metre behind all its facets.
+    normals : (n, 3) float64
+        Unit vector into the rock.
+    beside : (n, k, 3) float64
+        Unit normals of the facets across the edge from each corner to the next.
+    """
+
+    numbers: np.ndarray
+    corners: np.ndarray
+    ways: np.ndarray
+    normals: np.ndarray
+    beside: np.ndarray
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self.numbers)
+
+    def some(self, chosen: np.ndarray) -> Polygons:
+        """Return those that are chosen."""
+        return Polygons(*(column[chosen] for column in vars(self).values()))
+
+
+def shaped(polygons: Polygons, kind: str, depth_m: float) -> ConvexBodies:
+    """Return the polygons' parts of one shape.
+
+    `moved`: the polygon, moved by the depth along the ways of its corners. `cut`: the same, cut along the bisectors of
+    the rock's edges. `pyramid`: over the polygon. `plate`: moved along its normal.
+    """
+    if kind == "cut":
+        return _bodies([_cut(polygons, n, depth_m) for n in range(len(polygons))], polygons)
+    corners, normals = polygons.corners, polygons.normals[:, None]
+    if kind == "pyramid":
+        back = corners.mean(axis=1, keepdims=True) + depth_m * normals
+        sides = np.cross(np.roll(corners, -1, axis=1) - corners, back - corners)
+        edges = np.concatenate([np.roll(corners, -1, axis=1) - corners, back - corners], axis=1)
+        points = np.concatenate([corners, back], axis=1)
+        return ConvexBodies(
+            points, np.concatenate([-normals, _outward(sides, corners, points)], 1), edges, polygons.numbers
+        )
+    forward = np.broadcast_to(normals, corners.shape)
+    if kind == "moved":
+        ahead = np.einsum("nck,nk->nc", polygons.ways, polygons.normals) > _FORWARD
+        forward = np.where(ahead[:, :, None], polygons.ways, forward)
+    return _prism(corners, corners + depth_m * forward, polygons)
+
+
+def _prism(front: np.ndarray, back: np.ndarray, polygons: Polygons) -> ConvexBodies:
+    """Return the hulls of polygons and their moved copies; sides that are no planes are tried by either diagonal."""
+    to, up, over = np.roll(front, -1, axis=1) - front, back - front, np.roll(back, -1, axis=1) - back
+    following = np.roll(up, -1, axis=1)
+    points = np.concatenate([front, back], axis=1)
+    normals = polygons.normals[:, None]
+    sides = [_outward(np.cross(a, b), front, points) for a, b in ((to, up), (to, following))]
+    sides += [_outward(np.cross(over, b), back, points) for b in (up, following)]
+    behind = _outward(np.cross(over, np.roll(over, -1, axis=1)), back, points)
+    directions = np.concatenate([-normals, normals, *sides, behind], axis=1)
+    return ConvexBodies(points, directions, np.concatenate([to, up, over], axis=1), polygons.numbers)
+
+
+def _outward(normals: np.ndarray, at: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return unit normals that go away from the middle of the points."""
+    away = np.einsum("nck,nck->nc", normals, at - points.mean(axis=1, keepdims=True))[:, :, None]
+    size = np.linalg.norm(normals, axis=2, keepdims=True)
+    found: np.ndarray = np.where(away < 0, -normals, normals) / np.maximum(size, 1e-30)
+    # Of no area: the direction of the first is tried twice.
+    return np.where(size > 1e-12, found, found[:, :1])
+
+
+def _cut(polygons: Polygons, n: int, depth_m: float) -> manifold3d.Manifold:
+    corners, normal = polygons.corners[n], polygons.normals[n]
+    ways = polygons.ways[n]
+    forward = np.where((ways @ normal)[:, None] > _FORWARD, ways, normal)
+    solid = manifold3d.Manifold.hull_points(np.concatenate([corners, corners + depth_m * forward]))
+    for direction, offset in _bisectors(corners, normal, polygons.beside[n]):
+        solid = solid.trim_by_plane(direction, offset)
+    return solid
+
+
+def _bodies(solids: list[manifold3d.Manifold], polygons: Polygons) -> ConvexBodies:
+    """Return solids as bodies; those of no volume are their polygon, which is in nothing."""
+    corners, directions, edges = [], [], []
+    for n, solid in enumerate(solids):
+        points, faces = polygons.corners[n], np.array([[0, 1, 2]])
+        if not solid.is_empty() and solid.volume() > 0:
+            mesh = solid.to_mesh64()
+            points, faces = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64)
+        a, b, c = np.moveaxis(points[faces], 1, 0)
+        normal = np.cross(b - a, c - a)
+        size = np.linalg.norm(normal, axis=1, keepdims=True)
+        real = size[:, 0] > 1e-12
+        corners.append(points)
+        directions.append(np.concatenate([-polygons.normals[n : n + 1], normal[real] / size[real]]))
+        edges.append(np.concatenate([b - a, c - b]))
+    return ConvexBodies(_padded(corners), _padded(directions), _padded(edges), polygons.numbers)
+
+
+def _padded(rows: list[np.ndarray]) -> np.ndarray:
+    """Return rows (r, 3) as one array; shorter ones repeat their first entry."""
+    most = max(map(len, rows), default=0)
+    return np.array([np.concatenate([row, np.repeat(row[:1], most - len(row), axis=0)]) for row in rows]).reshape(
+        len(rows), most, 3
+    )
+
+
+def _bisectors(corners: np.ndarray, normal: np.ndarray, across: np.ndarray) -> list[tuple[np.ndarray, float]]:
+    """Return the planes that halve the rock at the polygon's edges where it is a wedge: normal to the part, offset."""
+    found = []
+    for a, b, other in zip(corners, np.roll(corners, -1, axis=0), across, strict=True):
+        edge = (b - a) / max(float(np.linalg.norm(b - a)), 1e-30)
+        inward = np.cross(normal, edge)  # in the facet, away from the edge
+        if inward @ other > -1e-6:  # the rock is not a wedge here
+            continue
+        into = normal + other
+        direction = np.cross(edge, -into)
+        size = float(np.linalg.norm(direction))
+        if size < 1e-6:
+            direction, size = inward, 1.0
+        direction = direction / size * (1 if direction @ inward > 0 else -1)
+        found.append((direction, float(direction @ a)))
+    return found
