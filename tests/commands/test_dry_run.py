@@ -43,7 +43,7 @@ def test_what_a_plan_is_taken_for_is_listed_and_drawn_and_nothing_is_built(proje
     out, err = capsys.readouterr()
     assert out == f"read    plan.png; nothing is built\ndrawn   {SHOWN}\n"
     assert err.count("guessed, dropped or assumed") == 1
-    assert "the bar is 160 px long and represents 20 m" in " ".join(err.split())
+    assert "scale: the bar is 160 px long" in " ".join(err.split())
     assert "--bar-length" in err
     after = files(project)
     shown = cv2.imdecode(np.frombuffer(after.pop(SHOWN), np.uint8), cv2.IMREAD_COLOR).astype(int)
