@@ -102,6 +102,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("decline-pictures", "setup", "benchmarks.pictures.gallery declines", "docs/decline.jpg"),
     _python("case-pictures", "setup", "benchmarks.pictures.case_pictures", _PARTS + "cases.md"),
     _python("drive-clip", "all", "benchmarks.pictures.gallery drive", "docs/drive.gif"),
+    _python("export-picture", "all", "benchmarks.pictures.gallery export", "docs/export.jpg"),
     _python("look", "all", "benchmarks.pictures.look_at_report", "docs/report.png"),
     # Timings
     _python("bench", "setup", "benchmarks.speed.time_env", _PARTS + "env-speed.md", one_thread=True),

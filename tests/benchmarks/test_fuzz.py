@@ -26,7 +26,7 @@ FAST = [
         "bomb of 16 bits and alpha",
         "1,568,000,000 bytes when decoded, the limit is 800,000,000 (decoded_bytes in",
     ),
-    ("tiff", "sixty thousand channels", "it is none of PNG, JPEG, TIFF, BMP and PNM"),
+    ("tiff", "sixty thousand channels", "it is none of PNG, JPEG, TIFF, BMP, PNM and GIF"),
     ("tiff", "BigTIFF of 2^60 tags", "header is broken"),
     ("pdf", "page of 10^9 points", "the limits are 16384 px a side"),
     ("map.yaml", "aliases", "aliases and tags are not allowed"),

@@ -3,6 +3,7 @@
 import pytest
 import yaml
 
+from pipeline.compose import compose  # of another project than this checkout
 from pipeline.errors import InputError, ParamsError
 from pipeline.params.floor_rules import FloorRules, floor_rules, reading_by
 from pipeline.params.reader_limits import FILE
@@ -10,7 +11,6 @@ from pipeline.params.survey import PassageSurveyParams
 from pipeline.stage import ARTIFACTS, is_fresh
 from pipeline.survey.load import read_survey
 from stages.survey import STAGE
-from tests.composed import compose
 from tests.project import ROOT
 
 STEEP = """leg,station,easting_m,northing_m,elevation_m,left_m,right_m

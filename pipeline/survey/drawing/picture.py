@@ -71,14 +71,16 @@ def fitting_dpi(path: Path, page: int) -> float:
     Raises
     ------
     InputError
-        If the file is no PDF, or has no such page.
+        If the file is no PDF, has no such page, or the page is too large at the least resolution.
     """
     with _open_page(path, page) as (pdf_page, _):
-        width, height = (side / 72 for side in pdf_page.get_size())
+        size = pdf_page.get_size()
+    width, height = (side / 72 for side in size)
     fits = math.sqrt(_FITTING_PX / max(width * height, 1e-9))
     if fits >= USUAL_DPI:
         return USUAL_DPI
     dpi = max(_LEAST_DPI, float(math.floor(fits)))
+    _require_page_size(path, page, size, dpi, MAX_SIDE_PX**2 / 1e6)
     warn_user(f"{path.name}: page of {width:.0f} x {height:.0f} in; it is read at {dpi:g} dpi; --dpi states another")
     return dpi
 
