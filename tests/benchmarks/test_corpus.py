@@ -5,12 +5,14 @@ import json
 import shutil
 from datetime import date
 
+import cv2
 import gymnasium
 import mlcroissant
+import numpy as np
 import pytest
 
 import minexplore
-from benchmarks.corpus.members import CASES, DEFAULT, CorpusMember, generated, with_heights
+from benchmarks.corpus.members import CASES, DEFAULT, CorpusMember, evidence_of, generated, with_heights
 from benchmarks.corpus.metadata import read_entry, write_metadata
 from minexplore.splits import STYLES
 from pipeline.store.hashing import sha256_bytes
@@ -69,6 +71,15 @@ def test_a_source_with_a_comma_leaves_the_table_whole(corpus):
         rows = list(csv.DictReader(file))
     assert [row["name"] for row in rows] == ["tee", "same"]
     assert all(None not in row and None not in row.values() for row in rows)
+
+
+def test_a_picture_of_one_pixel_is_no_evidence(tmp_path):
+    for picture, side in (("validation/views.png", 1), ("contours/contours.png", 100)):
+        (tmp_path / picture).parent.mkdir()
+        cv2.imwrite(str(tmp_path / picture), np.random.default_rng(0).integers(0, 255, (side, side, 3), np.uint8))
+    found = list(evidence_of(tmp_path))
+    assert "contours/contours.png" in found
+    assert "validation/views.png" not in found
 
 
 def test_the_members_are_the_surveyed_mines_twenty_of_each_style_and_twenty_with_heights():
