@@ -359,13 +359,14 @@ def model_in_plan(folder: Path, world: OpenedBundle) -> mujoco.MjModel:
     own = {rock_geom(parts - len(sheets) + k): sheet for k, sheet in enumerate(sheets)}  # of shafts and fences
     for group, about_m in ((GeomGroup.FLOOR, 0.0), (GeomGroup.COLLISION, world.record.height_m / 2)):
         geoms = [geom for geom in spec.geoms if geom.meshname and geom.group == group]
-        places = np.array([geom.pos for geom in geoms]).reshape(-1, 3)
-        for geom, place in zip(geoms, floor.unfold(places, about_m), strict=True):
+        # A part is of the sheet of its centre of mass: `pos`, the middle of its box, may lie on a seam beside it.
+        middles = np.array([world.model.geom(geom.name).pos for geom in geoms]).reshape(-1, 3)
+        for geom, moved in zip(geoms, (floor.unfold(middles, about_m) - middles)[:, :2], strict=True):
             sheet = own.get(geom.name)
             if sheet == OVER_ROOF:
                 geom.group = GeomGroup.ROOF
                 continue
-            geom.pos = [*(place[:2] if sheet is None else geom.pos[:2] + floor.offset_m[sheet]), geom.pos[2]]
+            geom.pos = [*(geom.pos[:2] + (moved if sheet is None else floor.offset_m[sheet])), geom.pos[2]]
     return compile_spec(spec, folder / MODEL)
 
 
