@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from benchmarks.comparisons.volume.cases import GateCase
-from benchmarks.comparisons.volume.floors import solve_floors
 from benchmarks.comparisons.volume.local.choice import PlaneChooser, boxes_under
 from benchmarks.comparisons.volume.local.drives import VolumeDrive
 from benchmarks.comparisons.volume.local.models import PARKED, VolumeModels
@@ -18,9 +17,10 @@ from benchmarks.comparisons.volume.local.planes import (
     fit_planes,
 )
 from benchmarks.comparisons.volume.physics import without_refused
-from benchmarks.comparisons.volume.shell import build_shell
-from benchmarks.comparisons.volume.volume import pieces_of, unite
 from minexplore.physics.robot import RobotParams
+from pipeline.volume.floors import solve_floors
+from pipeline.volume.shell import build_shell
+from pipeline.volume.union import pieces_of, unite
 from tests.heights import HEADER
 
 RAMP = "A,1,0,0,1,1,0,3,0\nA,2,20,0,1,1,2,3,0\n"

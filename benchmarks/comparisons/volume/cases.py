@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.comparisons.volume.network import SurveyNetwork, network_of
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import solve_file
+from pipeline.volume.network import SurveyNetwork, network_of
 from tests.heights import HEADER, levels, spiral, table
 from tests.project import Project
 

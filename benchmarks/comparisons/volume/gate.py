@@ -23,13 +23,13 @@ from tqdm import tqdm
 from baselines.base.markdown import markdown_table, write_table
 from benchmarks.comparisons.volume import physics, speed, throws
 from benchmarks.comparisons.volume.cases import CASES, GateCase, build_today
-from benchmarks.comparisons.volume.floors import solve_floors
-from benchmarks.comparisons.volume.follows import measure_floor
 from benchmarks.comparisons.volume.pictures import draw
-from benchmarks.comparisons.volume.proof import measure_enclosure
-from benchmarks.comparisons.volume.shell import build_shell
-from benchmarks.comparisons.volume.volume import STEEPEST, pieces_of, unite
 from pipeline.store.files import write_atomically
+from pipeline.volume.enclosure import measure_enclosure
+from pipeline.volume.floor_error import measure_floor
+from pipeline.volume.floors import solve_floors
+from pipeline.volume.shell import build_shell
+from pipeline.volume.union import STEEPEST, pieces_of, unite
 
 FOLDER, PAGE, PICTURE = (
     Path("artifacts/bench/volume-gate"),

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from benchmarks.comparisons.volume.proof import Inside
-from benchmarks.comparisons.volume.shell import ShellPart
-from benchmarks.comparisons.volume.volume import Label, Volume
 from minexplore.physics.local_models import physics_spec
 from minexplore.physics.robot import FLOOR_BIT, ROCK_BIT, ROCK_BODY, RobotParams, attach_robot, stand_on_facets
 from minexplore.task import TaskParams
+from pipeline.volume.enclosure import Inside
+from pipeline.volume.shell import ShellPart
+from pipeline.volume.union import Label, Volume
 
 ROBOTS = 12
 _SPARE_M, _AHEAD_M = 0.1, 0.7  # beside a robot's disc; a climbing robot needs 0.6 m, as in pipeline.proof.standing

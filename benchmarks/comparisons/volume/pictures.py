@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
-from benchmarks.comparisons.volume.volume import Label
+from pipeline.volume.union import Label
 
 _COLOURS = {Label.FLOOR: "#b08d57", Label.WALL: "#7d8597", Label.ROOF: "#c9d1de"}
 _MOST_BYTES = 300_000

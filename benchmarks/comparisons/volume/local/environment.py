@@ -16,14 +16,14 @@ from tqdm import tqdm
 
 from baselines.base.markdown import markdown_table
 from benchmarks.comparisons.volume.cases import CASES
-from benchmarks.comparisons.volume.floors import solve_floors
 from benchmarks.comparisons.volume.gate import LEVEL
 from benchmarks.comparisons.volume.local.drives import LevelDrive, StepCost, VolumeDrive, hard_driving
 from benchmarks.comparisons.volume.local.models import VolumeModels
 from benchmarks.comparisons.volume.physics import without_refused
-from benchmarks.comparisons.volume.proof import Inside
-from benchmarks.comparisons.volume.shell import ShellPart, build_shell
-from benchmarks.comparisons.volume.volume import Volume, pieces_of, unite
+from pipeline.volume.enclosure import Inside
+from pipeline.volume.floors import solve_floors
+from pipeline.volume.shell import ShellPart, build_shell
+from pipeline.volume.union import Volume, pieces_of, unite
 
 _RUNS = 3
 _ALL_PARTS = -1.0  # a tolerance that no plane meets

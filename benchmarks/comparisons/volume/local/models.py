@@ -9,8 +9,6 @@ import mujoco
 import numpy as np
 
 from benchmarks.comparisons.volume.local.planes import FloorPlanes
-from benchmarks.comparisons.volume.shell import ShellPart
-from benchmarks.comparisons.volume.volume import Label, Volume
 from minexplore.physics.local_models import physics_spec
 from minexplore.physics.robot import (
     FLOOR_BIT,
@@ -23,6 +21,8 @@ from minexplore.physics.robot import (
     stand_on_facets,
 )
 from minexplore.task import TaskParams
+from pipeline.volume.shell import ShellPart
+from pipeline.volume.union import Label, Volume
 
 TILE_M, EXACT_TILE_M = (1.0, 0.5), (0.5, 0.25)  # width and height of a tile
 _MARGIN_M = 0.1  # as in minexplore.physics.local_models

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import open3d
 
-from benchmarks.comparisons.volume.volume import Volume
+from pipeline.volume.union import Volume
 
 NODE_M = 0.05  # between the places that planes are kept for
 # A plane holds for a wheel that stays within one of these distances of a node in a control step: half of its way at

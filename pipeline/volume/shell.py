@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import manifold3d
 import numpy as np
 
-from benchmarks.comparisons.volume.rock.polygons import polygons_of, ways_into_rock
-from benchmarks.comparisons.volume.rock.separation import ConvexBodies, Facets
-from benchmarks.comparisons.volume.rock.shapes import SHAPES, Polygons, shaped
-from benchmarks.comparisons.volume.rock.tiles import Tiles
-from benchmarks.comparisons.volume.volume import Volume
+from pipeline.volume.rock.polygons import polygons_of, ways_into_rock
+from pipeline.volume.rock.separation import ConvexBodies, Facets
+from pipeline.volume.rock.shapes import SHAPES, Polygons, shaped
+from pipeline.volume.rock.tiles import Tiles
+from pipeline.volume.union import Volume
 
 _ALLOWED_M = 1e-7  # volume of a part in the free space, by its area: rounding
 _SHALLOW_M = 1e-5  # a facet that is deeper in a part shares more with it than is allowed

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from benchmarks.comparisons.volume.network import SurveyNetwork
-from benchmarks.comparisons.volume.volume import Label, Solid, Volume
+from pipeline.volume.network import SurveyNetwork
+from pipeline.volume.union import Label, Solid, Volume
 
 DEEPEST_M = 0.6  # of a ledge between two floors of legs that are near each other; deeper ones are as surveyed
 NEAR_M = 5.0  # along the survey: legs so near share one floor where their sections overlap

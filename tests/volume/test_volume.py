@@ -8,13 +8,13 @@ import pytest
 
 from benchmarks.comparisons.volume import physics, throws
 from benchmarks.comparisons.volume.cases import CASES, GateCase
-from benchmarks.comparisons.volume.floors import solve_floors
-from benchmarks.comparisons.volume.follows import measure_floor
-from benchmarks.comparisons.volume.proof import measure_enclosure
-from benchmarks.comparisons.volume.rock.separation import ConvexBodies, Facets
-from benchmarks.comparisons.volume.rock.tiles import Tiles
-from benchmarks.comparisons.volume.shell import build_shell
-from benchmarks.comparisons.volume.volume import Label, pieces_of, unite
+from pipeline.volume.enclosure import measure_enclosure
+from pipeline.volume.floor_error import measure_floor
+from pipeline.volume.floors import solve_floors
+from pipeline.volume.rock.separation import ConvexBodies, Facets
+from pipeline.volume.rock.tiles import Tiles
+from pipeline.volume.shell import build_shell
+from pipeline.volume.union import Label, pieces_of, unite
 from tests.heights import HEADER
 
 BOX = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"

@@ -10,9 +10,9 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
-from benchmarks.comparisons.volume.ledges import DEEPEST_M, FoldedLedges, fold_ledges, ledges_of
-from benchmarks.comparisons.volume.network import SurveyNetwork
-from benchmarks.comparisons.volume.volume import Label, Volume, label_facets, simplified
+from pipeline.volume.ledges import DEEPEST_M, FoldedLedges, fold_ledges, ledges_of
+from pipeline.volume.network import SurveyNetwork
+from pipeline.volume.union import Label, Volume, label_facets, simplified
 
 EDGE_M = 0.8  # longest edge of the mesh on which heights are solved
 _SAMPLE_M = 0.05  # along a leg: the union's triangles may be as small

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.comparisons.volume.volume import Volume
+from pipeline.volume.union import Volume
 
 _LONGEST = 2.0  # of a corner's way into the rock, in depths: at sharp edges the corner stays nearer
 _FLAT = 1e-6  # m, of the corners of one polygon from its plane

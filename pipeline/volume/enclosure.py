@@ -8,9 +8,9 @@ import manifold3d
 import numpy as np
 import open3d
 
-from benchmarks.comparisons.volume.rock.tiles import Tiles
-from benchmarks.comparisons.volume.shell import ShellPart
-from benchmarks.comparisons.volume.volume import Volume
+from pipeline.volume.rock.tiles import Tiles
+from pipeline.volume.shell import ShellPart
+from pipeline.volume.union import Volume
 
 _INTO_FREE_M = 1e-6  # parts move into the free space by this, so that they overlap what they cover
 _THIN_M = 0.0199  # what a body may sink in, 2 cm, less the rounding of parts that are as thick

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.comparisons.volume.floors import drop, leg_floor_samples
-from benchmarks.comparisons.volume.network import SurveyNetwork
-from benchmarks.comparisons.volume.proof import Inside
-from benchmarks.comparisons.volume.volume import STEEPEST, Label, Volume
+from pipeline.volume.enclosure import Inside
+from pipeline.volume.floors import drop, leg_floor_samples
+from pipeline.volume.network import SurveyNetwork
+from pipeline.volume.union import STEEPEST, Label, Volume
 
 _SAMPLE_M = 0.25
 _OFF_M = 0.01  # of the floor from the survey, and of a step: what is more is listed
