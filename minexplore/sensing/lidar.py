@@ -24,7 +24,8 @@ from minexplore.world import World, load_world
 
 Backend = Literal["auto", "embree", "open3d"]
 Meshes = dict[str, tuple[np.ndarray, np.ndarray]]
-# Origins (n, 3) or (3,) and directions (n, 3) -> distances (n,) m, inf for no hit, and the mesh and face of each hit, else -1.
+# Origins (n, 3) or (3,) and directions (n, 3) -> distances (n,) m, inf for no hit, and the mesh and face of each hit,
+# else -1.
 Cast = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 _MODULES = {"embree": "embreex", "open3d": "open3d"}  # fastest first
@@ -190,7 +191,7 @@ class Lidar:
         return self._planes
 
     def hits(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return distances (n,) float32 m to rock, inf for no hit, and the number (n,) of the face that is hit, else -1.
+        """Return distances (n,) float32 m to rock, inf for no hit, and the number (n,) of each hit face, else -1.
 
         The rays (n, 3) float32 start at one place (3,) m, or at places (n, 3) m about the first one's tile. Distances
         are the caster's own, in single precision, and not cut at `range_m`; level floors and roofs are left out.

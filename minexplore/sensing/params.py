@@ -38,12 +38,13 @@ _SPANS = {
 class SensorParams:
     """How sensors degrade; the defaults are ideal.
 
-    LiDAR: `noise` multiplies the data sheet's standard deviation of a range, `power_spread_db` is that of a return's
-    power, `reflectivity` that of dry rock. Dust: `dust_per_m` is the extinction coefficient of Beer and Lambert, and
-    `dust_transmittance` what dust lets pass where half of a LiDAR's rays return from particles (0: particles return none). Water: wet surfaces reflect `wet_factor` as much,
-    `film_share` is the share of a wet floor under standing water, `wet_walls` that of wet rock. Cameras:
-    `depth_noise_px` in pixels of disparity, `image_noise` as a share of white. IMU: noise a root hertz and standard
-    deviation of the constant bias. `odometry` multiplies the errors of the fitted wheel odometry.
+    LiDAR: `noise` multiplies the data sheet's standard deviation of a range, `power_spread_db` is that of a
+    return's power, `reflectivity` that of dry rock. Dust: `dust_per_m` is the extinction coefficient of Beer and
+    Lambert, and `dust_transmittance` what dust lets pass where half of a LiDAR's rays return from particles (0:
+    none do). Water: wet surfaces reflect `wet_factor` as much, `film_share` is the share of a wet floor under
+    standing water, `wet_walls` that of wet rock. Cameras: `depth_noise_px` in pixels of disparity, `image_noise` as
+    a share of white. IMU: noise a root hertz and standard deviation of the constant bias. `odometry` multiplies the
+    errors of the fitted wheel odometry.
     """
 
     noise: float = 0.0
@@ -96,7 +97,7 @@ def preset_numbers(name: str) -> dict[str, tuple[float, str]]:
     """
     presets = _presets()
     if name not in presets:
-        raise ValueError(f"sensor_params = {name!r}: valid choices are {', '.join(presets)}, SensorParams(...)")
+        raise ValueError(f"conditions = {name!r}: valid choices are {', '.join(presets)}, SensorParams(...)")
     own = dict(presets[name])
     numbers = preset_numbers(own.pop("base")) if "base" in own else {}
     return numbers | {field: (float(value), source) for field, (value, source) in own.items()}
@@ -116,4 +117,5 @@ def sensor_params(value: SensorParams | Mapping[str, Any] | str | None) -> Senso
         own = {field: number for field, number in value.items() if field != "preset"}
         coerce_params(SensorParams, own)  # names an unknown field
         return dataclasses.replace(sensor_params(str(value["preset"])), **own)
-    return coerce_params(SensorParams, value)  # type: ignore[arg-type]
+    given = dict(value) if isinstance(value, Mapping) else value
+    return coerce_params(SensorParams, given)

@@ -61,7 +61,7 @@ class SurfaceCaster:
         found, face = self._lidar.hits(origins, directions)
         label = self._labels[face]
         cosine = np.abs(np.einsum("ij,ij->i", self._normals[face], directions))
-        self._level(np.float32(origins[..., 2]), directions[:, 2], found, label, cosine)
+        self._level(np.asarray(origins[..., 2], dtype=np.float32), directions[:, 2], found, label, cosine)
         missed = np.flatnonzero(found > self.range_m)
         found[missed], label[missed] = np.inf, NOTHING
         self._name_zones(origins[..., 0], directions[:, 0], found, label)

@@ -15,7 +15,8 @@ class PointCloud:
 
     `directions` (n, 3) float32 unit vectors of the sensor's frame (x ahead, y left, z up), `range_m` (n,) float32,
     `ring` (n,) uint16, `time_s` (n,) float32 since the scan began, `intensity` (n,) float32 from 0 to 1 (reflectivity
-    times the cosine of incidence, less what dust takes), `label` (n,) uint8 of `LABELS`. `fired` counts all rays.
+    times the cosine of incidence, less what dust takes), `label` (n,) uint8 of `LABELS`, `ray` (n,) int64 its number
+    among the `fired` ones.
     """
 
     directions: np.ndarray
@@ -24,6 +25,7 @@ class PointCloud:
     time_s: np.ndarray
     intensity: np.ndarray
     label: np.ndarray
+    ray: np.ndarray
     fired: int
 
     @property
@@ -31,6 +33,12 @@ class PointCloud:
         """Return the points (n, 3) float32, m, sensor's frame; each by the sensor's pose when its ray was fired."""
         points: np.ndarray = self.directions * self.range_m[:, None]
         return points
+
+    def ranges_m(self) -> np.ndarray:
+        """Return the ranges (fired,) float32 m of all rays that were fired, 0 where there is no return."""
+        ranges = np.zeros(self.fired, dtype=np.float32)
+        ranges[self.ray] = self.range_m
+        return ranges
 
     def counts(self) -> dict[str, int]:
         """Return how many points have each label, without those that none has."""

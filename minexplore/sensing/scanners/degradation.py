@@ -7,8 +7,6 @@ incidence i, the range r, the sheet's range r10, and the extinction a of dust (B
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from minexplore.sensing.params import SensorParams

@@ -113,7 +113,7 @@ def _repeated(name: str) -> Rays:
 
 def _spinning(pattern: ScanPattern) -> Rays:
     """Return the rays of channels on a head that turns clockwise seen from above, column by column."""
-    columns, channels = pattern.about["columns"], len(pattern.elevations_deg)
+    columns = pattern.about["columns"]
     azimuth = -np.arange(columns)[:, None] * 2 * np.pi / columns + np.radians(pattern.about["azimuths_deg"])
     elevation = np.broadcast_to(np.radians(pattern.elevations_deg), azimuth.shape)
     time_s = np.arange(columns)[:, None] * pattern.period_s / columns + np.array(pattern.about["firing_s"])

@@ -66,7 +66,14 @@ class Scanner:
         if self.params.dust_per_m:
             intensity *= np.exp(-2 * self.params.dust_per_m * range_m, where=label != DUST, out=np.ones_like(range_m))
         return PointCloud(
-            rays.directions[kept], range_m, rays.ring[kept], rays.time_s[kept], intensity, label, len(hits.range_m)
+            rays.directions[kept],
+            range_m,
+            rays.ring[kept],
+            rays.time_s[kept],
+            intensity,
+            label,
+            kept,
+            len(hits.range_m),
         )
 
 

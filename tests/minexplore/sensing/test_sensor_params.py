@@ -27,7 +27,7 @@ def test_a_preset_is_changed_field_by_field():
 @pytest.mark.parametrize(
     ("value", "words"),
     [
-        ("foggy", r"sensor_params = 'foggy': valid choices are ideal, typical, dusty, wet"),
+        ("foggy", r"conditions = 'foggy': valid choices are ideal, typical, dusty, wet"),
         ({"dust_per_m": -1}, r"sensor: dust_per_m = -1: want a number from 0 to 10"),
         ({"preset": "wet", "film_share": 2}, r"sensor: film_share = 2: want a number from 0 to 1"),
         ({"preset": "wet", "rain": 2}, r"SensorParams: no field 'rain'"),

@@ -21,7 +21,7 @@ def pose(world):
 def moved(pose, ahead_m, yaw_rad):
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
-    return Pose3D(pose.place_m + [ahead_m, 0, 0], turn @ pose.axes)
+    return Pose3D(pose.place_m + np.array([ahead_m, 0, 0]), turn @ pose.axes)
 
 
 def test_an_ideal_scan_is_the_same_twice_and_names_what_it_hits(world, pose):
