@@ -9,11 +9,9 @@ import numpy as np
 
 from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.robot_batch import RobotBatch
-from minexplore.physics.robot import RobotParams
 from minexplore.sensing.odometry import WheelOdometry
 
 POSES = ("true", "odometry")
-_WHEELS = slice(7, 9)  # of a robot's row of `qpos`: left and right, rad
 
 
 class OdometryBatch(RobotBatch):
@@ -25,9 +23,7 @@ class OdometryBatch(RobotBatch):
     def __init__(self, *arguments: Any, **named: Any) -> None:
         """Take the arguments of `RobotBatch`."""
         super().__init__(*arguments, **named)
-        if type(self.robot) is not RobotParams:
-            raise ValueError("pose = 'odometry': this robot has no two wheels to count; want pose = 'true'")
-        self._odometry = WheelOdometry(self.count, self.robot.wheel_radius_m, self.robot.wheel_base_m)
+        self._odometry = WheelOdometry(self.count, self.robot.wheel_base_m)
         self._placed = np.zeros(self.count, dtype=bool)  # whether the odometry goes on from where the robot is
         self._friction = np.array([zone.friction for zone in self.world.active_zones(self.task.terrain)])
 
@@ -39,10 +35,10 @@ class OdometryBatch(RobotBatch):
         return super().reset(robots, rngs)
 
     def drive(self, command: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray) -> np.ndarray:
-        """Advance robots, and count the turn of their wheels on the floor that they began the step on."""
+        """Advance robots, and count their motion on the floor that they began the step on."""
         friction = self._friction[self.zones_under(robots)]
         collision = super().drive(command, rngs, robots)
-        self._odometry.advance(robots, self.qpos[robots, _WHEELS], friction)
+        self._odometry.advance(robots, self.poses()[robots], friction)
         return collision
 
     def _info(self, robots: np.ndarray, collision: np.ndarray) -> dict[str, np.ndarray]:
@@ -50,7 +46,7 @@ class OdometryBatch(RobotBatch):
         fresh = ~self._placed[robots]
         if fresh.any():
             new = robots[fresh]
-            self._odometry.place(new, info["pose_m_rad"][fresh], self.qpos[new, _WHEELS])
+            self._odometry.place(new, info["pose_m_rad"][fresh])
             self._placed[new] = True
         return {**info, "pose_m_rad": self._odometry.poses[robots].copy(), "true_pose_m_rad": info["pose_m_rad"]}
 

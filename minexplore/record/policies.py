@@ -14,7 +14,8 @@ from minexplore.envs.env import MineEnv
 # An observation (n,) and its info -> an action (2,).
 Drive = Callable[[np.ndarray, dict[str, Any]], np.ndarray]
 
-_EXPLORERS = "baselines.policies.found"  # of a source checkout; the environment's own wheel has none
+# Of a source checkout; the environment's own wheel has none.
+_EXPLORERS, _ERRORS = "baselines.policies.found", "baselines.base.errors"
 _OWN = ("ahead", "random")
 
 
@@ -38,7 +39,11 @@ def find_drive(name: str, env: MineEnv, seed: int, ahead: Callable[[np.ndarray],
 
 def _explorer(name: str, env: MineEnv, seed: int) -> Drive:
     """Return one of the baselines; they drive many robots at a time."""
-    made = importlib.import_module(_EXPLORERS).make_policy(name, 1, env.task, env.robot, not env.world.floor.is_flat)
+    found, errors = importlib.import_module(_EXPLORERS), importlib.import_module(_ERRORS)
+    try:
+        made = found.make_policy(name, 1, env.task, env.robot, not env.world.floor.is_flat)
+    except errors.BaselineError as error:
+        raise ValueError(str(error)) from error
     made.reset(np.arange(1), np.array([seed]))
 
     def act(observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:

@@ -28,7 +28,10 @@ _PARTS = {
     "geometry_msgs/PoseWithCovariance": "geometry_msgs/Pose pose\nfloat64[36] covariance",
     "geometry_msgs/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
     "geometry_msgs/TwistWithCovariance": "geometry_msgs/Twist twist\nfloat64[36] covariance",
-    "sensor_msgs/PointField": "string name\nuint32 offset\nuint8 datatype\nuint32 count",
+    "sensor_msgs/PointField": (
+        "uint8 INT8=1\nuint8 UINT8=2\nuint8 INT16=3\nuint8 UINT16=4\nuint8 INT32=5\nuint8 UINT32=6\n"
+        "uint8 FLOAT32=7\nuint8 FLOAT64=8\nstring name\nuint32 offset\nuint8 datatype\nuint32 count"
+    ),
     "sensor_msgs/RegionOfInterest": "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify",
 }
 _MESSAGES = {
@@ -71,13 +74,13 @@ _MESSAGES = {
         ("std_msgs/Header", "sensor_msgs/PointField"),
     ),
 }
-_DATATYPES = {"u1": 2, "u2": 4, "f4": 7}  # of sensor_msgs/PointField
-_LAYOUT: dict[str, list[Any]] = {
-    "names": ["x", "y", "z", "intensity", "time", "range", "ring", "label"],
-    "formats": ["<f4", "<f4", "<f4", "<f4", "<f4", "<f4", "<u2", "u1"],
-    "offsets": [0, 4, 8, 12, 16, 20, 24, 26],
-}
-_POINT = np.dtype({**_LAYOUT, "itemsize": 28})
+_FLOATS = ("x", "y", "z", "intensity", "time", "range")
+_POINT = np.dtype([*((name, "<f4") for name in _FLOATS), ("ring", "<u2"), ("label", "u1"), ("unused", "u1")])
+_FIELDS = [
+    *({"name": name, "offset": 4 * number, "datatype": 7, "count": 1} for number, name in enumerate(_FLOATS)),
+    {"name": "ring", "offset": 24, "datatype": 4, "count": 1},  # sensor_msgs/PointField's UINT16, UINT8 below
+    {"name": "label", "offset": 26, "datatype": 2, "count": 1},
+]
 # ROS's optical frames look along z, with x to the right: the camera's own axes here are x ahead, y left, z up.
 OPTICAL_AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
@@ -131,13 +134,9 @@ def cloud_of(time_ns: int, frame: str, cloud: PointCloud) -> Message:
         *(("ring", cloud.ring), ("label", cloud.label)),
     ):
         points[name] = values
-    fields = [
-        {"name": name, "offset": offset, "datatype": _DATATYPES[np.dtype(kind).str[1:]], "count": 1}
-        for name, kind, offset in zip(_LAYOUT["names"], _LAYOUT["formats"], _LAYOUT["offsets"], strict=True)
-    ]
     step = _POINT.itemsize
     return {
-        **{"header": header_of(time_ns, frame), "height": 1, "width": len(cloud), "fields": fields},
+        **{"header": header_of(time_ns, frame), "height": 1, "width": len(cloud), "fields": _FIELDS},
         **{"is_bigendian": False, "point_step": step, "row_step": step * len(cloud), "data": points.tobytes()},
         "is_dense": True,
     }

@@ -49,15 +49,17 @@ def zone_slip(slip: float, friction: np.ndarray) -> np.ndarray:
 
 
 class WheelOdometry:
-    """The counted poses of n robots: x, y, m, and yaw, rad, in the mine frame, from where each began."""
+    """The counted poses of n robots: x, y, m, and yaw, rad, in the mine frame, from where each began.
 
-    def __init__(self, count: int, wheel_radius_m: float, wheel_base_m: float, share: float = 1.0) -> None:
-        """Take the robots' measures; `share` multiplies all errors but the encoders' counts."""
-        fit = fitted_odometry()
-        self._radius_m, self._base_m, self._fit, self._share = wheel_radius_m, wheel_base_m, fit, share
-        self.poses = np.zeros((count, 3))
-        self._wheels = np.zeros((count, 2))  # last true angles, rad
-        self._travel, self._counted = np.zeros((count, 2)), np.zeros((count, 2))  # m, true and in whole counts
+    The errors are added to the true motion, not to the turn of the simulated wheels: those spin when a command changes
+    at once, which no driver of the log's robot lets happen, and the fit holds the slip already.
+    """
+
+    def __init__(self, count: int, wheel_base_m: float, fit: OdometryFit | None = None) -> None:
+        """Take the distance between the wheels, and errors other than the fitted ones."""
+        self._base_m, self._fit = wheel_base_m, fit or fitted_odometry()
+        self.poses, self._true = np.zeros((count, 3)), np.zeros((count, 3))
+        self._travel, self._counted = np.zeros((count, 2)), np.zeros((count, 2))  # m, left and right; in whole counts
         self._drift = np.zeros(count)
         self._rngs: list[np.random.Generator | None] = [None] * count
 
@@ -65,29 +67,39 @@ class WheelOdometry:
         """Draw a robot's errors for an episode from a child of its generator, which itself is left as it is."""
         own = rng.spawn(1)[0]
         self._rngs[robot] = own
-        self._drift[robot] = own.normal(0.0, self._share * self._fit.heading_drift_radpm)
+        self._drift[robot] = own.normal(0.0, self._fit.heading_drift_radpm)
 
-    def place(self, robots: np.ndarray, poses: np.ndarray, wheels_rad: np.ndarray) -> None:
-        """Set the poses (k, 3) of robots (k,), whose wheels have angles (k, 2), left and right."""
-        self.poses[robots], self._wheels[robots] = poses, wheels_rad
+    def place(self, robots: np.ndarray, poses: np.ndarray) -> None:
+        """Let robots (k,) begin at their true poses (k, 3)."""
+        self.poses[robots] = self._true[robots] = poses
         self._travel[robots] = self._counted[robots] = 0.0
 
-    def advance(self, robots: np.ndarray, wheels_rad: np.ndarray, friction: np.ndarray) -> None:
-        """Count the turn of the wheels of robots (k,) to angles (k, 2), on floors of frictions (k,)."""
-        fit, step = self._fit, self._fit.resolution_m
-        rolled = (wheels_rad - self._wheels[robots]) * self._radius_m
-        self._wheels[robots] = wheels_rad
-        self._travel[robots] += rolled / (1 - zone_slip(self._share * fit.slip, friction))[:, None]
+    def advance(self, robots: np.ndarray, poses: np.ndarray, friction: np.ndarray) -> None:
+        """Count the motion of robots (k,) to their true poses (k, 3), on floors of frictions (k,)."""
+        before, step = self._true[robots], self._fit.resolution_m
+        moved, turned = poses[:, :2] - before[:, :2], wrapped(poses[:, 2] - before[:, 2])
+        self._true[robots] = poses
+        middle = before[:, 2] + turned / 2
+        rolled = moved[:, 0] * np.cos(middle) + moved[:, 1] * np.sin(middle)
+        rolled = rolled / (1 - zone_slip(self._fit.slip, friction))
+        turned = turned + self._drift[robots] * np.abs(rolled)
+        turned += self._fit.heading_noise_rad_rtm * np.sqrt(np.abs(rolled)) * self._normals(robots)
+        half = turned * self._base_m / 2
+        self._travel[robots] += np.column_stack([rolled - half, rolled + half])
         whole = np.floor(self._travel[robots] / step) * step
-        counted = whole - self._counted[robots]
+        left, right = (whole - self._counted[robots]).T
         self._counted[robots] = whole
-        ahead = counted.mean(axis=1)
-        turn = (counted[:, 1] - counted[:, 0]) / self._base_m + self._drift[robots] * np.abs(ahead)
-        turn += self._share * fit.heading_noise_rad_rtm * np.sqrt(np.abs(ahead)) * self._normals(robots)
+        ahead, turn = (left + right) / 2, (right - left) / self._base_m
         middle = self.poses[robots, 2] + turn / 2
         self.poses[robots] += np.column_stack([ahead * np.cos(middle), ahead * np.sin(middle), turn])
-        self.poses[robots, 2] = (self.poses[robots, 2] + np.pi) % (2 * np.pi) - np.pi
+        self.poses[robots, 2] = wrapped(self.poses[robots, 2])
 
     def _normals(self, robots: np.ndarray) -> np.ndarray:
         rngs = [self._rngs[robot] for robot in robots.tolist()]
         return np.array([rng.standard_normal() if rng is not None else 0.0 for rng in rngs])
+
+
+def wrapped(angle_rad: np.ndarray) -> np.ndarray:
+    """Return angles (n,) rad between -pi and pi."""
+    between: np.ndarray = (angle_rad + np.pi) % (2 * np.pi) - np.pi
+    return between

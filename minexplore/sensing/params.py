@@ -30,7 +30,6 @@ _SPANS = {
     "gyro_bias_radps": Span(0.0, 10.0),
     "accel_noise_mps2_rthz": Span(0.0, 100.0),
     "accel_bias_mps2": Span(0.0, 100.0),
-    "odometry": Span(0.0, 100.0),
 }
 
 
@@ -43,8 +42,7 @@ class SensorParams:
     Lambert, and `dust_transmittance` what dust lets pass where half of a LiDAR's rays return from particles (0:
     none do). Water: wet surfaces reflect `wet_factor` as much, `film_share` is the share of a wet floor under
     standing water, `wet_walls` that of wet rock. Cameras: `depth_noise_px` in pixels of disparity, `image_noise` as
-    a share of white. IMU: noise a root hertz and standard deviation of the constant bias. `odometry` multiplies the
-    errors of the fitted wheel odometry.
+    a share of white. IMU: noise a root hertz and standard deviation of the constant bias.
     """
 
     noise: float = 0.0
@@ -61,7 +59,6 @@ class SensorParams:
     gyro_bias_radps: float = 0.0
     accel_noise_mps2_rthz: float = 0.0
     accel_bias_mps2: float = 0.0
-    odometry: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse numbers that no sensor has."""

@@ -10,7 +10,7 @@ from gymnasium.utils.env_checker import check_env
 from minexplore.envs.env import MineEnv
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.sensing.imu import Imu
-from minexplore.sensing.odometry import WheelOdometry, fitted_odometry, zone_slip
+from minexplore.sensing.odometry import OdometryFit, WheelOdometry, fitted_odometry, wrapped, zone_slip
 from minexplore.sensing.params import sensor_params
 
 AHEAD = np.array([1.0, 0.1], dtype=np.float32)
@@ -70,16 +70,29 @@ def test_the_counted_pose_begins_true_and_drifts(small_world):
     assert 0.02 < error[-1] < 5
 
 
-def test_wheels_that_roll_straight_count_their_travel_and_the_slip_of_the_log():
-    odometry = WheelOdometry(1, 0.2, 0.5)
-    odometry.place(np.array([0]), np.zeros((1, 3)), np.zeros((1, 2)))
-    for turn in np.linspace(0, 50, 101)[1:]:  # 10 m
-        odometry.advance(np.array([0]), np.full((1, 2), turn), np.ones(1))
-    assert odometry.poses[0, 0] == pytest.approx(10 / (1 - fitted_odometry().slip), abs=2e-3)
-    exact = WheelOdometry(1, 0.2, 0.5, share=0.0)
-    exact.place(np.array([0]), np.zeros((1, 3)), np.zeros((1, 2)))
-    exact.advance(np.array([0]), np.array([[0.0, np.pi / 2 * 0.5 / 0.2]]), np.ones(1))
-    assert exact.poses[0, 2] == pytest.approx(np.pi / 2, abs=3e-3)
+def test_a_straight_way_counts_its_length_and_the_slip_of_the_log():
+    odometry, robot = WheelOdometry(1, 0.5), np.array([0])
+    odometry.place(robot, np.zeros((1, 3)))
+    for ahead_m in np.linspace(0, 10, 101)[1:]:
+        odometry.advance(robot, np.array([[ahead_m, 0, 0]]), np.ones(1))
+    assert np.linalg.norm(odometry.poses[0, :2]) == pytest.approx(10 / (1 - fitted_odometry().slip), rel=0.01)
+
+
+def test_without_errors_the_counted_pose_is_the_true_one_to_the_encoders_counts():
+    exact, robot = WheelOdometry(1, 0.5, OdometryFit(0.0, 0.0, 0.0, 1e-6)), np.array([0])
+    exact.begin(0, np.random.default_rng(0))
+    exact.place(robot, np.zeros((1, 3)))
+    for angle in np.linspace(0, 3 * np.pi, 301)[1:]:  # a circle of 2 m, one and a half times
+        exact.advance(robot, np.array([[2 * np.sin(angle), 2 - 2 * np.cos(angle), wrapped(angle)]]), np.ones(1))
+    np.testing.assert_allclose(exact.poses[0, :2], [0, 4], atol=5e-3)
+    assert abs(exact.poses[0, 2]) == pytest.approx(np.pi, abs=1e-3)
+
+
+def test_a_robot_that_drives_back_counts_back():
+    exact, robot = WheelOdometry(1, 0.5, OdometryFit(0.0, 0.0, 0.0, 1e-6)), np.array([0])
+    exact.place(robot, np.zeros((1, 3)))
+    exact.advance(robot, np.array([[-1.0, 0, 0]]), np.ones(1))
+    assert exact.poses[0, 0] == pytest.approx(-1, abs=1e-5)
 
 
 def test_slip_grows_as_friction_falls():
