@@ -73,7 +73,7 @@ def sensor_space(name: str) -> gymnasium.spaces.Box:
     if name == "imu":
         return gymnasium.spaces.Box(-_IMU_MOST, _IMU_MOST, dtype=np.float32)
     pattern = load_pattern(name)
-    return gymnasium.spaces.Box(0, pattern.range_m[1], (len(pattern.scan().time_s),), np.float32)
+    return gymnasium.spaces.Box(0, pattern.range_m[1], (pattern.rays,), np.float32)
 
 
 class SensorSuite:
@@ -90,6 +90,11 @@ class SensorSuite:
         self._imu = Imu(params, robots.task.control_s)
         self._scan = 0
         self._rng = np.random.default_rng(_SALT)
+
+    def use(self, params: SensorParams) -> None:
+        """Take other parameters, from the next reading on; an IMU keeps its bias."""
+        self.params, self._scanners = params, {}
+        self._imu.params = params
 
     def begin(self, seed: int | None) -> None:
         """Begin an episode; with a seed its random numbers are those of the seed."""

@@ -24,13 +24,13 @@ class Imu:
 
     def __init__(self, params: SensorParams, step_s: float) -> None:
         """Take the parameters and the time between readings."""
-        self._params, self._step_s = params, step_s
+        self.params, self._step_s = params, step_s
         self._bias = np.zeros((2, 3))
         self._before_mps = self._velocity_mps = np.zeros(3)
 
     def begin(self, rng: np.random.Generator, velocity_mps: np.ndarray) -> None:
         """Draw the biases of an episode that begins with a velocity (3,), world frame."""
-        spread = np.array([[self._params.gyro_bias_radps], [self._params.accel_bias_mps2]])
+        spread = np.array([[self.params.gyro_bias_radps], [self.params.accel_bias_mps2]])
         self._bias = spread * rng.standard_normal((2, 3))
         self._before_mps = self._velocity_mps = velocity_mps.copy()
 
@@ -49,6 +49,6 @@ class Imu:
         """
         acceleration = (self._velocity_mps - self._before_mps) / self._step_s
         force = axes.T @ (acceleration + _GRAVITY_MPS2)
-        densities = np.array([[self._params.gyro_noise_radps_rthz], [self._params.accel_noise_mps2_rthz]])
+        densities = np.array([[self.params.gyro_noise_radps_rthz], [self.params.accel_noise_mps2_rthz]])
         noise = densities / np.sqrt(self._step_s) * rng.standard_normal((2, 3)) + self._bias
         return ImuReading(np.asarray(turn_radps + noise[0]), np.asarray(force + noise[1]))

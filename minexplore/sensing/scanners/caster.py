@@ -49,6 +49,10 @@ class SurfaceCaster:
         self._zones = np.array([label_of_zone(zone) for zone in world.floor_zones], dtype=np.uint8)
         self._zones_at = world.zones_at
 
+    def strike(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return distances and faces of hits without level floors and labels; see `Lidar.hits`."""
+        return self._lidar.hits(origins, directions)
+
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
         """Return the hits of unit rays.
 
@@ -58,7 +62,7 @@ class SurfaceCaster:
             All within a metre of the first, as during one scan.
         directions : (n, 3) float32, unit vectors
         """
-        found, face = self._lidar.hits(origins, directions)
+        found, face = self.strike(origins, directions)
         label = self._labels[face]
         cosine = np.abs(np.einsum("ij,ij->i", self._normals[face], directions))
         self._level(np.asarray(origins[..., 2], dtype=np.float32), directions[:, 2], found, label, cosine)

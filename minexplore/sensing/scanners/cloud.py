@@ -40,6 +40,11 @@ class PointCloud:
         ranges[self.ray] = self.range_m
         return ranges
 
+    def without(self, name: str) -> np.ndarray:
+        """Return which points (n,) have another label than this one of `LABELS`."""
+        other: np.ndarray = self.label != LABELS.index(name)
+        return other
+
     def counts(self) -> dict[str, int]:
         """Return how many points have each label, without those that none has."""
         found = np.bincount(self.label, minlength=len(LABELS))

@@ -57,6 +57,13 @@ class ScanPattern:
         return _rosette(self, number) if self.kind == "rosette" else _repeated(self.name)
 
     @property
+    def rays(self) -> int:
+        """Return how many rays a scan has."""
+        if self.kind == "rosette":
+            return round(self.about["points_hz"] / self.rate_hz)
+        return self.about["columns"] * (self.about["lines"] if self.kind == "lines" else len(self.elevations_deg))
+
+    @property
     def period_s(self) -> float:
         """Return how long one scan takes."""
         return 1 / self.rate_hz
@@ -135,7 +142,7 @@ def _lines(pattern: ScanPattern) -> Rays:
 def _rosette(pattern: ScanPattern, number: int) -> Rays:
     """Return the rays of a scan of a pattern that does not repeat."""
     about = pattern.about
-    count = round(about["points_hz"] / pattern.rate_hz)
+    count = pattern.rays
     lines = np.arange(count) % about["lines"]
     time_s = np.arange(count) / about["points_hz"]
     now = time_s + number * pattern.period_s

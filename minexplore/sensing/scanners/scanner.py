@@ -23,7 +23,7 @@ class Scanner:
     ) -> None:
         """Take a pattern and what casts its rays; with the ideal parameters no random number is drawn."""
         self.pattern, self.mount, self.params = pattern, mount or Mount(), params
-        self._caster, self._reflectivity = caster, reflectivities(params)
+        self.caster, self._reflectivity = caster, reflectivities(params)
 
     def scan(
         self, robot: Pose3D, rng: np.random.Generator | None = None, number: int = 0, before: Pose3D | None = None
@@ -52,11 +52,11 @@ class Scanner:
         rays = self.pattern.scan(number)
         now = self.mount.on(robot)
         origins, directions = place_rays(rays, now, self.mount.on(before) if before else None, self.pattern.period_s)
-        hits = self._caster.cast(origins, directions)
+        hits = self.caster.cast(origins, directions)
         near, far = self.pattern.range_m
         if not self.params.is_ideal:
             assert rng is not None  # checked above
-            hits = degrade_hits(hits, origins, directions, self.pattern, self.params, self._caster, rng)
+            hits = degrade_hits(hits, origins, directions, self.pattern, self.params, self.caster, rng)
         kept = np.flatnonzero((hits.range_m >= near) & (hits.range_m <= far))
         return self._cloud(rays, hits, kept)
 

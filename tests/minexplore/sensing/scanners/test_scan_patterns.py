@@ -18,7 +18,8 @@ def angles(rays):
 def test_a_scan_has_the_rate_and_the_field_of_its_data_sheet(name, points_per_s, low_deg, high_deg):
     pattern = load_pattern(name)
     rays = pattern.scan()
-    assert len(rays.time_s) / pattern.period_s == pytest.approx(points_per_s, rel=0.04)
+    assert len(rays.time_s) == pattern.rays
+    assert pattern.rays / pattern.period_s == pytest.approx(points_per_s, rel=0.04)
     azimuth, elevation = angles(rays)
     assert elevation.min() == pytest.approx(low_deg, abs=0.1)
     assert elevation.max() == pytest.approx(high_deg, abs=0.1)
