@@ -10,6 +10,7 @@ import gymnasium
 import numpy as np
 
 from baselines.base.markdown import markdown_table, write_table
+from baselines.explorers import EXPLORERS
 from baselines.policies.found import make_policy
 from minexplore.envs.odometry_batch import POSES
 from minexplore.envs.vector import MineVectorEnv
@@ -25,7 +26,6 @@ _COLUMNS = (
     "off at the end, m",
 )
 _ENV = "MineXplore/ChileanMineEntrance-v0"
-_POLICIES = ["reactive", "wall-following", "nearest-frontier", "depth-first"]
 
 
 def explore(policy_name: str, env_id: str, pose: str, seeds: list[int]) -> tuple[float, float, float]:
@@ -57,7 +57,7 @@ def row_of(policy: str, env_id: str, seeds: list[int]) -> list[str]:
 def main() -> int:
     """Run the explorers and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--policy", nargs="*", default=_POLICIES)
+    parser.add_argument("--policy", nargs="*", default=[name for name in EXPLORERS if name != "random"])
     parser.add_argument("--env", default=_ENV)
     parser.add_argument("--episodes", type=int, default=2)
     arguments = parser.parse_args()

@@ -60,9 +60,9 @@ ground. Standing water mirrors rays: they come back, if at all, from what they h
 
 `pose="odometry"` gives the pose that wheels count. Its errors are those of a real wheel log of the embedded mine, not
 calibrated (`python -m benchmarks odometry-fit`): {slip:.1%} of the travel slips on dry ground, and on mud and water
-the more the less friction they have; the heading drifts by {drift:.3f} rad/m, to either side, and wanders by {wander:.3f} rad
-times the root of the way in metres. The IMU reads turn rates (rad/s) and specific forces (m/s2), means over a control
-step.
+the more the less friction they have; the heading drifts by {drift:.3f} rad/m, to either side, and wanders by
+{wander:.3f} rad times the root of the way in metres. The IMU reads turn rates (rad/s) and specific forces (m/s2),
+means over a control step.
 
 ### Recordings
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from minexplore.envs.env import MineEnv
 from minexplore.envs.sensor_suite import check_sensors, sensor_names
-from minexplore.record.episode import Frame, frames_of
+from minexplore.record.episode import SensedStep, frames_of
 from minexplore.record.live import LiveView, require_viser
 from minexplore.record.mcap_file import McapFile, require_mcap
 from minexplore.record.policies import Drive, find_drive
@@ -22,7 +22,7 @@ from minexplore.sensing.params import preset_names
 class Sink(Protocol):
     """Takes the frames of an episode."""
 
-    def add(self, frame: Frame) -> None:
+    def add(self, frame: SensedStep) -> None:
         """Take one frame."""
 
     def close(self) -> None:

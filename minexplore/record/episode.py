@@ -14,7 +14,7 @@ from minexplore.sensing.scanners import Pose3D
 
 
 @dataclass(frozen=True)
-class Frame:
+class SensedStep:
     """One control step.
 
     `robot` is the true pose in the mine frame, its origin on the floor under the robot's middle; `counted` that which
@@ -33,7 +33,7 @@ class Frame:
 
 def frames_of(
     env: MineEnv, drive: Drive, sensors: Sequence[str], steps: int, seed: int, every: int = 1, true_pose: bool = True
-) -> Iterator[Frame]:
+) -> Iterator[SensedStep]:
     """Drive an episode and yield its frames, the first before the first step.
 
     Parameters
@@ -55,7 +55,7 @@ def frames_of(
         counted = info["pose_m_rad"]
         ahead_m = float(np.linalg.norm(counted[:2] - before[:2]))
         turn = float((counted[2] - before[2] + np.pi) % (2 * np.pi) - np.pi)
-        yield Frame(
+        yield SensedStep(
             time_ns=step * step_ns,
             robot=env.suite.robot_pose(),
             counted=level_pose(counted),

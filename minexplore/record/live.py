@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from minexplore.envs.sensor_suite import SensorSuite
-from minexplore.record.episode import Frame
+from minexplore.record.episode import SensedStep
 from minexplore.rotations import quaternion
 from minexplore.sensing.scanners import PointCloud
 
@@ -43,7 +43,7 @@ class LiveView:
         self._images: dict[str, Any] = {}
         self._map: dict[tuple[int, int, int], np.ndarray] = {}
 
-    def add(self, frame: Frame) -> None:
+    def add(self, frame: SensedStep) -> None:
         """Show one control step."""
         turned = quaternion(np.ascontiguousarray(frame.robot.axes))
         self._server.scene.add_frame(
@@ -56,7 +56,7 @@ class LiveView:
                 self._show_image(name, reading)
         self._text.content = f"{frame.time_ns / 1e9:.1f} s, coverage {100 * frame.coverage:.2f} %"
 
-    def _add_cloud(self, name: str, cloud: PointCloud, frame: Frame) -> None:
+    def _add_cloud(self, name: str, cloud: PointCloud, frame: SensedStep) -> None:
         points = self._suite.scanner(name).mount.on(frame.robot).points(cloud.points_m)
         colours = _LABEL_COLOURS[cloud.label]
         self._server.scene.add_point_cloud(f"/{name}", points, colours, point_size=0.03)

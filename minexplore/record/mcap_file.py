@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from minexplore.envs.sensor_suite import CAMERA_IMAGES, SensorSuite
-from minexplore.record.episode import Frame, composed, inverse
+from minexplore.record.episode import SensedStep, composed, inverse
 from minexplore.record.ros_messages import (
     OPTICAL_AXES,
     Message,
@@ -57,7 +57,7 @@ class McapFile:
         self._schemas = {name: self._writer.register_msgdef(name, definition_of(name)) for name in message_types()}
         self._time_ns = 0
 
-    def add(self, frame: Frame) -> None:
+    def add(self, frame: SensedStep) -> None:
         """Write one control step."""
         self._time_ns = frame.time_ns
         self._write("/clock", "rosgraph_msgs/msg/Clock", {"clock": stamp_of(frame.time_ns)})
@@ -79,7 +79,7 @@ class McapFile:
             frame = topic_of(name)
             self._write(f"/{frame}/points", "sensor_msgs/msg/PointCloud2", cloud_of(time_ns, frame, reading))
 
-    def _transforms(self, frame: Frame) -> list[Message]:
+    def _transforms(self, frame: SensedStep) -> list[Message]:
         """Return the transforms of a step: the frames of the sensors that it reads, too."""
         time_ns = frame.time_ns
         corrected = composed(frame.robot, inverse(frame.counted))
